@@ -20,9 +20,8 @@ from benchmarks.beside import HERE
 from wavetank.arrays import Vector
 from wavetank.case.reading import read_case
 from wavetank.integrators.flow import flow_of
-from wavetank.output.growing import TableWriter
-from wavetank.output.paddle_table import RATES
-from wavetank.output.surface import SurfaceWriter
+from wavetank.output.fields import SurfaceWriter
+from wavetank.output.tables import RATES, TableWriter
 from wavetank.simulation.build import Records, build_observers, build_run, build_watch
 from wavetank.simulation.energy import EnergyBudget
 from wavetank.simulation.energy import columns as energy_columns

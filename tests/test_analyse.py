@@ -18,7 +18,7 @@ from wavetank.analysis.records import between, elevation
 from wavetank.case.new import write_case
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
-from wavetank.output.series import GaugeSeries
+from wavetank.output.tables import GaugeSeries
 from wavetank.output.writer import RunWriter
 from wavetank.plots import kinds
 from wavetank.plots.analyse_command import KINDS

@@ -28,8 +28,8 @@ from wavetank.analysis.spectra import WHOLE, mean_period, sea_state, spectrum
 from wavetank.analysis.speed import delay, phase_speed, travel
 from wavetank.analysis.wave_heights import height_statistics, zero_crossing_waves
 from wavetank.errors import InputError
-from wavetank.output.series import GaugeSeries
-from wavetank.output.surface import Surface
+from wavetank.output.fields import Surface
+from wavetank.output.tables import GaugeSeries
 from wavetank.plots.kinds import KINDS, reflection_coefficient
 from wavetank.waves.airy import group_velocity, wave_number
 

@@ -24,7 +24,7 @@ from wavetank.cli import main
 from wavetank.errors import InputError, OutsideError, WavetankError
 from wavetank.mesh.bed_file import read_bed
 from wavetank.motion.recorded import read_record
-from wavetank.output.series import GaugeSeries
+from wavetank.output.tables import GaugeSeries
 from wavetank.planning.plan import UnreachableError
 from wavetank.planning.requirements import looked_at
 from wavetank.plots import kinds

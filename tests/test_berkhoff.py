@@ -21,7 +21,7 @@ from wavetank.analysis.wave_heights import mean_wave_height, wave_heights
 from wavetank.case.output import GaugeLine
 from wavetank.data import DataFile, Dataset, HeightSeries, Section
 from wavetank.errors import InputError
-from wavetank.output.series import GaugeSeries
+from wavetank.output.tables import GaugeSeries
 from wavetank.output.writer import RunWriter
 from wavetank.plots.compare import matched
 from wavetank.plots.compare_command import compare

@@ -18,7 +18,7 @@ from wavetank.case.reading import contents, read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.output.directory import PADDLE, RunDirectory
-from wavetank.output.surface import Surface
+from wavetank.output.fields import Surface
 from wavetank.output.writer import RunWriter
 from wavetank.studies.calibrate import calibration as module
 from wavetank.studies.calibrate import drawing

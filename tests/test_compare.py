@@ -16,7 +16,7 @@ from wavetank import data
 from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
-from wavetank.output.series import GaugeSeries
+from wavetank.output.tables import GaugeSeries
 from wavetank.output.writer import RunWriter
 from wavetank.plots.compare import (
     COLUMNS,

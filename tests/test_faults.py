@@ -25,10 +25,8 @@ from wavetank.case import Scene
 from wavetank.errors import BreakdownError, InputError
 from wavetank.output.checkpoint import read_checkpoint
 from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, RunDirectory
-from wavetank.output.lock import LOCK
+from wavetank.output.files import LOCK, OutputPath, temporary_path
 from wavetank.output.manifest import MANIFEST
-from wavetank.output.place import Place
-from wavetank.output.whole import unfinished
 from wavetank.recording import record_run
 from wavetank.simulation.contract import Moment, Moments, Patient
 from wavetank.simulation.schedule import EverySteps
@@ -46,7 +44,7 @@ REGULAR = {  # waves of a period of 2.3 s
 KILLING = str(Path(__file__).with_name("killing.py"))
 
 
-def recorded(parts: dict, out: Path | Place, *, resume: bool = False, every: float = 1e-6) -> None:
+def recorded(parts: dict, out: Path | OutputPath, *, resume: bool = False, every: float = 1e-6) -> None:
     """Record a run with a checkpoint after each step, or every so many seconds."""
     run = {"run": parts["run"] | {"checkpoint_every": every}}
     kept = Scene.model_validate({"output": OUTPUT} | parts | run)
@@ -59,7 +57,7 @@ def gone_on(parts: dict, out: Path, every: float = 1e-6) -> None:
         recorded(parts, out, resume=True, every=every)
     except InputError as error:
         assert "no checkpoint" in str(error) or "no run directory" in str(error)
-        recorded(parts, Place(out, overwrite=True), every=every)
+        recorded(parts, OutputPath(out, overwrite=True), every=every)
 
 
 def forked(action: Callable[[], None], call: int = 0) -> int:
@@ -79,7 +77,7 @@ def forked(action: Callable[[], None], call: int = 0) -> int:
 def readable(out: Path) -> float:
     """Assert that all that is there of a killed run can be read; return the time of its checkpoint [s], or 0."""
     if not (out / MANIFEST).exists():
-        assert not out.exists() or set(os.listdir(out)) <= {LOCK, unfinished(out / MANIFEST).name}
+        assert not out.exists() or set(os.listdir(out)) <= {LOCK, temporary_path(out / MANIFEST).name}
         return 0.0
     run = RunDirectory(out)
     assert run.status in ("killed", "finished")

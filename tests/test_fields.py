@@ -16,10 +16,10 @@ from wavetank.fem.plane import Plane
 from wavetank.fem.vertical import VerticalBasis
 from wavetank.integrators.states import Point
 from wavetank.motion import Sinusoid
-from wavetank.output import vtu_series
+from wavetank.output import fields
 from wavetank.output.directory import RunDirectory
-from wavetank.output.place import Place
-from wavetank.output.vtu_series import VtkCells, VtuSeries
+from wavetank.output.fields import VtkCells, VtuSeries
+from wavetank.output.files import OutputPath
 from wavetank.output.writer import RunWriter
 from wavetank.recording import record_run
 from wavetank.simulation.contract import Moment
@@ -266,7 +266,7 @@ def record_on_ranks(path):
     """Record on all ranks; then fail on the last alone, and return what it meant on each."""
     waves = water(basin(mesh.CellType.triangle, cells=3, order=2))
     record(waves, path)
-    comm, write = waves.plane.comm, vtu_series.replace
+    comm, write = waves.plane.comm, fields.write_atomically
 
     def full(file, *content):
         if comm.rank == comm.size - 1:
@@ -275,7 +275,7 @@ def record_on_ranks(path):
 
     series, psi = VtuSeries(path, "refused", comm=comm), waves.plane.x
     with pytest.MonkeyPatch.context() as patched, pytest.raises(RunError) as refused:
-        patched.setattr(vtu_series, "replace", full)
+        patched.setattr(fields, "write_atomically", full)
         SurfaceFields(waves, series, schedule=EverySteps()).observe(Moment(1, 1.0, Point(psi, psi)))
     return str(refused.value)
 
@@ -359,7 +359,7 @@ def test_a_folder_that_is_anothers_by_now_is_not_written_to(tmp_path):
 def test_a_rank_without_cells_has_an_empty_piece(tmp_path):
     RunWriter(tmp_path, {}).begin().release()
     series = VtuSeries(tmp_path, "surface", comm=MPI.COMM_SELF)
-    cells = vtu_series.VtkCells.flat(np.zeros((0, 4), dtype=np.int32))
+    cells = fields.VtkCells.flat(np.zeros((0, 4), dtype=np.int32))
     series.append(0.0, np.zeros((0, 3)), cells=cells, arrays={"elevation": np.zeros(0)})
     assert read(tmp_path, "surface").n_points == 0
 
@@ -367,7 +367,7 @@ def test_a_rank_without_cells_has_an_empty_piece(tmp_path):
 def test_a_new_run_takes_the_fields_of_the_old_one_away_and_nothing_else(tmp_path):
     record(water(basin(comm=MPI.COMM_SELF)), tmp_path)
     (tmp_path / "fields" / "mine.vtu").write_text("precious")
-    with RunWriter(Place(tmp_path, overwrite=True), {}):
+    with RunWriter(OutputPath(tmp_path, overwrite=True), {}):
         pass
     assert sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*")) == [
         "fields",

@@ -18,7 +18,7 @@ from wavetank.case import LinearWater, Scene
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
-from wavetank.output.log import RunLog
+from wavetank.output.files import RunLog
 from wavetank.planning.defaults import resolved
 from wavetank.planning.dispersion import Cells, Mesh
 from wavetank.planning.forewarnings import coarse, forewarnings, in_sponge

@@ -9,9 +9,8 @@ import pytest
 
 from wavetank.errors import RunError
 from wavetank.output.directory import BLOCK, RunDirectory
-from wavetank.output.growing import TableWriter
-from wavetank.output.place import Place
-from wavetank.output.series import place
+from wavetank.output.files import OutputPath
+from wavetank.output.tables import TableWriter, parse_gauge_column
 from wavetank.output.writer import RunWriter
 
 xarray = pytest.importorskip("xarray")
@@ -39,7 +38,7 @@ def test_places_are_in_the_header_and_read_back(tmp_path):
     assert header == 't [s],1@x=10,"Süd, the focus@x=49.5;y=-2.25",a@x=b@x=0.1'
     found = [(gauge.name, gauge.x, gauge.y) for gauge in RunDirectory(tmp_path).gauge_series()]
     assert found == [("1", 10.0, 0.0), ("Süd, the focus", 49.5, -2.25), ("a@x=b", 0.1, 0.0)]
-    assert place("Süd, the focus@x=49.5,y=-2.25") == found[1]  # as they were told
+    assert parse_gauge_column("Süd, the focus@x=49.5,y=-2.25") == found[1]  # as they were told
 
 
 def test_a_table_that_told_places_with_commas_goes_on_with_what_it_had(tmp_path):
@@ -143,7 +142,7 @@ def test_a_run_that_breaks_down_has_it_too(tmp_path):
 def test_a_run_without_gauges_has_none_and_an_old_one_is_taken_away(tmp_path):
     with write(tmp_path) as writer:
         writer.finish("finished", {})
-    with RunWriter(Place(tmp_path, overwrite=True), MANIFEST) as writer:
+    with RunWriter(OutputPath(tmp_path, overwrite=True), MANIFEST) as writer:
         assert not (tmp_path / "gauges.nc").exists()
         writer.gauges([])
         writer.finish("finished", {})
@@ -160,7 +159,7 @@ def test_a_finished_run_stays_one_where_there_is_no_room_for_it(tmp_path, monkey
         yield
 
     written = write(tmp_path)
-    monkeypatch.setattr(writer, "replacing", full)
+    monkeypatch.setattr(writer, "atomic_file", full)
     with written:
         written.finish("finished", {})
     manifest = RunDirectory(tmp_path).manifest

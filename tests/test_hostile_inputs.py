@@ -27,8 +27,8 @@ from wavetank.errors import InputError
 from wavetank.fem.compiled import compiled
 from wavetank.fem.layout_mesh import read_layout
 from wavetank.output.directory import RunDirectory, open_run
-from wavetank.output.vtu_series import pieces
-from wavetank.output.whole import open_regular
+from wavetank.output.fields import piece_files
+from wavetank.output.files import open_regular
 from wavetank.plots.compare import write_rows
 from wavetank.plots.run_figures import draw_run
 from wavetank.plots.style import picture
@@ -445,7 +445,7 @@ def test_snapshot_of_another_folder_is_refused(file, run):
     snapshot = run / "surface_000000.pvtu"
     snapshot.write_text(f'<VTKFile><PUnstructuredGrid><Piece Source="{file}"/></PUnstructuredGrid></VTKFile>')
     with pytest.raises(InputError, match=r"surface_000000\.pvtu: is no snapshot that this program wrote\."):
-        pieces(snapshot)
+        piece_files(snapshot)
 
 
 def test_tables_and_pictures_replace_a_link(tmp_path):

@@ -22,8 +22,7 @@ from wavetank.cli import main
 from wavetank.errors import InputError, RecordError
 from wavetank.output.checkpoint import read_checkpoint
 from wavetank.output.directory import LOG, RunDirectory
-from wavetank.output.lock import LOCK, RunLock, is_held
-from wavetank.output.place import Place
+from wavetank.output.files import LOCK, OutputPath, RunLock, is_locked
 from wavetank.output.writer import RunWriter
 from wavetank.recording import record_run
 
@@ -122,13 +121,13 @@ os.read(0, 1)
         assert RunDirectory(tmp_path / "run").status == "running"
         for overwrite in (False, True):
             with pytest.raises(InputError, match=rf"is being written there by process {process.pid} on "):
-                RunWriter(Place(tmp_path / "run", overwrite=overwrite), {})
-        numbered = RunWriter(Place(tmp_path / "run", numbered=True), {})
+                RunWriter(OutputPath(tmp_path / "run", overwrite=overwrite), {})
+        numbered = RunWriter(OutputPath(tmp_path / "run", numbered=True), {})
         assert numbered.path == tmp_path / "run-2"
         process.kill()
         process.wait()
         assert RunDirectory(tmp_path / "run").status == "killed"
-    with RunWriter(Place(tmp_path / "run", overwrite=True), {}) as writer:
+    with RunWriter(OutputPath(tmp_path / "run", overwrite=True), {}) as writer:
         writer.finish("finished", {})
     assert RunDirectory(tmp_path / "run").status == "finished"
     numbered.release()
@@ -137,7 +136,7 @@ os.read(0, 1)
 
 @pytest.mark.parametrize("flock", [True, False], ids=["flock", "no flock"])
 def test_a_lock_is_known_by_who_holds_it_where_there_is_no_flock(tmp_path, monkeypatch, flock):
-    from wavetank.output import lock as run_lock
+    from wavetank.output import files as run_lock
 
     def none(file, kind):
         raise OSError(95, "Operation not supported")
@@ -146,11 +145,11 @@ def test_a_lock_is_known_by_who_holds_it_where_there_is_no_flock(tmp_path, monke
         monkeypatch.setattr(run_lock.fcntl, "flock", none)
     lock = RunLock(tmp_path)
     lock.reserve(1000)
-    assert is_held(tmp_path)
+    assert is_locked(tmp_path)
     with pytest.raises(InputError, match=f"by process {os.getpid()} on "):
         RunLock(tmp_path)
     lock.release()
-    assert not is_held(tmp_path) and not os.listdir(tmp_path)
+    assert not is_locked(tmp_path) and not os.listdir(tmp_path)
     gone = {"host": run_lock.socket.gethostname(), "pid": os.getpid(), "began": "another process of this number"}
     (tmp_path / ".lock").write_text(json.dumps(gone))
     RunLock(tmp_path).release()
@@ -194,7 +193,7 @@ def test_records_that_are_moved_away_are_noticed_at_the_next_row(tmp_path):
 
 
 def test_who_has_lost_its_directory_leaves_that_of_the_next_run_alone(tmp_path):
-    place = Place(tmp_path / "run", overwrite=True)
+    place = OutputPath(tmp_path / "run", overwrite=True)
     first = RunWriter(place, {})
     shutil.rmtree(place.path)
     second = RunWriter(place, {}).begin()
@@ -316,7 +315,7 @@ def test_a_picture_that_cannot_be_drawn_is_said_and_no_more(tmp_path, monkeypatc
 
 def test_a_run_has_its_directory_until_its_pictures_are_drawn(tmp_path):
     """Who would have it meanwhile is refused, which is said as what drawing met."""
-    out, said, drawn = Place(tmp_path / "run", overwrite=True), io.StringIO(), []
+    out, said, drawn = OutputPath(tmp_path / "run", overwrite=True), io.StringIO(), []
     scene = read_case(CASE, SHORT[1::2])
 
     def draw(run):
@@ -325,7 +324,7 @@ def test_a_run_has_its_directory_until_its_pictures_are_drawn(tmp_path):
 
     record_run(scene, out, comm=MPI.COMM_SELF, console=Console(file=said, soft_wrap=True), draw=draw)
     assert drawn == ["finished"] == [RunDirectory(out.path).status] and "is being written there" in said.getvalue()
-    assert not is_held(out.path)
+    assert not is_locked(out.path)
 
 
 # ---------------------------------------------------------------- what is printed
@@ -370,7 +369,7 @@ def test_a_name_that_is_no_text_stops_no_library(monkeypatch):
 
 
 def test_what_is_said_before_the_directory_is_there_is_in_its_log(tmp_path):
-    from wavetank.output.log import RunLog
+    from wavetank.output.files import RunLog
 
     said = io.StringIO()
     log = RunLog(Console(file=said))
@@ -403,5 +402,5 @@ def test_what_other_commands_write_is_not_replaced_unless_told(tmp_path, monkeyp
         assert "--overwrite" in capsys.readouterr().err
     assert main(["compare", "run", "--with", "run", "--out", "results", "--overwrite"]) == 0
     assert Path("results/compare.csv").read_text() != "mine" and Path("results/1.csv").read_text() == "mine"
-    assert Place.of(None, Path("results"), overwrite=False).folder() == Path("results-2")
-    assert Place.of(None, Path("results"), overwrite=True).folder() == Path("results")
+    assert OutputPath.of(None, Path("results"), overwrite=False).folder() == Path("results-2")
+    assert OutputPath.of(None, Path("results"), overwrite=True).folder() == Path("results")

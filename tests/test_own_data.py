@@ -12,7 +12,7 @@ from ranks import CHECKOUT
 
 from wavetank import data
 from wavetank.errors import InputError
-from wavetank.output.series import GaugeSeries
+from wavetank.output.tables import GaugeSeries
 from wavetank.output.writer import RunWriter
 from wavetank.plots.compare import synchronised
 

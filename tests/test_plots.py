@@ -17,8 +17,8 @@ from scipy.optimize import brentq
 
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
-from wavetank.output.series import GaugeSeries
-from wavetank.output.surface import Surface
+from wavetank.output.fields import Surface
+from wavetank.output.tables import GaugeSeries
 from wavetank.output.writer import RunWriter
 from wavetank.plots import figures, run_figures
 from wavetank.plots.figures import energy_figure, gauges_figure, gauges_overview, surface_figure

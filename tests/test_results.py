@@ -12,9 +12,8 @@ from conftest import recorded
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError, RecordError, RunError
 from wavetank.output.directory import RunDirectory
-from wavetank.output.growing import TableWriter
-from wavetank.output.paddle_table import columns
-from wavetank.output.surface import SurfaceWriter, snapshots
+from wavetank.output.fields import SurfaceWriter, read_snapshots
+from wavetank.output.tables import TableWriter, paddle_columns
 from wavetank.output.writer import RunWriter
 
 CHANGES = (
@@ -64,7 +63,7 @@ def test_the_paddle_is_as_its_motion_says(run):
 
 
 def test_a_paddle_in_segments_is_a_function_of_place(tmp_path):
-    names = columns(np.array([0.0, 2.5]))
+    names = paddle_columns(np.array([0.0, 2.5]))
     with RunWriter(tmp_path / "run", {}) as writer:
         writer.table("paddle.csv", names).append([0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
     paddle = RunDirectory(tmp_path / "run").paddle
@@ -148,7 +147,7 @@ def test_a_surface_that_is_gone_on_with_is_whole_before_its_next_snapshot(tmp_pa
     later.take(held)
     later.open()
     assert path.with_suffix(".xdmf").read_text() == index
-    np.testing.assert_array_equal(snapshots(path.read_bytes()).eta, [x])
+    np.testing.assert_array_equal(read_snapshots(path.read_bytes()).eta, [x])
     later.close()
 
 
@@ -161,7 +160,7 @@ def test_of_many_snapshots_those_before_one_that_is_no_number_are_kept(tmp_path)
         record.extend(np.column_stack([t, np.tile(x, (3, 1)), eta, eta]))
     record.append(0.3, x, 4 * x, x)
     record.close()
-    found = snapshots(path.read_bytes())
+    found = read_snapshots(path.read_bytes())
     np.testing.assert_array_equal(found.t, [0.0, 0.1, 0.3])
     np.testing.assert_array_equal(found.eta, np.outer([1.0, 2.0, 4.0], x))
     assert path.with_suffix(".xdmf").read_text().count("<Time") == 3
@@ -186,9 +185,9 @@ def test_of_many_snapshots_as_many_are_kept_as_there_is_room_for(tmp_path, point
     record.open()
     with room_for(20000), pytest.raises(RecordError, match=r"surface\.(nc|xdmf): cannot be written"):
         record.extend(np.column_stack([t, x, t[:, None] * x, x]))
-    kept = len(snapshots(path.read_bytes()).t)
+    kept = len(read_snapshots(path.read_bytes()).t)
     record.append(50.0, *x[:3])
-    found, index = snapshots(path.read_bytes()), path.with_suffix(".xdmf").read_text()
+    found, index = read_snapshots(path.read_bytes()), path.with_suffix(".xdmf").read_text()
     assert 1 < kept < 40
     np.testing.assert_array_equal(found.t, [*t[:kept], 50.0])
     np.testing.assert_array_equal(found.eta[:kept, -1], t[:kept])

@@ -21,8 +21,8 @@ from wavetank.case import Scene
 from wavetank.cli import main
 from wavetank.errors import InputError, RunError
 from wavetank.integrators import INTEGRATORS, StormerVerlet
-from wavetank.output import whole
-from wavetank.output.checkpoint import read_kept
+from wavetank.output import files
+from wavetank.output.checkpoint import read_checkpoint_file
 from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, ENERGY, GAUGES, RunDirectory
 from wavetank.planning import forewarnings
 from wavetank.simulation import checkpoints, energy
@@ -121,7 +121,7 @@ def test_a_run_that_fails_is_kept_up_to_its_last_good_step(scheme, uninterrupted
     monkeypatch.setattr(running, "MOMENTS", 1)  # else it is that of the last moments worked off
     with pytest.raises(RunError, match="it ends here"):
         wt.run(scene(parts), tmp_path / "run", observers=[Failing], quiet=True)
-    failed = read_kept(tmp_path / "run" / CHECKPOINT)
+    failed = read_checkpoint_file(tmp_path / "run" / CHECKPOINT)
     assert failed.about["step"] == 6 and len(RunDirectory(tmp_path / "run").energy.time) == 8
     run = resumed(tmp_path / "run")
     assert "going on from t = 0.3 s\n" in capsys.readouterr().out
@@ -392,10 +392,10 @@ def test_where_records_are_shorter_than_it_counts_on_the_one_before_is_taken(uni
     table = part / ENERGY
     lines = table.read_text().splitlines(keepends=True)
     table.write_text("".join(lines[:4]) + "0.15,0.0")
-    assert read_kept(part / CHECKPOINT_BEFORE).about["t"] == 0.0
+    assert read_checkpoint_file(part / CHECKPOINT_BEFORE).about["t"] == 0.0
     run = resumed(part)
     told = f"{part / CHECKPOINT} cannot be used (it counts on more than there is in {ENERGY})"
-    assert told in run.manifest["warnings"] and read_kept(part / CHECKPOINT_BEFORE).about["t"] == 0.0
+    assert told in run.manifest["warnings"] and read_checkpoint_file(part / CHECKPOINT_BEFORE).about["t"] == 0.0
     same(uninterrupted, part)
 
 
@@ -442,7 +442,7 @@ def test_records_are_on_the_disk_before_the_checkpoint_that_counts_on_them(tmp_p
         forced.append(Path(os.readlink(f"/proc/self/fd/{number}")).name)
         fsync(number)
 
-    monkeypatch.setattr(whole.os, "fsync", told)
+    monkeypatch.setattr(files.os, "fsync", told)
     record(SLICE, tmp_path / "run", {"duration": 0.1})
     checkpoint = [place for place, name in enumerate(forced) if name == f".{CHECKPOINT}"][-1]
     tables = {GAUGES, ENERGY, "paddle.csv", "surface.nc", "surface.xdmf"}

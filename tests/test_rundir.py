@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from wavetank.cli import main
 from wavetank.errors import InputError, RunError
 from wavetank.output.directory import RunDirectory
-from wavetank.output.environment import environment
-from wavetank.output.growing import csv_lines
-from wavetank.output.place import Place
+from wavetank.output.files import OutputPath
+from wavetank.output.manifest import environment
+from wavetank.output.tables import csv_lines
 from wavetank.output.writer import RunWriter
 
 
@@ -230,14 +230,14 @@ def test_a_file_in_the_way_is_bad_input(tmp_path):
 
 def test_an_earlier_run_is_replaced_in_its_own_files_only(complete_run):
     (complete_run / "notes.txt").write_text("mine")
-    with RunWriter(Place(complete_run, overwrite=True), {"scene": {"title": "Again"}}):
+    with RunWriter(OutputPath(complete_run, overwrite=True), {"scene": {"title": "Again"}}):
         assert sorted(os.listdir(complete_run)) == [".lock", "manifest.json", "notes.txt"]
         assert RunDirectory(complete_run).manifest["status"] == "running"
 
 
 def test_a_manifest_that_cannot_be_written_leaves_an_earlier_run_alone(complete_run):
     before = {path: path.read_bytes() for path in complete_run.iterdir()}
-    writer = RunWriter(Place(complete_run, overwrite=True), {})
+    writer = RunWriter(OutputPath(complete_run, overwrite=True), {})
     with pytest.raises(RunError, match="not a finite number"):
         writer.begin({"planned": np.nan})
     writer.release()
@@ -251,15 +251,15 @@ def test_a_disk_that_is_full_when_a_run_begins_leaves_an_earlier_one_or_says_so(
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    writer = RunWriter(Place(complete_run, overwrite=True), {})
+    writer = RunWriter(OutputPath(complete_run, overwrite=True), {})
     with monkeypatch.context() as patched, pytest.raises(InputError, match="No space"):
-        patched.setattr("wavetank.output.whole.os.replace", full)
+        patched.setattr("wavetank.output.files.os.replace", full)
         writer.begin()
     writer.release()
     assert {path: path.read_bytes() for path in complete_run.iterdir()} == before
     with monkeypatch.context() as patched:
-        patched.setattr("wavetank.output.growing.GrowingFile.write", full)
-        writer = RunWriter(Place(complete_run, overwrite=True), {})
+        patched.setattr("wavetank.output.tables.AppendFile.write", full)
+        writer = RunWriter(OutputPath(complete_run, overwrite=True), {})
         writer.table("energy.csv", COLUMNS)
         with pytest.raises(InputError, match="No space"):
             writer.begin()

@@ -12,7 +12,7 @@ from wavetank.case import Scene
 from wavetank.cli import main
 from wavetank.console import console
 from wavetank.errors import InputError
-from wavetank.output.checkpoint import kept
+from wavetank.output.checkpoint import readable_checkpoints
 from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run
 
@@ -77,7 +77,7 @@ def test_a_ring_begins_with_a_ring_on_other_cells(tmp_path):
 
 def test_times_that_are_kept(sloshing, tmp_path):
     """The end and one before; others are refused with these."""
-    (_, last), (_, before) = kept(sloshing / "first")
+    (_, last), (_, before) = readable_checkpoints(sloshing / "first")
     assert (last["t"], before["t"]) == (0.4, 0.0)
     again = run(begun(SLOSHING, sloshing / "first", t=0.0), tmp_path / "again")
     first = RunDirectory(sloshing / "first")

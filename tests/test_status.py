@@ -13,7 +13,7 @@ from wavetank.cli import main
 from wavetank.console import spelt
 from wavetank.errors import StoppedError
 from wavetank.integrators.states import Point
-from wavetank.output import environment, lock
+from wavetank.output import files, manifest
 from wavetank.output.checkpoint import Checkpoint
 from wavetank.output.directory import CHECKPOINT, ENERGY, RunDirectory
 from wavetank.output.manifest import MANIFEST
@@ -21,7 +21,7 @@ from wavetank.output.writer import RunWriter
 from wavetank.simulation.contract import Moment
 from wavetank.simulation.progress import Standing
 
-HOST, PRESENT = {"host": socket.gethostname()}, environment.present().replace(microsecond=0)
+HOST, PRESENT = {"host": socket.gethostname()}, manifest.present().replace(microsecond=0)
 
 
 def told(wavetank, *paths: Path) -> list[str]:
@@ -38,7 +38,7 @@ def changed(run: Path, **more: object) -> None:
 @pytest.fixture
 def writer(tmp_path, monkeypatch):
     """Return a run that is being written: 4 s of 10 s in half a minute, since it went on at 1 s; the clock stands."""
-    for module in (environment, status):
+    for module in (manifest, status):
         monkeypatch.setattr(module, "present", lambda: PRESENT)
     writer = RunWriter(tmp_path / "run", HOST | {"warnings": ["it is steep", "it is short"]}).begin()
     writer.note({"progress": {"t": 4.0, "begin": 1.0, "end": 10.0, "step": 40, "wall_s": 30.0}})
@@ -84,11 +84,11 @@ def test_where_there_is_no_flock_of_another_host_nothing_is_claimed(writer, tmp_
     def none(file, kind):
         raise OSError(95, "Operation not supported")
 
-    monkeypatch.setattr(lock.fcntl, "flock", none)
+    monkeypatch.setattr(files.fcntl, "flock", none)
     run = RunDirectory(tmp_path / "run")
     assert run.status == "running"
-    holder = json.loads((tmp_path / "run" / lock.LOCK).read_text())
-    (tmp_path / "run" / lock.LOCK).write_text(json.dumps(holder | {"host": "elsewhere"}))
+    holder = json.loads((tmp_path / "run" / files.LOCK).read_text())
+    (tmp_path / "run" / files.LOCK).write_text(json.dumps(holder | {"host": "elsewhere"}))
     changed(tmp_path / "run", host="elsewhere")
     assert RunDirectory(tmp_path / "run").status == "unknown"
 

@@ -570,7 +570,7 @@ def test_the_table_of_a_study_is_never_half_written(tmp_path, monkeypatch):
     """A kill, or a full disk, meets the old one or the new."""
     path = tmp_path / "study.csv"
     path.write_text("before")
-    monkeypatch.setattr("wavetank.output.whole.os.replace", lambda *names: (_ for _ in ()).throw(OSError(28, "full")))
+    monkeypatch.setattr("wavetank.output.files.os.replace", lambda *names: (_ for _ in ()).throw(OSError(28, "full")))
     with pytest.raises(RecordError, match=r"study\.csv: cannot be written \(full\)"):
         write_table(path, [], [])
     assert path.read_text() == "before" and os.listdir(tmp_path) == ["study.csv"]

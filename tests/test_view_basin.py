@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
-from wavetank.output.series import GaugeSeries
-from wavetank.output.vtu_series import VtkCells, VtuSeries
+from wavetank.output.fields import VtkCells, VtuSeries
+from wavetank.output.tables import GaugeSeries
 from wavetank.output.writer import RunWriter
 from wavetank.plots import basin_figures, view, view_command
 from wavetank.plots.basin_surface import BasinSurface, Extremes, history

@@ -28,7 +28,7 @@ for words in json.loads(sys.argv[2]):
     with redirect_stdout(out), redirect_stderr(err):
         code = command(words)
     print(json.dumps([code, out.getvalue(), err.getvalue()]))
-import wavetank.output.vtu_series  # by view
+import wavetank.output.fields  # by view
 """
 SOLVER = "mpi4py,petsc4py,dolfinx,ufl,basix,ffcx,gmsh"
 BASIN = """

@@ -23,7 +23,7 @@ from wavetank.errors import InputError, WavetankError, printable
 from wavetank.fem.agreed import all_here, on_first
 from wavetank.mpi import MPI
 from wavetank.output.directory import RunDirectory
-from wavetank.output.place import Place
+from wavetank.output.files import OutputPath
 from wavetank.planning.command import plan
 from wavetank.planning.motion_command import motion
 from wavetank.plots.analyse_command import analyse
@@ -161,7 +161,7 @@ def run(
     from wavetank.case.reading import located, read_case
 
     scene = read_case(case, overrides or [])
-    place = Place.of(out, Path("runs") / case.stem, overwrite=overwrite or resume)
+    place = OutputPath.of(out, Path("runs") / case.stem, overwrite=overwrite or resume)
     from wavetank.recording import record_run
 
     with located(case, overrides or []):
@@ -274,7 +274,7 @@ def _add_verification(name: str, meaning: str) -> None:
             if error.name not in ("examples", "examples.paper"):
                 raise
             raise InputError("verify needs a checkout of the project: examples/paper is not installed.") from None
-        place = Place.of(out, Path("runs") / shown, overwrite=overwrite)
+        place = OutputPath.of(out, Path("runs") / shown, overwrite=overwrite)
         on_first(MPI.COMM_WORLD, lambda: report.write(module, place.folder(), console()))
 
     verify_app.command(shown, help=meaning, epilog=example(f"verify {shown} --out runs/{shown}"))(verify)

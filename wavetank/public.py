@@ -12,7 +12,7 @@ from wavetank.console import console
 from wavetank.errors import InputError
 from wavetank.integrators.contract import Integrator
 from wavetank.output.directory import RunDirectory
-from wavetank.output.place import Place
+from wavetank.output.files import OutputPath
 from wavetank.recording import record_run, resume_run
 from wavetank.simulation.contract import Observer
 from wavetank.simulation.waters import AnyWaves
@@ -53,7 +53,7 @@ def run(
     """
     if not isinstance(scene, Scene):
         raise InputError(f"scene = {scene!r}: a {type(scene).__name__} received; needed is what wt.read_case returns.")
-    place = Place(Path(out), overwrite=overwrite)
+    place = OutputPath(Path(out), overwrite=overwrite)
     record_run(
         scene,
         place,

@@ -18,17 +18,12 @@ from wavetank.errors import BreakdownError, InputError, PaddleError, RecordError
 from wavetank.fem.agreed import agreed, all_here, ending_together, from_first, on_first
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
-from wavetank.output.checkpoint import kept as checkpoints
-from wavetank.output.checkpoint import last_checkpoint
+from wavetank.output.checkpoint import last_checkpoint, readable_checkpoints
 from wavetank.output.directory import ANALYSES, BREAKING, ENERGY, LOADS, LOG, PADDLES, PROBES, RunDirectory
-from wavetank.output.environment import environment
-from wavetank.output.load_table import columns as load_columns
-from wavetank.output.log import RunLog
-from wavetank.output.paddle_table import PUSH
-from wavetank.output.paddle_table import columns as paddle_columns
-from wavetank.output.place import Place
-from wavetank.output.probe_table import columns as probe_columns
-from wavetank.output.vtu_series import VtuSeries
+from wavetank.output.fields import VtuSeries
+from wavetank.output.files import OutputPath, RunLog
+from wavetank.output.manifest import environment
+from wavetank.output.tables import PUSH, load_columns, paddle_columns, probe_columns
 from wavetank.output.writer import RunWriter
 from wavetank.planning.affordable import check_affordable
 from wavetank.planning.forewarnings import forewarnings, noise
@@ -109,7 +104,7 @@ class Warnings:
 
 def record_run(
     scene: Scene,
-    place: Place | Path,
+    place: OutputPath | Path,
     *,
     comm: MPI.Comm,
     console: Console,
@@ -216,7 +211,8 @@ def record_run(
                     warnings.show()
                     cure = error.cure if isinstance(error, BreakdownError) else ""
                     ended = {"anew": error and error.anew, "unwritten": isinstance(error, RecordError), "cure": cure}
-                    spent = known | figures | ended | {"checkpoints": [one["t"] for _, one in checkpoints(writer.path)]}
+                    checkpoints = {"checkpoints": [about["t"] for _, about in readable_checkpoints(writer.path)]}
+                    spent = known | figures | ended | checkpoints
                     shown = {"flat": waves.plane.mesh.topology.dim == 1, "drawn": draw is not None}
                     for line in closing(outcome, spent, warnings=warnings.sentences, path=writer.path, **shown):
                         log.say(line)

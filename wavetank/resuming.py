@@ -18,8 +18,8 @@ from wavetank.fem.agreed import agreed, on_first
 from wavetank.fem.by_place import found, gathered
 from wavetank.output.checkpoint import Checkpoint
 from wavetank.output.directory import RunDirectory
+from wavetank.output.fields import VtuSeries
 from wavetank.output.manifest import MANIFEST
-from wavetank.output.vtu_series import VtuSeries
 from wavetank.output.writer import RunWriter
 from wavetank.planning.forewarnings import of_duration, predicted
 from wavetank.planning.planned import Planned, planned

@@ -14,9 +14,8 @@ from wavetank.console import console, spelt
 from wavetank.errors import InputError
 from wavetank.output.checkpoint import last_checkpoint
 from wavetank.output.directory import RunDirectory
-from wavetank.output.environment import present
-from wavetank.output.lock import is_held
-from wavetank.output.manifest import MANIFEST
+from wavetank.output.files import is_locked
+from wavetank.output.manifest import MANIFEST, present
 
 SETTING_UP, UNREADABLE = "setting up", "unreadable"
 
@@ -64,7 +63,7 @@ def standing(path: Path) -> Standing:
     try:
         run = RunDirectory(path)
     except InputError as error:
-        return Standing(path, SETTING_UP) if is_held(path) else Standing(path, UNREADABLE, note=str(error))
+        return Standing(path, SETTING_UP) if is_locked(path) else Standing(path, UNREADABLE, note=str(error))
     manifest, state = run.manifest, run.status
     progress, warnings = manifest.get("progress", {}), manifest.get("warnings", [])
     kept, since = last_checkpoint(path), progress.get("t", 0.0) - progress.get("begin", 0.0)
@@ -93,7 +92,7 @@ def runs(paths: Sequence[Path]) -> Iterator[Path]:
             raise InputError(f"{path}: may not be read.")
         for folder, inner, files in os.walk(path):
             inner.sort()
-            if MANIFEST in files or is_held(Path(folder)):
+            if MANIFEST in files or is_locked(Path(folder)):
                 inner.clear()
                 found = True
                 yield Path(folder)

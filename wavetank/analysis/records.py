@@ -8,9 +8,9 @@ from scipy.interpolate import CubicSpline
 from xarray import DataArray
 
 from wavetank.errors import InputError
+from wavetank.output.fields import Surface
 from wavetank.output.netcdf import ACROSS, ALONG, ELEVATION, TIME
-from wavetank.output.series import GaugeSeries
-from wavetank.output.surface import Surface
+from wavetank.output.tables import GaugeSeries
 
 FEWEST = 8  # times of a record
 SMALLEST, LARGEST = 1e-9, 1e4  # m; between them are the heights of waves

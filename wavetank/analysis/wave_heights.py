@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 from xarray import DataArray, Dataset
 
 from wavetank.errors import InputError
-from wavetank.output.series import GaugeSeries
+from wavetank.output.tables import GaugeSeries
 
 FEWEST = 3  # waves; of fewer, no mean height is told
 

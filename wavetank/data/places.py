@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from wavetank.cache import places
 from wavetank.data.description import DATASET, Dataset, Gauge, Records, read_dataset, refused
 from wavetank.errors import InputError
-from wavetank.output.series import place
+from wavetank.output.tables import parse_gauge_column
 from wavetank.values.columns import read_columns
 
 PART = "data"  # of the cache
@@ -120,7 +120,7 @@ def _unit_taken_off(path: Path, column: str) -> str:
 
 def _gauge(column: str) -> Gauge:
     try:
-        name, x, y = place(column)
+        name, x, y = parse_gauge_column(column)
         return Gauge(name=name, x=x, y=y)
     except ValueError:
         return Gauge(name=column)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from wavetank.data.description import METRES, SECONDS, Column, Dataset, HeightColumn, HeightRecords, Records, Section
 from wavetank.data.places import located
 from wavetank.errors import InputError
-from wavetank.output.series import GaugeSeries
+from wavetank.output.tables import GaugeSeries
 from wavetank.values.columns import Columns, check_ascending, read_columns
 
 SECOND = 2  # column, from 1

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from wavetank.errors import InputError
 from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, RunDirectory
-from wavetank.output.whole import open_regular, sync, unfinished
+from wavetank.output.files import flush_to_disk, open_regular, temporary_path
 
 KEPT = CHECKPOINT, CHECKPOINT_BEFORE  # the newest first
 UNREADABLE = (
@@ -82,7 +82,7 @@ def write_checkpoint(run: Path, checkpoint: Checkpoint, *, own: bool = False, at
         Whether the one before is given up where the disk is full; the last never is.
     """
     path = run / CHECKPOINT
-    serves = _serves(path, own=own)
+    serves = _may_replace_previous(path, own=own)
     try:
         size = _written(path, checkpoint)
     except OSError as error:
@@ -92,14 +92,14 @@ def write_checkpoint(run: Path, checkpoint: Checkpoint, *, own: bool = False, at
         size = _written(path, checkpoint)
     if serves:
         os.replace(path, run / CHECKPOINT_BEFORE)
-    os.replace(unfinished(path), path)
-    sync(run)
+    os.replace(temporary_path(path), path)
+    flush_to_disk(run)
     return size
 
 
 def _written(path: Path, checkpoint: Checkpoint) -> int:
     """Write a checkpoint beside the last one, on the disk; return its size in bytes."""
-    temporary = unfinished(path)
+    temporary = temporary_path(path)
     try:
         temporary.unlink(missing_ok=True)
         with temporary.open("xb") as file:
@@ -121,7 +121,7 @@ def _written(path: Path, checkpoint: Checkpoint) -> int:
         raise
 
 
-def _serves(path: Path, *, own: bool) -> bool:
+def _may_replace_previous(path: Path, *, own: bool) -> bool:
     """Return whether a checkpoint may take the place of the one before."""
     try:
         with _archive(path) as archive:
@@ -153,7 +153,7 @@ def read_checkpoint(
     """
     useless, others = list[str](), list[str]()
     for name in KEPT:
-        found = read_kept(run / name)
+        found = read_checkpoint_file(run / name)
         if isinstance(found, Checkpoint) and at is not None and not is_at(found.about, at):
             others.append(f"{found.about['t']:.6g} s")
         elif isinstance(found, Checkpoint) and not (why := why_not(found.about)):
@@ -170,7 +170,7 @@ def is_at(about: dict[str, Any], t: float) -> bool:
     return bool(abs(about["t"] - t) <= 0.5 * about["clock"]["dt"])
 
 
-def read_kept(path: Path) -> Checkpoint | str | None:
+def read_checkpoint_file(path: Path) -> Checkpoint | str | None:
     """Return what is in a file, all checksums right; why it cannot be had, of what cannot; None if none is there."""
     try:
         return _read(path)
@@ -182,14 +182,14 @@ def read_kept(path: Path) -> Checkpoint | str | None:
 
 def last_checkpoint(run: Path) -> float | None:
     """Return the time of the newest checkpoint that can be opened [s], if there is one."""
-    return next((float(about["t"]) for _, about in kept(run)), None)
+    return next((float(about["t"]) for _, about in readable_checkpoints(run)), None)
 
 
-def kept(run: Path) -> Iterator[tuple[Path, dict[str, Any]]]:
+def readable_checkpoints(run: Path) -> Iterator[tuple[Path, dict[str, Any]]]:
     """Yield the files of the checkpoints that can be opened, the newest first, and what is told of each."""
     for name in KEPT:
         with suppress(*UNREADABLE), _archive(run / name) as archive:
-            yield run / name, _about(archive, run)
+            yield run / name, _metadata(archive, run)
 
 
 @contextmanager
@@ -219,7 +219,7 @@ def _array(content: bytes) -> NDArray[np.float64]:
     return values.copy("K")
 
 
-def _about(archive: ZipFile, run: Path) -> dict[str, Any]:
+def _metadata(archive: ZipFile, run: Path) -> dict[str, Any]:
     """Return what a checkpoint says of itself; raises ``ValueError`` for one of another run."""
     about: dict[str, Any] = json.loads(archive.read("about.json"))
     mine = None
@@ -233,7 +233,7 @@ def _about(archive: ZipFile, run: Path) -> dict[str, Any]:
 def _read(path: Path) -> Checkpoint:
     """Return a checkpoint of this run, every checksum right."""
     with _archive(path) as archive:
-        about, held = _about(archive, path.parent), archive.read("held.json").decode()
+        about, held = _metadata(archive, path.parent), archive.read("held.json").decode()
 
         def array(name: object) -> NDArray[np.float64]:
             return _array(archive.read(f"{name}.npy"))

@@ -11,16 +11,16 @@
                     "velocity_x A@x=2;z=-0.1 [m/s]"
     probes.nc       the same as CF-NetCDF, when the run has ended
     loads.csv       force and moment on walls, "force_x paddle [N/m]", of a slice per width
-    window-NAME.nc  what columns of water do, for other programs (``window.py``), or window-NAME.csv
+    window-NAME.nc  what columns of water do, for other programs (``fields.py``), or window-NAME.csv
     surface.nc      of a slice or ring, snapshots of x [m], elevation [m], surface potential [m²/s], as CF-NetCDF
     surface.xdmf    opens them in ParaView
-    surface.pvd, velocity.pvd, fields/     what ParaView opens, written by all ranks (``vtu_series.py``)
+    surface.pvd, velocity.pvd, fields/     what ParaView opens, written by all ranks (``fields.py``)
     checkpoint.zip  what a run needs to go on, from time to time, and in ``checkpoint-before.zip`` the one before
     bed.csv         of a bed by a Python function, its depth [m] at the degrees of freedom
     broken.csv      of a run that broke down, the surface from which it could not go on; drawn in broken.png
     breaking.csv    crests that passed the threshold of breaking, when the run has ended; none without such crests
     run.log         what the run has said: its summary, progress, warnings, and why it ended
-    .lock           while it goes on (``lock.py``)
+    .lock           while it goes on (``files.py``)
 
 The first rank writes (``writer.py``), but for the fields. Snapshots are handed to the operating system at once, rows of
 tables together, within a second: a killed run keeps all but these, which it computes anew when it goes on, as does one
@@ -44,16 +44,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.errors import InputError
-from wavetank.output.growing_netcdf import whole
-from wavetank.output.load_table import wall
-from wavetank.output.lock import is_held
+from wavetank.output.fields import INDEX_END, Surface, index_file, read_snapshots, table_variables, window_file
+from wavetank.output.files import FIELDS, check_entries, is_locked, open_regular
 from wavetank.output.manifest import read_manifest
-from wavetank.output.netcdf import ACROSS, ALONG, ELEVATION, TIME, UPWARDS, Variable, conventions, write_records
-from wavetank.output.probe_table import point, quantities
-from wavetank.output.series import GaugeSeries, place
-from wavetank.output.surface import Surface, snapshots
-from wavetank.output.whole import FIELDS, check_entries, open_regular
-from wavetank.output.window import file_of, tabled
+from wavetank.output.netcdf import (
+    ACROSS,
+    ALONG,
+    ELEVATION,
+    TIME,
+    UPWARDS,
+    Variable,
+    complete_records,
+    conventions,
+    write_records,
+)
+from wavetank.output.tables import (
+    GaugeSeries,
+    parse_gauge_column,
+    parse_load_column,
+    parse_probe_column,
+    probe_quantities,
+)
 
 if TYPE_CHECKING:
     import xarray
@@ -73,26 +84,20 @@ SERIES, LOG = ("surface", "velocity"), "run.log"
 REST_POSITION = "rest position"  # (x, y) [m] in the reference tank, of the points of a surface
 PICTURES = "surface.png", "gauges.png", "energy.png", "probes.png", "loads.png", "view.png", "view.mp4", "view.gif"
 ANALYSES = "compare.png", "compare.csv", "compare-harmonics.*", "analysis-*.png", "analysis-*.csv"
-INDEX_END = b"</Collection></VTKFile>\n"  # of a file that tells the snapshots of a series
 BLOCK = 2**16  # bytes of a table that are read together
 LINES = 2**12  # bytes, more than a row of energies has
 ROOM = 2**14  # bytes kept for the manifest's last word on a full disk, beside what it has already
 
 
-def index_file(run: Path, name: str) -> Path:
-    """Return the file that tells times and files of a series of fields, one of ``SERIES``, in a run directory."""
-    return run / f"{name}.pvd"
-
-
-def made_of_records(run: Path) -> Iterator[Path]:
+def derived_files(run: Path) -> Iterator[Path]:
     """Yield what has been written and drawn of the records in a run directory once a run had ended."""
     for pattern in (*BROKENS, BREAKING, *COPIES.values(), *PICTURES, *ANALYSES):
         yield from run.glob(pattern)
 
 
-def recorded(run: Path) -> Iterator[Path]:
+def record_files(run: Path) -> Iterator[Path]:
     """Yield the records in a run directory, and what has been made of them."""
-    yield from made_of_records(run)
+    yield from derived_files(run)
     files = (*TABLES, BED, SURFACE, SURFACE_INDEX, LOG, *CHECKPOINTS)
     indices = (*(f"{name}.pvd" for name in SERIES), "window-*.nc", "window-*.csv")
     pieces = (f"{FIELDS}/{name}_*.{kind}" for name in SERIES for kind in ("vtu", "pvtu"))
@@ -134,7 +139,7 @@ class RunDirectory:
         status = str(self.manifest.get("status", ""))
         if status != "running":
             return status
-        if is_held(self.path):
+        if is_locked(self.path):
             return "running"
         status = str(read_manifest(self.path).get("status"))  # a run's last word comes before it lets go
         if status != "running":
@@ -208,7 +213,7 @@ class RunDirectory:
         from xarray import DataArray, Dataset
 
         header, rows = self._table(LOADS)
-        found = [wall(column) for column in header[1:]]
+        found = [parse_load_column(column) for column in header[1:]]
         walls = list(dict.fromkeys(name for _, name, _ in found))
         at: dict[str, list[NDArray[np.float64]]] = {}
         for (quantity, _, _), column in zip(found, rows.T[1:], strict=True):
@@ -241,9 +246,9 @@ class RunDirectory:
         """
         from xarray import Dataset, load_dataset
 
-        file, table = (file_of(name, form) for form in ("netcdf", "csv"))
+        file, table = (window_file(name, form) for form in ("netcdf", "csv"))
         if (self.path / table).exists():
-            variables = tabled(*self._table(table))
+            variables = table_variables(*self._table(table))
             if not variables["time"].values.size:
                 raise InputError(f"{self.path / table}: has no row.")
             return Dataset(variables).set_coords(["x", "y", "z", "zeta"])
@@ -287,7 +292,7 @@ class RunDirectory:
         """Return all complete snapshots; none, of shape (0, 0), of a run killed before the first."""
         content = self._surface()
         try:
-            return snapshots(content)
+            return read_snapshots(content)
         except (KeyError, ValueError) as error:
             raise InputError(f"{self.path / SURFACE}: is no record of a surface ({error}).") from None
 
@@ -338,7 +343,7 @@ class RunDirectory:
     def _whole(self, file: str) -> bytes:
         """Return a NetCDF file that grows with all its complete records."""
         try:
-            return whole(self._read(file))
+            return complete_records(self._read(file))
         except ValueError as error:
             raise InputError(f"{self.path / file}: {error}.") from None
 
@@ -349,7 +354,7 @@ class RunDirectory:
     def _elevations(self, header: Sequence[str], rows: NDArray[np.float64]) -> "_Gauges":
         """Return rows of the gauges' table."""
         try:
-            places = [place(column) for column in header[1:]]
+            places = [parse_gauge_column(column) for column in header[1:]]
         except ValueError:
             allowed = "NAME@x=METRES, NAME@x=METRES;y=METRES"
             raise InputError(f"{self.path / GAUGES}: column names {header[1:]}; allowed are {allowed}.") from None
@@ -371,12 +376,12 @@ class RunDirectory:
     def _probes(self, header: Sequence[str], rows: NDArray[np.float64]) -> dict[str, Variable]:
         """Return the probes' names, places and records as variables."""
         try:
-            found = [point(column) for column in header[1:]]
+            found = [parse_probe_column(column) for column in header[1:]]
         except (KeyError, ValueError):
             raise InputError(f"{self.path / PROBES}: its columns {header[1:]} tell no probes.") from None
         points = list(dict.fromkeys(at for _, at in found))
         names, x, y, z = zip(*points, strict=True)
-        told, shape = quantities(2), (len(points), len(rows))
+        told, shape = probe_quantities(2), (len(points), len(rows))
         values = {name: np.full(shape, np.nan) for name, _ in found}
         for (name, at), column in zip(found, rows.T[1:], strict=True):
             values[name][points.index(at)] = column

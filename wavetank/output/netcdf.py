@@ -1,12 +1,22 @@
-"""NetCDF in the classic 64-bit format, which every NetCDF library reads, by the CF conventions 1.8."""
+"""NetCDF in the classic 64-bit format, which every NetCDF library reads, by the CF conventions 1.8.
+
+Records can be appended to a file. The number of records is in four bytes of the header, which are rewritten after each;
+a record that is incomplete is not counted.
+"""
 
 import shlex
-from collections.abc import Iterable, Mapping
+from bisect import bisect_left
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from io import BytesIO
+from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from wavetank.output.tables import AppendFile
+from wavetank.stateful import Held
 
 NUMBER = np.dtype(">f8")  # the format's
 COUNT = slice(4, 8)  # bytes of the header: the number of records
@@ -50,7 +60,7 @@ def netcdf(variables: Mapping[str, Variable], attributes: Mapping[str, str], *, 
 
     content = BytesIO()
     with netcdf_file(content, "w", version=2) as file:
-        _tell(file, attributes)
+        _set_attributes(file, attributes)
         for name, (dimensions, values, said) in variables.items():
             if values.dtype.kind == "U":
                 encoded = np.char.encode(values, "utf-8")
@@ -63,7 +73,7 @@ def netcdf(variables: Mapping[str, Variable], attributes: Mapping[str, str], *, 
                     file.createDimension(dimension, None if dimension == growing else length)
             variable = file.createVariable(name, values.dtype, dimensions)
             variable[:] = values
-            _tell(variable, said)
+            _set_attributes(variable, said)
         file.flush()
         return content.getvalue()
 
@@ -97,7 +107,97 @@ def write_records(file: BinaryIO, blocks: Iterable[Mapping[str, Variable]], attr
     file.write(count.to_bytes(4, "big"))
 
 
-def _tell(named: Any, attributes: Mapping[str, str | np.float64]) -> None:
+def _set_attributes(named: Any, attributes: Mapping[str, str | np.float64]) -> None:
     """Give a file, or a variable of one, its attributes."""
     for name, value in attributes.items():
         setattr(named, name, value.encode() if isinstance(value, str) else value)
+
+
+MAGIC = b"CDF\x02"  # the first bytes of the header
+STANDS = "_records", "_begin"  # what tells where a record is
+
+
+class AppendNetCDF(AppendFile):
+    """A file of records, all of one length.
+
+    Parameters
+    ----------
+    attributes
+        What is said of the file, title and the like.
+    """
+
+    def __init__(self, path: Path, attributes: Mapping[str, str]):
+        super().__init__(path)
+        self._attributes = attributes
+        self._records = self._begin = 0
+
+    def open(self) -> None:
+        """Make the file, or go on with it; raises ``RecordError``."""
+        super().open()
+        self._tell()
+
+    def held(self) -> Held:
+        """Return how far it has grown, and where its records stand."""
+        return super().held() | {name: getattr(self, name) for name in STANDS}
+
+    def take(self, held: Held) -> None:
+        """Go on from there, once it is opened."""
+        super().take(held)
+        for name in STANDS:
+            setattr(self, name, held[name])
+
+    def append_records(self, rows: NDArray[np.float64], first: Callable[[], dict[str, Variable]]) -> None:
+        """Append records, (K, numbers) in the order of the variables, time first; ``first`` are those of the first one.
+
+        Raises ``RunError`` for a number that is not finite, before anything of its record is written, but those before;
+        and for a file that cannot be written, which has none of them then.
+        """
+        whole = rows if np.isfinite(np.vdot(rows, rows)) else _finite_rows(rows)
+        content = memoryview(whole.astype(NUMBER).ravel().view(np.uint8))
+        if not self._records and len(whole):
+            head, each = netcdf(first(), self._attributes, growing="time"), len(content) // len(whole)
+            self._begin, content = len(head) - each, memoryview(head + content[each:])
+        self.write(content)
+        self._records += len(whole)
+        self._tell()
+        if len(whole) < len(rows):
+            self._check(rows[len(whole)])
+
+    def _tell(self) -> None:
+        """Write into the header how many records there are."""
+        if self._size:
+            self.write(self._records.to_bytes(4, "big"), at=COUNT.start)
+
+
+def _finite_rows(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the rows before the first with a number that is not finite, if there is one."""
+    finite = np.isfinite(rows).all(axis=1)
+    return rows if finite.all() else rows[: finite.argmin()]
+
+
+def complete_records(content: bytes) -> bytes:
+    """Return the file with as many records as are complete in it; empty where there are none.
+
+    Raises ``ValueError`` for what is no NetCDF of this format.
+    """
+    if content[: len(MAGIC)] != MAGIC[: len(content)]:
+        raise ValueError("is no NetCDF in the classic 64-bit format")
+    claimed = int.from_bytes(content[COUNT], "big")
+    if claimed and _complete(content):
+        return content
+    complete = bisect_left(range(claimed + 1), True, lo=1, key=lambda n: not _complete(_with_count(content, n))) - 1
+    return _with_count(content, complete) if complete else b""
+
+
+def _with_count(content: bytes, number: int) -> bytes:
+    """Return a file whose header tells this number of records."""
+    return content[: COUNT.start] + number.to_bytes(4, "big") + content[COUNT.stop :]
+
+
+def _complete(content: bytes) -> bool:
+    """Return whether a file holds all that its header tells."""
+    from scipy.io import netcdf_file
+
+    with suppress(Exception), netcdf_file(BytesIO(content), mmap=False) as file:  # a header that is cut says anything
+        return all(np.size(variable.data) for variable in file.variables.values())
+    return False

@@ -11,7 +11,7 @@ from uuid import uuid4
 
 from wavetank.arrays import Vector
 from wavetank.errors import InputError, RecordError, RunError, WavetankError, worded
-from wavetank.output.checkpoint import Checkpoint, kept, read_checkpoint, write_checkpoint
+from wavetank.output.checkpoint import Checkpoint, read_checkpoint, readable_checkpoints, write_checkpoint
 from wavetank.output.directory import (
     BED,
     BREAKING,
@@ -24,23 +24,26 @@ from wavetank.output.directory import (
     SERIES,
     SURFACE,
     RunDirectory,
-    made_of_records,
-    recorded,
+    derived_files,
+    record_files,
 )
-from wavetank.output.environment import now
-from wavetank.output.growing import GrowingFile, TableWriter, changed, lacks, table
-from wavetank.output.lock import LOCK, RunLock, is_held
-from wavetank.output.manifest import MANIFEST
+from wavetank.output.fields import SurfaceWriter, WindowFile, WindowTable, missing_file, window_file
+from wavetank.output.files import (
+    LOCK,
+    OutputPath,
+    RunLock,
+    atomic_file,
+    check_entries,
+    is_locked,
+    temporary_path,
+    write_atomically,
+)
+from wavetank.output.manifest import MANIFEST, now
 from wavetank.output.netcdf import conventions
-from wavetank.output.place import Place
-from wavetank.output.series import column
-from wavetank.output.surface import SurfaceWriter
-from wavetank.output.vtu_series import missing
-from wavetank.output.whole import check_entries, replace, replacing, unfinished
-from wavetank.output.window import WindowFile, WindowTable, file_of
+from wavetank.output.tables import AppendFile, TableWriter, csv_table, gauge_column, is_modified, is_truncated
 from wavetank.stateful import Held
 
-R = TypeVar("R", bound=GrowingFile)
+R = TypeVar("R", bound=AppendFile)
 
 
 class RunWriter:
@@ -60,15 +63,15 @@ class RunWriter:
         Whether a run that is there is to go on: nothing of it is replaced. Raises ``InputError`` if there is none.
     """
 
-    def __init__(self, place: Place | Path, manifest: dict[str, Any], *, resume: bool = False):
-        self._records: list[GrowingFile] = []
+    def __init__(self, place: OutputPath | Path, manifest: dict[str, Any], *, resume: bool = False):
+        self._records: list[AppendFile] = []
         self._begun = self._older = self._kept_one = False
         self._room = 0  # bytes kept for the manifest's last word
-        place = place if isinstance(place, Place) else Place(place)
+        place = place if isinstance(place, OutputPath) else OutputPath(place)
         self._resume = resume
         identity: str | None = uuid4().hex
         if resume:
-            place = Place(place.path, overwrite=True)
+            place = OutputPath(place.path, overwrite=True)
             identity = RunDirectory(place.path).manifest.get("id")
         self._manifest: dict[str, Any] = {"status": "running", "id": identity, **manifest}
         try:
@@ -90,7 +93,7 @@ class RunWriter:
             self._lock.reserve(self._room)
             self._write_manifest(self._manifest, lasting=True)  # first: what a full disk does not take replaces nothing
             self._begun = True
-            for old in list((made_of_records if self._resume else recorded)(self.path)):
+            for old in list((derived_files if self._resume else record_files)(self.path)):
                 old.unlink()
             if self._older:
                 os.replace(self.path / CHECKPOINT_BEFORE, self.path / CHECKPOINT)  # the other is of no use any more
@@ -145,7 +148,7 @@ class RunWriter:
 
     def gauges(self, gauges: Sequence[tuple[str, float] | tuple[str, float, float]]) -> TableWriter:
         """Return the gauges' table, rows (t [s], eta_1 [m], ..., eta_N [m]), given name, x and, unless 0, y [m]."""
-        return self.table(GAUGES, ["t [s]", *(column(*gauge) for gauge in gauges)])
+        return self.table(GAUGES, ["t [s]", *(gauge_column(*gauge) for gauge in gauges)])
 
     def table(self, file: str, columns: Sequence[str]) -> TableWriter:
         """Return a new table with these columns, time first, units in their names."""
@@ -154,8 +157,8 @@ class RunWriter:
     def window(
         self, name: str, *, form: str, places: Vector, levels: int, dimensions: int
     ) -> Callable[[float, Vector, Vector, Vector], None]:
-        """Return what appends to a window's record, NetCDF or CSV by its ``form``; see ``window.py``."""
-        path = self.path / file_of(name, form)
+        """Return what appends to a window's record, NetCDF or CSV by its ``form``; see ``fields.py``."""
+        path = self.path / window_file(name, form)
         if form == "csv":
             return self._kept(WindowTable(path, places=places, dimensions=dimensions)).append_columns
         said = conventions(self._manifest)
@@ -226,7 +229,9 @@ class RunWriter:
         Raises ``InputError`` if there is none.
         """
         found, useless = read_checkpoint(self.path, self._why_not, at=at)
-        self._older = bool(useless) or any(about["step"] > found.about["step"] for _, about in kept(self.path))
+        self._older = bool(useless) or any(
+            about["step"] > found.about["step"] for _, about in readable_checkpoints(self.path)
+        )
         return found, useless
 
     def _why_not(self, about: dict[str, Any]) -> str:
@@ -243,27 +248,27 @@ class RunWriter:
         if {*about.get("fields", {})} - {*SERIES} or any(Path(name).name != name for name in about["records"]):
             return "it names files that this program does not write"
         for name, held in about["records"].items():
-            if lacks(self.path / name, held):
+            if is_truncated(self.path / name, held):
                 return f"it counts on more than there is in {name}"
-            if changed(self.path / name, held):
+            if is_modified(self.path / name, held):
                 return f"a row of {name} before t = {about['t']:.6g} s has been added, removed or edited since"
-        lost = (missing(self.path, name, held) for name, held in about.get("fields", {}).items())
+        lost = (missing_file(self.path, name, held) for name, held in about.get("fields", {}).items())
         return next((f"it counts on {file}, which is no longer there, or not all of it" for file in lost if file), "")
 
     def broken(self, columns: Mapping[str, Vector]) -> None:
         """Write the surface from which the run cannot go on; on a full disk it is left out."""
         with suppress(OSError):
-            replace(self.path / BROKEN, table(columns))
+            write_atomically(self.path / BROKEN, csv_table(columns))
 
     def bed(self, columns: Mapping[str, Vector]) -> None:
         """Write the depths of a bed, so that nobody who draws the run executes its code; on a full disk left out."""
         with suppress(OSError):
-            replace(self.path / BED, table(columns))
+            write_atomically(self.path / BED, csv_table(columns))
 
     def breaking(self, columns: Mapping[str, Vector]) -> None:
         """Write the crests that passed the threshold of breaking; on a full disk they are in the manifest alone."""
         with suppress(OSError):
-            replace(self.path / BREAKING, table(columns))
+            write_atomically(self.path / BREAKING, csv_table(columns))
 
     def note(self, figures: dict[str, Any]) -> None:
         """Take figures into the manifest, with its last word, whichever that will be."""
@@ -291,7 +296,7 @@ class RunWriter:
     def _copy(self, name: str) -> None:
         """Write a table as CF-NetCDF, too."""
         try:
-            with replacing(self.path / COPIES[name]) as copy:
+            with atomic_file(self.path / COPIES[name]) as copy:
                 RunDirectory(self.path).write_netcdf(name, copy)
         except (OSError, InputError) as error:
             why = getattr(error, "strerror", None) or str(error)
@@ -316,17 +321,17 @@ class RunWriter:
     def _write_manifest(self, manifest: dict[str, Any], *, lasting: bool = False) -> None:
         """Replace the manifest, which tells when."""
         manifest["written"] = now()
-        replace(self.path / MANIFEST, self._text(manifest), lasting=lasting)
+        write_atomically(self.path / MANIFEST, self._text(manifest), lasting=lasting)
         self._manifest = manifest
 
 
-def _claimed(place: Place) -> tuple[Path, RunLock, bool]:
+def _claimed(place: OutputPath) -> tuple[Path, RunLock, bool]:
     """Return the first directory of a place that may be written, with its lock, and whether it has been made."""
     for path in place.candidates:
         made = not path.exists()
         try:
             path.mkdir(parents=True, exist_ok=True)
-            written = is_held(path) and not place.numbered  # as the lock will say
+            written = is_locked(path) and not place.numbered  # as the lock will say
             _check_free(path, overwrite=place.overwrite or written)
             lock = RunLock(path)
             _check_free(path, overwrite=place.overwrite)  # another run may have come and gone before the lock
@@ -340,7 +345,7 @@ def _claimed(place: Place) -> tuple[Path, RunLock, bool]:
 def _check_free(path: Path, *, overwrite: bool) -> None:
     """Raise ``InputError`` if a directory holds what a run must not be written over."""
     check_entries(path, written=True)
-    there = set(os.listdir(path)) - {LOCK, unfinished(path / MANIFEST).name}
+    there = set(os.listdir(path)) - {LOCK, temporary_path(path / MANIFEST).name}
     if there and MANIFEST not in there:
         raise InputError(f"{path}: holds files but is no run directory; give an empty or new one.")
     if there and not overwrite:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import numpy as np
 import typer
 
-from wavetank.output.paddle_table import RATES, columns
+from wavetank.output.tables import RATES, paddle_columns
 
 if TYPE_CHECKING:
     from wavetank.case import Scene
@@ -209,7 +209,7 @@ def _write(path: Path, scene: "Scene", signal: _Signal, form: Format, told: str)
     from wavetank.errors import InputError
 
     places, heights = scene.wall.places(scene.tank), _heights(scene)
-    rates, names = (signal.rates, columns(places)) if form is Format.CSV else (signal.rates[:1], [])
+    rates, names = (signal.rates, paddle_columns(places)) if form is Format.CSV else (signal.rates[:1], [])
     if heights and form is Format.CSV:
         at = [""] if places is None else [f"@y={y:.6g}" for y in places]
         rates = [*rates, np.arctan(signal.rates[0] / heights[1]), np.full(signal.t.shape, heights[0])]

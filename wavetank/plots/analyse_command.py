@@ -13,9 +13,8 @@ from rich.table import Table
 from wavetank import data
 from wavetank.console import console
 from wavetank.errors import InputError, choice
-from wavetank.output.log import told_of_warnings
+from wavetank.output.files import check_new, summarise_warnings
 from wavetank.output.manifest import MANIFEST
-from wavetank.output.place import check_new
 
 KINDS = ("spectrum", "heights", "harmonics", "bound-free", "groups", "reflection", "speed")
 WIDTH = 120  # characters a table may need, on whatever terminal
@@ -86,7 +85,7 @@ def analyse(
     if record.cause:
         terminal.print(f"the run has not finished: {record.cause}", highlight=False, markup=False)
     if record.warnings:
-        terminal.print(f"the run has {told_of_warnings(record.warnings)}", highlight=False)
+        terminal.print(f"the run has {summarise_warnings(record.warnings)}", highlight=False)
     if units := data.told_of_units(source):
         terminal.print(units, highlight=False)
     for kind, found in results.items():

@@ -15,7 +15,7 @@ from scipy.spatial import KDTree
 
 from wavetank.errors import InputError
 from wavetank.output.directory import REST_POSITION, RunDirectory
-from wavetank.output.vtu_series import pieces
+from wavetank.output.fields import piece_files
 from wavetank.plots.style import CM, FLAT, SATURATED
 
 Array = NDArray[np.float64]
@@ -195,7 +195,7 @@ def _rest_positions(parts: pv.UnstructuredGrid) -> Array:
 
 
 def _read(file: Path) -> pv.UnstructuredGrid:
-    for one in (file, *(pieces(file) if file.is_file() else [])):
+    for one in (file, *(piece_files(file) if file.is_file() else [])):
         if not one.is_file():
             raise InputError(f"{one}: is missing; the run directory names it.")
     return pv.read(file)

@@ -31,8 +31,8 @@ from rich.table import Table
 from wavetank.analysis.similarity import surface_similarity
 from wavetank.data import GaugeRecords
 from wavetank.errors import InputError
-from wavetank.output.series import GaugeSeries
-from wavetank.output.whole import replacing
+from wavetank.output.files import atomic_file
+from wavetank.output.tables import GaugeSeries
 
 MINIMA = 4  # of all clock offsets: which is least is seen when they are refined
 LARGEST_SHIFT = 1.0  # s; a larger one would be another wave, not another clock
@@ -330,7 +330,7 @@ def write_rows(path: Path, columns: Sequence[str], rows: Iterable[Sequence[objec
         writer = csv.writer(text)
         writer.writerow(columns)
         writer.writerows([f"{value:.6g}" if isinstance(value, float) else value for value in row] for row in rows)
-        with replacing(path) as file:
+        with atomic_file(path) as file:
             file.write(text.getvalue().encode())
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror}).") from None

@@ -12,9 +12,9 @@ from wavetank import data
 from wavetank.console import console
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
+from wavetank.output.files import check_new
 from wavetank.output.manifest import MANIFEST
-from wavetank.output.place import check_new
-from wavetank.output.series import GaugeSeries
+from wavetank.output.tables import GaugeSeries
 from wavetank.plots.analyse_command import own_folder
 
 

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from wavetank.analysis.harmonics import harmonics
 from wavetank.analysis.records import elevation
-from wavetank.output.series import GaugeSeries
+from wavetank.output.tables import GaugeSeries
 from wavetank.plots.compare import matched, write_rows
 from wavetank.plots.style import BLUE, GREEN, VERMILION, picture
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from wavetank.case.tank import Depth
 from wavetank.errors import InputError
-from wavetank.output.series import GaugeSeries
-from wavetank.output.surface import Surface
+from wavetank.output.fields import Surface
+from wavetank.output.tables import GaugeSeries
 from wavetank.plots.compare import MATCH, compare_gauge, matched
 from wavetank.plots.gauge_marks import DARK, LOOK, leave_out_overlaps, mark_along
 from wavetank.plots.style import (

@@ -10,7 +10,7 @@ from pydantic import TypeAdapter, ValidationError
 from wavetank.case.tank import EndSponge, FormulaSponge, Sponge
 from wavetank.case.wall import ShapedWall, Wall
 from wavetank.output.directory import GAUGES, RunDirectory
-from wavetank.output.series import GaugeSeries
+from wavetank.output.tables import GaugeSeries
 
 Array = NDArray[np.float64]
 POWER = 2  # of the distance into a sponge that its damping grows with

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 
-from wavetank.output.series import GaugeSeries
+from wavetank.output.tables import GaugeSeries
 
 NAMED = 12  # gauges at most that are called by their names, beside rows of them, each of which has one
 DEPTH = "depth"  # what depths on contours are known by

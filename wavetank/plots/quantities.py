@@ -15,7 +15,7 @@ from wavetank.analysis.spectra import sea_state, spectrum
 from wavetank.analysis.wave_heights import height_statistics, zero_crossing_waves
 from wavetank.errors import InputError
 from wavetank.output.directory import SURFACE, RunDirectory
-from wavetank.output.surface import Surface
+from wavetank.output.fields import Surface
 from wavetank.plots.kinds import reflection_coefficient
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from wavetank.analysis.still_water import still_water
 from wavetank.case.tank import FormulaSponge
 from wavetank.errors import InputError
-from wavetank.output.directory import BROKEN, GAUGES, LOADS, PROBES, SURFACE, RunDirectory, index_file
-from wavetank.output.surface import Surface
+from wavetank.output.directory import BROKEN, GAUGES, LOADS, PROBES, SURFACE, RunDirectory
+from wavetank.output.fields import Surface, index_file
 from wavetank.plots.broken_figure import broken_figure
 from wavetank.plots.figures import energy_figure, gauges_overview, surface_figure
 from wavetank.plots.in_water_figures import loads_figure, probes_figure

@@ -22,7 +22,7 @@ from scipy.interpolate import CubicSpline
 from wavetank.analysis.wave_heights import mean_wave_height
 from wavetank.data import HeightSeries, Section, WaveHeights
 from wavetank.errors import InputError
-from wavetank.output.series import GaugeSeries
+from wavetank.output.tables import GaugeSeries
 from wavetank.plots.compare import MATCH, rms, write_rows
 
 FEWEST = 4  # gauges along a section: a cubic's

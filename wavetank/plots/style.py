@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from wavetank.output.whole import replacing
+from wavetank.output.files import atomic_file
 
 # colours that colour-blind eyes tell apart (Okabe and Ito), and greys
 BLUE, VERMILION, GREEN, ORANGE, PURPLE, LIGHT_BLUE = "#0072b2", "#d55e00", "#009e73", "#e69f00", "#cc79a7", "#56b4e9"
@@ -53,7 +53,7 @@ def picture(path: Path, width: float, height: float) -> Iterator[Figure]:
         yield figure
         lay_out(figure)
         quickly: dict[str, Any] = {"pil_kwargs": {"compress_level": QUICKLY}} if path.suffix == ".png" else {}
-        with replacing(path) as file:  # not through a link that is there
+        with atomic_file(path) as file:  # not through a link that is there
             figure.savefig(file, format=path.suffix.removeprefix("."), **quickly)
 
 

@@ -12,7 +12,7 @@ import typer
 from wavetank.console import console
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
-from wavetank.output.place import check_new
+from wavetank.output.files import check_new
 
 
 def view(

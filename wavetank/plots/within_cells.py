@@ -5,7 +5,7 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.output.surface import Surface
+from wavetank.output.fields import Surface
 
 ENOUGH = 1200  # places along a tank: about the pixels of a picture
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from wavetank.output.directory import BROKEN, BROKEN_PICTURE, CHECKPOINT
-from wavetank.output.log import told_of_warnings
+from wavetank.output.files import summarise_warnings
 from wavetank.simulation.crest import Crest, HighestCrest
 from wavetank.simulation.energy import EnergyBudget
 from wavetank.simulation.run import Run
@@ -88,7 +88,7 @@ def closing(
         f"{spent['counters']['interior_solves'] / max(steps, 1):.1f} interior solves a step",
         f"{timings['stepping_s'] / simulated if simulated else 0.0:.2g} s for a second of waves",
     ]
-    directory, warned = shlex.quote(str(path)), told_of_warnings(warnings)
+    directory, warned = shlex.quote(str(path)), summarise_warnings(warnings)
     broken = _of_breakdown(spent, path, untrue=outcome.untrue, drawn=drawn)
     return [
         f"highest crest: {crest.height:.4g} m, at the node {place}, t = {crest.t:.4g} s",

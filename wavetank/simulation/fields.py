@@ -9,7 +9,7 @@ from wavetank.arrays import Vector
 from wavetank.fem.lattice import Lattice
 from wavetank.fem.plane import Field
 from wavetank.output.directory import REST_POSITION
-from wavetank.output.vtu_series import VtkCells
+from wavetank.output.fields import VtkCells
 from wavetank.simulation.contract import Moment, ObservedWaves
 from wavetank.simulation.record import FieldRecord
 from wavetank.simulation.schedule import Schedule

@@ -20,7 +20,7 @@ class Loads:
     about
         The point of each wall that its moments are taken about, (x, y, z) [m].
     record
-        Where rows go, in the order of ``records.load_table.columns``.
+        Where rows go, in the order of ``load_columns``.
     """
 
     def __init__(self, pressure: WallPressure, about: Sequence[Vector], *, record: Record, schedule: Schedule):

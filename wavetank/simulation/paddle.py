@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from wavetank.output.paddle_table import RATES as RATES
+from wavetank.output.tables import RATES as RATES
 from wavetank.simulation.contract import Keeping, Moment, Moments, ObservedWaves, Patient
 from wavetank.simulation.loads import Pushing
 from wavetank.simulation.record import Record

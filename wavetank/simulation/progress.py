@@ -6,7 +6,7 @@ from math import inf
 
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from wavetank.output.log import RunLog
+from wavetank.output.files import RunLog
 from wavetank.simulation.contract import Moments, Patient
 from wavetank.simulation.schedule import EverySteps
 

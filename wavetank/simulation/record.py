@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from wavetank.arrays import Vector, summed
 from wavetank.errors import RecordError, RunError
 from wavetank.fem.agreed import agreed
-from wavetank.output.growing import Rows
-from wavetank.output.vtu_series import VtkCells
+from wavetank.output.fields import VtkCells
+from wavetank.output.tables import Rows
 from wavetank.simulation.contract import Moments, Patient
 from wavetank.simulation.schedule import EverySteps
 

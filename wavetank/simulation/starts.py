@@ -14,7 +14,7 @@ from wavetank.errors import InputError
 from wavetank.fem.agreed import agreed, from_first
 from wavetank.fem.misfit import rms
 from wavetank.motion import Motion
-from wavetank.output.checkpoint import Checkpoint, is_at, kept, read_kept
+from wavetank.output.checkpoint import Checkpoint, is_at, read_checkpoint_file, readable_checkpoints
 from wavetank.output.directory import RunDirectory
 from wavetank.simulation.answering import went_on
 from wavetank.simulation.kept_surface import KeptSurface, held_by_scheme
@@ -47,7 +47,7 @@ def kept_surface(scene: Scene, initial: RunState, waves: AnyWaves) -> KeptSurfac
 
     def read() -> tuple[dict[str, Any], Scene, Held]:
         path, about = _chosen(initial)
-        before, checkpoint = _its_scene(initial, about), read_kept(path)
+        before, checkpoint = _its_scene(initial, about), read_checkpoint_file(path)
         if not isinstance(checkpoint, Checkpoint):
             raise InputError(f"{path}: cannot be used ({checkpoint or 'it is no longer there'}).")
         scheme = held_by_scheme(together(checkpoint.held, [np.zeros(0)] * len(checkpoint.arrays))["run"])
@@ -98,7 +98,7 @@ def _told_of_mean(waves: AnyWaves, q: Vector) -> str:
 def _chosen(initial: RunState) -> tuple[Path, dict[str, Any]]:
     """Return the file of the checkpoint that is asked for, and what is told of it; raises ``InputError``."""
     directory = RunDirectory(initial.directory)
-    found = list(kept(directory.path))
+    found = list(readable_checkpoints(directory.path))
     if not found:
         raise InputError(f"directory = {initial.directory}: holds no checkpoint to begin with.")
     if initial.t is None:

@@ -12,7 +12,7 @@ from rich.box import SIMPLE
 from rich.table import Table
 from scipy.special import stdtrit
 
-from wavetank.output.whole import replace
+from wavetank.output.files import write_atomically
 from wavetank.studies.responses import responded
 from wavetank.studies.sweep import Axis
 from wavetank.studies.table import Row
@@ -93,7 +93,7 @@ def write_ensembles(path: Path, found: Sequence[Ensemble]) -> None:
     for one in found:
         figures = ["" if np.isnan(figure) else f"{figure:.7g}" for figure in _figures(one)]
         writer.writerow([*one.settings.values(), one.response, *figures])
-    replace(path, text.getvalue().encode())
+    write_atomically(path, text.getvalue().encode())
 
 
 def ensemble_table(found: Sequence[Ensemble]) -> Table:

@@ -21,7 +21,7 @@ from scipy.optimize import minimize_scalar
 from wavetank.case import Scene
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
-from wavetank.output.surface import Surface
+from wavetank.output.fields import Surface
 from wavetank.plots.compare import matched
 from wavetank.studies.exact import ExactSolution, exact_solution
 from wavetank.waves.wave import Array

@@ -20,8 +20,8 @@ from wavetank.case.reading import contents
 from wavetank.errors import InputError, RunError
 from wavetank.output.checkpoint import last_checkpoint
 from wavetank.output.directory import RunDirectory
+from wavetank.output.files import OutputPath
 from wavetank.output.manifest import MANIFEST
-from wavetank.output.place import Place
 from wavetank.studies.sweep import Combination
 from wavetank.values.python_file import is_trusting
 
@@ -89,7 +89,7 @@ class Runner:
     def directory(self, combination: Combination) -> Path:
         """Return where a combination is run: in a folder of its name, numbered where that holds another scene's run."""
         if (name := combination.name) not in self._directories:
-            numbered = Place(self._out / name, numbered=True).candidates
+            numbered = OutputPath(self._out / name, numbered=True).candidates
             fitting = (path for path in numbered if not (path / MANIFEST).exists() or status_of(path, combination))
             self._directories[name] = next(fitting)
         return self._directories[name]

@@ -15,8 +15,8 @@ from wavetank.case import BasinTank, Scene
 from wavetank.console import spelt
 from wavetank.errors import InputError, RunError
 from wavetank.output.directory import RunDirectory
+from wavetank.output.files import OutputPath
 from wavetank.output.manifest import MANIFEST
-from wavetank.output.place import Place
 from wavetank.studies.drawing import draw_study
 from wavetank.studies.ensemble import Ensemble, ensemble_table, ensembles, write_ensembles
 from wavetank.studies.ensemble_drawing import draw_ensembles
@@ -117,7 +117,7 @@ class Study:
         Raises ``InputError`` if the folder cannot be made; ``RunError`` if interrupted, and, once the table is written,
         if no error could be measured.
         """
-        Place(self._out, overwrite=True).folder()
+        OutputPath(self._out, overwrite=True).folder()
         for one in self._refused:
             self._console.print(f"{one.name}: refused: {one.cause}", markup=False, highlight=False)
         outcomes = self._run(self._all, "runs")

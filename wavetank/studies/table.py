@@ -14,7 +14,7 @@ from rich.table import Table
 
 from wavetank.case import Scene
 from wavetank.errors import RecordError
-from wavetank.output.whole import replace
+from wavetank.output.files import write_atomically
 from wavetank.studies.measures import Errors
 from wavetank.studies.responses import Responses
 from wavetank.studies.runs import Outcome
@@ -127,7 +127,7 @@ def write_table(path: Path, rows: Sequence[Row], axes: Sequence[Axis]) -> None:
         figures = [_number(row.figures.get(name)) for name in (*names, *COSTS)]
         writer.writerow([*settings, row.mark, *figures, row.outcome.status, row.outcome.cause, "; ".join(row.warnings)])
     try:
-        replace(path, text.getvalue().encode())
+        write_atomically(path, text.getvalue().encode())
     except OSError as error:
         raise RecordError(f"{path}: cannot be written ({error.strerror}).") from None
 

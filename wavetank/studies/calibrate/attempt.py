@@ -7,7 +7,7 @@ from typing import Any
 from wavetank.case import Gauge, Scene
 from wavetank.case.paddle import MadeWaves
 from wavetank.case.reading import read_case
-from wavetank.output.whole import replace
+from wavetank.output.files import write_atomically
 from wavetank.studies.calibrate.aim import NEAR, Aim, Setting
 from wavetank.studies.calibrate.waves import scale, table
 from wavetank.studies.sweep import Combination
@@ -76,7 +76,7 @@ class Attempt:
 
     def __init__(self, number: int, scene: Scene, aim: Aim, setting: Setting, *, phases: Sequence[float], folder: Path):
         for name, content in files_of(number, scene, aim, setting).items():
-            replace(folder / name, content)
+            write_atomically(folder / name, content)
         self.case = folder / f"attempt-{number}.toml"
         self.runs: Sequence[Combination] = [self._run(f"{number}", phase) for phase in phases]
 

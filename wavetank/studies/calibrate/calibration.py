@@ -14,7 +14,7 @@ from rich.console import Console
 from wavetank.case.reading import located, read_case
 from wavetank.errors import InputError, RunError
 from wavetank.output.directory import PADDLE, RunDirectory
-from wavetank.output.whole import replace
+from wavetank.output.files import write_atomically
 from wavetank.studies.calibrate.aim import NOTHING, Setting, Tried
 from wavetank.studies.calibrate.aims import aim_of
 from wavetank.studies.calibrate.attempt import Attempt, files_of, with_waves
@@ -190,8 +190,8 @@ class Calibration:
 
     def _leave(self, tried: Tried) -> None:
         """Write a case that runs as one was tried, its waves, and the paddle's motion."""
-        replace(self._out / WAVES, table(self._aim.waves(tried.setting)).encode())
-        replace(self._out / CASE, toml(with_waves(self._scene, self._aim, WAVES, recorded=False)).encode())
+        write_atomically(self._out / WAVES, table(self._aim.waves(tried.setting)).encode())
+        write_atomically(self._out / CASE, toml(with_waves(self._scene, self._aim, WAVES, recorded=False)).encode())
         shutil.copyfile(tried.run / PADDLE, self._out / PADDLE)
 
     def _give_up(self, why: str) -> NoReturn:

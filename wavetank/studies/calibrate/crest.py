@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 
 from wavetank.case.output import CrestTarget
 from wavetank.output.directory import RunDirectory
-from wavetank.output.surface import Surface
+from wavetank.output.fields import Surface
 from wavetank.studies.calibrate.aim import Aim, Crest, Elevation, Found, Setting, Tried, at
 from wavetank.studies.calibrate.waves import Scale, moved, scale
 from wavetank.waves.plane_waves import PlaneWaves

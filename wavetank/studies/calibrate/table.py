@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from wavetank.errors import RecordError
-from wavetank.output.whole import replace
+from wavetank.output.files import write_atomically
 from wavetank.studies.calibrate.aim import Tried
 
 COLUMNS = (
@@ -48,6 +48,6 @@ def write_table(path: Path, tried: Sequence[Tried]) -> None:
         shown = [f"{value:.6g}" if np.isfinite(value) else "" for value in values]
         writer.writerow([one.number, one.runs, one.numerics, *shown, one.broke, f"{one.cpu:.3g}", one.cause])
     try:
-        replace(path, text.getvalue().encode())
+        write_atomically(path, text.getvalue().encode())
     except OSError as error:
         raise RecordError(f"{path}: cannot be written ({error.strerror}).") from None

@@ -1,25 +1,30 @@
-"""Files that grow while a run goes on: what is appended goes to the operating system at once, so a kill loses none."""
+"""CSV tables of a run directory, to which rows are appended, and the names of their columns.
+
+Appended bytes are passed to the operating system at once, so that a killed run loses none.
+"""
 
 import csv
 import errno
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from io import StringIO
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wavetank.arrays import Vector
 from wavetank.errors import RecordError, RunError
-from wavetank.output.whole import open_regular, replacing
+from wavetank.output.files import atomic_file, open_regular
 from wavetank.stateful import Held
 
 
-def table(columns: Mapping[str, NDArray[np.float64]]) -> bytes:
+def csv_table(columns: Mapping[str, NDArray[np.float64]]) -> bytes:
     """Return a whole CSV table of columns by their names."""
     return _csv_line(columns) + csv_lines(np.array([*columns.values()], dtype=np.float64).T)
 
@@ -49,16 +54,18 @@ def _identity(file: os.stat_result) -> tuple[int, int]:
     return file.st_dev, file.st_ino
 
 
-def lacks(path: Path, held: Held) -> bool:
+def is_truncated(path: Path, held: Held) -> bool:
     """Return whether less is there of a file, or of its index, than was held; raises ``OSError``."""
     if not path.exists():
         return True
     if "rows" in held:
-        return _end(path, held["rows"]) is None
-    return path.stat().st_size < held["size"] or ("index" in held and lacks(path.with_suffix(INDEX), held["index"]))
+        return _end_of_rows(path, held["rows"]) is None
+    if path.stat().st_size < held["size"]:
+        return True
+    return "index" in held and is_truncated(path.with_suffix(INDEX), held["index"])
 
 
-def changed(path: Path, held: Held) -> bool:
+def is_modified(path: Path, held: Held) -> bool:
     """Return whether the rows that were held of a table differ from those that are there; raises ``OSError``.
 
     False for other files, and for a table whose rows were held without a checksum.
@@ -82,7 +89,7 @@ def _checksum(path: Path, rows: int, columns: Sequence[str]) -> int | None:
     return checksum
 
 
-def _end(path: Path, rows: int) -> int | None:
+def _end_of_rows(path: Path, rows: int) -> int | None:
     """Return where the rows of a table end that follow its header [bytes]; None where there are fewer."""
     size = count = 0
     with open_regular(path) as file:
@@ -92,7 +99,7 @@ def _end(path: Path, rows: int) -> int | None:
     return size if count == 1 + rows else None
 
 
-def as_many_as_fit(append: Callable[[Any], None], parts: Any) -> None:
+def append_until_failure(append: Callable[[Any], None], parts: Any) -> None:
     """Append the parts of a sequence or an array together, or, where that fails, one by one up to that which does.
 
     What is appended together is there as a whole or not at all. Raises the ``RecordError`` that was met.
@@ -105,7 +112,7 @@ def as_many_as_fit(append: Callable[[Any], None], parts: Any) -> None:
         raise
 
 
-class GrowingFile:
+class AppendFile:
     """A file that grows by rows of finite numbers, the first of which is the time [s]."""
 
     def __init__(self, path: Path):
@@ -178,7 +185,7 @@ class GrowingFile:
             self._file.close()
 
 
-class TableWriter(GrowingFile):
+class TableWriter(AppendFile):
     """A CSV table that grows by rows of finite numbers, with as many digits as reading them back exactly needs.
 
     One that goes on may have more columns than it had: they are empty in its earlier rows.
@@ -212,7 +219,7 @@ class TableWriter(GrowingFile):
                 return
             told = {name.replace(",", ";"): name for name in self._columns}  # places were told with commas once
             header = [told.get(name.replace(",", ";"), name) for name in header]
-            with replacing(self._path) as wider:
+            with atomic_file(self._path) as wider:
                 wider.write(_csv_line(self._columns))
                 for row in rows:
                     cells = dict(zip(header, row, strict=True))
@@ -225,7 +232,7 @@ class TableWriter(GrowingFile):
 
     def take(self, held: Held) -> None:
         """Go on after these, once it is opened."""
-        self._rows, self._kept = held["rows"], _end(self._path, held["rows"]) or 0
+        self._rows, self._kept = held["rows"], _end_of_rows(self._path, held["rows"]) or 0
 
     def append(self, row: Sequence[float | None]) -> None:
         """Append one row; see ``extend``."""
@@ -242,7 +249,7 @@ class TableWriter(GrowingFile):
                 raise ValueError(f"{self._path.name}: {length} values received; it has {len(self._columns)} columns.")
         values = np.asarray(rows, dtype=np.float64)  # nan at None
         if np.isfinite(values).all():
-            return as_many_as_fit(self._write_rows, values)
+            return append_until_failure(self._write_rows, values)
         for row in rows:
             given = [None if value is None else float(value) for value in row]
             self._check(np.array([value for value in given if value is not None]))
@@ -252,3 +259,138 @@ class TableWriter(GrowingFile):
         lines = csv_lines(rows)
         self.write(lines)
         self._rows, self._checksum = self._rows + len(rows), crc32(lines, self._checksum)
+
+
+@dataclass(frozen=True)
+class GaugeSeries:
+    """Elevation at one gauge.
+
+    Attributes
+    ----------
+    name
+        What the gauge is called, e.g. ``"5"``.
+    x
+        Distance from the paddle's rest position [m].
+    t
+        Times [s], ascending, shape (N,).
+    eta
+        Elevation above still water [m], shape (N,).
+    source
+        Where the record comes from, for legends: ``"measured"``, ``"computed"``, ``"Gagarina et al. 2014"``.
+    y
+        Distance across the tank [m].
+    """
+
+    name: str
+    x: float
+    t: NDArray[np.float64]
+    eta: NDArray[np.float64]
+    source: str
+    y: float = 0.0
+
+
+def gauge_column(name: str, x: float, y: float = 0.0) -> str:
+    """Return how the header of the gauges' table names one."""
+    return position_label(name, {"x": x, "y": y} if y else {"x": x})
+
+
+def parse_gauge_column(column: str) -> tuple[str, float, float]:
+    """Return name, x and y [m] of a gauge from its column; raises ``ValueError`` if it tells none."""
+    name, at = parse_position_label(column)
+    return name, at["x"], at.get("y", 0.0)
+
+
+def position_label(name: str, place: Mapping[str, float]) -> str:
+    """Return a name with its place [m], axis by axis from x on, as ``5@x=50;y=2``: without a table's comma."""
+    return f"{name}@" + ";".join(f"{axis}={np.format_float_positional(at, trim='-')}" for axis, at in place.items())
+
+
+def parse_position_label(told: str) -> tuple[str, dict[str, float]]:
+    """Return name and place [m] by axis of what ``named_place`` tells, or told once, with commas.
+
+    Raises ``ValueError`` for anything else.
+    """
+    name, found, place = told.rpartition("@x=")
+    if not found:
+        raise ValueError(f"{told!r} tells no place")
+    axes = (part.partition("=") for part in f"x={place}".replace(",", ";").split(";"))
+    return name, {axis: float(at) for axis, _, at in axes}
+
+
+FORCES = ("force_x", "force_y", "force_z")
+MOMENTS = ("moment_x", "moment_y", "moment_z")
+
+
+def load_units(dimensions: int) -> dict[str, str]:
+    """Return the units of each quantity of a wall by its name; in a tank of one horizontal dimension per width."""
+    if dimensions == 2:
+        return dict.fromkeys(FORCES, "N") | dict.fromkeys(MOMENTS, "N m")
+    return {"force_x": "N/m", "force_z": "N/m", "moment_y": "N m/m"}
+
+
+def load_columns(names: Sequence[str], dimensions: int) -> list[str]:
+    """Return the table's columns: all quantities of the first wall, such as ``force_x paddle [N/m]``, ..."""
+    return ["t [s]", *(f"{one} {name} [{unit}]" for name in names for one, unit in load_units(dimensions).items())]
+
+
+def parse_load_column(column: str) -> tuple[str, str, str]:
+    """Return quantity, wall and units of a column."""
+    told, _, units = column.removesuffix("]").rpartition(" [")
+    quantity, _, name = told.partition(" ")
+    return quantity, name, units
+
+
+PUSH = {1: ("force [N/m]", "power [W/m]"), 2: ("force [N]", "power [W]")}  # of a tank of one or two dimensions
+RATES = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}  # a motion's methods, with their units
+
+
+def paddle_columns(places: Vector | None) -> list[str]:
+    """Return the table's columns, of a paddle in segments for each place y along it [m]."""
+    at = [""] if places is None else [f"@y={y:.6g}" for y in places]
+    return ["t [s]", *(f"{name}{place} [{unit}]" for name, unit in RATES.items() for place in at)]
+
+
+VECTORS = {  # with their units and what they are
+    "velocity": ("m/s", "velocity of the water"),
+    "local_acceleration": ("m/s^2", "rate of change of the velocity at the point"),
+    "acceleration": ("m/s^2", "acceleration of the water that passes the point"),
+}
+PRESSURE = ("Pa", "pressure above that of the air, still water's included")
+
+
+class Point(NamedTuple):
+    """A probe: its name and place [m]."""
+
+    name: str
+    x: float
+    y: float
+    z: float
+
+
+def probe_quantities(dimensions: int) -> dict[str, tuple[str, str]]:
+    """Return units and meaning of each quantity of a point by its name; vectors by their components.
+
+    There is no component along y in a tank of one horizontal dimension.
+    """
+    axes = "xyz" if dimensions == 2 else "xz"
+    each = ((axis, name, units, told) for name, (units, told) in VECTORS.items() for axis in axes)
+    vectors = {f"{name}_{axis}": (units, f"{told}, along {axis}") for axis, name, units, told in each}
+    return vectors | {"pressure": PRESSURE}
+
+
+def probe_columns(points: Sequence[tuple[str, float, float, float]], dimensions: int) -> list[str]:
+    """Return the table's columns: all quantities of the first point, such as ``velocity_x A@x=2;z=-0.1 [m/s]``, ..."""
+    told = probe_quantities(dimensions)
+    return ["t [s]", *(f"{name} {_probe_label(Point(*point))} [{told[name][0]}]" for point in points for name in told)]
+
+
+def _probe_label(point: Point) -> str:
+    place = {"x": point.x, "y": point.y, "z": point.z}
+    return position_label(point.name, {axis: at for axis, at in place.items() if at or axis != "y"})
+
+
+def parse_probe_column(column: str) -> tuple[str, Point]:
+    """Return quantity and point of a column; raises ``ValueError`` if it tells none."""
+    quantity, _, rest = column.rpartition(" [")[0].partition(" ")
+    name, place = parse_position_label(rest)
+    return quantity, Point(name, place["x"], place.get("y", 0.0), place["z"])

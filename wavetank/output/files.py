@@ -1,0 +1,352 @@
+"""Files of a run directory: regular files, atomic writes, the lock, the path of a new directory, and the log.
+
+The lock is the system's (flock) on the file ``.lock``, whose content names the process that holds it. On a file system
+without such locks that process is looked up: on this host by its number and start time, which no later process shares.
+"""
+
+import errno
+import fcntl
+import json
+import os
+import socket
+import stat
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+from typing import IO, Any, BinaryIO, NamedTuple, TextIO
+
+from rich.console import Console
+
+from wavetank.errors import InputError, printable
+
+FIELDS = "fields"  # the folder of a run directory
+
+
+def open_regular(path: Path, mode: str = "rb", **options: Any) -> Any:
+    """Return a file, opened as by ``open``; raise ``OSError`` for a link, a pipe or a device.
+
+    And for one with several names where it is to be written: a hard link may be a file of another folder.
+    """
+    return open(path, mode, opener=open_descriptor, **options)
+
+
+def open_descriptor(path: str | Path, flags: int) -> int:
+    """Return the descriptor of a regular file; raises as ``open_regular``, and before anything is truncated."""
+    try:
+        number = os.open(path, flags & ~os.O_TRUNC | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
+    except OSError as error:
+        if error.errno in (errno.ELOOP, errno.ENXIO):  # a link, a pipe without a reader
+            raise OSError(error.errno, "a symbolic link" if error.errno == errno.ELOOP else "a pipe", path) from None
+        raise
+    try:
+        state, writes = os.fstat(number), flags & (os.O_WRONLY | os.O_RDWR)
+        if stat.S_ISDIR(state.st_mode):
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), path)
+        if not stat.S_ISREG(state.st_mode):
+            raise OSError(errno.EINVAL, "not a regular file", path)
+        if writes and state.st_nlink > 1:
+            raise OSError(errno.EMLINK, "a hard link: the file has another name, too", path)
+        if flags & os.O_TRUNC:
+            os.ftruncate(number, 0)
+        return number
+    except OSError:
+        os.close(number)
+        raise
+
+
+def check_entries(run: Path, *, written: bool = False) -> None:
+    """Raise ``InputError`` for a link, pipe or device in a run directory or in its folder of fields.
+
+    And for a file with several names in one that is to be ``written``.
+    """
+    for folder in (run, run / FIELDS):
+        with suppress(FileNotFoundError, NotADirectoryError), os.scandir(folder) as entries:
+            for one in entries:
+                if not (one.is_file(follow_symlinks=False) or one.is_dir(follow_symlinks=False)):
+                    kind = "a symbolic link" if one.is_symlink() else "a pipe or device"
+                    raise InputError(f"{one.path}: is {kind}; a run directory must contain files and folders only.")
+                if written and one.is_file() and one.stat().st_nlink > 1:
+                    raise InputError(f"{one.path}: is a hard link; a file that is written must have one name.")
+
+
+def write_atomically(path: Path, *content: bytes | memoryview, lasting: bool = False) -> None:
+    """Write a file in one step: a reader, or a kill, meets the old one or the new one, never half of it.
+
+    A ``lasting`` one outlives a power cut, too. Raises ``OSError``.
+    """
+    with atomic_file(path, lasting=lasting) as file:
+        file.writelines(content)
+
+
+@contextmanager
+def atomic_file(path: Path, *, lasting: bool = False) -> Iterator[BinaryIO]:
+    """Yield a temporary file that replaces the file at ``path`` at the end of the block, and is deleted on any error.
+
+    The block may also write the temporary file by its ``name``. Arguments and errors as of ``replace``.
+    """
+    temporary = temporary_path(path)
+    try:
+        temporary.unlink(missing_ok=True)
+        with temporary.open("xb") as file:
+            yield file
+            if lasting:
+                file.flush()
+                os.fsync(file.fileno())
+        os.replace(temporary, path)
+        if lasting:
+            flush_to_disk(path.parent)
+    except BaseException:
+        with suppress(OSError):
+            temporary.unlink()
+        raise
+
+
+def temporary_path(path: Path) -> Path:
+    """Return where a file is written until it replaces the one at ``path``."""
+    return path.with_name(f".{path.name}")
+
+
+def flush_to_disk(path: Path) -> None:
+    """See to it that a file, or the names in a folder, outlive a power cut, where the file system can."""
+    with suppress(OSError):
+        number = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(number)
+        finally:
+            os.close(number)
+
+
+LOCK = ".lock"
+ASKING, PAUSE = 0.5, 0.05  # s: a reader that asks who holds the lock has it for a moment
+
+
+class Holder(NamedTuple):
+    """A process: its host, its number there, and when it began, in the system's own count."""
+
+    host: str
+    pid: int
+    began: str
+
+    @property
+    def gone(self) -> bool | None:
+        """Whether it is no more; None of another host, where that is not known."""
+        return None if self.host != socket.gethostname() else not _start_time(self.pid) == self.began != ""
+
+
+class RunLock:
+    """Held from its making to ``release``, or to the end of the process.
+
+    Raises ``InputError`` if another process holds the directory's lock, ``OSError`` if the file cannot be written.
+    """
+
+    def __init__(self, directory: Path):
+        self._directory, self._path = directory, directory / LOCK
+        self._file = self._locked()
+        me = Holder(socket.gethostname(), os.getpid(), _start_time(os.getpid()))
+        self._said = json.dumps(me._asdict()).encode()
+        self.reserve(0)
+
+    def reserve(self, size: int) -> None:
+        """Keep ``size`` bytes of the disk, or give back what was kept: then there is room for a last word.
+
+        Raises ``OSError`` where there are not so many; what was kept stays.
+        """
+        number, content = self._file.fileno(), self._said + b" " * size
+        if os.pwrite(number, content, 0) < len(content):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        os.ftruncate(number, len(content))
+
+    @property
+    def holds(self) -> bool:
+        """Whether the directory is still the one it was made for: that may have been removed, and be another's now."""
+        return not self._file.closed and _has_path(self._file, self._path)
+
+    def release(self) -> None:
+        """Give the lock back; once is enough."""
+        if self.holds:
+            with suppress(OSError):
+                self._path.unlink()
+        with suppress(OSError):
+            self._file.close()
+
+    def _locked(self) -> IO[bytes]:
+        """Return the file, locked."""
+        give_up = time.monotonic() + ASKING
+        while True:
+            file = os.fdopen(open_descriptor(self._path, os.O_RDWR | os.O_CREAT), "r+b")  # another's stays as it is
+            if _try_lock(file, fcntl.LOCK_EX) and _has_path(file, self._path):
+                return file
+            holder = _holder(file)
+            file.close()
+            if time.monotonic() > give_up:
+                who = f"process {holder.pid} on {holder.host}" if holder else "another process"
+                how = f" (if that is no more, delete {self._path})" if holder and not _here(holder) else ""
+                raise InputError(f"{self._directory}: a run is being written there by {who}; give another{how}.")
+            time.sleep(PAUSE)
+
+
+def is_locked(directory: Path) -> bool:
+    """Return whether a process that is known to be still writes a run there."""
+    try:
+        with open_regular(directory / LOCK) as file:
+            return _try_lock(file, fcntl.LOCK_SH) is False
+    except OSError:
+        return False
+
+
+def _try_lock(file: IO[bytes], kind: int) -> bool | None:
+    """Return whether the lock could be had; where there are no locks, whether its last holder is no more, if known."""
+    try:
+        fcntl.flock(file, kind | fcntl.LOCK_NB)
+        return True
+    except BlockingIOError:
+        return False
+    except OSError:
+        holder = _holder(file)
+        return True if holder is None else holder.gone
+
+
+def _holder(file: IO[bytes]) -> Holder | None:
+    try:
+        file.seek(0)
+        return Holder(**json.loads(file.read()))
+    except (ValueError, TypeError):
+        return None
+
+
+def _here(holder: Holder) -> bool:
+    return holder.host == socket.gethostname()
+
+
+def _has_path(file: IO[bytes], path: Path) -> bool:
+    """Return whether the file still has its name: who had the lock before may have deleted it."""
+    try:
+        return os.path.samestat(os.fstat(file.fileno()), path.stat())
+    except OSError:
+        return False
+
+
+def _start_time(pid: int) -> str:
+    """Return when a process of this host began, in the system's own count; nothing if it is no more."""
+    try:
+        state, *others = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+    except OSError:
+        return "" if Path("/proc/self").exists() else _exists(pid)
+    return "" if state in "ZX" else others[18]  # field 22 of proc(5), of which the state is field 3
+
+
+def _exists(pid: int) -> str:
+    """Return something if a process is, on systems that do not tell when it began."""
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return ""
+    except OSError:
+        pass  # it is another user's
+    return "is"
+
+
+@dataclass(frozen=True)
+class OutputPath:
+    """A folder to write to.
+
+    Attributes
+    ----------
+    path
+        The folder.
+    numbered
+        Whether path-2, path-3, ... will do where it is taken: a default of which nobody has asked for that very one.
+    overwrite
+        Whether what is there may be replaced.
+    """
+
+    path: Path
+    numbered: bool = False
+    overwrite: bool = False
+
+    @classmethod
+    def of(cls, out: Path | None, default: Path, *, overwrite: bool) -> "OutputPath":
+        """Return the place that is asked for, or a default, numbered unless it may be overwritten."""
+        return cls(out or default, numbered=out is None and not overwrite, overwrite=overwrite)
+
+    @property
+    def candidates(self) -> Iterator[Path]:
+        """The path, and where it may be numbered all that follow."""
+        yield self.path
+        if self.numbered:
+            yield from (self.path.with_name(f"{self.path.name}-{n}") for n in count(2))
+
+    def folder(self) -> Path:
+        """Return the folder, made if missing; raise ``InputError`` if it has files that must not be replaced."""
+        for path in self.candidates:
+            try:
+                path.mkdir(parents=True, exist_ok=True)
+                if self.overwrite or not any(path.iterdir()):
+                    return path
+            except OSError as error:
+                raise InputError(f"{path}: cannot be written ({error.strerror}).") from None
+        raise InputError(f"{self.path}: holds files already; give a new folder, or --overwrite.")
+
+
+def check_new(*files: Path, overwrite: bool) -> None:
+    """Raise ``InputError`` for a file that is there and must not be replaced."""
+    for file in files:
+        if file.exists() and not overwrite:
+            raise InputError(f"{file}: is there already; give another name, or --overwrite.")
+
+
+class RunLog:
+    """Lines for the console and, from its opening on, a file that has the earlier ones, too; on rank 0 alone.
+
+    A file that cannot be written loses its lines, and nothing else: the run's records tell of it.
+
+    Attributes
+    ----------
+    console
+        The console.
+    """
+
+    def __init__(self, console: Console):
+        self.console = console
+        self._lines: list[str] = []
+        self._file: TextIO | None = None
+
+    def open(self, path: Path, *, going_on: bool = False) -> None:
+        """Begin the file, or go on with what is in it, with the lines so far."""
+        with suppress(OSError):
+            self._file = open_regular(path, "a" if going_on else "w", encoding="utf-8")
+        self._write("".join(self._lines))
+
+    def say(self, line: str, *, style: str | None = None) -> None:
+        """Print a line, and keep it."""
+        self.console.print(line, style=style, markup=False, highlight=False)
+        self.note(line)
+
+    def note(self, line: str) -> None:
+        """Keep a line in the file alone."""
+        if self._file is None:
+            self._lines.append(f"{line}\n")
+        self._write(f"{line}\n")
+
+    def close(self) -> None:
+        """End the file."""
+        if self._file is not None:
+            with suppress(OSError):
+                self._file.close()
+
+    def _write(self, text: str) -> None:
+        if self._file is not None:
+            with suppress(OSError, ValueError):
+                self._file.write(printable(text))
+                self._file.flush()
+
+
+def summarise_warnings(warnings: Sequence[str]) -> str:
+    """Return how many warnings a run has, the worst first, and that one without its advice."""
+    if not warnings:
+        return "no warnings"
+    worst = warnings[0].rpartition(": ")[0] or warnings[0]
+    return f"a warning: {worst}" if len(warnings) == 1 else f"{len(warnings)} warnings, the worst: {worst}"
