@@ -35,13 +35,28 @@ def span(tank: AnyTank) -> tuple[float, float]:
     return low, low + tank.layout.width
 
 
-def _looked_at(scene: Surroundings) -> int:
-    """Return at how many places of the paddle its motion is summed up."""
-    places = scene.wall.places(scene.tank)
-    return PLACES if places is None else places.size
+class SegmentedMotion(Noun):
+    """A motion of a paddle's segments, by the waves at each."""
+
+    def waves(self, tank: AnyTank, maker: Wavemaker = PISTON) -> motions.Motion:
+        """Return the motion without its ramp; raises ``SceneError`` if a file it needs cannot be read."""
+        raise NotImplementedError
+
+    def ramp_in(self, tank: AnyTank) -> float:
+        """Return the length of the ramp [s], default resolved."""
+        raise NotImplementedError
+
+    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
+        """Return the ramped motion; raises ``SceneError`` if a file it needs cannot be read."""
+        return motions.ramped(self.waves(tank, maker), self.ramp_in(tank))
+
+    def terms_per_component(self, scene: Surroundings) -> int:
+        """Return the number of places of the paddle at which the motion is summed."""
+        places = scene.wall.places(scene.tank)
+        return PLACES if places is None else int(places.size)
 
 
-class ObliqueWaveMotion(Noun):
+class ObliqueWaveMotion(SegmentedMotion):
     """A regular wave that leaves the paddle at an angle; side walls reflect it."""
 
     reads_file: ClassVar[bool] = False
@@ -51,7 +66,7 @@ class ObliqueWaveMotion(Noun):
     angle: float = Field(gt=-90, lt=90, description="direction theta from the wall's normal [deg], positive towards y")
     ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two periods")
 
-    def wave(self, tank: AnyTank, maker: Wavemaker = PISTON) -> motions.ObliqueWave:
+    def waves(self, tank: AnyTank, maker: Wavemaker = PISTON) -> motions.ObliqueWave:
         """Return the motion without its ramp."""
         return motions.ObliqueWave(
             amplitude=self.wave_amplitude,
@@ -62,17 +77,17 @@ class ObliqueWaveMotion(Noun):
             maker=maker,
         )
 
-    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
-        """Return the ramped motion."""
-        return motions.ramped(self.wave(tank, maker), 2 * self.period if self.ramp is None else self.ramp)
+    def ramp_in(self, tank: AnyTank) -> float:
+        """Return the length of the ramp [s], default resolved."""
+        return 2 * self.period if self.ramp is None else self.ramp
 
     def widest_segment(self, tank: AnyTank) -> float:
         """Return the width [m] beyond which segments make spurious waves."""
-        wave = self.wave(tank)
+        wave = self.waves(tank)
         return widest_segment(wave.k, wave.angle)
 
 
-class _FanOfWaves(FocusingWaves):
+class _FanOfWaves(FocusingWaves, SegmentedMotion):
     """Waves from many directions that meet, by linear theory, in one crest at (focus_x, focus_y, focus_time)."""
 
     focus_y: Coordinate = Field(default=0.0, description="where the crests meet, across the tank [m]")
@@ -81,6 +96,14 @@ class _FanOfWaves(FocusingWaves):
     spreading: float = Field(
         default=0.0, ge=0, le=1000, description="exponent s of the directions' shares cos^2s(theta/2); 0: all alike"
     )
+
+    def waves(self, tank: AnyTank, maker: Wavemaker = PISTON) -> motions.DirectionalFocus | motions.ReflectedFocus:
+        """Return the motion without its ramp."""
+        return self.focus(tank, maker)
+
+    def earliest_focus(self, tank: AnyTank) -> float:
+        """Return the earliest focus time [s] that the ramp allows."""
+        return self.waves(tank).earliest_focus(self.ramp_in(tank))
 
     def focus(self, tank: AnyTank, maker: Wavemaker = PISTON) -> motions.DirectionalFocus:
         """Return the focus as in a sea without side walls, without its ramp."""
@@ -92,14 +115,10 @@ class _FanOfWaves(FocusingWaves):
         focus = self.focus(tank)
         return widest_segment(float(focus.group.k[-1]), float(focus.fan.angles[-1]))
 
-    def _places(self, scene: Surroundings) -> int:
-        """Return at how many places of the paddle its motion is summed up."""
-        return _looked_at(scene)
-
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield as any focusing waves, a focus beside the paddle, and too many waves to sum up."""
         low, high = span(scene.tank)
-        waves = self.components * self.directions * self._places(scene)
+        waves = self.components * self.directions * self.terms_per_component(scene)
         if waves > TERMS:
             allowed = f"must be fewer: with the directions, at all places of the paddle, there are {waves:.2g}"
             yield Problem(
@@ -115,14 +134,6 @@ class DirectionalFocusMotion(_FanOfWaves):
     """The paddle sends each wave straight to the focus, as in a sea without side walls."""
 
     type: Literal["directional-focus"] = "directional-focus"
-
-    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
-        """Return the ramped motion."""
-        return motions.ramped(self.focus(tank, maker), self.ramp_in(tank))
-
-    def earliest_focus(self, tank: AnyTank) -> float:
-        """Return the earliest focus time [s] that the ramp allows; oblique waves have the longest way."""
-        return self.focus(tank).earliest_focus(self.ramp_in(tank))
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield as any focusing waves, and directions that miss the paddle."""
@@ -143,27 +154,19 @@ class ReflectedFocusMotion(_FanOfWaves):
 
     type: Literal["reflected-focus"] = "reflected-focus"
 
-    def _places(self, scene: Surroundings) -> int:
+    def terms_per_component(self, scene: Surroundings) -> int:
         """Return at how many places, or in how many of the basin's own waves, its motion is summed up."""
         low, high = span(scene.tank)
         modes = (high - low) / np.pi * float(self.group(scene.tank).k[-1])
-        return max(super()._places(scene), int(min(modes, TERMS)))
+        return max(super().terms_per_component(scene), int(min(modes, TERMS)))
 
     def waves(self, tank: AnyTank, maker: Wavemaker = PISTON) -> motions.ReflectedFocus:
         """Return the motion without its ramp."""
         low, high = span(tank)
         return motions.ReflectedFocus(focus=self.focus(tank, maker), low=low, high=high)
 
-    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
-        """Return the ramped motion."""
-        return motions.ramped(self.waves(tank, maker), self.ramp_in(tank))
 
-    def earliest_focus(self, tank: AnyTank) -> float:
-        """Return the earliest focus time [s] that the ramp allows; waves across the basin are the slowest."""
-        return self.waves(tank).earliest_focus(self.ramp_in(tank))
-
-
-class DirectionalIrregularMotion(SpectralWaves):
+class DirectionalIrregularMotion(SpectralWaves, SegmentedMotion):
     """An irregular sea of many directions, the same of a seed on any machine; side walls reflect it."""
 
     highest_of_peak: ClassVar[float] = 3.0
@@ -199,10 +202,6 @@ class DirectionalIrregularMotion(SpectralWaves):
             return np.asarray(np.cos(angle / 2.0) ** (2.0 * self.spreading))
         return np.asarray(np.exp(-0.5 * (np.degrees(angle) / self.deviation) ** 2))
 
-    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
-        """Return the ramped motion."""
-        return motions.ramped(self.waves(tank, maker), self.ramp_in(tank))
-
     def widest_segment(self, tank: AnyTank) -> float:
         """Return the width [m] beyond which segments make spurious waves: the shortest and most oblique are first."""
         k = airy.wave_number(2.0 * np.pi * self.band(tank)[1], tank.depth, tank.gravity)
@@ -210,7 +209,7 @@ class DirectionalIrregularMotion(SpectralWaves):
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield as any waves of a spectrum, and too many to sum up."""
-        terms = self.components * _looked_at(scene)
+        terms = self.components * self.terms_per_component(scene)
         if terms > TERMS:
             allowed = f"must be fewer: at all places of the paddle they are {terms:.2g}, {TERMS:.2g} allowed"
             yield Problem((*MOTION_KEY, "components"), self.components, allowed)
@@ -218,7 +217,7 @@ class DirectionalIrregularMotion(SpectralWaves):
         yield from super().problems(scene)
 
 
-class _SentWaves(Noun):
+class _SentWaves(SegmentedMotion):
     """Plane waves of a file, each in its own direction; side walls reflect them."""
 
     y: Coordinate = Field(default=0.0, description="where they are told, across the tank [m]")
@@ -227,13 +226,9 @@ class _SentWaves(Noun):
         """Return the waves, by linear theory."""
         raise NotImplementedError
 
-    def ramp_in(self, tank: AnyTank) -> float:
-        """Return the length of the ramp [s], default resolved."""
-        raise NotImplementedError
-
-    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
-        """Return the ramped motion; raises ``SceneError`` if the file cannot be had or read."""
-        return motions.ramped(motions.DirectionalSea(self.plane_waves(tank), maker), self.ramp_in(tank))
+    def waves(self, tank: AnyTank, maker: Wavemaker = PISTON) -> motions.DirectionalSea:
+        """Return the motion without its ramp; raises ``SceneError`` if the file cannot be had or read."""
+        return motions.DirectionalSea(self.plane_waves(tank), maker)
 
     def widest_segment(self, tank: AnyTank) -> float:
         """Return the width [m] beyond which segments make spurious waves, of all but a thousandth of the energy."""
@@ -246,7 +241,7 @@ class _SentWaves(Noun):
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield too many waves to sum up."""
-        terms = self.plane_waves(scene.tank).omega.size * _looked_at(scene)
+        terms = self.plane_waves(scene.tank).omega.size * self.terms_per_component(scene)
         if terms > TERMS:
             allowed = f"must have fewer waves: at all places of the paddle they are {terms:.2g}, {TERMS:.2g} allowed"
             yield Problem((*MOTION_KEY, "file"), None, allowed)
@@ -276,11 +271,6 @@ class DirectionalSurfaceMotion(SurfaceFile, _SentWaves):
     def plane_waves(self, tank: AnyTank) -> PlaneWaves:
         """Return the waves, by linear theory."""
         return self.target(tank, self.y, float(np.radians(self.angle)))
-
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
-        """Yield what is wrong with the place and the times, and too many waves to sum up."""
-        found = list(super().problems(scene))
-        yield from found or _SentWaves.problems(self, scene)
 
     @property
     def way(self) -> float:

@@ -122,7 +122,7 @@ class MadeWaves(PaddleNoun):
             )
         return ""
 
-    def second_order_problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield waves for which second-order generation has no meaning."""
         if self.generation != "second-order":
             return
@@ -202,7 +202,7 @@ class RegularMotion(MadeWaves):
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a height that no wave reaches, and what second-order generation cannot do."""
         too_high = list(_too_high(("height",), self.height, self.frequency_in(scene.tank), scene.tank))
-        yield from too_high or self.second_order_problems(scene)
+        yield from too_high or super().problems(scene)
 
 
 class BichromaticMotion(MadeWaves):
@@ -244,7 +244,7 @@ class BichromaticMotion(MadeWaves):
         """Yield heights that no wave reaches, and what second-order generation cannot do."""
         both = zip(range(2), self.heights, self.pair, strict=True)
         too_high = [one for n, height, f in both for one in _too_high(("heights", n), height, f, scene.tank)]
-        yield from too_high or self.second_order_problems(scene)
+        yield from too_high or super().problems(scene)
 
 
 class IrregularMotion(SpectralWaves, MadeWaves):
@@ -275,10 +275,9 @@ class IrregularMotion(SpectralWaves, MadeWaves):
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield as any waves of a spectrum, a sea too high, and what second-order generation cannot do."""
-        found = list(super().problems(scene))
+        yield from super().problems(scene)
         peak = self.spectrum.build(scene.tank).peak_frequency
-        found += _too_high(("significant_height",), self.significant_height, peak, scene.tank)
-        yield from found or self.second_order_problems(scene)
+        yield from _too_high(("significant_height",), self.significant_height, peak, scene.tank)
 
 
 class FocusedMotion(FocusingWaves, MadeWaves):
@@ -289,11 +288,6 @@ class FocusedMotion(FocusingWaves, MadeWaves):
     def waves(self, tank: AnyTank, maker: Wavemaker) -> WaveMotion:
         """Return the motion by linear theory."""
         return self.group(tank, maker)
-
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
-        """Yield as any focusing waves, and what second-order generation cannot do."""
-        found = list(super().problems(scene))
-        yield from found or self.second_order_problems(scene)
 
 
 class ComponentsMotion(ComponentFile, MadeWaves):
@@ -311,7 +305,7 @@ class ComponentsMotion(ComponentFile, MadeWaves):
             allowed = "must have no direction, unless wall.type is of segments: all waves go along x"
             yield Problem((*MOTION_KEY, "columns"), None, allowed)
             return
-        yield from self.second_order_problems(scene)
+        yield from super().problems(scene)
 
 
 class SurfaceMotion(SurfaceFile, MadeWaves):
@@ -326,11 +320,6 @@ class SurfaceMotion(SurfaceFile, MadeWaves):
     def _linear_reason(self, tank: AnyTank, maker: Wavemaker) -> str:
         """Return that a recorded elevation is not of first order."""
         return "the record of a surface has its bound waves already"
-
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
-        """Yield a place outside the tank, waves that come too late, and what second-order generation cannot do."""
-        found = list(super().problems(scene))
-        yield from found or self.second_order_problems(scene)
 
 
 class SolitaryWaveMotion(PaddleNoun):

@@ -25,7 +25,6 @@ from wavetank.values.noun import FilePath, FormulaNoun, FormulaText, Noun, Probl
 from wavetank.values.python_file import load
 from wavetank.values.quantities import Coordinate, Density, Duration, Gravity, Length, Rate, metres
 from wavetank.waves.airy import group_velocity, wave_number
-from wavetank.waves.wavemaker import Wavemaker
 
 # ---------------------------------------------------------------- the bed
 T = TypeVar("T")
@@ -181,44 +180,25 @@ AnyTank = SliceTank | RingTank | BasinTank
 Tank = Annotated[AnyTank, Field(discriminator="type", description="the tank"), BeforeValidator(_slice_by_default)]
 
 
-# ---------------------------------------------------------------- what the parts of a scene may ask of it
-class Lasting(Protocol):
-    """What takes time."""
-
-    @property
-    def duration(self) -> float:
-        """How long it takes [s]."""
-
-
-class Placed(Protocol):
-    """A wall."""
-
-    @property
-    def maker(self) -> Wavemaker:
-        """Its shape, by which it makes waves."""
-
-    def places(self, tank: AnyTank) -> Array | None:
-        """Return the places y along it at which it is looked at [m], shape (N,); None where all are alike."""
-
-
+# ---------------------------------------------------------------- what parts of a scene are validated with
 class Surroundings(Protocol):
-    """The scene, as its parts know it; nothing else of it may decide what they allow."""
+    """The attributes of a scene that its parts are validated with."""
 
     @property
     def tank(self) -> AnyTank:
         """The tank."""
 
     @property
-    def wall(self) -> Placed:
-        """The wall at x = 0, of whatever type."""
+    def wall(self) -> Any:
+        """The wall at x = 0, of any type."""
 
     @property
     def physics(self) -> str:
         """The type of the water, default resolved."""
 
     @property
-    def run(self) -> Lasting:
-        """How long is computed."""
+    def run(self) -> Any:
+        """The table ``run``, with its duration [s]."""
 
 
 # ---------------------------------------------------------------- sponges

@@ -187,7 +187,34 @@ class Limits(Noun):
                 yield Problem(("wall", "limits", name), limit, f"is too little: this motion needs {needed:.4g} {unit}")
 
 
-class MovingWall(Noun):
+class BaseWall(Noun):
+    """A wall at an end of the tank: by itself a vertical one at rest."""
+
+    moves: ClassVar[bool] = False
+
+    @property
+    def maker(self) -> Wavemaker:
+        """The mode shape f(z) of the wall's motion, by which it generates waves."""
+        return PISTON
+
+    def places(self, tank: AnyTank) -> Array | None:
+        """Return places y along the paddle [m], shape (N,), among which it goes farthest; None where all go as far."""
+        return None
+
+    def generation(self, tank: AnyTank, physics: str) -> str | None:
+        """Return the resolved ``generation`` of its waves; by itself, None."""
+        return None
+
+    def generation_reason(self, tank: AnyTank, physics: str) -> str:
+        """Return why its generation is linear by default in nonlinear water; empty where it is not."""
+        return ""
+
+    def doubts(self, tank: AnyTank) -> Iterator[str]:
+        """Yield what is doubtful of it before a run, a sentence each; by itself, nothing."""
+        yield from ()
+
+
+class MovingWall(BaseWall):
     """A wall that moves, vertical or of another shape."""
 
     if TYPE_CHECKING:
@@ -201,11 +228,6 @@ class MovingWall(Noun):
     )
 
     limits: Limits | None = Field(default=None, description="what the paddle's drive can do; default: all")
-
-    @property
-    def maker(self) -> Wavemaker:
-        """Its shape, by which it makes waves."""
-        return PISTON
 
     def shares(self, tank: AnyTank) -> Array:
         """Return how far it goes at heights from the bed up, over how far it goes where that is told, shape (N,)."""
@@ -236,22 +258,6 @@ class MovingWall(Noun):
     def reach_in(self, tank: AnyTank, room: float) -> float:
         """Return the reach [m], default resolved in the room [m] that there is."""
         return min(room, 10 * tank.depth) if self.reach is None else self.reach
-
-    def places(self, tank: AnyTank) -> Array | None:
-        """Return places y along the paddle [m], shape (N,), among which it goes farthest; None where all go as far."""
-        return None
-
-    def generation(self, tank: AnyTank, physics: str) -> str | None:
-        """Return the resolved ``generation`` of its waves; by itself, None."""
-        return None
-
-    def generation_reason(self, tank: AnyTank, physics: str) -> str:
-        """Return why its generation is linear by default in nonlinear water; empty where it is not."""
-        return ""
-
-    def doubts(self, tank: AnyTank) -> Iterator[str]:
-        """Yield what is doubtful of it before a run, a sentence each; by itself, nothing."""
-        yield from ()
 
     def reach_problems(self, tank: AnyTank, room: float, excursion: float) -> Iterator[Problem]:
         """Yield a paddle that goes farther from rest [m] in the run, or in a longer one, than its mapping reaches."""
@@ -385,11 +391,9 @@ class SegmentedFlapWall(HingedWall, SegmentedWall):
 
 
 # ---------------------------------------------------------------- fixed walls and paddles that move as a whole
-class FixedWall(Noun):
+class FixedWall(BaseWall):
     """A wall that stands still."""
 
-    moves: ClassVar[bool] = False
-    maker: ClassVar[Wavemaker] = PISTON  # one at rest
     type: Literal["fixed"] = "fixed"
 
     def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
@@ -399,20 +403,6 @@ class FixedWall(Noun):
     def reach_in(self, tank: AnyTank, room: float) -> float:
         """Return inf: there is no mapping to die out."""
         return np.inf
-
-    def generation(self, tank: AnyTank, physics: str) -> None:
-        """Return None: it makes no waves."""
-
-    def generation_reason(self, tank: AnyTank, physics: str) -> str:
-        """Return nothing."""
-        return ""
-
-    def places(self, tank: AnyTank) -> None:
-        """Return None: it is the same all along the wall."""
-
-    def doubts(self, tank: AnyTank) -> Iterator[str]:
-        """Yield nothing."""
-        yield from ()
 
 
 class PaddleWall(MovingWall):

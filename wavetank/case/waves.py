@@ -144,7 +144,8 @@ class SpectralWaves(Noun):
             allowed = "must be more: none of their frequencies is where the spectrum has its waves"
             yield Problem((*MOTION_KEY, "components"), self.components, allowed)
             return
-        yield from self.timing_problems(scene)
+        timing = list(self.timing_problems(scene))
+        yield from timing
         repetition = (self.components - 1) / (highest - lowest)
         if scene.run.duration > repetition:
             least = int(np.ceil(scene.run.duration * (highest - lowest))) + 1
@@ -156,6 +157,8 @@ class SpectralWaves(Noun):
                 return
             allowed = f"must be {least} or more: so few repeat the waves every {repetition:.4g} s, within the run"
             yield Problem((*MOTION_KEY, "components"), self.components, allowed)
+        elif not timing:
+            yield from super().problems(scene)
 
     def _outside(self, peak: float, lowest: float, highest: float) -> Problem:
         """Return what is wrong with a peak [Hz] that is none of the components."""
@@ -327,6 +330,8 @@ class SurfaceFile(WaveFile):
         elif scene.run.duration > (again := found.begin + 2.0 * found.length):
             allowed = f"must be at most {again:.4g} s, when the record's waves come again"
             yield Problem(("run", "duration"), scene.run.duration, allowed)
+        else:
+            yield from super().problems(scene)
 
     @property
     def way(self) -> float:
