@@ -187,17 +187,11 @@ def test_runs_of_a_study_are_executed_with_its_trust(coded, tmp_path, monkeypatc
     """The commands that a study gives to its processes, which trust nothing by themselves."""
     commands = list[list[str]]()
 
-    class Recorded:
-        serves = True
+    def start(words):
+        commands.append(words)
+        return subprocess.Popen([sys.executable, "-c", "exit(2)"], stderr=subprocess.PIPE, text=True)
 
-        def called(self, words):
-            commands.append(words)
-            return 2, "wavetank: refused."
-
-        def dismiss(self):
-            pass
-
-    monkeypatch.setattr("wavetank.studies.runs.Worker", Recorded)
+    monkeypatch.setattr("wavetank.studies.runs.start_command", start)
     monkeypatch.chdir(tmp_path)
     assert main(["study", str(coded / "case.toml"), "--sweep", "dt=0.05,0.02", "--trust"]) == 1
     assert len(commands) >= 2 and all("--trust" in words for words in commands)

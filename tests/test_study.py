@@ -7,10 +7,10 @@ import os
 import re
 import shlex
 import shutil
-import signal
+import subprocess
 import sys
 import time
-from itertools import product
+from itertools import cycle, product
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +34,7 @@ from wavetank.studies.drawing import draw_study, pareto_front
 from wavetank.studies.exact import exact_solution
 from wavetank.studies.measures import CREST, GAUGES, PHASE, SURFACE, ExactReference, RunReference
 from wavetank.studies.refinement import finest, refined, same_but_numerics
-from wavetank.studies.runs import Outcome, Runner, Worker, is_finished
+from wavetank.studies.runs import Outcome, Runner, is_finished, start_command
 from wavetank.studies.study import Study
 from wavetank.studies.sweep import SHORT_NAMES, Axis, combinations, marked_combination, parse_axes, parse_axis
 from wavetank.studies.table import Row, unfinished, write_table
@@ -530,40 +530,24 @@ def test_what_has_not_finished_goes_on_or_where_that_is_refused_or_vain_begins_a
     assert outcomes == [(one, Outcome("finished"))] and asked == ways
 
 
-def test_a_process_that_takes_commands_answers_each_and_one_that_dies_says_so():
-    worker = Worker()
-    for name in ("this.toml", "that.toml"):
-        code, said = worker.called(["run", name])
-        assert code == 2 and said.startswith(f"wavetank: {name}: cannot be read") and worker.serves
-    worker.terminate()
-    code, _ = worker.called(["run", "this.toml"])
-    assert code == -signal.SIGTERM and not worker.serves
-    worker.dismiss()
+def test_a_process_that_dies_ends_its_run_alone(tmp_path, monkeypatch):
+    """The second process is killed by a signal, the third ends with an error."""
+    scripts = cycle(["", "import os; os.kill(os.getpid(), 11)", "exit('it broke')"])
 
+    def start(words):
+        return subprocess.Popen([sys.executable, "-c", next(scripts)], stderr=subprocess.PIPE, text=True)
 
-def test_where_a_process_dies_its_run_alone_is_lost(tmp_path, monkeypatch):
-    made = []
-
-    class Mortal:
-        """Takes two commands, and dies of the second."""
-
-        def __init__(self):
-            self.serves = True
-            made.append(self)
-
-        def called(self, words):
-            self.serves = not hasattr(self, "tired")
-            self.tired = True
-            return (0, "") if self.serves else (-signal.SIGSEGV, "")
-
-        def dismiss(self):
-            pass
-
-    monkeypatch.setattr("wavetank.studies.runs.Worker", Mortal)
-    found = combinations(CASE, parse_axes(["dt=0.01,0.02,0.03,0.04,0.05"]), [])
+    monkeypatch.setattr("wavetank.studies.runs.start_command", start)
+    found = combinations(CASE, parse_axes(["dt=0.01,0.02,0.03,0.04"]), [])
     outcomes = [outcome for _, outcome in Runner(CASE, tmp_path, at_once=1).run(found)]
-    assert [one.status for one in outcomes] == ["finished", "failed", "finished", "failed", "finished"]
-    assert outcomes[1].cause == "ended with code -11" and len(made) == 3
+    assert [one.status for one in outcomes] == ["finished", "failed", "failed", "finished"]
+    assert [one.cause for one in outcomes] == ["", "ended with code -11", "it broke", ""]
+
+
+def test_a_command_that_is_refused_says_why_in_its_errors():
+    with start_command(["run", "this.toml"]) as process:
+        _, errors = process.communicate()
+    assert process.returncode == 2 and errors.startswith("wavetank: this.toml: cannot be read")
 
 
 def test_the_table_of_a_study_is_never_half_written(tmp_path, monkeypatch):

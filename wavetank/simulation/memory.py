@@ -22,12 +22,6 @@ def peak_memory() -> float:
     return float(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit)
 
 
-def forget_peak_memory() -> None:
-    """Let ``peak_memory`` tell from now on of what this process will hold, where the system can."""
-    with suppress(OSError):
-        Path("/proc/self/clear_refs").write_text("5", encoding="utf-8")
-
-
 def available_memory(comm: MPI.Comm) -> float:
     """Return the free memory of the hosts that all ranks can use in equal parts [bytes]; inf if unknown; collective."""
     host = comm.Split_type(MPI.COMM_TYPE_SHARED)

@@ -41,7 +41,7 @@ def study(
 ) -> None:
     """Run all combinations of some settings: error against cost.
 
-    Each is a run, taken by one of as many processes as there are cores. Where a key changes what is modelled, a
+    Each is a run in its own process, as many at a time as there are cores. Where a key changes what is modelled, a
     wave's height, say: highest crest and deepest trough over that key, or each --response; of seeds
     (wall.motion.seed=1..20) means, their confidence, and quantiles. What has finished is not run again, and
     no run of another scene is replaced. Keys are those of the case, or short: dt, dx, cells, n, p, order, integrator,

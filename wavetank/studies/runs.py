@@ -1,19 +1,14 @@
-"""Runs combinations, each by a ``wavetank run``, as many at a time as there are cores; resumable.
+"""Runs combinations, each by ``python -m wavetank run`` in its own process, several at a time; resumable."""
 
-As many processes take the commands, one after another; where one dies, its run has failed, and another takes the next.
-"""
-
-import json
+import ctypes
 import os
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from queue import Empty, SimpleQueue
-from tempfile import TemporaryFile
 from typing import NamedTuple
 
 from wavetank.case.reading import contents
@@ -26,6 +21,8 @@ from wavetank.studies.sweep import Combination
 from wavetank.values.python_file import is_trusting
 
 CAN_GO_ON = ("killed", "stopped", "failed", "unknown")  # what has broken down would do so again
+PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of Linux's prctl
+LIBC = ctypes.CDLL(None)
 
 
 class Outcome(NamedTuple):
@@ -84,7 +81,7 @@ class Runner:
         given = {"--no-plots": True, "--yes": yes, "--trust": is_trusting()}
         self._options = [name for name, there in given.items() if there]
         self._directories: dict[str, Path] = {}
-        self._idle, self._workers = SimpleQueue[Worker](), list[Worker]()
+        self._processes = set[subprocess.Popen[str]]()
 
     def directory(self, combination: Combination) -> Path:
         """Return where a combination is run: in a folder of its name, numbered where that holds another scene's run."""
@@ -103,7 +100,6 @@ class Runner:
         yield from ((one, Outcome("finished", again=False)) for one in finished)
         waiting = [one for one in combinations if one not in finished]
         with ExitStack() as at_the_end:
-            at_the_end.callback(self._dismiss)
             at_the_end.enter_context(_termination_as_interrupt())
             pool = at_the_end.enter_context(ThreadPoolExecutor(self._at_once))
             futures = {pool.submit(self._ended, one): one for one in waiting}
@@ -112,7 +108,8 @@ class Runner:
                     yield futures[future], future.result()
             except BaseException as error:
                 pool.shutdown(wait=False, cancel_futures=True)
-                self._terminate()
+                for process in tuple(self._processes):
+                    process.terminate()
                 if isinstance(error, KeyboardInterrupt):
                     raise RunError("interrupted; the same command goes on with the runs that are missing.") from None
                 raise
@@ -135,70 +132,29 @@ class Runner:
 
     def _called(self, arguments: Sequence[str]) -> Outcome:
         """Return how a ``wavetank run`` with these arguments has ended."""
-        worker = self._worker()
-        code, errors = worker.called(["run", str(self._case), *self._options, *arguments])
-        if worker.serves:
-            self._idle.put(worker)
-        return _outcome(code, errors)
-
-    def _worker(self) -> "Worker":
-        """Return one that has nothing to do."""
-        with suppress(Empty):
-            return self._idle.get_nowait()
-        self._workers.append(Worker())
-        return self._workers[-1]
-
-    def _terminate(self) -> None:
-        for worker in self._workers:
-            worker.terminate()
-
-    def _dismiss(self) -> None:
-        """Let the workers go, which have nothing to do any more."""
-        for worker in self._workers:
-            worker.dismiss()
-        self._idle, self._workers = SimpleQueue(), []
+        with start_command(["run", str(self._case), *self._options, *arguments]) as process:
+            self._processes.add(process)
+            _, errors = process.communicate()
+            self._processes.discard(process)
+        return _outcome(process.returncode, errors)
 
 
-class Worker:
-    """A process that takes commands of ``wavetank`` one after another."""
+def start_command(words: Sequence[str]) -> subprocess.Popen[str]:
+    """Return a new process of a command of ``wavetank``; on Linux it gets SIGTERM when this process dies."""
+    return subprocess.Popen(
+        [sys.executable, "-P", "-m", "wavetank", *words],  # no module of the current directory
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        errors="replace",
+        env={**os.environ, "OMP_NUM_THREADS": "1"},  # without what MPI has set for this process alone
+        preexec_fn=_end_with_parent if sys.platform == "linux" else None,
+    )
 
-    def __init__(self) -> None:
-        self._errors = TemporaryFile()  # noqa: SIM115 (as long as the process)
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "wavetank.worker"],  # no module of the current directory
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self._errors,
-            text=True,
-            env={**os.environ, "OMP_NUM_THREADS": "1"},  # without what MPI has set for this process alone
-        )
 
-    def called(self, words: Sequence[str]) -> tuple[int, str]:
-        """Return the exit code of a command, and what it has written of errors; of a process that dies, its own."""
-        asked, answers = self._process.stdin, self._process.stdout
-        assert asked is not None and answers is not None
-        with suppress(BrokenPipeError):
-            print(json.dumps(list(words)), file=asked, flush=True)
-        if line := answers.readline():
-            code, said = json.loads(line)
-            return code, said
-        code = self._process.wait()
-        self._errors.seek(0)
-        return code or 1, self._errors.read().decode(errors="replace")
-
-    @property
-    def serves(self) -> bool:
-        """Whether it can take another command."""
-        return self._process.poll() is None
-
-    def terminate(self) -> None:
-        """End the run that it is at between two steps."""
-        self._process.terminate()
-
-    def dismiss(self) -> None:
-        """Let it go."""
-        self._process.communicate()
-        self._errors.close()
+def _end_with_parent() -> None:
+    LIBC.prctl(PARENT_DEATH_SIGNAL, signal.SIGTERM)
 
 
 def _outcome(code: int, errors: str) -> Outcome:
