@@ -1,4 +1,4 @@
-"""The constants of what runs cost, measured now, as ``wavetank/planning/cost_model.py`` has them built in.
+"""The constants of what runs cost, measured now, as ``wavetank/planning/cost.py`` has them built in.
 
 Steps become cheaper with the code: constants are fitted anew on a machine that is quiet, and take the old ones' place.
 """
@@ -6,7 +6,7 @@ Steps become cheaper with the code: constants are fitted anew on a machine that 
 import numpy as np
 from rich.console import Console
 
-from wavetank.planning.cost_model import BUILT_IN, calibrate, timed
+from wavetank.planning.cost import BUILT_IN, calibrate, timed
 
 
 def report(console: Console) -> None:

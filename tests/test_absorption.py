@@ -27,10 +27,9 @@ from wavetank.motion import Sinusoid, feedback
 from wavetank.motion.feedback import Answer, Equation, FeedbackMotion, elevation_at_face
 from wavetank.motion.motion import largest_stroke, share
 from wavetank.output.directory import PADDLE, RunDirectory
-from wavetank.planning.affordable import needs_of
-from wavetank.planning.freed_harmonics import freed_harmonics, harmonics_sent_back
-from wavetank.planning.highest_waves import highest_wave
-from wavetank.planning.planned import planned
+from wavetank.planning.checks import freed_harmonics, harmonics_sent_back, highest_wave
+from wavetank.planning.cost import needs_of
+from wavetank.planning.default_plan import planned
 from wavetank.planning.requirements import requirements
 from wavetank.simulation.answering import ANSWERS
 from wavetank.simulation.build import ANSWERED, build_run
@@ -472,8 +471,8 @@ def test_what_a_paddle_absorbs_is_told_over_a_bed(tmp_path, monkeypatch, capsys)
     looks = SimpleNamespace(told=lambda part: "")
     steps = dict.fromkeys(("step", "solves", "duration", "memory", "watching"), 1.0)
     seen = SimpleNamespace(summary="", looks=looks, clock=None, waves=None, **steps)
-    monkeypatch.setattr("wavetank.planning.trial.trial", lambda *of: seen)
-    monkeypatch.setattr("wavetank.planning.forewarnings.forewarnings", lambda *of: [])
+    monkeypatch.setattr("wavetank.planning.cost.trial", lambda *of: seen)
+    monkeypatch.setattr("wavetank.planning.checks.forewarnings", lambda *of: [])
     assert main(["plan", str(tmp_path / "case.toml")]) == 0
     told = "paddle of wall: it absorbs what comes to it, all but 4.7 % of small waves from 1.16 to 4.17 s at short"
     assert told in " ".join(capsys.readouterr().out.split())

@@ -7,10 +7,8 @@ from mpi4py import MPI
 
 from wavetank.case import Scene
 from wavetank.cli import main
-from wavetank.planning import affordable
-from wavetank.planning.affordable import needs_of
-from wavetank.planning.cost_model import BUILT_IN
-from wavetank.planning.looks import Looks
+from wavetank.planning import cost
+from wavetank.planning.cost import BUILT_IN, Looks, needs_of
 from wavetank.simulation import memory
 from wavetank.simulation.build import build_run
 from wavetank.simulation.clock import Clock
@@ -32,7 +30,7 @@ TANKS |= {"slice": {"length": 20.0, "depth": 0.5}, "ring": {"type": "ring", "len
 @pytest.fixture(autouse=True)
 def no_costs_of_this_machine(monkeypatch):
     """What the user may have measured here is none of the tests' business."""
-    monkeypatch.setattr(affordable, "known_costs", lambda: BUILT_IN)
+    monkeypatch.setattr(cost, "known_costs", lambda: BUILT_IN)
 
 
 def scene(tank, **more):
@@ -133,7 +131,7 @@ def test_what_takes_days_or_more_memory_than_there_is_is_refused_before_it_is_ta
 
 
 def test_yes_runs_it_all_the_same(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(affordable, "available_memory", lambda comm: 1e6)
+    monkeypatch.setattr(cost, "available_memory", lambda comm: 1e6)
     case = tmp_path / "case.toml"
     case.write_text("[tank]\nlength = 2.0\ndepth = 1.0\n[run]\nduration = 0.1\n[numerics]\norder = 1\ncells = 3\n")
     command = ["run", str(case), "--no-plots", "--out", str(tmp_path / "run")]

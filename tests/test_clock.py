@@ -14,7 +14,7 @@ from wavetank.case import Scene
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
-from wavetank.planning.forewarnings import forewarnings
+from wavetank.planning.checks import forewarnings
 from wavetank.recording import record_run
 from wavetank.simulation.build import build_clock, build_run, told_of_end
 from wavetank.simulation.clock import Clock

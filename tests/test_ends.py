@@ -11,7 +11,7 @@ from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.motion import Sinusoid
 from wavetank.output.directory import RunDirectory
-from wavetank.planning.forewarnings import beside, forewarnings
+from wavetank.planning.checks import beside, forewarnings
 from wavetank.planning.requirements import requirements
 from wavetank.simulation.build import Records, build_observers, build_run
 from wavetank.simulation.energy import COLUMNS, EnergyBudget

@@ -13,12 +13,11 @@ from wavetank.fem.forms import ScalarForm
 from wavetank.fem.plane import Plane
 from wavetank.motion import FlapAngle, Sinusoid
 from wavetank.motion.motion import quickened
-from wavetank.planning.cost_model import BUILT_IN
-from wavetank.planning.defaults import DEFAULT
-from wavetank.planning.error_model import Settings
-from wavetank.planning.forewarnings import forewarnings
-from wavetank.planning.kinds import kind_of
+from wavetank.planning.checks import forewarnings
+from wavetank.planning.cost import BUILT_IN
 from wavetank.planning.plan import make_plan
+from wavetank.planning.requirements import kind_of
+from wavetank.planning.resolution import DEFAULT, Settings
 from wavetank.simulation.build import build_clock, build_run
 from wavetank.simulation.energy import COLUMNS, EnergyBudget
 from wavetank.simulation.gauges import Gauges

@@ -19,13 +19,11 @@ from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import RunLog
-from wavetank.planning.defaults import resolved
+from wavetank.planning.checks import coarse, forewarnings, in_sponge, too_high
+from wavetank.planning.default_plan import planned, told_of_rule
 from wavetank.planning.dispersion import Cells, Mesh
-from wavetank.planning.forewarnings import coarse, forewarnings, in_sponge
-from wavetank.planning.highest_waves import too_high
-from wavetank.planning.planned import planned, told_of_rule
 from wavetank.planning.requirements import requirements
-from wavetank.planning.waves_held import waves_missed
+from wavetank.planning.resolution import resolved, waves_missed
 from wavetank.recording import Warnings, record_run
 from wavetank.simulation import stability
 from wavetank.simulation.build import Records, build_observers, build_run, build_watch

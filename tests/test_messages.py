@@ -12,7 +12,7 @@ from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
-from wavetank.planning.forewarnings import forewarnings
+from wavetank.planning.checks import forewarnings
 from wavetank.recording import record_run
 from wavetank.simulation.build import build_run
 from wavetank.tank.breakdown import cause

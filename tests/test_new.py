@@ -8,8 +8,8 @@ from wavetank.case.new import KINDS, SCHEMA, write_case
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
-from wavetank.planning.forewarnings import forewarnings
-from wavetank.planning.planned import planned
+from wavetank.planning.checks import forewarnings
+from wavetank.planning.default_plan import planned
 from wavetank.simulation.build import build_run
 
 TWICE = ("run.duration=0.02", "numerics={dt=0.01, cell_size=1.0, vertical_order=2}")

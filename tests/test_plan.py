@@ -19,15 +19,14 @@ from wavetank.fem.plane import Plane
 from wavetank.integrators import INTEGRATORS, StormerVerlet
 from wavetank.integrators.states import Point
 from wavetank.output.directory import RunDirectory
-from wavetank.planning import cost_model, planned
-from wavetank.planning.cost_model import CostModel
-from wavetank.planning.defaults import LOOSEST, solved_to
+from wavetank.planning import cost
+from wavetank.planning import default_plan as planned
+from wavetank.planning.cost import CostModel, Stopwatch, trial
+from wavetank.planning.default_plan import default_plan
 from wavetank.planning.dispersion import Cells, Mesh, step_errors
-from wavetank.planning.error_model import ErrorModel, Settings
 from wavetank.planning.plan import AIM, Given, UnreachableError, make_plan, own_plan
-from wavetank.planning.planned import default_plan
 from wavetank.planning.requirements import requirements, stokes
-from wavetank.planning.trial import Stopwatch, trial
+from wavetank.planning.resolution import LOOSEST, ErrorModel, Settings, solved_to
 from wavetank.simulation.build import Records, build_observers, build_run
 from wavetank.simulation.clock import Clock
 from wavetank.simulation.contract import Moment
@@ -41,7 +40,7 @@ from wavetank.waves import airy
 from wavetank.waves.wavemaker import PISTON
 
 GRAVITY = 9.81
-COSTS = cost_model.BUILT_IN
+COSTS = cost.BUILT_IN
 
 
 def mesh(order, size, n, depth=1.0):
@@ -777,21 +776,21 @@ def test_a_plan_counts_what_looks_below_the_surface():
 def test_costs_of_a_fit_are_recovered():
     """Times made from known constants give them back."""
     constants = (2e-3, 3e-6, 5e-8, 1e-3, 2e-6, 3e-8)
-    rows = cost_model.timed("simpson-4")
-    assert np.allclose(cost_model._fit(rows, rows @ constants), constants, rtol=1e-6)
+    rows = cost.timed("simpson-4")
+    assert np.allclose(cost._fit(rows, rows @ constants), constants, rtol=1e-6)
 
 
 def test_costs_are_kept_and_read_again(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    fitted = CostModel(cost_model.machine(), COSTS.constants)
-    monkeypatch.setattr(cost_model, "calibrate", lambda: fitted)
-    assert cost_model.known_costs() is cost_model.BUILT_IN  # nothing is measured unless asked for
-    assert cost_model.measured_costs().machine == cost_model.known_costs().machine == cost_model.machine()
+    fitted = CostModel(cost.machine(), COSTS.constants)
+    monkeypatch.setattr(cost, "calibrate", lambda: fitted)
+    assert cost.known_costs() is cost.BUILT_IN  # nothing is measured unless asked for
+    assert cost.measured_costs().machine == cost.known_costs().machine == cost.machine()
     kept = asdict(fitted)
     without_one = {key: kept["constants"][key] for key in kept["constants"] if key != "linear simpson-4"}
     for unusable in ("not JSON", "[]", *map(json.dumps, ({**kept, "constants": without_one}, {**kept, "version": 5}))):
         (tmp_path / "wavetank" / "cost.json").write_text(unusable)
-        assert cost_model.known_costs() is cost_model.BUILT_IN
+        assert cost.known_costs() is cost.BUILT_IN
 
 
 def test_cost_grows_with_steps_and_unknowns():

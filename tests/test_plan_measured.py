@@ -21,10 +21,9 @@ from wavetank import data
 from wavetank.case import Scene
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError, WavetankError
-from wavetank.planning.cost_model import CostModel, calibrate
-from wavetank.planning.defaults import resolved
-from wavetank.planning.error_model import Settings
+from wavetank.planning.cost import CostModel, calibrate
 from wavetank.planning.plan import Plan, make_plan
+from wavetank.planning.resolution import Settings, resolved
 from wavetank.simulation.build import Records, build_observers, build_run
 from wavetank.simulation.crest import HighestCrest
 from wavetank.simulation.record import Memory

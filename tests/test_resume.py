@@ -24,7 +24,7 @@ from wavetank.integrators import INTEGRATORS, StormerVerlet
 from wavetank.output import files
 from wavetank.output.checkpoint import read_checkpoint_file
 from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, ENERGY, GAUGES, RunDirectory
-from wavetank.planning import forewarnings
+from wavetank.planning import checks
 from wavetank.simulation import checkpoints, energy
 from wavetank.simulation import run as running
 from wavetank.simulation.kept_surface import KeptSurface
@@ -364,8 +364,8 @@ def test_what_was_said_of_waves_that_break_is_over_where_something_else_is_done_
     And what was said of a short run stood in that of a longer one: a ramp that takes the whole run is said of this one,
     and what is predicted to be missed; of other numerics that is what it was.
     """
-    monkeypatch.setattr(forewarnings, "own_plan", lambda one, _: SimpleNamespace(error=2 * one.run.duration))
-    monkeypatch.setattr(forewarnings, "too_high", lambda one: ["breaks"] if one.run.on_breaking == "stop" else [])
+    monkeypatch.setattr(checks, "own_plan", lambda one, _: SimpleNamespace(error=2 * one.run.duration))
+    monkeypatch.setattr(checks, "too_high", lambda one: ["breaks"] if one.run.on_breaking == "stop" else [])
     record(SLICE, tmp_path / "run", {"duration": 0.1, "on_breaking": "stop"})
     kept = resumed(tmp_path / "run", "--extend", "0.05")
     assert "breaks" in kept.manifest["warnings"]

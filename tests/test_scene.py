@@ -35,7 +35,7 @@ from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS, Simpson4, registered
 from wavetank.motion.recorded import read_record
-from wavetank.planning.cost_model import BUILT_IN, KINDS
+from wavetank.planning.cost import BUILT_IN, KINDS
 from wavetank.plots.run_figures import ORIGINS
 from wavetank.simulation.footprints import FOOTPRINTS
 from wavetank.simulation.sponges import SPONGES

@@ -36,8 +36,8 @@ from wavetank.motion import (
 from wavetank.motion.harmonic import uniform
 from wavetank.motion.recorded import hermite, read_record
 from wavetank.output.directory import RunDirectory
+from wavetank.planning.default_plan import planned
 from wavetank.planning.plan import STEP_RATIO, make_plan
-from wavetank.planning.planned import planned
 from wavetank.planning.requirements import requirements
 from wavetank.plots.compare import rms
 from wavetank.simulation.build import build_run

@@ -10,9 +10,8 @@ from scipy.interpolate import CubicSpline
 
 from wavetank.case import Scene
 from wavetank.errors import InputError
-from wavetank.planning.cut_starts import cut_starts
-from wavetank.planning.forewarnings import jets
-from wavetank.planning.planned import planned
+from wavetank.planning.checks import cut_starts, jets
+from wavetank.planning.default_plan import planned
 from wavetank.simulation.build import Records, build_observers, build_run
 from wavetank.simulation.record import Memory
 from wavetank.waves.solitary_wave import solitary_wave

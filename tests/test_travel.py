@@ -5,10 +5,9 @@ import pytest
 
 from wavetank.case import Scene
 from wavetank.planning import travel
-from wavetank.planning.absorption_error import absorption_error
-from wavetank.planning.error_model import ErrorModel, Settings
 from wavetank.planning.plan import make_plan
-from wavetank.planning.requirements import requirements, stokes
+from wavetank.planning.requirements import absorption_error, requirements, stokes
+from wavetank.planning.resolution import ErrorModel, Settings
 from wavetank.waves import airy
 from wavetank.waves.wavemaker import Flap
 

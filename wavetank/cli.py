@@ -24,8 +24,8 @@ from wavetank.fem.agreed import all_here, on_first
 from wavetank.mpi import MPI
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath
-from wavetank.planning.command import plan
-from wavetank.planning.motion_command import motion
+from wavetank.planning.motion_file import motion
+from wavetank.planning.report import plan
 from wavetank.plots.analyse_command import analyse
 from wavetank.plots.compare_command import compare
 from wavetank.plots.view_command import view

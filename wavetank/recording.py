@@ -25,10 +25,10 @@ from wavetank.output.files import OutputPath, RunLog
 from wavetank.output.manifest import environment
 from wavetank.output.tables import PUSH, load_columns, paddle_columns, probe_columns
 from wavetank.output.writer import RunWriter
-from wavetank.planning.affordable import check_affordable
-from wavetank.planning.forewarnings import forewarnings, noise
-from wavetank.planning.planned import mesh_told, planned, told_of_rule
-from wavetank.planning.stable import check_stable
+from wavetank.planning.checks import forewarnings, noise
+from wavetank.planning.cost import check_affordable
+from wavetank.planning.default_plan import mesh_told, planned, told_of_rule
+from wavetank.planning.resolution import check_stable
 from wavetank.resuming import GoingOn, KeptRun, kept_scene
 from wavetank.simulation.breaking import BreakingNews
 from wavetank.simulation.broken import BrokenSurface

@@ -21,8 +21,8 @@ from wavetank.output.directory import RunDirectory
 from wavetank.output.fields import VtuSeries
 from wavetank.output.manifest import MANIFEST
 from wavetank.output.writer import RunWriter
-from wavetank.planning.forewarnings import of_duration, predicted
-from wavetank.planning.planned import Planned, planned
+from wavetank.planning.checks import of_duration, predicted
+from wavetank.planning.default_plan import Planned, planned
 from wavetank.simulation.build import Beginning
 from wavetank.simulation.checkpoints import Checkpoints
 from wavetank.simulation.clock import Clock

@@ -52,7 +52,7 @@ class State(Protocol):
 
 
 class StepCosts(NamedTuple):
-    """What a step costs, measured on one machine by ``python -m benchmarks --only costs`` (``planning/cost_model.py``).
+    """What a step costs, measured on one machine by ``python -m benchmarks --only costs`` (``planning/cost.py``).
 
     Attributes
     ----------

@@ -23,14 +23,10 @@ from wavetank.case import LinearWater, NonlinearWater, Physics, Scene
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
 from wavetank.motion import Motion
-from wavetank.planning.cost_model import BUILT_IN, Cost, CostModel
-from wavetank.planning.defaults import solved_to
+from wavetank.planning.cost import BUILT_IN, Cost, CostModel, Looks
 from wavetank.planning.dispersion import Mesh
-from wavetank.planning.error_model import ErrorModel, ErrorPart, Settings
-from wavetank.planning.kinds import entries_of
-from wavetank.planning.looks import Looks
-from wavetank.planning.requirements import Requirements, requirements
-from wavetank.planning.stroke_held import stroke_missed
+from wavetank.planning.requirements import Requirements, entries_of, requirements
+from wavetank.planning.resolution import ErrorModel, ErrorPart, Settings, solved_to, stroke_missed
 from wavetank.simulation.build import ANSWERED, build_clock
 from wavetank.simulation.clock import ROUNDING, Clock
 from wavetank.tank.edge_penalty import NEEDED

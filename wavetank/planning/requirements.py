@@ -1,4 +1,30 @@
-"""What a scene asks for: which waves there are, how far they travel, how steep they get, and the objects that follow.
+"""Requirements of a case: its waves, their propagation, run-up and reflection by absorbing paddles.
+
+The run-up of a solitary wave at a vertical wall: what a mesh misses of its peak.
+
+The peak at the wall is narrower than the wave. With R the run-up, d the depth and h = H / d the relative wave height,
+its curvature at the wall is -R / l², and
+
+    l / d = (2 / (3 h))^(1/2) (1 - (3 h / 2)²),     R / d = 2 h + h² / 2 + 3 h³ / 4.
+
+The first factor of l is the sech² profile's. The second is fitted to converged runs of h = 0.05 to 0.6 (within 2 %, at
+0.6 6 %); it vanishes at h = 2/3, where the run-up ends in a thin jet. The relative error of R is predicted as
+
+    e = 0.1 (dx / ((p - 1) l))⁴ + |e_n(k d = (d + R) / l)|,
+
+e_n being the relative error of the linear frequency by the vertical order alone. The first term is fitted to p = 2 to 5
+with e = 0.1 to 5 %: it is 0.7 to 2 times the measured error for h = 0.5 and 0.6, and 2 to 6 times for lower waves. The
+second is 0.9 to 2 times the measured error, where that is above 0.1 % (docs/plan.md). The step needs no term: a stable
+step misses less than 0.1 %.
+
+Source: R by C. H. Su and R. M. Mirie, "On head-on collisions between two solitary waves", J. Fluid Mech. 98, 1980.
+
+The error of paddles that absorb waves by their elevation: within a step they know it from the steps before only.
+
+The extrapolation changes the reflection by C c^(-3/2) (omega dt)^(7/2), with c the transfer function of the paddle
+(``waves/wavemaker.py``) and C from runs of regular waves between a paddle and one that absorbs (``CHANGED``).
+
+What a scene asks for: which waves there are, how far they travel, how steep they get, and the objects that follow.
 
 A paddle's waves are those of linear wavemaker theory: a_j = c(k_j) |X_j|, with X_j the Fourier coefficients of its
 motion over the run (of a short one, and beyond it: ``WINDOW``) and c the paddle's transfer function
@@ -31,18 +57,111 @@ from numpy.typing import NDArray
 from wavetank import case as nouns
 from wavetank.arrays import Vector
 from wavetank.case import Physics, Scene
+from wavetank.case.wall import HingedWall, ShapedWall
 from wavetank.errors import InputError
 from wavetank.motion import Motion
 from wavetank.motion.motion import values
 from wavetank.planning import travel
-from wavetank.planning.absorption_error import absorption_error
-from wavetank.planning.kinds import kind_of
-from wavetank.planning.run_up import RunUp
-from wavetank.values.noun import Problem, SceneError
+from wavetank.planning.dispersion import Mesh, relative_frequency_error
+from wavetank.values.noun import Noun, Problem, SceneError
 from wavetank.waves import airy, standing_wave
 from wavetank.waves.conformal import SteadyWave
 from wavetank.waves.second_order import Strokes, second_order
 from wavetank.waves.solitary_wave import solitary_wave
+
+RESOLVED = 0.6  # H / d of the highest run-up that was computed with two meshes within 0.02 %
+CELLS = 0.1  # factor of the cells' part
+LINEAR = 0.3  # in the place of p - 1 for order 1
+
+
+@dataclass(frozen=True)
+class RunUp:
+    """The run-up of a solitary wave.
+
+    Attributes
+    ----------
+    height
+        Wave height over depth, H / d.
+    depth
+        Still-water depth d [m].
+    """
+
+    height: float
+    depth: float
+
+    @property
+    def resolved(self) -> bool:
+        """Whether its accuracy can be predicted."""
+        return self.height <= RESOLVED
+
+    @property
+    def width(self) -> float:
+        """The length l of the peak [m], that of ``RESOLVED`` for higher waves."""
+        h = min(self.height, RESOLVED)
+        return self.depth * float(np.sqrt(2 / (3 * h))) * (1 - (1.5 * h) ** 2)
+
+    @property
+    def elevation(self) -> float:
+        """The run-up R [m]."""
+        h = min(self.height, RESOLVED)
+        return self.depth * (2 * h + h**2 / 2 + 0.75 * h**3)
+
+    def error(self, mesh: Mesh) -> float:
+        """Return the predicted relative error of R on a mesh."""
+        nodes = mesh.cells.size / max(mesh.cells.order - 1, LINEAR)
+        kd = (self.depth + self.elevation) / self.width
+        return CELLS * (nodes / self.width) ** 4 + abs(relative_frequency_error(kd, mesh.vertical_order))
+
+
+# paddles, over a piston: flaps hinged at the bed or below it; other shapes, of one or both walls
+DEARER = {"leaning": 1.3, "bent": 1.5, "both bent": 2.1}
+
+
+def kind_of(scene: Scene, physics: Physics) -> str:
+    """Return the kind of waves by what a step costs: "linear", "nonlinear", or of "driven" ones a ``DEARER`` one.
+
+    A second paddle costs nothing but where both are bent.
+    """
+    kinds = [_of_paddle(seen.wall) for seen in scene.paddles]
+    if physics == "linear" or not kinds:
+        return physics
+    return "both bent" if kinds == ["bent", "bent"] else max(kinds, key=lambda kind: DEARER.get(kind, 1.0))
+
+
+def _of_paddle(wall: Noun) -> str:
+    if isinstance(wall, ShapedWall):
+        return "leaning" if isinstance(wall, HingedWall) and wall.hinge <= 0.0 else "bent"
+    return "driven"
+
+
+def undearer(kind: str) -> tuple[str, float]:
+    """Return the kind that costs are fitted of, and what this one costs over it."""
+    return ("driven", DEARER[kind]) if kind in DEARER else (kind, 1.0)
+
+
+def entries_of(order: int, cells: int, vertical_order: int) -> int:
+    """Return E, how many entries the operator of a slice or ring has."""
+    return (order * cells + 1) * (vertical_order + 1) * (order + 2)
+
+
+CHANGED = 2.5  # measured 1.6 to 3.5: pistons at k d = 0.7, 1.5, 2.5, flaps at 0.7, 1.5, 28 and 40 steps a period
+ABSORPTION_POWER = 3.5  # measured 3.2 to 3.9
+
+
+def absorption_error(scene: Scene, k: Vector) -> Vector:
+    """Return the error of waves of wave numbers k [rad/m] over (omega dt)^(7/2), shape (N,).
+
+    It counts from when waves are back at the farthest gauge. Of several paddles that absorb the largest counts.
+    """
+    if not scene.absorbing:
+        return np.zeros_like(k)
+    depth, length = scene.tank.depth, scene.tank.length
+    path = 2 * length - max((gauge.x for gauge in scene.all_gauges), default=length)
+    back = path / airy.group_velocity(k, depth, scene.tank.gravity)
+    makers = [scene.paddles[n].wall.maker for n in scene.absorbing]
+    least = np.min([maker.transfer(k, depth) for maker in makers], axis=0)
+    return np.asarray(CHANGED * least**-1.5 * np.sqrt(np.maximum(0.0, 1.0 - back / scene.run.duration)))
+
 
 LEFT = 0.05  # of the free second harmonic: what second-order generation leaves of it, in steep waves
 MOST_COMPONENTS = 40

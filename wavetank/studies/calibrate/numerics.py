@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 from wavetank.case import LinearWater, NonlinearWater, Scene
 from wavetank.errors import InputError
-from wavetank.planning.defaults import DEFAULT, resolved
+from wavetank.planning.default_plan import default_plan
 from wavetank.planning.plan import make_plan, own_plan
-from wavetank.planning.planned import default_plan
+from wavetank.planning.resolution import DEFAULT, resolved
 
 ROUGH = 0.1  # relative error of the elevation that is asked of it; a third of it is to be expected
 WORTH = 0.45  # of the CPU time of the case's own numerics

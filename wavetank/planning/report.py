@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from wavetank.case import Scene
-    from wavetank.planning.cost_model import CostModel
+    from wavetank.planning.cost import CostModel
     from wavetank.planning.plan import Plan
 
 
@@ -51,12 +51,11 @@ def _try(scene: "Scene", why: str, terminal: "Console") -> None:
     from mpi4py import MPI
 
     from wavetank.console import spelt
-    from wavetank.planning.affordable import check_affordable
-    from wavetank.planning.defaults import shortest_wave
-    from wavetank.planning.forewarnings import forewarnings
-    from wavetank.planning.planned import planned
+    from wavetank.planning.checks import forewarnings
+    from wavetank.planning.cost import check_affordable, trial
+    from wavetank.planning.default_plan import planned
     from wavetank.planning.requirements import absorption
-    from wavetank.planning.trial import trial
+    from wavetank.planning.resolution import shortest_wave
     from wavetank.simulation.sponges import told_of_sponge
 
     terminal.print(f"{why}; timing some steps of this one, with its waves in the tank", highlight=False)
@@ -100,11 +99,11 @@ def _plan(scene: "Scene", name: str, accuracy: float | None, terminal: "Console"
     from mpi4py import MPI
 
     from wavetank.errors import InputError
-    from wavetank.planning.cost_model import known_costs, measured_costs
-    from wavetank.planning.cut_starts import cut_starts
-    from wavetank.planning.defaults import DEFAULT
+    from wavetank.planning.checks import cut_starts
+    from wavetank.planning.cost import known_costs, measured_costs
+    from wavetank.planning.default_plan import check_held, default_plan, planned
     from wavetank.planning.plan import make_plan
-    from wavetank.planning.planned import check_held, default_plan, planned
+    from wavetank.planning.resolution import DEFAULT
 
     if MPI.COMM_WORLD.size > 1:
         raise InputError(f"{MPI.COMM_WORLD.size} ranks received; a plan is made without mpirun.")
@@ -135,8 +134,8 @@ def _built(scene: "Scene") -> tuple[str, list[str]]:
 
     from mpi4py import MPI
 
-    from wavetank.planning.affordable import check_affordable
-    from wavetank.planning.forewarnings import forewarnings
+    from wavetank.planning.checks import forewarnings
+    from wavetank.planning.cost import check_affordable
     from wavetank.simulation.build import build_run
     from wavetank.simulation.sponges import told_of_sponge
 
@@ -153,7 +152,7 @@ def _use(scene: "Scene", accuracy: float | None, wanted: float) -> str:
 
 
 def _elsewhere(costs: "CostModel") -> str:
-    from wavetank.planning.cost_model import BUILT_IN
+    from wavetank.planning.cost import BUILT_IN
 
     return "; with --calibrate this one is measured, in about a minute" if costs is BUILT_IN else ""
 
@@ -162,8 +161,8 @@ def _own(scene: "Scene", accuracy: float) -> "Plan | None":
     """Return what is to be expected of the case's own numerics, or None where they are planned."""
     if scene.numerics.open:
         return None
-    from wavetank.planning.defaults import resolved
     from wavetank.planning.plan import own_plan
+    from wavetank.planning.resolution import resolved
 
     return own_plan(resolved(scene), accuracy)
 

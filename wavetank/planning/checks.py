@@ -1,9 +1,34 @@
-"""What is known of a run's accuracy before it: what the mesh and the step hold, and what the plan predicts."""
+"""Checks of a case before it runs: waves near breaking, resolution, sponges, paddles, initial states.
+
+Initial waves that an end of the slice cuts.
+
+A solitary wave and a focused group are solutions in a tank without ends. Where the elevation at a wall is a share s of
+the height, the start misses the wave by about F s, relative root mean square: F = 0.4 for solitary waves of 0.1 to 0.6
+depths (measured 0.38 to 0.40 for s = 0.001 to 0.1, up to 0.45 for s = 0.5, 20 depths of travel later), F = 1 for
+groups, s being that of the envelope (measured 0.6 to 1.3, JONSWAP and Gaussian).
+
+The waves of a paddle that are higher, by linear theory, than any of their length can be: they break.
+
+They are followed along the tank till the run's end; height and period are those between zero up-crossings, and the
+highest is that of permanent form (``waves/stream_function.py``). Waves break before they are as high, and where they
+are made too high they break on their way: it is told that they do, not where. What broke at 0.5 to 0.8 of it others
+lived through (docs/extremes.md), and is not told.
+
+The second harmonics that a bed frees of waves, and what a paddle that absorbs sends back of them.
+
+Bound to waves of the amplitude a_1 (their energy's flux is the same everywhere) is Stokes' a_2 for the depth there.
+Where that changes along the bed free waves make up for it, and add up as far as they do not come out of phase with it:
+
+    a_free = |integral over x of da_2/dx exp(-i integral of (k_2 - 2 k_1)) dx|,
+
+a_2 by its free waves' flux, k_1 and k_2 of the waves' frequency and twice that. A bed that changes over many beats
+frees nothing. Found so and measured behind shoals: docs/absorption.md.
+"""
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import groupby
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
@@ -11,33 +36,163 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from wavetank.arrays import Vector
-from wavetank.case import Scene
-from wavetank.case.initial import RunState, StillWater
+from wavetank.case import BasinTank, Scene
+from wavetank.case.initial import FocusedSurface, RunState, SolitaryWave, StillWater
 from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER
 from wavetank.case.output import ENDS, FAR
 from wavetank.case.paddle import FormulaMotion, PythonMotion
-from wavetank.case.tank import EndSponge, FormulaSponge, GroupSponge, SliceTank
+from wavetank.case.tank import Depth, EndSponge, FormulaSponge, GroupSponge, SliceTank
 from wavetank.case.waves import SurfaceFile
 from wavetank.errors import InputError
 from wavetank.fem.misfit import misfit, rms
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
 from wavetank.motion import Recorded
-from wavetank.planning.defaults import DEFAULT, bed_shape, by_rule
+from wavetank.motion.motion import values
 from wavetank.planning.dispersion import relative_frequency_error
-from wavetank.planning.freed_harmonics import harmonics_sent_back
-from wavetank.planning.highest_waves import too_high
 from wavetank.planning.plan import own_plan
-from wavetank.planning.requirements import looked_at, requirements, unplanned
-from wavetank.planning.run_up import RESOLVED
-from wavetank.planning.stroke_held import stroke_missed
-from wavetank.planning.waves_held import HELD, too_short, waves_missed
+from wavetank.planning.requirements import RESOLVED, looked_at, requirements, stokes, tapered, unplanned
+from wavetank.planning.resolution import DEFAULT, HELD, bed_shape, by_rule, stroke_missed, too_short, waves_missed
 from wavetank.simulation.clock import ROUNDING, Clock
 from wavetank.simulation.waters import AnyWaves
 from wavetank.tank.short_waves import FARTHEST
 from wavetank.tank.sponge import profile
-from wavetank.waves.airy import wave_number
+from wavetank.waves import airy
+from wavetank.waves.airy import group_velocity, wave_number
 from wavetank.waves.damped_waves import reflection
+from wavetank.waves.stream_function import maximum_height
+
+LARGEST = 0.01  # of the height, at an end
+MISSED = {SolitaryWave: 0.4, FocusedSurface: 1.0}  # relative error of the elevation over that share
+CALLED = {SolitaryWave: "solitary wave", FocusedSurface: "group"}
+
+
+def cut_starts(scene: Scene, accuracy: float | None) -> Iterator[str]:
+    """Yield a sentence if an end of a slice cuts the initial wave by more than ``LARGEST`` or the accuracy allows."""
+    initial, tank = scene.initial, scene.tank
+    if not isinstance(initial, SolitaryWave | FocusedSurface) or not isinstance(tank, SliceTank):
+        return
+    end = 0 if initial.x < tank.length / 2 else 1
+    share = float(initial.at_ends(tank)[end])
+    error = MISSED[type(initial)] * share
+    if share > LARGEST or error > (accuracy or 1.0):
+        wall = f"the wall at x = {[0.0, tank.length][end]:.4g} m"
+        wave = f"{wall} cuts the initial {CALLED[type(initial)]}, which has {share:.2g} of its height there"
+        yield f"{wave}: the elevation is off by about {error:.2g} of it; initial.x must be farther from the ends"
+
+
+TANK_PLACES = 25  # along the tank
+SHORTEST = 10.0  # k d of the shortest waves that are looked at
+BREAKS = 0.81  # of the highest wave: nearly all that were made higher, by linear theory, broke (docs/extremes.md)
+LARGE_SHARE = 0.5  # of the highest wave: lower ones ride on others
+MOST_TIMES = 2**15  # an hour in a metre of water: of longer runs the first part
+
+NEVER_STOPS = {"warn": "does not stop there", "ignore": "does not look for it"}
+
+
+class HighWave(NamedTuple):
+    """A wave by linear theory: its height, length [m], place [m] and time [s], and the highest of its length [m]."""
+
+    height: float
+    length: float
+    x: float
+    t: float
+    highest: float
+
+
+def too_high(scene: Scene) -> Iterator[str]:
+    """Yield a sentence for each paddle along a slice whose waves are to break, unless the run goes on past that."""
+    breaks = scene.physics == "nonlinear" and scene.run.on_breaking != "dissipate"
+    for seen in scene.paddles if breaks and not isinstance(scene.tank, BasinTank) else ():
+        wave = highest_wave(seen) if seen.motion().moves else None
+        if wave is not None and wave.height > BREAKS * wave.highest:
+            x = wave.x if seen is scene else scene.tank.length - wave.x
+            there = f"{wave.height:.3g} m high and {wave.length:.3g} m long, at x = {x:.3g} m, t = {wave.t:.3g} s"
+            most = f"none as long is higher than {wave.highest:.3g} m"
+            if wave.height > wave.highest:
+                most = f"{most}: waves break there or before"
+            else:
+                most = f"{most}: nearly all made {BREAKS:g} times as high, or more, broke there or before"
+            cure = 'run.on_breaking = "dissipate" goes on past it'
+            if scene.run.on_breaking in NEVER_STOPS:
+                cure = f'run.on_breaking = "{scene.run.on_breaking}" {NEVER_STOPS[scene.run.on_breaking]}'
+            yield f"the paddle of {seen.key} makes a wave {there}, by linear theory, where {most}; {cure}"
+
+
+def highest_wave(scene: Scene) -> HighWave | None:
+    """Return the wave that is highest for its length of those that the paddle makes in the run; None without any.
+
+    Over a bed the waves are those at the paddle.
+    """
+    tank, k = scene.tank, np.array([SHORTEST / scene.tank.depth])
+    fastest = float(airy.angular_frequency(k, tank.depth, tank.gravity)[0])
+    duration = min(scene.run.duration, MOST_TIMES / fastest)
+    count = int(fastest * duration) + 64  # six in the shortest period
+    t = np.asarray(duration / count * np.arange(count), dtype=np.float64)
+    velocity = values(scene.motion().velocity, t) * tapered(np.asarray(t / duration))
+    omega = np.pi / duration * np.arange(1, count)
+    k = airy.wave_number(omega, tank.depth, tank.gravity)
+    made = scene.wall.maker.transfer(k, tank.depth) / omega * np.fft.rfft(velocity, 2 * count)[1:-1]  # at rest after it
+    made[k * tank.depth > SHORTEST] = 0.0
+    speed, found = airy.group_velocity(k, tank.depth, tank.gravity), list[HighWave]()
+    for x in np.linspace(0.0, tank.length, TANK_PLACES) if tank.bed is None else [0.0]:
+        there = made * np.exp(-1j * k * x) * (x <= speed * duration)
+        eta = np.fft.irfft(np.concatenate([[0.0], there, [0.0]]), 2 * count)[:count]
+        ups = np.flatnonzero((eta[:-1] < 0.0) & (eta[1:] >= 0.0))
+        if ups.size > 1:
+            period, height = np.diff(t[ups]), (np.maximum.reduceat(eta, ups) - np.minimum.reduceat(eta, ups))[:-1]
+            length = 2 * np.pi / airy.wave_number(2 * np.pi / period, tank.depth, tank.gravity)
+            each = zip(height, length, t[ups[:-1]] + period / 2, strict=True)
+            found += [HighWave(high, long, float(x), at, maximum_height(long, tank.depth)) for high, long, at in each]
+    large = LARGE_SHARE * max((one.height for one in found), default=0.0)
+    return max((one for one in found if one.height >= large), key=lambda one: one.height / one.highest, default=None)
+
+
+MUCH = 0.02  # of the waves, sent back as harmonics: about what a paddle that absorbs sends back of the waves
+NEAR = 1.01  # of half a period: a band that ends there holds it
+PLACES = 2001  # along the bed
+
+
+def harmonics_sent_back(scene: Scene) -> Iterator[str]:
+    """Yield a sentence for each paddle that absorbs waves, but not the harmonics that the bed before it frees."""
+    bed = scene.depths()
+    if not callable(bed) or scene.physics == "linear" or len(scene.paddles) < 2 or scene.sponge is not None:
+        return
+    for seen, other in zip(scene.paddles, reversed(scene.paddles), strict=True):
+        absorb, period = getattr(seen.wall, "absorb", None), other.paddle_period
+        if absorb is None or period is None or (wave := highest_wave(other)) is None:
+            continue
+        half, (shortest, _) = period / 2, absorb.band(seen.tank, paddles=scene.paddle_periods)
+        if shortest <= NEAR * half:
+            continue
+        freed = freed_harmonics(other, bed, wave.height / 2, period)
+        periods = np.array([half])
+        back = float(absorb.reflection(periods, seen.tank, seen.wall.maker, paddles=scene.paddle_periods)[0])
+        if back * freed > MUCH:
+            frees = f"the bed frees second harmonics of the waves of {period:.3g} s, about {100 * freed:.0f} % as high"
+            sends = f"{seen.key}, whose band begins at {shortest:.3g} s, sends back {100 * back:.0f} % of them"
+            yield f'{frees}; {sends}: {seen.key}.absorb = {{ type = "active", shortest = {half:.3g} }} takes them'
+
+
+def freed_harmonics(scene: Scene, bed: Depth, amplitude: float, period: float) -> float:
+    """Return the free second harmonics before the wall opposite a paddle over its waves there, 1 at most.
+
+    The bed is d(x, y) [m]; amplitude [m] and period [s] are those of the waves at the paddle.
+    """
+    x, step = np.linspace(0.0, scene.tank.length, PLACES, retstep=True, dtype=np.float64)
+    omega, g = 2 * np.pi / period, scene.tank.gravity
+    depth = bed(x if scene.key == "wall" else x[::-1], np.zeros_like(x))
+    root = np.sqrt(depth)
+    first, second = (wave_number(n * omega * root, 1.0, g) for n in (1, 2))  # times the depth
+    fluxes = [root * group_velocity(one, 1.0, g) for one in (first, second)]
+    waves, free = (np.sqrt(flux[-1] / flux) for flux in fluxes)  # over those at the end
+    waves *= amplitude / waves[0]
+    steepness = first / depth * waves
+    bound = np.array([stokes(*one).ratios[1] for one in zip(steepness, first, strict=True)]) * waves / free
+    apart = (second - 2 * first) / depth
+    phase = step * (np.cumsum((apart[1:] + apart[:-1]) / 2) - apart[1:] / 2)
+    return min(1.0, float(abs(np.sum(np.diff(bound) * np.exp(-1j * phase))) / waves[-1]))
+
 
 COARSE, LOW = 1.6, 0.5  # of the rule's cells and vertical order over a bed: a wave broke at 2 that does not
 LARGE = 0.1  # predicted relative error of the elevation

@@ -10,11 +10,10 @@ from wavetank.case import BasinTank, RunState, Scene
 from wavetank.errors import InputError
 from wavetank.fem.agreed import from_first
 from wavetank.mesh import MeshFile
-from wavetank.planning.cut_starts import cut_starts
-from wavetank.planning.defaults import DEFAULT, resolved, shortest_wave
+from wavetank.planning.checks import cut_starts
 from wavetank.planning.plan import Plan, UnreachableError, make_plan
 from wavetank.planning.requirements import unplanned
-from wavetank.planning.waves_held import too_short
+from wavetank.planning.resolution import DEFAULT, resolved, shortest_wave, too_short
 from wavetank.simulation.starts import with_its_numerics
 from wavetank.values.noun import SceneError, about
 

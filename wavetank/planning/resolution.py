@@ -1,0 +1,534 @@
+"""Resolution: cells, vertical order and time step for an accuracy, and the error that they leave.
+
+The numerics of a case that does not name them, where no plan can be made: by the shortest wave that is known of it.
+
+It is looked for in the paddle's motion, in the initial surface and in the bed: the wave number (of the motion, the
+frequency) below which nearly all of the power lies, or of a measured motion all that stands out of its noise. Where the
+bed varies, waves of a frequency are shortest where it is shallow, and the vertical order is needed where it is deep.
+
+A steep initial surface generates bound harmonics that its spectrum lacks. Each of Stokes' harmonics above ``DEFAULT``
+of the first makes the shortest wave shorter. On meshes of the first harmonic alone the edge penalty took 4.5 to 22 % of
+the energy of modulated wave trains.
+
+Along a slice over a bed the order is 4 and cells are ``COARSER`` than those of order 3, as accurate for linear waves.
+Over submerged bars this has an error of about 1 % in 0.85 of the time of order 3, which has 0.9 to 2.3 %
+(docs/plan.md). In basins order 3 costs as little.
+
+How well steps hold a paddle's motion: the displacement that a scheme sees of its velocity.
+
+A scheme looks at the velocity at its nodes c_i alone. What the paddle moves by in a step it takes for the quadrature
+
+    dt sum_i b_i v(t + c_i dt),     sum_i b_i c_i^m = 1 / (m + 1) for m = 0, 1, ...,
+
+and what that misses of the difference of positions adds up. Of a measured motion long steps see the noise of single
+rows as if it lasted.
+
+The error of the elevation to expect of a discretisation, before anything is run.
+
+A component of frequency omega, followed for its age, has its phase wrong by
+
+    Phi = omega age sum_m w_m ( |e_space(m k)| + |e_time(m omega dt)| ),     w_m = m r_m² / sum_l l r_l²,
+
+e being relative errors of the frequency (``dispersion.py``) and r_m the relative amplitudes of bound harmonics: they
+travel with the wave and drag its phase along in proportion to their energy. To 2 sin(s Phi / 2), s² = sum_m m² r_m² /
+sum_m r_m² being the mean square slope of the form, come the bounded errors, of the nodal values and of the start in
+the scheme's other modes, and the root mean square over the components, weighted with their energies, is the
+prediction. Frequencies in space are too high, always (the discrete potential has more energy than the exact one), and
+so are those of the schemes but for Gauss-Legendre's: what might cancel is not counted upon.
+
+Products of waves cost the discretisation its superconvergence: what the cells do not hold of the harmonics, tau_m,
+enters directly, as ``PRODUCTS`` (k a omega age sum_(m > 1) r_m² tau_m²)^(1/2), of a group at most the time for which it
+is steep: twice int A² dt over the square of its highest A. Form and constant are empirical, from standing waves and
+waves of permanent form; single runs scatter about it, as harmonics resonate with branches of the
+mesh or do not: of 46 waves of permanent form 29 have their error predicted within a factor of three (docs/plan.md).
+Linear waves have none of this.
+
+A solitary wave that meets a wall has its run-up beside that (``run_up.py``): the larger of both errors counts.
+
+Elevations are compared with an exact computation of the same waves. Between walls that reflect a paddle's waves age
+with the run (``travel.py``). Paddles that absorb add an error of the step (``absorption_error.py``).
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+from wavetank.arrays import Vector
+from wavetank.case import BasinTank, RingTank, Scene, SliceTank
+from wavetank.case.initial import RunState, StillWater
+from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER, Numerics
+from wavetank.case.tank import paddle_period
+from wavetank.errors import InputError
+from wavetank.fem.agreed import on_first
+from wavetank.integrators import INTEGRATORS
+from wavetank.integrators.contract import Integrator
+from wavetank.planning.dispersion import BlochWaves, Cells, Mesh, relative_frequency_error, step_errors
+from wavetank.planning.requirements import ABSORPTION_POWER, Requirements, highest_frequency, looked_at, stokes, tapered
+from wavetank.simulation.build import build_clock
+from wavetank.values.noun import Problem, SceneError
+from wavetank.waves import airy
+from wavetank.waves.airy import wave_number
+
+DEFAULT = 1e-2  # relative error of the elevation that a case gets which does not ask for another
+POWER = 0.99  # share of it that counts
+PER_WAVE = {1: 60.0, 2: 7.0}  # cells of an order in the shortest wave: its frequency is right to 2e-4
+OF_HIGHER_ORDER = 3.0  # so it is by order 3
+BED_ORDER, COARSER = 4, 5 / 3  # along a slice over a bed: the order, and its cells over those of order 3
+ROUGH = 0.01  # of the depth: what is less of a bed need not be held
+VERTICAL = 1e-4  # largest relative error of its frequency by the vertical order
+SOLVED, LOOSEST = 1e-3, 1e-5  # of the accuracy, and at most: tolerances of a step's solves
+LEAST = 1e-9  # wave number [rad/m] and frequency [rad/s] that stand for none
+POINTS, LINES = 8192, 5  # at which surface and bed are looked at, along each of so many lines
+
+
+class BedShape(NamedTuple):
+    """The bed: its shortest wave [rad/m], and the smallest depth, but for a few places, and the largest [m]."""
+
+    k: float
+    shallow: float
+    deep: float
+
+
+class StartSpectrum(NamedTuple):
+    """Wave numbers [rad/m] of an initial surface: of its shortest free wave, and of its shortest bound harmonic."""
+
+    free: float
+    bound: float
+
+
+class ShortestWave(NamedTuple):
+    """The shortest wave of a scene: its wave number [rad/m] and its source, empty if there is none."""
+
+    k: float
+    source: str
+
+    def __str__(self) -> str:
+        return f"the shortest wave, {2 * np.pi / self.k:.3g} m, is that of {self.source}" if self.source else ""
+
+
+def resolved(scene: Scene) -> Scene:
+    """Return the scene with cells and vertical order that its shortest wave requires, where the case names none."""
+    named, changes = scene.numerics.model_fields_set, dict[str, float | int]()
+    size = cell_size_for(shortest_wave(scene).k, scene.numerics.order)
+    usual = scene.numerics.cell_size_in(scene.tank)
+    if not named & {"cells", "cell_size", "order"} and isinstance(scene.tank, SliceTank) and scene.tank.bed is not None:
+        changes |= {"order": BED_ORDER, "cell_size": COARSER * float(min(size, usual))}
+    elif not named & {"cells", "cell_size"} and size < usual:
+        changes["cell_size"] = float(size)
+    if "vertical_order" not in named:
+        deep = bed_shape(scene).deep
+        omega = max(_of_motion(scene), _frequency(start_spectrum(scene).free, scene))
+        kd = float(airy.wave_number(max(omega, LEAST), deep, _g(scene))) * deep
+        changes["vertical_order"] = max(scene.numerics.vertical_order, vertical_order_for(kd))
+    if scene.numerics.open:
+        changes |= solved_to(DEFAULT, scene)
+        changes.setdefault("order", scene.numerics.order)  # none is left to be planned
+    elif all(getattr(scene.numerics, key) == value for key, value in changes.items()):
+        return scene
+    return scene.model_copy(update={"numerics": scene.numerics.model_copy(update=changes)})
+
+
+def shortest_wave(scene: Scene) -> ShortestWave:
+    """Return the shortest wave of a scene, of wave number ``LEAST`` if there is none."""
+    bed, start, still = bed_shape(scene), start_spectrum(scene), ShortestWave(LEAST, "")
+    motion, initial = (
+        float(airy.wave_number(omega, bed.shallow, _g(scene))) if omega > 0.0 else 0.0
+        for omega in (_of_motion(scene), _frequency(start.free, scene))
+    )
+    sources = {"the bed": bed.k, "the paddle's motion": motion, "the initial surface": max(initial, start.bound)}
+    return max(still, *(ShortestWave(k, source) for source, k in sources.items()))
+
+
+def _frequency(k: float, scene: Scene) -> float:
+    """Return the frequency of a wave number [rad/m] where it is deep [rad/s]."""
+    return float(airy.angular_frequency(k, bed_shape(scene).deep, _g(scene)))
+
+
+def by_rule(scene: Scene) -> Scene:
+    """Return the scene with the cells and vertical order that it would get if it named its order alone of the three."""
+    kept = scene.numerics.model_fields_set - {"cells", "cell_size", "vertical_order"} | {"order"}
+    numerics = Numerics(**{key: getattr(scene.numerics, key) for key in kept})
+    return resolved(scene.model_copy(update={"numerics": numerics}))
+
+
+def solved_to(accuracy: float, scene: Scene) -> dict[str, float]:
+    """Return the tolerance of a step's solves that an accuracy asks for, by its key; nothing if the scene names one."""
+    named = "tolerance" in scene.numerics.model_fields_set
+    return {} if named else {"tolerance": min(SOLVED * accuracy, LOOSEST)}
+
+
+def _g(scene: Scene) -> float:
+    return scene.tank.gravity
+
+
+def cell_size_for(k: float, order: int) -> float:
+    """Return the size [m] of cells of an order that hold waves of k [rad/m]."""
+    return 2 * np.pi / k / PER_WAVE.get(order, OF_HIGHER_ORDER)
+
+
+def vertical_order_for(kd: float) -> int:
+    """Return the least vertical order that holds waves of k d."""
+    orders = range(1, HIGHEST_VERTICAL_ORDER)
+    return next((n for n in orders if relative_frequency_error(kd, n) <= VERTICAL), HIGHEST_VERTICAL_ORDER)
+
+
+def _of_motion(scene: Scene) -> float:
+    """Return the frequency below which the paddles move [rad/s]; 0 if they stand still."""
+    return max((frequency_below(seen, POWER) for seen in scene.paddles), default=0.0)
+
+
+def frequency_below(scene: Scene, share: float) -> float:
+    """Return that below which a share of the power of a paddle's motion lies [rad/s]; 0 if it stands still.
+
+    It is the paddle of the wall that the scene is seen from.
+    """
+    motion = scene.motion()
+    if not motion.moves:
+        return 0.0
+    velocity, duration = scene.of_paddle(motion, "velocity"), looked_at(scene, motion)
+
+    def ending(t: Vector) -> Vector:  # gently: a motion that is cut has all frequencies
+        return np.asarray((velocity(t).T * tapered(np.asarray(t / duration))).T)
+
+    period = paddle_period(ending, duration=duration, tank=scene.tank, share=share)
+    return 0.0 if period is None else min(2 * np.pi / period, highest_frequency(scene, DEFAULT))
+
+
+def start_spectrum(scene: Scene) -> StartSpectrum:
+    """Return the shortest waves of the initial surface; zeros if it is still, or that of another run.
+
+    The power of a wave is |eta|² + |omega psi / g|²; waves beyond ``POWER`` of the power do not count.
+    """
+    initial, depth = scene.initial, scene.tank.depth
+    if isinstance(initial, StillWater | RunState):  # the latter has that run's numerics
+        return StartSpectrum(0.0, 0.0)
+    found = [StartSpectrum(0.0, 0.0)]
+    for x, surface in _lines(scene, lambda x, y: np.array(initial.surface(scene.tank, x, y))):
+        k, waves = _spectrum(surface, x, periodic=isinstance(scene.tank, RingTank))
+        waves[1] *= airy.angular_frequency(k, depth, _g(scene)) / _g(scene)
+        power = np.sum(np.abs(waves) ** 2, axis=0)
+        shortest, mean = _shortest(k, power, missing=1 - POWER), float(k @ power / max(power.sum(), 1e-300))
+        amplitude = float(np.abs(np.fft.irfft(np.insert(waves, 0, 0.0, axis=-1))).max())
+        bound = 0 if scene.physics == "linear" else _bound_harmonics(mean * amplitude, mean * depth)
+        found.append(StartSpectrum(shortest, shortest + bound * mean))
+    return StartSpectrum(*map(max, zip(*found, strict=True)))
+
+
+def _bound_harmonics(steepness: float, kd: float) -> int:
+    """Return the number of Stokes' bound harmonics above ``DEFAULT`` of the first, itself not counted."""
+    return int(np.sum(stokes(steepness, kd).ratios[1:] > DEFAULT)) if steepness > 0.0 else 0
+
+
+def bed_shape(scene: Scene) -> BedShape:
+    """Return what waves know of a bed; a flat one is as deep everywhere."""
+    depth = scene.depths()
+    if not callable(depth):
+        return BedShape(0.0, depth, depth)
+    lines = _lines(scene, depth)
+    depths = np.concatenate([d for _, d in lines] or [np.array([scene.tank.depth])])
+    spectra = ((d, *_spectrum(d, x)) for x, d in lines)
+    shortest = max((_shortest(k, np.abs(c) ** 2, missing=_of_variation(d)) for d, k, c in spectra), default=0.0)
+    return BedShape(shortest, max(float(np.quantile(depths, 0.05)), 1e-3 * scene.tank.depth), float(depths.max()))
+
+
+def _of_variation(depths: Vector) -> float:
+    """Return the share of the power of a bed's variation that is small against the depth, or against all of it."""
+    variance = float(np.var(depths))
+    return max(1 - POWER, (ROUGH * float(depths.mean())) ** 2 / variance) if variance > 0.0 else 1.0
+
+
+def _lines(scene: Scene, function: Callable[[Vector, Vector], Vector]) -> list[tuple[Vector, Vector]]:
+    """Return places [m] along lines through the tank, and a function at them, of those lines on which it is known."""
+    found = []
+    for along, x, y in _through(scene):
+        with suppress(InputError):  # beyond the walls of a basin nothing need be known
+            found.append((along, np.asarray(function(x, y), dtype=np.float64)))
+    return [(along, values) for along, values in found if np.isfinite(values).all()]
+
+
+def _through(scene: Scene) -> list[tuple[Vector, Vector, Vector]]:
+    """Return places along lines, and their x and y [m]."""
+    if not isinstance(scene.tank, BasinTank):
+        x = np.linspace(0.0, scene.tank.length, POINTS, dtype=np.float64)
+        return [(x, x, np.zeros_like(x))]
+    if scene.tank.layout.box is None:
+        return []
+    left, low, right, high = scene.tank.layout.box
+    x, y = (np.linspace(*ends, POINTS, dtype=np.float64) for ends in ((left, right), (low, high)))
+    one, parts = np.ones(POINTS), [(n + 0.5) / LINES for n in range(LINES)]
+    along = [(x, x, (low + part * (high - low)) * one) for part in parts]
+    return along + [(y, (left + part * (right - left)) * one, y) for part in parts]
+
+
+def _spectrum(values: Vector, x: Vector, *, periodic: bool = False) -> tuple[Vector, NDArray[np.complex128]]:
+    """Return wave numbers [rad/m], shape (K,), and Fourier coefficients of values at equidistant x [m], (..., K).
+
+    Values have shape (..., N); between walls they are mirrored. A variation at the level of round-off counts as zero.
+    """
+    extended = values[..., :-1] if periodic else np.concatenate([values, values[..., -2:0:-1]], axis=-1)
+    coefficients = np.fft.rfft(extended)[..., 1:]
+    noise = 1e-10 * np.sqrt(extended.shape[-1]) * np.linalg.norm(extended, axis=-1, keepdims=True)
+    coefficients[np.broadcast_to(np.linalg.norm(coefficients, axis=-1, keepdims=True) <= noise, coefficients.shape)] = 0
+    k = np.pi * (2 if periodic else 1) / (x[-1] - x[0]) * np.arange(1, coefficients.shape[-1] + 1)
+    return np.asarray(k), coefficients
+
+
+def _shortest(k: Vector, power: Vector, *, missing: float) -> float:
+    """Return the wave number of k [rad/m] beyond which a share of the power lies; 0 without power."""
+    if missing >= 1.0 or not power.sum() > 0.0:
+        return 0.0
+    return float(k[np.searchsorted(np.cumsum(power), (1 - missing) * power.sum())])
+
+
+HELD = 0.01  # what mesh and step may miss: of waves, of their speed
+SHORTEST = 0.1  # of the power of a paddle's velocity: its shortest waves
+
+
+def waves_missed(scene: Scene, cell_size: float) -> Iterator[str]:
+    """Yield a sentence for each paddle whose waves the cells, of a size [m], miss, and if the vertical order does.
+
+    Cells are judged where it is shallow and waves are short, the vertical order where it is deep.
+    """
+    bed = bed_shape(scene)
+    missing = partial(_by_cells, scene, cell_size, bed.shallow), partial(_by_order, scene, bed.deep)
+    for seen in scene.paddles:
+        if (period := seen.paddle_period) is None:
+            continue
+        waves = {
+            "the paddle's waves": 2 * np.pi / period,
+            f"the shortest {SHORTEST:.0%} of the paddle's waves": frequency_below(seen, 1 - SHORTEST),
+        }
+        for missed in missing:
+            yield from [told for which, omega in waves.items() if (told := missed(which, omega))][:1]
+
+
+def too_short(scene: Scene) -> Iterator[Problem]:
+    """Yield a problem for each paddle most of whose waves no numerics hold that are chosen for a case."""
+    depth, g = bed_shape(scene).deep, scene.tank.gravity
+    for seen in scene.paddles:
+        if (period := seen.paddle_period) is None:
+            continue
+        omega = min(2 * np.pi / period, highest_frequency(seen, DEFAULT))
+        k = float(wave_number(omega, depth, g))
+        if relative_frequency_error(k * depth, HIGHEST_VERTICAL_ORDER) > HELD:
+            size = f"T = {2 * np.pi / omega:.3g} s, {2 * np.pi / k:.2g} m long in water {depth:.3g} m deep"
+            held = f"no vertical order holds its waves of {size}"
+            yield Problem((seen.key, "motion"), None, f"{held}: they are the same in a tank that is less deep")
+
+
+def _by_cells(scene: Scene, cell_size: float, depth: float, which: str, omega: float) -> str:
+    """Return what the cells miss of waves of a frequency [rad/s], a sentence; empty if they hold them."""
+    k, order, g = float(wave_number(omega, depth, scene.tank.gravity)), scene.numerics.order, scene.tank.gravity
+    mesh = Mesh(cells=Cells(order, cell_size), vertical_order=scene.numerics.vertical_order, depth=depth, gravity=g)
+    missed = float(mesh.surface_frequency(mesh.cells.waves(k).mean) / mesh.surface_frequency(k**2)) - 1.0
+    if missed <= HELD:
+        return ""
+    length = 2 * np.pi / k
+    nodes = f"cells of {cell_size:.3g} m and order {order} leave {order * length / cell_size:.2g} nodes to {which}"
+    size = f"T = {2 * np.pi / omega:.3g} s, {length:.3g} m long in water {depth:.3g} m deep"
+    how = "carry none as short" if np.isnan(missed) else f"miss their speed by {missed:.1%}"
+    return f"{nodes}, {size}, and {how}: cells of {cell_size_for(k, order):.2g} m hold them"
+
+
+def _by_order(scene: Scene, depth: float, which: str, omega: float) -> str:
+    """Return what the vertical order misses of waves of a frequency [rad/s], a sentence; empty if it holds them."""
+    kd, order = float(wave_number(omega, depth, scene.tank.gravity)) * depth, scene.numerics.vertical_order
+    missed, enough = relative_frequency_error(kd, order), vertical_order_for(kd)
+    if missed <= HELD:
+        return ""
+    waves = f"{which}, T = {2 * np.pi / omega:.3g} s, in water {depth:.3g} m deep (k d = {kd:.3g})"
+    held = f"an order of {enough} holds them" if relative_frequency_error(kd, enough) <= HELD else "no order holds them"
+    return f"numerics.vertical_order = {order} misses the speed of {waves} by {missed:.1%}: {held}"
+
+
+TOGETHER, BLOCKS = 500, 8  # steps in a row over which it is added up, and of a longer run how many such rows
+
+
+def stroke_missed(
+    position: Callable[[Vector], Vector],
+    velocity: Callable[[Vector], Vector],
+    *,
+    dt: float,
+    steps: int,
+    nodes: Sequence[float],
+) -> float:
+    """Return what a scheme misses of a paddle's displacement, root mean square, relative to that of the displacement.
+
+    Parameters
+    ----------
+    position, velocity
+        At times [s], shape (T,), in m and m/s, shape (T,), or (T, N) for places along the paddle.
+    dt, steps
+        The step [s], and how many there are.
+    nodes
+        Of the scheme: where in a step it looks, shares of it.
+    """
+    together = min(steps, TOGETHER)
+    starts = np.unique(np.linspace(0, steps - together, min(BLOCKS, -(-steps // together))).astype(int))
+    begin = dt * np.add.outer(starts, np.arange(together)).ravel()
+    powers = np.arange(len(nodes))
+    weights = np.linalg.solve(np.power.outer(np.asarray(nodes, dtype=float), powers).T, 1.0 / (powers + 1))
+    seen = dt * sum(weight * velocity(begin + node * dt) for weight, node in zip(weights, nodes, strict=True))
+    before = position(begin)
+    off = np.cumsum((seen - position(begin + dt) + before).reshape(starts.size, together, -1), axis=1)
+    stroke = float(np.std(before))
+    return float(np.sqrt(np.mean(off**2))) / stroke if stroke > 0.0 else 0.0
+
+
+SURELY = 1.1  # of the longest step: a tank's largest frequency is below that of endless cells, by a hundredth at most
+
+
+def still_mesh(scene: Scene, cell_size: float) -> Mesh:
+    """Return cells of a size [m] with a scene's numerics, over still water of its tank's depth."""
+    chosen, tank = scene.numerics, scene.tank
+    cells = Cells(chosen.order, cell_size)
+    return Mesh(cells=cells, vertical_order=chosen.vertical_order, depth=tank.depth, gravity=tank.gravity)
+
+
+def check_stable(scene: Scene, integrator: Integrator[Any], comm: MPI.Comm) -> None:
+    """Raise ``SceneError`` for a step that is surely unstable, after waves that no numerics hold; collective.
+
+    Of a slice or ring with a flat bed; what it lets pass is judged by the mesh itself.
+    """
+    dt = scene.numerics.dt
+    if dt is not None and not isinstance(scene.tank, BasinTank) and scene.tank.bed is None:
+        on_first(comm, lambda: _check(scene, integrator, dt))
+
+
+def _check(scene: Scene, integrator: Integrator[Any], dt: float) -> None:
+    largest = still_mesh(scene, scene.cell_size).largest_frequency
+    if dt * largest <= SURELY * integrator.stability_limit:
+        return
+    try:
+        build_clock(scene, largest, integrator)
+    except SceneError as error:
+        raise SceneError([*too_short(scene), *error.problems]) from None
+
+
+PRODUCTS = 6.3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """The numerics of a run.
+
+    Attributes
+    ----------
+    order, vertical_order
+        p and n.
+    cells
+        Number of cells along the tank.
+    dt
+        [s].
+    integrator
+        Its name in a case file.
+    """
+
+    order: int
+    cells: int
+    vertical_order: int
+    dt: float
+    integrator: str
+
+
+class ErrorPart(NamedTuple):
+    """What space or time contributes to the error.
+
+    Attributes
+    ----------
+    phase, bounded
+        Of each component: the phase [rad], and what is bounded, shape (N,).
+    run_up
+        The relative error of a solitary wave's run-up at a wall.
+    """
+
+    phase: Vector
+    bounded: Vector
+    run_up: float = 0.0
+
+
+class ErrorModel:
+    """Predicts errors for what a scene requires."""
+
+    def __init__(self, required: Requirements):
+        self._required = required
+        self._ratios = ratios = required.harmonics
+        self._m = np.arange(1, ratios.size + 1)
+        self._weights = self._m * ratios**2 / np.sum(self._m * ratios**2)
+        self._slope = float(np.sqrt(self._m**2 @ ratios**2 / np.sum(ratios**2)))
+        waves = required.waves
+        self._radians = waves.omega * waves.age
+        self._energy = waves.amplitude**2 / np.sum(waves.amplitude**2)
+        self._k = np.multiply.outer(waves.k, self._m)
+        self._exact = airy.angular_frequency(self._k, required.depth, required.gravity)
+        self._known: dict[tuple[int, int], Cells] = {}
+        self._meshes: dict[tuple[int, int, int], Mesh] = {}
+        self._waves: dict[Cells, BlochWaves] = {}
+        self._products: dict[Cells, Vector] = {}
+
+    def _part(self, frequency: Vector, bounded: Vector) -> ErrorPart:
+        """Return the part of relative errors per component and harmonic, shape (N, M); ``nan`` is a wave lost."""
+        frequency = np.fmin(np.abs(frequency), 1.0)  # what is nan among it, too
+        return ErrorPart(self._radians * (frequency @ self._weights), np.sqrt(bounded**2 @ self._ratios**2))
+
+    def mesh(self, order: int, cells: int, vertical_order: int) -> Mesh:
+        """Return the mesh of the tank, one object however often."""
+        key, required = (order, cells, vertical_order), self._required
+        if key not in self._meshes:
+            along = self._cells(order, cells)
+            self._meshes[key] = Mesh(
+                cells=along, vertical_order=vertical_order, depth=required.depth, gravity=required.gravity
+            )
+        return self._meshes[key]
+
+    def _cells(self, order: int, cells: int) -> Cells:
+        if (order, cells) not in self._known:
+            along = Cells(order, self._required.length / cells)
+            self._known[order, cells] = along
+            self._waves[along] = along.waves(self._k)
+            self._products[along] = self._of_products(along)
+        return self._known[order, cells]
+
+    def _of_products(self, cells: Cells) -> Vector:
+        missing = np.sqrt(cells.truncation_error(self._k[:, 1:]) ** 2 @ self._ratios[1:] ** 2)
+        steep = self._required.waves.omega * np.minimum(self._required.waves.age, self._required.lasting)
+        return np.asarray(PRODUCTS * np.sqrt(self._required.steepness * steep) * missing)
+
+    def space(self, mesh: Mesh) -> ErrorPart:
+        """Return what a mesh of this model contributes."""
+        _, mu, profile = self._waves[mesh.cells]
+        part = self._part(mesh.surface_frequency(mu) / self._exact - 1.0, profile)
+        # Bound harmonics are forced, not free: of them the cells miss what the products have, not a mix of branches.
+        run_up = self._required.run_up
+        return part._replace(
+            bounded=np.hypot(profile[:, 0], self._products[mesh.cells]),
+            run_up=0.0 if run_up is None else run_up.error(mesh),
+        )
+
+    def time(self, integrator: str, dt: float) -> ErrorPart:
+        """Return what a scheme contributes."""
+        x = np.multiply.outer(self._required.waves.omega, self._m) * dt
+        part = self._part(*step_errors(INTEGRATORS[integrator](), x))
+        return part._replace(
+            bounded=np.hypot(part.bounded, self._required.absorption_error * x[:, 0] ** ABSORPTION_POWER)
+        )
+
+    def total(self, *parts: ErrorPart) -> float:
+        """Return the predicted relative error of the elevation."""
+        phase = np.minimum(self._slope * sum(part.phase for part in parts), np.pi)
+        bounded = np.minimum(sum(part.bounded for part in parts), 1.0)
+        travelling = float(np.sqrt(self._energy @ ((2 * np.sin(phase / 2)) ** 2 + bounded**2)))
+        return max(travelling, min(sum(part.run_up for part in parts), 1.0))
+
+    def predict(self, settings: Settings) -> float:
+        """Return the predicted relative error of the elevation of a run with these settings; inf if it is unstable."""
+        mesh = self.mesh(settings.order, settings.cells, settings.vertical_order)
+        if settings.dt * mesh.largest_frequency > INTEGRATORS[settings.integrator].stability_limit:
+            return np.inf
+        return self.total(self.space(mesh), self.time(settings.integrator, settings.dt))
