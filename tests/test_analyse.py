@@ -13,15 +13,16 @@ from pictures import faults
 from xarray import concat
 
 from wavetank import data
+from wavetank.analysis import results
 from wavetank.analysis.record import Record, read_record
-from wavetank.analysis.records import between, elevation
+from wavetank.analysis.signals import between, elevation
 from wavetank.case.new import write_case
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.output.tables import GaugeSeries
 from wavetank.output.writer import RunWriter
-from wavetank.plots import kinds
 from wavetank.plots.analyse_command import KINDS
+from wavetank.plots.analysis_figures import result_figure
 from wavetank.waves.airy import group_velocity, wave_number
 
 PERIOD, DEPTH = 2.0, 1.0
@@ -53,7 +54,7 @@ def rows_of(folder: Path, kind: str) -> list[dict[str, str]]:
 
 
 def test_the_commands_kinds_are_those_there_are():
-    assert tuple(kinds.KINDS) == KINDS
+    assert tuple(results.KINDS) == KINDS
 
 
 def test_a_table_of_ones_own_is_analysed_in_every_way(table, tmp_path, monkeypatch):
@@ -111,7 +112,7 @@ def test_harmonics_over_a_bar_are_those_that_the_datas_readme_states():
     except InputError:
         pytest.skip("Beji and Battjes' data are not on this machine; wavetank data fetch beji_battjes_1994 brings them")
     record = read_record("beji_battjes_1994", start=20.0, end=20 + 11 * 2.02, period=2.02)
-    found = {row[0]: row[2:5] for row in kinds.analysed("harmonics", record).rows}
+    found = {row[0]: row[2:5] for row in results.analysed("harmonics", record).rows}
     stated = {"a02": (10.44, 0.45, 0.08), "a10": (12.28, 1.86, 0.40), "a15": (6.11, 9.35, 4.23)}
     for gauge, amplitudes in stated.items():
         assert 1e3 * np.array(found[gauge]) == pytest.approx(amplitudes, abs=0.02), gauge
@@ -133,14 +134,14 @@ def test_regular_waves_go_with_their_phase_speed_and_no_other_frequency_has_one(
     figures = []
     monkeypatch.setattr(Figure, "savefig", lambda figure, path, **_: figures.append(figure))
     record, c = regular((2.0, 5.0, 5.5), way=way)
-    found = kinds.analysed("speed", replace(record, told_period=period))
+    found = results.analysed("speed", replace(record, told_period=period))
     assert found.columns[3] == "phase speed [m/s]" and [row[1] for row in found.rows] == [3.0, 0.5]
     for _, apart, late, speed, linear in found.rows:
         assert (speed, linear) == (pytest.approx(way * c, rel=1e-6), pytest.approx(c))
         assert late == pytest.approx(way * apart / c, rel=1e-6)
-    assert "T = 1.6 s" in found.said and "whole periods the one nearest to linear waves'" in found.said
-    assert "cannot be told" not in found.said
-    found.draw(tmp_path / "speed.png")
+    assert "T = 1.6 s" in found.notes and "whole periods the one nearest to linear waves'" in found.notes
+    assert "cannot be told" not in found.notes
+    result_figure(found, tmp_path / "speed.png")
     assert not faults(figures[0]) and [line.get_xdata().size for line in figures[0].axes[0].lines] == [1, 1, 200]
 
 
@@ -154,10 +155,10 @@ def test_gauges_on_either_side_of_a_bar_are_refused_where_one_depth_is_needed():
     over = replace(record, told_depth=bed)
     for kind in ("reflection", "bound-free", "speed"):
         with pytest.raises(InputError, match="differs between the gauges: --gauges names those that stand over one"):
-            kinds.analysed(kind, replace(over, told_period=1.6))
+            results.analysed(kind, replace(over, told_period=1.6))
         for one in (over.eta[:2], over.eta[2:]):
-            kinds.analysed(kind, replace(over, told_period=1.6, eta=one))
-    assert "left out" not in kinds.analysed("heights", over).said  # each has its own waves, over that depth
+            results.analysed(kind, replace(over, told_period=1.6, eta=one))
+    assert "left out" not in results.analysed("heights", over).notes  # each has its own waves, over that depth
 
 
 def test_where_whole_periods_cannot_be_told_it_is_said(tmp_path, monkeypatch):
@@ -168,28 +169,28 @@ def test_where_whole_periods_cannot_be_told_it_is_said(tmp_path, monkeypatch):
     figures = []
     monkeypatch.setattr(Figure, "savefig", lambda figure, path, **_: figures.append(figure))
     record, c = regular((2.0, 5.0, 5.5), length=48.0)
-    wrong = kinds.analysed("speed", replace(record, told_depth=0.2)).said
+    wrong = results.analysed("speed", replace(record, told_depth=0.2)).notes
     assert "whole periods cannot be told between gauges 1-2: they differ by more than a quarter" in wrong
     other = 0.03 * np.cos(2 * np.pi * 0.7 * (record.eta.time - record.eta.x / 2.1))
-    said = kinds.analysed("speed", replace(record, eta=record.eta + other.transpose(*record.eta.dims)))
-    assert "whole periods cannot be told between gauges" in said.said
-    said.draw(tmp_path / "speed.png")
+    said = results.analysed("speed", replace(record, eta=record.eta + other.transpose(*record.eta.dims)))
+    assert "whole periods cannot be told between gauges" in said.notes
+    result_figure(said, tmp_path / "speed.png")
     drawn = figures[0].axes[0].lines[0].get_ydata()
     assert drawn[np.isfinite(drawn)] == pytest.approx([c, 2.1], rel=0.02)
     assert {round(f, 2) for *_, f, _, _ in said.rows} == {0.62}
     late = record.eta.where(record.eta.time > 60.0, 0.0)
-    assert kinds.analysed("speed", replace(record, eta=late.transpose(*late.dims))).columns[3] == "speed [m/s]"
+    assert results.analysed("speed", replace(record, eta=late.transpose(*late.dims))).columns[3] == "speed [m/s]"
 
 
 @pytest.mark.parametrize("kind", ["reflection", "harmonics", "bound-free"])
 def test_what_is_not_of_the_period_is_told(table, kind):
     """Oracle: of amplitudes 50 and 30 mm, at places where they do not beat with themselves, 9/34 of the variance."""
     regular = read_record(str(table), period=PERIOD, depth=DEPTH)
-    assert "of this period" not in kinds.analysed(kind, regular).said
+    assert "of this period" not in results.analysed(kind, regular).notes
     k, omega = K, 1.25 * OMEGA  # T holds whole periods of both
     trains = [0.05 * np.cos(k * x - OMEGA * T) + 0.03 * np.cos(k * x + omega * T) for x in X]
     mixed = replace(regular, eta=regular.eta.copy(data=np.array(trains)))
-    assert "; 26 % of the variance is not of this period" in kinds.analysed(kind, mixed).said
+    assert "; 26 % of the variance is not of this period" in results.analysed(kind, mixed).notes
 
 
 @pytest.mark.parametrize("kind", ["reflection", "harmonics", "speed"])
@@ -197,24 +198,24 @@ def test_a_record_that_begins_before_its_waves_advises_a_start_that_leaves_that_
     """Oracle: waves that are of their height from 20 s on, and a group, whose beginning is its own."""
     regular = read_record(str(table), period=PERIOD, depth=DEPTH)
     told = r"; its waves begin in this record: --start (\S+) leaves that out"
-    assert not re.search(told, kinds.analysed(kind, regular).said)
+    assert not re.search(told, results.analysed(kind, regular).notes)
     grown = np.clip((regular.eta.time - 12.0) / 8.0, 0.0, 1.0)
     begun = replace(regular, eta=(regular.eta * grown).transpose(*regular.eta.dims))
-    start = float(re.search(told, kinds.analysed(kind, begun).said)[1])
+    start = float(re.search(told, results.analysed(kind, begun).notes)[1])
     assert 17.0 < start < 20.0
     later = replace(begun, eta=between(begun.eta, start))
-    assert not re.search(told, kinds.analysed(kind, later).said)
+    assert not re.search(told, results.analysed(kind, later).notes)
     group = regular.eta * np.exp(-(((regular.eta.time - 30.0) / 8.0) ** 2))
-    assert not re.search(told, kinds.analysed(kind, replace(regular, eta=group.transpose(*regular.eta.dims))).said)
+    assert not re.search(told, results.analysed(kind, replace(regular, eta=group.transpose(*regular.eta.dims))).notes)
 
 
 @pytest.mark.parametrize("gauges", [2, 5])
 def test_harmonics_of_a_record_that_is_not_whole_periods_do_not_count_as_reflected(table, gauges):
     """Oracle: the waves it was made of, a fifth of them reflected; of first harmonics alone 20.7 and 20.5 %."""
     record = read_record(str(table), period=PERIOD, depth=DEPTH, end=2.4 * PERIOD)
-    found = kinds.analysed("reflection", replace(record, eta=record.eta[:gauges]))
-    assert found.rows[0][-1] == pytest.approx(0.2, rel=1e-4) and "the reflection is" not in found.said
-    assert found.said.startswith("condition" if gauges == 2 else "rest ")  # two gauges leave none
+    found = results.analysed("reflection", replace(record, eta=record.eta[:gauges]))
+    assert found.rows[0][-1] == pytest.approx(0.2, rel=1e-4) and "the reflection is" not in found.notes
+    assert found.notes.startswith("condition" if gauges == 2 else "rest ")  # two gauges leave none
 
 
 def test_a_reflection_that_is_not_to_be_trusted_is_said_to_be_so(table):
@@ -229,7 +230,7 @@ def test_a_reflection_that_is_not_to_be_trusted_is_said_to_be_so(table):
         back = 0.05 * (reflected + late * (T > 30.0)) * np.cos(K * x + OMEGA * T)
         more = other * np.cos(1.3 * K * x - OMEGA * T) + second * np.cos(2 * K * x - 2 * OMEGA * T)
         eta = 0.05 * np.cos(K * x - OMEGA * T) + back + more
-        return kinds.analysed("reflection", replace(record, eta=record.eta[:gauges].copy(data=eta))).said
+        return results.analysed("reflection", replace(record, eta=record.eta[:gauges].copy(data=eta))).notes
 
     for gauges in (2, 5):
         assert "not steady, 1 % in the first half of this record, 10 % in the second" in said(
@@ -254,7 +255,7 @@ def test_harmonics_and_free_waves_that_are_not_steady_are_said_to_be_so(table):
     def said(kind, k, n, amplitude, *, part=1.0):
         more = [amplitude * np.cos(k * x - n * OMEGA * T) for x in X]
         record = replace(regular, eta=regular.eta.copy(data=regular.eta.values + np.array(more)))
-        return kinds.analysed(kind, replace(record, eta=between(record.eta, None, part * T[-1]))).said
+        return results.analysed(kind, replace(record, eta=between(record.eta, None, part * T[-1]))).notes
 
     two = "is not steady, {} m in the first half of this record, {} m in the second: a later --start tells it, or a"
     assert re.search(
@@ -273,15 +274,15 @@ def test_bound_and_free_waves_are_waited_for(table):
     told = r"the free second harmonic, which is slower, has come to all gauges by (\S+) s: --start \1 leaves out"
     grown = np.clip((regular.eta.time - 12.0) / 8.0, 0.0, 1.0)
     begun = replace(regular, eta=(regular.eta * grown).transpose(*regular.eta.dims))
-    start = float(re.search(told, kinds.analysed("bound-free", begun).said)[1])
+    start = float(re.search(told, results.analysed("bound-free", begun).notes)[1])
     assert 5.0 < late < 6.0 and 17.0 < start - late < 20.0
     for first, early in ((21.0, True), (round(start, 2), False)):  # the first harmonic is there in both
         cut = replace(begun, eta=between(begun.eta, first), before=begun.eta)
-        assert bool(re.search(told, kinds.analysed("bound-free", cut).said)) == early
+        assert bool(re.search(told, results.analysed("bound-free", cut).notes)) == early
     short = replace(begun, eta=between(begun.eta, 21.0, start), before=begun.eta)
-    assert f"by {start:.4g} s: the record is too short for it" in kinds.analysed("bound-free", short).said
-    assert "free second harmonic" not in kinds.analysed("bound-free", regular).said
-    of_a_bar = kinds.analysed("bound-free", replace(begun, from_wall=False)).said
+    assert f"by {start:.4g} s: the record is too short for it" in results.analysed("bound-free", short).notes
+    assert "free second harmonic" not in results.analysed("bound-free", regular).notes
+    of_a_bar = results.analysed("bound-free", replace(begun, from_wall=False)).notes
     assert start - float(re.search(told, of_a_bar)[1]) == pytest.approx(late * X[0] / X[-1], abs=0.01)
 
 
@@ -291,19 +292,19 @@ def test_gauges_a_beat_apart_are_said_to_stand_badly_and_a_new_slices_are_not(tm
     period, t = scene.wall.motion.period, np.arange(0.0, 14.0, 0.05)
     for x, badly in (((2.0, 4.0, 6.0), True), ([gauge.x for gauge in scene.gauges], False)):
         eta = elevation([GaugeSeries(str(at), at, t, np.cos(2 * np.pi * t / period - at), "made") for at in x])
-        said = kinds.analysed("bound-free", Record(eta, "made", period, scene.tank.depth)).said
+        said = results.analysed("bound-free", Record(eta, "made", period, scene.tank.depth)).notes
         assert ("gauges stand badly" in said) == badly and ("condition 6.47: " in said) == badly
 
 
 def test_a_record_of_one_window_is_said_to_be(table):
     """Of 64 mean periods there are several."""
     record = read_record(str(table), depth=DEPTH)
-    assert "one window" in kinds.analysed("reflection", record).said
+    assert "one window" in results.analysed("reflection", record).notes
     parts = [record.eta.assign_coords(time=T + n * 60.0) for n in range(3)]  # of whole periods
     longer = concat(parts, "time")
-    assert "window" not in kinds.analysed("reflection", replace(record, eta=longer)).said
+    assert "window" not in results.analysed("reflection", replace(record, eta=longer)).notes
     group = record.eta * np.exp(-(((record.eta.time - 30.0) / 8.0) ** 2))  # low at either end: in no window
-    assert "window" not in kinds.analysed("reflection", replace(record, eta=group.transpose(*record.eta.dims))).said
+    assert "window" not in results.analysed("reflection", replace(record, eta=group.transpose(*record.eta.dims))).notes
 
 
 def test_a_sea_is_told_apart_without_a_period(table, tmp_path):

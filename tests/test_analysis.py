@@ -9,28 +9,48 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from wavetank.analysis.along import told_apart
-from wavetank.analysis.bound_free import beat_length, bound_and_free
-from wavetank.analysis.exceedance import (
+from wavetank.analysis.record import read_record
+from wavetank.analysis.reflection import (
+    beat_length,
+    bound_and_free,
+    reflected,
+    reflected_spectra,
+    regular_reflection,
+    told_apart,
+)
+from wavetank.analysis.results import KINDS, reflection_coefficient
+from wavetank.analysis.signals import (
+    WHOLE,
+    along,
+    between,
+    chosen,
+    delay,
+    elevation,
+    envelope,
+    fundamental,
+    groupiness,
+    harmonics,
+    mean_period,
+    phase_speed,
+    places,
+    sea_state,
+    spectrum,
+    surface_similarity,
+    time_step,
+    travel,
+)
+from wavetank.analysis.statistics import (
     exceedance,
     forristall_crests,
     forristall_heights,
+    height_statistics,
     rayleigh_crests,
     rayleigh_heights,
+    zero_crossing_waves,
 )
-from wavetank.analysis.groups import envelope, groupiness
-from wavetank.analysis.harmonics import fundamental, harmonics
-from wavetank.analysis.record import read_record
-from wavetank.analysis.records import along, between, chosen, elevation, places, time_step
-from wavetank.analysis.reflection import reflected, reflected_spectra, regular_reflection
-from wavetank.analysis.similarity import surface_similarity
-from wavetank.analysis.spectra import WHOLE, mean_period, sea_state, spectrum
-from wavetank.analysis.speed import delay, phase_speed, travel
-from wavetank.analysis.wave_heights import height_statistics, zero_crossing_waves
 from wavetank.errors import InputError
 from wavetank.output.fields import Surface
 from wavetank.output.tables import GaugeSeries
-from wavetank.plots.kinds import KINDS, reflection_coefficient
 from wavetank.waves.airy import group_velocity, wave_number
 
 T = np.arange(0.0, 200.0, 0.05)
@@ -430,7 +450,7 @@ def test_what_comes_from_the_far_wall_goes_against_x(tmp_path):
     (tmp_path / "manifest.json").write_text(json.dumps({"scene": scene | {"wall": rest, "far_wall": driven}}))
     found, usual = KINDS["bound-free"](read_record(str(tmp_path))), KINDS["bound-free"](record)
     assert found.rows[0][2] == pytest.approx(0.05, rel=1e-3) and usual.rows[0][2] != pytest.approx(0.05, rel=0.1)
-    assert "x is that from the far wall" in found.said and "far wall" not in usual.said
+    assert "x is that from the far wall" in found.notes and "far wall" not in usual.notes
 
 
 def test_what_is_told_apart_says_how_badly_gauges_stand():

@@ -16,8 +16,9 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, TypeAdapter
 
 from wavetank import data
+from wavetank.analysis import results
 from wavetank.analysis.record import Record
-from wavetank.analysis.records import elevation
+from wavetank.analysis.signals import elevation
 from wavetank.case import Scene
 from wavetank.case.reading import SHOWN, read_case
 from wavetank.cli import main
@@ -27,7 +28,6 @@ from wavetank.motion.recorded import read_record
 from wavetank.output.tables import GaugeSeries
 from wavetank.planning.plan import UnreachableError
 from wavetank.planning.requirements import looked_at
-from wavetank.plots import kinds
 from wavetank.values.noun import Problem, SceneError
 from wavetank.values.python_file import load
 
@@ -277,10 +277,10 @@ def test_whatever_a_record_holds_is_analysed_or_refused_in_a_sentence(name, x, y
     """No other error, and no warning, which would be one here."""
     t = np.arange(0, 20, 0.1)
     gauges = [GaugeSeries(f"{n}", at, t, RECORDS[name](n + 1, t), "made", n * y) for n, at in enumerate(x)]
-    for kind in kinds.KINDS:
+    for kind in results.KINDS:
         for period in (None, 2.0):
             try:
-                found = kinds.analysed(kind, Record(elevation(gauges), "made", period, 1.0))
+                found = results.analysed(kind, Record(elevation(gauges), "made", period, 1.0))
                 assert found.rows and all(len(row) == len(found.columns) for row in found.rows)
             except InputError as error:
                 assert str(error).endswith(".") and "\n" not in str(error)

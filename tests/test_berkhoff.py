@@ -17,7 +17,7 @@ import typer
 from typer.testing import CliRunner
 
 from wavetank import data
-from wavetank.analysis.wave_heights import mean_wave_height, wave_heights
+from wavetank.analysis.statistics import mean_wave_height, wave_heights
 from wavetank.case.output import GaugeLine
 from wavetank.data import DataFile, Dataset, HeightSeries, Section
 from wavetank.errors import InputError

@@ -13,10 +13,10 @@ from pictures import faults
 from rich.console import Console
 from scipy import stats
 
+from wavetank.analysis.quantities import AT_GAUGE, OF_RUN
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.output.writer import RunWriter
-from wavetank.plots.quantities import AT_GAUGE, OF_RUN
 from wavetank.studies.ensemble import Ensemble, ensemble_table, ensembles, write_ensembles
 from wavetank.studies.ensemble_drawing import draw_ensembles
 from wavetank.studies.look import WARNED

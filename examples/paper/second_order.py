@@ -3,7 +3,7 @@
 Regular waves of a piston, or of a flap, whose bound second harmonic is to be a share of the first; a sponge takes them
 at the end. The
 harmonics at all places between the paddle's near field and the sponge are told apart by least squares, by the bound
-wave number 2 k, the free one K and -K (``wavetank/analysis/bound_free.py``).
+wave number 2 k, the free one K and -K (``wavetank/analysis/reflection.py``).
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from examples.paper.report import Report
 from examples.paper.watched import Surfaces
-from wavetank.analysis.along import told_apart
+from wavetank.analysis.reflection import told_apart
 from wavetank.case import Scene
 from wavetank.plots.style import BLUE, GREY, VERMILION
 from wavetank.simulation.build import build_run

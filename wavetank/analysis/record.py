@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from xarray import DataArray
 
 from wavetank import data
-from wavetank.analysis import records
-from wavetank.analysis.harmonics import fundamental
+from wavetank.analysis import signals
+from wavetank.analysis.signals import fundamental
 from wavetank.analysis.still_water import still_water
 from wavetank.case.tank import Depth
 from wavetank.errors import InputError
@@ -144,11 +144,11 @@ def read_record(
         raise InputError(f"{source}: --along reads the surface of a run; this is none.")
     else:
         known = data.opened(source)
-        eta, title = records.elevation(data.gauge_records(known)[0].series), known.name
+        eta, title = signals.elevation(data.gauge_records(known)[0].series), known.name
     if gauges:
-        eta = records.chosen(eta, gauges)
+        eta = signals.chosen(eta, gauges)
     before = None if start is None else eta.sel(time=slice(None, end))
-    return Record(records.between(eta, start, end), title, period, told, gravity, far_end, from_wall, before, *ended)
+    return Record(signals.between(eta, start, end), title, period, told, gravity, far_end, from_wall, before, *ended)
 
 
 def _driven(scene: dict[str, Any]) -> list[str]:
@@ -172,6 +172,6 @@ def _period(motion: dict[str, Any]) -> float | None:
 
 def _of_run(run: RunDirectory, along: tuple[float, float, int] | None) -> DataArray:
     if along is None:
-        return records.elevation(run.gauge_series())
+        return signals.elevation(run.gauge_series())
     first, last, count = along
-    return records.along(run.snapshots(), np.linspace(first, last, count, dtype=np.float64))
+    return signals.along(run.snapshots(), np.linspace(first, last, count, dtype=np.float64))

@@ -1,9 +1,11 @@
-"""Incident and reflected waves by 2, 3 or n gauges along x, over one depth, by linear theory.
+"""Least-squares separation of waves along x: incident and reflected waves; bound and free second harmonics.
 
-At each frequency the complex amplitudes at the gauges are those of a wave that comes and one that goes back, whose wave
-number is that of the dispersion relation; by least squares where there are more than two gauges. Two are Y. Goda and
-Y. Suzuki, Proc. 15th Int. Conf. Coastal Eng., 1976; three E. P. D. Mansard and E. R. Funke, Proc. 17th, 1980; n J. A.
-Zelt and J. E. Skjelbreia, Proc. 23rd, 1992. Of regular waves the wave number may be found, too.
+At each frequency the complex amplitudes at the gauges are A(x) = Σ a_j e^(i k_j x), of waves a cos(k x - ω t + ε);
+k < 0 of waves in the direction of -x. Incident and reflected waves have the wave numbers +-k of the dispersion relation
+of linear waves over one depth. Two gauges: Y. Goda and Y. Suzuki, Proc. 15th Int. Conf. Coastal Eng., 1976; three:
+E. P. D. Mansard and E. R. Funke, Proc. 17th, 1980; n: J. A. Zelt and J. E. Skjelbreia, Proc. 23rd, 1992. Of regular
+waves the wave number may be fitted, too. A bound second harmonic has twice the wave number of the first, a free one
+that of its frequency by the dispersion relation.
 """
 
 from typing import NamedTuple
@@ -14,17 +16,73 @@ from scipy import signal
 from scipy.optimize import minimize_scalar
 from xarray import DataArray, Dataset
 
-from wavetank.analysis.along import told_apart
-from wavetank.analysis.records import places, time_step
-from wavetank.analysis.spectra import ends_low, moment, peak_frequency, samples, spectrum
+from wavetank.analysis.signals import ends_low, moment, peak_frequency, places, samples, spectrum, time_step
 from wavetank.errors import InputError
 from wavetank.waves.airy import group_velocity, wave_number
 
+# ---------------------------------------------------------------- waves by their wave numbers
+Complex = NDArray[np.complex128]
+Array = NDArray[np.float64]
+
+
+class Along(NamedTuple):
+    """Waves told apart.
+
+    Attributes
+    ----------
+    amplitudes
+        a_j, shape (waves,), as those of A.
+    rest
+        Root mean square of what they leave of A, a number.
+    condition
+        How much more an error of A can be in the amplitudes: the condition number of the least squares.
+    """
+
+    amplitudes: Complex
+    rest: float
+    condition: float
+
+
+def told_apart(components: ArrayLike, x: ArrayLike, wave_numbers: ArrayLike) -> Along:
+    """Return the waves of some wave numbers [rad/m] in components A of shape (gauges,) at x [m] of that shape."""
+    A, places, numbers = np.asarray(components, dtype=complex), np.asarray(x, float), np.asarray(wave_numbers, float)
+    waves = np.exp(1j * np.outer(places, numbers))
+    amplitudes = np.linalg.lstsq(waves, A, rcond=None)[0]
+    rest = np.sqrt(np.mean(np.abs(A - waves @ amplitudes) ** 2))
+    return Along(amplitudes, float(rest), float(np.linalg.cond(waves)))
+
+
+# ---------------------------------------------------------------- bound and free second harmonics
+def bound_and_free(
+    component: DataArray, frequency: float, *, depth: float, gravity: float = 9.81, returning: bool = False
+) -> Along:
+    """Return the bound and the free wave of the second harmonic, and the free one that goes back where asked for.
+
+    ``component`` are complex amplitudes [m] of that harmonic over gauge, as ``harmonics`` returns them, of two gauges
+    at least, or three; the frequency [Hz] is the first harmonic's, the depth [m] that of the still water at all gauges,
+    gravity in m/s². Amplitudes [m] are those at x = 0, complex. Raises ``InputError`` for too few gauges.
+    """
+    x, omega = places(component), 2 * np.pi * frequency
+    k, free = wave_number([omega, 2 * omega], depth, gravity)
+    numbers = [2 * k, free, -free] if returning else [2 * k, free]
+    if x.size < len(numbers):
+        needed = f"at least {len(numbers)} are needed to tell bound waves from free ones"
+        raise InputError(f"{x.size} gauges received; {needed}.")
+    return told_apart(component.values, x, numbers)
+
+
+def beat_length(frequency: float, *, depth: float, gravity: float = 9.81) -> float:
+    """Return the length [m] over which bound and free waves of the second harmonic come in and out of phase."""
+    k, free = wave_number([2 * np.pi * frequency, 4 * np.pi * frequency], depth, gravity)
+    return float(2 * np.pi / (free - 2 * k))
+
+
+# ---------------------------------------------------------------- incident and reflected waves
 WORST = 6.3  # condition at which Goda and Suzuki's two gauges end: 0.05 and 0.45 wave lengths apart
 ENERGETIC = 0.02  # of the largest incident density: of less, no reflection is told
 FREE = 1.5  # of the peak's frequency: harmonics above are bound to the waves
 STEADY = 0.7, 1.4  # Hm0 in Hann windows over that of a record: 0.74 to 1.26 of seas of 18 periods, less of cut groups
-FEWEST = 10  # peak periods of a piece of a sea: of less the coefficient differs by a factor of two
+MIN_PERIODS = 10  # peak periods of a piece of a sea: of less the coefficient differs by a factor of two
 
 
 class Reflection(NamedTuple):
@@ -105,7 +163,7 @@ def reflected_spectra(eta: DataArray, *, depth: float, gravity: float = 9.81, se
         delays = _delays(x, dt, peak, depth=depth, gravity=gravity, most=eta.time.size // 2)
         found = _cross_spectra(eta, delays, size, "hann")
         steady = STEADY[0] < np.sqrt(found.variance / variance) < STEADY[1]
-        if not steady or whole and size * dt * peak < FEWEST:
+        if not steady or whole and size * dt * peak < MIN_PERIODS:
             first, last = eta.time.values[[0, -1]]
             advice = "--start and --end must leave low waves at both ends, or a longer part of a sea"
             raise InputError(f"the record from {first:.4g} to {last:.4g} s cuts the waves; {advice}.")

@@ -66,7 +66,8 @@ def analyse(
     check_new(*files.values(), *pictures, overwrite=overwrite or out is None)
     names = tuple(name.strip() for name in gauges.split(",")) if gauges else ()
     from wavetank.analysis.record import read_record
-    from wavetank.plots import kinds as known
+    from wavetank.analysis.results import analysed
+    from wavetank.plots.analysis_figures import result_figure
     from wavetank.plots.compare import write_rows
 
     record = read_record(source, start=start, end=end, gauges=names, along=_places(along), depth=depth, period=period)
@@ -74,7 +75,7 @@ def analyse(
     results, refused = {}, dict[str, list[str]]()
     for kind in asked:
         try:
-            results[kind] = known.analysed(kind, records.get(kind, record))
+            results[kind] = analysed(kind, records.get(kind, record))
         except InputError as error:
             refused.setdefault(str(error).removeprefix(f"{kind}: "), []).append(kind)
     why = InputError(" ".join(f"{', '.join(of)}: {reason}" for reason, of in refused.items()))
@@ -90,11 +91,11 @@ def analyse(
         terminal.print(units, highlight=False)
     for kind, found in results.items():
         terminal.print(_table(found.columns, found.rows))
-        if found.said:
-            terminal.print(found.said, highlight=False)
+        if found.notes:
+            terminal.print(found.notes, highlight=False)
         instead = ", in place of what was there (--out: elsewhere)" if files[kind].exists() else ""
         write_rows(files[kind], found.columns, found.rows)
-        picture = found.draw(files[kind].with_suffix(".png"))
+        picture = result_figure(found, files[kind].with_suffix(".png"))
         terminal.print(f"wrote {files[kind]} and {picture}{instead}", highlight=False)
     if refused:
         raise why

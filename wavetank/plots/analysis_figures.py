@@ -8,14 +8,9 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from xarray import DataArray, Dataset
 
-from wavetank.analysis.along import Along
-from wavetank.analysis.exceedance import (
-    exceedance,
-    forristall_heights,
-    rayleigh_crests,
-    rayleigh_heights,
-)
-from wavetank.analysis.reflection import Reflection
+from wavetank.analysis.reflection import Along, Reflection
+from wavetank.analysis.results import Result
+from wavetank.analysis.statistics import exceedance, forristall_heights, rayleigh_crests, rayleigh_heights
 from wavetank.plots.style import BLUE, CM, COMPUTED, GREEN, INK, ORANGE, PURPLE, VERMILION, picture
 from wavetank.waves.airy import wave_number
 from wavetank.waves.wave import Array
@@ -207,3 +202,20 @@ def speed_figure(
         figure.legend(**LEGEND)
         figure.suptitle(f"{title}: speed between gauges", fontsize=12, parse_math=False)
     return path
+
+
+FIGURES: dict[str, Callable[..., Path]] = {
+    "spectrum": spectrum_figure,
+    "heights": heights_figure,
+    "harmonics": harmonics_figure,
+    "bound-free": along_figure,
+    "groups": groups_figure,
+    "reflection": reflection_figure,
+    "regular-reflection": regular_reflection_figure,
+    "speed": speed_figure,
+}
+
+
+def result_figure(result: Result, path: Path) -> Path:
+    """Draw the figure of an analysis; return ``path``."""
+    return FIGURES[result.figure](path=path, **result.arguments)

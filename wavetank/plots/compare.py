@@ -9,7 +9,7 @@ Per gauge, over the times both have, with the reference's times as the base and 
     crest error the computed crest over the reference's, less 1; of the troughs alike
     arrival     by how much later than in the reference the elevation first is a tenth of the reference's largest; not a
                 number where these are different waves
-    similarity  the surface similarity parameter: 0 alike, 1 opposite (``analysis/similarity.py``)
+    similarity  the surface similarity parameter: 0 alike, 1 opposite (``analysis/signals.py``)
 
 Where the reference's clock is another's, one offset for all gauges is found first (``synchronised``).
 """
@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from rich.box import SIMPLE
 from rich.table import Table
 
-from wavetank.analysis.similarity import surface_similarity
+from wavetank.analysis.signals import surface_similarity
 from wavetank.data import GaugeRecords
 from wavetank.errors import InputError
 from wavetank.output.files import atomic_file

@@ -9,8 +9,7 @@ import numpy as np
 from rich.box import SIMPLE
 from rich.table import Table
 
-from wavetank.analysis.harmonics import harmonics
-from wavetank.analysis.records import elevation
+from wavetank.analysis.signals import elevation, harmonics
 from wavetank.output.tables import GaugeSeries
 from wavetank.plots.compare import matched, write_rows
 from wavetank.plots.style import BLUE, GREEN, VERMILION, picture

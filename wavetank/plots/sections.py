@@ -19,7 +19,7 @@ from rich.box import SIMPLE
 from rich.table import Table
 from scipy.interpolate import CubicSpline
 
-from wavetank.analysis.wave_heights import mean_wave_height
+from wavetank.analysis.statistics import mean_wave_height
 from wavetank.data import HeightSeries, Section, WaveHeights
 from wavetank.errors import InputError
 from wavetank.output.tables import GaugeSeries

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wavetank.analysis.quantities import AT_GAUGE, AT_WALL, OF_RUN, Findings
 from wavetank.case import Scene
 from wavetank.errors import InputError, choice
 from wavetank.output.directory import RunDirectory
-from wavetank.plots.quantities import AT_GAUGE, AT_WALL, OF_RUN, Findings
 from wavetank.values.formula import CONSTANTS, FUNCTIONS, Formula
 
 CREST, CREST_PLACE, CREST_TIME = "highest crest [m]", "crest's place x [m]", "crest's time [s]"

@@ -1,16 +1,23 @@
-"""The waves in a gauge's record, one after the other, by zero up-crossings: the usual definition (IAHR 1989)."""
+"""Zero up-crossing waves (IAHR 1989), and the distributions of their heights and crests.
+
+Sources: M. S. Longuet-Higgins, J. Marine Res. 11, 1952 (Rayleigh); G. Z. Forristall, J. Geophys. Res. 83, 1978
+(heights) and J. Phys. Oceanogr. 30, 2000 (crests of second order).
+"""
 
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 from xarray import DataArray, Dataset
 
 from wavetank.errors import InputError
 from wavetank.output.tables import GaugeSeries
+from wavetank.waves.airy import wave_number
+from wavetank.waves.wave import Array
 
-FEWEST = 3  # waves; of fewer, no mean height is told
+# ---------------------------------------------------------------- zero up-crossing waves
+MIN_WAVES = 3  # waves; of fewer, no mean height is told
 
 
 def waves(t: NDArray[np.float64], eta: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -50,9 +57,9 @@ def height_statistics(found: Dataset) -> dict[str, float]:
     ``t_mean``, ``t_1_3`` (of the highest third). Raises ``InputError`` for fewer than three waves.
     """
     heights = found.height.values
-    if heights.size < FEWEST:
+    if heights.size < MIN_WAVES:
         gauge = str(found.gauge.values)
-        raise InputError(f"gauge {gauge}: {heights.size} whole waves in the record; at least {FEWEST} are needed.")
+        raise InputError(f"gauge {gauge}: {heights.size} whole waves in the record; at least {MIN_WAVES} are needed.")
     highest = np.argsort(heights)[::-1]
     third, tenth = (highest[: -(-heights.size // n)] for n in (3, 10))
     return {
@@ -74,11 +81,11 @@ def mean_wave_height(series: GaugeSeries, *, start: float) -> float:
     Raises ``InputError`` if there are fewer than three.
     """
     heights = wave_heights(series, start=start)
-    if heights.size < FEWEST:
+    if heights.size < MIN_WAVES:
         last = f"{series.t[-1]:g} s" if series.t.size else "nowhere"
         raise InputError(
             f"gauge {series.name}: {heights.size} whole waves from t = {start:g} s to the record's end, {last}; "
-            f"at least {FEWEST} are needed for a wave height."
+            f"at least {MIN_WAVES} are needed for a wave height."
         )
     return float(heights.mean())
 
@@ -88,3 +95,51 @@ def wave_heights(series: GaugeSeries, *, start: float) -> NDArray[np.float64]:
     late = series.t >= start
     _, _, crest, trough = waves(series.t[late], series.eta[late])
     return np.asarray(crest - trough)
+
+
+# ---------------------------------------------------------------- distributions
+CRESTS = {  # of long-crested and of short-crested seas: coefficients of alpha and beta, and the power of Ur in beta
+    "long": ((0.3536, 0.2892, 0.1060), (2.0, -2.1597, 0.0, 0.0968)),
+    "short": ((0.3536, 0.2568, 0.0800), (2.0, -1.7912, -0.5302, 0.2824)),
+}
+
+
+def exceedance(values: ArrayLike) -> DataArray:
+    """Return how often each of N values is exceeded, i / (N + 1) of the i-th largest, over ``value``, descending."""
+    ordered = np.sort(np.asarray(values, dtype=float))[::-1]
+    share = (1 + np.arange(ordered.size)) / (ordered.size + 1)
+    return DataArray(share, {"value": ordered}, ("value",), name="exceedance", attrs={"units": "1"})
+
+
+def rayleigh_heights(height: ArrayLike, hm0: float) -> Array:
+    """Return P(H > height) of a narrow linear spectrum of Hm0 [m]: exp(-2 (H/Hm0)²)."""
+    return np.asarray(np.exp(-2 * np.square(np.divide(height, hm0))))
+
+
+def rayleigh_crests(crest: ArrayLike, hm0: float) -> Array:
+    """Return P(crest > c) of a narrow linear spectrum of Hm0 [m]: exp(-8 (c/Hm0)²)."""
+    return np.asarray(np.exp(-8 * np.square(np.divide(crest, hm0))))
+
+
+def forristall_heights(height: ArrayLike, hm0: float) -> Array:
+    """Return P(H > height) as measured in storms, whose spectra are not narrow: exp(-(4 H/Hm0)^2.126 / 8.42)."""
+    return np.asarray(np.exp(-(np.multiply(height, 4 / hm0) ** 2.126) / 8.42))
+
+
+def forristall_crests(
+    crest: ArrayLike, hm0: float, *, tm01: float, depth: float, gravity: float = 9.81, crested: str = "long"
+) -> Array:
+    """Return P(crest > c) of simulated seas of second order: exp(-(c / (α Hm0))^β).
+
+    α and β follow from the steepness S1 = 2π Hm0 / (g Tm01²) and Ursell's number Ur = Hm0 / (k1² d³), k1 that of Tm01;
+    where both vanish it is Rayleigh's. Lengths are in m, the period in s; seas are ``"long"``- or ``"short"``-crested.
+    Raises ``InputError`` for seas so steep that β is not positive.
+    """
+    alphas, betas = CRESTS[crested]
+    S = 2 * np.pi * hm0 / (gravity * tm01**2)
+    k = float(wave_number(2 * np.pi / tm01, depth, gravity))
+    Ur = 0.0 if np.isinf(depth) else hm0 / (k**2 * depth**3)
+    alpha, beta = np.dot(alphas, [1, S, Ur]), np.dot(betas, [1, S, Ur, Ur**2])
+    if beta <= 0:
+        raise InputError(f"steepness {S:.3g}, Ursell's number {Ur:.3g}: Forristall's crests are for gentler seas.")
+    return np.asarray(np.exp(-(np.divide(crest, alpha * hm0) ** beta)))

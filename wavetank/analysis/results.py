@@ -1,35 +1,45 @@
-"""The kinds of analysis that ``wavetank analyse`` offers: of a record a table, and what draws its picture."""
+"""The analyses of ``wavetank analyse``: of a record a table, notes, and what its figure shows."""
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 from xarray import DataArray, Dataset
 
-from wavetank.analysis.along import Along
-from wavetank.analysis.bound_free import beat_length, bound_and_free
-from wavetank.analysis.exceedance import forristall_crests
-from wavetank.analysis.groups import envelope, groupiness
-from wavetank.analysis.harmonics import harmonics, resolved
 from wavetank.analysis.record import Record
-from wavetank.analysis.records import SMALLEST, time_step, waves_begin, waving
 from wavetank.analysis.reflection import (
     ENERGETIC,
     FREE,
     WORST,
+    Along,
     Reflection,
+    beat_length,
+    bound_and_free,
     reflected_spectra,
     regular_reflection,
 )
-from wavetank.analysis.spectra import PERIODS, mean_period, sea_state, spectrum
-from wavetank.analysis.speed import phase_speed, regular_speed, travel
-from wavetank.analysis.wave_heights import height_statistics, zero_crossing_waves
+from wavetank.analysis.signals import (
+    PERIODS,
+    SMALLEST,
+    envelope,
+    groupiness,
+    harmonics,
+    mean_period,
+    phase_speed,
+    regular_speed,
+    resolved,
+    sea_state,
+    spectrum,
+    time_step,
+    travel,
+    waves_begin,
+    waving,
+)
+from wavetank.analysis.statistics import forristall_crests, height_statistics, zero_crossing_waves
 from wavetank.errors import InputError
-from wavetank.plots import analysis_figures as figures
 from wavetank.waves.airy import group_velocity, wave_number
 from wavetank.waves.wave import Array
 
@@ -48,12 +58,13 @@ Value = str | float
 
 
 class Result(NamedTuple):
-    """A table, its columns' names with units, what is said below it, and what draws the picture into a file."""
+    """A table, its columns' names with units, notes below it, and its figure's name and arguments."""
 
     columns: Sequence[str]
     rows: Sequence[Sequence[Value]]
-    said: str
-    draw: Callable[[Path], Path]
+    notes: str
+    figure: str
+    arguments: dict[str, Any]
 
 
 def _stations(record: Record) -> list[tuple[str, float]]:
@@ -77,7 +88,7 @@ def spectra(record: Record) -> Result:
     said = f"{count} segments" if count > 1 else "the whole record as one segment"
     said += f", {float(S.frequency[1] - S.frequency[0]):.3g} Hz apart"
     columns = ("gauge", "x [m]", "Hm0 [m]", "Tp [s]", "Tm01 [s]", "Tm02 [s]", "Tm-10 [s]")
-    return Result(columns, rows, said, lambda path: figures.spectrum_figure(S, path, title=record.title))
+    return Result(columns, rows, said, "spectrum", {"S": S, "title": record.title})
 
 
 def heights(record: Record) -> Result:
@@ -100,7 +111,7 @@ def heights(record: Record) -> Result:
         said = f"they are left out; {error}"
     drawn = None if said else crests
     return Result(
-        columns, rows, said, lambda path: figures.heights_figure(waves, states, drawn, path, title=record.title)
+        columns, rows, said, "heights", {"waves": waves, "states": states, "second": drawn, "title": record.title}
     )
 
 
@@ -118,7 +129,7 @@ def harmonic(record: Record) -> Result:
         [[f"harmonic {n} at gauge {gauge}" for n in numbers] for gauge in record.eta.gauge.values],
     )
     said = _period_told(record) + _others_told(record) + (_begin_told(record, 1 / f) or unsteady)
-    return Result(columns, rows, said, lambda path: figures.harmonics_figure(found, path, title=record.title))
+    return Result(columns, rows, said, "harmonics", {"found": found, "title": record.title})
 
 
 def bound_free(record: Record) -> Result:
@@ -159,7 +170,8 @@ def bound_free(record: Record) -> Result:
         ("wave", "k [rad/m]", "amplitude [m]", "phase at x = 0 [rad]"),
         rows,
         said,
-        lambda path: figures.along_figure(component, numbers, names, found, path, title=title),
+        "bound-free",
+        {"component": component, "wave_numbers": numbers, "names": names, "found": found, "title": title},
     )
 
 
@@ -171,7 +183,8 @@ def groups(record: Record) -> Result:
         ("gauge", "x [m]", "largest envelope [m]", "mean envelope [m]", "groupiness [-]"),
         rows,
         "groupiness: 0 of regular waves, 1 of a linear random sea",
-        lambda path: figures.groups_figure(record.eta, around, factor, path, title=record.title),
+        "groups",
+        {"eta": record.eta, "envelope": around, "groupiness": factor, "title": record.title},
     )
 
 
@@ -214,7 +227,8 @@ def _regular(record: Record) -> Result:
         ("period [s]", "k [rad/m]", "incident [m]", "reflected [m]", "reflection [-]"),
         [(1 / record.frequency, found.k, abs(found.incident), abs(found.reflected), found.coefficient)],
         said + (begin or badly or _doubted(record, component, found)) + record.told_way,
-        lambda path: figures.regular_reflection_figure(component[:, 0], found, path, title=record.title),
+        "regular-reflection",
+        {"component": component[:, 0], "found": found, "title": record.title},
     )
 
 
@@ -341,7 +355,8 @@ def _irregular(record: Record) -> Result:
         f"{FREE:g} times the peak's (harmonics above are bound waves); Hm0 of all frequencies, in that ratio"
         f"{one if found.attrs['one_window'] else ''}{record.told_way}"
         f"{_begin_told(record, SEVERAL * mean_period(record.eta))}",
-        lambda path: figures.reflection_figure(found, path, title=record.title),
+        "reflection",
+        {"found": found, "title": record.title},
     )
 
 
@@ -379,10 +394,14 @@ def _speed_of_regular(record: Record) -> Result:
         f"{_period_told(record)}; of delays that differ by whole periods the one nearest to linear waves' is told"
         f"{_uncertain(found, 'they differ by more than a quarter of one')}{_others_told(record)}"
         f"{_begin_told(record, 1 / f)}{record.told_way}",
-        lambda path: figures.speed_figure(
-            c[:, None], list(pairs), np.array([f]), path, title=record.title, depth=record.depth, gravity=record.gravity
-        ),
+        *_speed_figure(record, c[:, None], pairs, np.array([f])),
     )
+
+
+def _speed_figure(record: Record, c: Array, pairs: Array, frequencies: Array) -> tuple[str, dict[str, Any]]:
+    """Return name and arguments of the figure of phase speeds [m/s], shape (pairs, frequencies)."""
+    arguments = {"speed": c, "pairs": list(pairs), "frequencies": frequencies, "title": record.title}
+    return "speed", {**arguments, "depth": record.depth, "gravity": record.gravity}
 
 
 def _speed_of_sea(record: Record) -> Result:
@@ -405,15 +424,7 @@ def _speed_of_sea(record: Record) -> Result:
         "delay and speed are those of the largest cross-correlation"
         f"{_uncertain(between, 'a period earlier or later the records are as alike')}"
         f"; frequencies are {frequencies[0]:.3g} Hz apart{record.told_way}",
-        lambda path: figures.speed_figure(
-            found.speed.where(told).values,
-            list(found.pair.values),
-            frequencies,
-            path,
-            title=record.title,
-            depth=record.depth,
-            gravity=record.gravity,
-        ),
+        *_speed_figure(record, found.speed.where(told).values, found.pair.values, frequencies),
     )
 
 

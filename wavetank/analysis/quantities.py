@@ -1,4 +1,4 @@
-"""Numbers that a run is known by, each by its name: of the run as a whole, or at a gauge."""
+"""Scalar results of a run, by name: of the run, at a gauge, or on a wall."""
 
 from collections.abc import Callable
 from functools import cache, cached_property
@@ -7,16 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from xarray import DataArray, Dataset
 
-from wavetank.analysis.groups import groupiness
-from wavetank.analysis.harmonics import NUMBER, harmonics
 from wavetank.analysis.record import Record, read_record
-from wavetank.analysis.records import chosen, waving
-from wavetank.analysis.spectra import sea_state, spectrum
-from wavetank.analysis.wave_heights import height_statistics, zero_crossing_waves
+from wavetank.analysis.results import reflection_coefficient
+from wavetank.analysis.signals import NUMBER, chosen, groupiness, harmonics, sea_state, spectrum, waving
+from wavetank.analysis.statistics import height_statistics, zero_crossing_waves
 from wavetank.errors import InputError
 from wavetank.output.directory import SURFACE, RunDirectory
 from wavetank.output.fields import Surface
-from wavetank.plots.kinds import reflection_coefficient
 
 
 class Findings:

@@ -1,0 +1,482 @@
+"""Records of gauges: elevation over gauge and time, spectra, harmonics, envelopes and phase speeds.
+
+Spectral moments are m_n = ∫ f^n S df (L. H. Holthuijsen, *Waves in Oceanic and Coastal Waters*, 2007, chapters 3 to 5
+and appendix C). Harmonics are eta(t) = mean + Σ Re(A_n e^(-i n ω t)) + rest, by least squares. The phase between gauges
+is ambiguous by whole turns; the wave number nearest to that of linear waves is taken.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import signal
+from scipy.interpolate import CubicSpline
+from scipy.optimize import minimize_scalar
+from scipy.signal import hilbert
+from xarray import DataArray, Dataset
+
+from wavetank.errors import InputError
+from wavetank.output.fields import Surface
+from wavetank.output.netcdf import ACROSS, ALONG, ELEVATION, TIME
+from wavetank.output.tables import GaugeSeries
+from wavetank.waves.airy import wave_number
+from wavetank.waves.wave import Array
+
+# ---------------------------------------------------------------- records
+MIN_SAMPLES = 8  # times of a record
+SMALLEST, LARGEST = 1e-9, 1e4  # m; between them are the heights of waves
+BEGIN, HIGH, GROWN = 0.25, 0.5, 0.9  # of their later height: waves that begin, that stay, and that are there
+EVEN = 1e-3  # of a step: times that differ by less are equally spaced
+
+
+def elevation(series: Sequence[GaugeSeries]) -> DataArray:
+    """Return the elevation [m] over gauge and time [s] of records, over the times that all of them have.
+
+    Records on one clock of equal steps are taken as they are; others are read by cubic splines at the finest of their
+    mean steps. Raises ``InputError`` where there is no gauge, or too few times in common.
+    """
+    if not series:
+        raise InputError("there is no gauge to analyse.")
+    few = InputError(f"{series[0].source}: the gauges have too few times in common; at least {MIN_SAMPLES} are needed.")
+    if min(one.t.size for one in series) < 2:  # as of a run that was killed at its start
+        raise few
+    first, last = max(one.t[0] for one in series), min(one.t[-1] for one in series)
+    dt = min((last - first) / max(np.count_nonzero((one.t >= first) & (one.t <= last)) - 1, 1) for one in series)
+    if not dt * (MIN_SAMPLES - 1) <= last - first:
+        raise few
+    t = first + dt * np.arange(round((last - first) / dt) + 1)
+    eta = np.array([_at(one, np.minimum(t, last)) for one in series])
+    return _gauges([one.name for one in series], [one.x for one in series], [one.y for one in series], t, eta)
+
+
+def _at(one: GaugeSeries, t: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a record at other times, as it is where these are its own."""
+    there = (one.t >= t[0] - EVEN * (t[1] - t[0])) & (one.t <= t[-1] + EVEN * (t[1] - t[0]))
+    if np.count_nonzero(there) == t.size and np.abs(one.t[there] - t).max() < EVEN * (t[1] - t[0]):
+        return np.asarray(one.eta[there])
+    return np.asarray(CubicSpline(one.t, one.eta)(t))
+
+
+def along(surface: Surface, places: NDArray[np.float64]) -> DataArray:
+    """Return the elevation [m] of a slice's snapshots at places x [m], as gauges there would read it.
+
+    Gauges are called after their places. Raises ``InputError`` for fewer than eight snapshots, and for places that are
+    not between the ends of the surface at all times.
+    """
+    if surface.t.size < MIN_SAMPLES:
+        raise InputError(f"{surface.t.size} snapshots of the surface; at least {MIN_SAMPLES} are needed.")
+    first, last = float(surface.x[:, 0].max()), float(surface.x[:, -1].min())
+    if places.min() < first or places.max() > last:
+        raise InputError(f"x = {places.min():g} to {places.max():g} m; the surface is from {first:g} to {last:g} m.")
+    rows = zip(surface.x, surface.eta, strict=True)
+    eta = np.array([CubicSpline(x, snapshot)(places) for x, snapshot in rows]).T
+    names = [f"{x:g}" for x in places]
+    series = [GaugeSeries(name, x, surface.t, one, "") for name, x, one in zip(names, places, eta, strict=True)]
+    return elevation(series)
+
+
+def _gauges(
+    names: Sequence[str],
+    x: Sequence[float],
+    y: Sequence[float],
+    t: NDArray[np.float64],
+    eta: NDArray[np.float64],
+) -> DataArray:
+    coordinates = {
+        "gauge": list(names),
+        "time": ("time", t, TIME),
+        "x": ("gauge", np.asarray(x, dtype=float), ALONG),
+        "y": ("gauge", np.asarray(y, dtype=float), ACROSS),
+    }
+    return DataArray(eta, coordinates, ("gauge", "time"), name="elevation", attrs=ELEVATION)
+
+
+def between(eta: DataArray, start: float | None = None, end: float | None = None) -> DataArray:
+    """Return what is recorded from one time to another [s], default: from the first to the last.
+
+    Raises ``InputError`` where fewer than eight times are left.
+    """
+    part = eta.sel(time=slice(start, end))
+    if part.time.size < MIN_SAMPLES:
+        first, last = eta.time.values[[0, -1]]
+        asked = f"from {first if start is None else start:g} to {last if end is None else end:g} s"
+        raise InputError(f"{asked}: {part.time.size} times there; the record is from {first:g} to {last:g} s.")
+    return part
+
+
+def chosen(eta: DataArray, names: Sequence[str]) -> DataArray:
+    """Return the record at gauges of these names, in this order; raise ``InputError`` for one that is not there."""
+    have = [str(name) for name in eta.gauge.values]
+    if missing := [name for name in names if name not in have]:
+        raise InputError(f"gauge {missing[0]!r} received; there are {', '.join(have)}.")
+    return eta.isel(gauge=[have.index(name) for name in names])
+
+
+def time_step(eta: DataArray) -> float:
+    """Return the step [s] of a record's times; raise ``InputError`` where they are not equally spaced."""
+    steps = np.diff(eta.time.values)
+    if steps.size < MIN_SAMPLES - 1 or np.ptp(steps) > 2 * EVEN * steps.mean():
+        raise InputError(f"{steps.size + 1} times: at least {MIN_SAMPLES} are needed, equally spaced.")
+    return float(steps.mean())
+
+
+def waving(eta: DataArray) -> DataArray:
+    """Return a record that has waves at every gauge; raise ``InputError`` for one that has none that make sense."""
+    for gauge, size in zip(np.atleast_1d(eta.gauge.values), np.atleast_1d(np.ptp(eta.values, axis=-1)), strict=True):
+        if not SMALLEST < size < LARGEST:
+            t = eta.time.values[[0, -1]]
+            why = f"its elevation varies by {size:.3g} m from {t[0]:g} to {t[1]:g} s"
+            raise InputError(f"gauge {gauge}: {why}; waves from {SMALLEST:g} to {LARGEST:g} m are analysed.")
+    return eta
+
+
+def waves_begin(eta: DataArray, period: float) -> float | None:
+    """Return from when on a record has its waves at every gauge [s]; None where it has from its first time on.
+
+    Or where they do not stay, as a group's. They are looked at over times as long as a period [s], or some.
+    """
+    steps = round(period / time_step(eta))
+    if not 1 < steps < eta.time.size / 4:
+        return None
+    values = eta.transpose("gauge", "time").values
+    squares = np.cumsum((values - values.mean(axis=1, keepdims=True)) ** 2, axis=1)
+    heights = np.sqrt((squares[:, steps:] - squares[:, :-steps]) / steps)
+    whole = np.median(heights[:, heights.shape[1] // 2 :], axis=1, keepdims=True)
+    there = int((heights >= GROWN * whole).argmax(axis=1).max())
+    begins, stay = (heights[:, 0] < BEGIN * whole[:, 0]).any(), (heights[:, there:] > HIGH * whole).all()
+    return float(eta.time.values[there + 1]) if begins and stay and (heights < whole / HIGH).all() else None
+
+
+def places(eta: DataArray) -> NDArray[np.float64]:
+    """Return where the gauges stand, x [m].
+
+    Raises ``InputError`` where that is not known, where two stand at one place, and for gauges beside one another.
+    """
+    x = np.asarray(eta.x.values, dtype=float)
+    if np.ptp(eta.y.values):
+        raise InputError("the gauges must stand in a row along x, at one y; choose --gauges.")
+    if np.isnan(x).any() or np.unique(x).size < x.size:
+        unknown = [str(name) for name, at in zip(eta.gauge.values, x, strict=True) if np.isnan(at)]
+        why = f"that of {unknown[0]} is not known" if unknown else "two are at one"
+        raise InputError(f"the gauges' places x must be known and differ; {why}: name columns as 5@x=10, or --gauges.")
+    return x
+
+
+# ---------------------------------------------------------------- spectra
+PERIODS = 32  # mean periods in a segment
+WHOLE = np.inf  # s; a segment that is all of a record
+LOW = 0.25  # of the highest: where waves at the ends of a record are lower, no window is needed
+PEAKED = 4  # power of S by which the peak's frequency is weighted: I. R. Young, Ocean Eng. 22, 1995
+
+
+def mean_period(eta: DataArray) -> float:
+    """Return the mean time [s] between zero up-crossings of the mean level, of all gauges together."""
+    values = (eta - eta.mean("time")).values
+    ups = np.count_nonzero((values[..., :-1] < 0) & (values[..., 1:] >= 0), axis=-1)
+    return float((eta.time[-1] - eta.time[0]) / max(np.mean(ups), 1))
+
+
+def samples(eta: DataArray, segment: float | None = None) -> int:
+    """Return how many samples a segment [s] has, by default one of 32 mean periods; all where there are not two."""
+    wanted = (PERIODS * mean_period(eta) if segment is None else segment) / time_step(eta)
+    return max(round(wanted), 4) if 2 * wanted <= eta.time.size else int(eta.time.size)
+
+
+def spectrum(eta: DataArray, *, segment: float | None = None) -> DataArray:
+    """Return the variance density S [m²/Hz] over gauge and frequency f [Hz].
+
+    Welch's method: segments of so many seconds (default: 32 mean periods) that overlap by half, each without its mean
+    and in a Hann window. A record of less than two is taken as it is, so that the sum of S times the step of f is its
+    variance exactly. Its attributes tell the number of ``segments``; with n of them S is known to about 1.2 / √n.
+    """
+    rate, size = 1 / time_step(eta), samples(eta, segment)
+    whole = size == eta.time.size
+    f, S = signal.welch(eta.values, rate, "boxcar" if whole else "hann", nperseg=size, detrend="constant")
+    others = {name: at for name, at in eta.coords.items() if "time" not in at.dims}
+    return DataArray(
+        S,
+        {**others, "frequency": ("frequency", f, {"units": "Hz"})},
+        (*eta.dims[:-1], "frequency"),
+        name="spectrum",
+        attrs={"long_name": "variance density", "units": "m2 Hz-1", "segments": 2 * eta.time.size // size - 1},
+    )
+
+
+def ends_low(values: NDArray[np.float64], period: int) -> bool:
+    """Return whether the first and last waves of records, in that many samples, are low beside their highest."""
+    high = np.abs(values - values.mean(axis=1, keepdims=True))
+    return bool(max(high[:, :period].max(), high[:, -period:].max()) < LOW * high.max())
+
+
+def moment(S: DataArray, n: int) -> DataArray:
+    """Return m_n [m² Hz^n] of a spectrum, without its value at f = 0."""
+    f = S.frequency[1:]
+    found: DataArray = (f**n * S.isel(frequency=slice(1, None))).sum("frequency") * float(f[1] - f[0])
+    return found
+
+
+def peak_frequency(S: DataArray) -> DataArray:
+    """Return the frequency [Hz] of a spectrum's peak, ∫ f S⁴ df / ∫ S⁴ df (Young 1995), which noise does not move."""
+    peaked = (S / S.max("frequency")) ** PEAKED
+    found: DataArray = (peaked * S.frequency).sum("frequency") / peaked.sum("frequency")
+    return found
+
+
+def sea_state(S: DataArray) -> Dataset:
+    """Return Hm0 = 4 √m0 [m] and the periods [s] of a spectrum: Tp = 1/f_p, Tm01 = m0/m1, Tm02 = √(m0/m2), Tm-10.
+
+    Tm02 depends on what is at high frequencies, Tm-10 (the energy period) on what is at low ones.
+    """
+    m = {n: moment(S, n) for n in (-1, 0, 1, 2)}
+    found = {
+        "hm0": 4 * m[0] ** 0.5,
+        "tp": 1 / peak_frequency(S),
+        "tm01": m[0] / m[1],
+        "tm02": (m[0] / m[2]) ** 0.5,
+        "tm_10": m[-1] / m[0],
+    }
+    return Dataset({name: one.assign_attrs(units="m" if name == "hm0" else "s") for name, one in found.items()})
+
+
+# ---------------------------------------------------------------- harmonics
+NUMBER = 4  # harmonics that are looked for
+NEAR = 0.1  # of the peak's frequency: within which the waves' own is looked for
+
+
+def harmonics(eta: DataArray, frequency: float, *, number: int = NUMBER) -> Dataset:
+    """Return the harmonics 1 ... ``number`` of a frequency [Hz] in a record over at least a period.
+
+    Returns
+    -------
+    ``component``
+        A_n [m] over gauge and ``harmonic``, complex: of a wave a cos(k x - ω t + ε) it is a e^(i (k x + ε)).
+    ``level``
+        The mean level [m] over gauge.
+    ``rest``
+        Root mean square [m] of what is not harmonic, over gauge.
+
+    The record need not be whole periods. Raises ``InputError`` for one shorter than a period, or whose steps are too
+    long for the highest harmonic.
+    """
+    t = eta.time.values
+    if not frequency > 0 or (t[-1] - t[0]) * frequency < 1:
+        raise InputError(f"frequency {frequency:g} Hz: the record ({np.ptp(t):g} s) must be a period long, or more.")
+    if number * frequency * (t[-1] - t[0]) / (t.size - 1) >= 0.5:
+        raise InputError(f"harmonic {number} of {frequency:g} Hz: the record's steps are too long for it.")
+    columns = _columns(t, frequency, number)
+    found = np.linalg.lstsq(columns, eta.transpose("time", ...).values, rcond=None)[0]
+    rest = eta.transpose("time", ...).values - columns @ found
+    cosines, sines = found[1::2], found[2::2]
+    others = {name: at for name, at in eta.coords.items() if "time" not in at.dims}
+    whose = tuple(dim for dim in eta.dims if dim != "time")
+    return Dataset(
+        {
+            "component": ((*whose, "harmonic"), np.moveaxis(cosines + 1j * sines, 0, -1), {"units": "m"}),
+            "level": (whose, found[0], {"units": "m"}),
+            "rest": (whose, np.sqrt(np.mean(rest**2, axis=0)), {"units": "m"}),
+        },
+        {**others, "harmonic": 1 + np.arange(number)},
+        {"frequency": frequency},
+    )
+
+
+def resolved(eta: DataArray, frequency: float) -> int:
+    """Return how many harmonics of a frequency [Hz] a record's steps resolve: one at least, and four at most."""
+    step = float(eta.time[-1] - eta.time[0]) / (eta.time.size - 1)
+    return max(1, min(NUMBER, int(0.49 / (frequency * step))))
+
+
+def _columns(t: NDArray[np.float64], frequency: float, number: int) -> NDArray[np.float64]:
+    """Return 1, cos ωt, sin ωt, cos 2ωt ... at times of shape (N,), shape (N, 1 + 2 number)."""
+    phases = 2 * np.pi * frequency * np.outer(t, 1 + np.arange(number))
+    return np.column_stack([np.ones(t.size), np.stack([np.cos(phases), np.sin(phases)], axis=2).reshape(t.size, -1)])
+
+
+def fundamental(eta: DataArray) -> float:
+    """Return the frequency [Hz], near the spectrum's peak, whose harmonics leave the least of all gauges."""
+    S = spectrum(eta, segment=WHOLE)
+    S = S.mean([dim for dim in S.dims if dim != "frequency"])
+    near, length = float(peak_frequency(S)), float(eta.time[-1] - eta.time[0])
+    t, values = eta.time.values, eta.transpose("time", ...).values.reshape(eta.time.size, -1)
+    most = resolved(eta, near * (1 + NEAR))
+
+    def left(frequency: float) -> float:
+        columns = _columns(t, frequency, most)
+        return float(np.sum((values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]) ** 2))
+
+    scan = np.linspace((1 - NEAR) * near, (1 + NEAR) * near, 1 + 2 * max(4, round(4 * NEAR * near * length)))
+    best, step = float(min(scan, key=left)), float(scan[1] - scan[0])
+    refined = minimize_scalar(left, bounds=(best - step, best + step), method="bounded", options={"xatol": 1e-9 * near})
+    return float(refined.x)
+
+
+# ---------------------------------------------------------------- groups
+def envelope(eta: DataArray) -> DataArray:
+    """Return the envelope [m] of a record about its mean: the size of its analytic signal (Hilbert's transform).
+
+    It is that of a periodic signal: within a few periods of its ends that of a record which is not is off.
+    """
+    values = np.abs(hilbert((eta - eta.mean("time")).values, axis=eta.dims.index("time")))
+    return eta.copy(data=values).rename("envelope").assign_attrs(long_name="envelope of the elevation", units="m")
+
+
+def groupiness(eta: DataArray) -> DataArray:
+    """Return the groupiness factor over gauge: the standard deviation of the squared envelope over its mean.
+
+    0 of regular waves, 1 / √2 of two frequencies of one height, 1 of a linear sea of random phases. Source: R. T.
+    Hudspeth and J. R. Medina, Proc. 21st Int. Conf. Coastal Eng., 1988.
+    """
+    squared = envelope(eta) ** 2
+    factor: DataArray = squared.std("time") / squared.mean("time")
+    return factor.rename("groupiness").assign_attrs(units="1")
+
+
+# ---------------------------------------------------------------- similarity
+def surface_similarity(one: ArrayLike, other: ArrayLike) -> float:
+    """Return the surface similarity parameter of two records at the same times, of one shape: 0 alike, 1 opposite.
+
+    The norm of the difference of their spectra over the sum of their norms, which by Parseval's theorem is that of the
+    records themselves; 0 where both are nothing. Source: M. Perlin and M. D. Bustamante, "A robust quantitative
+    comparison criterion of two signals based on the Sobolev norm of their difference", J. Eng. Math. 101, 2016.
+    """
+    a, b = np.asarray(one, dtype=float), np.asarray(other, dtype=float)
+    size = np.linalg.norm(a) + np.linalg.norm(b)
+    return float(np.linalg.norm(a - b) / size) if size else 0.0
+
+
+# ---------------------------------------------------------------- speed between gauges
+AROUND = 6  # samples on either side of the best delay, through which a spline goes
+STILL = 1e-6  # rad; of less turn between two gauges no speed is told
+FINER = 200  # places on it between two samples
+RIVAL = 0.95  # of the largest coefficient: as large a mean period away, and delays are as likely
+CLEARLY = 0.5  # of the mean cosine of phases: by which waves that go to -x fit better
+TRIED = 32  # delays in a mean period at which that is looked at
+
+
+def delay(one: DataArray, other: DataArray) -> float:
+    """Return by how much [s] a record at one gauge is behind another's: where their cross-correlation is largest.
+
+    From the largest of the whole records it climbs to the nearest largest coefficient of what they have in common, read
+    between samples by a cubic spline. Regular waves without a front are as alike a period later: of their delays it is
+    the one of the largest overlap.
+    """
+    a, b = ((record - record.mean("time")).values for record in (one, other))
+    furthest, best = a.size - MIN_SAMPLES, int(np.argmax(signal.correlate(b, a, method="fft"))) - (a.size - 1)
+
+    def near(lag: int) -> list[int]:
+        return [n for n in range(lag - AROUND, lag + AROUND + 1) if abs(n) <= furthest]
+
+    while (climbed := max(near(best), key=lambda lag: _alike(a, b, lag), default=best)) != best:
+        best = climbed
+    lags = near(best)
+    fine = np.linspace(lags[0], lags[-1], FINER * (len(lags) - 1) + 1)
+    alike = CubicSpline(lags, [_alike(a, b, lag) for lag in lags])
+    return float(fine[np.argmax(alike(fine))] * time_step(one))
+
+
+def told_from_next(one: DataArray, other: DataArray, late: float) -> bool:
+    """Return whether a delay [s] fits two records better than any a mean period earlier or later."""
+    a, b = (record.values for record in (one, other))
+    best, period = round(late / time_step(one)), mean_period(one) / time_step(one)
+    away = np.rint(period * np.linspace(0.5, 1.5, TRIED + 1)).astype(int)
+    lags = [lag for lag in (*(best - away), *(best + away)) if abs(lag) <= a.size - MIN_SAMPLES]
+    return max((_alike(a, b, lag) for lag in lags), default=0.0) < RIVAL * _alike(a, b, best)
+
+
+def _alike(a: Array, b: Array, lag: int) -> float:
+    """Return the correlation coefficient of b with a as many samples earlier, over those that both have."""
+    earlier, later = (a[: a.size - lag], b[lag:]) if lag >= 0 else (a[-lag:], b[: b.size + lag])
+    earlier, later = earlier - earlier.mean(), later - later.mean()
+    return float(earlier @ later / max(np.linalg.norm(earlier) * np.linalg.norm(later), np.finfo(float).tiny))
+
+
+def travel(eta: DataArray) -> Dataset:
+    """Return ``distance`` [m], ``delay`` [s] and ``speed`` [m/s] from each gauge to the next along x, over ``pair``.
+
+    ``certain`` tells delays that fit better than those a mean period earlier or later. Without a delay the speed is not
+    a number. Raises ``InputError`` for fewer than two gauges.
+    """
+    ordered = _ordered(eta)
+    pairs = [(ordered[n], ordered[n + 1]) for n in range(ordered.gauge.size - 1)]
+    delays = np.array([delay(*pair) for pair in pairs])
+    certain = [told_from_next(*pair, late) for pair, late in zip(pairs, delays, strict=True)]
+    return _from_gauge_to_gauge(ordered, delays).assign(certain=("pair", certain))
+
+
+def regular_speed(component: DataArray, frequency: float, *, depth: float, gravity: float = 9.81) -> Dataset:
+    """Return ``distance`` [m], ``delay`` [s] and phase ``speed`` [m/s] of regular waves, over ``pair`` as ``travel``.
+
+    ``component`` is the first harmonic over gauge, as ``harmonics`` returns it, of this frequency [Hz]; the depth is in
+    m. Waves go to -x, at a negative speed, where linear ones that do fit the phases clearly better. ``certain`` tells
+    phases that are within a quarter of a turn of linear waves'.
+    """
+    ordered = _ordered(component)
+    omega = 2 * np.pi * frequency
+    linear = float(wave_number(omega, depth, gravity)) * np.diff(places(ordered))
+    turned = np.angle(ordered.values[1:] * ordered.values[:-1].conj())
+    forth, back = (float(np.mean(np.cos(turned - way * linear))) for way in (1, -1))
+    linear *= -1 if back > forth + CLEARLY else 1
+    turned = _whole_turns_added(turned, linear)
+    certain = np.abs(turned - linear) < np.pi / 2
+    return _from_gauge_to_gauge(ordered, np.asarray(turned / omega, dtype=np.float64)).assign(certain=("pair", certain))
+
+
+def _from_gauge_to_gauge(ordered: DataArray, delays: Array) -> Dataset:
+    apart = np.diff(places(ordered))
+    speed = np.divide(apart, delays, out=np.full(delays.size, np.nan), where=delays != 0)
+    found = {"distance": (apart, "m"), "delay": (delays, "s"), "speed": (speed, "m s-1")}
+    return Dataset(
+        {name: ("pair", values, {"units": unit}) for name, (values, unit) in found.items()}, {"pair": _pairs(ordered)}
+    )
+
+
+def _pairs(ordered: DataArray) -> list[str]:
+    names = [str(name) for name in ordered.gauge.values]
+    return [f"{one}-{other}" for one, other in zip(names, names[1:], strict=False)]
+
+
+def _whole_turns_added(turned: Array, linear: Array) -> Array:
+    """Return phases [rad] with as many whole turns as bring them nearest to those of linear waves."""
+    return turned + 2 * np.pi * np.round((linear - turned) / (2 * np.pi))
+
+
+def phase_speed(eta: DataArray, *, depth: float, gravity: float = 9.81, segment: float | None = None) -> Dataset:
+    """Return the ``speed`` [m/s] of each frequency [Hz] from each gauge to the next along x, over ``pair`` and f.
+
+    By the phase of their cross spectrum (Welch's, segments of ``spectrum`` in Hann windows; a single segment has none
+    where its waves are low at either end), to which as many whole turns are added as bring the wave number nearest to
+    the dispersion relation's in that depth [m]; ``coherence`` tells how far the two gauges have that frequency in
+    common (1 where there is a single segment), ``density`` [m²/Hz] how much of it, and ``own`` where it is no less than
+    at the frequencies beside it: what is less may be leakage of these, with their phase, but in a record that is whole.
+    """
+    ordered = _ordered(eta)
+    x, values = places(ordered), ordered.transpose("gauge", "time").values
+    size = samples(eta, segment)
+    whole = size == eta.time.size and ends_low(values, round(mean_period(eta) / time_step(eta)))
+    how = (1 / time_step(eta), "boxcar" if whole else "hann")
+    f, cross = signal.csd(values[:-1], values[1:], *how, nperseg=size, detrend="constant")
+    _, each = signal.welch(values, *how, nperseg=size, detrend="constant")
+    f, cross, each = f[1:], cross[:, 1:], each[:, 1:]
+    k = wave_number(2 * np.pi * f, depth, gravity)
+    apart = np.diff(x)[:, None]
+    turned = _whole_turns_added(-np.angle(cross), k * apart)
+    moved = np.abs(turned) > STILL
+    speed = np.divide(2 * np.pi * f * apart, turned, out=np.full(turned.shape, np.nan), where=moved)
+    both = each[:-1] * each[1:]
+    coherence = np.divide(np.abs(cross) ** 2, both, out=np.zeros(both.shape), where=both > 0)
+    density = np.abs(cross)
+    beside = np.pad(density, ((0, 0), (1, 1)))
+    own = np.full(density.shape, True) if whole else density >= np.maximum(beside[:, :-2], beside[:, 2:])
+    found = {"speed": (speed, "m s-1"), "coherence": (coherence, "1"), "density": (density, "m2 Hz-1")}
+    return Dataset(
+        {name: (("pair", "frequency"), values, {"units": unit}) for name, (values, unit) in found.items()}
+        | {"own": (("pair", "frequency"), own)},
+        {"pair": _pairs(ordered), "frequency": ("frequency", f, {"units": "Hz"})},
+    )
+
+
+def _ordered(eta: DataArray) -> DataArray:
+    """Return the gauges along x; raise ``InputError`` for fewer than two."""
+    if eta.sizes.get("gauge", 1) < 2:
+        raise InputError("1 gauge received; at least 2 are needed for a speed between them.")
+    return eta.isel(gauge=np.argsort(places(eta)))
