@@ -97,7 +97,7 @@ def test_a_run_knows_its_depth_and_its_surface_is_as_many_gauges(tmp_path):
         assert done.returncode == 0 and str(run / "analysis-reflection.png") in done.stdout
         first, second, *_ = done.stdout.splitlines()
         assert first == "the run has not finished: It broke."
-        assert second == "the run has 2 warnings, the worst: the energy balance is off"
+        assert second == "the run has 2 warnings, the worst: the energy balance is off: shorter"
         (waves,) = rows_of(run, "reflection")
         assert ("in place of what was there (--out: elsewhere)" in done.stdout) == bool(words)
         assert told in waves and float(waves["reflection [-]"]) == pytest.approx(0.2, rel=off)

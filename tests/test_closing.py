@@ -81,7 +81,7 @@ def test_a_run_that_ends_early_is_resumed_where_it_can_be_and_gets_farther(tmp_p
     ("warnings", "said"),
     [
         ([], "no warnings"),
-        (["waves grow at x = 3 m: half the step may do"], "a warning: waves grow at x = 3 m"),
+        (["waves grow at x = 3 m: half the step may do"], "a warning: waves grow at x = 3 m: half the step may do"),
         (["it is off", "the bed is missed"], "2 warnings, the worst: it is off"),
     ],
 )

@@ -412,7 +412,7 @@ def test_a_run_says_so_before_it_at_its_end_and_in_its_manifest(wavetank, tmp_pa
     assert f"\nwarning: {sentence}\nhighest crest: " in result.stdout
     before, _ = result.stdout.split("\nt = ", maxsplit=1)
     assert before.endswith(f"\nwarning: {worst}")
-    assert f" of the energy; 2 warnings, the worst: {worst}\n" in result.stdout  # no advice is in it
+    assert f" of the energy; 2 warnings, the worst: {worst}\n" in result.stdout
 
 
 # ------------------------------------------------------------------------------------------------ what is not named

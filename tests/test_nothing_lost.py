@@ -150,7 +150,7 @@ def test_a_lock_is_known_by_who_holds_it_where_there_is_no_flock(tmp_path, monke
         RunLock(tmp_path)
     lock.release()
     assert not is_locked(tmp_path) and not os.listdir(tmp_path)
-    gone = {"host": run_lock.socket.gethostname(), "pid": os.getpid(), "began": "another process of this number"}
+    gone = {"host": run_lock.socket.gethostname(), "pid": os.getpid(), "started": "another process of this number"}
     (tmp_path / ".lock").write_text(json.dumps(gone))
     RunLock(tmp_path).release()
 

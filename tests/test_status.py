@@ -10,7 +10,7 @@ import pytest
 
 from wavetank import status
 from wavetank.cli import main
-from wavetank.console import spelt
+from wavetank.console import format_duration
 from wavetank.errors import StoppedError
 from wavetank.integrators.states import Point
 from wavetank.output import files, manifest
@@ -21,7 +21,7 @@ from wavetank.output.writer import RunWriter
 from wavetank.simulation.contract import Moment
 from wavetank.simulation.progress import Standing
 
-HOST, PRESENT = {"host": socket.gethostname()}, manifest.present().replace(microsecond=0)
+HOST, PRESENT = {"host": socket.gethostname()}, manifest.current_time().replace(microsecond=0)
 
 
 def told(wavetank, *paths: Path) -> list[str]:
@@ -39,11 +39,11 @@ def changed(run: Path, **more: object) -> None:
 def writer(tmp_path, monkeypatch):
     """Return a run that is being written: 4 s of 10 s in half a minute, since it went on at 1 s; the clock stands."""
     for module in (manifest, status):
-        monkeypatch.setattr(module, "present", lambda: PRESENT)
+        monkeypatch.setattr(module, "current_time", lambda: PRESENT)
     writer = RunWriter(tmp_path / "run", HOST | {"warnings": ["it is steep", "it is short"]}).begin()
     writer.note({"progress": {"t": 4.0, "begin": 1.0, "end": 10.0, "step": 40, "wall_s": 30.0}})
     writer.checkpoint(Checkpoint({"t": 3.5}, "{}", [np.zeros(3)], np.zeros((3, 3))))
-    writer.tell()
+    writer.write_manifest()
     yield writer
     writer.release()
 
@@ -100,7 +100,7 @@ def test_a_clock_that_was_set_back_makes_nothing_younger_than_now_and_no_speed_n
 
 
 def test_a_second_is_one():
-    assert [*map(spelt, (0.4, 0.6, 1.6, 120.0))] == ["0 seconds", "1 second", "2 seconds", "2 minutes"]
+    assert [*map(format_duration, (0.4, 0.6, 1.6, 120.0))] == ["0 seconds", "1 second", "2 seconds", "2 minutes"]
 
 
 def test_folders_are_searched_and_what_is_no_run_is_passed_by(writer, tmp_path, wavetank):

@@ -17,18 +17,20 @@ if TYPE_CHECKING:
 
 
 def console(*, least: int = 0) -> "Console":
-    """Return where messages go: standard output, of rank 0 alone, so wide at least; brackets in them are no markup.
+    """Return a console on the standard output of rank 0, at least ``least`` columns wide, without markup.
 
     Open MPI gives its ranks a terminal that passes on whole lines only: no bar would be seen there.
     """
     from rich.console import Console
 
-    terminal = False if "OMPI_COMM_WORLD_SIZE" in os.environ else None
+    force_terminal = False if "OMPI_COMM_WORLD_SIZE" in os.environ else None
     quiet = MPI.COMM_WORLD.rank != 0
-    found = Console(file=_output(sys.stdout), quiet=quiet, soft_wrap=True, force_terminal=terminal, markup=False)
-    found.width = max(found.width, least)
-    found.push_render_hook(cast("RenderHook", _Sanitiser()))
-    return found
+    terminal = Console(
+        file=_output(sys.stdout), quiet=quiet, soft_wrap=True, force_terminal=force_terminal, markup=False
+    )
+    terminal.width = max(terminal.width, least)
+    terminal.push_render_hook(cast("RenderHook", _Sanitiser()))
+    return terminal
 
 
 class _Sanitiser:
@@ -49,8 +51,8 @@ class _Sanitised:
             yield segment if segment.control else segment._replace(text=printable(segment.text))
 
 
-def spelt(seconds: float) -> str:
-    """Return a duration in the unit that suits it."""
+def format_duration(seconds: float) -> str:
+    """Return a duration as text, in a unit of fitting size."""
     for unit, size in (("years", 3.156e7), ("days", 86_400.0), ("hours", 3600.0), ("minutes", 60.0)):
         if seconds >= 2 * size:
             return f"{seconds / size:.3g} {unit}"

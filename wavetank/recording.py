@@ -401,7 +401,7 @@ def _progress(run: Run, waves: AnyWaves, log: RunLog, writer: RunWriter | None) 
     if writer is None:
         yield []
         return
-    standing = Standing(writer.note, writer.tell, begin=run.t, end=run.clock.end)
+    standing = Standing(writer.note, writer.write_manifest, begin=run.t, end=run.clock.end)
     with ProgressBar(run.clock.end, lambda: _cost(waves), log=log, begin=(run.step, run.t)) as bar:
         yield [bar, standing]
 

@@ -197,7 +197,7 @@ class KeptRun:
         def put() -> None:
             if self._writer is not None:
                 checkpoint = Checkpoint(about, text, values, places)
-                self._writer.checkpoint(checkpoint, last_room=(least + 3) * places.nbytes // 3, at_any_price=not whole)
+                self._writer.checkpoint(checkpoint, last_size=(least + 3) * places.nbytes // 3, at_any_price=not whole)
 
         for series in self._fields.values():
             agreed(waves.plane.comm, series.sync)

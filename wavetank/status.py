@@ -10,12 +10,12 @@ import typer
 from rich.box import SIMPLE
 from rich.table import Table
 
-from wavetank.console import console, spelt
+from wavetank.console import console, format_duration
 from wavetank.errors import InputError
 from wavetank.output.checkpoint import last_checkpoint
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import is_locked
-from wavetank.output.manifest import MANIFEST, present
+from wavetank.output.manifest import MANIFEST, current_time
 
 SETTING_UP, UNREADABLE = "setting up", "unreadable"
 
@@ -79,7 +79,7 @@ def standing(path: Path) -> Standing:
 def _age(manifest: dict[str, Any]) -> float | None:
     """Return since when a run's manifest stands [s]; nothing is younger than now, whatever clocks say."""
     written = manifest.get("written")
-    return None if written is None else max(0.0, (present() - datetime.fromisoformat(written)).total_seconds())
+    return None if written is None else max(0.0, (current_time() - datetime.fromisoformat(written)).total_seconds())
 
 
 def runs(paths: Sequence[Path]) -> Iterator[Path]:
@@ -107,8 +107,8 @@ def _parts(one: Standing) -> dict[str, str]:
         "state": one.state,
         "t": reached,
         "speed": "-" if one.speed is None else f"{one.speed:.2g} s a second",
-        "left": "-" if one.left is None else spelt(one.left),
-        "written": "-" if one.age is None else f"{spelt(one.age)} ago",
+        "left": "-" if one.left is None else format_duration(one.left),
+        "written": "-" if one.age is None else f"{format_duration(one.age)} ago",
         "checkpoint": "-" if one.checkpoint is None else f"t = {one.checkpoint:.5g} s",
     }
 

@@ -33,7 +33,7 @@ from wavetank.errors import InputError
 from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, RunDirectory
 from wavetank.output.files import flush_to_disk, open_regular, temporary_path
 
-KEPT = CHECKPOINT, CHECKPOINT_BEFORE  # the newest first
+CHECKPOINT_FILES = CHECKPOINT, CHECKPOINT_BEFORE  # the newest first
 UNREADABLE = (
     OSError,
     BadZipFile,
@@ -131,12 +131,8 @@ def _may_replace_previous(path: Path, *, own: bool) -> bool:
         return False
 
 
-def _nothing(about: dict[str, Any]) -> str:
-    return ""
-
-
 def read_checkpoint(
-    run: Path, why_not: Callable[[dict[str, Any]], str] = _nothing, *, at: float | None = None
+    run: Path, why_not: Callable[[dict[str, Any]], str] = lambda about: "", *, at: float | None = None
 ) -> tuple[Checkpoint, list[str]]:
     """Return the newest checkpoint of a run directory that can be used, and a sentence for each that cannot.
 
@@ -151,17 +147,17 @@ def read_checkpoint(
     at
         The time of the one that is wanted [s]; default: of any.
     """
-    useless, others = list[str](), list[str]()
-    for name in KEPT:
+    useless, times = list[str](), list[str]()
+    for name in CHECKPOINT_FILES:
         found = read_checkpoint_file(run / name)
         if isinstance(found, Checkpoint) and at is not None and not is_at(found.about, at):
-            others.append(f"{found.about['t']:.6g} s")
+            times.append(f"{found.about['t']:.6g} s")
         elif isinstance(found, Checkpoint) and not (why := why_not(found.about)):
             return found, useless
         elif found is not None:
             useless.append(f"{run / name} cannot be used ({why if isinstance(found, Checkpoint) else found})")
     none = "holds no checkpoint to go on from" if at is None else f"holds no checkpoint of t = {at:g} s"
-    those = f"; there is one of {' and of '.join(others)}" if others else ""
+    those = f"; there is one of {' and of '.join(times)}" if times else ""
     raise InputError(f"{run}: {none}{those}{''.join(f'; {one}' for one in useless)}.")
 
 
@@ -187,7 +183,7 @@ def last_checkpoint(run: Path) -> float | None:
 
 def readable_checkpoints(run: Path) -> Iterator[tuple[Path, dict[str, Any]]]:
     """Yield the files of the checkpoints that can be opened, the newest first, and what is told of each."""
-    for name in KEPT:
+    for name in CHECKPOINT_FILES:
         with suppress(*UNREADABLE), _archive(run / name) as archive:
             yield run / name, _metadata(archive, run)
 

@@ -86,7 +86,7 @@ PICTURES = "surface.png", "gauges.png", "energy.png", "probes.png", "loads.png",
 ANALYSES = "compare.png", "compare.csv", "compare-harmonics.*", "analysis-*.png", "analysis-*.csv"
 BLOCK = 2**16  # bytes of a table that are read together
 LINES = 2**12  # bytes, more than a row of energies has
-ROOM = 2**14  # bytes kept for the manifest's last word on a full disk, beside what it has already
+FINAL_MANIFEST_SIZE = 2**14  # bytes kept for the manifest's last word on a full disk, beside what it has already
 
 
 def derived_files(run: Path) -> Iterator[Path]:
@@ -255,7 +255,7 @@ class RunDirectory:
         if not (self.path / file).exists():
             there = ", ".join(sorted(path.stem.removeprefix("window-") for path in self.path.glob("window-*.*")))
             raise InputError(f"{self.path}: has no window {name!r}; there are {there or 'none'}.")
-        if not (content := self._whole(file)):
+        if not (content := self._complete_netcdf(file)):
             raise InputError(f"{self.path / file}: has no row.")
         return load_dataset(BytesIO(content), engine="scipy").set_coords(["x", "y", "z", "zeta"])
 
@@ -312,10 +312,10 @@ class RunDirectory:
         variables = self._stations(header, rows) if table == GAUGES else self._probes(header, rows)
         places = " ".join(name for name in ("x", "y", "z") if name in variables)
         missing = {"_FillValue": np.float64(np.nan)}  # before a gauge was there, while a probe is dry
-        for name, (dimensions, values, said) in variables.items():
+        for name, (dimensions, values, attributes) in variables.items():
             if len(dimensions) == 2:
-                said = {**said, "coordinates": places, **missing}
-                variables[name] = Variable(dimensions[::-1], values.T, said)
+                attributes = {**attributes, "coordinates": places, **missing}
+                variables[name] = Variable(dimensions[::-1], values.T, attributes)
         return variables
 
     def fields(self, name: str) -> list[tuple[float, Path]]:
@@ -338,9 +338,9 @@ class RunDirectory:
         """Return the surface's file with all its complete snapshots; raises ``InputError`` for that of a basin."""
         if index_file(self.path, "surface").exists():
             raise InputError(f"{self.path}: its surface is a basin's, in surface.pvd, which pyvista and ParaView open.")
-        return self._whole(SURFACE)
+        return self._complete_netcdf(SURFACE)
 
-    def _whole(self, file: str) -> bytes:
+    def _complete_netcdf(self, file: str) -> bytes:
         """Return a NetCDF file that grows with all its complete records."""
         try:
             return complete_records(self._read(file))
@@ -381,7 +381,7 @@ class RunDirectory:
             raise InputError(f"{self.path / PROBES}: its columns {header[1:]} tell no probes.") from None
         points = list(dict.fromkeys(at for _, at in found))
         names, x, y, z = zip(*points, strict=True)
-        told, shape = probe_quantities(2), (len(points), len(rows))
+        quantity, shape = probe_quantities(2), (len(points), len(rows))
         values = {name: np.full(shape, np.nan) for name, _ in found}
         for (name, at), column in zip(found, rows.T[1:], strict=True):
             values[name][points.index(at)] = column
@@ -389,11 +389,11 @@ class RunDirectory:
             "time": Variable(("time",), rows[:, 0], TIME),
             "probe": Variable(("probe",), np.array(names, dtype=str), {"cf_role": "timeseries_id"}),
             **{
-                axis: Variable(("probe",), np.array(at, dtype=float), said)
-                for axis, at, said in (("x", x, ALONG), ("y", y, ACROSS), ("z", z, UPWARDS))
+                axis: Variable(("probe",), np.array(at, dtype=float), attributes)
+                for axis, at, attributes in (("x", x, ALONG), ("y", y, ACROSS), ("z", z, UPWARDS))
             },
             **{
-                name: Variable(("probe", "time"), each, {"units": told[name][0], "long_name": told[name][1]})
+                name: Variable(("probe", "time"), each, dict(zip(("units", "long_name"), quantity[name], strict=True)))
                 for name, each in values.items()
             },
         }
@@ -411,13 +411,13 @@ class RunDirectory:
             columns.setdefault((name, units), {})[float(y) if y else None] = values
         found = {}
         for (name, units), along in columns.items():
-            told = {"units": units, "long_name": name.replace("_", " ")}
+            attributes = {"units": units, "long_name": name.replace("_", " ")}
             if None in along:
-                found[name] = DataArray(along[None], {"time": time}, ["time"], attrs=told)
+                found[name] = DataArray(along[None], {"time": time}, ["time"], attrs=attributes)
             else:
                 y_axis = DataArray(list(along), dims="y", attrs=ACROSS)
                 values = np.column_stack(list(along.values()))
-                found[name] = DataArray(values, {"time": time, "y": y_axis}, ["time", "y"], attrs=told)
+                found[name] = DataArray(values, {"time": time, "y": y_axis}, ["time", "y"], attrs=attributes)
         return Dataset(found, {"time": time})
 
     def _table(self, file: str) -> tuple[list[str], NDArray[np.float64]]:

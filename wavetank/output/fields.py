@@ -78,19 +78,19 @@ class SurfaceWriter(AppendNetCDF):
         self._points = 0
 
     def open(self) -> None:
-        """Make both files, or go on with them; raises ``RecordError``."""
+        """Create both files, or open them to append; raises ``RecordError``."""
         super().open()
         self._index.open()
         if self._records:
             self._index.write(TAIL, over=len(TAIL))  # the next snapshot had been written over it
 
     def sync(self) -> None:
-        """See to it that both outlive a power cut; raises ``OSError``."""
+        """Flush both files to the disk; raises ``OSError``."""
         super().sync()
         self._index.sync()
 
     def held(self) -> Held:
-        """Return how far both files have grown, and what stands where."""
+        """Return the sizes of both files and the number of points."""
         return super().held() | {"index": self._index.held(), "points": self._points}
 
     def take(self, held: Held) -> None:
@@ -100,7 +100,7 @@ class SurfaceWriter(AppendNetCDF):
         self._points = held["points"]
 
     def close(self) -> None:
-        """End both files."""
+        """Close both files."""
         super().close()
         self._index.close()
 
@@ -121,24 +121,24 @@ class SurfaceWriter(AppendNetCDF):
         append_until_failure(self._append, rows)
 
     def _append(self, rows: Array) -> None:
-        """Append snapshots, and to the index where they stand: all or, where there is no room, none."""
+        """Append snapshots and their index entries: all or, on a full disk, none."""
         before, size = self._records, self._size
         try:
             self.append_records(rows, lambda: _first_snapshot(rows[0]))
         finally:
             times = rows[: self._records - before, 0]
             if times.size:
-                told = b"".join([b"" if before else HEAD, *self._told(times, before), TAIL])
+                entries = b"".join([b"" if before else HEAD, *self._index_entries(times, before), TAIL])
                 try:
-                    self._index.write(told, over=len(TAIL) if before else 0)
+                    self._index.write(entries, over=len(TAIL) if before else 0)
                 except RecordError:
                     self._records = before
                     self.shorten(size)
-                    self._tell()
+                    self._write_count()
                     raise
 
-    def _told(self, times: Array, first: int) -> list[bytes]:
-        """Return where snapshots at times [s] stand, from the number of the first on, for XDMF."""
+    def _index_entries(self, times: Array, first: int) -> list[bytes]:
+        """Return XDMF entries with the offsets of snapshots at times [s], ``first`` being the number of the first."""
         n, length = self._points, self._points * NUMBER.itemsize
         item = f'<DataItem Dimensions="{n}" NumberType="Float" Precision="8" Format="Binary" Endian="Big" Seek="'
         end, each = f'">{self._path.name}</DataItem>', 3 * length + NUMBER.itemsize
@@ -150,12 +150,12 @@ class SurfaceWriter(AppendNetCDF):
             f'<Attribute Name="elevation">{there}</Attribute>'
             f'<Attribute Name="surface potential">{there}</Attribute></Grid>\n'
         ).encode()
-        stand = zip(map(float, times), count(self._begin + first * each + NUMBER.itemsize, each), strict=False)
-        return [snapshot % (t, x, x + length, x + length, x + 2 * length) for t, x in stand]
+        offsets = zip(map(float, times), count(self._begin + first * each + NUMBER.itemsize, each), strict=False)
+        return [snapshot % (t, x, x + length, x + length, x + 2 * length) for t, x in offsets]
 
 
 def _first_snapshot(row: NDArray[np.float64]) -> dict[str, Variable]:
-    """Return what a file begins with: one snapshot, variables in the order of a record, time first."""
+    """Return the variables of one snapshot in the order of a record, time first."""
     each, (x, eta, psi) = ("time", "point"), np.split(row[1:], 3)
     return {
         "time": Variable(("time",), row[:1], TIME),
@@ -189,7 +189,7 @@ TABLED = "velocity", "pressure"  # what the table has of the quantities
 
 
 def window_file(name: str, form: str) -> str:
-    """Return what the file of a window is called, ``form`` being netcdf or csv."""
+    """Return the file name of a window; ``form`` is netcdf or csv."""
     return f"window-{name}.{'nc' if form == 'netcdf' else form}"
 
 
@@ -208,18 +208,18 @@ class WindowFile(AppendNetCDF):
 
     def __init__(self, path: Path, attributes: Mapping[str, str], *, places: Array, levels: int, dimensions: int):
         super().__init__(path, attributes)
-        self._places, self._levels, self._told = places, levels, probe_quantities(dimensions)
+        self._places, self._levels, self._quantities = places, levels, probe_quantities(dimensions)
 
-    def append(self, t: float, z: Array, eta: Array, moved: Array) -> None:
+    def append(self, t: float, z: Array, eta: Array, kinematics: Array) -> None:
         """Append a record: see ``observers.windows.WindowRecord``; raises as ``append_records``."""
-        row = np.concatenate([[t], eta, z.ravel(), moved.ravel()])
-        self.append_records(row[None], lambda: self._first(t, z, eta, moved))
+        row = np.concatenate([[t], eta, z.ravel(), kinematics.ravel()])
+        self.append_records(row[None], lambda: self._first(t, z, eta, kinematics))
 
-    def _first(self, t: float, z: Array, eta: Array, moved: Array) -> dict[str, Variable]:
+    def _first(self, t: float, z: Array, eta: Array, kinematics: Array) -> dict[str, Variable]:
         each, zeta = ("time", "column", "level"), np.linspace(0.0, 1.0, self._levels)
         of_points = {
-            name: Variable(each, values[None], _attributes(name, units, told))
-            for (name, (units, told)), values in zip(self._told.items(), moved, strict=True)
+            name: Variable(each, values[None], _attributes(name, units, text))
+            for (name, (units, text)), values in zip(self._quantities.items(), kinematics, strict=True)
         }
         return {
             "time": Variable(("time",), np.array([t]), TIME),
@@ -239,45 +239,45 @@ def table_variables(header: Sequence[str], rows: Array) -> dict[str, Variable]:
     time, many = np.unique(rows[:, 0], return_counts=True)
     each = int(many[0]) if many.size else 1
     columns = len(np.unique(rows[:each, at], axis=0)) if many.size else 1
-    whole = time[many == each]
-    values = rows[: whole.size * each].reshape(whole.size, columns, -1, len(names))
-    told, of_points, of_columns = probe_quantities(2), ("time", "column", "level"), ("time", "column")
+    time = time[many == each]
+    values = rows[: time.size * each].reshape(time.size, columns, -1, len(names))
+    quantities, of_points, of_columns = probe_quantities(2), ("time", "column", "level"), ("time", "column")
     found = {
-        "time": Variable(("time",), whole, TIME),
+        "time": Variable(("time",), time, TIME),
         "zeta": Variable(("level",), np.linspace(0.0, 1.0, values.shape[2]), ZETA),
     }
     for n, name in enumerate(names[1:], start=1):
         if name in AXES:
-            found[name] = Variable(("column",), values[0, :, 0, n] if whole.size else np.zeros(columns), AXES[name])
+            found[name] = Variable(("column",), values[0, :, 0, n] if time.size else np.zeros(columns), AXES[name])
         elif name == "elevation":
             found[name] = Variable(of_columns, values[:, :, 0, n], ELEVATION)
         else:
-            said = UPWARDS if name == "z" else _attributes(name, *told[name])
-            found[name] = Variable(of_points, values[..., n], said)
+            attributes = UPWARDS if name == "z" else _attributes(name, *quantities[name])
+            found[name] = Variable(of_points, values[..., n], attributes)
     return {"y": Variable(("column",), np.zeros(columns), ACROSS)} | found
 
 
-def _attributes(name: str, units: str, told: str) -> dict[str, str]:
-    said = {"units": units, "long_name": told, "coordinates": "x y z"}
-    return said | ({"standard_name": STANDARD[name]} if name in STANDARD else {})
+def _attributes(name: str, units: str, long_name: str) -> dict[str, str]:
+    attributes = {"units": units, "long_name": long_name, "coordinates": "x y z"}
+    return attributes | ({"standard_name": STANDARD[name]} if name in STANDARD else {})
 
 
 class WindowTable(TableWriter):
     """The motion of columns as a table, row by row: columns one after another, each from the bed to the surface."""
 
     def __init__(self, path: Path, *, places: Array, dimensions: int):
-        told = probe_quantities(dimensions)
-        self._tabled = [n for n, name in enumerate(told) if name.startswith(TABLED)]
-        shown = [f"{name} [{units}]" for name, (units, _) in told.items() if name.startswith(TABLED)]
+        quantities = probe_quantities(dimensions)
+        self._tabled = [n for n, name in enumerate(quantities) if name.startswith(TABLED)]
+        shown = [f"{name} [{units}]" for name, (units, _) in quantities.items() if name.startswith(TABLED)]
         self._places = places[:, :dimensions]
         at = ["x [m]", "y [m]"][:dimensions]
         super().__init__(path, ["t [s]", *at, "z [m]", "elevation [m]", *shown])
 
-    def append_columns(self, t: float, z: Array, eta: Array, moved: Array) -> None:
+    def append_columns(self, t: float, z: Array, eta: Array, kinematics: Array) -> None:
         """Append rows: see ``observers.windows.WindowRecord``; raises as ``extend``."""
         self.extend(
             [
-                [t, *place, height, top, *moved[self._tabled, column, level]]
+                [t, *place, height, top, *kinematics[self._tabled, column, level]]
                 for column, (place, top) in enumerate(zip(self._places, eta, strict=True))
                 for level, height in enumerate(z[column])
             ]
@@ -296,12 +296,12 @@ LAYERED = {  # what becomes of them between two levels, with the order of the lo
 
 
 class EncodedArray:
-    """An array as it stands in a file: what is said of it, and its bytes."""
+    """An array as encoded in a file: its attributes and its compressed bytes."""
 
     def __init__(self, name: str, values: NDArray[Any]):
         values = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<"))
         components = values.shape[1] if values.ndim > 1 else 1
-        self.said = {"type": TYPES[values.dtype.str], "Name": name, "NumberOfComponents": str(components)}
+        self.attributes = {"type": TYPES[values.dtype.str], "Name": name, "NumberOfComponents": str(components)}
         raw = values.tobytes()
         packed = zlib.compress(raw, level=1)  # half the size; higher levels take three times as long for 3 % of it
         header = [1, len(raw), 0, len(packed)] if raw else [0, 0, 0]  # blocks, size, size of a last one, compressed
@@ -340,7 +340,7 @@ class VtkCells:
 
     @cached_property
     def blocks(self) -> list[EncodedArray]:
-        """The arrays by which a file tells them."""
+        """Connectivity, offsets and types."""
         number, corners = self.corners.shape
         return [
             EncodedArray("connectivity", self.corners.ravel()),
@@ -372,16 +372,16 @@ class VtuSeries:
         self._new: list[Path] = []  # files of this rank that a power cut may still take
 
     def held(self) -> Held:
-        """Return how many snapshots there are, and how far the file that tells them has grown."""
+        """Return the number of snapshots and the size of the index file."""
         return {"snapshots": self._snapshots, "index": self._index.held()}
 
     def take(self, held: Held) -> None:
-        """Go on after those."""
+        """Continue after those snapshots."""
         self._snapshots = int(held["snapshots"])
         self._index.take(held["index"])
 
     def sync(self) -> None:
-        """See to it that what this rank has written outlives a power cut."""
+        """Flush this rank's new files to the disk."""
         for path in self._new:
             flush_to_disk(path)
         self._new.clear()
@@ -405,22 +405,22 @@ class VtuSeries:
 
         def write_index() -> None:
             if self._comm.rank == 0:
-                whole = self._run / f"{stem}.pvtu"
-                write_atomically(whole, _pvtu(Path(stem).name, described, self._comm.size))
-                self._tell(t, f"{stem}.pvtu")
-                self._new += [whole, self._run / FIELDS, index_file(self._run, self._name)]
+                snapshot = self._run / f"{stem}.pvtu"
+                write_atomically(snapshot, _pvtu(Path(stem).name, described, self._comm.size))
+                self._append_to_index(t, f"{stem}.pvtu")
+                self._new += [snapshot, self._run / FIELDS, index_file(self._run, self._name)]
 
-        self._together(write_piece)
-        self._together(write_index)
+        self._raise_on_all_ranks(write_piece)
+        self._raise_on_all_ranks(write_index)
         self._snapshots += 1
 
-    def _tell(self, t: float, file: str) -> None:
-        """Add a snapshot to those that are told."""
-        said = ElementTree.Element("DataSet", timestep=repr(float(t)), part="0", file=file)
+    def _append_to_index(self, t: float, file: str) -> None:
+        """Append a snapshot to the index file."""
+        entry = ElementTree.Element("DataSet", timestep=repr(float(t)), part="0", file=file)
         head, over = (b"", len(INDEX_END)) if self._snapshots else (_index_head(), 0)
         self._index.open()
         try:
-            self._index.write(head + ElementTree.tostring(said) + b"\n" + INDEX_END, over=over)
+            self._index.write(head + ElementTree.tostring(entry) + b"\n" + INDEX_END, over=over)
         finally:
             self._index.close()
         self._index.take(self._index.held())
@@ -437,8 +437,8 @@ class VtuSeries:
         if there is None or self._folder is None or not os.path.samestat(self._folder, there):
             raise RecordError(f"{self._run}: is no longer this run's; moved or deleted during the run.")
 
-    def _together(self, action: Callable[[], None]) -> None:
-        """Act, and raise what any rank met on all of them; collective."""
+    def _raise_on_all_ranks(self, action: Callable[[], None]) -> None:
+        """Execute an action and raise the first error of any rank on all of them; collective."""
         failure: RunError | None = None
         try:
             action()
@@ -452,23 +452,23 @@ class VtuSeries:
 
 
 def _snapshot_stem(name: str, number: int) -> str:
-    """Return what the files of a snapshot of a series are called, in a run directory."""
+    """Return the common stem of the files of a snapshot, relative to the run directory."""
     return f"{FIELDS}/{name}_{number:06d}"
 
 
 def missing_file(run: Path, name: str, held: Held) -> str:
-    """Return the first file that is not there, or not all of it, of a series as it was held; nothing where all are."""
+    """Return the first file of a series that is missing or truncated, compared with a checkpoint; else nothing."""
     index = index_file(run, name)
     if held["snapshots"] and is_truncated(index, held["index"]):
         return index.name
     for number in range(held["snapshots"]):
-        whole = run / f"{_snapshot_stem(name, number)}.pvtu"
-        if not whole.exists():
-            return f"{FIELDS}/{whole.name}"
+        snapshot = run / f"{_snapshot_stem(name, number)}.pvtu"
+        if not snapshot.exists():
+            return f"{FIELDS}/{snapshot.name}"
         try:
-            lost = [piece.name for piece in piece_files(whole) if not piece.exists()]
+            lost = [piece.name for piece in piece_files(snapshot) if not piece.exists()]
         except InputError:
-            lost = [whole.name]
+            lost = [snapshot.name]
         if lost:
             return f"{FIELDS}/{lost[0]}"
     return ""
@@ -505,8 +505,8 @@ def _vtu(points: int, described: list[EncodedArray], cells: VtkCells) -> list[by
     for section, blocks in sections.items():
         parent = ElementTree.SubElement(piece, section)
         for block in blocks:
-            place = {"format": "appended", "offset": str(offset)}
-            ElementTree.SubElement(parent, "DataArray", block.said | place)
+            location = {"format": "appended", "offset": str(offset)}
+            ElementTree.SubElement(parent, "DataArray", block.attributes | location)
             offset += len(block.content)
     head = ElementTree.tostring(document).removesuffix(b"</VTKFile>")
     contents = (block.content for blocks in sections.values() for block in blocks)
@@ -519,7 +519,7 @@ def _pvtu(stem: str, described: list[EncodedArray], ranks: int) -> bytes:
     for section, blocks in {"PPoints": described[:1], "PPointData": described[1:]}.items():
         parent = ElementTree.SubElement(grid, section)
         for block in blocks:
-            ElementTree.SubElement(parent, "PDataArray", block.said)
+            ElementTree.SubElement(parent, "PDataArray", block.attributes)
     for rank in range(ranks):
         ElementTree.SubElement(grid, "Piece", Source=f"{stem}_{rank:04d}.vtu")
     return ElementTree.tostring(document)

@@ -72,17 +72,17 @@ def check_entries(run: Path, *, written: bool = False) -> None:
                     raise InputError(f"{one.path}: is a hard link; a file that is written must have one name.")
 
 
-def write_atomically(path: Path, *content: bytes | memoryview, lasting: bool = False) -> None:
-    """Write a file in one step: a reader, or a kill, meets the old one or the new one, never half of it.
+def write_atomically(path: Path, *content: bytes | memoryview, durable: bool = False) -> None:
+    """Replace a file atomically: a reader or a kill finds the old content or the new one, never a part.
 
-    A ``lasting`` one outlives a power cut, too. Raises ``OSError``.
+    A ``durable`` file is flushed to the disk and survives a power cut. Raises ``OSError``.
     """
-    with atomic_file(path, lasting=lasting) as file:
+    with atomic_file(path, durable=durable) as file:
         file.writelines(content)
 
 
 @contextmanager
-def atomic_file(path: Path, *, lasting: bool = False) -> Iterator[BinaryIO]:
+def atomic_file(path: Path, *, durable: bool = False) -> Iterator[BinaryIO]:
     """Yield a temporary file that replaces the file at ``path`` at the end of the block, and is deleted on any error.
 
     The block may also write the temporary file by its ``name``. Arguments and errors as of ``replace``.
@@ -92,11 +92,11 @@ def atomic_file(path: Path, *, lasting: bool = False) -> Iterator[BinaryIO]:
         temporary.unlink(missing_ok=True)
         with temporary.open("xb") as file:
             yield file
-            if lasting:
+            if durable:
                 file.flush()
                 os.fsync(file.fileno())
         os.replace(temporary, path)
-        if lasting:
+        if durable:
             flush_to_disk(path.parent)
     except BaseException:
         with suppress(OSError):
@@ -105,12 +105,12 @@ def atomic_file(path: Path, *, lasting: bool = False) -> Iterator[BinaryIO]:
 
 
 def temporary_path(path: Path) -> Path:
-    """Return where a file is written until it replaces the one at ``path``."""
+    """Return the path of the temporary file that replaces the one at ``path``."""
     return path.with_name(f".{path.name}")
 
 
 def flush_to_disk(path: Path) -> None:
-    """See to it that a file, or the names in a folder, outlive a power cut, where the file system can."""
+    """Flush a file, or the names in a folder, to the disk, where the file system supports it."""
     with suppress(OSError):
         number = os.open(path, os.O_RDONLY)
         try:
@@ -124,20 +124,20 @@ ASKING, PAUSE = 0.5, 0.05  # s: a reader that asks who holds the lock has it for
 
 
 class Holder(NamedTuple):
-    """A process: its host, its number there, and when it began, in the system's own count."""
+    """A process: its host, its number there, and its start time in clock ticks of the system."""
 
     host: str
     pid: int
-    began: str
+    started: str
 
     @property
-    def gone(self) -> bool | None:
-        """Whether it is no more; None of another host, where that is not known."""
-        return None if self.host != socket.gethostname() else not _start_time(self.pid) == self.began != ""
+    def has_ended(self) -> bool | None:
+        """Whether the process has ended; None for a process of another host, where that is unknown."""
+        return None if self.host != socket.gethostname() else not _start_time(self.pid) == self.started != ""
 
 
 class RunLock:
-    """Held from its making to ``release``, or to the end of the process.
+    """An exclusive lock of a run directory, until ``release`` or the end of the process.
 
     Raises ``InputError`` if another process holds the directory's lock, ``OSError`` if the file cannot be written.
     """
@@ -146,26 +146,26 @@ class RunLock:
         self._directory, self._path = directory, directory / LOCK
         self._file = self._locked()
         me = Holder(socket.gethostname(), os.getpid(), _start_time(os.getpid()))
-        self._said = json.dumps(me._asdict()).encode()
+        self._content = json.dumps(me._asdict()).encode()
         self.reserve(0)
 
     def reserve(self, size: int) -> None:
-        """Keep ``size`` bytes of the disk, or give back what was kept: then there is room for a last word.
+        """Reserve ``size`` bytes of the disk in place of those reserved before, so that a final manifest fits.
 
-        Raises ``OSError`` where there are not so many; what was kept stays.
+        Raises ``OSError`` on a full disk; the earlier reservation stays.
         """
-        number, content = self._file.fileno(), self._said + b" " * size
+        number, content = self._file.fileno(), self._content + b" " * size
         if os.pwrite(number, content, 0) < len(content):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         os.ftruncate(number, len(content))
 
     @property
     def holds(self) -> bool:
-        """Whether the directory is still the one it was made for: that may have been removed, and be another's now."""
+        """Whether the directory still contains this lock's file; it may have been deleted, or replaced by another."""
         return not self._file.closed and _has_path(self._file, self._path)
 
     def release(self) -> None:
-        """Give the lock back; once is enough."""
+        """Release the lock; further calls do nothing."""
         if self.holds:
             with suppress(OSError):
                 self._path.unlink()
@@ -183,13 +183,17 @@ class RunLock:
             file.close()
             if time.monotonic() > give_up:
                 who = f"process {holder.pid} on {holder.host}" if holder else "another process"
-                how = f" (if that is no more, delete {self._path})" if holder and not _here(holder) else ""
+                how = (
+                    f" (if that is no more, delete {self._path})"
+                    if holder and holder.host != socket.gethostname()
+                    else ""
+                )
                 raise InputError(f"{self._directory}: a run is being written there by {who}; give another{how}.")
             time.sleep(PAUSE)
 
 
 def is_locked(directory: Path) -> bool:
-    """Return whether a process that is known to be still writes a run there."""
+    """Return whether a running process has locked the directory to write a run there."""
     try:
         with open_regular(directory / LOCK) as file:
             return _try_lock(file, fcntl.LOCK_SH) is False
@@ -198,7 +202,7 @@ def is_locked(directory: Path) -> bool:
 
 
 def _try_lock(file: IO[bytes], kind: int) -> bool | None:
-    """Return whether the lock could be had; where there are no locks, whether its last holder is no more, if known."""
+    """Return whether the lock was acquired; on file systems without locks, whether its last holder has ended."""
     try:
         fcntl.flock(file, kind | fcntl.LOCK_NB)
         return True
@@ -206,7 +210,7 @@ def _try_lock(file: IO[bytes], kind: int) -> bool | None:
         return False
     except OSError:
         holder = _holder(file)
-        return True if holder is None else holder.gone
+        return True if holder is None else holder.has_ended
 
 
 def _holder(file: IO[bytes]) -> Holder | None:
@@ -217,12 +221,8 @@ def _holder(file: IO[bytes]) -> Holder | None:
         return None
 
 
-def _here(holder: Holder) -> bool:
-    return holder.host == socket.gethostname()
-
-
 def _has_path(file: IO[bytes], path: Path) -> bool:
-    """Return whether the file still has its name: who had the lock before may have deleted it."""
+    """Return whether the file is still at the path; the former holder of the lock may have deleted it."""
     try:
         return os.path.samestat(os.fstat(file.fileno()), path.stat())
     except OSError:
@@ -230,16 +230,16 @@ def _has_path(file: IO[bytes], path: Path) -> bool:
 
 
 def _start_time(pid: int) -> str:
-    """Return when a process of this host began, in the system's own count; nothing if it is no more."""
+    """Return when a process of this host started, in the system's own count; nothing if it is no more."""
     try:
-        state, *others = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+        state, *fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
     except OSError:
         return "" if Path("/proc/self").exists() else _exists(pid)
-    return "" if state in "ZX" else others[18]  # field 22 of proc(5), of which the state is field 3
+    return "" if state in "ZX" else fields[18]  # field 22 of proc(5), of which the state is field 3
 
 
 def _exists(pid: int) -> str:
-    """Return something if a process is, on systems that do not tell when it began."""
+    """Return "is" if a process exists, else "", on systems without start times."""
     try:
         os.kill(pid, 0)
     except ProcessLookupError:
@@ -345,8 +345,7 @@ class RunLog:
 
 
 def summarise_warnings(warnings: Sequence[str]) -> str:
-    """Return how many warnings a run has, the worst first, and that one without its advice."""
+    """Return the number of a run's warnings and the first of them, which is the worst."""
     if not warnings:
         return "no warnings"
-    worst = warnings[0].rpartition(": ")[0] or warnings[0]
-    return f"a warning: {worst}" if len(warnings) == 1 else f"{len(warnings)} warnings, the worst: {worst}"
+    return f"a warning: {warnings[0]}" if len(warnings) == 1 else f"{len(warnings)} warnings, the worst: {warnings[0]}"

@@ -197,7 +197,7 @@ def _missing(run: Path) -> InputError:
 
 
 def environment() -> dict[str, Any]:
-    """Return what a run should be reproducible from: versions, host, command and git revision."""
+    """Return what identifies the program of a run: versions, host, command and git revision."""
     return {
         "versions": {"python": platform.python_version(), **_versions()},
         "host": platform.node(),
@@ -209,7 +209,7 @@ def environment() -> dict[str, Any]:
 
 
 def _versions() -> dict[str, str]:
-    """Return the version of each library the numbers rest on, of those that are here."""
+    """Return the versions of the installed libraries that affect results."""
     versions = {}
     for name in ("wavetank", "numpy", "scipy", "dolfinx", "ufl", "basix", "petsc4py", "mpi4py"):
         with suppress(ImportError):
@@ -222,17 +222,17 @@ def _revision() -> str | None:
     folder = Path(__file__).resolve().parent
     command = ["git", "-c", "safe.directory=*", "describe", "--always", "--dirty", "--abbrev=12"]
     try:
-        answer = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        result = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     except OSError:
         return None
-    return answer.stdout.strip() or None
+    return result.stdout.strip() or None
 
 
-def present() -> datetime:
-    """Return the present, as this machine's clock has it."""
+def current_time() -> datetime:
+    """Return the current time (UTC)."""
     return datetime.now(UTC)
 
 
 def now() -> str:
-    """Return the present, as manifests tell it."""
-    return present().isoformat(timespec="seconds")
+    """Return the current time in ISO 8601, as in manifests."""
+    return current_time().isoformat(timespec="seconds")

@@ -32,7 +32,7 @@ UPWARDS = {"long_name": "height above still water", "units": "m", "axis": "Z", "
 
 
 class Variable(NamedTuple):
-    """A variable of a file: the names of its dimensions, its values, and what is said of it."""
+    """A variable of a file: the names of its dimensions, its values and its attributes."""
 
     dimensions: tuple[str, ...]
     values: NDArray[Any]
@@ -40,7 +40,7 @@ class Variable(NamedTuple):
 
 
 def conventions(manifest: Mapping[str, Any]) -> dict[str, str]:
-    """Return what CF says of a run's file: title, source, history and conventions."""
+    """Return the global attributes of a run's file by CF: title, source, history and conventions."""
     version = manifest.get("versions", {}).get("wavetank", "unknown")
     return {
         "title": str(manifest.get("scene", {}).get("title", "")),
@@ -61,11 +61,11 @@ def netcdf(variables: Mapping[str, Variable], attributes: Mapping[str, str], *, 
     content = BytesIO()
     with netcdf_file(content, "w", version=2) as file:
         _set_attributes(file, attributes)
-        for name, (dimensions, values, said) in variables.items():
+        for name, (dimensions, values, details) in variables.items():
             if values.dtype.kind == "U":
                 encoded = np.char.encode(values, "utf-8")
                 values = encoded.view("S1").reshape(*values.shape, encoded.itemsize)
-                dimensions, said = (*dimensions, f"{name}_length"), {**said, "_Encoding": "utf-8"}
+                dimensions, details = (*dimensions, f"{name}_length"), {**details, "_Encoding": "utf-8"}
             for dimension, length in zip(dimensions, values.shape, strict=True):
                 if dimension not in file.dimensions:
                     if not length:
@@ -73,7 +73,7 @@ def netcdf(variables: Mapping[str, Variable], attributes: Mapping[str, str], *, 
                     file.createDimension(dimension, None if dimension == growing else length)
             variable = file.createVariable(name, values.dtype, dimensions)
             variable[:] = values
-            _set_attributes(variable, said)
+            _set_attributes(variable, details)
         file.flush()
         return content.getvalue()
 
@@ -114,16 +114,15 @@ def _set_attributes(named: Any, attributes: Mapping[str, str | np.float64]) -> N
 
 
 MAGIC = b"CDF\x02"  # the first bytes of the header
-STANDS = "_records", "_begin"  # what tells where a record is
 
 
 class AppendNetCDF(AppendFile):
-    """A file of records, all of one length.
+    """A NetCDF file to which records of equal length are appended.
 
     Parameters
     ----------
     attributes
-        What is said of the file, title and the like.
+        Global attributes, such as the title.
     """
 
     def __init__(self, path: Path, attributes: Mapping[str, str]):
@@ -132,19 +131,18 @@ class AppendNetCDF(AppendFile):
         self._records = self._begin = 0
 
     def open(self) -> None:
-        """Make the file, or go on with it; raises ``RecordError``."""
+        """Create the file, or open it to append; raises ``RecordError``."""
         super().open()
-        self._tell()
+        self._write_count()
 
     def held(self) -> Held:
-        """Return how far it has grown, and where its records stand."""
-        return super().held() | {name: getattr(self, name) for name in STANDS}
+        """Return the size, the number of records and the offset of the first."""
+        return super().held() | {"_records": self._records, "_begin": self._begin}
 
     def take(self, held: Held) -> None:
-        """Go on from there, once it is opened."""
+        """Continue after that size once the file is opened."""
         super().take(held)
-        for name in STANDS:
-            setattr(self, name, held[name])
+        self._records, self._begin = held["_records"], held["_begin"]
 
     def append_records(self, rows: NDArray[np.float64], first: Callable[[], dict[str, Variable]]) -> None:
         """Append records, (K, numbers) in the order of the variables, time first; ``first`` are those of the first one.
@@ -152,19 +150,19 @@ class AppendNetCDF(AppendFile):
         Raises ``RunError`` for a number that is not finite, before anything of its record is written, but those before;
         and for a file that cannot be written, which has none of them then.
         """
-        whole = rows if np.isfinite(np.vdot(rows, rows)) else _finite_rows(rows)
-        content = memoryview(whole.astype(NUMBER).ravel().view(np.uint8))
-        if not self._records and len(whole):
-            head, each = netcdf(first(), self._attributes, growing="time"), len(content) // len(whole)
+        finite = rows if np.isfinite(np.vdot(rows, rows)) else _finite_rows(rows)
+        content = memoryview(finite.astype(NUMBER).ravel().view(np.uint8))
+        if not self._records and len(finite):
+            head, each = netcdf(first(), self._attributes, growing="time"), len(content) // len(finite)
             self._begin, content = len(head) - each, memoryview(head + content[each:])
         self.write(content)
-        self._records += len(whole)
-        self._tell()
-        if len(whole) < len(rows):
-            self._check(rows[len(whole)])
+        self._records += len(finite)
+        self._write_count()
+        if len(finite) < len(rows):
+            self._check(rows[len(finite)])
 
-    def _tell(self) -> None:
-        """Write into the header how many records there are."""
+    def _write_count(self) -> None:
+        """Write the number of records into the header."""
         if self._size:
             self.write(self._records.to_bytes(4, "big"), at=COUNT.start)
 

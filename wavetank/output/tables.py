@@ -25,7 +25,7 @@ from wavetank.stateful import Held
 
 
 def csv_table(columns: Mapping[str, NDArray[np.float64]]) -> bytes:
-    """Return a whole CSV table of columns by their names."""
+    """Return a CSV table of columns by their names."""
     return _csv_line(columns) + csv_lines(np.array([*columns.values()], dtype=np.float64).T)
 
 
@@ -55,7 +55,7 @@ def _identity(file: os.stat_result) -> tuple[int, int]:
 
 
 def is_truncated(path: Path, held: Held) -> bool:
-    """Return whether less is there of a file, or of its index, than was held; raises ``OSError``."""
+    """Return whether a file, or its index, is shorter than recorded in a checkpoint; raises ``OSError``."""
     if not path.exists():
         return True
     if "rows" in held:
@@ -66,9 +66,9 @@ def is_truncated(path: Path, held: Held) -> bool:
 
 
 def is_modified(path: Path, held: Held) -> bool:
-    """Return whether the rows that were held of a table differ from those that are there; raises ``OSError``.
+    """Return whether the rows of a table differ from those of a checkpoint; raises ``OSError``.
 
-    False for other files, and for a table whose rows were held without a checksum.
+    False for other files, and for a table without a checksum.
     """
     return "checksum" in held and _checksum(path, held["rows"], held["columns"]) != held["checksum"]
 
@@ -90,7 +90,7 @@ def _checksum(path: Path, rows: int, columns: Sequence[str]) -> int | None:
 
 
 def _end_of_rows(path: Path, rows: int) -> int | None:
-    """Return where the rows of a table end that follow its header [bytes]; None where there are fewer."""
+    """Return the offset of the end of the first rows of a table [bytes]; None if there are fewer."""
     size = count = 0
     with open_regular(path) as file:
         for line in islice(file, 1 + rows):
@@ -100,9 +100,9 @@ def _end_of_rows(path: Path, rows: int) -> int | None:
 
 
 def append_until_failure(append: Callable[[Any], None], parts: Any) -> None:
-    """Append the parts of a sequence or an array together, or, where that fails, one by one up to that which does.
+    """Append the parts of a sequence or an array together, or, if that fails, one by one up to the part that fails.
 
-    What is appended together is there as a whole or not at all. Raises the ``RecordError`` that was met.
+    Parts appended together are written completely or not at all. Raises the ``RecordError``.
     """
     try:
         append(parts)
@@ -113,11 +113,11 @@ def append_until_failure(append: Callable[[Any], None], parts: Any) -> None:
 
 
 class AppendFile:
-    """A file that grows by rows of finite numbers, the first of which is the time [s]."""
+    """A file to which rows of finite numbers are appended, the first of which is the time [s]."""
 
     def __init__(self, path: Path):
         self._path = path
-        self._kept = self._size = 0  # bytes that are there, of a run that goes on, and by now
+        self._initial_size = self._size = 0  # bytes that are there, of a run that goes on, and by now
 
     @property
     def name(self) -> str:
@@ -125,33 +125,33 @@ class AppendFile:
         return self._path.name
 
     def open(self) -> None:
-        """Make the file, or go on where it was when that was held; raises ``RecordError``."""
+        """Create the file, or truncate it to the size given to ``take``; raises ``RecordError``."""
         try:
-            self._file = open_regular(self._path, "r+b" if self._kept else "w+b")
-            self._file.truncate(self._kept)
-            self._size, self._is = self._kept, _identity(os.fstat(self._file.fileno()))
+            self._file = open_regular(self._path, "r+b" if self._initial_size else "w+b")
+            self._file.truncate(self._initial_size)
+            self._size, self._is = self._initial_size, _identity(os.fstat(self._file.fileno()))
         except OSError as error:
             raise RecordError(f"{self._path}: cannot be written ({error.strerror}).") from None
 
     def held(self) -> Held:
-        """Return how far it has grown."""
+        """Return the size [bytes]."""
         return {"size": self._size}
 
     def take(self, held: Held) -> None:
-        """Go on from there, once it is opened."""
-        self._kept = self._size = held["size"]
+        """Continue after that size once the file is opened."""
+        self._initial_size = self._size = held["size"]
 
     def sync(self) -> None:
-        """See to it that all that has been written outlives a power cut; raises ``OSError``."""
+        """Flush the file to the disk; raises ``OSError``."""
         os.fsync(self._file.fileno())
 
     def _check(self, row: NDArray[np.float64]) -> None:
         if not np.isfinite(row).all():
-            said = f"a value for {self._path.name} is not a finite number; the run has broken down."
-            raise RunError(f"t = {row[0]:.6g} s: {said}", t=float(row[0]))
+            message = f"a value for {self._path.name} is not a finite number; the run has broken down."
+            raise RunError(f"t = {row[0]:.6g} s: {message}", t=float(row[0]))
 
     def write(self, content: bytes | memoryview, *, at: int | None = None, over: int = 0) -> None:
-        """Hand bytes to the operating system at once: that costs microseconds, and a kill loses nothing.
+        """Pass bytes to the operating system at once: that costs microseconds, and a kill loses nothing.
 
         They follow what is there but for its last ``over`` bytes, or replace some ``at`` a place of what has just been
         written. Of those that follow all are there, or, where they cannot be written, none.
@@ -173,22 +173,22 @@ class AppendFile:
             raise RecordError(f"{self._path}: cannot be written ({error.strerror}).") from None
 
     def shorten(self, size: int, last: bytes = b"") -> None:
-        """Leave so many bytes, of which the last are others, and take none of what was to follow."""
+        """Truncate the file to ``size`` bytes, the last of which are replaced by ``last``."""
         with suppress(OSError):
             os.pwrite(self._file.fileno(), last, size - len(last))
             os.ftruncate(self._file.fileno(), size)
         self._size = size
 
     def close(self) -> None:
-        """End the record; nothing is held back."""
+        """Close the file; nothing is buffered."""
         with suppress(OSError, AttributeError):  # a full disk has been reported by the write that met it
             self._file.close()
 
 
 class TableWriter(AppendFile):
-    """A CSV table that grows by rows of finite numbers, with as many digits as reading them back exactly needs.
+    """A CSV table to which rows of finite numbers are appended, with the digits that an exact round trip needs.
 
-    One that goes on may have more columns than it had: they are empty in its earlier rows.
+    A continued table may have more columns than before: they are empty in its earlier rows.
     """
 
     def __init__(self, path: Path, columns: Sequence[str]):
@@ -202,37 +202,37 @@ class TableWriter(AppendFile):
         return len(self._columns) > 1
 
     def open(self) -> None:
-        """Make the file, with the names of its columns, or go on; raises ``RecordError``."""
-        if self._kept:
+        """Create the file with its header, or open it to append; raises ``RecordError``."""
+        if self._initial_size:
             self._widen()
             self._checksum = _checksum(self._path, self._rows, self._columns) or 0
         super().open()
-        if not self._kept:
+        if not self._initial_size:
             self.write(_csv_line(self._columns))
 
     def _widen(self) -> None:
-        """Replace a file that has other columns, what it had under its name."""
+        """Rewrite a file that has other columns; cells keep their column by name."""
         with open_regular(self._path, "r", newline="", encoding="utf-8", errors="replace") as file:
             rows = csv.reader(islice(file, 1 + self._rows))
             header = next(rows)
             if header == self._columns:
                 return
-            told = {name.replace(",", ";"): name for name in self._columns}  # places were told with commas once
-            header = [told.get(name.replace(",", ";"), name) for name in header]
+            names = {name.replace(",", ";"): name for name in self._columns}  # positions once had commas
+            header = [names.get(name.replace(",", ";"), name) for name in header]
             with atomic_file(self._path) as wider:
                 wider.write(_csv_line(self._columns))
                 for row in rows:
                     cells = dict(zip(header, row, strict=True))
                     wider.write(_csv_line(cells.get(name, "") for name in self._columns))
-                self._kept = wider.tell()
+                self._initial_size = wider.tell()
 
     def held(self) -> Held:
-        """Return how many rows there are, of which columns, and their checksum."""
+        """Return the number of rows, the columns and the checksum of the rows."""
         return {"rows": self._rows, "columns": self._columns, "checksum": self._checksum}
 
     def take(self, held: Held) -> None:
-        """Go on after these, once it is opened."""
-        self._rows, self._kept = held["rows"], _end_of_rows(self._path, held["rows"]) or 0
+        """Continue after these rows once the file is opened."""
+        self._rows, self._initial_size = held["rows"], _end_of_rows(self._path, held["rows"]) or 0
 
     def append(self, row: Sequence[float | None]) -> None:
         """Append one row; see ``extend``."""
@@ -290,12 +290,12 @@ class GaugeSeries:
 
 
 def gauge_column(name: str, x: float, y: float = 0.0) -> str:
-    """Return how the header of the gauges' table names one."""
+    """Return the column name of a gauge."""
     return position_label(name, {"x": x, "y": y} if y else {"x": x})
 
 
 def parse_gauge_column(column: str) -> tuple[str, float, float]:
-    """Return name, x and y [m] of a gauge from its column; raises ``ValueError`` if it tells none."""
+    """Return name, x and y [m] of a gauge from its column name; raises ``ValueError`` for another text."""
     name, at = parse_position_label(column)
     return name, at["x"], at.get("y", 0.0)
 
@@ -305,14 +305,14 @@ def position_label(name: str, place: Mapping[str, float]) -> str:
     return f"{name}@" + ";".join(f"{axis}={np.format_float_positional(at, trim='-')}" for axis, at in place.items())
 
 
-def parse_position_label(told: str) -> tuple[str, dict[str, float]]:
-    """Return name and place [m] by axis of what ``named_place`` tells, or told once, with commas.
+def parse_position_label(label: str) -> tuple[str, dict[str, float]]:
+    """Return name and place [m] by axis of a label by ``position_label``, also with commas.
 
     Raises ``ValueError`` for anything else.
     """
-    name, found, place = told.rpartition("@x=")
+    name, found, place = label.rpartition("@x=")
     if not found:
-        raise ValueError(f"{told!r} tells no place")
+        raise ValueError(f"{label!r} has no position")
     axes = (part.partition("=") for part in f"x={place}".replace(",", ";").split(";"))
     return name, {axis: float(at) for axis, _, at in axes}
 
@@ -335,8 +335,8 @@ def load_columns(names: Sequence[str], dimensions: int) -> list[str]:
 
 def parse_load_column(column: str) -> tuple[str, str, str]:
     """Return quantity, wall and units of a column."""
-    told, _, units = column.removesuffix("]").rpartition(" [")
-    quantity, _, name = told.partition(" ")
+    title, _, units = column.removesuffix("]").rpartition(" [")
+    quantity, _, name = title.partition(" ")
     return quantity, name, units
 
 
@@ -373,15 +373,18 @@ def probe_quantities(dimensions: int) -> dict[str, tuple[str, str]]:
     There is no component along y in a tank of one horizontal dimension.
     """
     axes = "xyz" if dimensions == 2 else "xz"
-    each = ((axis, name, units, told) for name, (units, told) in VECTORS.items() for axis in axes)
-    vectors = {f"{name}_{axis}": (units, f"{told}, along {axis}") for axis, name, units, told in each}
+    each = ((axis, name, units, text) for name, (units, text) in VECTORS.items() for axis in axes)
+    vectors = {f"{name}_{axis}": (units, f"{text}, along {axis}") for axis, name, units, text in each}
     return vectors | {"pressure": PRESSURE}
 
 
 def probe_columns(points: Sequence[tuple[str, float, float, float]], dimensions: int) -> list[str]:
     """Return the table's columns: all quantities of the first point, such as ``velocity_x A@x=2;z=-0.1 [m/s]``, ..."""
-    told = probe_quantities(dimensions)
-    return ["t [s]", *(f"{name} {_probe_label(Point(*point))} [{told[name][0]}]" for point in points for name in told)]
+    quantities = probe_quantities(dimensions)
+    return [
+        "t [s]",
+        *(f"{name} {_probe_label(Point(*point))} [{quantities[name][0]}]" for point in points for name in quantities),
+    ]
 
 
 def _probe_label(point: Point) -> str:
@@ -390,7 +393,7 @@ def _probe_label(point: Point) -> str:
 
 
 def parse_probe_column(column: str) -> tuple[str, Point]:
-    """Return quantity and point of a column; raises ``ValueError`` if it tells none."""
+    """Return quantity and point of a column name; raises ``ValueError`` for another text."""
     quantity, _, rest = column.rpartition(" [")[0].partition(" ")
     name, place = parse_position_label(rest)
     return quantity, Point(name, place["x"], place.get("y", 0.0), place["z"])

@@ -19,8 +19,8 @@ from wavetank.output.directory import (
     CHECKPOINT,
     CHECKPOINT_BEFORE,
     COPIES,
+    FINAL_MANIFEST_SIZE,
     GAUGES,
-    ROOM,
     SERIES,
     SURFACE,
     RunDirectory,
@@ -65,8 +65,8 @@ class RunWriter:
 
     def __init__(self, place: OutputPath | Path, manifest: dict[str, Any], *, resume: bool = False):
         self._records: list[AppendFile] = []
-        self._begun = self._older = self._kept_one = False
-        self._room = 0  # bytes kept for the manifest's last word
+        self._started = self._discard_newest = self._wrote_checkpoint = False
+        self._reserved = 0  # bytes kept for the manifest's last word
         place = place if isinstance(place, OutputPath) else OutputPath(place)
         self._resume = resume
         identity: str | None = uuid4().hex
@@ -88,20 +88,20 @@ class RunWriter:
         """
         self._check_held()
         self._manifest |= more or {}
-        self._room = ROOM + len(self._text(self._manifest))
+        self._reserved = FINAL_MANIFEST_SIZE + len(self._text(self._manifest))
         try:
-            self._lock.reserve(self._room)
-            self._write_manifest(self._manifest, lasting=True)  # first: what a full disk does not take replaces nothing
-            self._begun = True
+            self._lock.reserve(self._reserved)
+            self._write_manifest(self._manifest, durable=True)  # first: what a full disk does not take replaces nothing
+            self._started = True
             for old in list((derived_files if self._resume else record_files)(self.path)):
                 old.unlink()
-            if self._older:
+            if self._discard_newest:
                 os.replace(self.path / CHECKPOINT_BEFORE, self.path / CHECKPOINT)  # the other is of no use any more
             for record in self._records:
                 record.open()
         except OSError as error:
             refused = InputError(f"{self.path}: cannot be written ({error.strerror}).")
-            if self._begun:
+            if self._started:
                 self.fail(refused)
             raise refused from None
         except RecordError as error:
@@ -111,19 +111,19 @@ class RunWriter:
 
     @property
     def holds(self) -> bool:
-        """Whether the directory is still this run's: it may have been removed, and be another's by now."""
+        """Whether the directory is still this run's: it may have been removed, or belong to another run."""
         return self._lock.holds
 
     def release(self) -> None:
-        """Let go of the directory; one that was made and never begun is removed."""
+        """Release the lock; a directory that was created and never begun is removed."""
         self._close()
         self._lock.release()
-        if self._made and not self._begun:
+        if self._made and not self._started:
             with suppress(OSError):
                 self.path.rmdir()
 
     def __enter__(self) -> Self:
-        if not self._begun:
+        if not self._started:
             self.begin()
         return self
 
@@ -135,13 +135,13 @@ class RunWriter:
         self.release()
 
     def fail(self, error: BaseException) -> None:
-        """Close all files and write the manifest's last word, that this is why the run has ended."""
+        """Close all files and write the final manifest with the error as the cause."""
         status = error.status if isinstance(error, RunError) else "failed"
         with suppress(WavetankError):  # where the directory is no more, the error that told so is the cause
             self.finish(status, {"cause": worded(error)})
 
-    def tell(self) -> None:
-        """Write the manifest with what has been noted so far; on a full disk that waits."""
+    def write_manifest(self) -> None:
+        """Write the manifest with the figures so far; skipped on a full disk."""
         with suppress(OSError):
             if self.holds:
                 self._write_manifest(self._manifest)
@@ -152,7 +152,7 @@ class RunWriter:
 
     def table(self, file: str, columns: Sequence[str]) -> TableWriter:
         """Return a new table with these columns, time first, units in their names."""
-        return self._kept(TableWriter(self.path / file, columns))
+        return self._add_record(TableWriter(self.path / file, columns))
 
     def window(
         self, name: str, *, form: str, places: Vector, levels: int, dimensions: int
@@ -160,27 +160,29 @@ class RunWriter:
         """Return what appends to a window's record, NetCDF or CSV by its ``form``; see ``fields.py``."""
         path = self.path / window_file(name, form)
         if form == "csv":
-            return self._kept(WindowTable(path, places=places, dimensions=dimensions)).append_columns
-        said = conventions(self._manifest)
-        return self._kept(WindowFile(path, said, places=places, levels=levels, dimensions=dimensions)).append
+            return self._add_record(WindowTable(path, places=places, dimensions=dimensions)).append_columns
+        attributes = conventions(self._manifest)
+        return self._add_record(
+            WindowFile(path, attributes, places=places, levels=levels, dimensions=dimensions)
+        ).append
 
     def surface(self) -> SurfaceWriter:
         """Return the record of snapshots."""
-        return self._kept(SurfaceWriter(self.path / SURFACE, conventions(self._manifest)))
+        return self._add_record(SurfaceWriter(self.path / SURFACE, conventions(self._manifest)))
 
-    def _kept(self, record: R) -> R:
-        """Return a record that is opened when the run begins, and closed when it ends."""
+    def _add_record(self, record: R) -> R:
+        """Add a record, which is opened when the run begins and closed when it ends, and return it."""
         self._records.append(record)
-        if self._begun:
+        if self._started:
             record.open()
         return record
 
     def held(self) -> Held:
-        """Return how far each of the records has grown, by the names of their files."""
+        """Return the state of each record by the name of its file."""
         return {record.name: record.held() for record in self._records}
 
     def take(self, held: Held) -> None:
-        """Go on with the records from there, once the run begins, and begin those that were not there.
+        """Continue the records from this state once the run begins, and begin those that are new.
 
         Raises ``InputError`` for a record that would not go on.
         """
@@ -191,7 +193,7 @@ class RunWriter:
             if record.name in held:
                 record.take(held[record.name])
 
-    def checkpoint(self, checkpoint: Checkpoint, *, last_room: int = 0, at_any_price: bool = False) -> int:
+    def checkpoint(self, checkpoint: Checkpoint, *, last_size: int = 0, at_any_price: bool = False) -> int:
         """Write a checkpoint, which is told whose it is; return its size in bytes.
 
         The records are forced to the disk before. Raises ``RunError`` if it cannot be written, ``RecordError`` where
@@ -201,24 +203,24 @@ class RunWriter:
         ----------
         checkpoint
             What the run holds.
-        last_room
+        last_size
             Bytes that are kept for the last one until there are two, of which it may take the place of the older.
         at_any_price
             Whether this is the last one; see ``write_checkpoint``.
         """
         self._check_held()
         of = {"id": self._manifest["id"], "git": self._manifest.get("git")}
-        told = checkpoint._replace(about=checkpoint.about | of)
+        identified = checkpoint._replace(about=checkpoint.about | of)
         try:
             for record in self._records:
                 record.sync()
             if at_any_price:
-                self._lock.reserve(self._room)
-            size = write_checkpoint(self.path, told, own=self._kept_one, at_any_price=at_any_price)
-            self._kept_one = True
+                self._lock.reserve(self._reserved)
+            size = write_checkpoint(self.path, identified, own=self._wrote_checkpoint, at_any_price=at_any_price)
+            self._wrote_checkpoint = True
             spare = (self.path / CHECKPOINT_BEFORE).exists() or at_any_price
             with suppress(OSError):
-                self._lock.reserve(self._room + (0 if spare else 2 * ROOM + last_room))
+                self._lock.reserve(self._reserved + (0 if spare else 2 * FINAL_MANIFEST_SIZE + last_size))
             return size
         except OSError as error:
             raise RunError(f"{self.path / CHECKPOINT}: cannot be written ({error.strerror}).") from None
@@ -228,23 +230,23 @@ class RunWriter:
 
         Raises ``InputError`` if there is none.
         """
-        found, useless = read_checkpoint(self.path, self._why_not, at=at)
-        self._older = bool(useless) or any(
+        found, useless = read_checkpoint(self.path, self._reason_unusable, at=at)
+        self._discard_newest = bool(useless) or any(
             about["step"] > found.about["step"] for _, about in readable_checkpoints(self.path)
         )
         return found, useless
 
-    def _why_not(self, about: dict[str, Any]) -> str:
-        """Return why the run cannot go on from a checkpoint, nothing where it can."""
+    def _reason_unusable(self, about: dict[str, Any]) -> str:
+        """Return why a run cannot be resumed from a checkpoint; empty if it can."""
         try:
-            return self._lost(about)
+            return self._missing_data(about)
         except OSError as error:
             return f"a record cannot be read: {error.strerror}"
         except (KeyError, TypeError, AttributeError):
             return "it is of another version of this program"
 
-    def _lost(self, about: dict[str, Any]) -> str:
-        """Return what a checkpoint counts on that is not there."""
+    def _missing_data(self, about: dict[str, Any]) -> str:
+        """Return which data of a checkpoint are missing in the records; empty if none."""
         if {*about.get("fields", {})} - {*SERIES} or any(Path(name).name != name for name in about["records"]):
             return "it names files that this program does not write"
         for name, held in about["records"].items():
@@ -271,7 +273,7 @@ class RunWriter:
             write_atomically(self.path / BREAKING, csv_table(columns))
 
     def note(self, figures: dict[str, Any]) -> None:
-        """Take figures into the manifest, with its last word, whichever that will be."""
+        """Add figures to the manifest, which is written at the latest when the run ends."""
         self._manifest |= figures
 
     def finish(self, status: str, figures: dict[str, Any]) -> None:
@@ -289,19 +291,19 @@ class RunWriter:
         try:
             self._lock.reserve(0)
             last = self._manifest | {"status": status, "finished": now(), **figures}
-            self._write_manifest(last, lasting=True)
+            self._write_manifest(last, durable=True)
         except OSError as error:
             raise RunError(f"{self.path}: cannot be written ({error.strerror}).") from None
 
     def _copy(self, name: str) -> None:
-        """Write a table as CF-NetCDF, too."""
+        """Write a copy of a table as CF-NetCDF."""
         try:
             with atomic_file(self.path / COPIES[name]) as copy:
                 RunDirectory(self.path).write_netcdf(name, copy)
         except (OSError, InputError) as error:
             why = getattr(error, "strerror", None) or str(error)
-            said = f"{COPIES[name]} could not be written ({why}); {name} has the same"
-            self._manifest.setdefault("warnings", []).append(said)
+            message = f"{COPIES[name]} could not be written ({why}); {name} has the same"
+            self._manifest.setdefault("warnings", []).append(message)
 
     def _check_held(self) -> None:
         """Raise ``RecordError`` where the directory has been removed, and may be another run's."""
@@ -318,15 +320,15 @@ class RunWriter:
         except ValueError:  # JSON has no word for it
             raise RunError(f"{self.path / MANIFEST}: a value for it is not a finite number.") from None
 
-    def _write_manifest(self, manifest: dict[str, Any], *, lasting: bool = False) -> None:
-        """Replace the manifest, which tells when."""
+    def _write_manifest(self, manifest: dict[str, Any], *, durable: bool = False) -> None:
+        """Replace the manifest, with the time of writing."""
         manifest["written"] = now()
-        write_atomically(self.path / MANIFEST, self._text(manifest), lasting=lasting)
+        write_atomically(self.path / MANIFEST, self._text(manifest), durable=durable)
         self._manifest = manifest
 
 
 def _claimed(place: OutputPath) -> tuple[Path, RunLock, bool]:
-    """Return the first directory of a place that may be written, with its lock, and whether it has been made."""
+    """Return the first candidate directory that may be written, its lock, and whether it was created."""
     for path in place.candidates:
         made = not path.exists()
         try:

@@ -52,7 +52,7 @@ from wavetank.cache import places, writable
 from wavetank.case import BasinTank, Scene
 from wavetank.case.output import PADDLE
 from wavetank.case.wall import ActiveAbsorption, SpringDamper
-from wavetank.console import spelt
+from wavetank.console import format_duration
 from wavetank.fem.agreed import on_first
 from wavetank.integrators import INTEGRATORS
 from wavetank.mesh import MeshFile
@@ -459,13 +459,14 @@ def _check(needs: Needs, there: float, *, ranks: int, longest: float) -> None:
         ""
         if needs.watching < WORTH_TELLING * needs.cpu
         else (
-            f"; {spelt(needs.watching / ranks)} of it are for records below the surface, of which fewer rows need less"
+            f"; {format_duration(needs.watching / ranks)} of it are for records below the surface, "
+            "of which fewer rows need less"
         )
     )
     sentence = (
-        f"needs about {spelt(wall)} on {on} and {needs.memory / 1e9:.2g} GB of memory, of which {there / 1e9:.2g} GB "
-        f"are free, for {needs.steps:.2g} steps of {needs.unknowns:.2g} unknowns: a larger cell_size or dt and a "
-        f"shorter run.duration need less{watched}; wavetank run --yes runs it as it is"
+        f"needs about {format_duration(wall)} on {on} and {needs.memory / 1e9:.2g} GB of memory, "
+        f"of which {there / 1e9:.2g} GB are free, for {needs.steps:.2g} steps of {needs.unknowns:.2g} unknowns: "
+        f"a larger cell_size or dt and a shorter run.duration need less{watched}; wavetank run --yes runs it as it is"
     )
     raise SceneError([Problem(("numerics",), None, sentence)])
 

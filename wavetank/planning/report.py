@@ -50,7 +50,7 @@ def _try(scene: "Scene", why: str, terminal: "Console") -> None:
 
     from mpi4py import MPI
 
-    from wavetank.console import spelt
+    from wavetank.console import format_duration
     from wavetank.planning.checks import forewarnings
     from wavetank.planning.cost import check_affordable, trial
     from wavetank.planning.default_plan import planned
@@ -70,7 +70,7 @@ def _try(scene: "Scene", why: str, terminal: "Console") -> None:
         *([f"  {shortest}"] if shortest else []),
         f"  a step: {seen.step:.2g} CPU s on {ranks}, {seen.solves:.1f} interior solves",
         *([f"  {told}"] if told else []),
-        f"  the run: {spelt(seen.duration)}, on as many free cores",
+        f"  the run: {format_duration(seen.duration)}, on as many free cores",
         f"  memory: {seen.memory / 1e6:.0f} MB",
         *(f"  paddle of {seen.key}: {absorbs}" for seen in scene.paddles if (absorbs := absorption(seen, scene))),
         *([f"  {sponge}"] if (sponge := told_of_sponge(scene, seen.waves)) else []),

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from wavetank.case import BasinTank, Scene
-from wavetank.console import spelt
+from wavetank.console import format_duration
 from wavetank.errors import InputError, RunError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath
@@ -157,7 +157,7 @@ class Study:
         run, left = sum(outcome.again for outcome in outcomes.values()), all_of_them - len(outcomes)
         if self._console.is_terminal or not run or not left:
             return ""
-        return f"; about {spelt((time.monotonic() - began) / run * left)} left"
+        return f"; about {format_duration((time.monotonic() - began) / run * left)} left"
 
     def _ended(self, one: Combination, outcome: Outcome) -> str:
         if outcome.status != "finished":
