@@ -79,7 +79,7 @@ def test_imports_go_one_way(path):
 STEPPERS = {
     "wavetank.simulation.run": "the time loop",
     "wavetank.integrators.answering": "around a scheme",
-    "wavetank.integrators.composition": "a scheme of steps of another",
+    "examples.paper.composition": "a scheme of steps of another",
     "wavetank.integrators.damped": "around a scheme",
     "wavetank.integrators.filtered": "around a scheme",
     "examples.paper.forcing": "around a scheme",

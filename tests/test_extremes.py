@@ -16,6 +16,7 @@ from mpi4py import MPI
 
 from examples.paper import steepness
 from examples.paper.growth import Setting, row
+from examples.paper.linearised import LinearisedFlow
 from wavetank.case import Scene
 from wavetank.case.reading import read_case
 from wavetank.errors import RunError
@@ -37,7 +38,6 @@ from wavetank.simulation.stability import IN_ELEVATION, IN_JUMP, StabilityWatch
 from wavetank.tank.breaking import ONSET, OVERTURNS
 from wavetank.tank.edge_penalty import EdgePenalty
 from wavetank.tank.footprint import Ring
-from wavetank.tank.linearised import LinearisedFlow
 from wavetank.tank.short_waves import ShortWaves
 from wavetank.tank.surface_flow import SurfaceFlow, SurfaceVelocity, surface_of
 from wavetank.tank.walls import StillWall

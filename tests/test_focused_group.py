@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from examples.paper import focused_group
+from examples.paper.expanded_waves import ExpandedWaves
 from wavetank.waves.airy import angular_frequency
-from wavetank.waves.expanded_waves import ExpandedWaves
 
 GRAVITY, DEPTH, LENGTH, A, POINTS = 9.81, 1.0, 4.0, 0.01, 16
 

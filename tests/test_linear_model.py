@@ -5,10 +5,10 @@ import pytest
 from conftest import fitted_slope
 from mpi4py import MPI
 
+from examples.paper.oscillators import OscillatorStages
 from wavetank.case import Scene
 from wavetank.fem.plane import Plane
 from wavetank.integrators import INTEGRATORS, ThirdOrder
-from wavetank.integrators.oscillators import OscillatorStages
 from wavetank.motion import AtRest, Ramped, Sinusoid
 from wavetank.simulation.build import Records, build_observers, build_run
 from wavetank.simulation.contract import Moment

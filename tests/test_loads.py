@@ -9,6 +9,7 @@ from rich.console import Console
 from test_probes import DENSITY, FINE, GRAVITY, MOTION, driven
 
 from examples.paper.cylinder import HalfBasin
+from examples.paper.mccamy_fuchs import CylinderDiffraction
 from examples.paper.watched import watched
 from wavetank.case import Scene
 from wavetank.case.reading import read_case
@@ -28,7 +29,6 @@ from wavetank.tank.velocity import Velocity
 from wavetank.tank.wall_pressure import PaddlePush, WallPressure
 from wavetank.tank.walls import Piston, Polynomial, Shaped, StillWall
 from wavetank.tank.waves import NonlinearWaves
-from wavetank.waves.mccamy_fuchs import CylinderDiffraction
 from wavetank.waves.standing_wave import ThirdOrderStandingWave
 
 ENDS = "paddle", "far wall"

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.special import jv, jvp
 
-from wavetank.waves.mccamy_fuchs import CylinderDiffraction, travelling
+from examples.paper.mccamy_fuchs import CylinderDiffraction, travelling
 
 KA = [0.05, 1.0, 4.0, 20.0]
 ANGLES = np.linspace(0.0, 2 * np.pi, 400, endpoint=False)

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from examples.paper.oscillators import Harmonic, NonSeparable
 from wavetank.errors import RunError
 from wavetank.integrators import StormerVerlet
 from wavetank.integrators.filtered import Filtered
-from wavetank.integrators.oscillators import Harmonic, NonSeparable
 from wavetank.integrators.states import Point
 from wavetank.motion import Sinusoid
 from wavetank.simulation.clock import Clock

@@ -7,8 +7,8 @@ import pytest
 from conftest import fitted_slope
 
 from examples.paper import standing
+from examples.paper.resting_wave import resting_wave
 from wavetank.errors import InputError
-from wavetank.waves.resting_wave import resting_wave
 from wavetank.waves.standing_wave import ThirdOrderStandingWave
 
 LENGTH, DEPTH = 2.0, 0.6

@@ -12,6 +12,7 @@ from conftest import fitted_slope
 from dolfinx import mesh
 from mpi4py import MPI
 
+from examples.paper.oscillators import Harmonic
 from examples.paper.sponge import Beach, Operators, in_time, paddle
 from wavetank.case import Scene
 from wavetank.case.tank import EndSponge, GroupSponge, SliceTank, paddle_period
@@ -28,7 +29,6 @@ from wavetank.integrators import (
     damped,
 )
 from wavetank.integrators.filtered import Filtered
-from wavetank.integrators.oscillators import Harmonic
 from wavetank.integrators.states import like, rows
 from wavetank.motion import AtRest, Ramped, Sinusoid
 from wavetank.simulation.contract import Moment

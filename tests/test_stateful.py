@@ -13,11 +13,11 @@ from mpi4py import MPI
 from ranks import Crew
 
 from examples.paper.breaking import over_steep
+from examples.paper.oscillators import NonSeparable
 from wavetank.case import Scene
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS, Damped, Damping, GaussLegendre4
 from wavetank.integrators.filtered import Filtered
-from wavetank.integrators.oscillators import NonSeparable
 from wavetank.simulation.build import Records, build_observers, build_run, build_watch
 from wavetank.simulation.clock import Clock
 from wavetank.simulation.record import Memory

@@ -12,15 +12,15 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from examples.paper.mccamy_fuchs import CylinderDiffraction
+from examples.paper.resting_wave import RestingWave, resting_wave
 from wavetank import waves
 from wavetank.motion import DirectionalFocus, ReflectedFocus
 from wavetank.motion.directional import Fan
 from wavetank.motion.harmonic import WaveGroup
 from wavetank.motion.spectra import Gaussian
 from wavetank.waves.conformal import SteadyWave
-from wavetank.waves.mccamy_fuchs import CylinderDiffraction
 from wavetank.waves.plane_waves import PlaneWaves
-from wavetank.waves.resting_wave import RestingWave, resting_wave
 from wavetank.waves.solitary_wave import solitary_wave
 from wavetank.waves.standing_wave import ThirdOrderStandingWave
 from wavetank.waves.stream_function import stream_function_wave

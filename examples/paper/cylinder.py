@@ -16,6 +16,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from mpi4py import MPI
 
+from examples.paper.mccamy_fuchs import Complex, CylinderDiffraction, travelling
 from examples.paper.report import Report
 from examples.paper.watched import watched
 from wavetank.fem.layout_mesh import draw_layout
@@ -29,7 +30,6 @@ from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.walls import StillWall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 from wavetank.waves.airy import angular_frequency
-from wavetank.waves.mccamy_fuchs import Complex, CylinderDiffraction, travelling
 from wavetank.waves.wave import Array
 
 GRAVITY, WAVE_LENGTH = 9.81, 2 * np.pi  # m/s², m: lengths are in 1 / k, and the depth is 1

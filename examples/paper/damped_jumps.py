@@ -14,13 +14,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from examples.paper.oscillators import NonSeparable, OnOneRank, OscillatorStages
 from examples.paper.report import Report
 from examples.paper.watched import watched
 from wavetank.arrays import Vector
 from wavetank.integrators import GaussLegendre4, Simpson4, ThirdOrder
 from wavetank.integrators.contract import Integrator, State
 from wavetank.integrators.hamiltonian import Stage
-from wavetank.integrators.oscillators import NonSeparable, OnOneRank, OscillatorStages
 
 ORBITS = ((0.5, 0.25), (1.0, 0.5), (1.2, 0.5), (1.5, 0.5))
 STEPS = (24, 48)  # a period

@@ -12,10 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from examples.paper.oscillators import Harmonic
 from examples.paper.report import Report
 from examples.paper.schemes import Scheme, amplification, continuous, simpson, third_order
-from wavetank.integrators import Damping, StormerVerlet, SymplecticEuler, damped
-from wavetank.integrators.oscillators import Harmonic
+from examples.paper.symplectic_euler import SymplecticEuler
+from wavetank.integrators import Damping, StormerVerlet, damped
 
 Array = NDArray[Any]
 GAMMA, DT = 0.02, 0.2

@@ -21,10 +21,10 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from examples.paper import symbolic
+from examples.paper.oscillators import Harmonic
 from examples.paper.report import Report
 from examples.paper.schemes import Scheme, all_schemes, amplification, simpson, third_order
 from wavetank.integrators import Simpson4, ThirdOrder
-from wavetank.integrators.oscillators import Harmonic
 
 Array = NDArray[Any]
 

@@ -1,7 +1,7 @@
 """A focused group in the nonlinear tank against theory of first, second and third order in its steepness.
 
 Waves around a ring, of small to moderate height, that by linear theory meet in one crest A. Tank and theory
-(``waves/expanded_waves.py``) begin alike, with the linear waves; what the theory misses of the tank's elevation at the
+(``expanded_waves.py``) begin alike, with the linear waves; what the theory misses of the tank's elevation at the
 focus is of the next order in k_p A.
 """
 
@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from mpi4py import MPI
 
+from examples.paper.expanded_waves import ORDERS, ExpandedWaves
 from examples.paper.report import Report
 from examples.paper.watched import Surfaces
 from wavetank.case import Scene
@@ -19,7 +20,6 @@ from wavetank.plots.compare import rms
 from wavetank.plots.style import BLUE, GREY, VERMILION
 from wavetank.simulation.build import build_run
 from wavetank.waves.airy import angular_frequency
-from wavetank.waves.expanded_waves import ORDERS, ExpandedWaves
 from wavetank.waves.plane_waves import PlaneWaves
 from wavetank.waves.wave import Array
 

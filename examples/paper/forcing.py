@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from examples.paper.oscillators import Forced, OnOneRank
 from examples.paper.report import Report
 from examples.paper.schemes import point
 from examples.paper.watched import watched
@@ -20,7 +21,6 @@ from wavetank.arrays import Vector
 from wavetank.integrators import Simpson4, StormerVerlet, StormerVerletAdjoint, ThirdOrder
 from wavetank.integrators.contract import Integrator, State
 from wavetank.integrators.hamiltonian import HamiltonianSystem, Stages
-from wavetank.integrators.oscillators import Forced, OnOneRank
 from wavetank.integrators.wrapper import Wrapper
 
 STEPS = (0.2, 0.1, 0.05, 0.025)

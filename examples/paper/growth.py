@@ -1,7 +1,7 @@
 """Growing modes under steep waves: the spectrum of the water linearised about an exact wave, with and without penalty.
 
 Nothing grows beside a wave of permanent form of these heights but what the elements make grow. The wave is put on a
-ring, the flow linearised about it (``tank/linearised.py``), and the largest real part of an eigenvalue times the
+ring, the flow linearised about it (``linearised.py``), and the largest real part of an eigenvalue times the
 wave's period is the growth per period. The penalty adds -epsilon omega_g l³ / p⁴ M^-1 S to both of h and psi.
 """
 
@@ -14,12 +14,12 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from examples.paper.linearised import LinearisedFlow
 from examples.paper.report import Report
 from wavetank.fem.plane import Plane
 from wavetank.plots.style import BLUE, GREEN, GREY, ORANGE, VERMILION, entry
 from wavetank.tank.edge_penalty import NEEDED, STRENGTH, EdgePenalty, shortest_wave_number
 from wavetank.tank.footprint import Ring
-from wavetank.tank.linearised import LinearisedFlow
 from wavetank.tank.still_water import scales
 from wavetank.tank.surface_flow import SurfaceFlow
 from wavetank.tank.walls import StillWall

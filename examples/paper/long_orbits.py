@@ -14,12 +14,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 
+from examples.paper.oscillators import NonSeparable
 from examples.paper.report import Report
 from examples.paper.traced import energies
 from wavetank.arrays import Vector
 from wavetank.integrators import GaussLegendre4, Simpson4
 from wavetank.integrators.contract import Integrator
-from wavetank.integrators.oscillators import NonSeparable
 
 ORBIT = (0.5, 0.25)
 STEPS, PERIODS = (16, 20, 24, 32, 40, 48), 100_000

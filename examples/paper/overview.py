@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from examples.paper.oscillators import Counted, Harmonic, NonSeparable
 from examples.paper.report import Report
 from examples.paper.schemes import (
     Scheme,
@@ -22,7 +23,6 @@ from examples.paper.schemes import (
     trajectory,
 )
 from wavetank.integrators import StormerVerlet, StormerVerletAdjoint
-from wavetank.integrators.oscillators import Counted, Harmonic, NonSeparable
 
 STEPS = (0.2, 0.1, 0.05)
 

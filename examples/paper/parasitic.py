@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from examples.paper.damped_jumps import Orbits
+from examples.paper.oscillators import NonSeparable
 from examples.paper.report import Report
 from examples.paper.watched import watched
 from wavetank.integrators import Simpson4
-from wavetank.integrators.oscillators import NonSeparable
 from wavetank.integrators.simpson import MeanAndJumps
 
 Array = NDArray[Any]

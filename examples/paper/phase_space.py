@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from examples.paper.oscillators import Harmonic
 from examples.paper.report import Report
 from examples.paper.schemes import third_order, trajectory
-from wavetank.integrators.oscillators import Harmonic
 
 OMEGA, DT = 0.3162, 0.2484  # as printed; four of (p, q) of the size of the paper's figure
 CORNERS = np.array([[-0.2, -1.2], [0.2, -1.2], [0.2, -0.8], [-0.2, -0.8]]) * 1e-3

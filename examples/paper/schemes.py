@@ -7,21 +7,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from examples.paper.composition import SuzukiVerlet
+from examples.paper.lobatto import P2N3Q4Lob
+from examples.paper.midpoint import ModifiedMidpoint
+from examples.paper.symplectic_euler import SymplecticEuler, SymplecticEulerAdjoint
 from examples.paper.watched import watched
 from wavetank.arrays import Vector
 from wavetank.integrators import (
     DiscontinuousVerlet,
     DiscontinuousVerletAdjoint,
     GaussLegendre4,
-    ModifiedMidpoint,
-    P2N3Q4Lob,
     Point,
     Simpson4,
     StormerVerlet,
     StormerVerletAdjoint,
-    SuzukiVerlet,
-    SymplecticEuler,
-    SymplecticEulerAdjoint,
     ThirdOrder,
     Traces,
 )

@@ -19,10 +19,10 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from examples.paper import symbolic
+from examples.paper.oscillators import Harmonic
 from examples.paper.report import Report
 from examples.paper.schemes import Scheme, all_schemes, amplification, simpson, third_order
 from wavetank.integrators import ThirdOrder
-from wavetank.integrators.oscillators import Harmonic
 from wavetank.planning.dispersion import amplification as amplifications
 
 PRINTED_LIMIT = 1.757  # of (23), section 4.1.1

@@ -1,6 +1,6 @@
 """Steep standing waves between two walls, ten periods from rest to rest: shape, height, energy and cost.
 
-The oracle is the wave itself, which is exact (``waves/resting_wave.py``) up to ``HIGHEST``. Higher ones begin as lower
+The oracle is the wave itself, which is exact (``resting_wave.py``) up to ``HIGHEST``. Higher ones begin as lower
 ones suggest: such a wave does not come back exactly, and what it is held to is energy and mass.
 """
 
@@ -16,6 +16,7 @@ from matplotlib.axes import Axes
 from mpi4py import MPI
 
 from examples.paper.report import Report
+from examples.paper.resting_wave import HIGHEST, RestingWave, resting_wave
 from examples.paper.watched import Watch
 from wavetank.arrays import Vector
 from wavetank.case import Scene
@@ -24,7 +25,6 @@ from wavetank.simulation.build import build_run
 from wavetank.simulation.run import Run
 from wavetank.tank.edge_penalty import EdgePenalty
 from wavetank.tank.waves import NonlinearWaves
-from wavetank.waves.resting_wave import HIGHEST, RestingWave, resting_wave
 
 LENGTH, DEPTH = 2.0, 1.0  # of the wave [m], k d = pi
 RESOLUTION = {0.05: (20, 120), 0.10: (20, 120), 0.15: (20, 120), 0.20: (32, 200)}  # of H / L: cells, steps a period

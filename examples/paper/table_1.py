@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from examples.paper.oscillators import Harmonic
 from examples.paper.report import Report
 from examples.paper.schemes import path, third_order
-from wavetank.integrators.oscillators import Harmonic
 
 OMEGA, DURATION = 0.1**0.5, 40.0
 START = (0.0, -0.001)

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from examples.paper.oscillators import NonSeparable, OscillatorStages
 from wavetank.arrays import Vector
 from wavetank.fem.kernels import Kernel
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.hamiltonian import Stage
-from wavetank.integrators.oscillators import NonSeparable, OscillatorStages
 from wavetank.integrators.states import like, rows
 
 ITERATIONS = 20

@@ -8,12 +8,12 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from mpi4py import MPI
 
+from examples.paper.oscillators import Counted, Harmonic, NonSeparable
 from examples.paper.report import Report
 from examples.paper.schemes import Scheme, all_schemes, amplification, simpson, trajectory
 from wavetank.arrays import Vector
 from wavetank.fem.plane import Plane
 from wavetank.integrators import GaussLegendre4
-from wavetank.integrators.oscillators import Counted, Harmonic, NonSeparable
 from wavetank.integrators.stage_solver import IteratedStages
 from wavetank.simulation.clock import Clock
 from wavetank.simulation.run import Run

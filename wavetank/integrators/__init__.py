@@ -1,21 +1,17 @@
 """Time integrators from a discontinuous-in-time variational principle, one method a file.
 
-``INTEGRATORS`` are those a case file can name; the others are for comparison (``wavetank verify integrators``).
+``INTEGRATORS`` are those that a case can name. ``examples/paper`` has further schemes for comparison.
 """
 
 from typing import Any
 
-from wavetank.integrators.composition import SuzukiVerlet
 from wavetank.integrators.damped import Damped, Damping, damped
 from wavetank.integrators.discontinuous_verlet import DiscontinuousVerlet, DiscontinuousVerletAdjoint
 from wavetank.integrators.filtered import Filtered
 from wavetank.integrators.gauss_legendre import GaussLegendre4
-from wavetank.integrators.lobatto import P2N3Q4Lob
-from wavetank.integrators.midpoint import ModifiedMidpoint
 from wavetank.integrators.simpson import Simpson4
 from wavetank.integrators.states import Point, Traces
 from wavetank.integrators.stormer_verlet import StormerVerlet, StormerVerletAdjoint
-from wavetank.integrators.symplectic_euler import SymplecticEuler, SymplecticEulerAdjoint
 from wavetank.integrators.third_order import ThirdOrder
 
 NEEDED = (

@@ -1,12 +1,12 @@
 """Stages of linear systems, z = c + A z: solved at once, without a start value to be good."""
 
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.integrators.hamiltonian import Near, Stage
+from wavetank.integrators.hamiltonian import Near, Stage, StageSolver
 from wavetank.integrators.stage_solver import Preconditioner, StageCounters, identity
 from wavetank.stateful import Held
 
@@ -67,3 +67,24 @@ class AffineStage:
         right = -constant.reshape(blocks, self._systems).T
         solution: Vector = np.linalg.solve(slopes.transpose(2, 1, 0), right[..., None])[..., 0]
         return solution.T.ravel()
+
+
+@dataclass(frozen=True)
+class OscillatorStages:
+    """The stage solvers of a quadratic H = T(p) + V(q): exact, and explicit for q alone and for p alone."""
+
+    coordinate: StageSolver = field(default_factory=DirectStage)
+    momentum: StageSolver = field(default_factory=DirectStage)
+    pair: StageSolver = field(default_factory=AffineStage)
+
+    def coupled(self, pairs: int) -> StageSolver:
+        """Return the solver for that many pairs at once."""
+        return self.pair
+
+
+class OnOneRank:
+    """A system on one rank."""
+
+    def inner(self, a: Vector, b: Vector) -> float:
+        """Return the sum of a b."""
+        return float(a @ b)

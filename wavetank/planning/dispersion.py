@@ -27,9 +27,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from wavetank.arrays import Vector
 from wavetank.fem.vertical import VerticalBasis, gauss_legendre, gauss_lobatto_legendre
-from wavetank.integrators.affine_stages import AffineStage
+from wavetank.integrators.affine_stages import AffineStage, OnOneRank, OscillatorStages
 from wavetank.integrators.contract import Integrator
-from wavetank.integrators.oscillators import OnOneRank, OscillatorStages
 from wavetank.integrators.states import like, rows
 from wavetank.waves import airy
 

@@ -1,6 +1,6 @@
-"""Oscillators of one degree of freedom: what an integrator is tried on before it meets the water.
+"""Oscillators of one degree of freedom, the test problems of integrators.
 
-All are Hamiltonian systems of ``contract.py`` with vectors of shape (1,); [G16] is Gagarina et al. 2016.
+All are Hamiltonian systems with vectors of shape (1,); [G16] is Gagarina et al. 2016.
 """
 
 from dataclasses import dataclass, field
@@ -9,34 +9,13 @@ import numpy as np
 import scipy
 
 from wavetank.arrays import Vector
-from wavetank.integrators.affine_stages import AffineStage, DirectStage
-from wavetank.integrators.hamiltonian import HamiltonianSystem, Stages, StageSolver
+from wavetank.integrators.affine_stages import OnOneRank, OscillatorStages
+from wavetank.integrators.hamiltonian import HamiltonianSystem, Stages
 from wavetank.integrators.stage_solver import IteratedStages
 
 
 def _stages() -> IteratedStages:
     return IteratedStages.serial(1)
-
-
-@dataclass(frozen=True)
-class OscillatorStages:
-    """The stage solvers of a quadratic H = T(p) + V(q): exact, and explicit for q alone and for p alone."""
-
-    coordinate: StageSolver = field(default_factory=DirectStage)
-    momentum: StageSolver = field(default_factory=DirectStage)
-    pair: StageSolver = field(default_factory=AffineStage)
-
-    def coupled(self, pairs: int) -> StageSolver:
-        """Return the solver for that many pairs at once."""
-        return self.pair
-
-
-class OnOneRank:
-    """A system all of whose unknowns are here."""
-
-    def inner(self, a: Vector, b: Vector) -> float:
-        """Return the sum of a b."""
-        return float(a @ b)
 
 
 @dataclass(frozen=True)
