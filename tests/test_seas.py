@@ -794,7 +794,7 @@ def test_a_run_and_a_plan_print_why_the_generation_is_linear(tmp_path):
 def test_beyond_its_theory_second_order_generation_is_doubted():
     """H L² / d³ of 26 in shallow water: here 18 m² / 1 m at H = 0.09 m."""
     doubts = [
-        list(scene(REGULAR | {"wave_length": 18.0, "height": H, "generation": "second-order"}).wall.doubts(TANK_NOUN))
+        list(scene(REGULAR | {"wave_length": 18.0, "height": H, "generation": "second-order"}).wall.warnings(TANK_NOUN))
         for H in (0.05, 0.12)
     ]
     assert not doubts[0] and "second-order generation is beyond its theory: a second harmonic of 0." in doubts[1][0]

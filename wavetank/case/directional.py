@@ -273,8 +273,8 @@ class DirectionalSurfaceMotion(SurfaceFile, _SentWaves):
         return self.target(tank, self.y, float(np.radians(self.angle)))
 
     @property
-    def way(self) -> float:
-        """How far the waves go from the paddle to x [m]."""
+    def travel_distance(self) -> float:
+        """Distance from the paddle to x along the waves' direction [m]."""
         return self.x / float(np.cos(np.radians(self.angle)))
 
 

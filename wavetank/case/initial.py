@@ -52,17 +52,17 @@ class FileSurface(Noun):
         path = data.resolve(self.file, Path())
         axes = ["x", "y"] if isinstance(tank, BasinTank) else ["x"]
         allowed = f"allowed are finite numbers: {', '.join(axes)}, eta and, where the water moves, psi"
-        found = read_columns(path, allowed=allowed)
-        rows, columns = found.values.shape
+        table = read_columns(path, allowed=allowed)
+        rows, columns = table.values.shape
         if rows < MIN_POINTS or columns not in (len(axes) + 1, len(axes) + 2):
             raise InputError(
                 f"{path}: {rows} rows of {columns} columns received; {allowed}, {MIN_POINTS} rows or more."
             )
-        at, values = found.values[:, : len(axes)], found.values[:, len(axes) :]
+        at, values = table.values[:, : len(axes)], table.values[:, len(axes) :]
         if isinstance(tank, BasinTank):
             surface = _over(path, at, values)(np.column_stack([x, y]))
         else:
-            check_ascending(path, found.lines, at[:, 0], what=("x =", "places"))
+            check_ascending(path, table.lines, at[:, 0], what=("x =", "places"))
             surface = _along(path, at[:, 0], values, around=tank.length if isinstance(tank, RingTank) else None)(x)
         if np.isnan(surface).any():
             where = int(np.flatnonzero(np.isnan(surface).any(axis=1))[0])
@@ -186,11 +186,11 @@ class SpectralSurface(Noun):
             allowed = f"must be from {low:.4g} Hz, of a wave as long as the tank, to {high:.4g} Hz"
             yield Problem(("initial", "highest_frequency"), self.highest_frequency, allowed)
             return
-        k, share = self._along(tank)
-        if not share.sum() > 0.0:
+        k, variances = self._along(tank)
+        if not variances.sum() > 0.0:
             yield Problem(("initial", "spectrum"), None, "must have waves, whole ones as long as the tank")
-        elif share.sum() ** 2 < MIN_WAVES * np.square(share).sum():
-            main, peak = k[share.argmax()], self.spectrum.build(tank).peak_frequency
+        elif variances.sum() ** 2 < MIN_WAVES * np.square(variances).sum():
+            main, peak = k[variances.argmax()], self.spectrum.build(tank).peak_frequency
             hertz = angular_frequency(main, tank.depth, tank.gravity) / (2 * np.pi)
             allowed = (
                 f"must have more than one wave that fits: of whole ones along {metres(tank.length)} m nearly all is "
@@ -208,8 +208,8 @@ class IrregularSurface(SpectralSurface):
 
     def waves(self, tank: AnyTank) -> PlaneWaves:
         """Return the sea: its variance is (Hm0 / 4)²."""
-        k, share = self._along(tank)
-        amplitudes = self.significant_height / 4.0 * np.sqrt(2.0 * share / share.sum())
+        k, variances = self._along(tank)
+        amplitudes = self.significant_height / 4.0 * np.sqrt(2.0 * variances / variances.sum())
         return self._waves(tank, k, amplitudes * np.exp(2j * np.pi * motions.uniform(self.seed, k.size)))
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
@@ -217,10 +217,10 @@ class IrregularSurface(SpectralSurface):
         if not isinstance(scene.tank, RingTank):
             yield Problem(("initial", "type"), self.type, "needs a ring (tank.type): walls reflect such waves")
             return
-        found = list(super().problems(scene))
-        yield from found
+        problems = list(super().problems(scene))
+        yield from problems
         highest = STEEPEST * scene.tank.length
-        if not found and self.significant_height > min(highest, scene.tank.depth):
+        if not problems and self.significant_height > min(highest, scene.tank.depth):
             yield Problem(
                 ("initial", "significant_height"),
                 self.significant_height,
@@ -239,20 +239,20 @@ class FocusedSurface(SpectralSurface):
 
     def waves(self, tank: AnyTank) -> PlaneWaves:
         """Return the group: amplitudes go with S(f) df."""
-        k, share = self._along(tank)
-        return self._waves(tank, k, self.linear_crest * share / share.sum() * np.exp(-1j * k * self.x))
+        k, variances = self._along(tank)
+        return self._waves(tank, k, self.linear_crest * variances / variances.sum() * np.exp(-1j * k * self.x))
 
     def at_ends(self, tank: SliceTank) -> motions.Array:
         """Return the envelope at both ends of a slice over the crest, shape (2,)."""
-        k, share = self._along(tank)
+        k, variances = self._along(tank)
         phases = np.exp(1j * np.multiply.outer([-self.x, tank.length - self.x], k))
-        return np.asarray(np.abs(phases @ share) / share.sum())
+        return np.asarray(np.abs(phases @ variances) / variances.sum())
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield as any, a place outside the tank, and a trough below the bed."""
-        found = list(super().problems(scene))
-        yield from found
-        if found:
+        problems = list(super().problems(scene))
+        yield from problems
+        if problems:
             return
         if not 0.0 <= self.x <= scene.tank.length:
             yield Problem(("initial", "x"), self.x, f"must be inside the tank, 0 to {metres(scene.tank.length)} m")
@@ -282,8 +282,8 @@ class StillWater(Noun):
         return np.zeros_like(x), np.zeros_like(x)
 
 
-class KnownWave(Noun):
-    """A wave of a theory, as it is at t = 0."""
+class TheoreticalWave(Noun):
+    """A wave of a theory at t = 0."""
 
     def wave(self, tank: AnyTank) -> Wave:
         """Return the wave."""
@@ -294,7 +294,7 @@ class KnownWave(Noun):
         return self.wave(tank).surface(x, y=y)
 
 
-class StandingWave(KnownWave):
+class StandingWave(TheoreticalWave):
     """eta = a cos(m pi x / length), psi = 0; in a rectangular basin times cos(n pi y / width)."""
 
     type: Literal["standing-wave"] = "standing-wave"
@@ -304,16 +304,16 @@ class StandingWave(KnownWave):
 
     def wave(self, tank: AnyTank) -> ThirdOrderStandingWave:
         """Return the linear wave that this is the start of."""
-        left, low, right, high = _box(tank)
+        x_min, y_min, x_max, y_max = _box(tank)
         return ThirdOrderStandingWave(
             amplitude=self.wave_amplitude,
-            length=right - left,
-            width=high - low,
+            length=x_max - x_min,
+            width=y_max - y_min,
             depth=tank.depth,
             gravity=tank.gravity,
             modes=(self.mode, self.mode_across),
             order=1,
-            origin=(left, low),
+            origin=(x_min, y_min),
         )
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
@@ -322,8 +322,8 @@ class StandingWave(KnownWave):
             yield Problem(("initial", "type"), self.type, "needs a rectangle (tank.layout.type)")
         if self.mode_across and not isinstance(scene.tank, BasinTank):
             yield Problem(("initial", "mode_across"), self.mode_across, f"must be 0: a {scene.tank.type} has no width")
-        depth, (left, low, right, high) = scene.tank.depth, _box(scene.tank)
-        k = float(np.hypot(self.mode / (right - left), self.mode_across / (high - low))) * np.pi
+        depth, (x_min, y_min, x_max, y_max) = scene.tank.depth, _box(scene.tank)
+        k = float(np.hypot(self.mode / (x_max - x_min), self.mode_across / (y_max - y_min))) * np.pi
         if scene.physics == "linear":
             if self.wave_amplitude >= depth:
                 allowed = f"must be below the still-water depth, {depth:g} m"
@@ -337,7 +337,7 @@ class StandingWave(KnownWave):
             yield Problem(("initial", "mode"), self.mode, "must be even: whole waves, two halves each, fit a ring")
 
 
-class StreamFunctionWave(KnownWave):
+class StreamFunctionWave(TheoreticalWave):
     """Waves of permanent form in a ring, travelling to +x, a crest at x = 0: exact, without mean Eulerian current."""
 
     type: Literal["stream-function"] = "stream-function"
@@ -367,7 +367,7 @@ class StreamFunctionWave(KnownWave):
             yield Problem(("initial", "height"), self.height, allowed)
 
 
-class SolitaryWave(KnownWave):
+class SolitaryWave(TheoreticalWave):
     """The solitary wave, travelling to +x; exact where both ends of the tank are far."""
 
     type: Literal["solitary-wave"] = "solitary-wave"

@@ -17,13 +17,13 @@ NEEDED = {"tank", "run"}  # tables that every case has
 
 def cases_at_hand() -> Iterator[tuple[Path, str]]:
     """Yield path and title of each case in the checkout's cases/, in ./cases and in the present folder, once."""
-    seen = set[Path]()
+    listed = set[Path]()
     for folder in (CHECKOUT / "cases", Path("cases"), Path()):
         for path in sorted(folder.glob("*.toml")):
-            title = None if path.resolve() in seen else _title(path)
+            title = None if path.resolve() in listed else _title(path)
             if title is not None:
-                seen.add(path.resolve())
-                yield _near(path), title
+                listed.add(path.resolve())
+                yield _relative(path), title
 
 
 def _title(path: Path) -> str | None:
@@ -35,7 +35,7 @@ def _title(path: Path) -> str | None:
     return str(content.get("title", "")) if content.keys() >= NEEDED else None
 
 
-def _near(path: Path) -> Path:
+def _relative(path: Path) -> Path:
     """Return a path as it is typed from the present folder."""
     here, path = Path.cwd(), path.resolve()
     return path.relative_to(here) if path.is_relative_to(here) else path

@@ -72,15 +72,15 @@ class Numerics(Noun):
         """Whether a plan has to choose: an accuracy is asked for, or nothing named that a plan would choose."""
         return self.accuracy is not None or not self.model_fields_set & CHOSEN
 
-    def over(self, others: "Numerics", *, named: Set[str]) -> "Numerics":
-        """Return the others, but for the keys that are named; the step stays where nothing of it is."""
+    def over(self, base: "Numerics", *, named: Set[str]) -> "Numerics":
+        """Return ``base`` with the named keys of this; its time step stays unless a key that it depends on is named."""
         changes: dict[str, Any] = {key: getattr(self, key) for key in named}
         for one, other in (("cells", "cell_size"), ("cell_size", "cells")):
             if changes.get(one) is not None:
                 changes[other] = None
         if named & STEPPING:
             changes = {"dt": None} | changes
-        return others.model_copy(update=changes)
+        return base.model_copy(update=changes)
 
     def without_integrator(self) -> "Numerics":
         """Return the same, as if none had been named: another one steps."""

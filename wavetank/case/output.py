@@ -214,11 +214,11 @@ class RecordTarget(_Placed):
 
     def _at(self, gauge: str) -> tuple[motions.Array, ...]:
         series = data.gauge_records(data.opened(self.file.removeprefix("data:")))[0].series
-        found = next((one for one in series if one.name == gauge), None)
-        if found is None:
+        selected = next((one for one in series if one.name == gauge), None)
+        if selected is None:
             have = ", ".join(one.name for one in series)
             raise InputError(f"{self.file}: has no gauge {gauge!r}; there are {have}.")
-        return found.t, found.eta
+        return selected.t, selected.eta
 
 
 Target = Annotated[

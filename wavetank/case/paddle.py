@@ -65,8 +65,8 @@ class PaddleNoun(Noun):
         """Return why the generation is linear by default in nonlinear water; empty where it is not."""
         return ""
 
-    def doubts(self, tank: AnyTank, maker: Wavemaker) -> Iterator[str]:
-        """Yield what is doubtful of it before a run, a sentence each; by itself, nothing."""
+    def warnings(self, tank: AnyTank, maker: Wavemaker) -> Iterator[str]:
+        """Yield warnings of the motion, a sentence each; by default none."""
         yield from ()
 
 
@@ -137,7 +137,7 @@ class MadeWaves(PaddleNoun):
             allowed = f"must be linear: the theory ends far below a second harmonic of {second:.3g} of the wave"
             yield Problem((*MOTION_KEY, "generation"), self.generation, allowed)
 
-    def doubts(self, tank: AnyTank, maker: Wavemaker) -> Iterator[str]:
+    def warnings(self, tank: AnyTank, maker: Wavemaker) -> Iterator[str]:
         """Yield a sentence where second-order generation is beyond its theory."""
         if self.generation != "second-order":
             return
@@ -448,7 +448,7 @@ class FormulaMotion(PaddleNoun):
     """X(t) as given, with its derivatives by the chain rule."""
 
     type: Literal["formula"] = "formula"
-    said_by: ClassVar[tuple[str, ...]] = ("position",)  # of its keys, by which its values are told to be wrong
+    value_keys: ClassVar[tuple[str, ...]] = ("position",)  # keys that errors of its values name
     where: TimeHelpers = Field(default={}, description="parts of it by name, numbers or formulae; default: none")
     position: TimeFormulaText = Field(description="position X(t) [m], positive into the water")
     ramp: Ramp = Field(default=0.0, description="length of the ramp [s]; 0 is none")
@@ -463,7 +463,7 @@ class PythonMotion(PaddleNoun):
     """X(t) and its derivatives by a function in a Python file, which is executed only with `--trust`."""
 
     type: Literal["python"] = "python"
-    said_by: ClassVar[tuple[str, ...]] = ()
+    value_keys: ClassVar[tuple[str, ...]] = ()
     file: FilePath = Field(description="Python file")
     function: str = Field(
         default="motion", min_length=1, description="name of a function of t [s] and the derivative's order, 0 to 2"

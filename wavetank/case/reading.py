@@ -51,14 +51,16 @@ def _scene(path: Path, text: str, content: dict[str, Any], overrides: Sequence[s
     overridden, context = [set_key(content, override) for override in overrides], {"folder": path.resolve().parent}
     try:
         scene = Scene.model_validate(content, context=context)
-        for seen in (scene, *scene.paddles):
-            seen.motion()
+        for view in (scene, *scene.paddles):
+            view.motion()
         scene.depths()
         return scene
     except ValidationError as error:
-        found = error.errors(include_url=False)
-        problems = [_left(problem, overridden, details) for details in found for problem in _problems(details)]
-        problems = _whole_keys(problems, overridden, content, context)
+        errors = error.errors(include_url=False)
+        problems = [
+            _with_full_table(problem, overridden, details) for details in errors for problem in _problems(details)
+        ]
+        problems = _with_full_keys(problems, overridden, content, context)
     except SceneError as error:
         problems = list(error.problems)
     raise InputError(_sentences(path, text, problems, overridden))
@@ -87,14 +89,16 @@ def _read(path: Path) -> str:
         return regular(path).read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
-        raise InputError(f"{path}: cannot be read ({reason}); a case file in TOML is needed{_near(path)}") from None
+        raise InputError(
+            f"{path}: cannot be read ({reason}); a case file in TOML is needed{_suggestion(path)}"
+        ) from None
 
 
-def _near(path: Path) -> str:
-    """Return the case at hand that may have been meant, by its name, as the end of a sentence."""
-    known = {one.stem: one for one, _ in cases_at_hand()}
-    close = get_close_matches(path.stem, known, n=1)
-    return f"; did you mean {known[close[0]]}?" if close and not path.exists() else "."
+def _suggestion(path: Path) -> str:
+    """Return the end of a sentence that suggests an existing case of a similar name; a full stop if there is none."""
+    cases = {one.stem: one for one, _ in cases_at_hand()}
+    close = get_close_matches(path.stem, cases, n=1)
+    return f"; did you mean {cases[close[0]]}?" if close and not path.exists() else "."
 
 
 def _parse(path: Path, text: str) -> dict[str, Any]:
@@ -244,7 +248,9 @@ def _problems(details: ErrorDetails) -> Iterator[Problem]:
             yield _unknown(place.key, received, holder)
         case "union_tag_not_found":
             unknown = sorted({*received} - {*place.fields} if isinstance(received, dict) else ())
-            if not (unknown and len(unknown) == len(received) and all(_whole((*place.key, one)) for one in unknown)):
+            if not (
+                unknown and len(unknown) == len(received) and all(_table_of_words((*place.key, one)) for one in unknown)
+            ):
                 yield Problem((*place.key, "type"), None, f"is missing{choice('', place.tags)}")
             yield from (_unknown((*place.key, name), received[name], place) for name in unknown)
         case "union_tag_invalid":
@@ -260,26 +266,28 @@ def _problems(details: ErrorDetails) -> Iterator[Problem]:
             yield Problem(place.key, received, _in_words(details["msg"], place.meaning))
 
 
-def _left(problem: Problem, overridden: Sequence[Key], details: ErrorDetails) -> Problem:
-    """Return a problem; of a key that is left of another type than the command line's, with how to drop it."""
+def _with_full_table(problem: Problem, overridden: Sequence[Key], details: ErrorDetails) -> Problem:
+    """Return a problem; for a key of the case's type that an override replaces, with how to set the full table."""
     table = problem.key[:-1]
     changed = details["type"] == "extra_forbidden" and (*table, "type") in overridden and homes(str(problem.key[-1]))
     name, holder = ".".join(map(str, table)), _place(details["loc"][:-1])
     if not changed or not any(holder.tags) or any(problem.key[: len(key)] == key for key in overridden):
         return problem
     more = ", ..." if any(field.is_required() for noun in holder.nouns for field in noun.model_fields.values()) else ""
-    whole = f'{name}={{type="{holder.tags[0]}"{more}}}'
-    return problem._replace(allowed=f"{problem.allowed}; set the whole table, {whole}, to drop what is of another type")
+    full_table = f'{name}={{type="{holder.tags[0]}"{more}}}'
+    return problem._replace(
+        allowed=f"{problem.allowed}; set the whole table, {full_table}, to drop what is of another type"
+    )
 
 
-def _whole_keys(
+def _with_full_keys(
     problems: list[Problem], overridden: Sequence[Key], content: dict[str, Any], context: dict[str, Any]
 ) -> list[Problem]:
-    """Return the problems; of keys of the command line that are the ends of keys of the case, with which those are."""
+    """Return the problems; for an override that is the end of keys of the case, with the full keys."""
     ends = [key for key in overridden if key[0] not in Scene.model_fields]
-    known = {name: value for name, value in content.items() if name in Scene.model_fields}
+    valid = {name: value for name, value in content.items() if name in Scene.model_fields}
     try:
-        keys = [*_keys(Scene.model_validate(known, context=context))] if ends else []
+        keys = [*_keys(Scene.model_validate(valid, context=context))] if ends else []
     except (ValidationError, SceneError):
         return problems
     for end in ends:
@@ -288,8 +296,8 @@ def _whole_keys(
             received: Any = content
             for part in end:
                 received = received[part]
-            said = Problem(end, received, f"is an unknown key; the whole key is {' or '.join(meant)}")
-            problems = [said if problem.key == end[:1] else problem for problem in problems]
+            unknown = Problem(end, received, f"is an unknown key; the whole key is {' or '.join(meant)}")
+            problems = [unknown if problem.key == end[:1] else problem for problem in problems]
     return problems
 
 
@@ -311,16 +319,16 @@ def _unknown_type(name: str, place: _Place) -> str:
 def _unknown(key: Key, received: Any, holder: _Place) -> Problem:
     """Return what is wrong with a key that its table does not have: where it belongs, or what it resembles."""
     name = str(key[-1])
-    if header := _whole(key) or (_table(name) if _holds_keys(received) else ""):
+    if header := _table_of_words(key) or (_table(name) if _holds_keys(received) else ""):
         return Problem(key, received, f"is an unknown key; the table is called {header}")
     where = homes(name)
     if not where or (len(key) == 1 and get_close_matches(name, holder.fields)):
         return Problem(key, received, f"is an unknown key{choice(name, holder.fields)}")
-    return Problem(key, received, f"is an unknown key; {name} belongs to {where}{_known(holder)}")
+    return Problem(key, received, f"is an unknown key; {name} belongs to {where}{_allowed_keys(holder)}")
 
 
-def _whole(key: Key) -> str:
-    """Return the table of a case whose name's words a key has, apart or in another order; empty if there is none."""
+def _table_of_words(key: Key) -> str:
+    """Return the header of the table whose name has the words of a key in any order; empty if there is none."""
     words = sorted("_".join(map(str, key)).split("_"))
     return next((_table(name) for name in Scene.model_fields if sorted(name.split("_")) == words), "")
 
@@ -328,8 +336,8 @@ def _whole(key: Key) -> str:
 def _table(name: str) -> str:
     """Return the header of a table that stands in no other; empty of any other key."""
     field = Scene.model_fields.get(name)
-    found = table_at((name,), field) if field else None
-    return found._replace(path=(name,)).header if found else ""
+    table = table_at((name,), field) if field else None
+    return table._replace(path=(name,)).header if table else ""
 
 
 def _holds_keys(received: Any) -> bool:
@@ -337,8 +345,8 @@ def _holds_keys(received: Any) -> bool:
     return isinstance(received, dict) or (isinstance(received, list) and any(isinstance(one, dict) for one in received))
 
 
-def _known(holder: _Place) -> str:
-    """Return the end of a sentence: the keys of a table of so few that what is meant is seen among them."""
+def _allowed_keys(holder: _Place) -> str:
+    """Return the end of a sentence that lists the keys of a table of few keys; else empty."""
     return f"; allowed here are: {', '.join(holder.fields)}" if len(holder.fields) <= FEW else ""
 
 
@@ -357,11 +365,11 @@ def _in_words(message: str, meaning: str) -> str:
 # ---------------------------------------------------------------- files that a case names
 def contents(scene: Noun) -> dict[str, str]:
     """Return the SHA-256 of each file that a scene names and that is there, by its dotted key."""
-    found = {}
+    checksums = {}
     for key, reference in named_files(scene):
         with suppress(InputError, OSError), regular(data.resolve(reference, Path()), largest=inf).open("rb") as file:
-            found[key] = hashlib.file_digest(file, "sha256").hexdigest()
-    return found
+            checksums[key] = hashlib.file_digest(file, "sha256").hexdigest()
+    return checksums
 
 
 def named_files(noun: Noun, *keys: str) -> Iterator[tuple[str, str]]:

@@ -25,15 +25,15 @@ HEAD = "| key | means | unit | allowed | default |\n|---|---|---|---|---|\n"
 
 def reference() -> str:
     """Return the page, in Markdown."""
-    whole = schema()
-    return "\n".join([INTRODUCTION, *(part for table in tables() for part in _sections(table, whole))])
+    document = schema()
+    return "\n".join([INTRODUCTION, *(part for table in tables() for part in _sections(table, document))])
 
 
-def _sections(table: Table, whole: dict[str, Any]) -> Iterator[str]:
+def _sections(table: Table, document: dict[str, Any]) -> Iterator[str]:
     """Yield the sections of a table: one for each type that may stand there."""
     yield f"## {'Before all tables' if not table.path else f'`{table.header}`'}\n"
     for noun in table.nouns:
-        own = whole if noun is Scene else whole["$defs"][noun.__name__]
+        own = document if noun is Scene else document["$defs"][noun.__name__]
         if table.path:
             yield f"{_title(noun)}{own['description'].replace('``', '`')}\n"
         if rows := list(_rows(table, noun, own)):
@@ -50,7 +50,7 @@ def _rows(table: Table, noun: type[BaseModel], own: dict[str, Any]) -> Iterator[
         if key != "type" and what.get("type") != "null":
             inside = table_at((*table.path, key), noun.model_fields[key])
             allowed = f"[`{inside.header}`](#{_anchor(inside)})" if inside else _allowed(what)
-            meaning, unit, default = _told(what["description"], measured="text" not in allowed)
+            meaning, unit, default = _described(what["description"], measured="text" not in allowed)
             if key in own.get("required", ()):
                 default = "**needed**"
             elif "default" in what:
@@ -60,7 +60,7 @@ def _rows(table: Table, noun: type[BaseModel], own: dict[str, Any]) -> Iterator[
             yield f"| `{key}` | {meaning} | {unit} | {allowed} | {default} |"
 
 
-def _told(description: str, *, measured: bool) -> tuple[str, str, str]:
+def _described(description: str, *, measured: bool) -> tuple[str, str, str]:
     """Return meaning, unit and default of a key from its description; what is not measured has units in its words."""
     meaning, _, default = re.sub(r"; default:? ", "\0", description).partition("\0")
     if not measured or not (unit := re.search(r" ?\[([^\]]+)\]", meaning)):
@@ -109,4 +109,4 @@ def _number(value: float) -> str:
 
 
 def _short(text: str) -> str:
-    return re.sub(r"e([+-])0*", lambda found: "e" + found[1].replace("+", ""), text)
+    return re.sub(r"e([+-])0*", lambda exponent: "e" + exponent[1].replace("+", ""), text)

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property, partial
+from itertools import chain
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
@@ -20,10 +21,10 @@ from wavetank.values.noun import Noun, Problem, SceneError, about, renamed
 from wavetank.values.quantities import Label, metres
 
 CLOSE = 0.05  # of (d / g)^(1/2): times as close miss 0.1 % of the largest value for waves of k d = 4
-LOOKED_AT = 50  # times, at which derivatives are compared that a user has written
-FOUND = {"_motion", "_depths", "mirrored"}  # of a scene: functions, and what is made of it
-PLACED = ("gauges", "gauge_lines", "probes", "windows")  # what stands somewhere in the tank
-HEIGHTS = 21  # of a column, at which a paddle is looked for
+CHECK_TIMES = 50  # times at which derivatives of a user's function are compared
+CACHED = {"_motion", "_depths", "mirrored"}  # attributes that are computed once
+PLACED = ("gauges", "gauge_lines", "probes", "windows")  # tables of places in the tank
+HEIGHTS = 21  # heights of a column that the paddle is compared with
 DEEPEST = 50  # lengths of a tank; measured, the interior potential of twice as deep ones no longer converges
 
 
@@ -39,8 +40,8 @@ class LinearWater(Noun):
     type: Literal["linear"] = "linear"
 
 
-class LookedAt(NamedTuple):
-    """A place in the tank that is looked at, such as a gauge: its key, x and y, heights z and from when until when."""
+class MeasuringPoint(NamedTuple):
+    """A place that is recorded, such as a gauge: its key, x and y [m], heights z [m], first and last time [s]."""
 
     key: tuple[str | int, ...]
     x: float
@@ -112,11 +113,11 @@ class Scene(Noun):
     @property
     def reach(self) -> float:
         """Where the wall's mapping has died out [m], default resolved; ``inf`` for a fixed wall."""
-        return self.wall.reach_in(self.tank, self.room)
+        return self.wall.reach_in(self.tank, self.available_reach)
 
     @property
-    def room(self) -> float:
-        """How far the wall's mapping may reach [m]: to that of a far wall that moves, by default to half the length."""
+    def available_reach(self) -> float:
+        """Largest reach of the wall's mapping [m]: up to that of a moving far wall, by default half the length."""
         length, own, other = self.tank.length, *(getattr(wall, "reach", None) for wall in (self.wall, self.far_wall))
         if not self.far_wall.moves:
             return length
@@ -129,28 +130,28 @@ class Scene(Noun):
         Gauges, probes and windows stand at their mirror images, so that they are where they were as seen from the other
         wall; the tank, with its bed and its walls' names, is as it was.
         """
-        ends = 2 * self.left + self.tank.length
-        seen = {"wall": self.far_wall, "far_wall": self.wall}
+        ends = 2 * self.x_min + self.tank.length
+        walls = {"wall": self.far_wall, "far_wall": self.wall}
         placed = {name: tuple(one.mirrored(ends) for one in getattr(self, name)) for name in PLACED}
         same = {name: getattr(self, name) for name in Scene.model_fields}
-        return MirroredScene.model_construct(self.model_fields_set, **{**same, **seen, **placed})
+        return MirroredScene.model_construct(self.model_fields_set, **{**same, **walls, **placed})
 
     @property
-    def left(self) -> float:
-        """Where the wall at the smallest x stands [m]: of a basin whose mesh alone knows it, 0."""
+    def x_min(self) -> float:
+        """Smallest x of the tank [m]; 0 for a basin whose extent only its mesh file has."""
         box = self.tank.layout.box if isinstance(self.tank, BasinTank) else None
         return box[0] if box else 0.0
 
     def amid_end(self, end: str) -> tuple[float, float]:
         """Return a place (x, y) [m] at the paddle or at the far wall, halfway along it."""
         box = self.tank.layout.box if isinstance(self.tank, BasinTank) else None
-        left, low, right, high = box or (0.0, 0.0, self.tank.length, 0.0)
-        return (left if end == PADDLE else right), (low + high) / 2
+        x_min, low, right, high = box or (0.0, 0.0, self.tank.length, 0.0)
+        return (x_min if end == PADDLE else right), (low + high) / 2
 
     @property
     def absorbing(self) -> list[int]:
-        """The numbers of those of ``paddles`` that absorb."""
-        return [n for n, seen in enumerate(self.paddles) if getattr(seen.wall, "absorb", None) is not None]
+        """Indices of the absorbing ones of ``paddles``."""
+        return [n for n, view in enumerate(self.paddles) if getattr(view.wall, "absorb", None) is not None]
 
     @property
     def paddles(self) -> tuple["Scene", ...]:
@@ -160,7 +161,7 @@ class Scene(Noun):
     @property
     def linear_generation(self) -> list[str]:
         """A line for each paddle whose generation is linear by default in nonlinear water, with the reason."""
-        reasons = {seen.key: seen.wall.generation_reason(seen.tank, seen.physics) for seen in self.paddles}
+        reasons = {view.key: view.wall.generation_reason(view.tank, view.physics) for view in self.paddles}
         return [f"generation of {key}.motion: linear, as {reason}" for key, reason in reasons.items() if reason]
 
     @property
@@ -196,26 +197,31 @@ class Scene(Noun):
 
     @cached_property
     def _motion(self) -> motions.Motion:
-        return self._found_motion()
+        return self._checked_motion()
 
-    def _found_motion(self) -> motions.Motion:
+    def _checked_motion(self) -> motions.Motion:
         wall = self.wall
         if isinstance(wall, MovingWall) and wall.reads_file and (problems := list(wall.motion_problems(self))):
             raise SceneError(problems)
-        motion, said_by = wall.paddle(self.tank, self.physics), getattr(getattr(wall, "motion", None), "said_by", None)
-        with about("wall", "motion", *(said_by or ())):
-            motion.check(self.run.duration * (np.arange(LOOKED_AT, dtype=np.float64) + 0.5) / LOOKED_AT)
+        motion, value_keys = (
+            wall.paddle(self.tank, self.physics),
+            getattr(getattr(wall, "motion", None), "value_keys", None),
+        )
+        with about("wall", "motion", *(value_keys or ())):
+            motion.check(self.run.duration * (np.arange(CHECK_TIMES, dtype=np.float64) + 0.5) / CHECK_TIMES)
             problems = list(self._motion_problems(motion))
         if problems:
             raise SceneError(problems)
         return (
-            motion if said_by is None else ValidatedMotion(motion, self.key, "motion", *said_by, run=self.run.duration)
+            motion
+            if value_keys is None
+            else ValidatedMotion(motion, self.key, "motion", *value_keys, run=self.run.duration)
         )
 
     def __getstate__(self) -> dict[Any, Any]:
         """Return what other ranks are told: not the paddle's motion, a function, which they find themselves."""
         state = super().__getstate__()
-        own = {name: value for name, value in state["__dict__"].items() if name not in FOUND}
+        own = {name: value for name, value in state["__dict__"].items() if name not in CACHED}
         return {**state, "__dict__": own}
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
@@ -241,7 +247,7 @@ class Scene(Noun):
     @property
     def paddle_periods(self) -> tuple[float, ...]:
         """The periods [s] of those of ``paddles`` that are driven; none of one that only absorbs."""
-        return tuple(period for seen in self.paddles if (period := seen.paddle_period) is not None)
+        return tuple(period for view in self.paddles if (period := view.paddle_period) is not None)
 
     def of_paddle(self, motion: motions.Motion, what: str) -> Callable[[motions.Array], motions.Array]:
         """Return a motion's position or velocity as a function of times alone, at all places where it has several."""
@@ -255,23 +261,23 @@ class Scene(Noun):
             allowed = f"must be more than {motion.start:g} s, where the recorded motion begins"
             yield Problem(("run", "duration"), self.run.duration, allowed)
         if isinstance(self.wall, MovingWall):
-            yield from self.wall.reach_problems(self.tank, self.room, self.excursion(motion))
+            yield from self.wall.reach_problems(self.tank, self.available_reach, self.excursion(motion))
             if self.wall.limits is not None:
                 yield from self.wall.limits.exceeded(self.extent(motion))
             yield from self._reached(self.wall, motion)
 
     def _reached(self, wall: MovingWall, motion: motions.Motion) -> Iterator[Problem]:
-        """Yield the first gauge, probe or window that the paddle reaches, where its motion is told, not its answer."""
-        told = self.physics == "nonlinear" and getattr(wall, "absorb", None) is None
-        if not told or (isinstance(self.tank, BasinTank) and self.tank.layout.type != "rectangle"):
+        """Yield the first gauge, probe or window that a paddle of prescribed motion reaches."""
+        prescribed = self.physics == "nonlinear" and getattr(wall, "absorb", None) is None
+        if not prescribed or (isinstance(self.tank, BasinTank) and self.tank.layout.type != "rectangle"):
             return  # of small strokes nothing travels
-        places, times, whole = [*self.looked_at()], self._times(motion), wall.places(self.tank) is None
-        farthest = wall.farther(self.tank) * self.excursion(motion) if places else 0.0
+        places, times, uniform = [*self.measuring_points()], self._times(motion), wall.places(self.tank) is None
+        farthest = wall.max_mode_shape(self.tank) * self.excursion(motion) if places else 0.0
         for key, x, y, z, (begin, until) in places:
-            away, t = x - self.left, times[(begin <= times) & (times <= until)]
+            away, t = x - self.x_min, times[(begin <= times) & (times <= until)]
             if farthest <= away:
                 continue
-            position = values(partial(motion.position, y=None if whole else np.array([y])), t).reshape(-1)
+            position = values(partial(motion.position, y=None if uniform else np.array([y])), t).reshape(-1)
             into = np.multiply.outer(wall.maker.share(z, self.tank.depth), position).max(axis=0)
             if into.max(initial=0.0) > away:
                 there = f"stands {away:.4g} m from the paddle of {self.key} at rest, which is there at"
@@ -279,14 +285,16 @@ class Scene(Noun):
                 yield Problem(key, None, f"{there} t = {t[np.argmax(into > away)]:.4g} s: {allowed}")
                 return
 
-    def looked_at(self) -> Iterator[LookedAt]:
-        """Yield each gauge, probe and column of a window."""
+    def measuring_points(self) -> Iterator[MeasuringPoint]:
+        """Yield gauges, probes and columns of windows."""
         column, always = self.tank.depth * np.linspace(-1.0, 0.0, HEIGHTS), (0.0, np.inf)
-        yield from (LookedAt(self.gauge_key(n), g.x, g.y, np.zeros(1), always) for n, g in enumerate(self.all_gauges))
-        yield from (LookedAt(("probes", n), p.x, p.y, np.array([p.z]), always) for n, p in enumerate(self.probes))
+        yield from (
+            MeasuringPoint(self.gauge_key(n), g.x, g.y, np.zeros(1), always) for n, g in enumerate(self.all_gauges)
+        )
+        yield from (MeasuringPoint(("probes", n), p.x, p.y, np.array([p.z]), always) for n, p in enumerate(self.probes))
         for n, window in enumerate(self.windows):
             span = window.begin, np.inf if window.until is None else window.until
-            yield from (LookedAt(("windows", n), x, y, column, span) for x, y in window.places)
+            yield from (MeasuringPoint(("windows", n), x, y, column, span) for x, y in window.places)
 
     def excursion(self, motion: motions.Motion) -> float:
         """Return the paddle's largest distance from rest in the run [m]."""
@@ -307,16 +315,15 @@ class Scene(Noun):
         return extent(motion, self._times(motion), self.wall.places(self.tank))
 
     def _times(self, motion: motions.Motion) -> motions.Array:
-        """Return the times at which a motion is looked at [s]."""
+        """Return the times at which a motion is sampled [s]."""
         return times(min(self.run.duration, motion.duration), CLOSE * (self.tank.depth / self.tank.gravity) ** 0.5)
 
     @model_validator(mode="after")
-    def _fits_together(self) -> Self:
+    def _check_consistency(self) -> Self:
         parts = (self.wall, self.initial, self.target, self.numerics, self.output, self.sponge, self.tank.bed)
-        nouns = [noun for noun in parts if noun is not None]
-        looked_at = (*self._gauge_problems(), *self._probe_problems(), *self._load_problems(), *self._window_problems())
-        own = (*self._depth_problems(), *self._far_problems(), *looked_at)
-        problems = [*own, *(problem for noun in nouns for problem in noun.problems(self))]
+        tank = chain(self._depth_problems(), self._far_problems())
+        places = chain(self._gauge_problems(), self._probe_problems(), self._load_problems(), self._window_problems())
+        problems = [*chain(tank, places, *(part.problems(self) for part in parts if part is not None))]
         if problems:
             text = "; ".join(str(problem) for problem in problems)
             raise PydanticCustomError("scene", "{text}", {"text": text, "problems": problems})
@@ -354,13 +361,13 @@ class Scene(Noun):
             yield Problem(kind, far.type, "must be fixed or left out: there is a sponge before it (sponge.type)")
             return
         yield from (problem.at("wall", "far_wall") for problem in far.problems(self.mirrored))
-        length, near, other = self.tank.length, self.reach, self.mirrored.reach
-        if self.wall.moves and near + other > length * (1 + 1e-9) and max(near, other) <= length:
-            allowed = f"must be at most {metres(length - near)} m, not to overlap with wall.reach = {metres(near)} m"
+        length, own, other = self.tank.length, self.reach, self.mirrored.reach
+        if self.wall.moves and own + other > length * (1 + 1e-9) and max(own, other) <= length:
+            allowed = f"must be at most {metres(length - own)} m, not to overlap with wall.reach = {metres(own)} m"
             yield Problem(("far_wall", "reach"), other, f"{allowed} in a tank of {metres(length)} m")
-        for seen, reach, rest in ((self, near, other), (self.mirrored, other, near)):
+        for view, reach, rest in ((self, own, other), (self.mirrored, other, own)):
             if self.wall.moves and reach == length and not rest:
-                yield Problem((seen.key, "reach"), reach, "must leave some of the tank to the other wall")
+                yield Problem((view.key, "reach"), reach, "must leave some of the tank to the other wall")
 
     def _gauge_problems(self) -> Iterator[Problem]:
         count = Counter(gauge.name for gauge in self.all_gauges)
@@ -414,13 +421,13 @@ class Scene(Noun):
                 yield Problem(("loads", n), load.called, "must have a name that no other load has")
 
     def _place_problems(self, key: tuple[str | int, ...], x: float, y: float) -> Iterator[Problem]:
-        left, low, right, high = 0.0, 0.0, self.tank.length, 0.0
+        x_min, low, right, high = 0.0, 0.0, self.tank.length, 0.0
         if isinstance(self.tank, BasinTank):
-            left, low, right, high = self.tank.layout.box or (-np.inf, -np.inf, np.inf, np.inf)
+            x_min, low, right, high = self.tank.layout.box or (-np.inf, -np.inf, np.inf, np.inf)
         elif y:
             yield Problem((*key, "y"), y, f"must be left out: a {self.tank.type} has no width")
             return
-        for name, value, first, last in (("x", x, left, right), ("y", y, low, high)):
+        for name, value, first, last in (("x", x, x_min, right), ("y", y, low, high)):
             if not first <= value <= last:
                 yield Problem((*key, name), value, f"must be inside the tank, {metres(first)} to {metres(last)} m")
 
@@ -434,4 +441,4 @@ class MirroredScene(Scene):
     @cached_property
     def _motion(self) -> motions.Motion:
         with renamed("wall", self.key):
-            return self._found_motion()
+            return self._checked_motion()

@@ -76,19 +76,19 @@ def _tables(table: Table) -> Iterator[Table]:
     yield table
     inside: dict[str, Table] = {}
     for name, field in ((name, field) for noun in table.nouns for name, field in noun.model_fields.items()):
-        if found := tuple(nouns(field.annotation)):
-            known = inside.get(name, Table((), ())).nouns
-            inside[name] = Table((*table.path, name), tuple(dict.fromkeys((*known, *found))), _listed(field))
-    told = dict[tuple[type[BaseModel], ...], Table]()
+        if types := tuple(nouns(field.annotation)):
+            earlier = inside.get(name, Table((), ())).nouns
+            inside[name] = Table((*table.path, name), tuple(dict.fromkeys((*earlier, *types))), _listed(field))
+    first = dict[tuple[type[BaseModel], ...], Table]()
     for one in inside.values():
-        if told.setdefault(one.nouns, one) is one:  # the far wall is told of with the wall
+        if first.setdefault(one.nouns, one) is one:  # the far wall is told of with the wall
             yield from _tables(one)
 
 
 def table_at(path: tuple[str, ...], field: FieldInfo) -> Table | None:
     """Return the table of a key, or the one that tells of it: what both may hold is the same; None of a value."""
-    found = tuple(nouns(field.annotation))
-    same = [one for one in tables() if one.path == path or (found and one.nouns == found)]
+    types = tuple(nouns(field.annotation))
+    same = [one for one in tables() if one.path == path or (types and one.nouns == types)]
     return max(same, key=lambda one: one.path == path, default=None)
 
 
@@ -109,8 +109,8 @@ def homes_of_type(key: str, name: str) -> str:
 
 
 def _either(places: Iterable[str]) -> str:
-    found = [*places]
-    return " or ".join(filter(None, (", ".join(found[:-1]), *found[-1:])))
+    parts = [*places]
+    return " or ".join(filter(None, (", ".join(parts[:-1]), *parts[-1:])))
 
 
 # ---------------------------------------------------------------- JSON schema
@@ -119,17 +119,17 @@ DRAFT = "http://json-schema.org/draft-07/schema#"
 
 def schema() -> dict[str, Any]:
     """Return the schema: pydantic's, in what TOML has (no null), with what a case may leave out."""
-    whole: dict[str, Any] = {"$schema": DRAFT, **_plain(Scene.model_json_schema())}
-    whole["title"] = "a case of wavetank"
-    known = whole["$defs"]
+    document: dict[str, Any] = {"$schema": DRAFT, **_plain(Scene.model_json_schema())}
+    document["title"] = "a case of wavetank"
+    definitions = document["$defs"]
     for noun in {noun for table in tables() for noun in table.nouns if tag(noun) and noun is not SliceTank}:
-        known[noun.__name__].setdefault("required", []).insert(0, "type")
-    for noun in (known[one.__name__] for one in (Gauge, Probe)):
+        definitions[noun.__name__].setdefault("required", []).insert(0, "type")
+    for noun in (definitions[one.__name__] for one in (Gauge, Probe)):
         noun["required"].remove("name")
         noun["properties"]["name"]["description"] += "; default: its number"
-    gauges = whole["properties"]["gauges"]
-    gauges["items"] = {"anyOf": [gauges["items"], known[Gauge.__name__]["properties"]["x"]]}
-    return whole
+    gauges = document["properties"]["gauges"]
+    gauges["items"] = {"anyOf": [gauges["items"], definitions[Gauge.__name__]["properties"]["x"]]}
+    return document
 
 
 def _plain(part: Any) -> Any:

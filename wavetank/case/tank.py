@@ -205,7 +205,7 @@ class Surroundings(Protocol):
 ABSORPTION = 15.0  # gamma_0 L / c_g of a sponge of one wave length
 UNSEEN = 0.1  # of the power beyond the share: what may look slower than it is
 MAX_TIMES = 2**18  # times; of a longer motion the first part
-APART, FINEST = 1e-3, 1e-3  # of a step: two times that tell how fast a motion is; of the first step, the last
+TIME_OFFSET, FINEST = 1e-3, 1e-3  # of a step: two times that tell how fast a motion is; of the first step, the last
 GOLDEN = (5**0.5 - 1) / 2  # whose multiples lie everywhere in a step
 STEP = 0.1  # of (d / g)^(1/2): at which a paddle's motion is looked at; no paddle makes waves as short
 
@@ -297,9 +297,9 @@ def _ring_problems(received: str, scene: Surroundings) -> Iterator[Problem]:
 
 
 def paddle_period(
-    velocity: Callable[[Array], Array], *, duration: float, tank: AnyTank, share: float = 0.5
+    velocity: Callable[[Array], Array], *, duration: float, tank: AnyTank, fraction: float = 0.5
 ) -> float | None:
-    """Return the period [s] beyond which a share of the power of a paddle's velocity lies; None if it does not move.
+    """Return the period [s] beyond which a fraction of the power of a paddle's velocity lies; None if it does not move.
 
     What has less than two of the times that it is looked at in a period looks slower. So it is looked at finer, while
     the acceleration tells that some of what is beyond the share may be so (``UNSEEN``).
@@ -312,7 +312,7 @@ def paddle_period(
         Of the run [s].
     tank
         For its depth.
-    share
+    fraction
         0.5: the period that halves the power.
     """
     step = longest = STEP * float(np.sqrt(tank.depth / tank.gravity))
@@ -326,13 +326,13 @@ def paddle_period(
         number, power = np.arange(1.0, lines.size + 1), np.cumsum(lines)
         if not power[-1] > 0.0:
             return None
-        soon = APART * part / count
+        soon = TIME_OFFSET * part / count
         between = np.minimum(t + part / count * np.modf(GOLDEN * times)[0], part - soon)
         change = (values(velocity, between + soon) - values(velocity, between)).reshape(count, -1) / soon
         rate = (part / (2 * np.pi)) ** 2 * count / 2 * float((change**2).sum())  # as numbers of lines, squared
         unseen = (rate - float(number**2 @ lines)) / lines.size**2
-        if unseen < UNSEEN * (1 - share) * power[-1] or step < FINEST * longest:
-            return float(part / np.interp(share * power[-1], power, number + 0.5))  # the lines' upper edges
+        if unseen < UNSEEN * (1 - fraction) * power[-1] or step < FINEST * longest:
+            return float(part / np.interp(fraction * power[-1], power, number + 0.5))  # the lines' upper edges
         step /= 2
 
 

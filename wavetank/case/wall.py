@@ -69,7 +69,7 @@ class ActiveAbsorption(Noun):
         at_face = face(maker, omega, tank.depth, tank.gravity)
         return np.abs(self.build(tank, maker, paddles=paddles).reflection(at_face, omega))
 
-    def told(self, tank: AnyTank, maker: Wavemaker, *, paddles: Iterable[float] = ()) -> str:
+    def description(self, tank: AnyTank, maker: Wavemaker, *, paddles: Iterable[float] = ()) -> str:
         """Return what it does, in words; as ``band``."""
         shortest, longest = self.band(tank, paddles=paddles)
         periods = np.geomspace(shortest, longest, 50, dtype=np.float64)
@@ -134,7 +134,7 @@ class SpringDamper(Noun):
         out_of_tune = 1j * (omega * (mass + added) - stiffness / omega)
         return np.abs((damping - r + out_of_tune) / (damping + r + out_of_tune))
 
-    def told(self, tank: AnyTank, maker: Wavemaker, *, paddles: Iterable[float] = ()) -> str:
+    def description(self, tank: AnyTank, maker: Wavemaker, *, paddles: Iterable[float] = ()) -> str:
         """Return what it does, in words; as ``tuned``."""
         tuned, resolved = self.tuned(tank, paddles=paddles), self.resolved(tank, maker, paddles=paddles)
         mass, stiffness, damping = (tank.density * part for part in resolved)
@@ -179,10 +179,10 @@ class Limits(Noun):
     speed: Speed | None = Field(default=None, description="largest speed [m/s]; default: any")
     acceleration: Acceleration | None = Field(default=None, description="largest acceleration [m/s^2]; default: any")
 
-    def exceeded(self, asked: Extent) -> Iterator[Problem]:
-        """Yield each limit that a motion is beyond."""
+    def exceeded(self, extent: Extent) -> Iterator[Problem]:
+        """Yield each limit that the extent of a motion exceeds."""
         for name, unit in (("stroke", "m"), ("speed", "m/s"), ("acceleration", "m/s^2")):
-            limit, needed = getattr(self, name), getattr(asked, name)
+            limit, needed = getattr(self, name), getattr(extent, name)
             if limit is not None and needed > limit:
                 yield Problem(("wall", "limits", name), limit, f"is too little: this motion needs {needed:.4g} {unit}")
 
@@ -209,8 +209,8 @@ class BaseWall(Noun):
         """Return why its generation is linear by default in nonlinear water; empty where it is not."""
         return ""
 
-    def doubts(self, tank: AnyTank) -> Iterator[str]:
-        """Yield what is doubtful of it before a run, a sentence each; by itself, nothing."""
+    def warnings(self, tank: AnyTank) -> Iterator[str]:
+        """Yield warnings of the motion, a sentence each; by default none."""
         yield from ()
 
 
@@ -229,17 +229,17 @@ class MovingWall(BaseWall):
 
     limits: Limits | None = Field(default=None, description="what the paddle's drive can do; default: all")
 
-    def shares(self, tank: AnyTank) -> Array:
-        """Return how far it goes at heights from the bed up, over how far it goes where that is told, shape (N,)."""
+    def mode_shape(self, tank: AnyTank) -> Array:
+        """Return f(z) at 1001 heights from the bed up, shape (N,): the displacement over that of the motion."""
         return np.asarray(self.maker.share(tank.depth * np.linspace(-1.0, TOP, 1001), tank.depth))
 
     def added_mass(self, tank: AnyTank) -> float:
         """Return the added mass of a sudden motion [m²], over the density."""
         return sudden_mass(self.maker, tank.depth)
 
-    def farther(self, tank: AnyTank) -> float:
-        """Return how far it goes at the height where it goes farthest, over how far it goes where that is told."""
-        return float(np.abs(self.shares(tank)).max())
+    def max_mode_shape(self, tank: AnyTank) -> float:
+        """Return the largest absolute value of the mode shape f(z)."""
+        return float(np.abs(self.mode_shape(tank)).max())
 
     def quickened(self, tank: AnyTank, reach: float, excursion: float) -> float:
         """Return how much faster the mesh's shortest waves get, at most, where it leans or its mapping narrows cells.
@@ -247,26 +247,26 @@ class MovingWall(BaseWall):
         Given are the mapping's reach and the paddle's largest distance from rest [m].
         """
         z = tank.depth * np.linspace(-1.0, 0.0, 1001)
-        shares = self.maker.share(z, tank.depth)
-        lean = float(np.abs(np.diff(shares) / np.diff(z)).max()) * excursion
-        return quickened(lean, float(np.abs(shares).max()) * excursion / reach)
+        mode_shape = self.maker.share(z, tank.depth)
+        lean = float(np.abs(np.diff(mode_shape) / np.diff(z)).max()) * excursion
+        return quickened(lean, float(np.abs(mode_shape).max()) * excursion / reach)
 
     def amplitude(self, tank: AnyTank) -> float:
         """Return how far it goes from rest once a ramp is over, where the case tells it, otherwise 0 [m]."""
         return float(getattr(self.motion, "paddle_amplitude", 0.0))
 
-    def reach_in(self, tank: AnyTank, room: float) -> float:
-        """Return the reach [m], default resolved in the room [m] that there is."""
-        return min(room, 10 * tank.depth) if self.reach is None else self.reach
+    def reach_in(self, tank: AnyTank, available: float) -> float:
+        """Return the reach [m]; by default ten depths, at most what is available [m]."""
+        return min(available, 10 * tank.depth) if self.reach is None else self.reach
 
-    def reach_problems(self, tank: AnyTank, room: float, excursion: float) -> Iterator[Problem]:
+    def reach_problems(self, tank: AnyTank, available: float, excursion: float) -> Iterator[Problem]:
         """Yield a paddle that goes farther from rest [m] in the run, or in a longer one, than its mapping reaches."""
-        motion, reach = self.motion, self.reach_in(tank, room)
-        farthest = self.farther(tank) * max(excursion, self.amplitude(tank))
+        motion, reach = self.motion, self.reach_in(tank, available)
+        farthest = self.max_mode_shape(tank) * max(excursion, self.amplitude(tank))
         needed = STEEPEST * farthest
         if needed < reach:
             return
-        if self.reach is not None and needed < room:
+        if self.reach is not None and needed < available:
             allowed = f"must be more than {needed:.4g} m, 4/3 of the paddle's largest distance from rest"
             yield Problem(("wall", "reach"), self.reach, allowed)
             return
@@ -400,7 +400,7 @@ class FixedWall(BaseWall):
         """Return the motion of a paddle at rest."""
         return motions.AtRest()
 
-    def reach_in(self, tank: AnyTank, room: float) -> float:
+    def reach_in(self, tank: AnyTank, available: float) -> float:
         """Return inf: there is no mapping to die out."""
         return np.inf
 
@@ -425,9 +425,9 @@ class PaddleWall(MovingWall):
         """Return why its generation is linear by default in nonlinear water; empty where it is not."""
         return self.motion.generation_reason(tank, self.maker, physics)
 
-    def doubts(self, tank: AnyTank) -> Iterator[str]:
-        """Yield what is doubtful of the motion."""
-        yield from self.motion.doubts(tank, self.maker)
+    def warnings(self, tank: AnyTank) -> Iterator[str]:
+        """Yield warnings of the motion, a sentence each."""
+        yield from self.motion.warnings(tank, self.maker)
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a tank without walls, a reach beyond the tank, and what is wrong with the motion."""
@@ -472,14 +472,14 @@ class FlapWall(HingedWall, PaddleWall):
 
     def amplitude(self, tank: AnyTank) -> float:
         """Return how far it goes from rest once a ramp is over, where the case tells it, otherwise 0 [m]."""
-        told = super().amplitude(tank)
-        return told if self.motion_as == "stroke" else self.maker.arm(tank.depth) * float(np.tan(told))
+        value = super().amplitude(tank)
+        return value if self.motion_as == "stroke" else self.maker.arm(tank.depth) * float(np.tan(value))
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield what is wrong with any hinged wall, or an angle that is told of a motion that cannot be."""
-        found = list(super().problems(scene))
-        if found or self.motion_as == "stroke":
-            yield from found
+        problems = list(super().problems(scene))
+        if problems or self.motion_as == "stroke":
+            yield from problems
         elif self.motion.by_waves:
             allowed = f"must be left out: a motion of type {self.motion.type} is found for its waves, not told"
             yield Problem(("wall", "motion_as"), self.motion_as, allowed)

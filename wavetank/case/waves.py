@@ -139,8 +139,8 @@ class SpectralWaves(Noun):
         if not lowest < peak < highest:
             yield self._outside(peak, lowest, highest)
             return
-        found = spectrum.density(self.frequencies(scene.tank)).sum()
-        if not found > MISSED * float(spectrum.density(np.array([peak]))[0]):
+        total = spectrum.density(self.frequencies(scene.tank)).sum()
+        if not total > MISSED * float(spectrum.density(np.array([peak]))[0]):
             allowed = "must be more: none of their frequencies is where the spectrum has its waves"
             yield Problem((*MOTION_KEY, "components"), self.components, allowed)
             return
@@ -302,9 +302,9 @@ class SurfaceFile(WaveFile):
 
     def target(self, tank: AnyTank, y: float = 0.0, angle: float = 0.0) -> PlaneWaves:
         """Return the waves, all at an angle to x [rad], of the elevation at (x, y)."""
-        found = self.wished()
-        where = {"x": self.x, "y": y, "time": found.begin, "depth": tank.depth, "gravity": tank.gravity}
-        return waves_along(found.frequencies, found.amplitudes, found.phases, angles=angle, **where)
+        surface = self.wished()
+        where = {"x": self.x, "y": y, "time": surface.begin, "depth": tank.depth, "gravity": tank.gravity}
+        return waves_along(surface.frequencies, surface.amplitudes, surface.phases, angles=angle, **where)
 
     def ramp_in(self, tank: AnyTank) -> float:
         """Return the length of the ramp [s], default resolved."""
@@ -316,24 +316,26 @@ class SurfaceFile(WaveFile):
             allowed = f"must be inside the tank, below {metres(scene.tank.length)} m"
             yield Problem((*MOTION_KEY, "x"), self.x, allowed)
             return
-        found, ramp = self.wished(), self.ramp_in(scene.tank)
-        k = airy.wave_number(2.0 * np.pi * found.mean_frequency, scene.tank.depth, scene.tank.gravity)
-        travel = self.way / float(airy.group_velocity(k, scene.tank.depth, scene.tank.gravity))
-        if found.begin < ramp + travel:
-            least = self.delay + ramp + travel - found.begin
+        surface, ramp = self.wished(), self.ramp_in(scene.tank)
+        k = airy.wave_number(2.0 * np.pi * surface.mean_frequency, scene.tank.depth, scene.tank.gravity)
+        travel = self.travel_distance / float(airy.group_velocity(k, scene.tank.depth, scene.tank.gravity))
+        if surface.begin < ramp + travel:
+            least = self.delay + ramp + travel - surface.begin
             ramped = f"after a ramp of {ramp:.4g} s{', the default,' if self.ramp is None else ''}"
             allowed = f"must be at least {least:.4g} s: {ramped} its waves need {travel:.4g} s to x"
             yield Problem((*MOTION_KEY, "delay"), self.delay, allowed)
-        elif found.begin > travel + found.length:
-            allowed = f"must be at most {self.delay + travel + found.length - found.begin:.4g} s: a copy comes before"
+        elif surface.begin > travel + surface.length:
+            allowed = (
+                f"must be at most {self.delay + travel + surface.length - surface.begin:.4g} s: a copy comes before"
+            )
             yield Problem((*MOTION_KEY, "delay"), self.delay, allowed)
-        elif scene.run.duration > (again := found.begin + 2.0 * found.length):
+        elif scene.run.duration > (again := surface.begin + 2.0 * surface.length):
             allowed = f"must be at most {again:.4g} s, when the record's waves come again"
             yield Problem(("run", "duration"), scene.run.duration, allowed)
         else:
             yield from super().problems(scene)
 
     @property
-    def way(self) -> float:
-        """How far the waves go from the paddle to x [m]."""
+    def travel_distance(self) -> float:
+        """Distance from the paddle to x along the waves' direction [m]."""
         return self.x

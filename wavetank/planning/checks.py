@@ -237,7 +237,7 @@ def of_duration(scene: Scene) -> list[str]:
 
 def _of_walls(scene: Scene, waves: AnyWaves) -> Iterator[str]:
     for seen, paddle in zip(scene.paddles, waves.wall.paddles, strict=True):
-        yield from seen.wall.doubts(scene.tank)
+        yield from seen.wall.warnings(scene.tank)
         stands, asked = getattr(paddle, "reach", 0.0), getattr(seen.wall, "reach", None)  # linear paddles have none
         if asked is not None and stands > (1 + ROUNDING) * asked:
             yield f"{seen.key}.reach = {asked:.4g} m is less than a cell, on this mesh it is {stands:.4g} m"
@@ -362,13 +362,13 @@ def in_sponge(scene: Scene) -> Iterator[str]:
     if not isinstance(scene.sponge, EndSponge):
         return
     edge = scene.tank.length - scene.sponge.length  # from the paddle at rest
-    names = _rows(scene, [gauge.x - scene.left > edge * (1 + ROUNDING) for gauge in scene.all_gauges])
+    names = _rows(scene, [gauge.x - scene.x_min > edge * (1 + ROUNDING) for gauge in scene.all_gauges])
     motion = getattr(scene.wall, "motion", None)
     key = "x" if isinstance(motion, SurfaceFile) else "focus_x"
     if (getattr(motion, key, None) or 0.0) > edge * (1 + ROUNDING):
         names.append(f"wall.motion.{key}")
     names += [f"load {load.called}" for load in scene.loads if load.on == FAR]
-    yield from _standing(names, f"in the sponge, which takes waves from x = {scene.left + edge:.4g} m on")
+    yield from _standing(names, f"in the sponge, which takes waves from x = {scene.x_min + edge:.4g} m on")
 
 
 def _damped(scene: Scene, waves: AnyWaves) -> Iterator[str]:
@@ -416,7 +416,7 @@ def beside(scene: Scene) -> Iterator[str]:
     told = [seen.excursion(seen.motion()) for seen in scene.paddles] if scene.absorbing else []
     for n in scene.absorbing:
         seen, back = scene.paddles[n], told[n] if scene.sponge is None and scene.absorbing == [n] else 0.0
-        for one in seen.looked_at():
+        for one in seen.measuring_points():
             far = (sum(told) + back) * float(np.abs(seen.wall.maker.share(one.z, seen.tank.depth)).max())
             if one.x < far:
                 where = f"{'.'.join(map(str, one.key))} stands {one.x:.4g} m from the paddle of {seen.key} at rest"

@@ -429,7 +429,7 @@ def _paddle_reason(seen: Scene, scene: Scene) -> str:
 def absorption(seen: Scene, scene: Scene) -> str:
     """Return what the paddle of a scene as seen from there absorbs, in words; nothing where it does not."""
     absorb = getattr(seen.wall, "absorb", None)
-    return "" if absorb is None else absorb.told(scene.tank, seen.wall.maker, paddles=scene.paddle_periods)
+    return "" if absorb is None else absorb.description(scene.tank, seen.wall.maker, paddles=scene.paddle_periods)
 
 
 def _run_up_reason(run_up: RunUp | None) -> tuple[str, ...]:

@@ -196,7 +196,7 @@ def frequency_below(scene: Scene, share: float) -> float:
     def ending(t: Vector) -> Vector:  # gently: a motion that is cut has all frequencies
         return np.asarray((velocity(t).T * tapered(np.asarray(t / duration))).T)
 
-    period = paddle_period(ending, duration=duration, tank=scene.tank, share=share)
+    period = paddle_period(ending, duration=duration, tank=scene.tank, fraction=share)
     return 0.0 if period is None else min(2 * np.pi / period, highest_frequency(scene, DEFAULT))
 
 

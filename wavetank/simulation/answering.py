@@ -26,7 +26,7 @@ def build_answers(scene: Scene, waves: AnyWaves) -> list[AnsweringPaddle]:
         wall: Any = seen.wall
         paddle: Any = waves.wall.paddles[number]
         equation, look = ANSWERS[type(wall.absorb)](scene, number, waves)
-        shares = wall.shares(seen.tank)
+        shares = wall.mode_shape(seen.tank)
         found.append(AnsweringPaddle(paddle, equation, look, shares=shares, key=seen.key))
     return found
 

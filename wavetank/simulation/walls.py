@@ -118,7 +118,7 @@ def _check_flat(scene: Scene, noun: ShapedWall, wall: Piston, plane: Plane) -> N
     uneven = np.abs(found - scene.tank.depth) > FLAT * scene.tank.depth
     nearest = plane.comm.allreduce(float(distances[uneven].min(initial=np.inf)), op=MPI.MIN)
     if nearest < wall.reach:
-        needed = STEEPEST * noun.farther(scene.tank) * scene.excursion(scene.motion())
+        needed = STEEPEST * noun.max_mode_shape(scene.tank) * scene.excursion(scene.motion())
         bounds = f"must be at most {nearest:.4g} m, and more than {needed:.4g} m for this motion"
         flat = f"must be of the tank's depth, to {FLAT:g} of it, within the reach of a paddle that leans"
         if noun.reach is not None and nearest > needed:
@@ -138,7 +138,7 @@ def _piston(scene: Scene, noun: MovingWall, footprint: Slice | Basin, plane: Pla
 
 def _checked(scene: Scene, noun: MovingWall, wall: Piston) -> Piston:
     """Return the wall; raises ``SceneError`` where it goes farther than its mapping can."""
-    excursion, allowed = noun.farther(scene.tank) * scene.excursion(scene.motion()), wall.largest_stroke
+    excursion, allowed = noun.max_mode_shape(scene.tank) * scene.excursion(scene.motion()), wall.largest_stroke
     if excursion >= allowed:
         limit = (
             f"goes {excursion:.4g} m from rest; must stay below {allowed:.4g} m, 3/4 of the reach in which its mapping "

@@ -138,9 +138,9 @@ def finite(values: Array, places: Mapping[str, Array], *, source: str) -> Array:
     """
     right = np.isfinite(values)
     if not right.all():
-        wrong = int(right.argmin())
-        where = ", ".join(f"{name} = {place.flat[wrong]:.6g}" for name, place in places.items())
-        raise InputError(f"{source}: {values.flat[wrong]} at {where}; must be finite.")
+        index = int(right.argmin())
+        where = ", ".join(f"{name} = {place.flat[index]:.6g}" for name, place in places.items())
+        raise InputError(f"{source}: {values.flat[index]} at {where}; must be finite.")
     return values
 
 
@@ -152,9 +152,9 @@ class _Part(NamedTuple):
 
 
 # ---------------------------------------------------------------- reading
-def _check_names(helpers: Mapping[str, str], taken: Mapping[str, Kind]) -> None:
+def _check_names(helpers: Mapping[str, str], reserved: Mapping[str, Kind]) -> None:
     for name in helpers:
-        if name in taken or name in FUNCTIONS or iskeyword(name):
+        if name in reserved or name in FUNCTIONS or iskeyword(name):
             raise InputError(f"helper {name!r}: must have another name; this one has a meaning in every formula.")
         if not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", name):
             raise InputError(f"helper {name!r}: must have a name of letters, digits and _, a letter first.")
