@@ -16,10 +16,8 @@ from rich.console import Console
 from examples.paper import cylinder, growth, sponge, steepness
 from examples.paper.report import Report
 from wavetank.plots.style import picture
-from wavetank.studies.drawing import draw_study, pareto_front
-from wavetank.studies.look import WARNED
+from wavetank.studies.drawing import WARNED, draw_responses, draw_trade, pareto_front
 from wavetank.studies.measures import GAUGES, PHASE, SURFACE
-from wavetank.studies.response_drawing import draw_responses
 from wavetank.studies.responses import CREST, CREST_PLACE, TROUGH
 from wavetank.studies.runs import Outcome
 from wavetank.studies.sweep import Refused, combinations, parse_axes, unit
@@ -149,7 +147,7 @@ def test_work_and_precision(drawn, tmp_path):
     )
     rows[1] = replace(rows[1], warnings=["it breaks"])
     broken = replace(rows[1], outcome=Outcome("broke down"), errors={}, costs={})
-    draw_study([broken, *rows], axes, tmp_path / "study.png", title="A study")
+    draw_trade([broken, *rows], axes, tmp_path / "study.png", title="A study")
     (figure,) = drawn
     assert not faults(figure)
     point = [rows[1].costs["CPU [s]"], rows[1].errors[SURFACE]]

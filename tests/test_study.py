@@ -30,7 +30,7 @@ from wavetank.output.checkpoint import Checkpoint, last_checkpoint
 from wavetank.output.directory import CHECKPOINT, RunDirectory
 from wavetank.output.writer import RunWriter
 from wavetank.plots.style import number_logarithms
-from wavetank.studies.drawing import draw_study, pareto_front
+from wavetank.studies.drawing import draw_trade, pareto_front
 from wavetank.studies.exact import exact_solution
 from wavetank.studies.measures import CREST, GAUGES, PHASE, SURFACE, ExactReference, RunReference
 from wavetank.studies.refinement import finest, refined, same_but_numerics
@@ -398,7 +398,7 @@ def test_the_table_says_settings_errors_costs_and_status(linear_study):
 
 
 def test_warnings_of_runs_and_waves_that_broke_are_told(linear_study, tmp_path, monkeypatch):
-    monkeypatch.setattr("wavetank.studies.study.draw_study", lambda rows, axes, path, **more: path)
+    monkeypatch.setattr("wavetank.studies.study.draw_trade", lambda rows, axes, path, **more: path)
     out, rows = linear_study
     shutil.copytree(out, tmp_path / "study")
     manifest = tmp_path / "study" / rows[1].combination.name / "manifest.json"
@@ -414,7 +414,7 @@ def test_warnings_of_runs_and_waves_that_broke_are_told(linear_study, tmp_path, 
 
 
 def test_what_has_finished_is_not_run_again(linear_study, monkeypatch):
-    monkeypatch.setattr("wavetank.studies.study.draw_study", lambda rows, axes, path, **more: path)
+    monkeypatch.setattr("wavetank.studies.study.draw_trade", lambda rows, axes, path, **more: path)
     out, rows = linear_study
     before = {path: path.stat().st_mtime_ns for path in out.glob("*/*")}
     again, said = run_study(out, reference="exact")
@@ -614,7 +614,7 @@ def made_rows() -> tuple[list[Row], list[Axis]]:
 
 def test_the_picture_names_axes_units_settings_front_and_plan(tmp_path):
     rows, axes = made_rows()
-    text = draw_study(rows, axes, tmp_path / "study.svg", title="Title").read_text()
+    text = draw_trade(rows, axes, tmp_path / "study.svg", title="Title").read_text()
     words = set(part.split("-->")[0].strip() for part in text.split("<!--")[1:])
     assert {"CPU time of stepping [s]", SURFACE, PHASE, "third-order", "stormer-verlet", "n = 4", "n = 6"} <= words
     assert {"plan: dt 0.03, p 4", "0.04, 6", "Title: work and precision"} <= words
@@ -627,6 +627,6 @@ def test_a_single_axis_is_drawn_too(tmp_path):
         Row(one, Outcome("finished"), {SURFACE: 0.1 / n}, {"CPU [s]": n})
         for n, one in enumerate(combinations(CASE, axes), start=1)
     ]
-    assert draw_study(rows, axes, tmp_path / "study.png").exists()
+    assert draw_trade(rows, axes, tmp_path / "study.png").exists()
     write_table(tmp_path / "study.csv", rows, axes)
     assert len((tmp_path / "study.csv").read_text().splitlines()) == 3

@@ -17,10 +17,8 @@ from wavetank.analysis.quantities import AT_GAUGE, OF_RUN
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.output.writer import RunWriter
+from wavetank.studies.drawing import WARNED, draw_ensembles
 from wavetank.studies.ensemble import Ensemble, ensemble_table, ensembles, write_ensembles
-from wavetank.studies.ensemble_drawing import draw_ensembles
-from wavetank.studies.look import WARNED
-from wavetank.studies.response_drawing import draw_responses
 from wavetank.studies.responses import Response, responses, usual_responses
 from wavetank.studies.runs import Outcome
 from wavetank.studies.study import Study
@@ -203,23 +201,3 @@ def test_ensembles_are_drawn(drawn, tmp_path, settings):
     ] == [[0.4]]
     assert figure.legends[0].get_texts()[-1].get_text() == WARNED
     assert not faults(figure) and {panel.get_ylabel() for panel in figure.axes} == {"hm0 [m]", "crest [m]"}
-
-
-def test_two_keys_of_numbers_are_a_map(drawn, tmp_path):
-    """A run that broke down is a cross; numbers stand at the keys' values, of a run that warns on a white mark."""
-    axes = parse_axes(["tank.depth=1,2,4", "wall.motion.period=2.0,1.5,1.0"])
-    rows = [
-        Row(one, Outcome("finished"), responses={"crest [m]": float(one.values["tank.depth"])} if n else {})
-        for n, one in enumerate(combinations(CASE, axes))
-    ]
-    rows[0], rows[1] = replace(rows[0], outcome=Outcome("broke down")), replace(rows[1], warnings=["it breaks"])
-    draw_responses(rows, axes, tmp_path / "study.png", title="A map")
-    panel, bar = drawn[0].axes
-    assert (panel.get_xlabel(), panel.get_ylabel()) == ("tank.depth [m]", "wall.motion.period [s]")
-    assert bar.get_ylabel() == "crest [m]"
-    values = panel.collections[0].get_array().reshape(3, 3)
-    np.testing.assert_array_equal(np.ma.filled(values, np.nan), [[1, 2, 4], [1, 2, 4], [np.nan, 2, 4]])
-    assert len(panel.texts) == 8 and not faults(drawn[0])
-    assert [text.get_position() for text in panel.texts if text.get_bbox_patch()] == [(1.0, 1.5)]
-    assert [tuple(line.get_xydata()[0]) for line in panel.lines] == [(1.0, 2.0)]
-    assert [text.get_text() for text in drawn[0].legends[0].get_texts()] == [WARNED, "1 of 9 runs broke down"]

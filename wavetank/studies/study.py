@@ -17,12 +17,10 @@ from wavetank.errors import InputError, RunError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath
 from wavetank.output.manifest import MANIFEST
-from wavetank.studies.drawing import draw_study
+from wavetank.studies.drawing import draw_ensembles, draw_responses, draw_trade
 from wavetank.studies.ensemble import Ensemble, ensemble_table, ensembles, write_ensembles
-from wavetank.studies.ensemble_drawing import draw_ensembles
 from wavetank.studies.measures import ExactReference, Reference, RunReference
 from wavetank.studies.refinement import finest, refined, same_but_numerics
-from wavetank.studies.response_drawing import draw_responses
 from wavetank.studies.responses import Response, responded, responses, usual_responses
 from wavetank.studies.runs import Outcome, Runner, cores
 from wavetank.studies.sweep import Axis, Combination, marked_combination, parse_axes, swept
@@ -220,7 +218,7 @@ class Study:
         if any(axis.seeds for axis in self._axes) and (found := ensembles(rows, self._axes)):
             self._write_ensembles(rows, found, wide)
             return
-        draw, title = draw_responses if self._physical else draw_study, self._swept[0].scene.title
+        draw, title = draw_responses if self._physical else draw_trade, self._swept[0].scene.title
         self._console.print(f"wrote {draw(rows, self._axes, self._out / PICTURE, title=title)}", highlight=False)
 
     def _write_ensembles(self, rows: Sequence[Row], found: Sequence[Ensemble], wide: Console) -> None:
