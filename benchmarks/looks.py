@@ -23,9 +23,9 @@ from wavetank.integrators.flow import flow_of
 from wavetank.output.fields import SurfaceWriter
 from wavetank.output.tables import RATES, TableWriter
 from wavetank.simulation.build import Records, build_observers, build_run, build_watch
+from wavetank.simulation.diagnostics import Gauges
 from wavetank.simulation.energy import EnergyBudget
 from wavetank.simulation.energy import columns as energy_columns
-from wavetank.simulation.gauges import Gauges
 from wavetank.simulation.run import Run
 from wavetank.simulation.stability import StabilityWatch
 from wavetank.tank.surface_flow import SurfaceFlow

@@ -31,12 +31,12 @@ from wavetank.planning.checks import freed_harmonics, harmonics_sent_back, highe
 from wavetank.planning.cost import needs_of
 from wavetank.planning.default_plan import planned
 from wavetank.planning.requirements import requirements
-from wavetank.simulation.answering import ANSWERS
 from wavetank.simulation.build import ANSWERED, build_run
+from wavetank.simulation.clock import EverySteps
+from wavetank.simulation.construction import ANSWERS
 from wavetank.simulation.contract import Moment
+from wavetank.simulation.diagnostics import Memory
 from wavetank.simulation.energy import COLUMNS, EnergyBudget
-from wavetank.simulation.record import Memory
-from wavetank.simulation.schedule import EverySteps
 from wavetank.simulation.supply import AnsweredWork
 from wavetank.tank.answering import AnsweringPaddle, Excess
 from wavetank.tank.walls import Piston

@@ -11,8 +11,7 @@ from wavetank.planning import cost
 from wavetank.planning.cost import BUILT_IN, Looks, needs_of
 from wavetank.simulation import memory
 from wavetank.simulation.build import build_run
-from wavetank.simulation.clock import Clock
-from wavetank.simulation.schedule import EverySteps, EveryTimeBetween
+from wavetank.simulation.clock import Clock, EverySteps, EveryTimeBetween
 
 RECTANGLE = {"type": "rectangle", "length": 6.0, "width": 4.0}
 LAYOUTS = {

@@ -20,10 +20,10 @@ from wavetank.integrators.flow import flow
 from wavetank.integrators.hamiltonian import Stage
 from wavetank.motion import Ramped, SegmentedMotion, Sinusoid
 from wavetank.simulation.clock import Clock
+from wavetank.simulation.construction import build_waves
+from wavetank.simulation.diagnostics import Memory
 from wavetank.simulation.energy import EnergyBudget, columns
-from wavetank.simulation.record import Memory
 from wavetank.simulation.run import Run
-from wavetank.simulation.waters import build_waves
 from wavetank.tank.footprint import Slice
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.still_water import StillWaterWaves, scales

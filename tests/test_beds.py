@@ -222,7 +222,7 @@ def test_gaps_matter_only_where_there_is_water(across):
 
 @pytest.mark.parametrize("physics", ["nonlinear", "linear"])
 def test_a_minimum_depth_lowers_what_is_shallow_and_says_where(physics):
-    from wavetank.simulation.waters import build_waves, told_of_bed
+    from wavetank.simulation.construction import build_waves, told_of_bed
 
     bed = {"type": "formula", "depth": "1 - 0.4*x", "minimum_depth": 0.2}  # reached at x = 2, dry from x = 2.5
     content = {"tank": {"length": 8.0, "depth": 1.0, "bed": bed}, "run": {"duration": 1.0}}
@@ -419,8 +419,7 @@ DEPTHS = [  # tank, wall, bed, depth, what is said of it
 
 def depth_refused(tank, wall, bed, depth, comm):
     """Return what is said of a depth over a bed by formula; nothing of one that is taken."""
-    from wavetank.simulation.footprints import build_footprint
-    from wavetank.simulation.waters import check_depth
+    from wavetank.simulation.construction import build_footprint, check_depth
 
     motion = {"motion": {"type": "at-rest"}} if wall == "piston" else {}
     tank = tank | {"depth": depth, "bed": {"type": "formula", "depth": bed}}

@@ -31,10 +31,10 @@ from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, ENERGY, GAU
 from wavetank.recording import record_run
 from wavetank.resuming import differences
 from wavetank.simulation.checkpoints import Checkpoints
+from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.contract import Moment
-from wavetank.simulation.crest import HighestCrest
-from wavetank.simulation.interruption import Interruption
-from wavetank.simulation.schedule import EverySteps
+from wavetank.simulation.diagnostics import HighestCrest
+from wavetank.simulation.monitoring import Interruption
 
 OUTPUT = {"surface_every": 0.1, "velocity_every": 0.15}
 

@@ -220,7 +220,7 @@ def test_a_case_built_in_python_runs_without_a_directory():
 
     from wavetank.case import Scene
     from wavetank.simulation.build import Records, build_observers, build_run
-    from wavetank.simulation.record import Memory
+    from wavetank.simulation.diagnostics import Memory
 
     scene = Scene.model_validate(
         {

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from wavetank.simulation.closing import Outcome, closing
-from wavetank.simulation.crest import Crest
+from wavetank.simulation.diagnostics import Crest
+from wavetank.simulation.summary import Outcome, closing
 
 SHORT = ("run.duration=0.4", "numerics.cells=8", "numerics.vertical_order=4", "numerics.dt=0.02")
 SPENT = {

@@ -14,8 +14,8 @@ from wavetank.output.directory import RunDirectory
 from wavetank.planning.checks import beside, forewarnings
 from wavetank.planning.requirements import requirements
 from wavetank.simulation.build import Records, build_observers, build_run
+from wavetank.simulation.diagnostics import Memory
 from wavetank.simulation.energy import COLUMNS, EnergyBudget
-from wavetank.simulation.record import Memory
 from wavetank.tank.surface_flow import SurfaceFlow, SurfaceVelocity
 from wavetank.values.noun import SceneError
 

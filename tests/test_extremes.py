@@ -28,12 +28,10 @@ from wavetank.motion import Sinusoid
 from wavetank.output.directory import RunDirectory
 from wavetank.planning.dispersion import elements
 from wavetank.simulation.build import build_run, build_watch
-from wavetank.simulation.clock import Clock
+from wavetank.simulation.clock import Clock, EverySteps
 from wavetank.simulation.contract import Moment
-from wavetank.simulation.gauges import Gauges
-from wavetank.simulation.record import Memory
+from wavetank.simulation.diagnostics import Gauges, Memory
 from wavetank.simulation.run import Run
-from wavetank.simulation.schedule import EverySteps
 from wavetank.simulation.stability import IN_ELEVATION, IN_JUMP, StabilityWatch
 from wavetank.tank.breaking import ONSET, OVERTURNS
 from wavetank.tank.edge_penalty import EdgePenalty

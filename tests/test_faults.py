@@ -28,8 +28,8 @@ from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, RunDirector
 from wavetank.output.files import LOCK, OutputPath, temporary_path
 from wavetank.output.manifest import MANIFEST
 from wavetank.recording import record_run
+from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.contract import Moment, Moments, Patient
-from wavetank.simulation.schedule import EverySteps
 from wavetank.status import line, standing
 from wavetank.values.toml import toml
 
@@ -135,7 +135,7 @@ import sys
 import wavetank as wt
 from wavetank import recording
 from wavetank.errors import RunError
-from wavetank.simulation.schedule import EverySteps
+from wavetank.simulation.clock import EverySteps
 
 class Divides:
     def __init__(self, waves):

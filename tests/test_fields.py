@@ -22,9 +22,9 @@ from wavetank.output.fields import VtkCells, VtuSeries
 from wavetank.output.files import OutputPath
 from wavetank.output.writer import RunWriter
 from wavetank.recording import record_run
+from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.contract import Moment
-from wavetank.simulation.fields import SurfaceFields, VelocityFields
-from wavetank.simulation.schedule import EverySteps
+from wavetank.simulation.diagnostics import SurfaceFields, VelocityFields
 from wavetank.tank.bed import VaryingBed
 from wavetank.tank.energy import WaterEnergy
 from wavetank.tank.footprint import Ring, Slice

@@ -19,10 +19,9 @@ from wavetank.planning.plan import make_plan
 from wavetank.planning.requirements import kind_of
 from wavetank.planning.resolution import DEFAULT, Settings
 from wavetank.simulation.build import build_clock, build_run
+from wavetank.simulation.clock import EverySteps
+from wavetank.simulation.diagnostics import Gauges, Memory
 from wavetank.simulation.energy import COLUMNS, EnergyBudget
-from wavetank.simulation.gauges import Gauges
-from wavetank.simulation.record import Memory
-from wavetank.simulation.schedule import EverySteps
 from wavetank.tank.energy import POTENTIAL
 from wavetank.tank.footprint import Slice
 from wavetank.tank.linear_waves import LinearWaves

@@ -27,8 +27,8 @@ from wavetank.planning.resolution import resolved, waves_missed
 from wavetank.recording import Warnings, record_run
 from wavetank.simulation import stability
 from wavetank.simulation.build import Records, build_observers, build_run, build_watch
+from wavetank.simulation.diagnostics import Memory
 from wavetank.simulation.energy import EnergyBudget
-from wavetank.simulation.record import Memory
 from wavetank.waves import stream_function
 from wavetank.waves.airy import wave_number
 

@@ -11,11 +11,10 @@ from wavetank.fem.plane import Plane
 from wavetank.integrators import INTEGRATORS, ThirdOrder
 from wavetank.motion import AtRest, Ramped, Sinusoid
 from wavetank.simulation.build import Records, build_observers, build_run
+from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.contract import Moment
+from wavetank.simulation.diagnostics import Gauges, Memory
 from wavetank.simulation.energy import COLUMNS, EnergyBudget
-from wavetank.simulation.gauges import Gauges
-from wavetank.simulation.record import Memory
-from wavetank.simulation.schedule import EverySteps
 from wavetank.tank.footprint import Ring, Slice
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.walls import LinearPaddle, StillWall

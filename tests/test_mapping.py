@@ -21,13 +21,10 @@ from wavetank.integrators import ThirdOrder
 from wavetank.integrators.states import Point
 from wavetank.motion import Ramped, SegmentedMotion, Sinusoid
 from wavetank.motion.motion import STEEPEST, largest_stroke, quickened, share
-from wavetank.simulation.clock import Clock
+from wavetank.simulation.clock import Clock, EverySteps
 from wavetank.simulation.contract import Moment, Moments
-from wavetank.simulation.crest import HighestCrest
-from wavetank.simulation.gauges import Gauges
-from wavetank.simulation.record import Memory
+from wavetank.simulation.diagnostics import Gauges, HighestCrest, Memory
 from wavetank.simulation.run import Run
-from wavetank.simulation.schedule import EverySteps
 from wavetank.tank.breaking import BreakingDissipation, BreakingWatch
 from wavetank.tank.crests import SteepCrest
 from wavetank.tank.edge_penalty import EdgePenalty

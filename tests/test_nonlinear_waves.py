@@ -19,8 +19,8 @@ from wavetank.integrators.third_order import Traces
 from wavetank.motion import Ramped, Sinusoid
 from wavetank.simulation.build import build_run
 from wavetank.simulation.contract import Moment
+from wavetank.simulation.diagnostics import Memory
 from wavetank.simulation.energy import COLUMNS, EnergyBudget
-from wavetank.simulation.record import Memory
 from wavetank.tank.carried_waves import CarriedWaves
 from wavetank.tank.seen import DAMPED, HIGHEST, POWER, see_from
 from wavetank.tank.still_water import StillWaterWaves, scales

@@ -11,14 +11,12 @@ from wavetank.integrators import StormerVerlet
 from wavetank.integrators.filtered import Filtered
 from wavetank.integrators.states import Point
 from wavetank.motion import Sinusoid
-from wavetank.simulation.clock import Clock
+from wavetank.simulation.clock import Clock, EverySteps, EveryTime, EveryTimeBetween
 from wavetank.simulation.contract import Keeping, Moment
+from wavetank.simulation.diagnostics import Memory, SurfaceSnapshots
 from wavetank.simulation.energy import EnergyBudget, columns
-from wavetank.simulation.record import Memory
 from wavetank.simulation.run import Run
-from wavetank.simulation.schedule import EverySteps, EveryTime, EveryTimeBetween
 from wavetank.simulation.supply import Integral
-from wavetank.simulation.surface import SurfaceSnapshots
 from wavetank.tank.edge_penalty import EdgePenalty
 from wavetank.tank.seen import Sight
 

@@ -8,7 +8,7 @@ from test_stateful import BASIN, FLAP, RING, SLICE
 import wavetank as wt
 from wavetank.case import Scene
 from wavetank.output.directory import FIELDS, RunDirectory
-from wavetank.simulation.schedule import EverySteps
+from wavetank.simulation.clock import EverySteps
 
 ALONG = {
     "probes": [{"x": 1.6, "z": -0.2}],

@@ -26,12 +26,9 @@ from wavetank.recording import record_run
 from wavetank.simulation import checkpoints
 from wavetank.simulation import run as running
 from wavetank.simulation.build import Records, build_observers, build_run
+from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.contract import Moment, Moments, Patient
-from wavetank.simulation.gauges import Gauges
-from wavetank.simulation.paddle import PaddleMotion
-from wavetank.simulation.passing import Called
-from wavetank.simulation.record import Memory
-from wavetank.simulation.schedule import EverySteps
+from wavetank.simulation.diagnostics import Called, Gauges, Memory, PaddleMotion
 from wavetank.simulation.stability import IN_ELEVATION, StabilityWatch
 from wavetank.simulation.supply import AnsweredWork
 from wavetank.tank.surface_flow import surface_of

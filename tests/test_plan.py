@@ -29,9 +29,9 @@ from wavetank.planning.requirements import requirements, stokes
 from wavetank.planning.resolution import LOOSEST, ErrorModel, Settings, solved_to
 from wavetank.simulation.build import Records, build_observers, build_run
 from wavetank.simulation.clock import Clock
+from wavetank.simulation.construction import build_waves, told_energy
 from wavetank.simulation.contract import Moment
-from wavetank.simulation.record import Memory
-from wavetank.simulation.waters import build_waves, told_energy
+from wavetank.simulation.diagnostics import Memory
 from wavetank.tank.footprint import Slice
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.walls import StillWall

@@ -25,8 +25,7 @@ from wavetank.planning.cost import CostModel, calibrate
 from wavetank.planning.plan import Plan, make_plan
 from wavetank.planning.resolution import Settings, resolved
 from wavetank.simulation.build import Records, build_observers, build_run
-from wavetank.simulation.crest import HighestCrest
-from wavetank.simulation.record import Memory
+from wavetank.simulation.diagnostics import HighestCrest, Memory
 from wavetank.waves.airy import angular_frequency
 
 CHECKOUT = Path(__file__).resolve().parents[1]

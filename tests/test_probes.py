@@ -16,10 +16,9 @@ from wavetank.motion import AtRest, Sinusoid
 from wavetank.motion.motion import Tangent
 from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run, resume_run
+from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.contract import Moment
-from wavetank.simulation.probes import Probes
-from wavetank.simulation.record import Memory
-from wavetank.simulation.schedule import EverySteps
+from wavetank.simulation.diagnostics import Memory, Probes
 from wavetank.tank.footprint import Ring, Slice
 from wavetank.tank.rates import NonlinearRates
 from wavetank.tank.sounding import Sounding

@@ -10,7 +10,7 @@ from mpi4py import MPI
 
 from wavetank.case import Scene
 from wavetank.simulation.build import Records, build_observers, build_run
-from wavetank.simulation.record import Memory
+from wavetank.simulation.diagnostics import Memory
 
 REFERENCE = Path(__file__).resolve().parents[2] / "shared" / "data" / "release_from_rest_reference"
 

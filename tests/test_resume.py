@@ -27,9 +27,8 @@ from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, ENERGY, GAU
 from wavetank.planning import checks
 from wavetank.simulation import checkpoints, energy
 from wavetank.simulation import run as running
-from wavetank.simulation.kept_surface import KeptSurface
-from wavetank.simulation.schedule import EverySteps
-from wavetank.simulation.waters import build_waves
+from wavetank.simulation.clock import EverySteps
+from wavetank.simulation.construction import KeptSurface, build_waves
 
 pytestmark = pytest.mark.usefixtures("trusted")
 

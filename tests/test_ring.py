@@ -13,8 +13,8 @@ from wavetank.errors import InputError
 from wavetank.fem.charts import Polygon
 from wavetank.integrators import Simpson4
 from wavetank.simulation.build import Records, build_observers, build_run
+from wavetank.simulation.diagnostics import Memory
 from wavetank.simulation.energy import COLUMNS
-from wavetank.simulation.record import Memory
 from wavetank.tank.footprint import Ring
 from wavetank.waves.airy import angular_frequency
 

@@ -37,10 +37,7 @@ from wavetank.integrators import INTEGRATORS, Simpson4, registered
 from wavetank.motion.recorded import read_record
 from wavetank.planning.cost import BUILT_IN, KINDS
 from wavetank.plots.run_figures import ORIGINS
-from wavetank.simulation.footprints import FOOTPRINTS
-from wavetank.simulation.sponges import SPONGES
-from wavetank.simulation.walls import WALLS
-from wavetank.simulation.waters import WATERS
+from wavetank.simulation.construction import FOOTPRINTS, SPONGES, WALLS, WATERS
 
 CASES = Path(__file__).resolve().parents[1] / "cases"
 

@@ -14,8 +14,8 @@ from mpi4py import MPI
 from wavetank import data
 from wavetank.case.reading import read_case
 from wavetank.simulation.build import Records, build_observers, build_run
+from wavetank.simulation.diagnostics import Memory
 from wavetank.simulation.energy import COLUMNS
-from wavetank.simulation.record import Memory
 
 CASE = Path(__file__).resolve().parents[1] / "cases" / "shoaling-release.toml"
 REFERENCE = "whispers3d_coulaud_case2_shoaling"

@@ -12,9 +12,8 @@ from wavetank.case import Scene
 from wavetank.case.reading import read_case
 from wavetank.integrators.simpson import DAMPED, UNDAMPED
 from wavetank.simulation.build import Records, build_observers, build_run, build_watch
-from wavetank.simulation.gauges import Gauges
-from wavetank.simulation.record import Memory
-from wavetank.simulation.schedule import EverySteps
+from wavetank.simulation.clock import EverySteps
+from wavetank.simulation.diagnostics import Gauges, Memory
 from wavetank.tank.surface_flow import SurfaceFlow
 
 SINUSOID = {"type": "sinusoid", "paddle_amplitude": 0.03, "period": 1.6, "ramp": 1.6}

@@ -16,9 +16,9 @@ from wavetank.motion import ObliqueWave, PiecewiseLinear
 from wavetank.motion.motion import SegmentedMotion
 from wavetank.output.directory import RunDirectory
 from wavetank.simulation.build import build_run
+from wavetank.simulation.construction import build_footprint
+from wavetank.simulation.diagnostics import Memory
 from wavetank.simulation.energy import COLUMNS, EnergyBudget
-from wavetank.simulation.footprints import build_footprint
-from wavetank.simulation.record import Memory
 from wavetank.tank.walls import Polynomial, Shaped
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 from wavetank.waves import airy

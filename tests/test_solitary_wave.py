@@ -13,7 +13,7 @@ from wavetank.errors import InputError
 from wavetank.planning.checks import cut_starts, jets
 from wavetank.planning.default_plan import planned
 from wavetank.simulation.build import Records, build_observers, build_run
-from wavetank.simulation.record import Memory
+from wavetank.simulation.diagnostics import Memory
 from wavetank.waves.solitary_wave import solitary_wave
 
 REFERENCE = Path(__file__).resolve().parents[2] / "shared" / "data" / "solitary_wall_runup_reference"

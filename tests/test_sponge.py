@@ -31,10 +31,10 @@ from wavetank.integrators import (
 from wavetank.integrators.filtered import Filtered
 from wavetank.integrators.states import like, rows
 from wavetank.motion import AtRest, Ramped, Sinusoid
+from wavetank.simulation.construction import build_sponge
 from wavetank.simulation.contract import Moment
+from wavetank.simulation.diagnostics import Memory
 from wavetank.simulation.energy import COLUMNS, EnergyBudget
-from wavetank.simulation.record import Memory
-from wavetank.simulation.sponges import build_sponge
 from wavetank.tank.edge_penalty import EdgePenalty
 from wavetank.tank.footprint import Slice
 from wavetank.tank.linear_waves import LinearWaves

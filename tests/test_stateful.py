@@ -19,10 +19,9 @@ from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS, Damped, Damping, GaussLegendre4
 from wavetank.integrators.filtered import Filtered
 from wavetank.simulation.build import Records, build_observers, build_run, build_watch
-from wavetank.simulation.clock import Clock
-from wavetank.simulation.record import Memory
+from wavetank.simulation.clock import Clock, EverySteps
+from wavetank.simulation.diagnostics import Memory
 from wavetank.simulation.run import Run
-from wavetank.simulation.schedule import EverySteps
 from wavetank.stateful import apart, give_back, named, together
 from wavetank.tank.breaking import BreakingDissipation
 from wavetank.tank.edge_penalty import EdgePenalty

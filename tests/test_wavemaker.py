@@ -5,10 +5,9 @@ import pytest
 
 from wavetank.integrators import Simpson4
 from wavetank.motion import Ramped, Sinusoid
+from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.contract import Moment
-from wavetank.simulation.gauges import Gauges
-from wavetank.simulation.record import Memory
-from wavetank.simulation.schedule import EverySteps
+from wavetank.simulation.diagnostics import Gauges, Memory
 from wavetank.waves.airy import angular_frequency, group_velocity
 from wavetank.waves.wavemaker import PISTON
 

@@ -14,8 +14,8 @@ from wavetank.integrators.contract import Integrator
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath
 from wavetank.recording import record_run, resume_run
+from wavetank.simulation.construction import AnyWaves
 from wavetank.simulation.contract import Observer
-from wavetank.simulation.waters import AnyWaves
 from wavetank.values.python_file import trusting
 
 

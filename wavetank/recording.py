@@ -30,8 +30,6 @@ from wavetank.planning.cost import check_affordable
 from wavetank.planning.default_plan import mesh_told, planned, told_of_rule
 from wavetank.planning.resolution import check_stable
 from wavetank.resuming import GoingOn, KeptRun, kept_scene
-from wavetank.simulation.breaking import BreakingNews
-from wavetank.simulation.broken import BrokenSurface
 from wavetank.simulation.build import (
     Records,
     build_observers,
@@ -42,20 +40,16 @@ from wavetank.simulation.build import (
     told_of_ranks,
     told_of_windows,
 )
-from wavetank.simulation.closing import Outcome, closing
+from wavetank.simulation.construction import AnyWaves, bed_by_code, told_of_bed, told_of_sponge, told_of_start
 from wavetank.simulation.contract import Judge, Observer
+from wavetank.simulation.diagnostics import Discard, DiscardArrays, Kept, RecordCheck
 from wavetank.simulation.energy import EnergyBudget
 from wavetank.simulation.energy import columns as energy_columns
-from wavetank.simulation.interruption import Interruption
+from wavetank.simulation.monitoring import BreakingNews, Interruption, ProgressBar, Standing
 from wavetank.simulation.own import called, own_observers
-from wavetank.simulation.parts import Parts
-from wavetank.simulation.progress import ProgressBar, Standing
-from wavetank.simulation.record import Discard, DiscardArrays, Kept, RecordCheck
 from wavetank.simulation.run import Run
-from wavetank.simulation.sponges import told_of_sponge
 from wavetank.simulation.stability import StabilityWatch
-from wavetank.simulation.starts import told_of_start
-from wavetank.simulation.waters import AnyWaves, bed_by_code, told_of_bed
+from wavetank.simulation.summary import BrokenSurface, Outcome, Parts, closing
 from wavetank.tank.breakdown import cause, folds
 from wavetank.tank.breaking import BreakingAlarm, BreakingDissipation
 from wavetank.tank.waves import NonlinearWaves

@@ -26,11 +26,10 @@ from wavetank.planning.default_plan import Planned, planned
 from wavetank.simulation.build import Beginning
 from wavetank.simulation.checkpoints import Checkpoints
 from wavetank.simulation.clock import Clock
+from wavetank.simulation.construction import AnyWaves, KeptSurface, held_by_scheme
 from wavetank.simulation.energy import EnergyBudget
-from wavetank.simulation.kept_surface import KeptSurface, held_by_scheme
-from wavetank.simulation.parts import Parts
 from wavetank.simulation.run import Run
-from wavetank.simulation.waters import AnyWaves
+from wavetank.simulation.summary import Parts
 from wavetank.stateful import Held, apart, together
 from wavetank.values.noun import Problem, SceneError
 

@@ -21,9 +21,8 @@ from wavetank import data
 from wavetank.case import Scene
 from wavetank.plots.style import COMPUTED
 from wavetank.simulation.build import build_run
-from wavetank.simulation.gauges import Gauges
-from wavetank.simulation.record import Memory
-from wavetank.simulation.schedule import EverySteps
+from wavetank.simulation.clock import EverySteps
+from wavetank.simulation.diagnostics import Gauges, Memory
 from wavetank.values.columns import read_columns
 from wavetank.waves.airy import group_velocity, wave_number
 

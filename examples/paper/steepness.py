@@ -16,8 +16,8 @@ from wavetank.case import Scene
 from wavetank.errors import RunError
 from wavetank.plots.style import BLUE, GREEN, ORANGE, VERMILION, entry, number_logarithms
 from wavetank.simulation.build import build_run
+from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.contract import Moment
-from wavetank.simulation.schedule import EverySteps
 from wavetank.tank.edge_penalty import EdgePenalty
 from wavetank.tank.surface_flow import SurfaceFlow
 from wavetank.tank.waves import NonlinearWaves

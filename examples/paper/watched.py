@@ -6,10 +6,9 @@ from typing import Any, Generic, TypeVar
 from wavetank.arrays import Vector
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.hamiltonian import HamiltonianSystem
-from wavetank.simulation.clock import Clock
+from wavetank.simulation.clock import Clock, EverySteps
 from wavetank.simulation.contract import Moment, ObservedWaves
 from wavetank.simulation.run import Run
-from wavetank.simulation.schedule import EverySteps
 
 T = TypeVar("T")
 Look = Callable[[Any, int], T]  # at the scheme's state after so many steps

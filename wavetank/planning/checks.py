@@ -54,7 +54,7 @@ from wavetank.planning.plan import own_plan
 from wavetank.planning.requirements import RESOLVED, looked_at, requirements, stokes, tapered, unplanned
 from wavetank.planning.resolution import DEFAULT, HELD, bed_shape, by_rule, stroke_missed, too_short, waves_missed
 from wavetank.simulation.clock import ROUNDING, Clock
-from wavetank.simulation.waters import AnyWaves
+from wavetank.simulation.construction import AnyWaves
 from wavetank.tank.short_waves import FARTHEST
 from wavetank.tank.sponge import profile
 from wavetank.waves import airy

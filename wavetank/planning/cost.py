@@ -67,14 +67,13 @@ from wavetank.simulation.build import (
     initial_state,
     summary,
 )
-from wavetank.simulation.clock import Clock
+from wavetank.simulation.clock import Clock, EverySteps, EveryTimeBetween
+from wavetank.simulation.construction import AnyWaves, build_waves
 from wavetank.simulation.contract import Moment
+from wavetank.simulation.diagnostics import Memory
 from wavetank.simulation.energy import Sink
 from wavetank.simulation.memory import available_memory, peak_memory
-from wavetank.simulation.record import Memory
 from wavetank.simulation.run import Run
-from wavetank.simulation.schedule import EverySteps, EveryTimeBetween
-from wavetank.simulation.waters import AnyWaves, build_waves
 from wavetank.values.noun import Problem, SceneError
 from wavetank.waves import airy
 

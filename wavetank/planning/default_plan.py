@@ -14,7 +14,7 @@ from wavetank.planning.checks import cut_starts
 from wavetank.planning.plan import Plan, UnreachableError, make_plan
 from wavetank.planning.requirements import unplanned
 from wavetank.planning.resolution import DEFAULT, resolved, shortest_wave, too_short
-from wavetank.simulation.starts import with_its_numerics
+from wavetank.simulation.construction import with_its_numerics
 from wavetank.values.noun import SceneError, about
 
 LESS = (0.03, 0.1)  # accuracies that are tried where the default one cannot be had

@@ -56,7 +56,7 @@ def _try(scene: "Scene", why: str, terminal: "Console") -> None:
     from wavetank.planning.default_plan import planned
     from wavetank.planning.requirements import absorption
     from wavetank.planning.resolution import shortest_wave
-    from wavetank.simulation.sponges import told_of_sponge
+    from wavetank.simulation.construction import told_of_sponge
 
     terminal.print(f"{why}; timing some steps of this one, with its waves in the tank", highlight=False)
     shortest = str(shortest_wave(scene))
@@ -88,7 +88,7 @@ def _warn(terminal: "Console", *sentences: str) -> None:
 
 def _energy(scene: "Scene") -> list[str]:
     """Return the energy that is computed with, in words, a line each."""
-    from wavetank.simulation.waters import told_energy
+    from wavetank.simulation.construction import told_energy
 
     parts = (f"  {line}" for line in told_energy(scene))
     return ["energy: the sum of its parts, of which all else is a derivative", *parts]
@@ -137,7 +137,7 @@ def _built(scene: "Scene") -> tuple[str, list[str]]:
     from wavetank.planning.checks import forewarnings
     from wavetank.planning.cost import check_affordable
     from wavetank.simulation.build import build_run
-    from wavetank.simulation.sponges import told_of_sponge
+    from wavetank.simulation.construction import told_of_sponge
 
     check_affordable(scene, MPI.COMM_WORLD, longest=inf)
     run, waves = build_run(scene, MPI.COMM_WORLD)

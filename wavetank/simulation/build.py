@@ -19,28 +19,44 @@ from wavetank.integrators.answering import Answering
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.filtered import Filter
 from wavetank.integrators.stage_solver import ITERATES
-from wavetank.simulation.answering import added_motions, build_answers, build_supply
-from wavetank.simulation.clock import ROUNDING, Clock
+from wavetank.simulation.clock import ROUNDING, Clock, EverySteps, EveryTime, EveryTimeBetween
+from wavetank.simulation.construction import (
+    AnyWaves,
+    added_motions,
+    build_answers,
+    build_footprint,
+    build_sponge,
+    build_supply,
+    fill,
+    initial_surface,
+    moving_water,
+)
 from wavetank.simulation.contract import Observer
-from wavetank.simulation.crest import HighestCrest
+from wavetank.simulation.diagnostics import (
+    RATES,
+    Called,
+    FieldRecord,
+    Gauges,
+    HighestCrest,
+    Loads,
+    PaddleLimits,
+    PaddleMotion,
+    Passing,
+    Probes,
+    Pushing,
+    Record,
+    SeenPaddle,
+    SurfaceFields,
+    SurfaceSnapshots,
+    VelocityFields,
+    WaterKept,
+    WindowObserver,
+    WindowRecord,
+)
 from wavetank.simulation.energy import EnergyBudget, Sink
-from wavetank.simulation.fields import SurfaceFields, VelocityFields
-from wavetank.simulation.footprints import build_footprint
-from wavetank.simulation.gauges import Gauges
-from wavetank.simulation.loads import Loads, Pushing
 from wavetank.simulation.own import check_states, own_scheme
-from wavetank.simulation.paddle import RATES, PaddleLimits, PaddleMotion, SeenPaddle
-from wavetank.simulation.passing import Called, Passing
-from wavetank.simulation.probes import Probes, WaterKept
-from wavetank.simulation.record import FieldRecord, Record
 from wavetank.simulation.run import Run
-from wavetank.simulation.schedule import EverySteps, EveryTime, EveryTimeBetween
-from wavetank.simulation.sponges import build_sponge
 from wavetank.simulation.stability import IN_ELEVATION, IN_JUMP, StabilityWatch
-from wavetank.simulation.starts import initial_surface
-from wavetank.simulation.surface import SurfaceSnapshots
-from wavetank.simulation.waters import AnyWaves, fill, moving_water
-from wavetank.simulation.windows import WindowObserver, WindowRecord
 from wavetank.stateful import Held, Stateful
 from wavetank.tank.breaking import BreakingAlarm, BreakingDissipation, BreakingWatch, StopAtBreaking
 from wavetank.tank.breaking_basin import BasinBreakingWatch

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from mpi4py import MPI
 
+from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.contract import Moment
-from wavetank.simulation.schedule import EverySteps
 
 USUALLY, SOON = 60.0, 1.0  # s of computing between two of them, and between the first ones
 COST, NOTING = 0.005, 0.002  # of the time of computing, at most: to write them, and to know where one could be written

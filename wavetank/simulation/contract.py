@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from wavetank.arrays import Vector, read_only
 from wavetank.fem.plane import Plane
-from wavetank.simulation.schedule import Schedule
+from wavetank.simulation.clock import Schedule
 from wavetank.tank.energy import Energies
 from wavetank.tank.seen import Seen, Sight, State
 from wavetank.tank.walls.contract import Heights, Paddle, Stood, stands, stood

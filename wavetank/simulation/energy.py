@@ -18,9 +18,9 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from wavetank.arrays import Vector
+from wavetank.simulation.clock import EverySteps, Schedule
 from wavetank.simulation.contract import Keeping, Moment, Moments, ObservedWaves
-from wavetank.simulation.record import Record
-from wavetank.simulation.schedule import EverySteps, Schedule
+from wavetank.simulation.diagnostics import Record
 from wavetank.simulation.supply import Integral, Power, Supply
 from wavetank.stateful import Held
 

@@ -5,9 +5,9 @@ from typing import Any
 
 from wavetank.errors import InputError, locate
 from wavetank.integrators.contract import Integrator
+from wavetank.simulation.construction import AnyWaves
 from wavetank.simulation.contract import Observer
 from wavetank.simulation.run import Run
-from wavetank.simulation.waters import AnyWaves
 
 SCHEME = ("name", "order", "stability_limit", "frequency_error", "nodes", "start", "step")
 STATE = ("q", "p", "known", "q_jump", "mapped")

@@ -12,10 +12,9 @@ from wavetank.errors import RunError, locate
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.filtered import Filter, Filtered
 from wavetank.integrators.hamiltonian import HamiltonianSystem
-from wavetank.simulation.clock import Clock
+from wavetank.simulation.clock import Clock, EverySteps, Schedule
 from wavetank.simulation.contract import Filtering, Keeping, Moment, Moments, Observer, Patient
 from wavetank.simulation.energy import Sink
-from wavetank.simulation.schedule import EverySteps, Schedule
 from wavetank.stateful import Carrying, Held, Stateful, carry_over, give_back, held_by, named
 from wavetank.tank.seen import Sight
 

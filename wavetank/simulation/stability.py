@@ -23,8 +23,8 @@ import numpy as np
 
 from wavetank.arrays import Vector, largest
 from wavetank.fem.differences import largest_differences
+from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.contract import Keeping, Moment, Moments
-from wavetank.simulation.schedule import EverySteps
 from wavetank.stateful import Held
 from wavetank.tank.seen import LARGEST
 from wavetank.tank.short_waves import FARTHEST, ShortWaves

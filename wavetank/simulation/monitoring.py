@@ -1,14 +1,92 @@
-"""Progress of a run: a bar in a terminal, plain lines elsewhere and in the run's log; and told in its manifest."""
+"""Diagnostics that monitor a run: wave breaking, interruption and progress."""
 
+import signal
 import time
 from collections.abc import Callable
 from math import inf
+from types import FrameType
 
+from mpi4py import MPI
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
+from wavetank.arrays import largest
+from wavetank.errors import StoppedError
 from wavetank.output.files import RunLog
-from wavetank.simulation.contract import Moments, Patient
-from wavetank.simulation.schedule import EverySteps
+from wavetank.simulation.clock import EverySteps
+from wavetank.simulation.contract import Moment, Moments, Patient
+from wavetank.stateful import Held
+from wavetank.tank.breaking import BreakingDissipation
+
+
+class BreakingNews:
+    """Says when and where the first wave breaks.
+
+    Parameters
+    ----------
+    breaking
+        What acts on it.
+    say
+        Takes the sentence.
+    """
+
+    def __init__(self, breaking: BreakingDissipation, say: Callable[[str], None]):
+        self.schedule = EverySteps()
+        self._breaking, self._say, self._said = breaking, say, False
+
+    def observe(self, moment: Moment) -> None:
+        """Look whether one has begun to."""
+        if self._breaking.watch.alarms and not self._said:
+            self._said = True
+            self._say(f"{self._breaking.watch.first}: a wave breaks; an eddy viscosity acts on it until it is gentle")
+
+    def held(self) -> Held:
+        """Return whether it has been said."""
+        return {"said": self._said}
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        self._said = held["said"]
+
+    carry = take
+
+
+class Interruption:
+    """Ends the run on all ranks after a signal on any of them; a context manager, in the main thread.
+
+    After SIGUSR1, by which batch systems tell what is to come, it goes on.
+
+    Attributes
+    ----------
+    before
+        What is done at any of these signals, before the run ends; collective.
+    """
+
+    signals = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
+
+    def __init__(self, comm: MPI.Comm):
+        self.schedule = EverySteps()
+        self._comm, self._received = comm, 0
+        self.before: Callable[[], None] = lambda: None
+
+    def __enter__(self) -> "Interruption":
+        self._former = [signal.signal(number, self._receive) for number in self.signals]
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        for number, handler in zip(self.signals, self._former, strict=True):
+            signal.signal(number, handler)
+
+    def _receive(self, number: int, frame: FrameType | None) -> None:
+        self._received = number
+
+    def observe(self, moment: Moment) -> None:
+        """Raise ``StoppedError`` if a signal has come; collective."""
+        if number := int(largest(self._comm, self._received)):
+            self.before()
+            if number == signal.SIGUSR1:
+                self._received = 0 if self._received == number else self._received
+                return
+            raise StoppedError(f"t = {moment.t:.6g} s: interrupted by {signal.Signals(number).name}")
 
 
 class ProgressBar(Patient):

@@ -1,0 +1,683 @@
+"""From a case to the tank: footprint, walls, water, sponge, absorbing paddles and initial state."""
+
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from mpi4py import MPI
+from pydantic import ValidationError
+
+from wavetank.arrays import Vector
+from wavetank.case import (
+    BasinTank,
+    FlapWall,
+    Physics,
+    PistonWall,
+    ProfileWall,
+    PythonBed,
+    RingTank,
+    RunState,
+    Scene,
+    SegmentedFlapWall,
+    SegmentedPistonWall,
+    SliceTank,
+)
+from wavetank.case.initial import FileSurface, FormulaSurface
+from wavetank.case.output import FAR
+from wavetank.case.tank import AnySponge, EndSponge, FormulaSponge, GroupSponge
+from wavetank.case.wall import ActiveAbsorption, MovingWall, ShapedWall, SpringDamper
+from wavetank.errors import InputError
+from wavetank.fem.agreed import agreed, from_first
+from wavetank.fem.by_place import at_the_same, found, gathered
+from wavetank.fem.layout_mesh import draw_layout, read_layout
+from wavetank.fem.misfit import rms
+from wavetank.fem.plane import Plane
+from wavetank.fem.points import Points
+from wavetank.mesh import MeshFile, Rectangle
+from wavetank.motion import Motion
+from wavetank.motion.feedback import Equation, FeedbackMotion, elevation_at_face
+from wavetank.motion.motion import STEEPEST, Tangent
+from wavetank.output.checkpoint import Checkpoint, is_at, read_checkpoint_file, readable_checkpoints
+from wavetank.output.directory import RunDirectory
+from wavetank.simulation.supply import AnsweredWork
+from wavetank.stateful import Held, together
+from wavetank.tank.answering import AnsweringPaddle, Excess, Look, Push
+from wavetank.tank.bed import FlatBed, VaryingBed
+from wavetank.tank.footprint import Basin, Ring, Slice
+from wavetank.tank.linear_waves import LinearWaves
+from wavetank.tank.rates import LinearRates, MovingWater, NonlinearRates
+from wavetank.tank.sponge import checked, distance_from_edge, profile, width_of
+from wavetank.tank.walls import BothEnds, LinearEnds, LinearPaddle, Piston, Placed, Polynomial, Shaped, Side, StillWall
+from wavetank.tank.waves import NonlinearWaves, Tolerances
+from wavetank.values.noun import Noun, Problem, SceneError, about, renamed
+
+Footprint = Slice | Ring | Basin
+
+
+def build_footprint(scene: Scene, comm: MPI.Comm) -> Footprint:
+    """Return the tank seen from above; collective. Raises ``InputError`` for a mesh that cannot be used."""
+    return FOOTPRINTS[type(scene.tank)](scene, scene.tank, comm)
+
+
+def _slice(scene: Scene, tank: SliceTank, comm: MPI.Comm) -> Slice:
+    return Slice(tank.length, scene.cells, comm=comm)
+
+
+def _ring(scene: Scene, tank: RingTank, comm: MPI.Comm) -> Ring:
+    return Ring(tank.length, scene.cells, comm=comm)
+
+
+def _basin(scene: Scene, tank: BasinTank, comm: MPI.Comm) -> Basin:
+    layout, size = tank.layout, scene.cell_size
+    if isinstance(layout, MeshFile):
+        return Basin(read_layout(Path(layout.file), comm))
+    far = layout.box[2] if isinstance(layout, Rectangle) else None
+    return Basin(draw_layout(lambda: layout.draw(size), comm), far=far)
+
+
+FOOTPRINTS: dict[type[Noun], Callable[[Scene, Any, MPI.Comm], Footprint]] = {
+    SliceTank: _slice,
+    RingTank: _ring,
+    BasinTank: _basin,
+}
+
+
+MISSED = 0.1  # of the largest share: a polynomial farther from a shape is another
+FLAT = 1e-9  # of the depth
+
+
+class Kind(NamedTuple):
+    """A kind of wall.
+
+    Attributes
+    ----------
+    wall
+        Its class, which says in words what it adds and how it maps.
+    build
+        Returns the wall of a scene that moves, by its noun, on a footprint with its plane; collective.
+    """
+
+    wall: type[Placed]
+    build: Callable[[Scene, Any, Any, Plane], Any]
+
+
+def build_wall(scene: Scene, footprint: Footprint, plane: Plane) -> Any:
+    """Return what moves of the scene's walls, for its water; collective.
+
+    Raises ``InputError`` where one cannot move as far.
+    """
+    walls = [_built(seen, footprint, plane) for seen in scene.paddles]
+    if len(walls) < 2:
+        return walls[0] if walls else StillWall()
+    return LinearEnds(*walls) if scene.physics == "linear" else _both(scene, *walls, plane=plane)
+
+
+def kinds_of(scene: Scene) -> list[type[Placed]]:
+    """Return the classes of what moves of the scene's walls, or that of one that stands still."""
+    return [WALLS[scene.physics][type(seen.wall)].wall for seen in scene.paddles] or [StillWall]
+
+
+def _built(seen: Scene, footprint: Footprint, plane: Plane) -> Any:
+    """Return the wall of a scene as seen from it; collective."""
+    with renamed("wall", seen.key):
+        return WALLS[seen.physics][type(seen.wall)].build(seen, seen.wall, footprint, plane)
+
+
+def _both(scene: Scene, near: Piston, far: Piston, *, plane: Plane) -> BothEnds:
+    """Return both walls; raises ``SceneError`` where their reaches meet on a mesh of few cells."""
+    if near.reach + far.reach > scene.tank.length * (1 + 1e-9):
+        what = f"reaches {far.reach:.4g} m on this mesh, the wall {near.reach:.4g} m: must not overlap"
+        raise SceneError([Problem(("far_wall", "reach"), scene.mirrored.reach, what)])
+    return BothEnds(near, far, plane=plane)
+
+
+def motion_of(scene: Scene) -> Motion:
+    """Return what moves the wall: of a paddle that absorbs a motion of this run's own."""
+    return scene.motion() if getattr(scene.wall, "absorb", None) is None else FeedbackMotion(scene.motion())
+
+
+def _linear_piston(scene: Scene, noun: PistonWall, footprint: Slice | Basin, plane: Plane) -> LinearPaddle:
+    return LinearPaddle(motion_of(scene), plane=plane, side=footprint.side(scene.end))
+
+
+def _linear_shaped(scene: Scene, noun: ShapedWall, footprint: Slice | Basin, plane: Plane) -> LinearPaddle:
+    side, shape = footprint.side(scene.end), _shape(scene, noun, plane)
+    return LinearPaddle(motion_of(scene), plane=plane, side=side, shape=shape)
+
+
+def _shape(scene: Scene, noun: ShapedWall, plane: Plane) -> Polynomial:
+    """Return the polynomial of a paddle's shape; raises ``SceneError`` for one that it would not show."""
+    maker, depth = noun.maker, scene.tank.depth
+    shape = Polynomial.near(lambda z: maker.share(z, depth), depth, plane.mesh, kinks=maker.kinks(depth))
+    z = np.linspace(-depth, 0.0, 1001, dtype=np.float64)
+    wanted = maker.share(z, depth)
+    missed = float(np.abs(shape.at(z) - wanted).max() / np.abs(wanted).max())
+    if missed > MISSED:
+        allowed = f"bends the paddle too sharply: the nearest polynomial misses {100 * missed:.0f} % of its stroke"
+        raise SceneError([Problem(("wall", noun.shaped_by), getattr(noun, noun.shaped_by), allowed)])
+    return shape
+
+
+def _shaped(scene: Scene, noun: ShapedWall, footprint: Slice | Basin, plane: Plane) -> Piston:
+    side, shape = footprint.side(scene.end), _shape(scene, noun, plane)
+    wall = Shaped(motion_of(scene), plane=plane, reach=_reach(scene, noun, footprint, side), side=side, shape=shape)
+    _check_flat(scene, noun, wall, plane)
+    return _checked(scene, noun, wall)
+
+
+def _check_flat(scene: Scene, noun: ShapedWall, wall: Piston, plane: Plane) -> None:
+    """Raise ``SceneError`` for a bed that varies within the reach of a paddle that leans; collective."""
+    depth, distances = scene.depths(), wall.distances(plane)
+    if not callable(depth):
+        return
+    found = agreed(plane.comm, lambda: np.asarray(depth(*plane.places.T)))
+    uneven = np.abs(found - scene.tank.depth) > FLAT * scene.tank.depth
+    nearest = plane.comm.allreduce(float(distances[uneven].min(initial=np.inf)), op=MPI.MIN)
+    if nearest < wall.reach:
+        needed = STEEPEST * noun.max_mode_shape(scene.tank) * scene.excursion(scene.motion())
+        bounds = f"must be at most {nearest:.4g} m, and more than {needed:.4g} m for this motion"
+        flat = f"must be of the tank's depth, to {FLAT:g} of it, within the reach of a paddle that leans"
+        if noun.reach is not None and nearest > needed:
+            raise SceneError([Problem(("wall", "reach"), noun.reach, f"{bounds}: the bed {flat}")])
+        cure = f"its reach {bounds}"
+        if nearest <= needed:
+            cure = f"this motion needs more than {needed:.4g} m of such a bed; a piston needs none"
+        here = f"here {wall.reach:.4g} m{'' if noun.reach else ' by default'}, and is so for {nearest:.4g} m"
+        raise SceneError([Problem(("tank", "bed"), None, f"{flat}, {here}: {cure}")])
+
+
+def _piston(scene: Scene, noun: MovingWall, footprint: Slice | Basin, plane: Plane) -> Piston:
+    side = footprint.side(scene.end)
+    wall = Piston(motion_of(scene), plane=plane, reach=_reach(scene, noun, footprint, side), side=side)
+    return _checked(scene, noun, wall)
+
+
+def _checked(scene: Scene, noun: MovingWall, wall: Piston) -> Piston:
+    """Return the wall; raises ``SceneError`` where it goes farther than its mapping can."""
+    excursion, allowed = noun.max_mode_shape(scene.tank) * scene.excursion(scene.motion()), wall.largest_stroke
+    if excursion >= allowed:
+        limit = (
+            f"goes {excursion:.4g} m from rest; must stay below {allowed:.4g} m, 3/4 of the reach in which its mapping "
+            f"dies out, which is {wall.reach:.4g} m on this mesh and before any wall that stands still"
+        )
+        raise SceneError([Problem(("wall", "motion"), None, limit)])
+    return wall
+
+
+def _reach(scene: Scene, noun: MovingWall, footprint: Slice | Basin, side: Side) -> float:
+    """Return where the wall's mapping has died out [m], before any wall that must not move; collective."""
+    free, asked = footprint.free_reach(side), scene.reach
+    if noun.reach is not None and asked > free * (1 + 1e-9):
+        what = "where a wall stands that does not run along the paddle's motion"
+        raise SceneError([Problem(("wall", "reach"), asked, f"must be at most {free:.4g} m, {what}")])
+    return min(free, asked)
+
+
+WALLS: dict[Physics, dict[type[Noun], Kind]] = {
+    "nonlinear": {
+        PistonWall: Kind(Piston, _piston),
+        FlapWall: Kind(Shaped, _shaped),
+        ProfileWall: Kind(Shaped, _shaped),
+        SegmentedPistonWall: Kind(Piston, _piston),
+        SegmentedFlapWall: Kind(Shaped, _shaped),
+    },
+    "linear": {
+        PistonWall: Kind(LinearPaddle, _linear_piston),
+        FlapWall: Kind(LinearPaddle, _linear_shaped),
+        ProfileWall: Kind(LinearPaddle, _linear_shaped),
+    },
+}
+
+
+AnyWaves = NonlinearWaves | LinearWaves
+NOMINAL = 0.01  # of the depth: what a bed may differ from it where waves are made, as measured ones do
+
+
+def build_waves(scene: Scene, comm: MPI.Comm) -> AnyWaves:
+    """Return the tank with its water; collective."""
+    return fill(scene, build_footprint(scene, comm))
+
+
+def fill(scene: Scene, footprint: Footprint) -> AnyWaves:
+    """Return a footprint with the scene's water in it; collective."""
+    with about("tank", "bed"):
+        plane = Plane(footprint.mesh, scene.numerics.order, footprint.chart, walls=footprint.facets_of)
+        check_depth(scene, footprint, plane)
+        return WATERS[scene.physics].build(scene, footprint, plane)
+
+
+def check_depth(scene: Scene, footprint: Footprint, plane: Plane) -> None:
+    """Raise ``SceneError`` if the tank's depth is not the bed's at the paddle, or is nowhere its; collective."""
+    depth = scene.depths()
+    if not callable(depth):
+        return
+    looked_at = {"a depth of the bed": plane.places}
+    if not isinstance(footprint, Ring) and scene.paddles:
+        ends = {seen.end: plane.places[plane.at(footprint.side(seen.end).facets)] for seen in scene.paddles}
+        looked_at = {f"the bed's depth at the {end}": places for end, places in ends.items()}
+    for where, at in looked_at.items():
+        found = agreed(plane.comm, lambda at=at: depth(*at.T))  # type: ignore[misc]
+        low = plane.comm.allreduce(float(np.min(found, initial=np.inf)), op=MPI.MIN)
+        high = plane.comm.allreduce(float(np.max(found, initial=-np.inf)), op=MPI.MAX)
+        if low > 0.0 and not (1 - NOMINAL) * low <= scene.tank.depth <= (1 + NOMINAL) * high:
+            depths = f"{low:.4g} m" if f"{low:.4g}" == f"{high:.4g}" else f"{low:.4g} to {high:.4g} m"
+            or_else = ", or the bed of the tank's depth there: the wall moves" if where.endswith(FAR) else ""
+            allowed = f"must be {where}, {depths}, to 1 %{or_else}"
+            raise SceneError([Problem(("tank", "depth"), scene.tank.depth, allowed)])
+
+
+def told_of_bed(scene: Scene, waves: AnyWaves) -> str:
+    """Return how much of the tank the bed's minimum depth touches, or nothing if it has none; collective."""
+    minimum = None if scene.tank.bed is None else scene.tank.bed.minimum_depth
+    if minimum is None:
+        return ""
+    touched = np.asarray(waves.bed.still == minimum, dtype=np.float64)
+    wet, whole = (waves.plane.sum(waves.mass.apply(part)) for part in (touched, np.ones_like(touched)))
+    return f"tank.bed.minimum_depth = {minimum:g} m holds for {100 * wet / whole:.3g} % of the tank"
+
+
+def bed_by_code(scene: Scene, waves: AnyWaves) -> dict[str, Vector]:
+    """Return x, y (of a basin) [m] and depth [m] of a bed by a Python function at all degrees of freedom; collective.
+
+    Empty of any other bed, and on all ranks but the first.
+    """
+    depth = scene.depths()
+    if not isinstance(scene.tank.bed, PythonBed) or not callable(depth):
+        return {}
+    x, y = waves.plane.places.T
+    columns = {"x [m]": x, "y [m]": y, "depth [m]": agreed(waves.plane.comm, lambda: depth(x, y))}
+    if waves.plane.mesh.topology.dim == 1:
+        del columns["y [m]"]
+    values, _ = gathered(waves.plane, [*columns.values()])
+    return dict(zip(columns, values, strict=False))
+
+
+def told_energy(scene: Scene) -> list[str]:
+    """Return a scene's Hamiltonian in words, a line each: its parts, the mapping, the bed; what vanishes, and why."""
+    parts, walls = WATERS[scene.physics].waves.parts, kinds_of(scene)
+    names = [seen.key.replace("_", " ") for seen in scene.paddles] or ["wall"]
+    named = [wall.part._replace(name=name) for wall, name in zip(walls, names, strict=True)]
+    if len(named) > 1 and named[0].formula == named[1].formula:
+        named[1] = named[1]._replace(formula="the same at the far paddle")
+    bed = FlatBed if scene.tank.bed is None else VaryingBed
+    own = ["X_p: of each paddle its own, from its wall into the water"] if len(named) > 1 else []
+    return [*map(str, (*parts, *named)), *dict.fromkeys(wall.told for wall in walls), *own, bed.told]
+
+
+def _nonlinear(scene: Scene, footprint: Footprint, plane: Plane) -> NonlinearWaves:
+    numerics = scene.numerics
+    return NonlinearWaves(
+        plane,
+        depth=scene.depths(),
+        gravity=scene.tank.gravity,
+        wall=build_wall(scene, footprint, plane),
+        vertical_order=numerics.vertical_order,
+        tolerances=Tolerances(stage=numerics.tolerance, interior=0.1 * numerics.tolerance),
+    )
+
+
+def _linear(scene: Scene, footprint: Footprint, plane: Plane) -> LinearWaves:
+    return LinearWaves(
+        plane,
+        depth=scene.depths(),
+        gravity=scene.tank.gravity,
+        wall=build_wall(scene, footprint, plane),
+        vertical_order=scene.numerics.vertical_order,
+        tolerance=scene.numerics.tolerance,
+    )
+
+
+def moving_water(scene: Scene, waves: AnyWaves) -> MovingWater:
+    """Return water of an observer's own like the scene's, of which rates are found; collective."""
+    numerics = scene.numerics
+    if isinstance(waves, LinearWaves):
+        return LinearRates(waves, tolerance=0.1 * numerics.tolerance)
+    tangents = [Tangent(paddle.motion) for paddle in waves.wall.paddles]
+    return NonlinearRates(
+        waves.plane,
+        tangents=tangents,
+        depth=scene.depths(),
+        gravity=scene.tank.gravity,
+        wall=waves.wall.moved_by(tangents),
+        vertical_order=numerics.vertical_order,
+        tolerances=Tolerances(stage=numerics.tolerance, interior=0.1 * numerics.tolerance),
+    )
+
+
+class Water(NamedTuple):
+    """A kind of water: the class of its waves, and what builds them."""
+
+    waves: type[NonlinearWaves] | type[LinearWaves]
+    build: Callable[[Scene, Footprint, Plane], AnyWaves]
+
+
+WATERS: dict[Physics, Water] = {
+    "nonlinear": Water(NonlinearWaves, _nonlinear),
+    "linear": Water(LinearWaves, _linear),
+}
+
+
+def build_sponge(scene: Scene, sponge: AnySponge, footprint: Footprint, waves: AnyWaves) -> Vector:
+    """Return gamma at the owned degrees of freedom [1/s], shape (owned,); collective."""
+    return SPONGES[type(sponge)](scene, sponge, footprint, waves)
+
+
+def told_of_sponge(scene: Scene, waves: AnyWaves) -> str:
+    """Return where the sponge is, and the largest rate that acts, or nothing if there is none; collective."""
+    if scene.sponge is None or waves.damping is None:
+        return ""
+    most = waves.plane.comm.allreduce(float(np.max(waves.damping, initial=0.0)), op=MPI.MAX)
+    where = f"the last {scene.sponge.length:g} m, " if isinstance(scene.sponge, EndSponge) else ""
+    return f"sponge: {where}up to {most:.3g} 1/s"
+
+
+def _formula(scene: Scene, sponge: FormulaSponge, footprint: Footprint, waves: AnyWaves) -> Vector:
+    plane = waves.plane
+    return checked(plane, agreed(plane.comm, lambda: sponge.build()(*plane.places.T)))
+
+
+def _group(scene: Scene, sponge: GroupSponge, footprint: Basin, waves: AnyWaves) -> Vector:
+    distance = distance_from_edge(waves.plane, footprint.layout.cells_of("sponge"))
+    return _profile(scene, sponge, distance, width=width_of(waves.plane, distance))
+
+
+def _end(scene: Scene, sponge: EndSponge, footprint: Footprint, waves: AnyWaves) -> Vector:
+    x = waves.wall.distances(waves.plane)
+    far = waves.plane.comm.allreduce(float(np.max(x, initial=-np.inf)), op=MPI.MAX)
+    return _profile(scene, sponge, np.asarray(x - (far - sponge.length)), width=sponge.length)
+
+
+def _profile(scene: Scene, sponge: EndSponge | GroupSponge, distance: Vector, *, width: float) -> Vector:
+    """Return gamma at distances from the inner edge of a sponge of some width [m]."""
+    strength = sponge.strength_for(width, scene.tank, paddle=scene.paddle_period)
+    return profile(distance, width=width, strength=strength)
+
+
+SPONGES: dict[type[Noun], Callable[[Scene, Any, Any, AnyWaves], Vector]] = {
+    FormulaSponge: _formula,
+    GroupSponge: _group,
+    EndSponge: _end,
+}
+
+
+Answered = tuple[Equation, Look]
+
+
+def build_answers(scene: Scene, waves: AnyWaves) -> list[AnsweringPaddle]:
+    """Return what answers the water, of each paddle of a scene that absorbs; collective."""
+    found = list[AnsweringPaddle]()
+    for number in scene.absorbing:
+        seen = scene.paddles[number]
+        wall: Any = seen.wall
+        paddle: Any = waves.wall.paddles[number]
+        equation, look = ANSWERS[type(wall.absorb)](scene, number, waves)
+        shares = wall.mode_shape(seen.tank)
+        found.append(AnsweringPaddle(paddle, equation, look, shares=shares, key=seen.key))
+    return found
+
+
+def added_motions(scene: Scene, waves: AnyWaves) -> dict[int, Any]:
+    """Return how those paddles move that absorb, by their numbers: ``FeedbackMotion`` motions."""
+    return {number: waves.wall.paddles[number].motion for number in scene.absorbing}
+
+
+def build_supply(scene: Scene, waves: AnyWaves) -> AnsweredWork | None:
+    """Return what counts the work of a scene's paddles, where some of them absorb."""
+    if not scene.absorbing:
+        return None
+    walls: list[Any] = [seen.wall for seen in scene.paddles]
+    masses = np.array([wall.added_mass(scene.tank) for wall in walls])
+    return AnsweredWork([paddle.motion for paddle in waves.wall.paddles], masses)
+
+
+def went_on(scene: Scene, motions: Iterable[Any], scheme: Held) -> None:
+    """Let motions of a scene's paddles, those that absorb among them, stand where a run's scheme has held them."""
+    paddles = [*motions]
+    for n, number in enumerate(scene.absorbing):
+        paddles[number].carry(scheme[f"paddle {n}"]["motion"])
+
+
+def _active(scene: Scene, number: int, waves: AnyWaves) -> Answered:
+    seen, tank, comm = scene.paddles[number], scene.tank, waves.plane.comm
+    wall: Any = seen.wall
+    paddle: Any = waves.wall.paddles[number]
+    found = from_first(comm, lambda: wall.absorb.build(tank, wall.maker, paddles=scene.paddle_periods))
+    above, below = found.over_s()
+    made = agreed(
+        comm,
+        lambda: elevation_at_face(
+            seen.motion(), wall.maker, depth=tank.depth, gravity=tank.gravity, duration=scene.run.duration
+        ),
+    )
+    excess = Excess(waves, paddle, made)
+    return Equation.of_transfer(-above, below).met_by(excess.rise), excess
+
+
+def _on_spring(scene: Scene, number: int, waves: AnyWaves) -> Answered:
+    wall: Any = scene.paddles[number].wall
+    paddle: Any = waves.wall.paddles[number]
+    mass, stiffness, damping = wall.absorb.resolved(scene.tank, wall.maker, paddles=scene.paddle_periods)
+    added = wall.added_mass(scene.tank)
+    equation = Equation.of_spring(mass + added, stiffness, damping)
+    return equation, Push(waves, number, paddle, mass=added)
+
+
+ANSWERS: dict[type[Noun], Callable[[Scene, int, AnyWaves], Answered]] = {
+    ActiveAbsorption: _active,
+    SpringDamper: _on_spring,
+}
+
+
+TRIALS = 6  # each ten times as near: the slopes of surface and paddle are a few tenths at most
+
+
+class KeptSurface(NamedTuple):
+    """The surface of a run, by place.
+
+    Attributes
+    ----------
+    scene
+        What was computed, with its numerics.
+    t
+        The time [s].
+    mass
+        Of the water [m³, m²].
+    values
+        Elevation [m] and surface potential [m²/s], shape (N,) each; used of the first rank alone.
+    places
+        Of the degrees of freedom in its mesh [m], shape (N, 3); used of the first rank alone.
+    scheme
+        What its integrator has held: where absorbing has taken its paddles.
+    """
+
+    scene: Scene
+    t: float
+    mass: float
+    values: tuple[Vector, Vector]
+    places: Vector
+    scheme: Held
+
+    def on(self, waves: AnyWaves) -> tuple[Vector, Vector]:
+        """Return both at the degrees of freedom of waves, whose wall stands as it will, shape (owned,); collective.
+
+        On a mesh with others than those they are what the elements say there.
+        """
+        if at_the_same(waves.plane, self.places):
+            elevation, potential = found(waves.plane, self.values, self.places)
+            return elevation, potential
+        comm, footprint = waves.plane.comm, build_footprint(self.scene, waves.plane.comm)
+        plane = Plane(footprint.mesh, self.scene.numerics.order, footprint.chart)
+        wall: Any = build_wall(self.scene, footprint, plane)
+        went_on(self.scene, (paddle.motion for paddle in wall.paddles), self.scheme)
+        if wall.moves:
+            wall.set_time(self.t)
+        fields = [plane.function("kept") for _ in self.values]
+        for field, values in zip(fields, found(plane, self.values, self.places), strict=True):
+            field.set(values)
+        reference = _on_all(comm, waves.plane.places)
+
+        def coordinates(z: Vector) -> Vector:
+            return plane.chart.place(wall.to_reference(waves.wall.to_physical(reference, z), z))
+
+        z: Vector = np.zeros(len(reference))
+        points = Points(plane, coordinates(z))
+        for _ in range(TRIALS if wall.leans or waves.wall.leans else 1):  # where the surface is depends on its height
+            points.move(coordinates(z))
+            z = points.evaluate(fields[0])
+        begin = sum(comm.allgather(waves.plane.owned)[: comm.rank])
+        mine = slice(begin, begin + waves.plane.owned)
+        return z[mine], points.evaluate(fields[1])[mine]
+
+
+def held_by_scheme(run: Held) -> Held:
+    """Return what its integrator has held, of what a run has."""
+    held: Held = run["parts"]["scheme"].get("scheme", {})
+    return held
+
+
+def _on_all(comm: MPI.Comm, rows: Vector) -> Vector:
+    """Return all ranks' rows, one rank's after another's; collective."""
+    return np.concatenate(comm.allgather(rows))
+
+
+SEEN = 0.01  # of its rms: a mean elevation that is told
+APART = 1e-3  # of the depth: so far may the wall stand from where it stood
+MESHED = {"cells", "geometry", "sponge_length", "factor", "refine", "file"}  # of a layout: its mesh, not its walls
+
+
+def initial_surface(scene: Scene, waves: AnyWaves) -> tuple[Vector, Vector]:
+    """Return eta [m] and psi [m²/s] at the degrees of freedom, shape (owned,); collective.
+
+    Raises ``InputError`` where they cannot be had.
+    """
+    comm, initial = waves.plane.comm, scene.initial
+    if isinstance(initial, RunState):
+        return kept_surface(scene, initial, waves).on(waves)
+    x, y = waves.plane.places.T
+    return agreed(comm, lambda: initial.surface(scene.tank, x, y))
+
+
+def kept_surface(scene: Scene, initial: RunState, waves: AnyWaves) -> KeptSurface:
+    """Return what was kept, values on the first rank alone; collective. Raises ``InputError``, on all ranks."""
+    comm = waves.plane.comm
+    found: list[Checkpoint] = []
+
+    def read() -> tuple[dict[str, Any], Scene, Held]:
+        path, about = _chosen(initial)
+        before, checkpoint = _its_scene(initial, about), read_checkpoint_file(path)
+        if not isinstance(checkpoint, Checkpoint):
+            raise InputError(f"{path}: cannot be used ({checkpoint or 'it is no longer there'}).")
+        scheme = held_by_scheme(together(checkpoint.held, [np.zeros(0)] * len(checkpoint.arrays))["run"])
+        _check(scene, before, about["t"], scheme)
+        found.append(checkpoint)
+        return about, before, scheme
+
+    about, before, scheme = from_first(comm, read)
+    values: tuple[Vector, Vector] = np.zeros(0), np.zeros(0)
+    places: Vector = np.zeros((0, 3))
+    if found:
+        surface = together(found[0].held, found[0].arrays)["surface"]
+        values, places = (surface["elevation"], surface["potential"]), found[0].places
+    return KeptSurface(before, about["t"], about["mass"], values, places, scheme=scheme)
+
+
+def with_its_numerics(scene: Scene, initial: RunState) -> Scene:
+    """Return the scene with that run's numerics where it names none; or ``InputError``, also if they do not fit."""
+    before = _its_scene(initial, _chosen(initial)[1])
+    numerics = scene.numerics.over(before.numerics, named=scene.numerics.model_fields_set)
+    found = scene.model_copy(update={"numerics": numerics})
+    if problems := [*numerics.problems(found)]:
+        raise SceneError(problems)
+    return found
+
+
+def told_of_start(scene: Scene, waves: AnyWaves, q: Vector) -> str:
+    """Return what a start costs of the mass, of a file where its mean is, or nothing of others; collective."""
+    initial = scene.initial
+    if isinstance(initial, FileSurface | FormulaSurface):
+        return _told_of_mean(waves, q)
+    if not isinstance(initial, RunState):
+        return ""
+    about = from_first(waves.plane.comm, lambda: _chosen(initial)[1])
+    mass = waves.total_mass(q) / about["mass"] - 1.0
+    return f"begins with {initial.directory} at t = {about['t']:.6g} s; the mass changes by {mass:.1g} of it"
+
+
+def _told_of_mean(waves: AnyWaves, q: Vector) -> str:
+    """Return where the mean of an initial surface is, unless that is at still water; collective."""
+    still, higher = (waves.total_mass(waves.state(np.full_like(q, eta), 0 * q)[0]) for eta in (0.0, waves.depth))
+    mean = (waves.total_mass(q) - still) / (higher - still) * waves.depth
+    if abs(mean) < SEEN * rms(waves.plane, waves.elevation(q, 0 * q, 0.0)):
+        return ""
+    return f"the initial surface has a mean of {mean:+.3g} m: at rest the water would stand there, not at z = 0"
+
+
+def _chosen(initial: RunState) -> tuple[Path, dict[str, Any]]:
+    """Return the file of the checkpoint that is asked for, and what is told of it; raises ``InputError``."""
+    directory = RunDirectory(initial.directory)
+    found = list(readable_checkpoints(directory.path))
+    if not found:
+        raise InputError(f"directory = {initial.directory}: holds no checkpoint to begin with.")
+    if initial.t is None:
+        return found[0]
+    at = initial.t
+    for path, description in found:
+        if is_at(description, at):
+            return path, description
+    times = " and ".join(f"{about['t']:.6g} s" for _, about in found)
+    raise InputError(f"t = {at:g}: must be a time that is kept, which are {times}; a run keeps its end.")
+
+
+def _its_scene(initial: RunState, about: dict[str, Any]) -> Scene:
+    try:
+        return Scene.model_validate(about["chosen"])
+    except (KeyError, ValidationError):
+        raise InputError(f"directory = {initial.directory}: was written by another version of this program.") from None
+
+
+def _check(scene: Scene, before: Scene, t: float, scheme: Held) -> None:
+    """Raise ``InputError`` unless the tanks are one, and the walls stand in one place."""
+    mine, its = (_walls(one) for one in (scene, before))
+    for key in sorted(mine.keys() | its.keys()):
+        if mine.get(key) != its.get(key):
+            raise InputError(f"tank.{key} = {mine.get(key)!r}: must be {its.get(key)!r}, as in the run to begin with.")
+    moved, moves = _motions(before, scheme), _motions(scene)
+    for name, was, now in (("wall", before, scene), ("far wall", before.mirrored, scene.mirrored)):
+        places = [y for y in (one.wall.places(one.tank) for one in (was, now)) if y is not None]
+        along = np.unique(np.concatenate(places)) if places else None
+        stood, stands = _position(moved.get(was.key), t, along), _position(moves.get(now.key), 0.0, along)
+        apart = stands - stood
+        if np.abs(apart).max() > APART * scene.tank.depth:
+            most = int(np.abs(apart).argmax())
+            there, here = (np.broadcast_to(one, apart.shape).flat[most] for one in (stood, stands))
+            where = f"the {name} stood at {there:.4g} m when t = {t:.6g} s, and begins at {here:.4g} m"
+            raise InputError(f"{where}: must be as near as {APART:g} of the depth; it may wait until it is at rest.")
+
+
+def _walls(scene: Scene) -> dict[str, Any]:
+    """Return what there is to say of a tank, without its mesh, by keys."""
+    return dict(_leaves(scene.tank.model_dump(mode="json")))
+
+
+def _leaves(tables: dict[str, Any], name: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in tables.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{name}{key}.")
+        elif not (name.startswith("layout.") and key in MESHED):
+            yield f"{name}{key}", value
+
+
+def _motions(scene: Scene, scheme: Held | None = None) -> dict[str, Motion]:
+    """Return what moves the walls, as the water has it, by their keys; ``scheme``: where absorbing has taken them."""
+    if scene.physics == "linear":
+        return {}
+    motions = [motion_of(seen) for seen in scene.paddles]
+    if scheme is not None:
+        went_on(scene, motions, scheme)
+    return {seen.key: motion for seen, motion in zip(scene.paddles, motions, strict=True)}
+
+
+def _position(motion: Motion | None, t: float, y: Vector | None) -> Vector:
+    """Return where a motion is [m], at places along it or, as a whole, at one; without one at rest."""
+    return np.zeros(1) if motion is None else np.atleast_1d(motion.position(t, y)).ravel()

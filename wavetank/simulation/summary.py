@@ -1,0 +1,313 @@
+"""Summary of a run: cost of its parts, energy and mass, breakdown."""
+
+import shlex
+import time
+from collections.abc import Mapping, Sequence
+from math import isfinite
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from mpi4py import MPI
+
+from wavetank.arrays import Vector
+from wavetank.errors import RunError
+from wavetank.output.directory import BROKEN, BROKEN_PICTURE, CHECKPOINT
+from wavetank.output.files import summarise_warnings
+from wavetank.simulation.construction import AnyWaves
+from wavetank.simulation.diagnostics import Crest, HighestCrest
+from wavetank.simulation.energy import EnergyBudget
+from wavetank.simulation.memory import peak_memory
+from wavetank.simulation.run import Run
+from wavetank.simulation.stability import StabilityWatch
+from wavetank.tank.breaking import ONSET, BreakingAlarm, BreakingDissipation
+from wavetank.tank.crests import SteepCrest
+from wavetank.tank.linear_waves import LinearWaves
+from wavetank.tank.surface_flow import SurfaceFlow
+from wavetank.tank.waves import NonlinearWaves
+
+Figures = dict[str, Any]
+
+
+class Parts:
+    """The parts of a run so far, the last of which goes on.
+
+    Parameters
+    ----------
+    run, waves
+        What goes on, where it begins to.
+    began
+        When that was begun to be set up, ``time.monotonic`` [s].
+    earlier
+        The parts before, of as many steps as there are records.
+    counting_on
+        Whether solves have been counted on from theirs.
+    """
+
+    def __init__(
+        self,
+        run: Run,
+        waves: AnyWaves,
+        *,
+        began: float,
+        earlier: Sequence[Figures] = (),
+        counting_on: bool = False,
+    ):
+        self._run, self._waves, self._earlier = run, waves, list(earlier)
+        self._began, self._built, self._busy = began, time.monotonic(), time.process_time()
+        self._t, self._step = run.t, run.step
+        self._counted = _counters(waves) if counting_on else {}
+
+    def so_far(self, step: int | None = None) -> list[Figures]:
+        """Return what there is to say of each, as a manifest has it, up to a step, by default the last; collective."""
+        run, comm, now = self._run, self._waves.plane.comm, time.monotonic()
+        step = run.step if step is None else step
+        this = {
+            "from": self._t,
+            "to": run.clock.time(step),
+            "steps": step - self._step,
+            "ranks": comm.size,
+            "numerics": _numerics(run, self._waves),
+            "counters": {name: n - self._counted.get(name, 0) for name, n in _counters(self._waves).items()},
+            "timings": {
+                "set_up_s": self._built - self._began,
+                "stepping_s": now - self._built,
+                "stepping_cpu_s": comm.allreduce(time.process_time() - self._busy),
+            },
+            "memory": {"peak_mib": comm.allreduce(peak_memory() / 2**20, op=MPI.SUM)},
+        }
+        return [*self._earlier, this]
+
+    def figures(self) -> Figures:
+        """Return what a manifest says of them and of all together; collective."""
+        parts, run = self.so_far(), self._run
+        return {
+            "t": run.t,
+            "numerics": {**parts[-1]["numerics"], "steps": run.clock.steps, "steps_taken": run.step},
+            "counters": _sum([part["counters"] for part in parts]),
+            "timings": _sum([part["timings"] for part in parts]),
+            "memory": {"peak_mib": max(part["memory"]["peak_mib"] for part in parts)},
+            "parts": parts,
+        }
+
+
+def _sum(figures: Sequence[Mapping[str, Any]]) -> Figures:
+    """Return the sums of figures by their names."""
+    return {name: sum(one[name] for one in figures) for name in (figures[-1] if figures else ())}
+
+
+def _numerics(run: Run, waves: AnyWaves) -> Figures:
+    return {
+        "integrator": run.integrator.name,
+        "dt": run.clock.dt,
+        "cells": waves.plane.cells,
+        "order": waves.plane.order,
+        "vertical_order": waves.vertical.n,
+        "degrees_of_freedom": waves.plane.size,
+        "largest_frequency": waves.largest_frequency,
+    }
+
+
+def _counters(waves: AnyWaves) -> dict[str, int]:
+    stages, solves = waves.stages.counters, waves.potential.counters
+    return {
+        "interior_solves": solves.solves,
+        "interior_iterations": solves.iterations,
+        "factorisations": solves.factorisations,
+        "stage_solves": stages.solves,
+        "stage_evaluations": stages.evaluations,
+        "newton_solves": stages.newton_solves,
+    }
+
+
+ANEW = "anew from the start, as the case has to be another"
+
+
+class Outcome(NamedTuple):
+    """What the observers of a run know when it ends.
+
+    Attributes
+    ----------
+    crest
+        The highest.
+    mass, energy
+        By how much the water's mass changed, and the energy balance was off, of what there was [-].
+    untrue
+        From when on short waves grew that are none of the water's [s]; None: never.
+    follows
+        Whether the mass is that beyond the rest position of paddles, whom it follows: of linear waves.
+    """
+
+    crest: Crest
+    mass: float
+    energy: float
+    untrue: float | None = None
+    follows: bool = False
+
+    @classmethod
+    def of(cls, run: Run) -> "Outcome":
+        """Return what a run's observers know; collective."""
+        budget = next(one for one in run.observers if isinstance(one, EnergyBudget))
+        crest = next(one for one in run.observers if isinstance(one, HighestCrest))
+        untrue = next((one.since for one in run.observers if isinstance(one, StabilityWatch)), None)
+        waves = run.system
+        follows = isinstance(waves, LinearWaves) and bool(waves.wall.paddles)
+        return cls(crest.highest(), budget.mass_error, budget.energy_error, untrue, follows)
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """The same for a manifest; nothing of a run that nobody has looked at, or that has left the numbers."""
+        if not all(map(isfinite, (*self.crest, self.mass, self.energy))):
+            return {}
+        return {"highest_crest": self.crest._asdict(), "errors": {"mass": self.mass, "energy_balance": self.energy}}
+
+
+def closing(
+    outcome: Outcome, spent: dict[str, Any], *, warnings: Sequence[str], path: Path, flat: bool, drawn: bool = True
+) -> list[str]:
+    """Return the lines.
+
+    Parameters
+    ----------
+    outcome
+        What has come out.
+    spent
+        What the manifest says of the scene, ranks, time, steps, solves and costs.
+    warnings
+        The worst first.
+    path
+        The run directory.
+    flat
+        Whether the tank has no width.
+    drawn
+        Whether there are to be pictures.
+    """
+    crest, timings, steps = outcome.crest, spent["timings"], spent["numerics"]["steps_taken"]
+    x, y = (f"{round(one, 6) + 0.0:.4g} m" for one in (crest.x, crest.y))  # nobody asks for less than a micrometre
+    place = f"x = {x}" if flat else f"x = {x}, y = {y}"
+    simulated = spent["t"]
+    follows = " (linear theory: what paddles displace)" if outcome.follows else ""
+    costs = [
+        f"{timings['stepping_cpu_s']:.3g} CPU s on {_ranks(spent)}",
+        f"{steps} steps",
+        f"{spent['counters']['interior_solves'] / max(steps, 1):.1f} interior solves a step",
+        f"{timings['stepping_s'] / simulated if simulated else 0.0:.2g} s for a second of waves",
+    ]
+    directory, warned = shlex.quote(str(path)), summarise_warnings(warnings)
+    broken = _of_breakdown(spent, path, untrue=outcome.untrue, drawn=drawn)
+    return [
+        f"highest crest: {crest.height:.4g} m, at the node {place}, t = {crest.t:.4g} s",
+        f"errors: {outcome.mass:.1g} of the mass{follows}, {outcome.energy:.1g} of the energy; {warned}",
+        f"cost: {', '.join(costs)}",
+        f"records: {path}",
+        *(broken or [f"next: {'; '.join(_next(spent, directory))}"]),
+    ]
+
+
+def _next(spent: dict[str, Any], directory: str) -> list[str]:
+    """Return what serves next: a run that was stopped may go on, unless only another case gets farther."""
+    if spent.get("anew"):
+        return [ANEW]
+    if spent["t"] < (1 - 1e-9) * spent["scene"]["run"]["duration"]:
+        once = ", once it can be written there again" if spent.get("unwritten") else ""
+        if not spent["checkpoints"]:
+            return [f"anew from the start{once}: there is no checkpoint"]
+        return [f"wavetank resume {directory}{once}"]
+    return [f"wavetank view {directory}", f"wavetank compare {directory} --with DATA"]
+
+
+def _of_breakdown(spent: dict[str, Any], path: Path, *, untrue: float | None, drawn: bool) -> list[str]:
+    """Return where the state is that a run broke down from, and where it may go on; nothing of another run."""
+    if "broke_down" not in spent:
+        return []
+    kept, crests = spent["checkpoints"], spent["broke_down"]["crests"]
+    dissipates = spent["scene"]["run"].get("on_breaking") == "dissipate"
+    breaks = not dissipates and any(crest["speed_ratio"] > ONSET for crest in crests)
+    half = "" if breaks else f"numerics.dt={0.5 * spent['numerics']['dt']:.3g}"
+    other = " --set ".join(filter(None, ["run.on_breaking=dissipate" if breaks else "", spent.get("cure") or half]))
+    files = ", ".join(str(path / file) for file in (BROKEN, *([BROKEN_PICTURE] if drawn else [])))
+    lines = [f"the surface it broke down from, t = {spent['t']:.6g} s: {files}"]
+    sound = [t for t in kept if untrue is None or t < untrue]
+    good = "good " if kept[:1] == sound[:1] else ""
+    if kept:
+        before = "".join(f"; the one before, t = {t:.6g} s: --at {t:.6g}" for t in kept[1:])
+        lines.append(f"the last {good}checkpoint, t = {kept[0]:.6g} s: {path / CHECKPOINT}{before}")
+    if spent.get("anew"):
+        return [*lines, f"next: {ANEW}"]
+    if not sound:
+        none = "no checkpoint is older than the warning" if kept else "there is no checkpoint"
+        return [*lines, f"next: anew from the start with --set {other}: {none}"]
+    at = "" if good else f" --at {sound[0]:.6g}"
+    return [*lines, f"next: wavetank resume {shlex.quote(str(path))}{at} --set {other}"]
+
+
+def _ranks(spent: dict[str, Any]) -> str:
+    """Return on how many ranks a run has been, in each of its parts."""
+    *others, last = dict.fromkeys([part["ranks"] for part in spent["parts"]])
+    return f"{', '.join(map(str, others))}{' and ' if others else ''}{last} {'ranks' if others or last > 1 else 'rank'}"
+
+
+PLACES, VALUES = ("x [m]", "y [m]"), ("elevation [m]", "slope [-]", "velocity [m/s]")
+
+
+class BrokenSurface(NamedTuple):
+    """A surface that was computed last.
+
+    Attributes
+    ----------
+    t
+        The time [s].
+    columns
+        Places and values there by their names with units, shape (N,) each: along a slice or ring between the nodes,
+        too; of a basin the highest elevation, the largest slope and velocity in each cell, at its middle.
+    crests
+        The steep ones, along a slice or ring where breaking is looked for.
+    """
+
+    t: float
+    columns: dict[str, Vector]
+    crests: list[SteepCrest]
+
+    @classmethod
+    def of(cls, run: Run, waves: NonlinearWaves) -> "BrokenSurface | None":
+        """Return that of a run's state, the same on all ranks; None of one that has left the numbers; collective."""
+        state, flow = run.state, waves.surface
+        try:
+            flow.update(state.q, state.p, run.t)
+        except RunError:
+            return None
+        if isinstance(flow, SurfaceFlow):
+            x, height, slope, psi_x = flow.profile
+            values = x, height, np.abs(slope), np.abs(psi_x) / (1 + slope**2)
+            columns = dict(zip((PLACES[0], *VALUES), values, strict=True))
+        else:
+            columns = _by_cell(waves)
+        if not all(np.isfinite(column).all() for column in columns.values()):
+            return None
+        return cls(run.t, columns, _crests(run))
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """What a manifest says of it: when, and where it is steepest; crests with B = u/c."""
+        steepest = int(np.argmax(self.columns["slope [-]"]))
+        there = {name.partition(" ")[0]: float(column[steepest]) for name, column in self.columns.items()}
+        crests = [{"x": one.x, "height": one.height, "speed_ratio": one.overtaking} for one in self.crests]
+        return {"broke_down": {"t": self.t, "steepest": there, "crests": crests}}
+
+
+def _crests(run: Run) -> list[SteepCrest]:
+    lookers = (one for one in run.filters if isinstance(one, BreakingAlarm | BreakingDissipation))
+    return [crest for one in lookers for crest in one.watch.crests]
+
+
+def _by_cell(waves: NonlinearWaves) -> dict[str, Vector]:
+    """Return a row a cell, ordered by places; collective."""
+    plane, flow = waves.plane, waves.surface
+    dofs = plane.V.dofmap.list[: flow.speeds.size]
+    eta = plane.function("elevation")
+    eta.set(flow.elevation)
+    places = plane.chart.places(plane.V.tabulate_dof_coordinates())
+    x, y = waves.wall.to_physical(places, eta.rows[:, 0])[dofs].mean(axis=1).T
+    own = np.column_stack([x, y, eta.rows[dofs, 0].max(axis=1), flow.slopes, flow.speeds])
+    rows = np.concatenate(plane.comm.allgather(own))
+    return dict(zip((*PLACES, *VALUES), rows[np.lexsort(rows.T[:2])].T, strict=True))
