@@ -66,31 +66,31 @@ def tank(wall, far_wall=None, *, length, duration, dt, cells, physics="linear", 
 
 
 # ---------------------------------------------------------------- theory
-@pytest.mark.parametrize("maker", MAKERS, ids=["piston", "flap", "flap above the bed"])
-def test_a_paddles_power_is_that_of_its_waves(maker):
+@pytest.mark.parametrize("wavemaker", MAKERS, ids=["piston", "flap", "flap above the bed"])
+def test_a_paddles_power_is_that_of_its_waves(wavemaker):
     """With c the wave over the stroke r = g c_g (c / omega)², Re Z = c / omega; of the highest mu is a sudden one's."""
     omega = np.array([1.0, 3.0, 6.0, 120.0])
     k = wave_number(omega, 1.0, GRAVITY)
-    height = maker.transfer(k, 1.0) / omega
-    damping, mass = radiation(maker, omega, 1.0, GRAVITY)
+    height = wavemaker.transfer(k, 1.0) / omega
+    damping, mass = radiation(wavemaker, omega, 1.0, GRAVITY)
     assert damping == pytest.approx(GRAVITY * group_velocity(k, 1.0, GRAVITY) * height**2, rel=1e-9)
-    assert face(maker, omega, 1.0, GRAVITY).real == pytest.approx(height, rel=1e-12)
-    assert mass[-1] == pytest.approx(sudden_mass(maker, 1.0), rel=1e-2)
+    assert face(wavemaker, omega, 1.0, GRAVITY).real == pytest.approx(height, rel=1e-12)
+    assert mass[-1] == pytest.approx(sudden_mass(wavemaker, 1.0), rel=1e-2)
 
 
 @pytest.mark.parametrize(
-    ("maker", "band", "tuned"),
+    ("wavemaker", "band", "tuned"),
     [(PISTON, 0.03, 1e-3), pytest.param(Flap(0.0), 0.05, 1e-3, marks=pytest.mark.slow)],
     ids=["piston", "flap"],
 )
-def test_a_filter_absorbs_its_band_and_feeds_no_wave(maker, band, tuned):
+def test_a_filter_absorbs_its_band_and_feeds_no_wave(wavemaker, band, tuned):
     """|R| <= 1 at all frequencies, as Re F >= 0; F(0) = 0, so a paddle does not drift."""
     for low, high, most in ((0.5, 3.0, band), (0.9, 1.1, tuned)):
-        one = PassiveFilter.fitted(maker, depth=1.0, gravity=GRAVITY, shortest=period(high), longest=period(low))
+        one = PassiveFilter.fitted(wavemaker, depth=1.0, gravity=GRAVITY, shortest=period(high), longest=period(low))
         omega = 2 * np.pi / np.array([period(kd) for kd in np.geomspace(low, high, 101)])
-        assert np.abs(one.reflection(face(maker, omega, 1.0, GRAVITY), omega)).max() < most
+        assert np.abs(one.reflection(face(wavemaker, omega, 1.0, GRAVITY), omega)).max() < most
         everywhere = np.geomspace(0.05, 50.0, 400)
-        assert np.abs(one.reflection(face(maker, everywhere, 1.0, GRAVITY), everywhere)).max() < 1.0 + 1e-3
+        assert np.abs(one.reflection(face(wavemaker, everywhere, 1.0, GRAVITY), everywhere)).max() < 1.0 + 1e-3
         assert one(0.0) == pytest.approx(0.0, abs=1e-12)
 
 
@@ -264,8 +264,8 @@ def reflection(wall, *, kd, height, periods, steps, **more):
         {"tank": {"length": length, "depth": 1.0}, "wall": far, "run": {"duration": 1.0}, "numerics": {"cells": 4}}
     )
     omega = np.array([2 * np.pi / T])
-    Z = face(scene.wall.maker, omega, 1.0, GRAVITY)
-    expected = ActiveAbsorption().build(scene.tank, scene.wall.maker, paddles=[T]).reflection(Z, omega)
+    Z = face(scene.wall.wavemaker, omega, 1.0, GRAVITY)
+    expected = ActiveAbsorption().build(scene.tank, scene.wall.wavemaker, paddles=[T]).reflection(Z, omega)
     return found.coefficient, float(np.abs(expected)[0])
 
 

@@ -114,18 +114,18 @@ def test_an_angle_is_a_motion():
 
 
 # ---------------------------------------------------------------- linear water
-def closed(maker, omega, x, *, length, depth, count=300):
+def closed(wavemaker, omega, x, *, length, depth, count=300):
     """Return the elevation of linear waves of a paddle's metre in a closed tank, by eigenfunctions, and the wave's."""
     k = np.append(
         airy.wave_number(np.array([omega]), depth, GRAVITY) + 0j,
         1j * modes(np.array([omega]), depth, GRAVITY, count=count)[0],
     )[:, None]
     ratio = 1j * (np.exp(1j * k * (2 * length - x)) + np.exp(1j * k * x)) / (np.exp(2j * k * length) - 1)
-    of_modes = (omega**2 / GRAVITY * maker.moment(k, depth) / norm(k, depth) / k * ratio).real
+    of_modes = (omega**2 / GRAVITY * wavemaker.moment(k, depth) / norm(k, depth) / k * ratio).real
     return of_modes.sum(axis=0), of_modes[0]
 
 
-def misses(maker, kd, *, exact, numerics=None):
+def misses(wavemaker, kd, *, exact, numerics=None):
     """Return how far steady waves of a paddle are from a series, a depth away and everywhere, and what has died out.
 
     All over the wave's size; in a closed tank ``long(kd)``, on cells of 0.2 d unless a plan has others.
@@ -136,7 +136,7 @@ def misses(maker, kd, *, exact, numerics=None):
         order, cells, n = numerics.order, numerics.cells, numerics.vertical_order
     footprint = Slice(length, cells, comm=MPI.COMM_SELF)
     plane = Plane(footprint.mesh, order, footprint.chart)
-    shape = Polynomial.near(lambda z: maker.share(z, 1.0), 1.0, plane.mesh, kinks=maker.kinks(1.0))
+    shape = Polynomial.near(lambda z: wavemaker.share(z, 1.0), 1.0, plane.mesh, kinks=wavemaker.kinks(1.0))
     wall = LinearPaddle(Sinusoid(1.0, 2 * np.pi), plane=plane, side=footprint.side(), shape=shape)
     waves = LinearWaves(plane, depth=1.0, wall=wall, vertical_order=n)
     units = np.eye(plane.owned)
@@ -188,7 +188,7 @@ class Locked:
 
 def test_two_flaps_that_turn_in_a_fixed_ratio_are_a_profile():
     """Its transfer function is the sum of Biésel's of each; so are the waves, with what dies out beside the paddle."""
-    profile = ProfileWall.model_validate({"shape": "max(0, z + 0.9) + max(0, z + 0.4)", "motion": MOTION}).maker
+    profile = ProfileWall.model_validate({"shape": "max(0, z + 0.9) + max(0, z + 0.4)", "motion": MOTION}).wavemaker
     k = np.array([0.3, 1.0, 3.0, 10.0])
     both = sum(arm * flap.transfer(k, 1.0) for arm, flap in Locked.arms)
     assert profile.transfer(k, 1.0) == pytest.approx(both, rel=1e-5)

@@ -271,7 +271,7 @@ def test_waves_that_are_too_high_are_told(kind):
         assert (x, t) == pytest.approx((10.0, 20.0), abs=1.0) and 1.5 < height / motion["linear_crest"] < 2.0
     else:  # highest at the front of the train
         stroke = 2 * motion["paddle_amplitude"]
-        assert 1.0 < height / (stroke * one.wall.maker.transfer(k, 1.0)) < 1.25
+        assert 1.0 < height / (stroke * one.wall.wavemaker.transfer(k, 1.0)) < 1.25
     runs = [one.run.model_copy(update={"on_breaking": what}) for what in ("dissipate", "ignore")]
     taken, ignored = (one.model_copy(update={"run": run}) for run in runs)
     assert not [*too_high(taken)] and "dissipate" in said

@@ -72,7 +72,7 @@ def seen(case, *, start):
 def waves(motion):
     """Return the linear waves that a noun means."""
     case = scene(motion)
-    return case.wall.motion.waves(case.tank, case.wall.maker).target
+    return case.wall.motion.waves(case.tank, case.wall.wavemaker).target
 
 
 # ---------------------------------------------------------------- tables of sums
@@ -629,7 +629,7 @@ def test_second_order_generation_gathers_equal_frequencies():
     motion = {"type": "irregular", "significant_height": 0.05, "components": 60, "highest_frequency": 1.5}
     motion |= {"spectrum": {"type": "jonswap", "peak_frequency": 0.6}, "generation": "second-order"}
     case = scene(motion)
-    wave = case.wall.motion.waves(case.tank, case.wall.maker)
+    wave = case.wall.motion.waves(case.tank, case.wall.wavemaker)
     lines = wave.second_order_lines
     assert lines.omega.size == 60 + 59 + 119 and np.all(np.diff(lines.omega) > 0)  # the lines, 59 differences, 119 sums
     t = np.linspace(3.0, 9.0, 5)

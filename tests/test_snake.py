@@ -67,7 +67,7 @@ def test_components_of_a_file_go_their_own_ways(tmp_path):
     found, t, total = scene(motion, hinge=-0.5).motion(), 7.3, 0.0
     for f, a, phase, angle in rows:
         wave = {"amplitude": a, "period": 1 / f, "angle": np.radians(angle), "depth": DEPTH, "gravity": GRAVITY}
-        one = ObliqueWave(**wave, maker=Flap(-0.5))
+        one = ObliqueWave(**wave, wavemaker=Flap(-0.5))
         later = (one.k * (np.cos(one.angle) * 1.5 + np.sin(one.angle) * 0.7) + phase) / one.omega
         total = total + one.position(t - 4.0 + later, Y)
     np.testing.assert_allclose(found.position(t, Y), total, atol=1e-9)
@@ -118,7 +118,7 @@ class Standing(SegmentedMotion):
         return np.multiply.outer(np.sin(t + order * np.pi / 2), np.cos(self.k_y * y))
 
 
-def closed(maker, omega, x, k_y):
+def closed(wavemaker, omega, x, k_y):
     """Return the elevation [m] of linear waves of a snake's metre in a closed basin, by eigenfunctions, at y = 0."""
     found = np.append(
         airy.wave_number(np.array([omega]), DEPTH, GRAVITY) + 0j,
@@ -126,18 +126,18 @@ def closed(maker, omega, x, k_y):
     )[:, None]
     k = np.sqrt(found**2 - k_y**2)
     ratio = 1j * (np.exp(1j * k * (2 * LENGTH - x)) + np.exp(1j * k * x)) / (np.exp(2j * k * LENGTH) - 1)
-    return (omega**2 / GRAVITY * maker.moment(found, DEPTH) / norm(found, DEPTH) / k * ratio).real.sum(axis=0)
+    return (omega**2 / GRAVITY * wavemaker.moment(found, DEPTH) / norm(found, DEPTH) / k * ratio).real.sum(axis=0)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("hinge", [0.0, 0.3])
 def test_a_snake_of_flaps_makes_biesels_oblique_waves(hinge):
     """The limit of small strokes in a closed basin, dying modes and all: response at rest against the series."""
-    kd, k_y, maker = 3.0, np.pi / WIDTH, Flap(hinge)
+    kd, k_y, wavemaker = 3.0, np.pi / WIDTH, Flap(hinge)
     case = scene(hinge=hinge, n=8)
     footprint = build_footprint(case, MPI.COMM_SELF)
     plane = Plane(footprint.mesh, 3, footprint.chart, walls=footprint.facets_of)
-    shape = Polynomial.near(lambda z: maker.share(z, DEPTH), DEPTH, plane.mesh, kinks=maker.kinks(DEPTH))
+    shape = Polynomial.near(lambda z: wavemaker.share(z, DEPTH), DEPTH, plane.mesh, kinks=wavemaker.kinks(DEPTH))
     wall = Shaped(Standing(k_y), plane=plane, reach=LENGTH, side=footprint.side(), shape=shape)
     fine = Tolerances(stage=1e-9, interior=1e-10)
     waves = NonlinearWaves(plane, depth=DEPTH, wall=wall, vertical_order=8, tolerances=fine)
@@ -151,7 +151,7 @@ def test_a_snake_of_flaps_makes_biesels_oblique_waves(hinge):
     omega = float(airy.angular_frequency(kd / DEPTH, DEPTH, GRAVITY))
     psi = np.linalg.solve(omega**2 / GRAVITY * M - G, -1j * omega * inflow)
     eta = (1j * omega * psi / GRAVITY).real
-    exact = closed(maker, omega, plane.x, k_y) * np.cos(k_y * plane.places[:, 1])
+    exact = closed(wavemaker, omega, plane.x, k_y) * np.cos(k_y * plane.places[:, 1])
     size, away = np.abs(exact).max(), plane.x > 1.0
     assert np.abs(eta - exact)[away].max() < 2e-3 * size
     assert np.abs(eta - exact).max() < 2e-2 * size

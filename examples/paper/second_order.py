@@ -54,7 +54,7 @@ class Tank:
 
     def __init__(self, kd: float, share: float, hinge: float | None = None):
         self.wall: dict[str, Any] = {"type": "piston"} if hinge is None else {"type": "flap", "hinge": hinge}
-        self.maker: Wavemaker = PISTON if hinge is None else Flap(hinge)
+        self.wavemaker: Wavemaker = PISTON if hinge is None else Flap(hinge)
         self.k, self.a = kd, steepness(kd, share) / kd
         self.omega = float(angular_frequency(kd, 1.0, GRAVITY))
         self.free = float(wave_number(2.0 * self.omega, 1.0, GRAVITY))
@@ -98,9 +98,9 @@ class Tank:
     @property
     def expected_free(self) -> float:
         """The amplitude of the free second harmonic that a sine of the piston makes, by theory [m]."""
-        b = np.array([1j * self.a / float(self.maker.transfer(self.k, 1.0))])
-        more = second_order(Strokes(np.array([self.omega]), b), self.maker, depth=1.0, gravity=GRAVITY)
-        return float(np.abs(more.b[0]) * self.maker.transfer(self.free, 1.0))
+        b = np.array([1j * self.a / float(self.wavemaker.transfer(self.k, 1.0))])
+        more = second_order(Strokes(np.array([self.omega]), b), self.wavemaker, depth=1.0, gravity=GRAVITY)
+        return float(np.abs(more.b[0]) * self.wavemaker.transfer(self.free, 1.0))
 
 
 class Harmonics(NamedTuple):

@@ -38,7 +38,7 @@ def span(tank: AnyTank) -> tuple[float, float]:
 class SegmentedMotion(Noun):
     """A motion of a paddle's segments, by the waves at each."""
 
-    def waves(self, tank: AnyTank, maker: Wavemaker = PISTON) -> motions.Motion:
+    def waves(self, tank: AnyTank, wavemaker: Wavemaker = PISTON) -> motions.Motion:
         """Return the motion without its ramp; raises ``SceneError`` if a file it needs cannot be read."""
         raise NotImplementedError
 
@@ -46,9 +46,9 @@ class SegmentedMotion(Noun):
         """Return the length of the ramp [s], default resolved."""
         raise NotImplementedError
 
-    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
+    def build(self, tank: AnyTank, wavemaker: Wavemaker) -> motions.Motion:
         """Return the ramped motion; raises ``SceneError`` if a file it needs cannot be read."""
-        return motions.ramped(self.waves(tank, maker), self.ramp_in(tank))
+        return motions.ramped(self.waves(tank, wavemaker), self.ramp_in(tank))
 
     def terms_per_component(self, scene: Surroundings) -> int:
         """Return the number of places of the paddle at which the motion is summed."""
@@ -66,7 +66,7 @@ class ObliqueWaveMotion(SegmentedMotion):
     angle: float = Field(gt=-90, lt=90, description="direction theta from the wall's normal [deg], positive towards y")
     ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two periods")
 
-    def waves(self, tank: AnyTank, maker: Wavemaker = PISTON) -> motions.ObliqueWave:
+    def waves(self, tank: AnyTank, wavemaker: Wavemaker = PISTON) -> motions.ObliqueWave:
         """Return the motion without its ramp."""
         return motions.ObliqueWave(
             amplitude=self.wave_amplitude,
@@ -74,7 +74,7 @@ class ObliqueWaveMotion(SegmentedMotion):
             angle=float(np.radians(self.angle)),
             depth=tank.depth,
             gravity=tank.gravity,
-            maker=maker,
+            wavemaker=wavemaker,
         )
 
     def ramp_in(self, tank: AnyTank) -> float:
@@ -97,18 +97,18 @@ class _FanOfWaves(FocusingWaves, SegmentedMotion):
         default=0.0, ge=0, le=1000, description="exponent s of the directions' shares cos^2s(theta/2); 0: all alike"
     )
 
-    def waves(self, tank: AnyTank, maker: Wavemaker = PISTON) -> motions.DirectionalFocus | motions.ReflectedFocus:
+    def waves(self, tank: AnyTank, wavemaker: Wavemaker = PISTON) -> motions.DirectionalFocus | motions.ReflectedFocus:
         """Return the motion without its ramp."""
-        return self.focus(tank, maker)
+        return self.focus(tank, wavemaker)
 
     def earliest_focus(self, tank: AnyTank) -> float:
         """Return the earliest focus time [s] that the ramp allows."""
         return self.waves(tank).earliest_focus(self.ramp_in(tank))
 
-    def focus(self, tank: AnyTank, maker: Wavemaker = PISTON) -> motions.DirectionalFocus:
+    def focus(self, tank: AnyTank, wavemaker: Wavemaker = PISTON) -> motions.DirectionalFocus:
         """Return the focus as in a sea without side walls, without its ramp."""
         fan = motions.Fan(float(np.radians(self.largest_angle)), self.directions, self.spreading)
-        return motions.DirectionalFocus(group=self.group(tank, maker), fan=fan, focus_y=self.focus_y)
+        return motions.DirectionalFocus(group=self.group(tank, wavemaker), fan=fan, focus_y=self.focus_y)
 
     def widest_segment(self, tank: AnyTank) -> float:
         """Return the width [m] beyond which segments make spurious waves: the shortest and most oblique are first."""
@@ -160,10 +160,10 @@ class ReflectedFocusMotion(_FanOfWaves):
         modes = (high - low) / np.pi * float(self.group(scene.tank).k[-1])
         return max(super().terms_per_component(scene), int(min(modes, TERMS)))
 
-    def waves(self, tank: AnyTank, maker: Wavemaker = PISTON) -> motions.ReflectedFocus:
+    def waves(self, tank: AnyTank, wavemaker: Wavemaker = PISTON) -> motions.ReflectedFocus:
         """Return the motion without its ramp."""
         low, high = span(tank)
-        return motions.ReflectedFocus(focus=self.focus(tank, maker), low=low, high=high)
+        return motions.ReflectedFocus(focus=self.focus(tank, wavemaker), low=low, high=high)
 
 
 class DirectionalIrregularMotion(SpectralWaves, SegmentedMotion):
@@ -187,7 +187,7 @@ class DirectionalIrregularMotion(SpectralWaves, SegmentedMotion):
 
     _one_spread = one_of("spreading", "deviation")
 
-    def waves(self, tank: AnyTank, maker: Wavemaker = PISTON) -> motions.DirectionalSea:
+    def waves(self, tank: AnyTank, wavemaker: Wavemaker = PISTON) -> motions.DirectionalSea:
         """Return the motion without its ramp."""
         f, spectrum = self.frequencies(tank), self.spectrum.build(tank)
         height, seed = self.significant_height, self.seed
@@ -195,7 +195,7 @@ class DirectionalIrregularMotion(SpectralWaves, SegmentedMotion):
         chance = motions.uniform(self.seed, 3, f.size)[2]
         angles = motions.drawn(self._density, chance, largest=float(np.radians(self.largest_angle)))
         target = waves_along(f, amplitudes, phases, angles=angles, depth=tank.depth, gravity=tank.gravity)
-        return motions.DirectionalSea(target, maker)
+        return motions.DirectionalSea(target, wavemaker)
 
     def _density(self, angle: motions.Array) -> motions.Array:
         if self.spreading is not None:
@@ -226,9 +226,9 @@ class _SentWaves(SegmentedMotion):
         """Return the waves, by linear theory."""
         raise NotImplementedError
 
-    def waves(self, tank: AnyTank, maker: Wavemaker = PISTON) -> motions.DirectionalSea:
+    def waves(self, tank: AnyTank, wavemaker: Wavemaker = PISTON) -> motions.DirectionalSea:
         """Return the motion without its ramp; raises ``SceneError`` if the file cannot be had or read."""
-        return motions.DirectionalSea(self.plane_waves(tank), maker)
+        return motions.DirectionalSea(self.plane_waves(tank), wavemaker)
 
     def widest_segment(self, tank: AnyTank) -> float:
         """Return the width [m] beyond which segments make spurious waves, of all but a thousandth of the energy."""

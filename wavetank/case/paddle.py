@@ -53,19 +53,19 @@ class PaddleNoun(Noun):
         """Whether a file that it reads says that its values are positions [m] or velocities [m/s]."""
         return False
 
-    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
+    def build(self, tank: AnyTank, wavemaker: Wavemaker) -> motions.Motion:
         """Return the motion of a paddle of a shape; raises ``SceneError`` if a file it needs cannot be had or read."""
         raise NotImplementedError
 
-    def resolved(self, tank: AnyTank, maker: Wavemaker, physics: str) -> Self:
+    def resolved(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> Self:
         """Return the motion with its generation chosen for the water; by itself, the same."""
         return self
 
-    def generation_reason(self, tank: AnyTank, maker: Wavemaker, physics: str) -> str:
+    def generation_reason(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> str:
         """Return why the generation is linear by default in nonlinear water; empty where it is not."""
         return ""
 
-    def warnings(self, tank: AnyTank, maker: Wavemaker) -> Iterator[str]:
+    def warnings(self, tank: AnyTank, wavemaker: Wavemaker) -> Iterator[str]:
         """Yield warnings of the motion, a sentence each; by default none."""
         yield from ()
 
@@ -81,7 +81,7 @@ class MadeWaves(PaddleNoun):
         "frequencies; default: second-order where its theory holds, otherwise linear",
     )
 
-    def waves(self, tank: AnyTank, maker: Wavemaker) -> WaveMotion:
+    def waves(self, tank: AnyTank, wavemaker: Wavemaker) -> WaveMotion:
         """Return the motion by linear theory, without its ramp."""
         raise NotImplementedError
 
@@ -89,26 +89,26 @@ class MadeWaves(PaddleNoun):
         """Return the length of the ramp [s], default resolved."""
         raise NotImplementedError
 
-    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
+    def build(self, tank: AnyTank, wavemaker: Wavemaker) -> motions.Motion:
         """Return the ramped motion, of many components from a table."""
-        waves = self.waves(tank, maker)
+        waves = self.waves(tank, wavemaker)
         lines = waves.second_order_lines if self.generation == "second-order" else waves.lines
         return motions.ramped(lines.tabulated(), self.ramp_in(tank))
 
-    def resolved(self, tank: AnyTank, maker: Wavemaker, physics: str) -> Self:
+    def resolved(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> Self:
         """Return the motion with its generation: second-order by default where its theory holds, otherwise linear."""
         if self.generation is not None:
             return self
-        linear = physics == "linear" or self._linear_reason(tank, maker)
+        linear = physics == "linear" or self._linear_reason(tank, wavemaker)
         return self.model_copy(update={"generation": "linear" if linear else "second-order"})
 
-    def generation_reason(self, tank: AnyTank, maker: Wavemaker, physics: str) -> str:
+    def generation_reason(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> str:
         """Return why the generation is linear by default in nonlinear water; empty where it is not."""
-        return "" if self.generation is not None or physics == "linear" else self._linear_reason(tank, maker)
+        return "" if self.generation is not None or physics == "linear" else self._linear_reason(tank, wavemaker)
 
-    def _linear_reason(self, tank: AnyTank, maker: Wavemaker) -> str:
+    def _linear_reason(self, tank: AnyTank, wavemaker: Wavemaker) -> str:
         """Return where the theory of second order does not hold or costs too much; empty where it is taken."""
-        target = self.waves(tank, maker).target
+        target = self.waves(tank, wavemaker).target
         count, shallowest = target.omega.size, float(target.k_x.min() * tank.depth)
         if count > MOST_PAIRS:
             return f"{count} components are more than {MOST_PAIRS}"
@@ -126,7 +126,7 @@ class MadeWaves(PaddleNoun):
         """Yield waves for which second-order generation has no meaning."""
         if self.generation != "second-order":
             return
-        target = self.waves(scene.tank, scene.wall.maker).target
+        target = self.waves(scene.tank, scene.wall.wavemaker).target
         if target.omega.size > MOST_PAIRS:
             allowed = f"must be linear: there are {target.omega.size} components, and it is for at most {MOST_PAIRS}"
             yield Problem((*MOTION_KEY, "generation"), self.generation, allowed)
@@ -137,11 +137,11 @@ class MadeWaves(PaddleNoun):
             allowed = f"must be linear: the theory ends far below a second harmonic of {second:.3g} of the wave"
             yield Problem((*MOTION_KEY, "generation"), self.generation, allowed)
 
-    def warnings(self, tank: AnyTank, maker: Wavemaker) -> Iterator[str]:
+    def warnings(self, tank: AnyTank, wavemaker: Wavemaker) -> Iterator[str]:
         """Yield a sentence where second-order generation is beyond its theory."""
         if self.generation != "second-order":
             return
-        if (second := bound_harmonic(self.waves(tank, maker).target)) > STOKES_ENDS:
+        if (second := bound_harmonic(self.waves(tank, wavemaker).target)) > STOKES_ENDS:
             yield (
                 f"second-order generation is beyond its theory: a second harmonic of {second:.2g} of the wave, where "
                 f"{STOKES_ENDS:g} is the most (H L^2 / d^3 of 26 in shallow water); free waves of higher order are left"
@@ -189,11 +189,11 @@ class RegularMotion(MadeWaves):
             return float(airy.angular_frequency(k, tank.depth, tank.gravity)) / (2.0 * np.pi)
         return 1.0 / self.period if self.frequency is None else self.frequency  # type: ignore[operator]
 
-    def waves(self, tank: AnyTank, maker: Wavemaker) -> WaveMotion:
+    def waves(self, tank: AnyTank, wavemaker: Wavemaker) -> WaveMotion:
         """Return the motion by linear theory, X = a / c sin(omega t)."""
         f, a = np.array([self.frequency_in(tank)]), np.array([self.height / 2.0])
         target = waves_along(f, a, np.zeros(1), depth=tank.depth, gravity=tank.gravity)
-        return motions.Sea(target, maker)
+        return motions.Sea(target, wavemaker)
 
     def ramp_in(self, tank: AnyTank) -> float:
         """Return the length of the ramp [s], default resolved."""
@@ -230,11 +230,11 @@ class BichromaticMotion(MadeWaves):
         first, second = self.periods or (np.inf, np.inf)
         return 1.0 / first, 1.0 / second
 
-    def waves(self, tank: AnyTank, maker: Wavemaker) -> WaveMotion:
+    def waves(self, tank: AnyTank, wavemaker: Wavemaker) -> WaveMotion:
         """Return the motion by linear theory, with both crests at the paddle at t = 0."""
         amplitudes = np.divide(self.heights, 2.0)
         target = waves_along(self.pair, amplitudes, np.zeros(2), depth=tank.depth, gravity=tank.gravity)
-        return motions.Sea(target, maker)
+        return motions.Sea(target, wavemaker)
 
     def ramp_in(self, tank: AnyTank) -> float:
         """Return the length of the ramp [s], default resolved."""
@@ -260,7 +260,7 @@ class IrregularMotion(SpectralWaves, MadeWaves):
     highest_frequency: Frequency | None = Field(default=None, description="last component [Hz]; default 3 fp")
     components: int = Field(default=1000, ge=2, le=MAX_COMPONENTS, description="number of components")
 
-    def waves(self, tank: AnyTank, maker: Wavemaker) -> WaveMotion:
+    def waves(self, tank: AnyTank, wavemaker: Wavemaker) -> WaveMotion:
         """Return the motion by linear theory, with phases at the paddle."""
         frequencies = self.frequencies(tank)
         amplitudes, phases = motions.irregular(
@@ -271,7 +271,7 @@ class IrregularMotion(SpectralWaves, MadeWaves):
             random_amplitudes=self.random_amplitudes,
         )
         target = waves_along(frequencies, amplitudes, phases, depth=tank.depth, gravity=tank.gravity)
-        return motions.Sea(target, maker)
+        return motions.Sea(target, wavemaker)
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield as any waves of a spectrum, a sea too high, and what second-order generation cannot do."""
@@ -285,9 +285,9 @@ class FocusedMotion(FocusingWaves, MadeWaves):
 
     type: Literal["focused"] = "focused"
 
-    def waves(self, tank: AnyTank, maker: Wavemaker) -> WaveMotion:
+    def waves(self, tank: AnyTank, wavemaker: Wavemaker) -> WaveMotion:
         """Return the motion by linear theory."""
-        return self.group(tank, maker)
+        return self.group(tank, wavemaker)
 
 
 class ComponentsMotion(ComponentFile, MadeWaves):
@@ -295,9 +295,9 @@ class ComponentsMotion(ComponentFile, MadeWaves):
 
     type: Literal["components"] = "components"
 
-    def waves(self, tank: AnyTank, maker: Wavemaker) -> WaveMotion:
+    def waves(self, tank: AnyTank, wavemaker: Wavemaker) -> WaveMotion:
         """Return the motion by linear theory."""
-        return motions.Sea(self.target(tank), maker)
+        return motions.Sea(self.target(tank), wavemaker)
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield directions, of which it has none, and what second-order generation cannot do."""
@@ -313,11 +313,11 @@ class SurfaceMotion(SurfaceFile, MadeWaves):
 
     type: Literal["surface"] = "surface"
 
-    def waves(self, tank: AnyTank, maker: Wavemaker) -> WaveMotion:
+    def waves(self, tank: AnyTank, wavemaker: Wavemaker) -> WaveMotion:
         """Return the motion by linear theory."""
-        return motions.Sea(self.target(tank), maker)
+        return motions.Sea(self.target(tank), wavemaker)
 
-    def _linear_reason(self, tank: AnyTank, maker: Wavemaker) -> str:
+    def _linear_reason(self, tank: AnyTank, wavemaker: Wavemaker) -> str:
         """Return that a recorded elevation is not of first order."""
         return "the record of a surface has its bound waves already"
 
@@ -344,9 +344,9 @@ class SolitaryWaveMotion(PaddleNoun):
         """Return when the crest would be at x = 0 [s], default resolved."""
         return self._pushed(tank).lead if self.crest_time is None else self.crest_time
 
-    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
+    def build(self, tank: AnyTank, wavemaker: Wavemaker) -> motions.Motion:
         """Return the motion."""
-        push = self._pushed(tank).scaled(tank.depth / maker.volume(tank.depth))
+        push = self._pushed(tank).scaled(tank.depth / wavemaker.volume(tank.depth))
         return push if self.crest_time is None else replace(push, begin=self.crest_time - push.lead)
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
@@ -368,7 +368,7 @@ class AtRestMotion(PaddleNoun):
 
     type: Literal["at-rest"] = "at-rest"
 
-    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
+    def build(self, tank: AnyTank, wavemaker: Wavemaker) -> motions.Motion:
         """Return X = 0."""
         return motions.AtRest()
 
@@ -381,7 +381,7 @@ class SinusoidMotion(PaddleNoun):
     period: Duration = Field(description="period T [s]")
     ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two periods")
 
-    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
+    def build(self, tank: AnyTank, wavemaker: Wavemaker) -> motions.Motion:
         """Return the ramped sinusoid."""
         ramp = 2 * self.period if self.ramp is None else self.ramp
         return motions.ramped(motions.Sinusoid(self.paddle_amplitude, self.period), ramp)
@@ -411,7 +411,7 @@ class RecordedMotion(PaddleNoun):
 
     _one_file = one_of("position", "velocity")
 
-    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
+    def build(self, tank: AnyTank, wavemaker: Wavemaker) -> motions.Motion:
         """Return the spline's motion; raises ``SceneError`` if the file cannot be had or read."""
         if self.position is not None:
             t, *state = self._record("position", self.position, "position [m]")
@@ -453,7 +453,7 @@ class FormulaMotion(PaddleNoun):
     position: TimeFormulaText = Field(description="position X(t) [m], positive into the water")
     ramp: Ramp = Field(default=0.0, description="length of the ramp [s]; 0 is none")
 
-    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
+    def build(self, tank: AnyTank, wavemaker: Wavemaker) -> motions.Motion:
         """Return the ramped motion."""
         formula = Formula(self.position, where=self.where, variables=("t",))
         return motions.ramped(motions.ByFormula(formula), self.ramp)
@@ -470,7 +470,7 @@ class PythonMotion(PaddleNoun):
     )
     ramp: Ramp = Field(default=0.0, description="length of the ramp [s]; 0 is none")
 
-    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
+    def build(self, tank: AnyTank, wavemaker: Wavemaker) -> motions.Motion:
         """Return the ramped motion; raises ``SceneError`` if the file cannot be had or run, or has no such function."""
         with about("wall", "motion", "file"):
             function = load(data.resolve(self.file, Path()), self.function)

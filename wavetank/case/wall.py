@@ -58,22 +58,26 @@ class ActiveAbsorption(Noun):
         shortest = self.shortest or min(shortest, (self.longest or longest) / NARROWEST)
         return shortest, self.longest or max(longest, shortest * NARROWEST)
 
-    def build(self, tank: AnyTank, maker: Wavemaker, *, paddles: Iterable[float] = ()) -> PassiveFilter:
+    def build(self, tank: AnyTank, wavemaker: Wavemaker, *, paddles: Iterable[float] = ()) -> PassiveFilter:
         """Return the filter by which a paddle of a shape absorbs; as ``band``."""
         shortest, longest = self.band(tank, paddles=paddles)
-        return PassiveFilter.fitted(maker, depth=tank.depth, gravity=tank.gravity, shortest=shortest, longest=longest)
+        return PassiveFilter.fitted(
+            wavemaker, depth=tank.depth, gravity=tank.gravity, shortest=shortest, longest=longest
+        )
 
-    def reflection(self, periods: Array, tank: AnyTank, maker: Wavemaker, *, paddles: Iterable[float] = ()) -> Array:
+    def reflection(
+        self, periods: Array, tank: AnyTank, wavemaker: Wavemaker, *, paddles: Iterable[float] = ()
+    ) -> Array:
         """Return how much it sends back of small waves of periods [s], shape (N,); as ``band``."""
         omega = np.asarray(2 * np.pi / periods)
-        at_face = face(maker, omega, tank.depth, tank.gravity)
-        return np.abs(self.build(tank, maker, paddles=paddles).reflection(at_face, omega))
+        at_face = face(wavemaker, omega, tank.depth, tank.gravity)
+        return np.abs(self.build(tank, wavemaker, paddles=paddles).reflection(at_face, omega))
 
-    def description(self, tank: AnyTank, maker: Wavemaker, *, paddles: Iterable[float] = ()) -> str:
+    def description(self, tank: AnyTank, wavemaker: Wavemaker, *, paddles: Iterable[float] = ()) -> str:
         """Return what it does, in words; as ``band``."""
         shortest, longest = self.band(tank, paddles=paddles)
         periods = np.geomspace(shortest, longest, 50, dtype=np.float64)
-        most = self.reflection(periods, tank, maker, paddles=paddles).max()
+        most = self.reflection(periods, tank, wavemaker, paddles=paddles).max()
         band = f"small waves from {shortest:.3g} to {longest:.3g} s"
         return f"it absorbs what comes to it, all but {100 * most:.2g} % of {band} at short steps"
 
@@ -110,10 +114,12 @@ class SpringDamper(Noun):
         (usual, _), possible = _periods(tank, (1.0, 1.0)), _periods(tank, POSSIBLE)
         return self.period or float(np.clip(next(iter(paddles), usual), *possible))
 
-    def resolved(self, tank: AnyTank, maker: Wavemaker, *, paddles: Iterable[float] = ()) -> tuple[float, float, float]:
+    def resolved(
+        self, tank: AnyTank, wavemaker: Wavemaker, *, paddles: Iterable[float] = ()
+    ) -> tuple[float, float, float]:
         """Return mass [m²], stiffness [m²/s²] and damping [m²/s] over the density, defaults resolved; as ``tuned``."""
         omega = np.array([2 * np.pi / self.tuned(tank, paddles=paddles)])
-        (damping,), (added,) = radiation(maker, omega, tank.depth, tank.gravity)
+        (damping,), (added,) = radiation(wavemaker, omega, tank.depth, tank.gravity)
         mass = self.mass / tank.density
         stiffness = float(omega[0] ** 2 * (mass + added))
         return (
@@ -126,17 +132,19 @@ class SpringDamper(Noun):
         """Return the period that it is tuned to [s], as shortest and longest."""
         return (self.tuned(tank, paddles=paddles),) * 2
 
-    def reflection(self, periods: Array, tank: AnyTank, maker: Wavemaker, *, paddles: Iterable[float] = ()) -> Array:
+    def reflection(
+        self, periods: Array, tank: AnyTank, wavemaker: Wavemaker, *, paddles: Iterable[float] = ()
+    ) -> Array:
         """Return how much it sends back of small waves of periods [s], shape (N,); as ``tuned``."""
         omega = np.asarray(2 * np.pi / periods)
-        mass, stiffness, damping = self.resolved(tank, maker, paddles=paddles)
-        r, added = radiation(maker, omega, tank.depth, tank.gravity)
+        mass, stiffness, damping = self.resolved(tank, wavemaker, paddles=paddles)
+        r, added = radiation(wavemaker, omega, tank.depth, tank.gravity)
         out_of_tune = 1j * (omega * (mass + added) - stiffness / omega)
         return np.abs((damping - r + out_of_tune) / (damping + r + out_of_tune))
 
-    def description(self, tank: AnyTank, maker: Wavemaker, *, paddles: Iterable[float] = ()) -> str:
+    def description(self, tank: AnyTank, wavemaker: Wavemaker, *, paddles: Iterable[float] = ()) -> str:
         """Return what it does, in words; as ``tuned``."""
-        tuned, resolved = self.tuned(tank, paddles=paddles), self.resolved(tank, maker, paddles=paddles)
+        tuned, resolved = self.tuned(tank, paddles=paddles), self.resolved(tank, wavemaker, paddles=paddles)
         mass, stiffness, damping = (tank.density * part for part in resolved)
         parts = f"{mass:.4g} kg/m on a spring of {stiffness:.4g} N/m² and a damper of {damping:.4g} N s/m²"
         given = self.stiffness is not None and self.damping is not None
@@ -193,7 +201,7 @@ class BaseWall(Noun):
     moves: ClassVar[bool] = False
 
     @property
-    def maker(self) -> Wavemaker:
+    def wavemaker(self) -> Wavemaker:
         """The mode shape f(z) of the wall's motion, by which it generates waves."""
         return PISTON
 
@@ -231,11 +239,11 @@ class MovingWall(BaseWall):
 
     def mode_shape(self, tank: AnyTank) -> Array:
         """Return f(z) at 1001 heights from the bed up, shape (N,): the displacement over that of the motion."""
-        return np.asarray(self.maker.share(tank.depth * np.linspace(-1.0, TOP, 1001), tank.depth))
+        return np.asarray(self.wavemaker.share(tank.depth * np.linspace(-1.0, TOP, 1001), tank.depth))
 
     def added_mass(self, tank: AnyTank) -> float:
         """Return the added mass of a sudden motion [m²], over the density."""
-        return sudden_mass(self.maker, tank.depth)
+        return sudden_mass(self.wavemaker, tank.depth)
 
     def max_mode_shape(self, tank: AnyTank) -> float:
         """Return the largest absolute value of the mode shape f(z)."""
@@ -247,7 +255,7 @@ class MovingWall(BaseWall):
         Given are the mapping's reach and the paddle's largest distance from rest [m].
         """
         z = tank.depth * np.linspace(-1.0, 0.0, 1001)
-        mode_shape = self.maker.share(z, tank.depth)
+        mode_shape = self.wavemaker.share(z, tank.depth)
         lean = float(np.abs(np.diff(mode_shape) / np.diff(z)).max()) * excursion
         return quickened(lean, float(np.abs(mode_shape).max()) * excursion / reach)
 
@@ -307,7 +315,7 @@ class HingedWall(ShapedWall):
     )
 
     @property
-    def maker(self) -> Flap:
+    def wavemaker(self) -> Flap:
         """Its shape, by which it makes waves."""
         return Flap(self.hinge, self.stroke_height)
 
@@ -337,7 +345,7 @@ class SegmentedWall(MovingWall):
 
     def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
         """Return the motion of the paddle's segments, hinged to each other."""
-        motion = self.motion.build(tank, self.maker)
+        motion = self.motion.build(tank, self.wavemaker)
         return motion if self.segment is None else motions.PiecewiseLinear(motion, self.places(tank))
 
     def generation_reason(self, tank: AnyTank, physics: str) -> str:
@@ -415,19 +423,19 @@ class PaddleWall(MovingWall):
 
     def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
         """Return the paddle's motion in the water; raises ``SceneError`` if its file cannot be had or read."""
-        return self.motion.resolved(tank, self.maker, physics).build(tank, self.maker)
+        return self.motion.resolved(tank, self.wavemaker, physics).build(tank, self.wavemaker)
 
     def generation(self, tank: AnyTank, physics: str) -> str | None:
         """Return the resolved ``generation`` of its waves; None of a motion that is not found for waves."""
-        return getattr(self.motion.resolved(tank, self.maker, physics), "generation", None)
+        return getattr(self.motion.resolved(tank, self.wavemaker, physics), "generation", None)
 
     def generation_reason(self, tank: AnyTank, physics: str) -> str:
         """Return why its generation is linear by default in nonlinear water; empty where it is not."""
-        return self.motion.generation_reason(tank, self.maker, physics)
+        return self.motion.generation_reason(tank, self.wavemaker, physics)
 
     def warnings(self, tank: AnyTank) -> Iterator[str]:
         """Yield warnings of the motion, a sentence each."""
-        yield from self.motion.warnings(tank, self.maker)
+        yield from self.motion.warnings(tank, self.wavemaker)
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a tank without walls, a reach beyond the tank, and what is wrong with the motion."""
@@ -468,12 +476,12 @@ class FlapWall(HingedWall, PaddleWall):
         motion = super().paddle(tank, physics)
         if self.motion_as == "stroke" or self.motion.says_metres:
             return motion
-        return motions.FlapAngle(motion, self.maker.arm(tank.depth))
+        return motions.FlapAngle(motion, self.wavemaker.arm(tank.depth))
 
     def amplitude(self, tank: AnyTank) -> float:
         """Return how far it goes from rest once a ramp is over, where the case tells it, otherwise 0 [m]."""
         value = super().amplitude(tank)
-        return value if self.motion_as == "stroke" else self.maker.arm(tank.depth) * float(np.tan(value))
+        return value if self.motion_as == "stroke" else self.wavemaker.arm(tank.depth) * float(np.tan(value))
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield what is wrong with any hinged wall, or an angle that is told of a motion that cannot be."""
@@ -496,7 +504,7 @@ class ProfileWall(ShapedWall, PaddleWall):
     shape: HeightFormulaText = Field(description="f(z), z the height above still water [m]")
 
     @property
-    def maker(self) -> Profile:
+    def wavemaker(self) -> Profile:
         """Its shape, by which it makes waves."""
         formula = Formula(self.shape, where=self.where, variables=("z",))
         return Profile(partial(formula.derivative, 0), partial(formula.derivative, 1))
@@ -505,7 +513,7 @@ class ProfileWall(ShapedWall, PaddleWall):
         """Yield a shape that is not finite, or moves no water, and what is wrong with any paddle."""
         z = scene.tank.depth * np.linspace(-1.0, TOP, 1001)
         try:
-            values = self.maker.share(z, scene.tank.depth)
+            values = self.wavemaker.share(z, scene.tank.depth)
         except InputError as error:
             yield Problem(("wall", "shape"), self.shape, str(error).removesuffix("."))
             return

@@ -182,7 +182,7 @@ class FocusingWaves(SpectralWaves):
     focus_time: Duration = Field(description="when the crests meet [s]")
     phase: float = Field(default=0.0, ge=-360, le=360, description="at the focus [deg]: 0 of a crest, 180 of a trough")
 
-    def group(self, tank: AnyTank, maker: Wavemaker = PISTON) -> motions.WaveGroup:
+    def group(self, tank: AnyTank, wavemaker: Wavemaker = PISTON) -> motions.WaveGroup:
         """Return the group as of waves along x, without its ramp."""
         lowest, highest = self.band(tank)
         return motions.WaveGroup(
@@ -196,7 +196,7 @@ class FocusingWaves(SpectralWaves):
             depth=tank.depth,
             gravity=tank.gravity,
             phase=float(np.radians(self.phase)),
-            maker=maker,
+            wavemaker=wavemaker,
         )
 
     def earliest_focus(self, tank: AnyTank) -> float:

@@ -79,7 +79,7 @@ class ObliqueWave(SegmentedMotion):
         theta [rad], from the x axis, positive towards y, less than pi / 2 either way.
     depth, gravity
         Still-water depth [m] and gravity [m/s^2].
-    maker
+    wavemaker
         The paddle's shape.
     """
 
@@ -88,7 +88,7 @@ class ObliqueWave(SegmentedMotion):
     angle: float
     depth: float
     gravity: float
-    maker: Wavemaker = PISTON
+    wavemaker: Wavemaker = PISTON
 
     @cached_property
     def omega(self) -> float:
@@ -103,7 +103,7 @@ class ObliqueWave(SegmentedMotion):
     @cached_property
     def paddle_amplitude(self) -> float:
         """The snake's amplitude a cos(theta) / c [m]."""
-        return float(self.amplitude * np.cos(self.angle) / self.maker.transfer(self.k, self.depth))
+        return float(self.amplitude * np.cos(self.angle) / self.wavemaker.transfer(self.k, self.depth))
 
     @property
     def power_period(self) -> float:
@@ -175,12 +175,12 @@ class DirectionalSea(SegmentedMotion):
     ----------
     target
         The waves, by linear theory: without a ramp or side walls.
-    maker
+    wavemaker
         The paddle's shape.
     """
 
     target: PlaneWaves
-    maker: Wavemaker
+    wavemaker: Wavemaker
     _known: dict[bytes, Motion] = field(default_factory=dict, repr=False)
 
     @property
@@ -202,7 +202,7 @@ class DirectionalSea(SegmentedMotion):
     def at(self, y: Array) -> HarmonicSum:
         """Return the motion of places y [m], shape (M,), as a sum of sines."""
         waves, k = self.target, np.hypot(self.target.k_x, self.target.k_y)
-        b = 1j * waves.amplitudes * waves.k_x / k / self.maker.transfer(k, waves.depth)
+        b = 1j * waves.amplitudes * waves.k_x / k / self.wavemaker.transfer(k, waves.depth)
         return HarmonicSum(waves.omega, b[:, None] * np.exp(1j * np.multiply.outer(waves.k_y, y)))
 
 
@@ -362,7 +362,7 @@ class ReflectedFocus(SegmentedMotion):
     def derivative(self, t: Any, order: int, y: Any = None) -> Array:
         """Return the sum of the components' derivatives."""
         group = self.focus.group
-        transfer = self.along / (group.k * group.maker.transfer(group.k, group.depth))[:, None]
+        transfer = self.along / (group.k * group.wavemaker.transfer(group.k, group.depth))[:, None]
         motion = 1j * self.crests * transfer * np.exp(-1j * self.along * group.focus_x)
         in_time = np.exp(-1j * np.multiply.outer(np.subtract(t, group.focus_time), group.omega))
         return np.asarray(np.real((in_time * (-1j * group.omega) ** order) @ (motion @ self._shapes(y))))

@@ -285,7 +285,7 @@ FREQUENCIES = 300  # at which Z is found; between them it is a spline's
 
 
 def elevation_at_face(
-    motion: Motion, maker: Wavemaker, *, depth: float, gravity: float, duration: float
+    motion: Motion, wavemaker: Wavemaker, *, depth: float, gravity: float, duration: float
 ) -> Callable[[float], float]:
     """Return the elevation [m] at the face of a paddle in an endless tank, as a function of t up to the duration.
 
@@ -295,17 +295,17 @@ def elevation_at_face(
     known = int(np.ceil(duration / step)) + SPLINED
     t: Array = step * np.arange(known + AHEAD, dtype=np.float64)
     velocity = np.concatenate([np.zeros(MEMORY), motion.velocity(np.minimum(t, motion.duration))])
-    eta = np.convolve(velocity, _response(maker, step, depth, gravity), mode="valid")[AHEAD + 1 :]
+    eta = np.convolve(velocity, _response(wavemaker, step, depth, gravity), mode="valid")[AHEAD + 1 :]
     spline = scipy.interpolate.CubicSpline(t[:known], eta)
     return lambda time: float(spline(time))
 
 
-def _response(maker: Wavemaker, step: float, depth: float, gravity: float) -> Array:
+def _response(wavemaker: Wavemaker, step: float, depth: float, gravity: float) -> Array:
     """Return what the velocity of a step makes at the face [m/(m/s)], from ``AHEAD`` steps before it on."""
     omega = 2 * np.pi * np.fft.rfftfreq(2 * MEMORY, step)
     highest = float(angular_frequency(SHORTEST / depth, depth, gravity))
     found = np.geomspace(omega[1], highest, FREQUENCIES)
-    Z = scipy.interpolate.CubicSpline(np.log(found), face(maker, found, depth, gravity))
+    Z = scipy.interpolate.CubicSpline(np.log(found), face(wavemaker, found, depth, gravity))
     fading = np.clip((omega / highest - LEFT_OUT) / (1.0 - LEFT_OUT), 0.0, 1.0)
     lines = Z(np.log(np.clip(omega, found[0], highest))) * np.cos(0.5 * np.pi * fading) ** 2
     return np.roll(np.fft.irfft(lines, 2 * MEMORY), AHEAD)[:MEMORY]

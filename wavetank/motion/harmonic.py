@@ -342,11 +342,11 @@ class WaveMotion(Motion):
 
     Attributes
     ----------
-    maker
+    wavemaker
         The paddle's shape.
     """
 
-    maker: Wavemaker
+    wavemaker: Wavemaker
 
     @property
     @abstractmethod
@@ -357,7 +357,7 @@ class WaveMotion(Motion):
     def lines(self) -> HarmonicSum:
         """The motion as a sum of sines."""
         waves = self.target
-        return HarmonicSum(waves.omega, 1j * waves.amplitudes / self.maker.transfer(waves.k_x, waves.depth))
+        return HarmonicSum(waves.omega, 1j * waves.amplitudes / self.wavemaker.transfer(waves.k_x, waves.depth))
 
     @cached_property
     def second_order_lines(self) -> HarmonicSum:
@@ -365,7 +365,7 @@ class WaveMotion(Motion):
         waves, first = self.target, self.lines
         ascending = np.argsort(first.omega)
         strokes = Strokes(first.omega[ascending], first.b[ascending])
-        more = second_order(strokes, self.maker, depth=waves.depth, gravity=waves.gravity)
+        more = second_order(strokes, self.wavemaker, depth=waves.depth, gravity=waves.gravity)
         omega, b = np.concatenate([strokes.omega, more.omega]), np.concatenate([strokes.b, more.b])
         order = np.argsort(omega)
         starts = np.flatnonzero(np.diff(omega[order], prepend=-np.inf) > SAME * omega.max())
@@ -389,12 +389,12 @@ class Sea(WaveMotion):
     ----------
     waves
         The waves.
-    maker
+    wavemaker
         The paddle's shape.
     """
 
     waves: PlaneWaves
-    maker: Wavemaker
+    wavemaker: Wavemaker
 
     @property
     def target(self) -> PlaneWaves:
@@ -422,7 +422,7 @@ class WaveGroup(WaveMotion):
         Still-water depth [m] and gravity [m/s^2].
     phase
         At the focus [rad]: 0 of a crest, pi of a trough.
-    maker
+    wavemaker
         The paddle's shape.
     """
 
@@ -436,7 +436,7 @@ class WaveGroup(WaveMotion):
     depth: float
     gravity: float
     phase: float = 0.0
-    maker: Wavemaker = PISTON
+    wavemaker: Wavemaker = PISTON
 
     @cached_property
     def frequencies(self) -> Array:
@@ -462,7 +462,7 @@ class WaveGroup(WaveMotion):
     @cached_property
     def paddle_amplitudes(self) -> Array:
         """A_j / c_j [m], shape (components,)."""
-        return np.asarray(self.crest_amplitudes / self.maker.transfer(self.k, self.depth))
+        return np.asarray(self.crest_amplitudes / self.wavemaker.transfer(self.k, self.depth))
 
     @property
     def repetition(self) -> float:

@@ -132,7 +132,9 @@ def highest_wave(scene: Scene) -> HighWave | None:
     velocity = values(scene.motion().velocity, t) * tapered(np.asarray(t / duration))
     omega = np.pi / duration * np.arange(1, count)
     k = airy.wave_number(omega, tank.depth, tank.gravity)
-    made = scene.wall.maker.transfer(k, tank.depth) / omega * np.fft.rfft(velocity, 2 * count)[1:-1]  # at rest after it
+    made = (
+        scene.wall.wavemaker.transfer(k, tank.depth) / omega * np.fft.rfft(velocity, 2 * count)[1:-1]
+    )  # at rest after it
     made[k * tank.depth > SHORTEST] = 0.0
     speed, found = airy.group_velocity(k, tank.depth, tank.gravity), list[HighWave]()
     for x in np.linspace(0.0, tank.length, TANK_PLACES) if tank.bed is None else [0.0]:
@@ -167,7 +169,7 @@ def harmonics_sent_back(scene: Scene) -> Iterator[str]:
             continue
         freed = freed_harmonics(other, bed, wave.height / 2, period)
         periods = np.array([half])
-        back = float(absorb.reflection(periods, seen.tank, seen.wall.maker, paddles=scene.paddle_periods)[0])
+        back = float(absorb.reflection(periods, seen.tank, seen.wall.wavemaker, paddles=scene.paddle_periods)[0])
         if back * freed > MUCH:
             frees = f"the bed frees second harmonics of the waves of {period:.3g} s, about {100 * freed:.0f} % as high"
             sends = f"{seen.key}, whose band begins at {shortest:.3g} s, sends back {100 * back:.0f} % of them"
@@ -417,7 +419,7 @@ def beside(scene: Scene) -> Iterator[str]:
     for n in scene.absorbing:
         seen, back = scene.paddles[n], told[n] if scene.sponge is None and scene.absorbing == [n] else 0.0
         for one in seen.measuring_points():
-            far = (sum(told) + back) * float(np.abs(seen.wall.maker.share(one.z, seen.tank.depth)).max())
+            far = (sum(told) + back) * float(np.abs(seen.wall.wavemaker.share(one.z, seen.tank.depth)).max())
             if one.x < far:
                 where = f"{'.'.join(map(str, one.key))} stands {one.x:.4g} m from the paddle of {seen.key} at rest"
                 yield f"{where}, which absorbs, and is to go about {far:.2g} m there: the run ends where it comes"

@@ -252,7 +252,7 @@ def _fill(run: Run, scene: Scene, waves: AnyWaves) -> None:
     velocity = scene.of_paddle(motion, "velocity")(t).reshape(TIMES, -1)
     omega, g = 2 * np.pi / period, scene.tank.gravity
     k = float(airy.wave_number(omega, waves.depth, g))
-    amplitude = float(scene.wall.maker.transfer(k, waves.depth)) * np.sqrt(2 * np.mean(velocity**2)) / omega
+    amplitude = float(scene.wall.wavemaker.transfer(k, waves.depth)) * np.sqrt(2 * np.mean(velocity**2)) / omega
     amplitude = min(amplitude, STEEPEST / k, STEEPEST * waves.depth)
     phase = k * waves.plane.x
     run.clock = replace(run.clock, begin=float(t[np.argmax(velocity.mean(axis=1))]))

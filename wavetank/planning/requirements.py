@@ -158,8 +158,8 @@ def absorption_error(scene: Scene, k: Vector) -> Vector:
     depth, length = scene.tank.depth, scene.tank.length
     path = 2 * length - max((gauge.x for gauge in scene.all_gauges), default=length)
     back = path / airy.group_velocity(k, depth, scene.tank.gravity)
-    makers = [scene.paddles[n].wall.maker for n in scene.absorbing]
-    least = np.min([maker.transfer(k, depth) for maker in makers], axis=0)
+    makers = [scene.paddles[n].wall.wavemaker for n in scene.absorbing]
+    least = np.min([wavemaker.transfer(k, depth) for wavemaker in makers], axis=0)
     return np.asarray(CHANGED * least**-1.5 * np.sqrt(np.maximum(0.0, 1.0 - back / scene.run.duration)))
 
 
@@ -429,7 +429,7 @@ def _paddle_reason(seen: Scene, scene: Scene) -> str:
 def absorption(seen: Scene, scene: Scene) -> str:
     """Return what the paddle of a scene as seen from there absorbs, in words; nothing where it does not."""
     absorb = getattr(seen.wall, "absorb", None)
-    return "" if absorb is None else absorb.description(scene.tank, seen.wall.maker, paddles=scene.paddle_periods)
+    return "" if absorb is None else absorb.description(scene.tank, seen.wall.wavemaker, paddles=scene.paddle_periods)
 
 
 def _run_up_reason(run_up: RunUp | None) -> tuple[str, ...]:
@@ -582,14 +582,14 @@ def _free_harmonic(scene: Scene, k: float, lines: _Lines) -> tuple[Components, V
     Their amplitude is that of a regular wave as high (``waves/second_order.py``), at most that itself. They grow with
     the square of the envelope, which is returned, too.
     """
-    depth, g, maker = scene.tank.depth, scene.tank.gravity, scene.wall.maker
+    depth, g, wavemaker = scene.tank.depth, scene.tank.gravity, scene.wall.wavemaker
     squares = lines.squared_envelope(np.arange(lines.omega.size))
     size = float(np.sqrt(np.sum(squares**2) / max(np.sum(squares), 1e-300)))
     omega = 2 * airy.angular_frequency(np.array([k]), depth, g)
     free = airy.wave_number(omega, depth, g)
-    stroke = Strokes(omega / 2, np.array([size / complex(maker.transfer(k, depth))]))
-    made_up = second_order(stroke, maker, depth=depth, gravity=g).b[:1]
-    ratio = np.minimum(1.0, np.abs(made_up) * maker.transfer(free, depth) / max(size, 1e-300))
+    stroke = Strokes(omega / 2, np.array([size / complex(wavemaker.transfer(k, depth))]))
+    made_up = second_order(stroke, wavemaker, depth=depth, gravity=g).b[:1]
+    ratio = np.minimum(1.0, np.abs(made_up) * wavemaker.transfer(free, depth) / max(size, 1e-300))
     taken = scene.wall.generation(scene.tank, scene.physics) == "second-order"
     return Components(free, omega, LEFT * ratio if taken else ratio, np.zeros(1)), squares
 
@@ -621,7 +621,7 @@ def _lines(scene: Scene, motion: Motion) -> _Lines:
     coefficients = np.fft.rfft(positions * tapered(np.asarray(t / duration)))[1:-1] * (2 / count)
     omega: Vector = 2 * np.pi / duration * np.arange(1, count // 2, dtype=np.float64)
     k = airy.wave_number(omega, tank.depth, tank.gravity)
-    return _Lines(omega, k, 1j * scene.wall.maker.transfer(k, tank.depth) * coefficients)
+    return _Lines(omega, k, 1j * scene.wall.wavemaker.transfer(k, tank.depth) * coefficients)
 
 
 def looked_at(scene: Scene, motion: Motion) -> float:

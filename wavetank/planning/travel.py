@@ -80,7 +80,9 @@ def _reflection(seen: Scene, scene: Scene, omega: Vector) -> Vector:
     absorb = getattr(seen.wall, "absorb", None)
     if absorb is None:
         return np.ones_like(omega)
-    return np.asarray(absorb.reflection(2 * np.pi / omega, scene.tank, seen.wall.maker, paddles=scene.paddle_periods))
+    return np.asarray(
+        absorb.reflection(2 * np.pi / omega, scene.tank, seen.wall.wavemaker, paddles=scene.paddle_periods)
+    )
 
 
 def travel(x: Vector, speed: Vector, *, length: float, at: Ends, generated: Generation, duration: float) -> Travel:

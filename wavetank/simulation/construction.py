@@ -148,10 +148,10 @@ def _linear_shaped(scene: Scene, noun: ShapedWall, footprint: Slice | Basin, pla
 
 def _shape(scene: Scene, noun: ShapedWall, plane: Plane) -> Polynomial:
     """Return the polynomial of a paddle's shape; raises ``SceneError`` for one that it would not show."""
-    maker, depth = noun.maker, scene.tank.depth
-    shape = Polynomial.near(lambda z: maker.share(z, depth), depth, plane.mesh, kinks=maker.kinks(depth))
+    wavemaker, depth = noun.wavemaker, scene.tank.depth
+    shape = Polynomial.near(lambda z: wavemaker.share(z, depth), depth, plane.mesh, kinks=wavemaker.kinks(depth))
     z = np.linspace(-depth, 0.0, 1001, dtype=np.float64)
-    wanted = maker.share(z, depth)
+    wanted = wavemaker.share(z, depth)
     missed = float(np.abs(shape.at(z) - wanted).max() / np.abs(wanted).max())
     if missed > MISSED:
         allowed = f"bends the paddle too sharply: the nearest polynomial misses {100 * missed:.0f} % of its stroke"
@@ -442,12 +442,12 @@ def _active(scene: Scene, number: int, waves: AnyWaves) -> Answered:
     seen, tank, comm = scene.paddles[number], scene.tank, waves.plane.comm
     wall: Any = seen.wall
     paddle: Any = waves.wall.paddles[number]
-    found = from_first(comm, lambda: wall.absorb.build(tank, wall.maker, paddles=scene.paddle_periods))
+    found = from_first(comm, lambda: wall.absorb.build(tank, wall.wavemaker, paddles=scene.paddle_periods))
     above, below = found.over_s()
     made = agreed(
         comm,
         lambda: elevation_at_face(
-            seen.motion(), wall.maker, depth=tank.depth, gravity=tank.gravity, duration=scene.run.duration
+            seen.motion(), wall.wavemaker, depth=tank.depth, gravity=tank.gravity, duration=scene.run.duration
         ),
     )
     excess = Excess(waves, paddle, made)
@@ -457,7 +457,7 @@ def _active(scene: Scene, number: int, waves: AnyWaves) -> Answered:
 def _on_spring(scene: Scene, number: int, waves: AnyWaves) -> Answered:
     wall: Any = scene.paddles[number].wall
     paddle: Any = waves.wall.paddles[number]
-    mass, stiffness, damping = wall.absorb.resolved(scene.tank, wall.maker, paddles=scene.paddle_periods)
+    mass, stiffness, damping = wall.absorb.resolved(scene.tank, wall.wavemaker, paddles=scene.paddle_periods)
     added = wall.added_mass(scene.tank)
     equation = Equation.of_spring(mass + added, stiffness, damping)
     return equation, Push(waves, number, paddle, mass=added)

@@ -54,35 +54,35 @@ FITS = ((4, 30.0), (8, 30.0), (16, 300.0))  # one after another: exponents of th
 INSIDE = 1e-6  # of bounds, where a fit begins
 
 
-def face(maker: Wavemaker, omega: Array, depth: float, gravity: float) -> Complex:
+def face(wavemaker: Wavemaker, omega: Array, depth: float, gravity: float) -> Complex:
     """Return Z(i omega) [s], shape (N,), at angular frequencies > 0 [rad/s], shape (N,)."""
     k = np.asarray(wave_number(omega, depth, gravity))
-    kappa, moments, norms = _dying(maker, omega, depth, gravity)
-    wave = maker.transfer(k, depth) / omega
+    kappa, moments, norms = _dying(wavemaker, omega, depth, gravity)
+    wave = wavemaker.transfer(k, depth) / omega
     return np.asarray(wave + 1j * omega / gravity * (moments / (kappa * norms)).sum(axis=1))
 
 
-def radiation(maker: Wavemaker, omega: Array, depth: float, gravity: float) -> tuple[Array, Array]:
+def radiation(wavemaker: Wavemaker, omega: Array, depth: float, gravity: float) -> tuple[Array, Array]:
     """Return the damping r [m²/s] and the added mass mu [m²], over the density and a metre's width, shape (N,) each."""
     k = np.asarray(wave_number(omega, depth, gravity))
-    kappa, moments, norms = _dying(maker, omega, depth, gravity)
-    damping = omega * maker.moment(k, depth) ** 2 / (k * norm(k, depth))
+    kappa, moments, norms = _dying(wavemaker, omega, depth, gravity)
+    damping = omega * wavemaker.moment(k, depth) ** 2 / (k * norm(k, depth))
     return np.asarray(damping), np.asarray((moments**2 / (kappa * norms)).sum(axis=1))
 
 
-def sudden_mass(maker: Wavemaker, depth: float) -> float:
+def sudden_mass(wavemaker: Wavemaker, depth: float) -> float:
     """Return the added mass of a sudden motion [m²], over the density and a metre's width: that of high frequencies."""
     kappa = (np.arange(MODES) + 0.5) * np.pi / depth
     x, weights = np.polynomial.legendre.leggauss(4 * MODES)
     z = 0.5 * depth * (x - 1.0)
-    moments = (0.5 * depth * weights * maker.share(z, depth)) @ np.cos(np.outer(z + depth, kappa))
+    moments = (0.5 * depth * weights * wavemaker.share(z, depth)) @ np.cos(np.outer(z + depth, kappa))
     return float((moments**2 / kappa).sum() * 2.0 / depth)
 
 
-def _dying(maker: Wavemaker, omega: Array, depth: float, gravity: float) -> tuple[Array, Array, Array]:
+def _dying(wavemaker: Wavemaker, omega: Array, depth: float, gravity: float) -> tuple[Array, Array, Array]:
     """Return kappa_j, m and N of modes that die out, shape (N, MODES) each."""
     kappa = modes(np.asarray(omega), depth, gravity, count=MODES)
-    return kappa, np.real(maker.moment(1j * kappa, depth)), np.real(norm(1j * kappa, depth))
+    return kappa, np.real(wavemaker.moment(1j * kappa, depth)), np.real(norm(1j * kappa, depth))
 
 
 @dataclass(frozen=True)
@@ -140,14 +140,14 @@ class PassiveFilter:
     @classmethod
     @lru_cache(maxsize=16)
     def fitted(
-        cls, maker: Wavemaker, *, depth: float, gravity: float, shortest: float, longest: float
+        cls, wavemaker: Wavemaker, *, depth: float, gravity: float, shortest: float, longest: float
     ) -> "PassiveFilter":
         """Return the filter of least largest reflection of waves of periods from the shortest to the longest [s]."""
         ends = 2 * np.pi / np.array([longest, shortest])
         low, high = depth * np.asarray(wave_number(ends, depth, gravity))
         kd, wide = np.geomspace(low, high, WAVES), np.geomspace(ALL[0] * low, ALL[-1] * high, len(ALL))
         omega, omega_wide = (np.asarray(angular_frequency(one / depth, depth, gravity)) for one in (kd, wide))
-        at_face, middle = face(maker, omega, depth, gravity), float(np.sqrt(ends.prod()))
+        at_face, middle = face(wavemaker, omega, depth, gravity), float(np.sqrt(ends.prod()))
         gain = float(1.0 / np.abs(at_face).mean())
 
         def built(x: Array) -> PassiveFilter:

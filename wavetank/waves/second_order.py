@@ -71,15 +71,15 @@ class _Modes:
 
 
 def second_order(
-    first: Strokes, maker: Wavemaker, *, depth: float, gravity: float, evanescent: int = EVANESCENT
+    first: Strokes, wavemaker: Wavemaker, *, depth: float, gravity: float, evanescent: int = EVANESCENT
 ) -> Strokes:
     """Return X_2 of a motion X_1 of frequencies in ascending order: its sums of frequencies, then its differences.
 
     N (N + 1) / 2 of the one and N (N - 1) / 2 of the other, in the order of ``numpy.tril_indices``.
     """
-    water = _Water(maker, depth, gravity, evanescent)
+    water = _Water(wavemaker, depth, gravity, evanescent)
     many = first.omega.size > MANY
-    apart_by = _Water(maker, depth, gravity, min(evanescent, FEWER)) if many else water
+    apart_by = _Water(wavemaker, depth, gravity, min(evanescent, FEWER)) if many else water
     n, m = np.tril_indices(first.omega.size)
     apart = n > m
     total, difference = first.omega[n] + first.omega[m], (first.omega[n] - first.omega[m])[apart]
@@ -113,13 +113,13 @@ def _cardinal(x: Array, nodes: Array) -> Array:
 class _Water:
     """Pairs of modes in a depth [m], before a paddle, under gravity [m/s²]."""
 
-    def __init__(self, maker: Wavemaker, depth: float, gravity: float, evanescent: int):
-        self._maker, self._depth, self._g, self._evanescent = maker, depth, gravity, evanescent
+    def __init__(self, wavemaker: Wavemaker, depth: float, gravity: float, evanescent: int):
+        self._wavemaker, self._depth, self._g, self._evanescent = wavemaker, depth, gravity, evanescent
 
     def motion(self, left: Complex, omega: Array) -> Complex:
         """Return b of X_2 [m] of frequencies [rad/s] from what is left of them [m²/s²], all of shape (N,)."""
         K = airy.wave_number(omega, self._depth, self._g)
-        return np.asarray(left / (-1j * omega * self._maker.moment(K, self._depth)))
+        return np.asarray(left / (-1j * omega * self._wavemaker.moment(K, self._depth)))
 
     def left(self, omega: Array, sign: float = 1.0) -> Complex:
         """Return what is to be made up for, of b = 1 of both, at omega_n + sign omega_m, in the order of tril_indices.
@@ -141,7 +141,7 @@ class _Water:
         travelling = airy.wave_number(omega, self._depth, self._g)
         dying = modes(omega, self._depth, self._g, count=self._evanescent)
         k = np.concatenate([travelling[:, None] + 0j, 1j * dying], axis=1)
-        P = -omega[:, None] * self._maker.moment(k, self._depth) / (k * norm(k, self._depth))
+        P = -omega[:, None] * self._wavemaker.moment(k, self._depth) / (k * norm(k, self._depth))
         return _Modes(omega, np.ones_like(omega, dtype=np.complex128), k, P)
 
     def _of_pairs(self, one: _Modes, others: _Modes) -> Complex:
@@ -154,11 +154,11 @@ class _Water:
 
     def _seen(self, of: _Modes, K: Array) -> Complex:
         """Return what the paddle sees of modes where it is not at rest."""
-        return np.asarray((of.P * self._maker.displaced(of.k, K[:, None], self._depth)).sum(axis=1))
+        return np.asarray((of.P * self._wavemaker.displaced(of.k, K[:, None], self._depth)).sum(axis=1))
 
     def _bound(self, u: _Modes, v: _Modes, K: Array) -> Complex:
         """Return what goes with the bound waves of pairs u, v and v, u: the sums of their T have one denominator."""
-        g, total, at_top = self._g, u.omega + v.omega, self._maker.share(0.0, self._depth)
+        g, total, at_top = self._g, u.omega + v.omega, self._wavemaker.share(0.0, self._depth)
         rise_u, rise_v = ((one.omega**2 / g)[:, None] for one in (u, v))  # phi_z / phi at z = 0
         of_u = v.omega[:, None] * (u.k**2 - rise_u**2) - 2.0 * total[:, None] * rise_u * rise_v
         of_v = u.omega[:, None] * (v.k**2 - rise_v**2)

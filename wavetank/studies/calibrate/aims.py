@@ -64,7 +64,7 @@ def _made(scene: Scene) -> PlaneWaves:
     motion = getattr(scene.wall, "motion", None)
     if not isinstance(motion, MadeWaves):
         raise SceneError([Problem(("wall", "motion", "type"), getattr(motion, "type", None), f"must be {MADE}")])
-    return motion.waves(scene.tank, scene.wall.maker).target
+    return motion.waves(scene.tank, scene.wall.wavemaker).target
 
 
 def _crest(target: CrestTarget, scene: Scene) -> Aim:
