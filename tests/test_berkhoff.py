@@ -17,15 +17,15 @@ import typer
 from typer.testing import CliRunner
 
 from wavetank import data
+from wavetank.analysis.compare import compare_heights, computed_heights, matched
 from wavetank.analysis.statistics import mean_wave_height, wave_heights
 from wavetank.case.output import GaugeLine
 from wavetank.data import DataFile, Dataset, HeightSeries, Section
 from wavetank.errors import InputError
 from wavetank.output.tables import GaugeSeries
 from wavetank.output.writer import RunWriter
-from wavetank.plots.compare import matched
 from wavetank.plots.compare_command import compare
-from wavetank.plots.sections import COLUMNS, compare_heights, computed_heights
+from wavetank.plots.tables import SECTION_COLUMNS
 
 NAME = "berkhoff_1982_shoal"
 KNOWN = data.dataset(NAME).heights
@@ -263,7 +263,7 @@ def test_a_run_is_compared_with_the_measurements(measured, tmp_path):
     result = CliRunner().invoke(app, [str(out), "--with", NAME], env={"COLUMNS": "100"})
     assert result.exit_code == 0, result.output
     rows = list(csv.DictReader((out / "compare.csv").read_text().splitlines()))
-    assert tuple(rows[0]) == COLUMNS and len(rows) == 14
+    assert tuple(rows[0]) == SECTION_COLUMNS and len(rows) == 14
     assert all(float(row["nrms"]) < 0.07 for row in rows[:9])
     assert "section" in result.output and "(Basilisk)" in result.output
     assert (out / "compare.png").stat().st_size > 50_000

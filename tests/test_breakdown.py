@@ -16,7 +16,7 @@ from wavetank.case import Scene
 from wavetank.cli import main
 from wavetank.errors import InputError, PaddleError, RunError
 from wavetank.output.directory import RunDirectory
-from wavetank.plots.run_figures import draw_run
+from wavetank.plots.figures import draw_run
 from wavetank.recording import record_run
 
 QUIET = {"comm": MPI.COMM_SELF, "console": Console(quiet=True)}

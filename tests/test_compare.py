@@ -13,24 +13,22 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from wavetank import data
+from wavetank.analysis.compare import compare, compare_harmonics, matched
 from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.tables import GaugeSeries
 from wavetank.output.writer import RunWriter
-from wavetank.plots.compare import (
-    COLUMNS,
-    compare,
+from wavetank.plots.compare_command import told_of_tanks
+from wavetank.plots.figures import draw_run, gauges_figure
+from wavetank.plots.tables import (
+    GAUGE_COLUMNS,
     comparison_table,
     extremes_table,
-    matched,
+    harmonics_table,
     told_of_clock,
     write_comparison,
 )
-from wavetank.plots.compare_command import told_of_tanks
-from wavetank.plots.compare_harmonics import compare_harmonics, harmonics_table
-from wavetank.plots.figures import gauges_figure
-from wavetank.plots.run_figures import draw_run
 
 
 def group(t, t0):
@@ -89,7 +87,7 @@ def test_the_table_is_written(tmp_path: Path):
     comparisons = compare([one], [one])
     write_comparison(tmp_path / "compare.csv", comparisons)
     header, row = list(csv.reader((tmp_path / "compare.csv").read_text().splitlines()))
-    assert tuple(header) == COLUMNS and row[0] == "5"
+    assert tuple(header) == GAUGE_COLUMNS and row[0] == "5"
     assert comparison_table(comparisons).row_count == 1
 
 

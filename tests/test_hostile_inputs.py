@@ -29,9 +29,9 @@ from wavetank.fem.layout_mesh import read_layout
 from wavetank.output.directory import RunDirectory, open_run
 from wavetank.output.fields import piece_files
 from wavetank.output.files import open_regular
-from wavetank.plots.compare import write_rows
-from wavetank.plots.run_figures import draw_run
+from wavetank.plots.figures import draw_run
 from wavetank.plots.style import picture
+from wavetank.plots.tables import write_rows
 from wavetank.plots.view import writing
 from wavetank.values import python_file
 

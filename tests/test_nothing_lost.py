@@ -307,7 +307,7 @@ def test_a_picture_that_cannot_be_drawn_is_said_and_no_more(tmp_path, monkeypatc
     def full(run):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("wavetank.plots.run_figures.draw_run", full)
+    monkeypatch.setattr("wavetank.plots.figures.draw_run", full)
     assert main(["run", CASE, *SHORT, "--out", str(tmp_path / "run")]) == 0
     assert "could not all be drawn: No space left on device" in capsys.readouterr().out
     assert RunDirectory(tmp_path / "run").status == "finished"

@@ -11,10 +11,10 @@ from conftest import commanded
 from ranks import CHECKOUT
 
 from wavetank import data
+from wavetank.analysis.compare import synchronised
 from wavetank.errors import InputError
 from wavetank.output.tables import GaugeSeries
 from wavetank.output.writer import RunWriter
-from wavetank.plots.compare import synchronised
 
 T = np.arange(0.0, 30.0, 0.05)
 PLACES = {"1": 2.0, "5": 7.5}

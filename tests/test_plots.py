@@ -20,11 +20,9 @@ from wavetank.output.directory import RunDirectory
 from wavetank.output.fields import Surface
 from wavetank.output.tables import GaugeSeries
 from wavetank.output.writer import RunWriter
-from wavetank.plots import figures, run_figures
-from wavetank.plots.figures import energy_figure, gauges_figure, gauges_overview, surface_figure
-from wavetank.plots.gauge_marks import mark_places
-from wavetank.plots.run_figures import draw_run
-from wavetank.plots.style import STYLE
+from wavetank.plots import figures
+from wavetank.plots.figures import draw_run, energy_figure, gauges_figure, gauges_overview, surface_figure
+from wavetank.plots.style import STYLE, mark_places
 
 ENERGY = (
     "t [s]",
@@ -139,18 +137,18 @@ def test_a_ring_is_drawn_closed_and_no_water_below_the_bed(tmp_path):
         for t in range(4):
             record.append(t, x, 0.01 * np.cos(np.pi / 4 * (x - t)), 0 * x)
     run = RunDirectory(tmp_path / "run")
-    surface = run_figures._closed(run.snapshots(), 8.0)
+    surface = figures._closed(run.snapshots(), 8.0)
     assert np.all(surface.x[:, -1] == 8.0) and np.array_equal(surface.eta[:, -1], surface.eta[:, 0])
     text = words(lambda path: surface_figure(surface, path, depth=0.01, origin="along the ring"), tmp_path)
     assert "distance along the ring, x [m]" in text
     assert ">\u22121.0<" in text and ">\u22121.5<" not in text  # ticks [cm]
-    assert run_figures.draw_surface(run).exists()
+    assert figures.draw_surface(run).exists()
 
 
 def test_cells_of_high_order_are_drawn_as_curves_between_their_nodes(tmp_path, monkeypatch):
     """Oracle: quartics, which cells of order 4 hold exactly; nodes as the mesh has them, at Gauss-Lobatto's places."""
     drawn = []
-    monkeypatch.setattr(run_figures, "surface_figure", lambda surface, path, **_: drawn.append(surface) or path)
+    monkeypatch.setattr(figures, "surface_figure", lambda surface, path, **_: drawn.append(surface) or path)
     within = 0.5 + 0.5 * np.array([-1.0, -np.sqrt(3 / 7), 0.0, np.sqrt(3 / 7)])
     nodes = np.append((np.arange(3)[:, None] + within).ravel(), 3.0)
     tank = {"type": "slice", "length": 3.0, "depth": 1.0}
@@ -159,7 +157,7 @@ def test_cells_of_high_order_are_drawn_as_curves_between_their_nodes(tmp_path, m
             record = writer.surface()
             for t in range(2):
                 record.append(t, nodes, 0.01 * nodes**4 + t, 0 * nodes)
-        run_figures.draw_surface(RunDirectory(tmp_path / "run"))
+        figures.draw_surface(RunDirectory(tmp_path / "run"))
         surface = drawn.pop()
         assert surface.x.shape[1] == 1201 and np.all(np.diff(surface.x) > 0)
         assert surface.eta == pytest.approx(0.01 * surface.x**4 + surface.t[:, None], abs=1e-12)
@@ -182,7 +180,7 @@ def test_a_varying_bed_is_drawn_at_its_depth(tmp_path):
 
 def test_a_slices_bed_is_read_from_its_scene(tmp_path, monkeypatch):
     drawn = {}
-    monkeypatch.setattr(run_figures, "surface_figure", lambda surface, path, **given: drawn.update(given) or path)
+    monkeypatch.setattr(figures, "surface_figure", lambda surface, path, **given: drawn.update(given) or path)
     bed = {"type": "formula", "depth": "0.6 - 0.01 * x"}
     for name, tank in (("sloping", {"bed": bed}), ("flat", {})):
         scene = {"tank": {"type": "slice", "length": 8.0, "depth": 0.6, **tank}}
@@ -190,7 +188,7 @@ def test_a_slices_bed_is_read_from_its_scene(tmp_path, monkeypatch):
             record = writer.surface()
             for t in range(2):
                 record.append(t, *3 * [np.arange(9.0)])
-        run_figures.draw_surface(RunDirectory(tmp_path / name))
+        figures.draw_surface(RunDirectory(tmp_path / name))
         depth = drawn["depth"]
         assert depth == 0.6 if name == "flat" else depth(np.array([5.0]), np.zeros(1)) == pytest.approx(0.55)
 
@@ -277,9 +275,9 @@ def test_the_surface_of_a_slice_shows_its_gauges_and_sponge(tmp_path, monkeypatc
     text = words(lambda path: surface_figure(group(), path, gauges=gauges, sponge=(20.0, 24.0)), tmp_path)
     assert all(f">{name}<" in text for name in ("near", "focus", "sponge")) and ">hidden<" not in text
     surface, formula = group(), {"type": "formula", "gamma": "max(0, x - 18)"}
-    assert run_figures._sponge({"sponge": {"type": "end", "length": 5.0}}, surface) == (19.0, 24.0)
-    assert run_figures._sponge({"sponge": formula}, surface) == pytest.approx((18.0, 24.0), abs=0.1)
-    assert run_figures._sponge({}, surface) is None
+    assert figures._sponge({"sponge": {"type": "end", "length": 5.0}}, surface) == (19.0, 24.0)
+    assert figures._sponge({"sponge": formula}, surface) == pytest.approx((18.0, 24.0), abs=0.1)
+    assert figures._sponge({}, surface) is None
 
 
 def test_a_row_of_gauges_has_one_name_on_a_map():
@@ -316,7 +314,7 @@ def test_nothing_to_draw_is_bad_input(tmp_path):
             pass
         (tmp_path / tank["type"] / "surface.nc").touch()
         with pytest.raises(InputError, match="0 snapshots"):
-            run_figures.draw_surface(RunDirectory(tmp_path / tank["type"]))
+            figures.draw_surface(RunDirectory(tmp_path / tank["type"]))
     with pytest.raises(InputError, match="no gauge"):
         gauges_overview([], tmp_path / "a.png")
     with pytest.raises(InputError, match="no gauge in common"):
@@ -328,7 +326,7 @@ def test_nothing_to_draw_is_bad_input(tmp_path):
 
 def test_pictures_need_neither_the_solver_nor_a_display():
     code = (
-        "import sys, wavetank.plots.run_figures; "
+        "import sys, wavetank.plots.figures; "
         "sys.exit(any(name in sys.modules for name in ('dolfinx', 'petsc4py', 'mpi4py', 'matplotlib.pyplot')))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -36,7 +36,7 @@ from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS, Simpson4, registered
 from wavetank.motion.recorded import read_record
 from wavetank.planning.cost import BUILT_IN, KINDS
-from wavetank.plots.run_figures import ORIGINS
+from wavetank.plots.figures import ORIGINS
 from wavetank.simulation.construction import FOOTPRINTS, SPONGES, WALLS, WATERS
 
 CASES = Path(__file__).resolve().parents[1] / "cases"

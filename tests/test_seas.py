@@ -15,6 +15,7 @@ from scipy.special import gamma as gamma_function
 
 from examples.paper.second_order import GENERATIONS, row
 from examples.paper.watched import Surfaces
+from wavetank.analysis.compare import rms
 from wavetank.case import Scene, SliceTank
 from wavetank.case.reading import read_case
 from wavetank.cli import main
@@ -39,7 +40,6 @@ from wavetank.output.directory import RunDirectory
 from wavetank.planning.default_plan import planned
 from wavetank.planning.plan import STEP_RATIO, make_plan
 from wavetank.planning.requirements import requirements
-from wavetank.plots.compare import rms
 from wavetank.simulation.build import build_run
 from wavetank.values.formula import Formula
 from wavetank.values.noun import SceneError

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.writer import RunWriter
-from wavetank.plots import view, view_command, view_film, view_sight, view_tank
+from wavetank.plots import tank_scene, view, view_command
 
 LENGTH, DEPTH, HEIGHT = 8.0, 1.0, 0.1  # m
 STEPS, PERIOD = 40, 2.0  # snapshots of one period [s]
@@ -58,7 +58,7 @@ def test_a_flap_leans_and_the_water_beside_it(tmp_path, far):
     flap = {"type": "flap", "hinge": hinge, "motion": {"type": "at-rest"}}
     wall, mirror = {"wall": flap, "paddle": moved}, {"far_wall": flap, "far": -moved}
     mirror["elevation"] = lambda x, t: travelling(LENGTH - x, t)
-    tank = view_tank.tank_view(record(tmp_path / "run", **(mirror if far else wall)))
+    tank = tank_scene.tank_view(record(tmp_path / "run", **(mirror if far else wall)))
     sight = tank.at(PERIOD / 4)
     eta = travelling(moved, PERIOD / 4)
     X = moved * (DEPTH - hinge) / (DEPTH - hinge + eta)
@@ -109,7 +109,7 @@ def assert_skyline(picture, t, x, eta):
 
 # ---------------------------------------------------------------- stills
 def test_a_standing_waves_crest_is_seen_at_one_wall_and_half_a_period_later_at_the_other(standing_wave):
-    tank = view_tank.tank_view(standing_wave)
+    tank = tank_scene.tank_view(standing_wave)
     picture = view.View(tank, "", size=(960, 540))
     x = np.linspace(0.3, 1.7, 15)  # clear of the walls' plates
     assert_skyline(picture, 0.0, x, 0.1 * np.cos(np.pi * x / 2.0))
@@ -133,7 +133,7 @@ def test_a_crest_is_light_a_trough_dark_and_still_water_has_the_colour_of_the_ba
     def hump(x, t):
         return HEIGHT * np.exp(-((x - 6.0) ** 2)) - HEIGHT * np.exp(-((x - 3.0) ** 2))
 
-    picture = view.View(view_tank.tank_view(record(tmp_path / "run", elevation=hump)), "", size=(960, 540))
+    picture = view.View(tank_scene.tank_view(record(tmp_path / "run", elevation=hump)), "", size=(960, 540))
     pixels = picture.pixels(0.0) / 255
     places = np.round(picture.place(np.array([[6.0, 0.0, HEIGHT], [3.0, 0.0, -HEIGHT], [0.4, 0.0, 0.0]]))).astype(int)
     crest, trough, still = (pixels[row, column] for column, row in places)
@@ -143,7 +143,7 @@ def test_a_crest_is_light_a_trough_dark_and_still_water_has_the_colour_of_the_ba
 
 
 def test_the_picture_says_title_time_unit_and_exaggeration(run):
-    picture = view.View(view_tank.tank_view(run), "A wave", size=SMALL)
+    picture = view.View(tank_scene.tank_view(run), "A wave", size=SMALL)
     picture.draw(0.25)
     said = {name: picture.plotter.actors[name].input for name in ("title", "time", "bar", "note")}
     # 0.12 of 8 m over 0.1 m is 9.6; 0.22 of 8 m over 1 m, which is less, is 1.76
@@ -156,12 +156,12 @@ def test_the_picture_says_title_time_unit_and_exaggeration(run):
 @pytest.mark.parametrize("depth, height, expected", [(0.1, 0.1, 10), (1.0, 0.1, 2), (5.0, 0.1, 1), (0.01, 0.4, 2)])
 def test_the_exaggeration_shows_the_waves_but_no_tower(tmp_path, depth, height, expected):
     run = record(tmp_path / "run", {**TANK, "depth": depth}, elevation=lambda x, t: height / 0.1 * travelling(x, t))
-    assert view.exaggeration(view_tank.tank_view(run)) == expected
+    assert view.exaggeration(tank_scene.tank_view(run)) == expected
 
 
 def test_the_whole_tank_is_in_the_picture_and_reaches_its_room(run):
     for size in ((960, 540), (400, 800)):
-        picture = view.View(tank := view_tank.tank_view(run), "", size=size)
+        picture = view.View(tank := tank_scene.tank_view(run), "", size=size)
         corners = np.array([far_edge(tank, np.array([0.0, LENGTH]), np.full(2, z)) for z in (-DEPTH, HEIGHT / 2)])
         corners = np.concatenate([corners, corners * (1, -1, 1)]).reshape(-1, 3)
         share = np.abs(2 * picture.place(corners) / size - (1, 1 + view.LOWERED)).max(axis=0)
@@ -173,7 +173,7 @@ def test_the_whole_tank_is_in_the_picture_and_reaches_its_room(run):
 # ---------------------------------------------------------------- what is read off
 def test_the_vertical_ruler_stands_left_of_the_tank_with_heights_at_their_heights(run):
     """Exaggerated as waves are: the tick of still water is as high as still water, the lowest as the bed."""
-    picture = view.View(tank := view_tank.tank_view(run), "", size=(960, 540))
+    picture = view.View(tank := tank_scene.tank_view(run), "", size=(960, 540))
     labels = tank.ruler().labels
     assert labels.texts == ["z = 0 m", "-0.2", "-0.4", "-0.6", "-0.8", "-1"]
     assert labels.places[:, 2] == pytest.approx(np.linspace(0.0, -1.0, 6))
@@ -185,7 +185,7 @@ def test_the_vertical_ruler_stands_left_of_the_tank_with_heights_at_their_height
 
 
 def test_a_ring_has_its_ruler_and_gauges_where_they_are_in_it(tmp_path):
-    ring = view_tank.tank_view(record(tmp_path / "run", {**TANK, "type": "ring"}, gauges=(0.0, LENGTH / 4)))
+    ring = tank_scene.tank_view(record(tmp_path / "run", {**TANK, "type": "ring"}, gauges=(0.0, LENGTH / 4)))
     radius = LENGTH / (2 * np.pi)
     assert ring.gauges().places == pytest.approx(np.array([[0.0, -radius, 0.0], [radius, 0.0, 0.0]]), abs=1e-9)
     assert np.hypot(*ring.ruler().labels.places[0, :2]) > ring.extent / 2
@@ -193,7 +193,7 @@ def test_a_ring_has_its_ruler_and_gauges_where_they_are_in_it(tmp_path):
 
 def test_gauges_are_rods_through_the_water_and_named_where_there_is_room(tmp_path):
     run = record(tmp_path / "run", gauges=(2.0, 5.0, 5.01))
-    picture = view.View(tank := view_tank.tank_view(run), "", size=(960, 540))
+    picture = view.View(tank := tank_scene.tank_view(run), "", size=(960, 540))
     assert tank.gauges().texts == ["1", "2", "3"]
     rods = view.rods_of(tank)
     assert rods.n_cells == 3 and rods.points[::2, 0] == pytest.approx([2.0, 5.0, 5.01])
@@ -209,10 +209,10 @@ def test_gauges_are_rods_through_the_water_and_named_where_there_is_room(tmp_pat
 
 def test_colours_end_at_the_largest_elevation_unless_a_crest_is_sharp(tmp_path):
     """Of a crest of 14 cm they ended at 9 cm; of one of 50 cm over waves of 9 cm twice those, and say so."""
-    sizes = view_sight.WaveSizes(low=-0.11, high=0.14, usual=0.09, slope=0.1, crest_time=0.0)
+    sizes = tank_scene.WaveSizes(low=-0.11, high=0.14, usual=0.09, slope=0.1, crest_time=0.0)
     assert view.colour_limit(SimpleNamespace(waves=sizes)) == 14.0
     assert view.colour_limit(SimpleNamespace(waves=replace(sizes, high=0.5))) == 18.0
-    picture = view.View(view_tank.tank_view(record(tmp_path / "run")), "", size=SMALL)
+    picture = view.View(tank_scene.tank_view(record(tmp_path / "run")), "", size=SMALL)
     for name in ("time", "bar"):
         assert picture.plotter.actors[name].prop.GetFontFile().endswith("DejaVuSans.ttf")
     picture.close()
@@ -220,7 +220,7 @@ def test_colours_end_at_the_largest_elevation_unless_a_crest_is_sharp(tmp_path):
 
 def test_rows_of_very_many_gauges_are_thin_rods_without_names(tmp_path):
     run = record(tmp_path / "run", gauges=np.linspace(1.0, 7.0, view.NAMED + 1))
-    picture = view.View(tank := view_tank.tank_view(run), "", size=SMALL)
+    picture = view.View(tank := tank_scene.tank_view(run), "", size=SMALL)
     assert view.rods_of(tank).points[:, 2].max() == pytest.approx(tank.waves.high)
     assert "gauges" in picture.plotter.actors and "gauge names-labels" not in picture.plotter.actors
     picture.close()
@@ -231,37 +231,37 @@ def test_rows_of_very_many_gauges_are_thin_rods_without_names(tmp_path):
 )
 def test_a_sponge_covers_the_surface_as_it_damps(tmp_path, sponge):
     """Oracle: gamma over its largest, ((x - 6 m) / 2 m)²; the colour covers with its root."""
-    tank = view_tank.tank_view(record(tmp_path / "run", sponge=sponge))
+    tank = tank_scene.tank_view(record(tmp_path / "run", sponge=sponge))
     veil = tank.at(0.0).sponge
     x = veil.points[:, 0]
-    cover = veil[view_sight.VEILED][:, 3] / view_sight.COVER
+    cover = veil[tank_scene.VEILED][:, 3] / tank_scene.COVER
     assert cover == pytest.approx(np.clip((x - 6.0) / 2.0, 0.0, 1.0), abs=0.01)
     assert tank.note == "sponge: violet"
-    assert view_tank.tank_view(record(tmp_path / "other")).at(0.0).sponge is None
+    assert tank_scene.tank_view(record(tmp_path / "other")).at(0.0).sponge is None
 
 
 # ---------------------------------------------------------------- meshes
 def test_between_snapshots_the_waves_go_on(run):
     t = TIMES[20] + 0.5 * (TIMES[1] - TIMES[0])
-    surface = view_tank.tank_view(run).at(t).surface
+    surface = tank_scene.tank_view(run).at(t).surface
     x, _, z = surface.points.T
     # the spline's (omega dt)^4 / 384 is 2e-6; a straight line's (omega dt)^2 / 8 would be 3e-3
     assert z == pytest.approx(travelling(x, t), abs=1e-4 * HEIGHT)
-    assert surface[view_sight.ELEVATION] == pytest.approx(100 * z, abs=1e-5)
+    assert surface[tank_scene.ELEVATION] == pytest.approx(100 * z, abs=1e-5)
 
 
 def test_the_paddle_moves_with_the_water(tmp_path):
-    tank = view_tank.tank_view(record(tmp_path / "run", paddle=0.2))
+    tank = tank_scene.tank_view(record(tmp_path / "run", paddle=0.2))
     for t, x in ((0.5, 0.2), (1.5, -0.2)):
         sight = tank.at(t)
         assert sight.paddle.bounds[1] == pytest.approx(x, abs=1e-6)
         assert sight.surface.bounds[0] == sight.sides.bounds[0] == pytest.approx(x, abs=1e-6)
         assert tank.bed().bounds[0] < sight.paddle.bounds[0]
-    assert view_tank.tank_view(record(tmp_path / "still")).at(0.5).paddle is None
+    assert tank_scene.tank_view(record(tmp_path / "still")).at(0.5).paddle is None
 
 
 def test_the_water_reaches_from_bed_to_surface(run):
-    tank = view_tank.tank_view(run)
+    tank = tank_scene.tank_view(run)
     sight = tank.at(0.0)
     low, high = sight.sides.bounds[4:]
     assert (low, high) == pytest.approx((-DEPTH, HEIGHT / 2))
@@ -270,7 +270,7 @@ def test_the_water_reaches_from_bed_to_surface(run):
 
 def test_a_slices_water_reaches_down_to_its_bed(tmp_path):
     bed = {"type": "formula", "depth": "1.2 - 0.1 * x"}
-    tank = view_tank.tank_view(record(tmp_path / "run", {**TANK, "bed": bed}, paddle=0.2))
+    tank = tank_scene.tank_view(record(tmp_path / "run", {**TANK, "bed": bed}, paddle=0.2))
     assert tank.depth == pytest.approx(1.2)
     assert tank.walls().bounds[4] == pytest.approx(-0.4)  # the far wall stands on the bed
     sides = tank.at(0.5).sides.points
@@ -280,11 +280,11 @@ def test_a_slices_water_reaches_down_to_its_bed(tmp_path):
     x, _, z = ground.points.T
     top, slab = z[z > -1.25], z[z <= -1.25]
     assert top == pytest.approx(-(1.2 - 0.1 * x[z > -1.25].clip(0.0, LENGTH)), abs=1e-6)
-    assert slab == pytest.approx(-1.2 * (1 + view_sight.SLAB))
+    assert slab == pytest.approx(-1.2 * (1 + tank_scene.SLAB))
 
 
 def test_a_ring_is_bent_to_a_closed_circle(tmp_path):
-    tank = view_tank.tank_view(record(tmp_path / "run", {**TANK, "type": "ring"}))
+    tank = tank_scene.tank_view(record(tmp_path / "run", {**TANK, "type": "ring"}))
     surface = tank.at(PERIOD / 4).surface  # the crest is at x = LENGTH / 4: anticlockwise from the front, the right
     rows = surface.points.reshape(2, -1, 3)
     assert rows[:, 0] == pytest.approx(rows[:, -1], abs=1e-6)
@@ -324,17 +324,17 @@ def test_films_have_as_many_frames_as_were_asked_for_and_move(run, tmp_path):
     assert count_frames_and_secs(mp4)[0] == 4
 
 
-@pytest.mark.parametrize("form", view_film.FORMATS.values())
+@pytest.mark.parametrize("form", view.FORMATS.values())
 def test_a_film_lasts_as_long_as_the_run_within_reason(form):
     assert form.frames(6.0) == round(6.0 * form.rate) + 1
     assert form.frames(600.0) == round(form.longest * form.rate) + 1 <= 201
-    assert form.frames(0.1) == round(view_film.SHORTEST * form.rate) + 1
+    assert form.frames(0.1) == round(view.SHORTEST * form.rate) + 1
 
 
 @pytest.mark.parametrize(("count", "lines"), [(201, 10), (3, 3)])
 def test_a_film_says_how_far_it_is_without_a_terminal(count, lines):
     said = io.StringIO()
-    assert list(view_film.followed(range(count), Console(file=said))) == list(range(count))
+    assert list(view.followed(range(count), Console(file=said))) == list(range(count))
     told = said.getvalue().splitlines()
     assert len(told) == lines
     assert told[0] == f"film: 0 of {count} frames"

@@ -15,13 +15,12 @@ from wavetank.output.directory import RunDirectory
 from wavetank.output.fields import VtkCells, VtuSeries
 from wavetank.output.tables import GaugeSeries
 from wavetank.output.writer import RunWriter
-from wavetank.plots import basin_figures, view, view_command
-from wavetank.plots.basin_surface import BasinSurface, Extremes, history
-from wavetank.plots.gauge_marks import leave_out_overlaps, mark_places
-from wavetank.plots.run_figures import draw_run
-from wavetank.plots.view_basin import BasinView
-from wavetank.plots.view_film import FORMATS
-from wavetank.plots.view_sight import COVER, ELEVATION, HEIGHT, VEIL
+from wavetank.plots import basin, view, view_command
+from wavetank.plots.basin import BasinSurface, Extremes, history
+from wavetank.plots.figures import draw_run
+from wavetank.plots.style import leave_out_overlaps, mark_places
+from wavetank.plots.tank_scene import COVER, ELEVATION, HEIGHT, VEIL, BasinView
+from wavetank.plots.view import FORMATS
 
 LENGTH, WIDTH, DEPTH, HEIGHT_OF_WAVES = 8.0, 4.0, 0.5, 0.1  # m
 PERIOD, STEPS = 1.6, 20  # snapshots of one period [s]
@@ -334,7 +333,7 @@ def test_a_basins_picture_has_its_sponge_its_gauge_and_a_vertical_ruler(tmp_path
 # ---------------------------------------------------------------- maps
 def words(run, tmp_path):
     with rc_context({"svg.fonttype": "none"}):
-        return basin_figures.basin_figure(run, tmp_path / "map.svg").read_text()
+        return basin.basin_figure(run, tmp_path / "map.svg").read_text()
 
 
 def test_the_maps_say_what_they_show(tmp_path):
@@ -367,19 +366,19 @@ def test_heights_of_regular_waves_are_mapped_once_they_have_come(tmp_path):
     regular = {"type": "sinusoid", "period": PERIOD}
     times = PERIOD / 8 * np.arange(6 * 8 + 1)
     run = record(tmp_path / "run", motion=regular, times=times)
-    (heights,) = basin_figures._wave_heights(run, BasinSurface(run))
+    (heights,) = basin._wave_heights(run, BasinSurface(run))
     assert heights.values == pytest.approx(HEIGHT_OF_WAVES, rel=0.01)  # eight snapshots a period
     assert heights.title == "wave height from t = 4.80 to 9.60 s"
     assert "crest minus trough [cm]" in words(run, tmp_path)
     early = record(tmp_path / "early", motion=regular, times=times[:-1])
     seldom = record(tmp_path / "seldom", motion=regular, times=times[::4])
-    assert not basin_figures._wave_heights(early, BasinSurface(early))
-    assert not basin_figures._wave_heights(seldom, BasinSurface(seldom))
+    assert not basin._wave_heights(early, BasinSurface(early))
+    assert not basin._wave_heights(seldom, BasinSurface(seldom))
 
 
 def test_quadrilaterals_are_drawn_as_the_triangles_they_are_made_of():
-    assert basin_figures._triangles(np.array([[4, 5, 6, 7]])).tolist() == [[4, 5, 6], [4, 6, 7]]
-    assert basin_figures._triangles(np.array([[4, 5, 6]])).tolist() == [[4, 5, 6]]
+    assert basin._triangles(np.array([[4, 5, 6, 7]])).tolist() == [[4, 5, 6], [4, 6, 7]]
+    assert basin._triangles(np.array([[4, 5, 6]])).tolist() == [[4, 5, 6]]
 
 
 # ---------------------------------------------------------------- the commands
@@ -472,7 +471,7 @@ def test_basins_that_cannot_be_viewed_are_refused(tmp_path):
     with pytest.raises(InputError, match="allowed is 0 to 0.16 s"):
         view.still(run, tmp_path / "a.png", t=1.0)
     with pytest.raises(InputError, match="1 snapshots of the surface received; at least 2"):
-        basin_figures.basin_figure(record(tmp_path / "one", times=TIMES[:1]), tmp_path / "a.png")
+        basin.basin_figure(record(tmp_path / "one", times=TIMES[:1]), tmp_path / "a.png")
     (run.path / "fields" / "surface_000001.pvtu").unlink()
     with pytest.raises(InputError, match=r"surface_000001\.pvtu: is missing"):
         view.still(run, tmp_path / "a.png")

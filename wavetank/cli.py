@@ -204,7 +204,7 @@ def _list_cases() -> None:
 
 
 def _draw(directory: RunDirectory) -> list[Path]:
-    from wavetank.plots.run_figures import draw_run
+    from wavetank.plots.figures import draw_run
 
     return draw_run(directory)
 

@@ -15,8 +15,8 @@ from mpi4py import MPI
 from examples.paper.expanded_waves import ORDERS, ExpandedWaves
 from examples.paper.report import Report
 from examples.paper.watched import Surfaces
+from wavetank.analysis.compare import rms
 from wavetank.case import Scene
-from wavetank.plots.compare import rms
 from wavetank.plots.style import BLUE, GREY, VERMILION
 from wavetank.simulation.build import build_run
 from wavetank.waves.airy import angular_frequency

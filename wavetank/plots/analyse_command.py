@@ -68,7 +68,7 @@ def analyse(
     from wavetank.analysis.record import read_record
     from wavetank.analysis.results import analysed
     from wavetank.plots.analysis_figures import result_figure
-    from wavetank.plots.compare import write_rows
+    from wavetank.plots.tables import write_rows
 
     record = read_record(source, start=start, end=end, gauges=names, along=_places(along), depth=depth, period=period)
     records = {REFLECTION: replace(record, told_period=None)} if sea else {}

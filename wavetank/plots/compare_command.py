@@ -112,36 +112,47 @@ def _compare_gauges(
     start: float | None,
 ) -> tuple[list[Table], list[str]]:
     """Compare with the first of the references, and draw them all; return tables and lines on the clocks."""
-    from wavetank.plots import compare as comparison
-    from wavetank.plots import compare_harmonics
+    from wavetank.analysis.compare import compare as compare_gauges
+    from wavetank.analysis.compare import compare_harmonics, synchronised
+    from wavetank.plots.compare_figures import harmonics_figure
     from wavetank.plots.figures import gauges_figure
+    from wavetank.plots.tables import (
+        clock_line,
+        comparison_table,
+        extremes_table,
+        harmonics_table,
+        told_of_clock,
+        write_comparison,
+        write_harmonics,
+    )
 
-    (measured, offset), *others = (comparison.synchronised(computed, one) for one in references)
-    compared = comparison.compare(computed, measured, clock_offset=offset)
-    tables = [comparison.comparison_table(compared), comparison.extremes_table(compared)]
-    harmonic = compare_harmonics.compare_harmonics(computed, measured, period=period, start=start) if period else []
+    (measured, offset), *others = (synchronised(computed, one) for one in references)
+    compared = compare_gauges(computed, measured, clock_offset=offset)
+    tables = [comparison_table(compared), extremes_table(compared)]
+    harmonic = compare_harmonics(computed, measured, period=period, start=start) if period else []
     folder.mkdir(parents=True, exist_ok=True)
-    comparison.write_comparison(folder / "compare.csv", compared)
+    write_comparison(folder / "compare.csv", compared)
     if harmonic:
-        compare_harmonics.write_harmonics(folder / "compare-harmonics.csv", harmonic)
-        compare_harmonics.harmonics_figure(folder / "compare-harmonics.png", harmonic)
-        tables.append(compare_harmonics.harmonics_table(harmonic))
+        write_harmonics(folder / "compare-harmonics.csv", harmonic)
+        harmonics_figure(folder / "compare-harmonics.png", harmonic)
+        tables.append(harmonics_table(harmonic))
     published = [gauge for series, _ in others for gauge in series]
     gauges_figure(measured, computed, published, folder / "compare.png")
-    lines = [comparison.clock_line(compared), comparison.told_of_clock(computed, measured, compared)]
+    lines = [clock_line(compared), told_of_clock(computed, measured, compared)]
     return tables, lines
 
 
 def _compare_heights(
     run: RunDirectory, known: "data.WaveHeights", measured: "list[data.HeightSeries]", *, folder: Path
 ) -> Table:
-    from wavetank.plots import sections
-    from wavetank.plots.sections_figure import bathymetry, sections_figure
+    from wavetank.analysis.compare import compare_heights, computed_heights
+    from wavetank.plots.compare_figures import bathymetry, sections_figure
+    from wavetank.plots.tables import heights_table, write_heights
 
-    computed = sections.computed_heights(run.gauge_series(), known)
-    compared = sections.compare_heights(computed, measured, incident=known.incident_height)
+    computed = computed_heights(run.gauge_series(), known)
+    compared = compare_heights(computed, measured, incident=known.incident_height)
     folder.mkdir(parents=True, exist_ok=True)
-    sections.write_heights(folder / "compare.csv", compared)
+    write_heights(folder / "compare.csv", compared)
     sections_figure(
         computed,
         measured,
@@ -151,4 +162,4 @@ def _compare_heights(
         bed=bathymetry(run),
         title=run.title,
     )
-    return sections.heights_table(compared)
+    return heights_table(compared)

@@ -1,8 +1,11 @@
-"""Pictures of a run: the surface, the gauges, the energy budget, and the comparison with measurements."""
+"""Figures of a run: surface, gauges, energy, breakdown, loads and probes."""
 
 from collections.abc import Sequence
 from dataclasses import replace
+from importlib.util import find_spec
+from math import ceil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,18 +13,23 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import Formatter
 from numpy.typing import NDArray
 
-from wavetank.case.tank import Depth
+from wavetank.analysis.compare import MATCH, compare_gauge, matched
+from wavetank.analysis.still_water import still_water
+from wavetank.case.tank import Depth, FormulaSponge
 from wavetank.errors import InputError
-from wavetank.output.fields import Surface
+from wavetank.output.directory import BROKEN, BROKEN_PICTURE, GAUGES, LOADS, PROBES, SURFACE, RunDirectory
+from wavetank.output.fields import Surface, index_file
 from wavetank.output.tables import GaugeSeries
-from wavetank.plots.compare import MATCH, compare_gauge, matched
-from wavetank.plots.gauge_marks import DARK, LOOK, leave_out_overlaps, mark_along
 from wavetank.plots.style import (
+    BLUE,
     CM,
     COMPUTED,
+    DAMPED,
+    DARK,
     FLAT,
     GREEN,
     INK,
+    LOOK,
     MEASURED,
     ORANGE,
     PADDLE,
@@ -30,6 +38,8 @@ from wavetank.plots.style import (
     VERMILION,
     WATER,
     lay_out,
+    leave_out_overlaps,
+    mark_along,
     picture,
 )
 
@@ -362,3 +372,288 @@ def _draw_balance(axes: Axes, columns: dict[str, NDArray[np.float64]]) -> None:
     axes.plot(t, balance / largest, color=COMPUTED)
     axes.ticklabel_format(axis="y", scilimits=(-2, 2), useMathText=True)
     axes.set(xlabel="time [s]", ylabel="what does not balance,\nper largest energy", xlim=(t[0], t[-1]))
+
+
+# ---------------------------------------------------------------- breakdown
+Columns = dict[str, NDArray[np.float64]]
+LABELS = {"elevation": "elevation [cm]", "slope": "slope [-]", "velocity": "velocity u [m/s]"}
+ENLARGED, NEAR = 20.0, 0.1  # waves' heights, at most, and parts of the tank shown enlarged on either side of a place
+PANEL = 3e4  # points² that cells of a basin fill
+STEEPEST_SLOPE = 0.58  # slope of the steepest progressive wave
+
+
+def broken_figure(run: RunDirectory) -> Path:
+    """Draw the surface of a run that broke down, ``broken.png``; return its path.
+
+    Of a slice or ring whole and around its steepest place, of a basin from above. Raises ``InputError`` where none is
+    kept.
+    """
+    columns, told = run.broken(), run.manifest["broke_down"]
+    path = run.path / BROKEN_PICTURE
+    steepest, basin = told["steepest"], "y" in columns
+    with picture(path, 11, 8.5) as figure:
+        panels = figure.subplots(3, 2, sharex="col", width_ratios=(2, 1) if not basin else (1, 1), squeeze=False)
+        for row, name in zip(panels, LABELS, strict=True):
+            values = columns[name] * (CM if name == "elevation" else 1.0)
+            (_draw_basin_breakdown if basin else _draw_breakdown)(row, columns, values, LABELS[name], steepest)
+        if not basin:
+            _mark(panels, told["crests"], steepest)
+        what = f"{run.title}: " if run.title else ""
+        where = f"x = {steepest['x']:.4g} m" + (f", y = {steepest['y']:.4g} m" if basin else "")
+        figure.suptitle(
+            f"{what}t = {told['t']:.5g} s, from where the run could not go on\n"
+            f"steepest at {where}: slope {steepest['slope']:.2g}, u = {steepest['velocity']:.3g} m/s",
+            fontsize=12,
+            parse_math=False,
+        )
+    return path
+
+
+def _draw_breakdown(
+    row: NDArray[Any], columns: Columns, values: NDArray[np.float64], label: str, steepest: dict[str, float]
+) -> None:
+    whole, near = row
+    x = columns["x"]
+    half = min(ENLARGED * float(np.ptp(columns["elevation"])), NEAR * float(np.ptp(x)))
+    there = np.abs(x - steepest["x"]) <= half
+    for axes, part in ((whole, slice(None)), (near, there)):
+        axes.plot(x[part], values[part], color=COMPUTED, lw=1.2, marker="." if part is there else "", ms=3)
+        axes.axvline(steepest["x"], color=VERMILION, lw=0.8)
+        axes.margins(x=0)
+    if label == LABELS["slope"]:
+        for axes in row:
+            axes.axhline(STEEPEST_SLOPE, color=INK, lw=0.8, ls=":")
+    whole.set_ylabel(label)
+
+
+def _mark(panels: NDArray[Any], crests: list[dict[str, float]], steepest: dict[str, float]) -> None:
+    """Write u/c at the steep crests, and what is what."""
+    elevation: Axes = panels[0, 0]
+    for crest in crests:
+        for axes in panels[0]:
+            axes.axvline(crest["x"], color=ORANGE, lw=0.8, ls="--")
+        text, at = f"u/c = {crest['speed_ratio']:.2f}", ("data", "axes fraction")
+        elevation.annotate(text, (crest["x"], 0.97), xycoords=at, color=ORANGE, fontsize=8, rotation=90, va="top")
+    panels[0, 0].set_title("whole", fontsize=10)
+    panels[0, 1].set_title("around the steepest place", fontsize=10, color=VERMILION)
+    panels[1, 1].set_title("dotted: the steepest progressive wave", fontsize=8)
+    for axes in panels[-1]:
+        axes.set_xlabel("x [m]")
+
+
+def _draw_basin_breakdown(
+    row: NDArray[Any], columns: Columns, values: NDArray[np.float64], label: str, steepest: dict[str, float]
+) -> None:
+    """Draw the cells from above, and those around the steepest."""
+    whole, near = row
+    x, y = columns["x"], columns["y"]
+    half = NEAR * max(float(np.ptp(x)), float(np.ptp(y)))
+    there = (np.abs(x - steepest["x"]) <= half) & (np.abs(y - steepest["y"]) <= half)
+    limits = {"vmin": float(values.min()), "vmax": float(values.max())}
+    for axes, part in ((whole, np.ones_like(there)), (near, there)):
+        size = PANEL / int(part.sum())
+        shown = axes.scatter(x[part], y[part], c=values[part], s=size, marker="s", cmap="viridis", lw=0, **limits)
+        axes.plot(steepest["x"], steepest["y"], "o", ms=12, mfc="none", mec=VERMILION)
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.grid(False)
+    whole.figure.colorbar(shown, ax=list(row), label=label)
+    whole.set_ylabel("y [m]")
+    if label == LABELS["velocity"]:
+        for axes in row:
+            axes.set_xlabel("x [m]")
+
+
+# ---------------------------------------------------------------- loads and probes
+COLOURS = {"x": BLUE, "y": GREEN, "z": VERMILION}
+MAX_PROBES = 8  # probes; of more every second, third ... is drawn
+KILO = 1e3  # Pa, N, N m
+
+
+def probes_figure(run: RunDirectory, path: Path) -> Path:
+    """Draw a run's probes, gaps where they are dry; return ``path``. Raises ``InputError`` where there are none."""
+    probes = run.probes
+    shown = probes.isel(probe=slice(None, None, -(-probes.sizes["probe"] // MAX_PROBES)))
+    rows, tank = shown.sizes["probe"], run.manifest.get("scene", {}).get("tank", {})
+    weight = tank.get("density", 1000.0) * tank.get("gravity", 9.81)
+    beyond = shown.pressure - weight * np.maximum(0.0, -shown.z)
+    scale, kilo = _scale(beyond)
+    with picture(path, 13, 1.1 + 1.6 * rows) as figure:
+        axes = figure.subplots(rows, 3, sharex=True, sharey="col", squeeze=False)
+        for n, (velocity, acceleration, pressure) in enumerate(axes):
+            probe = shown.isel(probe=n)
+            place = ", ".join(f"{axis} = {float(probe[axis]):g} m" for axis in "xyz" if axis != "y" or float(probe.y))
+            velocity.set_title(f"probe {probe.probe.item()}, {place}", pad=2, parse_math=False)
+            _draw_vector(velocity, probe, "velocity")
+            _draw_vector(acceleration, probe, "acceleration")
+            _draw(pressure, probe.time, beyond.isel(probe=n) / scale, color=BLUE)
+        said = ("velocity [m/s]", "acceleration [m/s²]", f"pressure beyond still water's [{kilo}Pa]")
+        for panel, what in zip(axes[0], said, strict=True):
+            panel.set_title(what, loc="right", pad=2)
+        _finish(figure, axes, f"{run.title}: probes".lstrip(": "))
+    return path
+
+
+def loads_figure(run: RunDirectory, path: Path) -> Path:
+    """Draw forces and moments on a run's walls, less what they are at its start; return ``path``.
+
+    Raises ``InputError`` where there are none.
+    """
+    loads = run.loads
+    rows, beyond = loads.sizes["wall"], loads - loads.isel(time=0)
+    scale, kilo = _scale(beyond[["force_x", "moment_y"]].to_array())
+    units = {"force": loads.force_x.units, "moment": loads.moment_y.units}
+    with picture(path, 11, 1.1 + 1.9 * rows) as figure:
+        axes = figure.subplots(rows, 2, sharex=True, squeeze=False)
+        for n, panels in enumerate(axes):
+            for panel, name in zip(panels, units, strict=True):
+                _draw_vector(panel, beyond.isel(wall=n) / scale, name)
+            panels[0].set_title(str(loads.wall[n].item()), pad=2, parse_math=False)
+        for panel, (name, unit) in zip(axes[0], units.items(), strict=True):
+            panel.set_title(f"{name} beyond that at the start [{kilo}{unit}]", loc="right", pad=2)
+        _finish(figure, axes, f"{run.title}: loads".lstrip(": "))
+    return path
+
+
+def _scale(values: Any) -> tuple[float, str]:
+    """Return what values are shown over, and the prefix of their unit."""
+    return (KILO, "k") if float(np.abs(values).max()) > KILO else (1.0, "")
+
+
+def _draw_vector(panel: Axes, data: Any, name: str) -> None:
+    """Draw the components of a vector that are there and are not all 0."""
+    for axis, colour in COLOURS.items():
+        if f"{name}_{axis}" in data and (values := data[f"{name}_{axis}"]).any():
+            what = f"about {axis}" if name == "moment" else f"along {axis}"
+            _draw(panel, data.time, values, label=what, color=colour)
+
+
+def _draw(panel: Axes, t: Any, values: Any, **look: Any) -> None:
+    panel.plot(t, values, **look)
+    panel.axhline(0.0, color="#888888", lw=0.6, zorder=0)
+    panel.margins(x=0)
+
+
+def _finish(figure: Any, axes: Any, title: str) -> None:
+    for panel in axes[-1]:
+        panel.set_xlabel("time [s]")
+    each = (panel.get_legend_handles_labels() for panel in axes.flat)
+    found = {label: handle for handles, labels in each for handle, label in zip(handles, labels, strict=True)}
+    if found:
+        figure.legend(found.values(), found.keys(), loc="outside upper right", ncols=len(found))
+    figure.suptitle(title, fontsize=13, parse_math=False)
+
+
+# ---------------------------------------------------------------- surface between columns of nodes
+ENOUGH = 1200  # places along a tank: about the pixels of a picture
+
+
+def within_cells(surface: Surface, order: int) -> Surface:
+    """Return the surface at places between the nodes as well, by the polynomial of its order that each cell holds.
+
+    Cells are alike, each between every ``order``-th node and the next; x is a polynomial in them, too. A surface of
+    more places than a picture shows is returned as it is, and so is one whose cells cannot be told.
+    """
+    intervals = surface.x.shape[1] - 1
+    if order == 1 or intervals < order or intervals % order or intervals >= ENOUGH:
+        return surface
+    cells = intervals // order
+    nodes = order * np.arange(cells)[:, None] + np.arange(order + 1)
+    last = surface.x[0, -order - 1 :]  # of the last cell, which no paddle moves
+    shapes = _shapes((last - last[0]) / (last[-1] - last[0]), each=ceil(ENOUGH / cells))
+    fields = (
+        np.column_stack([(field[:, nodes] @ shapes).reshape(len(field), -1), field[:, -1]])
+        for field in (surface.x, surface.eta, surface.psi)
+    )
+    return Surface(surface.t, *fields)
+
+
+def _shapes(nodes: NDArray[np.float64], *, each: int) -> NDArray[np.float64]:
+    """Return Lagrange's polynomials of nodes in [0, 1] at so many places from 0 on, shape (nodes, each)."""
+    places = np.arange(each) / each
+    others = [np.delete(nodes, j) for j in range(nodes.size)]
+    return np.array([np.prod((places[:, None] - x) / (at - x), axis=1) for at, x in zip(nodes, others, strict=True)])
+
+
+# ---------------------------------------------------------------- all figures of a run
+def draw_run(run: RunDirectory) -> list[Path]:
+    """Draw the standard pictures of a run into its directory; return the paths of those drawn.
+
+    What a run that was killed early did not come to record is left out, and so are a basin's maps where pyvista, which
+    reads its surface, is not installed. Raises ``InputError`` for missing files.
+    """
+    gauges, energy = run.gauge_series(), run.budget()
+    pictures = [broken_figure(run)] if (run.path / BROKEN).exists() else []
+    if _snapshots(run) > 1:
+        pictures.append(draw_surface(run))
+    if any(gauge.t.size > 1 for gauge in gauges):
+        pictures.append(gauges_overview(gauges, run.path / "gauges.png", title=run.title))
+    pictures += _in_the_water(run)
+    if all(column.size > 1 for column in energy.values()) and energy:
+        pictures.append(
+            energy_figure(energy, run.path / "energy.png", title=f"{run.title}: energy budget".lstrip(": "))
+        )
+    return pictures
+
+
+def _in_the_water(run: RunDirectory) -> list[Path]:
+    """Draw probes and loads, where there are rows of them; return the paths."""
+    pictures = list[Path]()
+    if (run.path / PROBES).exists() and run.probes.sizes["time"] > 1:
+        pictures.append(probes_figure(run, run.path / "probes.png"))
+    if (run.path / LOADS).exists() and run.loads.sizes["time"] > 1:
+        pictures.append(loads_figure(run, run.path / "loads.png"))
+    return pictures
+
+
+def _snapshots(run: RunDirectory) -> int:
+    """Return how many snapshots of the surface can be drawn."""
+    if (run.path / SURFACE).exists():
+        return int(run.snapshots().t.size)
+    return len(run.fields("surface")) if index_file(run.path, "surface").exists() and find_spec("pyvista") else 0
+
+
+X_ORIGIN = "from the paddle's rest position"
+ORIGINS = {"ring": "along the ring", "fixed": "from the wall", **dict.fromkeys(("piston", "flap", "profile"), X_ORIGIN)}
+
+
+def draw_surface(run: RunDirectory) -> Path:
+    """Draw the surface as the run's scene asks for, ``surface.png``: a basin's from above, else over x and t.
+
+    Return the picture's path; raises ``InputError`` for less than two snapshots.
+    """
+    scene, path = run.manifest.get("scene", {}), run.path / "surface.png"
+    tank, wall = scene.get("tank", {}), scene.get("wall", {})
+    if not (run.path / SURFACE).exists():
+        from wavetank.plots.basin import basin_figure
+
+        return basin_figure(run, path)
+    ring, surface = tank.get("type") == "ring", run.snapshots()
+    if surface.t.size < 2:
+        raise InputError(f"{path}: {surface.t.size} snapshots of the surface received; at least 2 are needed to draw.")
+    origin = ORIGINS.get("ring" if ring else wall.get("type"), "along the tank")
+    shown = _closed(surface, tank["length"]) if ring else surface
+    numerics = (run.manifest.get("planned") or scene).get("numerics", {})
+    shown = within_cells(shown, numerics.get("order", 1))
+    depth = still_water(run) or tank.get("depth", np.inf)
+    gauges, sponge = run.gauge_series() if (run.path / GAUGES).exists() else [], _sponge(scene, shown)
+    return surface_figure(shown, path, title=run.title, depth=depth, origin=origin, gauges=gauges, sponge=sponge)
+
+
+def _sponge(scene: dict[str, Any], surface: Surface) -> tuple[float, float] | None:
+    """Return from where to where [m] a slice's sponge damps; None where there is none."""
+    noun = scene.get("sponge")
+    if noun is None:
+        return None
+    x = surface.x[0]
+    if noun["type"] == "formula":
+        rate = FormulaSponge.model_validate(noun).build()(x, 0 * x)
+        inside = x[rate > DAMPED * rate.max(initial=0.0)]
+        return (float(inside.min()), float(inside.max())) if inside.size else None
+    return float(x[-1]) - noun["length"], float(x[-1])
+
+
+def _closed(surface: Surface, length: float) -> Surface:
+    """Return the surface of a ring [m] with its first point once more at the end."""
+    x, eta, psi = (np.column_stack([field, field[:, 0]]) for field in (surface.x, surface.eta, surface.psi))
+    x[:, -1] += length
+    return Surface(surface.t, x, eta, psi)

@@ -37,7 +37,7 @@ def view(
         if time is not None or out is not None or not (film or diagram or window):
             yield drawing.still(directory, out or run / "view.png", t=time, **given)
         if film is not None:
-            from wavetank.plots.view_film import followed
+            from wavetank.plots.view import followed
 
             watched = partial(followed, console=terminal)
             yield drawing.film(directory, film, watched=watched, **given)

@@ -18,11 +18,11 @@ import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 from scipy.optimize import minimize_scalar
 
+from wavetank.analysis.compare import matched
 from wavetank.case import Scene
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.fields import Surface
-from wavetank.plots.compare import matched
 from wavetank.studies.exact import ExactSolution, exact_solution
 from wavetank.waves.wave import Array
 

@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from wavetank.analysis.compare import rms
 from wavetank.output.directory import RunDirectory
-from wavetank.plots.compare import rms
 from wavetank.studies.calibrate.aim import Aim, Elevation, Found, Setting, Tried, at
 from wavetank.studies.calibrate.waves import Complex, Lines, scale, started
 from wavetank.waves.plane_waves import PlaneWaves

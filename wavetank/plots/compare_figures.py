@@ -1,4 +1,4 @@
-"""The picture of wave heights along sections: one panel a section, and where they lie over the bed."""
+"""Figures of comparisons: harmonics at gauges, and wave heights along sections."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,12 +9,40 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from wavetank.analysis.compare import (
+    ComputedHeights,
+    HarmonicComparison,
+    SectionComparison,
+    SectionProfile,
+    line,
+)
 from wavetank.analysis.still_water import still_water
 from wavetank.data import HeightSeries
 from wavetank.output.directory import RunDirectory
-from wavetank.plots.sections import ComputedHeights, SectionComparison, SectionProfile, line
-from wavetank.plots.style import COMPUTED, picture
+from wavetank.plots.style import BLUE, COMPUTED, GREEN, VERMILION, picture
 
+
+# ---------------------------------------------------------------- harmonics
+def harmonics_figure(path: Path, found: Sequence[HarmonicComparison]) -> None:
+    """Draw the amplitudes along the tank, or gauge by gauge where not all places are known."""
+    places = {one.gauge: one.x for one in found}
+    known = bool(np.isfinite([*places.values()]).all())
+    at = places if known else {gauge: float(n) for n, gauge in enumerate(places)}
+    with picture(path, 9, 4.6) as figure:
+        axes = figure.add_subplot()
+        for harmonic, colour in enumerate((BLUE, VERMILION, GREEN), start=1):
+            ones = sorted((one for one in found if one.harmonic == harmonic), key=lambda one: at[one.gauge])
+            x = [at[one.gauge] for one in ones]
+            theirs, ours = [1e3 * one.reference for one in ones], [1e3 * one.computed for one in ones]
+            axes.plot(x, theirs, "o", ms=8, mfc="none", color=colour, label=f"reference, harmonic {harmonic}")
+            axes.plot(x, ours, ".-", color=colour, label=f"computed, harmonic {harmonic}")
+        axes.set(xlabel="x [m]" if known else "gauge", ylabel="amplitude [mm]", ylim=(0, None))
+        if not known:
+            axes.set_xticks([*at.values()], [*at])
+        figure.legend(ncols=3, loc="outside lower center")
+
+
+# ---------------------------------------------------------------- wave heights along sections
 MARKS = (("o", "#222222"), ("^", "#d55e00"), ("s", "#009e73"))  # one an origin of measurements
 ROW = 3  # panels
 HEADROOM = 1.06

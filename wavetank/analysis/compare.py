@@ -1,4 +1,4 @@
-"""Gauges against measurements, or against another computation.
+"""Comparison of gauges and wave heights with measurements, or with another computation.
 
 Per gauge, over the times both have, with the reference's times as the base and a cubic spline through the computed:
 
@@ -12,59 +12,42 @@ Per gauge, over the times both have, with the reference's times as the base and 
     similarity  the surface similarity parameter: 0 alike, 1 opposite (``analysis/signals.py``)
 
 Where the reference's clock is another's, one offset for all gauges is found first (``synchronised``).
+
+The heights computed at gauges along a section are joined by a cubic spline and read at the measured places. With r the
+ratio H / H0, the wave height over the incident one, per section and origin of the measurements:
+
+    nrms          rms(computed r - measured r) / rms(measured r), H0 the experiment's
+    bias          mean(computed r - measured r) / mean(measured r), the same H0
+    nrms_incident as nrms, but with the computation's own incident wave height
 """
 
-import csv
-from collections.abc import Iterable, Sequence
-from dataclasses import astuple, dataclass, replace
-from io import StringIO
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from math import isnan, nan
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
-from rich.box import SIMPLE
-from rich.table import Table
+from scipy.interpolate import CubicSpline
 
-from wavetank.analysis.signals import surface_similarity
-from wavetank.data import GaugeRecords
+from wavetank.analysis.signals import elevation, harmonics, surface_similarity
+from wavetank.analysis.statistics import mean_wave_height
+from wavetank.data import GaugeRecords, HeightSeries, Section, WaveHeights
 from wavetank.errors import InputError
-from wavetank.output.files import atomic_file
 from wavetank.output.tables import GaugeSeries
 
+# ---------------------------------------------------------------- gauges
 MINIMA = 4  # of all clock offsets: which is least is seen when they are refined
 LARGEST_SHIFT = 1.0  # s; a larger one would be another wave, not another clock
 ARRIVED = 0.1  # of the reference's largest elevation: where waves have come
 FLANK = 0.25  # of a mean period, from still water to a crest: a level is crossed within it, whatever the amplitude
 MATCH = 1e-3  # m; two gauges nearer than that stand at one place
 
-COLUMNS = (
-    "gauge",
-    "x [m]",
-    "nrms",
-    "nrms_fitted",
-    "gain",
-    "shift [s]",
-    "correlation",
-    "crest_computed [m]",
-    "t_crest_computed [s]",
-    "crest_reference [m]",
-    "t_crest_reference [s]",
-    "clock_offset [s]",
-    "trough_computed [m]",
-    "trough_reference [m]",
-    "crest_error",
-    "trough_error",
-    "arrival_error [s]",
-    "similarity",
-)
-
 
 @dataclass(frozen=True)
 class GaugeComparison:
-    """How a computed record compares with a reference at one gauge; fields as in ``COLUMNS``."""
+    """How a computed record compares with a reference at one gauge; fields as in ``GAUGE_COLUMNS``."""
 
     gauge: str
     x: float
@@ -221,32 +204,6 @@ def compare_gauge(computed: GaugeSeries, reference: GaugeSeries, *, clock_offset
     )
 
 
-def clock_line(compared: Sequence[GaugeComparison]) -> str:
-    """Return the line about the offset between both clocks; empty where it is zero."""
-    offset = compared[0].clock_offset
-    return f"clock: {offset:+.4g} s added to the reference's times; shifts and arrivals are relative to it" * bool(
-        offset
-    )
-
-
-def told_of_clock(
-    computed: Sequence[GaugeSeries], reference: Sequence[GaugeSeries], compared: Sequence[GaugeComparison]
-) -> str:
-    """Return that another clock explains half of the misfit and more, by when waves arrive; nothing where none does."""
-    late = float(np.median([one.arrival_error for one in compared if not isnan(one.arrival_error)] or [0.0]))
-    if not abs(late) > LARGEST_SHIFT:
-        return ""
-    try:
-        nearer = compare(computed, [replace(one, t=one.t + late) for one in reference])
-    except InputError:
-        return ""
-    before, after = (float(np.mean([one.nrms for one in each])) for each in (compared, nearer))
-    if after > 0.5 * before:
-        return ""
-    shifted = f"with {late:+.3f} s added to the reference's times nrms is {after:.3f} instead of {before:.3f}"
-    return f"waves arrive at other times than in the reference, {shifted}: --clock free finds what is to be added"
-
-
 def _excess(size: float, expected: float) -> float:
     """Return a size over the one that is expected, less 1; not a number where none is expected."""
     return float(size / expected - 1) if expected > 0 else nan
@@ -318,47 +275,169 @@ def _correlation(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
     return float(one @ other / max(np.linalg.norm(one) * np.linalg.norm(other), np.finfo(float).tiny))
 
 
-def write_comparison(path: Path, comparisons: Sequence[GaugeComparison]) -> None:
-    """Write ``compare.csv``, one row a gauge."""
-    write_rows(path, COLUMNS, map(astuple, comparisons))
+# ---------------------------------------------------------------- harmonics
+NUMBER = 3  # harmonics compared
+TOLD = 0.01  # of the first harmonic in the reference: of less no error is told, nor a phase
 
 
-def write_rows(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Write a table as CSV, numbers with six digits; raises ``InputError`` where it cannot be written."""
-    try:
-        text = StringIO()
-        writer = csv.writer(text)
-        writer.writerow(columns)
-        writer.writerows([f"{value:.6g}" if isinstance(value, float) else value for value in row] for row in rows)
-        with atomic_file(path) as file:
-            file.write(text.getvalue().encode())
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror}).") from None
+@dataclass(frozen=True)
+class HarmonicComparison:
+    """A harmonic at one gauge; ``ahead`` is the phase by which the computed wave leads, in (-pi, pi]."""
+
+    gauge: str
+    x: float
+    harmonic: int
+    computed: float
+    reference: float
+    error: float
+    ahead: float
 
 
-def comparison_table(comparisons: Sequence[GaugeComparison]) -> Table:
-    """Return the misfits as a table for the terminal."""
-    names = ("gauge", "x [m]", "nrms", "fitted", "gain", "shift [s]", "correlation", "similarity")
-    table = Table(*names, box=SIMPLE, padding=0)
-    for one in comparisons:
-        numbers = (one.nrms, one.nrms_fitted, one.gain, one.shift, one.correlation, one.similarity)
-        table.add_row(one.gauge, f"{one.x:g}", *(f"{number:.3f}" for number in numbers))
-    return table
+def compare_harmonics(
+    computed: Sequence[GaugeSeries], reference: Sequence[GaugeSeries], *, period: float, start: float | None = None
+) -> list[HarmonicComparison]:
+    """Return the first three harmonics of a period [s] at each gauge that both have, over the times that both have.
+
+    From ``start`` [s] on, where that is told: before, waves may not be established. Raises ``InputError`` as
+    ``harmonics`` does, and where there are no gauges or times in common.
+    """
+    found = []
+    for one, other in matched(computed, reference):
+        both = elevation([other, one]).sel(time=slice(start, None))
+        ours, theirs = harmonics(both, 1 / period, number=NUMBER).component.values[::-1]
+        for n, (a, b) in enumerate(zip(ours, theirs, strict=True), start=1):
+            there = abs(b) > TOLD * abs(theirs[0])
+            error, ahead = (abs(a) / abs(b) - 1, float(np.angle(b / a))) if there and a else (nan, nan)
+            found.append(HarmonicComparison(other.name, other.x, n, float(abs(a)), float(abs(b)), float(error), ahead))
+    return found
 
 
-def extremes_table(comparisons: Sequence[GaugeComparison]) -> Table:
-    """Return crests, troughs and arrivals as a table for the terminal; errors that no gauge has are left out."""
-    table = Table("gauge", "crest [m]", "reference", "error", box=SIMPLE, padding=0)
-    late = not all(isnan(one.arrival_error) for one in comparisons)
-    for name in ("trough [m]", "reference", "error", *["arrival [s]"] * late):
-        table.add_column(name)
-    for one in comparisons:
-        crests = (f"{one.crest_computed:.4g}", f"{one.crest_reference:.4g}", _percent(one.crest_error))
-        troughs = (f"{one.trough_computed:.4g}", f"{one.trough_reference:.4g}", _percent(one.trough_error))
-        arrival = "" if isnan(one.arrival_error) else f"{one.arrival_error:+.3f}"
-        table.add_row(one.gauge, *crests, *troughs, *[arrival] * late)
-    return table
+# ---------------------------------------------------------------- wave heights along sections
+FEWEST = 4  # gauges along a section: a cubic's
+ALL = "all"  # sections together
 
 
-def _percent(share: float) -> str:
-    return "" if isnan(share) else f"{round(100 * share, 1) + 0.0:+.1f} %"
+class SectionProfile(NamedTuple):
+    """Wave heights along a section, computed: places along its axis [m], ascending, and H [m], both of shape (N,)."""
+
+    section: Section
+    places: NDArray[np.float64]
+    heights: NDArray[np.float64]
+
+    def at(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return H [m] at other places along the section [m]."""
+        return np.asarray(CubicSpline(self.places, self.heights)(places))
+
+    def reaches(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which places [m] are between the first and the last gauge."""
+        first, last = self.places[0] - MATCH, self.places[-1] + MATCH
+        return np.asarray((places >= first) & (places <= last))
+
+
+def profile(gauges: Sequence[GaugeSeries], section: Section, *, start: float) -> SectionProfile | None:
+    """Return the mean wave heights after ``start`` [s] along a section; None with fewer than four gauges there.
+
+    Raises ``InputError`` if a record is too short for wave heights.
+    """
+    along = {}
+    for gauge in gauges:
+        place, beside = section.coordinates(gauge.x, gauge.y)
+        if abs(beside) < MATCH and section.reach[0] - MATCH <= place <= section.reach[1] + MATCH:
+            along[round(place / MATCH)] = (place, gauge)  # where sections cross, several gauges stand at one place
+    if len(along) < FEWEST:
+        return None
+    places, there = zip(*(along[key] for key in sorted(along)), strict=True)
+    return SectionProfile(
+        section, np.array(places), np.array([mean_wave_height(gauge, start=start) for gauge in there])
+    )
+
+
+class ComputedHeights(NamedTuple):
+    """A run's wave heights: along each section that has gauges, and H of its incident wave [m], None if unknown."""
+
+    profiles: list[SectionProfile]
+    incident: float | None
+
+
+def computed_heights(gauges: Sequence[GaugeSeries], known: WaveHeights) -> ComputedHeights:
+    """Return the wave heights at the gauges along the sections of known ones.
+
+    Raises ``InputError`` if no section has gauges, or if a record is too short for wave heights.
+    """
+    found = [profile(gauges, section, start=known.start) for section in known.sections]
+    if not any(found):
+        lines = ", ".join(line(section) for section in known.sections)
+        raise InputError(
+            f"no section with gauges: the run has {len(gauges)} gauges; needed are {FEWEST} along one of {lines}."
+        )
+    incident = profile(gauges, known.incident, start=known.start)
+    return ComputedHeights(
+        [one for one in found if one is not None], None if incident is None else float(incident.heights.mean())
+    )
+
+
+def line(section: Section) -> str:
+    """Return where a section is, e.g. ``x = 5 m``."""
+    return f"{section.across} = {section.at:g} m"
+
+
+@dataclass(frozen=True)
+class SectionComparison:
+    """How computed wave heights compare with one origin's measured ones; fields as in ``SECTION_COLUMNS``."""
+
+    section: str
+    line: str
+    measured: str
+    points: int
+    nrms: float
+    bias: float
+    nrms_incident: float | None
+    largest_computed: float
+    largest_measured: float
+
+
+class _Points(NamedTuple):
+    """Heights at the measured places of one or all sections: computed [m], and measured H / H0."""
+
+    section: str
+    line: str
+    heights: NDArray[np.float64]
+    ratios: NDArray[np.float64]
+
+
+def compare_heights(
+    computed: ComputedHeights, measured: Sequence[HeightSeries], *, incident: float
+) -> list[SectionComparison]:
+    """Return a comparison for each measured section that has gauges, and for each origin one of all its sections.
+
+    ``incident`` is the experiment's incident wave height H0 [m].
+    """
+    along = {one.section.name: one for one in computed.profiles}
+    comparisons: list[SectionComparison] = []
+    for source in dict.fromkeys(series.source for series in measured):
+        theirs = [series for series in measured if series.source == source and series.section.name in along]
+        if points := [_points(along[series.section.name], series) for series in theirs]:
+            heights, ratios = (np.concatenate(part) for part in list(zip(*points, strict=True))[2:])
+            points.append(_Points(ALL, "", heights, ratios))
+        comparisons += [_compared(one, source, incident, computed.incident) for one in points if one.ratios.size]
+    return comparisons
+
+
+def _points(computed: SectionProfile, measured: HeightSeries) -> _Points:
+    there, section = computed.reaches(measured.places), measured.section
+    return _Points(section.name, line(section), computed.at(measured.places[there]), measured.ratios[there])
+
+
+def _compared(points: _Points, source: str, nominal: float, own: float | None) -> SectionComparison:
+    ratios, misfit = points.ratios, points.heights / nominal - points.ratios
+    return SectionComparison(
+        section=points.section,
+        line=points.line,
+        measured=source,
+        points=ratios.size,
+        nrms=rms(misfit) / rms(ratios),
+        bias=float(misfit.mean() / ratios.mean()),
+        nrms_incident=None if own is None else rms(points.heights / own - ratios) / rms(ratios),
+        largest_computed=float(points.heights.max() / nominal),
+        largest_measured=float(ratios.max()),
+    )
