@@ -29,9 +29,8 @@ from wavetank.recording import record_run
 from wavetank.simulation.build import build_run
 from wavetank.tank.breaking import COHERENT, ONSET, BreakingDissipation, BreakingWatch, StopAtBreaking
 from wavetank.tank.crests import LEAST, Profile, SteepCrest, steep_crests
-from wavetank.tank.edge_penalty import EdgePenalty
+from wavetank.tank.dissipation import EdgePenalty, Smoothing
 from wavetank.tank.footprint import Ring, Slice
-from wavetank.tank.smoothing import Smoothing
 from wavetank.tank.surface_flow import SurfaceFlow
 from wavetank.tank.walls import StillWall
 from wavetank.tank.waves import NonlinearWaves, Tolerances

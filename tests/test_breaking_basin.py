@@ -17,8 +17,7 @@ from wavetank.integrators.states import Point
 from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run
 from wavetank.simulation.build import build_run
-from wavetank.tank.breaking import BreakingDissipation
-from wavetank.tank.breaking_basin import BasinBreakingWatch
+from wavetank.tank.breaking import BasinBreakingWatch, BreakingDissipation
 from wavetank.tank.crests import SteepCrest
 from wavetank.waves.stream_function import maximum_height, stream_function_wave
 

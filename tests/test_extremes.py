@@ -33,10 +33,10 @@ from wavetank.simulation.contract import Moment
 from wavetank.simulation.diagnostics import Gauges, Memory
 from wavetank.simulation.run import Run
 from wavetank.simulation.stability import IN_ELEVATION, IN_JUMP, StabilityWatch
+from wavetank.tank.breakdown import ShortWaves
 from wavetank.tank.breaking import ONSET, OVERTURNS
-from wavetank.tank.edge_penalty import EdgePenalty
+from wavetank.tank.dissipation import EdgePenalty
 from wavetank.tank.footprint import Ring
-from wavetank.tank.short_waves import ShortWaves
 from wavetank.tank.surface_flow import SurfaceFlow, SurfaceVelocity, surface_of
 from wavetank.tank.walls import StillWall
 from wavetank.tank.waves import NonlinearWaves, Tolerances

@@ -28,8 +28,8 @@ from wavetank.simulation.diagnostics import SurfaceFields, VelocityFields
 from wavetank.tank.bed import VaryingBed
 from wavetank.tank.energy import WaterEnergy
 from wavetank.tank.footprint import Ring, Slice
+from wavetank.tank.kinematics import Velocity
 from wavetank.tank.linear_waves import LinearWaves
-from wavetank.tank.velocity import Velocity
 from wavetank.tank.walls import Piston, StillWall
 
 K, L = 1.3, 0.7

@@ -22,10 +22,10 @@ from wavetank.simulation.build import build_clock, build_run
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.diagnostics import Gauges, Memory
 from wavetank.simulation.energy import COLUMNS, EnergyBudget
+from wavetank.tank.breakdown import Quickened
 from wavetank.tank.energy import POTENTIAL
 from wavetank.tank.footprint import Slice
 from wavetank.tank.linear_waves import LinearWaves
-from wavetank.tank.short_waves import Quickened
 from wavetank.tank.still_water import largest_frequency
 from wavetank.tank.surface_points import SurfacePoints
 from wavetank.tank.walls import LinearPaddle, Polynomial

@@ -29,6 +29,7 @@ from examples.paper import (
     traced,
 )
 from examples.paper.damped_jumps import Orbits
+from examples.paper.discontinuous_verlet import JumpInP, JumpInQ
 from examples.paper.oscillators import Forced, Harmonic, NonSeparable
 from examples.paper.schemes import (
     all_schemes,
@@ -41,7 +42,6 @@ from examples.paper.schemes import (
     trajectory,
 )
 from wavetank.integrators import Filtered, GaussLegendre4, Simpson4, StormerVerlet, ThirdOrder
-from wavetank.integrators.discontinuous_verlet import JumpInP, JumpInQ
 from wavetank.integrators.states import Point, Traces
 
 SCHEMES = all_schemes()

@@ -23,9 +23,8 @@ from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run
 from wavetank.studies.responses import Response, responses
 from wavetank.tank.footprint import Slice
+from wavetank.tank.kinematics import LinearRates, NonlinearRates, Velocity
 from wavetank.tank.linear_waves import LinearWaves
-from wavetank.tank.rates import LinearRates, NonlinearRates
-from wavetank.tank.velocity import Velocity
 from wavetank.tank.wall_pressure import PaddlePush, WallPressure
 from wavetank.tank.walls import Piston, Polynomial, Shaped, StillWall
 from wavetank.tank.waves import NonlinearWaves

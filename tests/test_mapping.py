@@ -27,7 +27,7 @@ from wavetank.simulation.diagnostics import Gauges, HighestCrest, Memory
 from wavetank.simulation.run import Run
 from wavetank.tank.breaking import BreakingDissipation, BreakingWatch
 from wavetank.tank.crests import SteepCrest
-from wavetank.tank.edge_penalty import EdgePenalty
+from wavetank.tank.dissipation import EdgePenalty
 from wavetank.tank.energy import WaterEnergy
 from wavetank.tank.footprint import Slice
 from wavetank.tank.surface_flow import SurfaceFlow

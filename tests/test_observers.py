@@ -17,7 +17,7 @@ from wavetank.simulation.diagnostics import Memory, SurfaceSnapshots
 from wavetank.simulation.energy import EnergyBudget, columns
 from wavetank.simulation.run import Run
 from wavetank.simulation.supply import Integral
-from wavetank.tank.edge_penalty import EdgePenalty
+from wavetank.tank.dissipation import EdgePenalty
 from wavetank.tank.seen import Sight
 
 

@@ -20,8 +20,7 @@ from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.contract import Moment
 from wavetank.simulation.diagnostics import Memory, Probes
 from wavetank.tank.footprint import Ring, Slice
-from wavetank.tank.rates import NonlinearRates
-from wavetank.tank.sounding import Sounding
+from wavetank.tank.kinematics import NonlinearRates, Sounding
 from wavetank.tank.walls import Piston, StillWall
 from wavetank.tank.waves import Tolerances
 from wavetank.waves.stream_function import stream_function_wave

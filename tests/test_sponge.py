@@ -35,11 +35,10 @@ from wavetank.simulation.construction import build_sponge
 from wavetank.simulation.contract import Moment
 from wavetank.simulation.diagnostics import Memory
 from wavetank.simulation.energy import COLUMNS, EnergyBudget
-from wavetank.tank.edge_penalty import EdgePenalty
+from wavetank.tank.dissipation import EdgePenalty, checked, distance_from_edge, profile, width_of
 from wavetank.tank.footprint import Slice
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.seen import DAMPED
-from wavetank.tank.sponge import checked, distance_from_edge, profile, width_of
 from wavetank.tank.surface_flow import SurfaceFlow
 from wavetank.tank.walls import LinearPaddle, Piston, Side, StillWall
 from wavetank.tank.waves import NonlinearWaves, Tolerances

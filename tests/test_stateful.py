@@ -24,7 +24,7 @@ from wavetank.simulation.diagnostics import Memory
 from wavetank.simulation.run import Run
 from wavetank.stateful import apart, give_back, named, together
 from wavetank.tank.breaking import BreakingDissipation
-from wavetank.tank.edge_penalty import EdgePenalty
+from wavetank.tank.dissipation import EdgePenalty
 
 SLICE = {
     "tank": {"length": 6.0, "depth": 0.6},

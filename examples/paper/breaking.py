@@ -19,7 +19,7 @@ from wavetank.planning.default_plan import planned
 from wavetank.simulation.build import build_run
 from wavetank.tank.breaking import STEEP, BreakingDissipation, BreakingWatch, StopAtBreaking
 from wavetank.tank.crests import SteepCrest
-from wavetank.tank.edge_penalty import EdgePenalty
+from wavetank.tank.dissipation import EdgePenalty
 from wavetank.tank.surface_flow import SurfaceFlow
 from wavetank.tank.waves import NonlinearWaves
 from wavetank.waves.solitary_wave import solitary_wave

@@ -18,7 +18,7 @@ from examples.paper.linearised import LinearisedFlow
 from examples.paper.report import Report
 from wavetank.fem.plane import Plane
 from wavetank.plots.style import BLUE, GREEN, GREY, ORANGE, VERMILION, entry
-from wavetank.tank.edge_penalty import NEEDED, STRENGTH, EdgePenalty, shortest_wave_number
+from wavetank.tank.dissipation import NEEDED, STRENGTH, EdgePenalty, shortest_wave_number
 from wavetank.tank.footprint import Ring
 from wavetank.tank.still_water import scales
 from wavetank.tank.surface_flow import SurfaceFlow

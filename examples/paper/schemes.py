@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from examples.paper.composition import SuzukiVerlet
+from examples.paper.discontinuous_verlet import DiscontinuousVerlet, DiscontinuousVerletAdjoint, JumpInP, JumpInQ
 from examples.paper.lobatto import P2N3Q4Lob
 from examples.paper.midpoint import ModifiedMidpoint
 from examples.paper.symplectic_euler import SymplecticEuler, SymplecticEulerAdjoint
 from examples.paper.watched import watched
 from wavetank.arrays import Vector
 from wavetank.integrators import (
-    DiscontinuousVerlet,
-    DiscontinuousVerletAdjoint,
     GaussLegendre4,
     Point,
     Simpson4,
@@ -25,7 +24,6 @@ from wavetank.integrators import (
     Traces,
 )
 from wavetank.integrators.contract import Integrator
-from wavetank.integrators.discontinuous_verlet import JumpInP, JumpInQ
 from wavetank.integrators.hamiltonian import HamiltonianSystem
 from wavetank.integrators.simpson import MeanAndJumps
 from wavetank.integrators.states import rows

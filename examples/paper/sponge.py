@@ -26,9 +26,9 @@ from wavetank.integrators import Damping, Simpson4, damped
 from wavetank.integrators.contract import State
 from wavetank.motion import Motion, Ramped, Sinusoid
 from wavetank.plots.style import BLUE, GREEN, LIGHT_BLUE, ORANGE, PALE_GREY, VERMILION, entry
+from wavetank.tank.dissipation import profile
 from wavetank.tank.footprint import Slice
 from wavetank.tank.linear_waves import LinearWaves
-from wavetank.tank.sponge import profile
 from wavetank.tank.walls import LinearPaddle, Piston
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 from wavetank.waves.airy import angular_frequency, group_velocity, wave_number

@@ -23,7 +23,7 @@ from wavetank.case import Scene
 from wavetank.plots.style import BLUE, GREEN, ORANGE, VERMILION
 from wavetank.simulation.build import build_run
 from wavetank.simulation.run import Run
-from wavetank.tank.edge_penalty import EdgePenalty
+from wavetank.tank.dissipation import EdgePenalty
 from wavetank.tank.waves import NonlinearWaves
 
 LENGTH, DEPTH = 2.0, 1.0  # of the wave [m], k d = pi

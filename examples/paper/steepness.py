@@ -18,7 +18,7 @@ from wavetank.plots.style import BLUE, GREEN, ORANGE, VERMILION, entry, number_l
 from wavetank.simulation.build import build_run
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.contract import Moment
-from wavetank.tank.edge_penalty import EdgePenalty
+from wavetank.tank.dissipation import EdgePenalty
 from wavetank.tank.surface_flow import SurfaceFlow
 from wavetank.tank.waves import NonlinearWaves
 from wavetank.waves.stream_function import maximum_height, stream_function_wave

@@ -6,7 +6,6 @@
 from typing import Any
 
 from wavetank.integrators.damped import Damped, Damping, damped
-from wavetank.integrators.discontinuous_verlet import DiscontinuousVerlet, DiscontinuousVerletAdjoint
 from wavetank.integrators.filtered import Filtered
 from wavetank.integrators.gauss_legendre import GaussLegendre4
 from wavetank.integrators.simpson import Simpson4

@@ -7,7 +7,7 @@
     q' = q½ + dt/2 H_p(p', q½; t + dt)
 
 The adjoint swaps the roles of p and q; with forcing it is (57). The jumps that the discontinuous schemes have in q
-and in p do not enter: see ``discontinuous_verlet.py``. H is taken at t and t + dt, the times t* and t** of (56)
+and in p do not enter: see ``DiscontinuousVerlet`` in examples. H is taken at t and t + dt, the times t* and t** of (56)
 that belong to the values of the trapezoidal rule.
 """
 

@@ -55,8 +55,8 @@ from wavetank.planning.requirements import RESOLVED, looked_at, requirements, st
 from wavetank.planning.resolution import DEFAULT, HELD, bed_shape, by_rule, stroke_missed, too_short, waves_missed
 from wavetank.simulation.clock import ROUNDING, Clock
 from wavetank.simulation.construction import AnyWaves
-from wavetank.tank.short_waves import FARTHEST
-from wavetank.tank.sponge import profile
+from wavetank.tank.breakdown import FARTHEST
+from wavetank.tank.dissipation import profile
 from wavetank.waves import airy
 from wavetank.waves.airy import group_velocity, wave_number
 from wavetank.waves.damped_waves import reflection

@@ -4,7 +4,7 @@ What records below the surface and paddles that absorb cost beside the steps.
 
 At rows of the former a run looks below the surface.
 There the potential's rate is found, by one more interior solve and products around it, on water of the observer's own
-(``tank/rates.py``), once however many ask at that step; then points are evaluated and written. Measured (``ROW``,
+(``tank/kinematics.py``), once however many ask at that step; then points are evaluated and written. Measured (``ROW``,
 ``POINT``): in slices of 49 to 1801 places 2.4 to 7.5 ms a row, beside steps of the default scheme of 1.8 to 6.4 ms; in
 basins of 1027 and 3775 places 0.6 and 0.5 of a step.
 

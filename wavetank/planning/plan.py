@@ -29,8 +29,8 @@ from wavetank.planning.requirements import Requirements, entries_of, requirement
 from wavetank.planning.resolution import ErrorModel, ErrorPart, Settings, solved_to, stroke_missed
 from wavetank.simulation.build import ANSWERED, build_clock
 from wavetank.simulation.clock import ROUNDING, Clock
-from wavetank.tank.edge_penalty import NEEDED
-from wavetank.tank.short_waves import FARTHEST
+from wavetank.tank.breakdown import FARTHEST
+from wavetank.tank.dissipation import NEEDED
 from wavetank.values.noun import Problem, SceneError
 
 ORDERS = (2, 3, 4, 5)

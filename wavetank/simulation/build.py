@@ -58,13 +58,11 @@ from wavetank.simulation.own import check_states, own_scheme
 from wavetank.simulation.run import Run
 from wavetank.simulation.stability import IN_ELEVATION, IN_JUMP, StabilityWatch
 from wavetank.stateful import Held, Stateful
-from wavetank.tank.breaking import BreakingAlarm, BreakingDissipation, BreakingWatch, StopAtBreaking
-from wavetank.tank.breaking_basin import BasinBreakingWatch
-from wavetank.tank.edge_penalty import EdgePenalty
+from wavetank.tank.breakdown import FARTHEST, ShortWaves
+from wavetank.tank.breaking import BasinBreakingWatch, BreakingAlarm, BreakingDissipation, BreakingWatch, StopAtBreaking
+from wavetank.tank.dissipation import EdgePenalty
+from wavetank.tank.kinematics import MovingWater, Sounding
 from wavetank.tank.linear_waves import LinearWaves
-from wavetank.tank.rates import MovingWater
-from wavetank.tank.short_waves import FARTHEST, ShortWaves
-from wavetank.tank.sounding import Sounding
 from wavetank.tank.surface_flow import SurfaceFlow
 from wavetank.tank.wall_pressure import PaddlePush, WallPressure
 from wavetank.tank.walls.contract import stood

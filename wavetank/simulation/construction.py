@@ -44,10 +44,10 @@ from wavetank.simulation.supply import AnsweredWork
 from wavetank.stateful import Held, together
 from wavetank.tank.answering import AnsweringPaddle, Excess, Look, Push
 from wavetank.tank.bed import FlatBed, VaryingBed
+from wavetank.tank.dissipation import checked, distance_from_edge, profile, width_of
 from wavetank.tank.footprint import Basin, Ring, Slice
+from wavetank.tank.kinematics import LinearRates, MovingWater, NonlinearRates
 from wavetank.tank.linear_waves import LinearWaves
-from wavetank.tank.rates import LinearRates, MovingWater, NonlinearRates
-from wavetank.tank.sponge import checked, distance_from_edge, profile, width_of
 from wavetank.tank.walls import BothEnds, LinearEnds, LinearPaddle, Piston, Placed, Polynomial, Shaped, Side, StillWall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 from wavetank.values.noun import Noun, Problem, SceneError, about, renamed

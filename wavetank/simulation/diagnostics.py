@@ -26,11 +26,9 @@ from wavetank.simulation.clock import EverySteps, Schedule
 from wavetank.simulation.contract import Keeping, Moment, Moments, ObservedWall, ObservedWaves, Patient
 from wavetank.stateful import Held, Stateful
 from wavetank.tank.bed import Bed
-from wavetank.tank.rates import MovingWater
+from wavetank.tank.kinematics import MovingWater, Sounding, Velocity
 from wavetank.tank.seen import HIGHEST
-from wavetank.tank.sounding import Sounding
 from wavetank.tank.surface_points import SurfacePoints
-from wavetank.tank.velocity import Velocity
 from wavetank.tank.wall_pressure import PaddlePush, WallPressure
 from wavetank.tank.walls.contract import Stood
 from wavetank.tank.waves import NonlinearWaves

@@ -26,8 +26,8 @@ from wavetank.fem.differences import largest_differences
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.contract import Keeping, Moment, Moments
 from wavetank.stateful import Held
+from wavetank.tank.breakdown import FARTHEST, ShortWaves
 from wavetank.tank.seen import LARGEST
-from wavetank.tank.short_waves import FARTHEST, ShortWaves
 from wavetank.tank.surface_flow import SurfaceVelocity
 from wavetank.tank.waves import NonlinearWaves
 

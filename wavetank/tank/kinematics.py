@@ -1,4 +1,23 @@
-"""Velocity, acceleration and pressure in the water: gradients of potentials, and Bernoulli's sum.
+"""Kinematics of the water: velocity, acceleration and pressure at points, from the interior potential.
+
+The water's velocity below the surface.
+
+Derivatives of finite elements jump from cell to cell: at a degree of freedom that several cells share, the velocity is
+the mean of theirs, whichever ranks own them.
+
+The potential of a state and its rate of change, which pressure and acceleration are made of.
+
+The potential phi below a surface makes K + W stationary: A phi + w = 0 in the interior columns, with the operator A
+and the wall's vector w of ``waves.py``. That holds at all times, so the rate of phi at fixed places (X, zeta) of the
+reference tank solves the same problem once more (docs/method.md, section 8),
+
+    A phi' = -(A' phi + w'),   phi' = psi' at the surface,   psi' = -H_Q,  Q' = H_psi.
+
+A' phi + w' is how the residual of a potential that stays changes when the state goes on as it moves now: a central
+difference of fourth order, of products of the operator that there is, exact to 1e-11 and the same for any wall and
+bed. Waves of the observer's own do it, so that those that are stepped stay, bit for bit, what they are.
+
+Velocity, acceleration and pressure in the water: gradients of potentials, and Bernoulli's sum.
 
 Density divided out, with phi_t the rate of the potential at fixed points in space,
 
@@ -10,14 +29,291 @@ tank, which are carried with the velocity c,
     phi_t = phi' - c . grad phi.
 """
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
 
 import numpy as np
+import scipy
+import ufl
+from dolfinx import fem, la
+from mpi4py import MPI
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector
-from wavetank.tank.rates import MovingWater
-from wavetank.tank.velocity import Velocity
+from wavetank.arrays import Vector, summed
+from wavetank.fem.forms import compile_expression
+from wavetank.fem.patch import Cells, patch
+from wavetank.fem.plane import Field, LayeredField, Plane
+from wavetank.fem.points import Points
+from wavetank.fem.vertical import VerticalBasis
+from wavetank.motion.motion import Tangent
+from wavetank.tank.bed import Bed
+from wavetank.tank.energy import WaterEnergy
+from wavetank.tank.linear_waves import LinearWaves
+from wavetank.tank.potential import interior_of
+from wavetank.tank.walls import Placed
+from wavetank.tank.waves import NonlinearWaves
+
+
+class Moving(Protocol):
+    """What has a velocity: waves as they were evaluated last.
+
+    Attributes
+    ----------
+    plane, vertical, densities, phi, level
+        As of ``NonlinearWaves``.
+    """
+
+    plane: Plane
+    vertical: VerticalBasis
+    densities: WaterEnergy
+    phi: LayeredField
+    level: float
+
+
+class Velocity:
+    """Velocity and potential at heights zeta of the state that the waves evaluated last.
+
+    With u = sum_j P_j(zeta) phi_j and w = sum_j P_j'(zeta) phi_j the velocity is (docs/method.md, section 1)
+
+        (grad u - (zeta grad h - grad d) w / h,  w / h),
+
+    compiled once for all heights: zeta, P_j(zeta) and P_j'(zeta) are constants of the compiled expression.
+
+    Parameters
+    ----------
+    potential
+        In place of phi: another whose gradient is asked for.
+    cells
+        This rank's cells in which it is; default: all that it owns.
+    """
+
+    def __init__(self, waves: Moving, *, potential: LayeredField | None = None, cells: NDArray[np.int32] | None = None):
+        plane, phi = waves.plane, (potential or waves.phi).function
+        self._mesh, self._vertical, self._waves = plane.mesh, waves.vertical, waves
+        self._known: dict[float, tuple[Vector, Vector]] = {}
+        self._zeta = fem.Constant(plane.mesh, 0.0)
+        self._values, self._slopes = (fem.Constant(plane.mesh, np.zeros(waves.vertical.n + 1)) for _ in range(2))
+        u, w = (ufl.dot(weights, phi) for weights in (self._values, self._slopes))
+        along, upward = waves.densities.velocity(u, w, self._zeta)
+        ahead, across = ufl.inner(along, plane.chart.direction(plane.mesh)), ufl.as_ufl(0.0)
+        if plane.mesh.topology.dim == 2:
+            across = ufl.inner(along, ufl.perp(plane.chart.direction(plane.mesh)))
+        nodes = plane.V.element.basix_element.points
+        self._expression = compile_expression(ufl.as_vector([ahead, across, upward]), nodes, plane.comm)
+        self._field = plane.layered_function(3, "velocity")
+        topology = plane.mesh.topology
+        self.be_in(np.arange(topology.index_map(topology.dim).size_local, dtype=np.int32) if cells is None else cells)
+
+    def be_in(self, cells: NDArray[np.int32]) -> None:
+        """Be what it is in these cells of the rank's own alone; nothing where there are none; collective."""
+        self._cells = cells
+        own = self._waves.plane.V.dofmap.list[cells].ravel()
+        shape = (len(self._field.rows), own.size)
+        self._to_nodes = scipy.sparse.csr_matrix((np.ones(own.size), (own, np.arange(own.size))), shape=shape)
+        self._sum(np.ones((own.size, 3)))
+        self._share = 1.0 / np.maximum(self._field.owned, 1.0)
+
+    def _sum(self, values: Vector) -> None:
+        """Set the field to the sum over cells of values at their nodes, shape (cells * nodes, 3), without ghosts."""
+        self._field.rows[...] = self._to_nodes @ values
+        self._field.function.x.scatter_reverse(la.InsertMode.add)
+
+    def at(self, zeta: float) -> Vector:
+        """Return (u, v, w) along, across and upwards [m/s] at zeta in [0, 1]; collective.
+
+        Of all degrees of freedom this rank sees, shape (owned + ghosts, 3). The next call reuses the array.
+        """
+        self._zeta.value = zeta
+        self._values.value, self._slopes.value = self._tabulated(zeta)
+        self._sum(self._expression.eval(self._mesh, self._cells).reshape(-1, 3))
+        self._field.set(self._share * self._field.owned)
+        return self._field.rows
+
+    def _tabulated(self, zeta: float) -> tuple[Vector, Vector]:
+        """Return P_j(zeta) and P_j'(zeta), each of shape (n+1,); of each height found once."""
+        if zeta not in self._known:
+            at = np.array([zeta])
+            self._known[zeta] = self._vertical.at(at)[0], self._vertical.slopes_at(at)[0]
+        return self._known[zeta]
+
+    def potential(self, zeta: float) -> Vector:
+        """Return phi [m²/s] at zeta in [0, 1], of all degrees of freedom this rank sees, shape (owned + ghosts,)."""
+        return np.asarray(self._waves.phi.rows @ self._vertical.at(np.array([zeta]))[0] + self._waves.level)
+
+
+PART = 2e-3  # of the water column, or of the depth a paddle goes: so far a state goes on for its rates
+STENCIL = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}  # steps, and weights of a derivative of fourth order
+
+
+class MovingWater(Protocol):
+    """The water of a state, and how it moves: what pressure and acceleration are made of.
+
+    Attributes
+    ----------
+    plane, vertical, bed, gravity
+        As of the waves.
+    densities
+        Of the velocity, in UFL.
+    h
+        The column [m].
+    nodes, carried
+        Where the Gauss nodes zeta of the columns are in the laboratory, along x, y and z [m], and how fast they move
+        [m/s]; at all degrees of freedom that this rank sees, shape (levels, rows, 3).
+    phi, phi_rate
+        The potential [m²/s] and its rate [m²/s²] at fixed places (X, zeta), but for their levels.
+    level, level_rate
+        What is left out of them.
+    """
+
+    plane: Plane
+    vertical: VerticalBasis
+    bed: Bed
+    gravity: float
+    densities: WaterEnergy
+    h: Field
+    nodes: Vector
+    carried: Vector
+    phi: LayeredField
+    phi_rate: LayeredField
+    level: float
+    level_rate: float
+
+    @property
+    def wall(self) -> Placed:
+        """The wall, as it stands."""
+
+    def find_rates(self, q: Vector, p: Vector, t: float) -> None:
+        """Find the potential of a state and its rate; collective."""
+
+    def head(self, velocity: Vector) -> Vector:
+        """Return what velocities, shape (..., 3), add to Bernoulli's sum [m²/s²], shape (...)."""
+
+
+class NonlinearRates(NonlinearWaves):
+    """Nonlinear waves of an observer's own; see ``MovingWater``.
+
+    Their wall is moved by ``tangents``, one for each of its paddles.
+    """
+
+    def __init__(self, plane: Plane, *, tangents: Sequence[Tangent], **parts: object):
+        self._tangents, self._has_rates = tangents, False
+        super().__init__(plane, **parts)  # type: ignore[arg-type]
+        self._places, self._d = _places(plane), plane.function("depth")
+        self.nodes: Vector = np.zeros((self.vertical.n + 1, len(self._places), 3))
+        self.carried = self.nodes
+        self.phi_rate = plane.layered_function(self.vertical.n + 1, "rate of the potential")
+        self.level_rate = 0.0
+
+    def find_rates(self, q: Vector, p: Vector, t: float) -> None:
+        """See ``MovingWater``."""
+        if self._has_rates and self.knows(q, p, t):
+            return
+        q_rate, p_rate = self.H_p(q, p, t), -self.H_q(q, p, t)
+        column, step = self.h.owned.copy(), self._step(q_rate)
+        residual_rate, self.carried = np.zeros_like(self.phi.owned), np.zeros_like(self.carried)
+        for steps, weight in STENCIL.items():
+            super()._stand(t + steps * step)
+            self.h.set(self.columns.solve(q + steps * step * q_rate))
+            self.operator.update()
+            residual_rate += weight / step * (self.operator.apply(self.phi.rows) + self._wall_terms.vector())
+            self.carried += weight / step * self._nodes()
+        self._begin(q, p, t, column)
+        self.nodes = self._nodes()
+        self.level_rate = self.plane.sum(p_rate) / self.plane.size
+        self.phi_rate.owned[:] = 0.0
+        self.phi_rate.owned[:, -1] = p_rate - self.level_rate
+        self.potential.minimiser.find(self.phi_rate.owned, residual_rate)
+        self.phi_rate.fetch()
+        self._know(self._point, t)
+        self._has_rates = True
+
+    def _nodes(self) -> Vector:
+        """Return where the Gauss nodes of the columns are in the laboratory [m], as ``carried``; collective."""
+        self._d.set(np.zeros(self.plane.owned) + self.bed.still)
+        heights = self.vertical.zeta[:, None] * self.h.rows[:, 0] - self._d.rows[:, 0]
+        return _standing(self.wall, self._places, heights)
+
+    def _stand(self, t: float) -> None:
+        """Move the wall to where its motion is touched; collective."""
+        for tangent in self._tangents:
+            tangent.at = t
+        super()._stand(t)
+
+    def _know(self, point: Vector, t: float) -> None:
+        super()._know(point, t)
+        self._has_rates = False
+
+    def _step(self, q_rate: Vector) -> float:
+        """Return for how long the state goes on [s]; collective."""
+        rising = float(np.abs(self.mass.solve(q_rate) / self.h.owned).max(initial=0.0))
+        going = float(np.abs(self.wall.velocities).max(initial=0.0)) / self.depth
+        fastest = self.plane.comm.allreduce(max(rising, going), op=MPI.MAX)
+        return float(PART / fastest) if fastest > 0.0 else 1.0
+
+    def head(self, velocity: Vector) -> Vector:
+        """See ``MovingWater``."""
+        return np.asarray(0.5 * (velocity**2).sum(axis=-1))
+
+    def _set_up_stages(self, tolerances: object) -> None:
+        """Set up nothing: these waves are not stepped."""
+
+
+class LinearRates:
+    """The water of linear waves, which goes up to z = 0; see ``MovingWater``.
+
+    Potential and rate are two solves of one problem: for psi and X_p', and for psi' = -g eta and X_p''.
+    """
+
+    def __init__(self, waves: LinearWaves, *, tolerance: float):
+        self.plane, self.vertical, self.bed = waves.plane, waves.vertical, waves.bed
+        self.wall, self.gravity, self._waves = waves.wall, waves.gravity, waves
+        components = waves.vertical.n + 1
+        self.h = self.plane.function("water column")
+        self.h.set(np.zeros(self.plane.owned) + self.bed.still)
+        heights = np.multiply.outer(self.vertical.zeta - 1.0, self.h.rows[:, 0])
+        self.nodes = _standing(self.wall, _places(self.plane), heights)
+        self.carried = np.zeros_like(self.nodes)
+        self.phi = self.plane.layered_function(components, "potential")
+        self.phi_rate = self.plane.layered_function(components, "rate of the potential")
+        self.level = self.level_rate = 0.0
+        g = fem.Constant(self.plane.mesh, waves.gravity)
+        self.densities = WaterEnergy(h=self.h.function, d=self.bed.d, gravity=g, mapping=waves.wall.mapping)
+        column = self.densities.column
+        self._minimum = interior_of(column, self.plane, self.vertical, column=self.h, tolerance=tolerance).minimum
+        self._minimum.factor()
+        self._paddles = [(paddle.motion, waves.flux(paddle, self.densities)) for paddle in waves.wall.paddles]
+
+    def find_rates(self, q: Vector, p: Vector, t: float) -> None:
+        """See ``MovingWater``."""
+        speeds, accelerations = ([motion.derivative(t, order) for motion, _ in self._paddles] for order in (1, 2))
+        self.level = self._solve(self.phi, p, speeds)
+        self.level_rate = self._solve(self.phi_rate, -self._waves.H_q(q, p, t), accelerations)
+
+    def _solve(self, field: LayeredField, surface: Vector, speeds: Sequence[float]) -> float:
+        """Set a field to the potential below a surface's, less its mean there, which is returned; collective."""
+        level = self.plane.sum(surface) / self.plane.size
+        field.owned[:] = 0.0
+        field.owned[:, -1] = surface - level
+        fluxes = (speed * flux for speed, (_, flux) in zip(speeds, self._paddles, strict=True))
+        self._minimum.find(field.owned, sum(fluxes, start=np.zeros((1, field.owned.shape[1]))))
+        field.fetch()
+        return level
+
+    def head(self, velocity: Vector) -> Vector:
+        """Return nothing: it is of second order."""
+        return np.zeros(velocity.shape[:-1])
+
+
+def _places(plane: Plane) -> Vector:
+    """Return where all degrees of freedom that this rank sees are in the reference tank [m], shape (rows, 2)."""
+    return plane.chart.places(plane.V.tabulate_dof_coordinates())
+
+
+def _standing(wall: Placed, places: Vector, heights: Vector) -> Vector:
+    """Return where reference places are in the laboratory at heights [m], shape (levels, rows): (levels, rows, 3)."""
+    levels = heights if wall.leans else heights[:1]  # an upright wall carries all of a column alike
+    along = np.array([wall.to_physical(places, z) for z in levels])
+    return np.concatenate([np.broadcast_to(along, (*heights.shape, 2)), heights[..., None]], axis=-1)
 
 
 class Layers(NamedTuple):
@@ -84,3 +380,94 @@ class Kinematics:
 
     def _at_levels(self, gradient: Velocity) -> Vector:
         return np.array([gradient.at(zeta).copy() for zeta in self.levels])
+
+
+RINGS = 2  # of cells around a point's: accelerations are gradients of what means of gradients make
+AT = 1e-9  # of the water column: so near to bed or surface is in the water
+
+
+class Sounded(NamedTuple):
+    """What was found at N points; nothing of sense where they are dry.
+
+    Attributes
+    ----------
+    velocity, local, acceleration
+        Of the water, along x, y and z [m/s, m/s²], shape (N, 3): its velocity, its rate at the point, and that of the
+        water that passes.
+    pressure
+        Above that of the air [Pa], shape (N,).
+    dry
+        Where there is no water, shape (N,).
+    """
+
+    velocity: Vector
+    local: Vector
+    acceleration: Vector
+    pressure: Vector
+    dry: NDArray[np.bool_]
+
+
+class Sounding:
+    """Points in the water.
+
+    Parameters
+    ----------
+    points
+        (x, y, z) [m], shape (N, 3); z from still water.
+    density
+        Of the water [kg/m³].
+
+    Raises ``InputError`` for a point outside the mesh; collective throughout.
+    """
+
+    def __init__(self, water: MovingWater, points: Vector, *, density: float):
+        self._water, self._density, self._at = water, density, points
+        self._points = Points(water.plane, self._coordinates())
+        self._cells = self._points.cells
+        self._kinematics = Kinematics(water, self._patch())
+        self._depth = water.plane.function("depth")
+
+    @property
+    def points(self) -> Vector:
+        """The points (x, y, z) [m], shape (N, 3)."""
+        return self._at
+
+    @property
+    def places(self) -> Vector:
+        """Where the points are, seen from above: (x, y) [m], shape (N, 2)."""
+        return self._at[:, :2]
+
+    def _coordinates(self) -> Vector:
+        """Return where the points are in the mesh, shape (N, 3)."""
+        return self._water.plane.chart.place(self._water.wall.to_reference(self._at[:, :2], self._at[:, 2]))
+
+    def _patch(self) -> Cells:
+        return patch(self._water.plane, self._cells, rings=RINGS)
+
+    def take(self, points: Vector | None = None) -> Sounded:
+        """Return what the water does there, its rates having been found; other points may be given, as many.
+
+        Raises ``InputError`` for one that is outside the mesh, as behind a paddle.
+        """
+        self._at = self._at if points is None else points
+        self._points.move(self._coordinates())
+        self._stay_in_cells()
+        water, layers, z = self._water, self._kinematics.layers(), self._at[:, 2]
+        self._depth.set(np.zeros(water.plane.owned) + water.bed.still)
+        zeta = (z + self._points.evaluate(self._depth)) / self._points.evaluate(water.h)
+        weights = self._kinematics.weights(zeta)
+
+        def at(values: Vector) -> Vector:
+            """Return values at the points of values at the levels, shape (levels, rows, ...); collective."""
+            return np.asarray(np.einsum("nl,nl...->n...", weights, self._points.of(np.moveaxis(values, 0, 1))))
+
+        velocity, rate = at(layers.velocity), at(layers.rate)
+        local, total = map(at, self._kinematics.accelerations())
+        pressure = -self._density * (rate + water.head(velocity) + water.gravity * z)
+        return Sounded(velocity, local, total, pressure, (zeta < -AT) | (zeta > 1 + AT))
+
+    def _stay_in_cells(self) -> None:
+        moved = float(not np.array_equal(self._points.cells, self._cells))
+        if summed(self._water.plane.comm, moved):
+            self._cells = self._points.cells
+            self._kinematics.be_in(self._patch())

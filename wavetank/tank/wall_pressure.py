@@ -19,8 +19,7 @@ from wavetank.arrays import Vector
 from wavetank.fem.forms import ScalarForm
 from wavetank.fem.patch import Cells, patch
 from wavetank.fem.plane import Plane
-from wavetank.tank.kinematics import Kinematics
-from wavetank.tank.rates import MovingWater
+from wavetank.tank.kinematics import Kinematics, MovingWater
 from wavetank.tank.walls.contract import Paddle
 from wavetank.tank.walls.shape import Shape
 

@@ -1,0 +1,300 @@
+"""Dissipation: smoothing of the surface, gradient-jump penalty and sponge.
+
+The sponge: where the surface potential is damped, and how strongly.
+
+    d psi/dt = -H_h - gamma psi     ([G16] (38)-(45) with gamma = gamma(x, y); the factor itself: integrators/)
+
+gamma grows from nothing, gamma = gamma_0 (distance / width)², with the distance from the sponge's inner edge: a kink or
+step would reflect. On linear waves of uniform gamma the amplitude falls at the rate gamma / 2, whatever the depth; a
+wave that crosses the sponge and comes back keeps e^(-gamma_0 width / (3 c_g)) of it, c_g the group velocity. Which
+gamma_0 serves which wave was measured: docs/absorption.md.
+
+Continuous interior penalty: takes the kinks between cells out of eta and psi, where they would grow.
+
+    (M_J + kappa S) v' = M_J v,     S = sum over facets of [[dv/dn]] [[du/dn]],     kappa = epsilon dt omega_g l³ / p⁴
+
+for v = eta and psi, the derivatives those in physical space (water/walls/): where the mapping of a moving wall has a
+kink, a smooth surface has one in the reference tank, and must keep it. l is the cell size and omega_g the frequency of
+the shortest wave on it, k_g = pi p / l. Where the current u under a steep crest overtakes short waves, k > g / u²,
+those have negative energy, and the kinks of elements that are only continuous couple them to the others: both grow,
+whatever the time step. On a smooth field of order p kinks vanish like l^p, so that what the penalty takes vanishes like
+l^(2 p). Elements of order 1 need none. Measured in docs/extremes.md: with this scaling one strength serves p = 2 to 5,
+kd = 0.5 to 8, and 12 to 128 cells a wave.
+"""
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+import scipy
+import ufl
+from dolfinx import fem, la
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+from wavetank.arrays import Vector
+from wavetank.errors import InputError
+from wavetank.fem.kinks import KinkSmoothing
+from wavetank.fem.mass import BandedMass, FactoredMatrix, FactoredSmoothing, HorizontalMatrix, RaisedSmoothing
+from wavetank.fem.plane import Plane
+from wavetank.stateful import Held
+from wavetank.tank.seen import State
+from wavetank.tank.surface_flow import SurfaceVelocity
+from wavetank.tank.walls.contract import Columns
+from wavetank.tank.waves import NonlinearWaves
+
+POWER = 2
+
+
+def profile(distance: Vector, *, width: float, strength: float) -> Vector:
+    """Return gamma [1/s] at distances into the sponge [m], shape (N,): 0 before it, ``strength`` from its width on."""
+    return np.asarray(strength * np.clip(distance / width, 0.0, 1.0) ** POWER)
+
+
+def distance_from_edge(plane: Plane, cells: NDArray[np.int32]) -> Vector:
+    """Return how far the owned degrees of freedom are inside a group of cells [m], shape (owned,); collective.
+
+    It is the distance from the group's inner edge, where its cells meet others: 0 outside.
+
+    Parameters
+    ----------
+    plane
+        The horizontal space.
+    cells
+        This rank's cells of the group, with or without ghosts.
+
+    Raises ``InputError`` for a group without cells, and for one that is the whole mesh.
+    """
+    owned = plane.mesh.topology.index_map(plane.mesh.topology.dim).size_local
+    is_inside = np.isin(np.arange(owned), cells)
+    inside, outside = (_touched(plane, np.flatnonzero(chosen)) for chosen in (is_inside, ~is_inside))
+    edge = np.concatenate(plane.comm.allgather(plane.places[inside & outside]))
+    if not len(edge):
+        raise InputError("the sponge: its group of cells is empty, or the whole mesh; it must be a part of the mesh.")
+    distance = np.zeros(plane.owned)
+    distance[inside] = scipy.spatial.cKDTree(edge).query(plane.places[inside])[0]
+    return distance
+
+
+def _touched(plane: Plane, cells: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Return which owned degrees of freedom belong to some of the cells, on whatever rank those are; collective."""
+    mark = plane.function("mark")
+    mark.rows[plane.V.dofmap.list[cells].ravel()] = 1.0
+    mark.function.x.scatter_reverse(la.InsertMode.add)
+    return np.asarray(mark.owned > 0.0)
+
+
+def width_of(plane: Plane, distance: Vector) -> float:
+    """Return the largest distance [m] over all ranks; collective."""
+    return float(plane.comm.allreduce(float(np.max(distance, initial=0.0)), op=MPI.MAX))
+
+
+def checked(plane: Plane, gamma: Vector) -> Vector:
+    """Return gamma [1/s], shape (owned,); raises ``InputError`` where it is negative or not finite; collective."""
+    bad = np.flatnonzero(~(np.isfinite(gamma) & (gamma >= 0.0)))
+    first = (*map(float, plane.places[bad[0]]), float(gamma[bad[0]])) if bad.size else None
+    for x, y, received in filter(None, plane.comm.allgather(first)):
+        raise InputError(
+            f"the sponge: gamma = {received:.4g} 1/s at x = {x:.4g} m, y = {y:.4g} m; it must be 0 or more."
+        )
+    return gamma
+
+
+class Smoother(Protocol):
+    """N, and what is done with it: see ``Smoothing``; values are owned, shape (owned,), and all of it is collective."""
+
+    def update(self) -> None:
+        """Take over M_J and N as they are."""
+
+    def apply(self, values: Vector) -> Vector:
+        """Return N v."""
+
+    def smoothed(self, pairs: Vector, still: Vector | float) -> Vector:
+        """Return Q - N eta' and psi' of points [Q, psi], shape (m, 2, owned), over columns of still water [m]."""
+
+
+class Solved(Protocol):
+    """N, and what (M_J + N)^-1 finds; values are owned, shape (owned,), and all of it is collective."""
+
+    def update(self) -> None:
+        """Take over M_J and N as they are."""
+
+    def apply(self, values: Vector) -> Vector:
+        """Return N v."""
+
+    def taken(self, values: Vector, start: Vector) -> Vector:
+        """Return v - v', found from a start value."""
+
+    def moved(self, values: Vector, taken: Vector) -> Vector:
+        """Return N v' of what is taken of v; its sum is 0 to round-off."""
+
+
+class OneByOne:
+    """A smoother that finds what it takes of each field of a point by itself, from what it has taken of the last.
+
+    The points of a state are close to each other.
+    """
+
+    def __init__(self, solved: Solved, columns: Columns):
+        self._solved, self._columns = solved, columns
+        self.update, self.apply = solved.update, solved.apply
+
+    def smoothed(self, pairs: Vector, still: Vector | float) -> Vector:
+        """See ``Smoother``."""
+        found, solved = np.empty_like(pairs), self._solved
+        of_eta = of_psi = np.zeros(pairs.shape[2:])
+        for (q, psi), after in zip(pairs, found, strict=True):
+            eta = self._columns.solve(q) - still
+            of_eta, of_psi = solved.taken(eta, of_eta), solved.taken(psi, of_psi)
+            after[:] = q - solved.moved(eta, of_eta), psi - of_psi
+        return found
+
+
+class Smoothing:
+    """v' = (M_J + N)^-1 M_J v for the elevation eta and the surface potential psi, N symmetric with zero row sums.
+
+    It is the elevation that is smoothed, not the column: still water over any bed stays still.
+
+    Parameters
+    ----------
+    waves
+        The water.
+    form
+        The bilinear form of N in UFL, given trial and test function.
+    by_wall
+        Whether nothing but the wall changes it.
+
+    Attributes
+    ----------
+    energy_taken
+        So far [m^4/s²].
+    called, gives
+        In words, what it is, and what makes it give energy instead.
+    """
+
+    called = "smoothing"
+    gives = "waves too short or too steep for the step and the cells make it do so"
+
+    def __init__(self, waves: NonlinearWaves, form: Callable[[Any, Any], ufl.Form], *, by_wall: bool = False):
+        self._waves, self._of, self._by_wall = waves, form, by_wall
+        self.energy_taken = 0.0
+
+    @cached_property
+    def _smoother(self) -> Smoother:
+        """N, and what is done with it, made where it is first needed; collective."""
+        return self._made()
+
+    def _made(self) -> Smoother:
+        """Return it of the form; collective."""
+        plane, mass, J = self._waves.plane, self._waves.mass, self._waves.wall.mapping.J(self._waves.densities.eta)
+        if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
+            wall = self._waves.wall
+            changing = plane.around(wall.carries) if self._by_wall and wall.moves else None
+            whole = FactoredMatrix(plane, lambda u, v: J * u * v * plane.dx + self._of(u, v), changing=changing)
+            return OneByOne(FactoredSmoothing(whole, mass), self._waves.columns)
+        return OneByOne(RaisedSmoothing(mass, HorizontalMatrix(plane, self._of), plane), self._waves.columns)
+
+    def update(self) -> None:
+        """Assemble N for the present values of what its form depends on, the wall among them; collective."""
+        self._smoother.update()
+
+    def passed(self, pairs: Vector) -> Vector:
+        """Return Q - N eta', whose sum, the mass, is that of Q, and psi' of points [Q, psi], shape (m, 2, owned)."""
+        return self._smoother.smoothed(pairs, self._waves.bed.still)
+
+    def account(self, taken: float, *, of: float) -> None:
+        """Add what has been taken."""
+        self.energy_taken += taken
+
+    def held(self) -> Held:
+        """Return what has been taken."""
+        return {"energy_taken": self.energy_taken}
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        self.energy_taken = held["energy_taken"]
+
+
+NEEDED = 1.5  # u² k_g / g; growth was found from 2.1 on, none below
+STRENGTH = 0.25  # epsilon: 0.08 to 0.8 serve; more makes waves of negative energy grow
+
+
+class EdgePenalty(Smoothing):
+    """The penalty for one step size, applied only while it is needed.
+
+    Parameters
+    ----------
+    waves
+        The water.
+    flow
+        Its surface, updated here.
+    cell_size
+        l [m].
+    dt
+        Step [s].
+    strength
+        epsilon [-].
+    threshold
+        Of u² k_g / g; 0 for always.
+    """
+
+    called, cure = "the edge penalty", "finer cells lose less, unless waves break"
+
+    def __init__(
+        self,
+        waves: NonlinearWaves,
+        flow: SurfaceVelocity,
+        *,
+        cell_size: float,
+        dt: float,
+        strength: float = STRENGTH,
+        threshold: float = NEEDED,
+    ):
+        plane, k = waves.plane, shortest_wave_number(waves, cell_size)
+        rate, n = shortest_wave_frequency(waves, cell_size), ufl.FacetNormal(plane.mesh)
+        self._kappa = strength * abs(dt) * rate * cell_size**3 / plane.order**4
+        kappa = fem.Constant(plane.mesh, self._kappa)
+        facets = ufl.dS(domain=plane.mesh, metadata={"quadrature_degree": 2 * plane.order})
+
+        def penalty(u: Any, v: Any) -> ufl.Form:
+            one, other = (ufl.jump(waves.wall.mapping.gradient(f, waves.densities.eta), n) for f in (u, v))
+            return kappa * one * other * facets
+
+        super().__init__(waves, penalty, by_wall=True)
+        self._flow = flow
+        self._fast = float(np.sqrt(threshold * waves.gravity / k)) if plane.order > 1 else np.inf  # so it is needed
+
+    def _made(self) -> Smoother:
+        """Return it written out along a slice on one rank, unless the wall's shape stretches what it carries."""
+        plane, mass, wall = self._waves.plane, self._waves.mass, self._waves.wall
+        if not isinstance(mass, BandedMass) or plane.mesh.geometry.dim > 1 or wall.leans:
+            return super()._made()
+        shift = next((far for far, _ in wall.shifts), None)
+        return KinkSmoothing(plane, mass, strength=self._kappa, shift=shift)
+
+    def needed(self, state: State, t: float) -> bool:
+        """Return whether the current overtakes the shortest waves by so much; never with p = 1; collective."""
+        self._flow.near(state, t)
+        if self._flow.largest_velocity <= self._fast:
+            return False
+        if self._waves.wall.moves:
+            self._waves.set_time(t)
+            self.update()
+        return True
+
+    def generator(self) -> Vector:
+        """Return M^-1 kappa S as a dense matrix, on one rank: for small tanks only."""
+        units = np.eye(self._waves.plane.owned)
+        return np.array([self._waves.mass.solve(self._smoother.apply(unit)) for unit in units]).T
+
+
+def shortest_wave_number(waves: NonlinearWaves, cell_size: float) -> float:
+    """Return k_g = pi p / l of cells of size l [m], in 1/m."""
+    return float(np.pi * waves.plane.order / cell_size)
+
+
+def shortest_wave_frequency(waves: NonlinearWaves, cell_size: float) -> float:
+    """Return omega_g, omega_g² = g k_g tanh(k_g d), of cells of size l [m], in rad/s."""
+    k = shortest_wave_number(waves, cell_size)
+    return float(np.sqrt(waves.gravity * k * np.tanh(k * waves.depth)))
