@@ -30,7 +30,7 @@ from wavetank.output.manifest import MANIFEST
 from wavetank.recording import record_run
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.contract import Moment, Moments, Patient
-from wavetank.status import line, standing
+from wavetank.status import line, run_status
 from wavetank.values.toml import toml
 
 REGULAR = {  # waves of a period of 2.3 s
@@ -81,7 +81,7 @@ def readable(out: Path) -> float:
         return 0.0
     run = RunDirectory(out)
     assert run.status in ("killed", "finished")
-    assert line(standing(out)).startswith(f"{out}: {run.status}")
+    assert line(run_status(out)).startswith(f"{out}: {run.status}")
     for read in (run.gauge_series, run.budget, run.snapshots):
         try:
             read()

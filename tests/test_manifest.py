@@ -14,8 +14,8 @@ from wavetank.output.directory import RunDirectory
 from wavetank.output.manifest import MANIFEST
 from wavetank.output.writer import RunWriter
 from wavetank.plots.compare_command import told_of_tanks
-from wavetank.resuming import kept_scene
-from wavetank.status import line, standing
+from wavetank.resuming import stored_scene
+from wavetank.status import line, run_status
 
 SCENE = {
     "tank": {"type": "slice", "length": 12.0, "depth": 0.5},
@@ -87,10 +87,10 @@ def test_any_wrong_value_is_refused_or_read(run, write):
     for path, wrong in random.Random(33).sample(every, 300):
         write(changed(manifest, path, wrong))
         for read in (
-            lambda: line(standing(run)),
+            lambda: line(run_status(run)),
             lambda: told_of_tanks(str(run), str(run)),
             lambda: read_record(str(run)),
-            lambda: kept_scene(run, extend=1.0),
+            lambda: stored_scene(run, extend=1.0),
         ):
             try:
                 read()

@@ -19,7 +19,7 @@ from wavetank.output.directory import CHECKPOINT, ENERGY, RunDirectory
 from wavetank.output.manifest import MANIFEST
 from wavetank.output.writer import RunWriter
 from wavetank.simulation.contract import Moment
-from wavetank.simulation.monitoring import Standing
+from wavetank.simulation.monitoring import ProgressReport
 
 HOST, PRESENT = {"host": socket.gethostname()}, manifest.current_time().replace(microsecond=0)
 
@@ -134,7 +134,7 @@ def test_what_may_not_be_read_is_said_in_a_sentence(writer, monkeypatch, capsys)
 def test_the_manifest_keeps_where_a_run_stands_not_at_every_step(monkeypatch):
     noted, written, clock = {}, [], iter([0.0, 0.0, 3.0, 6.0, 7.0])
     monkeypatch.setattr("wavetank.simulation.monitoring.time.monotonic", lambda: next(clock))
-    standing = Standing(noted.update, lambda: written.append(noted["progress"]["step"]), begin=1.0, end=2.0)
+    standing = ProgressReport(noted.update, lambda: written.append(noted["progress"]["step"]), begin=1.0, end=2.0)
     for step in range(4):
         standing.observe(Moment(step, 1.0 + 0.1 * step, Point(np.zeros(1), np.zeros(1))))
     assert written == [0, 2]

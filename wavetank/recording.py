@@ -29,7 +29,7 @@ from wavetank.planning.checks import forewarnings, noise
 from wavetank.planning.cost import check_affordable
 from wavetank.planning.default_plan import mesh_told, planned, told_of_rule
 from wavetank.planning.resolution import check_stable
-from wavetank.resuming import GoingOn, KeptRun, kept_scene
+from wavetank.resuming import Checkpointer, Restart, stored_scene
 from wavetank.simulation.build import (
     Records,
     build_observers,
@@ -45,7 +45,7 @@ from wavetank.simulation.contract import Judge, Observer
 from wavetank.simulation.diagnostics import Discard, DiscardArrays, Kept, RecordCheck
 from wavetank.simulation.energy import EnergyBudget
 from wavetank.simulation.energy import columns as energy_columns
-from wavetank.simulation.monitoring import BreakingNews, Interruption, ProgressBar, Standing
+from wavetank.simulation.monitoring import BreakingNews, Interruption, ProgressBar, ProgressReport
 from wavetank.simulation.own import called, own_observers
 from wavetank.simulation.run import Run
 from wavetank.simulation.stability import StabilityWatch
@@ -60,7 +60,7 @@ Draw = Callable[[RunDirectory], Iterable[Path]]
 
 
 class Warnings:
-    """Sentences that whoever reads a run's results must know; each is kept once.
+    """Warnings of a run, each of them once.
 
     Attributes
     ----------
@@ -130,7 +130,7 @@ def record_run(
     unasked
         Whether a run that takes days, or more memory than there is, begins; otherwise it is refused.
     observers
-        What else looks at the water: functions of the waves that return an observer.
+        Further observers: functions of the waves that return an observer.
     integrator
         In place of the scene's.
     resume
@@ -138,36 +138,36 @@ def record_run(
     at
         The time of that [s]; default: of the last.
     """
-    began, log = time.monotonic(), RunLog(console)
+    start, log = time.monotonic(), RunLog(console)
     warnings = Warnings(log)
     if integrator is not None:
         scene = scene.model_copy(update={"numerics": scene.numerics.without_integrator()})
-    known = {"scene": _said_of(scene, integrator), "files": contents(scene), "ranks": comm.size, **environment()}
+    known = {"scene": _scene_content(scene, integrator), "files": contents(scene), "ranks": comm.size, **environment()}
     known["warnings"] = warnings.sentences  # found until its end
     writer = on_first(comm, lambda: RunWriter(place, known, resume=resume))
     with ending_together(comm, LATEST), ExitStack() as at_the_end:
         if writer is not None:
             at_the_end.callback(writer.release)
-        kept = GoingOn(writer, comm, warn=warnings.add, at=at) if resume else None
-        asked, (scene, doubts) = scene, kept.planned(scene) if kept else planned(scene, comm)
+        restart = Restart(writer, comm, warn=warnings.add, at=at) if resume else None
+        requested, (scene, plan_warnings) = scene, restart.planned(scene) if restart else planned(scene, comm)
         if not unasked:
             check_affordable(scene, comm)
-        with mesh_told(asked, scene), console.status("preparing the run"):
+        with mesh_told(requested, scene), console.status("preparing the run"):
             check_stable(scene, integrator or INTEGRATORS[scene.numerics.integrator](), comm)
-            run, waves = build_run(scene, comm, integrator, beginning=kept.beginning if kept else None)
-        for doubt in (*doubts, *forewarnings(scene, run.clock, waves, own=integrator)):
-            warnings.add(doubt)
+            run, waves = build_run(scene, comm, integrator, beginning=restart.beginning if restart else None)
+        for warning in (*plan_warnings, *forewarnings(scene, run.clock, waves, own=integrator)):
+            warnings.add(warning)
         series = _observe(run, scene, waves, writer, warnings)
         run.observers += [BreakingNews(one, log.say) for one in _breaking(run) if isinstance(one, BreakingDissipation)]
         run.user_observers = own_observers(observers, waves)
         run.observers += run.user_observers
-        if kept:
-            log.say(kept.take(run, waves, scene=scene, fields=series))
-            kept.miss(called(observers))
-        earlier, counting_on = (kept.about["parts"], kept.counting_on) if kept else ([], False)
-        parts = Parts(run, waves, began=began, earlier=earlier, counting_on=counting_on)
-        keeping = KeptRun(
-            asked,
+        if restart:
+            log.say(restart.take(run, waves, scene=scene, fields=series))
+            restart.warn_of_missing_observers(called(observers))
+        earlier, counting_on = (restart.about["parts"], restart.counting_on) if restart else ([], False)
+        parts = Parts(run, waves, began=start, earlier=earlier, counting_on=counting_on)
+        checkpointer = Checkpointer(
+            requested,
             scene,
             run=run,
             waves=waves,
@@ -178,7 +178,7 @@ def record_run(
             observers=called(observers),
         )
 
-        def look(surface: BrokenSurface) -> None:
+        def dump_surface(surface: BrokenSurface) -> None:
             known.update(surface.figures)
             if writer is not None:
                 writer.broken(surface.columns)
@@ -187,14 +187,14 @@ def record_run(
         def note(error: RunError | None = None) -> None:
             for budget in (one for one in run.observers if isinstance(one, EnergyBudget)):
                 budget.cause = next((one.watch.cause for one in _breaking(run) if one.watch.recorded), "")
-            for judge in (one for one in run.observers if isinstance(one, Judge)):
-                for sentence in judge.verdict():
+            for observer in (one for one in run.observers if isinstance(one, Judge)):
+                for sentence in observer.verdict():
                     warnings.add(sentence)
             for one in (one for one in _breaking(run) if one.watch.recorded):
-                taken = ""
+                dissipated = ""
                 if isinstance(one, BreakingDissipation):
-                    taken = f"; the eddy viscosity took {100 * one.part_taken:.2g} % of the energy"
-                log.say(f"{one.watch.story} ({BREAKING}){taken}")
+                    dissipated = f"; the eddy viscosity took {100 * one.part_taken:.2g} % of the energy"
+                log.say(f"{one.watch.story} ({BREAKING}){dissipated}")
                 if writer is not None:
                     writer.breaking(one.watch.columns)
             figures = parts.figures() | _broken(run)
@@ -212,30 +212,30 @@ def record_run(
                         log.say(line)
 
         with Interruption(comm) as interruption:  # from now on SIGTERM is written down
-            begun = {"parts": parts.so_far()} | _chosen(asked, scene, integrator)
+            figures = {"parts": parts.so_far()} | _chosen(requested, scene, integrator)
             bed = bed_by_code(scene, waves)
-            on_first(comm, lambda: _begin(writer, log, begun, bed=bed, going_on=resume))
+            on_first(comm, lambda: _begin(writer, log, figures, bed=bed, going_on=resume))
             if writer is not None:
-                at_the_end.enter_context(_said(writer, log, draw=draw))
+                at_the_end.enter_context(_log_outcome(writer, log, draw=draw))
             at_the_end.callback(warnings.show)
-            start = "" if resume else told_of_start(scene, waves, run.state.q)
+            initial_surface = "" if resume else told_of_start(scene, waves, run.state.q)
             at_first = (
                 summary(scene, run, waves),
-                told_of_rule(asked),
+                told_of_rule(requested),
                 told_of_bed(scene, waves),
                 told_of_sponge(scene, waves),
                 *scene.linear_generation,
-                start,
+                initial_surface,
             )
             of_clock = told_of_end(scene, run.clock), *told_of_windows(scene, run.clock)
             for line in (*at_first, told_of_ranks(waves), *of_clock):
                 if line:
                     log.say(line)
             warnings.show()
-            with _failure_kept(writer), _progress(run, waves, log, writer) as progress:
-                interruption.before = keeping.write_last
-                run.observers += [keeping.from_time_to_time(scene.run.checkpoint_every), *progress, interruption]
-                _execute(run, waves, note, scene=scene, keeping=keeping, look=look)
+            with _record_failure(writer), _progress(run, waves, log, writer) as progress:
+                interruption.before = checkpointer.write_last
+                run.observers += [checkpointer.observer(scene.run.checkpoint_every), *progress, interruption]
+                _execute(run, waves, note, scene=scene, checkpointer=checkpointer, dump_surface=dump_surface)
                 if writer is not None:
                     writer.finish("finished", {})
 
@@ -252,7 +252,7 @@ def resume_run(
 ) -> None:
     """Go on with the run in a directory, which keeps its scene; collective. A finished one is left as it is.
 
-    Raises as ``record_run``, which takes the other options, and ``kept_scene``.
+    Raises as ``record_run``, which takes the other options, and ``stored_scene``.
 
     Parameters
     ----------
@@ -268,7 +268,7 @@ def resume_run(
         As ``record_run`` takes them.
     """
     path = Path(directory)
-    scene = agreed(comm, lambda: kept_scene(path, changes, extend=extend))
+    scene = agreed(comm, lambda: stored_scene(path, changes, extend=extend))
     unchanged = not changes and extend is None and at is None
     if unchanged and from_first(comm, lambda: RunDirectory(path).status) == "finished":
         console.print(f"{path} has finished; --extend SECONDS goes on with it", markup=False, highlight=False)
@@ -302,8 +302,8 @@ def _records(scene: Scene, waves: AnyWaves, writer: RunWriter | None) -> Records
     """Return where gauges, energy, the surface of a slice and a wall that moves go; opened when the run begins."""
     if writer is None:
         probed, loaded = (Discard() if there else None for there in (scene.probes, scene.loads))
-        dropped, moved = [DiscardArrays() for _ in scene.windows], [Discard() for _ in scene.paddles]
-        return Records(Discard(), Discard(), None, probes=probed, loads=loaded, paddles=moved, windows=dropped)
+        no_windows, no_paddles = [DiscardArrays() for _ in scene.windows], [Discard() for _ in scene.paddles]
+        return Records(Discard(), Discard(), None, probes=probed, loads=loaded, paddles=no_paddles, windows=no_windows)
     dimensions = waves.plane.mesh.topology.dim
     gauges = writer.gauges([(gauge.name, gauge.x, gauge.y) for gauge in scene.all_gauges])
     energy = writer.table(ENERGY, energy_columns(dimensions, absorbed=bool(scene.absorbing)))
@@ -330,27 +330,29 @@ def _window(window: Window, writer: RunWriter, dimensions: int) -> Callable[...,
     return writer.window(window.name, form=window.format, places=places, levels=window.levels, dimensions=dimensions)
 
 
-def _said_of(scene: Scene, integrator: Integrator[Any] | None) -> dict[str, Any]:
+def _scene_content(scene: Scene, integrator: Integrator[Any] | None) -> dict[str, Any]:
     """Return a scene as the manifest has it: without its integrator, where another one steps."""
-    said = scene.model_dump(mode="json")
+    content = scene.model_dump(mode="json")
     if integrator is not None:
-        said["numerics"].pop("integrator", None)
-    return said
+        content["numerics"].pop("integrator", None)
+    return content
 
 
-def _chosen(asked: Scene, planned: Scene, integrator: Integrator[Any] | None) -> dict[str, Any]:
+def _chosen(requested: Scene, planned: Scene, integrator: Integrator[Any] | None) -> dict[str, Any]:
     """Return what the manifest says of water and numerics that were planned."""
-    given, chosen = ({key: _said_of(one, integrator)[key] for key in ("water", "numerics")} for one in (asked, planned))
+    given, chosen = (
+        {key: _scene_content(one, integrator)[key] for key in ("water", "numerics")} for one in (requested, planned)
+    )
     return {} if chosen == given else {"planned": chosen}
 
 
 def _begin(
-    writer: RunWriter | None, log: RunLog, begun: dict[str, Any], *, bed: dict[str, Vector], going_on: bool
+    writer: RunWriter | None, log: RunLog, figures: dict[str, Any], *, bed: dict[str, Vector], going_on: bool
 ) -> None:
     """Begin the directory, with what is known by now."""
     if writer is not None:
         old = [path.name for pattern in ANALYSES for path in writer.path.glob(pattern)] if going_on else []
-        writer.begin(begun)
+        writer.begin(figures)
         if bed:
             writer.bed(bed)
         log.open(writer.path / LOG, going_on=going_on)
@@ -360,8 +362,8 @@ def _begin(
 
 
 @contextmanager
-def _failure_kept(writer: RunWriter | None) -> Iterator[None]:
-    """Write down why a block fails, and keep the directory: pictures are still to be drawn of its records."""
+def _record_failure(writer: RunWriter | None) -> Iterator[None]:
+    """Record the error of a block in the manifest; the lock stays, as pictures are still to be drawn."""
     try:
         yield
     except BaseException as error:
@@ -371,8 +373,8 @@ def _failure_kept(writer: RunWriter | None) -> Iterator[None]:
 
 
 @contextmanager
-def _said(writer: RunWriter, log: RunLog, *, draw: Draw | None) -> Iterator[None]:
-    """Keep in the log why a run has ended; then draw its pictures."""
+def _log_outcome(writer: RunWriter, log: RunLog, *, draw: Draw | None) -> Iterator[None]:
+    """Log why a run has ended; then draw its pictures."""
     try:
         yield
         log.note("finished")
@@ -395,9 +397,9 @@ def _progress(run: Run, waves: AnyWaves, log: RunLog, writer: RunWriter | None) 
     if writer is None:
         yield []
         return
-    standing = Standing(writer.note, writer.write_manifest, begin=run.t, end=run.clock.end)
+    report = ProgressReport(writer.note, writer.write_manifest, begin=run.t, end=run.clock.end)
     with ProgressBar(run.clock.end, lambda: _cost(waves), log=log, begin=(run.step, run.t)) as bar:
-        yield [bar, standing]
+        yield [bar, report]
 
 
 def _execute(
@@ -406,17 +408,17 @@ def _execute(
     note: Callable[..., None],
     *,
     scene: Scene,
-    keeping: KeptRun,
-    look: Callable[[BrokenSurface], None],
+    checkpointer: Checkpointer,
+    dump_surface: Callable[[BrokenSurface], None],
 ) -> None:
-    """Step to the end and keep it, or look at what broke; note the costs, and say why a step failed; collective."""
+    """Step to the end and write the last checkpoint, or dump the broken surface and raise the cause; collective."""
     try:
         run.execute()
-        keeping.write_last()
+        checkpointer.write_last()
     except BaseException as error:
         if not all_here(waves.plane.comm, ALIKE):
             raise  # what one rank alone has met no other knows
-        why = _ended(error, run, waves, note, scene=scene, keeping=keeping, look=look)
+        why = _ended(error, run, waves, note, scene=scene, checkpointer=checkpointer, dump_surface=dump_surface)
         if why is error:
             raise
         raise why from None
@@ -430,8 +432,8 @@ def _ended(
     note: Callable[..., None],
     *,
     scene: Scene,
-    keeping: KeptRun,
-    look: Callable[[BrokenSurface], None],
+    checkpointer: Checkpointer,
+    dump_surface: Callable[[BrokenSurface], None],
 ) -> BaseException:
     """Return why a run has ended that all ranks have met; collective."""
     try:
@@ -442,11 +444,11 @@ def _ended(
         error = PaddleError(f"t = {run.t:.6g} s: {error}")
     if not isinstance(error, RunError):
         return error
-    keeping.save()
+    checkpointer.save()
     if error.status == RunError.status and not error.anew and isinstance(waves, NonlinearWaves):
         surface = BrokenSurface.of(run, waves)
         if surface is not None:
-            look(surface)
+            dump_surface(surface)
             if isinstance(error, BreakdownError) and (fold := folds(waves, run.state.q, run.state.p, run.t)):
                 error = PaddleError(f"{error}: {fold}")
     if isinstance(error, BreakdownError) and isinstance(waves, NonlinearWaves):

@@ -1,4 +1,4 @@
-"""A run's checkpoints: written from time to time, and gone on from, on any ranks, with other numerics, too."""
+"""Checkpoints of a run: written at intervals, and a restart from them, on any ranks, also with other numerics."""
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -39,8 +39,8 @@ RECORDED = {"output", "gauge_lines", *ALL_OF}
 SIZES = {"cells": "cell_size", "cell_size": "cells"}  # of which there is one
 
 
-class Reached(NamedTuple):
-    """The end of a step that all have observed: what a run can go on from, but without what solves remember.
+class CompletedStep(NamedTuple):
+    """The end of a step that all observers have recorded: a restart without the history of the solvers.
 
     Attributes
     ----------
@@ -65,13 +65,13 @@ class Reached(NamedTuple):
     fields: dict[str, Held]
 
 
-class KeptRun:
-    """A run with its records, of which checkpoints are written; all methods are collective.
+class Checkpointer:
+    """Writes checkpoints of a run and its records; all methods are collective.
 
     Parameters
     ----------
-    asked, computed
-        The scene that was asked for, and with what has been planned of it.
+    requested, computed
+        The scene as requested, and with the planned numerics.
     fields
         The series that all ranks write, by their names.
     parts
@@ -86,7 +86,7 @@ class KeptRun:
 
     def __init__(
         self,
-        asked: Scene,
+        requested: Scene,
         computed: Scene,
         *,
         run: Run,
@@ -97,26 +97,28 @@ class KeptRun:
         warnings: list[str],
         observers: Sequence[str] = (),
     ):
-        self._scene, self._chosen = (one.model_dump(mode="json") for one in (asked, computed))
-        self._files = contents(asked)
+        self._scene, self._chosen = (one.model_dump(mode="json") for one in (requested, computed))
+        self._files = contents(requested)
         self._run, self._waves, self._fields, self._parts = run, waves, fields, parts
         self._writer, self._warnings, self._observers = writer, warnings, list(observers)
         self._written = -1  # the last step of which there is one
-        self._reached: Reached | None = None
+        self._reached: CompletedStep | None = None
         self._missed: str | None = None  # that the last one could not be written, and why
 
-    def from_time_to_time(self, every: float | None) -> Checkpoints:
+    def observer(self, every: float | None) -> Checkpoints:
         """Return the observer that writes checkpoints; the last that can fail."""
         comm, run = self._waves.plane.comm, self._run
         settling: dict[str, Any] = {"settle": run.settle, "room": lambda: run.room}
         return Checkpoints(comm, self.write, note=self._note, every=every, **settling)
 
     def _note(self) -> None:
-        """Remember the present step, which all have observed; collective."""
+        """Store the present step, which all observers have recorded; collective."""
         self._run.settle()  # so that records are what they will be
         run, fields = self._run, {name: series.held() for name, series in self._fields.items()}
         records = {} if self._writer is None else self._writer.held()
-        self._reached = Reached(run.step, run.t, run.state.q, run.state.p, run.held_without_solves(), records, fields)
+        self._reached = CompletedStep(
+            run.step, run.t, run.state.q, run.state.p, run.held_without_solves(), records, fields
+        )
 
     def write(self) -> None:
         """Write one of all that the run holds, if there is none of this step; collective.
@@ -124,7 +126,7 @@ class KeptRun:
         One that cannot be written is warned of: the records are there.
         """
         self._note()
-        self._tell(self._failure(whole=True))
+        self._update_warning(self._failure(with_history=True))
 
     def write_last(self) -> None:
         """The same at the last step, or before a signal makes it the last; collective.
@@ -132,8 +134,8 @@ class KeptRun:
         Where that cannot be written it is what ``save`` writes.
         """
         self._note()
-        failure = self._failure(whole=True)
-        self._tell(self._failure(whole=False) if isinstance(failure, RunError) else failure)
+        failure = self._failure(with_history=True)
+        self._update_warning(self._failure(with_history=False) if isinstance(failure, RunError) else failure)
 
     def save(self) -> None:
         """Write one where a run fails, if there is none; collective.
@@ -144,9 +146,9 @@ class KeptRun:
         """
         if self._run.observed:
             self._note()
-        self._tell(self._failure(whole=False))
+        self._update_warning(self._failure(with_history=False))
 
-    def _tell(self, failure: Exception | None) -> None:
+    def _update_warning(self, failure: Exception | None) -> None:
         """Warn of a checkpoint that is missing now, and of no earlier one."""
         if self._missed in self._warnings:
             self._warnings.remove(self._missed)
@@ -155,13 +157,13 @@ class KeptRun:
             self._missed = f"the run cannot be resumed from here on: {str(failure).removesuffix('.')}"
             self._warnings.append(self._missed)
 
-    def _failure(self, *, whole: bool) -> Exception | None:
+    def _failure(self, *, with_history: bool) -> Exception | None:
         """Write one, and return why that cannot be; nothing where it is written, or nothing is to be."""
         reached = self._reached
         if reached is None or reached.step == self._written:
             return None
         try:
-            self._write(reached, whole=whole)
+            self._write(reached, with_history=with_history)
         except RecordError:
             return None  # the directory is another's, by which the run ends
         except (RunError, TypeError) as error:  # the latter: what somebody's own part holds
@@ -169,19 +171,19 @@ class KeptRun:
         self._written = reached.step
         return None
 
-    def _write(self, reached: Reached, *, whole: bool) -> None:
+    def _write(self, reached: CompletedStep, *, with_history: bool) -> None:
         waves, clock = self._waves, self._run.clock
         if not waves.plane.comm.allreduce(bool(np.isfinite([reached.q, reached.p]).all()), op=MPI.LAND):
             return  # nothing could go on from there, as the run will say
         surface = self._surface(reached)
-        text, arrays = apart({"surface": surface, "run": self._run.held() if whole else reached.held})
+        text, arrays = apart({"surface": surface, "run": self._run.held() if with_history else reached.held})
         least = len(apart({"surface": surface, "run": reached.held})[1])
         values, places = gathered(waves.plane, arrays)
         about = {
             "t": reached.t,
             "step": reached.step,
             "clock": {"dt": clock.dt, "begin": clock.begin, "first": clock.first},
-            "whole": whole,
+            "whole": with_history,
             "mass": waves.total_mass(reached.q),
             "scene": self._scene,
             "chosen": self._chosen,
@@ -196,13 +198,15 @@ class KeptRun:
         def put() -> None:
             if self._writer is not None:
                 checkpoint = Checkpoint(about, text, values, places)
-                self._writer.checkpoint(checkpoint, last_size=(least + 3) * places.nbytes // 3, at_any_price=not whole)
+                self._writer.checkpoint(
+                    checkpoint, last_size=(least + 3) * places.nbytes // 3, at_any_price=not with_history
+                )
 
         for series in self._fields.values():
             agreed(waves.plane.comm, series.sync)
         on_first(waves.plane.comm, put)
 
-    def _surface(self, reached: Reached) -> dict[str, Any]:
+    def _surface(self, reached: CompletedStep) -> dict[str, Any]:
         """Return elevation [m] and potential [m²/s] of the surface, and where that is in the laboratory [m]."""
         waves = self._waves
         waves.set_time(reached.t)
@@ -211,8 +215,8 @@ class KeptRun:
         return {"x": x, "y": y, "elevation": elevation, "potential": np.array(reached.p)}
 
 
-class GoingOn:
-    """A run's last checkpoint, and what another run takes of it.
+class Restart:
+    """A restart from a checkpoint.
 
     With the same numerics that is all that it held; with others the surface, and sums that outlive them.
 
@@ -230,7 +234,7 @@ class GoingOn:
     Attributes
     ----------
     about
-        What is told of it.
+        The metadata of the checkpoint.
     anew
         Whether the run goes on with other numerics; known once it has been ``planned``.
     """
@@ -240,8 +244,8 @@ class GoingOn:
     ):
         self._writer, self._comm, self._warn, self._at = writer, comm, warn, at
         self._kept = on_first(comm, self._read)
-        told = (self._kept.about, self._kept.held, len(self._kept.arrays)) if self._kept else None
-        self.about, self._text, self._count = comm.bcast(told)
+        parts = (self._kept.about, self._kept.held, len(self._kept.arrays)) if self._kept else None
+        self.about, self._text, self._count = comm.bcast(parts)
         self.anew = False
         try:
             self._before, self._chosen = (Scene.model_validate(self.about[name]) for name in ("scene", "chosen"))
@@ -250,7 +254,7 @@ class GoingOn:
             raise self._foreign() from error
 
     def _foreign(self) -> InputError:
-        """Return how a checkpoint is refused that holds other things than are asked for."""
+        """Return the error for a checkpoint with other content than expected."""
         by = f" ({self.about['git']})" if self.about.get("git") else ""
         return InputError(
             f"the checkpoint was written by another version of this program{by}, or of an integrator or observer of "
@@ -265,22 +269,22 @@ class GoingOn:
         return kept
 
     # ------------------------------------------------------------------------------------------ the scene
-    def planned(self, asked: Scene) -> Planned:
-        """Return the scene to go on with, of the one that is asked for; collective.
+    def planned(self, requested: Scene) -> Planned:
+        """Return the scene to go on with, for the requested one; collective.
 
         Raises ``SceneError`` for what cannot change while a run goes on.
         """
-        agreed(self._comm, lambda: self._check(asked))
-        water, output = self._chosen.water, asked.output
+        agreed(self._comm, lambda: self._check(requested))
+        water, output = self._chosen.water, requested.output
         if output.surface_every is None:  # by default it follows from the duration
             output = output.model_copy(update={"surface_every": self._chosen.surface_every})
-        kept = asked.model_copy(update={"water": water, "output": output})
-        mine, its = asked.numerics, self._before.numerics
+        kept = requested.model_copy(update={"water": water, "output": output})
+        mine, its = requested.numerics, self._before.numerics
         same = mine.model_dump() == its.model_dump()
-        self.anew = not same or asked.run.on_breaking != self._before.run.on_breaking
-        if self.anew and asked.run.duration <= self.about["t"] * (1 + 1e-9):
+        self.anew = not same or requested.run.on_breaking != self._before.run.on_breaking
+        if self.anew and requested.run.duration <= self.about["t"] * (1 + 1e-9):
             allowed = f"must be more than {self.about['t']:g} s, where the run is; --extend SECONDS is so much more"
-            raise SceneError([self._over(asked, allowed)])
+            raise SceneError([self._duration_problem(requested, allowed)])
         self._warn_again()
         if same or mine.accuracy == its.accuracy and not (mine.open and not its.open):
             found = Planned(kept.model_copy(update={"numerics": self._numerics(mine, its)}))
@@ -305,48 +309,48 @@ class GoingOn:
         chosen = self._chosen.numerics.model_copy(update={"dt": self.about["clock"]["dt"]})
         return mine.over(chosen, named=changed if its.dt is None else changed | {"dt"})
 
-    def _check(self, asked: Scene) -> None:
+    def _check(self, requested: Scene) -> None:
         """Raise ``SceneError`` unless the scene is that of the checkpoint, but for what may change."""
-        before, now = (one.model_dump(mode="json") for one in (self._before, asked))
+        before, now = (one.model_dump(mode="json") for one in (self._before, requested))
         problems = [
-            Problem(path, *_as_it_was(former, value))
+            Problem(path, *_required_value(former, value))
             for path, former, value in differences(before, now)
             if path not in FREE and path[0] not in {"numerics", "water", *RECORDED}
         ]
-        if asked.water is not None and asked.physics != self._chosen.physics:
+        if requested.water is not None and requested.physics != self._chosen.physics:
             allowed = f"must be {self._chosen.physics!r}, as in the run that is to go on"
-            problems.append(Problem(("water", "type"), asked.physics, allowed))
-        problems += self._gone(asked)
-        changed = asked.run.duration != self._before.run.duration  # else the last step may end beyond it
-        if changed and asked.run.duration < self.about["t"] * (1 - 1e-9):
+            problems.append(Problem(("water", "type"), requested.physics, allowed))
+        problems += self._removed_records(requested)
+        changed = requested.run.duration != self._before.run.duration  # else the last step may end beyond it
+        if changed and requested.run.duration < self.about["t"] * (1 - 1e-9):
             allowed = f"must be {self.about['t']:g} s or more: the run has come there"
-            problems.append(self._over(asked, allowed))
-        problems += self._changed_files(asked)
+            problems.append(self._duration_problem(requested, allowed))
+        problems += self._changed_files(requested)
         if problems:
             raise SceneError(problems)
 
-    def _over(self, asked: Scene, allowed: str) -> Problem:
+    def _duration_problem(self, requested: Scene, allowed: str) -> Problem:
         """Return that a duration is over, which is not told of one that nobody has changed."""
-        if asked.run.duration == self._before.run.duration:
+        if requested.run.duration == self._before.run.duration:
             return Problem(("run",), None, "has finished; --extend SECONDS goes on with it")
-        return Problem(("run", "duration"), asked.run.duration, allowed)
+        return Problem(("run", "duration"), requested.run.duration, allowed)
 
-    def _gone(self, asked: Scene) -> Iterator[Problem]:
-        """Yield which gauges, probes, loads and windows there were, and are not asked for."""
+    def _removed_records(self, requested: Scene) -> Iterator[Problem]:
+        """Yield which gauges, probes, loads and windows of the checkpoint are no longer requested."""
         for key, name in ALL_OF.items():
-            now = getattr(asked, name)
+            now = getattr(requested, name)
             gone = [one for one in getattr(self._before, name) if one not in now]
             if gone:
                 missing = ", ".join(json.dumps(one.model_dump(mode="json", exclude_defaults=True)) for one in gone)
                 allowed = f"must be all that there were, and may be more: missing, or another, is {missing}"
                 yield Problem((key,), None, allowed)
 
-    def _changed_files(self, asked: Scene) -> list[Problem]:
+    def _changed_files(self, requested: Scene) -> list[Problem]:
         """Return which files of the same name have another content."""
-        now, allowed = contents(asked), "its content must be what it was when the run began, and has changed since"
+        now, allowed = contents(requested), "its content must be what it was when the run began, and has changed since"
         return [
             Problem(tuple(key.split(".")), name, allowed)
-            for key, name in named_files(asked)
+            for key, name in named_files(requested)
             if key in self.about["files"] and now.get(key) != self.about["files"][key]
         ]
 
@@ -388,16 +392,16 @@ class GoingOn:
         if its != mine and scene.numerics.integrator == self._chosen.numerics.integrator:
             raise InputError(f"the run was stepped by integrator {its!r}, and would be by {mine!r}: must be the same.")
         try:
-            told = self._carry(run, waves, scene) if self.anew else self._take(run, waves, scene)
+            message = self._take_surface(run, waves, scene) if self.anew else self._take(run, waves, scene)
         except (AttributeError, LookupError, OverflowError, TypeError, ValueError) as error:
             raise self._foreign() from error
         for name, series in fields.items():
             if name in self.about["fields"]:
                 series.take(self.about["fields"][name])
         agreed(self._comm, self._take_records)
-        return told
+        return message
 
-    def miss(self, observers: Sequence[str]) -> None:
+    def warn_of_missing_observers(self, observers: Sequence[str]) -> None:
         """Warn of a user's own observers that the run had and has no longer, now called ``observers``."""
         if gone := [one for one in self.about.get("observers", []) if one not in observers]:
             cure = "wt.resume(..., observers=...) gives them"
@@ -418,7 +422,7 @@ class GoingOn:
         run.take(together(self._text, found(waves.plane, arrays, places))["run"], whole=self._whole)
         return f"going on from t = {run.t:.6g} s"
 
-    def _carry(self, run: Run, waves: AnyWaves, scene: Scene) -> str:
+    def _take_surface(self, run: Run, waves: AnyWaves, scene: Scene) -> str:
         """Take what outlives other numerics: the run has begun with the surface."""
         run.carry(self._held)
         for budget in (one for one in run.observers if isinstance(one, EnergyBudget)):
@@ -438,8 +442,8 @@ class GoingOn:
 CHANGED = {*Numerics.model_fields, "on_breaking"}
 
 
-def kept_scene(run: Path | str, changes: Sequence[str] = (), *, extend: float | None = None) -> Scene:
-    """Return the scene that a run directory keeps, with ``KEY=VALUE`` changes, longer by ``extend`` [s].
+def stored_scene(run: Path | str, changes: Sequence[str] = (), *, extend: float | None = None) -> Scene:
+    """Return the scene stored in a run directory, with ``KEY=VALUE`` changes, longer by ``extend`` [s].
 
     Raises ``InputError`` where none is, and for a scene that cannot be.
     """
@@ -453,20 +457,20 @@ def kept_scene(run: Path | str, changes: Sequence[str] = (), *, extend: float | 
         if any(change.partition("=")[0].strip() == "run.duration" for change in changes):
             raise InputError("--extend and run.duration: give one of them; the one is added, the other is all of it.")
         changes = [*changes, f"run.duration={float(content['run']['duration']) + extend!r}"]
-    content = _given(content)
+    content = _without_none(content)
     for key, other in SIZES.items():
         if any(change.partition("=")[0].strip() == f"numerics.{key}" for change in changes):
             content.get("numerics", {}).pop(other, None)
     return changed_scene(directory.path / MANIFEST, content, changes)
 
 
-def _given(content: dict[str, Any]) -> dict[str, Any]:
-    """Return what a scene says, without keys that it leaves out."""
-    said = ((key, _given(value) if isinstance(value, dict) else value) for key, value in content.items())
-    return {key: value for key, value in said if value is not None}
+def _without_none(content: dict[str, Any]) -> dict[str, Any]:
+    """Return the content of a scene without keys whose value is None."""
+    items = ((key, _without_none(value) if isinstance(value, dict) else value) for key, value in content.items())
+    return {key: value for key, value in items if value is not None}
 
 
-def _as_it_was(former: Any, value: Any) -> tuple[Any, str]:
+def _required_value(former: Any, value: Any) -> tuple[Any, str]:
     """Return what was received, and what is allowed; neither of lists, of which a line could show but the beginning."""
     if isinstance(former, list | dict) or isinstance(value, list | dict):
         return None, "must be what it is in the run that is to go on"

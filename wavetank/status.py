@@ -20,7 +20,7 @@ from wavetank.output.manifest import MANIFEST, current_time
 SETTING_UP, UNREADABLE = "setting up", "unreadable"
 
 
-class Standing(NamedTuple):
+class RunStatus(NamedTuple):
     """How a run stands; None for what is not known.
 
     Attributes
@@ -51,19 +51,19 @@ class Standing(NamedTuple):
     note: str = ""
 
     @property
-    def left(self) -> float | None:
+    def remaining(self) -> float | None:
         """Wall time until it ends [s]; of one that goes on."""
         if self.state != "running" or self.t is None or self.end is None or not self.speed:
             return None
         return max(0.0, self.end - self.t) / self.speed
 
 
-def standing(path: Path) -> Standing:
+def run_status(path: Path) -> RunStatus:
     """Return how the run in a directory stands."""
     try:
         run = RunDirectory(path)
     except InputError as error:
-        return Standing(path, SETTING_UP) if is_locked(path) else Standing(path, UNREADABLE, note=str(error))
+        return RunStatus(path, SETTING_UP) if is_locked(path) else RunStatus(path, UNREADABLE, note=str(error))
     manifest, state = run.manifest, run.status
     progress, warnings = manifest.get("progress", {}), manifest.get("warnings", [])
     kept, since = last_checkpoint(path), progress.get("t", 0.0) - progress.get("begin", 0.0)
@@ -73,7 +73,7 @@ def standing(path: Path) -> Standing:
     note = manifest.get("cause") or (f"warning: {warnings[0]}" if warnings else "")
     if state == "unknown":
         note = f"it is computed on {manifest['host']}, which alone knows whether it still is"
-    return Standing(path, state, t, progress.get("end"), speed, _age(manifest), kept, note)
+    return RunStatus(path, state, t, progress.get("end"), speed, _age(manifest), kept, note)
 
 
 def _age(manifest: dict[str, Any]) -> float | None:
@@ -100,29 +100,29 @@ def runs(paths: Sequence[Path]) -> Iterator[Path]:
         raise InputError(f"{', '.join(map(str, paths))}: no run there.")
 
 
-def _parts(one: Standing) -> dict[str, str]:
+def _parts(one: RunStatus) -> dict[str, str]:
     """Return what is said of a run, by what that is."""
     reached = "-" if one.t is None else f"{one.t:.5g} of {one.end:.5g} s" if one.end is not None else f"{one.t:.5g} s"
     return {
         "state": one.state,
         "t": reached,
         "speed": "-" if one.speed is None else f"{one.speed:.2g} s a second",
-        "left": "-" if one.left is None else format_duration(one.left),
+        "left": "-" if one.remaining is None else format_duration(one.remaining),
         "written": "-" if one.age is None else f"{format_duration(one.age)} ago",
         "checkpoint": "-" if one.checkpoint is None else f"t = {one.checkpoint:.5g} s",
     }
 
 
-def line(one: Standing) -> str:
+def line(one: RunStatus) -> str:
     """Return a run as a line of text."""
     parts = _parts(one)
     said = [parts.pop("state"), *(f"{name} {part}" for name, part in parts.items() if part != "-")]
     return f"{one.path}: {', '.join(said)}{f'; {one.note}' if one.note else ''}"
 
 
-def table(standings: Sequence[Standing]) -> Table:
+def table(statuses: Sequence[RunStatus]) -> Table:
     """Return runs as a table for a terminal, without their notes."""
-    rows = [{"run": str(one.path), **_parts(one)} for one in standings]
+    rows = [{"run": str(one.path), **_parts(one)} for one in statuses]
     shown = Table(*rows[0], box=SIMPLE, padding=0)
     for row in rows:
         shown.add_row(*row.values())
@@ -139,11 +139,11 @@ def status(
 
     Known from their directories alone, while they are computed, afterwards, and on other machines.
     """
-    standings = [standing(path) for path in runs(paths or [Path("runs")])]
+    statuses = [run_status(path) for path in runs(paths or [Path("runs")])]
     terminal = console()
-    lines = [line(one) for one in standings]
+    lines = [line(one) for one in statuses]
     if terminal.is_terminal:
-        terminal.print(table(standings))
-        lines = [f"{one.path}: {one.note}" for one in standings if one.note]
+        terminal.print(table(statuses))
+        lines = [f"{one.path}: {one.note}" for one in statuses if one.note]
     for one in lines:
         terminal.print(one, highlight=False)

@@ -154,8 +154,8 @@ class ProgressBar(Patient):
         return f"{solves:.1f} solves, {iterations:.1f} iterations a step"
 
 
-class Standing(Patient):
-    """Tells how far a run is, for whoever looks from outside; on rank 0 only.
+class ProgressReport(Patient):
+    """Writes the progress of a run into its manifest; on rank 0 only.
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ class Standing(Patient):
         Takes ``progress``: t [s] and step, the times [s] at which the run began, or goes on, and will end, and the
         wall time since then [s].
     tell
-        Makes it known, which is done every so many seconds.
+        Writes the manifest; called every ``every`` seconds.
     """
 
     every = 5.0  # s
