@@ -227,7 +227,7 @@ class _SentWaves(SegmentedMotion):
         raise NotImplementedError
 
     def waves(self, tank: AnyTank, wavemaker: Wavemaker = PISTON) -> motions.DirectionalSea:
-        """Return the motion without its ramp; raises ``SceneError`` if the file cannot be had or read."""
+        """Return the motion without its ramp; raises ``SceneError`` if the file cannot be read."""
         return motions.DirectionalSea(self.plane_waves(tank), wavemaker)
 
     def widest_segment(self, tank: AnyTank) -> float:

@@ -173,7 +173,7 @@ class SpectralSurface(Noun):
         return PlaneWaves(amplitudes=amplitudes, k_x=k, k_y=0 * k, omega=omega, depth=tank.depth, gravity=tank.gravity)
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
-        """Yield a basin, and a spectrum of which no whole wave goes into the tank, or too many do."""
+        """Yield a basin, and a spectrum whose waves do not fit the tank a whole number of times, or are too many."""
         tank = scene.tank
         if isinstance(tank, BasinTank):
             yield Problem(("initial", "type"), None, "needs a slice or ring (tank.type): waves go along it")
@@ -350,7 +350,7 @@ class StreamFunctionWave(TheoreticalWave):
     _one_height = one_of("height", "steepness")
 
     def wave(self, tank: AnyTank) -> SteadyWave:
-        """Return one of the waves; raises ``SceneError`` if it cannot be had."""
+        """Return one of the waves; raises ``SceneError`` if there is none."""
         length = tank.length / self.waves
         height = self.height or (self.steepness or 0.0) * maximum_height(length, tank.depth)
         with about("initial"):

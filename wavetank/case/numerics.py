@@ -69,7 +69,7 @@ class Numerics(Noun):
 
     @property
     def open(self) -> bool:
-        """Whether a plan has to choose: an accuracy is asked for, or nothing named that a plan would choose."""
+        """Whether numerics are planned: an accuracy is given, or no key that a plan chooses."""
         return self.accuracy is not None or not self.model_fields_set & CHOSEN
 
     def over(self, base: "Numerics", *, named: Set[str]) -> "Numerics":
@@ -83,7 +83,7 @@ class Numerics(Noun):
         return base.model_copy(update=changes)
 
     def without_integrator(self) -> "Numerics":
-        """Return the same, as if none had been named: another one steps."""
+        """Return the same with the default integrator."""
         return Numerics(**{key: getattr(self, key) for key in self.model_fields_set - {"integrator"}})
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:

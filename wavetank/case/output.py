@@ -204,7 +204,7 @@ class RecordTarget(_Placed):
     )
 
     def record(self) -> tuple[motions.Array, motions.Array]:
-        """Return times [s], delayed, and elevations [m], shapes (N,); raises ``SceneError`` if they cannot be had."""
+        """Return times [s], delayed, and elevations [m], shapes (N,); raises ``SceneError`` if they cannot be read."""
         with about(TARGET_KEY, "file"):
             t, eta = self._alone() if self.gauge is None else self._at(self.gauge)
             return t + self.delay, eta

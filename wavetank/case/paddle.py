@@ -50,15 +50,15 @@ class PaddleNoun(Noun):
 
     @property
     def says_metres(self) -> bool:
-        """Whether a file that it reads says that its values are positions [m] or velocities [m/s]."""
+        """Whether the header of its file has units of positions [m] or velocities [m/s]."""
         return False
 
     def build(self, tank: AnyTank, wavemaker: Wavemaker) -> motions.Motion:
-        """Return the motion of a paddle of a shape; raises ``SceneError`` if a file it needs cannot be had or read."""
+        """Return the motion of a paddle of a mode shape; raises ``SceneError`` if its file cannot be read."""
         raise NotImplementedError
 
     def resolved(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> Self:
-        """Return the motion with its generation chosen for the water; by itself, the same."""
+        """Return the motion with its generation resolved for the water; by default the same."""
         return self
 
     def generation_reason(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> str:
@@ -412,7 +412,7 @@ class RecordedMotion(PaddleNoun):
     _one_file = one_of("position", "velocity")
 
     def build(self, tank: AnyTank, wavemaker: Wavemaker) -> motions.Motion:
-        """Return the spline's motion; raises ``SceneError`` if the file cannot be had or read."""
+        """Return the spline's motion; raises ``SceneError`` if the file cannot be read."""
         if self.position is not None:
             t, *state = self._record("position", self.position, "position [m]")
             if len(state) == 3:
@@ -426,11 +426,11 @@ class RecordedMotion(PaddleNoun):
 
     @property
     def says_metres(self) -> bool:
-        """Whether the file says that its values are positions [m] or velocities [m/s]."""
+        """Whether the header of the file has units of positions [m] or velocities [m/s]."""
         return says_metres(data.resolve(str(self.position or self.velocity), Path()), named=self.column)
 
     def _smooth(self, of: Callable[..., motions.Recorded], *rows: motions.Array) -> motions.Recorded:
-        """Return the motion of a record without what is too fast; raises ``SceneError`` where its rows are too few."""
+        """Return the motion of a low-pass filtered record; raises ``SceneError`` for too few rows."""
         with about("wall", "motion", "highest_frequency"):
             return of(*rows, highest=self.highest_frequency)
 
@@ -471,7 +471,7 @@ class PythonMotion(PaddleNoun):
     ramp: Ramp = Field(default=0.0, description="length of the ramp [s]; 0 is none")
 
     def build(self, tank: AnyTank, wavemaker: Wavemaker) -> motions.Motion:
-        """Return the ramped motion; raises ``SceneError`` if the file cannot be had or run, or has no such function."""
+        """Return the ramped motion; raises ``SceneError`` if the file cannot be executed, or has no such function."""
         with about("wall", "motion", "file"):
             function = load(data.resolve(self.file, Path()), self.function)
         return motions.ramped(motions.Programmed(function), self.ramp)

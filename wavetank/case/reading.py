@@ -43,7 +43,7 @@ def read_case(path: Path | str, overrides: Sequence[str] = (), *, trust: bool = 
 
 
 def changed_scene(path: Path, content: dict[str, Any], overrides: Sequence[str]) -> Scene:
-    """Return the scene of what a file that is no case says of one, with overrides; raises as ``read_case`` does."""
+    """Return the scene of a case's content from another file, with overrides; raises as ``read_case`` does."""
     return _scene(path, "", content, overrides)
 
 
@@ -68,7 +68,7 @@ def _scene(path: Path, text: str, content: dict[str, Any], overrides: Sequence[s
 
 @contextmanager
 def located(path: Path, overrides: Sequence[str] = ()) -> Iterator[None]:
-    """Name file and line in what is refused of a case only when it is built."""
+    """Add file and line to errors of a case that are raised after it was read."""
     try:
         yield
     except SceneError as error:
@@ -197,7 +197,7 @@ def _entries(text: str) -> Iterator[tuple[int, Key]]:
 
 # ---------------------------------------------------------------- what is wrong
 class _Place(NamedTuple):
-    """A place in the scene: its key, the nouns that can stand there, and what it means."""
+    """A place in the scene: its key, the tables allowed there, and its description."""
 
     key: Key
     nouns: list[type[BaseModel]]
@@ -233,7 +233,7 @@ def _place(location: Key) -> _Place:
 
 
 def _problems(details: ErrorDetails) -> Iterator[Problem]:
-    """Yield what one of pydantic's errors means: where, what was received, what is allowed."""
+    """Yield the problems of one of pydantic's errors: key, value received, what is allowed."""
     context = details.get("ctx", {})
     place, holder = _place(details["loc"]), _place(details["loc"][:-1])
     received = details["input"]
@@ -310,14 +310,14 @@ def _keys(noun: Noun) -> Iterator[str]:
 
 
 def _unknown_type(name: str, place: _Place) -> str:
-    """Return what is wrong with a type that is not allowed in a table, and which are."""
+    """Return the end of a sentence on a type that is not allowed, with the allowed ones."""
     if where := homes_of_type(str(place.key[-1]), name):
         return f"is none that may stand here, but in {where}; allowed are: {', '.join(place.tags)}"
     return f"is an unknown type{choice(name, place.tags)}"
 
 
 def _unknown(key: Key, received: Any, holder: _Place) -> Problem:
-    """Return what is wrong with a key that its table does not have: where it belongs, or what it resembles."""
+    """Return the problem of an unknown key: the table it belongs to, or the key it resembles."""
     name = str(key[-1])
     if header := _table_of_words(key) or (_table(name) if _holds_keys(received) else ""):
         return Problem(key, received, f"is an unknown key; the table is called {header}")
@@ -334,7 +334,7 @@ def _table_of_words(key: Key) -> str:
 
 
 def _table(name: str) -> str:
-    """Return the header of a table that stands in no other; empty of any other key."""
+    """Return the header of a top-level table; empty for any other key."""
     field = Scene.model_fields.get(name)
     table = table_at((name,), field) if field else None
     return table._replace(path=(name,)).header if table else ""
@@ -364,7 +364,7 @@ def _in_words(message: str, meaning: str) -> str:
 
 # ---------------------------------------------------------------- files that a case names
 def contents(scene: Noun) -> dict[str, str]:
-    """Return the SHA-256 of each file that a scene names and that is there, by its dotted key."""
+    """Return the SHA-256 of each existing file that a scene names, by its dotted key."""
     checksums = {}
     for key, reference in named_files(scene):
         with suppress(InputError, OSError), regular(data.resolve(reference, Path()), largest=inf).open("rb") as file:
@@ -373,7 +373,7 @@ def contents(scene: Noun) -> dict[str, str]:
 
 
 def named_files(noun: Noun, *keys: str) -> Iterator[tuple[str, str]]:
-    """Yield by which dotted keys a noun, which stands there, and those in it name files, and how."""
+    """Yield dotted key and path of each file that a table, at ``keys``, and those in it name."""
     for name, value in noun:
         if isinstance(value, Located):
             yield ".".join((*keys, name)), value

@@ -30,7 +30,7 @@ def reference() -> str:
 
 
 def _sections(table: Table, document: dict[str, Any]) -> Iterator[str]:
-    """Yield the sections of a table: one for each type that may stand there."""
+    """Yield the sections of a table: one for each of its types."""
     yield f"## {'Before all tables' if not table.path else f'`{table.header}`'}\n"
     for noun in table.nouns:
         own = document if noun is Scene else document["$defs"][noun.__name__]
@@ -61,7 +61,7 @@ def _rows(table: Table, noun: type[BaseModel], own: dict[str, Any]) -> Iterator[
 
 
 def _described(description: str, *, measured: bool) -> tuple[str, str, str]:
-    """Return meaning, unit and default of a key from its description; what is not measured has units in its words."""
+    """Return meaning, unit and default of a key from its description; the unit is separated if ``measured``."""
     meaning, _, default = re.sub(r"; default:? ", "\0", description).partition("\0")
     if not measured or not (unit := re.search(r" ?\[([^\]]+)\]", meaning)):
         return meaning, "", default

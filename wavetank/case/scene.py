@@ -191,7 +191,7 @@ class Scene(Noun):
     def motion(self) -> motions.Motion:
         """Return the paddle's motion, checked against the run and the tank; its file is read once.
 
-        Raises ``SceneError`` if its file cannot be had or read, ends before the run, or leaves the mapping's reach.
+        Raises ``SceneError`` if its file cannot be read, ends before the run, or leaves the mapping's reach.
         """
         return self._motion
 
@@ -219,13 +219,13 @@ class Scene(Noun):
         )
 
     def __getstate__(self) -> dict[Any, Any]:
-        """Return what other ranks are told: not the paddle's motion, a function, which they find themselves."""
+        """Return the state to pickle, without cached attributes: functions, which other ranks compute themselves."""
         state = super().__getstate__()
         own = {name: value for name, value in state["__dict__"].items() if name not in CACHED}
         return {**state, "__dict__": own}
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Return a copy with some fields changed; it looks at its paddle anew where they may be of importance to it."""
+        """Return a copy with some fields changed, without cached attributes that depend on them."""
         copied = super().model_copy(update=update, deep=deep)
         if {"tank", "wall", "run"} & {*(update or ())} or copied.physics != self.physics:
             copied.__dict__.pop("_motion", None)
@@ -336,7 +336,7 @@ class Scene(Noun):
         return (*self.gauges, *rows)
 
     def gauge_key(self, index: int) -> tuple[str | int, ...]:
-        """Return where in the scene one of ``all_gauges`` stands."""
+        """Return the key of one of ``all_gauges``."""
         index -= len(self.gauges)
         if index < 0:
             return "gauges", index + len(self.gauges)
@@ -349,7 +349,7 @@ class Scene(Noun):
             yield Problem(("tank", "depth"), self.tank.depth, allowed)
 
     def _far_problems(self) -> Iterator[Problem]:
-        """Yield a far wall that cannot be there, one whose reach meets the wall's, and what is wrong with any wall."""
+        """Yield a far wall that the tank does not allow, overlapping reaches, and the problems of any wall."""
         far, kind = self.far_wall, ("far_wall", "type")
         if not far.moves:
             return

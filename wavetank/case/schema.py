@@ -62,7 +62,7 @@ def nouns(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def tag(noun: type[BaseModel]) -> str:
-    """Return the type by which a case names a noun; empty where there is no other that could stand there."""
+    """Return the type by which a case names a table's class; empty where there is only one."""
     return str(noun.model_fields["type"].default) if "type" in noun.model_fields else ""
 
 
@@ -86,7 +86,7 @@ def _tables(table: Table) -> Iterator[Table]:
 
 
 def table_at(path: tuple[str, ...], field: FieldInfo) -> Table | None:
-    """Return the table of a key, or the one that tells of it: what both may hold is the same; None of a value."""
+    """Return the table of a key, or one of the same content that is documented instead; None for a value."""
     types = tuple(nouns(field.annotation))
     same = [one for one in tables() if one.path == path or (types and one.nouns == types)]
     return max(same, key=lambda one: one.path == path, default=None)

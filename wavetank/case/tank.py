@@ -93,7 +93,7 @@ class PythonBed(BedNoun):
     function: str = Field(default="depth", min_length=1, description="name of a function of arrays x and y [m]")
 
     def as_given(self, tank_depth: float) -> Depth:
-        """Return d(x, y); raises ``SceneError`` if the file cannot be had or run, or has no such function."""
+        """Return d(x, y); raises ``SceneError`` if the file cannot be executed, or has no such function."""
         function = _of_file(self.file, lambda path: load(path, self.function))
         return lambda x, y: function.at({"x": x, "y": y})
 
@@ -112,7 +112,7 @@ class GriddedBed(BedNoun):
     )
 
     def as_given(self, tank_depth: float) -> Depth:
-        """Return d(x, y); raises ``SceneError`` if the file cannot be had or used."""
+        """Return d(x, y); raises ``SceneError`` if the file cannot be used."""
 
         def read(path: Path) -> Depth:
             return beds.read_bed(path, variable=self.variable, interpolation=self.interpolation, positive=self.positive)

@@ -59,7 +59,7 @@ class ActiveAbsorption(Noun):
         return shortest, self.longest or max(longest, shortest * NARROWEST)
 
     def build(self, tank: AnyTank, wavemaker: Wavemaker, *, paddles: Iterable[float] = ()) -> PassiveFilter:
-        """Return the filter by which a paddle of a shape absorbs; as ``band``."""
+        """Return the filter by which a paddle of a mode shape absorbs; arguments as of ``band``."""
         shortest, longest = self.band(tank, paddles=paddles)
         return PassiveFilter.fitted(
             wavemaker, depth=tank.depth, gravity=tank.gravity, shortest=shortest, longest=longest
@@ -68,13 +68,13 @@ class ActiveAbsorption(Noun):
     def reflection(
         self, periods: Array, tank: AnyTank, wavemaker: Wavemaker, *, paddles: Iterable[float] = ()
     ) -> Array:
-        """Return how much it sends back of small waves of periods [s], shape (N,); as ``band``."""
+        """Return the reflection coefficient of small waves of periods [s], shape (N,); arguments as of ``band``."""
         omega = np.asarray(2 * np.pi / periods)
         at_face = face(wavemaker, omega, tank.depth, tank.gravity)
         return np.abs(self.build(tank, wavemaker, paddles=paddles).reflection(at_face, omega))
 
     def description(self, tank: AnyTank, wavemaker: Wavemaker, *, paddles: Iterable[float] = ()) -> str:
-        """Return what it does, in words; as ``band``."""
+        """Return a description of the absorption; arguments as of ``band``."""
         shortest, longest = self.band(tank, paddles=paddles)
         periods = np.geomspace(shortest, longest, 50, dtype=np.float64)
         most = self.reflection(periods, tank, wavemaker, paddles=paddles).max()
@@ -135,7 +135,7 @@ class SpringDamper(Noun):
     def reflection(
         self, periods: Array, tank: AnyTank, wavemaker: Wavemaker, *, paddles: Iterable[float] = ()
     ) -> Array:
-        """Return how much it sends back of small waves of periods [s], shape (N,); as ``tuned``."""
+        """Return the reflection coefficient of small waves of periods [s], shape (N,); arguments as of ``tuned``."""
         omega = np.asarray(2 * np.pi / periods)
         mass, stiffness, damping = self.resolved(tank, wavemaker, paddles=paddles)
         r, added = radiation(wavemaker, omega, tank.depth, tank.gravity)
@@ -143,7 +143,7 @@ class SpringDamper(Noun):
         return np.abs((damping - r + out_of_tune) / (damping + r + out_of_tune))
 
     def description(self, tank: AnyTank, wavemaker: Wavemaker, *, paddles: Iterable[float] = ()) -> str:
-        """Return what it does, in words; as ``tuned``."""
+        """Return a description of the absorption; arguments as of ``tuned``."""
         tuned, resolved = self.tuned(tank, paddles=paddles), self.resolved(tank, wavemaker, paddles=paddles)
         mass, stiffness, damping = (tank.density * part for part in resolved)
         parts = f"{mass:.4g} kg/m on a spring of {stiffness:.4g} N/m² and a damper of {damping:.4g} N s/m²"
@@ -206,11 +206,11 @@ class BaseWall(Noun):
         return PISTON
 
     def places(self, tank: AnyTank) -> Array | None:
-        """Return places y along the paddle [m], shape (N,), among which it goes farthest; None where all go as far."""
+        """Return positions y along the paddle [m], shape (N,), at which its motion is sampled; None if uniform."""
         return None
 
     def generation(self, tank: AnyTank, physics: str) -> str | None:
-        """Return the resolved ``generation`` of its waves; by itself, None."""
+        """Return the resolved ``generation`` of its waves; by default None."""
         return None
 
     def generation_reason(self, tank: AnyTank, physics: str) -> str:
@@ -260,7 +260,7 @@ class MovingWall(BaseWall):
         return quickened(lean, float(np.abs(mode_shape).max()) * excursion / reach)
 
     def amplitude(self, tank: AnyTank) -> float:
-        """Return how far it goes from rest once a ramp is over, where the case tells it, otherwise 0 [m]."""
+        """Return the amplitude of a sinusoid's displacement after its ramp [m]; 0 for other motions."""
         return float(getattr(self.motion, "paddle_amplitude", 0.0))
 
     def reach_in(self, tank: AnyTank, available: float) -> float:
@@ -268,7 +268,7 @@ class MovingWall(BaseWall):
         return min(available, 10 * tank.depth) if self.reach is None else self.reach
 
     def reach_problems(self, tank: AnyTank, available: float, excursion: float) -> Iterator[Problem]:
-        """Yield a paddle that goes farther from rest [m] in the run, or in a longer one, than its mapping reaches."""
+        """Yield a displacement [m], in the run or a longer one, that exceeds what the mapping's reach allows."""
         motion, reach = self.motion, self.reach_in(tank, available)
         farthest = self.max_mode_shape(tank) * max(excursion, self.amplitude(tank))
         needed = STEEPEST * farthest
@@ -290,7 +290,7 @@ class MovingWall(BaseWall):
         return bool(self.motion.reads_file)
 
     def motion_problems(self, scene: Surroundings) -> Iterator[Problem]:
-        """Yield what is wrong with the motion; asked when a motion that reads a file is built, of others before."""
+        """Yield problems of the motion; of one that reads a file they are checked when it is built."""
         yield from self.motion.problems(scene)
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
@@ -320,7 +320,7 @@ class HingedWall(ShapedWall):
         return Flap(self.hinge, self.stroke_height)
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
-        """Yield a hinge above the water, a stroke's height that is not above it, and what is wrong with any paddle."""
+        """Yield a hinge above still water, a stroke height not above the hinge, and problems of any paddle."""
         depth, height = scene.tank.depth, self.stroke_height
         if self.hinge >= depth:
             yield Problem(("wall", "hinge"), self.hinge, f"must be below still water, less than {metres(depth)} m")
@@ -353,12 +353,12 @@ class SegmentedWall(MovingWall):
         return "second-order generation is for paddles that move as a whole"
 
     def places(self, tank: AnyTank) -> motions.Array:
-        """Return places y along the paddle [m], shape (N,), among which it goes farthest: the joints, if it has any."""
+        """Return positions y along the paddle [m], shape (N,), at which its motion is sampled: its joints, if any."""
         low, high = span(tank)
         return joints(low, high, segment=(high - low) / (PLACES - 1) if self.segment is None else self.segment)
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
-        """Yield a tank without a paddle of known width, too many segments, and what is wrong with reach and motion."""
+        """Yield a tank without a paddle of known width, too many segments, and problems of reach and motion."""
         kind = getattr(self, "type", None)
         if not np.isfinite(span(scene.tank)).all():
             allowed = "needs a basin (tank.type) whose layout says how wide it is: a recipe, not a file"
@@ -375,7 +375,7 @@ class SegmentedWall(MovingWall):
         yield from () if self.reads_file else self.motion_problems(scene)
 
     def motion_problems(self, scene: Surroundings) -> Iterator[Problem]:
-        """Yield segments too wide for the waves, and what is wrong with the motion."""
+        """Yield segments too wide for the waves, and problems of the motion."""
         widest = self.motion.widest_segment(scene.tank)
         if self.segment is not None and self.segment > widest:
             allowed = (
@@ -422,7 +422,7 @@ class PaddleWall(MovingWall):
     )
 
     def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
-        """Return the paddle's motion in the water; raises ``SceneError`` if its file cannot be had or read."""
+        """Return the paddle's motion in the water; raises ``SceneError`` if its file cannot be read."""
         return self.motion.resolved(tank, self.wavemaker, physics).build(tank, self.wavemaker)
 
     def generation(self, tank: AnyTank, physics: str) -> str | None:
@@ -438,7 +438,7 @@ class PaddleWall(MovingWall):
         yield from self.motion.warnings(tank, self.wavemaker)
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
-        """Yield a tank without walls, a reach beyond the tank, and what is wrong with the motion."""
+        """Yield a tank without walls, a reach beyond the tank, and problems of the motion."""
         if isinstance(scene.tank, RingTank):
             kind = getattr(self, "type", None)
             yield Problem(("wall", "type"), kind, "must be left out: a ring has no walls, hence no paddle")
@@ -472,19 +472,19 @@ class FlapWall(HingedWall, PaddleWall):
     )
 
     def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
-        """Return the motion at the stroke's height; raises ``SceneError`` if its file cannot be had or read."""
+        """Return the motion at the stroke's height; raises ``SceneError`` if its file cannot be read."""
         motion = super().paddle(tank, physics)
         if self.motion_as == "stroke" or self.motion.says_metres:
             return motion
         return motions.FlapAngle(motion, self.wavemaker.arm(tank.depth))
 
     def amplitude(self, tank: AnyTank) -> float:
-        """Return how far it goes from rest once a ramp is over, where the case tells it, otherwise 0 [m]."""
+        """Return the amplitude of a sinusoid's displacement after its ramp [m]; 0 for other motions."""
         value = super().amplitude(tank)
         return value if self.motion_as == "stroke" else self.wavemaker.arm(tank.depth) * float(np.tan(value))
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
-        """Yield what is wrong with any hinged wall, or an angle that is told of a motion that cannot be."""
+        """Yield problems of any hinged wall, and an angle given for a motion that cannot have one."""
         problems = list(super().problems(scene))
         if problems or self.motion_as == "stroke":
             yield from problems
@@ -510,7 +510,7 @@ class ProfileWall(ShapedWall, PaddleWall):
         return Profile(partial(formula.derivative, 0), partial(formula.derivative, 1))
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
-        """Yield a shape that is not finite, or moves no water, and what is wrong with any paddle."""
+        """Yield a shape that is not finite, or displaces no water, and problems of any paddle."""
         z = scene.tank.depth * np.linspace(-1.0, TOP, 1001)
         try:
             values = self.wavemaker.share(z, scene.tank.depth)

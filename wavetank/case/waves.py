@@ -86,7 +86,7 @@ class TableSpectrum(Noun):
     file: FilePath = Field(description="file of frequencies f [Hz], ascending, and densities S, up to a factor")
 
     def build(self, tank: AnyTank) -> motions.Spectrum:
-        """Return the shape S(f); raises ``SceneError`` if the file cannot be had or read."""
+        """Return the shape S(f); raises ``SceneError`` if the file cannot be read."""
         with about(*SPECTRUM_KEY, "file"):
             return motions.read_spectrum(data.resolve(self.file, Path()))
 
@@ -161,7 +161,7 @@ class SpectralWaves(Noun):
             yield from super().problems(scene)
 
     def _outside(self, peak: float, lowest: float, highest: float) -> Problem:
-        """Return what is wrong with a peak [Hz] that is none of the components."""
+        """Return the problem of a peak [Hz] outside the components' band."""
         within, key = f"the components' {lowest:g} to {highest:g} Hz", (*MOTION_KEY, "spectrum")
         if isinstance(self.spectrum, TableSpectrum):
             return Problem((*key, "file"), self.spectrum.file, f"must have its peak, {peak:g} Hz, between {within}")
@@ -170,7 +170,7 @@ class SpectralWaves(Noun):
         return Problem((*key, "peak_frequency"), peak, f"must be between {within}")
 
     def timing_problems(self, scene: Surroundings) -> Iterator[Problem]:
-        """Yield what comes too early; by itself, nothing does."""
+        """Yield times that are too early; by default none."""
         yield from ()
 
 
@@ -261,7 +261,7 @@ class ComponentFile(WaveFile):
         return self
 
     def components(self) -> motions.Components:
-        """Return the components that are not 0; raises ``SceneError`` if the file cannot be had or read."""
+        """Return the components that are not 0; raises ``SceneError`` if the file cannot be read."""
         with about(*MOTION_KEY, "file"):
             return motions.read_components(data.resolve(self.file, Path()), self.columns)
 
@@ -294,7 +294,7 @@ class SurfaceFile(WaveFile):
     ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two of the mean periods")
 
     def wished(self) -> motions.WishedSurface:
-        """Return the surface; raises ``SceneError`` if the file cannot be had or read, or has no such waves."""
+        """Return the surface; raises ``SceneError`` if the file cannot be read, or has no such waves."""
         with about(*MOTION_KEY, "file"):
             t, eta = read_record(data.resolve(self.file, Path()), column="elevation [m]")
             band = self.lowest_frequency, self.highest_frequency

@@ -109,7 +109,7 @@ def _text(path: Path) -> str:
 
 
 def _content(path: Path) -> bytes:
-    """Return what is in a file, of a packed one at most ``TEXT`` bytes; raises ``OSError``."""
+    """Return the content of a file, of a compressed one at most ``TEXT`` bytes; raises ``OSError``."""
     if path.suffix != ".gz":
         return regular(path).read_bytes()
     with gzip.open(regular(path)) as file:

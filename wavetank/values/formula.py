@@ -248,7 +248,7 @@ class _Translator(ast.NodeVisitor):
         return _Part(lambda values: number, "number")
 
     def visit_Name(self, node: ast.Name) -> _Part:
-        """Return what a name stands for."""
+        """Return the value of a name."""
         name = node.id
         if name in FUNCTIONS:
             self.refuse(node, f"is a function and needs its arguments, {name}(...)")

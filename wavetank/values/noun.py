@@ -50,7 +50,7 @@ def _shown(received: Any) -> str:
 
 
 class SceneError(InputError):
-    """A scene that cannot be built, with what is wrong in it."""
+    """A scene that is refused, with its problems."""
 
     def __init__(self, problems: Sequence[Problem]):
         super().__init__(problems)
@@ -62,7 +62,7 @@ class SceneError(InputError):
 
 @contextmanager
 def about(*key: str | int) -> Iterator[None]:
-    """Tell where in the scene it stands what an ``InputError`` refuses that does not know."""
+    """Raise an ``InputError`` of the block as a ``SceneError`` that names a key."""
     try:
         yield
     except SceneError:
@@ -73,7 +73,7 @@ def about(*key: str | int) -> Iterator[None]:
 
 @contextmanager
 def renamed(key: str, name: str) -> Iterator[None]:
-    """Tell of a part of the scene what is refused of one that is looked at in its place."""
+    """Rename the first key of the problems of a ``SceneError`` of the block."""
     try:
         yield
     except SceneError as error:
@@ -86,7 +86,7 @@ class Noun(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
     def problems(self, scene: Any) -> Iterator[Problem]:
-        """Yield what does not fit the rest of ``scene``, the ``Scene`` that it is a part of; by itself, nothing."""
+        """Yield what does not fit the rest of ``scene``, the ``Scene`` that it is a part of; by default nothing."""
         yield from ()
 
 
