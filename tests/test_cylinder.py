@@ -1,7 +1,7 @@
 """Diffraction by a vertical circular cylinder in a basin against McCamy and Fuchs' theory of small waves.
 
 The recipe, and how far a closed basin and two periods of waiting let it get (some 0.4 % of the incident amplitude):
-``examples/paper/mccamy_fuchs.py``; the basin is that of ``wavetank/verify/cylinder.py``.
+``examples/paper/mccamy_fuchs.py``; the basin is that of ``examples/paper/cylinder.py``.
 """
 
 from pathlib import Path

@@ -97,7 +97,7 @@ def slope(f, step=STEP):
 
 
 def test_all_waves_are_here():
-    for module in pkgutil.iter_modules(waves.__path__):
+    for module in pkgutil.iter_modules(waves.__path__):  # those of examples/paper are imported above
         importlib.import_module(f"wavetank.waves.{module.name}")
     assert set(Wave.__subclasses__()) == {
         SteadyWave,

@@ -1,7 +1,7 @@
 """Run-up around a vertical circular cylinder: the basin against McCamy and Fuchs, by the recipe of their reference.
 
 A wave that stands in half a basin, cut along its plane of symmetry, is let go as if the cylinder in the side wall were
-not there; two periods later what is around it has settled, and the third is analysed (``reference/mccamy_fuchs.py``).
+not there; two periods later what is around it has settled, and the third is analysed (``mccamy_fuchs.py``).
 
 Linear waves in steps of Störmer-Verlet dt = 2 / omega sin(pi / N): as computed, the wave's period is N steps exactly,
 and its shape that of no error in time at all. Nonlinear ones in N steps a period of the third-order scheme, of an

@@ -10,9 +10,9 @@ are linear waves of each order, driven by those below:
     F_2 = G_1 psi_1,    R_2 = (w_1² - psi_1,x²) / 2,    w_1 = G_0 psi_1,    w_2 = G_0 psi_2 + F_2 + eta_1,x psi_1,x,
     F_3 = G_1 psi_2 + G_1' psi_1 + G_2 psi_1,    R_3 = w_1 w_2 - psi_1,x psi_2,x,
 
-G_1 with eta_1 and G_1' with eta_2 (``dirichlet_neumann.py``). Bound and free waves of the second and third order are in
-it, at sums and differences of any number of components. A change of frequency, of third order, is the beginning of its
-series in time: the expansion holds while (k a)² omega t is small.
+G_1 with eta_1 and G_1' with eta_2 (``wavetank/waves/dirichlet_neumann.py``). Bound and free waves of the second and
+third order are in it, at sums and differences of any number of components. A change of frequency, of third order, is
+the beginning of its series in time: the expansion holds while (k a)² omega t is small.
 """
 
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ from wavetank.waves.dirichlet_neumann import DirichletNeumann
 from wavetank.waves.wave import Array
 
 ORDERS = 3
-KEPT = 1e-10  # relative error of the integration in time
+RTOL = 1e-10  # relative error of the integration in time
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -54,7 +54,7 @@ class ExpandedWaves:
         """
         start = np.zeros((2, ORDERS, self.eta.size))
         start[:, 0] = self.eta, self.psi
-        end = solve_ivp(self._rate, (0.0, t), start.ravel(), method="DOP853", t_eval=[t], rtol=KEPT, atol=KEPT * 1e-3)
+        end = solve_ivp(self._rate, (0.0, t), start.ravel(), method="DOP853", t_eval=[t], rtol=RTOL, atol=RTOL * 1e-3)
         return np.asarray(end.y.reshape(start.shape)[0])
 
     @cached_property
