@@ -23,7 +23,7 @@ from wavetank.case import Scene
 from wavetank.case.reading import SHOWN, read_case
 from wavetank.cli import main
 from wavetank.errors import InputError, OutsideError, WavetankError
-from wavetank.mesh.bed_file import read_bed
+from wavetank.mesh.bathymetry import read_bed
 from wavetank.motion.recorded import read_record
 from wavetank.output.tables import GaugeSeries
 from wavetank.planning.plan import UnreachableError

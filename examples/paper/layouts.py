@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from examples.paper.report import Report
 from wavetank.mesh import Bend, Cylinder, Harbour, Rectangle
 from wavetank.mesh.gmsh_model import SURFACE, empty_model
-from wavetank.mesh.recipe import Box, Recipe
-from wavetank.mesh.rectangle import Refinement
+from wavetank.mesh.layouts import Box, DrawnLayout, Refinement
 from wavetank.plots.style import BLUE, GREEN, INK, PALE_GREY, VERMILION, entry
 
 SIZES = (0.25, 0.125, 0.0625)  # of cells [m]; the first is drawn
@@ -38,7 +37,7 @@ class Example(NamedTuple):
     """A layout, its exact area [m²], and what its keys measure."""
 
     name: str
-    layout: Recipe
+    layout: DrawnLayout
     area: float
     measures: tuple[Measure, ...]
 
@@ -140,7 +139,7 @@ def lines(gmsh: Any) -> Iterator[tuple[str, NDArray[np.float64]]]:
             yield gmsh.model.getPhysicalName(dim, number), ends_first[:, [0, *range(2, order + 1), 1]]
 
 
-def _draw_layout(axes: Axes, layout: Recipe) -> None:
+def _draw_layout(axes: Axes, layout: DrawnLayout) -> None:
     with empty_model() as gmsh:
         layout.draw(SIZES[0])
         for group, drawn in lines(gmsh):

@@ -17,8 +17,7 @@ from wavetank.arrays import Vector
 from wavetank.errors import InputError
 from wavetank.fem.agreed import from_first
 from wavetank.fem.partition import cell_partitioner
-from wavetank.mesh.gmsh_model import CURVE, FLAT, SURFACE, Groups, empty_model, prepared
-from wavetank.mesh.open_file import open_mesh
+from wavetank.mesh.gmsh_model import CURVE, FLAT, SURFACE, Groups, empty_model, open_mesh, prepare_model
 
 try:
     from dolfinx.io.gmsh import model_to_mesh
@@ -112,7 +111,7 @@ def draw_layout(draw: Callable[[], None], comm: MPI.Comm) -> LayoutMesh:
 
 
 def read_layout(path: Path, comm: MPI.Comm) -> LayoutMesh:
-    """Return the mesh of a file of gmsh's, or of any format that meshio reads (``mesh/open_file.py``); collective.
+    """Return the mesh of a file of gmsh's, or of any format that meshio reads (``mesh/gmsh_model.py``); collective.
 
     Raises ``InputError`` for a mesh that cannot be used.
     """
@@ -121,7 +120,7 @@ def read_layout(path: Path, comm: MPI.Comm) -> LayoutMesh:
 
 def _plan(fill: Callable[[Any], None], source: str, comm: MPI.Comm) -> LayoutMesh:
     with nullcontext() if comm.rank else empty_model() as gmsh:
-        groups = from_first(comm, lambda: prepared(gmsh, fill, source))
+        groups = from_first(comm, lambda: prepare_model(gmsh, fill, source))
         model = None if gmsh is None else gmsh.model
         layout, cells, facets = model_to_mesh(model, comm, 0, gdim=2, partitioner=cell_partitioner())[:3]
     return LayoutMesh(layout, cells, facets, groups, source)

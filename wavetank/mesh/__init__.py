@@ -7,13 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from wavetank.mesh.bed_file import Positive, read_bed
-from wavetank.mesh.bend import Bend
-from wavetank.mesh.cylinder import Cylinder
-from wavetank.mesh.gridded import Gridded, Interpolation
-from wavetank.mesh.harbour import Harbour
-from wavetank.mesh.mesh_file import MeshFile
-from wavetank.mesh.rectangle import Rectangle
-from wavetank.mesh.survey import Survey
+from wavetank.mesh.bathymetry import Gridded, Interpolation, Positive, Survey, read_bed
+from wavetank.mesh.layouts import Bend, Cylinder, Harbour, MeshFile, Rectangle
 
 Layout = Annotated[Rectangle | Cylinder | Bend | Harbour | MeshFile, Field(discriminator="type")]

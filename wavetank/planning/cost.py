@@ -508,7 +508,7 @@ def _cells_of_basin(tank: BasinTank, size: float) -> tuple[float, float]:
     if isinstance(tank.layout, MeshFile):
         file = Path(tank.layout.file)
         return (file.stat().st_size / PER_CELL if file.exists() else 0.0), size
-    return tank.layout.counted(size)
+    return tank.layout.count_cells(size)
 
 
 def _steps(scene: Scene, cell_size: float) -> tuple[float, float, float]:
