@@ -22,7 +22,7 @@ from wavetank.simulation.build import Records, build_observers, build_run, build
 from wavetank.simulation.clock import Clock, EverySteps
 from wavetank.simulation.diagnostics import Memory
 from wavetank.simulation.run import Run
-from wavetank.stateful import apart, give_back, named, together
+from wavetank.stateful import deserialize, give_back, named, serialize
 from wavetank.tank.breaking import BreakingDissipation
 from wavetank.tank.dissipation import EdgePenalty
 
@@ -95,9 +95,9 @@ class Keeping:
 
 def through_a_file(held: dict) -> dict:
     """Return what would be read of a file: JSON, and copies of arrays."""
-    text, arrays = apart(held)
+    text, arrays = serialize(held)
     assert all(values.dtype == np.float64 for values in arrays)
-    return together(text, [values.copy() for values in arrays])
+    return deserialize(text, [values.copy() for values in arrays])
 
 
 def leaves(held: object, name: str = "") -> dict[str, object]:

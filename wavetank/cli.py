@@ -100,8 +100,8 @@ app.command(epilog=example("calibrate cases/focusing.toml"))(may_execute(calibra
 app.command(epilog=example("study cases/standing-wave.toml --sweep dt=0.02,0.01"))(may_execute(study))
 
 
-def _tell_version(asked: bool) -> None:
-    if asked:
+def _tell_version(requested: bool) -> None:
+    if requested:
         console().print(f"wavetank {wavetank.__version__}", highlight=False)
         raise typer.Exit
 

@@ -308,7 +308,7 @@ def _records(scene: Scene, waves: AnyWaves, writer: RunWriter | None) -> Records
     gauges = writer.gauges([(gauge.name, gauge.x, gauge.y) for gauge in scene.all_gauges])
     energy = writer.table(ENERGY, energy_columns(dimensions, absorbed=bool(scene.absorbing)))
     surface = Kept(writer.surface().extend) if dimensions == 1 else None
-    motions = [writer.table(PADDLES[seen.key], _paddle_columns(seen, dimensions)) for seen in scene.paddles]
+    motions = [writer.table(PADDLES[view.key], _paddle_columns(view, dimensions)) for view in scene.paddles]
     points = [(probe.name, probe.x, probe.y, probe.z) for probe in scene.probes]
     probes = Kept(writer.table(PROBES, probe_columns(points, dimensions)).extend) if points else None
     walls = [load.called for load in scene.loads]
@@ -318,10 +318,10 @@ def _records(scene: Scene, waves: AnyWaves, writer: RunWriter | None) -> Records
     return tables._replace(paddles=[Kept(one.extend) for one in motions], windows=windows)
 
 
-def _paddle_columns(seen: Scene, dimensions: int) -> list[str]:
-    """Return the columns of the paddle of a scene as seen from it."""
-    pushed = PUSH[dimensions] if any(load.on == seen.end for load in seen.loads) else ()
-    return [*paddle_columns(seen.wall.places(seen.tank)), *pushed]
+def _paddle_columns(view: Scene, dimensions: int) -> list[str]:
+    """Return the columns of the paddle of a scene as viewed from it."""
+    pushed = PUSH[dimensions] if any(load.on == view.end for load in view.loads) else ()
+    return [*paddle_columns(view.wall.places(view.tank)), *pushed]
 
 
 def _window(window: Window, writer: RunWriter, dimensions: int) -> Callable[..., None]:

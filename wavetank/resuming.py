@@ -30,7 +30,7 @@ from wavetank.simulation.construction import AnyWaves, KeptSurface, held_by_sche
 from wavetank.simulation.energy import EnergyBudget
 from wavetank.simulation.run import Run
 from wavetank.simulation.summary import Parts
-from wavetank.stateful import Held, apart, together
+from wavetank.stateful import Held, deserialize, serialize
 from wavetank.values.noun import Problem, SceneError
 
 FREE = {("title",), ("run", "duration"), ("run", "checkpoint_every"), ("run", "on_breaking")}
@@ -176,8 +176,8 @@ class Checkpointer:
         if not waves.plane.comm.allreduce(bool(np.isfinite([reached.q, reached.p]).all()), op=MPI.LAND):
             return  # nothing could go on from there, as the run will say
         surface = self._surface(reached)
-        text, arrays = apart({"surface": surface, "run": self._run.held() if with_history else reached.held})
-        least = len(apart({"surface": surface, "run": reached.held})[1])
+        text, arrays = serialize({"surface": surface, "run": self._run.held() if with_history else reached.held})
+        least = len(serialize({"surface": surface, "run": reached.held})[1])
         values, places = gathered(waves.plane, arrays)
         about = {
             "t": reached.t,
@@ -243,13 +243,13 @@ class Restart:
         self, writer: RunWriter | None, comm: MPI.Comm, *, warn: Callable[[str], None], at: float | None = None
     ):
         self._writer, self._comm, self._warn, self._at = writer, comm, warn, at
-        self._kept = on_first(comm, self._read)
-        parts = (self._kept.about, self._kept.held, len(self._kept.arrays)) if self._kept else None
+        self._checkpoint = last = on_first(comm, self._read)
+        parts = (last.about, last.held, len(last.arrays)) if last else None
         self.about, self._text, self._count = comm.bcast(parts)
         self.anew = False
         try:
             self._before, self._chosen = (Scene.model_validate(self.about[name]) for name in ("scene", "chosen"))
-            self._whole = bool(self.about["whole"])
+            self._has_history = bool(self.about["whole"])
         except (KeyError, ValidationError) as error:
             raise self._foreign() from error
 
@@ -263,10 +263,10 @@ class Restart:
 
     def _read(self) -> Checkpoint:
         assert self._writer is not None
-        kept, useless = self._writer.last_checkpoint(self._at)
+        checkpoint, useless = self._writer.last_checkpoint(self._at)
         for sentence in useless:
             self._warn(sentence)
-        return kept
+        return checkpoint
 
     # ------------------------------------------------------------------------------------------ the scene
     def planned(self, requested: Scene) -> Planned:
@@ -278,7 +278,7 @@ class Restart:
         water, output = self._chosen.water, requested.output
         if output.surface_every is None:  # by default it follows from the duration
             output = output.model_copy(update={"surface_every": self._chosen.surface_every})
-        kept = requested.model_copy(update={"water": water, "output": output})
+        scene = requested.model_copy(update={"water": water, "output": output})
         mine, its = requested.numerics, self._before.numerics
         same = mine.model_dump() == its.model_dump()
         self.anew = not same or requested.run.on_breaking != self._before.run.on_breaking
@@ -287,9 +287,9 @@ class Restart:
             raise SceneError([self._duration_problem(requested, allowed)])
         self._warn_again()
         if same or mine.accuracy == its.accuracy and not (mine.open and not its.open):
-            found = Planned(kept.model_copy(update={"numerics": self._numerics(mine, its)}))
+            found = Planned(scene.model_copy(update={"numerics": self._numerics(mine, its)}))
         else:
-            found = planned(kept, self._comm)
+            found = planned(scene, self._comm)
         return found._replace(scene=found.scene.model_copy(update={"initial": StillWater()}))  # it has begun elsewhere
 
     def _warn_again(self) -> None:
@@ -358,7 +358,7 @@ class Restart:
     @property
     def counting_on(self) -> bool:
         """Whether solves are counted on."""
-        return not self.anew and self._whole
+        return not self.anew and self._has_history
 
     @property
     def beginning(self) -> Beginning | None:
@@ -370,16 +370,16 @@ class Restart:
     @property
     def _held(self) -> Held:
         """What the run has held, but for its arrays, which are empty."""
-        held: Held = together(self._text, [np.zeros(0)] * self._count)["run"]
+        held: Held = deserialize(self._text, [np.zeros(0)] * self._count)["run"]
         return held
 
     @property
     def _surface(self) -> KeptSurface:
         values: tuple[Vector, Vector] = np.zeros(0), np.zeros(0)
         places: Vector = np.zeros((0, 3))
-        if self._kept is not None:
-            surface = together(self._text, self._kept.arrays)["surface"]
-            values, places = (surface["elevation"], surface["potential"]), self._kept.places
+        if self._checkpoint is not None:
+            surface = deserialize(self._text, self._checkpoint.arrays)["surface"]
+            values, places = (surface["elevation"], surface["potential"]), self._checkpoint.places
         scheme = held_by_scheme(self._held)
         return KeptSurface(self._chosen, self.about["t"], self.about["mass"], values, places, scheme=scheme)
 
@@ -418,8 +418,9 @@ class Restart:
         clock = self.about["clock"]
         left, until = scene.run.duration - clock["begin"], scene.motions_end - clock["begin"]
         run.clock = Clock.covering(left, clock["dt"], until=until).after(clock["begin"], clock["first"])
-        arrays, places = (self._kept.arrays, self._kept.places) if self._kept else ([], np.zeros((0, 3)))
-        run.take(together(self._text, found(waves.plane, arrays, places))["run"], whole=self._whole)
+        last = self._checkpoint
+        arrays, places = (last.arrays, last.places) if last else ([], np.zeros((0, 3)))
+        run.take(deserialize(self._text, found(waves.plane, arrays, places))["run"], whole=self._has_history)
         return f"going on from t = {run.t:.6g} s"
 
     def _take_surface(self, run: Run, waves: AnyWaves, scene: Scene) -> str:

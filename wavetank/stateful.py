@@ -106,7 +106,7 @@ def carry_over(parts: Mapping[str, object], held: Held) -> None:
             part.carry(held[kind])
 
 
-def apart(held: Held) -> tuple[str, list[Vector]]:
+def serialize(held: Held) -> tuple[str, list[Vector]]:
     """Return what is held as JSON, {"array": n} in the place of its n-th array, and the arrays."""
     arrays: list[Vector] = []
 
@@ -119,7 +119,7 @@ def apart(held: Held) -> tuple[str, list[Vector]]:
     return json.dumps(held, default=number), arrays
 
 
-def together(text: str, arrays: Sequence[Vector]) -> Held:
-    """Return what ``apart`` has taken apart."""
+def deserialize(text: str, arrays: Sequence[Vector]) -> Held:
+    """Return the tree from its JSON text and arrays; the inverse of ``serialize``."""
     held: Held = json.loads(text, object_hook=lambda one: arrays[one["array"]] if one.keys() == {"array"} else one)
     return held

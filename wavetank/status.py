@@ -116,8 +116,8 @@ def _parts(one: RunStatus) -> dict[str, str]:
 def line(one: RunStatus) -> str:
     """Return a run as a line of text."""
     parts = _parts(one)
-    said = [parts.pop("state"), *(f"{name} {part}" for name, part in parts.items() if part != "-")]
-    return f"{one.path}: {', '.join(said)}{f'; {one.note}' if one.note else ''}"
+    words = [parts.pop("state"), *(f"{name} {part}" for name, part in parts.items() if part != "-")]
+    return f"{one.path}: {', '.join(words)}{f'; {one.note}' if one.note else ''}"
 
 
 def table(statuses: Sequence[RunStatus]) -> Table:

@@ -41,7 +41,7 @@ from wavetank.motion.motion import STEEPEST, Tangent
 from wavetank.output.checkpoint import Checkpoint, is_at, read_checkpoint_file, readable_checkpoints
 from wavetank.output.directory import RunDirectory
 from wavetank.simulation.supply import AnsweredWork
-from wavetank.stateful import Held, together
+from wavetank.stateful import Held, deserialize
 from wavetank.tank.answering import AnsweringPaddle, Excess, Look, Push
 from wavetank.tank.bed import FlatBed, VaryingBed
 from wavetank.tank.dissipation import checked, distance_from_edge, profile, width_of
@@ -568,7 +568,7 @@ def kept_surface(scene: Scene, initial: RunState, waves: AnyWaves) -> KeptSurfac
         before, checkpoint = _its_scene(initial, about), read_checkpoint_file(path)
         if not isinstance(checkpoint, Checkpoint):
             raise InputError(f"{path}: cannot be used ({checkpoint or 'it is no longer there'}).")
-        scheme = held_by_scheme(together(checkpoint.held, [np.zeros(0)] * len(checkpoint.arrays))["run"])
+        scheme = held_by_scheme(deserialize(checkpoint.held, [np.zeros(0)] * len(checkpoint.arrays))["run"])
         _check(scene, before, about["t"], scheme)
         found.append(checkpoint)
         return about, before, scheme
@@ -577,7 +577,7 @@ def kept_surface(scene: Scene, initial: RunState, waves: AnyWaves) -> KeptSurfac
     values: tuple[Vector, Vector] = np.zeros(0), np.zeros(0)
     places: Vector = np.zeros((0, 3))
     if found:
-        surface = together(found[0].held, found[0].arrays)["surface"]
+        surface = deserialize(found[0].held, found[0].arrays)["surface"]
         values, places = (surface["elevation"], surface["potential"]), found[0].places
     return KeptSurface(before, about["t"], about["mass"], values, places, scheme=scheme)
 
