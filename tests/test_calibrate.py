@@ -30,7 +30,7 @@ from wavetank.studies.calibrate.numerics import cheaper, exhausted
 from wavetank.studies.calibrate.record import RecordAim, mixed
 from wavetank.studies.calibrate.table import told
 from wavetank.studies.calibrate.waves import Lines, Scale, moved, scale, started, table
-from wavetank.studies.runs import Outcome, Runner, is_finished
+from wavetank.studies.sweep import Outcome, Runner, status_of
 from wavetank.values.toml import toml
 
 FOCUSING = CHECKOUT / "cases" / "focusing.toml"
@@ -274,7 +274,7 @@ def tiny(tmp_path, monkeypatch):
     def called(self, runs):
         for one in runs:
             out, changes = self.directory(one), [word for change in one.overrides for word in ("--set", change)]
-            if not is_finished(out, one):
+            if status_of(out, one) != "finished":
                 assert main(["run", str(self._case), "--no-plots", "--out", str(out), *changes]) == 0
             yield one, Outcome("finished")
 

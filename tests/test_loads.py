@@ -21,7 +21,7 @@ from wavetank.motion import AtRest
 from wavetank.motion.motion import Tangent
 from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run
-from wavetank.studies.responses import Response, responses
+from wavetank.studies.measures import Response, responses
 from wavetank.tank.footprint import Slice
 from wavetank.tank.kinematics import LinearRates, NonlinearRates, Velocity
 from wavetank.tank.linear_waves import LinearWaves

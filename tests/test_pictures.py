@@ -17,10 +17,8 @@ from examples.paper import cylinder, growth, sponge, steepness
 from examples.paper.report import Report
 from wavetank.plots.style import picture
 from wavetank.studies.drawing import WARNED, draw_responses, draw_trade, pareto_front
-from wavetank.studies.measures import GAUGES, PHASE, SURFACE
-from wavetank.studies.responses import CREST, CREST_PLACE, TROUGH
-from wavetank.studies.runs import Outcome
-from wavetank.studies.sweep import Refused, combinations, parse_axes, unit
+from wavetank.studies.measures import CREST, CREST_PLACE, GAUGE_ERROR, PHASE_ERROR, SURFACE_ERROR, TROUGH
+from wavetank.studies.sweep import Outcome, Refused, combinations, parse_axes, unit
 from wavetank.studies.table import Row
 
 CASES = Path(__file__).resolve().parents[1] / "cases"
@@ -140,7 +138,7 @@ def test_work_and_precision(drawn, tmp_path):
 
     def measures(n, values):
         error = sizes[values["integrator"]][steps.index(values["dt"])]
-        return {SURFACE: error, GAUGES: 1.1 * error}, {"CPU [s]": 50 + 0.4 / float(values["dt"]) + n}
+        return {SURFACE_ERROR: error, GAUGE_ERROR: 1.1 * error}, {"CPU [s]": 50 + 0.4 / float(values["dt"]) + n}
 
     axes, rows = study_rows(
         "ring-50-percent.toml", [f"dt={','.join(steps)}", f"integrator={','.join(sizes)}"], measures
@@ -150,9 +148,9 @@ def test_work_and_precision(drawn, tmp_path):
     draw_trade([broken, *rows], axes, tmp_path / "study.png", title="A study")
     (figure,) = drawn
     assert not faults(figure)
-    point = [rows[1].costs["CPU [s]"], rows[1].errors[SURFACE]]
+    point = [rows[1].costs["CPU [s]"], rows[1].errors[SURFACE_ERROR]]
     assert opened(figure.axes[0]) == [point] and {WARNED, "1 of 7 runs broke down"} <= told(figure)
-    front = pareto_front([(row.costs["CPU [s]"], row.errors[SURFACE]) for row in rows])
+    front = pareto_front([(row.costs["CPU [s]"], row.errors[SURFACE_ERROR]) for row in rows])
     for panel in figure.axes:
         assert len(panel.texts) == len(front) > 2
         assert {text.get_text() for text in panel.texts} <= {f"{float(step):.3g}" for step in steps}
@@ -166,7 +164,12 @@ def test_a_study_over_what_is_modelled_draws_the_waters_response_over_it(drawn, 
 
     def measures(n, values):
         a = float(values["initial.wave_amplitude"])
-        return {SURFACE: a / 10, PHASE: -a}, {"CPU [s]": 1.0}, "", {CREST: 1.2 * a, TROUGH: -0.9 * a, CREST_PLACE: 2.0}
+        return (
+            {SURFACE_ERROR: a / 10, PHASE_ERROR: -a},
+            {"CPU [s]": 1.0},
+            "",
+            {CREST: 1.2 * a, TROUGH: -0.9 * a, CREST_PLACE: 2.0},
+        )
 
     sweeps = ["initial.wave_amplitude=0.01,0.04,0.02", "n=4,6"]
     axes, rows = study_rows("standing-wave.toml", sweeps, measures)
@@ -181,7 +184,7 @@ def test_a_study_over_what_is_modelled_draws_the_waters_response_over_it(drawn, 
     crests = [[a, 1.2 * a] for a in (0.04, 0.01)]  # of the run that is swept, and of the star
     np.testing.assert_allclose(opened(figure.axes[0]), crests)
     labels = {panel.get_ylabel() for panel in figure.axes if panel.axison}
-    assert labels == {CREST, TROUGH, CREST_PLACE, SURFACE, PHASE}
+    assert labels == {CREST, TROUGH, CREST_PLACE, SURFACE_ERROR, PHASE_ERROR}
     for panel in (panel for panel in figure.axes if panel.axison):
         assert {place for line in panel.lines if line.get_marker() == "x" for place in line.get_xdata()} == {0.08}
         assert panel.get_xlim()[1] > 0.08
@@ -194,7 +197,7 @@ def test_a_study_over_what_is_modelled_draws_the_waters_response_over_it(drawn, 
 
 def test_what_is_modelled_may_be_no_number(drawn, tmp_path):
     def measures(n, values):
-        return {SURFACE: 0.1}, {"CPU [s]": 1.0}, "", {CREST: 0.1 + n, TROUGH: -0.1, CREST_PLACE: 0.0}
+        return {SURFACE_ERROR: 0.1}, {"CPU [s]": 1.0}, "", {CREST: 0.1 + n, TROUGH: -0.1, CREST_PLACE: 0.0}
 
     axes, rows = study_rows("standing-wave.toml", ["water.type=linear,nonlinear"], measures)
     broken = Row(rows[1].combination, Outcome("broke down"), warnings=["it breaks"])  # its warning is of no mark

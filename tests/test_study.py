@@ -31,12 +31,31 @@ from wavetank.output.directory import CHECKPOINT, RunDirectory
 from wavetank.output.writer import RunWriter
 from wavetank.plots.style import number_logarithms
 from wavetank.studies.drawing import draw_trade, pareto_front
-from wavetank.studies.exact import exact_solution
-from wavetank.studies.measures import CREST, GAUGES, PHASE, SURFACE, ExactReference, RunReference
-from wavetank.studies.refinement import finest, refined, same_but_numerics
-from wavetank.studies.runs import Outcome, Runner, is_finished, start_command
+from wavetank.studies.measures import (
+    CREST_ERROR,
+    GAUGE_ERROR,
+    PHASE_ERROR,
+    SURFACE_ERROR,
+    ExactReference,
+    RunReference,
+    exact_solution,
+)
 from wavetank.studies.study import Study
-from wavetank.studies.sweep import SHORT_NAMES, Axis, combinations, marked_combination, parse_axes, parse_axis
+from wavetank.studies.sweep import (
+    SHORT_NAMES,
+    Axis,
+    Outcome,
+    Runner,
+    combinations,
+    finest,
+    marked_combination,
+    parse_axes,
+    parse_axis,
+    refined,
+    same_but_numerics,
+    start_command,
+    status_of,
+)
 from wavetank.studies.table import Row, unfinished, write_table
 from wavetank.waves.airy import angular_frequency
 
@@ -242,7 +261,7 @@ def test_a_run_of_another_scene_is_left_where_it_is(tmp_path):
             pass
     assert folder == tmp_path / f"{one.name}-3"
     assert Runner(CASE, tmp_path, at_once=1).directory(one) == folder
-    assert not is_finished(folder, one)
+    assert status_of(folder, one) != "finished"
 
 
 # ---------------------------------------------------------------- error measures, on runs whose errors are known
@@ -275,11 +294,11 @@ def test_errors_of_a_standing_wave_are_found_as_they_were_made(tmp_path):
     )
     errors = ExactReference(scene).errors(run)
     # splines of degree 5 through 40 points a half wave are right to 1e-8
-    assert errors[PHASE] == pytest.approx(5 * rate, abs=1e-6)
-    assert errors[CREST] == pytest.approx(high - 1, abs=1e-6)
+    assert errors[PHASE_ERROR] == pytest.approx(5 * rate, abs=1e-6)
+    assert errors[CREST_ERROR] == pytest.approx(high - 1, abs=1e-6)
     t = np.linspace(0, 5, 101)
     expected = np.sqrt(np.mean((high * np.cos((omega + rate) * t) - np.cos(omega * t)) ** 2) / 2)
-    assert errors[SURFACE] == pytest.approx(expected, rel=1e-5)
+    assert errors[SURFACE_ERROR] == pytest.approx(expected, rel=1e-5)
 
 
 def test_errors_of_a_travelling_wave_are_found_as_they_were_made(tmp_path):
@@ -289,8 +308,8 @@ def test_errors_of_a_travelling_wave_are_found_as_they_were_made(tmp_path):
     x = length * (np.arange(96) + 0.2 * np.sin(np.arange(96))) / 96
     run = write_run(tmp_path, scene, x, lambda x, t: 1.03 * wave.elevation(x - (wave.speed - 0.2) * t))
     errors = ExactReference(scene).errors(run)
-    assert errors[PHASE] == pytest.approx(-0.2 * 5 * 2 * np.pi / length, abs=1e-6)
-    assert errors[CREST] == pytest.approx(0.03, abs=1e-5)
+    assert errors[PHASE_ERROR] == pytest.approx(-0.2 * 5 * 2 * np.pi / length, abs=1e-6)
+    assert errors[CREST_ERROR] == pytest.approx(0.03, abs=1e-5)
 
 
 @pytest.mark.parametrize("case", [CASE, RING])
@@ -308,8 +327,8 @@ def test_a_run_is_compared_with_another_at_other_times_and_places(tmp_path, case
     run = write_run(tmp_path / "run", scene, coarse, lambda x, t: 1.01 * eta(x, t), times=np.linspace(0, 5.02, 77))
     other = write_run(tmp_path / "other", scene, fine, eta)
     errors = RunReference(other.path).errors(run)
-    assert errors[SURFACE] == pytest.approx(0.01, rel=1e-4)
-    assert errors[GAUGES] == pytest.approx(0.01, rel=1e-4)
+    assert errors[SURFACE_ERROR] == pytest.approx(0.01, rel=1e-4)
+    assert errors[GAUGE_ERROR] == pytest.approx(0.01, rel=1e-4)
 
 
 def test_of_gauges_what_is_below_a_frequency_is_compared_alone(tmp_path):
@@ -325,14 +344,14 @@ def test_of_gauges_what_is_below_a_frequency_is_compared_alone(tmp_path):
     run, other = (write_run(tmp_path / each.__name__, scene, x, each, times=times) for each in (rippled, eta))
     errors = RunReference(other.path, below=1.0).errors(run)
     assert errors["gauge error below 1 Hz [-]"] == pytest.approx(0.01, rel=1e-3)
-    assert RunReference(other.path).errors(run)[GAUGES] == pytest.approx(0.1, rel=0.02)
+    assert RunReference(other.path).errors(run)[GAUGE_ERROR] == pytest.approx(0.1, rel=0.02)
 
 
 def test_without_a_gauge_in_common_surfaces_are_compared(tmp_path):
     scene, x = read_case(CASE, []), np.linspace(0, 2, 20)
     run = write_run(tmp_path / "run", scene, x, lambda x, t: np.cos(x + t), gauges=False)
     other = write_run(tmp_path / "other", scene, x, lambda x, t: np.cos(x + t))
-    assert list(RunReference(other.path).errors(run)) == [SURFACE]
+    assert list(RunReference(other.path).errors(run)) == [SURFACE_ERROR]
 
 
 # ---------------------------------------------------------------- small real studies
@@ -376,9 +395,9 @@ def test_phase_errors_are_those_of_the_schemes(linear_study):
     _, rows = linear_study
     default, verlet = (row.errors for row in rows)
     omega, dt = float(angular_frequency(np.pi / 2, 1.0, 9.81)), float(STEPS[0])
-    assert verlet[PHASE] == pytest.approx(omega * 3.34 * (omega * dt) ** 2 / 24, rel=0.02)
-    assert abs(default[PHASE]) == pytest.approx(omega * 3.34 * (omega * dt) ** 4 / 480, rel=0.1)
-    assert default[SURFACE] < 0.05 * verlet[SURFACE]
+    assert verlet[PHASE_ERROR] == pytest.approx(omega * 3.34 * (omega * dt) ** 2 / 24, rel=0.02)
+    assert abs(default[PHASE_ERROR]) == pytest.approx(omega * 3.34 * (omega * dt) ** 4 / 480, rel=0.1)
+    assert default[SURFACE_ERROR] < 0.05 * verlet[SURFACE_ERROR]
 
 
 def test_the_table_says_settings_errors_costs_and_status(linear_study):
@@ -389,7 +408,7 @@ def test_the_table_says_settings_errors_costs_and_status(linear_study):
     for line, row in zip(table, rows, strict=True):
         manifest = json.loads((out / row.combination.name / "manifest.json").read_text())
         assert line["status"] == "finished" and line["cause"] == ""
-        assert float(line[PHASE]) == pytest.approx(row.errors[PHASE], rel=1e-6)
+        assert float(line[PHASE_ERROR]) == pytest.approx(row.errors[PHASE_ERROR], rel=1e-6)
         assert int(line["steps"]) == manifest["numerics"]["steps"] == round(3.34 / float(line["dt [s]"]))
         assert int(line["interior solves"]) == manifest["counters"]["interior_solves"] > int(line["steps"])
         assert 0 < float(line["CPU [s]"]) < 60  # of the stepping, no more than the machine's clock allows
@@ -435,13 +454,13 @@ def test_a_broken_combination_is_a_row_and_a_marked_one_is_judged_too(tmp_path):
     assert broken.outcome.cause == manifest["cause"] and broken.warnings == manifest["warnings"] != []
     assert "\n1 of 3 runs broke down\n" in said and re.search(r" status +\n", said) and "plan, finished" in said
     assert broken.outcome.cause.rstrip(".") in " ".join(said.split()) and not broken.errors
-    assert GAUGES in good.errors
-    assert plan.mark == "plan" and plan.errors[SURFACE] < 0.5 * good.errors[SURFACE] < 0.05
+    assert GAUGE_ERROR in good.errors
+    assert plan.mark == "plan" and plan.errors[SURFACE_ERROR] < 0.5 * good.errors[SURFACE_ERROR] < 0.05
     with (tmp_path / "study.csv").open() as file:
         table = list(csv.DictReader(file))
     assert [line["mark"] for line in table] == ["", "", "plan"] and table[2]["n"] == "6"
     assert (table[1]["status"], table[1]["warnings"]) == ("broke down", "; ".join(broken.warnings))
-    assert table[1]["cause"] == broken.outcome.cause and table[1][SURFACE] == table[1]["highest crest [m]"] == ""
+    assert table[1]["cause"] == broken.outcome.cause and table[1][SURFACE_ERROR] == table[1]["highest crest [m]"] == ""
     surface = RunDirectory(tmp_path / good.combination.name).snapshots()
     assert float(table[0]["highest crest [m]"]) == pytest.approx(surface.eta.max(), rel=1e-6)
     assert float(table[0]["deepest trough [m]"]) == pytest.approx(surface.eta.min(), rel=1e-6)
@@ -537,7 +556,7 @@ def test_a_process_that_dies_ends_its_run_alone(tmp_path, monkeypatch):
     def start(words):
         return subprocess.Popen([sys.executable, "-c", next(scripts)], stderr=subprocess.PIPE, text=True)
 
-    monkeypatch.setattr("wavetank.studies.runs.start_command", start)
+    monkeypatch.setattr("wavetank.studies.sweep.start_command", start)
     found = combinations(CASE, parse_axes(["dt=0.01,0.02,0.03,0.04"]), [])
     outcomes = [outcome for _, outcome in Runner(CASE, tmp_path, at_once=1).run(found)]
     assert [one.status for one in outcomes] == ["finished", "failed", "failed", "finished"]
@@ -605,8 +624,8 @@ def test_no_point_beats_the_pareto_front(points):
 def made_rows() -> tuple[list[Row], list[Axis]]:
     axes = parse_axes(["dt=0.02,0.04", "n=4,6", "integrator=third-order,stormer-verlet"])
     rows = [
-        Row(one, Outcome("finished"), {SURFACE: 0.01 / (n + 1), PHASE: -0.1 / (n + 1)}, {"CPU [s]": 1.0 + n})
-        for n, one in enumerate(combinations(CASE, axes))
+        Row(one, Outcome("finished"), {SURFACE_ERROR: 0.01 / n, PHASE_ERROR: -0.1 / n}, {"CPU [s]": 0.0 + n})
+        for n, one in enumerate(combinations(CASE, axes), start=1)
     ]
     plan = marked_combination(CASE, ["dt=0.03", "p=4"])
     return [*rows, Row(plan, Outcome("finished"), rows[0].errors, {"CPU [s]": 2.0}, "plan")], axes
@@ -616,7 +635,8 @@ def test_the_picture_names_axes_units_settings_front_and_plan(tmp_path):
     rows, axes = made_rows()
     text = draw_trade(rows, axes, tmp_path / "study.svg", title="Title").read_text()
     words = set(part.split("-->")[0].strip() for part in text.split("<!--")[1:])
-    assert {"CPU time of stepping [s]", SURFACE, PHASE, "third-order", "stormer-verlet", "n = 4", "n = 6"} <= words
+    assert {"CPU time of stepping [s]", SURFACE_ERROR, PHASE_ERROR} <= words
+    assert {"third-order", "stormer-verlet", "n = 4", "n = 6"} <= words
     assert {"plan: dt 0.03, p 4", "0.04, 6", "Title: work and precision"} <= words
     assert any(word.startswith("Pareto front (dt [s], n)") for word in words)
 
@@ -624,7 +644,7 @@ def test_the_picture_names_axes_units_settings_front_and_plan(tmp_path):
 def test_a_single_axis_is_drawn_too(tmp_path):
     axes = parse_axes(["integrator=third-order,stormer-verlet"])
     rows = [
-        Row(one, Outcome("finished"), {SURFACE: 0.1 / n}, {"CPU [s]": n})
+        Row(one, Outcome("finished"), {SURFACE_ERROR: 0.1 / n}, {"CPU [s]": n})
         for n, one in enumerate(combinations(CASE, axes), start=1)
     ]
     assert draw_trade(rows, axes, tmp_path / "study.png").exists()

@@ -18,12 +18,10 @@ from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.output.writer import RunWriter
 from wavetank.studies.drawing import WARNED, draw_ensembles
-from wavetank.studies.ensemble import Ensemble, ensemble_table, ensembles, write_ensembles
-from wavetank.studies.responses import Response, responses, usual_responses
-from wavetank.studies.runs import Outcome
+from wavetank.studies.measures import Response, responses, usual_responses
 from wavetank.studies.study import Study
-from wavetank.studies.sweep import Axis, Combination, combinations, parse_axes, parse_axis
-from wavetank.studies.table import Row, write_table
+from wavetank.studies.sweep import Axis, Combination, Outcome, combinations, parse_axes, parse_axis
+from wavetank.studies.table import Ensemble, Row, ensemble_table, ensembles, write_ensembles, write_table
 from wavetank.waves.airy import wave_number
 
 CASE = CHECKOUT / "cases" / "wavemaker.toml"
@@ -103,7 +101,7 @@ def test_formulae_name_their_columns():
 )
 def test_responses_that_are_none_are_refused_before_anything_runs(tmp_path, text, said):
     with pytest.raises(InputError) as error:
-        Study(CASE, ["tank.depth=1,2"], asked=[text], out=tmp_path / "out", console=Console(file=io.StringIO()))
+        Study(CASE, ["tank.depth=1,2"], requested=[text], out=tmp_path / "out", console=Console(file=io.StringIO()))
     assert said in str(error.value) and len(str(error.value).splitlines()) == 1
     assert not (tmp_path / "out").exists()
 
@@ -163,19 +161,19 @@ def test_an_ensemble_has_its_mean_confidence_and_quantiles(tmp_path):
     ]  # fmt: skip
     for one in found:
         interval = stats.t.interval(0.95, one.values.size - 1, one.mean, stats.sem(one.values))
-        assert (one.mean - one.sure, one.mean + one.sure) == pytest.approx(interval)
+        assert (one.mean - one.half_width, one.mean + one.half_width) == pytest.approx(interval)
         assert one.quantiles == pytest.approx(np.quantile(one.values, (0.05, 0.5, 0.95)))
     write_ensembles(tmp_path / "ensemble.csv", found)
     with (tmp_path / "ensemble.csv").open() as file:
         table = list(csv.DictReader(file))
     assert (table[0]["tank.depth"], table[0]["runs"]) == ("1", "8")
-    assert float(table[1]["mean to"]) == pytest.approx(found[1].mean + found[1].sure, rel=1e-6)
+    assert float(table[1]["mean to"]) == pytest.approx(found[1].mean + found[1].half_width, rel=1e-6)
     assert ensemble_table(found).row_count == 4
 
 
 def test_one_run_has_no_confidence(tmp_path):
     alone = Ensemble({}, "crest [m]", np.array([0.3]))
-    assert np.isnan(alone.sure) and alone.quantiles == (0.3, 0.3, 0.3)
+    assert np.isnan(alone.half_width) and alone.quantiles == (0.3, 0.3, 0.3)
     write_ensembles(tmp_path / "ensemble.csv", [alone])
     assert (tmp_path / "ensemble.csv").read_text().splitlines()[1] == "crest [m],1,0.3,,,,0.3,0.3,0.3"
 

@@ -1,6 +1,5 @@
-"""Speed against accuracy, measured: every combination of some settings of a case as a run of its own.
+"""Studies: every combination of some settings of a case as a run, errors against cost, and calibration of the paddle.
 
-``sweep.py`` says which combinations, ``runs.py`` runs them, ``measures.py`` judges them by an exact solution
-(``exact.py``) or by another run, which ``refinement.py`` makes; ``table.py`` and ``drawing.py`` show the result;
-``study.py`` puts it together, ``command.py`` is its command line.
+``sweep.py`` makes and runs combinations, ``measures.py`` evaluates runs, ``table.py`` and ``drawing.py`` write the
+results, ``study.py`` joins them, ``command.py`` is the command line.
 """

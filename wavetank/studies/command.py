@@ -63,7 +63,7 @@ def study(
         marked=mark or [],
         reference=reference,
         below=below,
-        asked=response or [],
+        requested=response or [],
         start=start,
         at_once=at_once,
         yes=yes,

@@ -31,11 +31,9 @@ from wavetank.plots.style import (
     number_logarithms,
     picture,
 )
-from wavetank.studies.ensemble import Ensemble
-from wavetank.studies.measures import CREST as CREST_ERROR
-from wavetank.studies.responses import CREST_TIME, responded
+from wavetank.studies.measures import CREST_ERROR, CREST_TIME, responded
 from wavetank.studies.sweep import Axis, unit
-from wavetank.studies.table import CPU, Row, damped, measured, unfinished
+from wavetank.studies.table import CPU, Ensemble, Row, damped, measured, unfinished
 
 COLOURS, MARKERS = (BLUE, VERMILION, GREEN, PURPLE), "osD^v<>Pph"
 INTEGRATOR = "integrator"
@@ -124,7 +122,7 @@ class MarkStyles:
 
 def _status_entries(rows: Sequence[Row], **cross: Any) -> list[Line2D]:
     """Return legend entries of warnings, unfinished runs (with the style of their marks, if any) and breaking."""
-    warned = [entry(WARNED, marker="o", **OPEN)] if any(row.warnings and row.found for row in rows) else []
+    warned = [entry(WARNED, marker="o", **OPEN)] if any(row.warnings and row.results for row in rows) else []
     ended = [entry(unfinished(rows), **{"ls": "", **cross})] if unfinished(rows) else []
     return [*warned, *ended, *([entry(damped(rows), ls="")] if damped(rows) else [])]
 
@@ -299,9 +297,9 @@ def _draw_over(panel: Axes, ensembles: Sequence[Ensemble], along: Axis) -> None:
     x = np.array([positions[one.settings[along.name]] for one in ordered])
     for position, one in zip(x, ordered, strict=True):
         _draw_values(panel, np.full(one.values.size, position), one)
-    half_width = np.nan_to_num([one.sure for one in ordered])
+    half_widths = np.nan_to_num([one.half_width for one in ordered])
     means = [one.mean for one in ordered]
-    panel.errorbar(x, means, half_width, color=MEAN, marker="o", ms=5, capsize=4, ls="", zorder=3)
+    panel.errorbar(x, means, half_widths, color=MEAN, marker="o", ms=5, capsize=4, ls="", zorder=3)
     for quantile in np.array([one.quantiles for one in ordered]).T:
         panel.plot(x, quantile, "--", marker="_", color=QUANTILE, lw=0.8, zorder=2)
     _set_ticks(panel, along)
@@ -311,8 +309,8 @@ def _draw_runs(panel: Axes, one: Ensemble) -> None:
     """Draw an ensemble over the numbers of its runs."""
     _draw_values(panel, 1 + np.arange(one.values.size), one)
     panel.axhline(one.mean, color=MEAN)
-    if np.isfinite(one.sure):
-        panel.axhspan(one.mean - one.sure, one.mean + one.sure, color=MEAN, alpha=0.15, lw=0)
+    if np.isfinite(one.half_width):
+        panel.axhspan(one.mean - one.half_width, one.mean + one.half_width, color=MEAN, alpha=0.15, lw=0)
     for quantile in one.quantiles:
         panel.axhline(quantile, color=QUANTILE, ls="--", lw=0.8)
 
@@ -373,5 +371,5 @@ def _set_ticks(panel: Axes, axis: Axis) -> None:
 
 def _axis_label(rows: Sequence[Row], axis: Axis) -> str:
     """Return a key with the unit of its numbers, from a scene that has results."""
-    scene = next(row.scene for row in rows if row.found)
+    scene = next(row.scene for row in rows if row.results)
     return f"{axis.name} [{unit(scene, axis.key) or '-'}]" if _is_numeric(axis) else axis.name

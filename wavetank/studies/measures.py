@@ -1,4 +1,4 @@
-"""Error measures of a run, against an exact solution or against another run.
+"""Measures of a run: errors against an exact solution or another run, and responses of the water.
 
     surface error   rms(eta - eta_ref) over x and all snapshots, over the amplitude (exact) or over rms(eta_ref)
     gauge error     rms(eta - eta_ref) over time and all gauges in common, over rms(eta_ref), or below a frequency alone
@@ -6,36 +6,114 @@
     crest error     relative error of the crest's height in the last snapshot
 
 Snapshots are interpolated in x, and those of a reference run also in t, by splines of degree 5. A basin has the gauge
-error only.
+error only. Exact solutions are waves of permanent form and linear standing waves; the phase of a snapshot is that of a
+complex amplitude C exp(-i omega t).
 """
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 from scipy.optimize import minimize_scalar
 
 from wavetank.analysis.compare import matched
-from wavetank.case import Scene
-from wavetank.errors import InputError
+from wavetank.analysis.quantities import AT_GAUGE, AT_WALL, OF_RUN, Findings
+from wavetank.case import LinearWater, Scene, StandingWave, StreamFunctionWave
+from wavetank.errors import InputError, choice
 from wavetank.output.directory import RunDirectory
 from wavetank.output.fields import Surface
-from wavetank.studies.exact import ExactSolution, exact_solution
+from wavetank.values.formula import CONSTANTS, FUNCTIONS, Formula
+from wavetank.waves.conformal import SteadyWave
+from wavetank.waves.standing_wave import ThirdOrderStandingWave
 from wavetank.waves.wave import Array
 
-SURFACE, GAUGES, PHASE, CREST = "surface error [-]", "gauge error [-]", "phase error [rad]", "crest error [-]"
+LINEAR = 1e-4  # k a coth^3(k d) up to which a wave counts as linear: about its second harmonic, relative
+
+
+@dataclass(frozen=True)
+class LinearStandingWave:
+    """eta = a cos(k x) cos(omega t), psi = -g a / omega cos(k x) sin(omega t); omega² = g k tanh(k d).
+
+    Its crest comes and goes, so that the crest's error is that of the carrier's size.
+    """
+
+    wave: ThirdOrderStandingWave
+
+    @property
+    def amplitude(self) -> float:
+        """A [m]."""
+        return self.wave.amplitude
+
+    def carrier(self, x: Array, eta: Array, psi: Array) -> complex:
+        """Return a e^(-i omega t)."""
+        height = eta + 1j * self.wave.frequency / self.wave.gravity * psi
+        return complex(2 * np.mean(height * np.cos(self.wave.wave_numbers[0] * x)))
+
+    def exact_carrier(self, t: float) -> complex:
+        """Return a e^(-i omega t)."""
+        return complex(self.amplitude * np.exp(-1j * self.wave.frequency * t))
+
+    def crest_error(self, highest: float, carrier: complex) -> float:
+        """Return the relative error of the amplitude."""
+        return abs(carrier) / self.amplitude - 1.0
+
+
+@dataclass(frozen=True)
+class TravellingWave:
+    """eta(x - c t) of permanent form; the carrier is its first harmonic."""
+
+    wave: SteadyWave
+    amplitude: float
+    k: float
+
+    def carrier(self, x: Array, eta: Array, psi: Array) -> complex:
+        """Return the first harmonic."""
+        return complex(2 * np.mean(eta * np.exp(-1j * self.k * x)))
+
+    def exact_carrier(self, t: float) -> complex:
+        """Return the first harmonic, without its size, which no error rests on."""
+        return complex(np.exp(-1j * self.k * self.wave.speed * t))
+
+    def crest_error(self, highest: float, carrier: complex) -> float:
+        """Return the relative error of the highest elevation."""
+        return highest / float(self.wave.elevation(0.0)) - 1.0
+
+
+ExactSolution = LinearStandingWave | TravellingWave
+
+
+def exact_solution(scene: Scene) -> ExactSolution:
+    """Return the exact solution of a scene; raises ``InputError`` if none is known."""
+    tank, initial = scene.tank, scene.initial
+    for paddle in scene.paddles:
+        what = f"{paddle.key}.type = {paddle.wall.type!r}"
+        raise InputError(f"reference exact: {what} received; the walls must be fixed.")
+    if isinstance(initial, StreamFunctionWave) and not isinstance(scene.water, LinearWater):
+        wave, k = initial.wave(tank), 2 * np.pi * initial.waves / tank.length
+        crest, trough = wave.elevation([0.0, np.pi / k])
+        return TravellingWave(wave, float(crest - trough) / 2, k)
+    if not isinstance(initial, StandingWave):
+        allowed = "standing-wave, low or in linear water, and stream-function in nonlinear water"
+        raise InputError(f"reference exact: initial.type = {initial.type!r} received; exact are {allowed}.")
+    k = np.pi * initial.mode / tank.length
+    highest = LINEAR / k * np.tanh(k * tank.depth) ** 3
+    if initial.wave_amplitude > highest and not isinstance(scene.water, LinearWater):
+        raise InputError(
+            f"reference exact: initial.wave_amplitude = {initial.wave_amplitude:g} received; it must be at most "
+            f"{highest:.2g} m, up to which a standing wave is linear, or water.type must be 'linear'."
+        )
+    return LinearStandingWave(initial.wave(tank))
+
+
+SURFACE_ERROR, GAUGE_ERROR = "surface error [-]", "gauge error [-]"
+PHASE_ERROR, CREST_ERROR = "phase error [rad]", "crest error [-]"
 FINER = 4  # places at which snapshots are compared, by their points
 Errors = dict[str, float]
-
-
-class Reference(Protocol):
-    """What runs are judged by."""
-
-    def errors(self, run: RunDirectory) -> Errors:
-        """Return the errors of a finished run by the names above."""
 
 
 def _interpolant(at: Array, values: Array, *, period: float | None = None) -> BSpline:
@@ -66,8 +144,8 @@ class Snapshot(NamedTuple):
         """Return the highest elevation [m]."""
         top, part = self.x[np.argmax(self.eta)], self.x[1] - self.x[0]
         bounds = (max(self.x[0], top - part), min(self.x[-1], top + part))
-        found = minimize_scalar(lambda x: -self.shape(x)[0], bounds=bounds, method="bounded", options={"xatol": 1e-8})
-        return max(-float(found.fun), float(self.eta.max()))
+        optimum = minimize_scalar(lambda x: -self.shape(x)[0], bounds=bounds, method="bounded", options={"xatol": 1e-8})
+        return max(-float(optimum.fun), float(self.eta.max()))
 
 
 def _is_basin(run: RunDirectory) -> bool:
@@ -105,9 +183,9 @@ class ExactReference:
             carrier = exact.carrier(now.x, now.eta, now.psi)
             ahead.append(-np.angle(carrier / exact.exact_carrier(now.t)))
         return {
-            SURFACE: float(np.sqrt(np.mean(squares))) / exact.amplitude,
-            PHASE: float(np.unwrap(ahead)[-1]),
-            CREST: exact.crest_error(now.highest(), carrier),
+            SURFACE_ERROR: float(np.sqrt(np.mean(squares))) / exact.amplitude,
+            PHASE_ERROR: float(np.unwrap(ahead)[-1]),
+            CREST_ERROR: exact.crest_error(now.highest(), carrier),
         }
 
 
@@ -135,9 +213,9 @@ class RunReference:
 
     def errors(self, run: RunDirectory) -> Errors:
         """Return the surface error and, where gauges are in common, the gauge error, over the times both have."""
-        errors = {} if _is_basin(run) else {SURFACE: self._surface_error(run)}
+        errors = {} if _is_basin(run) else {SURFACE_ERROR: self._surface_error(run)}
         with suppress(InputError):  # no gauge in common, then
-            name = GAUGES if self._below is None else f"gauge error below {self._below:g} Hz [-]"
+            name = GAUGE_ERROR if self._below is None else f"gauge error below {self._below:g} Hz [-]"
             errors[name] = _relative(self._gauges(run))
         return errors
 
@@ -153,11 +231,14 @@ class RunReference:
         """Return (eta, eta_ref) of each gauge in common."""
         pairs = []
         for one, other in matched(run.gauge_series(), self._run.gauge_series()):
-            there = one.t <= other.t[-1]
-            both = np.array([one.eta[there], _interpolant(other.t, other.eta)(one.t[there])])
-            eta, reference = both if self._below is None else _below(self._below, one.t[there], both)
+            common = one.t <= other.t[-1]
+            both = np.array([one.eta[common], _interpolant(other.t, other.eta)(one.t[common])])
+            eta, reference = both if self._below is None else _below(self._below, one.t[common], both)
             pairs.append((eta, reference))
         return pairs
+
+
+Reference = ExactReference | RunReference
 
 
 def _below(frequency: float, t: Array, records: Array) -> Array:
@@ -165,3 +246,106 @@ def _below(frequency: float, t: Array, records: Array) -> Array:
     spectra = np.fft.rfft(records)
     spectra[:, np.fft.rfftfreq(t.size, (t[-1] - t[0]) / (t.size - 1)) >= frequency] = 0.0
     return np.fft.irfft(spectra, t.size)
+
+
+CREST, CREST_PLACE, CREST_TIME = "highest crest [m]", "crest's place x [m]", "crest's time [s]"
+TROUGH = "deepest trough [m]"
+USUAL = {CREST: "crest", CREST_PLACE: "crest_x", CREST_TIME: "crest_t", TROUGH: "trough"}
+Responses = dict[str, float]
+AT = AT_GAUGE | AT_WALL  # of quantities that belong to something
+
+NAMED = re.compile(r"\s*([^=<>!@]+?)\s*=(?!=)(.+)")
+QUANTITY = re.compile(r"(?<![\w.@'])([a-zA-Z][a-zA-Z0-9_]*)(?:@(?:'([^']+)'|([\w.]+)))?(?![\w(])")
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number of a run: what is meant by a name, and, where it is one at a gauge or on a wall, by that's."""
+
+    name: str
+    gauge: str | None = None
+
+    @property
+    def unit(self) -> str:
+        """Its unit."""
+        return (OF_RUN if self.gauge is None else AT)[self.name].unit
+
+    def of(self, findings: Findings) -> float:
+        """Return its value; raises ``InputError`` if the run does not contain it."""
+        return OF_RUN[self.name].of(findings) if self.gauge is None else AT[self.name].of(findings, self.gauge)
+
+
+class Response:
+    """A column of a study: ``[NAME=]EXPRESSION``, an expression of quantities such as ``hm0@5 / hm0@1``.
+
+    A quantity is a name, or ``NAME@GAUGE``; a gauge's name that is not letters, digits, points and _ is quoted. Raises
+    ``InputError`` for what cannot be understood.
+    """
+
+    def __init__(self, text: str, label: str = ""):
+        named = NAMED.fullmatch(text)
+        expression = (named[2] if named else text).strip()
+        self.quantities: list[Quantity] = []
+        formula = QUANTITY.sub(self._variable, expression)
+        if not self.quantities:
+            raise InputError(f"response {text!r} received; {_allowed()}")
+        self._names = [f"quantity{n}" for n in range(len(self.quantities))]
+        self._formula = Formula(formula, variables=self._names)
+        alone = formula == self._names[0]
+        self.label = label or (named[1] if named else expression) + (f" [{self.quantities[0].unit}]" if alone else "")
+
+    def _variable(self, match: re.Match[str]) -> str:
+        name, gauge = match[1], match[2] or match[3]
+        if gauge is None and (name in FUNCTIONS or name in CONSTANTS):
+            return match[0]
+        allowed = OF_RUN if gauge is None else AT
+        if name not in allowed:
+            why = choice(name, sorted(allowed))
+            for kind, where in ((AT_GAUGE, "gauge"), (AT_WALL, "load")):
+                why = f"; it is one of a {where}, {name}@{where.upper()}" if name in kind else why
+            raise InputError(f"response {match.string.strip()!r}: {match[0]!r} is no quantity{why}.")
+        self.quantities.append(Quantity(name, gauge))
+        return f"quantity{len(self.quantities) - 1}"
+
+    def check(self, scene: Scene) -> None:
+        """Raise ``InputError`` for a gauge or load that a scene does not have."""
+        gauges, loads = [gauge.name for gauge in scene.all_gauges], [load.called for load in scene.loads]
+        for quantity in self.quantities:
+            kind, have = ("load", loads) if quantity.name in AT_WALL else ("gauge", gauges)
+            if quantity.gauge is not None and quantity.gauge not in have:
+                existing = ", ".join(have) or "none"
+                raise InputError(f"response {self.label}: there is no {kind} {quantity.gauge!r}; there are {existing}.")
+
+    def of(self, findings: Findings) -> float:
+        """Return the response of a run; raises ``InputError`` if the run does not contain it."""
+        return float(self._formula(*(np.float64(quantity.of(findings)) for quantity in self.quantities)))
+
+
+def _allowed() -> str:
+    at = f"with @GAUGE {', '.join(AT_GAUGE)}, with @LOAD {', '.join(AT_WALL)}"
+    return f"allowed are formulae of {', '.join(OF_RUN)}, and {at}."
+
+
+def usual_responses(scene: Scene) -> list[Response]:
+    """Return the highest elevation of all snapshots, where and when it stood, and but for a basin the lowest."""
+    labels = [label for label in USUAL if label != TROUGH or scene.tank.type != "basin"]
+    return [Response(USUAL[label], label) for label in labels]
+
+
+def responses(
+    run: RunDirectory, requested: Sequence[Response], *, start: float | None = None
+) -> tuple[Responses, list[str]]:
+    """Return a run's responses from a time [s] on by their labels, and why some are not a number, a sentence each."""
+    findings, values, causes = Findings(run, start=start), Responses(), list[str]()
+    for one in requested:
+        try:
+            values[one.label] = one.of(findings)
+        except InputError as error:
+            values[one.label] = np.nan
+            causes.append(f"{one.label}: {error}")
+    return values, causes
+
+
+def responded(rows: Iterable[Responses]) -> list[str]:
+    """Return the responses that any run has."""
+    return list(dict.fromkeys(name for one in rows for name, value in one.items() if not np.isnan(value)))

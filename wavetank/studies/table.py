@@ -1,4 +1,4 @@
-"""A study's result: a row for each combination, as CSV and for the terminal."""
+"""Results of a study: a row for each combination, and statistics of ensembles of seeds, as CSV and for the terminal."""
 
 import csv
 from collections import Counter
@@ -7,18 +7,19 @@ from dataclasses import dataclass, field
 from io import StringIO
 from math import isnan
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.box import SIMPLE
 from rich.table import Table
+from scipy.special import stdtrit
 
 from wavetank.case import Scene
 from wavetank.errors import RecordError
 from wavetank.output.files import write_atomically
-from wavetank.studies.measures import Errors
-from wavetank.studies.responses import Responses
-from wavetank.studies.runs import Outcome
-from wavetank.studies.sweep import Axis, Combination, Refused
+from wavetank.studies.measures import Errors, Responses, responded
+from wavetank.studies.sweep import Axis, Combination, Outcome, Refused
 
 CPU, BROKE = "CPU [s]", "broke"
 COSTS = {  # column: where in the manifest; CPU and wall time are those of stepping
@@ -69,14 +70,14 @@ class Row:
         return self.combination.scene
 
     @property
-    def found(self) -> dict[str, float]:
+    def results(self) -> dict[str, float]:
         """Responses and errors."""
         return {**self.responses, **self.errors}
 
     @property
     def figures(self) -> dict[str, float]:
         """All numbers of its columns."""
-        return {**self.found, **({} if self.broke is None else {BROKE: self.broke}), **self.costs}
+        return {**self.results, **({} if self.broke is None else {BROKE: self.broke}), **self.costs}
 
 
 def costs(manifest: dict[str, Any]) -> dict[str, float]:
@@ -103,12 +104,12 @@ def counted(number: int, rows: Sequence[Row]) -> str:
 def unfinished(rows: Sequence[Row]) -> str:
     """Return how many runs have ended otherwise, such as ``2 of 6 runs broke down``; "" if none has."""
     ended = Counter(row.outcome.status for row in rows if row.outcome.status != "finished")
-    said = []
+    phrases = []
     for status, number in ended.items():
         passive = status not in ("broke down", "failed")  # refused, killed or stopped
         were = ("was " if number == 1 else "were ") if passive else ""
-        said.append(f"{counted(number, rows)} {were}{status}")
-    return ", ".join(said)
+        phrases.append(f"{counted(number, rows)} {were}{status}")
+    return ", ".join(phrases)
 
 
 def damped(rows: Sequence[Row]) -> str:
@@ -150,4 +151,95 @@ def study_table(rows: Sequence[Row], axes: Sequence[Axis]) -> Table:
         settings = [row.combination.values.get(axis.name, "") for axis in axes]
         figures = [_number(row.figures.get(name), 3 if name in (*names, CPU) else 6) for name in (*names, *shown)]
         table.add_row(*settings, *figures, ", ".join(filter(None, [row.mark, row.outcome.status])))
+    return table
+
+
+CONFIDENCE = 0.95  # of the mean's confidence
+QUANTILES = (0.05, 0.5, 0.95)
+
+
+class Ensemble(NamedTuple):
+    """A response over the seeds of one setting of the other keys.
+
+    Attributes
+    ----------
+    settings
+        Values of the other keys by their names.
+    values
+        Of the runs that have finished, shape (runs,), in the order of the seeds.
+    warned
+        Which of them are of runs that have warnings.
+    """
+
+    settings: dict[str, str]
+    response: str
+    values: NDArray[np.float64]
+    warned: Sequence[int] = ()
+
+    @property
+    def mean(self) -> float:
+        """The mean."""
+        return float(self.values.mean())
+
+    @property
+    def spread(self) -> float:
+        """The standard deviation of the population that the seeds are a sample of; of one run not a number."""
+        return float(self.values.std(ddof=1)) if self.values.size > 1 else np.nan
+
+    @property
+    def half_width(self) -> float:
+        """Half the width of the 95 % confidence interval of the mean, by Student's t; of one run not a number."""
+        runs = self.values.size
+        return float(stdtrit(runs - 1, (1 + CONFIDENCE) / 2)) * self.spread / runs**0.5 if runs > 1 else np.nan
+
+    @property
+    def quantiles(self) -> tuple[float, ...]:
+        """The 5, 50 and 95 % quantiles, interpolated between the runs."""
+        return tuple(float(one) for one in np.quantile(self.values, QUANTILES))
+
+
+def ensembles(rows: Sequence[Row], axes: Sequence[Axis]) -> list[Ensemble]:
+    """Return the ensembles of all responses, settings in the order of the rows; marked rows are of none."""
+    other_keys = [axis.name for axis in axes if not axis.seeds]
+    groups: dict[tuple[str, ...], list[Row]] = {}
+    for row in rows:
+        if row.responses and not row.mark:
+            groups.setdefault(tuple(row.combination.values[name] for name in other_keys), []).append(row)
+    result = []
+    for name in responded(row.responses for row in rows):
+        for key, group in groups.items():
+            finite = [row for row in group if not np.isnan(row.responses.get(name, np.nan))]
+            values, warned = (
+                [row.responses[name] for row in finite],
+                [n for n, row in enumerate(finite) if row.warnings],
+            )
+            if finite:
+                result.append(Ensemble(dict(zip(other_keys, key, strict=True)), name, np.array(values), warned))
+    return result
+
+
+COLUMNS = ("runs", "mean", "mean from", "mean to", "standard deviation", *(f"{100 * q:g} %" for q in QUANTILES))
+
+
+def _figures(one: Ensemble) -> list[float]:
+    return [one.values.size, one.mean, one.mean - one.half_width, one.mean + one.half_width, one.spread, *one.quantiles]
+
+
+def write_ensembles(path: Path, statistics: Sequence[Ensemble]) -> None:
+    """Write ``ensemble.csv``: settings, response, runs, mean with its 95 % confidence interval, spread, quantiles."""
+    text = StringIO()
+    writer = csv.writer(text)
+    writer.writerow([*statistics[0].settings, "response", *COLUMNS])
+    for one in statistics:
+        figures = ["" if np.isnan(figure) else f"{figure:.7g}" for figure in _figures(one)]
+        writer.writerow([*one.settings.values(), one.response, *figures])
+    write_atomically(path, text.getvalue().encode())
+
+
+def ensemble_table(statistics: Sequence[Ensemble]) -> Table:
+    """Return the ensembles as a table for the terminal."""
+    table = Table(*statistics[0].settings, "response", *COLUMNS, box=SIMPLE, padding=0)
+    for one in statistics:
+        figures = ("" if np.isnan(figure) else f"{figure:.4g}" for figure in _figures(one))
+        table.add_row(*one.settings.values(), one.response, *figures)
     return table

@@ -22,8 +22,7 @@ from wavetank.studies.calibrate.drawing import draw
 from wavetank.studies.calibrate.numerics import cheaper, exhausted
 from wavetank.studies.calibrate.table import figures, told, write_table
 from wavetank.studies.calibrate.waves import table
-from wavetank.studies.runs import Runner, cores, status_of
-from wavetank.studies.sweep import Combination
+from wavetank.studies.sweep import Combination, Runner, cores, status_of
 from wavetank.values.toml import toml
 
 CHEAP, OWN = "cheap", "the case's"
