@@ -134,7 +134,7 @@ def test_regular_waves_go_with_their_phase_speed_and_no_other_frequency_has_one(
     figures = []
     monkeypatch.setattr(Figure, "savefig", lambda figure, path, **_: figures.append(figure))
     record, c = regular((2.0, 5.0, 5.5), way=way)
-    found = results.analysed("speed", replace(record, told_period=period))
+    found = results.analysed("speed", replace(record, given_period=period))
     assert found.columns[3] == "phase speed [m/s]" and [row[1] for row in found.rows] == [3.0, 0.5]
     for _, apart, late, speed, linear in found.rows:
         assert (speed, linear) == (pytest.approx(way * c, rel=1e-6), pytest.approx(c))
@@ -152,12 +152,12 @@ def test_gauges_on_either_side_of_a_bar_are_refused_where_one_depth_is_needed():
     def bed(x, y):
         return np.where(abs(x - 5.0) < 0.2, 0.5, 1.0)
 
-    over = replace(record, told_depth=bed)
+    over = replace(record, given_depth=bed)
     for kind in ("reflection", "bound-free", "speed"):
         with pytest.raises(InputError, match="differs between the gauges: --gauges names those that stand over one"):
-            results.analysed(kind, replace(over, told_period=1.6))
+            results.analysed(kind, replace(over, given_period=1.6))
         for one in (over.eta[:2], over.eta[2:]):
-            results.analysed(kind, replace(over, told_period=1.6, eta=one))
+            results.analysed(kind, replace(over, given_period=1.6, eta=one))
     assert "left out" not in results.analysed("heights", over).notes  # each has its own waves, over that depth
 
 
@@ -169,7 +169,7 @@ def test_where_whole_periods_cannot_be_told_it_is_said(tmp_path, monkeypatch):
     figures = []
     monkeypatch.setattr(Figure, "savefig", lambda figure, path, **_: figures.append(figure))
     record, c = regular((2.0, 5.0, 5.5), length=48.0)
-    wrong = results.analysed("speed", replace(record, told_depth=0.2)).notes
+    wrong = results.analysed("speed", replace(record, given_depth=0.2)).notes
     assert "whole periods cannot be told between gauges 1-2: they differ by more than a quarter" in wrong
     other = 0.03 * np.cos(2 * np.pi * 0.7 * (record.eta.time - record.eta.x / 2.1))
     said = results.analysed("speed", replace(record, eta=record.eta + other.transpose(*record.eta.dims)))

@@ -13,10 +13,10 @@ from wavetank.analysis.record import read_record
 from wavetank.analysis.reflection import (
     beat_length,
     bound_and_free,
+    fit_waves,
     reflected,
     reflected_spectra,
     regular_reflection,
-    told_apart,
 )
 from wavetank.analysis.results import KINDS, reflection_coefficient
 from wavetank.analysis.signals import (
@@ -444,7 +444,7 @@ def test_what_comes_from_the_far_wall_goes_against_x(tmp_path):
         scene = {"tank": {"length": 9.0, "depth": DEPTH, "gravity": G}} | walls
         (tmp_path / "manifest.json").write_text(json.dumps({"scene": scene}))
         record = read_record(str(tmp_path))
-        assert record.told_period == pytest.approx(1 / 0.7)
+        assert record.given_period == pytest.approx(1 / 0.7)
         assert reflection_coefficient(record) == pytest.approx(coefficient, rel=1e-3)
     record = read_record(str(tmp_path))
     (tmp_path / "manifest.json").write_text(json.dumps({"scene": scene | {"wall": rest, "far_wall": driven}}))
@@ -454,8 +454,8 @@ def test_what_comes_from_the_far_wall_goes_against_x(tmp_path):
 
 
 def test_what_is_told_apart_says_how_badly_gauges_stand():
-    assert told_apart([1.0, 1.0], [0.0, np.pi / 2], [1.0, -1.0]).condition == pytest.approx(1.0)
-    assert told_apart([1.0, 1.0], [0.0, 0.1 * np.pi], [1.0, -1.0]).condition == pytest.approx(6.3, abs=0.05)
+    assert fit_waves([1.0, 1.0], [0.0, np.pi / 2], [1.0, -1.0]).condition == pytest.approx(1.0)
+    assert fit_waves([1.0, 1.0], [0.0, 0.1 * np.pi], [1.0, -1.0]).condition == pytest.approx(6.3, abs=0.05)
 
 
 # ---------------------------------------------------------------- similarity and speed

@@ -19,14 +19,14 @@ from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.tables import GaugeSeries
 from wavetank.output.writer import RunWriter
-from wavetank.plots.compare_command import told_of_tanks
+from wavetank.plots.compare_command import tank_note
 from wavetank.plots.figures import draw_run, gauges_figure
 from wavetank.plots.tables import (
     GAUGE_COLUMNS,
+    clock_note,
     comparison_table,
     extremes_table,
     harmonics_table,
-    told_of_clock,
     write_comparison,
 )
 
@@ -228,9 +228,9 @@ def test_runs_in_different_tanks_are_told(tmp_path):
         with RunWriter(tmp_path / name, {"scene": {"tank": tank}}):
             pass
     a, b, c = (str(tmp_path / name) for name in tanks)
-    assert told_of_tanks(a, b) == "warning: the runs are of different tanks: tank.length = 10.0 and 12.0"
-    assert told_of_tanks(b, c) == "warning: the runs are of different tanks: tank.bed"
-    assert told_of_tanks(a, a) == told_of_tanks(a, "measured.csv") == ""
+    assert tank_note(a, b) == "warning: the runs are of different tanks: tank.length = 10.0 and 12.0"
+    assert tank_note(b, c) == "warning: the runs are of different tanks: tank.bed"
+    assert tank_note(a, a) == tank_note(a, "measured.csv") == ""
 
 
 def test_what_is_neither_a_run_nor_a_data_set_is_said(tmp_path, capsys):
@@ -295,7 +295,7 @@ def test_of_records_on_another_clock_that_is_told(late, factor, told):
     t = np.arange(0, 60, 0.02)
     here, there = (0.05 * np.exp(-(((t - t0) / 3) ** 2)) * np.cos(4 * (t - t0)) for t0 in (20.0, 20.0 + late))
     computed, measured = [series("g", 1.0, t, factor * here)], [series("g", 1.0, t, there)]
-    said = told_of_clock(computed, measured, compare(computed, measured))
+    said = clock_note(computed, measured, compare(computed, measured))
     assert told in said and bool(said) == bool(told) == ("--clock free" in said)
 
 

@@ -64,7 +64,7 @@ def compared(run, reference, tmp_path):
 )
 def test_a_table_that_says_no_units_is_told_to_be_taken_in_metres(tmp_path, header, said):
     (tmp_path / "u.csv").write_text(f"{header}\n" + rows(T, eta(T, 2.0), eta(T, 7.5)))
-    told = data.told_of_units(str(tmp_path / "u.csv"))
+    told = data.units_note(str(tmp_path / "u.csv"))
     assert told.startswith(said.replace("FILE", str(tmp_path / "u.csv"))) and bool(told) == bool(said)
     if header == "t,1,5":
         shown = commanded("analyse", str(tmp_path / "u.csv"), "heights", "--out", str(tmp_path / "out")).stdout

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from examples.paper.report import Report
 from examples.paper.watched import Surfaces
-from wavetank.analysis.reflection import told_apart
+from wavetank.analysis.reflection import fit_waves
 from wavetank.case import Scene
 from wavetank.plots.style import BLUE, GREY, VERMILION
 from wavetank.simulation.build import build_run
@@ -111,11 +111,11 @@ class Harmonics(NamedTuple):
     first: NDArray[Any]
     second: NDArray[Any]
 
-    def told_apart(self) -> Array:
+    def fit_waves(self) -> Array:
         """Return amplitudes [m] of the first harmonic, and of the second bound and free."""
         tank = self.tank
-        one = told_apart(self.first, self.x, [tank.k, -tank.k]).amplitudes
-        two = told_apart(self.second, self.x, [2.0 * tank.k, tank.free, -tank.free]).amplitudes
+        one = fit_waves(self.first, self.x, [tank.k, -tank.k]).amplitudes
+        two = fit_waves(self.second, self.x, [2.0 * tank.k, tank.free, -tank.free]).amplitudes
         return np.abs([one[0], two[0], two[1]])
 
 
@@ -137,7 +137,7 @@ def row(kd: float, share: float, generation: str, hinge: float | None = None) ->
     """Return what is free and bound of the second harmonic."""
     tank = Tank(kd, share, hinge)
     found = tank.harmonics(generation)
-    first, bound, free = found.told_apart()
+    first, bound, free = found.fit_waves()
     expected = tank.expected_free / tank.a if generation == "linear" else 0.0
     ratios = first / tank.a, bound / first, share * first / tank.a, free / first, expected, free / bound
     return FreeRow(kd, tank.k * tank.a, generation, *map(float, ratios)), found

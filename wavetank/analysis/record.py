@@ -33,9 +33,9 @@ class Record:
         The elevation [m] over gauge and time.
     title
         What it is.
-    told_period
+    given_period
         The period of the waves [s], where it is told.
-    told_depth
+    given_depth
         Of the still water: a number [m], a function d(x, y), or nothing where it is not known.
     gravity
         g [m/s²].
@@ -51,8 +51,8 @@ class Record:
 
     eta: DataArray
     title: str
-    told_period: float | None = None
-    told_depth: float | Depth | None = None
+    given_period: float | None = None
+    given_depth: float | Depth | None = None
     gravity: float = GRAVITY
     far_end: float | None = None
     from_wall: bool = False
@@ -66,25 +66,25 @@ class Record:
         return self.eta if self.far_end is None else self.eta.assign_coords(x=self.far_end - self.eta.x)
 
     @property
-    def told_way(self) -> str:
+    def direction_note(self) -> str:
         """What there is to say of it."""
         return "" if self.far_end is None else "; x is that from the far wall, which makes the waves"
 
     @cached_property
     def frequency(self) -> float:
         """The waves' frequency [Hz], as told, or that of the harmonics that leave the least."""
-        return 1 / self.told_period if self.told_period else fundamental(self.eta)
+        return 1 / self.given_period if self.given_period else fundamental(self.eta)
 
     @property
-    def depth_if_known(self) -> float | None:
+    def optional_depth(self) -> float | None:
         """The depth [m] at the gauges; None where it is not known, or differs between them."""
         return self._one_depth(self.eta.x.values, self.eta.y.values)
 
     def _one_depth(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> float | None:
         """Return the depth [m] at places x and y [m] of shape (N,); None where it is not known, or not one."""
-        if not callable(self.told_depth):
-            return self.told_depth
-        depths = self.told_depth(x, y)
+        if not callable(self.given_depth):
+            return self.given_depth
+        depths = self.given_depth(x, y)
         return float(depths.mean()) if np.ptp(depths) < SAME * depths.mean() else None
 
     @cached_property
@@ -95,7 +95,7 @@ class Record:
         x, y = (np.interp(way, gauges, at.values) for at in (self.eta.x, self.eta.y))
         if (depth := self._one_depth(x, y)) is None:
             differs = "it differs between the gauges: --gauges names those that stand over one"
-            why = differs if self.told_depth else "give --depth METRES"
+            why = differs if self.given_depth else "give --depth METRES"
             raise InputError(f"{self.title}: the depth is needed for this; {why}.")
         return depth
 

@@ -25,7 +25,7 @@ Complex = NDArray[np.complex128]
 Array = NDArray[np.float64]
 
 
-class Along(NamedTuple):
+class WaveFit(NamedTuple):
     """Waves told apart.
 
     Attributes
@@ -43,19 +43,19 @@ class Along(NamedTuple):
     condition: float
 
 
-def told_apart(components: ArrayLike, x: ArrayLike, wave_numbers: ArrayLike) -> Along:
+def fit_waves(components: ArrayLike, x: ArrayLike, wave_numbers: ArrayLike) -> WaveFit:
     """Return the waves of some wave numbers [rad/m] in components A of shape (gauges,) at x [m] of that shape."""
     A, places, numbers = np.asarray(components, dtype=complex), np.asarray(x, float), np.asarray(wave_numbers, float)
     waves = np.exp(1j * np.outer(places, numbers))
     amplitudes = np.linalg.lstsq(waves, A, rcond=None)[0]
     rest = np.sqrt(np.mean(np.abs(A - waves @ amplitudes) ** 2))
-    return Along(amplitudes, float(rest), float(np.linalg.cond(waves)))
+    return WaveFit(amplitudes, float(rest), float(np.linalg.cond(waves)))
 
 
 # ---------------------------------------------------------------- bound and free second harmonics
 def bound_and_free(
     component: DataArray, frequency: float, *, depth: float, gravity: float = 9.81, returning: bool = False
-) -> Along:
+) -> WaveFit:
     """Return the bound and the free wave of the second harmonic, and the free one that goes back where asked for.
 
     ``component`` are complex amplitudes [m] of that harmonic over gauge, as ``harmonics`` returns them, of two gauges
@@ -68,7 +68,7 @@ def bound_and_free(
     if x.size < len(numbers):
         needed = f"at least {len(numbers)} are needed to tell bound waves from free ones"
         raise InputError(f"{x.size} gauges received; {needed}.")
-    return told_apart(component.values, x, numbers)
+    return fit_waves(component.values, x, numbers)
 
 
 def beat_length(frequency: float, *, depth: float, gravity: float = 9.81) -> float:
@@ -111,7 +111,7 @@ def reflected(components: ArrayLike, x: ArrayLike, k: float, *, within: float = 
     """
 
     def at(k: float) -> Reflection:
-        (incident, back), rest, condition = told_apart(components, x, [k, -k])
+        (incident, back), rest, condition = fit_waves(components, x, [k, -k])
         return Reflection(complex(incident), complex(back), k, rest, condition)
 
     if not within:
@@ -145,7 +145,7 @@ def reflected_spectra(eta: DataArray, *, depth: float, gravity: float = 9.81, se
 
     ``counted`` are energetic frequencies that the gauges resolve, up to 1.5 times the peak's: harmonics above are bound
     to the waves, and linear theory takes a part of them for reflected. The attributes: ``coefficient``, of the counted
-    frequencies, ``told_apart``, their part of the variance, ``hm0_incident`` and ``hm0_reflected`` [m], of all
+    frequencies, ``fit_waves``, their part of the variance, ``hm0_incident`` and ``hm0_reflected`` [m], of all
     frequencies in the ratio of the coefficient, ``highest_frequency`` [Hz], the limit, and ``one_window``, whether the
     record is one Hann window. Raises ``InputError`` for fewer than two gauges, where they resolve no frequency of the
     waves, and for waves that pass for a part of the record and are cut at its ends.

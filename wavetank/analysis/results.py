@@ -14,8 +14,8 @@ from wavetank.analysis.reflection import (
     ENERGETIC,
     FREE,
     WORST,
-    Along,
     Reflection,
+    WaveFit,
     beat_length,
     bound_and_free,
     reflected_spectra,
@@ -99,7 +99,7 @@ def heights(record: Record) -> Result:
     units = {"waves": "-", "t_mean": "s", "t_1_3": "s"}
     columns = ("gauge", "x [m]", *(f"{name} [{units.get(name, 'm')}]" for name in statistics[0]), "Hm0 [m]")
     rows = _rows(record, [[*one.values()] for one in statistics], states.hm0)
-    hm0, tm01, depth = float(states.hm0.mean()), float(states.tm01.mean()), record.depth_if_known
+    hm0, tm01, depth = float(states.hm0.mean()), float(states.tm01.mean()), record.optional_depth
 
     def crests(relative: Array) -> Array:
         return forristall_crests(relative * hm0, hm0, tm01=tm01, depth=depth or np.inf, gravity=record.gravity)
@@ -122,13 +122,13 @@ def harmonic(record: Record) -> Result:
     A, numbers = found.component.values, found.harmonic.values
     columns = ["gauge", "x [m]", *(f"a{n} [m]" for n in numbers), *(f"phase{n} [rad]" for n in numbers), "rest [m]"]
     rows = _rows(record, np.abs(A), np.angle(A), found.rest)
-    unsteady = _unsteady_told(
+    unsteady = _unsteady_note(
         record,
         lambda eta: np.abs(harmonics(eta, f, number=number).component.values),
         lambda a: np.maximum(UNSTEADY * a, MINOR * np.linalg.norm(a, axis=1, keepdims=True)),
         [[f"harmonic {n} at gauge {gauge}" for n in numbers] for gauge in record.eta.gauge.values],
     )
-    said = _period_told(record) + _others_told(record) + (_begin_told(record, 1 / f) or unsteady)
+    said = _period_note(record) + _others_note(record) + (_begin_note(record, 1 / f) or unsteady)
     return Result(columns, rows, said, "harmonics", {"found": found, "title": record.title})
 
 
@@ -137,7 +137,7 @@ def bound_free(record: Record) -> Result:
     f, depth, g = record.frequency, record.depth, record.gravity
     names = ["bound", "free", "free, going back"][: 3 if record.eta.sizes["gauge"] > 3 else 2]
 
-    def second(eta: DataArray) -> tuple[DataArray, Along]:
+    def second(eta: DataArray) -> tuple[DataArray, WaveFit]:
         found = harmonics(replace(record, eta=eta).on_its_way, f, number=max(2, resolved(record.eta, f)))
         component = found.component[:, 1]
         return component, bound_and_free(component, f, depth=depth, gravity=g, returning=len(names) > 2)
@@ -153,7 +153,7 @@ def bound_free(record: Record) -> Result:
     unsteady = (
         ""
         if badly
-        else _unsteady_told(
+        else _unsteady_note(
             record,
             lambda eta: np.abs(second(eta)[1].amplitudes),
             lambda a: UNSTEADY_SECOND * a.max(keepdims=True),
@@ -162,8 +162,8 @@ def bound_free(record: Record) -> Result:
     )
     said = (
         f"T = {1 / f:.6g} s; beat {beat_length(f, depth=depth, gravity=g):.4g} m; "
-        f"{_rest_told(component, found)}condition {found.condition:.3g}{badly}{_others_told(record)}"
-        f"{_slowest_told(record, k, free) or unsteady}{record.told_way}"
+        f"{_rest_note(component, found)}condition {found.condition:.3g}{badly}{_others_note(record)}"
+        f"{_free_waves_note(record, k, free) or unsteady}{record.direction_note}"
     )
     title = f"{record.title}: second harmonic, T = {1 / f:.4g} s"
     return Result(
@@ -190,7 +190,7 @@ def groups(record: Record) -> Result:
 
 def reflection(record: Record) -> Result:
     """Incident and reflected waves by least squares: of regular waves where a period is told, else of a sea."""
-    return _regular(record) if record.told_period else _irregular(record)
+    return _regular(record) if record.given_period else _irregular(record)
 
 
 def reflection_coefficient(record: Record) -> float:
@@ -199,15 +199,15 @@ def reflection_coefficient(record: Record) -> float:
     Raises ``InputError`` where the gauges cannot tell.
     """
     waving(record.eta)
-    if record.told_period:
-        _, found = _told_apart(record)
+    if record.given_period:
+        _, found = _separate(record)
         if found.condition > WORST:
             raise InputError("reflection: the gauges stand where incident and reflected waves cannot be told apart.")
         return found.coefficient
     return float(reflected_spectra(record.on_its_way, depth=record.depth, gravity=record.gravity).attrs["coefficient"])
 
 
-def _told_apart(record: Record) -> tuple[DataArray, Reflection]:
+def _separate(record: Record) -> tuple[DataArray, Reflection]:
     """Return the harmonics over gauge, and the waves that the first is told to be.
 
     They are all that can be found: over a part of a period what is left out would count as the first.
@@ -219,20 +219,20 @@ def _told_apart(record: Record) -> tuple[DataArray, Reflection]:
 
 
 def _regular(record: Record) -> Result:
-    component, found = _told_apart(record)
-    begin = _begin_told(record, 1 / record.frequency)
+    component, found = _separate(record)
+    begin = _begin_note(record, 1 / record.frequency)
     badly = ": gauges stand badly" if found.condition > WORST else ""
-    said = f"{_rest_told(component, found)}condition {found.condition:.3g}{badly}{_others_told(record)}"
+    said = f"{_rest_note(component, found)}condition {found.condition:.3g}{badly}{_others_note(record)}"
     return Result(
         ("period [s]", "k [rad/m]", "incident [m]", "reflected [m]", "reflection [-]"),
         [(1 / record.frequency, found.k, abs(found.incident), abs(found.reflected), found.coefficient)],
-        said + (begin or badly or _doubted(record, component, found)) + record.told_way,
+        said + (begin or badly or _uncertainty_note(record, component, found)) + record.direction_note,
         "regular-reflection",
         {"component": component[:, 0], "found": found, "title": record.title},
     )
 
 
-def _unsteady_told(
+def _unsteady_note(
     record: Record, amplitudes: Callable[[DataArray], Array], least: Callable[[Array], Array], names: ArrayLike
 ) -> str:
     """Return which of some named amplitudes [m] changes most over the record, where by more than ``least`` of it."""
@@ -266,7 +266,7 @@ def _whole_periods(record: Record) -> list[DataArray]:
     return [first, record.eta, last]
 
 
-def _doubted(record: Record, component: DataArray, found: Reflection) -> str:
+def _uncertainty_note(record: Record, component: DataArray, found: Reflection) -> str:
     """Return why the reflection of the waves that are ``found`` of harmonics is not to be trusted, and what helps.
 
     Because it changes, or gauges cannot tell it from what linear theory leaves out of the first harmonic. Three see
@@ -275,7 +275,7 @@ def _doubted(record: Record, component: DataArray, found: Reflection) -> str:
     doubtful = max(UNSURE * found.coefficient, SLIGHT)
     halves = [replace(record, eta=half) for half in _ends(record.eta, record.eta.time.size // 2)]
     if all(np.ptp(half.eta.time.values) * record.frequency > 1 for half in halves):
-        early, late = (_told_apart(half)[1].coefficient for half in halves)
+        early, late = (_separate(half)[1].coefficient for half in halves)
         if np.ptp([early, found.coefficient, late]) > doubtful:
             return _not_steady("the reflection", *(_percent(part, 2) for part in (early, late)))
     number, steepness = component.sizes["gauge"], found.k * float(np.linalg.norm(component[:, 1:2])) / np.sqrt(2)
@@ -289,7 +289,7 @@ def _doubted(record: Record, component: DataArray, found: Reflection) -> str:
     return f"; the reflection is uncertain by {_percent(unsure, 1)}, which {why} (--gauges, --along)"
 
 
-def _rest_told(component: DataArray, found: Along | Reflection) -> str:
+def _rest_note(component: DataArray, found: WaveFit | Reflection) -> str:
     """Return what waves told apart leave of complex amplitudes over gauge, which of two gauges is nothing."""
     return f"rest {found.rest:.3g} m (rms); " if component.sizes["gauge"] > 2 else ""
 
@@ -299,30 +299,30 @@ def _percent(part: float, digits: int) -> str:
     return f"{float(f'{100 * part:.{digits}g}'):g} %"
 
 
-def _period_told(record: Record) -> str:
-    return f"T = {1 / record.frequency:.6g} s" + ("" if record.told_period else ", as found in the record (--period)")
+def _period_note(record: Record) -> str:
+    return f"T = {1 / record.frequency:.6g} s" + ("" if record.given_period else ", as found in the record (--period)")
 
 
-def _share_of_others(record: Record) -> float:
+def _other_variance_ratio(record: Record) -> float:
     """Return how much of the variance is neither of the waves' frequency nor of its harmonics."""
     rest = harmonics(record.eta, record.frequency, number=resolved(record.eta, record.frequency)).rest
     return float((rest**2).sum() / record.eta.var("time").sum())
 
 
-def _others_told(record: Record) -> str:
+def _others_note(record: Record) -> str:
     """Return words on the variance that is neither of the waves' frequency nor of its harmonics, where that is much."""
-    share = _share_of_others(record)
+    share = _other_variance_ratio(record)
     others = f"; {_percent(share, 2)} of the variance is not of this period, but of other waves or of growing ones"
     return others if share > DOUBTFUL else ""
 
 
-def _begin_told(record: Record, period: float) -> str:
+def _begin_note(record: Record, period: float) -> str:
     """Return how to leave out the beginning of the waves, looked at over a period [s], where the record has it."""
     start = waves_begin(record.eta, period)
     return "" if start is None else f"; its waves begin in this record: --start {start:.4g} leaves that out"
 
 
-def _slowest_told(record: Record, k: float, free: float) -> str:
+def _free_waves_note(record: Record, k: float, free: float) -> str:
     """Return from when on free second harmonics of wave number ``free`` [rad/m] are at all gauges, if that is later.
 
     They leave the wall with the first harmonic, of wave number k [rad/m], or where no wall is known, or a bed may make
@@ -353,8 +353,8 @@ def _irregular(record: Record) -> Result:
         f"{record.eta.sizes['gauge']} gauges; reflection of frequencies that they resolve, that have above "
         f"{100 * ENERGETIC:g} % of the largest density and are below {found.attrs['highest_frequency']:.3g} Hz, "
         f"{FREE:g} times the peak's (harmonics above are bound waves); Hm0 of all frequencies, in that ratio"
-        f"{one if found.attrs['one_window'] else ''}{record.told_way}"
-        f"{_begin_told(record, SEVERAL * mean_period(record.eta))}",
+        f"{one if found.attrs['one_window'] else ''}{record.direction_note}"
+        f"{_begin_note(record, SEVERAL * mean_period(record.eta))}",
         "reflection",
         {"found": found, "title": record.title},
     )
@@ -367,7 +367,7 @@ def speed(record: Record) -> Result:
 
 def _is_regular(record: Record) -> bool:
     """Return whether a period is told, or one that is found has nearly all of the variance."""
-    if record.told_period:
+    if record.given_period:
         return True
     times, some = record.eta.time.size, round(MIDDLE * mean_period(record.eta) / time_step(record.eta))
     middle = record.eta.isel(time=slice(max(0, (times - some) // 2), (times + some) // 2))
@@ -379,7 +379,7 @@ def _of_one_period(record: Record) -> bool:
     if not record.eta.var("time").max() > SMALLEST**2:
         return False
     length = float(record.eta.time[-1] - record.eta.time[0])
-    return record.frequency * length > FEWEST_PERIODS and _share_of_others(record) < DOUBTFUL
+    return record.frequency * length > FEWEST_PERIODS and _other_variance_ratio(record) < DOUBTFUL
 
 
 def _speed_of_regular(record: Record) -> Result:
@@ -391,9 +391,9 @@ def _speed_of_regular(record: Record) -> Result:
     return Result(
         ("gauges", "distance [m]", "delay [s]", "phase speed [m/s]", "linear [m/s]"),
         [(str(pair), *map(float, row), linear) for pair, *row in zip(pairs, apart, late, c, strict=True)],
-        f"{_period_told(record)}; of delays that differ by whole periods the one nearest to linear waves' is told"
-        f"{_uncertain(found, 'they differ by more than a quarter of one')}{_others_told(record)}"
-        f"{_begin_told(record, 1 / f)}{record.told_way}",
+        f"{_period_note(record)}; of delays that differ by whole periods the one nearest to linear waves' is told"
+        f"{_uncertain(found, 'they differ by more than a quarter of one')}{_others_note(record)}"
+        f"{_begin_note(record, 1 / f)}{record.direction_note}",
         *_speed_figure(record, c[:, None], pairs, np.array([f])),
     )
 
@@ -423,7 +423,7 @@ def _speed_of_sea(record: Record) -> Result:
         [(str(pair), *map(float, row)) for pair, row in zip(between.pair.values, numbers, strict=True)],
         "delay and speed are those of the largest cross-correlation"
         f"{_uncertain(between, 'a period earlier or later the records are as alike')}"
-        f"; frequencies are {frequencies[0]:.3g} Hz apart{record.told_way}",
+        f"; frequencies are {frequencies[0]:.3g} Hz apart{record.direction_note}",
         *_speed_figure(record, found.speed.where(told).values, found.pair.values, frequencies),
     )
 

@@ -374,7 +374,7 @@ def delay(one: DataArray, other: DataArray) -> float:
     return float(fine[np.argmax(alike(fine))] * time_step(one))
 
 
-def told_from_next(one: DataArray, other: DataArray, late: float) -> bool:
+def whole_periods_certain(one: DataArray, other: DataArray, late: float) -> bool:
     """Return whether a delay [s] fits two records better than any a mean period earlier or later."""
     a, b = (record.values for record in (one, other))
     best, period = round(late / time_step(one)), mean_period(one) / time_step(one)
@@ -399,7 +399,7 @@ def travel(eta: DataArray) -> Dataset:
     ordered = _ordered(eta)
     pairs = [(ordered[n], ordered[n + 1]) for n in range(ordered.gauge.size - 1)]
     delays = np.array([delay(*pair) for pair in pairs])
-    certain = [told_from_next(*pair, late) for pair, late in zip(pairs, delays, strict=True)]
+    certain = [whole_periods_certain(*pair, late) for pair, late in zip(pairs, delays, strict=True)]
     return _from_gauge_to_gauge(ordered, delays).assign(certain=("pair", certain))
 
 

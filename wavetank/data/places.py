@@ -95,7 +95,7 @@ def plain(path: Path) -> Dataset:
         raise refused(path, error) from None
 
 
-def told_of_units(reference: str) -> str:
+def units_note(reference: str) -> str:
     """Return in what units a table is read whose first line tells none, of elevations or of times; else nothing.
 
     A place in a name, as a run's own table has, says metres. Raises ``InputError`` as ``opened``.

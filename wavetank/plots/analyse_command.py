@@ -71,7 +71,7 @@ def analyse(
     from wavetank.plots.tables import write_rows
 
     record = read_record(source, start=start, end=end, gauges=names, along=_places(along), depth=depth, period=period)
-    records = {REFLECTION: replace(record, told_period=None)} if sea else {}
+    records = {REFLECTION: replace(record, given_period=None)} if sea else {}
     results, refused = {}, dict[str, list[str]]()
     for kind in asked:
         try:
@@ -87,7 +87,7 @@ def analyse(
         terminal.print(f"the run has not finished: {record.cause}", highlight=False, markup=False)
     if record.warnings:
         terminal.print(f"the run has {summarise_warnings(record.warnings)}", highlight=False)
-    if units := data.told_of_units(source):
+    if units := data.units_note(source):
         terminal.print(units, highlight=False)
     for kind, found in results.items():
         terminal.print(_table(found.columns, found.rows))

@@ -8,7 +8,7 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from xarray import DataArray, Dataset
 
-from wavetank.analysis.reflection import Along, Reflection
+from wavetank.analysis.reflection import Reflection, WaveFit
 from wavetank.analysis.results import Result
 from wavetank.analysis.statistics import exceedance, forristall_heights, rayleigh_crests, rayleigh_heights
 from wavetank.plots.style import BLUE, CM, COMPUTED, GREEN, INK, ORANGE, PURPLE, VERMILION, picture
@@ -22,7 +22,7 @@ SHARE = 0.99  # of the variance that a spectrum is drawn up to
 LEGEND = {"loc": "outside lower center", "ncols": 4}
 
 
-def _looks(number: int) -> list[tuple[float, ...] | str]:
+def _colours(number: int) -> list[tuple[float, ...] | str]:
     """Return a colour for each of so many lines that are drawn one over the other."""
     return list(FEW[:number]) if number <= len(FEW) else [*colormaps["viridis"](np.linspace(0, 0.93, number))]
 
@@ -48,7 +48,7 @@ def spectrum_figure(S: DataArray, path: Path, *, title: str) -> Path:
     """Draw the spectra S [m²/Hz] of gauges over frequency; return ``path``."""
     with picture(path, 9, 5.4) as figure:
         axes, shown = figure.subplots(), _shown(S.sizes["gauge"])
-        for n, colour in zip(shown, _looks(len(shown)), strict=True):
+        for n, colour in zip(shown, _colours(len(shown)), strict=True):
             axes.plot(S.frequency, CM**2 * S[n], color=colour, label=_label(S[n]))
         axes.set(xlabel="frequency [Hz]", ylabel="variance density [cm²/Hz]", xlim=(0, _highest(S)), ylim=(0, None))
         figure.legend(**LEGEND)
@@ -71,7 +71,7 @@ def heights_figure(
     """
     with picture(path, 11, 5.6) as figure:
         panels, shown = figure.subplots(1, 2, sharey=True), _shown(len(waves))
-        for n, colour in zip(shown, _looks(len(shown)), strict=True):
+        for n, colour in zip(shown, _colours(len(shown)), strict=True):
             gauge, found = waves[n]
             for panel, values in zip(panels, (found.height, found.crest), strict=True):
                 told = exceedance(values / float(states.hm0[n]))
@@ -102,12 +102,12 @@ def harmonics_figure(found: Dataset, path: Path, *, title: str) -> Path:
         axes = figure.subplots()
         if found.sizes["gauge"] > 2 and not np.isnan(found.x.values).any():
             order = np.argsort(found.x.values)
-            for n, colour in zip(range(numbers.size), _looks(numbers.size), strict=True):
+            for n, colour in zip(range(numbers.size), _colours(numbers.size), strict=True):
                 axes.plot(found.x[order], component[order, n], "o-", ms=4, color=colour, label=f"harmonic {numbers[n]}")
             axes.plot(found.x[order], CM * found.rest[order], ":", color=INK, label="rest (rms)")
             axes.set(xlabel="x [m]")
         else:
-            for one, colour in zip(component, _looks(found.sizes["gauge"]), strict=True):
+            for one, colour in zip(component, _colours(found.sizes["gauge"]), strict=True):
                 axes.plot(numbers, one, "o-", color=colour, label=_label(one))
             axes.set(xlabel="harmonic [-]", xticks=numbers)
         axes.set(ylabel="amplitude [cm]", ylim=(0, None))
@@ -118,7 +118,7 @@ def harmonics_figure(found: Dataset, path: Path, *, title: str) -> Path:
 
 
 def along_figure(
-    component: DataArray, wave_numbers: Sequence[float], names: Sequence[str], found: Along, path: Path, *, title: str
+    component: DataArray, wave_numbers: Sequence[float], names: Sequence[str], found: WaveFit, path: Path, *, title: str
 ) -> Path:
     """Draw a harmonic's amplitude along x with the waves that it is told to be the sum of; return ``path``.
 
@@ -178,7 +178,7 @@ def reflection_figure(found: Dataset, path: Path, *, title: str) -> Path:
 
 def regular_reflection_figure(component: DataArray, found: Reflection, path: Path, *, title: str) -> Path:
     """Draw a regular wave's amplitude along x and the beat of what comes and goes back; return ``path``."""
-    told = Along(np.array([found.incident, found.reflected]), found.rest, found.condition)
+    told = WaveFit(np.array([found.incident, found.reflected]), found.rest, found.condition)
     said = f"{title}: reflection {found.coefficient:.3g}"
     return along_figure(component, [found.k, -found.k], ["incident", "reflected"], told, path, title=said)
 
@@ -192,7 +192,7 @@ def speed_figure(
     """
     with picture(path, 9, 5.4) as figure:
         axes, shown = figure.subplots(), _shown(len(pairs))
-        for n, colour in zip(shown, _looks(len(shown)), strict=True):
+        for n, colour in zip(shown, _colours(len(shown)), strict=True):
             axes.plot(frequencies, speed[n], ".", color=colour, label=f"gauges {pairs[n]}")
         told = frequencies[np.isfinite(speed).any(axis=0)]
         f = np.linspace((1 - BESIDE) * told.min(), (1 + BESIDE) * told.max(), 200)

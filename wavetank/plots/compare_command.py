@@ -53,12 +53,12 @@ def compare(
     terminal = console()
     for table in tables:
         terminal.print(table)
-    for line in filter(None, (*lines, *map(data.told_of_units, (run, reference)), told_of_tanks(run, reference))):
+    for line in filter(None, (*lines, *map(data.units_note, (run, reference)), tank_note(run, reference))):
         terminal.print(line, highlight=False)
     terminal.print(f"wrote {', '.join(str(folder / name) for name in names)}", highlight=False)
 
 
-def told_of_tanks(run: str, reference: str) -> str:
+def tank_note(run: str, reference: str) -> str:
     """Return in what the tanks of two runs differ; nothing where they do not, or where one is no run."""
     runs = [RunDirectory(one) for one in (run, reference) if (Path(one) / MANIFEST).is_file()]
     if len(runs) < 2:
@@ -118,10 +118,10 @@ def _compare_gauges(
     from wavetank.plots.figures import gauges_figure
     from wavetank.plots.tables import (
         clock_line,
+        clock_note,
         comparison_table,
         extremes_table,
         harmonics_table,
-        told_of_clock,
         write_comparison,
         write_harmonics,
     )
@@ -138,7 +138,7 @@ def _compare_gauges(
         tables.append(harmonics_table(harmonic))
     published = [gauge for series, _ in others for gauge in series]
     gauges_figure(measured, computed, published, folder / "compare.png")
-    lines = [clock_line(compared), told_of_clock(computed, measured, compared)]
+    lines = [clock_line(compared), clock_note(computed, measured, compared)]
     return tables, lines
 
 

@@ -53,7 +53,7 @@ def clock_line(compared: Sequence[GaugeComparison]) -> str:
     )
 
 
-def told_of_clock(
+def clock_note(
     computed: Sequence[GaugeSeries], reference: Sequence[GaugeSeries], compared: Sequence[GaugeComparison]
 ) -> str:
     """Return that another clock explains half of the misfit and more, by when waves arrive; nothing where none does."""
