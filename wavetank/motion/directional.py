@@ -163,7 +163,7 @@ class Fan:
 
 
 TABLED = 200  # places, at most, at which the motion is kept as a table
-KEPT = 4  # sets of places
+CACHE_SIZE = 4  # sets of places
 STEPS = 2001  # of a spreading
 
 
@@ -181,7 +181,7 @@ class DirectionalSea(SegmentedMotion):
 
     target: PlaneWaves
     wavemaker: Wavemaker
-    _known: dict[bytes, Motion] = field(default_factory=dict, repr=False)
+    _cache: dict[bytes, Motion] = field(default_factory=dict, repr=False)
 
     @property
     def power_period(self) -> float:
@@ -192,12 +192,12 @@ class DirectionalSea(SegmentedMotion):
         """Return the sum of the components' derivatives; at few places from a table."""
         places = np.asarray(y, dtype=np.float64)
         key = places.tobytes()
-        if key not in self._known:
-            if len(self._known) >= KEPT:
-                del self._known[next(iter(self._known))]
+        if key not in self._cache:
+            if len(self._cache) >= CACHE_SIZE:
+                del self._cache[next(iter(self._cache))]
             lines = self.at(places)
-            self._known[key] = lines.tabulated() if places.size <= TABLED else lines
-        return self._known[key].derivative(t, order)
+            self._cache[key] = lines.tabulated() if places.size <= TABLED else lines
+        return self._cache[key].derivative(t, order)
 
     def at(self, y: Array) -> HarmonicSum:
         """Return the motion of places y [m], shape (M,), as a sum of sines."""

@@ -280,7 +280,7 @@ MEMORY = 4096  # steps: what a motion has made before is gone
 AHEAD = 200  # of them that are yet to come
 SPLINED = 40  # steps beyond which a spline knows nothing of its end
 SHORTEST = 100.0  # k d
-LEFT_OUT = 0.5  # of its frequency: from there on waves fade out
+TAPER_START = 0.5  # of the highest frequency: waves above are tapered
 FREQUENCIES = 300  # at which Z is found; between them it is a spline's
 
 
@@ -306,6 +306,6 @@ def _response(wavemaker: Wavemaker, step: float, depth: float, gravity: float) -
     highest = float(angular_frequency(SHORTEST / depth, depth, gravity))
     found = np.geomspace(omega[1], highest, FREQUENCIES)
     Z = scipy.interpolate.CubicSpline(np.log(found), face(wavemaker, found, depth, gravity))
-    fading = np.clip((omega / highest - LEFT_OUT) / (1.0 - LEFT_OUT), 0.0, 1.0)
+    fading = np.clip((omega / highest - TAPER_START) / (1.0 - TAPER_START), 0.0, 1.0)
     lines = Z(np.log(np.clip(omega, found[0], highest))) * np.cos(0.5 * np.pi * fading) ** 2
     return np.roll(np.fft.irfft(lines, 2 * MEMORY), AHEAD)[:MEMORY]

@@ -81,7 +81,7 @@ MISSED = 1e-6  # of the acceleration's largest possible value, at most, by the t
 FEW = 8  # sines that are as soon summed
 BLOCK, TABLE_SIZE = 1024, 2**20  # intervals of a block; numbers of its table of phases
 SUMMED = 16  # intervals that are tabulated while the sines are summed once
-KEPT, LEAST = 2**22, 4  # numbers of the blocks that are kept, 32 MB; blocks, however large
+CACHED_NUMBERS, MIN_BLOCKS = 2**22, 4  # of the table of blocks: 32 MB; blocks, however large
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,9 +190,9 @@ class Tabulated(Motion):
         return self._intervals * self.lines.step
 
     @cached_property
-    def _kept(self) -> int:
+    def _max_blocks(self) -> int:
         """How many blocks are kept."""
-        return max(LEAST, KEPT // (6 * self._intervals * (self.lines.b.size // self.lines.omega.size)))
+        return max(MIN_BLOCKS, CACHED_NUMBERS // (6 * self._intervals * (self.lines.b.size // self.lines.omega.size)))
 
     @cached_property
     def _turns(self) -> Complex:
@@ -202,11 +202,11 @@ class Tabulated(Motion):
 
     def _block(self, number: int) -> Pieces:
         if number not in self._blocks:
-            if len(self._blocks) >= self._kept:
+            if len(self._blocks) >= self._max_blocks:
                 del self._blocks[next(iter(self._blocks))]
             begin, omega, b = number * self._span, self.lines.omega, self.lines.b
-            turned = (np.exp(-1j * omega * begin) * b.T).T
-            rates = ((((-1j * omega) ** order) * turned.T).T for order in range(3))
+            phased = (np.exp(-1j * omega * begin) * b.T).T
+            rates = ((((-1j * omega) ** order) * phased.T).T for order in range(3))
             values = [np.real(self._turns @ rate) for rate in rates]
             self._blocks[number] = hermite(begin + self.lines.step * np.arange(self._intervals + 1), *values)
         return self._blocks[number]

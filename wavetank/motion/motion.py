@@ -450,14 +450,14 @@ class ValidatedMotion(Motion):
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return that of the motion."""
-        return self._told(t, lambda t: self._motion.derivative(t, order, y))
+        return self._validated(t, lambda t: self._motion.derivative(t, order, y))
 
     def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
         """Return those of the motion."""
-        found: list[Any] = self._told(t, lambda t: self._motion.rates(t, y, up_to=up_to))
+        found: list[Any] = self._validated(t, lambda t: self._motion.rates(t, y, up_to=up_to))
         return found
 
-    def _told(self, t: Any, found: Callable[[Any], Any]) -> Any:
+    def _validated(self, t: Any, found: Callable[[Any], Any]) -> Any:
         """Return what is found at times [s]; of what is none beyond the duration alone, it is said who asks there."""
         with about(*self._key):
             try:

@@ -136,8 +136,8 @@ def read_record(path: Path, *, column: str = "position [m]", named: str | None =
     t = values[:, wanted.index(TIME)]
     check_ascending(path, lines, t)
     check_gaps(path, lines, t, values[:, wanted.index(column)])
-    whole = column == STATE[0] and {*STATE} <= {*names}
-    return t, *(values[:, wanted.index(name)] for name in (STATE if whole else (column,)))
+    has_derivatives = column == STATE[0] and {*STATE} <= {*names}
+    return t, *(values[:, wanted.index(name)] for name in (STATE if has_derivatives else (column,)))
 
 
 def check_gaps(path: Path, lines: Sequence[int], t: Array, values: Array) -> None:
@@ -159,7 +159,7 @@ def check_gaps(path: Path, lines: Sequence[int], t: Array, values: Array) -> Non
         )
 
 
-NEAR = 1e-4  # s: times that far apart are close against any wave's period
+DIFFERENCE_STEP = 1e-4  # s: short against any wave's period
 TRUE = 1e-3  # of the largest: derivatives that are farther from differences are refused
 
 
@@ -177,8 +177,8 @@ class Programmed(Motion):
     def check(self, times: Array) -> None:
         """Raise ``InputError`` where a derivative is not that of the order below it, by differences at times [s]."""
         for order in (1, 2):
-            below, above = (self.derivative(times + step, order - 1) for step in (-NEAR, NEAR))
-            given, differences = self.derivative(times, order), (above - below) / (2 * NEAR)
+            below, above = (self.derivative(times + step, order - 1) for step in (-DIFFERENCE_STEP, DIFFERENCE_STEP))
+            given, differences = self.derivative(times, order), (above - below) / (2 * DIFFERENCE_STEP)
             off = np.abs(given - differences)
             if (off > TRUE * np.abs(differences).max() + 1e-9).any():
                 worst = int(off.argmax())

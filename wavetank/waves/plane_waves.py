@@ -81,5 +81,5 @@ def waves_along(
     omega = np.asarray(2.0 * np.pi * np.asarray(frequencies, dtype=np.float64))
     k = wave_number(omega, depth, gravity)
     k_x, k_y = k * np.cos(angles), k * np.sin(angles)
-    turned = np.exp(-1j * (k_x * x + k_y * y - omega * time + np.asarray(phases)))
-    return PlaneWaves(amplitudes=amplitudes * turned, k_x=k_x, k_y=k_y, omega=omega, depth=depth, gravity=gravity)
+    phasors = np.exp(-1j * (k_x * x + k_y * y - omega * time + np.asarray(phases)))
+    return PlaneWaves(amplitudes=amplitudes * phasors, k_x=k_x, k_y=k_y, omega=omega, depth=depth, gravity=gravity)

@@ -79,14 +79,14 @@ def second_order(
     """
     water = _Water(wavemaker, depth, gravity, evanescent)
     many = first.omega.size > MANY
-    apart_by = _Water(wavemaker, depth, gravity, min(evanescent, FEWER)) if many else water
+    difference_water = _Water(wavemaker, depth, gravity, min(evanescent, FEWER)) if many else water
     n, m = np.tril_indices(first.omega.size)
-    apart = n > m
-    total, difference = first.omega[n] + first.omega[m], (first.omega[n] - first.omega[m])[apart]
-    halved = np.where(apart, 1.0, 0.5)  # with itself it is one pair, two with another
+    distinct = n > m
+    total, difference = first.omega[n] + first.omega[m], (first.omega[n] - first.omega[m])[distinct]
+    halved = np.where(distinct, 1.0, 0.5)  # with itself it is one pair, two with another
     left = halved * (_interpolated(water, first.omega)[n, m] if many else water.left(first.omega))
     sums = left * first.b[n] * first.b[m]
-    differences = (apart_by.left(first.omega, -1.0) * first.b[n] * first.b[m].conj())[apart]
+    differences = (difference_water.left(first.omega, -1.0) * first.b[n] * first.b[m].conj())[distinct]
     return Strokes(
         np.concatenate([total, difference]),
         np.concatenate([water.motion(sums, total), water.motion(differences, difference)]),
