@@ -24,11 +24,9 @@ from wavetank.studies.calibrate import calibration as module
 from wavetank.studies.calibrate import drawing
 from wavetank.studies.calibrate.aim import NOTHING, Elevation, Found, Tried
 from wavetank.studies.calibrate.aims import aim_of
-from wavetank.studies.calibrate.calibration import CASE, PICTURE, TABLE, WAVES
+from wavetank.studies.calibrate.calibration import CASE, PICTURE, TABLE, WAVES, cheaper, exhausted, told
 from wavetank.studies.calibrate.crest import CrestAim, crests
-from wavetank.studies.calibrate.numerics import cheaper, exhausted
 from wavetank.studies.calibrate.record import RecordAim, mixed
-from wavetank.studies.calibrate.table import told
 from wavetank.studies.calibrate.waves import Lines, Scale, moved, scale, started, table
 from wavetank.studies.sweep import Outcome, Runner, status_of
 from wavetank.values.toml import toml

@@ -3,27 +3,172 @@
 What it knows, it reads from run directories: the same command goes on where one has ended.
 """
 
+import csv
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from io import StringIO
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 from rich.console import Console
 
+from wavetank.case import Gauge, LinearWater, NonlinearWater, Scene
+from wavetank.case.paddle import MadeWaves
 from wavetank.case.reading import located, read_case
-from wavetank.errors import InputError, RunError
+from wavetank.errors import InputError, RecordError, RunError
 from wavetank.output.directory import PADDLE, RunDirectory
 from wavetank.output.files import write_atomically
-from wavetank.studies.calibrate.aim import NOTHING, Setting, Tried
+from wavetank.planning.default_plan import default_plan
+from wavetank.planning.plan import make_plan, own_plan
+from wavetank.planning.resolution import DEFAULT, resolved
+from wavetank.studies.calibrate.aim import NEAR, NOTHING, Aim, Setting, Tried
 from wavetank.studies.calibrate.aims import aim_of
-from wavetank.studies.calibrate.attempt import Attempt, files_of, with_waves
 from wavetank.studies.calibrate.drawing import draw
-from wavetank.studies.calibrate.numerics import cheaper, exhausted
-from wavetank.studies.calibrate.table import figures, told, write_table
-from wavetank.studies.calibrate.waves import table
+from wavetank.studies.calibrate.waves import scale, table
 from wavetank.studies.sweep import Combination, Runner, cores, status_of
 from wavetank.values.toml import toml
+
+ROUGH = 0.1  # relative error of the elevation that is asked of it; a third of it is to be expected
+WORTH = 0.45  # of the CPU time of the case's own numerics
+CLOSE = 4.0  # of what is allowed: so near they, a few percent off themselves, have done what they can
+LESS = 0.8  # of the least misfit before: and so where it is no less
+
+
+def cheaper(scene: Scene) -> Scene | None:
+    """Return the scene with cheap numerics, the water as its own numerics have it; None where none are worth it."""
+    try:
+        own = default_plan(scene) or (
+            make_plan(scene, scene.numerics.accuracy)
+            if scene.numerics.accuracy is not None
+            else own_plan(resolved(scene), DEFAULT)
+        )
+        water = LinearWater() if own.physics == "linear" else NonlinearWater()
+        rough = make_plan(scene.model_copy(update={"water": water}), ROUGH)
+    except InputError:  # no plan is made of such scenes
+        return None
+    return rough.applied_to(scene) if rough.cost.cpu < WORTH * own.cost.cpu else None
+
+
+def exhausted(misfits: Sequence[float]) -> bool:
+    """Return whether cheap numerics, of attempts of such misfits over what is allowed, have done what they can."""
+    *before, last = misfits
+    return last <= CLOSE or last > LESS * min(before, default=float("inf"))
+
+
+PER_PERIOD = 40  # snapshots of the surface
+RAMP = 2.0  # mean periods
+
+
+def with_waves(scene: Scene, aim: Aim, file: str, *, recorded: bool) -> dict[str, Any]:
+    """Return what a case says whose paddle is told the waves in a file.
+
+    ``recorded``: whether its records are those that a calibration needs, all told, and not the user's own.
+    """
+    wall, first = scene.wall, aim.waves(aim.start)
+    motion = getattr(wall, "motion", None)
+    ramp = motion.ramp_in(scene.tank) if isinstance(motion, MadeWaves) else RAMP * scale(first).period
+    generation = motion.generation if isinstance(motion, MadeWaves) else "linear"
+    told = {"type": "components", "file": file, "ramp": ramp} | (
+        {} if generation is None else {"generation": generation}
+    )
+    changes: dict[str, Any] = {"gauges": _gauges(scene, aim.x)}
+    if recorded:
+        needed = {"surface_every": scale(first).period / PER_PERIOD, "gauges_every": 1}
+        changes["output"] = scene.output.model_copy(update=needed)
+    changed = scene.model_copy(update=changes)
+    said: dict[str, Any] = changed.model_dump(mode="json", exclude_unset=not recorded, exclude_none=True)
+    return said | {"wall": said["wall"] | {"motion": told}}
+
+
+def _gauges(scene: Scene, x: float) -> tuple[Gauge, ...]:
+    """Return the scene's gauges, and one at x [m] if none is there."""
+    if any(abs(one.x - x) < NEAR and not one.y for one in scene.all_gauges):
+        return scene.gauges
+    existing = {one.name for one in scene.all_gauges}
+    return *scene.gauges, Gauge(name=next(name for name in _names() if name not in existing), x=x)
+
+
+def _names() -> Iterator[str]:
+    yield "target"
+    n = 1
+    while True:
+        n += 1
+        yield f"target-{n}"
+
+
+def files_of(number: int, scene: Scene, aim: Aim, setting: Setting) -> dict[str, bytes]:
+    """Return what an attempt writes, by its files' names: its waves and its case."""
+    waves = f"attempt-{number}.csv"
+    said = toml(with_waves(scene, aim, waves, recorded=True))
+    return {waves: table(aim.waves(setting)).encode(), f"attempt-{number}.toml": said.encode()}
+
+
+class Attempt:
+    """The runs of a setting: one for each phase.
+
+    Raises ``InputError`` where the paddle cannot make these waves.
+
+    Attributes
+    ----------
+    case
+        The case file, which is written.
+    runs
+        What is run.
+    """
+
+    def __init__(self, number: int, scene: Scene, aim: Aim, setting: Setting, *, phases: Sequence[float], folder: Path):
+        for name, content in files_of(number, scene, aim, setting).items():
+            write_atomically(folder / name, content)
+        self.case = folder / f"attempt-{number}.toml"
+        self.runs: Sequence[Combination] = [self._run(f"{number}", phase) for phase in phases]
+
+    def _run(self, name: str, phase: float) -> Combination:
+        changes = (f"wall.motion.phase={phase}",) if phase else ()
+        return Combination(f"{name},phase={phase:g}" if phase else name, {}, changes, read_case(self.case, changes))
+
+
+COLUMNS = (
+    *("attempt", "runs", "numerics", "crest [m]", "x [m]", "t [s]", "nrms", "misfit over allowed"),
+    *("waves that broke", "CPU [s]", "cause"),
+)
+
+
+def figures(misfit: float) -> str:
+    """Return a misfit to two figures, large ones to all before the point."""
+    return f"{misfit:.2g}" if misfit < 10 else f"{misfit:.0f}"
+
+
+def told(one: Tried) -> str:
+    """Return what is said of an attempt while others are to come."""
+    found = one.found
+    if one.cause:
+        return one.cause
+    broke = f"; waves break {one.broke} times" if one.broke > 1 else "; a wave breaks" if one.broke else ""
+    other = found.rival
+    rival = f"; another of {other.height:.4g} m at {other.x:.4g} m, {other.t:.4g} s" if other else ""
+    nrms = "" if np.isnan(found.nrms) else f"nrms {found.nrms:.3g}, "
+    return (
+        f"crest {found.crest:.4g} m at x = {found.x:.4g} m, t = {found.t:.4g} s{rival}; {nrms}misfit "
+        f"{figures(found.misfit)} of what is allowed{broke}; {one.cpu:.1f} s of CPU time with {one.numerics} numerics"
+    )
+
+
+def write_table(path: Path, tried: Sequence[Tried]) -> None:
+    """Write ``calibration.csv``, in one step; raise ``RecordError``."""
+    text = StringIO()
+    writer = csv.writer(text)
+    writer.writerow(COLUMNS)
+    for one in tried:
+        found = one.found
+        values = [found.crest, found.x, found.t, found.nrms, found.misfit]
+        shown = [f"{value:.6g}" if np.isfinite(value) else "" for value in values]
+        writer.writerow([one.number, one.runs, one.numerics, *shown, one.broke, f"{one.cpu:.3g}", one.cause])
+    try:
+        write_atomically(path, text.getvalue().encode())
+    except OSError as error:
+        raise RecordError(f"{path}: cannot be written ({error.strerror}).") from None
+
 
 CHEAP, OWN = "cheap", "the case's"
 FAILURES = 3  # attempts that do not finish
