@@ -10,7 +10,6 @@ from mpi4py import MPI
 
 from wavetank.case import Scene
 from wavetank.case.reading import read_case
-from wavetank.integrators.simpson import DAMPED, UNDAMPED
 from wavetank.simulation.build import Records, build_observers, build_run, build_watch
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.diagnostics import Gauges, Memory
@@ -72,21 +71,6 @@ class Recorded:
         self.balance = np.abs(rows[:, 6]).max() / rows[:, 3].max()
         self.mass = np.ptp(rows[:, 7]) / rows[0, 7]
         self.solves = waves.potential.counters.solves
-
-
-def test_formulae_are_what_numpy_finds_bit_for_bit():
-    """Points known already are compared with those that are found anew; of symbols it is as Python has it."""
-    given, dt, kappa = np.random.default_rng(3).standard_normal((8, 37)), 0.0391, 0.1
-    z, d, d_1, d_2, z_half, known, f_0, f_1 = given
-    for lines, h in ((UNDAMPED, 1.0), (DAMPED, np.linspace(1.0, 0.1, 37))):
-        moved = 4 * (z_half - known)
-        smooth = dt / 6 * (h * h * f_0 + f_1) - h * moved / 3
-        mean, newest = h * (h * z + moved) + smooth, 2 * smooth - h * h * d
-        jump = newest - kappa / 8 * (newest - 3 * d + 3 * d_1 - d_2)
-        for vectors in (given, given.astype(object)):
-            found = lines.ended(*vectors, h, dt, kappa)
-            assert all(map(np.array_equal, found, (mean, jump, mean + jump / 2)))
-        assert np.array_equal(lines.known(z, d, f_0, h, dt), h * (z - d / 4 + dt / 4 * f_0))
 
 
 @pytest.mark.parametrize(

@@ -30,54 +30,10 @@ from wavetank.arrays import Vector
 from wavetank.integrators.contract import Evaluated, Map, StepCosts
 from wavetank.integrators.damped import Damping
 from wavetank.integrators.flow import flow_of
-from wavetank.integrators.formulae import Formulae
 from wavetank.integrators.hamiltonian import BetweenTwo, HamiltonianSystem, Near, Stage
 from wavetank.stateful import Held
 
 KAPPA = 0.1
-
-
-class Lines(NamedTuple):
-    """A step's formulae: what is known of z½, the new minus trace, and what the step ends with."""
-
-    known: Formulae
-    minus: Formulae
-    ended: Formulae
-
-    @classmethod
-    def of(cls, *, vectors: tuple[str, ...] = (), numbers: tuple[str, ...] = ()) -> Self:
-        """Return them with h among vectors or numbers."""
-        return cls(
-            Formulae(
-                "known = h * (z - d / 4 + dt / 4 * f_0)",
-                vectors=("z", "d", "f_0", *vectors),
-                numbers=(*numbers, "dt"),
-                returns=("known",),
-            ),
-            Formulae(
-                "minus = h * (h * plus + 4 * (z_half - known))",
-                vectors=("plus", "z_half", "known", *vectors),
-                numbers=numbers,
-                returns=("minus",),
-            ),
-            Formulae(
-                "moved = 4 * (z_half - known)",  # dt f½
-                "smooth = dt / 6 * (h * h * f_0 + f_1) - h * moved / 3",
-                "mean = h * (h * z + moved) + smooth",
-                "newest = 2 * smooth - h * h * d",
-                "jump = newest - kappa / 8 * (newest - 3 * d + 3 * d_1 - d_2)",
-                "plus = mean + jump / 2",
-                vectors=("z", "d", "d_1", "d_2", "z_half", "known", "f_0", "f_1", *vectors),
-                numbers=(*numbers, "dt", "kappa"),
-                returns=("mean", "jump", "plus"),
-            ),
-        )
-
-
-UNDAMPED, DAMPED = Lines.of(numbers=("h",)), Lines.of(vectors=("h",))
-MAPPED = Formulae(
-    "jump = 2 * (plus - mean)", "after = mean + jump / 2", vectors=("mean", "plus"), returns=("jump", "after")
-)
 
 
 class Pairs(NamedTuple):
@@ -136,10 +92,12 @@ class MeanAndJumps(Pairs, BetweenTwo):
     def mapped(self, of: Map) -> Self:
         """Return the state with mean and plus trace mapped; the jumps of earlier steps are what they were."""
         mean, plus = of(np.array([self.mean, self.points[-1].reshape(2, -1)]))
-        mean.setflags(write=False)
-        jump, plus = MAPPED(mean.ravel(), plus.ravel())
-        after = type(self)(mean, jump.reshape(2, -1), self.jump_1, self.jump_2, self.minus)
-        after.__dict__["points"] = self.points[0], plus
+        jump = 2 * (plus - mean)
+        plus = mean + jump / 2
+        for pair in (mean, jump, plus):
+            pair.setflags(write=False)
+        after = type(self)(mean, jump, self.jump_1, self.jump_2, self.minus)
+        after.__dict__["points"] = self.points[0], plus.ravel()
         return after
 
 
@@ -156,7 +114,6 @@ class Simpson4:
     stability_limit: ClassVar[float] = 1.6930043715
     frequency_error: ClassVar[tuple[float, int]] = (1 / 480, 4)
     nodes: ClassVar[tuple[float, ...]] = (0.0, 0.5, 1.0)
-    lines: ClassVar[Lines] = UNDAMPED
     solvable: ClassVar[float] = 1.5
     costs: ClassVar[StepCosts] = StepCosts(
         products=(0.3, 1.2),
@@ -182,20 +139,28 @@ class Simpson4:
 
     def step(self, system: HamiltonianSystem, state: MeanAndJumps, t: float, dt: float) -> MeanAndJumps:
         """Return the state at t + dt; collective."""
-        f, lines = flow_of(system), self.lines
+        f = flow_of(system)
         z, d, d_1, d_2 = [pair.ravel() for pair in state[:-1]]
         plus, h = state.points[-1], self.left(dt, len(state.q))
         f_0 = f(plus, t)
-        known: Vector = lines.known(z, d, f_0, h, dt)
+        known: Vector = h * (z - d / 4 + dt / 4 * f_0)
 
         def residual(z_half: Vector) -> Vector:
             return z_half - known - dt / 4 * f(z_half, t + dt / 2)
 
         stage = Stage("(q, p) at 1/2", t + dt / 2, dt, dt / 4)
         z_half = system.stages.pair.solve(stage, residual, plus, near=Near(known, plus, f_0))
-        minus = lines.minus(plus, z_half, known, h)
+        moved = 4 * (z_half - known)  # dt f½
+        minus = h * (h * plus + moved)
+        minus.setflags(write=False)
         f_1 = f(minus, t + dt)
-        mean, jump, plus = lines.ended(z, d, d_1, d_2, z_half, known, f_0, f_1, h, dt, self.kappa)
+        smooth = dt / 6 * (h * h * f_0 + f_1) - h * moved / 3
+        mean = h * (h * z + moved) + smooth
+        newest = 2 * smooth - h * h * d
+        jump = newest - self.kappa / 8 * (newest - 3 * d + 3 * d_1 - d_2)
+        plus = mean + jump / 2
+        for pair in (mean, jump, plus):  # nobody can change what the system knows by the array
+            pair.setflags(write=False)
         points = minus, plus
         mean, jump, minus = [pair.reshape(2, -1) for pair in (mean, jump, minus)]
         after = MeanAndJumps(mean, jump, state.jump, state.jump_1, minus)
@@ -207,7 +172,6 @@ class Simpson4:
 class DampedSimpson4(Simpson4):
     """The same with damping of the momenta: of the same order and stability limit, however strong it is."""
 
-    lines: ClassVar[Lines] = DAMPED
     damping: Damping = field(kw_only=True)
 
     def left(self, dt: float, size: int) -> Vector:

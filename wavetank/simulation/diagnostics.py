@@ -13,7 +13,6 @@ from wavetank.arrays import Vector, summed
 from wavetank.errors import ConvergenceError, InputError, OutsideError, PaddleError, RecordError, RunError
 from wavetank.fem.agreed import agreed
 from wavetank.fem.by_place import SAME
-from wavetank.fem.in_rows import in_rows
 from wavetank.fem.lattice import Lattice
 from wavetank.fem.line_points import points_in
 from wavetank.fem.plane import Field
@@ -570,8 +569,11 @@ class SurfaceSnapshots(Patient):
         if self._points is not None or self._waves.plane.comm.size > 1:
             fields, which = (self._found(seen.eta), self._found(seen.psi)), np.arange(len(moments))
         if self._record is not None:
-            rows, near = in_rows(moments.times, self._reference, fields, which, self._order), self._near
-            x, above, _ = rows[:, 1:].reshape(len(rows), 3, -1).swapaxes(0, 1)
+            rows, near = np.empty((len(moments), 1 + 3 * len(self._reference))), self._near
+            rows[:, 0] = moments.times
+            x, above, potential = rows[:, 1:].reshape(len(rows), 3, -1).swapaxes(0, 1)
+            x[:] = self._reference
+            above[:], potential[:] = [one[np.ix_(which, self._order)] for one in fields]
             stands = moments.stands(self._waves, self._beside)
             x[:, near] = self._waves.wall.to_physical(self._beside, above[:, near], stands)[..., 0]
             self._record.extend(rows)

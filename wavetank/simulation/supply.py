@@ -12,20 +12,23 @@ what a ``FeedbackMotion`` motion adds.
 """
 
 from collections.abc import Sequence
-from functools import cache, lru_cache
-from importlib.resources import files
+from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
-from mpi4py import MPI
 
 from wavetank.arrays import Vector
-from wavetank.fem.kernels import EXACT, Kernel
 from wavetank.stateful import Held, Stateful
 from wavetank.tank.seen import State
 
 KNOWN = 4  # values that a cubic goes through
-DECLARATION = "void put_in(long count, const double *t, const double *rates, double *work, double *done);"
+SAME_STEP = 1e-6  # largest relative difference of two steps of one length
+ADAMS_MOULTON = (  # weights of the rates at the newest, second newest, ... time, by how many there are
+    (0.0,),
+    (1.0 / 2, 1.0 / 2),
+    (5.0 / 12, 8.0 / 12, -1.0 / 12),
+    (9.0 / 24, 19.0 / 24, -5.0 / 24, 1.0 / 24),
+)
 
 NODES = np.array([0.0, 0.5, 1.0])  # of Simpson's rule, of a step
 SIMPSON = np.array([1.0, 4.0, 1.0]).reshape(-1, 1, 1) / 6
@@ -87,7 +90,10 @@ class Supply(Stateful, Protocol):
 
 
 class Integral:
-    """Of what is known at the ends of steps, by Adams-Moulton's rule of order 4."""
+    """The integral of a rate known at the ends of steps, by the Adams-Moulton rule of order 4.
+
+    The order falls to 2 where the length of steps changes. Of the first two steps of one length it is Simpson's rule.
+    """
 
     def __init__(self) -> None:
         self._sum: Vector = np.zeros(4 + KNOWN)  # it, when, in what step, by how many rates and which
@@ -99,9 +105,20 @@ class Integral:
 
     def work_off(self, times: Vector, rates: Vector) -> Vector:
         """Return what it is by each of K moments that follow those before, shape (K,)."""
-        found, at, rates = np.empty(len(times)), _kernel().pointer, np.ascontiguousarray(rates)
-        _kernel().call.put_in(len(times), at(times), at(rates), at(self._sum), at(found))
-        return found
+        values: list[float] = []
+        state = [float(one) for one in self._sum]
+        (total, last, last_dt, count), newest = state[:4], state[4:]
+        for t, rate in zip(map(float, times), map(float, rates), strict=True):
+            dt, newest = t - last, [rate, *newest[:-1]]
+            equal = abs(dt - last_dt) <= SAME_STEP * max(abs(dt), abs(last_dt))
+            count = min(count + 1, KNOWN if equal else 2)
+            mean = (newest[2] - 2 * newest[1] + newest[0]) * -1.0 / 12 if count == 3 else 0.0
+            for weight, one in zip(ADAMS_MOULTON[int(count) - 1], newest, strict=False):
+                mean += weight * one
+            total, last, last_dt = total + dt * mean, t, dt
+            values.append(total)
+        self._sum = np.array([total, last, last_dt, count, *newest])
+        return np.array(values)
 
     def held(self) -> Held:
         """Return the sum, and the rates at the last moments."""
@@ -204,13 +221,6 @@ class AnsweredWork:
         """Take back what has been held."""
         self._times, self._known = list(held["times"]), [np.array(one) for one in held["known"]]
         self._done, self._by_speed = np.array(held["done"]), np.array(held["by_speed"])
-
-
-@cache
-def _kernel() -> Kernel:
-    """Return what is compiled, the same for all paddles."""
-    code = files(__package__).joinpath("supply.c").read_text(encoding="utf-8")
-    return Kernel("supply", DECLARATION, key=code, source=lambda: code, comm=MPI.COMM_SELF, flags=EXACT)
 
 
 @lru_cache(maxsize=16)
