@@ -27,7 +27,7 @@ from wavetank.motion import Sinusoid, feedback
 from wavetank.motion.feedback import Answer, Equation, FeedbackMotion, elevation_at_face
 from wavetank.motion.motion import largest_stroke, share
 from wavetank.output.directory import PADDLE, RunDirectory
-from wavetank.planning.checks import freed_harmonics, harmonics_sent_back, highest_wave
+from wavetank.planning.checks import free_second_harmonics, highest_wave, reflected_harmonics
 from wavetank.planning.cost import needs_of
 from wavetank.planning.default_plan import planned
 from wavetank.planning.requirements import requirements
@@ -136,7 +136,7 @@ SMOOTH = "0.4 - 0.25 * exp(-((x - 12) / 2) ** 2)"
 def test_the_harmonics_that_a_bed_frees_are_those_measured(bed, measured, off):
     """Oracle: runs of 45 s of cases/bar.toml with these beds, least squares over 40 places behind them."""
     one = read_case(CHECKOUT / "cases" / "bar.toml", [f"tank.bed={{type='formula',depth='{bed}'}}"])
-    freed = freed_harmonics(one, one.depths(), highest_wave(one).height / 2, 1.01)
+    freed = free_second_harmonics(one, one.depths(), highest_wave(one).height / 2, 1.01)
     assert freed == pytest.approx(measured, rel=off, abs=1e-9)
 
 
@@ -148,7 +148,7 @@ def test_a_band_that_holds_no_harmonics_behind_a_bar_is_told():
         walls = [driven, {"type": "piston", "motion": REST, "absorb": absorb}]
         parts = dict(zip(("far_wall", "wall") if turned else ("wall", "far_wall"), walls, strict=True))
         water = {"length": 20.0, "depth": 1.0, "bed": {"type": "formula", "depth": bed}}
-        return list(harmonics_sent_back(Scene.model_validate({"tank": water, "run": {"duration": 20.0}, **parts})))
+        return list(reflected_harmonics(Scene.model_validate({"tank": water, "run": {"duration": 20.0}, **parts})))
 
     for turned, key in ((False, "far_wall"), (True, "wall")):
         (words,) = said(ACTIVE, turned=turned)
@@ -468,11 +468,11 @@ def test_what_a_paddle_absorbs_is_told_over_a_bed(tmp_path, monkeypatch, capsys)
         "[tank]\nlength = 8.0\ndepth = 1.0\nbed = {type = 'beach', start = 6.0, slope = 0.1}\n[run]\nduration = 2.0\n"
         "[wall]\ntype = 'flap'\nabsorb = {type = 'active'}\nmotion = {type = 'regular', height = 0.05, period = 1.8}\n"
     )
-    looks = SimpleNamespace(told=lambda part: "")
+    output_cost = SimpleNamespace(description=lambda part: "")
     steps = dict.fromkeys(("step", "solves", "duration", "memory", "watching"), 1.0)
-    seen = SimpleNamespace(summary="", looks=looks, clock=None, waves=None, **steps)
+    seen = SimpleNamespace(summary="", output_cost=output_cost, clock=None, waves=None, **steps)
     monkeypatch.setattr("wavetank.planning.cost.trial", lambda *of: seen)
-    monkeypatch.setattr("wavetank.planning.checks.forewarnings", lambda *of: [])
+    monkeypatch.setattr("wavetank.planning.checks.run_warnings", lambda *of: [])
     assert main(["plan", str(tmp_path / "case.toml")]) == 0
     told = "paddle of wall: it absorbs what comes to it, all but 4.7 % of small waves from 1.16 to 4.17 s at short"
     assert told in " ".join(capsys.readouterr().out.split())

@@ -8,7 +8,7 @@ from mpi4py import MPI
 from wavetank.case import Scene
 from wavetank.cli import main
 from wavetank.planning import cost
-from wavetank.planning.cost import BUILT_IN, Looks, needs_of
+from wavetank.planning.cost import BUILT_IN, OutputCost, needs_of
 from wavetank.simulation import memory
 from wavetank.simulation.build import build_run
 from wavetank.simulation.clock import Clock, EverySteps, EveryTimeBetween
@@ -71,7 +71,7 @@ def test_what_looks_below_the_surface_is_counted(name):
     """As often as the schedules of its observers are due; the CPU time says so, and memory has a second water."""
     dt, asked = 0.02, {"tank": TANKS["slice"], "run": {"duration": 5.0}, "numerics": {"cells": 9, "dt": 0.02}}
     bare, watched = (Scene.model_validate(asked | more) for more in ({}, RECORDS[name]))
-    looks, clock = Looks.of(watched, dt), Clock.covering(5.0, dt)
+    output_cost, clock = OutputCost.of(watched, dt), Clock.covering(5.0, dt)
     schedule = {
         "probes": EverySteps(3),
         "paddle": EverySteps(7),
@@ -79,11 +79,18 @@ def test_what_looks_below_the_surface_is_counted(name):
         "table": EveryTimeBetween(0.07, 0.0, inf),
     }[name]
     due = sum(schedule.due(step, clock.time(step), clock.time(step - 1)) for step in range(1 + clock.steps))
-    assert abs(looks.rows - due) <= 2
-    points = {"probes": looks.rows, "paddle": 0.0, "window": 20 * looks.rows, "table": 20 * looks.rows}[name]
-    assert looks.tabled + looks.filed == pytest.approx(points) and (looks.tabled == points) == (name != "window")
+    assert abs(output_cost.rows - due) <= 2
+    points = {
+        "probes": output_cost.rows,
+        "paddle": 0.0,
+        "window": 20 * output_cost.rows,
+        "table": 20 * output_cost.rows,
+    }[name]
+    assert output_cost.tabled + output_cost.filed == pytest.approx(points) and (output_cost.tabled == points) == (
+        name != "window"
+    )
     without, needs = needs_of(bare), needs_of(watched)
-    assert needs.cpu - without.cpu == pytest.approx(needs.watching) and needs.watching > 2e-3 * looks.rows
+    assert needs.cpu - without.cpu == pytest.approx(needs.watching) and needs.watching > 2e-3 * output_cost.rows
     assert needs.memory > without.memory and without.watching == 0.0
 
 

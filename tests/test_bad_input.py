@@ -27,7 +27,7 @@ from wavetank.mesh.bathymetry import read_bed
 from wavetank.motion.recorded import read_record
 from wavetank.output.tables import GaugeSeries
 from wavetank.planning.plan import UnreachableError
-from wavetank.planning.requirements import looked_at
+from wavetank.planning.requirements import analysed_duration
 from wavetank.values.noun import Problem, SceneError
 from wavetank.values.python_file import load
 
@@ -137,9 +137,9 @@ def test_a_motion_need_be_no_number_beyond_the_run_unless_its_last_step_ends_the
     (tmp_path / "case.toml").write_text(f"{TANK}[wall]\ntype = 'piston'\n[wall.motion]\n{formula}")
     scene = read_case(tmp_path / "case.toml")
     motion = scene.motion()
-    assert looked_at(scene, motion) == 1.0
+    assert analysed_duration(scene, motion) == 1.0
     known = read_case(tmp_path / "case.toml", ['wall.motion.position="1e-4*sin(t)"'])
-    assert looked_at(known, known.motion()) > 10.0
+    assert analysed_duration(known, known.motion()) > 10.0
     with pytest.raises(SceneError, match=r"nan at t = 1\.02; .*: the last step ends beyond run.duration = 1 s"):
         motion.velocity(np.array([0.96, 0.99, 1.02]))
 

@@ -11,7 +11,7 @@ from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.motion import Sinusoid
 from wavetank.output.directory import RunDirectory
-from wavetank.planning.checks import beside, forewarnings
+from wavetank.planning.checks import run_warnings, sensors_in_reach
 from wavetank.planning.requirements import requirements
 from wavetank.simulation.build import Records, build_observers, build_run
 from wavetank.simulation.diagnostics import Memory
@@ -361,10 +361,10 @@ def test_what_stands_where_a_paddle_that_absorbs_may_come_is_told_before_the_run
         (scene(REACHED, free, gauges=[3.965], water={"type": "linear"}), []),
     ]
     for one, said in rows:
-        assert [line.partition(", which absorbs, and is to go about 0.0")[0] for line in beside(one)] == said
+        assert [line.partition(", which absorbs, and is to go about 0.0")[0] for line in sensors_in_reach(one)] == said
     one, (said,) = rows[1]
     run, waves = build_run(one, MPI.COMM_SELF)
-    assert any(line.startswith(said) for line in forewarnings(one, run.clock, waves))
+    assert any(line.startswith(said) for line in run_warnings(one, run.clock, waves))
 
 
 def test_a_window_is_in_no_paddles_way_that_comes_there_before_or_after_it():

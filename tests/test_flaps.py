@@ -13,7 +13,7 @@ from wavetank.fem.forms import ScalarForm
 from wavetank.fem.plane import Plane
 from wavetank.motion import FlapAngle, Sinusoid
 from wavetank.motion.motion import quickened
-from wavetank.planning.checks import forewarnings
+from wavetank.planning.checks import run_warnings
 from wavetank.planning.cost import BUILT_IN
 from wavetank.planning.plan import make_plan
 from wavetank.planning.requirements import kind_of
@@ -213,7 +213,7 @@ def test_the_step_knows_how_far_a_flap_leans(degrees):
     limit = run.integrator.stability_limit / waves.largest_frequency
     assert run.clock.dt == pytest.approx(limit * min(0.6, 0.8 / case.quickened), rel=0.02)
     longer = scene(case.wall.model_dump(), length=6.0, cells=12, n=5, duration=4.0, dt=0.85 * limit)
-    doubts = forewarnings(longer, build_clock(longer, waves.largest_frequency, run.integrator), waves)
+    doubts = run_warnings(longer, build_clock(longer, waves.largest_frequency, run.integrator), waves)
     assert any("where the paddle goes farthest" in line for line in doubts) == (degrees > 30)
 
 

@@ -19,8 +19,8 @@ from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import RunLog
-from wavetank.planning.checks import coarse, forewarnings, in_sponge, too_high
-from wavetank.planning.default_plan import planned, told_of_rule
+from wavetank.planning.checks import coarse, in_sponge, run_warnings, too_high
+from wavetank.planning.default_plan import planned, rule_summary
 from wavetank.planning.dispersion import Cells, Mesh
 from wavetank.planning.requirements import requirements
 from wavetank.planning.resolution import resolved, waves_missed
@@ -53,7 +53,7 @@ def standing(mode=1):
 
 def said_of(one):
     run, waves = build_run(one, MPI.COMM_SELF)
-    return forewarnings(one, run.clock, waves)
+    return run_warnings(one, run.clock, waves)
 
 
 def test_where_a_rule_stands_for_a_plan_the_run_says_so(tmp_path):
@@ -64,8 +64,8 @@ def test_where_a_rule_stands_for_a_plan_the_run_says_so(tmp_path):
     record_run(one, tmp_path / "run", comm=MPI.COMM_SELF, console=Console(quiet=True))
     assert said in (tmp_path / "run" / "run.log").read_text()
     assert RunDirectory(tmp_path / "run").manifest["numerics"]["cells"] == 12  # of a third of the depth
-    assert told_of_rule(scene(tank=BASIN)).endswith("with a flat bed")
-    assert not any(map(told_of_rule, (scene(**start), scene(tank=SLICE | {"bed": bed}, numerics={"cells": 9}))))
+    assert rule_summary(scene(tank=BASIN)).endswith("with a flat bed")
+    assert not any(map(rule_summary, (scene(**start), scene(tank=SLICE | {"bed": bed}, numerics={"cells": 9}))))
 
 
 TURNED = {"type": "sinusoid", "paddle_amplitude": 1.0, "period": 8.0, "ramp": 0.0}
@@ -494,7 +494,7 @@ def test_cells_of_a_steep_start_follow_its_bound_harmonics(steepness, harmonics,
     start = {"type": "formula", "eta": "0"} | {key: start[key] for key in keys}
     one = scene(tank={"type": "ring", "length": 32.0, "depth": 8.0}, initial=start)
     assert resolved(one).cell_size == pytest.approx(4.0 / harmonics / 3, rel=0.02)
-    assert told_of_rule(one).endswith(f"; the shortest wave, {4 / harmonics:.3g} m, is that of the initial surface")
+    assert rule_summary(one).endswith(f"; the shortest wave, {4 / harmonics:.3g} m, is that of the initial surface")
     linear = one.model_copy(update={"water": LinearWater()})
     assert resolved(linear).cell_size == pytest.approx(4.0 / 3, rel=0.02)  # it has no bound harmonics
 

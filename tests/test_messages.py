@@ -12,7 +12,7 @@ from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
-from wavetank.planning.checks import forewarnings
+from wavetank.planning.checks import run_warnings
 from wavetank.recording import record_run
 from wavetank.simulation.build import build_run
 from wavetank.tank.breakdown import cause
@@ -111,7 +111,7 @@ RECORDS = {
 def test_a_motion_with_a_jump_of_its_velocity_or_with_noise_is_named(wall, record, said, case):
     scene = read_case(case(SLICE + "dt = 0.02\n" + wall, record))
     run, waves = build_run(scene, MPI.COMM_SELF)
-    doubts = [one for one in forewarnings(scene, run.clock, waves) if "jumps" in one or "noise" in one]
+    doubts = [one for one in run_warnings(scene, run.clock, waves) if "jumps" in one or "noise" in one]
     assert len(doubts) == bool(said) and all(said in one for one in doubts)
 
 

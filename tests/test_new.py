@@ -8,7 +8,7 @@ from wavetank.case.new import KINDS, SCHEMA, write_case
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
-from wavetank.planning.checks import forewarnings
+from wavetank.planning.checks import run_warnings
 from wavetank.planning.default_plan import planned
 from wavetank.simulation.build import build_run
 
@@ -33,7 +33,7 @@ def test_a_new_case_names_the_schema_and_its_title_and_runs(kind, tmp_path):
 def test_new_case_has_no_warning_before_its_run(kind, tmp_path):
     scene, warnings = planned(read_case(write_case(f"{tmp_path}/waves.toml", kind)), MPI.COMM_SELF)
     run, waves = build_run(scene, MPI.COMM_SELF)
-    assert [*warnings, *forewarnings(scene, run.clock, waves)] == []
+    assert [*warnings, *run_warnings(scene, run.clock, waves)] == []
 
 
 def test_a_case_that_is_there_is_left(tmp_path):

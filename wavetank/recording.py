@@ -25,9 +25,9 @@ from wavetank.output.files import OutputPath, RunLog
 from wavetank.output.manifest import environment
 from wavetank.output.tables import PUSH, load_columns, paddle_columns, probe_columns
 from wavetank.output.writer import RunWriter
-from wavetank.planning.checks import forewarnings, noise
+from wavetank.planning.checks import noise, run_warnings
 from wavetank.planning.cost import check_affordable
-from wavetank.planning.default_plan import mesh_told, planned, told_of_rule
+from wavetank.planning.default_plan import mesh_in_errors, planned, rule_summary
 from wavetank.planning.resolution import check_stable
 from wavetank.resuming import Checkpointer, Restart, stored_scene
 from wavetank.simulation.build import (
@@ -152,10 +152,10 @@ def record_run(
         requested, (scene, plan_warnings) = scene, restart.planned(scene) if restart else planned(scene, comm)
         if not unasked:
             check_affordable(scene, comm)
-        with mesh_told(requested, scene), console.status("preparing the run"):
+        with mesh_in_errors(requested, scene), console.status("preparing the run"):
             check_stable(scene, integrator or INTEGRATORS[scene.numerics.integrator](), comm)
             run, waves = build_run(scene, comm, integrator, beginning=restart.beginning if restart else None)
-        for warning in (*plan_warnings, *forewarnings(scene, run.clock, waves, own=integrator)):
+        for warning in (*plan_warnings, *run_warnings(scene, run.clock, waves, own=integrator)):
             warnings.add(warning)
         series = _observe(run, scene, waves, writer, warnings)
         run.observers += [BreakingNews(one, log.say) for one in _breaking(run) if isinstance(one, BreakingDissipation)]
@@ -221,7 +221,7 @@ def record_run(
             initial_surface = "" if resume else told_of_start(scene, waves, run.state.q)
             at_first = (
                 summary(scene, run, waves),
-                told_of_rule(requested),
+                rule_summary(requested),
                 told_of_bed(scene, waves),
                 told_of_sponge(scene, waves),
                 *scene.linear_generation,

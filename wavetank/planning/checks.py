@@ -51,7 +51,7 @@ from wavetank.motion import Recorded
 from wavetank.motion.motion import values
 from wavetank.planning.dispersion import relative_frequency_error
 from wavetank.planning.plan import own_plan
-from wavetank.planning.requirements import RESOLVED, looked_at, requirements, stokes, tapered, unplanned
+from wavetank.planning.requirements import RESOLVED, analysed_duration, requirements, stokes, tapered, unplanned
 from wavetank.planning.resolution import DEFAULT, HELD, bed_shape, by_rule, stroke_missed, too_short, waves_missed
 from wavetank.simulation.clock import ROUNDING, Clock
 from wavetank.simulation.construction import AnyWaves
@@ -155,7 +155,7 @@ NEAR = 1.01  # of half a period: a band that ends there holds it
 PLACES = 2001  # along the bed
 
 
-def harmonics_sent_back(scene: Scene) -> Iterator[str]:
+def reflected_harmonics(scene: Scene) -> Iterator[str]:
     """Yield a sentence for each paddle that absorbs waves, but not the harmonics that the bed before it frees."""
     bed = scene.depths()
     if not callable(bed) or scene.physics == "linear" or len(scene.paddles) < 2 or scene.sponge is not None:
@@ -167,7 +167,7 @@ def harmonics_sent_back(scene: Scene) -> Iterator[str]:
         half, (shortest, _) = period / 2, absorb.band(seen.tank, paddles=scene.paddle_periods)
         if shortest <= NEAR * half:
             continue
-        freed = freed_harmonics(other, bed, wave.height / 2, period)
+        freed = free_second_harmonics(other, bed, wave.height / 2, period)
         periods = np.array([half])
         back = float(absorb.reflection(periods, seen.tank, seen.wall.wavemaker, paddles=scene.paddle_periods)[0])
         if back * freed > MUCH:
@@ -176,7 +176,7 @@ def harmonics_sent_back(scene: Scene) -> Iterator[str]:
             yield f'{frees}; {sends}: {seen.key}.absorb = {{ type = "active", shortest = {half:.3g} }} takes them'
 
 
-def freed_harmonics(scene: Scene, bed: Depth, amplitude: float, period: float) -> float:
+def free_second_harmonics(scene: Scene, bed: Depth, amplitude: float, period: float) -> float:
     """Return the free second harmonics before the wall opposite a paddle over its waves there, 1 at most.
 
     The bed is d(x, y) [m]; amplitude [m] and period [s] are those of the waves at the paddle.
@@ -207,8 +207,8 @@ NOISY = 0.5  # of the variance of a record's acceleration
 SMALL = 0.1  # of the speed of its waves: a paddle's strokes that linear theory is of
 
 
-def forewarnings(scene: Scene, clock: Clock, waves: AnyWaves, *, own: Integrator[Any] | None = None) -> list[str]:
-    """Return what is doubtful of a run before it begins, a sentence each, the same on all ranks; collective.
+def run_warnings(scene: Scene, clock: Clock, waves: AnyWaves, *, own: Integrator[Any] | None = None) -> list[str]:
+    """Return the warnings of a run before its first step, a sentence each, the same on all ranks; collective.
 
     Of an integrator of a user's ``own``, in place of the scene's, no error is predicted, as where no plan can be made,
     or none holds the paddle's waves: of these it is said what mesh and vertical order miss of them.
@@ -224,12 +224,12 @@ def forewarnings(scene: Scene, clock: Clock, waves: AnyWaves, *, own: Integrator
         *sent_back(scene),
         *in_sponge(scene),
         *_damped(scene, waves),
-        *harmonics_sent_back(scene),
+        *reflected_harmonics(scene),
         *coarse(scene, waves.plane.cell_size),
     ]
     scheme = own or INTEGRATORS[scene.numerics.integrator]()
     of_step = *_motion(scene, clock, scheme.nodes), *_farthest(scene, clock, waves, scheme), *_end(scene, clock)
-    return [*before, *beside(scene), *_bed(scene, waves), *_start(scene, waves), *of_step]
+    return [*before, *sensors_in_reach(scene), *_bed(scene, waves), *_start(scene, waves), *of_step]
 
 
 def of_duration(scene: Scene) -> list[str]:
@@ -407,7 +407,7 @@ def _standing(names: Sequence[str], where: str) -> Iterator[str]:
         yield f"{' and '.join(names)} {stand} {where}"
 
 
-def beside(scene: Scene) -> Iterator[str]:
+def sensors_in_reach(scene: Scene) -> Iterator[str]:
     """Yield a sentence for each paddle that absorbs, and is to go about as far as to where somebody looks.
 
     It takes the others' waves by going as far as they do, and its own, where nothing else takes these, by going as far
@@ -511,7 +511,7 @@ def _motion(scene: Scene, clock: Clock, nodes: Sequence[float]) -> Iterator[str]
             seen.of_paddle(motion, "position"),
             seen.of_paddle(motion, "velocity"),
             dt=clock.dt,
-            steps=max(clock.steps, int(looked_at(scene, motion) / clock.dt)),
+            steps=max(clock.steps, int(analysed_duration(scene, motion) / clock.dt)),
             nodes=nodes,
         )
         if missed > HELD:

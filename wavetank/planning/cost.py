@@ -9,7 +9,7 @@ There the potential's rate is found, by one more interior solve and products aro
 basins of 1027 and 3775 places 0.6 and 0.5 of a step.
 
 A paddle that absorbs looks before each step at the elevation at its face, or at what the water does to it, and the
-budget at its power. Measured (``ANSWER``) in slices of 73, 361 and 1441 places, n = 8, p = 3: of a piston that is
+budget at its power. Measured (``ABSORPTION``) in slices of 73, 361 and 1441 places, n = 8, p = 3: of a piston that is
 active 0.59, 0.64 and 0.97 ms a step, of two 0.76, 0.95 and 1.5, of one on a spring 0.75, 1.2 and 2.2.
 
 What a run costs: CPU seconds from a few timed steps on this machine, and memory.
@@ -79,27 +79,27 @@ from wavetank.waves import airy
 
 ROW = 2.5e-3, 5e-8  # s, and s an entry of a slice's operator
 ROW_OF_STEP = 0.55  # of a basin's step
-ANSWER: dict[type, tuple[float, float]] = {  # s, and s an entry, a step of each paddle
+ABSORPTION: dict[type, tuple[float, float]] = {  # s, and s an entry, a step of each paddle
     ActiveAbsorption: (0.45e-3, 7e-9),
     SpringDamper: (0.7e-3, 2.3e-8),
 }
 POINT = {"netcdf": 4e-6, "csv": 23e-6}  # s
 
 
-class Looks(NamedTuple):
-    """Rows that a run finds below its surface, and points that it writes there, each of a table and of a file.
+class OutputCost(NamedTuple):
+    """Evaluations below the surface (``rows``) in a run, and points written to tables and to files.
 
-    ``answers`` is what paddles that absorb take in all: CPU time [s], and such an entry of the operator.
+    ``absorption`` is the CPU time of absorbing paddles: [s], and [s] an entry of the operator.
     """
 
     rows: float
     tabled: float = 0.0
     filed: float = 0.0
-    answers: tuple[float, float] = (0.0, 0.0)
+    absorption: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
-    def of(cls, scene: Scene, dt: float) -> "Looks":
-        """Return those of a scene by steps of dt [s]."""
+    def of(cls, scene: Scene, dt: float) -> "OutputCost":
+        """Return the output cost of a scene with time steps of dt [s]."""
         output, steps = scene.output, scene.run.duration / dt
         every = [output.probes_every] if scene.probes or scene.loads else []
         if any(load.on == PADDLE for load in scene.loads):
@@ -116,7 +116,7 @@ class Looks(NamedTuple):
         if output.velocity_every is not None and scene.physics == "nonlinear":
             rows += scene.run.duration / output.velocity_every
         walls: list[Any] = [scene.paddles[number].wall for number in scene.absorbing]
-        once, of_entry = (steps * sum(ANSWER[type(wall.absorb)][n] for wall in walls) for n in (0, 1))
+        once, of_entry = (steps * sum(ABSORPTION[type(wall.absorb)][n] for wall in walls) for n in (0, 1))
         return cls(min(rows, steps), tabled, filed, (once, of_entry))
 
     @property
@@ -133,16 +133,16 @@ class Looks(NamedTuple):
         """Return the CPU time [s] in a slice or ring whose operator has so many entries."""
         return self.rows * (ROW[0] + ROW[1] * entries) + self.writing
 
-    def answering(self, entries: float) -> float:
+    def absorbing_cost(self, entries: float) -> float:
         """Return the CPU time of paddles that absorb [s], in a slice whose operator has so many entries."""
-        return self.answers[0] + self.answers[1] * entries
+        return self.absorption[0] + self.absorption[1] * entries
 
     def in_basin(self, step: float) -> float:
         """Return the CPU time [s] in a basin whose step takes ``step`` [s]."""
         return self.rows * ROW_OF_STEP * step + self.writing
 
-    def told(self, part: float) -> str:
-        """Return what they are, and which part of the CPU time they take; nothing where there are none."""
+    def description(self, part: float) -> str:
+        """Return a sentence with the number of evaluations below the surface and their part of CPU time, or none."""
         if not self.rows:
             return ""
         points = f", {self.tabled + self.filed:.0f} points are written" if self.writing else ""
@@ -150,7 +150,7 @@ class Looks(NamedTuple):
         return f"{who} look below the surface {self.rows:.0f} times{points}: {part:.0%} of the time"
 
 
-NOWHERE = Looks(0.0)
+NO_OUTPUT = OutputCost(0.0)
 
 
 STEEPEST = 0.2  # k a, and a over the depth: steeper waves, which may break, are no measure
@@ -173,8 +173,8 @@ class Trial(NamedTuple):
         Interior solves a step.
     memory
         Of all ranks together, so far [bytes].
-    looks
-        What the whole run looks for below its surface, which these steps have not.
+    output_cost
+        Evaluations below the surface in the complete run; the timed steps have none.
     watching
         CPU time of that [s].
     """
@@ -185,7 +185,7 @@ class Trial(NamedTuple):
     step: float
     solves: float
     memory: float
-    looks: Looks
+    output_cost: OutputCost
     watching: float
 
     @property
@@ -232,10 +232,10 @@ def trial(scene: Scene, comm: MPI.Comm) -> Trial:
     _fill(run, scene, waves)
     run.execute()
     each = watch.per_step(after=WARM_UP)
-    step, looks = comm.allreduce(each.cpu, op=MPI.MAX), Looks.of(scene, clock.dt)
+    step, output_cost = comm.allreduce(each.cpu, op=MPI.MAX), OutputCost.of(scene, clock.dt)
     of_operator = entries_of(waves.plane.order, waves.plane.cells, waves.vertical.n)
-    watching = looks.in_basin(step) if waves.plane.mesh.topology.dim == 2 else looks.in_slice(of_operator)
-    return Trial(line, clock, waves, step, each.solves, comm.allreduce(peak_memory()), looks, watching)
+    watching = output_cost.in_basin(step) if waves.plane.mesh.topology.dim == 2 else output_cost.in_slice(of_operator)
+    return Trial(line, clock, waves, step, each.solves, comm.allreduce(peak_memory()), output_cost, watching)
 
 
 def _fill(run: Run, scene: Scene, waves: AnyWaves) -> None:
@@ -316,14 +316,14 @@ class CostModel:
         duration: float,
         dt_omega_max: float,
         steepness: float = FITTED,
-        looks: Looks = NOWHERE,
+        output_cost: OutputCost = NO_OUTPUT,
     ) -> Cost:
-        """Return the cost of a run of ``duration`` seconds that looks at its water."""
+        """Return the cost of a run of ``duration`` seconds, its output included."""
         steps = Clock.covering(duration, settings.dt).steps
         entries = entries_of(settings.order, settings.cells, settings.vertical_order)
-        more = looks.in_slice(entries) + looks.answering(entries)
+        more = output_cost.in_slice(entries) + output_cost.absorbing_cost(entries)
         cpu = steps * self.step(kind, settings, dt_omega_max, steepness=steepness) + more
-        return Cost(float(cpu), BASE + looks.waters * PER_ENTRY[undearer(kind)[0]] * entries)
+        return Cost(float(cpu), BASE + output_cost.waters * PER_ENTRY[undearer(kind)[0]] * entries)
 
 
 def machine() -> str:
@@ -483,9 +483,9 @@ def _of_slice(scene: Scene, ranks: int) -> Needs:
     settings = Settings(
         order=chosen.order, cells=scene.cells, vertical_order=chosen.vertical_order, dt=dt, integrator=chosen.integrator
     )
-    places, looks = chosen.order * scene.cells + 1, Looks.of(scene, dt)
-    cost = known_costs().run(kind, settings, duration=scene.run.duration, dt_omega_max=product, looks=looks)
-    watching = looks.in_slice(entries_of(chosen.order, scene.cells, chosen.vertical_order))
+    places, output_cost = chosen.order * scene.cells + 1, OutputCost.of(scene, dt)
+    cost = known_costs().run(kind, settings, duration=scene.run.duration, dt_omega_max=product, output_cost=output_cost)
+    watching = output_cost.in_slice(entries_of(chosen.order, scene.cells, chosen.vertical_order))
     memory = cost.memory + (ranks - 1) * BASE
     return Needs(places * (chosen.vertical_order + 2.0), steps, cost.cpu, memory, watching)
 
@@ -494,12 +494,12 @@ def _of_basin(scene: Scene, tank: BasinTank, ranks: int) -> Needs:
     chosen = scene.numerics
     cells, smallest = _cells_of_basin(tank, scene.cell_size)
     dt, steps, _ = _steps(scene, smallest)
-    looks = Looks.of(scene, dt)
+    output_cost = OutputCost.of(scene, dt)
     places = chosen.order**2 * cells
     unknowns = places * (chosen.vertical_order + 2.0)
-    memory = ranks * BASE + places * (PER_PLACE + PER_MODE * chosen.vertical_order) * looks.waters
+    memory = ranks * BASE + places * (PER_PLACE + PER_MODE * chosen.vertical_order) * output_cost.waters
     step = ranks * STEP + PER_UNKNOWN * unknowns
-    watching = looks.in_basin(step)
+    watching = output_cost.in_basin(step)
     return Needs(unknowns, steps, steps * step + watching, memory, watching)
 
 

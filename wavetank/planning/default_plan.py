@@ -86,7 +86,7 @@ def default_plan(scene: Scene) -> Plan | None:
     raise UnreachableError(f"the case names no accuracy, and none that is tried then can be had: {least}")
 
 
-def told_of_rule(asked: Scene) -> str:
+def rule_summary(asked: Scene) -> str:
     """Return why no accuracy is predicted of a scene that names no numerics, with its shortest wave; else nothing."""
     ruled = asked.numerics.open and not isinstance(asked.initial, RunState)
     why = unplanned(asked) if ruled else None
@@ -97,8 +97,8 @@ def told_of_rule(asked: Scene) -> str:
 
 
 @contextmanager
-def mesh_told(asked: Scene, scene: Scene) -> Iterator[None]:
-    """Say of a step that is too long for a mesh where that comes from, in the scene as it was asked for, or planned."""
+def mesh_in_errors(asked: Scene, scene: Scene) -> Iterator[None]:
+    """Add the origin of the mesh, given or planned, to errors of a time step that is too long for it."""
     try:
         yield
     except SceneError as error:

@@ -23,7 +23,7 @@ from wavetank.case import LinearWater, NonlinearWater, Physics, Scene
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
 from wavetank.motion import Motion
-from wavetank.planning.cost import BUILT_IN, Cost, CostModel, Looks
+from wavetank.planning.cost import BUILT_IN, Cost, CostModel, OutputCost
 from wavetank.planning.dispersion import Mesh
 from wavetank.planning.requirements import Requirements, entries_of, requirements
 from wavetank.planning.resolution import ErrorModel, ErrorPart, Settings, solved_to, stroke_missed
@@ -69,8 +69,8 @@ class Plan:
         dx [m].
     dt_omega_max
         dt times the largest frequency of the mesh on still water.
-    looks
-        What it looks for below the surface.
+    output_cost
+        Evaluations below the surface and their cost.
     reasons
         Which objects are needed and why, a sentence each.
     """
@@ -85,7 +85,7 @@ class Plan:
     steps: int
     cell_size: float
     dt_omega_max: float
-    looks: Looks
+    output_cost: OutputCost
     reasons: tuple[str, ...]
 
     def cost_by(self, costs: CostModel) -> Cost:
@@ -96,7 +96,7 @@ class Plan:
             duration=self.steps * self.settings.dt,
             dt_omega_max=self.dt_omega_max,
             steepness=self.steepness,
-            looks=self.looks,
+            output_cost=self.output_cost,
         )
 
     def applied_to(self, scene: Scene) -> Scene:
@@ -284,17 +284,18 @@ class _Search:
             duration=self._required.duration,
             dt_omega_max=settings.dt * self._mesh(settings).largest_frequency,
             steepness=self._required.highest,
-            looks=Looks.of(self._scene, settings.dt),
+            output_cost=OutputCost.of(self._scene, settings.dt),
         )
 
     def plan(self, settings: Settings, costs: CostModel) -> Plan:
         """Return settings with what is to be expected of them."""
-        required, mesh, looks = self._required, self._mesh(settings), Looks.of(self._scene, settings.dt)
+        required, mesh, output_cost = self._required, self._mesh(settings), OutputCost.of(self._scene, settings.dt)
         cost = self.cost(settings, costs)
         entries = entries_of(settings.order, settings.cells, settings.vertical_order)
-        watched, answering = looks.told(looks.in_slice(entries) / cost.cpu), looks.answering(entries) / cost.cpu
+        watched = output_cost.description(output_cost.in_slice(entries) / cost.cpu)
+        absorbing_cost = output_cost.absorbing_cost(entries) / cost.cpu
         more = [f"records: {watched}."] if watched else []
-        more += [f"absorption: {answering:.0%} of the time."] if answering else []
+        more += [f"absorption: {absorbing_cost:.0%} of the time."] if absorbing_cost else []
         return Plan(
             physics=required.physics,
             settings=settings,
@@ -306,7 +307,7 @@ class _Search:
             steps=Clock.covering(required.duration, settings.dt).steps,
             cell_size=mesh.cells.size,
             dt_omega_max=settings.dt * mesh.largest_frequency,
-            looks=looks,
+            output_cost=output_cost,
             reasons=(*required.reasons, self._penalty_reason(mesh), *more),
         )
 

@@ -51,7 +51,7 @@ def _try(scene: "Scene", why: str, terminal: "Console") -> None:
     from mpi4py import MPI
 
     from wavetank.console import format_duration
-    from wavetank.planning.checks import forewarnings
+    from wavetank.planning.checks import run_warnings
     from wavetank.planning.cost import check_affordable, trial
     from wavetank.planning.default_plan import planned
     from wavetank.planning.requirements import absorption
@@ -60,11 +60,11 @@ def _try(scene: "Scene", why: str, terminal: "Console") -> None:
 
     terminal.print(f"{why}; timing some steps of this one, with its waves in the tank", highlight=False)
     shortest = str(shortest_wave(scene))
-    scene, doubts = planned(scene, MPI.COMM_WORLD)
+    scene, warnings = planned(scene, MPI.COMM_WORLD)
     check_affordable(scene, MPI.COMM_WORLD, longest=inf)
     seen = trial(scene, MPI.COMM_WORLD)
     ranks = "1 rank" if MPI.COMM_WORLD.size == 1 else f"{MPI.COMM_WORLD.size} ranks"
-    told = seen.looks.told(seen.watching / seen.duration)
+    told = seen.output_cost.description(seen.watching / seen.duration)
     for line in (
         seen.summary,
         *([f"  {shortest}"] if shortest else []),
@@ -77,7 +77,7 @@ def _try(scene: "Scene", why: str, terminal: "Console") -> None:
         *(f"  {line}" for line in (*scene.linear_generation, *_energy(scene))),
     ):
         terminal.print(line, highlight=False)
-    _warn(terminal, *doubts, *forewarnings(scene, seen.clock, seen.waves))
+    _warn(terminal, *warnings, *run_warnings(scene, seen.clock, seen.waves))
 
 
 def _warn(terminal: "Console", *sentences: str) -> None:
@@ -119,13 +119,13 @@ def _plan(scene: "Scene", name: str, accuracy: float | None, terminal: "Console"
     for line in (_use(scene, accuracy, wanted), f"CPU seconds are those of {costs.machine}{_elsewhere(costs)}."):
         terminal.print(line, highlight=False)
     as_it_stands = accuracy is None or own is not None
-    used, doubts = (
+    used, warnings = (
         planned(scene, MPI.COMM_WORLD) if as_it_stands else (proposed.applied_to(scene), cut_starts(scene, wanted))
     )
     sponge, forewarned = _built(used)
     if sponge:
         terminal.print(sponge, highlight=False)
-    _warn(terminal, *doubts, *forewarned)
+    _warn(terminal, *warnings, *forewarned)
 
 
 def _built(scene: "Scene") -> tuple[str, list[str]]:
@@ -134,14 +134,14 @@ def _built(scene: "Scene") -> tuple[str, list[str]]:
 
     from mpi4py import MPI
 
-    from wavetank.planning.checks import forewarnings
+    from wavetank.planning.checks import run_warnings
     from wavetank.planning.cost import check_affordable
     from wavetank.simulation.build import build_run
     from wavetank.simulation.construction import told_of_sponge
 
     check_affordable(scene, MPI.COMM_WORLD, longest=inf)
     run, waves = build_run(scene, MPI.COMM_WORLD)
-    return told_of_sponge(scene, waves), forewarnings(scene, run.clock, waves)
+    return told_of_sponge(scene, waves), run_warnings(scene, run.clock, waves)
 
 
 def _use(scene: "Scene", accuracy: float | None, wanted: float) -> str:

@@ -614,7 +614,7 @@ def _lines(scene: Scene, motion: Motion) -> _Lines:
     """
     tank = scene.tank
     highest = np.sqrt(DEEPEST * tank.gravity / tank.depth) / (2 * np.pi)
-    duration = min(looked_at(scene, motion), float(MOST_TIMES / (4 * highest)))
+    duration = min(analysed_duration(scene, motion), float(MOST_TIMES / (4 * highest)))
     count = 2 * int(np.ceil(2 * highest * duration)) + 64
     t = np.asarray(duration / count * np.arange(count), dtype=np.float64)
     positions = values(motion.position, t)
@@ -624,10 +624,10 @@ def _lines(scene: Scene, motion: Motion) -> _Lines:
     return _Lines(omega, k, 1j * scene.wall.wavemaker.transfer(k, tank.depth) * coefficients)
 
 
-def looked_at(scene: Scene, motion: Motion) -> float:
-    """Return for how long a motion is looked at [s]: beyond a short run's end, whose waves are the same, if known.
+def analysed_duration(scene: Scene, motion: Motion) -> float:
+    """Return the duration of a motion whose spectrum is analysed [s]: longer than a short run, where it is defined.
 
-    Of a user's, which need not be any number there, that is tried.
+    A user's motion need not be finite after the run: it is evaluated there first.
     """
     least = WINDOW * float(np.sqrt(scene.tank.depth / scene.tank.gravity))
     whole, end = scene.run.duration, min(least, motion.duration)
@@ -692,7 +692,9 @@ def _travel(scene: Scene, k: Vector, energy: Vector, squares: Vector) -> travel.
     reached = np.divide.outer(x, speed) < duration
     everywhere = energy @ np.any(reached, axis=0) < REACHED * energy.sum()
     farthest = np.full_like(k, tank.length) if everywhere else np.where(reached, x[:, None], 0.0).max(axis=0)
-    generated = travel.Generation.of(squares, duration=max(duration, looked_at(scene, scene.motion())), until=duration)
+    generated = travel.Generation.of(
+        squares, duration=max(duration, analysed_duration(scene, scene.motion())), until=duration
+    )
     found = travel.travel(farthest, speed, length=tank.length, at=at, generated=generated, duration=duration)
     if everywhere:
         along = np.minimum(duration, tank.length / speed)

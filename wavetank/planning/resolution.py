@@ -69,7 +69,14 @@ from wavetank.fem.agreed import on_first
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
 from wavetank.planning.dispersion import BlochWaves, Cells, Mesh, relative_frequency_error, step_errors
-from wavetank.planning.requirements import ABSORPTION_POWER, Requirements, highest_frequency, looked_at, stokes, tapered
+from wavetank.planning.requirements import (
+    ABSORPTION_POWER,
+    Requirements,
+    analysed_duration,
+    highest_frequency,
+    stokes,
+    tapered,
+)
 from wavetank.simulation.build import build_clock
 from wavetank.values.noun import Problem, SceneError
 from wavetank.waves import airy
@@ -191,7 +198,7 @@ def frequency_below(scene: Scene, share: float) -> float:
     motion = scene.motion()
     if not motion.moves:
         return 0.0
-    velocity, duration = scene.of_paddle(motion, "velocity"), looked_at(scene, motion)
+    velocity, duration = scene.of_paddle(motion, "velocity"), analysed_duration(scene, motion)
 
     def ending(t: Vector) -> Vector:  # gently: a motion that is cut has all frequencies
         return np.asarray((velocity(t).T * tapered(np.asarray(t / duration))).T)
