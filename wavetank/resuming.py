@@ -287,10 +287,12 @@ class Restart:
             raise SceneError([self._duration_problem(requested, allowed)])
         self._warn_again()
         if same or mine.accuracy == its.accuracy and not (mine.open and not its.open):
-            found = Planned(scene.model_copy(update={"numerics": self._numerics(mine, its)}))
+            result = Planned(scene.model_copy(update={"numerics": self._numerics(mine, its)}))
         else:
-            found = planned(scene, self._comm)
-        return found._replace(scene=found.scene.model_copy(update={"initial": StillWater()}))  # it has begun elsewhere
+            result = planned(scene, self._comm)
+        return result._replace(
+            scene=result.scene.model_copy(update={"initial": StillWater()})
+        )  # it has begun elsewhere
 
     def _warn_again(self) -> None:
         """Warn of what was warned of before, but for what is said anew of the whole run, as its duration is another."""

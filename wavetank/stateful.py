@@ -61,13 +61,13 @@ class Added(Protocol):
 
 def named(parts: Iterable[object]) -> dict[str, Stateful]:
     """Return those parts that remember something by the names of their kinds, the second of a kind as "kind 2"."""
-    found: dict[str, Stateful] = {}
+    result: dict[str, Stateful] = {}
     for part in parts:
         if isinstance(part, Stateful):
             kind = type(part).__name__
-            before = sum(type(other) is type(part) for other in found.values())
-            found[f"{kind} {before + 1}" if before else kind] = part
-    return found
+            before = sum(type(other) is type(part) for other in result.values())
+            result[f"{kind} {before + 1}" if before else kind] = part
+    return result
 
 
 def count(value: object) -> int:

@@ -84,7 +84,7 @@ def _age(manifest: dict[str, Any]) -> float | None:
 
 def runs(paths: Sequence[Path]) -> Iterator[Path]:
     """Yield the run directories that are given, or in folders that are; raise ``InputError`` where there is none."""
-    found = False
+    result = False
     for path in paths:
         if not path.exists():
             raise InputError(f"{path}: is not there; a run directory is needed, or a folder with some.")
@@ -94,9 +94,9 @@ def runs(paths: Sequence[Path]) -> Iterator[Path]:
             inner.sort()
             if MANIFEST in files or is_locked(Path(folder)):
                 inner.clear()
-                found = True
+                result = True
                 yield Path(folder)
-    if not found:
+    if not result:
         raise InputError(f"{', '.join(map(str, paths))}: no run there.")
 
 

@@ -301,15 +301,15 @@ def compare_harmonics(
     From ``start`` [s] on, where that is told: before, waves may not be established. Raises ``InputError`` as
     ``harmonics`` does, and where there are no gauges or times in common.
     """
-    found = []
+    result = []
     for one, other in matched(computed, reference):
         both = elevation([other, one]).sel(time=slice(start, None))
         ours, theirs = harmonics(both, 1 / period, number=NUMBER).component.values[::-1]
         for n, (a, b) in enumerate(zip(ours, theirs, strict=True), start=1):
             there = abs(b) > TOLD * abs(theirs[0])
             error, ahead = (abs(a) / abs(b) - 1, float(np.angle(b / a))) if there and a else (nan, nan)
-            found.append(HarmonicComparison(other.name, other.x, n, float(abs(a)), float(abs(b)), float(error), ahead))
-    return found
+            result.append(HarmonicComparison(other.name, other.x, n, float(abs(a)), float(abs(b)), float(error), ahead))
+    return result
 
 
 # ---------------------------------------------------------------- wave heights along sections
@@ -364,15 +364,15 @@ def computed_heights(gauges: Sequence[GaugeSeries], known: WaveHeights) -> Compu
 
     Raises ``InputError`` if no section has gauges, or if a record is too short for wave heights.
     """
-    found = [profile(gauges, section, start=known.start) for section in known.sections]
-    if not any(found):
+    result = [profile(gauges, section, start=known.start) for section in known.sections]
+    if not any(result):
         lines = ", ".join(line(section) for section in known.sections)
         raise InputError(
             f"no section with gauges: the run has {len(gauges)} gauges; needed are {FEWEST} along one of {lines}."
         )
     incident = profile(gauges, known.incident, start=known.start)
     return ComputedHeights(
-        [one for one in found if one is not None], None if incident is None else float(incident.heights.mean())
+        [one for one in result if one is not None], None if incident is None else float(incident.heights.mean())
     )
 
 

@@ -72,8 +72,8 @@ class Findings:
 
     def amplitude(self, gauge: str, harmonic: int) -> float:
         """Return the amplitude [m] of a harmonic of the waves at a gauge."""
-        found = harmonics(self.gauge(gauge), self.record.frequency, number=harmonic)
-        return float(np.abs(found.component[harmonic - 1]))
+        result = harmonics(self.gauge(gauge), self.record.frequency, number=harmonic)
+        return float(np.abs(result.component[harmonic - 1]))
 
 
 class OfRun(NamedTuple):
@@ -91,15 +91,15 @@ class AtGauge(NamedTuple):
 
 
 def _of_sea(name: str) -> Callable[[Findings, str], float]:
-    return lambda found, gauge: float(found.state(gauge)[name])
+    return lambda result, gauge: float(result.state(gauge)[name])
 
 
 def _of_waves(name: str) -> Callable[[Findings, str], float]:
-    return lambda found, gauge: found.statistics(gauge)[name]
+    return lambda result, gauge: result.statistics(gauge)[name]
 
 
 def _of_harmonic(n: int) -> Callable[[Findings, str], float]:
-    return lambda found, gauge: found.amplitude(gauge, n)
+    return lambda result, gauge: result.amplitude(gauge, n)
 
 
 OF_RUN = {

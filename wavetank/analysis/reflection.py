@@ -158,16 +158,16 @@ def reflected_spectra(eta: DataArray, *, depth: float, gravity: float = 9.81, se
     size = samples(eta, segment)
     whole = size == eta.time.size
     if low and whole:
-        found = _cross_spectra(eta, np.zeros(x.size, dtype=np.intp), size, "boxcar")
+        result = _cross_spectra(eta, np.zeros(x.size, dtype=np.intp), size, "boxcar")
     else:
         delays = _delays(x, dt, peak, depth=depth, gravity=gravity, most=eta.time.size // 2)
-        found = _cross_spectra(eta, delays, size, "hann")
-        steady = STEADY[0] < np.sqrt(found.variance / variance) < STEADY[1]
+        result = _cross_spectra(eta, delays, size, "hann")
+        steady = STEADY[0] < np.sqrt(result.variance / variance) < STEADY[1]
         if not steady or whole and size * dt * peak < MIN_PERIODS:
             first, last = eta.time.values[[0, -1]]
             advice = "--start and --end must leave low waves at both ends, or a longer part of a sea"
             raise InputError(f"the record from {first:.4g} to {last:.4g} s cuts the waves; {advice}.")
-    f, cross = found.frequency, found.cross * (variance / found.variance)
+    f, cross = result.frequency, result.cross * (variance / result.variance)
     density = np.trace(cross.real, axis1=1, axis2=2) / x.size
     k = wave_number(2 * np.pi * f, depth, gravity)
     # of e^(i(kx - ωt)), scipy's transform over e^(-iωt) is the conjugate of A

@@ -85,16 +85,16 @@ def spectra(record: Record) -> Result:
     names = ("hm0", "tp", "tm01", "tm02", "tm_10")
     rows = _rows(record, *(state[name] for name in names))
     count = S.attrs["segments"]
-    said = f"{count} segments" if count > 1 else "the whole record as one segment"
-    said += f", {float(S.frequency[1] - S.frequency[0]):.3g} Hz apart"
+    text = f"{count} segments" if count > 1 else "the whole record as one segment"
+    text += f", {float(S.frequency[1] - S.frequency[0]):.3g} Hz apart"
     columns = ("gauge", "x [m]", "Hm0 [m]", "Tp [s]", "Tm01 [s]", "Tm02 [s]", "Tm-10 [s]")
-    return Result(columns, rows, said, "spectrum", {"S": S, "title": record.title})
+    return Result(columns, rows, text, "spectrum", {"S": S, "title": record.title})
 
 
 def heights(record: Record) -> Result:
     """Waves by zero up-crossings, and how often they are higher, beside Rayleigh and Forristall."""
     waves = [(one, zero_crossing_waves(one)) for one in record.eta]
-    statistics = [height_statistics(found) for _, found in waves]
+    statistics = [height_statistics(result) for _, result in waves]
     states = sea_state(spectrum(record.eta))
     units = {"waves": "-", "t_mean": "s", "t_1_3": "s"}
     columns = ("gauge", "x [m]", *(f"{name} [{units.get(name, 'm')}]" for name in statistics[0]), "Hm0 [m]")
@@ -104,32 +104,32 @@ def heights(record: Record) -> Result:
     def crests(relative: Array) -> Array:
         return forristall_crests(relative * hm0, hm0, tm01=tm01, depth=depth or np.inf, gravity=record.gravity)
 
-    said = "" if depth else "Forristall's crests are left out: the depth is not known (--depth)"
+    text = "" if depth else "Forristall's crests are left out: the depth is not known (--depth)"
     try:
         crests(np.ones(1))
     except InputError as error:
-        said = f"they are left out; {error}"
-    drawn = None if said else crests
+        text = f"they are left out; {error}"
+    drawn = None if text else crests
     return Result(
-        columns, rows, said, "heights", {"waves": waves, "states": states, "second": drawn, "title": record.title}
+        columns, rows, text, "heights", {"waves": waves, "states": states, "second": drawn, "title": record.title}
     )
 
 
 def harmonic(record: Record) -> Result:
     """Amplitudes and phases of the waves' harmonics."""
     f, number = record.frequency, resolved(record.eta, record.frequency)
-    found = harmonics(record.eta, f, number=number)
-    A, numbers = found.component.values, found.harmonic.values
+    result = harmonics(record.eta, f, number=number)
+    A, numbers = result.component.values, result.harmonic.values
     columns = ["gauge", "x [m]", *(f"a{n} [m]" for n in numbers), *(f"phase{n} [rad]" for n in numbers), "rest [m]"]
-    rows = _rows(record, np.abs(A), np.angle(A), found.rest)
+    rows = _rows(record, np.abs(A), np.angle(A), result.rest)
     unsteady = _unsteady_note(
         record,
         lambda eta: np.abs(harmonics(eta, f, number=number).component.values),
         lambda a: np.maximum(UNSTEADY * a, MINOR * np.linalg.norm(a, axis=1, keepdims=True)),
         [[f"harmonic {n} at gauge {gauge}" for n in numbers] for gauge in record.eta.gauge.values],
     )
-    said = _period_note(record) + _others_note(record) + (_begin_note(record, 1 / f) or unsteady)
-    return Result(columns, rows, said, "harmonics", {"found": found, "title": record.title})
+    text = _period_note(record) + _others_note(record) + (_begin_note(record, 1 / f) or unsteady)
+    return Result(columns, rows, text, "harmonics", {"found": result, "title": record.title})
 
 
 def bound_free(record: Record) -> Result:
@@ -138,18 +138,18 @@ def bound_free(record: Record) -> Result:
     names = ["bound", "free", "free, going back"][: 3 if record.eta.sizes["gauge"] > 3 else 2]
 
     def second(eta: DataArray) -> tuple[DataArray, WaveFit]:
-        found = harmonics(replace(record, eta=eta).on_its_way, f, number=max(2, resolved(record.eta, f)))
-        component = found.component[:, 1]
+        result = harmonics(replace(record, eta=eta).on_its_way, f, number=max(2, resolved(record.eta, f)))
+        component = result.component[:, 1]
         return component, bound_and_free(component, f, depth=depth, gravity=g, returning=len(names) > 2)
 
-    component, found = second(record.eta)
+    component, result = second(record.eta)
     k, free = (float(one) for one in wave_number(2 * np.pi * f * np.array([1, 2]), depth, g))
     numbers = [2 * k, free, -free][: len(names)]
     rows: list[tuple[Value, ...]] = [
-        (name, q, abs(a), float(np.angle(a))) for name, q, a in zip(names, numbers, found.amplitudes, strict=True)
+        (name, q, abs(a), float(np.angle(a))) for name, q, a in zip(names, numbers, result.amplitudes, strict=True)
     ]
     badly = ": gauges stand badly, which should be apart by parts of the beat, not by all of it (--gauges, --along)"
-    badly = badly if found.condition > WORST else ""
+    badly = badly if result.condition > WORST else ""
     unsteady = (
         ""
         if badly
@@ -160,18 +160,18 @@ def bound_free(record: Record) -> Result:
             [f"the {name} wave" for name in ("bound", "free", "returning free")[: len(names)]],
         )
     )
-    said = (
+    text = (
         f"T = {1 / f:.6g} s; beat {beat_length(f, depth=depth, gravity=g):.4g} m; "
-        f"{_rest_note(component, found)}condition {found.condition:.3g}{badly}{_others_note(record)}"
+        f"{_rest_note(component, result)}condition {result.condition:.3g}{badly}{_others_note(record)}"
         f"{_free_waves_note(record, k, free) or unsteady}{record.direction_note}"
     )
     title = f"{record.title}: second harmonic, T = {1 / f:.4g} s"
     return Result(
         ("wave", "k [rad/m]", "amplitude [m]", "phase at x = 0 [rad]"),
         rows,
-        said,
+        text,
         "bound-free",
-        {"component": component, "wave_numbers": numbers, "names": names, "found": found, "title": title},
+        {"component": component, "wave_numbers": numbers, "names": names, "found": result, "title": title},
     )
 
 
@@ -200,10 +200,10 @@ def reflection_coefficient(record: Record) -> float:
     """
     waving(record.eta)
     if record.given_period:
-        _, found = _separate(record)
-        if found.condition > WORST:
+        _, result = _separate(record)
+        if result.condition > WORST:
             raise InputError("reflection: the gauges stand where incident and reflected waves cannot be told apart.")
-        return found.coefficient
+        return result.coefficient
     return float(reflected_spectra(record.on_its_way, depth=record.depth, gravity=record.gravity).attrs["coefficient"])
 
 
@@ -219,16 +219,16 @@ def _separate(record: Record) -> tuple[DataArray, Reflection]:
 
 
 def _regular(record: Record) -> Result:
-    component, found = _separate(record)
+    component, result = _separate(record)
     begin = _begin_note(record, 1 / record.frequency)
-    badly = ": gauges stand badly" if found.condition > WORST else ""
-    said = f"{_rest_note(component, found)}condition {found.condition:.3g}{badly}{_others_note(record)}"
+    badly = ": gauges stand badly" if result.condition > WORST else ""
+    text = f"{_rest_note(component, result)}condition {result.condition:.3g}{badly}{_others_note(record)}"
     return Result(
         ("period [s]", "k [rad/m]", "incident [m]", "reflected [m]", "reflection [-]"),
-        [(1 / record.frequency, found.k, abs(found.incident), abs(found.reflected), found.coefficient)],
-        said + (begin or badly or _uncertainty_note(record, component, found)) + record.direction_note,
+        [(1 / record.frequency, result.k, abs(result.incident), abs(result.reflected), result.coefficient)],
+        text + (begin or badly or _uncertainty_note(record, component, result)) + record.direction_note,
         "regular-reflection",
-        {"component": component[:, 0], "found": found, "title": record.title},
+        {"component": component[:, 0], "found": result, "title": record.title},
     )
 
 
@@ -311,9 +311,9 @@ def _other_variance_ratio(record: Record) -> float:
 
 def _others_note(record: Record) -> str:
     """Return words on the variance that is neither of the waves' frequency nor of its harmonics, where that is much."""
-    share = _other_variance_ratio(record)
-    others = f"; {_percent(share, 2)} of the variance is not of this period, but of other waves or of growing ones"
-    return others if share > DOUBTFUL else ""
+    fraction = _other_variance_ratio(record)
+    others = f"; {_percent(fraction, 2)} of the variance is not of this period, but of other waves or of growing ones"
+    return others if fraction > DOUBTFUL else ""
 
 
 def _begin_note(record: Record, period: float) -> str:
@@ -343,20 +343,20 @@ def _free_waves_note(record: Record, k: float, free: float) -> str:
 
 
 def _irregular(record: Record) -> Result:
-    found = reflected_spectra(record.on_its_way, depth=record.depth, gravity=record.gravity)
+    result = reflected_spectra(record.on_its_way, depth=record.depth, gravity=record.gravity)
     of = ("hm0_incident", "hm0_reflected", "coefficient", "told_apart")
     enough = f"{2 * PERIODS * mean_period(record.eta):.3g} s"
     one = f"; the record is one window, whose middle counts most: of {enough} it would be several"
     return Result(
         ("Hm0 incident [m]", "Hm0 reflected [m]", "reflection [-]", "variance told apart [-]"),
-        [tuple(float(found.attrs[name]) for name in of)],
+        [tuple(float(result.attrs[name]) for name in of)],
         f"{record.eta.sizes['gauge']} gauges; reflection of frequencies that they resolve, that have above "
-        f"{100 * ENERGETIC:g} % of the largest density and are below {found.attrs['highest_frequency']:.3g} Hz, "
+        f"{100 * ENERGETIC:g} % of the largest density and are below {result.attrs['highest_frequency']:.3g} Hz, "
         f"{FREE:g} times the peak's (harmonics above are bound waves); Hm0 of all frequencies, in that ratio"
-        f"{one if found.attrs['one_window'] else ''}{record.direction_note}"
+        f"{one if result.attrs['one_window'] else ''}{record.direction_note}"
         f"{_begin_note(record, SEVERAL * mean_period(record.eta))}",
         "reflection",
-        {"found": found, "title": record.title},
+        {"found": result, "title": record.title},
     )
 
 
@@ -385,14 +385,14 @@ def _of_one_period(record: Record) -> bool:
 def _speed_of_regular(record: Record) -> Result:
     f = record.frequency
     component = harmonics(record.on_its_way, f, number=resolved(record.eta, f)).component[:, 0]
-    found = regular_speed(component, f, depth=record.depth, gravity=record.gravity)
+    result = regular_speed(component, f, depth=record.depth, gravity=record.gravity)
     linear = 2 * np.pi * f / float(wave_number(2 * np.pi * f, record.depth, record.gravity))
-    pairs, apart, late, c = (found[name].values for name in ("pair", "distance", "delay", "speed"))
+    pairs, distance, late, c = (result[name].values for name in ("pair", "distance", "delay", "speed"))
     return Result(
         ("gauges", "distance [m]", "delay [s]", "phase speed [m/s]", "linear [m/s]"),
-        [(str(pair), *map(float, row), linear) for pair, *row in zip(pairs, apart, late, c, strict=True)],
+        [(str(pair), *map(float, row), linear) for pair, *row in zip(pairs, distance, late, c, strict=True)],
         f"{_period_note(record)}; of delays that differ by whole periods the one nearest to linear waves' is told"
-        f"{_uncertain(found, 'they differ by more than a quarter of one')}{_others_note(record)}"
+        f"{_uncertain(result, 'they differ by more than a quarter of one')}{_others_note(record)}"
         f"{_begin_note(record, 1 / f)}{record.direction_note}",
         *_speed_figure(record, c[:, None], pairs, np.array([f])),
     )
@@ -406,14 +406,14 @@ def _speed_figure(record: Record, c: Array, pairs: Array, frequencies: Array) ->
 
 def _speed_of_sea(record: Record) -> Result:
     eta = record.on_its_way
-    found, between = phase_speed(eta, depth=record.depth, gravity=record.gravity), travel(eta)
-    density, frequencies = found.density.values, found.frequency.values
-    told = (found.coherence.values > COHERENT) & (density > ENERGETIC * density.max(axis=1, keepdims=True))
-    told &= found.own.values
+    result, between = phase_speed(eta, depth=record.depth, gravity=record.gravity), travel(eta)
+    density, frequencies = result.density.values, result.frequency.values
+    told = (result.coherence.values > COHERENT) & (density > ENERGETIC * density.max(axis=1, keepdims=True))
+    told &= result.own.values
     if not told.any():
         raise InputError(f"{record.title}: from gauge to gauge no frequency has a coherence of {COHERENT:g}.")
     peak = np.argmax(np.where(told, density, 0.0), axis=1)
-    f, c = frequencies[peak], found.speed.values[np.arange(peak.size), peak]
+    f, c = frequencies[peak], result.speed.values[np.arange(peak.size), peak]
     linear = 2 * np.pi * f / wave_number(2 * np.pi * f, record.depth, record.gravity)
     columns = ["gauges", "distance [m]", "delay [s]", "speed [m/s]"]
     columns += ["peak [Hz]", "phase speed there [m/s]", "linear [m/s]"]
@@ -424,7 +424,7 @@ def _speed_of_sea(record: Record) -> Result:
         "delay and speed are those of the largest cross-correlation"
         f"{_uncertain(between, 'a period earlier or later the records are as alike')}"
         f"; frequencies are {frequencies[0]:.3g} Hz apart{record.direction_note}",
-        *_speed_figure(record, found.speed.where(told).values, found.pair.values, frequencies),
+        *_speed_figure(record, result.speed.where(told).values, result.pair.values, frequencies),
     )
 
 

@@ -211,15 +211,15 @@ def ends_low(values: NDArray[np.float64], period: int) -> bool:
 def moment(S: DataArray, n: int) -> DataArray:
     """Return m_n [m² Hz^n] of a spectrum, without its value at f = 0."""
     f = S.frequency[1:]
-    found: DataArray = (f**n * S.isel(frequency=slice(1, None))).sum("frequency") * float(f[1] - f[0])
-    return found
+    result: DataArray = (f**n * S.isel(frequency=slice(1, None))).sum("frequency") * float(f[1] - f[0])
+    return result
 
 
 def peak_frequency(S: DataArray) -> DataArray:
     """Return the frequency [Hz] of a spectrum's peak, ∫ f S⁴ df / ∫ S⁴ df (Young 1995), which noise does not move."""
     peaked = (S / S.max("frequency")) ** PEAKED
-    found: DataArray = (peaked * S.frequency).sum("frequency") / peaked.sum("frequency")
-    return found
+    result: DataArray = (peaked * S.frequency).sum("frequency") / peaked.sum("frequency")
+    return result
 
 
 def sea_state(S: DataArray) -> Dataset:
@@ -228,14 +228,14 @@ def sea_state(S: DataArray) -> Dataset:
     Tm02 depends on what is at high frequencies, Tm-10 (the energy period) on what is at low ones.
     """
     m = {n: moment(S, n) for n in (-1, 0, 1, 2)}
-    found = {
+    result = {
         "hm0": 4 * m[0] ** 0.5,
         "tp": 1 / peak_frequency(S),
         "tm01": m[0] / m[1],
         "tm02": (m[0] / m[2]) ** 0.5,
         "tm_10": m[-1] / m[0],
     }
-    return Dataset({name: one.assign_attrs(units="m" if name == "hm0" else "s") for name, one in found.items()})
+    return Dataset({name: one.assign_attrs(units="m" if name == "hm0" else "s") for name, one in result.items()})
 
 
 # ---------------------------------------------------------------- harmonics
@@ -264,15 +264,15 @@ def harmonics(eta: DataArray, frequency: float, *, number: int = NUMBER) -> Data
     if number * frequency * (t[-1] - t[0]) / (t.size - 1) >= 0.5:
         raise InputError(f"harmonic {number} of {frequency:g} Hz: the record's steps are too long for it.")
     columns = _columns(t, frequency, number)
-    found = np.linalg.lstsq(columns, eta.transpose("time", ...).values, rcond=None)[0]
-    rest = eta.transpose("time", ...).values - columns @ found
-    cosines, sines = found[1::2], found[2::2]
+    result = np.linalg.lstsq(columns, eta.transpose("time", ...).values, rcond=None)[0]
+    rest = eta.transpose("time", ...).values - columns @ result
+    cosines, sines = result[1::2], result[2::2]
     others = {name: at for name, at in eta.coords.items() if "time" not in at.dims}
     whose = tuple(dim for dim in eta.dims if dim != "time")
     return Dataset(
         {
             "component": ((*whose, "harmonic"), np.moveaxis(cosines + 1j * sines, 0, -1), {"units": "m"}),
-            "level": (whose, found[0], {"units": "m"}),
+            "level": (whose, result[0], {"units": "m"}),
             "rest": (whose, np.sqrt(np.mean(rest**2, axis=0)), {"units": "m"}),
         },
         {**others, "harmonic": 1 + np.arange(number)},
@@ -422,11 +422,11 @@ def regular_speed(component: DataArray, frequency: float, *, depth: float, gravi
 
 
 def _from_gauge_to_gauge(ordered: DataArray, delays: Array) -> Dataset:
-    apart = np.diff(places(ordered))
-    speed = np.divide(apart, delays, out=np.full(delays.size, np.nan), where=delays != 0)
-    found = {"distance": (apart, "m"), "delay": (delays, "s"), "speed": (speed, "m s-1")}
+    distance = np.diff(places(ordered))
+    speed = np.divide(distance, delays, out=np.full(delays.size, np.nan), where=delays != 0)
+    result = {"distance": (distance, "m"), "delay": (delays, "s"), "speed": (speed, "m s-1")}
     return Dataset(
-        {name: ("pair", values, {"units": unit}) for name, (values, unit) in found.items()}, {"pair": _pairs(ordered)}
+        {name: ("pair", values, {"units": unit}) for name, (values, unit) in result.items()}, {"pair": _pairs(ordered)}
     )
 
 
@@ -458,18 +458,18 @@ def phase_speed(eta: DataArray, *, depth: float, gravity: float = 9.81, segment:
     _, each = signal.welch(values, *how, nperseg=size, detrend="constant")
     f, cross, each = f[1:], cross[:, 1:], each[:, 1:]
     k = wave_number(2 * np.pi * f, depth, gravity)
-    apart = np.diff(x)[:, None]
-    turned = _whole_turns_added(-np.angle(cross), k * apart)
+    distance = np.diff(x)[:, None]
+    turned = _whole_turns_added(-np.angle(cross), k * distance)
     moved = np.abs(turned) > STILL
-    speed = np.divide(2 * np.pi * f * apart, turned, out=np.full(turned.shape, np.nan), where=moved)
+    speed = np.divide(2 * np.pi * f * distance, turned, out=np.full(turned.shape, np.nan), where=moved)
     both = each[:-1] * each[1:]
     coherence = np.divide(np.abs(cross) ** 2, both, out=np.zeros(both.shape), where=both > 0)
     density = np.abs(cross)
     beside = np.pad(density, ((0, 0), (1, 1)))
     own = np.full(density.shape, True) if whole else density >= np.maximum(beside[:, :-2], beside[:, 2:])
-    found = {"speed": (speed, "m s-1"), "coherence": (coherence, "1"), "density": (density, "m2 Hz-1")}
+    result = {"speed": (speed, "m s-1"), "coherence": (coherence, "1"), "density": (density, "m2 Hz-1")}
     return Dataset(
-        {name: (("pair", "frequency"), values, {"units": unit}) for name, (values, unit) in found.items()}
+        {name: (("pair", "frequency"), values, {"units": unit}) for name, (values, unit) in result.items()}
         | {"own": (("pair", "frequency"), own)},
         {"pair": _pairs(ordered), "frequency": ("frequency", f, {"units": "Hz"})},
     )

@@ -43,9 +43,9 @@ def zero_crossing_waves(eta: DataArray) -> Dataset:
     Heights of crest and trough are above the mean level; a trough's is negative.
     """
     begin, period, crest, trough = waves(eta.time.values, eta.values)
-    found = {"period": (period, "s"), "crest": (crest, "m"), "trough": (trough, "m"), "height": (crest - trough, "m")}
+    result = {"period": (period, "s"), "crest": (crest, "m"), "trough": (trough, "m"), "height": (crest - trough, "m")}
     return Dataset(
-        {name: ("begin", values, {"units": unit}) for name, (values, unit) in found.items()},
+        {name: ("begin", values, {"units": unit}) for name, (values, unit) in result.items()},
         {"begin": ("begin", begin, {"units": "s"}), "gauge": eta.gauge.values},
     )
 
@@ -107,8 +107,8 @@ CRESTS = {  # of long-crested and of short-crested seas: coefficients of alpha a
 def exceedance(values: ArrayLike) -> DataArray:
     """Return how often each of N values is exceeded, i / (N + 1) of the i-th largest, over ``value``, descending."""
     ordered = np.sort(np.asarray(values, dtype=float))[::-1]
-    share = (1 + np.arange(ordered.size)) / (ordered.size + 1)
-    return DataArray(share, {"value": ordered}, ("value",), name="exceedance", attrs={"units": "1"})
+    fraction = (1 + np.arange(ordered.size)) / (ordered.size + 1)
+    return DataArray(fraction, {"value": ordered}, ("value",), name="exceedance", attrs={"units": "1"})
 
 
 def rayleigh_heights(height: ArrayLike, hm0: float) -> Array:

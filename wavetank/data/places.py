@@ -68,11 +68,11 @@ def opened(reference: str) -> Dataset:
 
 def _from(data: Dataset, source: str) -> Dataset:
     """Return a data set with its records from one source alone; raise ``InputError`` if there are none."""
-    found = tuple(records for records in data.records if records.source == source)
-    if not found:
+    result = tuple(records for records in data.records if records.source == source)
+    if not result:
         have = ", ".join(records.source for records in data.records) or "none"
         raise InputError(f"{data.name}:{source}: there are no records {source!r}; there are {have}.")
-    return data.model_copy(update={"records": found[:1]})
+    return data.model_copy(update={"records": result[:1]})
 
 
 def plain(path: Path) -> Dataset:
@@ -160,17 +160,17 @@ def told(name: str) -> str:
 
 def _here(data: Dataset) -> tuple[list[Path], list[str]]:
     """Return the folders that a data set's files are in, and the names of those that are nowhere."""
-    found, missing = dict[Path, None](), list[str]()
+    result, missing = dict[Path, None](), list[str]()
     for file in dict.fromkeys([*(known.name for known in data.files), *data.parts()]):
         try:
             path = located(data, file)
         except InputError:
             path = data.folder / file
         if os.path.isfile(path):
-            found[path.parent] = None
+            result[path.parent] = None
         else:
             missing.append(file)
-    return list(found), missing
+    return list(result), missing
 
 
 def _remedy(name: str, file: str) -> str:

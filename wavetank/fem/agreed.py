@@ -20,17 +20,17 @@ def agreed(comm: MPI.Comm, evaluate: Callable[[], T]) -> T:
     """Return what ``evaluate`` gives on this rank; raise the first ``WavetankError`` on all of them; collective."""
     if comm.size == 1:
         return evaluate()
-    found: list[T] = []
+    result: list[T] = []
     failure: WavetankError | None = None
     try:
-        found.append(evaluate())
+        result.append(evaluate())
     except WavetankError as error:
         failure = error
     all_here(comm)
     for met in comm.allgather(failure):
         if met is not None:
             raise met
-    return found[0]
+    return result[0]
 
 
 def on_first(comm: MPI.Comm, action: Callable[[], T]) -> T | None:
@@ -42,15 +42,15 @@ def from_first(comm: MPI.Comm, action: Callable[[], T]) -> T:
     """Return on all ranks what ``action`` gives on the first one; raise its error on all; collective."""
     if comm.size == 1:
         return action()  # the very same, with all that it has found of itself
-    found: T = comm.bcast(on_first(comm, action))
-    return found
+    result: T = comm.bcast(on_first(comm, action))
+    return result
 
 
 def all_here(comm: MPI.Comm, within: float = inf) -> bool:
     """Return, once all ranks are here, that they are; or, after some seconds, that they are not; collective."""
-    here, began = comm.Ibarrier(), time.monotonic()
+    here, start_time = comm.Ibarrier(), time.monotonic()
     while not here.Test():
-        waited = time.monotonic() - began
+        waited = time.monotonic() - start_time
         if waited > within:
             return False
         if waited > SOON:

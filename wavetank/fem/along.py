@@ -120,10 +120,10 @@ class AveragedModes:
 
     def respond(self, shares: Vector, right: Vector, *, cycles: int = 1) -> Vector:
         """See ``Modes``; exactly."""
-        kernel, found, at = self._operator.kernel, np.empty_like(right), self._operator.kernel.pointer
+        kernel, result, at = self._operator.kernel, np.empty_like(right), self._operator.kernel.pointer
         self._shares[: shares.size] = shares
-        kernel.call.respond(self.chain, self._at_shares, at(np.ascontiguousarray(right)), at(found), self._at_work)
-        return found
+        kernel.call.respond(self.chain, self._at_shares, at(np.ascontiguousarray(right)), at(result), self._at_work)
+        return result
 
 
 class Minimum:

@@ -87,8 +87,8 @@ class CellPlaces:
             step, local = np.minimum(step, np.abs(moved - local).max(axis=1)), moved
             if step.max(initial=0.0) < SETTLED:
                 break
-        found = np.einsum("nd,ndg->ng", tabulate(self._element, 0, local)[0], nodes)
-        return Nearest(local, np.linalg.norm(targets - found, axis=1))
+        result = np.einsum("nd,ndg->ng", tabulate(self._element, 0, local)[0], nodes)
+        return Nearest(local, np.linalg.norm(targets - result, axis=1))
 
     def _inside(self, local: Vector) -> Vector:
         """Return the nearest places in the reference cell."""

@@ -40,8 +40,8 @@ def compiled(comm: MPI.Comm, what: str, *, build: Callable[[Path], object]) -> P
     """
     name = hashlib.sha256("\n".join([what, processor(), *_python()]).encode()).hexdigest()[:24]
     first = agreed(comm, lambda: _kept(name, build) if comm.rank == 0 else None)
-    found = agreed(comm, lambda: first or _kept(name, build))
-    return found
+    result = agreed(comm, lambda: first or _kept(name, build))
+    return result
 
 
 def loaded(comm: MPI.Comm, load: Callable[[], T], folder: Path) -> T:

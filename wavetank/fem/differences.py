@@ -22,10 +22,10 @@ def largest_differences(before: Vector, values: Vector, order: int) -> Vector:
     of what is not a number nan.
     """
     before, values = np.ascontiguousarray(before), np.ascontiguousarray(values)
-    found, kernel, weights = np.empty(max(0, len(before) + len(values) - order)), _kernel(), _weights(order)
+    result, kernel, weights = np.empty(max(0, len(before) + len(values) - order)), _kernel(), _weights(order)
     sizes, known, at = (len(before), *values.shape, order + 1), kernel.known(weights), kernel.pointer
-    kernel.call.largest_differences(*sizes, known, at(before), at(values), at(found))
-    return found
+    kernel.call.largest_differences(*sizes, known, at(before), at(values), at(result))
+    return result
 
 
 @cache

@@ -107,8 +107,8 @@ class Kernel:
     def pointers(self, arrays: Sequence[NDArray[Any]]) -> Any:
         """Return where arrays of doubles are, as an array, which they live as long as."""
         each = [self.pointer(array) for array in arrays]
-        found = self._ffi.new("const double *[]", each)
-        return self._ffi.gc(found, lambda _, each=each: each.clear())
+        result = self._ffi.new("const double *[]", each)
+        return self._ffi.gc(result, lambda _, each=each: each.clear())
 
     def shared(self, kind: str, parts: dict[str, Any]) -> Any:
         """Return a struct of numbers, addresses, other kernels' or None, and arrays, which are shared as they are."""

@@ -73,16 +73,16 @@ class KinkSmoothing:
 
     def apply(self, values: Vector) -> Vector:
         """Return N v, shape (dofs,)."""
-        found, at = np.empty_like(values), self._kernel.pointer
-        self._kernel.call.kinks_of(self._kinks, values.size, at(np.ascontiguousarray(values)), at(found))
-        return found
+        result, at = np.empty_like(values), self._kernel.pointer
+        self._kernel.call.kinks_of(self._kinks, values.size, at(np.ascontiguousarray(values)), at(result))
+        return result
 
     def smoothed(self, pairs: Vector, still: Vector | float) -> Vector:
         """Return Q - N eta' and psi' of points [Q, psi], shape (m, 2, dofs), over columns of still water [m]."""
-        found, at = np.empty_like(pairs), self._kernel.doubles
-        of = self._kernel.spread(still, pairs.shape[2]), len(pairs), at(np.ascontiguousarray(pairs)), at(found)
+        result, at = np.empty_like(pairs), self._kernel.doubles
+        of = self._kernel.spread(still, pairs.shape[2]), len(pairs), at(np.ascontiguousarray(pairs)), at(result)
         self._kernel.call.smooth(self._kinks, self._factors, self._mass, *of)
-        return found
+        return result
 
 
 def _at_facets(plane: Plane) -> tuple[NDArray[np.int32], Vector]:

@@ -54,8 +54,8 @@ class LayoutMesh(NamedTuple):
 
     def facets_of(self, name: str) -> mesh.MeshTags:
         """Return tags with 1 at a group of facets; raises ``InputError`` if there is no such group."""
-        found = self._find(self.facets, CURVE, name)
-        return mesh.meshtags(self.mesh, CURVE, found, np.ones(found.size, dtype=np.int32))
+        result = self._find(self.facets, CURVE, name)
+        return mesh.meshtags(self.mesh, CURVE, result, np.ones(result.size, dtype=np.int32))
 
     def paddle_line(self) -> tuple[Vector, Vector]:
         """Return a point of the paddle's line and its unit normal into the water, each of shape (2,); collective.

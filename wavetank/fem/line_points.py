@@ -73,6 +73,6 @@ class LinePoints:
         return self._found(values, len(self._x), same=True)
 
     def _found(self, values: Vector, places: int, *, same: bool) -> Vector:
-        values, found, at = np.ascontiguousarray(values), np.empty((len(values), places)), self._kernel.pointer
-        self._kernel.call.values_along(self._line, *found.shape, same, at(self._x), at(values), at(found))
-        return found
+        values, result, at = np.ascontiguousarray(values), np.empty((len(values), places)), self._kernel.pointer
+        self._kernel.call.values_along(self._line, *result.shape, same, at(self._x), at(values), at(result))
+        return result

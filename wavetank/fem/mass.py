@@ -159,18 +159,18 @@ class RaisedMass:
 
     def solve(self, right: Vector, start: Vector) -> Vector:
         """Return the solution for owned values r, from a start value, both (owned,), to eight digits of its energy."""
-        found, residual = start[:, None].copy(), (right - self.apply(start))[:, None]
+        result, residual = start[:, None].copy(), (right - self.apply(start))[:, None]
         largest = summed(self._comm, float(right @ (right / self._diagonal[:, 0])))
         conjugate_gradients(
             lambda x: self.apply(x[:, 0])[:, None],
             lambda r: r / self._diagonal,
-            found,
+            result,
             residual,
             within=lambda _: EIGHT_DIGITS**2 * largest,
             comm=self._comm,
             most=self.most,
         )
-        return found[:, 0]
+        return result[:, 0]
 
 
 class RaisedSmoothing:
@@ -298,17 +298,17 @@ class MassMatrix:
     def solve(self, right: Vector, *, within: float = ROUND_OFF) -> Vector:
         """Return the solution for owned values r, shape (owned,), in whose energy so much squared may be missed."""
         self.make_ready()
-        found, residual = np.zeros((right.size, 1)), np.array(right[:, None])
+        result, residual = np.zeros((right.size, 1)), np.array(right[:, None])
         conjugate_gradients(
             self._product,
             self._precondition,
-            found,
+            result,
             residual,
             within=lambda energy: within**2 * energy,
             comm=self._comm,
             most=self.most,
         )
-        return found[:, 0]
+        return result[:, 0]
 
     def diagonal(self) -> Vector:
         """Return the owned diagonal entries, shape (owned,)."""
@@ -370,9 +370,9 @@ class BandedMass(MassMatrix):
 
     def apply(self, values: Vector) -> Vector:
         """Return the product with owned values x, shape (owned,)."""
-        found, at = np.zeros(values.shape), self._kernel.pointer
-        self._kernel.call.multiply(self._cells, self._at_weights, at(np.ascontiguousarray(values)), at(found))
-        return found
+        result, at = np.zeros(values.shape), self._kernel.pointer
+        self._kernel.call.multiply(self._cells, self._at_weights, at(np.ascontiguousarray(values)), at(result))
+        return result
 
     def _prepare(self) -> None:
         self._kernel.call.factor_mass(self._cells, self._at_weights, self._kernel.known(self._kept), self._factors)
@@ -380,6 +380,6 @@ class BandedMass(MassMatrix):
     def solve(self, right: Vector, *, within: float = ROUND_OFF) -> Vector:
         """Return the solution for owned values r, shape (owned,), to round-off."""
         self.make_ready()
-        found, at = np.empty_like(right), self._kernel.pointer
-        self._kernel.call.solve_mass(self._factors, at(np.ascontiguousarray(right)), at(found), self._at_work)
-        return found
+        result, at = np.empty_like(right), self._kernel.pointer
+        self._kernel.call.solve_mass(self._factors, at(np.ascontiguousarray(right)), at(result), self._at_work)
+        return result

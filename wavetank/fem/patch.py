@@ -15,12 +15,12 @@ def patch(plane: Plane, cells: Cells, *, rings: int) -> Cells:
     A ring is all cells that share a degree of freedom with what is within it.
     """
     marks = plane.function("in the patch")
-    topology, found = plane.mesh.topology, cells
+    topology, result = plane.mesh.topology, cells
     dofs = plane.V.dofmap.list[: topology.index_map(topology.dim).size_local]
     for _ in range(rings):
         marks.rows[:] = 0.0
-        marks.rows[plane.V.dofmap.list[found].ravel()] = 1.0
+        marks.rows[plane.V.dofmap.list[result].ravel()] = 1.0
         marks.function.x.scatter_reverse(la.InsertMode.add)
         marks.fetch()
-        found = np.flatnonzero((marks.rows[dofs, 0] > 0.0).any(axis=1)).astype(np.int32)
-    return found
+        result = np.flatnonzero((marks.rows[dofs, 0] > 0.0).any(axis=1)).astype(np.int32)
+    return result

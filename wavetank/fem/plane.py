@@ -115,8 +115,8 @@ class Plane:
     def at(self, facets: mesh.MeshTags) -> NDArray[np.int32]:
         """Return which of the owned degrees of freedom stand on the facets tagged 1, shape (N,); collective."""
         self.mesh.topology.create_connectivity(facets.dim, self.mesh.topology.dim)
-        found: NDArray[np.int32] = fem.locate_dofs_topological(self.V, facets.dim, facets.find(1))
-        return found[found < self.owned]
+        result: NDArray[np.int32] = fem.locate_dofs_topological(self.V, facets.dim, facets.find(1))
+        return result[result < self.owned]
 
     def wall(self, name: str) -> mesh.MeshTags:
         """Return tags with 1 at a wall of a name; raises ``InputError`` if there is none; collective."""

@@ -83,13 +83,13 @@ class Points:
         """Return the nearest of this rank's cells, and the places in it; -1 and inf where none is near."""
         near = geometry.compute_collisions_points(self._tree, points)  # of boxes, which may hold more than their cells
         which = np.repeat(np.arange(len(points)), np.diff(near.offsets))
-        found = self._places.find(points[which], near.array)
-        order = np.lexsort((near.array, found.distances, which))
+        result = self._places.find(points[which], near.array)
+        order = np.lexsort((near.array, result.distances, which))
         seen, first = np.unique(which[order], return_index=True)
         best = order[first]
         cells, distances = np.full(len(points), -1, dtype=np.int32), np.full(len(points), np.inf)
-        local = np.zeros((len(points), found.local.shape[1]))
-        cells[seen], distances[seen], local[seen] = near.array[best], found.distances[best], found.local[best]
+        local = np.zeros((len(points), result.local.shape[1]))
+        cells[seen], distances[seen], local[seen] = near.array[best], result.distances[best], result.local[best]
         return cells, Nearest(local, distances)
 
     @property
@@ -106,20 +106,20 @@ class Points:
 
         The first N/K of the points look at the first field, and so on; collective.
         """
-        found, (mine, *_) = np.zeros(len(self._points)), self._found
+        result, (mine, *_) = np.zeros(len(self._points)), self._found
         field = mine // max(1, len(self._points) // len(values))
-        found[mine] = (self._weights * values[field[:, None], self._dofs]).sum(axis=1)
-        return summed(self._plane.comm, found)
+        result[mine] = (self._weights * values[field[:, None], self._dofs]).sum(axis=1)
+        return summed(self._plane.comm, result)
 
     def of_all(self, values: Vector) -> Vector:
         """Return values at the points of K fields at all degrees of freedom, (K, rows), shape (K, N); collective.
 
         Each bit for bit what it is alone.
         """
-        found, (mine, *_) = np.zeros((len(values), len(self._points))), self._found
+        result, (mine, *_) = np.zeros((len(values), len(self._points))), self._found
         each = np.multiply(self._weights, values[:, self._dofs], order="C")  # summed alike, however many there are
-        found[:, mine] = each.sum(axis=-1)
-        return summed(self._plane.comm, found)
+        result[:, mine] = each.sum(axis=-1)
+        return summed(self._plane.comm, result)
 
     def of(self, rows: Vector) -> Vector:
         """Return values at the points, shape (N, ...), of those at all degrees of freedom, (rows, ...); collective.

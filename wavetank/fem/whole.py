@@ -303,10 +303,10 @@ class Whole:
         recorded = self._ready()
         if not recorded:
             return None
-        at, found = self._kernel.doubles, np.empty((5, p.size))
-        surface, into = (at(q), at(p), self._kernel.spread(still, p.size)), at(found)
-        self._last = found, into
-        return self._solution(self._kernel.call.find(self._struct, *surface, recorded, into, self._at_told), found)
+        at, result = self._kernel.doubles, np.empty((5, p.size))
+        surface, into = (at(q), at(p), self._kernel.spread(still, p.size)), at(result)
+        self._last = result, into
+        return self._solution(self._kernel.call.find(self._struct, *surface, recorded, into, self._at_told), result)
 
     def ask(self, glance: Glance | None) -> None:
         """Let ``find`` tell the surface's largest velocity and slope, too, by what was asked last; None: no more."""
@@ -329,11 +329,11 @@ class Whole:
         recorded, mixed, size = self._ready(), mixing.recorded, z.size // 2
         if not recorded:
             return None
-        at, found, following = self._kernel.doubles, np.empty((5, size)), np.empty_like(z)
+        at, result, following = self._kernel.doubles, np.empty((5, size)), np.empty_like(z)
         trial = self._trial(inverse, mixing, size)
         how = weight, inverse.carried, self._kernel.spread(still, size), recorded, mixed
-        into = at(found), self._at_told, at(following)
-        solution = self._solution(self._kernel.call.attempt(trial, at(z), at(known), *how, *into), found)
+        into = at(result), self._at_told, at(following)
+        solution = self._solution(self._kernel.call.attempt(trial, at(z), at(known), *how, *into), result)
         if solution is None:
             return None
         mixing.recorded += 1
@@ -420,12 +420,12 @@ class Whole:
             return None
         if still is not self._followed:
             self._follow(still)
-        at, found = self._kernel.doubles, np.empty_like(point)
+        at, result = self._kernel.doubles, np.empty_like(point)
         last, at_last = self._last
         first = at_last if point is last else at(point)
         given = at(state), at(to), first, self._kernel.spread(still, point.shape[1])
-        room = at(found), self._at_told, self._room(into), row
-        return self._solution(self._kernel.call.look(self._struct, *given, recorded, gravity, *room), found)
+        room = at(result), self._at_told, self._room(into), row
+        return self._solution(self._kernel.call.look(self._struct, *given, recorded, gravity, *room), result)
 
     def _follow(self, still: Vector | float) -> None:
         """See to it that walls know the bed as it is."""

@@ -290,8 +290,8 @@ class AndersonStageSolver:
         except PETSc.Error:
             raise next(iter(error), ConvergenceError(f"{where} could not be evaluated")) from None
         if not snes.getConvergedReason() > 0:
-            found = snes.getFunctionNorm() / self._root_of_length
-            raise ConvergenceError(f"{where} did not converge: residual {found:.3g}, wanted {target:.3g}")
+            result = snes.getFunctionNorm() / self._root_of_length
+            raise ConvergenceError(f"{where} did not converge: residual {result:.3g}, wanted {target:.3g}")
         return np.asarray(x.array_r * self._scale)
 
     @property

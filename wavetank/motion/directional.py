@@ -209,8 +209,8 @@ class DirectionalSea(SegmentedMotion):
 def drawn(density: Callable[[Array], Array], chance: Array, *, largest: float) -> Array:
     """Return directions [rad], shape (N,), of a density within the largest angle, for numbers from [0, 1)."""
     angles = np.linspace(-largest, largest, STEPS, dtype=np.float64)
-    share = np.concatenate([[0.0], np.cumsum(0.5 * (density(angles[1:]) + density(angles[:-1])))])
-    return np.asarray(np.interp(chance, share / share[-1], angles))
+    fraction = np.concatenate([[0.0], np.cumsum(0.5 * (density(angles[1:]) + density(angles[:-1])))])
+    return np.asarray(np.interp(chance, fraction / fraction[-1], angles))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -295,8 +295,8 @@ def latest(travel: Array, amplitudes: Array, *, lost: float) -> float:
     Travel times [s] and amplitudes [m], not negative, of one shape.
     """
     slowest_first = np.argsort(-travel, axis=None)
-    shares = np.cumsum(amplitudes.ravel()[slowest_first]) / amplitudes.sum()
-    return float(travel.ravel()[slowest_first[np.searchsorted(shares, lost)]])
+    fractions = np.cumsum(amplitudes.ravel()[slowest_first]) / amplitudes.sum()
+    return float(travel.ravel()[slowest_first[np.searchsorted(fractions, lost)]])
 
 
 Complex = NDArray[np.complex128]

@@ -304,8 +304,8 @@ def _response(wavemaker: Wavemaker, step: float, depth: float, gravity: float) -
     """Return what the velocity of a step makes at the face [m/(m/s)], from ``AHEAD`` steps before it on."""
     omega = 2 * np.pi * np.fft.rfftfreq(2 * MEMORY, step)
     highest = float(angular_frequency(SHORTEST / depth, depth, gravity))
-    found = np.geomspace(omega[1], highest, FREQUENCIES)
-    Z = scipy.interpolate.CubicSpline(np.log(found), face(wavemaker, found, depth, gravity))
+    result = np.geomspace(omega[1], highest, FREQUENCIES)
+    Z = scipy.interpolate.CubicSpline(np.log(result), face(wavemaker, result, depth, gravity))
     fading = np.clip((omega / highest - TAPER_START) / (1.0 - TAPER_START), 0.0, 1.0)
-    lines = Z(np.log(np.clip(omega, found[0], highest))) * np.cos(0.5 * np.pi * fading) ** 2
+    lines = Z(np.log(np.clip(omega, result[0], highest))) * np.cos(0.5 * np.pi * fading) ** 2
     return np.roll(np.fft.irfft(lines, 2 * MEMORY), AHEAD)[:MEMORY]

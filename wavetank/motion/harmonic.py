@@ -245,16 +245,16 @@ def read_components(path: Path, columns: Sequence[str]) -> Components:
     for one, line in zip(f, lines, strict=True):
         if not 1e-6 <= one <= 1e6:
             raise InputError(f"{path}, line {line}: a frequency of {one:g} Hz received; allowed are 1e-6 to 1e6.")
-    kept = by_name["amplitude"] != 0.0
-    if not 0 < kept.sum() <= MAX_COMPONENTS:
-        raise InputError(f"{path}: {kept.sum()} components received; allowed are 1 to {MAX_COMPONENTS}.")
+    selected = by_name["amplitude"] != 0.0
+    if not 0 < selected.sum() <= MAX_COMPONENTS:
+        raise InputError(f"{path}: {selected.sum()} components received; allowed are 1 to {MAX_COMPONENTS}.")
     phase = by_name["phase"] if "phase" in by_name else -by_name["lag"]
     angles = np.radians(by_name.get("direction", 0.0 * f))
     for one, line in zip(angles, lines, strict=True):
         if not abs(one) < np.pi / 2:
             received = f"a direction of {np.degrees(one):g} deg received"
             raise InputError(f"{path}, line {line}: {received}; allowed are more than -90 and less than 90.")
-    return Components(f[kept], by_name["amplitude"][kept], phase[kept], angles[kept])
+    return Components(f[selected], by_name["amplitude"][selected], phase[selected], angles[selected])
 
 
 def uniform(seed: int, *shape: int) -> Array:
@@ -318,8 +318,10 @@ def wished_surface(t: Array, eta: Array, *, band: tuple[float | None, float | No
         raise InputError(f"a record of {rows} of its shortest steps received; allowed are {MAX_ROWS}.")
     even = np.linspace(t[0], t[-1], rows, dtype=np.float64)
     values = scipy.interpolate.CubicSpline(t, eta)(even)
-    share = np.linspace(0.0, 1.0, rows)
-    values = (values - values.mean()) * np.sin(np.pi / 2 * np.minimum(1.0, np.minimum(share, 1 - share) / EASED)) ** 2
+    fraction = np.linspace(0.0, 1.0, rows)
+    values = (values - values.mean()) * np.sin(
+        np.pi / 2 * np.minimum(1.0, np.minimum(fraction, 1 - fraction) / EASED)
+    ) ** 2
     lines = np.fft.rfft(values, 2 * rows) / rows
     f = np.arange(lines.size) / (2 * rows * (even[1] - even[0]))
     energy = np.abs(lines) ** 2
@@ -327,11 +329,13 @@ def wished_surface(t: Array, eta: Array, *, band: tuple[float | None, float | No
         raise InputError("no waves received: the surface is level.")
     mean = float(energy @ f / energy.sum())
     lowest, highest = band[0] or mean / 4.0, band[1] or 4.0 * mean
-    kept = (f >= lowest) & (f <= highest) & (f > 0.0)
-    if not (0 < kept.sum() <= MAX_COMPONENTS and energy[kept].sum() > 0.0):
-        received = f"{kept.sum()} components from {lowest:g} to {highest:g} Hz received"
+    selected = (f >= lowest) & (f <= highest) & (f > 0.0)
+    if not (0 < selected.sum() <= MAX_COMPONENTS and energy[selected].sum() > 0.0):
+        received = f"{selected.sum()} components from {lowest:g} to {highest:g} Hz received"
         raise InputError(f"{received}; allowed are 1 to {MAX_COMPONENTS}, and waves among them.")
-    return WishedSurface(f[kept], np.abs(lines[kept]), np.angle(lines[kept]), float(even[0]), float(np.ptp(t)), mean)
+    return WishedSurface(
+        f[selected], np.abs(lines[selected]), np.angle(lines[selected]), float(even[0]), float(np.ptp(t)), mean
+    )
 
 
 SAME = 1e-9  # relative: frequencies that differ by less are one line
@@ -475,8 +479,8 @@ class WaveGroup(WaveMotion):
         A component leaves the paddle, about a peak period more or less, its own travel time before the focus; the
         shortest waves are the slowest. At most the share ``lost`` of the crest may have to leave before the ramp ends.
         """
-        shares = np.cumsum(self.crest_amplitudes[::-1]) / self.amplitude
-        slowest = self.k[::-1][np.searchsorted(shares, lost)]
+        fractions = np.cumsum(self.crest_amplitudes[::-1]) / self.amplitude
+        slowest = self.k[::-1][np.searchsorted(fractions, lost)]
         travel = self.focus_x / airy.group_velocity(slowest, self.depth, self.gravity)
         return float(ramp + travel + 1.0 / self.spectrum.peak_frequency)
 

@@ -454,8 +454,8 @@ class ValidatedMotion(Motion):
 
     def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
         """Return those of the motion."""
-        found: list[Any] = self._validated(t, lambda t: self._motion.rates(t, y, up_to=up_to))
-        return found
+        result: list[Any] = self._validated(t, lambda t: self._motion.rates(t, y, up_to=up_to))
+        return result
 
     def _validated(self, t: Any, found: Callable[[Any], Any]) -> Any:
         """Return what is found at times [s]; of what is none beyond the duration alone, it is said who asks there."""

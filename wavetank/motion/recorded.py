@@ -297,6 +297,6 @@ def _through(t: Array, values: Array, highest: float | None) -> "scipy.interpola
     knots = np.linspace(begin, end, pieces + 1, dtype=np.float64)
     knots = np.concatenate([[begin] * DEGREE, knots, [end] * DEGREE])
     rows = (np.ascontiguousarray(one) for one in (t, values))
-    found = scipy.interpolate.PPoly.from_spline(scipy.interpolate.make_lsq_spline(*rows, knots, k=DEGREE))
+    result = scipy.interpolate.PPoly.from_spline(scipy.interpolate.make_lsq_spline(*rows, knots, k=DEGREE))
     inside = slice(DEGREE, -DEGREE)  # its first and last knots are several
-    return scipy.interpolate.PPoly(found.c[:, inside], found.x[inside])
+    return scipy.interpolate.PPoly(result.c[:, inside], result.x[inside])

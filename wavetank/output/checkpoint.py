@@ -149,13 +149,13 @@ def read_checkpoint(
     """
     useless, times = list[str](), list[str]()
     for name in CHECKPOINT_FILES:
-        found = read_checkpoint_file(run / name)
-        if isinstance(found, Checkpoint) and at is not None and not is_at(found.about, at):
-            times.append(f"{found.about['t']:.6g} s")
-        elif isinstance(found, Checkpoint) and not (why := why_not(found.about)):
-            return found, useless
-        elif found is not None:
-            useless.append(f"{run / name} cannot be used ({why if isinstance(found, Checkpoint) else found})")
+        result = read_checkpoint_file(run / name)
+        if isinstance(result, Checkpoint) and at is not None and not is_at(result.about, at):
+            times.append(f"{result.about['t']:.6g} s")
+        elif isinstance(result, Checkpoint) and not (why := why_not(result.about)):
+            return result, useless
+        elif result is not None:
+            useless.append(f"{run / name} cannot be used ({why if isinstance(result, Checkpoint) else result})")
     none = "holds no checkpoint to go on from" if at is None else f"holds no checkpoint of t = {at:g} s"
     those = f"; there is one of {' and of '.join(times)}" if times else ""
     raise InputError(f"{run}: {none}{those}{''.join(f'; {one}' for one in useless)}.")

@@ -213,12 +213,12 @@ class RunDirectory:
         from xarray import DataArray, Dataset
 
         header, rows = self._table(LOADS)
-        found = [parse_load_column(column) for column in header[1:]]
-        walls = list(dict.fromkeys(name for _, name, _ in found))
+        result = [parse_load_column(column) for column in header[1:]]
+        walls = list(dict.fromkeys(name for _, name, _ in result))
         at: dict[str, list[NDArray[np.float64]]] = {}
-        for (quantity, _, _), column in zip(found, rows.T[1:], strict=True):
+        for (quantity, _, _), column in zip(result, rows.T[1:], strict=True):
             at.setdefault(quantity, []).append(column)
-        units = {name: {"units": unit, "long_name": name.replace("_", " along ")} for name, _, unit in found}
+        units = {name: {"units": unit, "long_name": name.replace("_", " along ")} for name, _, unit in result}
         places = {"wall": walls, "time": DataArray(rows[:, 0], dims="time", attrs=TIME)}
         return Dataset({name: (("wall", "time"), np.array(each), units[name]) for name, each in at.items()}, places)
 
@@ -262,10 +262,10 @@ class RunDirectory:
     # ------------------------------------------------------------ as arrays
     def gauge_series(self) -> list[GaugeSeries]:
         """Return each gauge's record, from when it was there."""
-        found = self._gauges()
-        each = zip(found.names, found.x, found.eta, found.y, strict=True)
+        result = self._gauges()
+        each = zip(result.names, result.x, result.eta, result.y, strict=True)
         there = [(name, x, eta, y, ~np.isnan(eta)) for name, x, eta, y in each]
-        return [GaugeSeries(name, x, found.t[when], eta[when], "computed", y) for name, x, eta, y, when in there]
+        return [GaugeSeries(name, x, result.t[when], eta[when], "computed", y) for name, x, eta, y, when in there]
 
     def budget(self) -> dict[str, NDArray[np.float64]]:
         """Return the energy budget: each column, shape (rows,), by its name with units."""
@@ -327,10 +327,10 @@ class RunDirectory:
         complete = content.rfind(b"/>") + len(b"/>")  # a killed run may have cut what follows
         try:
             snapshots = ElementTree.fromstring(content[:complete] + INDEX_END).iter("DataSet") if content else ()
-            found = [(float(one.attrib["timestep"]), one.attrib["file"]) for one in snapshots]
-            if not all(re.fullmatch(rf"{FIELDS}/{name}_\d+\.pvtu", file) for _, file in found):
+            result = [(float(one.attrib["timestep"]), one.attrib["file"]) for one in snapshots]
+            if not all(re.fullmatch(rf"{FIELDS}/{name}_\d+\.pvtu", file) for _, file in result):
                 raise ValueError
-            return [(t, self.path / file) for t, file in found]
+            return [(t, self.path / file) for t, file in result]
         except (ElementTree.ParseError, KeyError, ValueError):
             raise InputError(f"{index}: is no collection of snapshots that this program wrote.") from None
 
@@ -363,27 +363,27 @@ class RunDirectory:
 
     def _stations(self, header: Sequence[str], rows: NDArray[np.float64]) -> dict[str, Variable]:
         """Return the gauges' names, places and records as variables."""
-        found = self._elevations(header, rows)
-        x, y = np.array([found.x, found.y], dtype=float)
+        result = self._elevations(header, rows)
+        x, y = np.array([result.x, result.y], dtype=float)
         return {
-            "time": Variable(("time",), found.t, TIME),
-            "gauge": Variable(("gauge",), np.array(found.names, dtype=str), {"cf_role": "timeseries_id"}),
+            "time": Variable(("time",), result.t, TIME),
+            "gauge": Variable(("gauge",), np.array(result.names, dtype=str), {"cf_role": "timeseries_id"}),
             "x": Variable(("gauge",), x, ALONG),
             "y": Variable(("gauge",), y, ACROSS),
-            "elevation": Variable(("gauge", "time"), found.eta, ELEVATION),
+            "elevation": Variable(("gauge", "time"), result.eta, ELEVATION),
         }
 
     def _probes(self, header: Sequence[str], rows: NDArray[np.float64]) -> dict[str, Variable]:
         """Return the probes' names, places and records as variables."""
         try:
-            found = [parse_probe_column(column) for column in header[1:]]
+            result = [parse_probe_column(column) for column in header[1:]]
         except (KeyError, ValueError):
             raise InputError(f"{self.path / PROBES}: its columns {header[1:]} tell no probes.") from None
-        points = list(dict.fromkeys(at for _, at in found))
+        points = list(dict.fromkeys(at for _, at in result))
         names, x, y, z = zip(*points, strict=True)
         quantity, shape = probe_quantities(2), (len(points), len(rows))
-        values = {name: np.full(shape, np.nan) for name, _ in found}
-        for (name, at), column in zip(found, rows.T[1:], strict=True):
+        values = {name: np.full(shape, np.nan) for name, _ in result}
+        for (name, at), column in zip(result, rows.T[1:], strict=True):
             values[name][points.index(at)] = column
         return {
             "time": Variable(("time",), rows[:, 0], TIME),
@@ -409,16 +409,16 @@ class RunDirectory:
             name, _, units = head.removesuffix("]").partition(" [")
             name, _, y = name.partition("@y=")
             columns.setdefault((name, units), {})[float(y) if y else None] = values
-        found = {}
+        result = {}
         for (name, units), along in columns.items():
             attributes = {"units": units, "long_name": name.replace("_", " ")}
             if None in along:
-                found[name] = DataArray(along[None], {"time": time}, ["time"], attrs=attributes)
+                result[name] = DataArray(along[None], {"time": time}, ["time"], attrs=attributes)
             else:
                 y_axis = DataArray(list(along), dims="y", attrs=ACROSS)
                 values = np.column_stack(list(along.values()))
-                found[name] = DataArray(values, {"time": time, "y": y_axis}, ["time", "y"], attrs=attributes)
-        return Dataset(found, {"time": time})
+                result[name] = DataArray(values, {"time": time, "y": y_axis}, ["time", "y"], attrs=attributes)
+        return Dataset(result, {"time": time})
 
     def _table(self, file: str) -> tuple[list[str], NDArray[np.float64]]:
         """Return column names and complete rows, shape (rows, columns)."""
@@ -469,8 +469,8 @@ class RunDirectory:
 
     def _read(self, file: str) -> bytes:
         try:
-            with open_regular(self.path / file) as found:
-                return bytes(found.read())
+            with open_regular(self.path / file) as result:
+                return bytes(result.read())
         except OSError as error:
             raise self._unreadable(file, error) from None
 

@@ -242,19 +242,19 @@ def table_variables(header: Sequence[str], rows: Array) -> dict[str, Variable]:
     time = time[many == each]
     values = rows[: time.size * each].reshape(time.size, columns, -1, len(names))
     quantities, of_points, of_columns = probe_quantities(2), ("time", "column", "level"), ("time", "column")
-    found = {
+    result = {
         "time": Variable(("time",), time, TIME),
         "zeta": Variable(("level",), np.linspace(0.0, 1.0, values.shape[2]), ZETA),
     }
     for n, name in enumerate(names[1:], start=1):
         if name in AXES:
-            found[name] = Variable(("column",), values[0, :, 0, n] if time.size else np.zeros(columns), AXES[name])
+            result[name] = Variable(("column",), values[0, :, 0, n] if time.size else np.zeros(columns), AXES[name])
         elif name == "elevation":
-            found[name] = Variable(of_columns, values[:, :, 0, n], ELEVATION)
+            result[name] = Variable(of_columns, values[:, :, 0, n], ELEVATION)
         else:
             attributes = UPWARDS if name == "z" else _attributes(name, *quantities[name])
-            found[name] = Variable(of_points, values[..., n], attributes)
-    return {"y": Variable(("column",), np.zeros(columns), ACROSS)} | found
+            result[name] = Variable(of_points, values[..., n], attributes)
+    return {"y": Variable(("column",), np.zeros(columns), ACROSS)} | result
 
 
 def _attributes(name: str, units: str, long_name: str) -> dict[str, str]:

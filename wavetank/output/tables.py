@@ -310,8 +310,8 @@ def parse_position_label(label: str) -> tuple[str, dict[str, float]]:
 
     Raises ``ValueError`` for anything else.
     """
-    name, found, place = label.rpartition("@x=")
-    if not found:
+    name, result, place = label.rpartition("@x=")
+    if not result:
         raise ValueError(f"{label!r} has no position")
     axes = (part.partition("=") for part in f"x={place}".replace(",", ";").split(";"))
     return name, {axis: float(at) for axis, _, at in axes}

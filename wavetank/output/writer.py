@@ -230,11 +230,11 @@ class RunWriter:
 
         Raises ``InputError`` if there is none.
         """
-        found, useless = read_checkpoint(self.path, self._reason_unusable, at=at)
+        result, useless = read_checkpoint(self.path, self._reason_unusable, at=at)
         self._discard_newest = bool(useless) or any(
-            about["step"] > found.about["step"] for _, about in readable_checkpoints(self.path)
+            about["step"] > result.about["step"] for _, about in readable_checkpoints(self.path)
         )
-        return found, useless
+        return result, useless
 
     def _reason_unusable(self, about: dict[str, Any]) -> str:
         """Return why a run cannot be resumed from a checkpoint; empty if it can."""

@@ -73,11 +73,11 @@ def cut_starts(scene: Scene, accuracy: float | None) -> Iterator[str]:
     if not isinstance(initial, SolitaryWave | FocusedSurface) or not isinstance(tank, SliceTank):
         return
     end = 0 if initial.x < tank.length / 2 else 1
-    share = float(initial.at_ends(tank)[end])
-    error = MISSED[type(initial)] * share
-    if share > LARGEST or error > (accuracy or 1.0):
+    fraction = float(initial.at_ends(tank)[end])
+    error = MISSED[type(initial)] * fraction
+    if fraction > LARGEST or error > (accuracy or 1.0):
         wall = f"the wall at x = {[0.0, tank.length][end]:.4g} m"
-        wave = f"{wall} cuts the initial {CALLED[type(initial)]}, which has {share:.2g} of its height there"
+        wave = f"{wall} cuts the initial {CALLED[type(initial)]}, which has {fraction:.2g} of its height there"
         yield f"{wave}: the elevation is off by about {error:.2g} of it; initial.x must be farther from the ends"
 
 
@@ -136,7 +136,7 @@ def highest_wave(scene: Scene) -> HighWave | None:
         scene.wall.wavemaker.transfer(k, tank.depth) / omega * np.fft.rfft(velocity, 2 * count)[1:-1]
     )  # at rest after it
     made[k * tank.depth > SHORTEST] = 0.0
-    speed, found = airy.group_velocity(k, tank.depth, tank.gravity), list[HighWave]()
+    speed, result = airy.group_velocity(k, tank.depth, tank.gravity), list[HighWave]()
     for x in np.linspace(0.0, tank.length, TANK_PLACES) if tank.bed is None else [0.0]:
         there = made * np.exp(-1j * k * x) * (x <= speed * duration)
         eta = np.fft.irfft(np.concatenate([[0.0], there, [0.0]]), 2 * count)[:count]
@@ -145,9 +145,9 @@ def highest_wave(scene: Scene) -> HighWave | None:
             period, height = np.diff(t[ups]), (np.maximum.reduceat(eta, ups) - np.minimum.reduceat(eta, ups))[:-1]
             length = 2 * np.pi / airy.wave_number(2 * np.pi / period, tank.depth, tank.gravity)
             each = zip(height, length, t[ups[:-1]] + period / 2, strict=True)
-            found += [HighWave(high, long, float(x), at, maximum_height(long, tank.depth)) for high, long, at in each]
-    large = LARGE_SHARE * max((one.height for one in found), default=0.0)
-    return max((one for one in found if one.height >= large), key=lambda one: one.height / one.highest, default=None)
+            result += [HighWave(high, long, float(x), at, maximum_height(long, tank.depth)) for high, long, at in each]
+    large = LARGE_SHARE * max((one.height for one in result), default=0.0)
+    return max((one for one in result if one.height >= large), key=lambda one: one.height / one.highest, default=None)
 
 
 MUCH = 0.02  # of the waves, sent back as harmonics: about what a paddle that absorbs sends back of the waves
@@ -253,8 +253,8 @@ def _strokes(scene: Scene) -> Iterator[str]:
             continue
         omega = np.array([2 * np.pi / period])
         speed = float(omega[0] / wave_number(omega, tank.depth, tank.gravity)[0])
-        if (share := seen.extent(motion).speed / speed) > SMALL:
-            moves = f"the paddle of {seen.key} moves at up to {share:.2g} of its waves' speed"
+        if (fraction := seen.extent(motion).speed / speed) > SMALL:
+            moves = f"the paddle of {seen.key} moves at up to {fraction:.2g} of its waves' speed"
             far = f"goes {seen.excursion(motion):.3g} m from rest in water {tank.depth:.3g} m deep"
             yield f'linear theory is of small strokes: {moves}, and {far}; water.type = "nonlinear" takes any'
 
@@ -305,10 +305,10 @@ def noise(scene: Scene) -> Iterator[str]:
     """Yield a sentence for each paddle whose recorded motion is mostly noise, by its acceleration."""
     for seen in scene.paddles:
         record = getattr(seen.motion(), "motion", seen.motion())
-        found = record.noise if isinstance(record, Recorded) else None
-        if found is not None and found[0] > NOISY:
-            share, frequency = found
-            fast = f"{100 * share:.2g} % of the variance of its acceleration is above {frequency:.3g} Hz"
+        result = record.noise if isinstance(record, Recorded) else None
+        if result is not None and result[0] > NOISY:
+            fraction, frequency = result
+            fast = f"{100 * fraction:.2g} % of the variance of its acceleration is above {frequency:.3g} Hz"
             yield f"the record of {seen.key}.motion has noise: {fast}; highest_frequency leaves it out"
 
 
@@ -474,11 +474,11 @@ def coarse(scene: Scene, cell_size: float) -> Iterator[str]:
     ruled, order = by_rule(scene), scene.numerics.vertical_order
     takes, held = ruled.cell_size, ruled.numerics.vertical_order
     finer = max(scene.numerics.order / 3, 1.0)  # nodes are as far apart; the rule is the same from order 3 on
-    found = "over this bed, and no accuracy is predicted: the rule (docs/plan.md) takes"
+    result = "over this bed, and no accuracy is predicted: the rule (docs/plan.md) takes"
     if cell_size > COARSE * (1 + ROUNDING) * finer * takes:
-        yield f"cells of {cell_size:.3g} m are coarse {found} {takes:.2g} m"
+        yield f"cells of {cell_size:.3g} m are coarse {result} {takes:.2g} m"
     if order < LOW * held:
-        yield f"a vertical order of {order} is low {found} {held}"
+        yield f"a vertical order of {order} is low {result} {held}"
 
 
 def _start(scene: Scene, waves: AnyWaves) -> Iterator[str]:
@@ -492,8 +492,8 @@ def _start(scene: Scene, waves: AnyWaves) -> Iterator[str]:
 
         missed, whole = misfit(waves.plane, part)
         if rms(waves.plane, missed) > HELD * (size := rms(waves.plane, whole)):
-            share = rms(waves.plane, missed) / size
-            yield f"the mesh misses the initial {what} by {share:.2g} of it: {_cells(waves)}"
+            fraction = rms(waves.plane, missed) / size
+            yield f"the mesh misses the initial {what} by {fraction:.2g} of it: {_cells(waves)}"
 
 
 def _cells(waves: AnyWaves) -> str:

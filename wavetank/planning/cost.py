@@ -216,8 +216,8 @@ class Stopwatch:
     def per_step(self, *, after: int) -> PerStep:
         """Return the mean of the steps after so many."""
         first = min(after, len(self.notes) - 2)
-        began, ended = self.notes[first], self.notes[-1]
-        return PerStep(*((b - a) / (len(self.notes) - 1 - first) for a, b in zip(began, ended, strict=True)))
+        start_time, ended = self.notes[first], self.notes[-1]
+        return PerStep(*((b - a) / (len(self.notes) - 1 - first) for a, b in zip(start_time, ended, strict=True)))
 
 
 def trial(scene: Scene, comm: MPI.Comm) -> Trial:

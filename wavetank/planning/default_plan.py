@@ -33,8 +33,8 @@ def planned(scene: Scene, comm: MPI.Comm) -> Planned:
     Where no plan can be made, or some numerics are named, its shortest wave decides on the others. Made on the first
     rank; collective. Raises ``InputError`` on all ranks if an accuracy is asked for that cannot be planned for.
     """
-    found, warnings = from_first(comm, lambda: _planned(scene))
-    return Planned(found, (*warnings, *cut_starts(scene, scene.numerics.accuracy)))
+    result, warnings = from_first(comm, lambda: _planned(scene))
+    return Planned(result, (*warnings, *cut_starts(scene, scene.numerics.accuracy)))
 
 
 def _planned(scene: Scene) -> Planned:

@@ -93,17 +93,17 @@ class Cells:
         own, facing = np.minimum(branch, last), np.clip(2 * nearest - 1 - branch, 0, last)
         mu, modes, lower = self._bloch(flat)
         nodal = np.exp(1j * np.outer(flat, self._x))[..., None]
-        shares = np.abs(_adjoint(modes) @ (_adjoint(lower) @ nodal))[..., 0] ** 2
-        shares = shares / shares.sum(axis=1, keepdims=True)
-        both = np.zeros_like(shares)
+        fractions = np.abs(_adjoint(modes) @ (_adjoint(lower) @ nodal))[..., 0] ** 2
+        fractions = fractions / fractions.sum(axis=1, keepdims=True)
+        both = np.zeros_like(fractions)
         for which in (own, facing):
-            both[rows, which] = shares[rows, which]
+            both[rows, which] = fractions[rows, which]
         mean = np.sum(both * mu, axis=1) / np.sum(both, axis=1)
         apart = np.minimum(np.sqrt(mu / mean[:, None]) - 1.0, 1.0)
-        profile = np.sqrt(np.sum(shares * apart**2, axis=1))
+        profile = np.sqrt(np.sum(fractions * apart**2, axis=1))
         known, shape = branch < self.order, np.shape(k)
-        found = (mu[rows, own], np.nan), (mean, np.nan), (profile, 1.0)
-        return BlochWaves(*(np.where(known, one, beyond).reshape(shape) for one, beyond in found))
+        result = (mu[rows, own], np.nan), (mean, np.nan), (profile, 1.0)
+        return BlochWaves(*(np.where(known, one, beyond).reshape(shape) for one, beyond in result))
 
     def truncation_error(self, k: ArrayLike) -> Vector:
         """Return what no polynomial of degree p in each cell holds of exp(i k x), relative, in the mean square.
@@ -115,8 +115,8 @@ class Cells:
         degrees = np.arange(self.order + 1, self.order + 13)
         xi, weights = legendre.leggauss(POINTS)
         parts = weights[:, None] * legendre.legvander(xi, degrees[-1])[:, degrees] / 2
-        share = np.abs(np.exp(1j * kappa[..., None] * xi) @ parts) ** 2 @ (2 * degrees + 1)
-        return np.asarray(np.sqrt(np.minimum(share, 1.0)))
+        fraction = np.abs(np.exp(1j * kappa[..., None] * xi) @ parts) ** 2 @ (2 * degrees + 1)
+        return np.asarray(np.sqrt(np.minimum(fraction, 1.0)))
 
     @cached_property
     def largest(self) -> float:
@@ -170,9 +170,9 @@ class Mesh:
 
     def surface_frequency(self, mu: ArrayLike) -> Vector:
         """Return omega [rad/s] of horizontal eigenvalues mu [1/m²], any shape."""
-        shares, eigenvalues = _vertical(self.vertical_order)
+        fractions, eigenvalues = _vertical(self.vertical_order)
         scaled = np.asarray(mu)[..., None] * self.depth**2
-        tanh = np.asarray(mu) * self.depth * (1.0 - (scaled / (scaled + eigenvalues)) @ shares)
+        tanh = np.asarray(mu) * self.depth * (1.0 - (scaled / (scaled + eigenvalues)) @ fractions)
         return np.asarray(np.sqrt(self.gravity * tanh))
 
     def frequency(self, k: ArrayLike) -> Vector:

@@ -127,15 +127,15 @@ def _down(signal: _Signal, rate: float) -> _Signal:
 
     end = np.array([one[-1] for one in signal.rates])
     largest = np.array([np.abs(one).max() for one in signal.rates])
-    found: list[tuple[float, float, list[Array]]] = []
+    result: list[tuple[float, float, list[Array]]] = []
     for length in 2 * np.pi * largest[0] / largest[1] * np.geomspace(0.25, 4.0, 41):
         rows = max(2, int(np.ceil(length * rate)))
         quintic = BPoly.from_derivatives([0.0, rows / rate], [end, 0.0 * end])
         times = np.arange(1, rows + 1) / rate
         rates = [quintic(times), *(quintic.derivative(order)(times) for order in (1, 2))]
         needs = max(float(np.abs(one).max() / most) for one, most in zip(rates, largest, strict=True))
-        found.append((needs, rows / rate, rates))
-    _, length, rates = min(found, key=lambda one: one[0])
+        result.append((needs, rows / rate, rates))
+    _, length, rates = min(result, key=lambda one: one[0])
     t = signal.t[-1] + np.arange(1, rates[0].shape[0] + 1) / rate
     joined = [np.concatenate([one, two]) for one, two in zip(signal.rates, rates, strict=True)]
     return _Signal(np.concatenate([signal.t, t]), joined, length)

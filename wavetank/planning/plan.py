@@ -141,15 +141,15 @@ def make_plan(scene: Scene, accuracy: float, *, costs: CostModel = BUILT_IN) -> 
     if not 0.0 < accuracy < 1.0:
         raise InputError(f"accuracy = {accuracy:g}: must be between 0 and 1.")
     search = _Search(scene, accuracy)
-    found = [(search.cost(settings, costs), settings) for settings in search.candidates()]
-    if not found and (longest := search.longest()) is not None:
+    result = [(search.cost(settings, costs), settings) for settings in search.candidates()]
+    if not result and (longest := search.longest()) is not None:
         allowed = f"must be at most {longest:.4g} s, the longest that is stable and accurate to {accuracy:g}"
         raise SceneError([Problem(("numerics", "dt"), scene.numerics.dt, allowed)])
-    if not found and (fewest := search.fewest()) is not None:
+    if not result and (fewest := search.fewest()) is not None:
         raise SceneError([_too_large(scene, fewest, accuracy)])
-    if not found:
+    if not result:
         raise UnreachableError(f"accuracy = {accuracy:g}: {search.reached}.")
-    return search.plan(min(found, key=lambda one: one[0].cpu)[1], costs)
+    return search.plan(min(result, key=lambda one: one[0].cpu)[1], costs)
 
 
 def _too_large(scene: Scene, fewest: int, accuracy: float) -> Problem:

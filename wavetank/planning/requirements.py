@@ -456,18 +456,18 @@ def _end_reason(scene: Scene, waves: Components) -> str:
 
 # ---------------------------------------------------------------- the waves
 def _all_waves(scene: Scene, accuracy: float) -> SceneWaves:
-    found = STARTS[type(scene.initial)](scene.initial, scene)
+    result = STARTS[type(scene.initial)](scene.initial, scene)
     for seen in scene.paddles:
         if (motion := seen.motion()).moves:
-            found.append(_paddle_waves(seen, motion, accuracy))
-    if not found or not max(waves.crest for waves in found) > 0.0:
+            result.append(_paddle_waves(seen, motion, accuracy))
+    if not result or not max(waves.crest for waves in result) > 0.0:
         raise InputError("the scene: nothing moves in it; a plan needs a wave or a paddle that moves.")
-    form = next((waves.form for waves in found), None)
-    crest, lasting = sum(waves.crest for waves in found), max(waves.lasting for waves in found)
-    run_ups = [waves.run_up for waves in found if waves.run_up is not None]
+    form = next((waves.form for waves in result), None)
+    crest, lasting = sum(waves.crest for waves in result), max(waves.lasting for waves in result)
+    run_ups = [waves.run_up for waves in result if waves.run_up is not None]
     highest = max(run_ups, key=lambda one: one.height, default=None)
-    components, free = (_together(parts) for parts in zip(*((one.components, one.free) for one in found), strict=True))
-    progressive = sum(waves.progressive for waves in found)
+    components, free = (_together(parts) for parts in zip(*((one.components, one.free) for one in result), strict=True))
+    progressive = sum(waves.progressive for waves in result)
     return SceneWaves(components, crest, form, lasting, highest, free, progressive)
 
 
@@ -524,11 +524,11 @@ def _steady_waves(exact: SteadyWave, length: float, scene: Scene) -> SceneWaves:
     places = length / POINTS * np.arange(POINTS)
     eta, psi = exact.surface(exact.crest + np.where(places > length / 2, places - length, places))
     amplitudes = 2 / POINTS * np.abs(np.fft.rfft(eta))[1:]
-    kept = 1 + int(np.flatnonzero(amplitudes > NEGLIGIBLE * amplitudes[0])[-1])
+    selected = 1 + int(np.flatnonzero(amplitudes > NEGLIGIBLE * amplitudes[0])[-1])
     velocity = float(psi[1] * POINTS / length)  # the surface is level at the crest, and psi is odd
     excess = exact.speed * float(k[0] / airy.angular_frequency(k, tank.depth, tank.gravity)[0]) - 1.0
     components = Components(k, exact.speed * k, amplitudes[:1], np.array([scene.run.duration]))
-    form = Form(amplitudes[: max(kept, 2)] / amplitudes[0], velocity, excess, float(eta.max()))
+    form = Form(amplitudes[: max(selected, 2)] / amplitudes[0], velocity, excess, float(eta.max()))
     return SceneWaves(components, form.crest, form)
 
 
@@ -567,13 +567,13 @@ def _paddle_waves(scene: Scene, motion: Motion, accuracy: float) -> SceneWaves:
     age, fraction, reflected = _travel(scene, *each)
     returning = bool(reflected[:-1] @ energy > RETURNING * (fraction[:-1] @ energy))
 
-    found = Components(k, omega, amplitude * np.sqrt(fraction[:-1]), age[:-1])
+    result = Components(k, omega, amplitude * np.sqrt(fraction[:-1]), age[:-1])
     freed = free._replace(amplitude=free.amplitude * np.sqrt(energy.sum() * fraction[-1:]), age=age[-1:])
     crest, mean_square = _crest(scene, lines, returning)
     lasting = 4 * lines.duration * mean_square / max(crest, 1e-300) ** 2
     free = freed.selected(fraction[-1:] > 0.0)
     one_way = max(crest / 2, _crest(scene, lines, False)[0])  # at a wall that reflects both directions add up
-    return SceneWaves(found.selected(fraction[:-1] > 0.0), crest, None, lasting, None, free, one_way)
+    return SceneWaves(result.selected(fraction[:-1] > 0.0), crest, None, lasting, None, free, one_way)
 
 
 def _free_harmonic(scene: Scene, k: float, lines: _Lines) -> tuple[Components, Vector]:
@@ -666,9 +666,9 @@ def _crest(scene: Scene, lines: _Lines, returning: bool) -> tuple[float, float]:
 def _groups(lines: _Lines, highest: float, lost: float) -> list[NDArray[np.int_]]:
     """Return the lines in few groups, up to a frequency [rad/s], without ends with a share ``lost`` of the energy."""
     energy = np.abs(lines.elevation[lines.omega <= highest]) ** 2
-    share = np.cumsum(energy) / np.sum(energy)
-    kept = np.flatnonzero((share > lost) & (np.concatenate([[0.0], share[:-1]]) < 1 - lost))
-    return np.array_split(kept, min(MOST_COMPONENTS, kept.size))
+    fraction = np.cumsum(energy) / np.sum(energy)
+    selected = np.flatnonzero((fraction > lost) & (np.concatenate([[0.0], fraction[:-1]]) < 1 - lost))
+    return np.array_split(selected, min(MOST_COMPONENTS, selected.size))
 
 
 def _gathered(lines: _Lines, groups: list[NDArray[np.int_]]) -> tuple[Vector, Vector]:
@@ -695,11 +695,11 @@ def _travel(scene: Scene, k: Vector, energy: Vector, squares: Vector) -> travel.
     generated = travel.Generation.of(
         squares, duration=max(duration, analysed_duration(scene, scene.motion())), until=duration
     )
-    found = travel.travel(farthest, speed, length=tank.length, at=at, generated=generated, duration=duration)
+    result = travel.travel(farthest, speed, length=tank.length, at=at, generated=generated, duration=duration)
     if everywhere:
         along = np.minimum(duration, tank.length / speed)
-        return found._replace(age=np.maximum(found.age, along), fraction=np.maximum(found.fraction, 1.0))
-    return found._replace(fraction=np.where(np.any(reached, axis=0), found.fraction, 0.0))
+        return result._replace(age=np.maximum(result.age, along), fraction=np.maximum(result.fraction, 1.0))
+    return result._replace(fraction=np.where(np.any(reached, axis=0), result.fraction, 0.0))
 
 
 STARTS: dict[type[Any], Callable[[Any, Scene], list[SceneWaves]]] = {  # that a plan knows, and their waves

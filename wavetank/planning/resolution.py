@@ -215,7 +215,7 @@ def start_spectrum(scene: Scene) -> StartSpectrum:
     initial, depth = scene.initial, scene.tank.depth
     if isinstance(initial, StillWater | RunState):  # the latter has that run's numerics
         return StartSpectrum(0.0, 0.0)
-    found = [StartSpectrum(0.0, 0.0)]
+    result = [StartSpectrum(0.0, 0.0)]
     for x, surface in _lines(scene, lambda x, y: np.array(initial.surface(scene.tank, x, y))):
         k, waves = _spectrum(surface, x, periodic=isinstance(scene.tank, RingTank))
         waves[1] *= airy.angular_frequency(k, depth, _g(scene)) / _g(scene)
@@ -223,8 +223,8 @@ def start_spectrum(scene: Scene) -> StartSpectrum:
         shortest, mean = _shortest(k, power, missing=1 - POWER), float(k @ power / max(power.sum(), 1e-300))
         amplitude = float(np.abs(np.fft.irfft(np.insert(waves, 0, 0.0, axis=-1))).max())
         bound = 0 if scene.physics == "linear" else _bound_harmonics(mean * amplitude, mean * depth)
-        found.append(StartSpectrum(shortest, shortest + bound * mean))
-    return StartSpectrum(*map(max, zip(*found, strict=True)))
+        result.append(StartSpectrum(shortest, shortest + bound * mean))
+    return StartSpectrum(*map(max, zip(*result, strict=True)))
 
 
 def _bound_harmonics(steepness: float, kd: float) -> int:
@@ -252,11 +252,11 @@ def _of_variation(depths: Vector) -> float:
 
 def _lines(scene: Scene, function: Callable[[Vector, Vector], Vector]) -> list[tuple[Vector, Vector]]:
     """Return places [m] along lines through the tank, and a function at them, of those lines on which it is known."""
-    found = []
+    result = []
     for along, x, y in _through(scene):
         with suppress(InputError):  # beyond the walls of a basin nothing need be known
-            found.append((along, np.asarray(function(x, y), dtype=np.float64)))
-    return [(along, values) for along, values in found if np.isfinite(values).all()]
+            result.append((along, np.asarray(function(x, y), dtype=np.float64)))
+    return [(along, values) for along, values in result if np.isfinite(values).all()]
 
 
 def _through(scene: Scene) -> list[tuple[Vector, Vector, Vector]]:

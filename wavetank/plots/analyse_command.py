@@ -89,13 +89,13 @@ def analyse(
         terminal.print(f"the run has {summarise_warnings(record.warnings)}", highlight=False)
     if units := data.units_note(source):
         terminal.print(units, highlight=False)
-    for kind, found in results.items():
-        terminal.print(_table(found.columns, found.rows))
-        if found.notes:
-            terminal.print(found.notes, highlight=False)
+    for kind, result in results.items():
+        terminal.print(_table(result.columns, result.rows))
+        if result.notes:
+            terminal.print(result.notes, highlight=False)
         instead = ", in place of what was there (--out: elsewhere)" if files[kind].exists() else ""
-        write_rows(files[kind], found.columns, found.rows)
-        picture = result_figure(found, files[kind].with_suffix(".png"))
+        write_rows(files[kind], result.columns, result.rows)
+        picture = result_figure(result, files[kind].with_suffix(".png"))
         terminal.print(f"wrote {files[kind]} and {picture}{instead}", highlight=False)
     if refused:
         raise why
@@ -118,12 +118,12 @@ def _places(text: str | None) -> tuple[float, float, int] | None:
         return None
     try:
         first, last, number = text.split(",")
-        found = float(first), float(last), int(number)
+        result = float(first), float(last), int(number)
     except ValueError:
-        found = (0.0, 0.0, 0)
-    if not (found[0] < found[1] and 2 <= found[2] <= 2000):
+        result = (0.0, 0.0, 0)
+    if not (result[0] < result[1] and 2 <= result[2] <= 2000):
         raise InputError(f"along {text!r} received; allowed is X,X,NUMBER: from x to x [m], 2 to 2000 places: 5,20,60.")
-    return found
+    return result
 
 
 def _make(folder: Path) -> None:

@@ -72,8 +72,8 @@ def heights_figure(
     with picture(path, 11, 5.6) as figure:
         panels, shown = figure.subplots(1, 2, sharey=True), _shown(len(waves))
         for n, colour in zip(shown, _colours(len(shown)), strict=True):
-            gauge, found = waves[n]
-            for panel, values in zip(panels, (found.height, found.crest), strict=True):
+            gauge, result = waves[n]
+            for panel, values in zip(panels, (result.height, result.crest), strict=True):
                 told = exceedance(values / float(states.hm0[n]))
                 label = _label(gauge) if panel is panels[0] else None
                 panel.plot(told.value, told, ".", ms=5, color=colour, label=label)
@@ -83,7 +83,7 @@ def heights_figure(
         panels[1].plot(crests, rayleigh_crests(crests, 1.0), "--", color=INK)
         if second:
             panels[1].plot(crests, second(crests), "-", color=INK)
-        least = 0.5 / (1 + max(found.begin.size for _, found in waves))
+        least = 0.5 / (1 + max(result.begin.size for _, result in waves))
         panels[0].set(yscale="log", ylim=(least, 1.1), xlabel="height over Hm0 [-]", ylabel="share that is higher [-]")
         panels[1].set(xlabel="crest over Hm0 [-]")
         figure.legend(**LEGEND)
@@ -171,16 +171,16 @@ def reflection_figure(found: Dataset, path: Path, *, title: str) -> Path:
         below.plot(found.frequency, ratio, ".-", color=GREEN, label="reflected over incident amplitude")
         below.set(xlabel="frequency [Hz]", ylabel="reflection [-]", ylim=(0, None))
         figure.legend(**LEGEND)
-        said = f"{title}: reflection {found.attrs['coefficient']:.3g}"
-        figure.suptitle(said, fontsize=12, parse_math=False)
+        text = f"{title}: reflection {found.attrs['coefficient']:.3g}"
+        figure.suptitle(text, fontsize=12, parse_math=False)
     return path
 
 
 def regular_reflection_figure(component: DataArray, found: Reflection, path: Path, *, title: str) -> Path:
     """Draw a regular wave's amplitude along x and the beat of what comes and goes back; return ``path``."""
     told = WaveFit(np.array([found.incident, found.reflected]), found.rest, found.condition)
-    said = f"{title}: reflection {found.coefficient:.3g}"
-    return along_figure(component, [found.k, -found.k], ["incident", "reflected"], told, path, title=said)
+    text = f"{title}: reflection {found.coefficient:.3g}"
+    return along_figure(component, [found.k, -found.k], ["incident", "reflected"], told, path, title=text)
 
 
 def speed_figure(

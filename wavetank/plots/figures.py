@@ -486,8 +486,8 @@ def probes_figure(run: RunDirectory, path: Path) -> Path:
             _draw_vector(velocity, probe, "velocity")
             _draw_vector(acceleration, probe, "acceleration")
             _draw(pressure, probe.time, beyond.isel(probe=n) / scale, color=BLUE)
-        said = ("velocity [m/s]", "acceleration [m/s²]", f"pressure beyond still water's [{kilo}Pa]")
-        for panel, what in zip(axes[0], said, strict=True):
+        text = ("velocity [m/s]", "acceleration [m/s²]", f"pressure beyond still water's [{kilo}Pa]")
+        for panel, what in zip(axes[0], text, strict=True):
             panel.set_title(what, loc="right", pad=2)
         _finish(figure, axes, f"{run.title}: probes".lstrip(": "))
     return path
@@ -537,9 +537,9 @@ def _finish(figure: Any, axes: Any, title: str) -> None:
     for panel in axes[-1]:
         panel.set_xlabel("time [s]")
     each = (panel.get_legend_handles_labels() for panel in axes.flat)
-    found = {label: handle for handles, labels in each for handle, label in zip(handles, labels, strict=True)}
-    if found:
-        figure.legend(found.values(), found.keys(), loc="outside upper right", ncols=len(found))
+    result = {label: handle for handles, labels in each for handle, label in zip(handles, labels, strict=True)}
+    if result:
+        figure.legend(result.values(), result.keys(), loc="outside upper right", ncols=len(result))
     figure.suptitle(title, fontsize=13, parse_math=False)
 
 

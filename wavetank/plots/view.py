@@ -106,10 +106,10 @@ def followed(frames: Sequence[Frame], console: Console) -> Iterable[Frame]:
     if console.is_terminal:
         yield from track(frames, description="film", console=console, transient=True)
         return
-    began, some = time.monotonic(), -(-len(frames) // LINES)
+    start_time, some = time.monotonic(), -(-len(frames) // LINES)
     for done, frame in enumerate(frames):
         if done % some == 0:
-            left = f", {(time.monotonic() - began) * (len(frames) / done - 1):.0f} s left" if done else ""
+            left = f", {(time.monotonic() - start_time) * (len(frames) / done - 1):.0f} s left" if done else ""
             console.print(f"film: {done} of {len(frames)} frames{left}", highlight=False)
         yield frame
 
@@ -303,9 +303,9 @@ class View:
 
     def note_pace(self, pace: float) -> None:
         """Write how many times faster than in the tank time passes, if it does not pass as there."""
-        said = [f"vertical exaggeration {self.exaggeration:g}"]
-        said += [f"{pace:.2g} times as fast"] * (abs(pace - 1) >= 0.02) + [self.tank.note] * bool(self.tank.note)
-        self._write("note", ", ".join(said), (0.03, 0.035), size=12)
+        text = [f"vertical exaggeration {self.exaggeration:g}"]
+        text += [f"{pace:.2g} times as fast"] * (abs(pace - 1) >= 0.02) + [self.tank.note] * bool(self.tank.note)
+        self._write("note", ", ".join(text), (0.03, 0.035), size=12)
 
     def close(self) -> None:
         """Give the memory back."""

@@ -61,6 +61,6 @@ def _drawing() -> ModuleType:
 
 def _pixels(size: str) -> tuple[int, int]:
     """Return width and height of e.g. ``1600x900``; raise ``InputError`` for anything else."""
-    if (found := re.fullmatch(r"(\d{1,6})x(\d{1,6})", size)) is None:
+    if (result := re.fullmatch(r"(\d{1,6})x(\d{1,6})", size)) is None:
         raise InputError(f"size {size!r} received; allowed is WIDTHxHEIGHT in pixels, such as 1600x900.")
-    return int(found[1]), int(found[2])
+    return int(result[1]), int(result[2])

@@ -56,17 +56,17 @@ class Checkpoints:
         """Write one where it is due on the first rank, or note the moment, or show what there is by now; collective."""
         if moment.step < self._next:
             return
-        began, room = time.monotonic(), self._room()
+        start_time, room = time.monotonic(), self._room()
         known = len(self._noting) == self._noting.maxlen
-        late = began - self._settled > LATE
-        noting = (late or not room) and (not known or began - self._noted > min(self._noting) / NOTING)
-        asked = began - self._last > self._age, noting, late, self._steps_from(began, room)
+        late = start_time - self._settled > LATE
+        noting = (late or not room) and (not known or start_time - self._noted > min(self._noting) / NOTING)
+        asked = start_time - self._last > self._age, noting, late, self._steps_from(start_time, room)
         due, noting, late, self._steps = asked if self._comm.size == 1 else self._comm.bcast(asked)
         self._next = moment.step + self._steps
         if moment.step == 0 or due:
             self._write()
             self._last = self._noted = self._settled = time.monotonic()
-            self._cost, self._first = self._last - began, moment.step == 0
+            self._cost, self._first = self._last - start_time, moment.step == 0
         elif noting or late:
             self._settle()
             self._settled = time.monotonic()

@@ -171,8 +171,8 @@ def _check_flat(scene: Scene, noun: ShapedWall, wall: Piston, plane: Plane) -> N
     depth, distances = scene.depths(), wall.distances(plane)
     if not callable(depth):
         return
-    found = agreed(plane.comm, lambda: np.asarray(depth(*plane.places.T)))
-    uneven = np.abs(found - scene.tank.depth) > FLAT * scene.tank.depth
+    result = agreed(plane.comm, lambda: np.asarray(depth(*plane.places.T)))
+    uneven = np.abs(result - scene.tank.depth) > FLAT * scene.tank.depth
     nearest = plane.comm.allreduce(float(distances[uneven].min(initial=np.inf)), op=MPI.MIN)
     if nearest < wall.reach:
         needed = STEEPEST * noun.max_mode_shape(scene.tank) * scene.excursion(scene.motion())
@@ -257,9 +257,9 @@ def check_depth(scene: Scene, footprint: Footprint, plane: Plane) -> None:
         ends = {seen.end: plane.places[plane.at(footprint.side(seen.end).facets)] for seen in scene.paddles}
         looked_at = {f"the bed's depth at the {end}": places for end, places in ends.items()}
     for where, at in looked_at.items():
-        found = agreed(plane.comm, lambda at=at: depth(*at.T))  # type: ignore[misc]
-        low = plane.comm.allreduce(float(np.min(found, initial=np.inf)), op=MPI.MIN)
-        high = plane.comm.allreduce(float(np.max(found, initial=-np.inf)), op=MPI.MAX)
+        result = agreed(plane.comm, lambda at=at: depth(*at.T))  # type: ignore[misc]
+        low = plane.comm.allreduce(float(np.min(result, initial=np.inf)), op=MPI.MIN)
+        high = plane.comm.allreduce(float(np.max(result, initial=-np.inf)), op=MPI.MAX)
         if low > 0.0 and not (1 - NOMINAL) * low <= scene.tank.depth <= (1 + NOMINAL) * high:
             depths = f"{low:.4g} m" if f"{low:.4g}" == f"{high:.4g}" else f"{low:.4g} to {high:.4g} m"
             or_else = ", or the bed of the tank's depth there: the wall moves" if where.endswith(FAR) else ""
@@ -406,15 +406,15 @@ Answered = tuple[Equation, Look]
 
 def build_answers(scene: Scene, waves: AnyWaves) -> list[AnsweringPaddle]:
     """Return what answers the water, of each paddle of a scene that absorbs; collective."""
-    found = list[AnsweringPaddle]()
+    result = list[AnsweringPaddle]()
     for number in scene.absorbing:
         seen = scene.paddles[number]
         wall: Any = seen.wall
         paddle: Any = waves.wall.paddles[number]
         equation, look = ANSWERS[type(wall.absorb)](scene, number, waves)
         shares = wall.mode_shape(seen.tank)
-        found.append(AnsweringPaddle(paddle, equation, look, shares=shares, key=seen.key))
-    return found
+        result.append(AnsweringPaddle(paddle, equation, look, shares=shares, key=seen.key))
+    return result
 
 
 def added_motions(scene: Scene, waves: AnyWaves) -> dict[int, Any]:
@@ -442,8 +442,8 @@ def _active(scene: Scene, number: int, waves: AnyWaves) -> Answered:
     seen, tank, comm = scene.paddles[number], scene.tank, waves.plane.comm
     wall: Any = seen.wall
     paddle: Any = waves.wall.paddles[number]
-    found = from_first(comm, lambda: wall.absorb.build(tank, wall.wavemaker, paddles=scene.paddle_periods))
-    above, below = found.over_s()
+    result = from_first(comm, lambda: wall.absorb.build(tank, wall.wavemaker, paddles=scene.paddle_periods))
+    above, below = result.over_s()
     made = agreed(
         comm,
         lambda: elevation_at_face(
@@ -561,7 +561,7 @@ def initial_surface(scene: Scene, waves: AnyWaves) -> tuple[Vector, Vector]:
 def kept_surface(scene: Scene, initial: RunState, waves: AnyWaves) -> KeptSurface:
     """Return what was kept, values on the first rank alone; collective. Raises ``InputError``, on all ranks."""
     comm = waves.plane.comm
-    found: list[Checkpoint] = []
+    result: list[Checkpoint] = []
 
     def read() -> tuple[dict[str, Any], Scene, Held]:
         path, about = _chosen(initial)
@@ -570,15 +570,15 @@ def kept_surface(scene: Scene, initial: RunState, waves: AnyWaves) -> KeptSurfac
             raise InputError(f"{path}: cannot be used ({checkpoint or 'it is no longer there'}).")
         scheme = held_by_scheme(deserialize(checkpoint.held, [np.zeros(0)] * len(checkpoint.arrays))["run"])
         _check(scene, before, about["t"], scheme)
-        found.append(checkpoint)
+        result.append(checkpoint)
         return about, before, scheme
 
     about, before, scheme = from_first(comm, read)
     values: tuple[Vector, Vector] = np.zeros(0), np.zeros(0)
     places: Vector = np.zeros((0, 3))
-    if found:
-        surface = deserialize(found[0].held, found[0].arrays)["surface"]
-        values, places = (surface["elevation"], surface["potential"]), found[0].places
+    if result:
+        surface = deserialize(result[0].held, result[0].arrays)["surface"]
+        values, places = (surface["elevation"], surface["potential"]), result[0].places
     return KeptSurface(before, about["t"], about["mass"], values, places, scheme=scheme)
 
 
@@ -586,10 +586,10 @@ def with_its_numerics(scene: Scene, initial: RunState) -> Scene:
     """Return the scene with that run's numerics where it names none; or ``InputError``, also if they do not fit."""
     before = _its_scene(initial, _chosen(initial)[1])
     numerics = scene.numerics.over(before.numerics, named=scene.numerics.model_fields_set)
-    found = scene.model_copy(update={"numerics": numerics})
-    if problems := [*numerics.problems(found)]:
+    result = scene.model_copy(update={"numerics": numerics})
+    if problems := [*numerics.problems(result)]:
         raise SceneError(problems)
-    return found
+    return result
 
 
 def told_of_start(scene: Scene, waves: AnyWaves, q: Vector) -> str:
@@ -616,16 +616,16 @@ def _told_of_mean(waves: AnyWaves, q: Vector) -> str:
 def _chosen(initial: RunState) -> tuple[Path, dict[str, Any]]:
     """Return the file of the checkpoint that is asked for, and what is told of it; raises ``InputError``."""
     directory = RunDirectory(initial.directory)
-    found = list(readable_checkpoints(directory.path))
-    if not found:
+    result = list(readable_checkpoints(directory.path))
+    if not result:
         raise InputError(f"directory = {initial.directory}: holds no checkpoint to begin with.")
     if initial.t is None:
-        return found[0]
+        return result[0]
     at = initial.t
-    for path, description in found:
+    for path, description in result:
         if is_at(description, at):
             return path, description
-    times = " and ".join(f"{about['t']:.6g} s" for _, about in found)
+    times = " and ".join(f"{about['t']:.6g} s" for _, about in result)
     raise InputError(f"t = {at:g}: must be a time that is kept, which are {times}; a run keeps its end.")
 
 

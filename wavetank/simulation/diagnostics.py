@@ -206,9 +206,9 @@ class HighestCrest(Patient):
     def highest(self) -> Crest:
         """Return the highest crest on all ranks; collective."""
         comm = self._waves.plane.comm
-        found = np.empty((comm.size, len(self._own)))
-        comm.Allgather(np.array(self._own), found)
-        return max(Crest(*map(float, one)) for one in found)
+        result = np.empty((comm.size, len(self._own)))
+        comm.Allgather(np.array(self._own), result)
+        return max(Crest(*map(float, one)) for one in result)
 
     def held(self) -> Held:
         """Return the highest crest so far; collective."""
@@ -482,14 +482,14 @@ class Probes:
         """Append one row; raises ``PaddleError`` if a paddle has passed a probe; collective."""
         self._water.find_rates(moment.q, moment.p, moment.t)
         try:
-            found = self._sounding.take()
+            result = self._sounding.take()
         except OutsideError as error:
             raise self._passing.error(moment.t, error.index, self._water.wall.stand(self._places)) from None
-        for name, dry in zip(self._points, found.dry, strict=True):
+        for name, dry in zip(self._points, result.dry, strict=True):
             self._wet[name] = self._wet.get(name, False) or not bool(dry)
-        vectors = (vector[:, self._axes] for vector in (found.velocity, found.local, found.acceleration))
-        each = np.column_stack([*vectors, found.pressure])
-        rows = ([None] * len(row) if dry else row for row, dry in zip(each, found.dry, strict=True))
+        vectors = (vector[:, self._axes] for vector in (result.velocity, result.local, result.acceleration))
+        each = np.column_stack([*vectors, result.pressure])
+        rows = ([None] * len(row) if dry else row for row, dry in zip(each, result.dry, strict=True))
         self._record.extend([[moment.t, *(value for row in rows for value in row)]])
 
     def verdict(self) -> list[str]:
@@ -582,11 +582,11 @@ class SurfaceSnapshots(Patient):
         """Return values on the first rank, of those of K fields, shape (K, owned): at the places, or as gathered."""
         if self._points is None:
             return self._gather(owned)
-        found = list[Vector]()
+        result = list[Vector]()
         for one in owned:
             self._field.set(one)
-            found.append(self._points.evaluate(self._field))
-        return np.array(found)
+            result.append(self._points.evaluate(self._field))
+        return np.array(result)
 
     def held(self) -> Held:
         """Return the places in the mesh [m]."""
@@ -656,11 +656,11 @@ class WindowObserver:
             d, h = (self._surface.points.evaluate(field) for field in (self._depth, self._water.h))
             z = np.outer(h, self._zeta) - d[:, None]
             points = np.column_stack([np.repeat(self._places, self._zeta.size, axis=0), z.ravel()])
-            found = self._sounding.take(points)
+            result = self._sounding.take(points)
         except InputError as error:
             raise PaddleError(f"t = {moment.t:.6g} s: the paddle has reached a column of a window: {error}") from None
-        vectors = (vector[:, self._axes].T for vector in (found.velocity, found.local, found.acceleration))
-        moved = np.vstack([*vectors, found.pressure]).reshape(-1, *z.shape)
+        vectors = (vector[:, self._axes].T for vector in (result.velocity, result.local, result.acceleration))
+        moved = np.vstack([*vectors, result.pressure]).reshape(-1, *z.shape)
         self._record.append(moment.t, z, eta, moved)
 
 

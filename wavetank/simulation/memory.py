@@ -16,8 +16,8 @@ def peak_memory() -> float:
     Linux tells it of the process itself; getrusage tells that of the process it was started from, if that is more.
     """
     with suppress(OSError):
-        if found := re.search(r"VmHWM:\s*(\d+) kB", Path("/proc/self/status").read_text(encoding="utf-8")):
-            return int(found[1]) * 2**10
+        if result := re.search(r"VmHWM:\s*(\d+) kB", Path("/proc/self/status").read_text(encoding="utf-8")):
+            return int(result[1]) * 2**10
     unit = 1 if sys.platform == "darwin" else 2**10
     return float(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit)
 
@@ -25,13 +25,13 @@ def peak_memory() -> float:
 def available_memory(comm: MPI.Comm) -> float:
     """Return the free memory of the hosts that all ranks can use in equal parts [bytes]; inf if unknown; collective."""
     host = comm.Split_type(MPI.COMM_TYPE_SHARED)
-    share = _free() / host.size
+    fraction = _free() / host.size
     host.Free()
-    return float(comm.size * comm.allreduce(share, op=MPI.MIN))
+    return float(comm.size * comm.allreduce(fraction, op=MPI.MIN))
 
 
 def _free() -> float:
     with suppress(OSError):
-        if found := re.search(r"MemAvailable:\s*(\d+) kB", Path("/proc/meminfo").read_text(encoding="utf-8")):
-            return float(int(found[1]) * 2**10)
+        if result := re.search(r"MemAvailable:\s*(\d+) kB", Path("/proc/meminfo").read_text(encoding="utf-8")):
+            return float(int(result[1]) * 2**10)
     return inf

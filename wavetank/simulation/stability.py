@@ -155,8 +155,8 @@ class StabilityWatch(Keeping):
         values, ways = getattr(seen, look.quantity), seen.velocities
         last, wall = (old if len(old) else new[:0] for old, new in ((self._last, values), (self._wall, ways)))
         self._last, self._wall = look.last(last, values), look.last(wall, ways)
-        found = seen.numbers[:, LARGEST], look.lower(last, values), look.lower(wall, ways)
-        heights, lower, ways = (largest(self._waves.plane.comm, each) for each in found)
+        result = seen.numbers[:, LARGEST], look.lower(last, values), look.lower(wall, ways)
+        heights, lower, ways = (largest(self._waves.plane.comm, each) for each in result)
         unjudged = len(moments) - len(lower)  # with too few before
         highest = _so_far(self._highest, heights)
         driven = _so_far(self._driven, look.driven * self._dt * ways)

@@ -157,10 +157,10 @@ class VaryingBed:
         low, high = places.min(axis=0), places.max(axis=0)
         margin = ASIDE * float((high - low).max())
         try:
-            found = self._at(np.linspace(low - margin, high + margin, SOUNDINGS))
+            result = self._at(np.linspace(low - margin, high + margin, SOUNDINGS))
         except InputError:
             return -1.0
-        return margin if found.min() == found.max() else -1.0
+        return margin if result.min() == result.max() else -1.0
 
     def _at(self, places: Vector) -> Vector:
         depth = agreed(self._plane.comm, lambda: self._depth(places[:, 0], places[:, 1]))
@@ -173,11 +173,11 @@ class VaryingBed:
 
     def _set(self, places: Vector, which: NDArray[np.intp]) -> None:
         """Find the depth at the places of some degrees of freedom; collective."""
-        found = self._at(places)
-        if not largest(self._plane.comm, -float(found.min(initial=np.inf))) < 0.0:
-            self._refuse(found, places)
+        result = self._at(places)
+        if not largest(self._plane.comm, -float(result.min(initial=np.inf))) < 0.0:
+            self._refuse(result, places)
         still = self.still.copy()
-        still[which] = found
+        still[which] = result
         self.still = still
         self._field.set(still)
 

@@ -167,9 +167,9 @@ class Cause(NamedTuple):
 
 def _stands(waves: NonlinearWaves) -> list[_Stand]:
     """Return how the paddles of a slice stand now."""
-    found, d, wall = list[_Stand](), waves.depth, waves.wall
+    result, d, wall = list[_Stand](), waves.depth, waves.wall
     if not isinstance(waves.surface, SurfaceFlow):
-        return found
+        return result
     paddles: Any = wall.paddles
     for paddle, stand in zip(paddles, wall.stand(np.zeros((1, 2)))[:, 0], strict=True):
         below, here, above = stand * paddle.shape.at(STEP * d * np.array([-1.0, 0.0, 1.0]))
@@ -177,8 +177,8 @@ def _stands(waves: NonlinearWaves) -> list[_Stand]:
         place = float(paddle.side.point[0] + paddle.side.sign * here)
         lean = degrees(atan((above - below) / (2.0 * STEP * d)))
         into = max(0.0, float((stand * paddle.shape.at(d * HEIGHTS)).max()))
-        found.append(_Stand(*names, place, lean, into, paddle.reach, 1.0 - into / paddle.largest_stroke))
-    return found
+        result.append(_Stand(*names, place, lean, into, paddle.reach, 1.0 - into / paddle.largest_stroke))
+    return result
 
 
 def folds(waves: NonlinearWaves, q: Vector, p: Vector, t: float) -> str:

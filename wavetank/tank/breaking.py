@@ -502,11 +502,11 @@ class BasinBreakingWatch(BreakingWatch):
         points = np.zeros((lines[..., 0].size, 3))
         points[:, :2] = lines.reshape(-1, 2)
         self._points.move(points)
-        found = self._points.of_all(np.concatenate([before, surface])).reshape(8, *lines.shape[:2])
+        result = self._points.of_all(np.concatenate([before, surface])).reshape(8, *lines.shape[:2])
         inside = self._points.inside.reshape(lines.shape[:2])
         crests = list[SteepCrest]()
         for n, direction in enumerate(directions):
-            crest = self._on_line(found[:, n], inside[n], direction, time=t - before_t, front=front)
+            crest = self._on_line(result[:, n], inside[n], direction, time=t - before_t, front=front)
             if crest is not None and not any(np.hypot(crest.x - o.x, crest.y - o.y) < self._cell for o in crests):
                 crests.append(crest)
         return crests

@@ -106,10 +106,10 @@ class CarriedWaves:
         compiled = self.along(stage)
         self._waves.mass.make_ready()
         if compiled is not None:
-            kernel, found = compiled.kernel, np.empty_like(residual)
-            given, wanted = kernel.doubles(residual), kernel.doubles(found)
+            kernel, result = compiled.kernel, np.empty_like(residual)
+            given, wanted = kernel.doubles(residual), kernel.doubles(result)
             kernel.call.precondition(compiled.inverse, stage.weight, self._known, given, wanted)
-            return found
+            return result
         if not self._known:
             return self._still(stage, residual)
         mass, a, at, solve = self._waves.mass, stage.weight, self._points, self._solved

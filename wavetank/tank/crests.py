@@ -125,10 +125,10 @@ def steep_crests(before: Profile, after: Profile, *, time: float, front: float, 
     What is narrower than a ``cell`` [m] in its upper half is the mesh's, not the water's.
     """
     kernel = _kernel()
-    found, at = np.empty((len(after.x) // 2 + 1, len(SteepCrest._fields) - 1)), kernel.doubles
+    result, at = np.empty((len(after.x) // 2 + 1, len(SteepCrest._fields) - 1)), kernel.doubles
     surfaces = ([(len(one.x), *map(at, one))] for one in (before, after))
-    count = kernel.call.steep_crests(*surfaces, [(time, front, cell, LEAST, SAME)], at(found))
-    return [SteepCrest(*map(float, crest)) for crest in found[:count]]
+    count = kernel.call.steep_crests(*surfaces, [(time, front, cell, LEAST, SAME)], at(result))
+    return [SteepCrest(*map(float, crest)) for crest in result[:count]]
 
 
 @cache

@@ -142,13 +142,13 @@ class OneByOne:
 
     def smoothed(self, pairs: Vector, still: Vector | float) -> Vector:
         """See ``Smoother``."""
-        found, solved = np.empty_like(pairs), self._solved
+        result, solved = np.empty_like(pairs), self._solved
         of_eta = of_psi = np.zeros(pairs.shape[2:])
-        for (q, psi), after in zip(pairs, found, strict=True):
+        for (q, psi), after in zip(pairs, result, strict=True):
             eta = self._columns.solve(q) - still
             of_eta, of_psi = solved.taken(eta, of_eta), solved.taken(psi, of_psi)
             after[:] = q - solved.moved(eta, of_eta), psi - of_psi
-        return found
+        return result
 
 
 class Smoothing:

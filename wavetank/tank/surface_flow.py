@@ -322,8 +322,8 @@ class SurfaceFlow(SurfaceVelocity):
         part = slope[rising] / (slope[rising] - slope[rising + 1])
         values = ((1 - part) * one[rising] + part * one[rising + 1] for one in (x, height, psi_x))
         crests = list[Crest]()
-        found = (Crest(*map(float, place)) for place in zip(*values, strict=True))
-        for crest in sorted(found, key=lambda one: -one.height):
+        result = (Crest(*map(float, place)) for place in zip(*values, strict=True))
+        for crest in sorted(result, key=lambda one: -one.height):
             if not crests or apart(np.array([one.x for one in crests]), crest.x).min() >= self.cell:
                 crests.append(crest)
         return sorted(crests)

@@ -73,10 +73,10 @@ class SurfacePoints:
         going: NDArray[np.bool_] = np.array(True)
         for _ in range(MOST):
             self.points.move(last)
-            found = self.points.each(eta)
-            if not self._wall.leans or not (going := going & np.isfinite(found)).any():
-                return found.reshape(len(eta), -1)
-            now = np.where(going[:, None], coordinates(found.reshape(len(eta), -1)), last)
+            result = self.points.each(eta)
+            if not self._wall.leans or not (going := going & np.isfinite(result)).any():
+                return result.reshape(len(eta), -1)
+            now = np.where(going[:, None], coordinates(result.reshape(len(eta), -1)), last)
             going &= np.abs(now - last).max(axis=1, initial=0.0) > NEAR * self._plane.cell_size
             last = now
         raise ConvergenceError("where the surface stands over a place beside the paddle could not be found")

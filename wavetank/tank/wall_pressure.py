@@ -144,6 +144,6 @@ def _cells_at(plane: Plane, walls: Sequence[mesh.MeshTags]) -> Cells:
     topology = plane.mesh.topology
     topology.create_connectivity(topology.dim - 1, topology.dim)
     behind = topology.connectivity(topology.dim - 1, topology.dim)
-    found = [behind.links(facet) for facets in walls for facet in facets.find(1)]
-    cells: Cells = np.unique(np.concatenate([np.zeros(0, dtype=np.int32), *found]))
+    result = [behind.links(facet) for facets in walls for facet in facets.find(1)]
+    cells: Cells = np.unique(np.concatenate([np.zeros(0, dtype=np.int32), *result]))
     return cells

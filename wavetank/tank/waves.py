@@ -97,8 +97,8 @@ class _Together(Together):
         tried = whole.attempt(z, known, self._waves.bed.still, weight=stage.weight, inverse=inverse, mixing=mixing)
         if tried is None:
             return None
-        found, led = tried
-        self._waves._take_over(found, stage.t)
+        result, led = tried
+        self._waves._take_over(result, stage.t)
         return led
 
 
@@ -244,11 +244,11 @@ class NonlinearWaves:
         if self._whole is None or self.potential.renews:
             return False
         self.set_time(t)
-        found = self._whole.find(q, p, self.bed.still)
-        if found is not None:
-            self._take_over(found, t)
-            self._told = found.surface if self._glances else None
-        return found is not None
+        result = self._whole.find(q, p, self.bed.still)
+        if result is not None:
+            self._take_over(result, t)
+            self._told = result.surface if self._glances else None
+        return result is not None
 
     def _take_over(self, found: Solution, t: float) -> None:
         """Know what has been found as a whole."""
@@ -429,12 +429,12 @@ class NonlinearWaves:
 
     def see(self, state: State, t: float, into: Sight, row: int) -> None:
         """See a state at t [s] from the last of its known points, which is evaluated then: into a row; collective."""
-        whole, found = self._seeing, None
+        whole, result = self._seeing, None
         if whole is not None and isinstance(state, BetweenTwo) and not self.potential.renews and self._at_end(state, t):
             next_point = state.points[-1]
-            found = whole.look(state.mean, next_point, self._point, self.bed.still, self.gravity, into, row)
-        if found is not None:
-            self._take_over(found, t)
+            result = whole.look(state.mean, next_point, self._point, self.bed.still, self.gravity, into, row)
+        if result is not None:
+            self._take_over(result, t)
             self._remember(next_point)
         else:
             see(self, state, t, into, row)

@@ -115,8 +115,8 @@ class Formula:
         """Return those of several orders, found as one."""
         array = np.asarray(coordinate, dtype=np.float64)
         (variable,) = self._variables
-        found = self._found({variable: Jet(array, np.ones_like(array), np.zeros_like(array))})
-        whole = found if isinstance(found, Jet) else Jet(found, 0.0, 0.0)
+        result = self._found({variable: Jet(array, np.ones_like(array), np.zeros_like(array))})
+        whole = result if isinstance(result, Jet) else Jet(result, 0.0, 0.0)
         return [self._checked(whole[order], {variable: array}) for order in orders]
 
     def _found(self, variables: Mapping[str, Any]) -> Any:

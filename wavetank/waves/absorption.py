@@ -175,7 +175,7 @@ class PassiveFilter:
         width = np.log(FASTEST * ends[1] / middle)
         bounds = np.array([[-width, np.log(DAMPED[0]), -np.inf, -np.inf], [width, np.log(DAMPED[1]), np.inf, np.inf]])
         bounds = np.tile(bounds, STARTS.shape[1])
-        found = []
+        result = []
         for start in STARTS:
             x = np.clip(start.ravel(), bounds[0] + INSIDE, bounds[1] - INSIDE)
             for exponent, weight in FITS:
@@ -183,5 +183,5 @@ class PassiveFilter:
                 x = scipy.optimize.least_squares(
                     misses, x, slopes, args=(exponent, most, weight), bounds=bounds, max_nfev=60
                 ).x
-            found.append((float(sent(x).max()), x))
-        return built(min(found, key=lambda one: one[0])[1])
+            result.append((float(sent(x).max()), x))
+        return built(min(result, key=lambda one: one[0])[1])

@@ -99,8 +99,8 @@ class Image:
         x, xi = self._folded(x)
         surface, _ = self.of(np.asarray(xi, dtype=np.complex128))
         bed = self.mean - self.depth
-        share = np.clip((surface.imag - z) / (surface.imag - bed), 0.0, 1.0)
-        zeta = xi - 1j * self.depth * share
+        fraction = np.clip((surface.imag - z) / (surface.imag - bed), 0.0, 1.0)
+        zeta = xi - 1j * self.depth * fraction
         for _ in range(ROUNDS):
             there, slope = self.of(zeta)
             step = (there - (x + 1j * z)) / slope
@@ -286,10 +286,10 @@ class Solution:
         """Return the water in metres, with points of its surface."""
         strip, a = self.strip, scipy.fft.dct(self.eta, type=1) / self.strip.intervals
         a[[0, -1]] /= 2
-        kept = 1 + np.flatnonzero(np.abs(a[1:]) > np.finfo(float).eps * np.abs(a[1:]).max())
+        selected = 1 + np.flatnonzero(np.abs(a[1:]) > np.finfo(float).eps * np.abs(a[1:]).max())
         return Image(
-            k=np.asarray(strip.k[kept] / depth),
-            cosines=depth * a[kept],
+            k=np.asarray(strip.k[selected] / depth),
+            cosines=depth * a[selected],
             mean=depth * float(a[0]),
             stretch=float(strip.mean * a[0]),
             depth=depth * strip.depth,

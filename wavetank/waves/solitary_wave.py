@@ -56,10 +56,10 @@ def _still_beyond(x: Array, values: Array) -> Shape:
 
 def _of_height(height: float, intervals: int) -> Solution:
     series = 1.0 + height - height**2 / 20, 1.0 + height - height**2 / 20 - 3 * height**3 / 70
-    found = scipy.optimize.root_scalar(
+    result = scipy.optimize.root_scalar(
         lambda square: _of_speed(square, intervals).eta[0] - height, x0=series[0], x1=series[1]
     )
-    return _of_speed(found.root, intervals)
+    return _of_speed(result.root, intervals)
 
 
 def _of_speed(square: float, intervals: int) -> Solution:

@@ -91,16 +91,16 @@ def _record(target: RecordTarget, scene: Scene) -> Aim:
     """Return the aim of a record, whose waves are at first those of linear theory, as far as they can be there."""
     t, eta = _counting(target, scene)
     with about("target", "file"):
-        found = _waves_in(t, eta, band=(target.lowest_frequency, target.highest_frequency))
-    tank, where = scene.tank, {"x": target.x, "time": found.begin}
-    k = airy.wave_number(2 * np.pi * found.frequencies, tank.depth, tank.gravity)
+        result = _waves_in(t, eta, band=(target.lowest_frequency, target.highest_frequency))
+    tank, where = scene.tank, {"x": target.x, "time": result.begin}
+    k = airy.wave_number(2 * np.pi * result.frequencies, tank.depth, tank.gravity)
     there = target.x / airy.group_velocity(k, tank.depth, tank.gravity) < (middle := _middle(t, eta))
     if not there.any():
         allowed = f"has its waves at {middle:.4g} s, when none of them can be there; target.delay moves them"
         raise SceneError([Problem(("target", "file"), target.file, allowed)])
-    of = (values[there] for values in (found.frequencies, found.amplitudes, found.phases))
+    of = (values[there] for values in (result.frequencies, result.amplitudes, result.phases))
     waves = waves_along(*of, depth=tank.depth, gravity=tank.gravity, **where)
-    judged = 2 * np.pi * found.frequencies
+    judged = 2 * np.pi * result.frequencies
     fewest = min(t.size, int(MOST_NUMBERS / judged.size))
     times = _times(t[0], t[-1], judged, fewest=fewest)
     wanted = Elevation(times, CubicSpline(t, eta)(times))
@@ -123,7 +123,7 @@ def _in_time(aim: RecordAim, scene: Scene, *, most: float) -> Aim:
 def _counting(target: RecordTarget, scene: Scene) -> tuple[Array, Array]:
     """Return times [s] and elevations [m] that count of a record."""
     t, eta = target.record()
-    start, end = (default if said is None else said for said, default in ((target.start, 0.0), (target.end, np.inf)))
+    start, end = (default if text is None else text for text, default in ((target.start, 0.0), (target.end, np.inf)))
     inside = (t >= max(start, 0.0)) & (t <= min(end, scene.run.duration))
     if np.count_nonzero(inside) < FEWEST:
         received = f"{np.count_nonzero(inside)} rows that count, from {t[0]:g} to {t[-1]:g} s"

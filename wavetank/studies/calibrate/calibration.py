@@ -77,8 +77,8 @@ def with_waves(scene: Scene, aim: Aim, file: str, *, recorded: bool) -> dict[str
         needed = {"surface_every": scale(first).period / PER_PERIOD, "gauges_every": 1}
         changes["output"] = scene.output.model_copy(update=needed)
     changed = scene.model_copy(update=changes)
-    said: dict[str, Any] = changed.model_dump(mode="json", exclude_unset=not recorded, exclude_none=True)
-    return said | {"wall": said["wall"] | {"motion": told}}
+    text: dict[str, Any] = changed.model_dump(mode="json", exclude_unset=not recorded, exclude_none=True)
+    return text | {"wall": text["wall"] | {"motion": told}}
 
 
 def _gauges(scene: Scene, x: float) -> tuple[Gauge, ...]:
@@ -100,8 +100,8 @@ def _names() -> Iterator[str]:
 def files_of(number: int, scene: Scene, aim: Aim, setting: Setting) -> dict[str, bytes]:
     """Return what an attempt writes, by its files' names: its waves and its case."""
     waves = f"attempt-{number}.csv"
-    said = toml(with_waves(scene, aim, waves, recorded=True))
-    return {waves: table(aim.waves(setting)).encode(), f"attempt-{number}.toml": said.encode()}
+    text = toml(with_waves(scene, aim, waves, recorded=True))
+    return {waves: table(aim.waves(setting)).encode(), f"attempt-{number}.toml": text.encode()}
 
 
 class Attempt:
@@ -141,16 +141,16 @@ def figures(misfit: float) -> str:
 
 def told(one: Tried) -> str:
     """Return what is said of an attempt while others are to come."""
-    found = one.found
+    result = one.found
     if one.cause:
         return one.cause
     broke = f"; waves break {one.broke} times" if one.broke > 1 else "; a wave breaks" if one.broke else ""
-    other = found.rival
+    other = result.rival
     rival = f"; another of {other.height:.4g} m at {other.x:.4g} m, {other.t:.4g} s" if other else ""
-    nrms = "" if np.isnan(found.nrms) else f"nrms {found.nrms:.3g}, "
+    nrms = "" if np.isnan(result.nrms) else f"nrms {result.nrms:.3g}, "
     return (
-        f"crest {found.crest:.4g} m at x = {found.x:.4g} m, t = {found.t:.4g} s{rival}; {nrms}misfit "
-        f"{figures(found.misfit)} of what is allowed{broke}; {one.cpu:.1f} s of CPU time with {one.numerics} numerics"
+        f"crest {result.crest:.4g} m at x = {result.x:.4g} m, t = {result.t:.4g} s{rival}; {nrms}misfit "
+        f"{figures(result.misfit)} of what is allowed{broke}; {one.cpu:.1f} s of CPU time with {one.numerics} numerics"
     )
 
 
@@ -160,8 +160,8 @@ def write_table(path: Path, tried: Sequence[Tried]) -> None:
     writer = csv.writer(text)
     writer.writerow(COLUMNS)
     for one in tried:
-        found = one.found
-        values = [found.crest, found.x, found.t, found.nrms, found.misfit]
+        result = one.found
+        values = [result.crest, result.x, result.t, result.nrms, result.misfit]
         shown = [f"{value:.6g}" if np.isfinite(value) else "" for value in values]
         writer.writerow([one.number, one.runs, one.numerics, *shown, one.broke, f"{one.cpu:.3g}", one.cause])
     try:
@@ -340,14 +340,14 @@ class Calibration:
 
     def _give_up(self, why: str) -> NoReturn:
         """Write the best there is, and raise ``RunError``."""
-        said = f"the target is not reached: {why}"
+        text = f"the target is not reached: {why}"
         if finished := self._finished:
             best = min(finished, key=lambda one: (one.numerics == CHEAP, one.found.misfit))
             self._leave(best)
             draw(self._tried, self._aim, self._out / PICTURE, shown=best, title=self._scene.title)
-            found = f"attempt {best.number}, off by {figures(best.found.misfit)} times what is allowed"
-            said = f"{said}; {self._out / CASE} has the best, {found}"
-        raise RunError(f"{said}.")
+            result = f"attempt {best.number}, off by {figures(best.found.misfit)} times what is allowed"
+            text = f"{text}; {self._out / CASE} has the best, {result}"
+        raise RunError(f"{text}.")
 
 
 def _check_own(folder: Path, case: Path) -> None:

@@ -62,10 +62,10 @@ class CrestAim(Aim):
         tops = crests(kept, wanted.x - reach, wanted.x + reach, sizes=self._scale)
         alike = (top for top in tops if top.height > (1 - wanted.tolerance) * tops[0].height)
         each = (Found(*top, np.nan, at(run, self.x)) for top in alike)
-        found = min(each, key=lambda one: float(np.abs(self._missed(one)[1:]).sum()))
-        rivals = (top for top in tops if top.x != found.x and top.height > (1 - NEARLY) * found.crest)
-        misfit = float((np.abs(self._missed(found)) / self._allowed).max())
-        return replace(found, misfit=misfit, rival=next(rivals, None))
+        result = min(each, key=lambda one: float(np.abs(self._missed(one)[1:]).sum()))
+        rivals = (top for top in tops if top.x != result.x and top.height > (1 - NEARLY) * result.crest)
+        misfit = float((np.abs(self._missed(result)) / self._allowed).max())
+        return replace(result, misfit=misfit, rival=next(rivals, None))
 
     def _missed(self, found: Found) -> Array:
         wanted, sizes = self._target, self._scale
@@ -103,14 +103,14 @@ def crests(surface: Surface, first: float, last: float, *, sizes: Scale) -> list
     """
     first, last = max(first, float(surface.x[:, 0].max())), min(last, float(surface.x[:, -1].min()))
     places = np.linspace(first, last, max(8, int(PLACES * (last - first) / sizes.length)), dtype=np.float64)
-    eta, found, others = _elevation(surface, places), list[Crest](), np.ones((surface.t.size, places.size), dtype=bool)
-    while len(found) < 2 and others.any():
+    eta, result, others = _elevation(surface, places), list[Crest](), np.ones((surface.t.size, places.size), dtype=bool)
+    while len(result) < 2 and others.any():
         row, column = divmod(int(np.argmax(np.where(others, eta, -np.inf))), places.size)
         guess = Crest(float(eta[row, column]), float(places[column]), float(surface.t[row]))
-        found.append(_top(surface, guess, first, last, sizes=sizes))
+        result.append(_top(surface, guess, first, last, sizes=sizes))
         passing = guess.t + (places - guess.x) * sizes.period / sizes.length
         others &= np.abs(surface.t[:, None] - passing) > SAME_CREST * sizes.period
-    return sorted(found, reverse=True)
+    return sorted(result, reverse=True)
 
 
 def _top(surface: Surface, guess: Crest, first: float, last: float, *, sizes: Scale) -> Crest:

@@ -45,11 +45,11 @@ class Carrier:
     def _carried(self, places: Vector, moved: Vector, *, back: bool) -> Vector:
         kernel, take_back = _compiled()
         places, moved = (np.ascontiguousarray(one, dtype=np.float64) for one in (places, moved))
-        found, count = np.empty((*moved.shape, 2)), moved.shape[-1]
+        result, count = np.empty((*moved.shape, 2)), moved.shape[-1]
         sizes = moved.size // max(count, 1), count, 2 * count if places.ndim > 2 else 0
         at = kernel.pointer
-        kernel.call.carried(*sizes, at(self._paddle), at(places), at(moved), at(found), back * take_back)
-        return found
+        kernel.call.carried(*sizes, at(self._paddle), at(places), at(moved), at(result), back * take_back)
+        return result
 
 
 @cache

@@ -197,9 +197,9 @@ def fitted(f: Callable[[Vector], Vector], depth: float, *, kinks: Sequence[float
     wanted = f(z)
     for degree in DEGREES:
         scaled = np.sqrt(w)[:, None] * basis(z, degree)
-        found = np.linalg.lstsq(scaled, np.sqrt(w) * wanted, rcond=None)[0]
-        if np.abs(basis(z, degree) @ found - wanted).max() <= EXACT * np.abs(wanted).max():
-            return _powers(found)
+        result = np.linalg.lstsq(scaled, np.sqrt(w) * wanted, rcond=None)[0]
+        if np.abs(basis(z, degree) @ result - wanted).max() <= EXACT * np.abs(wanted).max():
+            return _powers(result)
     test = legendre.legvander(2.0 * z_b / depth + 1.0, MOMENTS - 1).T * w_b
     step = 1e-6 * depth
     ends = np.array([step, -step])

@@ -153,15 +153,15 @@ class KeptWork(CompiledWork):
 
     def __init__(self, form: ufl.Form, phi: LayeredField, h: fem.Function, *, travel: Travel, columns: Indices):
         self._h, column = h.x.array, h.x.array.copy()
-        by_potential, found = VectorForm(ufl.derivative(form, phi.function)), []
+        by_potential, result = VectorForm(ufl.derivative(form, phi.function)), []
         for n, one in enumerate(columns):
             self._h[:] = 0.0
             self._h[one] = 1.0
             row = by_potential.assemble()
             there = np.flatnonzero(row)
-            found.append((np.full_like(there, n), there, row[there]))
+            result.append((np.full_like(there, n), there, row[there]))
         self._h[:] = column
-        of_column, at, entries = map(np.concatenate, zip(*found, strict=True))
+        of_column, at, entries = map(np.concatenate, zip(*result, strict=True))
         rows, row_of = np.unique(at, return_inverse=True)  # near the paddle; there is nothing in the others
         self._kernel = Kernel("work", DECLARATIONS, key=SOURCE, comm=h.function_space.mesh.comm)
         self._M = self._few(rows, row_of, columns[of_column], entries)
@@ -175,7 +175,7 @@ class KeptWork(CompiledWork):
         """
         counts, order = np.bincount(row_of, minlength=len(at)), np.argsort(row_of, kind="stable")
         there = np.arange(counts.max(initial=0)) < counts[:, None]
-        entries, found = np.zeros(there.shape), np.zeros(there.shape, dtype=np.int32)
-        entries[there], found[there] = values[order], places[order]
-        parts = {"rows": len(at), "width": there.shape[1], "at": at, "places": found, "entries": entries}
+        entries, result = np.zeros(there.shape), np.zeros(there.shape, dtype=np.int32)
+        entries[there], result[there] = values[order], places[order]
+        parts = {"rows": len(at), "width": there.shape[1], "at": at, "places": result, "entries": entries}
         return self._kernel.struct("Entries", parts)
