@@ -1,6 +1,6 @@
-"""What a scene requires: the objects it needs, the numerics that reach an accuracy at least cost, and what they cost.
+"""Planning of a case: required resolution, numerics that reach an accuracy at least cost, predicted error and cost.
 
-``plan.py`` puts together the fully discrete dispersion relation (``dispersion.py``), what the scene asks for
-(``requirements.py``), the error to expect (``error_model.py``) and the cost (``cost_model.py``).
-``planned.py`` puts the plan in the place of an accuracy, ``command.py`` shows it.
+``plan.py`` combines the fully discrete dispersion relation (``dispersion.py``), the requirements of the case
+(``requirements.py``), the predicted error (``resolution.py``) and the cost (``cost.py``). ``default_plan.py`` replaces
+an accuracy by planned numerics, ``report.py`` prints the plan, ``checks.py`` yields the warnings.
 """

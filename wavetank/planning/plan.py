@@ -2,7 +2,7 @@
 
 Searched are p in {2, 3, 4, 5}, n from 2 to 16, cells on a geometric grid, and for each of these meshes the largest
 step of the default scheme that accuracy and stability allow: others take as much time or more, and are less accurate
-(docs/plan.md). Errors of space and time add up (``error_model.py``), so the step follows from what the mesh leaves of
+(docs/plan.md). Errors of space and time add up (``resolution.py``), so the step follows from what the mesh leaves of
 the accuracy. It must hold a measured motion, too (``HELD``): steps of a few rows of the record are among those
 searched, as they do best. What a case sets beside an accuracy is kept and not searched.
 

@@ -43,10 +43,10 @@ waves of permanent form; single runs scatter about it, as harmonics resonate wit
 mesh or do not: of 46 waves of permanent form 29 have their error predicted within a factor of three (docs/plan.md).
 Linear waves have none of this.
 
-A solitary wave that meets a wall has its run-up beside that (``run_up.py``): the larger of both errors counts.
+A solitary wave that meets a wall has its run-up beside that (``requirements.py``): the larger of both errors counts.
 
 Elevations are compared with an exact computation of the same waves. Between walls that reflect a paddle's waves age
-with the run (``travel.py``). Paddles that absorb add an error of the step (``absorption_error.py``).
+with the run (``travel.py``). Paddles that absorb add an error of the step (``requirements.py``).
 """
 
 from collections.abc import Callable, Iterator, Sequence
