@@ -16,7 +16,7 @@ from test_checkpoint import record, record_until, same
 from test_stateful import SLICE
 
 from wavetank.analysis.reflection import reflected
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.case.reading import read_case
 from wavetank.case.tank import SliceTank
 from wavetank.case.wall import ActiveAbsorption, SpringDamper
@@ -62,7 +62,7 @@ def tank(wall, far_wall=None, *, length, duration, dt, cells, physics="linear", 
     walls = {"wall": wall} | ({"far_wall": far_wall} if far_wall else {})
     numerics = {"cells": cells, "order": 3, "vertical_order": n, "dt": dt, "tolerance": tolerance}
     parts = {"tank": {"length": length, "depth": 1.0}, "water": {"type": physics}, "run": {"duration": duration}}
-    return build_run(Scene.model_validate({**parts, **walls, "numerics": numerics, **more}), MPI.COMM_SELF)
+    return build_run(Case.model_validate({**parts, **walls, "numerics": numerics, **more}), MPI.COMM_SELF)
 
 
 # ---------------------------------------------------------------- theory
@@ -148,7 +148,7 @@ def test_a_band_that_holds_no_harmonics_behind_a_bar_is_told():
         walls = [driven, {"type": "piston", "motion": REST, "absorb": absorb}]
         parts = dict(zip(("far_wall", "wall") if turned else ("wall", "far_wall"), walls, strict=True))
         water = {"length": 20.0, "depth": 1.0, "bed": {"type": "formula", "depth": bed}}
-        return list(reflected_harmonics(Scene.model_validate({"tank": water, "run": {"duration": 20.0}, **parts})))
+        return list(reflected_harmonics(Case.model_validate({"tank": water, "run": {"duration": 20.0}, **parts})))
 
     for turned, key in ((False, "far_wall"), (True, "wall")):
         (words,) = said(ACTIVE, turned=turned)
@@ -260,7 +260,7 @@ def reflection(wall, *, kd, height, periods, steps, **more):
     run.observers.append(Looking())
     run.execute()
     found = reflected(np.mean(rows, axis=0), waves.plane.x[seen], kd, within=0.03)
-    scene = Scene.model_validate(
+    scene = Case.model_validate(
         {"tank": {"length": length, "depth": 1.0}, "wall": far, "run": {"duration": 1.0}, "numerics": {"cells": 4}}
     )
     omega = np.array([2 * np.pi / T])
@@ -285,7 +285,7 @@ def test_also_of_waves_of_the_other_paddle_that_are_longer_than_its_own_band():
 def test_a_band_is_told_with_the_waves_of_the_other_paddle():
     wave = {"type": "regular", "height": 0.01, "period": period(0.1)}
     parts = {"tank": {"length": 70.0, "depth": 1.0}, "far_wall": {"type": "piston", "motion": REST, "absorb": ACTIVE}}
-    scene = Scene.model_validate({**parts, "wall": {"type": "piston", "motion": wave}, "run": {"duration": 200.0}})
+    scene = Case.model_validate({**parts, "wall": {"type": "piston", "motion": wave}, "run": {"duration": 200.0}})
     told = f"% of small waves from {period(3.0):.3g} to {period(0.1):.3g} s at short steps."
     assert any(line.endswith(told) for line in requirements(scene, 0.02).reasons)
 
@@ -427,7 +427,7 @@ def test_with_another_step_it_goes_on_from_where_its_paddle_stands(broken_off, t
 
 
 def surface(comm):
-    run, waves = build_run(Scene.model_validate(ABSORBING), comm)
+    run, waves = build_run(Case.model_validate(ABSORBING), comm)
     run.execute()
     motion = waves.wall.paddles[0].motion
     energy = waves.energies(run.state.q, run.state.p, run.t).total
@@ -452,7 +452,7 @@ def test_a_plan_keeps_to_steps_at_which_paddles_answer_in_time():
     wall = {"type": "flap", "motion": {"type": "regular", "height": 0.05, "period": 1.8}, "absorb": ACTIVE}
     parts = {"tank": {"length": 8.0, "depth": 1.0}, "wall": wall, "run": {"duration": 2.0}}
     far = {"type": "piston", "motion": REST, "absorb": {"type": "spring-damper"}}
-    scene = Scene.model_validate({**parts, "far_wall": far, "numerics": {"accuracy": 0.02}})
+    scene = Case.model_validate({**parts, "far_wall": far, "numerics": {"accuracy": 0.02}})
     run, waves = build_run(planned(scene, MPI.COMM_SELF).scene, MPI.COMM_SELF)
     assert run.clock.dt * waves.largest_frequency < ANSWERED
     reasons = "\n".join(requirements(scene, 0.02).reasons)
@@ -484,7 +484,7 @@ def test_what_absorbing_costs_is_counted_for_each_paddle_once():
     costs = []
     for absorb in ((None, None), (ACTIVE, None), (ACTIVE, ACTIVE), (ACTIVE, {"type": "spring-damper"})):
         walls = ({"type": "piston", "motion": REST, "absorb": one} for one in absorb)
-        costs.append(needs_of(Scene.model_validate(parts | dict(zip(("wall", "far_wall"), walls, strict=True)))))
+        costs.append(needs_of(Case.model_validate(parts | dict(zip(("wall", "far_wall"), walls, strict=True)))))
     plain, one, both, spring = (cost.cpu for cost in costs)
     assert both - one == pytest.approx(one - plain) and spring > both and one > 1.1 * plain
     assert all(cost.watching == 0.0 and cost.memory == costs[0].memory for cost in costs)
@@ -496,7 +496,7 @@ SPRING = {"type": "spring-damper", "mass": 200.0, "period": period(1.0)}
 
 def test_a_paddle_on_a_spring_that_is_tuned_sends_nothing_back_of_its_period():
     """By the series of theory, with b = r and k = omega² (M + mu); it does of others."""
-    scene = Scene.model_validate(
+    scene = Case.model_validate(
         {
             "tank": {"length": 9.0, "depth": 1.0},
             "wall": {"type": "piston", "motion": REST, "absorb": SPRING},
@@ -519,7 +519,7 @@ def test_by_default_it_is_tuned_to_what_the_paddle_opposite_makes(kd, tuned):
     motion = REST if kd is None else {"type": "regular", "height": 0.01, "period": period(kd)}
     far = {"type": "piston", "motion": REST, "absorb": {"type": "spring-damper"}}
     parts = {"tank": {"length": 9.0, "depth": 1.0}, "wall": {"type": "piston", "motion": motion}, "far_wall": far}
-    scene = Scene.model_validate({**parts, "run": {"duration": 1.0}, "numerics": {"cells": 4, "dt": 0.02}})
+    scene = Case.model_validate({**parts, "run": {"duration": 1.0}, "numerics": {"cells": 4, "dt": 0.02}})
     equation, _ = ANSWERS[SpringDamper](scene, 1, build_run(scene, MPI.COMM_SELF)[1])
     omega = 2 * np.pi / np.array([period(tuned)])
     (r,), (mu,) = radiation(PISTON, omega, 1.0, GRAVITY)

@@ -5,7 +5,7 @@ from math import inf
 import pytest
 from mpi4py import MPI
 
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.cli import main
 from wavetank.planning import cost
 from wavetank.planning.cost import BUILT_IN, OutputCost, needs_of
@@ -34,7 +34,7 @@ def no_costs_of_this_machine(monkeypatch):
 
 def scene(tank, **more):
     numerics = {"order": 2, "vertical_order": 3, **more}
-    return Scene.model_validate({"tank": tank, "run": {"duration": 5.0}, "numerics": numerics})
+    return Case.model_validate({"tank": tank, "run": {"duration": 5.0}, "numerics": numerics})
 
 
 @pytest.mark.parametrize("name", TANKS)
@@ -70,7 +70,7 @@ RECORDS = {
 def test_what_looks_below_the_surface_is_counted(name):
     """As often as the schedules of its observers are due; the CPU time says so, and memory has a second water."""
     dt, asked = 0.02, {"tank": TANKS["slice"], "run": {"duration": 5.0}, "numerics": {"cells": 9, "dt": 0.02}}
-    bare, watched = (Scene.model_validate(asked | more) for more in ({}, RECORDS[name]))
+    bare, watched = (Case.model_validate(asked | more) for more in ({}, RECORDS[name]))
     output_cost, clock = OutputCost.of(watched, dt), Clock.covering(5.0, dt)
     schedule = {
         "probes": EverySteps(3),

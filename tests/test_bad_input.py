@@ -19,7 +19,7 @@ from wavetank import data
 from wavetank.analysis import results
 from wavetank.analysis.record import Record
 from wavetank.analysis.signals import elevation
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.case.reading import SHOWN, read_case
 from wavetank.cli import main
 from wavetank.errors import InputError, OutsideError, WavetankError
@@ -28,7 +28,7 @@ from wavetank.motion.recorded import read_record
 from wavetank.output.tables import GaugeSeries
 from wavetank.planning.plan import UnreachableError
 from wavetank.planning.requirements import analysed_duration
-from wavetank.values.noun import Problem, SceneError
+from wavetank.values.case_model import CaseError, Problem
 from wavetank.values.python_file import load
 
 pytestmark = pytest.mark.usefixtures("trusted")
@@ -55,7 +55,7 @@ def kinds_of(error):
 def test_what_one_rank_raises_all_can_raise(kind):
     """An error goes from rank to rank pickled: its own class, text and attributes come out."""
     met = {
-        SceneError: lambda: SceneError([Problem(("tank", "depth"), -1, "must be positive")]),
+        CaseError: lambda: CaseError([Problem(("tank", "depth"), -1, "must be positive")]),
         OutsideError: lambda: OutsideError("a point outside", 3),
     }.get(kind, lambda: kind("a sentence."))()
     heard = pickle.loads(pickle.dumps(met))
@@ -63,7 +63,7 @@ def test_what_one_rank_raises_all_can_raise(kind):
 
 
 def test_errors_of_the_plan_are_among_them():
-    assert {SceneError, UnreachableError} <= kinds_of(WavetankError)
+    assert {CaseError, UnreachableError} <= kinds_of(WavetankError)
 
 
 # ---------------------------------------------------------------- what is no case
@@ -140,7 +140,7 @@ def test_a_motion_need_be_no_number_beyond_the_run_unless_its_last_step_ends_the
     assert analysed_duration(scene, motion) == 1.0
     known = read_case(tmp_path / "case.toml", ['wall.motion.position="1e-4*sin(t)"'])
     assert analysed_duration(known, known.motion()) > 10.0
-    with pytest.raises(SceneError, match=r"nan at t = 1\.02; .*: the last step ends beyond run.duration = 1 s"):
+    with pytest.raises(CaseError, match=r"nan at t = 1\.02; .*: the last step ends beyond run.duration = 1 s"):
         motion.velocity(np.array([0.96, 0.99, 1.02]))
 
 
@@ -425,7 +425,7 @@ def nouns(annotation: object) -> set[type[BaseModel]]:
 
 def test_the_cases_have_every_noun(every):
     """A noun that is new needs a case here, so that its keys are tried with nonsense, too."""
-    assert nouns(Scene) == {entry.noun for path in every.values() for entry in entries(read_case(path))}
+    assert nouns(Case) == {entry.noun for path in every.values() for entry in entries(read_case(path))}
 
 
 @cache
@@ -457,7 +457,7 @@ def tried(path: Path, entry: Entry, texts: list[str]) -> None:
         except InputError as error:
             assert all(sentence.fullmatch(line) for line in str(error).splitlines()), str(error)
             continue
-        assert isinstance(scene, Scene)
+        assert isinstance(scene, Case)
         if allowed:
             number = float(text)  # nothing else may stand there
             assert any(low <= number <= high for low, high in allowed), f"{entry.key} = {text} is accepted"

@@ -11,7 +11,7 @@ from dolfinx import mesh
 from mpi4py import MPI
 from pydantic import ValidationError
 
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.errors import InputError
 from wavetank.fem.plane import Plane
 from wavetank.fem.points import Points
@@ -279,18 +279,18 @@ def test_the_paddle_moves_no_wall_but_itself(layout, free):
         "run": {"duration": 1.0},
         "numerics": {"vertical_order": 1, "order": 1, "cell_size": 0.25},
     }
-    wall = build_waves(Scene.model_validate(scene), MPI.COMM_SELF).wall
+    wall = build_waves(Case.model_validate(scene), MPI.COMM_SELF).wall
     assert free - 0.5 < wall.reach < free + 1e-6
     scene["wall"]["motion"]["paddle_amplitude"] = 0.8 * wall.reach
     told = rf"wall\.motion.* m from rest; (it )?must stay below {0.75 * wall.reach:.4g} m"
     scene["run"]["duration"] = 3.25
     with pytest.raises(InputError, match=rf"{told}|wall\.reach = 4.0: must be more"):
-        build_waves(Scene.model_validate(scene), MPI.COMM_SELF)
+        build_waves(Case.model_validate(scene), MPI.COMM_SELF)
     scene["wall"]["motion"]["paddle_amplitude"] = 0.01
     scene["wall"]["reach"] = free + 0.01
     refused = "at most the tank's length" if layout["type"] == "rectangle" else r"wall\.reach .* does not run along"
     with pytest.raises((InputError, ValidationError), match=refused):
-        build_waves(Scene.model_validate(scene), MPI.COMM_SELF)
+        build_waves(Case.model_validate(scene), MPI.COMM_SELF)
 
 
 # ---------------------------------------------------------------- any number of ranks

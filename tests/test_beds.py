@@ -9,7 +9,7 @@ from conftest import fitted_slope
 from mpi4py import MPI
 from pydantic import TypeAdapter, ValidationError
 
-from wavetank.case import Scene, SceneError
+from wavetank.case import Case, CaseError
 from wavetank.case.reading import read_case
 from wavetank.case.tank import BeachBed, Bed, FormulaBed, GriddedBed, PythonBed
 from wavetank.errors import InputError
@@ -226,8 +226,8 @@ def test_a_minimum_depth_lowers_what_is_shallow_and_says_where(physics):
 
     bed = {"type": "formula", "depth": "1 - 0.4*x", "minimum_depth": 0.2}  # reached at x = 2, dry from x = 2.5
     content = {"tank": {"length": 8.0, "depth": 1.0, "bed": bed}, "run": {"duration": 1.0}}
-    scene = Scene.model_validate({**content, "water": {"type": physics}, "numerics": {"cells": 16}})
-    assert Scene.model_validate(scene.model_dump(mode="json")) == scene
+    scene = Case.model_validate({**content, "water": {"type": physics}, "numerics": {"cells": 16}})
+    assert Case.model_validate(scene.model_dump(mode="json")) == scene
     waves = build_waves(scene, MPI.COMM_SELF)
     np.testing.assert_allclose(waves.bed.still, np.maximum(0.2, 1.0 - 0.4 * waves.plane.x), rtol=1e-12)
     told = told_of_bed(scene, waves)
@@ -235,7 +235,7 @@ def test_a_minimum_depth_lowers_what_is_shallow_and_says_where(physics):
     assert float(told.split()[-5]) == pytest.approx(75, abs=3)  # the rest, to a third of a cell
     bed["minimum_depth"] = 0.0
     with pytest.raises(ValidationError, match="minimum_depth\n.*greater than or equal to 0.000001"):
-        Scene.model_validate(content)
+        Case.model_validate(content)
 
 
 # ---------------------------------------------------------------- survey points
@@ -423,11 +423,11 @@ def depth_refused(tank, wall, bed, depth, comm):
 
     motion = {"motion": {"type": "at-rest"}} if wall == "piston" else {}
     tank = tank | {"depth": depth, "bed": {"type": "formula", "depth": bed}}
-    scene = Scene.model_validate({"tank": tank, "wall": {"type": wall, **motion}, "run": {"duration": 1.0}})
+    scene = Case.model_validate({"tank": tank, "wall": {"type": wall, **motion}, "run": {"duration": 1.0}})
     footprint = build_footprint(scene, comm)
     try:
         check_depth(scene, footprint, Plane(footprint.mesh, 2, footprint.chart))
-    except SceneError as error:
+    except CaseError as error:
         return str(error)
     return ""
 
@@ -450,7 +450,7 @@ def test_a_depth_is_refused_by_all_ranks_alike(on_ranks):
 def test_a_file_that_cannot_be_used_is_refused_where_it_stands(tmp_path):
     for noun in (PythonBed, GriddedBed):
         missing = str(tmp_path / "bed.nc")
-        with pytest.raises(SceneError) as error:
+        with pytest.raises(CaseError) as error:
             noun(file=missing).build(1.0)
         assert str(error.value).startswith(f'tank.bed.file = "{missing}": {missing}: cannot be read')
 
@@ -458,21 +458,21 @@ def test_a_file_that_cannot_be_used_is_refused_where_it_stands(tmp_path):
 def test_a_python_bed_is_not_run_by_reading_a_scene(tmp_path):
     """A run's scene is read again by those who draw it, perhaps where the file is not, or is not trusted."""
     bed = {"type": "python", "file": str(tmp_path / "nowhere.py")}
-    Scene.model_validate({"tank": {"length": 4.0, "depth": 1.0, "bed": bed}, "run": {"duration": 1.0}})
+    Case.model_validate({"tank": {"length": 4.0, "depth": 1.0, "bed": bed}, "run": {"duration": 1.0}})
 
 
 @pytest.mark.parametrize("key", ["eta", "psi"])
 def test_an_initial_surface_by_formula(key):
     initial = {"type": "formula", "eta": "0.1*cos(k*x)", "psi": "c*y", "where": {"k": 2, "c": "0.5*k"}}
     content = {"tank": {"length": 4.0, "depth": 1.0}, "run": {"duration": 1.0}, "initial": initial}
-    scene = Scene.model_validate(content)
+    scene = Case.model_validate(content)
     eta, psi = scene.initial.surface(scene.tank, X, Y)
     np.testing.assert_array_equal(eta, 0.1 * np.cos(2 * X))
     np.testing.assert_array_equal(psi, Y)
-    assert Scene.model_validate(scene.model_dump(mode="json")) == scene
+    assert Case.model_validate(scene.model_dump(mode="json")) == scene
     initial[key] = "2*z"
     with pytest.raises(ValidationError, match=rf"initial.formula.{key}\n.*column 3: 'z' is an unknown name"):
-        Scene.model_validate(content)
+        Case.model_validate(content)
 
 
 @pytest.mark.parametrize(("begins", "asked_again"), [(3.0, False), (1.0, True)])

@@ -12,7 +12,7 @@ from PIL import Image
 from rich.console import Console
 
 from examples.paper.breaking import over_steep
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.cli import main
 from wavetank.errors import InputError, PaddleError, RunError
 from wavetank.output.directory import RunDirectory
@@ -32,7 +32,7 @@ def run(folder, **changes):
     }
     for key, value in changes.items():
         case[key] = {**case.get(key, {}), **value}
-    record_run(Scene.model_validate(case), folder / "run", comm=MPI.COMM_SELF, console=Console(quiet=True))
+    record_run(Case.model_validate(case), folder / "run", comm=MPI.COMM_SELF, console=Console(quiet=True))
 
 
 def test_step_too_long_where_the_surface_moves_is_named_with_a_step_that_runs(tmp_path):
@@ -60,7 +60,7 @@ def test_a_flap_that_leans_too_far_is_told_from_steep_waves(tmp_path, capsys):
     }
     told = r"^t = (\S+) s: .*: the paddle leans (\d+) degrees into the water, and the surface folds beside it"
     with pytest.raises(PaddleError, match=told) as error:
-        record_run(Scene.model_validate(parts), tmp_path / "run", comm=MPI.COMM_SELF, console=Console(soft_wrap=True))
+        record_run(Case.model_validate(parts), tmp_path / "run", comm=MPI.COMM_SELF, console=Console(soft_wrap=True))
     found, kept = re.match(told, str(error.value)), RunDirectory(tmp_path / "run")
     lean = np.degrees(np.arctan(float(kept.paddle.position[-1]) / 0.5))
     assert float(found[2]) == pytest.approx(lean, abs=2.0) and lean > 40.0
@@ -74,7 +74,7 @@ def test_a_paddle_far_into_its_reach_is_told_from_steep_waves_with_one_step_that
     motion = {"type": "formula", "position": "1.35*sin(pi*t/8)**2"}
     wall = {"type": "piston", "reach": 2.0, "motion": motion}
     parts = {"tank": {"length": 6.0, "depth": 0.5}, "wall": wall, "run": {"duration": 3.2}}
-    case = Scene.model_validate({**parts, "numerics": {"cells": 24, "vertical_order": 4, "dt": 0.05}})
+    case = Case.model_validate({**parts, "numerics": {"cells": 24, "vertical_order": 4, "dt": 0.05}})
     told = r": the paddle stands 1\.\d* m in the water, and its mapping over 2 m leaves cells 0\.\d* of their width: .*"
     with pytest.raises(RunError, match=rf"{told} is too long .*; try (\S*) s, or more of wall\.reach\.$") as error:
         record_run(case, tmp_path / "run", **QUIET)
@@ -169,7 +169,7 @@ def broken_basin(out) -> dict:
         "numerics": {"cell_size": 0.25, "order": 2, "vertical_order": 3, "dt": 0.06, "integrator": "stormer-verlet"},
     }
     with pytest.raises(RunError):
-        record_run(Scene.model_validate(case), out, comm=MPI.COMM_WORLD, console=Console(quiet=True))
+        record_run(Case.model_validate(case), out, comm=MPI.COMM_WORLD, console=Console(quiet=True))
     return RunDirectory(out).broken()
 
 

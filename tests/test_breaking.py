@@ -17,9 +17,9 @@ from rich.console import Console
 from scipy.signal import find_peaks
 
 import wavetank
-from examples.paper.breaking import Case, bore, cases, dissipated, luth_c, over_steep, refined, release, row
+from examples.paper.breaking import BreakingCase, bore, cases, dissipated, luth_c, over_steep, refined, release, row
 from wavetank.arrays import largest
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.errors import ConvergenceError, RunError
 from wavetank.fem.mass import FactoredMatrix, HorizontalMatrix, RaisedMass
 from wavetank.fem.plane import Plane
@@ -335,7 +335,8 @@ def test_every_mode_records_the_same_alarm_and_a_stopped_run_resumes_with_dissip
 )
 def test_a_wave_that_recovers_raises_no_alarm_and_stops_nothing(case, until):
     """It stopped at 0.48 s, and at 18.3 s. Oracles: the exact release; finer cells, which pass that crest."""
-    found = row(Case("", False, case.model_copy(update={"run": case.run.model_copy(update={"duration": until})})))
+    shortened = case.model_copy(update={"run": case.run.model_copy(update={"duration": until})})
+    found = row(BreakingCase("", False, shortened))
     assert not found.stopped and found.end == pytest.approx(until, abs=0.05)
     assert np.isnan(found.alarm) and found.largest < 0.7
 
@@ -373,7 +374,7 @@ def test_before_a_far_wall_that_moves_waves_break_as_before_the_near_one():
             "run": {"duration": 1.3, "on_breaking": "dissipate"},
             "numerics": {"cells": 24, "vertical_order": 3, "dt": 0.01, "tolerance": 1e-7},
         }
-        run, _ = build_run(Scene.model_validate(case), MPI.COMM_SELF)
+        run, _ = build_run(Case.model_validate(case), MPI.COMM_SELF)
         run.execute()
         (breaking,) = (one for one in run.filters if isinstance(one, BreakingDissipation))
         alarms = breaking.watch.alarms

@@ -11,7 +11,7 @@ from mpi4py import MPI
 from rich.console import Console
 from test_basin import basin
 
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.errors import RunError
 from wavetank.integrators.states import Point
 from wavetank.output.directory import RunDirectory
@@ -92,7 +92,7 @@ def packet(tank, *, amplitude, on_breaking="stop", duration=0.6):
     start = {"type": "formula", "eta": "a*env*cos(k*s)", "psi": "a*env*sqrt(9.81/k)*sin(k*s)", "where": where}
     numerics = {"cell_size": 0.1, "order": 3, "vertical_order": 4, "dt": 0.01}
     run = {"duration": duration, "on_breaking": on_breaking}
-    return Scene.model_validate({"tank": {"depth": 0.7} | tank, "initial": start, "run": run, "numerics": numerics})
+    return Case.model_validate({"tank": {"depth": 0.7} | tank, "initial": start, "run": run, "numerics": numerics})
 
 
 SLICE = {"type": "slice", "length": 9.0}

@@ -12,7 +12,7 @@ import pytest
 from conftest import CHECKOUT, commanded
 from matplotlib.figure import Figure
 
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.case.output import CrestTarget
 from wavetank.case.reading import contents, read_case
 from wavetank.cli import main
@@ -39,10 +39,10 @@ CASES = [CHECKOUT / "cases" / f"{name}.toml" for name in ("focusing", "berkhoff-
 @pytest.mark.parametrize("path", CASES, ids=[path.stem for path in CASES])
 def test_a_case_that_is_written_is_read_as_the_same(path):
     """Oracle: tomllib."""
-    scene = Scene.model_validate(tomllib.loads(path.read_text()), context={"folder": path.parent})
+    scene = Case.model_validate(tomllib.loads(path.read_text()), context={"folder": path.parent})
     said = scene.model_dump(mode="json", exclude_unset=True, exclude_none=True)
     assert tomllib.loads(toml(said)) == said
-    assert Scene.model_validate(tomllib.loads(toml(said))) == scene
+    assert Case.model_validate(tomllib.loads(toml(said))) == scene
 
 
 def test_toml_holds_what_is_awkward():

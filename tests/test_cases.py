@@ -13,7 +13,7 @@ import pytest
 from conftest import needs_data, recorded
 from ranks import CHECKOUT
 
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.case.reading import read_case
 from wavetank.case.tank import BasinTank
 from wavetank.output.directory import RunDirectory
@@ -25,7 +25,7 @@ COARSE = ("numerics.cell_size=2.0", "numerics.order=2", "numerics.vertical_order
 MASS = {1: "mass [m^2]", 2: "mass [m^3]"}
 
 
-def changes_of(scene: Scene) -> tuple[str, ...]:
+def changes_of(scene: Case) -> tuple[str, ...]:
     if scene.numerics.accuracy is not None:
         return "run.duration=1.0", "numerics.tolerance=1e-6"  # to which ranks agree; steps and all else are planned
     return TWICE + (COARSE if isinstance(scene.tank, BasinTank) else ("numerics.vertical_order=2",))
@@ -36,7 +36,7 @@ def alone(tmp_path_factory):
     """Return a function that returns a case, and its run on one rank."""
 
     @cache
-    def run(case: Path) -> tuple[Scene, RunDirectory]:
+    def run(case: Path) -> tuple[Case, RunDirectory]:
         for name, file in re.findall(r'"data:([^/"]+)/([^"]+)"', case.read_text(encoding="utf-8")):
             needs_data(name, file)
         scene, out = read_case(case), tmp_path_factory.mktemp(case.stem)

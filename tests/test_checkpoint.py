@@ -20,7 +20,7 @@ from ranks import begun
 from test_stateful import BASIN, RING, SLICE
 
 from examples.paper.breaking import over_steep
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.console import console
 from wavetank.errors import InputError, RunError
 from wavetank.integrators import INTEGRATORS, ThirdOrder
@@ -39,8 +39,8 @@ from wavetank.simulation.monitoring import Interruption
 OUTPUT = {"surface_every": 0.1, "velocity_every": 0.15}
 
 
-def scene(parts: dict, **run: object) -> Scene:
-    return Scene.model_validate(parts | {"run": parts["run"] | run, "output": OUTPUT})
+def scene(parts: dict, **run: object) -> Case:
+    return Case.model_validate(parts | {"run": parts["run"] | run, "output": OUTPUT})
 
 
 @contextmanager
@@ -319,7 +319,7 @@ def test_every_scheme_goes_on_through_its_files_bit_for_bit(parts, scheme, tmp_p
     linear = "water" in parts
     run = {"duration": 10 * parts["numerics"]["dt"]} | ({"on_breaking": "ignore"} if linear else {})
     output = {"surface_every": 0.1} | ({} if linear else {"velocity_every": 0.15})
-    scene = Scene.model_validate(parts | {"run": parts["run"] | run, "output": output})
+    scene = Case.model_validate(parts | {"run": parts["run"] | run, "output": output})
     place = {"comm": MPI.COMM_SELF, "console": console()}
     record_run(scene, tmp_path / "whole", **place)
     for resume, written in ((False, 4), (True, 7)):

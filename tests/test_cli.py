@@ -218,11 +218,11 @@ def test_what_is_interrupted_before_it_begins_ends_as_what_is_later(when, monkey
 def test_a_case_built_in_python_runs_without_a_directory():
     from mpi4py import MPI
 
-    from wavetank.case import Scene
+    from wavetank.case import Case
     from wavetank.simulation.build import Records, build_observers, build_run
     from wavetank.simulation.diagnostics import Memory
 
-    scene = Scene.model_validate(
+    scene = Case.model_validate(
         {
             "tank": {"length": 2.0, "depth": 1.0},
             "initial": {"type": "standing-wave", "wave_amplitude": 0.01},

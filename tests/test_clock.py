@@ -10,7 +10,7 @@ from mpi4py import MPI
 from ranks import CHECKOUT
 from rich.console import Console
 
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
@@ -18,7 +18,7 @@ from wavetank.planning.checks import run_warnings
 from wavetank.recording import record_run
 from wavetank.simulation.build import build_clock, build_run, told_of_end
 from wavetank.simulation.clock import Clock
-from wavetank.values.noun import SceneError
+from wavetank.values.case_model import CaseError
 
 times = st.floats(1e-3, 1e3)
 
@@ -121,5 +121,5 @@ def test_a_step_too_long_for_its_mesh_tells_where_that_comes_from(tmp_path, nume
         "run": {"duration": 6.0},
         "numerics": {"dt": 3.0, **numerics},
     }
-    with pytest.raises(SceneError, match=r"numerics.dt = 3.0: must be below 0.\d+ s, .*; " + origin):
-        record_run(Scene.model_validate(parts), tmp_path / "run", comm=MPI.COMM_SELF, console=Console(file=StringIO()))
+    with pytest.raises(CaseError, match=r"numerics.dt = 3.0: must be below 0.\d+ s, .*; " + origin):
+        record_run(Case.model_validate(parts), tmp_path / "run", comm=MPI.COMM_SELF, console=Console(file=StringIO()))

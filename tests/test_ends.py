@@ -5,7 +5,7 @@ import pytest
 from conftest import fitted_slope, missed_by_going_back, recorded
 from mpi4py import MPI
 
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
@@ -17,7 +17,7 @@ from wavetank.simulation.build import Records, build_observers, build_run
 from wavetank.simulation.diagnostics import Memory
 from wavetank.simulation.energy import COLUMNS, EnergyBudget
 from wavetank.tank.surface_flow import SurfaceFlow, SurfaceVelocity
-from wavetank.values.noun import SceneError
+from wavetank.values.case_model import CaseError
 
 GRAVITY = 9.81
 BALANCE, MASS = COLUMNS.index("balance [m^4/s^2]"), COLUMNS.index("mass [m^2]")
@@ -37,7 +37,7 @@ def scene(wall=None, far_wall=None, *, length=4.0, cells=4, n=5, duration=0.4, d
         },
         **{key: wall for key, wall in walls.items() if wall},
     }
-    return Scene.model_validate({**parts, **more})
+    return Case.model_validate({**parts, **more})
 
 
 def ended(*walls, comm=MPI.COMM_SELF, **more):
@@ -342,7 +342,7 @@ LINE = {"name": "A", "start": [3.0, 0.0], "end": [3.97, 0.0], "count": 2}
 )
 def test_what_is_looked_at_where_a_paddle_comes_is_refused_before_the_run(looked_at, said):
     """Unless the water is linear, where nothing travels, or it answers the water: then it is seen in the run."""
-    with pytest.raises(SceneError, match=said):
+    with pytest.raises(CaseError, match=said):
         build_run(scene(REACHED, REACHED, **looked_at), MPI.COMM_SELF)
     free = REACHED | {"absorb": {"type": "active"}}
     for other in (scene(free, free, **looked_at), scene(REACHED, REACHED, water={"type": "linear"}, **looked_at)):
@@ -392,7 +392,7 @@ def test_what_stands_in_a_tank_is_mirrored_with_it_wherever_that_begins():
 @pytest.mark.parametrize(("x", "wall"), [(0.03, "wall"), (3.97, "far_wall")])
 def test_a_gauge_in_a_basins_paddles_way_is_refused_wherever_the_tank_begins(left, x, wall):
     seen = basin(left, REACHED, REACHED, gauges=[{"x": left + x}])
-    with pytest.raises(SceneError, match=rf"gauges.0: stands 0.03 m from the paddle of {wall} at rest"):
+    with pytest.raises(CaseError, match=rf"gauges.0: stands 0.03 m from the paddle of {wall} at rest"):
         [one.motion() for one in seen.paddles]
 
 
@@ -457,7 +457,7 @@ def test_both_walls_across_a_basin_are_those_of_a_slice():
     numerics = {"cell_size": 0.5, "order": 3, "vertical_order": 4, "dt": 0.02, "tolerance": 1e-9, "edge_penalty": 0.0}
     layout = {"type": "rectangle", "length": 4.0, "width": 1.0}
     tank = {"type": "basin", "depth": 1.0, "layout": layout}
-    case = Scene.model_validate({"tank": tank, **walls, "run": {"duration": 1.0}, "numerics": numerics})
+    case = Case.model_validate({"tank": tank, **walls, "run": {"duration": 1.0}, "numerics": numerics})
     run, waves = build_run(case, MPI.COMM_SELF)
     across = Memory()
     run.observers.append(EnergyBudget(waves, record=across, every=1))

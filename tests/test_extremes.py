@@ -17,7 +17,7 @@ from mpi4py import MPI
 from examples.paper import steepness
 from examples.paper.growth import Setting, row
 from examples.paper.linearised import LinearisedFlow
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.case.reading import read_case
 from wavetank.errors import RunError
 from wavetank.fem.plane import Plane
@@ -53,7 +53,7 @@ def steep(kd, steepness, *, cells, n, comm=MPI.COMM_WORLD):
     return NonlinearWaves(plane, depth=1.0, wall=StillWall(), vertical_order=n, tolerances=tolerances), length, wave
 
 
-def ring_scene(**changes) -> Scene:
+def ring_scene(**changes) -> Case:
     """Return a ring of kd = 1 with a wave of 80 %."""
     scene = {
         "tank": {"type": "ring", "length": 2 * np.pi, "depth": 1.0},
@@ -64,7 +64,7 @@ def ring_scene(**changes) -> Scene:
     for key, value in changes.items():
         part, _, name = key.partition("_")
         scene[part][name] = value
-    return Scene.model_validate(scene)
+    return Case.model_validate(scene)
 
 
 # ---------------------------------------------------------------- the surface between the degrees of freedom
@@ -319,7 +319,7 @@ def test_waves_of_six_steps_a_period_are_not_taken_for_what_alternates():
         "run": {"duration": 6.0},
         "numerics": {"cells": 6, "vertical_order": 6, "dt": 0.25, "integrator": "gauss-legendre-4"},
     }
-    scene = Scene.model_validate(parts)
+    scene = Case.model_validate(parts)
     run, waves = build_run(scene, MPI.COMM_SELF)
     said = list[str]()
     run.observers += build_watch(scene, run, waves, said.append)
@@ -371,7 +371,7 @@ def test_the_run_warns_before_it_breaks_down(wavetank, tmp_path):
 @pytest.mark.parametrize(("part", "stable"), [(0.99, True), (1.01, False)])
 def test_the_limit_on_still_water_holds_for_ten_thousand_steps(part, stable):
     """Round-off from 1e-6 m of short waves, third order: above it they are seen to grow before all breaks down."""
-    scene = Scene.model_validate(
+    scene = Case.model_validate(
         {
             "tank": {"length": 2.0, "depth": 1.0},
             "initial": {"type": "standing-wave", "wave_amplitude": 1e-6, "mode": 5},

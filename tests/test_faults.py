@@ -21,7 +21,7 @@ from rich.console import Console
 from test_checkpoint import OUTPUT, same, scene
 from test_stateful import BASIN, SLICE
 
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.errors import BreakdownError, InputError
 from wavetank.output.checkpoint import read_checkpoint
 from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, RunDirectory
@@ -47,7 +47,7 @@ KILLING = str(Path(__file__).with_name("killing.py"))
 def recorded(parts: dict, out: Path | OutputPath, *, resume: bool = False, every: float = 1e-6) -> None:
     """Record a run with a checkpoint after each step, or every so many seconds."""
     run = {"run": parts["run"] | {"checkpoint_every": every}}
-    kept = Scene.model_validate({"output": OUTPUT} | parts | run)
+    kept = Case.model_validate({"output": OUTPUT} | parts | run)
     record_run(kept, out, comm=MPI.COMM_SELF, console=Console(file=io.StringIO()), resume=resume)
 
 
@@ -300,7 +300,7 @@ class Held:
 def test_a_long_run_holds_no_more_than_a_short_one(tmp_path):
     """Memory within a megabyte from the thousandth step to the ten thousandth, and a checkpoint of one size."""
     held = Held()
-    kept = Scene.model_validate(REGULAR | {"run": {"duration": 2000.0, "checkpoint_every": 1.0}})
+    kept = Case.model_validate(REGULAR | {"run": {"duration": 2000.0, "checkpoint_every": 1.0}})
     record_run(kept, tmp_path, comm=MPI.COMM_SELF, console=Console(file=io.StringIO()), observers=[lambda _: held])
     sizes = [(tmp_path / name).stat().st_size for name in (CHECKPOINT, CHECKPOINT_BEFORE)]
     assert len(held.memory) == 11 and abs(held.memory[-1] - held.memory[1]) < 2**20

@@ -10,7 +10,7 @@ from dolfinx import mesh
 from mpi4py import MPI
 from rich.console import Console
 
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.errors import InputError, RunError
 from wavetank.fem.plane import Plane
 from wavetank.fem.vertical import VerticalBasis
@@ -159,7 +159,7 @@ def test_a_basins_surface_tells_of_its_sponge(tmp_path):
     basin = {"type": "basin", "depth": 0.5, "layout": {"type": "rectangle", "length": 3.0, "width": 1.0}}
     content = {"tank": basin, "sponge": {"type": "end", "length": 2.0, "strength": 3.0}, "water": {"type": "linear"}}
     numerics = {"cell_size": 1.0, "order": 2, "vertical_order": 2, "dt": 0.01}
-    scene = Scene.model_validate({**content, "run": {"duration": 0.01}, "numerics": numerics})
+    scene = Case.model_validate({**content, "run": {"duration": 0.01}, "numerics": numerics})
     record_run(scene, tmp_path / "run", comm=MPI.COMM_SELF, console=Console(quiet=True))
     surface = read(tmp_path / "run", "surface")
     expected = 3.0 * np.clip((surface.points[:, 0] - 1.0) / 2.0, 0.0, 1.0) ** 2

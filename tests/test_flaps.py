@@ -6,7 +6,7 @@ from conftest import fitted_slope, missed_by_going_back, needs_data
 from mpi4py import MPI
 
 from examples.paper.measured_flap import waves
-from wavetank.case import ProfileWall, Scene
+from wavetank.case import Case, ProfileWall
 from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.fem.forms import ScalarForm
@@ -43,7 +43,7 @@ KINKED = {**FLAP, "hinge": 0.3}
 def scene(wall, *, length=6.0, cells=6, n=5, duration=2.0, dt=0.02, tolerance=1e-9, order=3, **more):
     numerics = {"cells": cells, "order": order, "vertical_order": n, "dt": dt, "tolerance": tolerance}
     parts = {"tank": {"length": length, "depth": 1.0}, "run": {"duration": duration}, "numerics": numerics}
-    return Scene.model_validate({**parts, "wall": wall, **more})
+    return Case.model_validate({**parts, "wall": wall, **more})
 
 
 def recorded(wall, *, comm=MPI.COMM_SELF, gauges=(1.0, 3.0), **more):
@@ -171,7 +171,7 @@ def test_linear_waves_are_biesels_with_the_field_at_the_paddle(hinge, kd):
         motion = {"type": "sinusoid", "paddle_amplitude": 1e-4, "period": period}
         parts = {"tank": {"length": long(kd), "depth": 1.0}, "run": {"duration": 20 * period}}
         case = {**parts, "wall": {"type": "flap", "hinge": hinge, "motion": motion}, "water": {"type": "linear"}}
-        planned = make_plan(Scene.model_validate(case), DEFAULT).settings
+        planned = make_plan(Case.model_validate(case), DEFAULT).settings
     away, everywhere, died_out = misses(Flap(hinge), kd, exact=Flap(hinge), numerics=planned)
     assert away < 2e-4 and everywhere < 5e-3 < 0.02 < died_out
 
@@ -487,7 +487,7 @@ def test_a_flap_across_a_basin_is_that_of_a_slice():
     numerics = {"cell_size": 0.5, "order": 3, "vertical_order": 4, "dt": 0.02, "tolerance": 1e-9}
     layout = {"type": "rectangle", "length": 4.0, "width": 1.0}
     tank = {"type": "basin", "depth": 1.0, "layout": layout}
-    case = Scene.model_validate({"tank": tank, "wall": FLAP, "run": {"duration": 1.0}, "numerics": numerics})
+    case = Case.model_validate({"tank": tank, "wall": FLAP, "run": {"duration": 1.0}, "numerics": numerics})
     run, waves = build_run(case, MPI.COMM_SELF)
     record = Memory()
     run.observers.append(Gauges(waves, np.array([[0.5, 0.5], [2.0, 0.25]]), record=record, schedule=EverySteps()))

@@ -14,7 +14,7 @@ import pytest
 from mpi4py import MPI
 from rich.console import Console
 
-from wavetank.case import LinearWater, Scene
+from wavetank.case import Case, LinearWater
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
@@ -40,7 +40,7 @@ BASIN = {"type": "basin", "depth": 1.0, "layout": {"type": "rectangle", "length"
 
 
 def scene(*, tank=SLICE, duration=2.0, **parts):
-    return Scene.model_validate({"tank": tank, "run": {"duration": duration}, **parts})
+    return Case.model_validate({"tank": tank, "run": {"duration": duration}, **parts})
 
 
 def piston(period, amplitude=0.005):
@@ -422,7 +422,7 @@ def test_a_case_without_numerics_gets_the_plan_for_one_per_cent():
     chosen = planned(plain, MPI.COMM_SELF).scene
     assert chosen == planned(asking, MPI.COMM_SELF).scene
     assert chosen.numerics.cells > 40 and plain.cells == 40  # k d = 8.9
-    again = Scene.model_validate(plain.model_dump(mode="json"))
+    again = Case.model_validate(plain.model_dump(mode="json"))
     assert again == plain and again.numerics.open
 
 

@@ -21,7 +21,7 @@ from ranks import CHECKOUT
 
 import wavetank as wt
 from wavetank.analysis.still_water import still_water
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.fem.compiled import compiled
@@ -178,7 +178,7 @@ def test_scene_read_with_trust_is_trusted_later(coded):
     with pytest.raises(InputError, match="executed only with --trust"):
         wt.read_case(coded / "case.toml")
     scene = wt.read_case(coded / "case.toml", trust=True)
-    assert Scene.model_validate(scene.model_dump(mode="json")).depths()(np.ones(1), np.zeros(1)) == pytest.approx(0.8)
+    assert Case.model_validate(scene.model_dump(mode="json")).depths()(np.ones(1), np.zeros(1)) == pytest.approx(0.8)
     (coded / "executed").unlink()
     python_file._trusted.clear()
 

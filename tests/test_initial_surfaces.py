@@ -5,7 +5,7 @@ import pytest
 from mpi4py import MPI
 from rich.console import Console
 
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.case.initial import FileSurface
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
@@ -20,7 +20,7 @@ JONSWAP = {"type": "jonswap", "peak_period": 1.6}
 
 def scene(initial, *, kind="ring", length=12.0, **more):
     tank = {"type": kind, "length": length, "depth": 0.8}
-    return Scene.model_validate({"tank": tank, "initial": initial, "run": {"duration": 0.5}, **more})
+    return Case.model_validate({"tank": tank, "initial": initial, "run": {"duration": 0.5}, **more})
 
 
 def on(scene, x):

@@ -6,7 +6,7 @@ from conftest import fitted_slope
 from mpi4py import MPI
 
 from examples.paper.oscillators import OscillatorStages
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.fem.plane import Plane
 from wavetank.integrators import INTEGRATORS, ThirdOrder
 from wavetank.motion import AtRest, Ramped, Sinusoid
@@ -115,7 +115,7 @@ def test_a_ring_of_mirrored_waves_is_a_slice(make_linear):
 def scene_of(water, *, amplitude):
     """A piston of a case in a short tank, with a gauge in its middle."""
     motion = {"type": "sinusoid", "paddle_amplitude": amplitude, "period": 1.5, "ramp": 1.0}
-    return Scene.model_validate(
+    return Case.model_validate(
         {
             "tank": {"length": 4.0, "depth": 1.0},
             "wall": {"type": "piston", "motion": motion},

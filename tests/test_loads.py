@@ -11,7 +11,7 @@ from test_probes import DENSITY, FINE, GRAVITY, MOTION, driven
 from examples.paper.cylinder import HalfBasin
 from examples.paper.mccamy_fuchs import CylinderDiffraction
 from examples.paper.watched import watched
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.fem.forms import ScalarForm
@@ -140,7 +140,7 @@ CASE = {
 
 
 def record(path, *, comm=MPI.COMM_SELF, **changes):
-    record_run(Scene.model_validate(CASE | changes), path, comm=comm, console=Console(quiet=True))
+    record_run(Case.model_validate(CASE | changes), path, comm=comm, console=Console(quiet=True))
     return RunDirectory(path)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from wavetank.analysis.record import read_record
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
@@ -47,7 +47,7 @@ WRONG = (None, "x", 1, -2.5, [], {}, True, ["a"], [{}], {"a": 1}, float("nan"), 
 def run(tmp_path_factory):
     """Return the directory of a run of five rows that broke down."""
     path = tmp_path_factory.mktemp("runs") / "run"
-    with RunWriter(path, {"scene": Scene.model_validate(SCENE).model_dump(mode="json"), **TOLD}) as writer:
+    with RunWriter(path, {"scene": Case.model_validate(SCENE).model_dump(mode="json"), **TOLD}) as writer:
         gauges, energy = writer.gauges([("1", 2.0), ("2", 3.0)]), writer.table("energy.csv", ["t [s]", "total"])
         gauges.extend(np.arange(5)[:, None] * [0.1, 0.01, -0.02])
         energy.extend(np.arange(5)[:, None] * [0.1, 1.0])

@@ -7,7 +7,7 @@ import pytest
 from conftest import fitted_slope
 from mpi4py import MPI
 
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.errors import RunError
 from wavetank.fem.forms import ScalarForm
 from wavetank.integrators import INTEGRATORS, Simpson4
@@ -241,10 +241,10 @@ def test_mean_energy_drifts_by_little_in_1e5_steps_at_the_default_tolerance():
         "run": {"duration": 1.0},
         "numerics": {"cells": 6, "order": 3, "vertical_order": 4, "dt": 0.1},
     }
-    scene = Scene.model_validate(parts)
+    scene = Case.model_validate(parts)
     dt = length / scene.initial.wave(scene.tank).speed / 24
     parts |= {"run": {"duration": steps * dt}, "numerics": parts["numerics"] | {"dt": dt}}
-    run, waves = build_run(Scene.model_validate(parts), MPI.COMM_SELF)
+    run, waves = build_run(Case.model_validate(parts), MPI.COMM_SELF)
     record = Memory()
     run.observers.append(EnergyBudget(waves, record=record, every=24))
     run.execute()

@@ -6,7 +6,7 @@ import pytest
 from test_stateful import BASIN, FLAP, RING, SLICE
 
 import wavetank as wt
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.output.directory import FIELDS, RunDirectory
 from wavetank.simulation.clock import EverySteps
 
@@ -63,7 +63,7 @@ def test_a_run_with_every_record_and_a_users_observer_equals_the_run_without(nam
     every = {"surface_every": 0.05}
     without, observed = (
         wt.run(
-            Scene.model_validate(scene | {"output": scene.get("output", {}) | every}),
+            Case.model_validate(scene | {"output": scene.get("output", {}) | every}),
             tmp_path / which,
             observers=[Evaluating, Looking] if which == "with" else [],
             quiet=True,

@@ -16,7 +16,7 @@ from test_faults import forked
 from test_stateful import BASIN, FLAP, SLICE, Observed, differing
 
 from wavetank.arrays import Vector
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.errors import BreakdownError, PaddleError, RunError, StoppedError
 from wavetank.fem.differences import largest_differences
 from wavetank.integrators.states import Point
@@ -41,7 +41,7 @@ def at_once(parts: dict, moments: int) -> tuple[Observed, list[list[float]], dic
     """Return a run whose observers work off so many moments at once, its rows and what it holds at its end."""
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(running, "MOMENTS", moments)
-        one = Observed(Scene.model_validate(parts), MPI.COMM_WORLD)
+        one = Observed(Case.model_validate(parts), MPI.COMM_WORLD)
         settle, kept = one.run.settle, list[int]()
         patched.setattr(one.run, "settle", lambda: [kept.append(len(one.run._steps)), settle()])
         one.run.execute()
@@ -281,7 +281,7 @@ def test_a_run_that_breaks_down_says_what_had_happened_before_and_was_not_worked
 @pytest.mark.usefixtures("patient")
 def test_nothing_is_recorded_after_a_paddle_has_reached_a_gauge(tmp_path, monkeypatch):
     """As a flap may, unforeseen, and one that absorbs. All others look at that moment, too."""
-    monkeypatch.setattr(Scene, "_reached", lambda *_: iter(()))
+    monkeypatch.setattr(Case, "_reached", lambda *_: iter(()))
     motion = FLAP["wall"]["motion"] | {"paddle_amplitude": 0.15}
     driven = scene(FLAP | {"wall": FLAP["wall"] | {"motion": motion}, "gauges": [0.1]})
     with pytest.raises(PaddleError, match=r"t = 0.25 s: the paddle of wall has reached gauges.0, x = 0.1 m"):

@@ -10,7 +10,7 @@ from conftest import fitted_slope, recorded
 from mpi4py import MPI
 
 from wavetank import recording
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
@@ -35,7 +35,7 @@ from wavetank.simulation.diagnostics import Memory
 from wavetank.tank.footprint import Slice
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.walls import StillWall
-from wavetank.values.noun import SceneError
+from wavetank.values.case_model import CaseError
 from wavetank.waves import airy
 from wavetank.waves.wavemaker import PISTON
 
@@ -60,7 +60,7 @@ def standing(kd, mode, *, amplitude=1e-6, periods=20):
         "initial": {"type": "standing-wave", "wave_amplitude": amplitude, "mode": mode},
         "run": {"duration": periods * period},
     }
-    return Scene.model_validate(scene), period
+    return Case.model_validate(scene), period
 
 
 # ------------------------------------------------------------------------------------------------ dispersion in space
@@ -162,7 +162,7 @@ def test_a_sinusoid_is_one_line_of_biesels_height_which_a_wall_doubles(end, cres
         "run": {"duration": 40.0},
         **end,
     }
-    required = requirements(Scene.model_validate(scene), 1e-2)
+    required = requirements(Case.model_validate(scene), 1e-2)
     k = float(airy.wave_number(np.pi, 1.0, GRAVITY))
     assert required.k == pytest.approx(k, rel=0.02)
     crest = 0.005 * float(PISTON.transfer(k, 1.0))
@@ -186,7 +186,7 @@ def test_a_group_gets_as_high_as_it_is_meant_to():
         "gauges": [10.0],
         "run": {"duration": 34.0},
     }
-    required = requirements(Scene.model_validate(scene), 1e-2)
+    required = requirements(Case.model_validate(scene), 1e-2)
     assert required.steepness / required.k == pytest.approx(0.05, rel=0.1)
     assert required.physics == "nonlinear"
 
@@ -200,11 +200,11 @@ def test_rows_of_gauges_count_as_their_gauges_do():
         "run": {"duration": 20.0},
     }
     row = {"gauges": [1.0], "gauge_lines": [{"name": "row", "start": [4.0, 0.0], "end": [16.0, 0.0], "count": 4}]}
-    found = [requirements(Scene.model_validate(case | g), 1e-2) for g in (row, {"gauges": [1.0, 4.0, 8.0, 12.0, 16.0]})]
+    found = [requirements(Case.model_validate(case | g), 1e-2) for g in (row, {"gauges": [1.0, 4.0, 8.0, 12.0, 16.0]})]
     for one, other in zip(*(required.waves for required in found), strict=True):
         assert np.array_equal(one, other)
     assert found[0].steepness == found[1].steepness
-    near = requirements(Scene.model_validate(case | {"gauges": [1.0]}), 1e-2)
+    near = requirements(Case.model_validate(case | {"gauges": [1.0]}), 1e-2)
     assert found[0].waves.age.max() > 5 * near.waves.age.max()
 
 
@@ -221,7 +221,7 @@ def test_a_solitary_wave_is_planned_as_accurate_as_asked():
     """Against the exact wave that it is, six seconds later; its error is as predicted, within a factor of two."""
     initial = {"type": "solitary-wave", "height": 0.3, "x": 22.0}
     case = {"tank": {"length": 60.0, "depth": 1.0}, "initial": initial, "run": {"duration": 6.0}}
-    scene = Scene.model_validate(case)
+    scene = Case.model_validate(case)
     plan = make_plan(scene, 1e-2)
     run, waves = build_run(plan.applied_to(scene), MPI.COMM_SELF)
     run.execute()
@@ -242,7 +242,7 @@ def test_a_piston_s_solitary_wave_is_planned_as_accurate_as_asked(generation):
         "wall": {"type": "piston", "motion": motion},
         "run": {"duration": 52.0},
     }
-    scene, gauges = Scene.model_validate(case), [5.0, 20.0, 40.0]
+    scene, gauges = Case.model_validate(case), [5.0, 20.0, 40.0]
     plan = make_plan(scene, 1e-2)
     assert requirements(scene, 1e-2).waves.k.size == 1  # the paddle makes no free second harmonic
     finer = replace(plan.settings, cells=2 * plan.settings.cells, vertical_order=8, dt=plan.settings.dt / 2)
@@ -258,7 +258,7 @@ def test_steep_waves_cost_as_many_more_solves(steepness):
     for one in (0.02, steepness):
         scene, period = standing(np.pi / 2, 1, amplitude=one / (np.pi / 2), periods=1)
         numerics = {"cells": 4, "order": 4, "vertical_order": 8, "dt": period / 20, "tolerance": LOOSEST}
-        named = Scene.model_validate(scene.model_dump(mode="json") | {"numerics": numerics})
+        named = Case.model_validate(scene.model_dump(mode="json") | {"numerics": numerics})
         run, waves = build_run(named, MPI.COMM_SELF)
         before = waves.potential.counters.solves
         run.execute()
@@ -275,7 +275,7 @@ def test_steepness_decides_between_linear_and_nonlinear():
 
 
 def test_a_scene_at_rest_needs_no_plan():
-    scene = Scene.model_validate({"tank": {"length": 1.0, "depth": 1.0}, "run": {"duration": 1.0}})
+    scene = Case.model_validate({"tank": {"length": 1.0, "depth": 1.0}, "run": {"duration": 1.0}})
     with pytest.raises(InputError, match="nothing moves"):
         requirements(scene, 1e-2)
 
@@ -284,7 +284,7 @@ def test_a_wave_of_permanent_form_has_its_own_harmonics_and_speed():
     """Against Stokes' expansion: at k a = 0.05 its next terms are of order (k a)²."""
     tank = {"type": "ring", "length": 2 * np.pi, "depth": 1.0}
     initial = {"type": "stream-function", "height": 0.1}
-    scene = Scene.model_validate({"tank": tank, "initial": initial, "run": {"duration": 10.0}})
+    scene = Case.model_validate({"tank": tank, "initial": initial, "run": {"duration": 10.0}})
     required, theory = requirements(scene, 1e-4), stokes(0.05, 1.0)
     assert np.allclose(required.harmonics[1:3], theory.ratios[1:3], rtol=0.03)
     speed = required.waves.omega[0] / required.k
@@ -295,7 +295,7 @@ def test_a_wave_of_permanent_form_has_its_own_harmonics_and_speed():
 
 def test_water_that_is_set_is_kept():
     scene, _ = standing(1.0, 2, amplitude=1e-1)
-    linear = Scene.model_validate(scene.model_dump(mode="json") | {"water": {"type": "linear"}})
+    linear = Case.model_validate(scene.model_dump(mode="json") | {"water": {"type": "linear"}})
     required = requirements(linear, 1e-2)
     assert required.physics == "linear"
     assert required.harmonics.size == 1
@@ -358,7 +358,7 @@ def gauge_records(scene, settings, *, every=1, at=None):
         "integrator": settings.integrator,
     }
     changes = {"numerics": numerics, "output": {"gauges_every": every}, "gauges": at or [0.0, scene.tank.length]}
-    scene, gauges = Scene.model_validate(scene.model_dump(mode="json") | changes), Memory()
+    scene, gauges = Case.model_validate(scene.model_dump(mode="json") | changes), Memory()
     run, waves = build_run(scene, MPI.COMM_SELF)
     run.observers += build_observers(scene, waves, Records(gauges, Memory(), None))
     run.execute()
@@ -429,7 +429,7 @@ def test_a_paddle_s_free_second_harmonic_is_planned_for_where_water_is_nonlinear
     for physics, generation in (("nonlinear", "linear"), ("nonlinear", "second-order"), ("linear", "linear")):
         parts = {"tank": {"length": 20.0, "depth": 1.0}, "sponge": {"type": "end", "length": 5.0}, "gauges": [5.0]}
         parts |= {"wall": {**wall, "motion": {**made, "generation": generation}}, "run": {"duration": 60.0}}
-        scene = Scene.model_validate(parts | {"water": {"type": physics}})
+        scene = Case.model_validate(parts | {"water": {"type": physics}})
         found[physics, generation] = requirements(scene, 1e-2).waves
     waves, reduced, linear = found.values()
     first = float(np.linalg.norm(waves.amplitude[:-1]))
@@ -454,7 +454,7 @@ def test_no_cheaper_neighbour_is_accurate_enough():
 
 def test_solves_are_a_thousandth_of_the_accuracy_unless_a_case_says_otherwise():
     scene, _ = standing(1.0, 1, amplitude=0.01)
-    named = Scene.model_validate(scene.model_dump(mode="json") | {"numerics": {"tolerance": 1e-9}})
+    named = Case.model_validate(scene.model_dump(mode="json") | {"numerics": {"tolerance": 1e-9}})
     for one, tolerances in ((scene, (LOOSEST, 1e-6)), (named, (1e-9, 1e-9))):
         found = [own_plan(one, accuracy).applied_to(one).numerics.tolerance for accuracy in (1e-1, 1e-3)]
         assert found == pytest.approx(tolerances)
@@ -464,7 +464,7 @@ def test_solves_are_a_thousandth_of_the_accuracy_unless_a_case_says_otherwise():
 def asking(numerics, *, kd=1.5):
     """A scene of a standing wave that asks for an accuracy and sets some numerics beside it."""
     scene, _ = standing(kd, 4, amplitude=min(0.05, 0.5 / kd), periods=5)
-    return Scene.model_validate(
+    return Case.model_validate(
         scene.model_dump(mode="json") | {"water": None, "numerics": {"accuracy": 1e-2} | numerics}
     )
 
@@ -494,7 +494,7 @@ def test_what_is_set_beside_an_accuracy_is_kept(numerics):
 def test_a_scene_that_asks_for_an_accuracy_is_the_same_after_a_dump():
     """What is not set must not come back as set."""
     scene = asking({"order": 3})
-    again = Scene.model_validate(scene.model_dump(mode="json"))
+    again = Case.model_validate(scene.model_dump(mode="json"))
     assert again == scene and Given.by(again) == Given.by(scene) == Given(order=3)
 
 
@@ -515,7 +515,7 @@ def test_settings_that_cannot_reach_the_accuracy_are_refused_by_name():
 )
 def test_of_cells_too_large_for_the_accuracy_it_is_told_which_would_do(named, allowed):
     kept = {"order": 3, "vertical_order": 7}
-    with pytest.raises(SceneError) as said:
+    with pytest.raises(CaseError) as said:
         make_plan(asking(kept | named), 1e-2, costs=COSTS)
     ((key, _),) = named.items()
     would = float(re.fullmatch(allowed, str(said.value))[1])
@@ -545,7 +545,7 @@ def test_where_no_gauge_is_reached_waves_are_followed_along_the_tank():
         "wall": {"type": "piston", "motion": motion},
         "run": {"duration": 2.0},
     }
-    each = (requirements(Scene.model_validate(case | {"gauges": g}), 1e-2).waves for g in ([], [7.9]))
+    each = (requirements(Case.model_validate(case | {"gauges": g}), 1e-2).waves for g in ([], [7.9]))
     assert all(np.array_equal(*one) for one in zip(*each, strict=True))
 
 
@@ -656,7 +656,7 @@ def test_a_trial_over_a_bed_has_the_waves_in_the_tank():
         "run": {"duration": 8.0},
         "numerics": {"cell_size": 0.4, "vertical_order": 3},
     }
-    scene = Scene.model_validate(case)
+    scene = Case.model_validate(case)
     run, waves = build_run(scene, MPI.COMM_SELF)
     whole, counters = run.clock, waves.potential.counters
     run.clock = Clock(whole.dt, whole.steps // 2)
@@ -692,7 +692,7 @@ def test_the_energy_that_is_told_is_the_one_that_is_computed():
         "run": {"duration": 1.0},
         "numerics": {"cells": 4, "vertical_order": 2},
     }
-    scene = Scene.model_validate(case)
+    scene = Case.model_validate(case)
     waves = build_waves(scene, MPI.COMM_SELF)
     told = told_energy(scene)
     assert told[:3] == list(map(str, waves.hamiltonian)) and [part.name for part in waves.hamiltonian] == [
@@ -706,7 +706,7 @@ def test_the_energy_that_is_told_is_the_one_that_is_computed():
     for part, form in waves.hamiltonian.items():
         value = ScalarForm(form, MPI.COMM_SELF).assemble()
         assert abs(value) > 1e-5 and getattr(energies, part.name) == pytest.approx(value, rel=1e-12)
-    still = Scene.model_validate(case | {"tank": {"length": 2.0, "depth": 0.6}, "wall": {"type": "fixed"}})
+    still = Case.model_validate(case | {"tank": {"length": 2.0, "depth": 0.6}, "wall": {"type": "fixed"}})
     assert told_energy(still.model_copy(update={"far_wall": scene.wall}))[2].startswith("far wall = ∫ ψ")
     both = told_energy(still.model_copy(update={"wall": scene.wall, "far_wall": scene.wall}))
     assert both[3] == "far wall = the same at the far paddle" and both[5].startswith("X_p: of each paddle its own")
@@ -752,7 +752,7 @@ def test_a_penalty_is_said_to_be_needed_where_the_current_is_strong():
         tank = {"type": "ring", "length": 2 * np.pi, "depth": 1.0}
         initial = {"type": "stream-function", "steepness": steepness}
         run = {"duration": 4.0}
-        scene = Scene.model_validate({"tank": tank, "initial": initial, "run": run, "numerics": {"cells": 32}})
+        scene = Case.model_validate({"tank": tank, "initial": initial, "run": run, "numerics": {"cells": 32}})
         said.append(own_plan(scene, 1e-3, costs=COSTS).reasons[-1])
     assert said[0].startswith("edge penalty: none")
     assert said[1].startswith("edge penalty: needed")
@@ -765,7 +765,7 @@ def test_a_plan_counts_what_looks_below_the_surface():
     asked = {"tank": tank, "initial": initial, "run": {"duration": 4.0}, "numerics": {"cells": 6}}
     probed = {"probes": [{"x": 1.0, "z": -0.1}]}
     scenes = [asked, asked | probed, asked | probed | {"output": {"probes_every": 10}}]
-    bare, often, rarely = (own_plan(Scene.model_validate(one), 1e-2, costs=COSTS) for one in scenes)
+    bare, often, rarely = (own_plan(Case.model_validate(one), 1e-2, costs=COSTS) for one in scenes)
     assert often.cost.cpu - bare.cost.cpu == pytest.approx(10 * (rarely.cost.cpu - bare.cost.cpu))
     assert often.cost_by(COSTS) == often.cost and often.cost.memory > bare.cost.memory
     part = 1.0 - bare.cost.cpu / often.cost.cpu

@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from test_plan import COSTS
 
 from wavetank import data
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError, WavetankError
 from wavetank.planning.cost import CostModel, calibrate
@@ -39,26 +39,26 @@ GROUP = (
 MARIN = ("run.duration=40.0", "tank.length=20.0", "gauges=[6.0]")
 
 
-def case(name: str, *overrides: str) -> Scene:
+def case(name: str, *overrides: str) -> Case:
     return read_case(CHECKOUT / "cases" / f"{name}.toml", overrides)
 
 
-def ring(kd: float, steepness: float, periods: int) -> Scene:
+def ring(kd: float, steepness: float, periods: int) -> Case:
     """Waves of permanent form that go round a ring of one wave length, whole times."""
     tank = {"type": "ring", "length": 2 * np.pi / kd, "depth": 1.0}
     initial = {"type": "stream-function", "steepness": steepness}
     scene = {"tank": tank, "initial": initial, "gauges": [0.0], "run": {"duration": 1.0}}
-    one = Scene.model_validate(scene)
+    one = Case.model_validate(scene)
     period = one.tank.length / one.initial.wave(one.tank).speed
-    return Scene.model_validate({**scene, "run": {"duration": periods * period}})
+    return Case.model_validate({**scene, "run": {"duration": periods * period}})
 
 
-def steep_standing(steepness: float, periods: int) -> Scene:
+def steep_standing(steepness: float, periods: int) -> Case:
     """A standing wave of k a in k d = pi / 2, for so many periods of linear theory."""
     case = {"tank": {"length": 2.0, "depth": 1.0}, "gauges": [0.0], "run": {"duration": 1.0}}
     initial = {"type": "standing-wave", "wave_amplitude": steepness / (np.pi / 2)}
     period = 2 * np.pi / float(angular_frequency(np.pi / 2, 1.0, 9.81))
-    return Scene.model_validate(case | {"initial": initial, "run": {"duration": periods * period}})
+    return Case.model_validate(case | {"initial": initial, "run": {"duration": periods * period}})
 
 
 SCENES = {  # scene and accuracy
@@ -81,7 +81,7 @@ class Measured(NamedTuple):
     cpu: float
 
 
-def run(scene: Scene) -> Measured:
+def run(scene: Case) -> Measured:
     gauges = Memory()
     running, waves = build_run(scene, MPI.COMM_SELF)
     records = Records(gauges, Memory(), None)
@@ -96,7 +96,7 @@ def run(scene: Scene) -> Measured:
     return Measured(rows[:, 0], rows[:, -1], float(np.sqrt(error @ waves.mass.apply(error) / size)), cpu)
 
 
-def with_settings(scene: Scene, plan: Plan, settings: Settings, **changes) -> Scene:
+def with_settings(scene: Case, plan: Plan, settings: Settings, **changes) -> Case:
     planned = replace(plan, settings=settings).applied_to(scene)
     return planned.model_copy(update={"numerics": planned.numerics.model_copy(update=changes)})
 
@@ -213,44 +213,44 @@ def test_the_error_of_a_plan_is_as_predicted(name):
     assert error <= trial.accuracy
 
 
-def piston(kd: float) -> Scene:
+def piston(kd: float) -> Case:
     """Waves of k a = 0.02 at two wave lengths from a piston, for twelve periods, two of them its ramp."""
     period, length = 2 * np.pi / float(angular_frequency(kd, 1.0, 9.81)), 2 * np.pi / kd
     motion = {"type": "sinusoid", "paddle_amplitude": 0.02 / kd, "period": period, "ramp": 2 * period}
     tank = {"length": round(8 * max(1.0, kd / 6)) * length, "depth": 1.0}
     wall, run = {"type": "piston", "motion": motion}, {"duration": 12 * period}
-    return Scene.model_validate({"tank": tank, "gauges": [2 * length], "wall": wall, "run": run})
+    return Case.model_validate({"tank": tank, "gauges": [2 * length], "wall": wall, "run": run})
 
 
-def solitary(height: float) -> Scene:
+def solitary(height: float) -> Case:
     """A solitary wave that travels 25 m."""
     initial, tank = {"type": "solitary-wave", "height": height, "x": 15.0}, {"length": 60.0, "depth": 1.0}
-    return Scene.model_validate({"tank": tank, "gauges": [40.0], "initial": initial, "run": {"duration": 8.0}})
+    return Case.model_validate({"tank": tank, "gauges": [40.0], "initial": initial, "run": {"duration": 8.0}})
 
 
-def packet(wall: dict, length: float, duration: float) -> Scene:
+def packet(wall: dict, length: float, duration: float) -> Case:
     """A wave packet of k d = 2 between a paddle and a fixed wall."""
     motion = {"type": "formula", "position": "0.004*sin(5.6*(t-3.4))*exp(-((t-3.4)/1.4)**2)"}
     case = {"tank": {"length": length, "depth": 0.6}, "gauges": [0.75 * length], "run": {"duration": duration}}
-    return Scene.model_validate(case | {"wall": {**wall, "motion": motion}})
+    return Case.model_validate(case | {"wall": {**wall, "motion": motion}})
 
 
-def absorbing_flap() -> Scene:
+def absorbing_flap() -> Case:
     """Shallow waves from a flap to another that absorbs: of all paddles these answer a step most."""
     flap, depth, k = {"type": "flap", "hinge": 0.0}, 0.6, 0.7 / 0.6
     period = 2 * np.pi / float(angular_frequency(k, depth, 9.81))
     moving = {**flap, "motion": {"type": "sinusoid", "paddle_amplitude": 0.01 / k, "period": period}}
     still = {**flap, "absorb": {"type": "active"}, "motion": {"type": "at-rest"}}
     case = {"tank": {"length": 6 * np.pi / k, "depth": depth}, "gauges": [4 * np.pi / k]}
-    return Scene.model_validate(case | {"wall": moving, "far_wall": still, "run": {"duration": 20 * period}})
+    return Case.model_validate(case | {"wall": moving, "far_wall": still, "run": {"duration": 20 * period}})
 
 
-def absorbing_paddles() -> Scene:
+def absorbing_paddles() -> Case:
     """Regular waves between two paddles that absorb."""
     wall, tank = {"type": "piston", "absorb": {"type": "active"}}, {"length": 6.0, "depth": 0.6}
     moving = {**wall, "motion": {"type": "sinusoid", "paddle_amplitude": 0.02, "period": 1.3}}
     still, run = {**wall, "motion": {"type": "at-rest"}}, {"duration": 30.0}
-    return Scene.model_validate({"tank": tank, "gauges": [4.0], "wall": moving, "far_wall": still, "run": run})
+    return Case.model_validate({"tank": tank, "gauges": [4.0], "wall": moving, "far_wall": still, "run": run})
 
 
 NAMED_NOTHING = {  # scenes that plans once missed by 1.2 to 1.9 times, in closed tanks by up to 9 times
@@ -329,14 +329,14 @@ def test_default_cells_of_a_modulated_train_are_fine_enough():
     surface = "0.025 * (1 + 0.1 * cos(pi * x / 4)) * cos(2 * pi * x)"
     potential = "0.025 * sqrt(9.81 / (2 * pi)) * (1 + 0.1 * cos(pi * x / 4)) * sin(2 * pi * x)"
     scene = {"tank": {"type": "ring", "length": 8.0, "depth": 2.0}, "run": {"duration": 40.0}, "gauges": [0.0]}
-    one = Scene.model_validate(scene | {"initial": {"type": "formula", "eta": surface, "psi": potential}})
+    one = Case.model_validate(scene | {"initial": {"type": "formula", "eta": surface, "psi": potential}})
     chosen = resolved(one)
     settings = {"cells": 144, "order": 4, "vertical_order": 12, "tolerance": 1e-7}, {}, {"cells": 24}
     exact, default, coarse = (highest(chosen, one) for one in settings)
     assert default == pytest.approx(exact, rel=0.03) and coarse > 1.1 * exact
 
 
-def highest(scene: Scene, settings: dict) -> float:
+def highest(scene: Case, settings: dict) -> float:
     """Return the highest crest of a run with changed numerics [m]."""
     running, waves = build_run(with_numerics(scene, settings), MPI.COMM_SELF)
     running.observers += [crest := HighestCrest(waves)]
@@ -344,12 +344,12 @@ def highest(scene: Scene, settings: dict) -> float:
     return crest.highest().height
 
 
-def with_numerics(scene: Scene, settings: dict) -> Scene:
+def with_numerics(scene: Case, settings: dict) -> Case:
     changes = ({"cell_size": None} if "cells" in settings else {}) | settings
     return scene.model_copy(update={"numerics": scene.numerics.model_copy(update=changes)})
 
 
-def at_all_gauges(scene: Scene, settings: dict) -> np.ndarray:
+def at_all_gauges(scene: Case, settings: dict) -> np.ndarray:
     """Return times [s] and elevations [m] at all gauges of a run with changed numerics, shape (N, 1 + gauges)."""
     gauges = Memory()
     running, waves = build_run(with_numerics(scene, settings), MPI.COMM_SELF)

@@ -8,7 +8,7 @@ from conftest import fitted_slope
 from mpi4py import MPI
 from rich.console import Console
 
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.errors import InputError
 from wavetank.fem.plane import Plane
 from wavetank.integrators.states import Point
@@ -141,7 +141,7 @@ CASE = {
 
 
 def record(path, *, comm=MPI.COMM_SELF, **changes):
-    record_run(Scene.model_validate(CASE | changes), path, comm=comm, console=Console(quiet=True))
+    record_run(Case.model_validate(CASE | changes), path, comm=comm, console=Console(quiet=True))
     return RunDirectory(path)
 
 

@@ -8,7 +8,7 @@ import pytest
 from conftest import fitted_slope
 from mpi4py import MPI
 
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.simulation.build import Records, build_observers, build_run
 from wavetank.simulation.diagnostics import Memory
 
@@ -26,7 +26,7 @@ def largest_error(case: str, *, cells: int, order: int, n: int, steps: int, peri
     facts = json.loads((REFERENCE / f"{case}.json").read_text())
     reference = np.loadtxt(REFERENCE / f"{case}.csv", delimiter=",", skiprows=1)[: periods * SAMPLES + 1]
     dt = float(reference[1, 0]) / steps
-    scene = Scene.model_validate(
+    scene = Case.model_validate(
         {
             "tank": {"length": facts["tank_length"], "depth": facts["depth"]},
             "initial": {"type": "standing-wave", "wave_amplitude": facts["a"]},

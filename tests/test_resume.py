@@ -17,7 +17,7 @@ from test_checkpoint import ending, record, record_until, same, scene
 from test_stateful import SLICE
 
 import wavetank as wt
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.cli import main
 from wavetank.errors import InputError, RunError
 from wavetank.integrators import INTEGRATORS, StormerVerlet
@@ -265,7 +265,7 @@ def test_a_run_goes_on_on_another_mesh_or_with_another_scheme(sloshing, tmp_path
 
 def test_a_surface_is_carried_to_another_mesh_where_it_is_in_the_laboratory():
     """The paddle stands elsewhere then than at rest, and the mesh with it."""
-    coarse, fine = (Scene.model_validate(SLICE | {"numerics": SLICE["numerics"] | {"cells": n}}) for n in (24, 31))
+    coarse, fine = (Case.model_validate(SLICE | {"numerics": SLICE["numerics"] | {"cells": n}}) for n in (24, 31))
     t, k = 0.35, 1.5
     values = []
     for one in (coarse, fine):

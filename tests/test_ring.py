@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mpi4py import MPI
 
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.fem.charts import Polygon
@@ -131,12 +131,12 @@ def round_the_ring(*, steepness, kd, cells, n, steps, periods, waves=1):
     """
     ring = {"type": "ring", "length": waves * LENGTH / kd, "depth": 1.0}
     initial = {"type": "stream-function", "steepness": steepness, "waves": waves}
-    scene = Scene.model_validate({"tank": ring, "initial": initial, "run": {"duration": 1.0}})
+    scene = Case.model_validate({"tank": ring, "initial": initial, "run": {"duration": 1.0}})
     wave = scene.initial.wave(scene.tank)
     dt = LENGTH / kd / wave.speed / steps
     numerics = {"cells": cells, "vertical_order": n, "dt": dt, "tolerance": 1e-9}
     run = {"duration": periods * steps * dt}
-    scene = Scene.model_validate({"tank": ring, "initial": initial, "run": run, "numerics": numerics})
+    scene = Case.model_validate({"tank": ring, "initial": initial, "run": run, "numerics": numerics})
     run, tank = build_run(scene, MPI.COMM_SELF)
     energy = Memory()
     run.observers += build_observers(scene, tank, Records(Memory(), energy, None))
@@ -217,11 +217,11 @@ def test_what_a_ring_cannot_have_is_refused(tmp_path, override, said):
 )
 def test_what_a_slice_cannot_have_is_refused(initial, said):
     with pytest.raises(ValueError, match=said):
-        Scene.model_validate({"tank": {"length": 6.0, "depth": 1.0}, "initial": initial, "run": {"duration": 1.0}})
+        Case.model_validate({"tank": {"length": 6.0, "depth": 1.0}, "initial": initial, "run": {"duration": 1.0}})
 
 
 def test_a_wave_that_cannot_be_computed_is_refused_when_the_run_is_built():
-    scene = Scene.model_validate(
+    scene = Case.model_validate(
         {
             "tank": {"type": "ring", "length": 63.0, "depth": 1.0},
             "initial": {"type": "stream-function", "steepness": 0.8},

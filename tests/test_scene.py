@@ -12,14 +12,14 @@ from pydantic import ValidationError
 
 from wavetank import motion as motions
 from wavetank.case import (
+    Case,
+    CaseError,
     FixedWall,
     Gauge,
     Numerics,
     Physics,
     PistonWall,
     RunNoun,
-    Scene,
-    SceneError,
     SegmentedFlapWall,
     SegmentedPistonWall,
     SinusoidMotion,
@@ -96,7 +96,7 @@ def test_a_case_file_is_the_same_scene_as_python(case):
         run = {duration = 3}
         numerics = {cell_size = 0.25, integrator = "stormer-verlet"}
     """
-    built = Scene(
+    built = Case(
         gauges=(Gauge(name="1", x=1.0), Gauge(name="2", x=2.0), Gauge(name="end", x=5.0)),
         tank=SliceTank(length=5.0, depth=0.5),
         wall=PistonWall(motion=SinusoidMotion(paddle_amplitude=0.01, period=1.5)),
@@ -114,14 +114,14 @@ def test_every_case_is_read_and_its_dump_is_the_same_scene(path):
         if "wavetank data fetch" not in str(missing) and "set WAVETANK_DATA" not in str(missing):
             raise
         pytest.skip(str(missing))
-    assert Scene.model_validate(scene.model_dump(mode="json")) == scene
-    assert Scene.model_validate_json(scene.model_dump_json()) == scene
+    assert Case.model_validate(scene.model_dump(mode="json")) == scene
+    assert Case.model_validate_json(scene.model_dump_json()) == scene
     assert scene.title
     assert f"[`{path.name}`]({path.name})" in (CASES / "README.md").read_text(encoding="utf-8")
 
 
 def test_defaults_are_resolved_in_properties():
-    scene = Scene(tank=SliceTank(length=20.0, depth=1.0), run=RunNoun(duration=40.0))
+    scene = Case(tank=SliceTank(length=20.0, depth=1.0), run=RunNoun(duration=40.0))
     assert (scene.cells, scene.reach) == (100, np.inf)
     assert scene.surface_every == pytest.approx(0.5 * 9.81**-0.5)  # short against any wave period
     assert scene.model_copy(update={"run": RunNoun(duration=10.0)}).surface_every == 0.05  # 200 of them at least
@@ -133,8 +133,8 @@ def test_defaults_are_resolved_in_properties():
     )
     assert isinstance(scene.motion(), motions.AtRest)
     piston = PistonWall(motion=SinusoidMotion(paddle_amplitude=0.01, period=1.0))
-    assert Scene(tank=scene.tank, run=scene.run, wall=piston).reach == 10.0
-    assert Scene(tank=SliceTank(length=3.0, depth=1.0), run=scene.run, wall=piston).reach == 3.0
+    assert Case(tank=scene.tank, run=scene.run, wall=piston).reach == 10.0
+    assert Case(tank=SliceTank(length=3.0, depth=1.0), run=scene.run, wall=piston).reach == 3.0
 
 
 @given(st.floats(0.1, 100.0), st.floats(0.1, 10.0), st.floats(0.01, 10.0))
@@ -171,7 +171,7 @@ def test_a_recorded_motion_is_read_relative_to_the_case(case, tmp_path, key):
     # the integral of 0.01 sin t is 0.01 (1 - cos t); the spline's error is of the order of (0.1)^4 / 384
     expected = {"position": 0.01 * np.sin(7.77), "velocity": 0.01 * (1 - np.cos(7.77))}[key]
     assert scene.motion().position(7.77) == pytest.approx(expected, abs=1e-8)
-    assert Scene.model_validate(scene.model_dump(mode="json")).motion().position(7.77) == scene.motion().position(7.77)
+    assert Case.model_validate(scene.model_dump(mode="json")).motion().position(7.77) == scene.motion().position(7.77)
     said = refused(path, "run.duration=31")
     assert said == f"{path}, overridden: run.duration = 31.0: must be at most 30 s, where the recorded motion ends."
 
@@ -223,9 +223,9 @@ def test_a_record_is_read_once_and_anew_where_the_scene_it_stands_in_is_another(
     scene = read_case(case(), ['wall.motion={type="recorded", position="paddle.dat"}', "run.duration=20"])
     other = scene.model_copy(update={"numerics": Numerics(dt=0.1)})
     assert other.motion() is scene.motion() and other.paddle_period == scene.paddle_period and len(read) == 1
-    assert other == Scene.model_validate(other.model_dump(mode="json"))
+    assert other == Case.model_validate(other.model_dump(mode="json"))
     longer = scene.model_copy(update={"run": RunNoun(duration=31.0)})
-    with pytest.raises(SceneError, match=r"must be at most 30 s, where the recorded motion ends"):
+    with pytest.raises(CaseError, match=r"must be at most 30 s, where the recorded motion ends"):
         longer.motion()
 
 
@@ -276,7 +276,7 @@ def test_overrides_are_toml_values_or_bare_text_at_any_depth(case):
 
 
 def test_a_scene_is_frozen():
-    scene = Scene(tank=SliceTank(length=20.0, depth=1.0), run=RunNoun(duration=40.0))
+    scene = Case(tank=SliceTank(length=20.0, depth=1.0), run=RunNoun(duration=40.0))
     with pytest.raises(ValidationError, match="frozen"):
         scene.tank.length = 3.0
 
@@ -512,4 +512,4 @@ def test_whatever_is_overridden_gives_a_scene_or_an_input_error(tmp_path_factory
         scene = read_case(path, [f"{key}={value}"])
     except InputError:
         return
-    assert isinstance(scene, Scene)
+    assert isinstance(scene, Case)

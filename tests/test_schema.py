@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from ranks import CHECKOUT
 from test_bad_input import EVERY, EXTREME, NONSENSE, entries, limits
 
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.case.new import SCHEMA
 from wavetank.case.reading import set_key
 from wavetank.case.schema import schema, tables, tag
@@ -82,7 +82,7 @@ def test_the_schema_refuses_what_the_reader_refuses_of_a_value_by_itself():
     for text in EVERY.values():
         case = tomllib.loads(text)
         assert conforms(case, WHOLE)
-        for entry in entries(Scene.model_validate(case)):
+        for entry in entries(Case.model_validate(case)):
             key, noun, field = entry
             values = (*NONSENSE, *(EXTREME if limits(entry) else EXTREME[:2]))
             for value in () if (noun, field) in tried else values:
@@ -94,7 +94,7 @@ def test_the_schema_refuses_what_the_reader_refuses_of_a_value_by_itself():
 
 def refused_by_itself(content: dict[str, Any]) -> bool:
     try:
-        Scene.model_validate(content)
+        Case.model_validate(content)
     except ValidationError as error:
         return any(one["type"] not in ("scene", "value_error") for one in error.errors())
     return False

@@ -16,7 +16,7 @@ from scipy.special import gamma as gamma_function
 from examples.paper.second_order import GENERATIONS, row
 from examples.paper.watched import Surfaces
 from wavetank.analysis.compare import rms
-from wavetank.case import Scene, SliceTank
+from wavetank.case import Case, SliceTank
 from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
@@ -41,8 +41,8 @@ from wavetank.planning.default_plan import planned
 from wavetank.planning.plan import STEP_RATIO, make_plan
 from wavetank.planning.requirements import requirements
 from wavetank.simulation.build import build_run
+from wavetank.values.case_model import CaseError
 from wavetank.values.formula import Formula
-from wavetank.values.noun import SceneError
 from wavetank.waves import airy
 from wavetank.waves.plane_waves import waves_along
 from wavetank.waves.second_order import MANY, Strokes, _Water, second_order
@@ -56,7 +56,7 @@ TANK_NOUN = SliceTank(**TANK)
 
 def scene(motion, *, duration=20.0, limits=None, tank=TANK, **more):
     wall = {"type": "piston", "motion": motion} | ({} if limits is None else {"limits": limits})
-    return Scene.model_validate({"tank": tank, "wall": wall, "run": {"duration": duration}} | more)
+    return Case.model_validate({"tank": tank, "wall": wall, "run": {"duration": duration}} | more)
 
 
 def seen(case, *, start):
@@ -405,9 +405,9 @@ def test_the_paddle_for_a_wished_surface_makes_it_there(tmp_path):
     paddle = group.position(t[seen])
     assert np.abs(motion.position(t[seen] + 15.0) - paddle).max() < 0.02 * np.abs(paddle).max()
     late = r"wall\.motion\.delay = 1\.0: must be at least 5\.\d+ s: after a ramp of 3 s its waves need 2\.\d+ s to x"
-    with pytest.raises(SceneError, match=late):
+    with pytest.raises(CaseError, match=late):
         scene(wish | {"delay": 1.0}).motion()
-    with pytest.raises(SceneError, match=r"after a ramp of \d\.\d+ s, the default, its waves need"):
+    with pytest.raises(CaseError, match=r"after a ramp of \d\.\d+ s, the default, its waves need"):
         scene({**wish, "ramp": None, "delay": 1.0}).motion()
 
 
@@ -785,7 +785,7 @@ def test_a_run_and_a_plan_print_why_the_generation_is_linear(tmp_path):
     basin = {"type": "basin", "depth": 1.0, "layout": {"type": "rectangle", "length": 4.0, "width": 2.0}}
     wave = {"type": "oblique-wave", "wave_amplitude": 0.01, "period": 1.5, "angle": 10.0}
     wall = {"type": "segmented-piston", "motion": wave}
-    segments = Scene.model_validate({"tank": basin, "wall": wall, "run": {"duration": 1.0}})
+    segments = Case.model_validate({"tank": basin, "wall": wall, "run": {"duration": 1.0}})
     assert segments.linear_generation == [
         "generation of wall.motion: linear, as second-order generation is for paddles that move as a whole"
     ]

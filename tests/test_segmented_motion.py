@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from wavetank.case import BasinTank, DirectionalIrregularMotion, Scene
+from wavetank.case import BasinTank, Case, DirectionalIrregularMotion
 from wavetank.case.directional import span
 from wavetank.motion import (
     DirectionalFocus,
@@ -312,7 +312,7 @@ OBLIQUE = {"type": "oblique-wave", "wave_amplitude": 0.02, "period": 1.3, "angle
 
 
 def scene(motion, *, tank=None, duration=24.0, **wall):
-    return Scene.model_validate(
+    return Case.model_validate(
         {
             "tank": tank or BASIN,
             "wall": {"type": "segmented-piston", "motion": motion, **wall},
@@ -341,7 +341,7 @@ def test_the_nouns_build_their_motions():
     assert isinstance(walls.motion(), ReflectedFocus)
     assert (walls.motion().low, walls.motion().high) == (LOW, HIGH)
     for built in (case, walls):
-        assert Scene.model_validate(built.model_dump(mode="json")) == built
+        assert Case.model_validate(built.model_dump(mode="json")) == built
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from conftest import CHECKOUT, fitted_slope
 from mpi4py import MPI
 
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.case.reading import read_case
 from wavetank.simulation.build import Records, build_observers, build_run, build_watch
 from wavetank.simulation.clock import EverySteps
@@ -42,7 +42,7 @@ BASIN = {
 
 def built(case, **numerics):
     """Return the run of a case with other numerics, nothing observed yet, and the waves in it."""
-    return build_run(Scene.model_validate({**case, "numerics": {**case["numerics"], **numerics}}), MPI.COMM_WORLD)
+    return build_run(Case.model_validate({**case, "numerics": {**case["numerics"], **numerics}}), MPI.COMM_WORLD)
 
 
 class Recorded:
@@ -61,7 +61,7 @@ class Recorded:
     """
 
     def __init__(self, integrator, dt, case=SLICE):
-        scene = Scene.model_validate({**case, "numerics": {**case["numerics"], "integrator": integrator, "dt": dt}})
+        scene = Case.model_validate({**case, "numerics": {**case["numerics"], "integrator": integrator, "dt": dt}})
         run, waves = build_run(scene, MPI.COMM_WORLD)
         gauges, energy = Memory(), Memory()
         run.observers += build_observers(scene, waves, Records(gauges, energy, None), sinks=run.sinks)
@@ -109,7 +109,7 @@ def test_what_is_recorded_costs_no_solve():
 
 def test_watch_gauges_and_snapshots_solve_for_nothing_besides_the_energies(monkeypatch):
     """Oracle: one solve at most of the last state, where the flow is looked at, and none of its jump."""
-    scene = Scene.model_validate({**SLICE, "run": {"duration": 0.2}})
+    scene = Case.model_validate({**SLICE, "run": {"duration": 0.2}})
     run, waves = build_run(scene, MPI.COMM_WORLD)
     records = Records(Memory(), Memory(), Memory())
     run.observers += build_watch(scene, run, waves, pytest.fail) + build_observers(scene, waves, records)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.simulation.build import build_run
 
 LENGTH = 1.0  # m; of a tank with one half of a wave in it
@@ -24,7 +24,7 @@ def standing(water, *, depth, amplitude, integrator="simpson-4", periods=1.0):
         "run": {"duration": periods * period},
         "numerics": {"cells": 4, "vertical_order": 4, "dt": period / 70, "integrator": integrator},
     }
-    return build_run(Scene.model_validate(scene), MPI.COMM_SELF)
+    return build_run(Case.model_validate(scene), MPI.COMM_SELF)
 
 
 def elevations(run, waves, *, level=0.0):

@@ -7,7 +7,7 @@ from mpi4py import MPI
 from pydantic import ValidationError
 from test_flaps import BALANCE, GRAVITY
 
-from wavetank.case import RegularMotion, Scene, SliceTank
+from wavetank.case import Case, RegularMotion, SliceTank
 from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
@@ -35,7 +35,7 @@ def scene(motion=OBLIQUE, *, duration=20.0, size=0.5, n=5, **wall):
     numerics = {"cell_size": size, "order": 3, "vertical_order": n, "dt": 0.04, "tolerance": 1e-10}
     parts = {"tank": {"type": "basin", "depth": DEPTH, "layout": layout}, "run": {"duration": duration}}
     wall = {"type": "segmented-flap", "motion": motion, **wall}
-    return Scene.model_validate({**parts, "wall": wall, "numerics": numerics})
+    return Case.model_validate({**parts, "wall": wall, "numerics": numerics})
 
 
 # ---------------------------------------------------------------- motions
@@ -77,7 +77,7 @@ def test_components_of_a_file_go_their_own_ways(tmp_path):
     del whole["motion"]["y"]
     tank = {"length": 9.0, "depth": DEPTH}
     with pytest.raises(InputError, match=r"wall\.motion\.columns: must have no direction"):
-        Scene.model_validate({"tank": tank, "wall": whole, "run": {"duration": 5.0}}).motion()
+        Case.model_validate({"tank": tank, "wall": whole, "run": {"duration": 5.0}}).motion()
     rows[1, 3] = 90.0
     np.savetxt(tmp_path / "waves.txt", rows)
     with pytest.raises(InputError, match="line 2: a direction of 90 deg received"):

@@ -8,7 +8,7 @@ from conftest import fitted_slope
 from mpi4py import MPI
 from scipy.interpolate import CubicSpline
 
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.errors import InputError
 from wavetank.planning.checks import cut_starts, jets
 from wavetank.planning.default_plan import planned
@@ -87,7 +87,7 @@ def towards_wall(height, *, distance, duration, start=15.0, **parts):
     tank = {"length": distance + start, "depth": 1.0, "gravity": 1.0}
     initial = {"type": "solitary-wave", "height": height, "x": start}
     gauges, run = [distance + start], {"duration": duration}
-    return Scene.model_validate({"tank": tank, "initial": initial, "gauges": gauges, "run": run} | parts)
+    return Case.model_validate({"tank": tank, "initial": initial, "gauges": gauges, "run": run} | parts)
 
 
 def run_up(height, **numerics):
@@ -143,7 +143,7 @@ def test_run_up_converges_in_cell_size():
 def test_a_start_that_a_wall_cuts_is_warned_of(initial, warned):
     """Oracle: with 0.2 of the height at a wall the wave is 0.07 off 20 depths later, relative root mean square."""
     case = {"tank": {"length": 24.0, "depth": 1.0}, "initial": initial, "run": {"duration": 1.0}}
-    scene = Scene.model_validate(case | {"numerics": {"cell_size": 0.4}})
+    scene = Case.model_validate(case | {"numerics": {"cell_size": 0.4}})
     said = planned(scene, MPI.COMM_SELF).warnings
     assert len(said) == bool(warned)
     assert not warned or warned in said[0]

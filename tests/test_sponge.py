@@ -14,7 +14,7 @@ from mpi4py import MPI
 
 from examples.paper.oscillators import Harmonic
 from examples.paper.sponge import Beach, Operators, in_time, paddle
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.case.tank import EndSponge, GroupSponge, SliceTank, paddle_period
 from wavetank.errors import InputError
 from wavetank.fem.plane import Plane
@@ -427,9 +427,9 @@ def test_a_sponge_is_the_same_on_any_number_of_ranks(on_ranks):
 
 
 # ---------------------------------------------------------------- in a scene
-def scene_of(sponge, **tank) -> Scene:
+def scene_of(sponge, **tank) -> Case:
     tank = {"length": 10.0, "depth": 1.0, **tank}
-    return Scene.model_validate({"tank": tank, "sponge": sponge, "run": {"duration": 1.0}})
+    return Case.model_validate({"tank": tank, "sponge": sponge, "run": {"duration": 1.0}})
 
 
 @pytest.mark.parametrize(
@@ -497,7 +497,7 @@ def test_which_is_the_same_however_long_the_run(motion, tank):
     """That of its lines, which is what a long time of it shows, to the line: they are 4 % apart."""
     kind = {"type": "segmented-piston", "segment": 0.1} if tank is BASIN else {"type": "piston"}
     parts = {"tank": tank, "wall": kind | {"motion": motion}, "numerics": {"cell_size": 1.0}}
-    short, long = (Scene.model_validate({**parts, "run": {"duration": duration}}) for duration in (7.0, 31.0))
+    short, long = (Case.model_validate({**parts, "run": {"duration": duration}}) for duration in (7.0, 31.0))
     assert short.paddle_period == long.paddle_period
     lines, again = long.motion(), 60 / 0.9375  # s, the seas'
     shown = paddle_period(long.of_paddle(lines, "velocity"), duration=again, tank=long.tank)

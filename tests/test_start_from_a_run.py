@@ -8,7 +8,7 @@ from mpi4py import MPI
 from test_checkpoint import record
 from test_stateful import BASIN, RING, SLICE
 
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.cli import main
 from wavetank.console import console
 from wavetank.errors import InputError
@@ -32,7 +32,7 @@ def begun(parts: dict, earlier: Path, **initial: object) -> dict:
 
 
 def run(parts: dict, out: Path) -> RunDirectory:
-    record_run(Scene.model_validate(parts), out, comm=MPI.COMM_WORLD, console=console())
+    record_run(Case.model_validate(parts), out, comm=MPI.COMM_WORLD, console=console())
     return RunDirectory(out)
 
 
@@ -68,7 +68,7 @@ def test_a_ring_begins_with_a_ring_on_other_cells(tmp_path):
     first = run(RING, tmp_path / "first")
     second = run(begun(RING, tmp_path / "first") | {"numerics": {"cells": 20}}, tmp_path / "second")
     last, begin = first.snapshots(), second.snapshots()
-    wave = Scene.model_validate(RING).initial.wave(Scene.model_validate(RING).tank)
+    wave = Case.model_validate(RING).initial.wave(Case.model_validate(RING).tank)
     for snapshots, t in ((last, last.t[-1]), (begin, 0.4)):
         row = -1 if snapshots is last else 0
         exact = wave.elevation(snapshots.x[row] - wave.speed * t)

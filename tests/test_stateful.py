@@ -14,7 +14,7 @@ from ranks import Crew
 
 from examples.paper.breaking import over_steep
 from examples.paper.oscillators import NonSeparable
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS, Damped, Damping, GaussLegendre4
 from wavetank.integrators.filtered import Filtered
@@ -61,14 +61,14 @@ BASIN = {
 }
 
 
-def changed(scene: dict, **numerics: object) -> Scene:
-    return Scene.model_validate(scene | {"numerics": scene["numerics"] | numerics})
+def changed(scene: dict, **numerics: object) -> Case:
+    return Case.model_validate(scene | {"numerics": scene["numerics"] | numerics})
 
 
 class Observed:
     """A scene's run, with all that observes one but what only shows it."""
 
-    def __init__(self, scene: Scene, comm: MPI.Comm):
+    def __init__(self, scene: Case, comm: MPI.Comm):
         self.run, self.waves = build_run(scene, comm)
         for one in self.run.filters:
             if isinstance(one, EdgePenalty):
@@ -122,7 +122,7 @@ def alike(one: object, other: object) -> bool:
     return json.dumps(one) == json.dumps(other)
 
 
-def resumed(scene: Scene, comm: MPI.Comm, *, after: int) -> tuple[Observed, dict]:
+def resumed(scene: Case, comm: MPI.Comm, *, after: int) -> tuple[Observed, dict]:
     """Return a run that takes back what an uninterrupted one has held after some steps, equal to it at the end.
 
     With it what was held on the way.

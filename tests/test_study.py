@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 from ranks import begun, members
 from rich.console import Console
 
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError, RecordError, RunError, StoppedError
 from wavetank.output.checkpoint import Checkpoint, last_checkpoint
@@ -68,7 +68,7 @@ def test_a_sweep_is_parsed_and_short_names_are_keys_of_the_case():
     assert parse_axis("dt=0.02, 0.04") == Axis("numerics.dt", ("0.02", "0.04"))
     assert parse_axis("initial.wave_amplitude=0.1") == Axis("initial.wave_amplitude", ("0.1",))
     assert parse_axis("p=3").label == "p" and parse_axis("numerics.dt=1").label == "dt [s]"
-    fields = Scene.model_fields["numerics"].annotation.model_fields
+    fields = Case.model_fields["numerics"].annotation.model_fields
     assert {key.removeprefix("numerics.") for key in SHORT_NAMES.values()} <= set(fields)
 
 
@@ -268,7 +268,7 @@ def test_a_run_of_another_scene_is_left_where_it_is(tmp_path):
 TIMES = np.linspace(0, 5, 101)
 
 
-def write_run(path: Path, scene: Scene, x, eta, psi=lambda x, t: 0 * x, *, times=TIMES, gauges=True):
+def write_run(path: Path, scene: Case, x, eta, psi=lambda x, t: 0 * x, *, times=TIMES, gauges=True):
     """Write a run directory with a given elevation and surface potential."""
     with RunWriter(path, {"scene": scene.model_dump(mode="json")}) as writer:
         surface, records = writer.surface(), writer.gauges([(g.name, g.x) for g in scene.gauges if gauges])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.planning import travel
 from wavetank.planning.plan import make_plan
 from wavetank.planning.requirements import absorption_error, requirements, stokes
@@ -22,7 +22,7 @@ def tank(duration, *, end=None, motion=PACKET, **changes):
         "gauges": [1.5],
         "run": {"duration": duration},
     }
-    return Scene.model_validate(case | (end or {}) | changes)
+    return Case.model_validate(case | (end or {}) | changes)
 
 
 def mean_age(scene):
@@ -127,7 +127,7 @@ def test_harmonics_of_steep_standing_waves_decay_as_measured():
     """Against a refined run of k a = 0.2, k d = 2: r_4 = 0.0057, r_5 = 0.0017, without the free ones of its start."""
     scene = {"tank": {"length": np.pi / 2, "depth": 1.0}, "run": {"duration": 10.0}, "water": {"type": "nonlinear"}}
     initial = {"type": "standing-wave", "wave_amplitude": 0.1}
-    harmonics = requirements(Scene.model_validate(scene | {"initial": initial}), 1e-3).harmonics
+    harmonics = requirements(Case.model_validate(scene | {"initial": initial}), 1e-3).harmonics
     for predicted, measured in zip(harmonics[3:5], (0.0057, 0.0017), strict=True):
         assert 0.5 < predicted / measured < 2.0
 
@@ -144,7 +144,7 @@ def test_absorption_once_a_step_is_part_of_the_error(wall, kd, measured):
     far = {"type": wall, "motion": {"type": "at-rest"}, "absorb": {"type": "active"}}
     parts = {"tank": {"length": 6 * np.pi / k, "depth": depth}, "wall": made, "far_wall": far}
     scene = parts | {"gauges": [2 * np.pi / k], "run": {"duration": 20 * period}, "water": {"type": "linear"}}
-    model = ErrorModel(requirements(Scene.model_validate(scene), 1e-2))
+    model = ErrorModel(requirements(Case.model_validate(scene), 1e-2))
     assert 0.5 < model.total(model.time("simpson-4", period / 28)) / measured < 2.0
 
 
@@ -161,7 +161,7 @@ def test_absorption_is_in_the_error_as_long_as_its_waves_are_at_the_farthest_gau
         ([5.0], {"wall": driven, "far_wall": piston}),
     ):
         scene = {"tank": {"length": 10.0, "depth": 1.0}, "gauges": gauges, "run": {"duration": 20.0}}
-        found.append(float(absorption_error(Scene.model_validate(scene | walls), k)[0]))
+        found.append(float(absorption_error(Case.model_validate(scene | walls), k)[0]))
     least = float(Flap(0.0).transfer(1.5, 1.0)) ** -1.5
     back = 15.0 / float(airy.group_velocity(1.5, 1.0, GRAVITY)) / 20.0
     assert found[:3] == pytest.approx([2.5 * least * np.sqrt(1 - back)] * 3)
@@ -174,5 +174,5 @@ def test_a_paddle_that_absorbs_has_a_vertical_order_for_its_evanescent_modes():
     moving = {**flap, "motion": {"type": "sinusoid", "paddle_amplitude": 0.01, "period": 3.08}}
     parts = {"tank": {"length": 6 * np.pi / k, "depth": 1.0}, "run": {"duration": 40.0}, "wall": moving}
     still = {**flap, "absorb": {"type": "active"}, "motion": {"type": "at-rest"}}
-    fixed, absorbing = (make_plan(Scene.model_validate(parts | one), 1e-2) for one in ({}, {"far_wall": still}))
+    fixed, absorbing = (make_plan(Case.model_validate(parts | one), 1e-2) for one in ({}, {"far_wall": still}))
     assert fixed.settings.vertical_order < 4 <= absorbing.settings.vertical_order

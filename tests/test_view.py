@@ -75,7 +75,7 @@ def test_a_flap_leans_and_the_water_beside_it(tmp_path, far):
 @pytest.fixture(scope="module")
 def standing_wave(tmp_path_factory):
     """Return a computed run: a standing wave, a little more than half a period of it."""
-    from wavetank.case import Scene
+    from wavetank.case import Case
     from wavetank.recording import record_run
 
     tank = {"type": "slice", "length": 2.0, "depth": 1.0}
@@ -83,7 +83,7 @@ def standing_wave(tmp_path_factory):
     numerics = {"cells": 8, "vertical_order": 4, "dt": 0.045}
     content = {"tank": tank, "initial": initial, "numerics": numerics, "run": {"duration": 0.9}}
     path = tmp_path_factory.mktemp("view") / "standing"
-    record_run(Scene.model_validate(content), path, comm=MPI.COMM_SELF, console=Console(quiet=True))
+    record_run(Case.model_validate(content), path, comm=MPI.COMM_SELF, console=Console(quiet=True))
     return RunDirectory(path)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 from mpi4py import MPI
 from rich.console import Console
 
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.console import console
 from wavetank.errors import InputError
 from wavetank.integrators.contract import Integrator
@@ -20,7 +20,7 @@ from wavetank.values.python_file import trusting
 
 
 def run(
-    scene: Scene,
+    scene: Case,
     out: Path | str,
     *,
     observers: Sequence[Callable[[AnyWaves], Observer]] = (),
@@ -51,7 +51,7 @@ def run(
     quiet
         Whether nothing is printed; ``run.log`` has it all.
     """
-    if not isinstance(scene, Scene):
+    if not isinstance(scene, Case):
         raise InputError(f"scene = {scene!r}: a {type(scene).__name__} received; needed is what wt.read_case returns.")
     place = OutputPath(Path(out), overwrite=overwrite)
     record_run(

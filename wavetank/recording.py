@@ -11,7 +11,7 @@ from mpi4py import MPI
 from rich.console import Console
 
 from wavetank.arrays import Vector
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.case.output import Window
 from wavetank.case.reading import contents
 from wavetank.errors import BreakdownError, InputError, PaddleError, RecordError, RunError, worded
@@ -53,7 +53,7 @@ from wavetank.simulation.summary import BrokenSurface, Outcome, Parts, closing
 from wavetank.tank.breakdown import cause, folds
 from wavetank.tank.breaking import BreakingAlarm, BreakingDissipation
 from wavetank.tank.waves import NonlinearWaves
-from wavetank.values.noun import SceneError
+from wavetank.values.case_model import CaseError
 
 ALIKE, LATEST = 20.0, 60.0  # s after an error in which all have met it, and in which the first rank has drawn pictures
 Draw = Callable[[RunDirectory], Iterable[Path]]
@@ -97,7 +97,7 @@ class Warnings:
 
 
 def record_run(
-    scene: Scene,
+    scene: Case,
     place: OutputPath | Path,
     *,
     comm: MPI.Comm,
@@ -275,12 +275,12 @@ def resume_run(
         return
     try:
         record_run(scene, path, comm=comm, console=console, resume=True, at=at, **options)
-    except SceneError as error:
+    except CaseError as error:
         raise InputError("\n".join(f"{path}: {problem}." for problem in error.problems)) from error
 
 
 def _observe(
-    run: Run, scene: Scene, waves: AnyWaves, writer: RunWriter | None, warnings: Warnings
+    run: Run, scene: Case, waves: AnyWaves, writer: RunWriter | None, warnings: Warnings
 ) -> dict[str, VtuSeries]:
     """Add what observes a run to it, and return the fields it writes; collective."""
     comm, out = waves.plane.comm, waves.plane.comm.bcast(None if writer is None else writer.path)
@@ -298,7 +298,7 @@ def _observe(
     return series
 
 
-def _records(scene: Scene, waves: AnyWaves, writer: RunWriter | None) -> Records:
+def _records(scene: Case, waves: AnyWaves, writer: RunWriter | None) -> Records:
     """Return where gauges, energy, the surface of a slice and a wall that moves go; opened when the run begins."""
     if writer is None:
         probed, loaded = (Discard() if there else None for there in (scene.probes, scene.loads))
@@ -318,7 +318,7 @@ def _records(scene: Scene, waves: AnyWaves, writer: RunWriter | None) -> Records
     return tables._replace(paddles=[Kept(one.extend) for one in motions], windows=windows)
 
 
-def _paddle_columns(view: Scene, dimensions: int) -> list[str]:
+def _paddle_columns(view: Case, dimensions: int) -> list[str]:
     """Return the columns of the paddle of a scene as viewed from it."""
     pushed = PUSH[dimensions] if any(load.on == view.end for load in view.loads) else ()
     return [*paddle_columns(view.wall.places(view.tank)), *pushed]
@@ -330,7 +330,7 @@ def _window(window: Window, writer: RunWriter, dimensions: int) -> Callable[...,
     return writer.window(window.name, form=window.format, places=places, levels=window.levels, dimensions=dimensions)
 
 
-def _scene_content(scene: Scene, integrator: Integrator[Any] | None) -> dict[str, Any]:
+def _scene_content(scene: Case, integrator: Integrator[Any] | None) -> dict[str, Any]:
     """Return a scene as the manifest has it: without its integrator, where another one steps."""
     content = scene.model_dump(mode="json")
     if integrator is not None:
@@ -338,7 +338,7 @@ def _scene_content(scene: Scene, integrator: Integrator[Any] | None) -> dict[str
     return content
 
 
-def _chosen(requested: Scene, planned: Scene, integrator: Integrator[Any] | None) -> dict[str, Any]:
+def _chosen(requested: Case, planned: Case, integrator: Integrator[Any] | None) -> dict[str, Any]:
     """Return what the manifest says of water and numerics that were planned."""
     given, chosen = (
         {key: _scene_content(one, integrator)[key] for key in ("water", "numerics")} for one in (requested, planned)
@@ -407,7 +407,7 @@ def _execute(
     waves: AnyWaves,
     note: Callable[..., None],
     *,
-    scene: Scene,
+    scene: Case,
     checkpointer: Checkpointer,
     dump_surface: Callable[[BrokenSurface], None],
 ) -> None:
@@ -431,7 +431,7 @@ def _ended(
     waves: AnyWaves,
     note: Callable[..., None],
     *,
-    scene: Scene,
+    scene: Case,
     checkpointer: Checkpointer,
     dump_surface: Callable[[BrokenSurface], None],
 ) -> BaseException:
@@ -440,7 +440,7 @@ def _ended(
         run.settle()
     except RunError as earlier:
         error = earlier
-    if isinstance(error, SceneError):  # of a motion, at a time that nobody had tried
+    if isinstance(error, CaseError):  # of a motion, at a time that nobody had tried
         error = PaddleError(f"t = {run.t:.6g} s: {error}")
     if not isinstance(error, RunError):
         return error
@@ -457,7 +457,7 @@ def _ended(
     return error
 
 
-def _explained(error: BreakdownError, run: Run, waves: NonlinearWaves, scene: Scene) -> BreakdownError:
+def _explained(error: BreakdownError, run: Run, waves: NonlinearWaves, scene: Case) -> BreakdownError:
     """Return a breakdown with its cause and cure; collective."""
     warned = (one.longest for one in run.observers if isinstance(one, StabilityWatch))
     why, cure = cause(

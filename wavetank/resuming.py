@@ -10,7 +10,7 @@ from mpi4py import MPI
 from pydantic import ValidationError
 
 from wavetank.arrays import Vector
-from wavetank.case import Scene, StillWater
+from wavetank.case import Case, StillWater
 from wavetank.case.numerics import Numerics
 from wavetank.case.reading import changed_scene, contents, named_files
 from wavetank.errors import InputError, RecordError, RunError
@@ -31,7 +31,7 @@ from wavetank.simulation.energy import EnergyBudget
 from wavetank.simulation.run import Run
 from wavetank.simulation.summary import Parts
 from wavetank.stateful import Held, deserialize, serialize
-from wavetank.values.noun import Problem, SceneError
+from wavetank.values.case_model import CaseError, Problem
 
 FREE = {("title",), ("run", "duration"), ("run", "checkpoint_every"), ("run", "on_breaking")}
 ALL_OF = {"gauges": "all_gauges", "probes": "probes", "loads": "loads", "windows": "windows"}  # may be more: of a scene
@@ -86,8 +86,8 @@ class Checkpointer:
 
     def __init__(
         self,
-        requested: Scene,
-        computed: Scene,
+        requested: Case,
+        computed: Case,
         *,
         run: Run,
         waves: AnyWaves,
@@ -248,7 +248,7 @@ class Restart:
         self.about, self._text, self._count = comm.bcast(parts)
         self.anew = False
         try:
-            self._before, self._chosen = (Scene.model_validate(self.about[name]) for name in ("scene", "chosen"))
+            self._before, self._chosen = (Case.model_validate(self.about[name]) for name in ("scene", "chosen"))
             self._has_history = bool(self.about["whole"])
         except (KeyError, ValidationError) as error:
             raise self._foreign() from error
@@ -269,10 +269,10 @@ class Restart:
         return checkpoint
 
     # ------------------------------------------------------------------------------------------ the scene
-    def planned(self, requested: Scene) -> Planned:
+    def planned(self, requested: Case) -> Planned:
         """Return the scene to go on with, for the requested one; collective.
 
-        Raises ``SceneError`` for what cannot change while a run goes on.
+        Raises ``CaseError`` for what cannot change while a run goes on.
         """
         agreed(self._comm, lambda: self._check(requested))
         water, output = self._chosen.water, requested.output
@@ -284,7 +284,7 @@ class Restart:
         self.anew = not same or requested.run.on_breaking != self._before.run.on_breaking
         if self.anew and requested.run.duration <= self.about["t"] * (1 + 1e-9):
             allowed = f"must be more than {self.about['t']:g} s, where the run is; --extend SECONDS is so much more"
-            raise SceneError([self._duration_problem(requested, allowed)])
+            raise CaseError([self._duration_problem(requested, allowed)])
         self._warn_again()
         if same or mine.accuracy == its.accuracy and not (mine.open and not its.open):
             result = Planned(scene.model_copy(update={"numerics": self._numerics(mine, its)}))
@@ -311,8 +311,8 @@ class Restart:
         chosen = self._chosen.numerics.model_copy(update={"dt": self.about["clock"]["dt"]})
         return mine.over(chosen, named=changed if its.dt is None else changed | {"dt"})
 
-    def _check(self, requested: Scene) -> None:
-        """Raise ``SceneError`` unless the scene is that of the checkpoint, but for what may change."""
+    def _check(self, requested: Case) -> None:
+        """Raise ``CaseError`` unless the scene is that of the checkpoint, but for what may change."""
         before, now = (one.model_dump(mode="json") for one in (self._before, requested))
         problems = [
             Problem(path, *_required_value(former, value))
@@ -329,15 +329,15 @@ class Restart:
             problems.append(self._duration_problem(requested, allowed))
         problems += self._changed_files(requested)
         if problems:
-            raise SceneError(problems)
+            raise CaseError(problems)
 
-    def _duration_problem(self, requested: Scene, allowed: str) -> Problem:
+    def _duration_problem(self, requested: Case, allowed: str) -> Problem:
         """Return that a duration is over, which is not told of one that nobody has changed."""
         if requested.run.duration == self._before.run.duration:
             return Problem(("run",), None, "has finished; --extend SECONDS goes on with it")
         return Problem(("run", "duration"), requested.run.duration, allowed)
 
-    def _removed_records(self, requested: Scene) -> Iterator[Problem]:
+    def _removed_records(self, requested: Case) -> Iterator[Problem]:
         """Yield which gauges, probes, loads and windows of the checkpoint are no longer requested."""
         for key, name in ALL_OF.items():
             now = getattr(requested, name)
@@ -347,7 +347,7 @@ class Restart:
                 allowed = f"must be all that there were, and may be more: missing, or another, is {missing}"
                 yield Problem((key,), None, allowed)
 
-    def _changed_files(self, requested: Scene) -> list[Problem]:
+    def _changed_files(self, requested: Case) -> list[Problem]:
         """Return which files of the same name have another content."""
         now, allowed = contents(requested), "its content must be what it was when the run began, and has changed since"
         return [
@@ -385,7 +385,7 @@ class Restart:
         scheme = held_by_scheme(self._held)
         return KeptSurface(self._chosen, self.about["t"], self.about["mass"], values, places, scheme=scheme)
 
-    def take(self, run: Run, waves: AnyWaves, *, scene: Scene, fields: Mapping[str, VtuSeries]) -> str:
+    def take(self, run: Run, waves: AnyWaves, *, scene: Case, fields: Mapping[str, VtuSeries]) -> str:
         """Let a run take what was held, and its records go on; return what there is to say; collective.
 
         Raises ``InputError`` where it is another run's, or of a scheme of somebody's own that is not given.
@@ -415,7 +415,7 @@ class Restart:
         if self._writer is not None:
             self._writer.take(self.about["records"])
 
-    def _take(self, run: Run, waves: AnyWaves, scene: Scene) -> str:
+    def _take(self, run: Run, waves: AnyWaves, scene: Case) -> str:
         """Take all of it: the run is the one that wrote it."""
         clock = self.about["clock"]
         left, until = scene.run.duration - clock["begin"], scene.motions_end - clock["begin"]
@@ -425,7 +425,7 @@ class Restart:
         run.take(deserialize(self._text, found(waves.plane, arrays, places))["run"], whole=self._has_history)
         return f"going on from t = {run.t:.6g} s"
 
-    def _take_surface(self, run: Run, waves: AnyWaves, scene: Scene) -> str:
+    def _take_surface(self, run: Run, waves: AnyWaves, scene: Case) -> str:
         """Take what outlives other numerics: the run has begun with the surface."""
         run.carry(self._held)
         for budget in (one for one in run.observers if isinstance(one, EnergyBudget)):
@@ -445,7 +445,7 @@ class Restart:
 CHANGED = {*Numerics.model_fields, "on_breaking"}
 
 
-def stored_scene(run: Path | str, changes: Sequence[str] = (), *, extend: float | None = None) -> Scene:
+def stored_scene(run: Path | str, changes: Sequence[str] = (), *, extend: float | None = None) -> Case:
     """Return the scene stored in a run directory, with ``KEY=VALUE`` changes, longer by ``extend`` [s].
 
     Raises ``InputError`` where none is, and for a scene that cannot be.

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 from examples.paper.report import Report
 from examples.paper.steepness import scene as ring
-from wavetank.case import RingTank, Scene
+from wavetank.case import Case, RingTank
 from wavetank.errors import RunError
 from wavetank.planning.default_plan import planned
 from wavetank.simulation.build import build_run
@@ -27,12 +27,12 @@ from wavetank.waves.solitary_wave import solitary_wave
 SOLITARY = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)  # H/d
 
 
-class Case(NamedTuple):
+class BreakingCase(NamedTuple):
     """A scene, and whether its waves break."""
 
     name: str
     breaks: bool
-    scene: Scene
+    scene: Case
 
 
 class Row(NamedTuple):
@@ -93,7 +93,7 @@ class Dissipated(NamedTuple):
     penalty: float
 
 
-def dissipated(case: Case) -> Dissipated:
+def dissipated(case: BreakingCase) -> Dissipated:
     """Run a case with the eddy viscosity of breaking waves."""
     scene, _ = planned(case.scene, MPI.COMM_SELF)
     dissipating = scene.run.model_copy(update={"on_breaking": "dissipate"})
@@ -129,7 +129,7 @@ class BreakingMeasure(BreakingWatch):
         return in_alarm
 
 
-def row(case: Case) -> Row:
+def row(case: BreakingCase) -> Row:
     """Run a case until it stops, as it does at breaking."""
     scene, _ = planned(case.scene, MPI.COMM_SELF)
     tank, stopping = scene.tank, scene.run.model_copy(update={"on_breaking": "stop"})
@@ -160,7 +160,7 @@ def write(report: Report) -> None:
     report.table("dissipation", Dissipated._fields, found)
 
 
-def refined(case: Case, times: float, *, steps: float = 1.0) -> Case:
+def refined(case: BreakingCase, times: float, *, steps: float = 1.0) -> BreakingCase:
     """Return a case with so many times its cells, and its step over ``times``, if more, and over ``steps``.
 
     Finer cells need a higher vertical order.
@@ -176,66 +176,66 @@ def refined(case: Case, times: float, *, steps: float = 1.0) -> Case:
         numerics["dt"] = run.clock.dt / max(times, 1.0) / steps
         numerics["vertical_order"] = waves.vertical.n if times == 1.0 else max(waves.vertical.n, 8)
     case_file = case.scene.model_dump(exclude_unset=True) | {"numerics": numerics}
-    return case._replace(name=f"{case.name} x {times:g}, / {steps:g}", scene=Scene.model_validate(case_file))
+    return case._replace(name=f"{case.name} x {times:g}, / {steps:g}", scene=Case.model_validate(case_file))
 
 
-def cases(folder: Path) -> Iterator[Case]:
+def cases(folder: Path) -> Iterator[BreakingCase]:
     """Yield all cases; files of recorded motions are written to the folder."""
     for kd in (0.5, 1.0, 3.0, 8.0):
         for steepness in (0.5, 0.8, 0.95):
-            yield Case(f"ring-{kd:g}-{100 * steepness:.0f}", False, steady(kd, steepness))
+            yield BreakingCase(f"ring-{kd:g}-{100 * steepness:.0f}", False, steady(kd, steepness))
     for height in SOLITARY:
-        yield Case(f"run-up-{height:g}", False, run_up(height))
+        yield BreakingCase(f"run-up-{height:g}", False, run_up(height))
     for jump in (0.1, 0.2, 0.3):
-        yield Case(f"bore-{100 * jump:.0f}", False, bore(jump, duration=12.0))
+        yield BreakingCase(f"bore-{100 * jump:.0f}", False, bore(jump, duration=12.0))
     for k_a in (0.3, 0.4, 0.5):
-        yield Case(f"release-{k_a:g}", False, release(k_a))
+        yield BreakingCase(f"release-{k_a:g}", False, release(k_a))
     for periods in (1, 2, 3, 4, 6):
-        yield Case(f"luth-c-{periods}", False, luth_c(periods))
-    yield Case("bar-2.02", False, bar(height=0.02, period=2.02, duration=16.0))
-    yield Case("bar-1.01", False, bar(height=0.041, period=1.01, duration=16.0))
-    yield Case("piston-solitary", False, piston_solitary(0.27, folder))
-    yield Case("current-with", False, current(0.5, steepness=0.25))
-    yield Case("current-against", False, current(-0.5, steepness=0.25))
-    yield Case("ripples", False, current(0.5, steepness=0.02))
-    yield Case("standing", False, standing(0.3))
-    yield Case("collision", False, collision(0.4))
-    yield Case("coarse", False, coarse())
+        yield BreakingCase(f"luth-c-{periods}", False, luth_c(periods))
+    yield BreakingCase("bar-2.02", False, bar(height=0.02, period=2.02, duration=16.0))
+    yield BreakingCase("bar-1.01", False, bar(height=0.041, period=1.01, duration=16.0))
+    yield BreakingCase("piston-solitary", False, piston_solitary(0.27, folder))
+    yield BreakingCase("current-with", False, current(0.5, steepness=0.25))
+    yield BreakingCase("current-against", False, current(-0.5, steepness=0.25))
+    yield BreakingCase("ripples", False, current(0.5, steepness=0.02))
+    yield BreakingCase("standing", False, standing(0.3))
+    yield BreakingCase("collision", False, collision(0.4))
+    yield BreakingCase("coarse", False, coarse())
     for crest, breaks in ((0.12, False), (0.14, False), (0.16, True)):
-        yield Case(f"group-{crest:g}", breaks, group(crest))
+        yield BreakingCase(f"group-{crest:g}", breaks, group(crest))
     for jump, duration in ((0.5, 10.9), (0.7, 9.6)):
-        yield Case(f"surge-{100 * jump:.0f}", True, surge(jump, duration=duration))
+        yield BreakingCase(f"surge-{100 * jump:.0f}", True, surge(jump, duration=duration))
     for height, duration in ((0.2, 7.5), (0.4, 6.5)):
-        yield Case(f"beach-{height:g}", True, beach(height, duration=duration))
+        yield BreakingCase(f"beach-{height:g}", True, beach(height, duration=duration))
     for amplitude in (0.077, 0.1):
-        yield Case(f"piston-{amplitude:g}", True, piston_regular(amplitude))
+        yield BreakingCase(f"piston-{amplitude:g}", True, piston_regular(amplitude))
     for steepness in (0.5, 0.6):
-        yield Case(f"over-steep-{steepness:g}", True, over_steep(steepness))
-    yield Case("bar-steep", True, bar(height=0.16, period=2.02, duration=16.0))
+        yield BreakingCase(f"over-steep-{steepness:g}", True, over_steep(steepness))
+    yield BreakingCase("bar-steep", True, bar(height=0.16, period=2.02, duration=16.0))
 
 
-def _scene(**parts: Any) -> Scene:
+def _scene(**parts: Any) -> Case:
     numerics = {"vertical_order": 5, **parts.pop("numerics", {})}
-    return Scene.model_validate({**parts, "numerics": numerics})
+    return Case.model_validate({**parts, "numerics": numerics})
 
 
-def steady(kd: float, steepness: float) -> Scene:
+def steady(kd: float, steepness: float) -> Case:
     """Return an exact wave round a ring for one period, with the cells of ``steepness.py`` and the default step.
 
     The step of that study exceeds the stability limit under a crest of 95 % (docs/extremes.md#breaking).
     """
     case = ring(kd, steepness, periods=1.0).model_dump(exclude_unset=True)
     del case["numerics"]["dt"]
-    return Scene.model_validate(case)
+    return Case.model_validate(case)
 
 
-def run_up(height: float) -> Scene:
+def run_up(height: float) -> Case:
     """Return a solitary wave that runs up a wall and comes back."""
     initial = {"type": "solitary-wave", "height": height, "x": 10.0}
     return _scene(tank={"length": 20.0, "depth": 1.0}, initial=initial, run={"duration": 6.0})
 
 
-def bore(jump: float, *, duration: float) -> Scene:
+def bore(jump: float, *, duration: float) -> Case:
     """Return a bore from a smooth step of so many depths, the water behind it moving."""
     h_1 = 1.0 + jump
     speed = np.sqrt(9.81 * (h_1 + 1.0) / (2.0 * h_1)) * jump
@@ -249,7 +249,7 @@ def bore(jump: float, *, duration: float) -> Scene:
     return _scene(tank={"length": 80.0, "depth": 1.0}, initial=initial, run={"duration": duration})
 
 
-def surge(jump: float, *, duration: float) -> Scene:
+def surge(jump: float, *, duration: float) -> Case:
     """Return a long hump of so many depths that travels to the right, a bore at its front, until it meets the wall."""
     speed = np.sqrt(9.81 * (jump + 2.0) / (2.0 * (jump + 1.0))) * jump
     where = {"a": "(x - 10) / 5", "b": "(x - 35) / 5"}
@@ -264,7 +264,7 @@ def surge(jump: float, *, duration: float) -> Scene:
     )
 
 
-def bar(*, height: float, period: float, duration: float) -> Scene:
+def bar(*, height: float, period: float, duration: float) -> Case:
     """Return regular waves over a bar from 0.4 m to 0.1 m of depth, as Beji and Battjes had them."""
     omega = 2 * np.pi / period
     kd = _kd(omega**2 * 0.4 / 9.81)
@@ -280,7 +280,7 @@ def bar(*, height: float, period: float, duration: float) -> Scene:
     )
 
 
-def release(k_a: float, *, duration: float = 10.0) -> Scene:
+def release(k_a: float, *, duration: float = 10.0) -> Case:
     """Return a focused group (NewWave) of k_p a, at rest at the wall of a tank of 40 m, that disperses.
 
     f_p = 0.7 Hz, depth 1 m, weights of a Gaussian of 0.35 k_p.
@@ -290,16 +290,16 @@ def release(k_a: float, *, duration: float = 10.0) -> Scene:
     heights = k_a / k_p * weights / weights.sum()
     parts = [f"{height:.14g} * cos({mode} * z)" for mode, height in zip(modes, heights, strict=True) if height > 1e-13]
     initial = {"type": "formula", "where": {"z": "pi * x / 40"}, "eta": " + ".join(parts)}
-    return Scene.model_validate(
+    return Case.model_validate(
         {"tank": {"length": 40.0, "depth": 1.0}, "initial": initial, "run": {"duration": duration}}
     )
 
 
-def luth_c(periods: float, *, duration: float = 24.0) -> Scene:
+def luth_c(periods: float, *, duration: float = 24.0) -> Case:
     """Return ``cases/bar.toml``, case C of Luth, Klopman and Kitou, with a ramp of so many periods."""
     bed = {"type": "formula", "depth": "0.4 - 0.3 * clip((x - 6) / 6, 0, 1) + 0.3 * clip((x - 14) / 3, 0, 1)"}
     motion = {"type": "sinusoid", "paddle_amplitude": 0.0135, "period": 1.01, "ramp": 1.01 * periods}
-    return Scene.model_validate(
+    return Case.model_validate(
         {
             "tank": {"length": 27.0, "depth": 0.4, "bed": bed},
             "wall": {"type": "piston", "motion": motion},
@@ -317,7 +317,7 @@ def _kd(deep: float) -> float:
     return float(kd)
 
 
-def piston_solitary(height: float, folder: Path) -> Scene:
+def piston_solitary(height: float, folder: Path) -> Case:
     """Return a solitary wave from a piston whose motion, Goring's, stands in a file."""
     wave = solitary_wave(height, depth=1.0)
 
@@ -336,7 +336,7 @@ def piston_solitary(height: float, folder: Path) -> Scene:
     )
 
 
-def current(speed: float, *, steepness: float) -> Scene:
+def current(speed: float, *, steepness: float) -> Case:
     """Return a group of deep-water waves on a stretch of water that moves [m/s]."""
     k = 4.0
     omega, a = np.sqrt(9.81 * k * np.tanh(k)), steepness / k
@@ -352,13 +352,13 @@ def current(speed: float, *, steepness: float) -> Scene:
     )
 
 
-def standing(steepness: float) -> Scene:
+def standing(steepness: float) -> Case:
     """Return a steep standing wave with a crest in the middle of its tank."""
     initial = {"type": "standing-wave", "wave_amplitude": steepness / np.pi, "mode": 4}
     return _scene(tank={"length": 4.0, "depth": 1.0}, initial=initial, run={"duration": 4.0})
 
 
-def collision(height: float) -> Scene:
+def collision(height: float) -> Case:
     """Return two solitary-like waves that meet in the middle."""
     wave = solitary_wave(height, depth=1.0)
     k = np.sqrt(0.75 * height)
@@ -368,7 +368,7 @@ def collision(height: float) -> Scene:
     return _scene(tank={"length": 30.0, "depth": 1.0}, initial=initial, run={"duration": 4.0})
 
 
-def coarse() -> Scene:
+def coarse() -> Case:
     """Return regular waves over cells of a quarter of a wave."""
     wall = {"type": "piston", "motion": {"type": "sinusoid", "paddle_amplitude": 0.0242, "period": 1.0, "ramp": 4.0}}
     return _scene(
@@ -380,7 +380,7 @@ def coarse() -> Scene:
     )
 
 
-def group(linear_crest: float) -> Scene:
+def group(linear_crest: float) -> Case:
     """Return the focused group of ``cases/focusing.toml`` with another linear crest [m]."""
     motion = {
         "type": "focused",
@@ -399,7 +399,7 @@ def group(linear_crest: float) -> Scene:
     )
 
 
-def piston_regular(amplitude: float) -> Scene:
+def piston_regular(amplitude: float) -> Case:
     """Return regular waves of 1.3 s in 0.6 m of water by a piston of an amplitude [m]; from 0.075 m on they break."""
     return _scene(
         tank={"length": 10.0, "depth": 0.6},
@@ -410,7 +410,7 @@ def piston_regular(amplitude: float) -> Scene:
     )
 
 
-def beach(height: float, *, duration: float) -> Scene:
+def beach(height: float, *, duration: float) -> Case:
     """Return a solitary wave on a beach of 1:15, up to a shelf, until it meets the wall."""
     bed = {"type": "formula", "depth": "1 - clip((x - 14) / 15, 0, 0.88)"}
     return _scene(
@@ -421,7 +421,7 @@ def beach(height: float, *, duration: float) -> Scene:
     )
 
 
-def over_steep(steepness: float) -> Scene:
+def over_steep(steepness: float) -> Case:
     """Return a sine round a ring, ka above what any steady wave has, that travels as linear theory says."""
     omega = np.sqrt(9.81 * np.tanh(1.0 * np.pi) * np.pi)
     a = steepness / np.pi

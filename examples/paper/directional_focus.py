@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from examples.paper.report import Report
 from examples.paper.watched import Surfaces
-from wavetank.case import ReflectedFocusMotion, Scene, SegmentedPistonWall
+from wavetank.case import Case, ReflectedFocusMotion, SegmentedPistonWall
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.simulation.build import build_run
@@ -45,7 +45,7 @@ class Focus:
         Elevation over A, shape (T, N).
     """
 
-    def __init__(self, scene: Scene):
+    def __init__(self, scene: Case):
         run, waves = build_run(scene, MPI.COMM_SELF)
         surfaces = Surfaces(waves)
         run.observers.append(surfaces)
@@ -87,7 +87,7 @@ class Focus:
         return float(np.sqrt(np.mean(difference**2) / np.mean(exact[seen] ** 2)))
 
 
-def _motion(scene: Scene) -> ReflectedFocusMotion:
+def _motion(scene: Case) -> ReflectedFocusMotion:
     wall = scene.wall
     if isinstance(wall, SegmentedPistonWall) and isinstance(wall.motion, ReflectedFocusMotion):
         return wall.motion

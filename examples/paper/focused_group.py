@@ -16,7 +16,7 @@ from examples.paper.expanded_waves import ORDERS, ExpandedWaves
 from examples.paper.report import Report
 from examples.paper.watched import Surfaces
 from wavetank.analysis.compare import rms
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.plots.style import BLUE, GREY, VERMILION
 from wavetank.simulation.build import build_run
 from wavetank.waves.airy import angular_frequency
@@ -49,7 +49,7 @@ def expanded(crest: float) -> Array:
     return ExpandedWaves(eta=eta, psi=psi, length=LENGTH, depth=DEPTH, gravity=GRAVITY).orders(TIME)
 
 
-def scene(crest: float) -> Scene:
+def scene(crest: float) -> Case:
     """Return the ring with the linear waves of a crest [m] in it."""
     waves = linear_group(crest)
     turned = np.angle(waves.amplitudes)
@@ -60,7 +60,7 @@ def scene(crest: float) -> Scene:
         return " + ".join(f"{a:.17g}*{of}({k:.17g}*x + ({phase:.17g}))" for a, k, phase in terms)
 
     start = {"eta": summed(np.abs(waves.amplitudes), "cos"), "psi": summed(potentials, "sin")}
-    return Scene.model_validate(
+    return Case.model_validate(
         {
             "tank": {"type": "ring", "length": LENGTH, "depth": DEPTH},
             "initial": {"type": "formula", **start},

@@ -18,7 +18,7 @@ from scipy.optimize import minimize_scalar
 
 from examples.paper.report import Report
 from wavetank import data
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.plots.style import COMPUTED
 from wavetank.simulation.build import build_run
 from wavetank.simulation.clock import EverySteps
@@ -120,11 +120,11 @@ def _period(t: Array, signal: Array, near: float) -> float:
     return float(minimize_scalar(left, bounds=(0.985 * near, 1.015 * near), method="bounded").x)
 
 
-def scene(name: str) -> Scene:
+def scene(name: str) -> Case:
     """Return the scene of a record, T01_H1 for example."""
     motion = {"type": "recorded", "position": f"data:{DATA}/{name}.csv.gz", "column": "paddle", "gain": GAIN}
     wall = {"type": "flap", "hinge": 0.1, "stroke_height": 1.6, "reach": 3.0}
-    return Scene.model_validate(
+    return Case.model_validate(
         {
             "tank": {"length": 20.0, "depth": DEPTH},
             "wall": {**wall, "motion": {**motion, "highest_frequency": 8.0}},

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from examples.paper.report import Report
 from examples.paper.watched import Surfaces
 from wavetank.analysis.reflection import fit_waves
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.plots.style import BLUE, GREY, VERMILION
 from wavetank.simulation.build import build_run
 from wavetank.waves.airy import angular_frequency, group_velocity, wave_number
@@ -65,10 +65,10 @@ class Tank:
         slowest = float(group_velocity(self.free, 1.0, GRAVITY))
         self.duration = self.end / slowest + 8.0 * self.period
 
-    def scene(self, generation: str) -> Scene:
+    def scene(self, generation: str) -> Case:
         """Return the scene with a generation."""
         motion = {"type": "regular", "height": 2.0 * self.a, "period": self.period, "ramp": 3.0 * self.period}
-        return Scene.model_validate(
+        return Case.model_validate(
             {
                 "tank": {"length": self.end + self.sponge, "depth": 1.0},
                 "wall": self.wall | {"reach": NEAR, "motion": motion | {"generation": generation}},

@@ -19,7 +19,7 @@ from examples.paper.report import Report
 from examples.paper.resting_wave import HIGHEST, RestingWave, resting_wave
 from examples.paper.watched import Watch
 from wavetank.arrays import Vector
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.plots.style import BLUE, GREEN, ORANGE, VERMILION
 from wavetank.simulation.build import build_run
 from wavetank.simulation.run import Run
@@ -101,10 +101,10 @@ def released(height: float, integrator: str, *, periods: int = PERIODS) -> Relea
     return Released(row, waves.plane.x, surfaces)
 
 
-def _scene(height: float, period: float, integrator: str, *, periods: int) -> Scene:
+def _scene(height: float, period: float, integrator: str, *, periods: int) -> Case:
     cells, steps = RESOLUTION[height]
     numerics = {"cells": cells, "vertical_order": VERTICAL_ORDER, "dt": period / steps, "tolerance": 1e-9}
-    return Scene.model_validate(
+    return Case.model_validate(
         {
             "tank": {"length": LENGTH / 2, "depth": DEPTH},
             "run": {"duration": periods * period},

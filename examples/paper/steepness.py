@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from mpi4py import MPI
 
 from examples.paper.report import Report
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.errors import RunError
 from wavetank.plots.style import BLUE, GREEN, ORANGE, VERMILION, entry, number_logarithms
 from wavetank.simulation.build import build_run
@@ -95,12 +95,12 @@ def resolution(kd: float, steepness: float) -> tuple[int, int]:
     return round(factor * cells), round(factor * steps)
 
 
-def scene(kd: float, steepness: float, *, periods: float, integrator: str = SIMPSON, longer: int = 1) -> Scene:
+def scene(kd: float, steepness: float, *, periods: float, integrator: str = SIMPSON, longer: int = 1) -> Case:
     """Return the case, depth 1 m; a step is so many times as long as one of ``resolution``."""
     (cells, steps), length = resolution(kd, steepness), 2 * np.pi / kd
     wave = stream_function_wave(steepness * maximum_height(length, 1.0), length, depth=1.0)
     period = length / wave.speed
-    return Scene.model_validate(
+    return Case.model_validate(
         {
             "tank": {"type": "ring", "length": length, "depth": 1.0},
             "initial": {"type": "stream-function", "steepness": steepness},

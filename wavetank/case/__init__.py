@@ -1,6 +1,6 @@
 """The scene: what stands in the laboratory, and what is to be computed of it, as frozen and validated data.
 
-A case file (TOML) says it in these nouns; a ``Scene`` can also be built in Python from the same classes, which then
+A case file (TOML) says it in these nouns; a ``Case`` can also be built in Python from the same classes, which then
 raise pydantic's own ``ValidationError``. All lengths are in metres, times in seconds. Knows nothing of finite elements.
 """
 

@@ -14,7 +14,7 @@ from wavetank.case.tank import AnyTank, BasinTank, Surroundings
 from wavetank.case.waves import MAX_COMPONENTS, MOTION_KEY, ComponentFile, FocusingWaves, SpectralWaves, SurfaceFile
 from wavetank.mesh import MeshFile
 from wavetank.motion.motion import widest_segment
-from wavetank.values.noun import Noun, Problem, one_of
+from wavetank.values.case_model import CaseModel, Problem, one_of
 from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, Ramp
 from wavetank.waves import airy
 from wavetank.waves.plane_waves import PlaneWaves, waves_along
@@ -35,11 +35,11 @@ def span(tank: AnyTank) -> tuple[float, float]:
     return low, low + tank.layout.width
 
 
-class SegmentedMotion(Noun):
+class SegmentedMotion(CaseModel):
     """A motion of a paddle's segments, by the waves at each."""
 
     def waves(self, tank: AnyTank, wavemaker: Wavemaker = PISTON) -> motions.Motion:
-        """Return the motion without its ramp; raises ``SceneError`` if a file it needs cannot be read."""
+        """Return the motion without its ramp; raises ``CaseError`` if a file it needs cannot be read."""
         raise NotImplementedError
 
     def ramp_in(self, tank: AnyTank) -> float:
@@ -47,7 +47,7 @@ class SegmentedMotion(Noun):
         raise NotImplementedError
 
     def build(self, tank: AnyTank, wavemaker: Wavemaker) -> motions.Motion:
-        """Return the ramped motion; raises ``SceneError`` if a file it needs cannot be read."""
+        """Return the ramped motion; raises ``CaseError`` if a file it needs cannot be read."""
         return motions.ramped(self.waves(tank, wavemaker), self.ramp_in(tank))
 
     def terms_per_component(self, scene: Surroundings) -> int:
@@ -227,7 +227,7 @@ class _SentWaves(SegmentedMotion):
         raise NotImplementedError
 
     def waves(self, tank: AnyTank, wavemaker: Wavemaker = PISTON) -> motions.DirectionalSea:
-        """Return the motion without its ramp; raises ``SceneError`` if the file cannot be read."""
+        """Return the motion without its ramp; raises ``CaseError`` if the file cannot be read."""
         return motions.DirectionalSea(self.plane_waves(tank), wavemaker)
 
     def widest_segment(self, tank: AnyTank) -> float:

@@ -15,9 +15,9 @@ from wavetank.case.tank import AnyTank, BasinTank, RingTank, SliceTank, Surround
 from wavetank.case.waves import GaussianSpectrum, JonswapSpectrum, PiersonMoskowitzSpectrum, TmaSpectrum
 from wavetank.errors import InputError
 from wavetank.mesh import Rectangle
+from wavetank.values.case_model import CaseModel, FilePath, FormulaNoun, FormulaText, Problem, about, one_of
 from wavetank.values.columns import check_ascending, read_columns
 from wavetank.values.formula import Array
-from wavetank.values.noun import FilePath, FormulaNoun, FormulaText, Noun, Problem, about, one_of
 from wavetank.values.quantities import Coordinate, Count, Frequency, Height, Share, metres
 from wavetank.waves.airy import angular_frequency, group_velocity
 from wavetank.waves.conformal import SteadyWave
@@ -32,7 +32,7 @@ LARGEST_GAP_RATIO = 2.0  # times what is most between two points may be from the
 MIN_POINTS = 4  # points: of a cubic spline, or of triangles
 
 
-class FileSurface(Noun):
+class FileSurface(CaseModel):
     """Elevation and potential of a file: columns x, eta and psi of a slice or ring, x, y, eta and psi of a basin.
 
     Released from rest where psi is left out. Between its points is a cubic spline along a slice or ring, periodic round
@@ -115,7 +115,7 @@ class FormulaSurface(FormulaNoun):
 
 
 # ---------------------------------------------------------------- a state of another run
-class RunState(Noun):
+class RunState(CaseModel):
     """The surface of another run of the same tank, as a checkpoint of it keeps it, also on other cells.
 
     This run's time begins at 0. Numerics that are not named are those of that run.
@@ -139,7 +139,7 @@ MIN_WAVES = 1.5  # waves, as many as would share the spectrum equally: (sum S df
 STEEPEST = 0.14  # height over length of the highest waves, in depth times tanh k d (Miche)
 
 
-class SpectralSurface(Noun):
+class SpectralSurface(CaseModel):
     """Linear waves of a spectrum."""
 
     spectrum: Shape
@@ -272,7 +272,7 @@ def _box(tank: AnyTank) -> tuple[float, float, float, float]:
     return 0.0, 0.0, tank.length, 1.0
 
 
-class StillWater(Noun):
+class StillWater(CaseModel):
     """eta = 0, psi = 0."""
 
     type: Literal["still-water"] = "still-water"
@@ -282,7 +282,7 @@ class StillWater(Noun):
         return np.zeros_like(x), np.zeros_like(x)
 
 
-class TheoreticalWave(Noun):
+class TheoreticalWave(CaseModel):
     """A wave of a theory at t = 0."""
 
     def wave(self, tank: AnyTank) -> Wave:
@@ -350,7 +350,7 @@ class StreamFunctionWave(TheoreticalWave):
     _one_height = one_of("height", "steepness")
 
     def wave(self, tank: AnyTank) -> SteadyWave:
-        """Return one of the waves; raises ``SceneError`` if there is none."""
+        """Return one of the waves; raises ``CaseError`` if there is none."""
         length = tank.length / self.waves
         height = self.height or (self.steepness or 0.0) * maximum_height(length, tank.depth)
         with about("initial"):

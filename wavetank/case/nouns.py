@@ -20,6 +20,7 @@ from wavetank.case.initial import (
     StillWater,
     StreamFunctionWave,
 )
+from wavetank.case.model import Case, LinearWater, NonlinearWater, Physics, Water
 from wavetank.case.numerics import IntegratorName, Numerics, RunNoun
 from wavetank.case.output import (
     ComponentsTarget,
@@ -48,7 +49,6 @@ from wavetank.case.paddle import (
     SolitaryWaveMotion,
     SurfaceMotion,
 )
-from wavetank.case.scene import LinearWater, NonlinearWater, Physics, Scene, Water
 from wavetank.case.tank import (
     AnySponge,
     AnyTank,
@@ -76,4 +76,4 @@ from wavetank.case.wall import (
     Wall,
 )
 from wavetank.case.waves import GaussianSpectrum, JonswapSpectrum, PiersonMoskowitzSpectrum, TableSpectrum, TmaSpectrum
-from wavetank.values.noun import Noun, Problem, SceneError
+from wavetank.values.case_model import CaseError, CaseModel, Problem

@@ -6,11 +6,11 @@ from typing import Any, Literal
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from wavetank.case.tank import AnyTank, BasinTank, RingTank, SliceTank, Surroundings
-from wavetank.values.noun import Noun, Problem, one_of
+from wavetank.values.case_model import CaseModel, Problem, one_of
 from wavetank.values.quantities import Count, Duration, Length, Share
 
 
-class RunNoun(Noun):
+class RunNoun(CaseModel):
     """How long is computed."""
 
     duration: Duration = Field(description="simulated time [s]")
@@ -34,7 +34,7 @@ STEPPING = frozenset({"cells", "cell_size", "order", "vertical_order", "integrat
 CHOSEN = STEPPING | {"dt"}  # by a plan
 
 
-class Numerics(Noun):
+class Numerics(CaseModel):
     """How it is computed.
 
     Where an accuracy is asked for, or nothing is set, what is not set is planned; over beds, in basins and for starts

@@ -12,7 +12,7 @@ from wavetank import motion as motions
 from wavetank.case.tank import Surroundings
 from wavetank.errors import InputError
 from wavetank.motion.recorded import read_record
-from wavetank.values.noun import FilePath, Noun, Problem, about
+from wavetank.values.case_model import CaseModel, FilePath, Problem, about
 from wavetank.values.quantities import (
     Coordinate,
     Count,
@@ -30,7 +30,7 @@ from wavetank.values.quantities import (
 
 
 # ---------------------------------------------------------------- gauges
-class Gauge(Noun):
+class Gauge(CaseModel):
     """A place where the elevation is recorded."""
 
     name: Label = Field(min_length=1, description="name of the gauge")
@@ -52,7 +52,7 @@ def named(gauges: Any) -> Any:
     )
 
 
-class GaugeLine(Noun):
+class GaugeLine(CaseModel):
     """Gauges at equal distances on a straight line, both ends included; gauge 3 of the line ``A`` is ``A/3``."""
 
     name: Label = Field(min_length=1, description="name of the line")
@@ -82,7 +82,7 @@ PADDLE, FAR = "paddle", "far wall"
 ENDS = PADDLE, FAR  # of a slice
 
 
-class WallLoad(Noun):
+class WallLoad(CaseModel):
     """A wall on which force and moment of the water's pressure are recorded, still water's included."""
 
     on: Label = Field(
@@ -105,7 +105,7 @@ class WallLoad(Noun):
 
 
 # ---------------------------------------------------------------- columns of water for other programs
-class Window(Noun):
+class Window(CaseModel):
     """Columns of water from the bed to the surface at equal distances on a line; their motion is kept for others."""
 
     name: str = Field(
@@ -146,7 +146,7 @@ TARGET_KEY = "target"
 Time = Annotated[float, Field(ge=-1e9, le=1e9)]
 
 
-class _Placed(Noun):
+class _Placed(CaseModel):
     """A target at a place."""
 
     x: Length = Field(description="where [m]")
@@ -204,7 +204,7 @@ class RecordTarget(_Placed):
     )
 
     def record(self) -> tuple[motions.Array, motions.Array]:
-        """Return times [s], delayed, and elevations [m], shapes (N,); raises ``SceneError`` if they cannot be read."""
+        """Return times [s], delayed, and elevations [m], shapes (N,); raises ``CaseError`` if they cannot be read."""
         with about(TARGET_KEY, "file"):
             t, eta = self._alone() if self.gauge is None else self._at(self.gauge)
             return t + self.delay, eta
@@ -228,7 +228,7 @@ Target = Annotated[
 
 
 # ---------------------------------------------------------------- intervals
-class Output(Noun):
+class Output(CaseModel):
     """What is recorded, and how often."""
 
     energy_every: Count = Field(default=1, description="steps between rows of the energy budget")

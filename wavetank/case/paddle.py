@@ -15,8 +15,17 @@ from wavetank.case.waves import MAX_COMPONENTS, MOTION_KEY, ComponentFile, Focus
 from wavetank.errors import InputError
 from wavetank.motion.harmonic import WaveMotion
 from wavetank.motion.recorded import ColumnError, read_record, says_metres
+from wavetank.values.case_model import (
+    CaseError,
+    CaseModel,
+    FilePath,
+    Problem,
+    TimeFormulaText,
+    TimeHelpers,
+    about,
+    one_of,
+)
 from wavetank.values.formula import Formula
-from wavetank.values.noun import FilePath, Noun, Problem, SceneError, TimeFormulaText, TimeHelpers, about, one_of
 from wavetank.values.python_file import load
 from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, Length, Ramp
 from wavetank.waves import airy
@@ -38,7 +47,7 @@ Periods = Annotated[tuple[Duration, Duration], Strict(False)]
 Frequencies = Annotated[tuple[Frequency, Frequency], Strict(False)]
 
 
-class PaddleNoun(Noun):
+class PaddleNoun(CaseModel):
     """A motion of a paddle that moves as a whole."""
 
     by_waves: ClassVar[bool] = False  # whether it finds the paddle's motion for waves
@@ -54,7 +63,7 @@ class PaddleNoun(Noun):
         return False
 
     def build(self, tank: AnyTank, wavemaker: Wavemaker) -> motions.Motion:
-        """Return the motion of a paddle of a mode shape; raises ``SceneError`` if its file cannot be read."""
+        """Return the motion of a paddle of a mode shape; raises ``CaseError`` if its file cannot be read."""
         raise NotImplementedError
 
     def resolved(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> Self:
@@ -412,7 +421,7 @@ class RecordedMotion(PaddleNoun):
     _one_file = one_of("position", "velocity")
 
     def build(self, tank: AnyTank, wavemaker: Wavemaker) -> motions.Motion:
-        """Return the spline's motion; raises ``SceneError`` if the file cannot be read."""
+        """Return the spline's motion; raises ``CaseError`` if the file cannot be read."""
         if self.position is not None:
             t, *state = self._record("position", self.position, "position [m]")
             if len(state) == 3:
@@ -430,17 +439,17 @@ class RecordedMotion(PaddleNoun):
         return says_metres(data.resolve(str(self.position or self.velocity), Path()), named=self.column)
 
     def _smooth(self, of: Callable[..., motions.Recorded], *rows: motions.Array) -> motions.Recorded:
-        """Return the motion of a low-pass filtered record; raises ``SceneError`` for too few rows."""
+        """Return the motion of a low-pass filtered record; raises ``CaseError`` for too few rows."""
         with about("wall", "motion", "highest_frequency"):
             return of(*rows, highest=self.highest_frequency)
 
     def _record(self, key: str, reference: str, column: str) -> tuple[motions.Array, ...]:
-        """Return the times and the values, with their gain, of a file by its key; raises ``SceneError``."""
+        """Return the times and the values, with their gain, of a file by its key; raises ``CaseError``."""
         try:
             t, *values = read_record(data.resolve(reference, Path()), column=column, named=self.column)
         except InputError as error:
             of, received = ("column", self.column) if isinstance(error, ColumnError) else (key, reference)
-            raise SceneError([Problem(("wall", "motion", of), received, str(error).removesuffix("."))]) from None
+            raise CaseError([Problem(("wall", "motion", of), received, str(error).removesuffix("."))]) from None
         return t, *(self.gain * one for one in values)
 
 
@@ -471,7 +480,7 @@ class PythonMotion(PaddleNoun):
     ramp: Ramp = Field(default=0.0, description="length of the ramp [s]; 0 is none")
 
     def build(self, tank: AnyTank, wavemaker: Wavemaker) -> motions.Motion:
-        """Return the ramped motion; raises ``SceneError`` if the file cannot be executed, or has no such function."""
+        """Return the ramped motion; raises ``CaseError`` if the file cannot be executed, or has no such function."""
         with about("wall", "motion", "file"):
             function = load(data.resolve(self.file, Path()), self.function)
         return motions.ramped(motions.Programmed(function), self.ramp)

@@ -1,4 +1,4 @@
-"""Reads a case file into a ``Scene``, and says in one line each what is wrong with it."""
+"""Reads a case file into a ``Case``, and says in one line each what is wrong with it."""
 
 import hashlib
 import re
@@ -16,12 +16,12 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from wavetank import data
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.case.new import cases_at_hand
 from wavetank.case.schema import homes, homes_of_type, nouns, table_at, tag
 from wavetank.errors import InputError, choice
+from wavetank.values.case_model import CaseError, CaseModel, Located, Problem
 from wavetank.values.files import regular
-from wavetank.values.noun import Located, Noun, Problem, SceneError
 from wavetank.values.python_file import trusting
 
 Key = tuple[str | int, ...]
@@ -30,7 +30,7 @@ SHOWN = 20  # mistakes; more are counted
 FEW = 4  # keys
 
 
-def read_case(path: Path | str, overrides: Sequence[str] = (), *, trust: bool = False) -> Scene:
+def read_case(path: Path | str, overrides: Sequence[str] = (), *, trust: bool = False) -> Case:
     """Return the scene of a case file, with ``KEY=VALUE`` overrides such as ``"numerics.dt=0.01"``.
 
     ``trust`` allows the Python files that the case names to be executed. Raises ``InputError`` that lists everything
@@ -42,15 +42,15 @@ def read_case(path: Path | str, overrides: Sequence[str] = (), *, trust: bool = 
         return _scene(path, text, _parse(path, text), overrides)
 
 
-def changed_scene(path: Path, content: dict[str, Any], overrides: Sequence[str]) -> Scene:
+def changed_scene(path: Path, content: dict[str, Any], overrides: Sequence[str]) -> Case:
     """Return the scene of a case's content from another file, with overrides; raises as ``read_case`` does."""
     return _scene(path, "", content, overrides)
 
 
-def _scene(path: Path, text: str, content: dict[str, Any], overrides: Sequence[str]) -> Scene:
+def _scene(path: Path, text: str, content: dict[str, Any], overrides: Sequence[str]) -> Case:
     overridden, context = [set_key(content, override) for override in overrides], {"folder": path.resolve().parent}
     try:
-        scene = Scene.model_validate(content, context=context)
+        scene = Case.model_validate(content, context=context)
         for view in (scene, *scene.paddles):
             view.motion()
         scene.depths()
@@ -61,7 +61,7 @@ def _scene(path: Path, text: str, content: dict[str, Any], overrides: Sequence[s
             _with_full_table(problem, overridden, details) for details in errors for problem in _problems(details)
         ]
         problems = _with_full_keys(problems, overridden, content, context)
-    except SceneError as error:
+    except CaseError as error:
         problems = list(error.problems)
     raise InputError(_sentences(path, text, problems, overridden))
 
@@ -71,7 +71,7 @@ def located(path: Path, overrides: Sequence[str] = ()) -> Iterator[None]:
     """Add file and line to errors of a case that are raised after it was read."""
     try:
         yield
-    except SceneError as error:
+    except CaseError as error:
         keys = [_split(override.partition("=")[0]) for override in overrides]
         raise InputError(_sentences(path, _read(path), error.problems, keys)) from error
 
@@ -220,7 +220,7 @@ class _Place(NamedTuple):
 
 def _place(location: Key) -> _Place:
     """Return the place of pydantic's location, which names the type of each union it passes as well."""
-    place = _Place((), [Scene], "")
+    place = _Place((), [Case], "")
     for part in location:
         fields = [noun.model_fields[part] for noun in place.nouns if part in noun.model_fields]
         if fields:
@@ -284,11 +284,11 @@ def _with_full_keys(
     problems: list[Problem], overridden: Sequence[Key], content: dict[str, Any], context: dict[str, Any]
 ) -> list[Problem]:
     """Return the problems; for an override that is the end of keys of the case, with the full keys."""
-    ends = [key for key in overridden if key[0] not in Scene.model_fields]
-    valid = {name: value for name, value in content.items() if name in Scene.model_fields}
+    ends = [key for key in overridden if key[0] not in Case.model_fields]
+    valid = {name: value for name, value in content.items() if name in Case.model_fields}
     try:
-        keys = [*_keys(Scene.model_validate(valid, context=context))] if ends else []
-    except (ValidationError, SceneError):
+        keys = [*_keys(Case.model_validate(valid, context=context))] if ends else []
+    except (ValidationError, CaseError):
         return problems
     for end in ends:
         dotted = ".".join(map(str, end))
@@ -301,11 +301,11 @@ def _with_full_keys(
     return problems
 
 
-def _keys(noun: Noun) -> Iterator[str]:
+def _keys(noun: CaseModel) -> Iterator[str]:
     """Yield the dotted keys of all that a noun may hold, and of the nouns in it."""
     for name in type(noun).model_fields:
         yield name
-        if isinstance(inside := getattr(noun, name), Noun):
+        if isinstance(inside := getattr(noun, name), CaseModel):
             yield from (f"{name}.{key}" for key in _keys(inside))
 
 
@@ -330,12 +330,12 @@ def _unknown(key: Key, received: Any, holder: _Place) -> Problem:
 def _table_of_words(key: Key) -> str:
     """Return the header of the table whose name has the words of a key in any order; empty if there is none."""
     words = sorted("_".join(map(str, key)).split("_"))
-    return next((_table(name) for name in Scene.model_fields if sorted(name.split("_")) == words), "")
+    return next((_table(name) for name in Case.model_fields if sorted(name.split("_")) == words), "")
 
 
 def _table(name: str) -> str:
     """Return the header of a top-level table; empty for any other key."""
-    field = Scene.model_fields.get(name)
+    field = Case.model_fields.get(name)
     table = table_at((name,), field) if field else None
     return table._replace(path=(name,)).header if table else ""
 
@@ -363,7 +363,7 @@ def _in_words(message: str, meaning: str) -> str:
 
 
 # ---------------------------------------------------------------- files that a case names
-def contents(scene: Noun) -> dict[str, str]:
+def contents(scene: CaseModel) -> dict[str, str]:
     """Return the SHA-256 of each existing file that a scene names, by its dotted key."""
     checksums = {}
     for key, reference in named_files(scene):
@@ -372,10 +372,10 @@ def contents(scene: Noun) -> dict[str, str]:
     return checksums
 
 
-def named_files(noun: Noun, *keys: str) -> Iterator[tuple[str, str]]:
+def named_files(noun: CaseModel, *keys: str) -> Iterator[tuple[str, str]]:
     """Yield dotted key and path of each file that a table, at ``keys``, and those in it name."""
     for name, value in noun:
         if isinstance(value, Located):
             yield ".".join((*keys, name)), value
-        elif isinstance(value, Noun):
+        elif isinstance(value, CaseModel):
             yield from named_files(value, *keys, name)

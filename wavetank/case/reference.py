@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from wavetank.case.scene import Scene
+from wavetank.case.model import Case
 from wavetank.case.schema import Table, schema, table_at, tables, tag
 
 INTRODUCTION = """# Every key of a case
@@ -33,7 +33,7 @@ def _sections(table: Table, document: dict[str, Any]) -> Iterator[str]:
     """Yield the sections of a table: one for each of its types."""
     yield f"## {'Before all tables' if not table.path else f'`{table.header}`'}\n"
     for noun in table.nouns:
-        own = document if noun is Scene else document["$defs"][noun.__name__]
+        own = document if noun is Case else document["$defs"][noun.__name__]
         if table.path:
             yield f"{_title(noun)}{own['description'].replace('``', '`')}\n"
         if rows := list(_rows(table, noun, own)):

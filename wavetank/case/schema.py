@@ -7,8 +7,8 @@ from typing import Any, NamedTuple, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from wavetank.case.model import Case
 from wavetank.case.output import Gauge, Probe
-from wavetank.case.scene import Scene
 from wavetank.case.tank import SliceTank
 
 
@@ -69,7 +69,7 @@ def tag(noun: type[BaseModel]) -> str:
 @cache
 def tables() -> tuple[Table, ...]:
     """Return all tables of a case, a table before those in it."""
-    return tuple(_tables(Table((), (Scene,))))
+    return tuple(_tables(Table((), (Case,))))
 
 
 def _tables(table: Table) -> Iterator[Table]:
@@ -119,7 +119,7 @@ DRAFT = "http://json-schema.org/draft-07/schema#"
 
 def schema() -> dict[str, Any]:
     """Return the schema: pydantic's, in what TOML has (no null), with what a case may leave out."""
-    document: dict[str, Any] = {"$schema": DRAFT, **_plain(Scene.model_json_schema())}
+    document: dict[str, Any] = {"$schema": DRAFT, **_plain(Case.model_json_schema())}
     document["title"] = "a case of wavetank"
     definitions = document["$defs"]
     for noun in {noun for table in tables() for noun in table.nouns if tag(noun) and noun is not SliceTank}:

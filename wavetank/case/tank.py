@@ -20,8 +20,8 @@ from wavetank.errors import InputError
 from wavetank.mesh import Layout
 from wavetank.motion import Array
 from wavetank.motion.motion import values
+from wavetank.values.case_model import CaseError, CaseModel, FilePath, FormulaNoun, FormulaText, Problem
 from wavetank.values.formula import Formula
-from wavetank.values.noun import FilePath, FormulaNoun, FormulaText, Noun, Problem, SceneError
 from wavetank.values.python_file import load
 from wavetank.values.quantities import Coordinate, Density, Duration, Gravity, Length, Rate, metres
 from wavetank.waves.airy import group_velocity, wave_number
@@ -32,7 +32,7 @@ Slope = Annotated[float, Field(ge=1e-6, le=10)]
 Depth = Callable[[Array, Array], Array]  # places x, y [m], each of shape (N,), to d [m], shape (N,)
 
 
-class BedNoun(Noun):
+class BedNoun(CaseModel):
     """What all beds that vary have."""
 
     minimum_depth: Length | None = Field(
@@ -42,7 +42,7 @@ class BedNoun(Noun):
     def build(self, tank_depth: float) -> Depth:
         """Return d(x, y), nowhere below the minimum, in a tank of some depth [m].
 
-        Raises ``SceneError`` if a file it needs cannot be used.
+        Raises ``CaseError`` if a file it needs cannot be used.
         """
         depth, minimum = self.as_given(tank_depth), self.minimum_depth
         return depth if minimum is None else lambda x, y: np.maximum(depth(x, y), minimum)
@@ -93,7 +93,7 @@ class PythonBed(BedNoun):
     function: str = Field(default="depth", min_length=1, description="name of a function of arrays x and y [m]")
 
     def as_given(self, tank_depth: float) -> Depth:
-        """Return d(x, y); raises ``SceneError`` if the file cannot be executed, or has no such function."""
+        """Return d(x, y); raises ``CaseError`` if the file cannot be executed, or has no such function."""
         function = _of_file(self.file, lambda path: load(path, self.function))
         return lambda x, y: function.at({"x": x, "y": y})
 
@@ -112,7 +112,7 @@ class GriddedBed(BedNoun):
     )
 
     def as_given(self, tank_depth: float) -> Depth:
-        """Return d(x, y); raises ``SceneError`` if the file cannot be used."""
+        """Return d(x, y); raises ``CaseError`` if the file cannot be used."""
 
         def read(path: Path) -> Depth:
             return beds.read_bed(path, variable=self.variable, interpolation=self.interpolation, positive=self.positive)
@@ -124,14 +124,14 @@ def _of_file(reference: str, read: Callable[[Path], T]) -> T:
     try:
         return read(data.resolve(reference, Path()))
     except InputError as error:
-        raise SceneError([Problem(("tank", "bed", "file"), reference, str(error).removesuffix("."))]) from None
+        raise CaseError([Problem(("tank", "bed", "file"), reference, str(error).removesuffix("."))]) from None
 
 
 Bed = Annotated[BeachBed | FormulaBed | PythonBed | GriddedBed, Field(discriminator="type", description="the bed")]
 
 
 # ---------------------------------------------------------------- the tank
-class _Filled(Noun):
+class _Filled(CaseModel):
     """Water of some depth: over a bed, that at the paddle, by which waves are made."""
 
     fewest_cells: ClassVar[int] = 1
@@ -210,7 +210,7 @@ GOLDEN = (5**0.5 - 1) / 2  # whose multiples lie everywhere in a step
 STEP = 0.1  # of (d / g)^(1/2): at which a paddle's motion is looked at; no paddle makes waves as short
 
 
-class _Profiled(Noun):
+class _Profiled(CaseModel):
     """A sponge whose damping grows with the distance from its inner edge, up to a strength."""
 
     type: str

@@ -14,8 +14,8 @@ from wavetank.case.tank import AnyTank, RingTank, SliceTank, Surroundings
 from wavetank.errors import InputError
 from wavetank.motion import Array
 from wavetank.motion.motion import ANGLES, STEEPEST, TOP, UPSET, Extent, joints, largest_stroke, quickened
+from wavetank.values.case_model import CaseModel, HeightFormulaText, HeightHelpers, Problem
 from wavetank.values.formula import Formula
-from wavetank.values.noun import HeightFormulaText, HeightHelpers, Noun, Problem
 from wavetank.values.quantities import (
     Acceleration,
     Coordinate,
@@ -37,7 +37,7 @@ POSSIBLE = (0.02, 10.0)  # the same, at most
 NARROWEST = 1.05  # the longest period over the shortest
 
 
-class ActiveAbsorption(Noun):
+class ActiveAbsorption(CaseModel):
     """The paddle makes its waves and absorbs others at once, by the elevation at its face."""
 
     type: Literal["active"] = "active"
@@ -94,7 +94,7 @@ class ActiveAbsorption(Noun):
             yield Problem(("wall", "absorb", "longest"), self.longest, allowed)
 
 
-class SpringDamper(Noun):
+class SpringDamper(CaseModel):
     """The paddle, which is not driven, is a mass on a spring and a damper; of a flap where its motion is told."""
 
     type: Literal["spring-damper"] = "spring-damper"
@@ -180,7 +180,7 @@ SIZES = (  # of a motion: keys by which the paddle goes far
 )
 
 
-class Limits(Noun):
+class Limits(CaseModel):
     """What the paddle's drive can do: a run that asks for more is refused before it begins."""
 
     stroke: Length | None = Field(default=None, description="from one end of its way to the other [m]; default: any")
@@ -195,7 +195,7 @@ class Limits(Noun):
                 yield Problem(("wall", "limits", name), limit, f"is too little: this motion needs {needed:.4g} {unit}")
 
 
-class BaseWall(Noun):
+class BaseWall(CaseModel):
     """A wall at an end of the tank: by itself a vertical one at rest."""
 
     moves: ClassVar[bool] = False
@@ -422,7 +422,7 @@ class PaddleWall(MovingWall):
     )
 
     def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
-        """Return the paddle's motion in the water; raises ``SceneError`` if its file cannot be read."""
+        """Return the paddle's motion in the water; raises ``CaseError`` if its file cannot be read."""
         return self.motion.resolved(tank, self.wavemaker, physics).build(tank, self.wavemaker)
 
     def generation(self, tank: AnyTank, physics: str) -> str | None:
@@ -472,7 +472,7 @@ class FlapWall(HingedWall, PaddleWall):
     )
 
     def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
-        """Return the motion at the stroke's height; raises ``SceneError`` if its file cannot be read."""
+        """Return the motion at the stroke's height; raises ``CaseError`` if its file cannot be read."""
         motion = super().paddle(tank, physics)
         if self.motion_as == "stroke" or self.motion.says_metres:
             return motion

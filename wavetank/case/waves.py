@@ -11,7 +11,7 @@ from wavetank import data
 from wavetank import motion as motions
 from wavetank.case.tank import AnyTank, Surroundings
 from wavetank.motion.recorded import read_record
-from wavetank.values.noun import FilePath, Noun, Problem, about, one_of
+from wavetank.values.case_model import CaseModel, FilePath, Problem, about, one_of
 from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, Length, Ramp, metres
 from wavetank.waves import airy
 from wavetank.waves.plane_waves import PlaneWaves, waves_along
@@ -22,7 +22,7 @@ SPECTRUM_KEY = ("wall", "motion", "spectrum")
 Gamma = Annotated[float, Field(ge=1, le=100)]
 
 
-class _Peaked(Noun):
+class _Peaked(CaseModel):
     """A spectrum whose peak is given."""
 
     peak_frequency: Frequency | None = Field(default=None, description="peak frequency fp [Hz]; default: by period")
@@ -79,14 +79,14 @@ class GaussianSpectrum(_Peaked):
         return motions.Gaussian(self.peak, self.bandwidth)
 
 
-class TableSpectrum(Noun):
+class TableSpectrum(CaseModel):
     """A spectrum's shape from a file, straight between its rows."""
 
     type: Literal["table"] = "table"
     file: FilePath = Field(description="file of frequencies f [Hz], ascending, and densities S, up to a factor")
 
     def build(self, tank: AnyTank) -> motions.Spectrum:
-        """Return the shape S(f); raises ``SceneError`` if the file cannot be read."""
+        """Return the shape S(f); raises ``CaseError`` if the file cannot be read."""
         with about(*SPECTRUM_KEY, "file"):
             return motions.read_spectrum(data.resolve(self.file, Path()))
 
@@ -103,7 +103,7 @@ MAX_COMPONENTS = 10_000  # components
 MISSED = 1e-6  # of its peak: of so little there are no waves
 
 
-class SpectralWaves(Noun):
+class SpectralWaves(CaseModel):
     """Waves of equally spaced frequencies."""
 
     highest_of_peak: ClassVar[float] = 2.0  # fp, by default
@@ -224,7 +224,7 @@ class FocusingWaves(SpectralWaves):
 Column = Literal["frequency", "omega", "amplitude", "phase", "lag", "direction", "other"]
 
 
-class WaveFile(Noun):
+class WaveFile(CaseModel):
     """Waves that a file tells of."""
 
     @property
@@ -261,7 +261,7 @@ class ComponentFile(WaveFile):
         return self
 
     def components(self) -> motions.Components:
-        """Return the components that are not 0; raises ``SceneError`` if the file cannot be read."""
+        """Return the components that are not 0; raises ``CaseError`` if the file cannot be read."""
         with about(*MOTION_KEY, "file"):
             return motions.read_components(data.resolve(self.file, Path()), self.columns)
 
@@ -294,7 +294,7 @@ class SurfaceFile(WaveFile):
     ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two of the mean periods")
 
     def wished(self) -> motions.WishedSurface:
-        """Return the surface; raises ``SceneError`` if the file cannot be read, or has no such waves."""
+        """Return the surface; raises ``CaseError`` if the file cannot be read, or has no such waves."""
         with about(*MOTION_KEY, "file"):
             t, eta = read_record(data.resolve(self.file, Path()), column="elevation [m]")
             band = self.lowest_frequency, self.highest_frequency

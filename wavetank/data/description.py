@@ -11,8 +11,8 @@ from pydantic import BeforeValidator, Field, Strict, ValidationError, model_vali
 from pydantic_core import ErrorDetails
 
 from wavetank.errors import InputError
+from wavetank.values.case_model import CaseModel, Problem
 from wavetank.values.files import regular
-from wavetank.values.noun import Noun, Problem
 from wavetank.values.quantities import Coordinate, Height, Label, Pair
 
 DATASET = "dataset.toml"
@@ -52,7 +52,7 @@ Clock = Annotated[tuple[Bound, Bound], Strict(False), BeforeValidator(_clock)]
 FileName = Annotated[str, BeforeValidator(_file)]
 
 
-class DataFile(Noun):
+class DataFile(CaseModel):
     """A file that can be downloaded."""
 
     name: FileName = Field(description="its name here")
@@ -71,7 +71,7 @@ class DataFile(Noun):
         return self.every > 1
 
 
-class Gauge(Noun):
+class Gauge(CaseModel):
     """A place where the elevation is known."""
 
     name: Label = Field(description="what it is called")
@@ -79,14 +79,14 @@ class Gauge(Noun):
     y: Coordinate = Field(default=0.0, description="distance across the tank [m]")
 
 
-class Units(Noun):
+class Units(CaseModel):
     """What the numbers in a file are."""
 
     time: Literal["s", "ms", "min"] = "s"
     elevation: Literal["m", "cm", "mm"] = "m"
 
 
-class Records(Noun):
+class Records(CaseModel):
     """Elevations at all gauges of a data set from one origin."""
 
     source: Label = Field(default=MEASURED, description="where they come from, for legends")
@@ -107,7 +107,7 @@ class Records(Noun):
     )
 
 
-class Section(Noun):
+class Section(CaseModel):
     """A straight line through a tank, parallel to an axis, along which wave heights are known."""
 
     name: Label = Field(description="what it is called")
@@ -126,7 +126,7 @@ class Section(Noun):
         return place[AXES[self.along]], place[AXES[self.across]] - self.at
 
 
-class HeightColumn(Noun):
+class HeightColumn(CaseModel):
     """Where wave heights along a section stand: beside their places in a file."""
 
     section: Label = Field(description="the section's name")
@@ -135,7 +135,7 @@ class HeightColumn(Noun):
     sign: Literal[-1, 1] = Field(default=1, description="-1 where the file counts its places against the axis")
 
 
-class HeightRecords(Noun):
+class HeightRecords(CaseModel):
     """Wave heights along sections from one origin."""
 
     source: Label = Field(default=MEASURED, description="where they come from, for legends")
@@ -144,7 +144,7 @@ class HeightRecords(Noun):
     columns: Annotated[tuple[HeightColumn, ...], Strict(False)] = Field(description="where each section's heights are")
 
 
-class WaveHeights(Noun):
+class WaveHeights(CaseModel):
     """Wave heights along sections."""
 
     incident_height: Height = Field(description="H0 [m], which the heights are given in parts of")
@@ -159,7 +159,7 @@ class WaveHeights(Noun):
         return [one.section for records in self.records for one in records.columns if one.section not in known]
 
 
-class Dataset(Noun):
+class Dataset(CaseModel):
     """A set of data, the first of whose records is what others are compared with."""
 
     name: Label = Field(default="", description="what it is called; default: as its folder")

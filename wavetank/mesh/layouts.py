@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from wavetank.mesh.gmsh_model import CURVE, SURFACE
-from wavetank.values.noun import FilePath, Noun
+from wavetank.values.case_model import CaseModel, FilePath
 from wavetank.values.quantities import Length, Pair
 
 DIGITS = 12  # decimals of coordinates [m], to which equal points agree
@@ -151,7 +151,7 @@ def divisions(length: float, cell_size: float) -> int:
 Box = tuple[float, float, float, float]  # x_min, y_min, x_max, y_max [m]
 
 
-class DrawnLayout(Noun):
+class DrawnLayout(CaseModel):
     """A layout that gmsh draws."""
 
     cells: Literal["quadrilaterals", "triangles"] = Field(default="quadrilaterals", description="shape of the cells")
@@ -210,7 +210,7 @@ class RectangularLayout(DrawnLayout):
         return x, y, x + self.length, y + self.width
 
 
-class Refinement(Noun):
+class Refinement(CaseModel):
     """Refinement of columns of cells, of rows, or of both, from wall to wall."""
 
     x: Pair | None = Field(default=None, description="from where to where along x [m]; default: nowhere")
@@ -461,7 +461,7 @@ class Harbour(DrawnLayout):
         blocks.finish(paddle=0.0)
 
 
-class MeshFile(Noun):
+class MeshFile(CaseModel):
     """A mesh in the plane z = 0, with the physical groups ``paddle``, ``wall`` and, if it has one, ``sponge``."""
 
     type: Literal["file"] = "file"

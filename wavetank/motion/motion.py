@@ -31,8 +31,8 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from wavetank.errors import InputError
+from wavetank.values.case_model import about
 from wavetank.values.formula import Formula
-from wavetank.values.noun import about
 
 Array = NDArray[np.float64]
 
@@ -426,7 +426,7 @@ class FlapAngle(Motion):
 
 
 class ValidatedMotion(Motion):
-    """The same motion; where it raises ``InputError`` that is a ``SceneError`` of a key.
+    """The same motion; where it raises ``InputError`` that is a ``CaseError`` of a key.
 
     Beyond a duration it says why it was asked there.
 

@@ -88,7 +88,7 @@ class Timing(Part):
     duration: float
 
 
-class Scene(Part):
+class Case(Part):
     """The scene."""
 
     title: str = ""
@@ -160,7 +160,7 @@ class Manifest(Part):
     warnings: list[str] = []
     versions: dict[str, str] = {}
     files: dict[str, str] = {}
-    scene: Scene = Scene()
+    scene: Case = Case()
     planned: Planned | None = None
     progress: Progress = Progress()
     numerics: Numerics = Numerics()

@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from wavetank.arrays import Vector
-from wavetank.case import BasinTank, Scene
+from wavetank.case import BasinTank, Case
 from wavetank.case.initial import FocusedSurface, RunState, SolitaryWave, StillWater
 from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER
 from wavetank.case.output import ENDS, FAR
@@ -67,7 +67,7 @@ MISSED = {SolitaryWave: 0.4, FocusedSurface: 1.0}  # relative error of the eleva
 CALLED = {SolitaryWave: "solitary wave", FocusedSurface: "group"}
 
 
-def cut_starts(scene: Scene, accuracy: float | None) -> Iterator[str]:
+def cut_starts(scene: Case, accuracy: float | None) -> Iterator[str]:
     """Yield a sentence if an end of a slice cuts the initial wave by more than ``LARGEST`` or the accuracy allows."""
     initial, tank = scene.initial, scene.tank
     if not isinstance(initial, SolitaryWave | FocusedSurface) or not isinstance(tank, SliceTank):
@@ -100,7 +100,7 @@ class HighWave(NamedTuple):
     highest: float
 
 
-def too_high(scene: Scene) -> Iterator[str]:
+def too_high(scene: Case) -> Iterator[str]:
     """Yield a sentence for each paddle along a slice whose waves are to break, unless the run goes on past that."""
     breaks = scene.physics == "nonlinear" and scene.run.on_breaking != "dissipate"
     for seen in scene.paddles if breaks and not isinstance(scene.tank, BasinTank) else ():
@@ -119,7 +119,7 @@ def too_high(scene: Scene) -> Iterator[str]:
             yield f"the paddle of {seen.key} makes a wave {there}, by linear theory, where {most}; {cure}"
 
 
-def highest_wave(scene: Scene) -> HighWave | None:
+def highest_wave(scene: Case) -> HighWave | None:
     """Return the wave that is highest for its length of those that the paddle makes in the run; None without any.
 
     Over a bed the waves are those at the paddle.
@@ -155,7 +155,7 @@ NEAR = 1.01  # of half a period: a band that ends there holds it
 PLACES = 2001  # along the bed
 
 
-def reflected_harmonics(scene: Scene) -> Iterator[str]:
+def reflected_harmonics(scene: Case) -> Iterator[str]:
     """Yield a sentence for each paddle that absorbs waves, but not the harmonics that the bed before it frees."""
     bed = scene.depths()
     if not callable(bed) or scene.physics == "linear" or len(scene.paddles) < 2 or scene.sponge is not None:
@@ -176,7 +176,7 @@ def reflected_harmonics(scene: Scene) -> Iterator[str]:
             yield f'{frees}; {sends}: {seen.key}.absorb = {{ type = "active", shortest = {half:.3g} }} takes them'
 
 
-def free_second_harmonics(scene: Scene, bed: Depth, amplitude: float, period: float) -> float:
+def free_second_harmonics(scene: Case, bed: Depth, amplitude: float, period: float) -> float:
     """Return the free second harmonics before the wall opposite a paddle over its waves there, 1 at most.
 
     The bed is d(x, y) [m]; amplitude [m] and period [s] are those of the waves at the paddle.
@@ -207,7 +207,7 @@ NOISY = 0.5  # of the variance of a record's acceleration
 SMALL = 0.1  # of the speed of its waves: a paddle's strokes that linear theory is of
 
 
-def run_warnings(scene: Scene, clock: Clock, waves: AnyWaves, *, own: Integrator[Any] | None = None) -> list[str]:
+def run_warnings(scene: Case, clock: Clock, waves: AnyWaves, *, own: Integrator[Any] | None = None) -> list[str]:
     """Return the warnings of a run before its first step, a sentence each, the same on all ranks; collective.
 
     Of an integrator of a user's ``own``, in place of the scene's, no error is predicted, as where no plan can be made,
@@ -232,12 +232,12 @@ def run_warnings(scene: Scene, clock: Clock, waves: AnyWaves, *, own: Integrator
     return [*before, *sensors_in_reach(scene), *_bed(scene, waves), *_start(scene, waves), *of_step]
 
 
-def of_duration(scene: Scene) -> list[str]:
+def of_duration(scene: Case) -> list[str]:
     """Return what is said of the paddles in a run as long as this one: of a longer one other things are."""
     return [*too_high(scene), *_ramps(scene)]
 
 
-def _of_walls(scene: Scene, waves: AnyWaves) -> Iterator[str]:
+def _of_walls(scene: Case, waves: AnyWaves) -> Iterator[str]:
     for seen, paddle in zip(scene.paddles, waves.wall.paddles, strict=True):
         yield from seen.wall.warnings(scene.tank)
         stands, asked = getattr(paddle, "reach", 0.0), getattr(seen.wall, "reach", None)  # linear paddles have none
@@ -245,7 +245,7 @@ def _of_walls(scene: Scene, waves: AnyWaves) -> Iterator[str]:
             yield f"{seen.key}.reach = {asked:.4g} m is less than a cell, on this mesh it is {stands:.4g} m"
 
 
-def _strokes(scene: Scene) -> Iterator[str]:
+def _strokes(scene: Case) -> Iterator[str]:
     """Yield a sentence for each paddle in linear water whose strokes are not small."""
     for seen in scene.paddles if scene.physics == "linear" else ():
         motion, period, tank = seen.motion(), seen.paddle_period, seen.tank
@@ -259,7 +259,7 @@ def _strokes(scene: Scene) -> Iterator[str]:
             yield f'linear theory is of small strokes: {moves}, and {far}; water.type = "nonlinear" takes any'
 
 
-def _jolts(scene: Scene) -> Iterator[str]:
+def _jolts(scene: Case) -> Iterator[str]:
     """Yield a sentence for each paddle that starts in water at rest with a speed."""
     for seen in scene.paddles if isinstance(scene.initial, StillWater) else ():
         motion = seen.motion()
@@ -273,7 +273,7 @@ def _jolts(scene: Scene) -> Iterator[str]:
             yield f"the paddle of {seen.key} starts at t = {begin:.4g} s from rest {jump}: {blow}"
 
 
-def _jumps(scene: Scene, clock: Clock) -> Iterator[str]:
+def _jumps(scene: Case, clock: Clock) -> Iterator[str]:
     """Yield a sentence for each paddle moved by a formula or function whose velocity jumps during the run.
 
     Intervals of a quarter step are halved, of each the half in which the velocity changes more.
@@ -301,7 +301,7 @@ def _jumps(scene: Scene, clock: Clock) -> Iterator[str]:
             yield f"the velocity of the paddle of {seen.key} jumps at t = {end[n]:.4g} s {jump}: that strikes the water"
 
 
-def noise(scene: Scene) -> Iterator[str]:
+def noise(scene: Case) -> Iterator[str]:
     """Yield a sentence for each paddle whose recorded motion is mostly noise, by its acceleration."""
     for seen in scene.paddles:
         record = getattr(seen.motion(), "motion", seen.motion())
@@ -312,7 +312,7 @@ def noise(scene: Scene) -> Iterator[str]:
             yield f"the record of {seen.key}.motion has noise: {fast}; highest_frequency leaves it out"
 
 
-def _ramps(scene: Scene) -> Iterator[str]:
+def _ramps(scene: Case) -> Iterator[str]:
     """Yield a sentence for each paddle whose ramp takes the whole run."""
     for seen in scene.paddles:
         if (risen := seen.motion().risen) >= scene.run.duration:
@@ -320,7 +320,7 @@ def _ramps(scene: Scene) -> Iterator[str]:
             yield f"the ramp of {key} is over after {risen:.4g} s, {end} before: its waves do not get their height"
 
 
-def sent_back(scene: Scene) -> Iterator[str]:
+def sent_back(scene: Case) -> Iterator[str]:
     """Yield a sentence for each paddle of whose waves the sponge sends back much, by their length where it is shallow.
 
     That is within the sponge along a slice, and of all water in a basin, of whose sponge by formula nothing is known.
@@ -351,7 +351,7 @@ def sent_back(scene: Scene) -> Iterator[str]:
             yield f"the sponge sends back {of}, and steep ones may break before it: {least}"
 
 
-def _length(scene: Scene) -> float | None:
+def _length(scene: Case) -> float | None:
     """Return how long a sponge is that grows from its inner edge [m], if the case names that."""
     if isinstance(scene.sponge, EndSponge):
         return scene.sponge.length
@@ -359,7 +359,7 @@ def _length(scene: Scene) -> float | None:
     return getattr(layout, "sponge_length", None)
 
 
-def in_sponge(scene: Scene) -> Iterator[str]:
+def in_sponge(scene: Case) -> Iterator[str]:
     """Yield a sentence if gauges, loads or the place that waves are made for are in or behind a sponge at the end."""
     if not isinstance(scene.sponge, EndSponge):
         return
@@ -373,7 +373,7 @@ def in_sponge(scene: Scene) -> Iterator[str]:
     yield from _standing(names, f"in the sponge, which takes waves from x = {scene.x_min + edge:.4g} m on")
 
 
-def _damped(scene: Scene, waves: AnyWaves) -> Iterator[str]:
+def _damped(scene: Case, waves: AnyWaves) -> Iterator[str]:
     """Yield a sentence if a sponge of any other kind damps at gauges, or at a load on an end; collective.
 
     The nearest node decides, of an end that amid it. Loads on other groups of walls are not looked for.
@@ -394,7 +394,7 @@ def _damped(scene: Scene, waves: AnyWaves) -> Iterator[str]:
     yield from _standing(_rows(scene, damped[:count]) + names, "in the sponge, which takes waves there")
 
 
-def _rows(scene: Scene, chosen: Sequence[bool] | NDArray[np.bool_]) -> list[str]:
+def _rows(scene: Case, chosen: Sequence[bool] | NDArray[np.bool_]) -> list[str]:
     """Return which gauges are chosen, in words: those one after another together."""
     each = groupby(zip(scene.all_gauges, chosen, strict=True), lambda one: bool(one[1]))
     rows = [[gauge.name for gauge, _ in row] for inside, row in each if inside]
@@ -407,7 +407,7 @@ def _standing(names: Sequence[str], where: str) -> Iterator[str]:
         yield f"{' and '.join(names)} {stand} {where}"
 
 
-def sensors_in_reach(scene: Scene) -> Iterator[str]:
+def sensors_in_reach(scene: Case) -> Iterator[str]:
     """Yield a sentence for each paddle that absorbs, and is to go about as far as to where somebody looks.
 
     It takes the others' waves by going as far as they do, and its own, where nothing else takes these, by going as far
@@ -426,7 +426,7 @@ def sensors_in_reach(scene: Scene) -> Iterator[str]:
                 break
 
 
-def predicted(scene: Scene) -> Iterator[str]:
+def predicted(scene: Case) -> Iterator[str]:
     """Yield a sentence if a plan predicts a large error of the scene's own numerics, in as long a run."""
     try:
         error = own_plan(scene, DEFAULT).error
@@ -439,7 +439,7 @@ def predicted(scene: Scene) -> Iterator[str]:
     yield f"these numerics are predicted to miss the elevation by {size}; {_cure(required.k * required.depth)}"
 
 
-def jets(scene: Scene) -> Iterator[str]:
+def jets(scene: Case) -> Iterator[str]:
     """Yield a sentence if a solitary wave meets a wall that is too high for its run-up to be predicted."""
     if scene.physics == "linear" or unplanned(scene) is not None:
         return
@@ -457,7 +457,7 @@ def _cure(kd: float) -> str:
     return f"waves as short against the depth (k d = {kd:.3g}) are the same in a tank that is less deep"
 
 
-def _bed(scene: Scene, waves: AnyWaves) -> Iterator[str]:
+def _bed(scene: Case, waves: AnyWaves) -> Iterator[str]:
     of_bed = scene.depths()
     if not callable(of_bed):
         return
@@ -467,7 +467,7 @@ def _bed(scene: Scene, waves: AnyWaves) -> Iterator[str]:
         yield f"the mesh misses the bed by {off:.2g} of the depth: {_cells(waves)}"
 
 
-def coarse(scene: Scene, cell_size: float) -> Iterator[str]:
+def coarse(scene: Case, cell_size: float) -> Iterator[str]:
     """Yield a sentence if over a bed cells, of a size [m], or vertical order are far from what the rule takes."""
     if scene.tank.bed is None:
         return
@@ -481,7 +481,7 @@ def coarse(scene: Scene, cell_size: float) -> Iterator[str]:
         yield f"a vertical order of {order} is low {result} {held}"
 
 
-def _start(scene: Scene, waves: AnyWaves) -> Iterator[str]:
+def _start(scene: Case, waves: AnyWaves) -> Iterator[str]:
     initial = scene.initial
     if isinstance(initial, StillWater | RunState):
         return
@@ -500,7 +500,7 @@ def _cells(waves: AnyWaves) -> str:
     return f"cells of {waves.plane.cell_size:.3g} m are too large for it"
 
 
-def _motion(scene: Scene, clock: Clock, nodes: Sequence[float]) -> Iterator[str]:
+def _motion(scene: Case, clock: Clock, nodes: Sequence[float]) -> Iterator[str]:
     """Yield a sentence for each paddle of whose velocity what the scheme sees does not add up to its displacement.
 
     Of a short run the motion is looked at beyond its end: hardly a paddle has moved by then.
@@ -519,7 +519,7 @@ def _motion(scene: Scene, clock: Clock, nodes: Sequence[float]) -> Iterator[str]
             yield f"the step of {clock.dt:.3g} s misses the {whose}'s motion by {missed:.2g} of it: it is too long"
 
 
-def _farthest(scene: Scene, clock: Clock, waves: AnyWaves, integrator: Integrator[Any]) -> Iterator[str]:
+def _farthest(scene: Case, clock: Clock, waves: AnyWaves, integrator: Integrator[Any]) -> Iterator[str]:
     """Yield a sentence if the step may be too long where a paddle has gone as far as it goes, or leans so far."""
     faster = scene.quickened
     longest = integrator.stability_limit / (waves.largest_frequency * faster)
@@ -531,7 +531,7 @@ def _farthest(scene: Scene, clock: Clock, waves: AnyWaves, integrator: Integrato
         )
 
 
-def _end(scene: Scene, clock: Clock) -> Iterator[str]:
+def _end(scene: Case, clock: Clock) -> Iterator[str]:
     """Yield a sentence if the last step is left out, as the recorded motion does not cover it."""
     if clock.end < scene.run.duration * (1 - ROUNDING):
         beyond = f"one more step of {clock.dt:.3g} s would end beyond the recorded motion"

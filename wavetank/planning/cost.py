@@ -49,7 +49,7 @@ from mpi4py import MPI
 
 from wavetank.arrays import Vector
 from wavetank.cache import places, writable
-from wavetank.case import BasinTank, Scene
+from wavetank.case import BasinTank, Case
 from wavetank.case.output import PADDLE
 from wavetank.case.wall import ActiveAbsorption, SpringDamper
 from wavetank.console import format_duration
@@ -74,7 +74,7 @@ from wavetank.simulation.diagnostics import Memory
 from wavetank.simulation.energy import Sink
 from wavetank.simulation.memory import available_memory, peak_memory
 from wavetank.simulation.run import Run
-from wavetank.values.noun import Problem, SceneError
+from wavetank.values.case_model import CaseError, Problem
 from wavetank.waves import airy
 
 ROW = 2.5e-3, 5e-8  # s, and s an entry of a slice's operator
@@ -98,7 +98,7 @@ class OutputCost(NamedTuple):
     absorption: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
-    def of(cls, scene: Scene, dt: float) -> "OutputCost":
+    def of(cls, scene: Case, dt: float) -> "OutputCost":
         """Return the output cost of a scene with time steps of dt [s]."""
         output, steps = scene.output, scene.run.duration / dt
         every = [output.probes_every] if scene.probes or scene.loads else []
@@ -220,7 +220,7 @@ class Stopwatch:
         return PerStep(*((b - a) / (len(self.notes) - 1 - first) for a, b in zip(start_time, ended, strict=True)))
 
 
-def trial(scene: Scene, comm: MPI.Comm) -> Trial:
+def trial(scene: Case, comm: MPI.Comm) -> Trial:
     """Return what some steps of a run show, with its waves in the tank; collective. Raises what a run raises."""
     going_on = scene.model_copy(update={"run": scene.run.model_copy(update={"on_breaking": "dissipate"})})
     run, waves = build_run(going_on, comm)
@@ -238,7 +238,7 @@ def trial(scene: Scene, comm: MPI.Comm) -> Trial:
     return Trial(line, clock, waves, step, each.solves, comm.allreduce(peak_memory()), output_cost, watching)
 
 
-def _fill(run: Run, scene: Scene, waves: AnyWaves) -> None:
+def _fill(run: Run, scene: Case, waves: AnyWaves) -> None:
     """Put regular waves as a paddle makes them at its period into the tank, when it moves fast; collective.
 
     That is what steps cost later; where it stands still the waves are those of the start. They are linear, on the mean
@@ -389,7 +389,7 @@ def _fit(rows: Vector, spent: Vector) -> tuple[float, ...]:
     return tuple(map(float, scipy.optimize.nnls(rows / spent[:, None], np.ones(spent.size))[0]))
 
 
-def _scene(kind: str, cells: int, order: int, n: int) -> Scene:
+def _scene(kind: str, cells: int, order: int, n: int) -> Case:
     """Return standing waves of k a = 0.1, k d = 2, with gauges, and with a paddle that would make waves 2/3 as high.
 
     It starts as gently as paddles do, over two periods: short waves of a start within one take iterations of their own.
@@ -398,7 +398,7 @@ def _scene(kind: str, cells: int, order: int, n: int) -> Scene:
     halves = round(2 * cells / CELLS_PER_WAVE)
     length = halves * np.pi / 2
     motion = {"type": "sinusoid", "paddle_amplitude": 0.02, "period": 1.44, "ramp": 2.88}
-    return Scene.model_validate(
+    return Case.model_validate(
         {
             "tank": {"length": length, "depth": 1.0},
             "wall": {"type": "piston", "motion": motion} if driven else {"type": "fixed"},
@@ -411,7 +411,7 @@ def _scene(kind: str, cells: int, order: int, n: int) -> Scene:
     )
 
 
-def _time_a_step(scene: Scene, waves: AnyWaves, name: str, dt_omega_max: float) -> float:
+def _time_a_step(scene: Case, waves: AnyWaves, name: str, dt_omega_max: float) -> float:
     """Return the CPU seconds of a step; the start values of the solves need some steps of history first."""
     dt, watch = dt_omega_max / waves.largest_frequency, Stopwatch()
     filters, records = build_filters(scene, waves, dt), Records(Memory(), Memory(), None)
@@ -443,8 +443,8 @@ class Needs(NamedTuple):
     watching: float = 0.0
 
 
-def check_affordable(scene: Scene, comm: MPI.Comm, *, longest: float = A_DAY) -> None:
-    """Raise ``SceneError`` for a scene with all numerics that needs longer [s], or too much memory; collective."""
+def check_affordable(scene: Case, comm: MPI.Comm, *, longest: float = A_DAY) -> None:
+    """Raise ``CaseError`` for a scene with all numerics that needs longer [s], or too much memory; collective."""
     there = available_memory(comm)
     on_first(comm, lambda: _check(needs_of(scene, comm.size), there, ranks=comm.size, longest=longest))
 
@@ -467,17 +467,17 @@ def _check(needs: Needs, there: float, *, ranks: int, longest: float) -> None:
         f"of which {there / 1e9:.2g} GB are free, for {needs.steps:.2g} steps of {needs.unknowns:.2g} unknowns: "
         f"a larger cell_size or dt and a shorter run.duration need less{watched}; wavetank run --yes runs it as it is"
     )
-    raise SceneError([Problem(("numerics",), None, sentence)])
+    raise CaseError([Problem(("numerics",), None, sentence)])
 
 
-def needs_of(scene: Scene, ranks: int = 1) -> Needs:
+def needs_of(scene: Case, ranks: int = 1) -> Needs:
     """Return what a scene needs whose numerics are all known."""
     if isinstance(scene.tank, BasinTank):
         return _of_basin(scene, scene.tank, ranks)
     return _of_slice(scene, ranks)
 
 
-def _of_slice(scene: Scene, ranks: int) -> Needs:
+def _of_slice(scene: Case, ranks: int) -> Needs:
     chosen, kind = scene.numerics, kind_of(scene, scene.physics)
     dt, steps, product = _steps(scene, scene.cell_size)
     settings = Settings(
@@ -490,7 +490,7 @@ def _of_slice(scene: Scene, ranks: int) -> Needs:
     return Needs(places * (chosen.vertical_order + 2.0), steps, cost.cpu, memory, watching)
 
 
-def _of_basin(scene: Scene, tank: BasinTank, ranks: int) -> Needs:
+def _of_basin(scene: Case, tank: BasinTank, ranks: int) -> Needs:
     chosen = scene.numerics
     cells, smallest = _cells_of_basin(tank, scene.cell_size)
     dt, steps, _ = _steps(scene, smallest)
@@ -511,7 +511,7 @@ def _cells_of_basin(tank: BasinTank, size: float) -> tuple[float, float]:
     return tank.layout.count_cells(size)
 
 
-def _steps(scene: Scene, cell_size: float) -> tuple[float, float, float]:
+def _steps(scene: Case, cell_size: float) -> tuple[float, float, float]:
     """Return the step [s], the number of steps, and dt omega_max, on still water of the tank's depth."""
     chosen, integrator = scene.numerics, INTEGRATORS[scene.numerics.integrator]()
     omega = still_mesh(scene, cell_size).largest_frequency

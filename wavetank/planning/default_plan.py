@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from mpi4py import MPI
 
-from wavetank.case import BasinTank, RunState, Scene
+from wavetank.case import BasinTank, Case, RunState
 from wavetank.errors import InputError
 from wavetank.fem.agreed import from_first
 from wavetank.mesh import MeshFile
@@ -15,7 +15,7 @@ from wavetank.planning.plan import Plan, UnreachableError, make_plan
 from wavetank.planning.requirements import unplanned
 from wavetank.planning.resolution import DEFAULT, resolved, shortest_wave, too_short
 from wavetank.simulation.construction import with_its_numerics
-from wavetank.values.noun import SceneError, about
+from wavetank.values.case_model import CaseError, about
 
 LESS = (0.03, 0.1)  # accuracies that are tried where the default one cannot be had
 
@@ -23,11 +23,11 @@ LESS = (0.03, 0.1)  # accuracies that are tried where the default one cannot be 
 class Planned(NamedTuple):
     """A scene whose numerics are planned or resolved, and what whoever reads its results must know of that."""
 
-    scene: Scene
+    scene: Case
     warnings: tuple[str, ...] = ()
 
 
-def planned(scene: Scene, comm: MPI.Comm) -> Planned:
+def planned(scene: Case, comm: MPI.Comm) -> Planned:
     """Return the scene with the water and numerics that its accuracy requires, or where it names none the default one.
 
     Where no plan can be made, or some numerics are named, its shortest wave decides on the others. Made on the first
@@ -37,7 +37,7 @@ def planned(scene: Scene, comm: MPI.Comm) -> Planned:
     return Planned(result, (*warnings, *cut_starts(scene, scene.numerics.accuracy)))
 
 
-def _planned(scene: Scene) -> Planned:
+def _planned(scene: Case) -> Planned:
     if isinstance(scene.initial, RunState) and scene.numerics.accuracy is None:
         with about("initial"):
             return Planned(with_its_numerics(scene, scene.initial))
@@ -55,20 +55,20 @@ def _planned(scene: Scene) -> Planned:
     return Planned(plan.applied_to(scene), () if plan.accuracy == DEFAULT else (less,))
 
 
-def _cells_are_named(scene: Scene) -> bool:
+def _cells_are_named(scene: Case) -> bool:
     """Return whether none are chosen for a scene that names some numerics."""
     from_file = isinstance(scene.tank, BasinTank) and isinstance(scene.tank.layout, MeshFile)
     return from_file or bool(scene.numerics.model_fields_set & {"cells", "cell_size"})
 
 
-def check_held(scene: Scene) -> None:
-    """Raise ``SceneError`` if a scene has waves of a paddle that no numerics hold: a plan knows nothing of them."""
+def check_held(scene: Case) -> None:
+    """Raise ``CaseError`` if a scene has waves of a paddle that no numerics hold: a plan knows nothing of them."""
     named = "; cells that the case names are taken as they are"
     if problems := [one._replace(allowed=one.allowed + named) for one in too_short(scene)]:
-        raise SceneError(problems)
+        raise CaseError(problems)
 
 
-def default_plan(scene: Scene) -> Plan | None:
+def default_plan(scene: Case) -> Plan | None:
     """Return the plan of a scene that names no numerics, to the best of the usual accuracies; None if none is made.
 
     Nor is one made for a scene that asks for an accuracy: it gets the plan for that one, or none. Raises
@@ -86,7 +86,7 @@ def default_plan(scene: Scene) -> Plan | None:
     raise UnreachableError(f"the case names no accuracy, and none that is tried then can be had: {least}")
 
 
-def rule_summary(asked: Scene) -> str:
+def rule_summary(asked: Case) -> str:
     """Return why no accuracy is predicted of a scene that names no numerics, with its shortest wave; else nothing."""
     ruled = asked.numerics.open and not isinstance(asked.initial, RunState)
     why = unplanned(asked) if ruled else None
@@ -97,19 +97,19 @@ def rule_summary(asked: Scene) -> str:
 
 
 @contextmanager
-def mesh_in_errors(asked: Scene, scene: Scene) -> Iterator[None]:
+def mesh_in_errors(asked: Case, scene: Case) -> Iterator[None]:
     """Add the origin of the mesh, given or planned, to errors of a time step that is too long for it."""
     try:
         yield
-    except SceneError as error:
+    except CaseError as error:
         problems = [
             one._replace(allowed=f"{one.allowed}; {_origin(asked, scene)}") if one.key == ("numerics", "dt") else one
             for one in error.problems
         ]
-        raise SceneError(problems) from error
+        raise CaseError(problems) from error
 
 
-def _origin(asked: Scene, scene: Scene) -> str:
+def _origin(asked: Case, scene: Case) -> str:
     """Return where the cells come from, and what names others."""
     numerics, cells = asked.numerics, f"its cells of {scene.cell_size:.3g} m"
     if isinstance(asked.tank, BasinTank) and isinstance(asked.tank.layout, MeshFile):

@@ -11,7 +11,7 @@ import typer
 from wavetank.output.tables import RATES, paddle_columns
 
 if TYPE_CHECKING:
-    from wavetank.case import Scene
+    from wavetank.case import Case
     from wavetank.motion.motion import Array, Extent
 
 MOST = 10**7  # rows
@@ -102,7 +102,7 @@ class _Signal(NamedTuple):
         return Extent(float(np.ptp(position, axis=0).max()), *largest)
 
 
-def _signal(scene: "Scene", rate: float, *, ramp_down: bool) -> _Signal:
+def _signal(scene: "Case", rate: float, *, ramp_down: bool) -> _Signal:
     """Return the rows of a case's paddle; raises ``InputError`` for too many, or a ramp-down beyond its limits."""
     from wavetank.errors import InputError
     from wavetank.motion.motion import values
@@ -141,7 +141,7 @@ def _down(signal: _Signal, rate: float) -> _Signal:
     return _Signal(np.concatenate([signal.t, t]), joined, length)
 
 
-def _told(scene: "Scene", signal: _Signal) -> str:
+def _told(scene: "Case", signal: _Signal) -> str:
     """Return the signal's largest values, each with its limit where there is one."""
     units, limits = ("m", "m/s", "m/s^2"), getattr(scene.wall, "limits", None)
     parts, both = [], zip(signal.extent, scene.extent(scene.motion()), strict=True)
@@ -152,7 +152,7 @@ def _told(scene: "Scene", signal: _Signal) -> str:
     return ", ".join(parts)
 
 
-def _heights(scene: "Scene") -> tuple[float, float] | None:
+def _heights(scene: "Case") -> tuple[float, float] | None:
     """Return how high above the bed and above its hinge a flap's position is [m]; None of other paddles."""
     from wavetank.case.wall import HingedWall
 
@@ -163,7 +163,7 @@ def _heights(scene: "Scene") -> tuple[float, float] | None:
     return height, height - wall.hinge
 
 
-def _reference(scene: "Scene") -> list[str]:
+def _reference(scene: "Case") -> list[str]:
     """Return of what height a flap's position is, as a list of a sentence; empty of other paddles."""
     heights = _heights(scene)
     return [f"position {heights[0]:.4g} m above the bed, {heights[1]:.4g} m above the hinge"] if heights else []
@@ -173,7 +173,7 @@ def _of_ramp(signal: _Signal) -> list[str]:
     return [f"ramp-down to rest within {signal.down:.4g} s after the run"] if signal.down else []
 
 
-def _of_rate(scene: "Scene", rate: float) -> list[str]:
+def _of_rate(scene: "Case", rate: float) -> list[str]:
     """Return a warning for a rate that gives the shortest period of the motion few rows.
 
     Half a period is the time between two ends of the paddle's way, more than a tenth of its stroke apart.
@@ -193,7 +193,7 @@ def _of_rate(scene: "Scene", rate: float) -> list[str]:
     return [f"warning: {few}; {ROWS} or more are needed, --rate {ROWS / period:.3g}"]
 
 
-def _times(scene: "Scene", rate: float) -> "Array":
+def _times(scene: "Case", rate: float) -> "Array":
     """Return times that cover the run [s], shape (T,), as far as the motion is known."""
     from wavetank.errors import InputError
 
@@ -204,7 +204,7 @@ def _times(scene: "Scene", rate: float) -> "Array":
     return np.asarray(t[t <= scene.motion().duration])
 
 
-def _write(path: Path, scene: "Scene", signal: _Signal, form: Format, told: str) -> None:
+def _write(path: Path, scene: "Case", signal: _Signal, form: Format, told: str) -> None:
     """Write a signal; raises ``InputError`` where there is a file, or none can be."""
     from wavetank.errors import InputError
 

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from wavetank.case import LinearWater, NonlinearWater, Physics, Scene
+from wavetank.case import Case, LinearWater, NonlinearWater, Physics
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
 from wavetank.motion import Motion
@@ -31,7 +31,7 @@ from wavetank.simulation.build import ANSWERED, build_clock
 from wavetank.simulation.clock import ROUNDING, Clock
 from wavetank.tank.breakdown import FARTHEST
 from wavetank.tank.dissipation import NEEDED
-from wavetank.values.noun import Problem, SceneError
+from wavetank.values.case_model import CaseError, Problem
 
 ORDERS = (2, 3, 4, 5)
 VERTICAL_ORDERS = tuple(range(2, 17))
@@ -99,7 +99,7 @@ class Plan:
             output_cost=self.output_cost,
         )
 
-    def applied_to(self, scene: Scene) -> Scene:
+    def applied_to(self, scene: Case) -> Case:
         """Return the scene with the plan's water and numerics, nothing left to be planned."""
         changes: dict[str, Any] = {"accuracy": None, "cell_size": None, **asdict(self.settings)}
         changes |= solved_to(self.accuracy, scene)
@@ -118,7 +118,7 @@ class Given:
     integrator: str | None = None
 
     @classmethod
-    def by(cls, scene: Scene) -> "Given":
+    def by(cls, scene: Case) -> "Given":
         """Return what a scene sets: nothing unless it asks for an accuracy."""
         numerics, names = scene.numerics, scene.numerics.model_fields_set
         if numerics.accuracy is None:
@@ -132,11 +132,11 @@ class UnreachableError(InputError):
     """No discretisation searched is as accurate as asked."""
 
 
-def make_plan(scene: Scene, accuracy: float, *, costs: CostModel = BUILT_IN) -> Plan:
+def make_plan(scene: Case, accuracy: float, *, costs: CostModel = BUILT_IN) -> Plan:
     """Return the cheapest plan for a relative error of at most ``accuracy``: ``AIM`` of it is predicted at most.
 
     Raises ``InputError`` for an accuracy that is not between 0 and 1 and a scene that cannot be planned,
-    ``UnreachableError`` if no discretisation searched is as accurate, ``SceneError`` if it is the given step's fault.
+    ``UnreachableError`` if no discretisation searched is as accurate, ``CaseError`` if it is the given step's fault.
     """
     if not 0.0 < accuracy < 1.0:
         raise InputError(f"accuracy = {accuracy:g}: must be between 0 and 1.")
@@ -144,15 +144,15 @@ def make_plan(scene: Scene, accuracy: float, *, costs: CostModel = BUILT_IN) -> 
     result = [(search.cost(settings, costs), settings) for settings in search.candidates()]
     if not result and (longest := search.longest()) is not None:
         allowed = f"must be at most {longest:.4g} s, the longest that is stable and accurate to {accuracy:g}"
-        raise SceneError([Problem(("numerics", "dt"), scene.numerics.dt, allowed)])
+        raise CaseError([Problem(("numerics", "dt"), scene.numerics.dt, allowed)])
     if not result and (fewest := search.fewest()) is not None:
-        raise SceneError([_too_large(scene, fewest, accuracy)])
+        raise CaseError([_too_large(scene, fewest, accuracy)])
     if not result:
         raise UnreachableError(f"accuracy = {accuracy:g}: {search.reached}.")
     return search.plan(min(result, key=lambda one: one[0].cpu)[1], costs)
 
 
-def _too_large(scene: Scene, fewest: int, accuracy: float) -> Problem:
+def _too_large(scene: Case, fewest: int, accuracy: float) -> Problem:
     """Return that a scene's cells are too large for an accuracy, by the key that names them, and so many that do."""
     numerics, known = scene.numerics, f"for an accuracy of {accuracy:g}"
     if numerics.cells is not None:
@@ -161,7 +161,7 @@ def _too_large(scene: Scene, fewest: int, accuracy: float) -> Problem:
     return Problem(("numerics", "cell_size"), numerics.cell_size, f"must be smaller {known}: {would}")
 
 
-def own_plan(scene: Scene, accuracy: float, *, costs: CostModel = BUILT_IN) -> Plan:
+def own_plan(scene: Case, accuracy: float, *, costs: CostModel = BUILT_IN) -> Plan:
     """Return what is to be expected of a scene's own water and numerics; raises ``InputError`` as a run does."""
     search = _Search(scene.model_copy(update={"water": scene.water or NonlinearWater()}), accuracy)
     return search.plan(search.own(), costs)
@@ -170,7 +170,7 @@ def own_plan(scene: Scene, accuracy: float, *, costs: CostModel = BUILT_IN) -> P
 class _Search:
     """All discretisations of a scene."""
 
-    def __init__(self, scene: Scene, accuracy: float, *, given: Given | None = None):
+    def __init__(self, scene: Case, accuracy: float, *, given: Given | None = None):
         self._scene, self._required = scene, requirements(scene, accuracy)  # first: it refuses what no plan knows
         self._given, self._quickened = given or Given.by(scene), scene.quickened
         self._errors = ErrorModel(self._required)

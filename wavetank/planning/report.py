@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from wavetank.case import Scene
+    from wavetank.case import Case
     from wavetank.planning.cost import CostModel
     from wavetank.planning.plan import Plan
 
@@ -44,7 +44,7 @@ def plan(
             _plan(scene, scene.title or case.stem, accuracy, terminal, calibrate=calibrate)
 
 
-def _try(scene: "Scene", why: str, terminal: "Console") -> None:
+def _try(scene: "Case", why: str, terminal: "Console") -> None:
     """Say what the case as it stands costs; collective."""
     from math import inf
 
@@ -86,7 +86,7 @@ def _warn(terminal: "Console", *sentences: str) -> None:
         terminal.print(f"warning: {sentence}", style="bold red", highlight=False)
 
 
-def _energy(scene: "Scene") -> list[str]:
+def _energy(scene: "Case") -> list[str]:
     """Return the energy that is computed with, in words, a line each."""
     from wavetank.simulation.construction import told_energy
 
@@ -94,7 +94,7 @@ def _energy(scene: "Scene") -> list[str]:
     return ["energy: the sum of its parts, of which all else is a derivative", *parts]
 
 
-def _plan(scene: "Scene", name: str, accuracy: float | None, terminal: "Console", *, calibrate: bool) -> None:
+def _plan(scene: "Case", name: str, accuracy: float | None, terminal: "Console", *, calibrate: bool) -> None:
     """Propose numerics for the accuracy, that of the case, or the default."""
     from mpi4py import MPI
 
@@ -128,7 +128,7 @@ def _plan(scene: "Scene", name: str, accuracy: float | None, terminal: "Console"
     _warn(terminal, *warnings, *forewarned)
 
 
-def _built(scene: "Scene") -> tuple[str, list[str]]:
+def _built(scene: "Case") -> tuple[str, list[str]]:
     """Return what is told of a scene's sponge, and what is doubtful of a run; raises ``InputError`` as the run does."""
     from math import inf
 
@@ -144,7 +144,7 @@ def _built(scene: "Scene") -> tuple[str, list[str]]:
     return told_of_sponge(scene, waves), run_warnings(scene, run.clock, waves)
 
 
-def _use(scene: "Scene", accuracy: float | None, wanted: float) -> str:
+def _use(scene: "Case", accuracy: float | None, wanted: float) -> str:
     """Return what makes a run use the plan."""
     if accuracy is None and scene.numerics.open:
         return "`wavetank run` uses this plan."
@@ -157,7 +157,7 @@ def _elsewhere(costs: "CostModel") -> str:
     return "; with --calibrate this one is measured, in about a minute" if costs is BUILT_IN else ""
 
 
-def _own(scene: "Scene", accuracy: float) -> "Plan | None":
+def _own(scene: "Case", accuracy: float) -> "Plan | None":
     """Return what is to be expected of the case's own numerics, or None where they are planned."""
     if scene.numerics.open:
         return None

@@ -56,14 +56,14 @@ from numpy.typing import NDArray
 
 from wavetank import case as nouns
 from wavetank.arrays import Vector
-from wavetank.case import Physics, Scene
+from wavetank.case import Case, Physics
 from wavetank.case.wall import HingedWall, ShapedWall
 from wavetank.errors import InputError
 from wavetank.motion import Motion
 from wavetank.motion.motion import values
 from wavetank.planning import travel
 from wavetank.planning.dispersion import Mesh, relative_frequency_error
-from wavetank.values.noun import Noun, Problem, SceneError
+from wavetank.values.case_model import CaseError, CaseModel, Problem
 from wavetank.waves import airy, standing_wave
 from wavetank.waves.conformal import SteadyWave
 from wavetank.waves.second_order import Strokes, second_order
@@ -117,7 +117,7 @@ class RunUp:
 DEARER = {"leaning": 1.3, "bent": 1.5, "both bent": 2.1}
 
 
-def kind_of(scene: Scene, physics: Physics) -> str:
+def kind_of(scene: Case, physics: Physics) -> str:
     """Return the kind of waves by what a step costs: "linear", "nonlinear", or of "driven" ones a ``DEARER`` one.
 
     A second paddle costs nothing but where both are bent.
@@ -128,7 +128,7 @@ def kind_of(scene: Scene, physics: Physics) -> str:
     return "both bent" if kinds == ["bent", "bent"] else max(kinds, key=lambda kind: DEARER.get(kind, 1.0))
 
 
-def _of_paddle(wall: Noun) -> str:
+def _of_paddle(wall: CaseModel) -> str:
     if isinstance(wall, ShapedWall):
         return "leaning" if isinstance(wall, HingedWall) and wall.hinge <= 0.0 else "bent"
     return "driven"
@@ -148,7 +148,7 @@ CHANGED = 2.5  # measured 1.6 to 3.5: pistons at k d = 0.7, 1.5, 2.5, flaps at 0
 ABSORPTION_POWER = 3.5  # measured 3.2 to 3.9
 
 
-def absorption_error(scene: Scene, k: Vector) -> Vector:
+def absorption_error(scene: Case, k: Vector) -> Vector:
     """Return the error of waves of wave numbers k [rad/m] over (omega dt)^(7/2), shape (N,).
 
     It counts from when waves are back at the farthest gauge. Of several paddles that absorb the largest counts.
@@ -206,7 +206,7 @@ class Components(NamedTuple):
         return Components(*(part[which] for part in self))
 
 
-class SceneWaves(NamedTuple):
+class CaseWaves(NamedTuple):
     """Components, the highest crest they make together by linear theory [m], and the exact wave if they are one.
 
     ``lasting`` is for how long they are about as high [s]; ``run_up`` is that of a solitary wave that meets a wall,
@@ -320,7 +320,7 @@ class Requirements:
     reasons: tuple[str, ...]
 
 
-def unplanned(scene: Scene) -> str | None:
+def unplanned(scene: Case) -> str | None:
     """Return why no plan can be made of a scene's tank and start, or None where one can."""
     tank = scene.tank
     if isinstance(tank, nouns.BasinTank) or tank.bed is not None:
@@ -332,7 +332,7 @@ def unplanned(scene: Scene) -> str | None:
     return None
 
 
-def requirements(scene: Scene, accuracy: float) -> Requirements:
+def requirements(scene: Case, accuracy: float) -> Requirements:
     """Return what a scene requires for a relative error of the elevation of ``accuracy``; its water stays if it is set.
 
     Raises ``InputError`` for a scene in which nothing moves, or whose tank or initial state is not known here.
@@ -340,7 +340,7 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
     tank = scene.tank
     if why := unplanned(scene):
         allowed = f"must be left out, then cells and vertical order follow a rule: {why}"
-        raise SceneError([Problem(("numerics", "accuracy"), scene.numerics.accuracy, allowed)])
+        raise CaseError([Problem(("numerics", "accuracy"), scene.numerics.accuracy, allowed)])
     waves, crest, form, lasting, run_up, free, progressive = _all_waves(scene, accuracy)
     motions = [seen.motion() for seen in scene.paddles]
     energy = waves.amplitude**2
@@ -380,12 +380,12 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
     )
 
 
-def _crest_velocity(k: float, crest: float, scene: Scene) -> float:
+def _crest_velocity(k: float, crest: float, scene: Case) -> float:
     tank = scene.tank
     return float(crest * airy.angular_frequency(k, tank.depth, tank.gravity) / np.tanh(k * tank.depth))
 
 
-def _physics_reason(scene: Scene, accuracy: float, steepness: float, second: float, phase: float) -> str:
+def _physics_reason(scene: Case, accuracy: float, steepness: float, second: float, phase: float) -> str:
     enough = _enough(accuracy, second, phase)
     choice = enough if _is_free(scene) else f"{scene.physics}, as the case says"
     return (
@@ -395,7 +395,7 @@ def _physics_reason(scene: Scene, accuracy: float, steepness: float, second: flo
     )
 
 
-def _is_free(scene: Scene) -> bool:
+def _is_free(scene: Case) -> bool:
     """Return whether the water is the plan's to choose: linear water has no velocities to be recorded."""
     return scene.water is None and scene.output.velocity_every is None
 
@@ -404,7 +404,7 @@ def _enough(accuracy: float, second: float, phase: float) -> Physics:
     return "linear" if np.hypot(second, phase) <= accuracy else "nonlinear"
 
 
-def _wall_reason(scene: Scene) -> str:
+def _wall_reason(scene: Case) -> str:
     if isinstance(scene.tank, nouns.RingTank):
         return "wall at x = 0: none in a ring."
     if not scene.wall.moves:
@@ -412,7 +412,7 @@ def _wall_reason(scene: Scene) -> str:
     return f"wall at x = 0: {_paddle_reason(scene, scene)}"
 
 
-def _paddle_reason(seen: Scene, scene: Scene) -> str:
+def _paddle_reason(seen: Case, scene: Case) -> str:
     """Return what is to be said of the wall of a scene as seen from there."""
     paddle, absorbs = f"a {seen.wall.type}", absorption(seen, scene)
     end = f"; {absorbs}." if absorbs else "."
@@ -426,7 +426,7 @@ def _paddle_reason(seen: Scene, scene: Scene) -> str:
     return f"{paddle}, the waves come from its motion{by}{f', as {reason}' if reason else ''}{end}"
 
 
-def absorption(seen: Scene, scene: Scene) -> str:
+def absorption(seen: Case, scene: Case) -> str:
     """Return what the paddle of a scene as seen from there absorbs, in words; nothing where it does not."""
     absorb = getattr(seen.wall, "absorb", None)
     return "" if absorb is None else absorb.description(scene.tank, seen.wall.wavemaker, paddles=scene.paddle_periods)
@@ -439,7 +439,7 @@ def _run_up_reason(run_up: RunUp | None) -> tuple[str, ...]:
     return (f"run-up: the solitary wave meets a wall; {peak} decides on cells and vertical order beside the wave.",)
 
 
-def _end_reason(scene: Scene, waves: Components) -> str:
+def _end_reason(scene: Case, waves: Components) -> str:
     if isinstance(scene.tank, nouns.RingTank):
         return "far end: none, a ring needs no sponge."
     if scene.sponge is not None:
@@ -455,7 +455,7 @@ def _end_reason(scene: Scene, waves: Components) -> str:
 
 
 # ---------------------------------------------------------------- the waves
-def _all_waves(scene: Scene, accuracy: float) -> SceneWaves:
+def _all_waves(scene: Case, accuracy: float) -> CaseWaves:
     result = STARTS[type(scene.initial)](scene.initial, scene)
     for seen in scene.paddles:
         if (motion := seen.motion()).moves:
@@ -468,14 +468,14 @@ def _all_waves(scene: Scene, accuracy: float) -> SceneWaves:
     highest = max(run_ups, key=lambda one: one.height, default=None)
     components, free = (_together(parts) for parts in zip(*((one.components, one.free) for one in result), strict=True))
     progressive = sum(waves.progressive for waves in result)
-    return SceneWaves(components, crest, form, lasting, highest, free, progressive)
+    return CaseWaves(components, crest, form, lasting, highest, free, progressive)
 
 
 def _together(several: Iterable[Components]) -> Components:
     return Components(*(np.concatenate(part) for part in zip(*several, strict=True)))
 
 
-def _standing_wave(wave: nouns.StandingWave, scene: Scene) -> list[SceneWaves]:
+def _standing_wave(wave: nouns.StandingWave, scene: Case) -> list[CaseWaves]:
     tank = scene.tank
     exact = standing_wave.ThirdOrderStandingWave(
         amplitude=wave.wave_amplitude, length=tank.length, depth=tank.depth, gravity=tank.gravity, modes=(wave.mode, 0)
@@ -490,18 +490,18 @@ def _standing_wave(wave: nouns.StandingWave, scene: Scene) -> list[SceneWaves]:
     excess = exact.frequency_shift * wave.wave_amplitude**2 / exact.linear_frequency
     crest = 2 * float(exact.elevation_coefficients.sum()) - wave.wave_amplitude
     form = Form(ratios, _crest_velocity(float(k[0]), wave.wave_amplitude, scene), excess, crest)
-    return [SceneWaves(components, wave.wave_amplitude, form)]
+    return [CaseWaves(components, wave.wave_amplitude, form)]
 
 
-def _periodic_waves(wave: nouns.StreamFunctionWave, scene: Scene) -> list[SceneWaves]:
+def _periodic_waves(wave: nouns.StreamFunctionWave, scene: Case) -> list[CaseWaves]:
     return [_steady_waves(wave.wave(scene.tank), scene.tank.length / wave.waves, scene)]
 
 
-def _solitary_wave(wave: nouns.SolitaryWave, scene: Scene) -> list[SceneWaves]:
+def _solitary_wave(wave: nouns.SolitaryWave, scene: Case) -> list[CaseWaves]:
     return [_followed(wave.wave(scene.tank), wave.height, scene, distance=scene.tank.length - wave.x)]
 
 
-def _followed(exact: SteadyWave, height: float, scene: Scene, *, distance: float, begin: float = 0.0) -> SceneWaves:
+def _followed(exact: SteadyWave, height: float, scene: Case, *, distance: float, begin: float = 0.0) -> CaseWaves:
     """Return a solitary wave whose crest is at a distance [m] from the far wall at a time [s], with its run-up."""
     x = scene.tank.depth * np.linspace(0.0, FARTHEST, POINTS)
     half = float(x[np.flatnonzero(exact.elevation(exact.crest + x) > TAIL * height)[-1]])
@@ -512,13 +512,13 @@ def _followed(exact: SteadyWave, height: float, scene: Scene, *, distance: float
     return waves._replace(run_up=RunUp(height / scene.tank.depth, scene.tank.depth))
 
 
-def _solitary_motion(scene: Scene) -> nouns.SolitaryWaveMotion | None:
+def _solitary_motion(scene: Case) -> nouns.SolitaryWaveMotion | None:
     """Return the motion of a scene's wall if that makes a solitary wave."""
     motion = getattr(scene.wall, "motion", None)
     return motion if isinstance(motion, nouns.SolitaryWaveMotion) else None
 
 
-def _steady_waves(exact: SteadyWave, length: float, scene: Scene) -> SceneWaves:
+def _steady_waves(exact: SteadyWave, length: float, scene: Case) -> CaseWaves:
     """Return a wave of permanent form by its harmonics in a window of a length [m] around its crest."""
     tank, k = scene.tank, np.array([2 * np.pi / length])
     places = length / POINTS * np.arange(POINTS)
@@ -529,7 +529,7 @@ def _steady_waves(exact: SteadyWave, length: float, scene: Scene) -> SceneWaves:
     excess = exact.speed * float(k[0] / airy.angular_frequency(k, tank.depth, tank.gravity)[0]) - 1.0
     components = Components(k, exact.speed * k, amplitudes[:1], np.array([scene.run.duration]))
     form = Form(amplitudes[: max(selected, 2)] / amplitudes[0], velocity, excess, float(eta.max()))
-    return SceneWaves(components, form.crest, form)
+    return CaseWaves(components, form.crest, form)
 
 
 class _Lines(NamedTuple):
@@ -551,7 +551,7 @@ class _Lines(NamedTuple):
         return np.asarray(np.mean(np.abs(envelope.reshape(TIMES, step)) ** 2, axis=1))
 
 
-def _paddle_waves(scene: Scene, motion: Motion, accuracy: float) -> SceneWaves:
+def _paddle_waves(scene: Case, motion: Motion, accuracy: float) -> CaseWaves:
     if (solitary := _solitary_motion(scene)) is not None:
         exact = solitary_wave(solitary.height, depth=scene.tank.depth, gravity=scene.tank.gravity)
         begin = solitary.crest_time_in(scene.tank)
@@ -573,10 +573,10 @@ def _paddle_waves(scene: Scene, motion: Motion, accuracy: float) -> SceneWaves:
     lasting = 4 * lines.duration * mean_square / max(crest, 1e-300) ** 2
     free = freed.selected(fraction[-1:] > 0.0)
     one_way = max(crest / 2, _crest(scene, lines, False)[0])  # at a wall that reflects both directions add up
-    return SceneWaves(result.selected(fraction[:-1] > 0.0), crest, None, lasting, None, free, one_way)
+    return CaseWaves(result.selected(fraction[:-1] > 0.0), crest, None, lasting, None, free, one_way)
 
 
-def _free_harmonic(scene: Scene, k: float, lines: _Lines) -> tuple[Components, Vector]:
+def _free_harmonic(scene: Case, k: float, lines: _Lines) -> tuple[Components, Vector]:
     """Return the free waves of twice the frequency that a paddle makes, over the waves of wave number k [rad/m].
 
     Their amplitude is that of a regular wave as high (``waves/second_order.py``), at most that itself. They grow with
@@ -594,7 +594,7 @@ def _free_harmonic(scene: Scene, k: float, lines: _Lines) -> tuple[Components, V
     return Components(free, omega, LEFT * ratio if taken else ratio, np.zeros(1)), squares
 
 
-def highest_frequency(scene: Scene, accuracy: float) -> float:
+def highest_frequency(scene: Case, accuracy: float) -> float:
     """Return the frequency [rad/s] above which a measured paddle makes but noise; ``inf`` of any other."""
     motion = scene.motion()
     return np.inf if motion.interval is None else _highest(motion, _lines(scene, motion), accuracy)
@@ -607,7 +607,7 @@ def _highest(motion: Motion, lines: _Lines, accuracy: float) -> float:
     return float(omega[amplitude > NOISE * amplitude.max()].max())
 
 
-def _lines(scene: Scene, motion: Motion) -> _Lines:
+def _lines(scene: Case, motion: Motion) -> _Lines:
     """Return the spectral lines of the paddle's waves, from 1 / ``looked_at`` to the k d of ``DEEPEST``.
 
     Of a motion of more than ``MOST_TIMES``, those of its first part.
@@ -624,7 +624,7 @@ def _lines(scene: Scene, motion: Motion) -> _Lines:
     return _Lines(omega, k, 1j * scene.wall.wavemaker.transfer(k, tank.depth) * coefficients)
 
 
-def analysed_duration(scene: Scene, motion: Motion) -> float:
+def analysed_duration(scene: Case, motion: Motion) -> float:
     """Return the duration of a motion whose spectrum is analysed [s]: longer than a short run, where it is defined.
 
     A user's motion need not be finite after the run: it is evaluated there first.
@@ -644,7 +644,7 @@ def tapered(part: Vector) -> Vector:
     return np.asarray(np.cos(np.pi / 2 * np.maximum(0.0, (part - 1.0) / TAPER + 1.0)) ** 4)
 
 
-def _crest(scene: Scene, lines: _Lines, returning: bool) -> tuple[float, float]:
+def _crest(scene: Case, lines: _Lines, returning: bool) -> tuple[float, float]:
     """Return the largest elevation [m] between the paddle and the farthest gauge, and the mean square [m²] there.
 
     Where waves return to the gauges, that is along the tank, with all reflections.
@@ -679,7 +679,7 @@ def _gathered(lines: _Lines, groups: list[NDArray[np.int_]]) -> tuple[Vector, Ve
     return mean, np.sqrt(energy)
 
 
-def _travel(scene: Scene, k: Vector, energy: Vector, squares: Vector) -> travel.Travel:
+def _travel(scene: Case, k: Vector, energy: Vector, squares: Vector) -> travel.Travel:
     """Return the travel of components to the farthest gauge they reach, of energies generated at rates, shape (N, M).
 
     The fraction is 0 of those that reach none; where gauges are reached by less than ``REACHED`` of the energy, the
@@ -702,7 +702,7 @@ def _travel(scene: Scene, k: Vector, energy: Vector, squares: Vector) -> travel.
     return result._replace(fraction=np.where(np.any(reached, axis=0), result.fraction, 0.0))
 
 
-STARTS: dict[type[Any], Callable[[Any, Scene], list[SceneWaves]]] = {  # that a plan knows, and their waves
+STARTS: dict[type[Any], Callable[[Any, Case], list[CaseWaves]]] = {  # that a plan knows, and their waves
     nouns.StillWater: lambda initial, scene: [],
     nouns.StandingWave: _standing_wave,
     nouns.StreamFunctionWave: _periodic_waves,

@@ -60,7 +60,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
-from wavetank.case import BasinTank, RingTank, Scene, SliceTank
+from wavetank.case import BasinTank, Case, RingTank, SliceTank
 from wavetank.case.initial import RunState, StillWater
 from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER, Numerics
 from wavetank.case.tank import paddle_period
@@ -78,7 +78,7 @@ from wavetank.planning.requirements import (
     tapered,
 )
 from wavetank.simulation.build import build_clock
-from wavetank.values.noun import Problem, SceneError
+from wavetank.values.case_model import CaseError, Problem
 from wavetank.waves import airy
 from wavetank.waves.airy import wave_number
 
@@ -119,7 +119,7 @@ class ShortestWave(NamedTuple):
         return f"the shortest wave, {2 * np.pi / self.k:.3g} m, is that of {self.source}" if self.source else ""
 
 
-def resolved(scene: Scene) -> Scene:
+def resolved(scene: Case) -> Case:
     """Return the scene with cells and vertical order that its shortest wave requires, where the case names none."""
     named, changes = scene.numerics.model_fields_set, dict[str, float | int]()
     size = cell_size_for(shortest_wave(scene).k, scene.numerics.order)
@@ -141,7 +141,7 @@ def resolved(scene: Scene) -> Scene:
     return scene.model_copy(update={"numerics": scene.numerics.model_copy(update=changes)})
 
 
-def shortest_wave(scene: Scene) -> ShortestWave:
+def shortest_wave(scene: Case) -> ShortestWave:
     """Return the shortest wave of a scene, of wave number ``LEAST`` if there is none."""
     bed, start, still = bed_shape(scene), start_spectrum(scene), ShortestWave(LEAST, "")
     motion, initial = (
@@ -152,25 +152,25 @@ def shortest_wave(scene: Scene) -> ShortestWave:
     return max(still, *(ShortestWave(k, source) for source, k in sources.items()))
 
 
-def _frequency(k: float, scene: Scene) -> float:
+def _frequency(k: float, scene: Case) -> float:
     """Return the frequency of a wave number [rad/m] where it is deep [rad/s]."""
     return float(airy.angular_frequency(k, bed_shape(scene).deep, _g(scene)))
 
 
-def by_rule(scene: Scene) -> Scene:
+def by_rule(scene: Case) -> Case:
     """Return the scene with the cells and vertical order that it would get if it named its order alone of the three."""
     kept = scene.numerics.model_fields_set - {"cells", "cell_size", "vertical_order"} | {"order"}
     numerics = Numerics(**{key: getattr(scene.numerics, key) for key in kept})
     return resolved(scene.model_copy(update={"numerics": numerics}))
 
 
-def solved_to(accuracy: float, scene: Scene) -> dict[str, float]:
+def solved_to(accuracy: float, scene: Case) -> dict[str, float]:
     """Return the tolerance of a step's solves that an accuracy asks for, by its key; nothing if the scene names one."""
     named = "tolerance" in scene.numerics.model_fields_set
     return {} if named else {"tolerance": min(SOLVED * accuracy, LOOSEST)}
 
 
-def _g(scene: Scene) -> float:
+def _g(scene: Case) -> float:
     return scene.tank.gravity
 
 
@@ -185,12 +185,12 @@ def vertical_order_for(kd: float) -> int:
     return next((n for n in orders if relative_frequency_error(kd, n) <= VERTICAL), HIGHEST_VERTICAL_ORDER)
 
 
-def _of_motion(scene: Scene) -> float:
+def _of_motion(scene: Case) -> float:
     """Return the frequency below which the paddles move [rad/s]; 0 if they stand still."""
     return max((frequency_below(seen, POWER) for seen in scene.paddles), default=0.0)
 
 
-def frequency_below(scene: Scene, share: float) -> float:
+def frequency_below(scene: Case, share: float) -> float:
     """Return that below which a share of the power of a paddle's motion lies [rad/s]; 0 if it stands still.
 
     It is the paddle of the wall that the scene is seen from.
@@ -207,7 +207,7 @@ def frequency_below(scene: Scene, share: float) -> float:
     return 0.0 if period is None else min(2 * np.pi / period, highest_frequency(scene, DEFAULT))
 
 
-def start_spectrum(scene: Scene) -> StartSpectrum:
+def start_spectrum(scene: Case) -> StartSpectrum:
     """Return the shortest waves of the initial surface; zeros if it is still, or that of another run.
 
     The power of a wave is |eta|² + |omega psi / g|²; waves beyond ``POWER`` of the power do not count.
@@ -232,7 +232,7 @@ def _bound_harmonics(steepness: float, kd: float) -> int:
     return int(np.sum(stokes(steepness, kd).ratios[1:] > DEFAULT)) if steepness > 0.0 else 0
 
 
-def bed_shape(scene: Scene) -> BedShape:
+def bed_shape(scene: Case) -> BedShape:
     """Return what waves know of a bed; a flat one is as deep everywhere."""
     depth = scene.depths()
     if not callable(depth):
@@ -250,7 +250,7 @@ def _of_variation(depths: Vector) -> float:
     return max(1 - POWER, (ROUGH * float(depths.mean())) ** 2 / variance) if variance > 0.0 else 1.0
 
 
-def _lines(scene: Scene, function: Callable[[Vector, Vector], Vector]) -> list[tuple[Vector, Vector]]:
+def _lines(scene: Case, function: Callable[[Vector, Vector], Vector]) -> list[tuple[Vector, Vector]]:
     """Return places [m] along lines through the tank, and a function at them, of those lines on which it is known."""
     result = []
     for along, x, y in _through(scene):
@@ -259,7 +259,7 @@ def _lines(scene: Scene, function: Callable[[Vector, Vector], Vector]) -> list[t
     return [(along, values) for along, values in result if np.isfinite(values).all()]
 
 
-def _through(scene: Scene) -> list[tuple[Vector, Vector, Vector]]:
+def _through(scene: Case) -> list[tuple[Vector, Vector, Vector]]:
     """Return places along lines, and their x and y [m]."""
     if not isinstance(scene.tank, BasinTank):
         x = np.linspace(0.0, scene.tank.length, POINTS, dtype=np.float64)
@@ -297,7 +297,7 @@ HELD = 0.01  # what mesh and step may miss: of waves, of their speed
 SHORTEST = 0.1  # of the power of a paddle's velocity: its shortest waves
 
 
-def waves_missed(scene: Scene, cell_size: float) -> Iterator[str]:
+def waves_missed(scene: Case, cell_size: float) -> Iterator[str]:
     """Yield a sentence for each paddle whose waves the cells, of a size [m], miss, and if the vertical order does.
 
     Cells are judged where it is shallow and waves are short, the vertical order where it is deep.
@@ -315,7 +315,7 @@ def waves_missed(scene: Scene, cell_size: float) -> Iterator[str]:
             yield from [told for which, omega in waves.items() if (told := missed(which, omega))][:1]
 
 
-def too_short(scene: Scene) -> Iterator[Problem]:
+def too_short(scene: Case) -> Iterator[Problem]:
     """Yield a problem for each paddle most of whose waves no numerics hold that are chosen for a case."""
     depth, g = bed_shape(scene).deep, scene.tank.gravity
     for seen in scene.paddles:
@@ -329,7 +329,7 @@ def too_short(scene: Scene) -> Iterator[Problem]:
             yield Problem((seen.key, "motion"), None, f"{held}: they are the same in a tank that is less deep")
 
 
-def _by_cells(scene: Scene, cell_size: float, depth: float, which: str, omega: float) -> str:
+def _by_cells(scene: Case, cell_size: float, depth: float, which: str, omega: float) -> str:
     """Return what the cells miss of waves of a frequency [rad/s], a sentence; empty if they hold them."""
     k, order, g = float(wave_number(omega, depth, scene.tank.gravity)), scene.numerics.order, scene.tank.gravity
     mesh = Mesh(cells=Cells(order, cell_size), vertical_order=scene.numerics.vertical_order, depth=depth, gravity=g)
@@ -343,7 +343,7 @@ def _by_cells(scene: Scene, cell_size: float, depth: float, which: str, omega: f
     return f"{nodes}, {size}, and {how}: cells of {cell_size_for(k, order):.2g} m hold them"
 
 
-def _by_order(scene: Scene, depth: float, which: str, omega: float) -> str:
+def _by_order(scene: Case, depth: float, which: str, omega: float) -> str:
     """Return what the vertical order misses of waves of a frequency [rad/s], a sentence; empty if it holds them."""
     kd, order = float(wave_number(omega, depth, scene.tank.gravity)) * depth, scene.numerics.vertical_order
     missed, enough = relative_frequency_error(kd, order), vertical_order_for(kd)
@@ -391,15 +391,15 @@ def stroke_missed(
 SURELY = 1.1  # of the longest step: a tank's largest frequency is below that of endless cells, by a hundredth at most
 
 
-def still_mesh(scene: Scene, cell_size: float) -> Mesh:
+def still_mesh(scene: Case, cell_size: float) -> Mesh:
     """Return cells of a size [m] with a scene's numerics, over still water of its tank's depth."""
     chosen, tank = scene.numerics, scene.tank
     cells = Cells(chosen.order, cell_size)
     return Mesh(cells=cells, vertical_order=chosen.vertical_order, depth=tank.depth, gravity=tank.gravity)
 
 
-def check_stable(scene: Scene, integrator: Integrator[Any], comm: MPI.Comm) -> None:
-    """Raise ``SceneError`` for a step that is surely unstable, after waves that no numerics hold; collective.
+def check_stable(scene: Case, integrator: Integrator[Any], comm: MPI.Comm) -> None:
+    """Raise ``CaseError`` for a step that is surely unstable, after waves that no numerics hold; collective.
 
     Of a slice or ring with a flat bed; what it lets pass is judged by the mesh itself.
     """
@@ -408,14 +408,14 @@ def check_stable(scene: Scene, integrator: Integrator[Any], comm: MPI.Comm) -> N
         on_first(comm, lambda: _check(scene, integrator, dt))
 
 
-def _check(scene: Scene, integrator: Integrator[Any], dt: float) -> None:
+def _check(scene: Case, integrator: Integrator[Any], dt: float) -> None:
     largest = still_mesh(scene, scene.cell_size).largest_frequency
     if dt * largest <= SURELY * integrator.stability_limit:
         return
     try:
         build_clock(scene, largest, integrator)
-    except SceneError as error:
-        raise SceneError([*too_short(scene), *error.problems]) from None
+    except CaseError as error:
+        raise CaseError([*too_short(scene), *error.problems]) from None
 
 
 PRODUCTS = 6.3

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
-from wavetank.case import Scene
+from wavetank.case import Case
 
 Complex = NDArray[np.complex128]
 
@@ -69,14 +69,14 @@ class Travel(NamedTuple):
     reflected: Vector
 
 
-def ends(scene: Scene, omega: Vector) -> Ends:
+def ends(scene: Case, omega: Vector) -> Ends:
     """Return the reflections of waves of frequencies [rad/s] in a slice; a sponge reflects nothing."""
     if scene.sponge is not None:
         return Ends(np.zeros_like(omega), np.zeros_like(omega))
     return Ends(_reflection(scene, scene, omega), _reflection(scene.mirrored, scene, omega))
 
 
-def _reflection(seen: Scene, scene: Scene, omega: Vector) -> Vector:
+def _reflection(seen: Case, scene: Case, omega: Vector) -> Vector:
     absorb = getattr(seen.wall, "absorb", None)
     if absorb is None:
         return np.ones_like(omega)

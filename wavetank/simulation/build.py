@@ -10,7 +10,7 @@ from dolfinx.mesh import MeshTags
 from mpi4py import MPI
 
 from wavetank.arrays import Vector
-from wavetank.case import RingTank, Scene
+from wavetank.case import Case, RingTank
 from wavetank.case.output import Window
 from wavetank.errors import InputError, OutsideError
 from wavetank.fem.agreed import agreed
@@ -67,7 +67,7 @@ from wavetank.tank.surface_flow import SurfaceFlow
 from wavetank.tank.wall_pressure import PaddlePush, WallPressure
 from wavetank.tank.walls.contract import stood
 from wavetank.tank.waves import NonlinearWaves
-from wavetank.values.noun import Problem, SceneError, about
+from wavetank.values.case_model import CaseError, Problem, about
 
 ENOUGH = 100_000  # unknowns of a basin, from which on several ranks pay
 ANSWERED = 1.25  # omega_max dt: of longer steps flaps that answer have been unstable
@@ -85,7 +85,7 @@ class Records(NamedTuple):
     probes, loads
         Tables; None where there are none.
     paddles
-        A table for each wall that moves, as ``Scene.paddles``.
+        A table for each wall that moves, as ``Case.paddles``.
     windows
         Of each window.
     fields
@@ -121,7 +121,7 @@ class Beginning(NamedTuple):
     surface: Callable[[AnyWaves], tuple[Vector, Vector]]
 
 
-def initial_state(scene: Scene, waves: AnyWaves) -> tuple[Vector, Vector]:
+def initial_state(scene: Case, waves: AnyWaves) -> tuple[Vector, Vector]:
     """Return (Q, psi) of the scene's initial surface; collective. Raises ``InputError`` if it lies below the bed."""
     comm = waves.plane.comm
     with about("initial"):
@@ -134,7 +134,7 @@ def initial_state(scene: Scene, waves: AnyWaves) -> tuple[Vector, Vector]:
 
 
 def build_clock(
-    scene: Scene,
+    scene: Case,
     largest_frequency: float,
     integrator: Integrator[Any],
     *,
@@ -163,13 +163,13 @@ def build_clock(
             f"must be below {limit:.4g} s, where {integrator.name} gets unstable on this mesh (largest frequency "
             f"{largest_frequency:.4g} rad/s)"
         )
-        raise SceneError([Problem(("numerics", "dt"), scene.numerics.dt, allowed)])
+        raise CaseError([Problem(("numerics", "dt"), scene.numerics.dt, allowed)])
     with about("numerics", "dt"):
         return Clock.covering(duration, scene.numerics.dt, until=scene.motions_end - begin)
 
 
 def build_run(
-    scene: Scene, comm: MPI.Comm, integrator: Integrator[Any] | None = None, *, beginning: Beginning | None = None
+    scene: Case, comm: MPI.Comm, integrator: Integrator[Any] | None = None, *, beginning: Beginning | None = None
 ) -> tuple[Run, AnyWaves]:
     """Return the run of a scene, nothing recorded yet, and the waves in it; collective.
 
@@ -201,7 +201,7 @@ def build_run(
     clock = agreed(comm, lambda: build_clock(scene, largest, integrator, moving=moving, begin=t).after(t, step))
     if answers and clock.dt * largest > ANSWERED:
         allowed = f"must be at most {ANSWERED / largest:.4g} s: a paddle that absorbs looks at the water once a step"
-        raise SceneError([Problem(("numerics", "dt"), scene.numerics.dt, allowed)])
+        raise CaseError([Problem(("numerics", "dt"), scene.numerics.dt, allowed)])
     filters = build_filters(scene, waves, clock.dt)
     run = Run(waves, integrator, [], start=start, clock=clock, filters=filters)
     check_states(run)
@@ -216,7 +216,7 @@ def _moving(waves: AnyWaves, start: tuple[Vector, Vector], t: float) -> float:
     return ShortWaves(waves).largest_frequency(waves.surface)
 
 
-def summary(scene: Scene, run: Run, waves: AnyWaves) -> str:
+def summary(scene: Case, run: Run, waves: AnyWaves) -> str:
     """Return what a run is, in a line."""
     limit = run.integrator.stability_limit
     bound = f" of {limit:g}" if limit < inf else ", stable at any"
@@ -230,7 +230,7 @@ def summary(scene: Scene, run: Run, waves: AnyWaves) -> str:
     )
 
 
-def build_filters(scene: Scene, waves: AnyWaves, dt: float) -> list[Filter]:
+def build_filters(scene: Case, waves: AnyWaves, dt: float) -> list[Filter]:
     """Return what acts between the steps: on breaking crests, and on kinks under steep ones; collective."""
     if isinstance(waves, LinearWaves):
         return []  # neither breaks nor has a current
@@ -249,7 +249,7 @@ def build_filters(scene: Scene, waves: AnyWaves, dt: float) -> list[Filter]:
     return filters
 
 
-def build_watch(scene: Scene, run: Run, waves: AnyWaves, warn: Callable[[str], None]) -> list[Observer]:
+def build_watch(scene: Case, run: Run, waves: AnyWaves, warn: Callable[[str], None]) -> list[Observer]:
     """Return what watches the step of nonlinear waves and warns; collective."""
     if isinstance(waves, LinearWaves):
         return []  # the limit is known before the run, and kept
@@ -257,7 +257,7 @@ def build_watch(scene: Scene, run: Run, waves: AnyWaves, warn: Callable[[str], N
     return [StabilityWatch(waves, waves.surface, dt=run.clock.dt, limit=limit, warn=warn, look=look)]
 
 
-def build_observers(scene: Scene, waves: AnyWaves, records: Records, *, sinks: Sequence[Sink] = ()) -> list[Observer]:
+def build_observers(scene: Case, waves: AnyWaves, records: Records, *, sinks: Sequence[Sink] = ()) -> list[Observer]:
     """Return a scene's gauges, energy budget (of what its sinks take, too), highest crest and snapshots; collective."""
     output = scene.output
     observers: list[Observer] = [
@@ -296,8 +296,8 @@ def build_observers(scene: Scene, waves: AnyWaves, records: Records, *, sinks: S
     return observers + look.observers
 
 
-def _gauges(scene: Scene, waves: AnyWaves, record: Record) -> Gauges:
-    """Return what records the gauges; collective. Raises ``SceneError`` for one outside the mesh."""
+def _gauges(scene: Case, waves: AnyWaves, record: Record) -> Gauges:
+    """Return what records the gauges; collective. Raises ``CaseError`` for one outside the mesh."""
     places = np.array([(gauge.x, gauge.y) for gauge in scene.all_gauges])
     try:
         called = _called(scene, [scene.gauge_key(n) for n in range(len(places))])
@@ -305,15 +305,15 @@ def _gauges(scene: Scene, waves: AnyWaves, record: Record) -> Gauges:
         told = not scene.absorbing and not (waves.wall.leans and _come_near(scene, Passing(waves.wall, places, called)))
         return Gauges(waves, places, record=record, schedule=schedule, called=called, foreseen=told)
     except OutsideError as error:
-        raise SceneError([Problem(scene.gauge_key(error.index), None, str(error))]) from None
+        raise CaseError([Problem(scene.gauge_key(error.index), None, str(error))]) from None
 
 
-def _come_near(scene: Scene, passing: Passing) -> bool:
+def _come_near(scene: Case, passing: Passing) -> bool:
     """Return whether paddles ever come near places, of motions that are told."""
     return passing.near(stood(0.0, np.array([seen.excursion(seen.motion()) for seen in scene.paddles])))
 
 
-def _called(scene: Scene, keys: Sequence[tuple[str | int, ...]]) -> Called:
+def _called(scene: Case, keys: Sequence[tuple[str | int, ...]]) -> Called:
     """Return what places are called that stand in a scene, and its paddles."""
     return Called([".".join(map(str, key)) for key in keys], [seen.key for seen in scene.paddles])
 
@@ -333,8 +333,8 @@ class InTheWater(NamedTuple):
     pushes: dict[str, Pushing]
 
     @classmethod
-    def of(cls, scene: Scene, waves: AnyWaves, records: Records) -> "InTheWater":
-        """Return what a scene asks for; collective. Raises ``SceneError`` for a probe or wall that is not there."""
+    def of(cls, scene: Case, waves: AnyWaves, records: Records) -> "InTheWater":
+        """Return what a scene asks for; collective. Raises ``CaseError`` for a probe or wall that is not there."""
         every = scene.output.velocity_every
         velocity = records.fields if every is not None and isinstance(waves, NonlinearWaves) else None
         if records.probes is None and records.loads is None and velocity is None and not records.windows:
@@ -365,19 +365,19 @@ class InTheWater(NamedTuple):
         )
 
 
-def _probes(scene: Scene, water: MovingWater, record: Record, schedule: EverySteps) -> Probes:
-    """Return what records the probes; collective. Raises ``SceneError`` for one outside the mesh."""
+def _probes(scene: Case, water: MovingWater, record: Record, schedule: EverySteps) -> Probes:
+    """Return what records the probes; collective. Raises ``CaseError`` for one outside the mesh."""
     points = np.array([(probe.x, probe.y, probe.z) for probe in scene.probes])
     try:
         sounding = Sounding(water, points, density=scene.tank.density)
         called = _called(scene, [("probes", n) for n in range(len(points))])
         return Probes(water, sounding, record=record, schedule=schedule, called=called)
     except OutsideError as error:
-        raise SceneError([Problem(("probes", error.index), None, str(error))]) from None
+        raise CaseError([Problem(("probes", error.index), None, str(error))]) from None
 
 
-def _window(scene: Scene, waves: AnyWaves, water: MovingWater, n: int, record: WindowRecord) -> WindowObserver:
-    """Return what records a window; collective. Raises ``SceneError`` for a column outside the mesh."""
+def _window(scene: Case, waves: AnyWaves, water: MovingWater, n: int, record: WindowRecord) -> WindowObserver:
+    """Return what records a window; collective. Raises ``CaseError`` for a column outside the mesh."""
     window = scene.windows[n]
     with about("windows", n):
         return WindowObserver(
@@ -396,7 +396,7 @@ def _rows(window: Window) -> EveryTimeBetween:
     return EveryTimeBetween(window.every, window.begin, np.inf if window.until is None else window.until)
 
 
-def told_of_end(scene: Scene, clock: Clock) -> str:
+def told_of_end(scene: Case, clock: Clock) -> str:
     """Return that a run's last step ends beyond its duration; empty where it does not."""
     if clock.end <= scene.run.duration * (1 + ROUNDING):
         return ""
@@ -418,7 +418,7 @@ def _unknowns(waves: AnyWaves) -> int:
     return waves.plane.size * (waves.vertical.n + 2)
 
 
-def told_of_windows(scene: Scene, clock: Clock) -> list[str]:
+def told_of_windows(scene: Case, clock: Clock) -> list[str]:
     """Return what there is to say of windows whose rows are not as far apart as was asked, or end early."""
     told = list[str]()
     for window in scene.windows:
@@ -431,13 +431,13 @@ def told_of_windows(scene: Scene, clock: Clock) -> list[str]:
     return told
 
 
-def _wall(scene: Scene, waves: AnyWaves, n: int) -> MeshTags:
-    """Return the facets of a load's wall; collective. Raises ``SceneError`` if there is none of that name."""
+def _wall(scene: Case, waves: AnyWaves, n: int) -> MeshTags:
+    """Return the facets of a load's wall; collective. Raises ``CaseError`` if there is none of that name."""
     with about("loads", n, "on"):
         return waves.plane.wall(scene.loads[n].on)
 
 
-def _surface_fields(scene: Scene, waves: AnyWaves, records: Records) -> list[Observer]:
+def _surface_fields(scene: Case, waves: AnyWaves, records: Records) -> list[Observer]:
     """Return what writes a basin's surface and sponge; collective."""
     if records.fields is None or waves.plane.mesh.topology.dim == 1:
         return []

@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from wavetank.arrays import Vector
 from wavetank.case import (
     BasinTank,
+    Case,
     FlapWall,
     Physics,
     PistonWall,
@@ -18,7 +19,6 @@ from wavetank.case import (
     PythonBed,
     RingTank,
     RunState,
-    Scene,
     SegmentedFlapWall,
     SegmentedPistonWall,
     SliceTank,
@@ -50,25 +50,25 @@ from wavetank.tank.kinematics import LinearRates, MovingWater, NonlinearRates
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.walls import BothEnds, LinearEnds, LinearPaddle, Piston, Placed, Polynomial, Shaped, Side, StillWall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
-from wavetank.values.noun import Noun, Problem, SceneError, about, renamed
+from wavetank.values.case_model import CaseError, CaseModel, Problem, about, renamed
 
 Footprint = Slice | Ring | Basin
 
 
-def build_footprint(scene: Scene, comm: MPI.Comm) -> Footprint:
+def build_footprint(scene: Case, comm: MPI.Comm) -> Footprint:
     """Return the tank seen from above; collective. Raises ``InputError`` for a mesh that cannot be used."""
     return FOOTPRINTS[type(scene.tank)](scene, scene.tank, comm)
 
 
-def _slice(scene: Scene, tank: SliceTank, comm: MPI.Comm) -> Slice:
+def _slice(scene: Case, tank: SliceTank, comm: MPI.Comm) -> Slice:
     return Slice(tank.length, scene.cells, comm=comm)
 
 
-def _ring(scene: Scene, tank: RingTank, comm: MPI.Comm) -> Ring:
+def _ring(scene: Case, tank: RingTank, comm: MPI.Comm) -> Ring:
     return Ring(tank.length, scene.cells, comm=comm)
 
 
-def _basin(scene: Scene, tank: BasinTank, comm: MPI.Comm) -> Basin:
+def _basin(scene: Case, tank: BasinTank, comm: MPI.Comm) -> Basin:
     layout, size = tank.layout, scene.cell_size
     if isinstance(layout, MeshFile):
         return Basin(read_layout(Path(layout.file), comm))
@@ -76,7 +76,7 @@ def _basin(scene: Scene, tank: BasinTank, comm: MPI.Comm) -> Basin:
     return Basin(draw_layout(lambda: layout.draw(size), comm), far=far)
 
 
-FOOTPRINTS: dict[type[Noun], Callable[[Scene, Any, MPI.Comm], Footprint]] = {
+FOOTPRINTS: dict[type[CaseModel], Callable[[Case, Any, MPI.Comm], Footprint]] = {
     SliceTank: _slice,
     RingTank: _ring,
     BasinTank: _basin,
@@ -99,10 +99,10 @@ class Kind(NamedTuple):
     """
 
     wall: type[Placed]
-    build: Callable[[Scene, Any, Any, Plane], Any]
+    build: Callable[[Case, Any, Any, Plane], Any]
 
 
-def build_wall(scene: Scene, footprint: Footprint, plane: Plane) -> Any:
+def build_wall(scene: Case, footprint: Footprint, plane: Plane) -> Any:
     """Return what moves of the scene's walls, for its water; collective.
 
     Raises ``InputError`` where one cannot move as far.
@@ -113,41 +113,41 @@ def build_wall(scene: Scene, footprint: Footprint, plane: Plane) -> Any:
     return LinearEnds(*walls) if scene.physics == "linear" else _both(scene, *walls, plane=plane)
 
 
-def kinds_of(scene: Scene) -> list[type[Placed]]:
+def kinds_of(scene: Case) -> list[type[Placed]]:
     """Return the classes of what moves of the scene's walls, or that of one that stands still."""
     return [WALLS[scene.physics][type(seen.wall)].wall for seen in scene.paddles] or [StillWall]
 
 
-def _built(seen: Scene, footprint: Footprint, plane: Plane) -> Any:
+def _built(seen: Case, footprint: Footprint, plane: Plane) -> Any:
     """Return the wall of a scene as seen from it; collective."""
     with renamed("wall", seen.key):
         return WALLS[seen.physics][type(seen.wall)].build(seen, seen.wall, footprint, plane)
 
 
-def _both(scene: Scene, near: Piston, far: Piston, *, plane: Plane) -> BothEnds:
-    """Return both walls; raises ``SceneError`` where their reaches meet on a mesh of few cells."""
+def _both(scene: Case, near: Piston, far: Piston, *, plane: Plane) -> BothEnds:
+    """Return both walls; raises ``CaseError`` where their reaches meet on a mesh of few cells."""
     if near.reach + far.reach > scene.tank.length * (1 + 1e-9):
         what = f"reaches {far.reach:.4g} m on this mesh, the wall {near.reach:.4g} m: must not overlap"
-        raise SceneError([Problem(("far_wall", "reach"), scene.mirrored.reach, what)])
+        raise CaseError([Problem(("far_wall", "reach"), scene.mirrored.reach, what)])
     return BothEnds(near, far, plane=plane)
 
 
-def motion_of(scene: Scene) -> Motion:
+def motion_of(scene: Case) -> Motion:
     """Return what moves the wall: of a paddle that absorbs a motion of this run's own."""
     return scene.motion() if getattr(scene.wall, "absorb", None) is None else FeedbackMotion(scene.motion())
 
 
-def _linear_piston(scene: Scene, noun: PistonWall, footprint: Slice | Basin, plane: Plane) -> LinearPaddle:
+def _linear_piston(scene: Case, noun: PistonWall, footprint: Slice | Basin, plane: Plane) -> LinearPaddle:
     return LinearPaddle(motion_of(scene), plane=plane, side=footprint.side(scene.end))
 
 
-def _linear_shaped(scene: Scene, noun: ShapedWall, footprint: Slice | Basin, plane: Plane) -> LinearPaddle:
+def _linear_shaped(scene: Case, noun: ShapedWall, footprint: Slice | Basin, plane: Plane) -> LinearPaddle:
     side, shape = footprint.side(scene.end), _shape(scene, noun, plane)
     return LinearPaddle(motion_of(scene), plane=plane, side=side, shape=shape)
 
 
-def _shape(scene: Scene, noun: ShapedWall, plane: Plane) -> Polynomial:
-    """Return the polynomial of a paddle's shape; raises ``SceneError`` for one that it would not show."""
+def _shape(scene: Case, noun: ShapedWall, plane: Plane) -> Polynomial:
+    """Return the polynomial of a paddle's shape; raises ``CaseError`` for one that it would not show."""
     wavemaker, depth = noun.wavemaker, scene.tank.depth
     shape = Polynomial.near(lambda z: wavemaker.share(z, depth), depth, plane.mesh, kinks=wavemaker.kinks(depth))
     z = np.linspace(-depth, 0.0, 1001, dtype=np.float64)
@@ -155,19 +155,19 @@ def _shape(scene: Scene, noun: ShapedWall, plane: Plane) -> Polynomial:
     missed = float(np.abs(shape.at(z) - wanted).max() / np.abs(wanted).max())
     if missed > MISSED:
         allowed = f"bends the paddle too sharply: the nearest polynomial misses {100 * missed:.0f} % of its stroke"
-        raise SceneError([Problem(("wall", noun.shaped_by), getattr(noun, noun.shaped_by), allowed)])
+        raise CaseError([Problem(("wall", noun.shaped_by), getattr(noun, noun.shaped_by), allowed)])
     return shape
 
 
-def _shaped(scene: Scene, noun: ShapedWall, footprint: Slice | Basin, plane: Plane) -> Piston:
+def _shaped(scene: Case, noun: ShapedWall, footprint: Slice | Basin, plane: Plane) -> Piston:
     side, shape = footprint.side(scene.end), _shape(scene, noun, plane)
     wall = Shaped(motion_of(scene), plane=plane, reach=_reach(scene, noun, footprint, side), side=side, shape=shape)
     _check_flat(scene, noun, wall, plane)
     return _checked(scene, noun, wall)
 
 
-def _check_flat(scene: Scene, noun: ShapedWall, wall: Piston, plane: Plane) -> None:
-    """Raise ``SceneError`` for a bed that varies within the reach of a paddle that leans; collective."""
+def _check_flat(scene: Case, noun: ShapedWall, wall: Piston, plane: Plane) -> None:
+    """Raise ``CaseError`` for a bed that varies within the reach of a paddle that leans; collective."""
     depth, distances = scene.depths(), wall.distances(plane)
     if not callable(depth):
         return
@@ -179,42 +179,42 @@ def _check_flat(scene: Scene, noun: ShapedWall, wall: Piston, plane: Plane) -> N
         bounds = f"must be at most {nearest:.4g} m, and more than {needed:.4g} m for this motion"
         flat = f"must be of the tank's depth, to {FLAT:g} of it, within the reach of a paddle that leans"
         if noun.reach is not None and nearest > needed:
-            raise SceneError([Problem(("wall", "reach"), noun.reach, f"{bounds}: the bed {flat}")])
+            raise CaseError([Problem(("wall", "reach"), noun.reach, f"{bounds}: the bed {flat}")])
         cure = f"its reach {bounds}"
         if nearest <= needed:
             cure = f"this motion needs more than {needed:.4g} m of such a bed; a piston needs none"
         here = f"here {wall.reach:.4g} m{'' if noun.reach else ' by default'}, and is so for {nearest:.4g} m"
-        raise SceneError([Problem(("tank", "bed"), None, f"{flat}, {here}: {cure}")])
+        raise CaseError([Problem(("tank", "bed"), None, f"{flat}, {here}: {cure}")])
 
 
-def _piston(scene: Scene, noun: MovingWall, footprint: Slice | Basin, plane: Plane) -> Piston:
+def _piston(scene: Case, noun: MovingWall, footprint: Slice | Basin, plane: Plane) -> Piston:
     side = footprint.side(scene.end)
     wall = Piston(motion_of(scene), plane=plane, reach=_reach(scene, noun, footprint, side), side=side)
     return _checked(scene, noun, wall)
 
 
-def _checked(scene: Scene, noun: MovingWall, wall: Piston) -> Piston:
-    """Return the wall; raises ``SceneError`` where it goes farther than its mapping can."""
+def _checked(scene: Case, noun: MovingWall, wall: Piston) -> Piston:
+    """Return the wall; raises ``CaseError`` where it goes farther than its mapping can."""
     excursion, allowed = noun.max_mode_shape(scene.tank) * scene.excursion(scene.motion()), wall.largest_stroke
     if excursion >= allowed:
         limit = (
             f"goes {excursion:.4g} m from rest; must stay below {allowed:.4g} m, 3/4 of the reach in which its mapping "
             f"dies out, which is {wall.reach:.4g} m on this mesh and before any wall that stands still"
         )
-        raise SceneError([Problem(("wall", "motion"), None, limit)])
+        raise CaseError([Problem(("wall", "motion"), None, limit)])
     return wall
 
 
-def _reach(scene: Scene, noun: MovingWall, footprint: Slice | Basin, side: Side) -> float:
+def _reach(scene: Case, noun: MovingWall, footprint: Slice | Basin, side: Side) -> float:
     """Return where the wall's mapping has died out [m], before any wall that must not move; collective."""
     free, asked = footprint.free_reach(side), scene.reach
     if noun.reach is not None and asked > free * (1 + 1e-9):
         what = "where a wall stands that does not run along the paddle's motion"
-        raise SceneError([Problem(("wall", "reach"), asked, f"must be at most {free:.4g} m, {what}")])
+        raise CaseError([Problem(("wall", "reach"), asked, f"must be at most {free:.4g} m, {what}")])
     return min(free, asked)
 
 
-WALLS: dict[Physics, dict[type[Noun], Kind]] = {
+WALLS: dict[Physics, dict[type[CaseModel], Kind]] = {
     "nonlinear": {
         PistonWall: Kind(Piston, _piston),
         FlapWall: Kind(Shaped, _shaped),
@@ -234,12 +234,12 @@ AnyWaves = NonlinearWaves | LinearWaves
 NOMINAL = 0.01  # of the depth: what a bed may differ from it where waves are made, as measured ones do
 
 
-def build_waves(scene: Scene, comm: MPI.Comm) -> AnyWaves:
+def build_waves(scene: Case, comm: MPI.Comm) -> AnyWaves:
     """Return the tank with its water; collective."""
     return fill(scene, build_footprint(scene, comm))
 
 
-def fill(scene: Scene, footprint: Footprint) -> AnyWaves:
+def fill(scene: Case, footprint: Footprint) -> AnyWaves:
     """Return a footprint with the scene's water in it; collective."""
     with about("tank", "bed"):
         plane = Plane(footprint.mesh, scene.numerics.order, footprint.chart, walls=footprint.facets_of)
@@ -247,8 +247,8 @@ def fill(scene: Scene, footprint: Footprint) -> AnyWaves:
         return WATERS[scene.physics].build(scene, footprint, plane)
 
 
-def check_depth(scene: Scene, footprint: Footprint, plane: Plane) -> None:
-    """Raise ``SceneError`` if the tank's depth is not the bed's at the paddle, or is nowhere its; collective."""
+def check_depth(scene: Case, footprint: Footprint, plane: Plane) -> None:
+    """Raise ``CaseError`` if the tank's depth is not the bed's at the paddle, or is nowhere its; collective."""
     depth = scene.depths()
     if not callable(depth):
         return
@@ -264,10 +264,10 @@ def check_depth(scene: Scene, footprint: Footprint, plane: Plane) -> None:
             depths = f"{low:.4g} m" if f"{low:.4g}" == f"{high:.4g}" else f"{low:.4g} to {high:.4g} m"
             or_else = ", or the bed of the tank's depth there: the wall moves" if where.endswith(FAR) else ""
             allowed = f"must be {where}, {depths}, to 1 %{or_else}"
-            raise SceneError([Problem(("tank", "depth"), scene.tank.depth, allowed)])
+            raise CaseError([Problem(("tank", "depth"), scene.tank.depth, allowed)])
 
 
-def told_of_bed(scene: Scene, waves: AnyWaves) -> str:
+def told_of_bed(scene: Case, waves: AnyWaves) -> str:
     """Return how much of the tank the bed's minimum depth touches, or nothing if it has none; collective."""
     minimum = None if scene.tank.bed is None else scene.tank.bed.minimum_depth
     if minimum is None:
@@ -277,7 +277,7 @@ def told_of_bed(scene: Scene, waves: AnyWaves) -> str:
     return f"tank.bed.minimum_depth = {minimum:g} m holds for {100 * wet / whole:.3g} % of the tank"
 
 
-def bed_by_code(scene: Scene, waves: AnyWaves) -> dict[str, Vector]:
+def bed_by_code(scene: Case, waves: AnyWaves) -> dict[str, Vector]:
     """Return x, y (of a basin) [m] and depth [m] of a bed by a Python function at all degrees of freedom; collective.
 
     Empty of any other bed, and on all ranks but the first.
@@ -293,7 +293,7 @@ def bed_by_code(scene: Scene, waves: AnyWaves) -> dict[str, Vector]:
     return dict(zip(columns, values, strict=False))
 
 
-def told_energy(scene: Scene) -> list[str]:
+def told_energy(scene: Case) -> list[str]:
     """Return a scene's Hamiltonian in words, a line each: its parts, the mapping, the bed; what vanishes, and why."""
     parts, walls = WATERS[scene.physics].waves.parts, kinds_of(scene)
     names = [seen.key.replace("_", " ") for seen in scene.paddles] or ["wall"]
@@ -305,7 +305,7 @@ def told_energy(scene: Scene) -> list[str]:
     return [*map(str, (*parts, *named)), *dict.fromkeys(wall.told for wall in walls), *own, bed.told]
 
 
-def _nonlinear(scene: Scene, footprint: Footprint, plane: Plane) -> NonlinearWaves:
+def _nonlinear(scene: Case, footprint: Footprint, plane: Plane) -> NonlinearWaves:
     numerics = scene.numerics
     return NonlinearWaves(
         plane,
@@ -317,7 +317,7 @@ def _nonlinear(scene: Scene, footprint: Footprint, plane: Plane) -> NonlinearWav
     )
 
 
-def _linear(scene: Scene, footprint: Footprint, plane: Plane) -> LinearWaves:
+def _linear(scene: Case, footprint: Footprint, plane: Plane) -> LinearWaves:
     return LinearWaves(
         plane,
         depth=scene.depths(),
@@ -328,7 +328,7 @@ def _linear(scene: Scene, footprint: Footprint, plane: Plane) -> LinearWaves:
     )
 
 
-def moving_water(scene: Scene, waves: AnyWaves) -> MovingWater:
+def moving_water(scene: Case, waves: AnyWaves) -> MovingWater:
     """Return water of an observer's own like the scene's, of which rates are found; collective."""
     numerics = scene.numerics
     if isinstance(waves, LinearWaves):
@@ -349,7 +349,7 @@ class Water(NamedTuple):
     """A kind of water: the class of its waves, and what builds them."""
 
     waves: type[NonlinearWaves] | type[LinearWaves]
-    build: Callable[[Scene, Footprint, Plane], AnyWaves]
+    build: Callable[[Case, Footprint, Plane], AnyWaves]
 
 
 WATERS: dict[Physics, Water] = {
@@ -358,12 +358,12 @@ WATERS: dict[Physics, Water] = {
 }
 
 
-def build_sponge(scene: Scene, sponge: AnySponge, footprint: Footprint, waves: AnyWaves) -> Vector:
+def build_sponge(scene: Case, sponge: AnySponge, footprint: Footprint, waves: AnyWaves) -> Vector:
     """Return gamma at the owned degrees of freedom [1/s], shape (owned,); collective."""
     return SPONGES[type(sponge)](scene, sponge, footprint, waves)
 
 
-def told_of_sponge(scene: Scene, waves: AnyWaves) -> str:
+def told_of_sponge(scene: Case, waves: AnyWaves) -> str:
     """Return where the sponge is, and the largest rate that acts, or nothing if there is none; collective."""
     if scene.sponge is None or waves.damping is None:
         return ""
@@ -372,29 +372,29 @@ def told_of_sponge(scene: Scene, waves: AnyWaves) -> str:
     return f"sponge: {where}up to {most:.3g} 1/s"
 
 
-def _formula(scene: Scene, sponge: FormulaSponge, footprint: Footprint, waves: AnyWaves) -> Vector:
+def _formula(scene: Case, sponge: FormulaSponge, footprint: Footprint, waves: AnyWaves) -> Vector:
     plane = waves.plane
     return checked(plane, agreed(plane.comm, lambda: sponge.build()(*plane.places.T)))
 
 
-def _group(scene: Scene, sponge: GroupSponge, footprint: Basin, waves: AnyWaves) -> Vector:
+def _group(scene: Case, sponge: GroupSponge, footprint: Basin, waves: AnyWaves) -> Vector:
     distance = distance_from_edge(waves.plane, footprint.layout.cells_of("sponge"))
     return _profile(scene, sponge, distance, width=width_of(waves.plane, distance))
 
 
-def _end(scene: Scene, sponge: EndSponge, footprint: Footprint, waves: AnyWaves) -> Vector:
+def _end(scene: Case, sponge: EndSponge, footprint: Footprint, waves: AnyWaves) -> Vector:
     x = waves.wall.distances(waves.plane)
     far = waves.plane.comm.allreduce(float(np.max(x, initial=-np.inf)), op=MPI.MAX)
     return _profile(scene, sponge, np.asarray(x - (far - sponge.length)), width=sponge.length)
 
 
-def _profile(scene: Scene, sponge: EndSponge | GroupSponge, distance: Vector, *, width: float) -> Vector:
+def _profile(scene: Case, sponge: EndSponge | GroupSponge, distance: Vector, *, width: float) -> Vector:
     """Return gamma at distances from the inner edge of a sponge of some width [m]."""
     strength = sponge.strength_for(width, scene.tank, paddle=scene.paddle_period)
     return profile(distance, width=width, strength=strength)
 
 
-SPONGES: dict[type[Noun], Callable[[Scene, Any, Any, AnyWaves], Vector]] = {
+SPONGES: dict[type[CaseModel], Callable[[Case, Any, Any, AnyWaves], Vector]] = {
     FormulaSponge: _formula,
     GroupSponge: _group,
     EndSponge: _end,
@@ -404,7 +404,7 @@ SPONGES: dict[type[Noun], Callable[[Scene, Any, Any, AnyWaves], Vector]] = {
 Answered = tuple[Equation, Look]
 
 
-def build_answers(scene: Scene, waves: AnyWaves) -> list[AnsweringPaddle]:
+def build_answers(scene: Case, waves: AnyWaves) -> list[AnsweringPaddle]:
     """Return what answers the water, of each paddle of a scene that absorbs; collective."""
     result = list[AnsweringPaddle]()
     for number in scene.absorbing:
@@ -417,12 +417,12 @@ def build_answers(scene: Scene, waves: AnyWaves) -> list[AnsweringPaddle]:
     return result
 
 
-def added_motions(scene: Scene, waves: AnyWaves) -> dict[int, Any]:
+def added_motions(scene: Case, waves: AnyWaves) -> dict[int, Any]:
     """Return how those paddles move that absorb, by their numbers: ``FeedbackMotion`` motions."""
     return {number: waves.wall.paddles[number].motion for number in scene.absorbing}
 
 
-def build_supply(scene: Scene, waves: AnyWaves) -> AnsweredWork | None:
+def build_supply(scene: Case, waves: AnyWaves) -> AnsweredWork | None:
     """Return what counts the work of a scene's paddles, where some of them absorb."""
     if not scene.absorbing:
         return None
@@ -431,14 +431,14 @@ def build_supply(scene: Scene, waves: AnyWaves) -> AnsweredWork | None:
     return AnsweredWork([paddle.motion for paddle in waves.wall.paddles], masses)
 
 
-def went_on(scene: Scene, motions: Iterable[Any], scheme: Held) -> None:
+def went_on(scene: Case, motions: Iterable[Any], scheme: Held) -> None:
     """Let motions of a scene's paddles, those that absorb among them, stand where a run's scheme has held them."""
     paddles = [*motions]
     for n, number in enumerate(scene.absorbing):
         paddles[number].carry(scheme[f"paddle {n}"]["motion"])
 
 
-def _active(scene: Scene, number: int, waves: AnyWaves) -> Answered:
+def _active(scene: Case, number: int, waves: AnyWaves) -> Answered:
     seen, tank, comm = scene.paddles[number], scene.tank, waves.plane.comm
     wall: Any = seen.wall
     paddle: Any = waves.wall.paddles[number]
@@ -454,7 +454,7 @@ def _active(scene: Scene, number: int, waves: AnyWaves) -> Answered:
     return Equation.of_transfer(-above, below).met_by(excess.rise), excess
 
 
-def _on_spring(scene: Scene, number: int, waves: AnyWaves) -> Answered:
+def _on_spring(scene: Case, number: int, waves: AnyWaves) -> Answered:
     wall: Any = scene.paddles[number].wall
     paddle: Any = waves.wall.paddles[number]
     mass, stiffness, damping = wall.absorb.resolved(scene.tank, wall.wavemaker, paddles=scene.paddle_periods)
@@ -463,7 +463,7 @@ def _on_spring(scene: Scene, number: int, waves: AnyWaves) -> Answered:
     return equation, Push(waves, number, paddle, mass=added)
 
 
-ANSWERS: dict[type[Noun], Callable[[Scene, int, AnyWaves], Answered]] = {
+ANSWERS: dict[type[CaseModel], Callable[[Case, int, AnyWaves], Answered]] = {
     ActiveAbsorption: _active,
     SpringDamper: _on_spring,
 }
@@ -491,7 +491,7 @@ class KeptSurface(NamedTuple):
         What its integrator has held: where absorbing has taken its paddles.
     """
 
-    scene: Scene
+    scene: Case
     t: float
     mass: float
     values: tuple[Vector, Vector]
@@ -546,7 +546,7 @@ APART = 1e-3  # of the depth: so far may the wall stand from where it stood
 MESHED = {"cells", "geometry", "sponge_length", "factor", "refine", "file"}  # of a layout: its mesh, not its walls
 
 
-def initial_surface(scene: Scene, waves: AnyWaves) -> tuple[Vector, Vector]:
+def initial_surface(scene: Case, waves: AnyWaves) -> tuple[Vector, Vector]:
     """Return eta [m] and psi [m²/s] at the degrees of freedom, shape (owned,); collective.
 
     Raises ``InputError`` where they cannot be had.
@@ -558,12 +558,12 @@ def initial_surface(scene: Scene, waves: AnyWaves) -> tuple[Vector, Vector]:
     return agreed(comm, lambda: initial.surface(scene.tank, x, y))
 
 
-def kept_surface(scene: Scene, initial: RunState, waves: AnyWaves) -> KeptSurface:
+def kept_surface(scene: Case, initial: RunState, waves: AnyWaves) -> KeptSurface:
     """Return what was kept, values on the first rank alone; collective. Raises ``InputError``, on all ranks."""
     comm = waves.plane.comm
     result: list[Checkpoint] = []
 
-    def read() -> tuple[dict[str, Any], Scene, Held]:
+    def read() -> tuple[dict[str, Any], Case, Held]:
         path, about = _chosen(initial)
         before, checkpoint = _its_scene(initial, about), read_checkpoint_file(path)
         if not isinstance(checkpoint, Checkpoint):
@@ -582,17 +582,17 @@ def kept_surface(scene: Scene, initial: RunState, waves: AnyWaves) -> KeptSurfac
     return KeptSurface(before, about["t"], about["mass"], values, places, scheme=scheme)
 
 
-def with_its_numerics(scene: Scene, initial: RunState) -> Scene:
+def with_its_numerics(scene: Case, initial: RunState) -> Case:
     """Return the scene with that run's numerics where it names none; or ``InputError``, also if they do not fit."""
     before = _its_scene(initial, _chosen(initial)[1])
     numerics = scene.numerics.over(before.numerics, named=scene.numerics.model_fields_set)
     result = scene.model_copy(update={"numerics": numerics})
     if problems := [*numerics.problems(result)]:
-        raise SceneError(problems)
+        raise CaseError(problems)
     return result
 
 
-def told_of_start(scene: Scene, waves: AnyWaves, q: Vector) -> str:
+def told_of_start(scene: Case, waves: AnyWaves, q: Vector) -> str:
     """Return what a start costs of the mass, of a file where its mean is, or nothing of others; collective."""
     initial = scene.initial
     if isinstance(initial, FileSurface | FormulaSurface):
@@ -629,14 +629,14 @@ def _chosen(initial: RunState) -> tuple[Path, dict[str, Any]]:
     raise InputError(f"t = {at:g}: must be a time that is kept, which are {times}; a run keeps its end.")
 
 
-def _its_scene(initial: RunState, about: dict[str, Any]) -> Scene:
+def _its_scene(initial: RunState, about: dict[str, Any]) -> Case:
     try:
-        return Scene.model_validate(about["chosen"])
+        return Case.model_validate(about["chosen"])
     except (KeyError, ValidationError):
         raise InputError(f"directory = {initial.directory}: was written by another version of this program.") from None
 
 
-def _check(scene: Scene, before: Scene, t: float, scheme: Held) -> None:
+def _check(scene: Case, before: Case, t: float, scheme: Held) -> None:
     """Raise ``InputError`` unless the tanks are one, and the walls stand in one place."""
     mine, its = (_walls(one) for one in (scene, before))
     for key in sorted(mine.keys() | its.keys()):
@@ -655,7 +655,7 @@ def _check(scene: Scene, before: Scene, t: float, scheme: Held) -> None:
             raise InputError(f"{where}: must be as near as {APART:g} of the depth; it may wait until it is at rest.")
 
 
-def _walls(scene: Scene) -> dict[str, Any]:
+def _walls(scene: Case) -> dict[str, Any]:
     """Return what there is to say of a tank, without its mesh, by keys."""
     return dict(_leaves(scene.tank.model_dump(mode="json")))
 
@@ -668,7 +668,7 @@ def _leaves(tables: dict[str, Any], name: str = "") -> Iterator[tuple[str, Any]]
             yield f"{name}{key}", value
 
 
-def _motions(scene: Scene, scheme: Held | None = None) -> dict[str, Motion]:
+def _motions(scene: Case, scheme: Held | None = None) -> dict[str, Motion]:
     """Return what moves the walls, as the water has it, by their keys; ``scheme``: where absorbing has taken them."""
     if scene.physics == "linear":
         return {}

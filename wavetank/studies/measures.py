@@ -23,7 +23,7 @@ from scipy.optimize import minimize_scalar
 
 from wavetank.analysis.compare import matched
 from wavetank.analysis.quantities import AT_GAUGE, AT_WALL, OF_RUN, Findings
-from wavetank.case import LinearWater, Scene, StandingWave, StreamFunctionWave
+from wavetank.case import Case, LinearWater, StandingWave, StreamFunctionWave
 from wavetank.errors import InputError, choice
 from wavetank.output.directory import RunDirectory
 from wavetank.output.fields import Surface
@@ -87,7 +87,7 @@ class TravellingWave:
 ExactSolution = LinearStandingWave | TravellingWave
 
 
-def exact_solution(scene: Scene) -> ExactSolution:
+def exact_solution(scene: Case) -> ExactSolution:
     """Return the exact solution of a scene; raises ``InputError`` if none is known."""
     tank, initial = scene.tank, scene.initial
     for paddle in scene.paddles:
@@ -172,7 +172,7 @@ def snapshots(surface: Surface, *, period: float | None) -> Iterator[Snapshot]:
 class ExactReference:
     """Judges by the exact solution of a scene; raises ``InputError`` if none is known."""
 
-    def __init__(self, scene: Scene):
+    def __init__(self, scene: Case):
         self._solution: ExactSolution = exact_solution(scene)
 
     def errors(self, run: RunDirectory) -> Errors:
@@ -206,7 +206,7 @@ class RunReference:
         self._end = float(surface.t[-1])
         self._in_time = _interpolant(surface.t, np.stack([surface.x, surface.eta], axis=-1))
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: Case) -> None:
         """Raise ``InputError`` if a scene's tank is another one."""
         if self._run.manifest["scene"]["tank"] != scene.model_dump(mode="json")["tank"]:
             raise InputError(f"reference {self._run.path}: is a run in another tank; the tank must be the case's.")
@@ -307,7 +307,7 @@ class Response:
         self.quantities.append(Quantity(name, gauge))
         return f"quantity{len(self.quantities) - 1}"
 
-    def check(self, scene: Scene) -> None:
+    def check(self, scene: Case) -> None:
         """Raise ``InputError`` for a gauge or load that a scene does not have."""
         gauges, loads = [gauge.name for gauge in scene.all_gauges], [load.called for load in scene.loads]
         for quantity in self.quantities:
@@ -326,7 +326,7 @@ def _allowed() -> str:
     return f"allowed are formulae of {', '.join(OF_RUN)}, and {at}."
 
 
-def usual_responses(scene: Scene) -> list[Response]:
+def usual_responses(scene: Case) -> list[Response]:
     """Return the highest elevation of all snapshots, where and when it stood, and but for a basin the lowest."""
     labels = [label for label in USUAL if label != TROUGH or scene.tank.type != "basin"]
     return [Response(USUAL[label], label) for label in labels]

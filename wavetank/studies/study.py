@@ -11,7 +11,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from wavetank.case import BasinTank, Scene
+from wavetank.case import BasinTank, Case
 from wavetank.console import format_duration
 from wavetank.errors import InputError, RunError
 from wavetank.output.directory import RunDirectory
@@ -224,7 +224,7 @@ class Study:
         self._console.print(f"wrote {drawn}", highlight=False)
 
 
-def _check_basin(scene: Scene, reference: str) -> None:
+def _check_basin(scene: Case, reference: str) -> None:
     """Raise ``InputError`` for a basin whose runs cannot be compared with a reference: they are at gauges only."""
     if not isinstance(scene.tank, BasinTank) or reference == NONE:
         return

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import quote
 
-from wavetank.case import BasinTank, Scene
+from wavetank.case import BasinTank, Case
 from wavetank.case.numerics import HIGHEST_ORDER, HIGHEST_VERTICAL_ORDER
 from wavetank.case.reading import contents, read_case
 from wavetank.errors import InputError, RunError
@@ -31,7 +31,7 @@ from wavetank.output.checkpoint import last_checkpoint
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath
 from wavetank.output.manifest import MANIFEST
-from wavetank.values.noun import Noun
+from wavetank.values.case_model import CaseModel
 from wavetank.values.python_file import is_trusting
 
 SHORT_NAMES = {
@@ -110,7 +110,7 @@ class Combination:
     name: str
     values: dict[str, str]
     overrides: tuple[str, ...]
-    scene: Scene
+    scene: Case
 
 
 @dataclass(frozen=True)
@@ -122,13 +122,13 @@ class Refused:
     cause: str
 
 
-def unit(scene: Scene, key: str) -> str:
+def unit(scene: Case, key: str) -> str:
     """Return the unit of a dotted key as its description tells it, e.g. ``"m"``; "" where it tells none."""
     *path, last = key.split(".")
     noun: object = scene
     for part in path:
         noun = getattr(noun, part, None)
-    field = type(noun).model_fields.get(last) if isinstance(noun, Noun) else None
+    field = type(noun).model_fields.get(last) if isinstance(noun, CaseModel) else None
     match = re.search(r"\[([^\]]+)\]", (field.description if field else None) or "")
     return match[1] if match else ""
 
@@ -238,7 +238,7 @@ def finest(group: Iterable[Combination]) -> Combination:
     return min(group, key=lambda one: _coarseness(one.scene))
 
 
-def _coarseness(scene: Scene) -> tuple[float, ...]:
+def _coarseness(scene: Case) -> tuple[float, ...]:
     numerics = scene.numerics
     order = INTEGRATORS[numerics.integrator].order
     return (numerics.dt or 0.0, scene.cell_size, -numerics.order, -numerics.vertical_order, -order, numerics.tolerance)

@@ -15,7 +15,7 @@ from rich.box import SIMPLE
 from rich.table import Table
 from scipy.special import stdtrit
 
-from wavetank.case import Scene
+from wavetank.case import Case
 from wavetank.errors import RecordError
 from wavetank.output.files import write_atomically
 from wavetank.studies.measures import Errors, Responses, responded
@@ -64,7 +64,7 @@ class Row:
     broke: int | None = None
 
     @property
-    def scene(self) -> Scene:
+    def scene(self) -> Case:
         """What was run; only of what could be."""
         assert isinstance(self.combination, Combination)
         return self.combination.scene

@@ -8,16 +8,16 @@ from scipy.interpolate import CubicSpline
 
 from wavetank.case import LinearWater
 from wavetank.case.initial import STEEPEST
+from wavetank.case.model import Case
 from wavetank.case.output import ComponentsTarget, CrestTarget, RecordTarget, Target
 from wavetank.case.paddle import FocusedMotion, MadeWaves, SurfaceMotion
-from wavetank.case.scene import Scene
 from wavetank.case.wall import PaddleWall
 from wavetank.motion.harmonic import WishedSurface, wished_surface
 from wavetank.studies.calibrate.aim import Aim, Elevation
 from wavetank.studies.calibrate.crest import CrestAim
 from wavetank.studies.calibrate.record import RecordAim
 from wavetank.studies.calibrate.waves import eased, scale
-from wavetank.values.noun import Problem, SceneError, about
+from wavetank.values.case_model import CaseError, Problem, about
 from wavetank.waves import airy
 from wavetank.waves.plane_waves import PlaneWaves, waves_along
 from wavetank.waves.wave import Array
@@ -33,22 +33,22 @@ MOST_LINES = 4000  # frequencies
 LATE = 0.15  # of the rms of a record; bound waves count as free ones: 2 to 9 % in records that a paddle can make
 
 
-def aim_of(scene: Scene) -> Aim:
+def aim_of(scene: Case) -> Aim:
     """Return the aim of a case: what its ``target`` is, or else what its motion means.
 
-    Raises ``SceneError`` where there is none, or no waves for it.
+    Raises ``CaseError`` where there is none, or no waves for it.
     """
     if scene.tank.type != "slice":
-        raise SceneError([Problem(("tank", "type"), scene.tank.type, SLICE)])
+        raise CaseError([Problem(("tank", "type"), scene.tank.type, SLICE)])
     if not isinstance(scene.wall, PaddleWall):
-        raise SceneError([Problem(("wall", "type"), scene.wall.type, PADDLE)])
+        raise CaseError([Problem(("wall", "type"), scene.wall.type, PADDLE)])
     if scene.far_wall.moves and not scene.motion().moves:
-        raise SceneError([Problem(("wall", "motion", "type"), scene.wall.motion.type, OWN)])
+        raise CaseError([Problem(("wall", "motion", "type"), scene.wall.motion.type, OWN)])
     target = meant(scene) if scene.target is None else scene.target
     return AIMS[type(target)](target, scene)
 
 
-def meant(scene: Scene) -> Target:
+def meant(scene: Case) -> Target:
     """Return the target of a case that names none: the crest of focused waves, the record of a surface."""
     motion = getattr(scene.wall, "motion", None)
     if isinstance(motion, FocusedMotion) and motion.phase == 0.0:
@@ -57,29 +57,29 @@ def meant(scene: Scene) -> Target:
         named = ("file", "x", "delay", "lowest_frequency", "highest_frequency")
         return RecordTarget(**{name: getattr(motion, name) for name in named})
     allowed = "is missing: what is wanted is told by focused crests and by the motion of type surface alone"
-    raise SceneError([Problem(("target",), None, allowed)])
+    raise CaseError([Problem(("target",), None, allowed)])
 
 
-def _made(scene: Scene) -> PlaneWaves:
+def _made(scene: Case) -> PlaneWaves:
     motion = getattr(scene.wall, "motion", None)
     if not isinstance(motion, MadeWaves):
-        raise SceneError([Problem(("wall", "motion", "type"), getattr(motion, "type", None), f"must be {MADE}")])
+        raise CaseError([Problem(("wall", "motion", "type"), getattr(motion, "type", None), f"must be {MADE}")])
     return motion.waves(scene.tank, scene.wall.wavemaker).target
 
 
-def _crest(target: CrestTarget, scene: Scene) -> Aim:
-    """Return the aim of a crest; raise ``SceneError`` for one as high as the highest waves from their troughs."""
+def _crest(target: CrestTarget, scene: Case) -> Aim:
+    """Return the aim of a crest; raise ``CaseError`` for one as high as the highest waves from their troughs."""
     waves = _made(scene)
     length, depth = scale(waves).length, scene.tank.depth
     highest = STEEPEST * length * float(np.tanh(2 * np.pi * depth / length))
     free = not isinstance(scene.water, LinearWater) and target.x + length < scene.tank.length  # of the wall
     if free and target.height > highest:
         of = f"the height from trough to crest of the highest waves {length:.3g} m long, here (Miche)"
-        raise SceneError([Problem(("target", "height"), target.height, f"must be at most {highest:.3g} m, {of}")])
+        raise CaseError([Problem(("target", "height"), target.height, f"must be at most {highest:.3g} m, {of}")])
     return CrestAim(target, waves)
 
 
-def _components(target: ComponentsTarget, scene: Scene) -> Aim:
+def _components(target: ComponentsTarget, scene: Case) -> Aim:
     waves = _made(scene)
     t = _times(0.0, scene.run.duration, waves.omega)
     wanted = Elevation(t, waves.elevation(target.x, t))
@@ -87,7 +87,7 @@ def _components(target: ComponentsTarget, scene: Scene) -> Aim:
     return _in_time(aim, scene, most=target.tolerance)
 
 
-def _record(target: RecordTarget, scene: Scene) -> Aim:
+def _record(target: RecordTarget, scene: Case) -> Aim:
     """Return the aim of a record, whose waves are at first those of linear theory, as far as they can be there."""
     t, eta = _counting(target, scene)
     with about("target", "file"):
@@ -97,7 +97,7 @@ def _record(target: RecordTarget, scene: Scene) -> Aim:
     there = target.x / airy.group_velocity(k, tank.depth, tank.gravity) < (middle := _middle(t, eta))
     if not there.any():
         allowed = f"has its waves at {middle:.4g} s, when none of them can be there; target.delay moves them"
-        raise SceneError([Problem(("target", "file"), target.file, allowed)])
+        raise CaseError([Problem(("target", "file"), target.file, allowed)])
     of = (values[there] for values in (result.frequencies, result.amplitudes, result.phases))
     waves = waves_along(*of, depth=tank.depth, gravity=tank.gravity, **where)
     judged = 2 * np.pi * result.frequencies
@@ -108,26 +108,26 @@ def _record(target: RecordTarget, scene: Scene) -> Aim:
     return _in_time(aim, scene, most=max(target.tolerance, LATE))
 
 
-def _in_time(aim: RecordAim, scene: Scene, *, most: float) -> Aim:
-    """Return an aim; raise ``SceneError`` where more of it than a part of its rms cannot arrive in time."""
+def _in_time(aim: RecordAim, scene: Case, *, most: float) -> Aim:
+    """Return an aim; raise ``CaseError`` where more of it than a part of its rms cannot arrive in time."""
     late = aim.late()
     if late.part > most:
         k = float(airy.wave_number(2 * np.pi * late.frequency, scene.tank.depth, scene.tank.gravity))
         arrival = aim.x / float(airy.group_velocity(k, scene.tank.depth, scene.tank.gravity))
         what = f"{100 * late.part:.2g} % (rms) of the target cannot arrive in time, allowed are {100 * most:.2g} %"
         when = f"waves of {late.frequency:.3g} Hz from a paddle that starts at t = 0 arrive at t = {arrival:.4g} s"
-        raise SceneError([Problem(("target", "x"), aim.x, f"{what}: {when}")])
+        raise CaseError([Problem(("target", "x"), aim.x, f"{what}: {when}")])
     return aim
 
 
-def _counting(target: RecordTarget, scene: Scene) -> tuple[Array, Array]:
+def _counting(target: RecordTarget, scene: Case) -> tuple[Array, Array]:
     """Return times [s] and elevations [m] that count of a record."""
     t, eta = target.record()
     start, end = (default if text is None else text for text, default in ((target.start, 0.0), (target.end, np.inf)))
     inside = (t >= max(start, 0.0)) & (t <= min(end, scene.run.duration))
     if np.count_nonzero(inside) < FEWEST:
         received = f"{np.count_nonzero(inside)} rows that count, from {t[0]:g} to {t[-1]:g} s"
-        raise SceneError([Problem(("target", "file"), target.file, f"has {received}; at least {FEWEST} are needed")])
+        raise CaseError([Problem(("target", "file"), target.file, f"has {received}; at least {FEWEST} are needed")])
     return t[inside], eta[inside]
 
 
@@ -146,16 +146,16 @@ def _middle(t: Array, eta: Array) -> float:
 
 
 def _times(start: float, end: float, omega: Array, *, fewest: int = 2) -> Array:
-    """Return equally spaced times [s], so many in the shortest period at least; raise ``SceneError`` for too many."""
+    """Return equally spaced times [s], so many in the shortest period at least; raise ``CaseError`` for too many."""
     number = max(fewest, int((end - start) * omega.max() / (2 * np.pi) * PER_PERIOD) + 2)
     if number * omega.size > 2 * MOST_NUMBERS or omega.size > MOST_LINES:
         received = f"{number} times and {omega.size} frequencies received"
         allowed = f"is too long: {received}; allowed are {MOST_LINES} frequencies, and {2 * MOST_NUMBERS:.0e} of both"
-        raise SceneError([Problem(("target",), None, f"{allowed}, fewer by a shorter record or run, or components")])
+        raise CaseError([Problem(("target",), None, f"{allowed}, fewer by a shorter record or run, or components")])
     return np.linspace(start, end, number, dtype=np.float64)
 
 
-AIMS: dict[type, Callable[[Any, Scene], Aim]] = {
+AIMS: dict[type, Callable[[Any, Case], Aim]] = {
     CrestTarget: _crest,
     ComponentsTarget: _components,
     RecordTarget: _record,

@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 import numpy as np
 from rich.console import Console
 
-from wavetank.case import Gauge, LinearWater, NonlinearWater, Scene
+from wavetank.case import Case, Gauge, LinearWater, NonlinearWater
 from wavetank.case.paddle import MadeWaves
 from wavetank.case.reading import located, read_case
 from wavetank.errors import InputError, RecordError, RunError
@@ -35,7 +35,7 @@ CLOSE = 4.0  # of what is allowed: so near they, a few percent off themselves, h
 LESS = 0.8  # of the least misfit before: and so where it is no less
 
 
-def cheaper(scene: Scene) -> Scene | None:
+def cheaper(scene: Case) -> Case | None:
     """Return the scene with cheap numerics, the water as its own numerics have it; None where none are worth it."""
     try:
         own = default_plan(scene) or (
@@ -60,7 +60,7 @@ PER_PERIOD = 40  # snapshots of the surface
 RAMP = 2.0  # mean periods
 
 
-def with_waves(scene: Scene, aim: Aim, file: str, *, recorded: bool) -> dict[str, Any]:
+def with_waves(scene: Case, aim: Aim, file: str, *, recorded: bool) -> dict[str, Any]:
     """Return what a case says whose paddle is told the waves in a file.
 
     ``recorded``: whether its records are those that a calibration needs, all told, and not the user's own.
@@ -81,7 +81,7 @@ def with_waves(scene: Scene, aim: Aim, file: str, *, recorded: bool) -> dict[str
     return text | {"wall": text["wall"] | {"motion": told}}
 
 
-def _gauges(scene: Scene, x: float) -> tuple[Gauge, ...]:
+def _gauges(scene: Case, x: float) -> tuple[Gauge, ...]:
     """Return the scene's gauges, and one at x [m] if none is there."""
     if any(abs(one.x - x) < NEAR and not one.y for one in scene.all_gauges):
         return scene.gauges
@@ -97,7 +97,7 @@ def _names() -> Iterator[str]:
         yield f"target-{n}"
 
 
-def files_of(number: int, scene: Scene, aim: Aim, setting: Setting) -> dict[str, bytes]:
+def files_of(number: int, scene: Case, aim: Aim, setting: Setting) -> dict[str, bytes]:
     """Return what an attempt writes, by its files' names: its waves and its case."""
     waves = f"attempt-{number}.csv"
     text = toml(with_waves(scene, aim, waves, recorded=True))
@@ -117,7 +117,7 @@ class Attempt:
         What is run.
     """
 
-    def __init__(self, number: int, scene: Scene, aim: Aim, setting: Setting, *, phases: Sequence[float], folder: Path):
+    def __init__(self, number: int, scene: Case, aim: Aim, setting: Setting, *, phases: Sequence[float], folder: Path):
         for name, content in files_of(number, scene, aim, setting).items():
             write_atomically(folder / name, content)
         self.case = folder / f"attempt-{number}.toml"

@@ -17,7 +17,7 @@ from wavetank.case.output import ENDS, FAR, PADDLE, Gauge, GaugeLine, Output, Pr
 from wavetank.case.tank import BasinTank, Depth, Sponge, Tank, paddle_period
 from wavetank.case.wall import FarWall, FixedWall, MovingWall, Wall
 from wavetank.motion.motion import Extent, ValidatedMotion, extent, times, values
-from wavetank.values.noun import Noun, Problem, SceneError, about, renamed
+from wavetank.values.case_model import CaseError, CaseModel, Problem, about, renamed
 from wavetank.values.quantities import Label, metres
 
 CLOSE = 0.05  # of (d / g)^(1/2): times as close miss 0.1 % of the largest value for waves of k d = 4
@@ -28,13 +28,13 @@ HEIGHTS = 21  # heights of a column that the paddle is compared with
 DEEPEST = 50  # lengths of a tank; measured, the interior potential of twice as deep ones no longer converges
 
 
-class NonlinearWater(Noun):
+class NonlinearWater(CaseModel):
     """Waves of any steepness short of breaking."""
 
     type: Literal["nonlinear"] = "nonlinear"
 
 
-class LinearWater(Noun):
+class LinearWater(CaseModel):
     """Waves of small steepness: one factorisation serves the whole run."""
 
     type: Literal["linear"] = "linear"
@@ -54,10 +54,10 @@ Water = Annotated[NonlinearWater | LinearWater, Field(discriminator="type", desc
 Physics = Literal["nonlinear", "linear"]
 
 
-class Scene(Noun):
+class Case(CaseModel):
     """What stands in the laboratory, and what is to be computed of it.
 
-    ``Scene.model_validate(scene.model_dump(mode="json"))`` is the same scene.
+    ``Case.model_validate(scene.model_dump(mode="json"))`` is the same scene.
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ class Scene(Noun):
         return 0.5 * length if own is None and other is None else length - (other or 0.0)
 
     @cached_property
-    def mirrored(self) -> "Scene":
+    def mirrored(self) -> "Case":
         """The same scene as seen from its far wall, which is the ``wall`` of it.
 
         Gauges, probes and windows stand at their mirror images, so that they are where they were as seen from the other
@@ -133,8 +133,8 @@ class Scene(Noun):
         ends = 2 * self.x_min + self.tank.length
         walls = {"wall": self.far_wall, "far_wall": self.wall}
         placed = {name: tuple(one.mirrored(ends) for one in getattr(self, name)) for name in PLACED}
-        same = {name: getattr(self, name) for name in Scene.model_fields}
-        return MirroredScene.model_construct(self.model_fields_set, **{**same, **walls, **placed})
+        same = {name: getattr(self, name) for name in Case.model_fields}
+        return MirroredCase.model_construct(self.model_fields_set, **{**same, **walls, **placed})
 
     @property
     def x_min(self) -> float:
@@ -154,7 +154,7 @@ class Scene(Noun):
         return [n for n, view in enumerate(self.paddles) if getattr(view.wall, "absorb", None) is not None]
 
     @property
-    def paddles(self) -> tuple["Scene", ...]:
+    def paddles(self) -> tuple["Case", ...]:
         """The scene as seen from each wall that moves."""
         return (*((self,) if self.wall.moves else ()), *((self.mirrored,) if self.far_wall.moves else ()))
 
@@ -180,7 +180,7 @@ class Scene(Noun):
     def depths(self) -> float | Depth:
         """Return the still water's depth [m], or d(x, y) over a bed, whose file is read once.
 
-        Raises ``SceneError`` if that cannot be had or read.
+        Raises ``CaseError`` if that cannot be had or read.
         """
         return self._depths
 
@@ -191,7 +191,7 @@ class Scene(Noun):
     def motion(self) -> motions.Motion:
         """Return the paddle's motion, checked against the run and the tank; its file is read once.
 
-        Raises ``SceneError`` if its file cannot be read, ends before the run, or leaves the mapping's reach.
+        Raises ``CaseError`` if its file cannot be read, ends before the run, or leaves the mapping's reach.
         """
         return self._motion
 
@@ -202,7 +202,7 @@ class Scene(Noun):
     def _checked_motion(self) -> motions.Motion:
         wall = self.wall
         if isinstance(wall, MovingWall) and wall.reads_file and (problems := list(wall.motion_problems(self))):
-            raise SceneError(problems)
+            raise CaseError(problems)
         motion, value_keys = (
             wall.paddle(self.tank, self.physics),
             getattr(getattr(wall, "motion", None), "value_keys", None),
@@ -211,7 +211,7 @@ class Scene(Noun):
             motion.check(self.run.duration * (np.arange(CHECK_TIMES, dtype=np.float64) + 0.5) / CHECK_TIMES)
             problems = list(self._motion_problems(motion))
         if problems:
-            raise SceneError(problems)
+            raise CaseError(problems)
         return (
             motion
             if value_keys is None
@@ -432,7 +432,7 @@ class Scene(Noun):
                 yield Problem((*key, name), value, f"must be inside the tank, {metres(first)} to {metres(last)} m")
 
 
-class MirroredScene(Scene):
+class MirroredCase(Case):
     """A scene as seen from its far wall."""
 
     key: ClassVar[str] = "far_wall"

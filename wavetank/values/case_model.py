@@ -49,7 +49,7 @@ def _shown(received: Any) -> str:
         return f"{type(received).__name__} of no sensible size"
 
 
-class SceneError(InputError):
+class CaseError(InputError):
     """A scene that is refused, with its problems."""
 
     def __init__(self, problems: Sequence[Problem]):
@@ -62,38 +62,38 @@ class SceneError(InputError):
 
 @contextmanager
 def about(*key: str | int) -> Iterator[None]:
-    """Raise an ``InputError`` of the block as a ``SceneError`` that names a key."""
+    """Raise an ``InputError`` of the block as a ``CaseError`` that names a key."""
     try:
         yield
-    except SceneError:
+    except CaseError:
         raise
     except InputError as error:
-        raise SceneError([Problem(key, None, str(error).removesuffix("."))]) from error
+        raise CaseError([Problem(key, None, str(error).removesuffix("."))]) from error
 
 
 @contextmanager
 def renamed(key: str, name: str) -> Iterator[None]:
-    """Rename the first key of the problems of a ``SceneError`` of the block."""
+    """Rename the first key of the problems of a ``CaseError`` of the block."""
     try:
         yield
-    except SceneError as error:
-        raise SceneError([problem.at(key, name) for problem in error.problems]) from error
+    except CaseError as error:
+        raise CaseError([problem.at(key, name) for problem in error.problems]) from error
 
 
-class Noun(BaseModel):
+class CaseModel(BaseModel):
     """A part of the scene: frozen, unknown keys refused, numbers finite."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
     def problems(self, scene: Any) -> Iterator[Problem]:
-        """Yield what does not fit the rest of ``scene``, the ``Scene`` that it is a part of; by default nothing."""
+        """Yield what does not fit the rest of ``scene``, the ``Case`` that it is a part of; by default nothing."""
         yield from ()
 
 
 def one_of(*keys: str, needed: bool = True) -> Any:
     """Return a check of a noun: that it has exactly one of these keys, or where none is ``needed`` at most one."""
 
-    def check(noun: Noun) -> Noun:
+    def check(noun: CaseModel) -> CaseModel:
         given = sum(getattr(noun, key) is not None for key in keys)
         if given > 1 or (needed and not given):
             names = " and ".join(map(repr, keys))
@@ -147,7 +147,7 @@ HeightHelpers = Annotated[dict[str, Helper], _checked_by(_parse_alone, "z")]
 TimeHelpers = Annotated[dict[str, Helper], _checked_by(_parse_alone, "t")]
 
 
-class FormulaNoun(Noun):
+class FormulaNoun(CaseModel):
     """A noun whose ``FormulaText`` fields share named parts: these stand first, for a field is checked with them."""
 
     where: Annotated[dict[str, Helper], _checked_by(_parse_alone, "x", "y")] = Field(
