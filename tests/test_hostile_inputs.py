@@ -17,7 +17,7 @@ from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
 import numpy as np
 import pytest
 from mpi4py import MPI
-from ranks import CHECKOUT
+from ranks import CHECKOUT, begun
 
 import wavetank as wt
 from wavetank.analysis.still_water import still_water
@@ -189,7 +189,7 @@ def test_runs_of_a_study_are_executed_with_its_trust(coded, tmp_path, monkeypatc
 
     def start(words):
         commands.append(words)
-        return subprocess.Popen([sys.executable, "-c", "exit(2)"], stderr=subprocess.PIPE, text=True)
+        return begun([sys.executable, "-c", "exit(2)"], stderr=subprocess.PIPE)
 
     monkeypatch.setattr("wavetank.studies.sweep.start_command", start)
     monkeypatch.chdir(tmp_path)
