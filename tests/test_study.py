@@ -554,7 +554,7 @@ def test_a_process_that_dies_ends_its_run_alone(tmp_path, monkeypatch):
     scripts = cycle(["", "import os; os.kill(os.getpid(), 11)", "exit('it broke')"])
 
     def start(words):
-        return subprocess.Popen([sys.executable, "-c", next(scripts)], stderr=subprocess.PIPE, text=True)
+        return begun([sys.executable, "-c", next(scripts)], stderr=subprocess.PIPE)
 
     monkeypatch.setattr("wavetank.studies.sweep.start_command", start)
     found = combinations(CASE, parse_axes(["dt=0.01,0.02,0.03,0.04"]), [])
