@@ -199,6 +199,24 @@ def test_runs_of_a_study_are_executed_with_its_trust(coded, tmp_path, monkeypatc
     python_file._trusted.clear()
 
 
+def test_verify_executes_no_examples_of_the_current_directory(tmp_path):
+    paper = tmp_path / "examples" / "paper"
+    paper.mkdir(parents=True)
+    code = f"open({str(tmp_path / 'executed')!r}, 'w')"
+    for module in (paper.parent / "__init__.py", paper / "__init__.py", paper / "layouts.py", paper / "report.py"):
+        module.write_text(code)
+    command = [sys.executable, "-m", "wavetank", "verify", "layouts", "--out", "examples"]  # which exists: refused
+    world = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
+    done = subprocess.run(command, cwd=tmp_path, env=world, capture_output=True, text=True)
+    assert done.returncode == 2 and not (tmp_path / "executed").exists(), done.stderr
+
+
+def test_verify_without_a_checkout_is_refused(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("wavetank.cli.CHECKOUT", tmp_path)
+    assert main(["verify", "layouts", "--out", str(tmp_path / "out")]) == 2
+    assert "needs a checkout" in capsys.readouterr().err
+
+
 # ---------------------------------------------------------------- caches of compiled code
 def foreign(path: Path) -> None:
     if os.getuid():

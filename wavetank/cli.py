@@ -265,15 +265,11 @@ def _add_verification(name: str, meaning: str) -> None:
         ] = None,
         overwrite: Annotated[bool, typer.Option("--overwrite", help=OVERWRITE)] = False,
     ) -> None:
-        if (CHECKOUT / "examples" / "paper").is_dir() and str(CHECKOUT) not in sys.path:
-            sys.path.append(str(CHECKOUT))
-        try:
-            module: Any = import_module(f"examples.paper.{name}")
-            report: Any = import_module("examples.paper.report")
-        except ModuleNotFoundError as error:
-            if error.name not in ("examples", "examples.paper"):
-                raise
-            raise InputError("verify needs a checkout of the project: examples/paper is not installed.") from None
+        if not (CHECKOUT / "examples" / "paper").is_dir():
+            raise InputError("verify needs a checkout of the project: examples/paper is not installed.")
+        sys.path.insert(0, str(CHECKOUT))  # before the current directory, which may have examples of others
+        module: Any = import_module(f"examples.paper.{name}")
+        report: Any = import_module("examples.paper.report")
         place = OutputPath.of(out, Path("runs") / shown, overwrite=overwrite)
         on_first(MPI.COMM_WORLD, lambda: report.write(module, place.folder(), console()))
 

@@ -1,1 +1,1 @@
-"""What is made of a run directory afterwards: comparisons and figures; never the solver."""
+"""Comparisons and figures of run directories and measured records, independent of the solver."""

@@ -1,1 +1,1 @@
-"""From a scene to a run, its clock, and the time loop; what needs dolfinx is built here, by tables of nouns."""
+"""From a case to a run: construction of the tank, clock, time loop and diagnostics."""
