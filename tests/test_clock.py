@@ -86,7 +86,7 @@ def test_a_run_as_long_as_its_record_gets_to_its_end(tmp_path, integrator, numer
 def test_a_run_that_ends_before_its_duration_is_said_to(tmp_path, numerics, end):
     scene = read_case(recorded(tmp_path, integrator="gauss-legendre-4", **numerics))
     run, waves = build_run(scene, MPI.COMM_SELF)
-    said = [sentence for sentence in run_warnings(scene, run.clock, waves) if "the run ends" in sentence]
+    said = [one for one in map(str, run_warnings(scene, run.clock, waves)) if "the run ends" in one]
     assert [sentence.split(":")[0] for sentence in said] == [f"the run ends at {end} s, not at 10 s"] * bool(end)
 
 

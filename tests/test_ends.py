@@ -364,7 +364,7 @@ def test_what_stands_where_a_paddle_that_absorbs_may_come_is_told_before_the_run
         assert [line.partition(", which absorbs, and is to go about 0.0")[0] for line in sensors_in_reach(one)] == said
     one, (said,) = rows[1]
     run, waves = build_run(one, MPI.COMM_SELF)
-    assert any(line.startswith(said) for line in run_warnings(one, run.clock, waves))
+    assert any(str(line).startswith(said) for line in run_warnings(one, run.clock, waves))
 
 
 def test_a_window_is_in_no_paddles_way_that_comes_there_before_or_after_it():

@@ -213,7 +213,8 @@ def test_the_step_knows_how_far_a_flap_leans(degrees):
     limit = run.integrator.stability_limit / waves.largest_frequency
     assert run.clock.dt == pytest.approx(limit * min(0.6, 0.8 / case.quickened), rel=0.02)
     longer = scene(case.wall.model_dump(), length=6.0, cells=12, n=5, duration=4.0, dt=0.85 * limit)
-    doubts = run_warnings(longer, build_clock(longer, waves.largest_frequency, run.integrator), waves)
+    clock = build_clock(longer, waves.largest_frequency, run.integrator)
+    doubts = [*map(str, run_warnings(longer, clock, waves))]
     assert any("where the paddle goes farthest" in line for line in doubts) == (degrees > 30)
 
 

@@ -162,14 +162,16 @@ def test_a_finished_run_stays_one_where_there_is_no_room_for_it(tmp_path, monkey
     monkeypatch.setattr(writer, "atomic_file", full)
     with written:
         written.finish("finished", {})
-    manifest = RunDirectory(tmp_path).manifest
-    assert manifest["status"] == "finished"
-    assert manifest["warnings"] == ["gauges.nc could not be written (No space left on device); gauges.csv has the same"]
+    run = RunDirectory(tmp_path)
+    assert run.status == "finished"
+    assert [*map(str, run.warnings)] == [
+        "gauges.nc could not be written (No space left on device); gauges.csv has the same"
+    ]
 
 
 def test_of_a_run_that_ends_before_its_first_row_there_is_none(tmp_path):
     with write(tmp_path, rows=0) as writer:
         writer.finish("finished", {})
     assert not (tmp_path / "gauges.nc").exists()
-    (said,) = RunDirectory(tmp_path).manifest["warnings"]
-    assert said == "gauges.nc could not be written (gauges.csv has no row); gauges.csv has the same"
+    (said,) = RunDirectory(tmp_path).warnings
+    assert str(said) == "gauges.nc could not be written (gauges.csv has no row); gauges.csv has the same"

@@ -642,7 +642,8 @@ def test_of_a_basin_the_command_says_what_its_own_steps_cost(wavetank, tmp_path)
     assert all(re.search(r"^ *sponge: up to 8.44 1/s$", one.stdout, re.M) for one in (tried, ran))
     manifest = RunDirectory(tmp_path / "run").manifest
     counters = manifest["counters"]
-    assert manifest["warnings"] and re.findall("^warning: (.*)$", tried.stdout, re.M) == manifest["warnings"]
+    messages = [one["message"] for one in manifest["warnings"]]
+    assert messages and re.findall("^warning: (.*)$", tried.stdout, re.M) == messages
     assert 0.5 < 12 * solves / counters["interior_solves"] < 1.5  # the run's are those of a paddle that starts
     assert step > 0 and whole == pytest.approx(12 * step, abs=0.7)  # of two digits, and whole seconds
 

@@ -450,8 +450,8 @@ def test_a_broken_combination_is_a_row_and_a_marked_one_is_judged_too(tmp_path):
     rows, said = run_study(tmp_path, sweeps, overrides, marked=["initial.wave_amplitude=0.02", "dt=0.02", "n=6"])
     assert [row.outcome.status for row in rows] == ["finished", "broke down", "finished"]
     good, broken, plan = rows
-    manifest = RunDirectory(tmp_path / broken.combination.name).manifest
-    assert broken.outcome.cause == manifest["cause"] and broken.warnings == manifest["warnings"] != []
+    run = RunDirectory(tmp_path / broken.combination.name)
+    assert broken.outcome.cause == run.manifest["cause"] and broken.warnings == run.warnings != []
     assert "\n1 of 3 runs broke down\n" in said and re.search(r" status +\n", said) and "plan, finished" in said
     assert broken.outcome.cause.rstrip(".") in " ".join(said.split()) and not broken.errors
     assert GAUGE_ERROR in good.errors
@@ -459,7 +459,7 @@ def test_a_broken_combination_is_a_row_and_a_marked_one_is_judged_too(tmp_path):
     with (tmp_path / "study.csv").open() as file:
         table = list(csv.DictReader(file))
     assert [line["mark"] for line in table] == ["", "", "plan"] and table[2]["n"] == "6"
-    assert (table[1]["status"], table[1]["warnings"]) == ("broke down", "; ".join(broken.warnings))
+    assert (table[1]["status"], table[1]["warnings"]) == ("broke down", "; ".join(map(str, broken.warnings)))
     assert table[1]["cause"] == broken.outcome.cause and table[1][SURFACE_ERROR] == table[1]["highest crest [m]"] == ""
     surface = RunDirectory(tmp_path / good.combination.name).snapshots()
     assert float(table[0]["highest crest [m]"]) == pytest.approx(surface.eta.max(), rel=1e-6)

@@ -30,6 +30,7 @@ from wavetank.planning.cost import check_affordable
 from wavetank.planning.default_plan import mesh_in_errors, planned, rule_summary
 from wavetank.planning.resolution import check_stable
 from wavetank.resuming import Checkpointer, Restart, stored_scene
+from wavetank.run_warning import RunWarning, run_warning
 from wavetank.simulation.build import (
     Records,
     build_observers,
@@ -60,40 +61,40 @@ Draw = Callable[[RunDirectory], Iterable[Path]]
 
 
 class Warnings:
-    """Warnings of a run, each of them once.
+    """Warnings of a run, each of them once; a sentence, as of a user's observer, becomes a record.
 
     Attributes
     ----------
-    sentences
-        Those that were printed at once first, the newest of them before, then the others as they were found; the
+    records
+        Those that were printed at once first, the newest of them before, then the others in the order of ``add``; the
         manifest's ``warnings``.
     """
 
     def __init__(self, log: RunLog):
-        self.sentences: list[str] = []
-        self._printed = set[str]()
+        self.records: list[RunWarning] = []
+        self._printed: list[RunWarning] = []
         self._log = log
 
-    def add(self, sentence: str) -> None:
-        """Keep a sentence, to be printed before the first step, or, if it is found later, after the run."""
-        if sentence not in self.sentences:
-            self.sentences.append(sentence)
+    def add(self, warning: RunWarning | str) -> None:
+        """Add a warning, to be printed before the first step, or, if it is found later, after the run."""
+        if (record := run_warning(warning)) not in self.records:
+            self.records.append(record)
 
-    def at_once(self, sentence: str) -> None:
-        """Keep a sentence and print it now: what a run may soon break down of."""
-        if sentence not in self.sentences:
-            self.sentences.insert(0, sentence)
-        self._print(sentence)
+    def at_once(self, warning: RunWarning | str) -> None:
+        """Add a warning and print it now: the run may soon break down."""
+        if (record := run_warning(warning)) not in self.records:
+            self.records.insert(0, record)
+        self._print(record)
 
     def show(self) -> None:
         """Print those that have not been."""
-        for sentence in self.sentences:
-            self._print(sentence)
+        for record in self.records:
+            self._print(record)
 
-    def _print(self, sentence: str) -> None:
-        if sentence not in self._printed:
-            self._printed.add(sentence)
-            self._log.say(f"warning: {sentence}", style="bold red")
+    def _print(self, record: RunWarning) -> None:
+        if record not in self._printed:
+            self._printed.append(record)
+            self._log.say(f"warning: {record}", style="bold red")
 
 
 def record_run(
@@ -143,7 +144,7 @@ def record_run(
     if integrator is not None:
         scene = scene.model_copy(update={"numerics": scene.numerics.without_integrator()})
     known = {"scene": _scene_content(scene, integrator), "files": contents(scene), "ranks": comm.size, **environment()}
-    known["warnings"] = warnings.sentences  # found until its end
+    known["warnings"] = warnings.records  # found until its end
     writer = on_first(comm, lambda: RunWriter(place, known, resume=resume))
     with ending_together(comm, LATEST), ExitStack() as at_the_end:
         if writer is not None:
@@ -174,7 +175,7 @@ def record_run(
             fields=series,
             parts=parts,
             writer=writer,
-            warnings=warnings.sentences,
+            warnings=warnings.records,
             observers=called(observers),
         )
 
@@ -208,7 +209,7 @@ def record_run(
                     checkpoints = {"checkpoints": [about["t"] for _, about in readable_checkpoints(writer.path)]}
                     spent = known | figures | ended | checkpoints
                     shown = {"flat": waves.plane.mesh.topology.dim == 1, "drawn": draw is not None}
-                    for line in closing(outcome, spent, warnings=warnings.sentences, path=writer.path, **shown):
+                    for line in closing(outcome, spent, warnings=warnings.records, path=writer.path, **shown):
                         log.say(line)
 
         with Interruption(comm) as interruption:  # from now on SIGTERM is written down

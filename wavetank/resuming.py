@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,6 +24,7 @@ from wavetank.output.manifest import MANIFEST
 from wavetank.output.writer import RunWriter
 from wavetank.planning.checks import of_duration, predicted
 from wavetank.planning.default_plan import Planned, planned
+from wavetank.run_warning import RunWarning, run_warning
 from wavetank.simulation.build import Beginning
 from wavetank.simulation.checkpoints import Checkpoints
 from wavetank.simulation.clock import Clock
@@ -94,7 +96,7 @@ class Checkpointer:
         fields: Mapping[str, VtuSeries],
         parts: Parts,
         writer: RunWriter | None,
-        warnings: list[str],
+        warnings: list[RunWarning],
         observers: Sequence[str] = (),
     ):
         self._scene, self._chosen = (one.model_dump(mode="json") for one in (requested, computed))
@@ -103,7 +105,7 @@ class Checkpointer:
         self._writer, self._warnings, self._observers = writer, warnings, list(observers)
         self._written = -1  # the last step of which there is one
         self._reached: CompletedStep | None = None
-        self._missed: str | None = None  # that the last one could not be written, and why
+        self._missed: RunWarning | None = None  # that the last one could not be written, and why
 
     def observer(self, every: float | None) -> Checkpoints:
         """Return the observer that writes checkpoints; the last that can fail."""
@@ -154,7 +156,7 @@ class Checkpointer:
             self._warnings.remove(self._missed)
         self._missed = None
         if failure is not None:
-            self._missed = f"the run cannot be resumed from here on: {str(failure).removesuffix('.')}"
+            self._missed = RunWarning("not-resumable", details={"reason": str(failure).removesuffix(".")})
             self._warnings.append(self._missed)
 
     def _failure(self, *, with_history: bool) -> Exception | None:
@@ -190,7 +192,7 @@ class Checkpointer:
             "files": self._files,
             "observers": self._observers,
             "parts": self._parts.so_far(reached.step),
-            "warnings": [one for one in self._warnings if one != self._missed],
+            "warnings": [one.as_json() for one in self._warnings if one != self._missed],
             "records": reached.records,
             "fields": reached.fields,
         }
@@ -240,7 +242,12 @@ class Restart:
     """
 
     def __init__(
-        self, writer: RunWriter | None, comm: MPI.Comm, *, warn: Callable[[str], None], at: float | None = None
+        self,
+        writer: RunWriter | None,
+        comm: MPI.Comm,
+        *,
+        warn: Callable[[RunWarning | str], None],
+        at: float | None = None,
     ):
         self._writer, self._comm, self._warn, self._at = writer, comm, warn, at
         self._checkpoint = last = on_first(comm, self._read)
@@ -299,10 +306,10 @@ class Restart:
         gone, of_numerics = of_duration(self._chosen), [*predicted(self._chosen)]
         if not self.anew and isinstance(self._chosen.initial, StillWater):
             gone += of_numerics
-        for sentence in self.about.get("warnings", []):
-            if sentence not in gone:
-                past = self.anew and sentence in of_numerics
-                self._warn(f"up to t = {self.about['t']:.6g} s, {sentence}" if past else sentence)
+        obsolete, past = ([run_warning(one) for one in each] for each in (gone, of_numerics if self.anew else []))
+        for warning in map(run_warning, self.about.get("warnings", [])):
+            if warning not in obsolete:
+                self._warn(replace(warning, until=self.about["t"]) if warning in past else warning)
 
     def _numerics(self, mine: Numerics, its: Numerics) -> Numerics:
         """Return those that were chosen, with what is named now and was not, or otherwise."""
@@ -406,10 +413,7 @@ class Restart:
     def warn_of_missing_observers(self, observers: Sequence[str]) -> None:
         """Warn of a user's own observers that the run had and has no longer, now called ``observers``."""
         if gone := [one for one in self.about.get("observers", []) if one not in observers]:
-            cure = "wt.resume(..., observers=...) gives them"
-            self._warn(
-                f"the run's own observers do not look from t = {self.about['t']:.6g} s on: {', '.join(gone)}; {cure}"
-            )
+            self._warn(RunWarning("missing-observers", t=self.about["t"], details={"names": ", ".join(gone)}))
 
     def _take_records(self) -> None:
         if self._writer is not None:

@@ -65,7 +65,7 @@ def run_status(path: Path) -> RunStatus:
     except InputError as error:
         return RunStatus(path, SETTING_UP) if is_locked(path) else RunStatus(path, UNREADABLE, note=str(error))
     manifest, state = run.manifest, run.status
-    progress, warnings = manifest.get("progress", {}), manifest.get("warnings", [])
+    progress, warnings = manifest.get("progress", {}), run.warnings
     kept, since = last_checkpoint(path), progress.get("t", 0.0) - progress.get("begin", 0.0)
     known = progress.get("t"), kept, run.reached
     t = max((one for one in known if one is not None), default=None)  # whichever was written last

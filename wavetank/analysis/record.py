@@ -17,6 +17,7 @@ from wavetank.case.tank import Depth
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.manifest import MANIFEST
+from wavetank.run_warning import RunWarning
 
 GRAVITY = 9.81  # m/s^2; of what is no run
 BETWEEN = 64  # places from gauge to gauge at which the bed is looked at
@@ -58,7 +59,7 @@ class Record:
     from_wall: bool = False
     before: DataArray | None = None
     cause: str = ""
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[RunWarning, ...] = ()
 
     @property
     def on_its_way(self) -> DataArray:
@@ -129,10 +130,11 @@ def read_record(
     Raises ``InputError`` for what cannot be had.
     """
     told: float | Depth | None = depth
-    gravity, path, far_end, from_wall, ended = GRAVITY, Path(source), None, False, ("", ())
+    gravity, path, far_end, from_wall = GRAVITY, Path(source), None, False
+    ended: tuple[str, tuple[RunWarning, ...]] = ("", ())
     if (path / MANIFEST).is_file():
         run = RunDirectory(path)
-        ended = run.manifest.get("cause", ""), tuple(run.manifest.get("warnings", ()))
+        ended = run.manifest.get("cause", ""), tuple(run.warnings)
         scene = run.manifest.get("scene", {})
         tank, driven = scene.get("tank", {}), _driven(scene)
         far_end = _end(tank) if driven == ["far_wall"] else None

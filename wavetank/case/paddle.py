@@ -15,6 +15,7 @@ from wavetank.case.waves import MAX_COMPONENTS, MOTION_KEY, ComponentFile, Focus
 from wavetank.errors import InputError
 from wavetank.motion.harmonic import WaveMotion
 from wavetank.motion.recorded import ColumnError, read_record, says_metres
+from wavetank.run_warning import RunWarning
 from wavetank.values.case_model import (
     CaseError,
     CaseModel,
@@ -74,8 +75,8 @@ class PaddleNoun(CaseModel):
         """Return why the generation is linear by default in nonlinear water; empty where it is not."""
         return ""
 
-    def warnings(self, tank: AnyTank, wavemaker: Wavemaker) -> Iterator[str]:
-        """Yield warnings of the motion, a sentence each; by default none."""
+    def warnings(self, tank: AnyTank, wavemaker: Wavemaker) -> Iterator[RunWarning]:
+        """Yield warnings of the motion; by default none."""
         yield from ()
 
 
@@ -146,15 +147,12 @@ class MadeWaves(PaddleNoun):
             allowed = f"must be linear: the theory ends far below a second harmonic of {second:.3g} of the wave"
             yield Problem((*MOTION_KEY, "generation"), self.generation, allowed)
 
-    def warnings(self, tank: AnyTank, wavemaker: Wavemaker) -> Iterator[str]:
-        """Yield a sentence where second-order generation is beyond its theory."""
+    def warnings(self, tank: AnyTank, wavemaker: Wavemaker) -> Iterator[RunWarning]:
+        """Yield a warning if second-order generation is beyond its theory."""
         if self.generation != "second-order":
             return
         if (second := bound_harmonic(self.waves(tank, wavemaker).target)) > STOKES_ENDS:
-            yield (
-                f"second-order generation is beyond its theory: a second harmonic of {second:.2g} of the wave, where "
-                f"{STOKES_ENDS:g} is the most (H L^2 / d^3 of 26 in shallow water); free waves of higher order are left"
-            )
+            yield RunWarning("second-order-limit", key="wall.motion.generation", value=second, limit=STOKES_ENDS)
 
 
 def bound_harmonic(waves: PlaneWaves) -> float:

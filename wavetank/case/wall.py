@@ -14,6 +14,7 @@ from wavetank.case.tank import AnyTank, RingTank, SliceTank, Surroundings
 from wavetank.errors import InputError
 from wavetank.motion import Array
 from wavetank.motion.motion import ANGLES, STEEPEST, TOP, UPSET, Extent, joints, largest_stroke, quickened
+from wavetank.run_warning import RunWarning
 from wavetank.values.case_model import CaseModel, HeightFormulaText, HeightHelpers, Problem
 from wavetank.values.formula import Formula
 from wavetank.values.quantities import (
@@ -217,8 +218,8 @@ class BaseWall(CaseModel):
         """Return why its generation is linear by default in nonlinear water; empty where it is not."""
         return ""
 
-    def warnings(self, tank: AnyTank) -> Iterator[str]:
-        """Yield warnings of the motion, a sentence each; by default none."""
+    def warnings(self, tank: AnyTank) -> Iterator[RunWarning]:
+        """Yield warnings of the motion; by default none."""
         yield from ()
 
 
@@ -433,8 +434,8 @@ class PaddleWall(MovingWall):
         """Return why its generation is linear by default in nonlinear water; empty where it is not."""
         return self.motion.generation_reason(tank, self.wavemaker, physics)
 
-    def warnings(self, tank: AnyTank) -> Iterator[str]:
-        """Yield warnings of the motion, a sentence each."""
+    def warnings(self, tank: AnyTank) -> Iterator[RunWarning]:
+        """Yield warnings of the motion."""
         yield from self.motion.warnings(tank, self.wavemaker)
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:

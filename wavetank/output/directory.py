@@ -65,6 +65,7 @@ from wavetank.output.tables import (
     parse_probe_column,
     probe_quantities,
 )
+from wavetank.run_warning import RunWarning, run_warning
 
 if TYPE_CHECKING:
     import xarray
@@ -154,6 +155,11 @@ class RunDirectory:
             *_, last, _ = file.read().split(b"\n")  # what is behind the last end of a line was cut
             return float(last.partition(b",")[0])
         return None
+
+    @property
+    def warnings(self) -> list[RunWarning]:
+        """The warnings of the run, the worst first."""
+        return [run_warning(one) for one in self.manifest.get("warnings", [])]
 
     @property
     def title(self) -> str:

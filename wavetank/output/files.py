@@ -21,6 +21,7 @@ from typing import IO, Any, BinaryIO, NamedTuple, TextIO
 from rich.console import Console
 
 from wavetank.errors import InputError, printable
+from wavetank.run_warning import RunWarning
 
 FIELDS = "fields"  # the folder of a run directory
 
@@ -344,7 +345,7 @@ class RunLog:
                 self._file.flush()
 
 
-def summarise_warnings(warnings: Sequence[str]) -> str:
+def summarise_warnings(warnings: Sequence[RunWarning]) -> str:
     """Return the number of a run's warnings and the first of them, which is the worst."""
     if not warnings:
         return "no warnings"

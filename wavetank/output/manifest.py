@@ -146,6 +146,21 @@ class Breaking(Part):
     waves: int = 0
 
 
+class WarningRecord(Part):
+    """A warning of a run (``wavetank/run_warning.py``)."""
+
+    code: str
+    message: str
+    key: str = ""
+    value: float | None = None
+    limit: float | None = None
+    t: float | None = None
+    x: float | None = None
+    y: float | None = None
+    until: float | None = None
+    details: dict[str, float | str] = {}
+
+
 class Manifest(Part):
     """The manifest."""
 
@@ -157,7 +172,7 @@ class Manifest(Part):
     written: AwareDatetime | None = None
     cause: str = ""
     command: list[str] = []
-    warnings: list[str] = []
+    warnings: list[WarningRecord | str] = []  # sentences in older manifests
     versions: dict[str, str] = {}
     files: dict[str, str] = {}
     scene: Case = Case()

@@ -41,6 +41,7 @@ from wavetank.output.files import (
 from wavetank.output.manifest import MANIFEST, now
 from wavetank.output.netcdf import conventions
 from wavetank.output.tables import AppendFile, TableWriter, csv_table, gauge_column, is_modified, is_truncated
+from wavetank.run_warning import RunWarning
 from wavetank.stateful import Held
 
 R = TypeVar("R", bound=AppendFile)
@@ -302,8 +303,8 @@ class RunWriter:
                 RunDirectory(self.path).write_netcdf(name, copy)
         except (OSError, InputError) as error:
             why = getattr(error, "strerror", None) or str(error)
-            message = f"{COPIES[name]} could not be written ({why}); {name} has the same"
-            self._manifest.setdefault("warnings", []).append(message)
+            failed = RunWarning("copy-failed", key=COPIES[name], details={"reason": why, "table": name})
+            self._manifest.setdefault("warnings", []).append(failed)
 
     def _check_held(self) -> None:
         """Raise ``RecordError`` where the directory has been removed, and may be another run's."""
@@ -316,7 +317,7 @@ class RunWriter:
 
     def _text(self, manifest: dict[str, Any]) -> bytes:
         try:
-            return json.dumps(manifest, indent=2, allow_nan=False).encode() + b"\n"
+            return json.dumps(manifest, indent=2, allow_nan=False, default=RunWarning.as_json).encode() + b"\n"
         except ValueError:  # JSON has no word for it
             raise RunError(f"{self.path / MANIFEST}: a value for it is not a finite number.") from None
 

@@ -53,6 +53,7 @@ from wavetank.planning.dispersion import relative_frequency_error
 from wavetank.planning.plan import own_plan
 from wavetank.planning.requirements import RESOLVED, analysed_duration, requirements, stokes, tapered, unplanned
 from wavetank.planning.resolution import DEFAULT, HELD, bed_shape, by_rule, stroke_missed, too_short, waves_missed
+from wavetank.run_warning import RunWarning, run_warning
 from wavetank.simulation.clock import ROUNDING, Clock
 from wavetank.simulation.construction import AnyWaves
 from wavetank.tank.breakdown import FARTHEST
@@ -207,8 +208,8 @@ NOISY = 0.5  # of the variance of a record's acceleration
 SMALL = 0.1  # of the speed of its waves: a paddle's strokes that linear theory is of
 
 
-def run_warnings(scene: Case, clock: Clock, waves: AnyWaves, *, own: Integrator[Any] | None = None) -> list[str]:
-    """Return the warnings of a run before its first step, a sentence each, the same on all ranks; collective.
+def run_warnings(scene: Case, clock: Clock, waves: AnyWaves, *, own: Integrator[Any] | None = None) -> list[RunWarning]:
+    """Return the warnings of a run before its first step, the same on all ranks; collective.
 
     Of an integrator of a user's ``own``, in place of the scene's, no error is predicted, as where no plan can be made,
     or none holds the paddle's waves: of these it is said what mesh and vertical order miss of them.
@@ -229,7 +230,8 @@ def run_warnings(scene: Case, clock: Clock, waves: AnyWaves, *, own: Integrator[
     ]
     scheme = own or INTEGRATORS[scene.numerics.integrator]()
     of_step = *_motion(scene, clock, scheme.nodes), *_farthest(scene, clock, waves, scheme), *_end(scene, clock)
-    return [*before, *sensors_in_reach(scene), *_bed(scene, waves), *_start(scene, waves), *of_step]
+    every = [*before, *sensors_in_reach(scene), *_bed(scene, waves), *_start(scene, waves), *of_step]
+    return [run_warning(one) for one in every]
 
 
 def of_duration(scene: Case) -> list[str]:
@@ -237,7 +239,7 @@ def of_duration(scene: Case) -> list[str]:
     return [*too_high(scene), *_ramps(scene)]
 
 
-def _of_walls(scene: Case, waves: AnyWaves) -> Iterator[str]:
+def _of_walls(scene: Case, waves: AnyWaves) -> Iterator[RunWarning | str]:
     for seen, paddle in zip(scene.paddles, waves.wall.paddles, strict=True):
         yield from seen.wall.warnings(scene.tank)
         stands, asked = getattr(paddle, "reach", 0.0), getattr(seen.wall, "reach", None)  # linear paddles have none

@@ -14,6 +14,7 @@ from wavetank.planning.checks import cut_starts
 from wavetank.planning.plan import Plan, UnreachableError, make_plan
 from wavetank.planning.requirements import unplanned
 from wavetank.planning.resolution import DEFAULT, resolved, shortest_wave, too_short
+from wavetank.run_warning import RunWarning, run_warning
 from wavetank.simulation.construction import with_its_numerics
 from wavetank.values.case_model import CaseError, about
 
@@ -24,7 +25,7 @@ class Planned(NamedTuple):
     """A scene whose numerics are planned or resolved, and what whoever reads its results must know of that."""
 
     scene: Case
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[RunWarning, ...] = ()
 
 
 def planned(scene: Case, comm: MPI.Comm) -> Planned:
@@ -34,7 +35,8 @@ def planned(scene: Case, comm: MPI.Comm) -> Planned:
     rank; collective. Raises ``InputError`` on all ranks if an accuracy is asked for that cannot be planned for.
     """
     result, warnings = from_first(comm, lambda: _planned(scene))
-    return Planned(result, (*warnings, *cut_starts(scene, scene.numerics.accuracy)))
+    cut = map(run_warning, cut_starts(scene, scene.numerics.accuracy))
+    return Planned(result, (*warnings, *cut))
 
 
 def _planned(scene: Case) -> Planned:
@@ -52,7 +54,7 @@ def _planned(scene: Case) -> Planned:
     if plan is None:
         return Planned(resolved(scene))
     less = f"no numerics that a plan knows are accurate to {DEFAULT:g}: these are planned for {plan.accuracy:g}"
-    return Planned(plan.applied_to(scene), () if plan.accuracy == DEFAULT else (less,))
+    return Planned(plan.applied_to(scene), () if plan.accuracy == DEFAULT else (run_warning(less),))
 
 
 def _cells_are_named(scene: Case) -> bool:

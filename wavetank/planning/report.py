@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from wavetank.case import Case
     from wavetank.planning.cost import CostModel
     from wavetank.planning.plan import Plan
+    from wavetank.run_warning import RunWarning
 
 
 def plan(
@@ -80,10 +81,10 @@ def _try(scene: "Case", why: str, terminal: "Console") -> None:
     _warn(terminal, *warnings, *run_warnings(scene, seen.clock, seen.waves))
 
 
-def _warn(terminal: "Console", *sentences: str) -> None:
+def _warn(terminal: "Console", *warnings: "RunWarning | str") -> None:
     """Print what a run of the scene warns of before its first step."""
-    for sentence in sentences:
-        terminal.print(f"warning: {sentence}", style="bold red", highlight=False)
+    for warning in warnings:
+        terminal.print(f"warning: {warning}", style="bold red", highlight=False)
 
 
 def _energy(scene: "Case") -> list[str]:
@@ -128,7 +129,7 @@ def _plan(scene: "Case", name: str, accuracy: float | None, terminal: "Console",
     _warn(terminal, *warnings, *forewarned)
 
 
-def _built(scene: "Case") -> tuple[str, list[str]]:
+def _built(scene: "Case") -> tuple[str, "list[RunWarning]"]:
     """Return what is told of a scene's sponge, and what is doubtful of a run; raises ``InputError`` as the run does."""
     from math import inf
 

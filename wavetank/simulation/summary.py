@@ -14,6 +14,7 @@ from wavetank.arrays import Vector
 from wavetank.errors import RunError
 from wavetank.output.directory import BROKEN, BROKEN_PICTURE, CHECKPOINT
 from wavetank.output.files import summarise_warnings
+from wavetank.run_warning import RunWarning
 from wavetank.simulation.construction import AnyWaves
 from wavetank.simulation.diagnostics import Crest, HighestCrest
 from wavetank.simulation.energy import EnergyBudget
@@ -163,7 +164,13 @@ class Outcome(NamedTuple):
 
 
 def closing(
-    outcome: Outcome, spent: dict[str, Any], *, warnings: Sequence[str], path: Path, flat: bool, drawn: bool = True
+    outcome: Outcome,
+    spent: dict[str, Any],
+    *,
+    warnings: Sequence[RunWarning],
+    path: Path,
+    flat: bool,
+    drawn: bool = True,
 ) -> list[str]:
     """Return the lines.
 

@@ -183,7 +183,7 @@ class Study:
             return row
         run = RunDirectory(place)
         broke = run.manifest.get("breaking", {}).get("waves")
-        row = replace(row, warnings=run.manifest.get("warnings", []), broke=broke)
+        row = replace(row, warnings=run.warnings, broke=broke)
         if outcome.status != "finished":
             return row
         errors = reference.errors(run) if reference else {}

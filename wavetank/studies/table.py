@@ -18,6 +18,7 @@ from scipy.special import stdtrit
 from wavetank.case import Case
 from wavetank.errors import RecordError
 from wavetank.output.files import write_atomically
+from wavetank.run_warning import RunWarning
 from wavetank.studies.measures import Errors, Responses, responded
 from wavetank.studies.sweep import Axis, Combination, Outcome, Refused
 
@@ -60,7 +61,7 @@ class Row:
     costs: dict[str, float] = field(default_factory=dict)
     mark: str = ""
     responses: Responses = field(default_factory=dict)
-    warnings: Sequence[str] = ()
+    warnings: Sequence[RunWarning] = ()
     broke: int | None = None
 
     @property
@@ -126,7 +127,9 @@ def write_table(path: Path, rows: Sequence[Row], axes: Sequence[Axis]) -> None:
     for row in rows:
         settings = [row.combination.values.get(axis.name, "") for axis in axes]
         figures = [_number(row.figures.get(name)) for name in (*names, *COSTS)]
-        writer.writerow([*settings, row.mark, *figures, row.outcome.status, row.outcome.cause, "; ".join(row.warnings)])
+        writer.writerow(
+            [*settings, row.mark, *figures, row.outcome.status, row.outcome.cause, "; ".join(map(str, row.warnings))]
+        )
     try:
         write_atomically(path, text.getvalue().encode())
     except OSError as error:
