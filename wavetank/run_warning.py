@@ -1,8 +1,9 @@
 """Warnings of a run: records with a code and figures, and the sentence of each code.
 
-A producer yields ``RunWarning("second-order-limit", key="wall.motion.generation", value=0.1, limit=0.05)``. The template of the code in ``MESSAGES`` has the fields of the record and the names of its details as replacement
-fields; a sentence without one of them has a code of its own. The manifest, checkpoints and the Python API contain the
-records. Code selects and compares records by their fields, never by their text, which ``str`` returns.
+A producer yields ``RunWarning("second-order-limit", key="wall.motion.generation", value=0.1, limit=0.05)``. The
+template of the code in ``MESSAGES`` names fields of the record and of its details. A sentence with other names has a
+code of its own. The manifest, checkpoints and the Python API contain the records. Code selects and compares records by
+their fields, never by their text, which ``str`` returns.
 """
 
 from collections.abc import Mapping
