@@ -22,13 +22,21 @@ from wavetank.output.fields import Surface
 from wavetank.output.writer import RunWriter
 from wavetank.studies.calibrate import calibration as module
 from wavetank.studies.calibrate import drawing
-from wavetank.studies.calibrate.aim import NOTHING, Elevation, Found, Tried
-from wavetank.studies.calibrate.aims import aim_of
-from wavetank.studies.calibrate.calibration import CASE, PICTURE, TABLE, WAVES, cheaper, exhausted, told
+from wavetank.studies.calibrate.attempts import (
+    NO_RESULT,
+    Attempt,
+    AttemptResult,
+    Elevation,
+    Scale,
+    components_table,
+    scale,
+    shifted,
+)
+from wavetank.studies.calibrate.calibration import CASE, PICTURE, TABLE, WAVES, cheaper, describe, exhausted
 from wavetank.studies.calibrate.crest import CrestAim, crests
-from wavetank.studies.calibrate.record import RecordAim, mixed
-from wavetank.studies.calibrate.waves import Lines, Scale, moved, scale, started, table
-from wavetank.studies.sweep import Outcome, Runner, status_of
+from wavetank.studies.calibrate.record import Lines, RecordAim, mixed, started
+from wavetank.studies.calibrate.targets import aim_of
+from wavetank.studies.runs import Outcome, Runner, status_of
 from wavetank.values.toml import toml
 
 FOCUSING = CHECKOUT / "cases" / "focusing.toml"
@@ -60,12 +68,12 @@ def waves():
 
 def test_waves_that_are_moved_are_the_same_elsewhere(waves):
     x, t = np.array([7.0, 10.0]), np.array([18.0, 20.0])
-    farther = moved(waves, 0.3, 0.7, factor=1.1).elevation(x + 0.3, t + 0.7)
+    farther = shifted(waves, 0.3, 0.7, factor=1.1).elevation(x + 0.3, t + 0.7)
     np.testing.assert_allclose(farther, 1.1 * waves.elevation(x, t), rtol=1e-12)
 
 
 def test_waves_that_are_written_are_read_as_components(waves, tmp_path):
-    (tmp_path / "waves.csv").write_text(table(waves))
+    (tmp_path / "waves.csv").write_text(components_table(waves))
     motion = f"wall.motion={{type='components', file='{tmp_path / 'waves.csv'}'}}"
     scene = read_case(FOCUSING, [motion])
     read = scene.wall.motion.waves(scene.tank, scene.wall.wavemaker).target
@@ -84,8 +92,8 @@ def test_lines_of_a_record_are_the_waves_in_it(spacing):
     eta = (np.exp(-1j * np.outer(t, omega)) @ amplitudes).real
     lines = Lines(t, omega, period=1.25)
     inside = (t > 4.0) & (t < 56.0)
-    np.testing.assert_allclose(lines.kept(eta)[inside], eta[inside], atol=0.05 * np.abs(eta).max())
-    assert np.abs(lines.kept(np.cos(2 * np.pi * 2.5 * t))).max() < 0.02  # of other waves there is nothing
+    np.testing.assert_allclose(lines.part(eta)[inside], eta[inside], atol=0.05 * np.abs(eta).max())
+    assert np.abs(lines.part(np.cos(2 * np.pi * 2.5 * t))).max() < 0.02  # of other waves there is nothing
 
 
 def test_the_highest_crest_is_found_between_snapshots_and_points():
@@ -119,15 +127,15 @@ def test_of_two_crests_that_are_alike_it_is_the_nearer_and_the_other_is_told(wav
     gauge = SimpleNamespace(x=10.0, t=t, eta=0 * t)
     run = SimpleNamespace(snapshots=lambda: surface, gauge_series=lambda: [gauge])
     one = replace(waves, omega=np.array([2 * np.pi]), k_x=np.array([2 * np.pi / 1.6]), amplitudes=np.ones(1))
-    found = CrestAim(CrestTarget(height=0.1, x=10.0 + 0.8 * later, time=20.0 + later), one).found([run])
+    found = CrestAim(CrestTarget(height=0.1, x=10.0 + 0.8 * later, time=20.0 + later), one).evaluate([run])
     assert (found.crest, found.x) == pytest.approx((height, place), rel=2e-3)
     assert found.rival is not None and found.rival.x == pytest.approx(20.0 - place, rel=2e-3)
-    assert f"; another of {found.rival.height:.4g} m at {found.rival.x:.4g} m" in told(tried(None, None, found))
+    assert f"; another of {found.rival.height:.4g} m at {found.rival.x:.4g} m" in describe(tried(None, None, found))
 
 
 # ---------------------------------------------------------------- tanks whose answer is known
 def tried(aim, setting, found, number=1):
-    return Tried(number, number, "the case's", setting, Path(), 0.0, found=found)
+    return Attempt(number, number, "the case's", setting, Path(), 0.0, result=found)
 
 
 def test_a_crest_that_is_off_as_linear_waves_are_is_right_at_the_second_run():
@@ -138,9 +146,9 @@ def test_a_crest_that_is_off_as_linear_waves_are_is_right_at_the_second_run():
     def tank(setting):
         higher, along, later = setting
         off = 0.113 * np.exp(higher), 10.46 + along * sizes.length, 20.18 + later * sizes.period
-        return Found(*off, misfit=np.nan, elevation=Elevation(np.zeros(1), np.zeros(1)))
+        return AttemptResult(*off, misfit=np.nan, elevation=Elevation(np.zeros(1), np.zeros(1)))
 
-    second = aim.corrected([tried(aim, aim.start, tank(aim.start))])
+    second = aim.next_setting([tried(aim, aim.start, tank(aim.start))])
     found = tank(second)
     assert (found.crest, found.x, found.t) == pytest.approx((0.1, 10.0, 20.0), rel=1e-12)
 
@@ -154,19 +162,19 @@ def test_a_crest_that_answers_otherwise_is_right_after_some_runs():
     for number in range(1, 7):
         off = np.array([0.12, 0.14, 0.1]) + answer @ setting
         crest, x, t = 0.1 * np.exp(off[0]), 10.0 + off[1] * sizes.length, 20.0 + off[2] * sizes.period
-        found = Found(crest, x, t, np.abs(off).max(), Elevation(np.zeros(1), np.zeros(1)))
+        found = AttemptResult(crest, x, t, np.abs(off).max(), Elevation(np.zeros(1), np.zeros(1)))
         history.append(tried(aim, setting, found, number))
-        setting = aim.corrected(history)
-    assert history[-1].found.misfit < 1e-3 < history[1].found.misfit
+        setting = aim.next_setting(history)
+    assert history[-1].result.misfit < 1e-3 < history[1].result.misfit
 
 
 def test_a_crest_goes_on_from_the_best_attempt():
     """Oracle: a step of the size that is left there; from the last, far off, it would be as long as one may be."""
     aim = aim_of(read_case(FOCUSING))
     nothing = Elevation(np.zeros(1), np.zeros(1))
-    good, bad = Found(0.1, 10.1, 20.05, 2.0, nothing), Found(0.104, 12.4, 21.2, 40.0, nothing)
+    good, bad = AttemptResult(0.1, 10.1, 20.05, 2.0, nothing), AttemptResult(0.104, 12.4, 21.2, 40.0, nothing)
     settings = np.zeros(3), np.array([0.02, 0.8, 0.8])
-    following = aim.corrected([tried(aim, settings[0], good), tried(aim, settings[1], bad, 2)])
+    following = aim.next_setting([tried(aim, settings[0], good), tried(aim, settings[1], bad, 2)])
     assert np.abs(following).max() < 0.06
 
 
@@ -193,7 +201,7 @@ def in_linear_tank(aim, folder, setting, *, transfer, turned=True):
                 records.append(row)
             writer.finish("finished", {})
         runs.append(RunDirectory(path))
-    return aim.found(runs)
+    return aim.evaluate(runs)
 
 
 def test_of_a_linear_tank_one_correction_does(wanted, tmp_path):
@@ -203,7 +211,7 @@ def test_of_a_linear_tank_one_correction_does(wanted, tmp_path):
         return 0.9 * np.exp(0.1j * omega)
 
     first = in_linear_tank(wanted, tmp_path, wanted.start, transfer=transfer)
-    second = wanted.corrected([tried(wanted, wanted.start, first)])
+    second = wanted.next_setting([tried(wanted, wanted.start, first)])
     found = in_linear_tank(wanted, tmp_path, second, transfer=transfer)
     assert first.nrms > 0.3 and found.nrms < 0.02
     told, expected = wanted.waves(second), wanted.start / transfer(wanted.waves(second).omega)
@@ -220,7 +228,7 @@ def test_what_is_not_coherent_with_what_the_paddle_is_told_is_hardly_corrected(w
 
     first = in_linear_tank(wanted, tmp_path, wanted.start, transfer=transfer)
     omega = wanted.waves(wanted.start).omega
-    short, change = omega > 2 * np.pi * 1.0, wanted.corrected([tried(wanted, wanted.start, first)]) - wanted.start
+    short, change = omega > 2 * np.pi * 1.0, wanted.next_setting([tried(wanted, wanted.start, first)]) - wanted.start
     missing = wanted.start * (1 - transfer(omega))
     assert np.linalg.norm(change[short]) < 0.2 * np.linalg.norm(missing[short])
 
@@ -325,7 +333,7 @@ def test_a_calibrated_case_runs_as_it_is_and_the_command_goes_on(tiny, tmp_path)
 
 def test_the_picture_of_what_is_not_reached_is_of_the_best(tiny, undrawn, monkeypatch, tmp_path):
     """Oracle: in a linear tank waves that are made much lower than wanted are."""
-    monkeypatch.setattr(CrestAim, "corrected", lambda aim, tried: tried[-1].setting - np.array([1.0, 0.0, 0.0]))
+    monkeypatch.setattr(CrestAim, "next_setting", lambda aim, tried: tried[-1].setting - np.array([1.0, 0.0, 0.0]))
     assert tiny("--most", "2").returncode == 1
     first, second = (float(row["misfit over allowed"]) for row in rows(tmp_path / "out"))
     assert first < second and (tmp_path / "out" / PICTURE).read_text() == "1"
@@ -334,15 +342,15 @@ def test_the_picture_of_what_is_not_reached_is_of_the_best(tiny, undrawn, monkey
 def test_a_picture_tells_where_the_crest_is_and_which_attempts_broke_down(monkeypatch, tmp_path):
     figure, aim = Figure(), aim_of(read_case(FOCUSING))
     monkeypatch.setattr(drawing, "picture", lambda *_: nullcontext(figure))
-    found = Found(0.1, 10.285, 20.0, 194.2, Elevation(np.linspace(0.0, 24.0, 9), np.zeros(9)))
+    found = AttemptResult(0.1, 10.285, 20.0, 194.2, Elevation(np.linspace(0.0, 24.0, 9), np.zeros(9)))
     one = tried(aim, aim.start, found)
-    drawing.draw([one, replace(one, number=2, found=NOTHING, cause="it broke.")], aim, tmp_path, shown=one, title="")
+    drawing.draw([one, replace(one, number=2, result=NO_RESULT, cause="it broke.")], aim, tmp_path, shown=one, title="")
     records, _, misfits = figure.axes
     assert records.get_title() == "at x = 10 m; the highest crest is at 10.29 m"
     figure.draw_without_rendering()
     assert not any(axes.get_legend().get_window_extent().overlaps(axes.bbox) for axes in figure.axes)
     (broken,) = (line for line in misfits.lines if line.get_label() == "broke down")
-    assert list(broken.get_xdata()) == [2] and "misfit 194 of" in told(one)
+    assert list(broken.get_xdata()) == [2] and "misfit 194 of" in describe(one)
 
 
 def test_what_the_paddle_cannot_do_is_said_before_the_first_run(tiny, tmp_path):
@@ -408,8 +416,8 @@ def test_a_run_that_fails_for_another_reason_ends_the_calibration(tiny, monkeypa
     ("case", "changes", "sentence"),
     [
         ("standing-wave", [], 'wall.type = "fixed": must be a paddle that moves as a whole: its'),
-        ("directional-focus", [], 'tank.type = "basin": must be a slice: waves are told by one place along it'),
-        ("wavemaker", [], "target: is missing: what is wanted is told by focused crests"),
+        ("directional-focus", [], 'tank.type = "basin": must be a slice: the target is at one place along it'),
+        ("wavemaker", [], "target: is missing: only a focused crest"),
         ("wavemaker", ["target={type='crest', height=0.1, x=2.0, time=9.0}"], 'wall.motion.type = "sinusoid": must'),
         ("focusing", ["target={type='crest', height=0.1, x=30.0, time=9.0}"], "target.x = 30.0: must be inside"),
         ("focusing", ["target={type='crest', height=0.1, x=3.0, time=24.5}"], "target.time = 24.5: must be before"),

@@ -189,9 +189,9 @@ def test_runs_of_a_study_are_executed_with_its_trust(coded, tmp_path, monkeypatc
 
     def start(words):
         commands.append(words)
-        return begun([sys.executable, "-c", "exit(2)"], stderr=subprocess.PIPE)
+        return begun([sys.executable, "-c", "exit(2)"], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
-    monkeypatch.setattr("wavetank.studies.sweep.start_command", start)
+    monkeypatch.setattr("wavetank.studies.runs.start_command", start)
     monkeypatch.chdir(tmp_path)
     assert main(["study", str(coded / "case.toml"), "--sweep", "dt=0.05,0.02", "--trust"]) == 1
     assert len(commands) >= 2 and all("--trust" in words for words in commands)

@@ -16,9 +16,10 @@ from rich.console import Console
 from examples.paper import cylinder, growth, sponge, steepness
 from examples.paper.report import Report
 from wavetank.plots.style import picture
-from wavetank.studies.drawing import WARNED, draw_responses, draw_trade, pareto_front
+from wavetank.studies.drawing import WARNED, draw_responses, draw_trade, pareto_front, unit
 from wavetank.studies.measures import CREST, CREST_PLACE, GAUGE_ERROR, PHASE_ERROR, SURFACE_ERROR, TROUGH
-from wavetank.studies.sweep import Outcome, Refused, combinations, parse_axes, unit
+from wavetank.studies.runs import Outcome
+from wavetank.studies.sweep import Refused, combinations, parse_axes
 from wavetank.studies.table import Row
 
 CASES = Path(__file__).resolve().parents[1] / "cases"

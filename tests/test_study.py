@@ -40,12 +40,11 @@ from wavetank.studies.measures import (
     RunReference,
     exact_solution,
 )
+from wavetank.studies.runs import Outcome, Runner, start_command, status_of
 from wavetank.studies.study import Study
 from wavetank.studies.sweep import (
     SHORT_NAMES,
     Axis,
-    Outcome,
-    Runner,
     combinations,
     finest,
     marked_combination,
@@ -53,8 +52,6 @@ from wavetank.studies.sweep import (
     parse_axis,
     refined,
     same_but_numerics,
-    start_command,
-    status_of,
 )
 from wavetank.studies.table import Row, unfinished, write_table
 from wavetank.waves.airy import angular_frequency
@@ -97,7 +94,7 @@ def test_a_bad_sweep_is_refused_in_one_sentence_before_anything_runs(tmp_path, s
 
 
 def test_a_folder_that_cannot_be_made_is_refused_once_before_anything_runs(tmp_path, monkeypatch):
-    monkeypatch.setattr(Runner, "_called", lambda *of: pytest.fail("a run has begun"))
+    monkeypatch.setattr(Runner, "_execute", lambda *of: pytest.fail("a run has begun"))
     (tmp_path / "file").touch()
     study = Study(CASE, ["dt=0.02,0.04"], out=tmp_path / "file" / "out", console=Console(file=io.StringIO()))
     with pytest.raises(InputError, match=r"file/out: cannot be written \(Not a directory\)\.$"):
@@ -540,33 +537,34 @@ def test_what_has_not_finished_goes_on_or_where_that_is_refused_or_vain_begins_a
         writer.fail(error)
     asked = []
 
-    def called(self, arguments):
-        asked.append(arguments[-1])
-        return Outcome("refused" if "--resume" in arguments else "finished")
+    def execute(self, options):
+        asked.append(options[-1])
+        return Outcome("refused" if "--resume" in options else "finished")
 
-    monkeypatch.setattr(Runner, "_called", called)
+    monkeypatch.setattr(Runner, "_execute", execute)
     outcomes = list(Runner(CASE, tmp_path, at_once=1).run([one]))
     assert outcomes == [(one, Outcome("finished"))] and asked == ways
 
 
 def test_a_process_that_dies_ends_its_run_alone(tmp_path, monkeypatch):
     """The second process is killed by a signal, the third ends with an error."""
-    scripts = cycle(["", "import os; os.kill(os.getpid(), 11)", "exit('it broke')"])
+    scripts = cycle(["print('[0, \"\"]')", "import os; os.kill(os.getpid(), 11)", "exit('it broke')"])
 
     def start(words):
-        return begun([sys.executable, "-c", next(scripts)], stderr=subprocess.PIPE)
+        return begun([sys.executable, "-c", next(scripts)], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
-    monkeypatch.setattr("wavetank.studies.sweep.start_command", start)
+    monkeypatch.setattr("wavetank.studies.runs.start_command", start)
     found = combinations(CASE, parse_axes(["dt=0.01,0.02,0.03,0.04"]), [])
     outcomes = [outcome for _, outcome in Runner(CASE, tmp_path, at_once=1).run(found)]
     assert [one.status for one in outcomes] == ["finished", "failed", "failed", "finished"]
     assert [one.cause for one in outcomes] == ["", "ended with code -11", "it broke", ""]
 
 
-def test_a_command_that_is_refused_says_why_in_its_errors():
+def test_process_of_a_refused_run_prints_its_cause():
     with start_command(["run", "this.toml"]) as process:
-        _, errors = process.communicate()
-    assert process.returncode == 2 and errors.startswith("wavetank: this.toml: cannot be read")
+        printed, _ = process.communicate()
+    code, cause = json.loads(printed)
+    assert process.returncode == code == 2 and cause.startswith("this.toml: cannot be read")
 
 
 def test_the_table_of_a_study_is_never_half_written(tmp_path, monkeypatch):
@@ -591,13 +589,13 @@ def test_values_that_are_refused_are_rows_as_runs_that_break_down_are(tmp_path, 
 
 
 def test_a_study_without_a_finished_run_still_has_its_table(tmp_path, monkeypatch):
-    monkeypatch.setattr(Runner, "_called", lambda *of: Outcome("refused", "numerics.dt = 0.5: must be below."))
+    monkeypatch.setattr(Runner, "_execute", lambda *of: Outcome("refused", "numerics.dt = 0.5: must be below."))
     console = Console(file=io.StringIO(), width=300)
     study = Study(CASE, ["dt=0.5,0.4"], overrides=LINEAR, out=tmp_path, console=console, at_once=1, reference="fine")
     with pytest.raises(RunError, match=r"nothing could be measured.*numerics.dt = 0.5: must be below"):
         study.execute()
     assert "refused" in (tmp_path / "study.csv").read_text()
-    assert re.search(r"must be below; about \d+ seconds? left\n", console.file.getvalue())
+    assert "1/2 dt=0.5: refused: numerics.dt = 0.5: must be below.\n" in console.file.getvalue()
 
 
 # ---------------------------------------------------------------- the picture

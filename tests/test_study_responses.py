@@ -19,8 +19,9 @@ from wavetank.errors import InputError
 from wavetank.output.writer import RunWriter
 from wavetank.studies.drawing import WARNED, draw_ensembles
 from wavetank.studies.measures import Response, responses, usual_responses
+from wavetank.studies.runs import Outcome
 from wavetank.studies.study import Study
-from wavetank.studies.sweep import Axis, Combination, Outcome, combinations, parse_axes, parse_axis
+from wavetank.studies.sweep import Axis, Combination, combinations, parse_axes, parse_axis
 from wavetank.studies.table import Ensemble, Row, ensemble_table, ensembles, write_ensembles, write_table
 from wavetank.waves.airy import wave_number
 

@@ -30,8 +30,7 @@ from wavetank.plots.analyse_command import analyse
 from wavetank.plots.compare_command import compare
 from wavetank.plots.view_command import view
 from wavetank.status import status
-from wavetank.studies.calibrate.command import calibrate
-from wavetank.studies.command import study
+from wavetank.studies.command import calibrate, study
 from wavetank.values.python_file import trusting
 
 # of use

@@ -1,4 +1,4 @@
-"""``wavetank study``: light to import; what it needs is loaded when it is called."""
+"""``wavetank study`` and ``wavetank calibrate``, light to import: the commands import what they need."""
 
 from pathlib import Path
 from typing import Annotated
@@ -29,7 +29,7 @@ def study(
             help="a column: crest, run_up, reflection, or at the gauge named 5 hm0@5, hm0@5/hm0@1 ...",
         ),
     ] = None,
-    start: Annotated[float | None, typer.Option(help="from when responses are told [s]")] = None,
+    start: Annotated[float | None, typer.Option(help="evaluate responses from this time on [s]")] = None,
     out: Annotated[Path | None, typer.Option(help="folder; default runs/ and the case's name with -study")] = None,
     overrides: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="change the case")] = None,
     mark: Annotated[
@@ -37,12 +37,12 @@ def study(
         typer.Option(metavar="KEY=VALUE", help="a setting of one more combination, drawn as the plan's choice"),
     ] = None,
     at_once: Annotated[int | None, typer.Option(min=1, help="runs at a time; default: one a core")] = None,
-    yes: Annotated[bool, typer.Option("--yes", help="also runs of days, or of more memory than there is")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="also runs of days, or of more memory than is free")] = False,
 ) -> None:
     """Run all combinations of some settings: error against cost.
 
-    Each is a run in its own process, as many at a time as there are cores. Where a key changes what is modelled, a
-    wave's height, say: highest crest and deepest trough over that key, or each --response; of seeds
+    Each is a run in its own process, as many at a time as there are cores. Where a key changes what is modelled, such
+    as a wave height: highest crest and deepest trough over that key, or each --response; of seeds
     (wall.motion.seed=1..20) means, their confidence, and quantiles. What has finished is not run again, and
     no run of another scene is replaced. Keys are those of the case, or short: dt, dx, cells, n, p, order, integrator,
     tolerance.
@@ -67,5 +67,40 @@ def study(
         start=start,
         at_once=at_once,
         yes=yes,
+        console=console(),
+    ).execute()
+
+
+def calibrate(
+    case: Annotated[Path, typer.Argument(help="case file (TOML)", metavar="CASE")],
+    out: Annotated[Path | None, typer.Option(help="folder; default runs/, the case's name, -calibration")] = None,
+    overrides: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="change the case")] = None,
+    most: Annotated[int, typer.Option(min=1, help="runs, at most")] = 10,
+    yes: Annotated[bool, typer.Option("--yes", help="also runs of days, or of more memory than is free")] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="replace a calibration of another target there, except its runs")
+    ] = False,
+) -> None:
+    """Find the paddle motion that generates a target wave, by runs.
+
+    The target is the case's [target]: a crest, components at a place, or a record there; without one the crest of
+    focused waves, or the record of a surface, of its motion by linear theory. Each run is corrected by the results of
+    those before; all are kept: the same command continues.
+    """
+    from mpi4py import MPI
+
+    from wavetank.console import console
+    from wavetank.errors import InputError
+    from wavetank.studies.calibrate.calibration import Calibration
+
+    if MPI.COMM_WORLD.size > 1:
+        raise InputError(f"{MPI.COMM_WORLD.size} ranks received; a calibration starts its runs itself, without mpirun.")
+    Calibration(
+        case,
+        out=Path("runs") / f"{case.stem}-calibration" if out is None else out,
+        overrides=overrides or [],
+        most=most,
+        yes=yes,
+        overwrite=overwrite,
         console=console(),
     ).execute()

@@ -1,9 +1,10 @@
-"""Pictures of a study: error against cost, responses over a key, and ensembles.
+"""Figures of a study: error against cost, responses over a key, and ensembles.
 
 Integrators are colours, another key is the marker, one key runs along lines; with one integrator the other key is also
 the colour. Marks of runs that have warnings are open.
 """
 
+import re
 from collections.abc import Callable, Sequence
 from itertools import cycle
 from pathlib import Path
@@ -17,6 +18,7 @@ from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
+from wavetank.case import Case
 from wavetank.plots.style import (
     BLUE,
     GREEN,
@@ -32,8 +34,9 @@ from wavetank.plots.style import (
     picture,
 )
 from wavetank.studies.measures import CREST_ERROR, CREST_TIME, responded
-from wavetank.studies.sweep import Axis, unit
+from wavetank.studies.sweep import Axis
 from wavetank.studies.table import CPU, Ensemble, Row, damped, measured, unfinished
+from wavetank.values.case_model import CaseModel
 
 COLOURS, MARKERS = (BLUE, VERMILION, GREEN, PURPLE), "osD^v<>Pph"
 INTEGRATOR = "integrator"
@@ -373,3 +376,14 @@ def _axis_label(rows: Sequence[Row], axis: Axis) -> str:
     """Return a key with the unit of its numbers, from a scene that has results."""
     scene = next(row.scene for row in rows if row.results)
     return f"{axis.name} [{unit(scene, axis.key) or '-'}]" if _is_numeric(axis) else axis.name
+
+
+def unit(scene: Case, key: str) -> str:
+    """Return the unit of a dotted key in its description, e.g. ``"m"``; "" if there is none."""
+    *path, last = key.split(".")
+    model: object = scene
+    for part in path:
+        model = getattr(model, part, None)
+    field = type(model).model_fields.get(last) if isinstance(model, CaseModel) else None
+    match = re.search(r"\[([^\]]+)\]", (field.description if field else None) or "")
+    return match[1] if match else ""

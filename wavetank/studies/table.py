@@ -5,7 +5,6 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from io import StringIO
-from math import isnan
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,10 +19,11 @@ from wavetank.errors import RecordError
 from wavetank.output.files import write_atomically
 from wavetank.run_warning import RunWarning
 from wavetank.studies.measures import Errors, Responses, responded
-from wavetank.studies.sweep import Axis, Combination, Outcome, Refused
+from wavetank.studies.runs import Outcome
+from wavetank.studies.sweep import Axis, Combination, Refused
 
 CPU, BROKE = "CPU [s]", "broke"
-COSTS = {  # column: where in the manifest; CPU and wall time are those of stepping
+COSTS = {  # column: keys of the manifest; CPU and wall time are those of stepping
     CPU: ("timings", "stepping_cpu_s"),
     "wall [s]": ("timings", "stepping_s"),
     "set-up [s]": ("timings", "set_up_s"),
@@ -33,11 +33,15 @@ COSTS = {  # column: where in the manifest; CPU and wall time are those of stepp
     "iterations": ("counters", "interior_iterations"),
     "memory [MiB]": ("memory", "peak_mib"),
 }
+SHOWN = (CPU, "steps", "interior solves", "iterations", "memory [MiB]")  # costs in the terminal
+CONFIDENCE = 0.95  # of the mean's confidence interval
+QUANTILES = (0.05, 0.5, 0.95)
+COLUMNS = ("runs", "mean", "mean from", "mean to", "standard deviation", *(f"{100 * q:g} %" for q in QUANTILES))
 
 
 @dataclass(frozen=True)
 class Row:
-    """A combination with what came of it.
+    """A combination with the results of its run.
 
     Attributes
     ----------
@@ -46,13 +50,13 @@ class Row:
     errors, costs
         By column name; empty if the run is not finished, errors also if its reference is not.
     mark
-        What makes the combination special, e.g. ``"plan"``.
+        ``"plan"`` for a marked combination, else empty.
     responses
-        By name, those that the run does not tell not a number; of studies over what is modelled.
+        By name, nan if the run does not contain it; of studies over what is modelled.
     warnings
-        Of the run, as its log has them, however it has ended.
+        Of the run's manifest.
     broke
-        How many waves broke and were damped; None where a wave that breaks is not.
+        Number of waves that broke and were damped; None if the run does not dissipate breaking waves.
     """
 
     combination: Combination | Refused
@@ -66,7 +70,7 @@ class Row:
 
     @property
     def scene(self) -> Case:
-        """What was run; only of what could be."""
+        """The case of a combination that was run."""
         assert isinstance(self.combination, Combination)
         return self.combination.scene
 
@@ -75,10 +79,19 @@ class Row:
         """Responses and errors."""
         return {**self.responses, **self.errors}
 
-    @property
-    def figures(self) -> dict[str, float]:
-        """All numbers of its columns."""
-        return {**self.results, **({} if self.broke is None else {BROKE: self.broke}), **self.costs}
+    def cells(self, names: Iterable[str], digits: Sequence[int]) -> list[str]:
+        """Return figures by their names as text; empty if there is no number."""
+        figures = {**self.results, **self.costs} | ({} if self.broke is None else {BROKE: self.broke})
+        return [number(figures.get(name, np.nan), n) for name, n in zip(names, digits, strict=True)]
+
+    def settings(self, axes: Iterable[Axis]) -> list[str]:
+        """Return its values of some axes."""
+        return [self.combination.values.get(axis.name, "") for axis in axes]
+
+
+def number(value: float, digits: int) -> str:
+    """Return a number as text, of nan an empty one."""
+    return "" if np.isnan(value) else f"{value:.{digits}g}"
 
 
 def costs(manifest: dict[str, Any]) -> dict[str, float]:
@@ -91,74 +104,74 @@ def measured(rows: Iterable[Row]) -> list[str]:
     return list(dict.fromkeys(name for row in rows for name in row.errors))
 
 
-def tabled(rows: Sequence[Row]) -> list[str]:
-    """Return the responses that were asked for, the error measures that any row has, and whether waves broke in any."""
+def tabulated(rows: Sequence[Row]) -> list[str]:
+    """Return the columns besides costs: responses, error measures, and ``BROKE`` if a wave broke in any run."""
     broke = [BROKE] if any(row.broke for row in rows) else []
     return [*dict.fromkeys(name for row in rows for name in row.responses), *measured(rows), *broke]
 
 
-def counted(number: int, rows: Sequence[Row]) -> str:
-    """Return of how many runs something is said."""
-    return f"{number} of {len(rows)} run{'' if len(rows) == 1 else 's'}"
+def counted(count: int, rows: Sequence[Row]) -> str:
+    """Return ``"2 of 6 runs"``."""
+    return f"{count} of {len(rows)} run{'' if len(rows) == 1 else 's'}"
 
 
 def unfinished(rows: Sequence[Row]) -> str:
     """Return how many runs have ended otherwise, such as ``2 of 6 runs broke down``; "" if none has."""
-    ended = Counter(row.outcome.status for row in rows if row.outcome.status != "finished")
     phrases = []
-    for status, number in ended.items():
+    for status, count in Counter(row.outcome.status for row in rows if row.outcome.status != "finished").items():
         passive = status not in ("broke down", "failed")  # refused, killed or stopped
-        were = ("was " if number == 1 else "were ") if passive else ""
-        phrases.append(f"{counted(number, rows)} {were}{status}")
+        were = ("was " if count == 1 else "were ") if passive else ""
+        phrases.append(f"{counted(count, rows)} {were}{status}")
     return ", ".join(phrases)
 
 
 def damped(rows: Sequence[Row]) -> str:
     """Return in how many runs waves broke and were damped; "" if in none."""
-    number = sum(bool(row.broke) for row in rows)
-    return f"waves broke and were damped in {counted(number, rows)}" if number else ""
+    count = sum(bool(row.broke) for row in rows)
+    return f"waves broke and were damped in {counted(count, rows)}" if count else ""
 
 
-def write_table(path: Path, rows: Sequence[Row], axes: Sequence[Axis]) -> None:
-    """Write ``study.csv`` in one step: settings, figures, status, cause and warnings; raise ``RecordError``."""
-    names, text = tabled(rows), StringIO()
-    writer = csv.writer(text)
-    writer.writerow([*(axis.label for axis in axes), "mark", *names, *COSTS, "status", "cause", "warnings"])
-    for row in rows:
-        settings = [row.combination.values.get(axis.name, "") for axis in axes]
-        figures = [_number(row.figures.get(name)) for name in (*names, *COSTS)]
-        writer.writerow(
-            [*settings, row.mark, *figures, row.outcome.status, row.outcome.cause, "; ".join(map(str, row.warnings))]
-        )
+def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """Write a CSV file, complete or not at all; raises ``RecordError``."""
+    text = StringIO()
+    csv.writer(text).writerows([columns, *rows])
     try:
         write_atomically(path, text.getvalue().encode())
     except OSError as error:
         raise RecordError(f"{path}: cannot be written ({error.strerror}).") from None
 
 
-def _number(value: float | None, digits: int = 7) -> str:
-    return "" if value is None or isnan(value) else f"{value:.{digits}g}"
+def write_table(path: Path, rows: Sequence[Row], axes: Sequence[Axis]) -> None:
+    """Write ``study.csv``: settings, figures, status, cause and warnings; raises ``RecordError``."""
+    names = [*tabulated(rows), *COSTS]
+    lines = [
+        [
+            *row.settings(axes),
+            row.mark,
+            *row.cells(names, [7] * len(names)),
+            row.outcome.status,
+            row.outcome.cause,
+            "; ".join(map(str, row.warnings)),
+        ]
+        for row in rows
+    ]
+    write_csv(path, [*(axis.label for axis in axes), "mark", *names, "status", "cause", "warnings"], lines)
 
 
 def study_table(rows: Sequence[Row], axes: Sequence[Axis]) -> Table:
-    """Return the table for the terminal: settings, responses, errors, the main costs and how each ended."""
-    names, shown = tabled(rows), (CPU, "steps", "interior solves", "iterations", "memory [MiB]")
+    """Return the table for the terminal: settings, responses, errors, the main costs and the status of each run."""
+    names = [*tabulated(rows), *SHOWN]
+    digits = [6 if name in SHOWN[1:] else 3 for name in names]
     table = Table(box=SIMPLE, padding=0)
     for axis in axes:
-        longest = max(len(row.combination.values.get(axis.name, "")) for row in rows)
-        table.add_column(axis.label, min_width=longest, overflow="fold")
-    for name in (*names, *shown):
+        table.add_column(axis.label, min_width=max(len(row.settings([axis])[0]) for row in rows), overflow="fold")
+    for name in names:
         table.add_column(name)
     table.add_column("status", no_wrap=True)
     for row in rows:
-        settings = [row.combination.values.get(axis.name, "") for axis in axes]
-        figures = [_number(row.figures.get(name), 3 if name in (*names, CPU) else 6) for name in (*names, *shown)]
-        table.add_row(*settings, *figures, ", ".join(filter(None, [row.mark, row.outcome.status])))
+        status = ", ".join(filter(None, [row.mark, row.outcome.status]))
+        table.add_row(*row.settings(axes), *row.cells(names, digits), status)
     return table
-
-
-CONFIDENCE = 0.95  # of the mean's confidence
-QUANTILES = (0.05, 0.5, 0.95)
 
 
 class Ensemble(NamedTuple):
@@ -171,7 +184,7 @@ class Ensemble(NamedTuple):
     values
         Of the runs that have finished, shape (runs,), in the order of the seeds.
     warned
-        Which of them are of runs that have warnings.
+        Indices of runs that have warnings.
     """
 
     settings: dict[str, str]
@@ -186,12 +199,12 @@ class Ensemble(NamedTuple):
 
     @property
     def spread(self) -> float:
-        """The standard deviation of the population that the seeds are a sample of; of one run not a number."""
+        """The sample standard deviation; nan of one run."""
         return float(self.values.std(ddof=1)) if self.values.size > 1 else np.nan
 
     @property
     def half_width(self) -> float:
-        """Half the width of the 95 % confidence interval of the mean, by Student's t; of one run not a number."""
+        """Half the width of the 95 % confidence interval of the mean, by Student's t; nan of one run."""
         runs = self.values.size
         return float(stdtrit(runs - 1, (1 + CONFIDENCE) / 2)) * self.spread / runs**0.5 if runs > 1 else np.nan
 
@@ -200,49 +213,39 @@ class Ensemble(NamedTuple):
         """The 5, 50 and 95 % quantiles, interpolated between the runs."""
         return tuple(float(one) for one in np.quantile(self.values, QUANTILES))
 
+    def cells(self, digits: int) -> list[str]:
+        """Return the statistics in ``COLUMNS`` as text."""
+        interval = self.mean - self.half_width, self.mean + self.half_width
+        figures = [self.values.size, self.mean, *interval, self.spread, *self.quantiles]
+        return [*self.settings.values(), self.response, *(number(figure, digits) for figure in figures)]
+
 
 def ensembles(rows: Sequence[Row], axes: Sequence[Axis]) -> list[Ensemble]:
-    """Return the ensembles of all responses, settings in the order of the rows; marked rows are of none."""
-    other_keys = [axis.name for axis in axes if not axis.seeds]
+    """Return the ensembles of all responses, settings in the order of the rows, without marked rows."""
+    keys = [axis.name for axis in axes if not axis.seeds]
     groups: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
         if row.responses and not row.mark:
-            groups.setdefault(tuple(row.combination.values[name] for name in other_keys), []).append(row)
+            groups.setdefault(tuple(row.combination.values[name] for name in keys), []).append(row)
     result = []
     for name in responded(row.responses for row in rows):
         for key, group in groups.items():
             finite = [row for row in group if not np.isnan(row.responses.get(name, np.nan))]
-            values, warned = (
-                [row.responses[name] for row in finite],
-                [n for n, row in enumerate(finite) if row.warnings],
-            )
             if finite:
-                result.append(Ensemble(dict(zip(other_keys, key, strict=True)), name, np.array(values), warned))
+                values = np.array([row.responses[name] for row in finite])
+                warned = [n for n, row in enumerate(finite) if row.warnings]
+                result.append(Ensemble(dict(zip(keys, key, strict=True)), name, values, warned))
     return result
-
-
-COLUMNS = ("runs", "mean", "mean from", "mean to", "standard deviation", *(f"{100 * q:g} %" for q in QUANTILES))
-
-
-def _figures(one: Ensemble) -> list[float]:
-    return [one.values.size, one.mean, one.mean - one.half_width, one.mean + one.half_width, one.spread, *one.quantiles]
 
 
 def write_ensembles(path: Path, statistics: Sequence[Ensemble]) -> None:
     """Write ``ensemble.csv``: settings, response, runs, mean with its 95 % confidence interval, spread, quantiles."""
-    text = StringIO()
-    writer = csv.writer(text)
-    writer.writerow([*statistics[0].settings, "response", *COLUMNS])
-    for one in statistics:
-        figures = ["" if np.isnan(figure) else f"{figure:.7g}" for figure in _figures(one)]
-        writer.writerow([*one.settings.values(), one.response, *figures])
-    write_atomically(path, text.getvalue().encode())
+    write_csv(path, [*statistics[0].settings, "response", *COLUMNS], [one.cells(7) for one in statistics])
 
 
 def ensemble_table(statistics: Sequence[Ensemble]) -> Table:
     """Return the ensembles as a table for the terminal."""
     table = Table(*statistics[0].settings, "response", *COLUMNS, box=SIMPLE, padding=0)
     for one in statistics:
-        figures = ("" if np.isnan(figure) else f"{figure:.4g}" for figure in _figures(one))
-        table.add_row(*one.settings.values(), one.response, *figures)
+        table.add_row(*one.cells(4))
     return table

@@ -1,12 +1,11 @@
-"""A calibration: attempts, one after the other, each corrected by what the ones before have come to.
+"""The loop of a calibration: attempts one after the other, each corrected by the results of those before.
 
-What it knows, it reads from run directories: the same command goes on where one has ended.
+All state is in the run directories: the same command continues a calibration.
 """
 
-import csv
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
-from io import StringIO
+from collections.abc import Mapping, Sequence
+from itertools import count
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -16,27 +15,45 @@ from rich.console import Console
 from wavetank.case import Case, Gauge, LinearWater, NonlinearWater
 from wavetank.case.paddle import MadeWaves
 from wavetank.case.reading import located, read_case
-from wavetank.errors import InputError, RecordError, RunError
+from wavetank.errors import InputError, RunError
 from wavetank.output.directory import PADDLE, RunDirectory
 from wavetank.output.files import write_atomically
 from wavetank.planning.default_plan import default_plan
 from wavetank.planning.plan import make_plan, own_plan
 from wavetank.planning.resolution import DEFAULT, resolved
-from wavetank.studies.calibrate.aim import NEAR, NOTHING, Aim, Setting, Tried
-from wavetank.studies.calibrate.aims import aim_of
+from wavetank.studies.calibrate.attempts import (
+    GAUGE_DISTANCE,
+    NO_RESULT,
+    Attempt,
+    Setting,
+    components_table,
+    scale,
+)
 from wavetank.studies.calibrate.drawing import draw
-from wavetank.studies.calibrate.waves import scale, table
-from wavetank.studies.sweep import Combination, Runner, cores, status_of
+from wavetank.studies.calibrate.targets import Aim, aim_of
+from wavetank.studies.runs import Runner, cores, status_of
+from wavetank.studies.sweep import Combination
+from wavetank.studies.table import write_csv
 from wavetank.values.toml import toml
 
-ROUGH = 0.1  # relative error of the elevation that is asked of it; a third of it is to be expected
+ROUGH = 0.1  # relative error of the elevation that cheap numerics are planned for; a third of it is expected
 WORTH = 0.45  # of the CPU time of the case's own numerics
-CLOSE = 4.0  # of what is allowed: so near they, a few percent off themselves, have done what they can
-LESS = 0.8  # of the least misfit before: and so where it is no less
+CLOSE = 4.0  # misfit over tolerance from which on the error of cheap numerics, a few percent, counts
+LESS = 0.8  # of the least misfit before: cheap numerics continue as long as they reduce it so far
+PER_PERIOD = 40  # snapshots of the surface
+RAMP = 2.0  # mean periods
+COLUMNS = (
+    *("attempt", "runs", "numerics", "crest [m]", "x [m]", "t [s]", "nrms", "misfit over allowed"),
+    *("waves that broke", "CPU [s]", "cause"),
+)
+CHEAP, OWN = "cheap", "the case's"
+FAILURES = 3  # attempts that do not finish
+TABLE, PICTURE, CASE, WAVES, RUNS = "calibration.csv", "calibration.png", "case.toml", "components.csv", "runs"
+ATTEMPTS = "attempt-[0-9]*.*"
 
 
 def cheaper(scene: Case) -> Case | None:
-    """Return the scene with cheap numerics, the water as its own numerics have it; None where none are worth it."""
+    """Return the scene with cheap numerics and the water of its own numerics; None if they do not save enough."""
     try:
         own = default_plan(scene) or (
             make_plan(scene, scene.numerics.accuracy)
@@ -51,97 +68,71 @@ def cheaper(scene: Case) -> Case | None:
 
 
 def exhausted(misfits: Sequence[float]) -> bool:
-    """Return whether cheap numerics, of attempts of such misfits over what is allowed, have done what they can."""
+    """Return whether the case's own numerics must continue after attempts of such misfits with cheap numerics."""
     *before, last = misfits
     return last <= CLOSE or last > LESS * min(before, default=float("inf"))
 
 
-PER_PERIOD = 40  # snapshots of the surface
-RAMP = 2.0  # mean periods
-
-
 def with_waves(scene: Case, aim: Aim, file: str, *, recorded: bool) -> dict[str, Any]:
-    """Return what a case says whose paddle is told the waves in a file.
+    """Return the case of a scene whose paddle generates the waves in a file.
 
-    ``recorded``: whether its records are those that a calibration needs, all told, and not the user's own.
+    ``recorded``: whether its records are those that a calibration needs, all defaults written, or the user's own.
     """
-    wall, first = scene.wall, aim.waves(aim.start)
-    motion = getattr(wall, "motion", None)
-    ramp = motion.ramp_in(scene.tank) if isinstance(motion, MadeWaves) else RAMP * scale(first).period
-    generation = motion.generation if isinstance(motion, MadeWaves) else "linear"
-    told = {"type": "components", "file": file, "ramp": ramp} | (
-        {} if generation is None else {"generation": generation}
-    )
+    first = scale(aim.waves(aim.start))
+    motion = getattr(scene.wall, "motion", None)
+    ramp = RAMP * first.period
+    generation: str | None = "linear"
+    if isinstance(motion, MadeWaves):
+        ramp, generation = motion.ramp_in(scene.tank), motion.generation
+    components = {"type": "components", "file": file, "ramp": ramp}
+    if generation is not None:
+        components["generation"] = generation
     changes: dict[str, Any] = {"gauges": _gauges(scene, aim.x)}
     if recorded:
-        needed = {"surface_every": scale(first).period / PER_PERIOD, "gauges_every": 1}
+        needed = {"surface_every": first.period / PER_PERIOD, "gauges_every": 1}
         changes["output"] = scene.output.model_copy(update=needed)
     changed = scene.model_copy(update=changes)
     text: dict[str, Any] = changed.model_dump(mode="json", exclude_unset=not recorded, exclude_none=True)
-    return text | {"wall": text["wall"] | {"motion": told}}
+    return text | {"wall": text["wall"] | {"motion": components}}
 
 
 def _gauges(scene: Case, x: float) -> tuple[Gauge, ...]:
-    """Return the scene's gauges, and one at x [m] if none is there."""
-    if any(abs(one.x - x) < NEAR and not one.y for one in scene.all_gauges):
+    """Return the scene's gauges, and one at x [m] if there is none at that place."""
+    if any(abs(one.x - x) < GAUGE_DISTANCE and not one.y for one in scene.all_gauges):
         return scene.gauges
     existing = {one.name for one in scene.all_gauges}
-    return *scene.gauges, Gauge(name=next(name for name in _names() if name not in existing), x=x)
+    names = ("target" if n == 1 else f"target-{n}" for n in count(1))
+    return *scene.gauges, Gauge(name=next(name for name in names if name not in existing), x=x)
 
 
-def _names() -> Iterator[str]:
-    yield "target"
-    n = 1
-    while True:
-        n += 1
-        yield f"target-{n}"
-
-
-def files_of(number: int, scene: Case, aim: Aim, setting: Setting) -> dict[str, bytes]:
-    """Return what an attempt writes, by its files' names: its waves and its case."""
+def attempt_files(number: int, scene: Case, aim: Aim, setting: Setting) -> dict[str, bytes]:
+    """Return the files of an attempt by their names: its waves and its case."""
     waves = f"attempt-{number}.csv"
     text = toml(with_waves(scene, aim, waves, recorded=True))
-    return {waves: table(aim.waves(setting)).encode(), f"attempt-{number}.toml": text.encode()}
+    return {waves: components_table(aim.waves(setting)).encode(), f"attempt-{number}.toml": text.encode()}
 
 
-class Attempt:
-    """The runs of a setting: one for each phase.
+def attempt_runs(case: Path, number: int, phases: Sequence[float]) -> list[Combination]:
+    """Return the runs of an attempt's case, one for each phase [deg].
 
-    Raises ``InputError`` where the paddle cannot make these waves.
-
-    Attributes
-    ----------
-    case
-        The case file, which is written.
-    runs
-        What is run.
+    Raises ``InputError`` if the paddle cannot generate these waves.
     """
-
-    def __init__(self, number: int, scene: Case, aim: Aim, setting: Setting, *, phases: Sequence[float], folder: Path):
-        for name, content in files_of(number, scene, aim, setting).items():
-            write_atomically(folder / name, content)
-        self.case = folder / f"attempt-{number}.toml"
-        self.runs: Sequence[Combination] = [self._run(f"{number}", phase) for phase in phases]
-
-    def _run(self, name: str, phase: float) -> Combination:
+    runs = []
+    for phase in phases:
         changes = (f"wall.motion.phase={phase}",) if phase else ()
-        return Combination(f"{name},phase={phase:g}" if phase else name, {}, changes, read_case(self.case, changes))
+        name = f"{number},phase={phase:g}" if phase else f"{number}"
+        runs.append(Combination(name, {}, changes, read_case(case, changes)))
+    return runs
 
 
-COLUMNS = (
-    *("attempt", "runs", "numerics", "crest [m]", "x [m]", "t [s]", "nrms", "misfit over allowed"),
-    *("waves that broke", "CPU [s]", "cause"),
-)
-
-
-def figures(misfit: float) -> str:
-    """Return a misfit to two figures, large ones to all before the point."""
+def rounded(misfit: float) -> str:
+    """Return a misfit to two figures, from 10 on to its whole part."""
     return f"{misfit:.2g}" if misfit < 10 else f"{misfit:.0f}"
 
 
-def told(one: Tried) -> str:
-    """Return what is said of an attempt while others are to come."""
-    result = one.found
+def describe(one: Attempt) -> str:
+    """Return the result of an attempt as text."""
+    result = one.result
     if one.cause:
         return one.cause
     broke = f"; waves break {one.broke} times" if one.broke > 1 else "; a wave breaks" if one.broke else ""
@@ -150,49 +141,38 @@ def told(one: Tried) -> str:
     nrms = "" if np.isnan(result.nrms) else f"nrms {result.nrms:.3g}, "
     return (
         f"crest {result.crest:.4g} m at x = {result.x:.4g} m, t = {result.t:.4g} s{rival}; {nrms}misfit "
-        f"{figures(result.misfit)} of what is allowed{broke}; {one.cpu:.1f} s of CPU time with {one.numerics} numerics"
+        f"{rounded(result.misfit)} of what is allowed{broke}; {one.cpu:.1f} s of CPU time with {one.numerics} numerics"
     )
 
 
-def write_table(path: Path, tried: Sequence[Tried]) -> None:
-    """Write ``calibration.csv``, in one step; raise ``RecordError``."""
-    text = StringIO()
-    writer = csv.writer(text)
-    writer.writerow(COLUMNS)
-    for one in tried:
-        result = one.found
+def write_table(path: Path, attempts: Sequence[Attempt]) -> None:
+    """Write ``calibration.csv``; raises ``RecordError``."""
+    rows = []
+    for one in attempts:
+        result = one.result
         values = [result.crest, result.x, result.t, result.nrms, result.misfit]
-        shown = [f"{value:.6g}" if np.isfinite(value) else "" for value in values]
-        writer.writerow([one.number, one.runs, one.numerics, *shown, one.broke, f"{one.cpu:.3g}", one.cause])
-    try:
-        write_atomically(path, text.getvalue().encode())
-    except OSError as error:
-        raise RecordError(f"{path}: cannot be written ({error.strerror}).") from None
-
-
-CHEAP, OWN = "cheap", "the case's"
-FAILURES = 3  # attempts that do not finish
-TABLE, PICTURE, CASE, WAVES, RUNS = "calibration.csv", "calibration.png", "case.toml", "components.csv", "runs"
-ATTEMPTS = "attempt-[0-9]*.*"
+        figures = [f"{value:.6g}" if np.isfinite(value) else "" for value in values]
+        rows.append([one.number, one.runs, one.numerics, *figures, one.broke, f"{one.cpu:.3g}", one.cause])
+    write_csv(path, COLUMNS, rows)
 
 
 class Calibration:
-    """What is aimed at, and what is tried; validated before anything runs.
+    """Attempts at the target of a case, validated before anything runs.
 
     Parameters
     ----------
     case
         The case file.
     out
-        Folder of the attempts and of what comes of them.
+        Folder of the attempts and of the result.
     overrides
         ``KEY=VALUE`` changes of the case.
     most
-        Runs, at most.
+        Largest number of runs.
     yes
-        Whether runs that need days, or more memory than there is, are run, too.
+        Whether runs that need days, or more memory than is free, are run, too.
     overwrite
-        Whether a calibration of another case or target may be replaced; its runs are kept.
+        Whether a calibration of another case or target may be replaced; its runs are not deleted.
 
     Raises ``InputError`` for what cannot be calibrated.
     """
@@ -209,72 +189,71 @@ class Calibration:
         console: Console,
     ):
         self._out, self._most, self._yes, self._console = out, most, yes, console
-        _check_own(out, case)
+        _check_replaceable(out, case)
         self._scene = read_case(case, overrides)
         with located(case, overrides):
             self._aim = aim_of(self._scene)
         cheap = cheaper(self._scene)
         self._stages = [*([(CHEAP, cheap)] if cheap else []), (OWN, self._scene)]
-        self._tried: list[Tried] = []
-        self._others = not _is_same(out, files_of(1, self._stages[0][1], self._aim, self._aim.start))
-        if self._others and not overwrite:
-            held = "holds a calibration of another target or case already"
-            raise InputError(f"{out}: {held}; give another folder (--out), or --overwrite.")
+        self._attempts: list[Attempt] = []
+        self._replaces = not _is_same(out, attempt_files(1, self._stages[0][1], self._aim, self._aim.start))
+        if self._replaces and not overwrite:
+            existing = "holds a calibration of another target or case already"
+            raise InputError(f"{out}: {existing}; give another folder (--out), or --overwrite.")
 
     def execute(self) -> None:
-        """Run until the target is reached, and write the case that reaches it.
+        """Run attempts until the target is reached, and write the case that reaches it.
 
-        Raises ``RunError`` if interrupted, and where the target cannot be reached: of the best there is the case, too.
+        Raises ``RunError`` if interrupted, and, after the case of the best attempt is written, if it is not reached.
         """
         try:
             self._out.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise InputError(f"--out {self._out}: cannot be written ({error.strerror}).") from None
-        if self._others:
+        if self._replaces:
             _remove(self._out)
         setting = self._aim.start
-        while self._runs + len(self._phases) <= self._most:
-            tried = self._run(setting)
-            self._tried.append(tried)
-            self._tell()
-            if tried.cause:
-                setting = self._gentler(tried)
+        while self._runs + len(self._aim.phases(self._finished)) <= self._most:
+            attempt = self._run(setting)
+            self._attempts.append(attempt)
+            self._report(attempt)
+            if attempt.cause:
+                setting = self._lower(attempt)
                 continue
-            reached, cheap = tried.found.misfit <= 1.0, tried.numerics == CHEAP
+            reached, cheap = attempt.result.misfit <= 1.0, attempt.numerics == CHEAP
             if reached and not cheap:
-                self._finish(tried)
+                self._finish(attempt)
                 return
-            if cheap and exhausted([one.found.misfit for one in self._finished]):
+            if cheap and exhausted([one.result.misfit for one in self._finished]):
                 self._stages.pop(0)
-            setting = setting if reached else self._aim.corrected(self._finished)
+            setting = setting if reached else self._aim.next_setting(self._finished)
         self._give_up(f"{self._runs} of at most {self._most} runs were not enough; --most allows more")
 
     @property
-    def _phases(self) -> tuple[float, ...]:
-        return self._aim.phases(self._finished)
-
-    @property
     def _runs(self) -> int:
-        return self._tried[-1].runs if self._tried else 0
+        return self._attempts[-1].runs if self._attempts else 0
 
     @property
-    def _finished(self) -> list[Tried]:
-        return [one for one in self._tried if not one.cause]
+    def _finished(self) -> list[Attempt]:
+        return [one for one in self._attempts if not one.cause]
 
-    def _run(self, setting: Setting) -> Tried:
-        """Run a setting, unless it has been; return what came of it."""
-        number, (numerics, scene) = len(self._tried) + 1, self._stages[0]
+    def _run(self, setting: Setting) -> Attempt:
+        """Return the attempt at a setting, from the run directories as far as they exist."""
+        number, (numerics, scene) = len(self._attempts) + 1, self._stages[0]
+        case = self._out / f"attempt-{number}.toml"
         try:
-            attempt = Attempt(number, scene, self._aim, setting, phases=self._phases, folder=self._out)
+            for name, content in attempt_files(number, scene, self._aim, setting).items():
+                write_atomically(self._out / name, content)
+            combinations = attempt_runs(case, number, self._aim.phases(self._finished))
         except InputError as error:
-            if not self._tried:
+            if not self._attempts:
                 raise
             self._give_up(f"attempt {number} would need what the paddle cannot do: {error}")
-        runner = Runner(attempt.case, self._out / RUNS, at_once=cores(), yes=self._yes)
+        runner = Runner(case, self._out / RUNS, at_once=cores(), yes=self._yes)
         with self._console.status(f"attempt {number}"):
-            cause = self._cause(runner, attempt.runs)
-        runs = [RunDirectory(runner.directory(one)) for one in attempt.runs]
-        return Tried(
+            cause = _breakdown(runner, combinations)
+        runs = [RunDirectory(runner.directory(one)) for one in combinations]
+        return Attempt(
             number=number,
             runs=self._runs + len(runs),
             numerics=numerics,
@@ -282,75 +261,76 @@ class Calibration:
             run=runs[0].path,
             cpu=sum(one.manifest.get("timings", {}).get("stepping_cpu_s", 0.0) for one in runs),
             broke=sum(one.manifest.get("breaking", {}).get("waves", 0) for one in runs),
-            found=NOTHING if cause else self._aim.found(runs),
+            result=NO_RESULT if cause else self._aim.evaluate(runs),
             cause=cause,
         )
 
-    def _cause(self, runner: Runner, runs: Sequence[Combination]) -> str:
-        """Run what has not ended; return why the water broke down in one of them, or nothing.
-
-        Raises ``RunError`` where a run has not finished for another reason.
-        """
-
-        def broken(one: Combination) -> bool:
-            return status_of(runner.directory(one), one) == RunError.status
-
-        for one, outcome in runner.run([one for one in runs if not broken(one)]):
-            if outcome.status != "finished" and not broken(one):
-                raise RunError(outcome.cause)
-        return next((str(RunDirectory(runner.directory(one)).manifest["cause"]) for one in runs if broken(one)), "")
-
-    def _tell(self) -> None:
-        """Print, table and draw what the last attempt has come to."""
-        last = self._tried[-1]
-        self._console.print(f"attempt {last.number}: {told(last)}", markup=False, highlight=False)
-        write_table(self._out / TABLE, self._tried)
+    def _report(self, last: Attempt) -> None:
+        """Print, tabulate and draw the last attempt."""
+        self._console.print(f"attempt {last.number}: {describe(last)}", markup=False, highlight=False)
+        write_table(self._out / TABLE, self._attempts)
         picture = self._out / f"attempt-{last.number}.png"
-        draw(self._tried, self._aim, picture, shown=last, title=self._scene.title)
+        draw(self._attempts, self._aim, picture, shown=last, title=self._scene.title)
         shutil.copyfile(picture, self._out / PICTURE)
 
-    def _gentler(self, failed: Tried) -> Setting:
-        """Return a setting between one that could not be run and the last that could."""
+    def _lower(self, failed: Attempt) -> Setting:
+        """Return a setting halfway from one that broke down to the last that did not."""
         finished = self._finished
-        if len(self._tried) - len(finished) == FAILURES:
-            highest = max((one.found.crest for one in finished), default=0.0)
+        if len(self._attempts) - len(finished) == FAILURES:
+            highest = max((one.result.crest for one in finished), default=0.0)
             of = f"; the highest crest of those that could be run is {highest:.4g} m" if finished else ""
             self._give_up(f"waves as high as it needs cannot be run ({failed.cause.removesuffix('.')}){of}")
-        return (
-            np.asarray((failed.setting + finished[-1].setting) / 2) if finished else self._aim.gentler(failed.setting)
-        )
+        if not finished:
+            return self._aim.lowered(failed.setting)
+        return np.asarray((failed.setting + finished[-1].setting) / 2)
 
-    def _finish(self, tried: Tried) -> None:
-        """Write what reaches the target, and say what it asks of the paddle."""
-        self._leave(tried)
+    def _finish(self, attempt: Attempt) -> None:
+        """Write the result and print the largest values of the paddle motion."""
+        self._write_result(attempt)
         scene = read_case(self._out / CASE)
         needed = scene.extent(scene.motion())
         for line in (
-            f"reached after {tried.runs} runs, {sum(one.cpu for one in self._tried):.3g} s of CPU time; the paddle's "
-            f"stroke {needed.stroke:.4g} m, speed {needed.speed:.4g} m/s, acceleration {needed.acceleration:.4g} m/s^2",
+            f"reached after {attempt.runs} runs, {sum(one.cpu for one in self._attempts):.3g} s of CPU time; the "
+            f"paddle's stroke {needed.stroke:.4g} m, speed {needed.speed:.4g} m/s, acceleration "
+            f"{needed.acceleration:.4g} m/s^2",
             f"wrote {', '.join(str(self._out / name) for name in (CASE, WAVES, PADDLE, TABLE, PICTURE))}",
         ):
             self._console.print(line, markup=False, highlight=False)
 
-    def _leave(self, tried: Tried) -> None:
-        """Write a case that runs as one was tried, its waves, and the paddle's motion."""
-        write_atomically(self._out / WAVES, table(self._aim.waves(tried.setting)).encode())
+    def _write_result(self, attempt: Attempt) -> None:
+        """Write the case of an attempt, its waves, and the paddle's motion."""
+        write_atomically(self._out / WAVES, components_table(self._aim.waves(attempt.setting)).encode())
         write_atomically(self._out / CASE, toml(with_waves(self._scene, self._aim, WAVES, recorded=False)).encode())
-        shutil.copyfile(tried.run / PADDLE, self._out / PADDLE)
+        shutil.copyfile(attempt.run / PADDLE, self._out / PADDLE)
 
     def _give_up(self, why: str) -> NoReturn:
-        """Write the best there is, and raise ``RunError``."""
+        """Write the result of the best attempt, and raise ``RunError``."""
         text = f"the target is not reached: {why}"
         if finished := self._finished:
-            best = min(finished, key=lambda one: (one.numerics == CHEAP, one.found.misfit))
-            self._leave(best)
-            draw(self._tried, self._aim, self._out / PICTURE, shown=best, title=self._scene.title)
-            result = f"attempt {best.number}, off by {figures(best.found.misfit)} times what is allowed"
+            best = min(finished, key=lambda one: (one.numerics == CHEAP, one.result.misfit))
+            self._write_result(best)
+            draw(self._attempts, self._aim, self._out / PICTURE, shown=best, title=self._scene.title)
+            result = f"attempt {best.number}, off by {rounded(best.result.misfit)} times what is allowed"
             text = f"{text}; {self._out / CASE} has the best, {result}"
         raise RunError(f"{text}.")
 
 
-def _check_own(folder: Path, case: Path) -> None:
+def _breakdown(runner: Runner, runs: Sequence[Combination]) -> str:
+    """Run what has not ended; return why the water broke down in one of the runs, or "".
+
+    Raises ``RunError`` if a run has not finished for another reason.
+    """
+
+    def broke_down(one: Combination) -> bool:
+        return status_of(runner.directory(one), one) == RunError.status
+
+    for one, outcome in runner.run([one for one in runs if not broke_down(one)]):
+        if outcome.status != "finished" and not broke_down(one):
+            raise RunError(outcome.cause)
+    return next((str(RunDirectory(runner.directory(one)).manifest["cause"]) for one in runs if broke_down(one)), "")
+
+
+def _check_replaceable(folder: Path, case: Path) -> None:
     """Raise ``InputError`` for a folder whose files of the same names are no calibration's, or the case itself."""
     if case.resolve() == (folder / CASE).resolve():
         raise InputError(f"--out {folder}: its {CASE} would be replaced, and is the case; another folder is needed.")
@@ -359,13 +339,13 @@ def _check_own(folder: Path, case: Path) -> None:
 
 
 def _is_same(folder: Path, first: Mapping[str, bytes]) -> bool:
-    """Return whether what a folder holds of a calibration, if anything, began with the same files."""
+    """Return whether a folder has no calibration, or one whose first attempt has the same files."""
     written = (folder / name for name in first)
     same = all(path.exists() and path.read_bytes() == first[path.name] for path in written)
     return same or not (folder / TABLE).exists()
 
 
 def _remove(folder: Path) -> None:
-    """Remove what a calibration has left but for its runs."""
+    """Remove the files of a calibration except its runs."""
     for path in (*folder.glob(ATTEMPTS), *(folder / name for name in (CASE, WAVES, PADDLE, PICTURE, TABLE))):
         path.unlink(missing_ok=True)

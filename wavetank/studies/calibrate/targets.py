@@ -1,4 +1,4 @@
-"""From what a case says to what is aimed at."""
+"""The aim of a calibration, from the target or the motion of a case."""
 
 from collections.abc import Callable
 from typing import Any
@@ -13,18 +13,19 @@ from wavetank.case.output import ComponentsTarget, CrestTarget, RecordTarget, Ta
 from wavetank.case.paddle import FocusedMotion, MadeWaves, SurfaceMotion
 from wavetank.case.wall import PaddleWall
 from wavetank.motion.harmonic import WishedSurface, wished_surface
-from wavetank.studies.calibrate.aim import Aim, Elevation
+from wavetank.studies.calibrate.attempts import Elevation, scale
 from wavetank.studies.calibrate.crest import CrestAim
-from wavetank.studies.calibrate.record import RecordAim
-from wavetank.studies.calibrate.waves import eased, scale
+from wavetank.studies.calibrate.record import RecordAim, eased
 from wavetank.values.case_model import CaseError, Problem, about
 from wavetank.waves import airy
 from wavetank.waves.plane_waves import PlaneWaves, waves_along
 from wavetank.waves.wave import Array
 
-PADDLE = "must be a paddle that moves as a whole: its motion is looked for, not a far wall's"
+Aim = CrestAim | RecordAim
+
+PADDLE = "must be a paddle that moves as a whole: its motion is calibrated, not a far wall's"
 OWN = "must make the waves: calibration changes wall.motion alone, far_wall.motion stays as it is"
-SLICE = "must be a slice: waves are told by one place along it"
+SLICE = "must be a slice: the target is at one place along it"
 MADE = "regular, bichromatic, irregular, focused, components or surface"
 FEWEST = 16  # rows of a record that count
 PER_PERIOD = 8  # times of a record in the shortest period
@@ -34,9 +35,9 @@ LATE = 0.15  # of the rms of a record; bound waves count as free ones: 2 to 9 % 
 
 
 def aim_of(scene: Case) -> Aim:
-    """Return the aim of a case: what its ``target`` is, or else what its motion means.
+    """Return the aim of a case: its ``target``, or else the waves of its motion by linear theory.
 
-    Raises ``CaseError`` where there is none, or no waves for it.
+    Raises ``CaseError`` if it has neither, or no waves for it.
     """
     if scene.tank.type != "slice":
         raise CaseError([Problem(("tank", "type"), scene.tank.type, SLICE)])
@@ -44,23 +45,23 @@ def aim_of(scene: Case) -> Aim:
         raise CaseError([Problem(("wall", "type"), scene.wall.type, PADDLE)])
     if scene.far_wall.moves and not scene.motion().moves:
         raise CaseError([Problem(("wall", "motion", "type"), scene.wall.motion.type, OWN)])
-    target = meant(scene) if scene.target is None else scene.target
+    target = implied_target(scene) if scene.target is None else scene.target
     return AIMS[type(target)](target, scene)
 
 
-def meant(scene: Case) -> Target:
-    """Return the target of a case that names none: the crest of focused waves, the record of a surface."""
+def implied_target(scene: Case) -> Target:
+    """Return the target of a case that names none: the crest of focused waves or the record of a surface."""
     motion = getattr(scene.wall, "motion", None)
     if isinstance(motion, FocusedMotion) and motion.phase == 0.0:
         return CrestTarget(height=motion.linear_crest, x=motion.focus_x, time=motion.focus_time)
     if isinstance(motion, SurfaceMotion):
         named = ("file", "x", "delay", "lowest_frequency", "highest_frequency")
         return RecordTarget(**{name: getattr(motion, name) for name in named})
-    allowed = "is missing: what is wanted is told by focused crests and by the motion of type surface alone"
+    allowed = "is missing: only a focused crest and a motion of type surface imply a target"
     raise CaseError([Problem(("target",), None, allowed)])
 
 
-def _made(scene: Case) -> PlaneWaves:
+def _generated(scene: Case) -> PlaneWaves:
     motion = getattr(scene.wall, "motion", None)
     if not isinstance(motion, MadeWaves):
         raise CaseError([Problem(("wall", "motion", "type"), getattr(motion, "type", None), f"must be {MADE}")])
@@ -69,7 +70,7 @@ def _made(scene: Case) -> PlaneWaves:
 
 def _crest(target: CrestTarget, scene: Case) -> Aim:
     """Return the aim of a crest; raise ``CaseError`` for one as high as the highest waves from their troughs."""
-    waves = _made(scene)
+    waves = _generated(scene)
     length, depth = scale(waves).length, scene.tank.depth
     highest = STEEPEST * length * float(np.tanh(2 * np.pi * depth / length))
     free = not isinstance(scene.water, LinearWater) and target.x + length < scene.tank.length  # of the wall
@@ -80,7 +81,7 @@ def _crest(target: CrestTarget, scene: Case) -> Aim:
 
 
 def _components(target: ComponentsTarget, scene: Case) -> Aim:
-    waves = _made(scene)
+    waves = _generated(scene)
     t = _times(0.0, scene.run.duration, waves.omega)
     wanted = Elevation(t, waves.elevation(target.x, t))
     aim = RecordAim(target.x, wanted, waves, tolerance=target.tolerance, linear=True)
@@ -88,17 +89,17 @@ def _components(target: ComponentsTarget, scene: Case) -> Aim:
 
 
 def _record(target: RecordTarget, scene: Case) -> Aim:
-    """Return the aim of a record, whose waves are at first those of linear theory, as far as they can be there."""
+    """Return the aim of a record; its first waves are those of linear theory that can arrive in time."""
     t, eta = _counting(target, scene)
     with about("target", "file"):
         result = _waves_in(t, eta, band=(target.lowest_frequency, target.highest_frequency))
     tank, where = scene.tank, {"x": target.x, "time": result.begin}
     k = airy.wave_number(2 * np.pi * result.frequencies, tank.depth, tank.gravity)
-    there = target.x / airy.group_velocity(k, tank.depth, tank.gravity) < (middle := _middle(t, eta))
-    if not there.any():
+    arrived = target.x / airy.group_velocity(k, tank.depth, tank.gravity) < (middle := _middle(t, eta))
+    if not arrived.any():
         allowed = f"has its waves at {middle:.4g} s, when none of them can be there; target.delay moves them"
         raise CaseError([Problem(("target", "file"), target.file, allowed)])
-    of = (values[there] for values in (result.frequencies, result.amplitudes, result.phases))
+    of = (values[arrived] for values in (result.frequencies, result.amplitudes, result.phases))
     waves = waves_along(*of, depth=tank.depth, gravity=tank.gravity, **where)
     judged = 2 * np.pi * result.frequencies
     fewest = min(t.size, int(MOST_NUMBERS / judged.size))
@@ -109,7 +110,7 @@ def _record(target: RecordTarget, scene: Case) -> Aim:
 
 
 def _in_time(aim: RecordAim, scene: Case, *, most: float) -> Aim:
-    """Return an aim; raise ``CaseError`` where more of it than a part of its rms cannot arrive in time."""
+    """Return an aim; raise ``CaseError`` if more than a part ``most`` of its rms cannot arrive in time."""
     late = aim.late()
     if late.part > most:
         k = float(airy.wave_number(2 * np.pi * late.frequency, scene.tank.depth, scene.tank.gravity))
@@ -121,7 +122,7 @@ def _in_time(aim: RecordAim, scene: Case, *, most: float) -> Aim:
 
 
 def _counting(target: RecordTarget, scene: Case) -> tuple[Array, Array]:
-    """Return times [s] and elevations [m] that count of a record."""
+    """Return the times [s] and elevations [m] of a record between its start and end."""
     t, eta = target.record()
     start, end = (default if text is None else text for text, default in ((target.start, 0.0), (target.end, np.inf)))
     inside = (t >= max(start, 0.0)) & (t <= min(end, scene.run.duration))
@@ -132,7 +133,7 @@ def _counting(target: RecordTarget, scene: Case) -> tuple[Array, Array]:
 
 
 def _waves_in(t: Array, eta: Array, *, band: tuple[float | None, float | None]) -> WishedSurface:
-    """Return the waves in a record, before which the water is still from t = 0: no copy of them is to come before."""
+    """Return the waves in a record; before it the water is still from t = 0, so that no periodic copy precedes it."""
     lull = np.arange(0.0, t[0], float(np.diff(t).mean()))[:-1]
     period = 1 / wished_surface(t, eta, band=band).mean_frequency
     waving = (eta - eta.mean()) * eased(t, period)
@@ -140,13 +141,13 @@ def _waves_in(t: Array, eta: Array, *, band: tuple[float | None, float | None]) 
 
 
 def _middle(t: Array, eta: Array) -> float:
-    """Return when [s] half of a record's energy has passed."""
-    passed = np.cumsum((eta - eta.mean()) ** 2)
-    return float(t[np.searchsorted(passed, passed[-1] / 2)])
+    """Return the time [s] at which half of a record's energy has arrived."""
+    energy = np.cumsum((eta - eta.mean()) ** 2)
+    return float(t[np.searchsorted(energy, energy[-1] / 2)])
 
 
 def _times(start: float, end: float, omega: Array, *, fewest: int = 2) -> Array:
-    """Return equally spaced times [s], so many in the shortest period at least; raise ``CaseError`` for too many."""
+    """Return equally spaced times [s], ``PER_PERIOD`` in the shortest period; raise ``CaseError`` for too many."""
     number = max(fewest, int((end - start) * omega.max() / (2 * np.pi) * PER_PERIOD) + 2)
     if number * omega.size > 2 * MOST_NUMBERS or omega.size > MOST_LINES:
         received = f"{number} times and {omega.size} frequencies received"
