@@ -137,9 +137,9 @@ def test_a_motion_need_be_no_number_beyond_the_run_unless_its_last_step_ends_the
     (tmp_path / "case.toml").write_text(f"{TANK}[wall]\ntype = 'piston'\n[wall.motion]\n{formula}")
     scene = read_case(tmp_path / "case.toml")
     motion = scene.motion()
-    assert analysed_duration(scene, motion) == 1.0
+    assert analysed_duration(scene.ends[0], motion) == 1.0
     known = read_case(tmp_path / "case.toml", ['wall.motion.position="1e-4*sin(t)"'])
-    assert analysed_duration(known, known.motion()) > 10.0
+    assert analysed_duration(known.ends[0], known.motion()) > 10.0
     with pytest.raises(CaseError, match=r"nan at t = 1\.02; .*: the last step ends beyond run.duration = 1 s"):
         motion.velocity(np.array([0.96, 0.99, 1.02]))
 
@@ -510,4 +510,4 @@ def test_whatever_numbers_a_case_has_it_is_a_scene_or_a_sentence(every, data):
     except InputError as error:
         assert all(line.startswith(str(path)) and line.endswith(".") for line in str(error).splitlines())
         return
-    assert np.isfinite(scene.excursion(scene.motion()))
+    assert np.isfinite(scene.ends[0].max_displacement)

@@ -362,7 +362,7 @@ def test_what_the_paddle_cannot_do_is_said_before_the_first_run(tiny, tmp_path):
 def test_what_the_drive_cannot_do_is_said_of_the_run_that_needs_it(tiny, undrawn, tmp_path):
     """A higher crest than the first is wanted: it takes a longer stroke, of which linear theory tells how much."""
     scene = read_case_of(tmp_path, TINY.format(crest=0.05))
-    stroke = scene.extent(scene.motion()).stroke
+    stroke = scene.ends[0].extent.stroke
     said = tiny("--set", f"wall.limits.stroke={1.02 * stroke}")
     assert said.returncode == 1 and len(said.stderr.splitlines()) == 1
     assert "attempt 2 would need what the paddle cannot do" in said.stderr and "is too little" in said.stderr

@@ -12,7 +12,7 @@ from wavetank.errors import InputError
 from wavetank.fem.forms import ScalarForm
 from wavetank.fem.plane import Plane
 from wavetank.motion import FlapAngle, Sinusoid
-from wavetank.motion.motion import quickened
+from wavetank.motion.motion import frequency_shift
 from wavetank.planning.checks import run_warnings
 from wavetank.planning.cost import BUILT_IN
 from wavetank.planning.plan import make_plan
@@ -208,10 +208,10 @@ def test_the_step_knows_how_far_a_flap_leans(degrees):
     case = leaning(degrees, cells=12, n=5, duration=4.0, dt=None)
     run, waves = build_run(case, MPI.COMM_SELF)
     leant = largest_frequency(waves, 1.0) / waves.largest_frequency
-    assert 0.85 * case.quickened < leant < case.quickened
-    assert Quickened(waves).by() == pytest.approx(case.quickened, rel=1e-3)
+    assert 0.85 * case.frequency_shift < leant < case.frequency_shift
+    assert Quickened(waves).by() == pytest.approx(case.frequency_shift, rel=1e-3)
     limit = run.integrator.stability_limit / waves.largest_frequency
-    assert run.clock.dt == pytest.approx(limit * min(0.6, 0.8 / case.quickened), rel=0.02)
+    assert run.clock.dt == pytest.approx(limit * min(0.6, 0.8 / case.frequency_shift), rel=0.02)
     longer = scene(case.wall.model_dump(), length=6.0, cells=12, n=5, duration=4.0, dt=0.85 * limit)
     clock = build_clock(longer, waves.largest_frequency, run.integrator)
     doubts = [*map(str, run_warnings(longer, clock, waves))]
@@ -224,7 +224,7 @@ def test_a_slight_lean_quickens_waves_whichever_way_and_however_long_the_reach(t
     case = leaning(10.5, length=14.0, cells=14, n=2, duration=4.0, dt=0.02)
     _, waves = build_run(case, MPI.COMM_SELF)
     waves.set_time(t)
-    bound = case.quickened if t == 1.0 else quickened(float(np.tan(np.radians(10.5))), 0.0)
+    bound = case.frequency_shift if t == 1.0 else frequency_shift(float(np.tan(np.radians(10.5))), 0.0)
     assert Quickened(waves).by() == pytest.approx(bound, rel=1e-3) and bound > 1.01
 
 
@@ -234,11 +234,11 @@ def test_the_step_knows_how_far_a_piston_narrows_its_cells():
     wall = {"type": "piston", "reach": 2.0, "motion": motion}
     case = scene(wall, length=4.0, cells=20, n=4, duration=2.0, dt=None)
     run, waves = build_run(case, MPI.COMM_SELF)
-    assert case.quickened == pytest.approx(1 / (1 - 1.2 / 1.5), rel=0.01)
-    assert 0.85 * case.quickened < largest_frequency(waves, 1.0) / waves.largest_frequency < case.quickened
-    assert Quickened(waves).by() == pytest.approx(case.quickened, rel=1e-3)
+    assert case.frequency_shift == pytest.approx(1 / (1 - 1.2 / 1.5), rel=0.01)
+    assert 0.85 * case.frequency_shift < largest_frequency(waves, 1.0) / waves.largest_frequency < case.frequency_shift
+    assert Quickened(waves).by() == pytest.approx(case.frequency_shift, rel=1e-3)
     limit = run.integrator.stability_limit / waves.largest_frequency
-    assert run.clock.dt == pytest.approx(limit * 0.8 / case.quickened, rel=0.02)
+    assert run.clock.dt == pytest.approx(limit * 0.8 / case.frequency_shift, rel=0.02)
 
 
 @pytest.mark.slow

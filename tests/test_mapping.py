@@ -20,7 +20,7 @@ from wavetank.fem.plane import Plane
 from wavetank.integrators import ThirdOrder
 from wavetank.integrators.states import Point
 from wavetank.motion import Ramped, SegmentedMotion, Sinusoid
-from wavetank.motion.motion import STEEPEST, largest_stroke, quickened, share
+from wavetank.motion.motion import STEEPEST, frequency_shift, largest_stroke, share
 from wavetank.simulation.clock import Clock, EverySteps
 from wavetank.simulation.contract import Moment, Moments
 from wavetank.simulation.diagnostics import Gauges, HighestCrest, Memory
@@ -298,4 +298,4 @@ def test_a_new_step_needs_no_compilation(make_tank):
 @pytest.mark.parametrize("left", [0.1, 0.001])
 def test_a_piston_quickens_waves_by_what_it_leaves_of_the_narrowest_cell(left):
     """By hand: 1 / J where s' is steepest; of less than a hundredth a hundred was told, and broke down at that step."""
-    assert quickened(0.0, (1.0 - left) / STEEPEST) == pytest.approx(1.0 / left, rel=0.1)
+    assert frequency_shift(0.0, (1.0 - left) / STEEPEST) == pytest.approx(1.0 / left, rel=0.1)

@@ -122,7 +122,7 @@ def test_every_case_is_read_and_its_dump_is_the_same_scene(path):
 
 def test_defaults_are_resolved_in_properties():
     scene = Case(tank=SliceTank(length=20.0, depth=1.0), run=RunNoun(duration=40.0))
-    assert (scene.cells, scene.reach) == (100, np.inf)
+    assert (scene.cells, scene.ends[0].reach) == (100, np.inf)
     assert scene.surface_every == pytest.approx(0.5 * 9.81**-0.5)  # short against any wave period
     assert scene.model_copy(update={"run": RunNoun(duration=10.0)}).surface_every == 0.05  # 200 of them at least
     assert (scene.wall.type, scene.initial.type, scene.tank.type, scene.tank.gravity) == (
@@ -133,8 +133,8 @@ def test_defaults_are_resolved_in_properties():
     )
     assert isinstance(scene.motion(), motions.AtRest)
     piston = PistonWall(motion=SinusoidMotion(paddle_amplitude=0.01, period=1.0))
-    assert Case(tank=scene.tank, run=scene.run, wall=piston).reach == 10.0
-    assert Case(tank=SliceTank(length=3.0, depth=1.0), run=scene.run, wall=piston).reach == 3.0
+    assert Case(tank=scene.tank, run=scene.run, wall=piston).ends[0].reach == 10.0
+    assert Case(tank=SliceTank(length=3.0, depth=1.0), run=scene.run, wall=piston).ends[0].reach == 3.0
 
 
 @given(st.floats(0.1, 100.0), st.floats(0.1, 10.0), st.floats(0.01, 10.0))
@@ -222,7 +222,7 @@ def test_a_record_is_read_once_and_anew_where_the_scene_it_stands_in_is_another(
     monkeypatch.setattr(paddle, "read_record", lambda path, **how: read.append(path) or read_record(path, **how))
     scene = read_case(case(), ['wall.motion={type="recorded", position="paddle.dat"}', "run.duration=20"])
     other = scene.model_copy(update={"numerics": Numerics(dt=0.1)})
-    assert other.motion() is scene.motion() and other.paddle_period == scene.paddle_period and len(read) == 1
+    assert other.motion() is scene.motion() and other.paddle_periods == scene.paddle_periods and len(read) == 1
     assert other == Case.model_validate(other.model_dump(mode="json"))
     longer = scene.model_copy(update={"run": RunNoun(duration=31.0)})
     with pytest.raises(CaseError, match=r"must be at most 30 s, where the recorded motion ends"):

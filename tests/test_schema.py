@@ -96,7 +96,7 @@ def refused_by_itself(content: dict[str, Any]) -> bool:
     try:
         Case.model_validate(content)
     except ValidationError as error:
-        return any(one["type"] not in ("scene", "value_error") for one in error.errors())
+        return any(one["type"] not in ("inconsistent", "value_error") for one in error.errors())
     return False
 
 

@@ -749,7 +749,7 @@ def test_waves_are_generated_to_second_order_where_its_theory_holds(motion, more
 def test_water_that_a_plan_makes_linear_changes_the_generation():
     """Oracle: the motion with the key."""
     low = scene(REGULAR | {"period": 2.0, "height": 1e-4})
-    assert low.wall.generation(low.tank, low.physics) == "second-order" and low.motion().position(9.0)
+    assert low.ends[0].generation[0] == "second-order" and low.motion().position(9.0)
     found = planned(low, MPI.COMM_SELF).scene
     assert found.physics == "linear"
     assert found.motion().position(9.0) == scene(REGULAR | LINEAR | {"period": 2.0, "height": 1e-4}).motion().position(
@@ -794,7 +794,11 @@ def test_a_run_and_a_plan_print_why_the_generation_is_linear(tmp_path):
 def test_beyond_its_theory_second_order_generation_is_doubted():
     """H L² / d³ of 26 in shallow water: here 18 m² / 1 m at H = 0.09 m."""
     doubts = [
-        list(scene(REGULAR | {"wave_length": 18.0, "height": H, "generation": "second-order"}).wall.warnings(TANK_NOUN))
+        list(
+            scene(REGULAR | {"wave_length": 18.0, "height": H, "generation": "second-order"}).wall.motion.warnings(
+                TANK_NOUN, PISTON
+            )
+        )
         for H in (0.05, 0.12)
     ]
     none, (warning,) = doubts

@@ -330,7 +330,7 @@ def test_the_nouns_build_their_motions():
     assert motion.motion.ramp == 2.6
     expected = oblique(angle=np.radians(30.0)).position(7.0, motion.joints)
     np.testing.assert_allclose(motion.position(7.0, motion.joints), expected, rtol=1e-12)
-    assert case.reach == 5.0  # ten depths
+    assert case.ends[0].reach == 5.0  # ten depths
     waves = scene({**FOCUS, "ramp": 0}).motion()
     assert isinstance(waves, DirectionalFocus)
     assert waves.target.elevation(6.0, 20.0, y=FOCUS["focus_y"]) == pytest.approx(0.05)

@@ -42,7 +42,7 @@ def scene(motion=OBLIQUE, *, duration=20.0, size=0.5, n=5, **wall):
 def test_a_snake_of_flaps_moves_by_their_transfer_function():
     """Along x a flap's own; at an angle that of pistons by the ratio of heights over strokes; hinged segments."""
     flap = scene({**OBLIQUE, "angle": 0.0}, hinge=0.2).motion()
-    regular = RegularMotion(height=0.04, period=1.3).build(SliceTank(length=9.0, depth=DEPTH), Flap(0.2))
+    regular = RegularMotion(height=0.04, period=1.3).build(SliceTank(length=9.0, depth=DEPTH), Flap(0.2), "linear")
     t = np.linspace(0.0, 9.0, 40)
     np.testing.assert_allclose(flap.position(t, Y), np.multiply.outer(regular.position(t), 1 + 0 * Y), atol=1e-9)
     flap, piston = scene(hinge=0.2).motion(), scene(type="segmented-piston").motion()
@@ -331,7 +331,7 @@ def test_far_segments_are_recorded_and_go_on(far, tmp_path):
     for name in ("gauges", "energy", "far-paddle"):
         whole, parts = ((tmp_path / run / f"{name}.csv").read_bytes() for run in ("whole", "parts"))
         assert whole == parts
-    record, motion = RunDirectory(tmp_path / "whole").far_paddle, read_case(far, ["run.duration=0.4"]).mirrored.motion()
+    record, motion = RunDirectory(tmp_path / "whole").far_paddle, read_case(far, ["run.duration=0.4"]).ends[1].motion()
     np.testing.assert_allclose(record.y.values, [0.0, 0.5, 1.0, 1.5, 2.0])
     there = motion.position(record.time.values, record.y.values)
     np.testing.assert_allclose(record.position.values, there, atol=1e-12)

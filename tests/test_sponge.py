@@ -369,7 +369,7 @@ def test_a_negative_rate_is_refused_with_its_place():
 @pytest.mark.parametrize("piston", ["linear", "nonlinear"])
 def test_an_end_sponge_is_where_it_is_wherever_the_paddle_stands(piston):
     """Oracle: the same basin with its paddle at x = 0 and no wall that moves; this one is turned and shifted."""
-    sponge, scene = EndSponge(length=1.5, strength=2.0), SimpleNamespace(tank=None, paddle_period=None)
+    sponge, scene = EndSponge(length=1.5, strength=2.0), SimpleNamespace(tank=None, ends=[SimpleNamespace(period=None)])
     straight, turned, c, s = rectangle(), rectangle(), np.cos(0.7), np.sin(0.7)
     expected = build_sponge(scene, sponge, None, SimpleNamespace(plane=straight, wall=StillWall()))
     footprint = turned.mesh
@@ -498,7 +498,8 @@ def test_which_is_the_same_however_long_the_run(motion, tank):
     kind = {"type": "segmented-piston", "segment": 0.1} if tank is BASIN else {"type": "piston"}
     parts = {"tank": tank, "wall": kind | {"motion": motion}, "numerics": {"cell_size": 1.0}}
     short, long = (Case.model_validate({**parts, "run": {"duration": duration}}) for duration in (7.0, 31.0))
-    assert short.paddle_period == long.paddle_period
-    lines, again = long.motion(), 60 / 0.9375  # s, the seas'
-    shown = paddle_period(long.of_paddle(lines, "velocity"), duration=again, tank=long.tank)
-    assert long.paddle_period == pytest.approx(shown, rel=0.05)
+    short, long = short.ends[0], long.ends[0]
+    assert short.period == long.period
+    again = 60 / 0.9375  # s, the seas'
+    shown = paddle_period(long.function("velocity"), duration=again, tank=long.tank)
+    assert long.period == pytest.approx(shown, rel=0.05)

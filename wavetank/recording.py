@@ -11,7 +11,7 @@ from mpi4py import MPI
 from rich.console import Console
 
 from wavetank.arrays import Vector
-from wavetank.case import Case
+from wavetank.case import Case, EndWall
 from wavetank.case.output import Window
 from wavetank.case.reading import contents
 from wavetank.errors import BreakdownError, InputError, PaddleError, RecordError, RunError, worded
@@ -309,7 +309,7 @@ def _records(scene: Case, waves: AnyWaves, writer: RunWriter | None) -> Records:
     gauges = writer.gauges([(gauge.name, gauge.x, gauge.y) for gauge in scene.all_gauges])
     energy = writer.table(ENERGY, energy_columns(dimensions, absorbed=bool(scene.absorbing)))
     surface = Kept(writer.surface().extend) if dimensions == 1 else None
-    motions = [writer.table(PADDLES[view.key], _paddle_columns(view, dimensions)) for view in scene.paddles]
+    motions = [writer.table(PADDLES[end.key], _paddle_columns(scene, end, dimensions)) for end in scene.paddles]
     points = [(probe.name, probe.x, probe.y, probe.z) for probe in scene.probes]
     probes = Kept(writer.table(PROBES, probe_columns(points, dimensions)).extend) if points else None
     walls = [load.called for load in scene.loads]
@@ -319,10 +319,10 @@ def _records(scene: Case, waves: AnyWaves, writer: RunWriter | None) -> Records:
     return tables._replace(paddles=[Kept(one.extend) for one in motions], windows=windows)
 
 
-def _paddle_columns(view: Case, dimensions: int) -> list[str]:
-    """Return the columns of the paddle of a scene as viewed from it."""
-    pushed = PUSH[dimensions] if any(load.on == view.end for load in view.loads) else ()
-    return [*paddle_columns(view.wall.places(view.tank)), *pushed]
+def _paddle_columns(scene: Case, end: EndWall, dimensions: int) -> list[str]:
+    """Return the columns of the record of a paddle."""
+    pushed = PUSH[dimensions] if any(load.on == end.side for load in scene.loads) else ()
+    return [*paddle_columns(end.wall.places(end.tank)), *pushed]
 
 
 def _window(window: Window, writer: RunWriter, dimensions: int) -> Callable[..., None]:
@@ -469,7 +469,7 @@ def _explained(error: BreakdownError, run: Run, waves: NonlinearWaves, scene: Ca
         dt=run.clock.dt,
         limit=run.integrator.stability_limit,
         tolerance=scene.numerics.tolerance,
-        quickened=scene.quickened,
+        quickened=scene.frequency_shift,
         warned=next(warned, None),
         noise=next(noise(scene), ""),
     )

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from wavetank.arrays import Vector
 from wavetank.case import Case, StillWater
 from wavetank.case.numerics import Numerics
-from wavetank.case.reading import changed_scene, contents, named_files
+from wavetank.case.reading import changed_case, contents, named_files
 from wavetank.errors import InputError, RecordError, RunError
 from wavetank.fem.agreed import agreed, on_first
 from wavetank.fem.by_place import found, gathered
@@ -468,7 +468,7 @@ def stored_scene(run: Path | str, changes: Sequence[str] = (), *, extend: float 
     for key, other in SIZES.items():
         if any(change.partition("=")[0].strip() == f"numerics.{key}" for change in changes):
             content.get("numerics", {}).pop(other, None)
-    return changed_scene(directory.path / MANIFEST, content, changes)
+    return changed_case(directory.path / MANIFEST, content, changes)
 
 
 def _without_none(content: dict[str, Any]) -> dict[str, Any]:

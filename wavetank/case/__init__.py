@@ -1,19 +1,32 @@
-"""The scene: what stands in the laboratory, and what is to be computed of it, as frozen and validated data.
+"""The case: an experiment and its numerics as frozen and validated data.
 
-A case file (TOML) says it in these nouns; a ``Case`` can also be built in Python from the same classes, which then
-raise pydantic's own ``ValidationError``. All lengths are in metres, times in seconds. Knows nothing of finite elements.
+A case file (TOML) holds these models; a ``Case`` can also be built in Python from the same classes, which then raise
+pydantic's own ``ValidationError``. Lengths are in metres, times in seconds. The package imports no finite elements.
 """
 
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from wavetank.case.nouns import *  # noqa: F403
+    from wavetank.case.directional import *  # noqa: F403
+    from wavetank.case.ends import *  # noqa: F403
+    from wavetank.case.initial import *  # noqa: F403
+    from wavetank.case.model import *  # noqa: F403
+    from wavetank.case.numerics import *  # noqa: F403
+    from wavetank.case.output import *  # noqa: F403
+    from wavetank.case.paddle import *  # noqa: F403
+    from wavetank.case.tank import *  # noqa: F403
+    from wavetank.case.wall import *  # noqa: F403
+    from wavetank.case.waves import *  # noqa: F403
+
+FAMILIES = "model", "ends", "tank", "wall", "paddle", "directional", "waves", "initial", "output", "numerics"
 
 
 def __getattr__(name: str) -> Any:
-    """Return a noun; all of them are loaded with the first, and not before."""
+    """Return a model of any family; all are imported with the first."""
     from importlib import import_module
 
-    if not name.startswith("_") and hasattr(nouns := import_module("wavetank.case.nouns"), name):
-        return getattr(nouns, name)
+    if not name.startswith("_"):
+        for family in FAMILIES:
+            if hasattr(module := import_module(f"wavetank.case.{family}"), name):
+                return getattr(module, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -10,11 +10,19 @@ import numpy as np
 from pydantic import Field
 
 from wavetank import motion as motions
-from wavetank.case.tank import AnyTank, BasinTank, Surroundings
-from wavetank.case.waves import MAX_COMPONENTS, MOTION_KEY, ComponentFile, FocusingWaves, SpectralWaves, SurfaceFile
+from wavetank.case.tank import AnyTank, BasinTank, Context
+from wavetank.case.waves import (
+    MAX_COMPONENTS,
+    MOTION_KEY,
+    ComponentFile,
+    FocusingWaves,
+    GeneratingMotion,
+    SpectralWaves,
+    SurfaceFile,
+)
 from wavetank.mesh import MeshFile
 from wavetank.motion.motion import widest_segment
-from wavetank.values.case_model import CaseModel, Problem, one_of
+from wavetank.values.case_model import Problem, one_of
 from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, Ramp
 from wavetank.waves import airy
 from wavetank.waves.plane_waves import PlaneWaves, waves_along
@@ -28,38 +36,33 @@ TERMS = 20_000_000  # of a motion's sum over components, directions and places, 
 
 
 def span(tank: AnyTank) -> tuple[float, float]:
-    """Return the lowest and the highest y [m] of the paddle; infinite where only a mesh file knows them."""
+    """Return the lowest and the highest y [m] of the paddle; infinite if only a mesh file has them."""
     if not isinstance(tank, BasinTank) or isinstance(tank.layout, MeshFile):
         return -np.inf, np.inf
-    low = tank.layout.box[1]  # every recipe's paddle begins there
-    return low, low + tank.layout.width
+    y_min = tank.layout.box[1]  # every recipe's paddle begins there
+    return y_min, y_min + tank.layout.width
 
 
-class SegmentedMotion(CaseModel):
-    """A motion of a paddle's segments, by the waves at each."""
+class SegmentedWaves(GeneratingMotion):
+    """Waves that a segmented paddle generates, in any directions."""
 
-    def waves(self, tank: AnyTank, wavemaker: Wavemaker = PISTON) -> motions.Motion:
-        """Return the motion without its ramp; raises ``CaseError`` if a file it needs cannot be read."""
-        raise NotImplementedError
-
-    def ramp_in(self, tank: AnyTank) -> float:
-        """Return the length of the ramp [s], default resolved."""
-        raise NotImplementedError
-
-    def build(self, tank: AnyTank, wavemaker: Wavemaker) -> motions.Motion:
-        """Return the ramped motion; raises ``CaseError`` if a file it needs cannot be read."""
+    def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
+        """Return the ramped motion; raises ``CaseError`` if a file cannot be read."""
         return motions.ramped(self.waves(tank, wavemaker), self.ramp_in(tank))
 
-    def terms_per_component(self, scene: Surroundings) -> int:
+    def generation_in(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> tuple[None, str]:
+        """Return why the generation of segments is linear."""
+        return None, "second-order generation is for paddles that move as a whole"
+
+    def terms_per_component(self, context: Context) -> int:
         """Return the number of places of the paddle at which the motion is summed."""
-        places = scene.wall.places(scene.tank)
+        places = context.wall.places(context.tank)
         return PLACES if places is None else int(places.size)
 
 
-class ObliqueWaveMotion(SegmentedMotion):
+class ObliqueWaveMotion(SegmentedWaves):
     """A regular wave that leaves the paddle at an angle; side walls reflect it."""
 
-    reads_file: ClassVar[bool] = False
     type: Literal["oblique-wave"] = "oblique-wave"
     wave_amplitude: Height = Field(description="amplitude a of the wave [m]")
     period: Duration = Field(description="period T [s]")
@@ -77,9 +80,9 @@ class ObliqueWaveMotion(SegmentedMotion):
             wavemaker=wavemaker,
         )
 
-    def ramp_in(self, tank: AnyTank) -> float:
-        """Return the length of the ramp [s], default resolved."""
-        return 2 * self.period if self.ramp is None else self.ramp
+    def default_ramp(self, tank: AnyTank) -> float:
+        """Return two periods [s]."""
+        return 2 * self.period
 
     def widest_segment(self, tank: AnyTank) -> float:
         """Return the width [m] beyond which segments make spurious waves."""
@@ -87,7 +90,7 @@ class ObliqueWaveMotion(SegmentedMotion):
         return widest_segment(wave.k, wave.angle)
 
 
-class _FanOfWaves(FocusingWaves, SegmentedMotion):
+class _FanOfWaves(FocusingWaves, SegmentedWaves):
     """Waves from many directions that meet, by linear theory, in one crest at (focus_x, focus_y, focus_time)."""
 
     focus_y: Coordinate = Field(default=0.0, description="where the crests meet, across the tank [m]")
@@ -115,17 +118,17 @@ class _FanOfWaves(FocusingWaves, SegmentedMotion):
         focus = self.focus(tank)
         return widest_segment(float(focus.group.k[-1]), float(focus.fan.angles[-1]))
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield as any focusing waves, a focus beside the paddle, and too many waves to sum up."""
-        low, high = span(scene.tank)
-        waves = self.components * self.directions * self.terms_per_component(scene)
+        low, high = span(context.tank)
+        waves = self.components * self.directions * self.terms_per_component(context)
         if waves > TERMS:
             allowed = f"must be fewer: with the directions, at all places of the paddle, there are {waves:.2g}"
             yield Problem(
                 (*MOTION_KEY, "components"), self.components, f"{allowed}, and at most {TERMS:.2g} are allowed"
             )
             return
-        yield from super().problems(scene)
+        yield from super().problems(context)
         if not low <= self.focus_y <= high:
             yield Problem((*MOTION_KEY, "focus_y"), self.focus_y, f"must be before the paddle, {low:g} to {high:g} m")
 
@@ -135,11 +138,11 @@ class DirectionalFocusMotion(_FanOfWaves):
 
     type: Literal["directional-focus"] = "directional-focus"
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield as any focusing waves, and directions that miss the paddle."""
-        yield from super().problems(scene)
-        low, high = span(scene.tank)
-        first, last = self.focus(scene.tank).sources
+        yield from super().problems(context)
+        low, high = span(context.tank)
+        first, last = self.focus(context.tank).sources
         if low <= self.focus_y <= high and (first < low or last > high):
             widest = np.degrees(np.arctan(min(self.focus_y - low, high - self.focus_y) / self.focus_x))
             allowed = (
@@ -154,11 +157,11 @@ class ReflectedFocusMotion(_FanOfWaves):
 
     type: Literal["reflected-focus"] = "reflected-focus"
 
-    def terms_per_component(self, scene: Surroundings) -> int:
+    def terms_per_component(self, context: Context) -> int:
         """Return at how many places, or in how many of the basin's own waves, its motion is summed up."""
-        low, high = span(scene.tank)
-        modes = (high - low) / np.pi * float(self.group(scene.tank).k[-1])
-        return max(super().terms_per_component(scene), int(min(modes, TERMS)))
+        low, high = span(context.tank)
+        modes = (high - low) / np.pi * float(self.group(context.tank).k[-1])
+        return max(super().terms_per_component(context), int(min(modes, TERMS)))
 
     def waves(self, tank: AnyTank, wavemaker: Wavemaker = PISTON) -> motions.ReflectedFocus:
         """Return the motion without its ramp."""
@@ -166,7 +169,7 @@ class ReflectedFocusMotion(_FanOfWaves):
         return motions.ReflectedFocus(focus=self.focus(tank, wavemaker), low=low, high=high)
 
 
-class DirectionalIrregularMotion(SpectralWaves, SegmentedMotion):
+class DirectionalIrregularMotion(SpectralWaves, SegmentedWaves):
     """An irregular sea of many directions, the same of a seed on any machine; side walls reflect it."""
 
     highest_of_peak: ClassVar[float] = 3.0
@@ -207,17 +210,17 @@ class DirectionalIrregularMotion(SpectralWaves, SegmentedMotion):
         k = airy.wave_number(2.0 * np.pi * self.band(tank)[1], tank.depth, tank.gravity)
         return widest_segment(float(k), float(np.radians(self.largest_angle)))
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield as any waves of a spectrum, and too many to sum up."""
-        terms = self.components * self.terms_per_component(scene)
+        terms = self.components * self.terms_per_component(context)
         if terms > TERMS:
             allowed = f"must be fewer: at all places of the paddle they are {terms:.2g}, {TERMS:.2g} allowed"
             yield Problem((*MOTION_KEY, "components"), self.components, allowed)
             return
-        yield from super().problems(scene)
+        yield from super().problems(context)
 
 
-class _SentWaves(SegmentedMotion):
+class _SentWaves(SegmentedWaves):
     """Plane waves of a file, each in its own direction; side walls reflect them."""
 
     y: Coordinate = Field(default=0.0, description="where they are told, across the tank [m]")
@@ -239,9 +242,9 @@ class _SentWaves(SegmentedMotion):
         energy = np.cumsum(np.abs(waves.amplitudes[narrow_first]) ** 2)
         return float(widest[narrow_first][np.searchsorted(energy, NARROW * energy[-1])])
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield too many waves to sum up."""
-        terms = self.plane_waves(scene.tank).omega.size * self.terms_per_component(scene)
+        terms = self.plane_waves(context.tank).omega.size * self.terms_per_component(context)
         if terms > TERMS:
             allowed = f"must have fewer waves: at all places of the paddle they are {terms:.2g}, {TERMS:.2g} allowed"
             yield Problem((*MOTION_KEY, "file"), None, allowed)

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from wavetank import data
 from wavetank import motion as motions
-from wavetank.case.tank import AnyTank, BasinTank, RingTank, SliceTank, Surroundings
+from wavetank.case.tank import AnyTank, BasinTank, Context, RingTank, SliceTank
 from wavetank.case.waves import GaussianSpectrum, JonswapSpectrum, PiersonMoskowitzSpectrum, TmaSpectrum
 from wavetank.errors import InputError
 from wavetank.mesh import Rectangle
@@ -172,9 +172,9 @@ class SpectralSurface(CaseModel):
         omega = np.asarray(angular_frequency(k, tank.depth, tank.gravity))
         return PlaneWaves(amplitudes=amplitudes, k_x=k, k_y=0 * k, omega=omega, depth=tank.depth, gravity=tank.gravity)
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield a basin, and a spectrum whose waves do not fit the tank a whole number of times, or are too many."""
-        tank = scene.tank
+        tank = context.tank
         if isinstance(tank, BasinTank):
             yield Problem(("initial", "type"), None, "needs a slice or ring (tank.type): waves go along it")
             return
@@ -212,19 +212,19 @@ class IrregularSurface(SpectralSurface):
         amplitudes = self.significant_height / 4.0 * np.sqrt(2.0 * variances / variances.sum())
         return self._waves(tank, k, amplitudes * np.exp(2j * np.pi * motions.uniform(self.seed, k.size)))
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield as any, a slice, whose walls reflect such waves, and a sea too high."""
-        if not isinstance(scene.tank, RingTank):
+        if not isinstance(context.tank, RingTank):
             yield Problem(("initial", "type"), self.type, "needs a ring (tank.type): walls reflect such waves")
             return
-        problems = list(super().problems(scene))
+        problems = list(super().problems(context))
         yield from problems
-        highest = STEEPEST * scene.tank.length
-        if not problems and self.significant_height > min(highest, scene.tank.depth):
+        highest = STEEPEST * context.tank.length
+        if not problems and self.significant_height > min(highest, context.tank.depth):
             yield Problem(
                 ("initial", "significant_height"),
                 self.significant_height,
-                f"must be at most {min(highest, scene.tank.depth):.4g} m, of waves in that depth and tank",
+                f"must be at most {min(highest, context.tank.depth):.4g} m, of waves in that depth and tank",
             )
 
 
@@ -248,16 +248,16 @@ class FocusedSurface(SpectralSurface):
         phases = np.exp(1j * np.multiply.outer([-self.x, tank.length - self.x], k))
         return np.asarray(np.abs(phases @ variances) / variances.sum())
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield as any, a place outside the tank, and a trough below the bed."""
-        problems = list(super().problems(scene))
+        problems = list(super().problems(context))
         yield from problems
         if problems:
             return
-        if not 0.0 <= self.x <= scene.tank.length:
-            yield Problem(("initial", "x"), self.x, f"must be inside the tank, 0 to {metres(scene.tank.length)} m")
-        if abs(self.linear_crest) >= scene.tank.depth:
-            allowed = f"must be less than the still-water depth, {scene.tank.depth:g} m, either way"
+        if not 0.0 <= self.x <= context.tank.length:
+            yield Problem(("initial", "x"), self.x, f"must be inside the tank, 0 to {metres(context.tank.length)} m")
+        if abs(self.linear_crest) >= context.tank.depth:
+            allowed = f"must be less than the still-water depth, {context.tank.depth:g} m, either way"
             yield Problem(("initial", "linear_crest"), self.linear_crest, allowed)
 
 
@@ -316,15 +316,17 @@ class StandingWave(TheoreticalWave):
             origin=(x_min, y_min),
         )
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield an amplitude that lays the bed dry, half a wave too many for a ring, and a basin of another shape."""
-        if isinstance(scene.tank, BasinTank) and not isinstance(scene.tank.layout, Rectangle):
+        if isinstance(context.tank, BasinTank) and not isinstance(context.tank.layout, Rectangle):
             yield Problem(("initial", "type"), self.type, "needs a rectangle (tank.layout.type)")
-        if self.mode_across and not isinstance(scene.tank, BasinTank):
-            yield Problem(("initial", "mode_across"), self.mode_across, f"must be 0: a {scene.tank.type} has no width")
-        depth, (x_min, y_min, x_max, y_max) = scene.tank.depth, _box(scene.tank)
+        if self.mode_across and not isinstance(context.tank, BasinTank):
+            yield Problem(
+                ("initial", "mode_across"), self.mode_across, f"must be 0: a {context.tank.type} has no width"
+            )
+        depth, (x_min, y_min, x_max, y_max) = context.tank.depth, _box(context.tank)
         k = float(np.hypot(self.mode / (x_max - x_min), self.mode_across / (y_max - y_min))) * np.pi
-        if scene.physics == "linear":
+        if context.physics == "linear":
             if self.wave_amplitude >= depth:
                 allowed = f"must be below the still-water depth, {depth:g} m"
                 yield Problem(("initial", "wave_amplitude"), self.wave_amplitude, allowed)
@@ -333,7 +335,7 @@ class StandingWave(TheoreticalWave):
                 f"must be at most {highest:.4g} m, where standing waves of this length break in {depth:g} m of water"
             )
             yield Problem(("initial", "wave_amplitude"), self.wave_amplitude, allowed)
-        if isinstance(scene.tank, RingTank) and self.mode % 2:
+        if isinstance(context.tank, RingTank) and self.mode % 2:
             yield Problem(("initial", "mode"), self.mode, "must be even: whole waves, two halves each, fit a ring")
 
 
@@ -356,12 +358,12 @@ class StreamFunctionWave(TheoreticalWave):
         with about("initial"):
             return stream_function_wave(height, length, depth=tank.depth, gravity=tank.gravity)
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield a tank that is no ring, and a height that no wave has."""
-        if not isinstance(scene.tank, RingTank):
+        if not isinstance(context.tank, RingTank):
             yield Problem(("initial", "type"), self.type, "needs a ring (tank.type): walls reflect such waves")
             return
-        highest = maximum_height(scene.tank.length / self.waves, scene.tank.depth)
+        highest = maximum_height(context.tank.length / self.waves, context.tank.depth)
         if self.height is not None and self.height >= highest:
             allowed = f"must be below that of the highest wave of this length, {highest:.4g} m"
             yield Problem(("initial", "height"), self.height, allowed)
@@ -382,14 +384,14 @@ class SolitaryWave(TheoreticalWave):
         """Return the elevation at both ends of a slice over the height, shape (2,)."""
         return np.asarray(self.wave(tank).elevation(np.array([0.0, tank.length])) / self.height, dtype=np.float64)
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield a tank without ends, a crest outside and a wave too high."""
-        if isinstance(scene.tank, RingTank):
+        if isinstance(context.tank, RingTank):
             yield Problem(("initial", "type"), self.type, "needs a slice (tank.type): its potential is not periodic")
-        if not isinstance(scene.tank, BasinTank) and not 0 <= self.x <= scene.tank.length:
-            yield Problem(("initial", "x"), self.x, f"must be inside the tank, 0 to {metres(scene.tank.length)} m")
-        if self.height > HIGHEST_SOLITARY * scene.tank.depth:
-            allowed = f"must be at most {HIGHEST_SOLITARY:g} depths, {HIGHEST_SOLITARY * scene.tank.depth:.4g} m"
+        if not isinstance(context.tank, BasinTank) and not 0 <= self.x <= context.tank.length:
+            yield Problem(("initial", "x"), self.x, f"must be inside the tank, 0 to {metres(context.tank.length)} m")
+        if self.height > HIGHEST_SOLITARY * context.tank.depth:
+            allowed = f"must be at most {HIGHEST_SOLITARY:g} depths, {HIGHEST_SOLITARY * context.tank.depth:.4g} m"
             yield Problem(("initial", "height"), self.height, allowed)
 
 

@@ -5,7 +5,7 @@ from typing import Any, Literal
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
-from wavetank.case.tank import AnyTank, BasinTank, RingTank, SliceTank, Surroundings
+from wavetank.case.tank import AnyTank, BasinTank, Context, RingTank, SliceTank
 from wavetank.values.case_model import CaseModel, Problem, one_of
 from wavetank.values.quantities import Count, Duration, Length, Share
 
@@ -86,14 +86,14 @@ class Numerics(CaseModel):
         """Return the same with the default integrator."""
         return Numerics(**{key: getattr(self, key) for key in self.model_fields_set - {"integrator"}})
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield too few cells for the tank, or a number of them for a basin."""
-        fewest = scene.tank.fewest_cells
-        if self.cells is not None and isinstance(scene.tank, BasinTank):
+        fewest = context.tank.fewest_cells
+        if self.cells is not None and isinstance(context.tank, BasinTank):
             yield Problem(("numerics", "cells"), self.cells, "must be left out: numerics.cell_size is a basin's key")
             return
         if self.cells is not None and self.cells < fewest:
-            yield Problem(("numerics", "cells"), self.cells, f"must be at least {fewest} in a {scene.tank.type}")
+            yield Problem(("numerics", "cells"), self.cells, f"must be at least {fewest} in a {context.tank.type}")
 
     def cell_size_in(self, tank: AnyTank) -> float:
         """Return the size of a cell to aim at [m]; where none is given, a part of the depth."""

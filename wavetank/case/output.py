@@ -2,14 +2,14 @@
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from wavetank import data
 from wavetank import motion as motions
-from wavetank.case.tank import Surroundings
+from wavetank.case.tank import Context
 from wavetank.errors import InputError
 from wavetank.motion.recorded import read_record
 from wavetank.values.case_model import CaseModel, FilePath, Problem, about
@@ -37,9 +37,15 @@ class Gauge(CaseModel):
     x: Coordinate = Field(description="distance from the paddle at rest, or along the ring; in a basin its x [m]")
     y: Coordinate = Field(default=0.0, description="in a basin its y [m]")
 
-    def mirrored(self, ends: float) -> Self:
-        """Return its mirror image in a tank the x of whose ends add up to ``ends`` [m]."""
-        return self.model_copy(update={"x": ends - self.x})
+    @property
+    def names(self) -> list[str]:
+        """The names of its records."""
+        return [self.name]
+
+    @property
+    def positions(self) -> dict[tuple[str, ...], tuple[float, float]]:
+        """Position (x, y) [m] by key."""
+        return {(): (self.x, self.y)}
 
 
 def named(gauges: Any) -> Any:
@@ -60,15 +66,20 @@ class GaugeLine(CaseModel):
     end: Pair = Field(description="x and y of the last gauge [m]")
     count: int = Field(ge=2, le=10_000, description="number of gauges")
 
+    @property
+    def names(self) -> list[str]:
+        """The names of its gauges."""
+        return [name for name, _, _ in self.gauges()]
+
+    @property
+    def positions(self) -> dict[tuple[str, ...], tuple[float, float]]:
+        """Positions (x, y) [m] of the ends, by key."""
+        return {("start",): self.start, ("end",): self.end}
+
     def gauges(self) -> tuple[tuple[str, float, float], ...]:
         """Return name, x and y [m] of each gauge."""
         places = np.linspace(self.start, self.end, self.count)
         return tuple((f"{self.name}/{n}", float(x), float(y)) for n, (x, y) in enumerate(places, start=1))
-
-    def mirrored(self, ends: float) -> "GaugeLine":
-        """Return its mirror image in a tank the x of whose ends add up to ``ends`` [m]."""
-        image = {name: (ends - x, y) for name, (x, y) in (("start", self.start), ("end", self.end))}
-        return self.model_copy(update=image)
 
 
 class Probe(Gauge):
@@ -94,10 +105,17 @@ class WallLoad(CaseModel):
         default=None, description="point that moments are taken about, x, y, z [m]; default: on the bed at x = y = 0"
     )
 
+    positions: ClassVar[dict[tuple[str, ...], tuple[float, float]]] = {}  # the wall's
+
     @property
     def called(self) -> str:
         """Its name, default resolved."""
         return self.on if self.name is None else self.name
+
+    @property
+    def names(self) -> list[str]:
+        """The names of its records."""
+        return [self.called]
 
     def point(self, depth: float) -> tuple[float, float, float]:
         """Return the point that moments are taken about [m], default resolved for a still-water depth [m]."""
@@ -130,15 +148,21 @@ class Window(CaseModel):
     )
 
     @property
+    def names(self) -> list[str]:
+        """The names of its records."""
+        return [self.name]
+
+    @property
+    def positions(self) -> dict[tuple[str, ...], tuple[float, float]]:
+        """Positions (x, y) [m] of the ends, by key."""
+        ends = {"start": self.start, "end": self.end}
+        return {(key,): position for key, position in ends.items() if position is not None}
+
+    @property
     def places(self) -> list[tuple[float, float]]:
         """Where the columns are, (x, y) [m]."""
         ends = (self.start, self.start if self.end is None else self.end)
         return [(float(x), float(y)) for x, y in np.linspace(*ends, self.columns)]
-
-    def mirrored(self, ends: float) -> "Window":
-        """Return its mirror image in a tank the x of whose ends add up to ``ends`` [m]."""
-        image = {name: (ends - at[0], at[1]) for name in ("start", "end") if (at := getattr(self, name)) is not None}
-        return self.model_copy(update=image)
 
 
 # ---------------------------------------------------------------- targets of `wavetank calibrate`
@@ -151,10 +175,10 @@ class _Placed(CaseModel):
 
     x: Length = Field(description="where [m]")
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield a place outside the tank."""
-        if not self.x < scene.tank.length:
-            allowed = f"must be inside the tank, below {metres(scene.tank.length)} m"
+        if not self.x < context.tank.length:
+            allowed = f"must be inside the tank, below {metres(context.tank.length)} m"
             yield Problem((TARGET_KEY, "x"), self.x, allowed)
 
 
@@ -169,11 +193,11 @@ class CrestTarget(_Placed):
         description="of the height; of a wave length the place may miss twice as much, of a period the time",
     )
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield a place outside the tank, and a time after the run."""
-        yield from super().problems(scene)
-        if not self.time < scene.run.duration:
-            allowed = f"must be before the run ends, below {scene.run.duration:g} s"
+        yield from super().problems(context)
+        if not self.time < context.duration:
+            allowed = f"must be before the run ends, below {context.duration:g} s"
             yield Problem((TARGET_KEY, "time"), self.time, allowed)
 
 
@@ -241,7 +265,7 @@ class Output(CaseModel):
         default=None, description="time between snapshots of the velocity field [s]; default: none"
     )
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield velocities of linear water, which keeps no potential below the surface."""
-        if self.velocity_every is not None and scene.physics == "linear":
+        if self.velocity_every is not None and context.physics == "linear":
             yield Problem(("output", "velocity_every"), self.velocity_every, "must be left out with linear water")

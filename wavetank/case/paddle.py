@@ -3,22 +3,30 @@
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, Strict, model_validator
 
 from wavetank import data
 from wavetank import motion as motions
-from wavetank.case.tank import AnyTank, Surroundings
-from wavetank.case.waves import MAX_COMPONENTS, MOTION_KEY, ComponentFile, FocusingWaves, SpectralWaves, SurfaceFile
+from wavetank.case.tank import AnyTank, Context
+from wavetank.case.waves import (
+    MAX_COMPONENTS,
+    MOTION_KEY,
+    ComponentFile,
+    FocusingWaves,
+    GeneratingMotion,
+    MotionModel,
+    SpectralWaves,
+    SurfaceFile,
+)
 from wavetank.errors import InputError
 from wavetank.motion.harmonic import WaveMotion
-from wavetank.motion.recorded import ColumnError, read_record, says_metres
+from wavetank.motion.recorded import ColumnError, in_metres, read_record
 from wavetank.run_warning import RunWarning
 from wavetank.values.case_model import (
     CaseError,
-    CaseModel,
     FilePath,
     Problem,
     TimeFormulaText,
@@ -48,42 +56,8 @@ Periods = Annotated[tuple[Duration, Duration], Strict(False)]
 Frequencies = Annotated[tuple[Frequency, Frequency], Strict(False)]
 
 
-class PaddleNoun(CaseModel):
-    """A motion of a paddle that moves as a whole."""
-
-    by_waves: ClassVar[bool] = False  # whether it finds the paddle's motion for waves
-
-    @property
-    def reads_file(self) -> bool:
-        """Whether what fits it is known only when a file has been read."""
-        return False
-
-    @property
-    def says_metres(self) -> bool:
-        """Whether the header of its file has units of positions [m] or velocities [m/s]."""
-        return False
-
-    def build(self, tank: AnyTank, wavemaker: Wavemaker) -> motions.Motion:
-        """Return the motion of a paddle of a mode shape; raises ``CaseError`` if its file cannot be read."""
-        raise NotImplementedError
-
-    def resolved(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> Self:
-        """Return the motion with its generation resolved for the water; by default the same."""
-        return self
-
-    def generation_reason(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> str:
-        """Return why the generation is linear by default in nonlinear water; empty where it is not."""
-        return ""
-
-    def warnings(self, tank: AnyTank, wavemaker: Wavemaker) -> Iterator[RunWarning]:
-        """Yield warnings of the motion; by default none."""
-        yield from ()
-
-
-class MadeWaves(PaddleNoun):
-    """Waves that the paddle makes through its transfer function."""
-
-    by_waves: ClassVar[bool] = True
+class MadeWaves(GeneratingMotion):
+    """Waves that a paddle generates by its transfer function, all along x."""
 
     generation: Literal["linear", "second-order"] | None = Field(
         default=None,
@@ -95,26 +69,19 @@ class MadeWaves(PaddleNoun):
         """Return the motion by linear theory, without its ramp."""
         raise NotImplementedError
 
-    def ramp_in(self, tank: AnyTank) -> float:
-        """Return the length of the ramp [s], default resolved."""
-        raise NotImplementedError
-
-    def build(self, tank: AnyTank, wavemaker: Wavemaker) -> motions.Motion:
+    def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
         """Return the ramped motion, of many components from a table."""
         waves = self.waves(tank, wavemaker)
-        lines = waves.second_order_lines if self.generation == "second-order" else waves.lines
+        generation, _ = self.generation_in(tank, wavemaker, physics)
+        lines = waves.second_order_lines if generation == "second-order" else waves.lines
         return motions.ramped(lines.tabulated(), self.ramp_in(tank))
 
-    def resolved(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> Self:
-        """Return the motion with its generation: second-order by default where its theory holds, otherwise linear."""
+    def generation_in(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> tuple[str, str]:
+        """Return the order of generation, default resolved, and why it is linear by default in nonlinear water."""
         if self.generation is not None:
-            return self
-        linear = physics == "linear" or self._linear_reason(tank, wavemaker)
-        return self.model_copy(update={"generation": "linear" if linear else "second-order"})
-
-    def generation_reason(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> str:
-        """Return why the generation is linear by default in nonlinear water; empty where it is not."""
-        return "" if self.generation is not None or physics == "linear" else self._linear_reason(tank, wavemaker)
+            return self.generation, ""
+        reason = "" if physics == "linear" else self._linear_reason(tank, wavemaker)
+        return "linear" if physics == "linear" or reason else "second-order", reason
 
     def _linear_reason(self, tank: AnyTank, wavemaker: Wavemaker) -> str:
         """Return where the theory of second order does not hold or costs too much; empty where it is taken."""
@@ -132,15 +99,15 @@ class MadeWaves(PaddleNoun):
             )
         return ""
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield waves for which second-order generation has no meaning."""
         if self.generation != "second-order":
             return
-        target = self.waves(scene.tank, scene.wall.wavemaker).target
+        target = self.waves(context.tank, context.wall.wavemaker).target
         if target.omega.size > MOST_PAIRS:
             allowed = f"must be linear: there are {target.omega.size} components, and it is for at most {MOST_PAIRS}"
             yield Problem((*MOTION_KEY, "generation"), self.generation, allowed)
-        elif target.k_x.min() * scene.tank.depth < SHALLOWEST:
+        elif target.k_x.min() * context.tank.depth < SHALLOWEST:
             allowed = f"must be linear: its theory needs waves of k d of {SHALLOWEST:g} or more"
             yield Problem((*MOTION_KEY, "generation"), self.generation, allowed)
         elif (second := bound_harmonic(target)) >= 1.0:
@@ -202,14 +169,14 @@ class RegularMotion(MadeWaves):
         target = waves_along(f, a, np.zeros(1), depth=tank.depth, gravity=tank.gravity)
         return motions.Sea(target, wavemaker)
 
-    def ramp_in(self, tank: AnyTank) -> float:
-        """Return the length of the ramp [s], default resolved."""
-        return 2.0 / self.frequency_in(tank) if self.ramp is None else self.ramp
+    def default_ramp(self, tank: AnyTank) -> float:
+        """Return two periods [s]."""
+        return 2.0 / self.frequency_in(tank)
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield a height that no wave reaches, and what second-order generation cannot do."""
-        too_high = list(_too_high(("height",), self.height, self.frequency_in(scene.tank), scene.tank))
-        yield from too_high or super().problems(scene)
+        too_high = list(_too_high(("height",), self.height, self.frequency_in(context.tank), context.tank))
+        yield from too_high or super().problems(context)
 
 
 class BichromaticMotion(MadeWaves):
@@ -243,15 +210,15 @@ class BichromaticMotion(MadeWaves):
         target = waves_along(self.pair, amplitudes, np.zeros(2), depth=tank.depth, gravity=tank.gravity)
         return motions.Sea(target, wavemaker)
 
-    def ramp_in(self, tank: AnyTank) -> float:
-        """Return the length of the ramp [s], default resolved."""
-        return 2.0 / min(self.pair) if self.ramp is None else self.ramp
+    def default_ramp(self, tank: AnyTank) -> float:
+        """Return two of the longer periods [s]."""
+        return 2.0 / min(self.pair)
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield heights that no wave reaches, and what second-order generation cannot do."""
         both = zip(range(2), self.heights, self.pair, strict=True)
-        too_high = [one for n, height, f in both for one in _too_high(("heights", n), height, f, scene.tank)]
-        yield from too_high or super().problems(scene)
+        too_high = [one for n, height, f in both for one in _too_high(("heights", n), height, f, context.tank)]
+        yield from too_high or super().problems(context)
 
 
 class IrregularMotion(SpectralWaves, MadeWaves):
@@ -280,11 +247,11 @@ class IrregularMotion(SpectralWaves, MadeWaves):
         target = waves_along(frequencies, amplitudes, phases, depth=tank.depth, gravity=tank.gravity)
         return motions.Sea(target, wavemaker)
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield as any waves of a spectrum, a sea too high, and what second-order generation cannot do."""
-        yield from super().problems(scene)
-        peak = self.spectrum.build(scene.tank).peak_frequency
-        yield from _too_high(("significant_height",), self.significant_height, peak, scene.tank)
+        yield from super().problems(context)
+        peak = self.spectrum.build(context.tank).peak_frequency
+        yield from _too_high(("significant_height",), self.significant_height, peak, context.tank)
 
 
 class FocusedMotion(FocusingWaves, MadeWaves):
@@ -306,13 +273,13 @@ class ComponentsMotion(ComponentFile, MadeWaves):
         """Return the motion by linear theory."""
         return motions.Sea(self.target(tank), wavemaker)
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield directions, of which it has none, and what second-order generation cannot do."""
         if "direction" in self.columns:
             allowed = "must have no direction, unless wall.type is of segments: all waves go along x"
             yield Problem((*MOTION_KEY, "columns"), None, allowed)
             return
-        yield from super().problems(scene)
+        yield from super().problems(context)
 
 
 class SurfaceMotion(SurfaceFile, MadeWaves):
@@ -329,10 +296,10 @@ class SurfaceMotion(SurfaceFile, MadeWaves):
         return "the record of a surface has its bound waves already"
 
 
-class SolitaryWaveMotion(PaddleNoun):
+class SolitaryWaveMotion(MotionModel):
     """A solitary wave: the paddle moves as the water does in the mean over the depth."""
 
-    by_waves: ClassVar[bool] = True
+    generates: ClassVar[bool] = True
 
     type: Literal["solitary-wave"] = "solitary-wave"
     height: Height = Field(description="height H of the crest above still water [m]")
@@ -351,36 +318,36 @@ class SolitaryWaveMotion(PaddleNoun):
         """Return when the crest would be at x = 0 [s], default resolved."""
         return self._pushed(tank).lead if self.crest_time is None else self.crest_time
 
-    def build(self, tank: AnyTank, wavemaker: Wavemaker) -> motions.Motion:
+    def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
         """Return the motion."""
         push = self._pushed(tank).scaled(tank.depth / wavemaker.volume(tank.depth))
         return push if self.crest_time is None else replace(push, begin=self.crest_time - push.lead)
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield a wave too high, and one too early."""
-        if self.height > HIGHEST_SOLITARY * scene.tank.depth:
-            allowed = f"must be at most {HIGHEST_SOLITARY:g} depths, {HIGHEST_SOLITARY * scene.tank.depth:.4g} m"
+        if self.height > HIGHEST_SOLITARY * context.tank.depth:
+            allowed = f"must be at most {HIGHEST_SOLITARY:g} depths, {HIGHEST_SOLITARY * context.tank.depth:.4g} m"
             yield Problem((*MOTION_KEY, "height"), self.height, allowed)
-        elif self.height < LOWEST_SOLITARY * scene.tank.depth:
+        elif self.height < LOWEST_SOLITARY * context.tank.depth:
             allowed = f"must be at least {LOWEST_SOLITARY:g} depths: the wave is hundreds of depths long"
             yield Problem((*MOTION_KEY, "height"), self.height, allowed)
-        elif self.crest_time is not None and self.crest_time < (lead := self._pushed(scene.tank).lead):
+        elif self.crest_time is not None and self.crest_time < (lead := self._pushed(context.tank).lead):
             allowed = f"must be at least {lead:.4g} s: the paddle begins to move as long before"
             yield Problem((*MOTION_KEY, "crest_time"), self.crest_time, allowed)
 
 
 # ---------------------------------------------------------------- motions by their position
-class AtRestMotion(PaddleNoun):
+class AtRestMotion(MotionModel):
     """The paddle stands still."""
 
     type: Literal["at-rest"] = "at-rest"
 
-    def build(self, tank: AnyTank, wavemaker: Wavemaker) -> motions.Motion:
+    def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
         """Return X = 0."""
         return motions.AtRest()
 
 
-class SinusoidMotion(PaddleNoun):
+class SinusoidMotion(MotionModel):
     """X = r(t) a sin(2 pi t / T), with a smooth ramp r."""
 
     type: Literal["sinusoid"] = "sinusoid"
@@ -388,13 +355,13 @@ class SinusoidMotion(PaddleNoun):
     period: Duration = Field(description="period T [s]")
     ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two periods")
 
-    def build(self, tank: AnyTank, wavemaker: Wavemaker) -> motions.Motion:
+    def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
         """Return the ramped sinusoid."""
         ramp = 2 * self.period if self.ramp is None else self.ramp
         return motions.ramped(motions.Sinusoid(self.paddle_amplitude, self.period), ramp)
 
 
-class RecordedMotion(PaddleNoun):
+class RecordedMotion(MotionModel):
     """A measured motion from a file: one spline through its positions or its velocities.
 
     A file of `wavetank motion`, or a run's `paddle.csv`, which has both and accelerations, gives the same run again.
@@ -418,7 +385,7 @@ class RecordedMotion(PaddleNoun):
 
     _one_file = one_of("position", "velocity")
 
-    def build(self, tank: AnyTank, wavemaker: Wavemaker) -> motions.Motion:
+    def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
         """Return the spline's motion; raises ``CaseError`` if the file cannot be read."""
         if self.position is not None:
             t, *state = self._record("position", self.position, "position [m]")
@@ -432,9 +399,9 @@ class RecordedMotion(PaddleNoun):
         return motions.ramped(record, self.ramp, start=max(0.0, record.start))
 
     @property
-    def says_metres(self) -> bool:
-        """Whether the header of the file has units of positions [m] or velocities [m/s]."""
-        return says_metres(data.resolve(str(self.position or self.velocity), Path()), named=self.column)
+    def in_metres(self) -> bool:
+        """See ``MotionModel``."""
+        return in_metres(data.resolve(str(self.position or self.velocity), Path()), named=self.column)
 
     def _smooth(self, of: Callable[..., motions.Recorded], *rows: motions.Array) -> motions.Recorded:
         """Return the motion of a low-pass filtered record; raises ``CaseError`` for too few rows."""
@@ -451,7 +418,7 @@ class RecordedMotion(PaddleNoun):
         return t, *(self.gain * one for one in values)
 
 
-class FormulaMotion(PaddleNoun):
+class FormulaMotion(MotionModel):
     """X(t) as given, with its derivatives by the chain rule."""
 
     type: Literal["formula"] = "formula"
@@ -460,13 +427,13 @@ class FormulaMotion(PaddleNoun):
     position: TimeFormulaText = Field(description="position X(t) [m], positive into the water")
     ramp: Ramp = Field(default=0.0, description="length of the ramp [s]; 0 is none")
 
-    def build(self, tank: AnyTank, wavemaker: Wavemaker) -> motions.Motion:
+    def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
         """Return the ramped motion."""
         formula = Formula(self.position, where=self.where, variables=("t",))
         return motions.ramped(motions.ByFormula(formula), self.ramp)
 
 
-class PythonMotion(PaddleNoun):
+class PythonMotion(MotionModel):
     """X(t) and its derivatives by a function in a Python file, which is executed only with `--trust`."""
 
     type: Literal["python"] = "python"
@@ -477,7 +444,7 @@ class PythonMotion(PaddleNoun):
     )
     ramp: Ramp = Field(default=0.0, description="length of the ramp [s]; 0 is none")
 
-    def build(self, tank: AnyTank, wavemaker: Wavemaker) -> motions.Motion:
+    def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
         """Return the ramped motion; raises ``CaseError`` if the file cannot be executed, or has no such function."""
         with about("wall", "motion", "file"):
             function = load(data.resolve(self.file, Path()), self.function)

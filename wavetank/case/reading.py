@@ -31,7 +31,7 @@ FEW = 4  # keys
 
 
 def read_case(path: Path | str, overrides: Sequence[str] = (), *, trust: bool = False) -> Case:
-    """Return the scene of a case file, with ``KEY=VALUE`` overrides such as ``"numerics.dt=0.01"``.
+    """Return the case of a file, with ``KEY=VALUE`` overrides such as ``"numerics.dt=0.01"``.
 
     ``trust`` allows the Python files that the case names to be executed. Raises ``InputError`` that lists everything
     that is wrong, one line each: the file, the line, the key, the value received and what is allowed.
@@ -39,22 +39,22 @@ def read_case(path: Path | str, overrides: Sequence[str] = (), *, trust: bool = 
     path = Path(path)
     text = _read(path)
     with trusting(trust):
-        return _scene(path, text, _parse(path, text), overrides)
+        return _validated(path, text, _parse(path, text), overrides)
 
 
-def changed_scene(path: Path, content: dict[str, Any], overrides: Sequence[str]) -> Case:
-    """Return the scene of a case's content from another file, with overrides; raises as ``read_case`` does."""
-    return _scene(path, "", content, overrides)
+def changed_case(path: Path, content: dict[str, Any], overrides: Sequence[str]) -> Case:
+    """Return the case of a file's content, given from another file, with overrides; raises as ``read_case`` does."""
+    return _validated(path, "", content, overrides)
 
 
-def _scene(path: Path, text: str, content: dict[str, Any], overrides: Sequence[str]) -> Case:
+def _validated(path: Path, text: str, content: dict[str, Any], overrides: Sequence[str]) -> Case:
     overridden, context = [set_key(content, override) for override in overrides], {"folder": path.resolve().parent}
     try:
-        scene = Case.model_validate(content, context=context)
-        for view in (scene, *scene.paddles):
-            view.motion()
-        scene.depths()
-        return scene
+        case = Case.model_validate(content, context=context)
+        for end in case.ends:
+            end.motion()
+        case.depths()
+        return case
     except ValidationError as error:
         errors = error.errors(include_url=False)
         problems = [
@@ -197,7 +197,7 @@ def _entries(text: str) -> Iterator[tuple[int, Key]]:
 
 # ---------------------------------------------------------------- what is wrong
 class _Place(NamedTuple):
-    """A place in the scene: its key, the tables allowed there, and its description."""
+    """A place in the case: its key, the tables allowed there, and its description."""
 
     key: Key
     nouns: list[type[BaseModel]]
@@ -238,7 +238,7 @@ def _problems(details: ErrorDetails) -> Iterator[Problem]:
     place, holder = _place(details["loc"]), _place(details["loc"][:-1])
     received = details["input"]
     match details["type"]:
-        case "scene":
+        case "inconsistent":
             yield from context["problems"]
         case "missing":
             if isinstance(received, dict) and any(holder.meant(key) == place.key[-1] for key in received):
@@ -363,10 +363,10 @@ def _in_words(message: str, meaning: str) -> str:
 
 
 # ---------------------------------------------------------------- files that a case names
-def contents(scene: CaseModel) -> dict[str, str]:
-    """Return the SHA-256 of each existing file that a scene names, by its dotted key."""
+def contents(case: CaseModel) -> dict[str, str]:
+    """Return the SHA-256 of each existing file that a case names, by its dotted key."""
     checksums = {}
-    for key, reference in named_files(scene):
+    for key, reference in named_files(case):
         with suppress(InputError, OSError), regular(data.resolve(reference, Path()), largest=inf).open("rb") as file:
             checksums[key] = hashlib.file_digest(file, "sha256").hexdigest()
     return checksums

@@ -8,8 +8,9 @@ with the sponge's length L and the wave's group velocity c_g and length lambda. 
 """
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Protocol, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 import numpy as np
 from pydantic import BeforeValidator, Field
@@ -18,6 +19,7 @@ from wavetank import data
 from wavetank import mesh as beds
 from wavetank.errors import InputError
 from wavetank.mesh import Layout
+from wavetank.mesh.layouts import Box
 from wavetank.motion import Array
 from wavetank.motion.motion import values
 from wavetank.values.case_model import CaseError, CaseModel, FilePath, FormulaNoun, FormulaText, Problem
@@ -63,9 +65,9 @@ class BeachBed(BedNoun):
         """Return d(x, y) without a minimum."""
         return lambda x, y: tank_depth - self.slope * np.maximum(x - self.start, 0.0)
 
-    def problems(self, scene: Any) -> Iterator[Problem]:
+    def problems(self, context: Any) -> Iterator[Problem]:
         """Yield a slope that comes out of the water, or does not begin in the tank."""
-        length, depth = scene.tank.length, scene.tank.depth
+        length, depth = context.tank.length, context.tank.depth
         if self.start >= length:
             yield Problem(("tank", "bed", "start"), self.start, f"must be below the tank's length, {metres(length)} m")
         elif self.minimum_depth is None and np.isfinite(length) and depth <= self.slope * (length - self.start):
@@ -141,7 +143,18 @@ class _Filled(CaseModel):
     density: Density = Field(default=1000.0, description="density of the water [kg/m^3], of pressures and forces")
 
 
-class SliceTank(_Filled):
+class _Channel(_Filled):
+    """A tank of one horizontal dimension."""
+
+    length: Length
+
+    @property
+    def box(self) -> Box | None:
+        """The smallest box around the tank, (x_min, y_min, x_max, y_max) [m]."""
+        return 0.0, 0.0, self.length, 0.0
+
+
+class SliceTank(_Channel):
     """A tank of one horizontal dimension: a slice along x, between two walls."""
 
     type: Literal["slice"] = "slice"
@@ -149,7 +162,7 @@ class SliceTank(_Filled):
     bed: Bed | None = Field(default=None, description="the bed; default: flat, at the depth")
 
 
-class RingTank(_Filled):
+class RingTank(_Channel):
     """A periodic tank of one horizontal dimension: what leaves at x = length enters at x = 0; it has no walls."""
 
     fewest_cells: ClassVar[int] = 3  # a polygon's
@@ -167,9 +180,14 @@ class BasinTank(_Filled):
     bed: Bed | None = Field(default=None, description="the bed; default: flat, at the depth")
 
     @property
+    def box(self) -> Box | None:
+        """The smallest box around the tank, (x_min, y_min, x_max, y_max) [m]; None if only a mesh file has it."""
+        return self.layout.box
+
+    @property
     def length(self) -> float:
-        """Distance from the paddle to the far end [m]; ``inf`` where only a mesh file knows it."""
-        return np.inf if self.layout.box is None else self.layout.box[2] - self.layout.box[0]
+        """Distance from the paddle to the far end [m]; ``inf`` if only a mesh file has it."""
+        return np.inf if self.box is None else self.box[2] - self.box[0]
 
 
 def _slice_by_default(tank: Any) -> Any:
@@ -180,25 +198,27 @@ AnyTank = SliceTank | RingTank | BasinTank
 Tank = Annotated[AnyTank, Field(discriminator="type", description="the tank"), BeforeValidator(_slice_by_default)]
 
 
-# ---------------------------------------------------------------- what parts of a scene are validated with
-class Surroundings(Protocol):
-    """The attributes of a scene that its parts are validated with."""
+# ---------------------------------------------------------------- what parts of a case are checked against
+@dataclass(frozen=True)
+class Context:
+    """Tank, wall, water and run: what the parts of a case are checked against.
 
-    @property
-    def tank(self) -> AnyTank:
-        """The tank."""
+    Attributes
+    ----------
+    tank
+        The tank.
+    wall
+        The table of the wall that generates the waves.
+    physics
+        The type of the water, default resolved.
+    duration
+        Of the run [s].
+    """
 
-    @property
-    def wall(self) -> Any:
-        """The wall at x = 0, of any type."""
-
-    @property
-    def physics(self) -> str:
-        """The type of the water, default resolved."""
-
-    @property
-    def run(self) -> Any:
-        """The table ``run``, with its duration [s]."""
+    tank: AnyTank
+    wall: Any
+    physics: str
+    duration: float
 
 
 # ---------------------------------------------------------------- sponges
@@ -243,9 +263,9 @@ class _Profiled(CaseModel):
         length, speed = 2 * np.pi / k, float(group_velocity(k, tank.depth, tank.gravity))
         return float(ABSORPTION * speed / np.sqrt(width * length))
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield a ring, which has no end, and a period without use."""
-        yield from _ring_problems(self.type, scene)
+        yield from _ring_problems(self.type, context)
         if self.strength is not None and self.period is not None:
             yield Problem(("sponge", "period"), self.period, "must be left out: sponge.strength is given")
 
@@ -256,11 +276,11 @@ class EndSponge(_Profiled):
     type: Literal["end"] = "end"
     length: Length = Field(description="length of the sponge, along x [m]: one wave length or more")
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield as any sponge, and one longer than the tank."""
-        yield from super().problems(scene)
-        if self.length >= scene.tank.length:
-            allowed = f"must be below the tank's length, {scene.tank.length:g} m"
+        yield from super().problems(context)
+        if self.length >= context.tank.length:
+            allowed = f"must be below the tank's length, {context.tank.length:g} m"
             yield Problem(("sponge", "length"), self.length, allowed)
 
 
@@ -269,10 +289,10 @@ class GroupSponge(_Profiled):
 
     type: Literal["group"] = "group"
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield as any sponge, and a tank whose mesh has no groups."""
-        yield from super().problems(scene)
-        if isinstance(scene.tank, SliceTank):
+        yield from super().problems(context)
+        if isinstance(context.tank, SliceTank):
             yield Problem(("sponge", "type"), self.type, "needs a basin (tank.type), whose mesh has groups of cells")
 
 
@@ -286,13 +306,13 @@ class FormulaSponge(FormulaNoun):
         """Return gamma(x, y) [1/s]."""
         return self.formula(self.gamma)
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield a ring, which has no end."""
-        yield from _ring_problems(self.type, scene)
+        yield from _ring_problems(self.type, context)
 
 
-def _ring_problems(received: str, scene: Surroundings) -> Iterator[Problem]:
-    if isinstance(scene.tank, RingTank):
+def _ring_problems(received: str, context: Context) -> Iterator[Problem]:
+    if isinstance(context.tank, RingTank):
         yield Problem(("sponge", "type"), received, "must be left out: a ring has no end for waves to be absorbed at")
 
 

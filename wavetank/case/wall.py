@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -10,11 +10,11 @@ from pydantic import Field
 from wavetank import motion as motions
 from wavetank.case.directional import PLACES, SegmentedPaddleMotion, span
 from wavetank.case.paddle import PaddleMotion
-from wavetank.case.tank import AnyTank, RingTank, SliceTank, Surroundings
+from wavetank.case.tank import AnyTank, Context, RingTank, SliceTank
+from wavetank.case.waves import MotionModel
 from wavetank.errors import InputError
 from wavetank.motion import Array
-from wavetank.motion.motion import ANGLES, STEEPEST, TOP, UPSET, Extent, joints, largest_stroke, quickened
-from wavetank.run_warning import RunWarning
+from wavetank.motion.motion import ANGLES, STEEPEST, TOP, UPSET, Extent, frequency_shift, joints, largest_stroke
 from wavetank.values.case_model import CaseModel, HeightFormulaText, HeightHelpers, Problem
 from wavetank.values.formula import Formula
 from wavetank.values.quantities import (
@@ -82,9 +82,9 @@ class ActiveAbsorption(CaseModel):
         band = f"small waves from {shortest:.3g} to {longest:.3g} s"
         return f"it absorbs what comes to it, all but {100 * most:.2g} % of {band} at short steps"
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield a band that is none."""
-        least, most = _periods(scene.tank, POSSIBLE)
+        least, most = _periods(context.tank, POSSIBLE)
         for name in ("shortest", "longest"):
             period = getattr(self, name)
             if period is not None and not least <= period <= most:
@@ -151,9 +151,9 @@ class SpringDamper(CaseModel):
         given = self.stiffness is not None and self.damping is not None
         return f"it absorbs{'' if given else f', tuned to {tuned:.3g} s'}, a mass of {parts}"
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield a period that is none of the tank's waves, or that nothing follows from."""
-        least, most = _periods(scene.tank, POSSIBLE)
+        least, most = _periods(context.tank, POSSIBLE)
         if self.period is not None and not least <= self.period <= most:
             allowed = f"must be from {least:.4g} to {most:.4g} s, k d = {POSSIBLE[1]:g} to {POSSIBLE[0]:g}"
             yield Problem(("wall", "absorb", "period"), self.period, allowed)
@@ -206,28 +206,20 @@ class BaseWall(CaseModel):
         """The mode shape f(z) of the wall's motion, by which it generates waves."""
         return PISTON
 
+    def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
+        """Return its motion; raises ``CaseError`` if its file cannot be read. By default it is at rest."""
+        return motions.AtRest()
+
     def places(self, tank: AnyTank) -> Array | None:
         """Return positions y along the paddle [m], shape (N,), at which its motion is sampled; None if uniform."""
         return None
-
-    def generation(self, tank: AnyTank, physics: str) -> str | None:
-        """Return the resolved ``generation`` of its waves; by default None."""
-        return None
-
-    def generation_reason(self, tank: AnyTank, physics: str) -> str:
-        """Return why its generation is linear by default in nonlinear water; empty where it is not."""
-        return ""
-
-    def warnings(self, tank: AnyTank) -> Iterator[RunWarning]:
-        """Yield warnings of the motion; by default none."""
-        yield from ()
 
 
 class MovingWall(BaseWall):
     """A wall that moves, vertical or of another shape."""
 
     if TYPE_CHECKING:
-        motion: Any  # a noun, of other types at other walls
+        motion: MotionModel  # of other types at other walls
 
     moves: ClassVar[bool] = True
     reach: Length | None = Field(
@@ -250,15 +242,15 @@ class MovingWall(BaseWall):
         """Return the largest absolute value of the mode shape f(z)."""
         return float(np.abs(self.mode_shape(tank)).max())
 
-    def quickened(self, tank: AnyTank, reach: float, excursion: float) -> float:
-        """Return how much faster the mesh's shortest waves get, at most, where it leans or its mapping narrows cells.
+    def frequency_shift(self, tank: AnyTank, reach: float, displacement: float) -> float:
+        """Return the largest factor on the frequency of the mesh's shortest waves, of the wall's lean and the mapping.
 
-        Given are the mapping's reach and the paddle's largest distance from rest [m].
+        Given are the mapping's reach and the paddle's largest displacement [m].
         """
         z = tank.depth * np.linspace(-1.0, 0.0, 1001)
         mode_shape = self.wavemaker.share(z, tank.depth)
-        lean = float(np.abs(np.diff(mode_shape) / np.diff(z)).max()) * excursion
-        return quickened(lean, float(np.abs(mode_shape).max()) * excursion / reach)
+        slope = float(np.abs(np.diff(mode_shape) / np.diff(z)).max()) * displacement
+        return frequency_shift(slope, float(np.abs(mode_shape).max()) * displacement / reach)
 
     def amplitude(self, tank: AnyTank) -> float:
         """Return the amplitude of a sinusoid's displacement after its ramp [m]; 0 for other motions."""
@@ -268,10 +260,10 @@ class MovingWall(BaseWall):
         """Return the reach [m]; by default ten depths, at most what is available [m]."""
         return min(available, 10 * tank.depth) if self.reach is None else self.reach
 
-    def reach_problems(self, tank: AnyTank, available: float, excursion: float) -> Iterator[Problem]:
+    def reach_problems(self, tank: AnyTank, available: float, displacement: float) -> Iterator[Problem]:
         """Yield a displacement [m], in the run or a longer one, that exceeds what the mapping's reach allows."""
         motion, reach = self.motion, self.reach_in(tank, available)
-        farthest = self.max_mode_shape(tank) * max(excursion, self.amplitude(tank))
+        farthest = self.max_mode_shape(tank) * max(displacement, self.amplitude(tank))
         needed = STEEPEST * farthest
         if needed < reach:
             return
@@ -287,17 +279,19 @@ class MovingWall(BaseWall):
 
     @property
     def reads_file(self) -> bool:
-        """Whether what fits its motion is known only when a file has been read."""
-        return bool(self.motion.reads_file)
+        """Whether its motion is checked when its file is read, and not before."""
+        return self.motion.reads_file
 
-    def motion_problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def motion_problems(self, context: Context) -> Iterator[Problem]:
         """Yield problems of the motion; of one that reads a file they are checked when it is built."""
-        yield from self.motion.problems(scene)
+        yield from self.motion.problems(context)
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield a reach beyond the tank."""
-        if self.reach is not None and self.reach > scene.tank.length:
-            yield Problem(("wall", "reach"), self.reach, f"must be at most the tank's length, {scene.tank.length:g} m")
+        if self.reach is not None and self.reach > context.tank.length:
+            yield Problem(
+                ("wall", "reach"), self.reach, f"must be at most the tank's length, {context.tank.length:g} m"
+            )
 
 
 class ShapedWall(MovingWall):
@@ -320,16 +314,16 @@ class HingedWall(ShapedWall):
         """Its shape, by which it makes waves."""
         return Flap(self.hinge, self.stroke_height)
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield a hinge above still water, a stroke height not above the hinge, and problems of any paddle."""
-        depth, height = scene.tank.depth, self.stroke_height
+        depth, height = context.tank.depth, self.stroke_height
         if self.hinge >= depth:
             yield Problem(("wall", "hinge"), self.hinge, f"must be below still water, less than {metres(depth)} m")
         elif height is not None and height <= self.hinge:
             allowed = f"must be above the hinge, more than {metres(self.hinge)} m"
             yield Problem(("wall", "stroke_height"), height, allowed)
         else:
-            yield from super().problems(scene)
+            yield from super().problems(context)
 
 
 # ---------------------------------------------------------------- segmented paddles
@@ -346,45 +340,41 @@ class SegmentedWall(MovingWall):
 
     def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
         """Return the motion of the paddle's segments, hinged to each other."""
-        motion = self.motion.build(tank, self.wavemaker)
+        motion = self.motion.build(tank, self.wavemaker, physics)
         return motion if self.segment is None else motions.PiecewiseLinear(motion, self.places(tank))
-
-    def generation_reason(self, tank: AnyTank, physics: str) -> str:
-        """Return why the generation of segments is linear."""
-        return "second-order generation is for paddles that move as a whole"
 
     def places(self, tank: AnyTank) -> motions.Array:
         """Return positions y along the paddle [m], shape (N,), at which its motion is sampled: its joints, if any."""
         low, high = span(tank)
         return joints(low, high, segment=(high - low) / (PLACES - 1) if self.segment is None else self.segment)
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield a tank without a paddle of known width, too many segments, and problems of reach and motion."""
         kind = getattr(self, "type", None)
-        if not np.isfinite(span(scene.tank)).all():
+        if not np.isfinite(span(context.tank)).all():
             allowed = "needs a basin (tank.type) whose layout says how wide it is: a recipe, not a file"
             yield Problem(("wall", "type"), kind, allowed)
             return
-        if scene.physics == "linear":
+        if context.physics == "linear":
             yield Problem(("wall", "type"), kind, "needs nonlinear water (water.type), or must be a piston")
-        yield from super().problems(scene)
-        low, high = span(scene.tank)
+        yield from super().problems(context)
+        low, high = span(context.tank)
         if self.segment is not None and high - low > SEGMENTS * self.segment:
             least = (high - low) / SEGMENTS
             yield Problem(("wall", "segment"), self.segment, f"must be at least {least:.4g} m, for {SEGMENTS} segments")
             return
-        yield from () if self.reads_file else self.motion_problems(scene)
+        yield from () if self.reads_file else self.motion_problems(context)
 
-    def motion_problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def motion_problems(self, context: Context) -> Iterator[Problem]:
         """Yield segments too wide for the waves, and problems of the motion."""
-        widest = self.motion.widest_segment(scene.tank)
+        widest = self.motion.widest_segment(context.tank)
         if self.segment is not None and self.segment > widest:
             allowed = (
                 f"must be at most {widest:.4g} m, the shortest wave's length over 1 + sin of its angle: wider segments "
                 "make spurious waves in other directions"
             )
             yield Problem(("wall", "segment"), self.segment, allowed)
-        yield from super().motion_problems(scene)
+        yield from super().motion_problems(context)
 
 
 class SegmentedPistonWall(SegmentedWall):
@@ -405,10 +395,6 @@ class FixedWall(BaseWall):
 
     type: Literal["fixed"] = "fixed"
 
-    def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
-        """Return the motion of a paddle at rest."""
-        return motions.AtRest()
-
     def reach_in(self, tank: AnyTank, available: float) -> float:
         """Return inf: there is no mapping to die out."""
         return np.inf
@@ -424,35 +410,23 @@ class PaddleWall(MovingWall):
 
     def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
         """Return the paddle's motion in the water; raises ``CaseError`` if its file cannot be read."""
-        return self.motion.resolved(tank, self.wavemaker, physics).build(tank, self.wavemaker)
+        return self.motion.build(tank, self.wavemaker, physics)
 
-    def generation(self, tank: AnyTank, physics: str) -> str | None:
-        """Return the resolved ``generation`` of its waves; None of a motion that is not found for waves."""
-        return getattr(self.motion.resolved(tank, self.wavemaker, physics), "generation", None)
-
-    def generation_reason(self, tank: AnyTank, physics: str) -> str:
-        """Return why its generation is linear by default in nonlinear water; empty where it is not."""
-        return self.motion.generation_reason(tank, self.wavemaker, physics)
-
-    def warnings(self, tank: AnyTank) -> Iterator[RunWarning]:
-        """Yield warnings of the motion."""
-        yield from self.motion.warnings(tank, self.wavemaker)
-
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield a tank without walls, a reach beyond the tank, and problems of the motion."""
-        if isinstance(scene.tank, RingTank):
+        if isinstance(context.tank, RingTank):
             kind = getattr(self, "type", None)
             yield Problem(("wall", "type"), kind, "must be left out: a ring has no walls, hence no paddle")
             return
-        yield from super().problems(scene)
-        if self.absorb is not None and not isinstance(scene.tank, SliceTank):
-            yield Problem(("wall", "absorb"), None, f"must be left out: in a {scene.tank.type} no paddle absorbs")
+        yield from super().problems(context)
+        if self.absorb is not None and not isinstance(context.tank, SliceTank):
+            yield Problem(("wall", "absorb"), None, f"must be left out: in a {context.tank.type} no paddle absorbs")
         elif self.absorb is not None:
-            yield from self.absorb.problems(scene)
+            yield from self.absorb.problems(context)
             if isinstance(self.absorb, SpringDamper) and self.motion.type != "at-rest":
                 allowed = "must be at-rest: a paddle that absorbs on a spring is not driven"
                 yield Problem(("wall", "motion", "type"), self.motion.type, allowed)
-        yield from () if self.reads_file else self.motion_problems(scene)
+        yield from () if self.reads_file else self.motion_problems(context)
 
 
 class PistonWall(PaddleWall):
@@ -475,7 +449,7 @@ class FlapWall(HingedWall, PaddleWall):
     def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
         """Return the motion at the stroke's height; raises ``CaseError`` if its file cannot be read."""
         motion = super().paddle(tank, physics)
-        if self.motion_as == "stroke" or self.motion.says_metres:
+        if self.motion_as == "stroke" or self.motion.in_metres:
             return motion
         return motions.FlapAngle(motion, self.wavemaker.arm(tank.depth))
 
@@ -484,15 +458,15 @@ class FlapWall(HingedWall, PaddleWall):
         value = super().amplitude(tank)
         return value if self.motion_as == "stroke" else self.wavemaker.arm(tank.depth) * float(np.tan(value))
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield problems of any hinged wall, and an angle given for a motion that cannot have one."""
-        problems = list(super().problems(scene))
+        problems = list(super().problems(context))
         if problems or self.motion_as == "stroke":
             yield from problems
-        elif self.motion.by_waves:
+        elif self.motion.generates:
             allowed = f"must be left out: a motion of type {self.motion.type} is found for its waves, not told"
             yield Problem(("wall", "motion_as"), self.motion_as, allowed)
-        elif (angle := super().amplitude(scene.tank)) >= UPSET:
+        elif (angle := super().amplitude(context.tank)) >= UPSET:
             yield Problem(("wall", "motion", "paddle_amplitude"), angle, ANGLES)
 
 
@@ -510,18 +484,18 @@ class ProfileWall(ShapedWall, PaddleWall):
         formula = Formula(self.shape, where=self.where, variables=("z",))
         return Profile(partial(formula.derivative, 0), partial(formula.derivative, 1))
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield a shape that is not finite, or displaces no water, and problems of any paddle."""
-        z = scene.tank.depth * np.linspace(-1.0, TOP, 1001)
+        z = context.tank.depth * np.linspace(-1.0, TOP, 1001)
         try:
-            values = self.wavemaker.share(z, scene.tank.depth)
+            values = self.wavemaker.share(z, context.tank.depth)
         except InputError as error:
             yield Problem(("wall", "shape"), self.shape, str(error).removesuffix("."))
             return
         if not np.abs(values).max() > 0.0:
             yield Problem(("wall", "shape"), self.shape, "must not be 0 at all heights")
             return
-        yield from super().problems(scene)
+        yield from super().problems(context)
 
 
 AnyWall = FixedWall | PistonWall | FlapWall | ProfileWall | SegmentedPistonWall | SegmentedFlapWall

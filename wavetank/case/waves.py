@@ -1,21 +1,83 @@
-"""Waves that a paddle makes, by a spectrum or a file, whatever its type."""
+"""Motions of paddles: what all have, and waves by a spectrum or a file, of paddles of any kind."""
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, Strict, model_validator
 
 from wavetank import data
 from wavetank import motion as motions
-from wavetank.case.tank import AnyTank, Surroundings
+from wavetank.case.tank import AnyTank, Context
 from wavetank.motion.recorded import read_record
+from wavetank.run_warning import RunWarning
 from wavetank.values.case_model import CaseModel, FilePath, Problem, about, one_of
 from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, Length, Ramp, metres
 from wavetank.waves import airy
 from wavetank.waves.plane_waves import PlaneWaves, waves_along
 from wavetank.waves.wavemaker import PISTON, Wavemaker
+
+
+# ---------------------------------------------------------------- motions
+class MotionModel(CaseModel):
+    """A motion of a paddle.
+
+    Attributes
+    ----------
+    generates
+        Whether the motion follows from the waves to be generated.
+    reads_file
+        Whether it is checked when its file is read, and not before.
+    in_metres
+        Whether the header of its file has units of positions [m] or velocities [m/s].
+    """
+
+    generates: ClassVar[bool] = False
+
+    @property
+    def reads_file(self) -> bool:
+        """See the class."""
+        return False
+
+    @property
+    def in_metres(self) -> bool:
+        """See the class."""
+        return False
+
+    def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
+        """Return the motion of a paddle of a mode shape; raises ``CaseError`` if its file cannot be read."""
+        raise NotImplementedError
+
+    def generation_in(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> tuple[str | None, str]:
+        """Return the order of generation, default resolved, and why it is linear by default in nonlinear water."""
+        return None, ""
+
+    def warnings(self, tank: AnyTank, wavemaker: Wavemaker) -> Iterator[RunWarning]:
+        """Yield warnings of the motion; by default none."""
+        yield from ()
+
+
+class GeneratingMotion(MotionModel):
+    """A motion that follows from the waves to be generated, by linear theory, with a ramp."""
+
+    if TYPE_CHECKING:
+        ramp: Ramp | None  # of its own default in each type
+
+    generates: ClassVar[bool] = True
+
+    def waves(self, tank: AnyTank, wavemaker: Wavemaker) -> motions.Motion:
+        """Return the motion by linear theory, without its ramp; raises ``CaseError`` if a file cannot be read."""
+        raise NotImplementedError
+
+    def default_ramp(self, tank: AnyTank) -> float:
+        """Return the default length of the ramp [s]."""
+        raise NotImplementedError
+
+    def ramp_in(self, tank: AnyTank) -> float:
+        """Return the length of the ramp [s], default resolved."""
+        return self.default_ramp(tank) if self.ramp is None else self.ramp
+
 
 # ---------------------------------------------------------------- spectra
 SPECTRUM_KEY = ("wall", "motion", "spectrum")
@@ -103,7 +165,7 @@ MAX_COMPONENTS = 10_000  # components
 MISSED = 1e-6  # of its peak: of so little there are no waves
 
 
-class SpectralWaves(CaseModel):
+class SpectralWaves(GeneratingMotion):
     """Waves of equally spaced frequencies."""
 
     highest_of_peak: ClassVar[float] = 2.0  # fp, by default
@@ -118,9 +180,9 @@ class SpectralWaves(CaseModel):
         """Whether the spectrum is a file's."""
         return isinstance(self.spectrum, TableSpectrum)
 
-    def ramp_in(self, tank: AnyTank) -> float:
-        """Return the ramp [s], default resolved."""
-        return 2 / self.spectrum.build(tank).peak_frequency if self.ramp is None else self.ramp
+    def default_ramp(self, tank: AnyTank) -> float:
+        """Return two peak periods [s]."""
+        return 2 / self.spectrum.build(tank).peak_frequency
 
     def band(self, tank: AnyTank) -> tuple[float, float]:
         """Return the first and the last frequency [Hz], defaults resolved."""
@@ -132,33 +194,33 @@ class SpectralWaves(CaseModel):
         """Return the components' frequencies [Hz], shape (components,)."""
         return np.linspace(*self.band(tank), self.components, dtype=np.float64)
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield a band without its peak or without waves."""
-        (lowest, highest), spectrum = self.band(scene.tank), self.spectrum.build(scene.tank)
+        (lowest, highest), spectrum = self.band(context.tank), self.spectrum.build(context.tank)
         peak = spectrum.peak_frequency
         if not lowest < peak < highest:
             yield self._outside(peak, lowest, highest)
             return
-        total = spectrum.density(self.frequencies(scene.tank)).sum()
+        total = spectrum.density(self.frequencies(context.tank)).sum()
         if not total > MISSED * float(spectrum.density(np.array([peak]))[0]):
             allowed = "must be more: none of their frequencies is where the spectrum has its waves"
             yield Problem((*MOTION_KEY, "components"), self.components, allowed)
             return
-        timing = list(self.timing_problems(scene))
+        timing = list(self.timing_problems(context))
         yield from timing
         repetition = (self.components - 1) / (highest - lowest)
-        if scene.run.duration > repetition:
-            least = int(np.ceil(scene.run.duration * (highest - lowest))) + 1
+        if context.duration > repetition:
+            least = int(np.ceil(context.duration * (highest - lowest))) + 1
             if least > MAX_COMPONENTS:
                 longest = (MAX_COMPONENTS - 1) / (highest - lowest)
                 most = f"{MAX_COMPONENTS} components, the most,"
                 allowed = f"must be at most {longest:.6g} s: {most} repeat the waves after it"
-                yield Problem(("run", "duration"), scene.run.duration, allowed)
+                yield Problem(("run", "duration"), context.duration, allowed)
                 return
             allowed = f"must be {least} or more: so few repeat the waves every {repetition:.4g} s, within the run"
             yield Problem((*MOTION_KEY, "components"), self.components, allowed)
         elif not timing:
-            yield from super().problems(scene)
+            yield from super().problems(context)
 
     def _outside(self, peak: float, lowest: float, highest: float) -> Problem:
         """Return the problem of a peak [Hz] outside the components' band."""
@@ -169,7 +231,7 @@ class SpectralWaves(CaseModel):
             return Problem((*key, "peak_period"), self.spectrum.peak_period, f"must be that of one of {within}")
         return Problem((*key, "peak_frequency"), peak, f"must be between {within}")
 
-    def timing_problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def timing_problems(self, context: Context) -> Iterator[Problem]:
         """Yield times that are too early; by default none."""
         yield from ()
 
@@ -203,33 +265,33 @@ class FocusingWaves(SpectralWaves):
         """Return the earliest focus time [s] that the ramp allows."""
         return self.group(tank).earliest_focus(self.ramp_in(tank))
 
-    def timing_problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def timing_problems(self, context: Context) -> Iterator[Problem]:
         """Yield a focus too early."""
-        earliest = self.earliest_focus(scene.tank)
+        earliest = self.earliest_focus(context.tank)
         if self.focus_time < earliest:
             allowed = (
                 f"must be at least {earliest:.4g} s: the short waves need that long from the ramp's end to focus_x"
             )
             yield Problem((*MOTION_KEY, "focus_time"), self.focus_time, allowed)
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield as any waves of a spectrum, and a focus outside the tank."""
-        if not self.focus_x < scene.tank.length:
-            allowed = f"must be inside the tank, below {metres(scene.tank.length)} m"
+        if not self.focus_x < context.tank.length:
+            allowed = f"must be inside the tank, below {metres(context.tank.length)} m"
             yield Problem((*MOTION_KEY, "focus_x"), self.focus_x, allowed)
-        yield from super().problems(scene)
+        yield from super().problems(context)
 
 
 # ---------------------------------------------------------------- waves of a file
 Column = Literal["frequency", "omega", "amplitude", "phase", "lag", "direction", "other"]
 
 
-class WaveFile(CaseModel):
-    """Waves that a file tells of."""
+class WaveFile(GeneratingMotion):
+    """Waves from a file."""
 
     @property
     def reads_file(self) -> bool:
-        """Whether what fits it is known only when a file has been read: yes."""
+        """Whether it is checked when its file is read: yes."""
         return True
 
 
@@ -271,10 +333,8 @@ class ComponentFile(WaveFile):
         where = {"x": self.x, "y": y, "time": self.time, "depth": tank.depth, "gravity": tank.gravity}
         return waves_along(f, self.scale * a, phase + np.radians(self.phase), angles=angles, **where)
 
-    def ramp_in(self, tank: AnyTank) -> float:
-        """Return the length of the ramp [s], default resolved."""
-        if self.ramp is not None:
-            return self.ramp
+    def default_ramp(self, tank: AnyTank) -> float:
+        """Return two periods of the highest wave [s]."""
         waves = self.components()
         return 2.0 / float(waves.frequencies[np.abs(waves.amplitudes).argmax()])
 
@@ -306,19 +366,19 @@ class SurfaceFile(WaveFile):
         where = {"x": self.x, "y": y, "time": surface.begin, "depth": tank.depth, "gravity": tank.gravity}
         return waves_along(surface.frequencies, surface.amplitudes, surface.phases, angles=angle, **where)
 
-    def ramp_in(self, tank: AnyTank) -> float:
-        """Return the length of the ramp [s], default resolved."""
-        return 2.0 / self.wished().mean_frequency if self.ramp is None else self.ramp
+    def default_ramp(self, tank: AnyTank) -> float:
+        """Return two mean periods [s]."""
+        return 2.0 / self.wished().mean_frequency
 
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+    def problems(self, context: Context) -> Iterator[Problem]:
         """Yield a place outside the tank, and waves that come too late."""
-        if not self.x < scene.tank.length:
-            allowed = f"must be inside the tank, below {metres(scene.tank.length)} m"
+        if not self.x < context.tank.length:
+            allowed = f"must be inside the tank, below {metres(context.tank.length)} m"
             yield Problem((*MOTION_KEY, "x"), self.x, allowed)
             return
-        surface, ramp = self.wished(), self.ramp_in(scene.tank)
-        k = airy.wave_number(2.0 * np.pi * surface.mean_frequency, scene.tank.depth, scene.tank.gravity)
-        travel = self.travel_distance / float(airy.group_velocity(k, scene.tank.depth, scene.tank.gravity))
+        surface, ramp = self.wished(), self.ramp_in(context.tank)
+        k = airy.wave_number(2.0 * np.pi * surface.mean_frequency, context.tank.depth, context.tank.gravity)
+        travel = self.travel_distance / float(airy.group_velocity(k, context.tank.depth, context.tank.gravity))
         if surface.begin < ramp + travel:
             least = self.delay + ramp + travel - surface.begin
             ramped = f"after a ramp of {ramp:.4g} s{', the default,' if self.ramp is None else ''}"
@@ -329,11 +389,11 @@ class SurfaceFile(WaveFile):
                 f"must be at most {self.delay + travel + surface.length - surface.begin:.4g} s: a copy comes before"
             )
             yield Problem((*MOTION_KEY, "delay"), self.delay, allowed)
-        elif scene.run.duration > (again := surface.begin + 2.0 * surface.length):
+        elif context.duration > (again := surface.begin + 2.0 * surface.length):
             allowed = f"must be at most {again:.4g} s, when the record's waves come again"
-            yield Problem(("run", "duration"), scene.run.duration, allowed)
+            yield Problem(("run", "duration"), context.duration, allowed)
         else:
-            yield from super().problems(scene)
+            yield from super().problems(context)
 
     @property
     def travel_distance(self) -> float:

@@ -224,17 +224,23 @@ def largest_stroke(reach: float) -> float:
     return reach / STEEPEST
 
 
-def quickened(lean: float, moved: float) -> float:
-    """Return how much faster the shortest waves of a mesh get, at most, where a mapping leans or narrows its cells.
+def frequency_shift(slope: float, displacement: float) -> float:
+    """Return the largest factor by which a mapping raises the frequency of the mesh's shortest waves.
 
-    It is the largest 1 / (J cos(theta)), theta the angle from upright of what goes with the paddle, whose own has the
-    tangent ``lean``, and J = 1 + s' ``moved``, in reaches. Of waves too short for the vertical order the energy is that
-    of the velocity along x, k² |P|² / J of a potential psi P(zeta), and tan²(theta) as much upwards, and g J eta² of
-    the surface; of those that it resolves it is 1 / J^(1/2).
+    It is the largest 1 / (J cos(theta)) with J = 1 + s' X_p and theta the angle of the mapped verticals from upright.
+    Of waves too short for the vertical order the energy is that of the velocity along x, k² |P|² / J of a potential
+    psi P(zeta), with tan²(theta) of it upwards, and g J eta² of the surface; of resolved waves it is 1 / J^(1/2).
+
+    Parameters
+    ----------
+    slope
+        Tangent of the paddle's own angle from upright.
+    displacement
+        X_p over the reach of the mapping.
     """
-    slope = (1.0 - SAMPLES) * (-1.0 - 3.0 * SAMPLES)
-    across = np.sqrt(1.0 + (_inside(SAMPLES) * lean) ** 2)
-    return float((across / np.maximum(1.0 + slope * moved, NARROWEST)).max())
+    gradient = (1.0 - SAMPLES) * (-1.0 - 3.0 * SAMPLES)
+    inverse_cosine = np.sqrt(1.0 + (_inside(SAMPLES) * slope) ** 2)
+    return float((inverse_cosine / np.maximum(1.0 + gradient * displacement, NARROWEST)).max())
 
 
 def share(r: Array) -> Array:

@@ -98,7 +98,7 @@ class ColumnError(InputError):
     """A file that has no column of a name."""
 
 
-def says_metres(path: Path, *, named: str | None = None) -> bool:
+def in_metres(path: Path, *, named: str | None = None) -> bool:
     """Return whether a file's first line, or the name of its column, says that its values are positions or velocities.
 
     So do a run's ``paddle.csv`` and, in either format, a file of ``wavetank motion``. Raises ``InputError``.

@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from wavetank.arrays import Vector
-from wavetank.case import BasinTank, Case
+from wavetank.case import BasinTank, Case, EndWall
 from wavetank.case.initial import FocusedSurface, RunState, SolitaryWave, StillWater
 from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER
 from wavetank.case.output import ENDS, FAR
@@ -107,7 +107,7 @@ def too_high(scene: Case) -> Iterator[str]:
     for seen in scene.paddles if breaks and not isinstance(scene.tank, BasinTank) else ():
         wave = highest_wave(seen) if seen.motion().moves else None
         if wave is not None and wave.height > BREAKS * wave.highest:
-            x = wave.x if seen is scene else scene.tank.length - wave.x
+            x = seen.distance(wave.x)
             there = f"{wave.height:.3g} m high and {wave.length:.3g} m long, at x = {x:.3g} m, t = {wave.t:.3g} s"
             most = f"none as long is higher than {wave.highest:.3g} m"
             if wave.height > wave.highest:
@@ -120,21 +120,21 @@ def too_high(scene: Case) -> Iterator[str]:
             yield f"the paddle of {seen.key} makes a wave {there}, by linear theory, where {most}; {cure}"
 
 
-def highest_wave(scene: Case) -> HighWave | None:
+def highest_wave(end: EndWall) -> HighWave | None:
     """Return the wave that is highest for its length of those that the paddle makes in the run; None without any.
 
     Over a bed the waves are those at the paddle.
     """
-    tank, k = scene.tank, np.array([SHORTEST / scene.tank.depth])
+    tank, k = end.tank, np.array([SHORTEST / end.tank.depth])
     fastest = float(airy.angular_frequency(k, tank.depth, tank.gravity)[0])
-    duration = min(scene.run.duration, MOST_TIMES / fastest)
+    duration = min(end.duration, MOST_TIMES / fastest)
     count = int(fastest * duration) + 64  # six in the shortest period
     t = np.asarray(duration / count * np.arange(count), dtype=np.float64)
-    velocity = values(scene.motion().velocity, t) * tapered(np.asarray(t / duration))
+    velocity = values(end.motion().velocity, t) * tapered(np.asarray(t / duration))
     omega = np.pi / duration * np.arange(1, count)
     k = airy.wave_number(omega, tank.depth, tank.gravity)
     made = (
-        scene.wall.wavemaker.transfer(k, tank.depth) / omega * np.fft.rfft(velocity, 2 * count)[1:-1]
+        end.wall.wavemaker.transfer(k, tank.depth) / omega * np.fft.rfft(velocity, 2 * count)[1:-1]
     )  # at rest after it
     made[k * tank.depth > SHORTEST] = 0.0
     speed, result = airy.group_velocity(k, tank.depth, tank.gravity), list[HighWave]()
@@ -162,7 +162,7 @@ def reflected_harmonics(scene: Case) -> Iterator[str]:
     if not callable(bed) or scene.physics == "linear" or len(scene.paddles) < 2 or scene.sponge is not None:
         return
     for seen, other in zip(scene.paddles, reversed(scene.paddles), strict=True):
-        absorb, period = getattr(seen.wall, "absorb", None), other.paddle_period
+        absorb, period = getattr(seen.wall, "absorb", None), other.period
         if absorb is None or period is None or (wave := highest_wave(other)) is None:
             continue
         half, (shortest, _) = period / 2, absorb.band(seen.tank, paddles=scene.paddle_periods)
@@ -177,14 +177,14 @@ def reflected_harmonics(scene: Case) -> Iterator[str]:
             yield f'{frees}; {sends}: {seen.key}.absorb = {{ type = "active", shortest = {half:.3g} }} takes them'
 
 
-def free_second_harmonics(scene: Case, bed: Depth, amplitude: float, period: float) -> float:
+def free_second_harmonics(end: EndWall, bed: Depth, amplitude: float, period: float) -> float:
     """Return the free second harmonics before the wall opposite a paddle over its waves there, 1 at most.
 
     The bed is d(x, y) [m]; amplitude [m] and period [s] are those of the waves at the paddle.
     """
-    x, step = np.linspace(0.0, scene.tank.length, PLACES, retstep=True, dtype=np.float64)
-    omega, g = 2 * np.pi / period, scene.tank.gravity
-    depth = bed(x if scene.key == "wall" else x[::-1], np.zeros_like(x))
+    x, step = np.linspace(0.0, end.tank.length, PLACES, retstep=True, dtype=np.float64)
+    omega, g = 2 * np.pi / period, end.tank.gravity
+    depth = bed(x if not end.far else x[::-1], np.zeros_like(x))
     root = np.sqrt(depth)
     first, second = (wave_number(n * omega * root, 1.0, g) for n in (1, 2))  # times the depth
     fluxes = [root * group_velocity(one, 1.0, g) for one in (first, second)]
@@ -241,7 +241,7 @@ def of_duration(scene: Case) -> list[str]:
 
 def _of_walls(scene: Case, waves: AnyWaves) -> Iterator[RunWarning | str]:
     for seen, paddle in zip(scene.paddles, waves.wall.paddles, strict=True):
-        yield from seen.wall.warnings(scene.tank)
+        yield from seen.wall.motion.warnings(scene.tank, seen.wall.wavemaker)
         stands, asked = getattr(paddle, "reach", 0.0), getattr(seen.wall, "reach", None)  # linear paddles have none
         if asked is not None and stands > (1 + ROUNDING) * asked:
             yield f"{seen.key}.reach = {asked:.4g} m is less than a cell, on this mesh it is {stands:.4g} m"
@@ -250,14 +250,14 @@ def _of_walls(scene: Case, waves: AnyWaves) -> Iterator[RunWarning | str]:
 def _strokes(scene: Case) -> Iterator[str]:
     """Yield a sentence for each paddle in linear water whose strokes are not small."""
     for seen in scene.paddles if scene.physics == "linear" else ():
-        motion, period, tank = seen.motion(), seen.paddle_period, seen.tank
+        period, tank = seen.period, seen.tank
         if period is None:
             continue
         omega = np.array([2 * np.pi / period])
         speed = float(omega[0] / wave_number(omega, tank.depth, tank.gravity)[0])
-        if (fraction := seen.extent(motion).speed / speed) > SMALL:
+        if (fraction := seen.extent.speed / speed) > SMALL:
             moves = f"the paddle of {seen.key} moves at up to {fraction:.2g} of its waves' speed"
-            far = f"goes {seen.excursion(motion):.3g} m from rest in water {tank.depth:.3g} m deep"
+            far = f"goes {seen.max_displacement:.3g} m from rest in water {tank.depth:.3g} m deep"
             yield f'linear theory is of small strokes: {moves}, and {far}; water.type = "nonlinear" takes any'
 
 
@@ -268,8 +268,8 @@ def _jolts(scene: Case) -> Iterator[str]:
         begin = max(motion.start, 0.0)
         if not motion.moves or begin >= scene.run.duration:
             continue
-        speed = float(np.abs(seen.of_paddle(motion, "velocity")(np.array([begin]))).max())
-        if speed > SUDDEN * (largest := seen.extent(motion).speed):
+        speed = float(np.abs(seen.function("velocity")(np.array([begin]))).max())
+        if speed > SUDDEN * (largest := seen.extent.speed):
             jump = f"at {speed:.3g} m/s, {speed / largest:.2g} of its largest speed"
             blow = f"that strikes the water and throws it up there; {seen.key}.motion.ramp begins gently"
             yield f"the paddle of {seen.key} starts at t = {begin:.4g} s from rest {jump}: {blow}"
@@ -285,7 +285,7 @@ def _jumps(scene: Case, clock: Clock) -> Iterator[str]:
         if not by_user or seen.wall.places(seen.tank) is not None:
             continue
         motion = seen.motion()
-        velocity, largest = seen.of_paddle(motion, "velocity"), seen.extent(motion).speed
+        velocity, largest = seen.function("velocity"), seen.extent.speed
         t = np.linspace(max(motion.start, 0.0), scene.run.duration, 4 * clock.steps + 1, dtype=np.float64)
         v = velocity(t)
         fast = np.abs(np.diff(v)) > SUDDEN * largest
@@ -334,17 +334,17 @@ def sent_back(scene: Case) -> Iterator[str]:
     step = length / LAYERS
     x = step * (np.arange(LAYERS, dtype=np.float64) + 0.5)
     for seen in scene.paddles:
-        if (period := seen.paddle_period) is None:
+        if (period := seen.period) is None:
             continue
         if isinstance(sponge, FormulaSponge):
-            gamma = sponge.build()(x if seen is scene else x[::-1], 0 * x)
+            gamma = sponge.build()(x[::-1] if seen.far else x, 0 * x)
         else:
-            gamma = profile(x, width=length, strength=sponge.strength_for(length, tank, paddle=scene.paddle_period))
-        omega, end = 2 * np.pi / period, 0.0 if getattr(seen.far_wall, "absorb", None) else 1.0
+            gamma = profile(x, width=length, strength=sponge.strength_for(length, tank, paddle=scene.ends[0].period))
+        omega, end = 2 * np.pi / period, 0.0 if getattr(seen.opposite, "absorb", None) else 1.0
         depth = bed_shape(scene).shallow
         if callable(bed) and isinstance(tank, SliceTank) and gamma.any():
             from_wall = tank.length - length + x
-            depth = float(bed(from_wall if seen is scene else tank.length - from_wall, 0 * x)[gamma > 0].min())
+            depth = float(bed(seen.distance(from_wall), 0 * x)[gamma > 0].min())
         back = reflection(gamma, step, omega=omega, depth=depth, gravity=tank.gravity, end=end)
         if back > SENT_BACK:
             waves = 2 * np.pi / float(wave_number(omega, depth, tank.gravity))
@@ -417,13 +417,14 @@ def sensors_in_reach(scene: Case) -> Iterator[str]:
     """
     if scene.physics == "linear":
         return  # nothing travels
-    told = [seen.excursion(seen.motion()) for seen in scene.paddles] if scene.absorbing else []
+    told = [seen.max_displacement for seen in scene.paddles] if scene.absorbing else []
     for n in scene.absorbing:
         seen, back = scene.paddles[n], told[n] if scene.sponge is None and scene.absorbing == [n] else 0.0
-        for one in seen.measuring_points():
+        for one in scene.measuring_points():
+            distance = float(seen.distance(one.x))
             far = (sum(told) + back) * float(np.abs(seen.wall.wavemaker.share(one.z, seen.tank.depth)).max())
-            if one.x < far:
-                where = f"{'.'.join(map(str, one.key))} stands {one.x:.4g} m from the paddle of {seen.key} at rest"
+            if distance < far:
+                where = f"{'.'.join(map(str, one.key))} stands {distance:.4g} m from the paddle of {seen.key} at rest"
                 yield f"{where}, which absorbs, and is to go about {far:.2g} m there: the run ends where it comes"
                 break
 
@@ -510,20 +511,20 @@ def _motion(scene: Case, clock: Clock, nodes: Sequence[float]) -> Iterator[str]:
     for seen in scene.paddles:
         motion = seen.motion()
         missed = stroke_missed(
-            seen.of_paddle(motion, "position"),
-            seen.of_paddle(motion, "velocity"),
+            seen.function("position"),
+            seen.function("velocity"),
             dt=clock.dt,
-            steps=max(clock.steps, int(analysed_duration(scene, motion) / clock.dt)),
+            steps=max(clock.steps, int(analysed_duration(seen, motion) / clock.dt)),
             nodes=nodes,
         )
         if missed > HELD:
-            whose = "paddle" if seen is scene else seen.end
+            whose = seen.side
             yield f"the step of {clock.dt:.3g} s misses the {whose}'s motion by {missed:.2g} of it: it is too long"
 
 
 def _farthest(scene: Case, clock: Clock, waves: AnyWaves, integrator: Integrator[Any]) -> Iterator[str]:
     """Yield a sentence if the step may be too long where a paddle has gone as far as it goes, or leans so far."""
-    faster = scene.quickened
+    faster = scene.frequency_shift
     longest = integrator.stability_limit / (waves.largest_frequency * faster)
     does = f"one of {FARTHEST * longest:.2g} s is not on still water"
     if clock.dt > longest:

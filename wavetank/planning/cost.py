@@ -244,15 +244,15 @@ def _fill(run: Run, scene: Case, waves: AnyWaves) -> None:
     That is what steps cost later; where it stands still the waves are those of the start. They are linear, on the mean
     depth, and not steeper than ``STEEPEST``.
     """
-    scene = next((seen for seen in scene.paddles if seen.motion().moves), scene)
-    motion, period = scene.motion(), scene.paddle_period
+    end = next((paddle for paddle in scene.paddles if paddle.motion().moves), scene.ends[0])
+    period = end.period
     if period is None:
         return
     t = np.linspace(0.5, 1.0, TIMES, dtype=np.float64) * (scene.run.duration - run.clock.end)
-    velocity = scene.of_paddle(motion, "velocity")(t).reshape(TIMES, -1)
+    velocity = end.function("velocity")(t).reshape(TIMES, -1)
     omega, g = 2 * np.pi / period, scene.tank.gravity
     k = float(airy.wave_number(omega, waves.depth, g))
-    amplitude = float(scene.wall.wavemaker.transfer(k, waves.depth)) * np.sqrt(2 * np.mean(velocity**2)) / omega
+    amplitude = float(end.wall.wavemaker.transfer(k, waves.depth)) * np.sqrt(2 * np.mean(velocity**2)) / omega
     amplitude = min(amplitude, STEEPEST / k, STEEPEST * waves.depth)
     phase = k * waves.plane.x
     run.clock = replace(run.clock, begin=float(t[np.argmax(velocity.mean(axis=1))]))

@@ -11,7 +11,7 @@ import typer
 from wavetank.output.tables import RATES, paddle_columns
 
 if TYPE_CHECKING:
-    from wavetank.case import Case
+    from wavetank.case import EndWall
     from wavetank.motion.motion import Array, Extent
 
 MOST = 10**7  # rows
@@ -102,13 +102,13 @@ class _Signal(NamedTuple):
         return Extent(float(np.ptp(position, axis=0).max()), *largest)
 
 
-def _signal(scene: "Case", rate: float, *, ramp_down: bool) -> _Signal:
+def _signal(scene: "EndWall", rate: float, *, ramp_down: bool) -> _Signal:
     """Return the rows of a case's paddle; raises ``InputError`` for too many, or a ramp-down beyond its limits."""
     from wavetank.errors import InputError
     from wavetank.motion.motion import values
 
-    t, motion, limits = _times(scene, rate), scene.motion(), getattr(scene.wall, "limits", None)
-    signal = _Signal(t, [values(scene.of_paddle(motion, name), t) for name in RATES])
+    t, limits = _times(scene, rate), getattr(scene.wall, "limits", None)
+    signal = _Signal(t, [values(scene.function(name), t) for name in RATES])
     _, velocity, _ = signal.rates
     if not ramp_down or not np.abs(velocity[-1]).max() > REST * np.abs(velocity).max():
         return signal
@@ -141,10 +141,10 @@ def _down(signal: _Signal, rate: float) -> _Signal:
     return _Signal(np.concatenate([signal.t, t]), joined, length)
 
 
-def _told(scene: "Case", signal: _Signal) -> str:
+def _told(scene: "EndWall", signal: _Signal) -> str:
     """Return the signal's largest values, each with its limit where there is one."""
     units, limits = ("m", "m/s", "m/s^2"), getattr(scene.wall, "limits", None)
-    parts, both = [], zip(signal.extent, scene.extent(scene.motion()), strict=True)
+    parts, both = [], zip(signal.extent, scene.extent, strict=True)
     for name, unit, values in zip(signal.extent._fields, units, both, strict=True):
         limit = getattr(limits, name, None)
         parts.append(f"{name} {max(values):.4g} {unit}")
@@ -152,7 +152,7 @@ def _told(scene: "Case", signal: _Signal) -> str:
     return ", ".join(parts)
 
 
-def _heights(scene: "Case") -> tuple[float, float] | None:
+def _heights(scene: "EndWall") -> tuple[float, float] | None:
     """Return how high above the bed and above its hinge a flap's position is [m]; None of other paddles."""
     from wavetank.case.wall import HingedWall
 
@@ -163,7 +163,7 @@ def _heights(scene: "Case") -> tuple[float, float] | None:
     return height, height - wall.hinge
 
 
-def _reference(scene: "Case") -> list[str]:
+def _reference(scene: "EndWall") -> list[str]:
     """Return of what height a flap's position is, as a list of a sentence; empty of other paddles."""
     heights = _heights(scene)
     return [f"position {heights[0]:.4g} m above the bed, {heights[1]:.4g} m above the hinge"] if heights else []
@@ -173,17 +173,15 @@ def _of_ramp(signal: _Signal) -> list[str]:
     return [f"ramp-down to rest within {signal.down:.4g} s after the run"] if signal.down else []
 
 
-def _of_rate(scene: "Case", rate: float) -> list[str]:
+def _of_rate(scene: "EndWall", rate: float) -> list[str]:
     """Return a warning for a rate that gives the shortest period of the motion few rows.
 
     Half a period is the time between two ends of the paddle's way, more than a tenth of its stroke apart.
     """
     from wavetank.motion.motion import times, values
 
-    t = times(min(scene.run.duration, scene.motion().duration), 0.01)
-    X, v = (
-        values(scene.of_paddle(scene.motion(), name), t).reshape(t.size, -1)[:, 0] for name in ("position", "velocity")
-    )
+    t = times(min(scene.duration, scene.motion().duration), 0.01)
+    X, v = (values(scene.function(name), t).reshape(t.size, -1)[:, 0] for name in ("position", "velocity"))
     ends = np.flatnonzero(v[:-1] * v[1:] < 0.0)
     at = t[ends] - v[ends] * (t[ends + 1] - t[ends]) / (v[ends + 1] - v[ends])
     halves = np.diff(at)[np.abs(np.diff(X[ends])) > SMALL * np.ptp(X)]
@@ -193,18 +191,18 @@ def _of_rate(scene: "Case", rate: float) -> list[str]:
     return [f"warning: {few}; {ROWS} or more are needed, --rate {ROWS / period:.3g}"]
 
 
-def _times(scene: "Case", rate: float) -> "Array":
+def _times(scene: "EndWall", rate: float) -> "Array":
     """Return times that cover the run [s], shape (T,), as far as the motion is known."""
     from wavetank.errors import InputError
 
-    rows = int(np.ceil(scene.run.duration * rate * (1 - 1e-12))) + 1
+    rows = int(np.ceil(scene.duration * rate * (1 - 1e-12))) + 1
     if rows > MOST:
-        raise InputError(f"--rate {rate:g}: must be at most {MOST / scene.run.duration:.4g}, for {MOST} rows.")
+        raise InputError(f"--rate {rate:g}: must be at most {MOST / scene.duration:.4g}, for {MOST} rows.")
     t = np.arange(rows) / rate
     return np.asarray(t[t <= scene.motion().duration])
 
 
-def _write(path: Path, scene: "Case", signal: _Signal, form: Format, told: str) -> None:
+def _write(path: Path, scene: "EndWall", signal: _Signal, form: Format, told: str) -> None:
     """Write a signal; raises ``InputError`` where there is a file, or none can be."""
     from wavetank.errors import InputError
 

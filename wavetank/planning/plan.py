@@ -172,7 +172,7 @@ class _Search:
 
     def __init__(self, scene: Case, accuracy: float, *, given: Given | None = None):
         self._scene, self._required = scene, requirements(scene, accuracy)  # first: it refuses what no plan knows
-        self._given, self._quickened = given or Given.by(scene), scene.quickened
+        self._given, self._quickened = given or Given.by(scene), scene.frequency_shift
         self._errors = ErrorModel(self._required)
         self._scheme = self._given.integrator or SCHEME
         self._steps = _Steps(self._errors, self._required, scheme=self._scheme, given=self._given.dt)

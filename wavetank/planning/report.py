@@ -73,7 +73,7 @@ def _try(scene: "Case", why: str, terminal: "Console") -> None:
         *([f"  {told}"] if told else []),
         f"  the run: {format_duration(seen.duration)}, on as many free cores",
         f"  memory: {seen.memory / 1e6:.0f} MB",
-        *(f"  paddle of {seen.key}: {absorbs}" for seen in scene.paddles if (absorbs := absorption(seen, scene))),
+        *(f"  paddle of {seen.key}: {absorbs}" for seen in scene.paddles if (absorbs := absorption(seen))),
         *([f"  {sponge}"] if (sponge := told_of_sponge(scene, seen.waves)) else []),
         *(f"  {line}" for line in (*scene.linear_generation, *_energy(scene))),
     ):

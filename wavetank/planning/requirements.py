@@ -56,7 +56,7 @@ from numpy.typing import NDArray
 
 from wavetank import case as nouns
 from wavetank.arrays import Vector
-from wavetank.case import Case, Physics
+from wavetank.case import Case, EndWall, Physics
 from wavetank.case.wall import HingedWall, ShapedWall
 from wavetank.errors import InputError
 from wavetank.motion import Motion
@@ -409,27 +409,28 @@ def _wall_reason(scene: Case) -> str:
         return "wall at x = 0: none in a ring."
     if not scene.wall.moves:
         return "wall at x = 0: fixed, nothing moves there."
-    return f"wall at x = 0: {_paddle_reason(scene, scene)}"
+    return f"wall at x = 0: {_paddle_reason(scene.ends[0])}"
 
 
-def _paddle_reason(seen: Case, scene: Case) -> str:
-    """Return what is to be said of the wall of a scene as seen from there."""
-    paddle, absorbs = f"a {seen.wall.type}", absorption(seen, scene)
+def _paddle_reason(seen: EndWall) -> str:
+    """Return a description of a paddle."""
+    paddle, absorbs = f"a {seen.wall.type}", absorption(seen)
     end = f"; {absorbs}." if absorbs else "."
     if seen.motion().interval is not None:
         return f"{paddle} with a measured motion; short waves below {NOISE:.1%} count as its noise{end}"
     if not seen.motion().moves:
         return f"{paddle} that is not driven{end}"
-    made = seen.wall.generation(seen.tank, seen.physics)
-    reason = seen.wall.generation_reason(seen.tank, seen.physics)
+    made, reason = seen.generation
     by = f" by {made} generation" if made else ""
     return f"{paddle}, the waves come from its motion{by}{f', as {reason}' if reason else ''}{end}"
 
 
-def absorption(seen: Case, scene: Case) -> str:
-    """Return what the paddle of a scene as seen from there absorbs, in words; nothing where it does not."""
+def absorption(seen: EndWall) -> str:
+    """Return a description of a paddle's absorption; empty where it does not absorb."""
     absorb = getattr(seen.wall, "absorb", None)
-    return "" if absorb is None else absorb.description(scene.tank, seen.wall.wavemaker, paddles=scene.paddle_periods)
+    return (
+        "" if absorb is None else absorb.description(seen.tank, seen.wall.wavemaker, paddles=seen.case.paddle_periods)
+    )
 
 
 def _run_up_reason(run_up: RunUp | None) -> tuple[str, ...]:
@@ -445,7 +446,7 @@ def _end_reason(scene: Case, waves: Components) -> str:
     if scene.sponge is not None:
         return f"far end: a sponge (type {scene.sponge.type}) absorbs what comes; what it reflects is not planned for."
     if scene.far_wall.moves:
-        return f"far end: {_paddle_reason(scene.mirrored, scene)}"
+        return f"far end: {_paddle_reason(scene.ends[1])}"
     fastest = float(airy.group_velocity(waves.k, scene.tank.depth, scene.tank.gravity).max())
     if not scene.wall.moves or fastest * scene.run.duration > scene.tank.length:
         energy = waves.amplitude**2
@@ -501,20 +502,22 @@ def _solitary_wave(wave: nouns.SolitaryWave, scene: Case) -> list[CaseWaves]:
     return [_followed(wave.wave(scene.tank), wave.height, scene, distance=scene.tank.length - wave.x)]
 
 
-def _followed(exact: SteadyWave, height: float, scene: Case, *, distance: float, begin: float = 0.0) -> CaseWaves:
-    """Return a solitary wave whose crest is at a distance [m] from the far wall at a time [s], with its run-up."""
+def _followed(
+    exact: SteadyWave, height: float, scene: Case, *, distance: float, begin: float = 0.0, wall: Any = None
+) -> CaseWaves:
+    """Return a solitary wave whose crest is at a distance [m] from a wall, the far one by default, at a time [s]."""
     x = scene.tank.depth * np.linspace(0.0, FARTHEST, POINTS)
     half = float(x[np.flatnonzero(exact.elevation(exact.crest + x) > TAIL * height)[-1]])
     waves = _steady_waves(exact, 2 * half, scene)
     arrives = begin + distance / exact.speed < scene.run.duration
-    if scene.sponge is not None or getattr(scene.far_wall, "absorb", None) is not None or not arrives:
+    if scene.sponge is not None or getattr(wall or scene.far_wall, "absorb", None) is not None or not arrives:
         return waves
     return waves._replace(run_up=RunUp(height / scene.tank.depth, scene.tank.depth))
 
 
-def _solitary_motion(scene: Case) -> nouns.SolitaryWaveMotion | None:
-    """Return the motion of a scene's wall if that makes a solitary wave."""
-    motion = getattr(scene.wall, "motion", None)
+def _solitary_motion(end: EndWall) -> nouns.SolitaryWaveMotion | None:
+    """Return the motion of a wall if that makes a solitary wave."""
+    motion = getattr(end.wall, "motion", None)
     return motion if isinstance(motion, nouns.SolitaryWaveMotion) else None
 
 
@@ -551,38 +554,38 @@ class _Lines(NamedTuple):
         return np.asarray(np.mean(np.abs(envelope.reshape(TIMES, step)) ** 2, axis=1))
 
 
-def _paddle_waves(scene: Case, motion: Motion, accuracy: float) -> CaseWaves:
-    if (solitary := _solitary_motion(scene)) is not None:
-        exact = solitary_wave(solitary.height, depth=scene.tank.depth, gravity=scene.tank.gravity)
-        begin = solitary.crest_time_in(scene.tank)
-        return _followed(exact, solitary.height, scene, distance=scene.tank.length, begin=begin)
-    tank, lines = scene.tank, _lines(scene, motion)
+def _paddle_waves(end: EndWall, motion: Motion, accuracy: float) -> CaseWaves:
+    if (solitary := _solitary_motion(end)) is not None:
+        exact = solitary_wave(solitary.height, depth=end.tank.depth, gravity=end.tank.gravity)
+        begin = solitary.crest_time_in(end.tank)
+        return _followed(exact, solitary.height, end.case, distance=end.tank.length, begin=begin, wall=end.opposite)
+    tank, lines = end.tank, _lines(end, motion)
     groups = _groups(lines, _highest(motion, lines, accuracy), 0.05 * accuracy**2)
     omega, amplitude = _gathered(lines, groups)
     k, energy = airy.wave_number(omega, tank.depth, tank.gravity), amplitude**2
     around = [groups[max(0, n - AROUND) : n + AROUND + 1] for n in range(len(groups))]
     squares = np.array([lines.squared_envelope(np.concatenate(some)) for some in around])
-    free, squared = _free_harmonic(scene, float(energy @ k / energy.sum()), lines)
+    free, squared = _free_harmonic(end, float(energy @ k / energy.sum()), lines)
     each = np.append(k, free.k), np.append(energy, 0.0), np.vstack([squares, squared**2])
-    age, fraction, reflected = _travel(scene, *each)
+    age, fraction, reflected = _travel(end, *each)
     returning = bool(reflected[:-1] @ energy > RETURNING * (fraction[:-1] @ energy))
 
     result = Components(k, omega, amplitude * np.sqrt(fraction[:-1]), age[:-1])
     freed = free._replace(amplitude=free.amplitude * np.sqrt(energy.sum() * fraction[-1:]), age=age[-1:])
-    crest, mean_square = _crest(scene, lines, returning)
+    crest, mean_square = _crest(end, lines, returning)
     lasting = 4 * lines.duration * mean_square / max(crest, 1e-300) ** 2
     free = freed.selected(fraction[-1:] > 0.0)
-    one_way = max(crest / 2, _crest(scene, lines, False)[0])  # at a wall that reflects both directions add up
+    one_way = max(crest / 2, _crest(end, lines, False)[0])  # at a wall that reflects both directions add up
     return CaseWaves(result.selected(fraction[:-1] > 0.0), crest, None, lasting, None, free, one_way)
 
 
-def _free_harmonic(scene: Case, k: float, lines: _Lines) -> tuple[Components, Vector]:
+def _free_harmonic(end: EndWall, k: float, lines: _Lines) -> tuple[Components, Vector]:
     """Return the free waves of twice the frequency that a paddle makes, over the waves of wave number k [rad/m].
 
     Their amplitude is that of a regular wave as high (``waves/second_order.py``), at most that itself. They grow with
     the square of the envelope, which is returned, too.
     """
-    depth, g, wavemaker = scene.tank.depth, scene.tank.gravity, scene.wall.wavemaker
+    depth, g, wavemaker = end.tank.depth, end.tank.gravity, end.wall.wavemaker
     squares = lines.squared_envelope(np.arange(lines.omega.size))
     size = float(np.sqrt(np.sum(squares**2) / max(np.sum(squares), 1e-300)))
     omega = 2 * airy.angular_frequency(np.array([k]), depth, g)
@@ -590,14 +593,14 @@ def _free_harmonic(scene: Case, k: float, lines: _Lines) -> tuple[Components, Ve
     stroke = Strokes(omega / 2, np.array([size / complex(wavemaker.transfer(k, depth))]))
     made_up = second_order(stroke, wavemaker, depth=depth, gravity=g).b[:1]
     ratio = np.minimum(1.0, np.abs(made_up) * wavemaker.transfer(free, depth) / max(size, 1e-300))
-    taken = scene.wall.generation(scene.tank, scene.physics) == "second-order"
+    taken = end.generation[0] == "second-order"
     return Components(free, omega, LEFT * ratio if taken else ratio, np.zeros(1)), squares
 
 
-def highest_frequency(scene: Case, accuracy: float) -> float:
+def highest_frequency(end: EndWall, accuracy: float) -> float:
     """Return the frequency [rad/s] above which a measured paddle makes but noise; ``inf`` of any other."""
-    motion = scene.motion()
-    return np.inf if motion.interval is None else _highest(motion, _lines(scene, motion), accuracy)
+    motion = end.motion()
+    return np.inf if motion.interval is None else _highest(motion, _lines(end, motion), accuracy)
 
 
 def _highest(motion: Motion, lines: _Lines, accuracy: float) -> float:
@@ -607,36 +610,36 @@ def _highest(motion: Motion, lines: _Lines, accuracy: float) -> float:
     return float(omega[amplitude > NOISE * amplitude.max()].max())
 
 
-def _lines(scene: Case, motion: Motion) -> _Lines:
+def _lines(end: EndWall, motion: Motion) -> _Lines:
     """Return the spectral lines of the paddle's waves, from 1 / ``looked_at`` to the k d of ``DEEPEST``.
 
     Of a motion of more than ``MOST_TIMES``, those of its first part.
     """
-    tank = scene.tank
+    tank = end.tank
     highest = np.sqrt(DEEPEST * tank.gravity / tank.depth) / (2 * np.pi)
-    duration = min(analysed_duration(scene, motion), float(MOST_TIMES / (4 * highest)))
+    duration = min(analysed_duration(end, motion), float(MOST_TIMES / (4 * highest)))
     count = 2 * int(np.ceil(2 * highest * duration)) + 64
     t = np.asarray(duration / count * np.arange(count), dtype=np.float64)
     positions = values(motion.position, t)
     coefficients = np.fft.rfft(positions * tapered(np.asarray(t / duration)))[1:-1] * (2 / count)
     omega: Vector = 2 * np.pi / duration * np.arange(1, count // 2, dtype=np.float64)
     k = airy.wave_number(omega, tank.depth, tank.gravity)
-    return _Lines(omega, k, 1j * scene.wall.wavemaker.transfer(k, tank.depth) * coefficients)
+    return _Lines(omega, k, 1j * end.wall.wavemaker.transfer(k, tank.depth) * coefficients)
 
 
-def analysed_duration(scene: Case, motion: Motion) -> float:
+def analysed_duration(end: EndWall, motion: Motion) -> float:
     """Return the duration of a motion whose spectrum is analysed [s]: longer than a short run, where it is defined.
 
     A user's motion need not be finite after the run: it is evaluated there first.
     """
-    least = WINDOW * float(np.sqrt(scene.tank.depth / scene.tank.gravity))
-    whole, end = scene.run.duration, min(least, motion.duration)
-    if end > whole:
+    least = WINDOW * float(np.sqrt(end.tank.depth / end.tank.gravity))
+    whole, until = end.duration, min(least, motion.duration)
+    if until > whole:
         try:
-            scene.of_paddle(motion, "velocity")(np.linspace(whole, end, TRIED, dtype=np.float64))
+            end.function("velocity", motion)(np.linspace(whole, until, TRIED, dtype=np.float64))
         except InputError:
             return whole
-    return float(max(whole, end))
+    return float(max(whole, until))
 
 
 def tapered(part: Vector) -> Vector:
@@ -644,20 +647,20 @@ def tapered(part: Vector) -> Vector:
     return np.asarray(np.cos(np.pi / 2 * np.maximum(0.0, (part - 1.0) / TAPER + 1.0)) ** 4)
 
 
-def _crest(scene: Case, lines: _Lines, returning: bool) -> tuple[float, float]:
+def _crest(end: EndWall, lines: _Lines, returning: bool) -> tuple[float, float]:
     """Return the largest elevation [m] between the paddle and the farthest gauge, and the mean square [m²] there.
 
     Where waves return to the gauges, that is along the tank, with all reflections.
     """
-    tank, at = scene.tank, travel.ends(scene, lines.omega)
+    tank, at = end.tank, travel.reflections(end, lines.omega)
     count = 2 * (lines.omega.size + 1)
     spectra = np.zeros((PLACES, count // 2 + 1), dtype=complex)
-    farthest = max((gauge.x for gauge in scene.all_gauges), default=tank.length)
+    farthest = max((float(end.distance(gauge.x)) for gauge in end.case.all_gauges), default=tank.length)
     places = np.linspace(0.0, tank.length if returning else farthest, PLACES, dtype=np.float64)
     speed = airy.group_velocity(lines.k, tank.depth, tank.gravity)
     passed = np.exp(-1j * np.outer(places, lines.k))
     if returning:
-        passed = travel.response(places, lines.k, speed, length=tank.length, at=at, duration=scene.run.duration)
+        passed = travel.response(places, lines.k, speed, length=tank.length, at=at, duration=end.duration)
     spectra[:, 1:-1] = lines.elevation * passed * (count / 2)
     elevation = np.fft.irfft(spectra, count)
     return float(np.abs(elevation).max()), float(np.mean(elevation**2))
@@ -679,21 +682,21 @@ def _gathered(lines: _Lines, groups: list[NDArray[np.int_]]) -> tuple[Vector, Ve
     return mean, np.sqrt(energy)
 
 
-def _travel(scene: Case, k: Vector, energy: Vector, squares: Vector) -> travel.Travel:
+def _travel(end: EndWall, k: Vector, energy: Vector, squares: Vector) -> travel.Travel:
     """Return the travel of components to the farthest gauge they reach, of energies generated at rates, shape (N, M).
 
     The fraction is 0 of those that reach none; where gauges are reached by less than ``REACHED`` of the energy, the
     rest being on its way to them, all travel along the tank.
     """
-    tank, duration = scene.tank, scene.run.duration
+    tank, duration = end.tank, end.duration
     speed = airy.group_velocity(k, tank.depth, tank.gravity)
-    at = travel.ends(scene, airy.angular_frequency(k, tank.depth, tank.gravity))
-    x = np.array([gauge.x for gauge in scene.all_gauges])
+    at = travel.reflections(end, airy.angular_frequency(k, tank.depth, tank.gravity))
+    x = np.array([float(end.distance(gauge.x)) for gauge in end.case.all_gauges])
     reached = np.divide.outer(x, speed) < duration
     everywhere = energy @ np.any(reached, axis=0) < REACHED * energy.sum()
     farthest = np.full_like(k, tank.length) if everywhere else np.where(reached, x[:, None], 0.0).max(axis=0)
     generated = travel.Generation.of(
-        squares, duration=max(duration, analysed_duration(scene, scene.motion())), until=duration
+        squares, duration=max(duration, analysed_duration(end, end.motion())), until=duration
     )
     result = travel.travel(farthest, speed, length=tank.length, at=at, generated=generated, duration=duration)
     if everywhere:

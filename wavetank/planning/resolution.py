@@ -60,7 +60,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
-from wavetank.case import BasinTank, Case, RingTank, SliceTank
+from wavetank.case import BasinTank, Case, EndWall, RingTank, SliceTank
 from wavetank.case.initial import RunState, StillWater
 from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER, Numerics
 from wavetank.case.tank import paddle_period
@@ -190,21 +190,18 @@ def _of_motion(scene: Case) -> float:
     return max((frequency_below(seen, POWER) for seen in scene.paddles), default=0.0)
 
 
-def frequency_below(scene: Case, share: float) -> float:
-    """Return that below which a share of the power of a paddle's motion lies [rad/s]; 0 if it stands still.
-
-    It is the paddle of the wall that the scene is seen from.
-    """
-    motion = scene.motion()
+def frequency_below(end: EndWall, share: float) -> float:
+    """Return the frequency below which a share of the power of a paddle's motion lies [rad/s]; 0 if it is at rest."""
+    motion = end.motion()
     if not motion.moves:
         return 0.0
-    velocity, duration = scene.of_paddle(motion, "velocity"), analysed_duration(scene, motion)
+    velocity, duration = end.function("velocity"), analysed_duration(end, motion)
 
     def ending(t: Vector) -> Vector:  # gently: a motion that is cut has all frequencies
         return np.asarray((velocity(t).T * tapered(np.asarray(t / duration))).T)
 
-    period = paddle_period(ending, duration=duration, tank=scene.tank, fraction=share)
-    return 0.0 if period is None else min(2 * np.pi / period, highest_frequency(scene, DEFAULT))
+    period = paddle_period(ending, duration=duration, tank=end.tank, fraction=share)
+    return 0.0 if period is None else min(2 * np.pi / period, highest_frequency(end, DEFAULT))
 
 
 def start_spectrum(scene: Case) -> StartSpectrum:
@@ -305,7 +302,7 @@ def waves_missed(scene: Case, cell_size: float) -> Iterator[str]:
     bed = bed_shape(scene)
     missing = partial(_by_cells, scene, cell_size, bed.shallow), partial(_by_order, scene, bed.deep)
     for seen in scene.paddles:
-        if (period := seen.paddle_period) is None:
+        if (period := seen.period) is None:
             continue
         waves = {
             "the paddle's waves": 2 * np.pi / period,
@@ -319,7 +316,7 @@ def too_short(scene: Case) -> Iterator[Problem]:
     """Yield a problem for each paddle most of whose waves no numerics hold that are chosen for a case."""
     depth, g = bed_shape(scene).deep, scene.tank.gravity
     for seen in scene.paddles:
-        if (period := seen.paddle_period) is None:
+        if (period := seen.period) is None:
             continue
         omega = min(2 * np.pi / period, highest_frequency(seen, DEFAULT))
         k = float(wave_number(omega, depth, g))

@@ -6,13 +6,13 @@ records what the paddle has generated up to a before the end of the run. The age
 of a over all passages, weighted with the recorded energy: the phase error of each grows with a.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
-from wavetank.case import Case
+from wavetank.case import Case, EndWall
 
 Complex = NDArray[np.complex128]
 
@@ -69,20 +69,18 @@ class Travel(NamedTuple):
     reflected: Vector
 
 
-def ends(scene: Case, omega: Vector) -> Ends:
-    """Return the reflections of waves of frequencies [rad/s] in a slice; a sponge reflects nothing."""
-    if scene.sponge is not None:
+def reflections(end: EndWall, omega: Vector) -> Ends:
+    """Return the reflections of frequencies [rad/s] at a wall of a slice and opposite; a sponge reflects nothing."""
+    if end.case.sponge is not None:
         return Ends(np.zeros_like(omega), np.zeros_like(omega))
-    return Ends(_reflection(scene, scene, omega), _reflection(scene.mirrored, scene, omega))
+    return Ends(_reflection(end.wall, end.case, omega), _reflection(end.opposite, end.case, omega))
 
 
-def _reflection(seen: Case, scene: Case, omega: Vector) -> Vector:
-    absorb = getattr(seen.wall, "absorb", None)
+def _reflection(wall: Any, case: Case, omega: Vector) -> Vector:
+    absorb = getattr(wall, "absorb", None)
     if absorb is None:
         return np.ones_like(omega)
-    return np.asarray(
-        absorb.reflection(2 * np.pi / omega, scene.tank, seen.wall.wavemaker, paddles=scene.paddle_periods)
-    )
+    return np.asarray(absorb.reflection(2 * np.pi / omega, case.tank, wall.wavemaker, paddles=case.paddle_periods))
 
 
 def travel(x: Vector, speed: Vector, *, length: float, at: Ends, generated: Generation, duration: float) -> Travel:

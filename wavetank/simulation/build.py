@@ -157,7 +157,7 @@ def build_clock(
         coefficient, power = integrator.frequency_error
         accurate = 4.0 / largest_frequency * (1e-4 / coefficient) ** (1.0 / power)
         steep = 1.4 * min(integrator.stability_limit, ITERATES) / (moving or largest_frequency)
-        return Clock.dividing(duration, min(0.6 * limit, FARTHEST * limit / scene.quickened, accurate, steep))
+        return Clock.dividing(duration, min(0.6 * limit, FARTHEST * limit / scene.frequency_shift, accurate, steep))
     if scene.numerics.dt > limit:
         allowed = (
             f"must be below {limit:.4g} s, where {integrator.name} gets unstable on this mesh (largest frequency "
@@ -282,11 +282,11 @@ def build_observers(scene: Case, waves: AnyWaves, records: Records, *, sinks: Se
         seen = scene.paddles[number]
         limits: Any = getattr(seen.wall, "limits", None)
         if limits is not None:
-            rates = {name: seen.of_paddle(motion, name) for name in RATES}
+            rates = {name: seen.function(name, motion) for name in RATES}
             observers.append(PaddleLimits(rates, limits.model_dump(exclude_none=True), key=seen.key))
     paddles = zip(scene.paddles, waves.wall.paddles, records.paddles, strict=False)  # a trial has none of the latter
     for number, (seen, paddle, record) in enumerate(paddles):
-        travel, push = getattr(paddle, "travel", None), look.pushes.get(seen.end)
+        travel, push = getattr(paddle, "travel", None), look.pushes.get(seen.side)
         if travel and travel.whole is not None and push is None:
             observers.append(SeenPaddle(waves, number, record=record, schedule=schedule))
             continue
@@ -310,7 +310,7 @@ def _gauges(scene: Case, waves: AnyWaves, record: Record) -> Gauges:
 
 def _come_near(scene: Case, passing: Passing) -> bool:
     """Return whether paddles ever come near places, of motions that are told."""
-    return passing.near(stood(0.0, np.array([seen.excursion(seen.motion()) for seen in scene.paddles])))
+    return passing.near(stood(0.0, np.array([seen.max_displacement for seen in scene.paddles])))
 
 
 def _called(scene: Case, keys: Sequence[tuple[str | int, ...]]) -> Called:
@@ -354,7 +354,7 @@ class InTheWater(NamedTuple):
         points = [np.array(load.point(scene.tank.depth)) for load in scene.loads]
         observers.append(Loads(pressure, points, record=records.loads, schedule=schedule))
         loaded = {load.on: n for n, load in enumerate(scene.loads)}
-        paddles = {seen.end: paddle for seen, paddle in zip(scene.paddles, waves.wall.paddles, strict=True)}
+        paddles = {seen.side: paddle for seen, paddle in zip(scene.paddles, waves.wall.paddles, strict=True)}
         return cls(
             observers,
             {

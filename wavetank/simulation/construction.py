@@ -12,6 +12,7 @@ from wavetank.arrays import Vector
 from wavetank.case import (
     BasinTank,
     Case,
+    EndWall,
     FlapWall,
     Physics,
     PistonWall,
@@ -95,11 +96,11 @@ class Kind(NamedTuple):
     wall
         Its class, which says in words what it adds and how it maps.
     build
-        Returns the wall of a scene that moves, by its noun, on a footprint with its plane; collective.
+        Returns the wall at an end of the tank, by its table, on a footprint with its plane; collective.
     """
 
     wall: type[Placed]
-    build: Callable[[Case, Any, Any, Plane], Any]
+    build: Callable[[EndWall, Any, Any, Plane], Any]
 
 
 def build_wall(scene: Case, footprint: Footprint, plane: Plane) -> Any:
@@ -118,37 +119,37 @@ def kinds_of(scene: Case) -> list[type[Placed]]:
     return [WALLS[scene.physics][type(seen.wall)].wall for seen in scene.paddles] or [StillWall]
 
 
-def _built(seen: Case, footprint: Footprint, plane: Plane) -> Any:
-    """Return the wall of a scene as seen from it; collective."""
-    with renamed("wall", seen.key):
-        return WALLS[seen.physics][type(seen.wall)].build(seen, seen.wall, footprint, plane)
+def _built(end: EndWall, footprint: Footprint, plane: Plane) -> Any:
+    """Return the wall at an end of the tank; collective."""
+    with renamed("wall", end.key):
+        return WALLS[end.case.physics][type(end.wall)].build(end, end.wall, footprint, plane)
 
 
 def _both(scene: Case, near: Piston, far: Piston, *, plane: Plane) -> BothEnds:
     """Return both walls; raises ``CaseError`` where their reaches meet on a mesh of few cells."""
     if near.reach + far.reach > scene.tank.length * (1 + 1e-9):
         what = f"reaches {far.reach:.4g} m on this mesh, the wall {near.reach:.4g} m: must not overlap"
-        raise CaseError([Problem(("far_wall", "reach"), scene.mirrored.reach, what)])
+        raise CaseError([Problem(("far_wall", "reach"), scene.ends[1].reach, what)])
     return BothEnds(near, far, plane=plane)
 
 
-def motion_of(scene: Case) -> Motion:
+def motion_of(end: EndWall) -> Motion:
     """Return what moves the wall: of a paddle that absorbs a motion of this run's own."""
-    return scene.motion() if getattr(scene.wall, "absorb", None) is None else FeedbackMotion(scene.motion())
+    return end.motion() if getattr(end.wall, "absorb", None) is None else FeedbackMotion(end.motion())
 
 
-def _linear_piston(scene: Case, noun: PistonWall, footprint: Slice | Basin, plane: Plane) -> LinearPaddle:
-    return LinearPaddle(motion_of(scene), plane=plane, side=footprint.side(scene.end))
+def _linear_piston(end: EndWall, noun: PistonWall, footprint: Slice | Basin, plane: Plane) -> LinearPaddle:
+    return LinearPaddle(motion_of(end), plane=plane, side=footprint.side(end.side))
 
 
-def _linear_shaped(scene: Case, noun: ShapedWall, footprint: Slice | Basin, plane: Plane) -> LinearPaddle:
-    side, shape = footprint.side(scene.end), _shape(scene, noun, plane)
-    return LinearPaddle(motion_of(scene), plane=plane, side=side, shape=shape)
+def _linear_shaped(end: EndWall, noun: ShapedWall, footprint: Slice | Basin, plane: Plane) -> LinearPaddle:
+    side, shape = footprint.side(end.side), _shape(end, noun, plane)
+    return LinearPaddle(motion_of(end), plane=plane, side=side, shape=shape)
 
 
-def _shape(scene: Case, noun: ShapedWall, plane: Plane) -> Polynomial:
+def _shape(end: EndWall, noun: ShapedWall, plane: Plane) -> Polynomial:
     """Return the polynomial of a paddle's shape; raises ``CaseError`` for one that it would not show."""
-    wavemaker, depth = noun.wavemaker, scene.tank.depth
+    wavemaker, depth = noun.wavemaker, end.tank.depth
     shape = Polynomial.near(lambda z: wavemaker.share(z, depth), depth, plane.mesh, kinks=wavemaker.kinks(depth))
     z = np.linspace(-depth, 0.0, 1001, dtype=np.float64)
     wanted = wavemaker.share(z, depth)
@@ -159,23 +160,23 @@ def _shape(scene: Case, noun: ShapedWall, plane: Plane) -> Polynomial:
     return shape
 
 
-def _shaped(scene: Case, noun: ShapedWall, footprint: Slice | Basin, plane: Plane) -> Piston:
-    side, shape = footprint.side(scene.end), _shape(scene, noun, plane)
-    wall = Shaped(motion_of(scene), plane=plane, reach=_reach(scene, noun, footprint, side), side=side, shape=shape)
-    _check_flat(scene, noun, wall, plane)
-    return _checked(scene, noun, wall)
+def _shaped(end: EndWall, noun: ShapedWall, footprint: Slice | Basin, plane: Plane) -> Piston:
+    side, shape = footprint.side(end.side), _shape(end, noun, plane)
+    wall = Shaped(motion_of(end), plane=plane, reach=_reach(end, noun, footprint, side), side=side, shape=shape)
+    _check_flat(end, noun, wall, plane)
+    return _checked(end, noun, wall)
 
 
-def _check_flat(scene: Case, noun: ShapedWall, wall: Piston, plane: Plane) -> None:
+def _check_flat(end: EndWall, noun: ShapedWall, wall: Piston, plane: Plane) -> None:
     """Raise ``CaseError`` for a bed that varies within the reach of a paddle that leans; collective."""
-    depth, distances = scene.depths(), wall.distances(plane)
+    depth, distances = end.case.depths(), wall.distances(plane)
     if not callable(depth):
         return
     result = agreed(plane.comm, lambda: np.asarray(depth(*plane.places.T)))
-    uneven = np.abs(result - scene.tank.depth) > FLAT * scene.tank.depth
+    uneven = np.abs(result - end.tank.depth) > FLAT * end.tank.depth
     nearest = plane.comm.allreduce(float(distances[uneven].min(initial=np.inf)), op=MPI.MIN)
     if nearest < wall.reach:
-        needed = STEEPEST * noun.max_mode_shape(scene.tank) * scene.excursion(scene.motion())
+        needed = STEEPEST * noun.max_mode_shape(end.tank) * end.max_displacement
         bounds = f"must be at most {nearest:.4g} m, and more than {needed:.4g} m for this motion"
         flat = f"must be of the tank's depth, to {FLAT:g} of it, within the reach of a paddle that leans"
         if noun.reach is not None and nearest > needed:
@@ -187,15 +188,15 @@ def _check_flat(scene: Case, noun: ShapedWall, wall: Piston, plane: Plane) -> No
         raise CaseError([Problem(("tank", "bed"), None, f"{flat}, {here}: {cure}")])
 
 
-def _piston(scene: Case, noun: MovingWall, footprint: Slice | Basin, plane: Plane) -> Piston:
-    side = footprint.side(scene.end)
-    wall = Piston(motion_of(scene), plane=plane, reach=_reach(scene, noun, footprint, side), side=side)
-    return _checked(scene, noun, wall)
+def _piston(end: EndWall, noun: MovingWall, footprint: Slice | Basin, plane: Plane) -> Piston:
+    side = footprint.side(end.side)
+    wall = Piston(motion_of(end), plane=plane, reach=_reach(end, noun, footprint, side), side=side)
+    return _checked(end, noun, wall)
 
 
-def _checked(scene: Case, noun: MovingWall, wall: Piston) -> Piston:
+def _checked(end: EndWall, noun: MovingWall, wall: Piston) -> Piston:
     """Return the wall; raises ``CaseError`` where it goes farther than its mapping can."""
-    excursion, allowed = noun.max_mode_shape(scene.tank) * scene.excursion(scene.motion()), wall.largest_stroke
+    excursion, allowed = noun.max_mode_shape(end.tank) * end.max_displacement, wall.largest_stroke
     if excursion >= allowed:
         limit = (
             f"goes {excursion:.4g} m from rest; must stay below {allowed:.4g} m, 3/4 of the reach in which its mapping "
@@ -205,9 +206,9 @@ def _checked(scene: Case, noun: MovingWall, wall: Piston) -> Piston:
     return wall
 
 
-def _reach(scene: Case, noun: MovingWall, footprint: Slice | Basin, side: Side) -> float:
+def _reach(end: EndWall, noun: MovingWall, footprint: Slice | Basin, side: Side) -> float:
     """Return where the wall's mapping has died out [m], before any wall that must not move; collective."""
-    free, asked = footprint.free_reach(side), scene.reach
+    free, asked = footprint.free_reach(side), end.reach
     if noun.reach is not None and asked > free * (1 + 1e-9):
         what = "where a wall stands that does not run along the paddle's motion"
         raise CaseError([Problem(("wall", "reach"), asked, f"must be at most {free:.4g} m, {what}")])
@@ -254,7 +255,7 @@ def check_depth(scene: Case, footprint: Footprint, plane: Plane) -> None:
         return
     looked_at = {"a depth of the bed": plane.places}
     if not isinstance(footprint, Ring) and scene.paddles:
-        ends = {seen.end: plane.places[plane.at(footprint.side(seen.end).facets)] for seen in scene.paddles}
+        ends = {seen.side: plane.places[plane.at(footprint.side(seen.side).facets)] for seen in scene.paddles}
         looked_at = {f"the bed's depth at the {end}": places for end, places in ends.items()}
     for where, at in looked_at.items():
         result = agreed(plane.comm, lambda at=at: depth(*at.T))  # type: ignore[misc]
@@ -390,7 +391,7 @@ def _end(scene: Case, sponge: EndSponge, footprint: Footprint, waves: AnyWaves) 
 
 def _profile(scene: Case, sponge: EndSponge | GroupSponge, distance: Vector, *, width: float) -> Vector:
     """Return gamma at distances from the inner edge of a sponge of some width [m]."""
-    strength = sponge.strength_for(width, scene.tank, paddle=scene.paddle_period)
+    strength = sponge.strength_for(width, scene.tank, paddle=scene.ends[0].period)
     return profile(distance, width=width, strength=strength)
 
 
@@ -587,7 +588,7 @@ def with_its_numerics(scene: Case, initial: RunState) -> Case:
     before = _its_scene(initial, _chosen(initial)[1])
     numerics = scene.numerics.over(before.numerics, named=scene.numerics.model_fields_set)
     result = scene.model_copy(update={"numerics": numerics})
-    if problems := [*numerics.problems(result)]:
+    if problems := [*numerics.problems(result.ends[0])]:
         raise CaseError(problems)
     return result
 
@@ -643,7 +644,7 @@ def _check(scene: Case, before: Case, t: float, scheme: Held) -> None:
         if mine.get(key) != its.get(key):
             raise InputError(f"tank.{key} = {mine.get(key)!r}: must be {its.get(key)!r}, as in the run to begin with.")
     moved, moves = _motions(before, scheme), _motions(scene)
-    for name, was, now in (("wall", before, scene), ("far wall", before.mirrored, scene.mirrored)):
+    for name, was, now in zip(("wall", "far wall"), before.ends, scene.ends, strict=True):
         places = [y for y in (one.wall.places(one.tank) for one in (was, now)) if y is not None]
         along = np.unique(np.concatenate(places)) if places else None
         stood, stands = _position(moved.get(was.key), t, along), _position(moves.get(now.key), 0.0, along)

@@ -15,7 +15,7 @@ import numpy as np
 
 from wavetank.arrays import Vector, largest
 from wavetank.integrators.stage_solver import ITERATES
-from wavetank.motion.motion import quickened
+from wavetank.motion.motion import frequency_shift
 from wavetank.tank.surface_flow import SurfaceFlow, SurfaceVelocity
 from wavetank.tank.waves import NonlinearWaves
 
@@ -58,7 +58,7 @@ class ShortWaves:
 class Quickened:
     """How much faster the mesh's shortest waves are, at most, for where paddles stand.
 
-    As ``MovingWall.quickened`` has it of a case.
+    As ``MovingWall.frequency_shift`` of a case.
     """
 
     def __init__(self, waves: NonlinearWaves):
@@ -79,7 +79,7 @@ class Quickened:
             into = max(0.0, *(share * end for share in shares for end in ends))
             lean = slope * max(map(abs, ends))
             if max(lean, into / reach) > LITTLE:
-                faster = max(faster, quickened(lean, into / reach))
+                faster = max(faster, frequency_shift(lean, into / reach))
         return faster
 
 

@@ -85,8 +85,8 @@ class CaseModel(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
-    def problems(self, scene: Any) -> Iterator[Problem]:
-        """Yield what does not fit the rest of ``scene``, the ``Case`` that it is a part of; by default nothing."""
+    def problems(self, context: Any) -> Iterator[Problem]:
+        """Yield what does not fit the rest of the case, its ``Context``; by default nothing."""
         yield from ()
 
 

@@ -288,7 +288,7 @@ class Calibration:
         """Write the result and print the largest values of the paddle motion."""
         self._write_result(attempt)
         scene = read_case(self._out / CASE)
-        needed = scene.extent(scene.motion())
+        needed = scene.ends[0].extent
         for line in (
             f"reached after {attempt.runs} runs, {sum(one.cpu for one in self._attempts):.3g} s of CPU time; the "
             f"paddle's stroke {needed.stroke:.4g} m, speed {needed.speed:.4g} m/s, acceleration "

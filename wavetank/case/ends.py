@@ -1,0 +1,192 @@
+"""The walls at the ends of a tank, each with its motion and the side where it stands."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from wavetank import motion as motions
+from wavetank.case.output import FAR, PADDLE
+from wavetank.case.tank import BasinTank, Context, paddle_period
+from wavetank.case.wall import BaseWall, MovingWall
+from wavetank.motion.motion import Extent, ValidatedMotion, extent, times, values
+from wavetank.values.case_model import CaseError, Problem, about, renamed
+
+CLOSE = 0.05  # of (d / g)^(1/2): times as close miss 0.1 % of the largest value for waves of k d = 4
+CHECK_TIMES = 50  # times at which derivatives of a user's function are compared
+
+
+class MeasuringPoint(NamedTuple):
+    """A place that is recorded, such as a gauge: its key, x and y [m], heights z [m], first and last time [s]."""
+
+    key: tuple[str | int, ...]
+    x: float
+    y: float
+    z: motions.Array
+    span: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class EndWall(Context):
+    """A wall at an end of the tank: mode shape and motion by its table, and the side where it stands.
+
+    Distances count from its rest position into the water. Two are equal if their motions are.
+
+    Attributes
+    ----------
+    key
+        Its table in a case.
+    opposite
+        The table of the wall at the other end.
+    case
+        The ``Case`` that it is a wall of.
+    """
+
+    key: Literal["wall", "far_wall"]
+    opposite: Any
+    case: Any = field(compare=False, repr=False)
+
+    @property
+    def far(self) -> bool:
+        """Whether it stands at the far end."""
+        return self.key == "far_wall"
+
+    @property
+    def side(self) -> str:
+        """The side of the footprint where it stands, as loads name it."""
+        return FAR if self.far else PADDLE
+
+    def distance(self, x: Any) -> Any:
+        """Return the distance of places x [m] from the wall at rest [m]."""
+        return self.case.x_min + self.tank.length - x if self.far else x - self.case.x_min
+
+    # ---------------------------------------------------------------- its motion
+    def motion(self) -> motions.Motion:
+        """Return the motion, checked against the run and the tank; its file is read once.
+
+        Raises ``CaseError`` if its file cannot be read, ends before the run, or leaves the mapping's reach.
+        """
+        return self._checked
+
+    @cached_property
+    def _checked(self) -> motions.Motion:
+        with renamed("wall", self.key):
+            keys = getattr(getattr(self.wall, "motion", None), "value_keys", None)
+            with about("wall", "motion", *(keys or ())):
+                self._unchecked.check(self.duration * (np.arange(CHECK_TIMES, dtype=np.float64) + 0.5) / CHECK_TIMES)
+                problems = list(self._motion_problems())
+            if problems:
+                raise CaseError(problems)
+        if keys is None:
+            return self._unchecked
+        return ValidatedMotion(self._unchecked, self.key, "motion", *keys, run=self.duration)
+
+    @cached_property
+    def _unchecked(self) -> motions.Motion:
+        wall: BaseWall = self.wall
+        if isinstance(wall, MovingWall) and wall.reads_file and (problems := list(wall.motion_problems(self))):
+            raise CaseError(problems)
+        return wall.paddle(self.tank, self.physics)
+
+    @property
+    def generation(self) -> tuple[str | None, str]:
+        """The order of generation of a paddle, default resolved, and why it is linear by default in nonlinear water."""
+        result: tuple[str | None, str] = self.wall.motion.generation_in(self.tank, self.wall.wavemaker, self.physics)
+        return result
+
+    def with_motion_of(self, other: "EndWall") -> None:
+        """Keep the motion of an equal wall, whose file is then not read again."""
+        names = ("_unchecked", "_checked")
+        self.__dict__.update({name: other.__dict__[name] for name in names if name in other.__dict__})
+
+    def function(self, what: str, motion: motions.Motion | None = None) -> Callable[[motions.Array], motions.Array]:
+        """Return position, velocity or acceleration as a function of times, at all sampled places along the wall.
+
+        It is that of the wall's motion, or of another one of its paddle.
+        """
+        return partial(getattr(self.motion() if motion is None else motion, what), y=self.wall.places(self.tank))
+
+    @property
+    def period(self) -> float | None:
+        """The period [s] that halves the power of the velocity; None if the wall does not move.
+
+        A record is analysed completely, a formula or a function over the run.
+        """
+        motion = self.motion()
+        until = motion.duration if np.isfinite(motion.duration) else self.duration
+        return motion.power_period or paddle_period(self.function("velocity"), duration=until, tank=self.tank)
+
+    @cached_property
+    def max_displacement(self) -> float:
+        """The largest distance from rest in the run [m]."""
+        return float(np.abs(values(self.function("position", self._unchecked), self._times)).max())
+
+    @property
+    def extent(self) -> Extent:
+        """Stroke, largest speed and acceleration in the run."""
+        return extent(self._unchecked, self._times, self.wall.places(self.tank))
+
+    @property
+    def _times(self) -> motions.Array:
+        """Times at which the motion is sampled [s]."""
+        step = CLOSE * (self.tank.depth / self.tank.gravity) ** 0.5
+        return times(min(self.duration, self._unchecked.duration), step)
+
+    # ---------------------------------------------------------------- its mapping
+    @property
+    def reach(self) -> float:
+        """Distance at which the mapping has died out [m], default resolved; ``inf`` for a fixed wall."""
+        return float(self.wall.reach_in(self.tank, self.available_reach))
+
+    @property
+    def available_reach(self) -> float:
+        """Largest reach of the mapping [m]: up to that of a moving opposite wall, by default half the length."""
+        length, own, other = self.tank.length, *(getattr(wall, "reach", None) for wall in (self.wall, self.opposite))
+        if not self.opposite.moves:
+            return length
+        return 0.5 * length if own is None and other is None else length - (other or 0.0)
+
+    @property
+    def frequency_shift(self) -> float:
+        """Largest factor by which the mapping raises the frequency of the mesh's shortest waves in the run."""
+        if self.physics == "linear" or not self.wall.moves:
+            return 1.0
+        self.motion()
+        return float(self.wall.frequency_shift(self.tank, self.reach, self.max_displacement))
+
+    # ---------------------------------------------------------------- checks
+    def _motion_problems(self) -> Iterator[Problem]:
+        motion = self._unchecked
+        if motion.duration < self.duration:
+            allowed = f"must be at most {motion.duration:g} s, where the recorded motion ends"
+            yield Problem(("run", "duration"), self.duration, allowed)
+        if motion.start >= self.duration:
+            allowed = f"must be more than {motion.start:g} s, where the recorded motion begins"
+            yield Problem(("run", "duration"), self.duration, allowed)
+        if isinstance(self.wall, MovingWall):
+            yield from self.wall.reach_problems(self.tank, self.available_reach, self.max_displacement)
+            if self.wall.limits is not None:
+                yield from self.wall.limits.exceeded(self.extent)
+            yield from self._reached_points(self.wall)
+
+    def _reached_points(self, wall: MovingWall) -> Iterator[Problem]:
+        """Yield the first gauge, probe or window that a paddle of prescribed motion reaches."""
+        prescribed = self.physics == "nonlinear" and getattr(wall, "absorb", None) is None
+        if not prescribed or (isinstance(self.tank, BasinTank) and self.tank.layout.type != "rectangle"):
+            return  # the mesh of linear water does not move
+        motion, instants, uniform = self._unchecked, self._times, wall.places(self.tank) is None
+        points = [*self.case.measuring_points()]
+        farthest = wall.max_mode_shape(self.tank) * self.max_displacement if points else 0.0
+        for key, x, y, z, (begin, until) in points:
+            distance, t = self.distance(x), instants[(begin <= instants) & (instants <= until)]
+            if farthest <= distance:
+                continue
+            position = values(partial(motion.position, y=None if uniform else np.array([y])), t).reshape(-1)
+            into = np.multiply.outer(wall.wavemaker.share(z, self.tank.depth), position).max(axis=0)
+            if into.max(initial=0.0) > distance:
+                there = f"stands {distance:.4g} m from the paddle of {self.key} at rest, which is there at"
+                allowed = f"must stand farther from it than {into.max():.4g} m, as far as that goes"
+                yield Problem(key, None, f"{there} t = {t[np.argmax(into > distance)]:.4g} s: {allowed}")
+                return
