@@ -20,8 +20,9 @@ from benchmarks.beside import HERE
 from wavetank.arrays import Vector
 from wavetank.case.reading import read_case
 from wavetank.integrators.flow import flow_of
+from wavetank.output.columns import RATES
 from wavetank.output.fields import SurfaceWriter
-from wavetank.output.tables import RATES, TableWriter
+from wavetank.output.tables import TableWriter
 from wavetank.simulation.build import Records, build_observers, build_run, build_watch
 from wavetank.simulation.diagnostics import Gauges
 from wavetank.simulation.energy import EnergyBudget

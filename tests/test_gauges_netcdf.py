@@ -1,6 +1,5 @@
 """The gauges' records: places in the header of the table, and the same numbers as CF-NetCDF when a run has ended."""
 
-import csv
 import tracemalloc
 from contextlib import contextmanager
 
@@ -8,9 +7,9 @@ import numpy as np
 import pytest
 
 from wavetank.errors import RunError
+from wavetank.output.columns import parse_gauge_column
 from wavetank.output.directory import BLOCK, RunDirectory
 from wavetank.output.files import OutputPath
-from wavetank.output.tables import TableWriter, parse_gauge_column
 from wavetank.output.writer import RunWriter
 
 xarray = pytest.importorskip("xarray")
@@ -41,16 +40,6 @@ def test_places_are_in_the_header_and_read_back(tmp_path):
     assert parse_gauge_column("Süd, the focus@x=49.5,y=-2.25") == found[1]  # as they were told
 
 
-def test_a_table_that_told_places_with_commas_goes_on_with_what_it_had(tmp_path):
-    (tmp_path / "gauges.csv").write_text('t [s],1@x=10,"a, b@x=5,y=2"\n0.0,1.0,2.0\n')
-    table = TableWriter(tmp_path / "gauges.csv", ["t [s]", "1@x=10", "a, b@x=5;y=2", "c@x=7;y=1"])
-    table.take({"rows": 1})
-    table.open()
-    table.close()
-    rows = list(csv.reader((tmp_path / "gauges.csv").read_text().splitlines()))
-    assert rows == [["t [s]", "1@x=10", "a, b@x=5;y=2", "c@x=7;y=1"], ["0.0", "1.0", "2.0", ""]]
-
-
 @pytest.mark.parametrize("engine", ["netcdf4", "scipy"])
 def test_the_netcdf_holds_the_table_to_the_last_bit(engine, tmp_path):
     with write(tmp_path) as writer:
@@ -72,14 +61,14 @@ def peak_of_resuming(path, rows):
     written = RunWriter(path, MANIFEST).begin()
     table = written.gauges(GAUGES)
     table.extend(np.arange(rows)[:, None] * [0.1, 0.3, np.pi * 1e-9, -1 / 7])
-    held = written.held()
+    extents = written.extents()
     with pytest.raises(RunError), written:
         raise RunError("t = 1 s: the wave broke.")
     tracemalloc.start()
     try:
         resumed = RunWriter(path, MANIFEST, resume=True)
         resumed.gauges([*GAUGES, ("new", 3.0)])
-        resumed.take(held)
+        resumed.resume_at(extents)
         with resumed:
             resumed.finish("finished", {})
         return tracemalloc.get_traced_memory()[1]

@@ -11,9 +11,10 @@ from conftest import recorded
 
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError, RecordError, RunError
+from wavetank.output.columns import paddle_columns
 from wavetank.output.directory import RunDirectory
 from wavetank.output.fields import SurfaceWriter, read_snapshots
-from wavetank.output.tables import TableWriter, paddle_columns
+from wavetank.output.tables import TableWriter
 from wavetank.output.writer import RunWriter
 
 CHANGES = (
@@ -141,10 +142,10 @@ def test_a_surface_that_is_gone_on_with_is_whole_before_its_next_snapshot(tmp_pa
     first, later = (SurfaceWriter(path, {}) for _ in range(2))
     first.open()
     first.append(0.0, x, x, x)
-    held, index = first.held(), path.with_suffix(".xdmf").read_text()
+    extent, index = first.extent(), path.with_suffix(".xdmf").read_text()
     first.append(0.1, x, 2 * x, x)
     first.close()
-    later.take(held)
+    later.resume_at(extent)
     later.open()
     assert path.with_suffix(".xdmf").read_text() == index
     np.testing.assert_array_equal(read_snapshots(path.read_bytes()).eta, [x])
@@ -202,7 +203,7 @@ def test_of_many_rows_as_many_are_kept_as_there_is_room_for(tmp_path):
         record.extend(rows)
     record.close()
     found = np.loadtxt(tmp_path / "table.csv", delimiter=",", skiprows=1)
-    np.testing.assert_array_equal(found, rows[: record.held()["rows"]])
+    np.testing.assert_array_equal(found, rows[: record.extent()["rows"]])
     assert (tmp_path / "table.csv").read_bytes().endswith(b"\n") and len(found) > 200
 
 

@@ -164,10 +164,10 @@ def test_more_gauges_from_now_on_and_other_intervals(uninterrupted, part):
     now = 'gauges=[{name="1", x=1.0}, {name="new", x=4.0}, {name="2", x=2.5}]'
     run = resumed(part, "--set", now, "--set", "output.surface_every=0.05", "--set", "output.gauges_every=2")
     whole = RunDirectory(uninterrupted)
-    (t, *_), (first, new, second) = (one := run._gauges()).eta.T.shape, one.eta
-    kept = np.isin(whole._gauges().t, one.t)
-    assert list(one.t) == [DT * n for n in (0, 1, 2, 3, 4, 6, 8, 10)] and t == 8
-    for mine, its in ((first, whole._gauges().eta[0]), (second, whole._gauges().eta[1])):
+    (first, new, second), t = run.gauges.values, run.gauges.time.values
+    kept = np.isin(whole.gauges.time, t)
+    assert list(t) == [DT * n for n in (0, 1, 2, 3, 4, 6, 8, 10)]
+    for mine, its in ((first, whole.gauges.values[0]), (second, whole.gauges.values[1])):
         np.testing.assert_array_equal(mine, its[kept])
     assert np.isnan(new[:5]).all() and np.isfinite(new[5:]).all()
     assert (part / GAUGES).read_text().splitlines()[5].split(",")[2] == ""
@@ -176,7 +176,7 @@ def test_more_gauges_from_now_on_and_other_intervals(uninterrupted, part):
     assert np.isnan(run.gauges.sel(gauge="new").values[:5]).all()
     import xarray
 
-    np.testing.assert_array_equal(xarray.load_dataset(part / "gauges.nc", engine="scipy").elevation.T, one.eta)
+    np.testing.assert_array_equal(xarray.load_dataset(part / "gauges.nc", engine="scipy").elevation.T, run.gauges)
     assert run.snapshots().t == pytest.approx([0.0, 0.1, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5])
     elevations = whole.snapshots()
     np.testing.assert_array_equal(run.snapshots().eta[-1], elevations.eta[-1])
@@ -188,11 +188,11 @@ def test_a_run_goes_on_with_another_step(part, tmp_path, capsys):
     run = resumed(part, "--set", "numerics.dt=0.025")
     assert "going on from t = 0.2 s with numerics.dt = 0.025; the mass changes by" in capsys.readouterr().out
     assert run.status == "finished"
-    gauges, fine = run._gauges(), RunDirectory(tmp_path / "fine")._gauges()
-    assert gauges.t == pytest.approx([*DT * np.arange(5), *(0.2 + DT / 2 * np.arange(1, 13))])
-    for eta, its in zip(gauges.eta, fine.eta, strict=True):
-        there = np.interp(gauges.t, fine.t, its)
-        assert np.abs(eta - there)[-12:].max() < 0.02 * np.abs(its).max()
+    gauges, fine = run.gauge_series(), RunDirectory(tmp_path / "fine").gauge_series()
+    assert gauges[0].t == pytest.approx([*DT * np.arange(5), *(0.2 + DT / 2 * np.arange(1, 13))])
+    for one, its in zip(gauges, fine, strict=True):
+        there = np.interp(one.t, its.t, its.eta)
+        assert np.abs(one.eta - there)[-12:].max() < 0.02 * np.abs(its.eta).max()
     energy = {name.partition(" ")[0]: column for name, column in run.budget().items()}
     off = np.abs(np.diff(energy["balance"]))
     assert off[4:].max() < off[:4].max()  # it does not jump where the step changes
@@ -253,8 +253,8 @@ def test_a_run_goes_on_on_another_mesh_or_with_another_scheme(sloshing, tmp_path
     assert all(f"{change.replace('=', ' = ')}" in said for change in changes if "e-" not in change)
     assert "= None" not in said
     assert run.status == "finished" and run.manifest["numerics"]["degrees_of_freedom"] == points
-    gauges, its = run._gauges(), usual._gauges()
-    assert np.abs(gauges.eta[:, -1] - its.eta[:, -1]).max() < 2e-3 * np.abs(its.eta).max()
+    gauges, its = run.gauges.values, usual.gauges.values
+    assert np.abs(gauges[:, -1] - its[:, -1]).max() < 2e-3 * np.abs(its).max()
     surface, before = run.snapshots(), usual.snapshots()
     np.testing.assert_array_equal(surface.x[-1], before.x[-1])
     assert np.abs(surface.eta[-1] - before.eta[-1]).max() < 2e-3 * np.abs(before.eta).max()
@@ -461,4 +461,4 @@ def test_a_mended_table_is_told_by_its_rows(tmp_path):
     assert RunDirectory(tmp_path / "run").status != "finished"
     killed, usual = resumed(tmp_path / "run"), resumed(tmp_path / "usual", *more)
     same(tmp_path / "usual", tmp_path / "run")
-    assert killed._gauges().names == usual._gauges().names == ("1", "2", "3")
+    assert [*killed.gauges.gauge.values] == [*usual.gauges.gauge.values] == ["1", "2", "3"]

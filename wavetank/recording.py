@@ -19,11 +19,11 @@ from wavetank.fem.agreed import agreed, all_here, ending_together, from_first, o
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
 from wavetank.output.checkpoint import last_checkpoint, readable_checkpoints
-from wavetank.output.directory import ANALYSES, BREAKING, ENERGY, LOADS, LOG, PADDLES, PROBES, RunDirectory
+from wavetank.output.columns import PUSH, load_columns, paddle_columns, probe_columns
+from wavetank.output.directory import ANALYSES, BED, BREAKING, BROKEN, ENERGY, LOADS, LOG, PADDLES, PROBES, RunDirectory
 from wavetank.output.fields import VtuSeries
 from wavetank.output.files import OutputPath, RunLog
 from wavetank.output.manifest import environment
-from wavetank.output.tables import PUSH, load_columns, paddle_columns, probe_columns
 from wavetank.output.writer import RunWriter
 from wavetank.planning.checks import noise, run_warnings
 from wavetank.planning.cost import check_affordable
@@ -182,7 +182,7 @@ def record_run(
         def dump_surface(surface: BrokenSurface) -> None:
             known.update(surface.figures)
             if writer is not None:
-                writer.broken(surface.columns)
+                writer.write_table(BROKEN, surface.columns)
                 writer.note({**surface.figures, "last_checkpoint": last_checkpoint(writer.path)})
 
         def note(error: RunError | None = None) -> None:
@@ -197,7 +197,7 @@ def record_run(
                     dissipated = f"; the eddy viscosity took {100 * one.part_taken:.2g} % of the energy"
                 log.say(f"{one.watch.story} ({BREAKING}){dissipated}")
                 if writer is not None:
-                    writer.breaking(one.watch.columns)
+                    writer.write_table(BREAKING, one.watch.columns)
             figures = parts.figures() | _broken(run)
             outcome = Outcome.of(run)
             if writer is not None:
@@ -355,7 +355,7 @@ def _begin(
         old = [path.name for pattern in ANALYSES for path in writer.path.glob(pattern)] if going_on else []
         writer.begin(figures)
         if bed:
-            writer.bed(bed)
+            writer.write_table(BED, bed)
         log.open(writer.path / LOG, going_on=going_on)
         log.say(f"writing {writer.path}")
         if old:

@@ -116,8 +116,8 @@ class Checkpointer:
     def _note(self) -> None:
         """Store the present step, which all observers have recorded; collective."""
         self._run.settle()  # so that records are what they will be
-        run, fields = self._run, {name: series.held() for name, series in self._fields.items()}
-        records = {} if self._writer is None else self._writer.held()
+        run, fields = self._run, {name: series.extent() for name, series in self._fields.items()}
+        records = {} if self._writer is None else self._writer.extents()
         self._reached = CompletedStep(
             run.step, run.t, run.state.q, run.state.p, run.held_without_solves(), records, fields
         )
@@ -406,7 +406,7 @@ class Restart:
             raise self._foreign() from error
         for name, series in fields.items():
             if name in self.about["fields"]:
-                series.take(self.about["fields"][name])
+                series.resume_at(self.about["fields"][name])
         agreed(self._comm, self._take_records)
         return message
 
@@ -417,7 +417,7 @@ class Restart:
 
     def _take_records(self) -> None:
         if self._writer is not None:
-            self._writer.take(self.about["records"])
+            self._writer.resume_at(self.about["records"])
 
     def _take(self, run: Run, waves: AnyWaves, scene: Case) -> str:
         """Take all of it: the run is the one that wrote it."""

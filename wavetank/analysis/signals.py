@@ -16,8 +16,8 @@ from scipy.signal import hilbert
 from xarray import DataArray, Dataset
 
 from wavetank.errors import InputError
+from wavetank.output.columns import ACROSS, ALONG, ELEVATION, TIME
 from wavetank.output.fields import Surface
-from wavetank.output.netcdf import ACROSS, ALONG, ELEVATION, TIME
 from wavetank.output.tables import GaugeSeries
 from wavetank.waves.airy import wave_number
 from wavetank.waves.wave import Array

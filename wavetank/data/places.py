@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from wavetank.cache import places
 from wavetank.data.description import DATASET, Dataset, Gauge, Records, read_dataset, refused
 from wavetank.errors import InputError
-from wavetank.output.tables import parse_gauge_column
+from wavetank.output.columns import parse_gauge_column
 from wavetank.values.columns import read_columns
 
 PART = "data"  # of the cache

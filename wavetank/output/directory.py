@@ -37,34 +37,19 @@ from io import BytesIO
 from itertools import chain
 from pathlib import Path
 from socket import gethostname
-from typing import TYPE_CHECKING, BinaryIO, NamedTuple
+from typing import TYPE_CHECKING, BinaryIO
 from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.errors import InputError
-from wavetank.output.fields import INDEX_END, Surface, index_file, read_snapshots, table_variables, window_file
+from wavetank.output.columns import Variable, station_variables, time_variables, window_variables
+from wavetank.output.fields import INDEX_END, Surface, index_file, read_snapshots, window_file
 from wavetank.output.files import FIELDS, check_entries, is_locked, open_regular
 from wavetank.output.manifest import read_manifest
-from wavetank.output.netcdf import (
-    ACROSS,
-    ALONG,
-    ELEVATION,
-    TIME,
-    UPWARDS,
-    Variable,
-    complete_records,
-    conventions,
-    write_records,
-)
-from wavetank.output.tables import (
-    GaugeSeries,
-    parse_gauge_column,
-    parse_load_column,
-    parse_probe_column,
-    probe_quantities,
-)
+from wavetank.output.netcdf import complete_records, conventions, write_records
+from wavetank.output.tables import GaugeSeries
 from wavetank.run_warning import RunWarning, run_warning
 
 if TYPE_CHECKING:
@@ -75,6 +60,8 @@ TABLES = GAUGES, ENERGY, PADDLE, FAR_PADDLE, PROBES, LOADS = (
     *("gauges.csv", "energy.csv", "paddle.csv", "far-paddle.csv", "probes.csv", "loads.csv"),
 )
 PADDLES = {"wall": PADDLE, "far_wall": FAR_PADDLE}  # by the key of the wall
+STATIONS = {GAUGES: "gauge", PROBES: "probe", LOADS: "wall"}  # dimensions of the tables of stations
+NAMES = {GAUGES: "NAME@x=METRES, NAME@x=METRES;y=METRES", PROBES: "QUANTITY NAME@x=METRES;z=METRES [UNITS]"}
 COPIES = {GAUGES: "gauges.nc", PROBES: "probes.nc"}  # as CF-NetCDF, when the run has ended
 CHECKPOINT, CHECKPOINT_BEFORE = "checkpoint.zip", "checkpoint-before.zip"
 BED = "bed.csv"
@@ -104,16 +91,6 @@ def record_files(run: Path) -> Iterator[Path]:
     pieces = (f"{FIELDS}/{name}_*.{kind}" for name in SERIES for kind in ("vtu", "pvtu"))
     for pattern in (*files, *indices, *pieces):
         yield from run.glob(pattern)
-
-
-class _Gauges(NamedTuple):
-    """The gauges' names, places x and y [m], times [s] of shape (N,), and elevations [m] of shape (gauges, N)."""
-
-    names: tuple[str, ...]
-    x: tuple[float, ...]
-    y: tuple[float, ...]
-    t: NDArray[np.float64]
-    eta: NDArray[np.float64]
 
 
 class RunDirectory:
@@ -172,7 +149,7 @@ class RunDirectory:
         """The elevation [m] over gauge and time [s]; gauges by their names, with their places x and y [m]."""
         from xarray import DataArray, Dataset
 
-        elevation: DataArray = Dataset(self._stations(*self._table(GAUGES))).set_coords(["x", "y"]).elevation
+        elevation: DataArray = Dataset(self._stations(GAUGES)).set_coords(["x", "y"]).elevation
         return elevation
 
     @property
@@ -208,7 +185,7 @@ class RunDirectory:
         """
         from xarray import Dataset
 
-        return Dataset(self._probes(*self._table(PROBES))).set_coords(["x", "y", "z"])
+        return Dataset(self._stations(PROBES)).set_coords(["x", "y", "z"])
 
     @property
     def loads(self) -> "xarray.Dataset":
@@ -216,17 +193,9 @@ class RunDirectory:
 
         Walls by their loads' names. Raises ``InputError`` where there are none.
         """
-        from xarray import DataArray, Dataset
+        from xarray import Dataset
 
-        header, rows = self._table(LOADS)
-        result = [parse_load_column(column) for column in header[1:]]
-        walls = list(dict.fromkeys(name for _, name, _ in result))
-        at: dict[str, list[NDArray[np.float64]]] = {}
-        for (quantity, _, _), column in zip(result, rows.T[1:], strict=True):
-            at.setdefault(quantity, []).append(column)
-        units = {name: {"units": unit, "long_name": name.replace("_", " along ")} for name, _, unit in result}
-        places = {"wall": walls, "time": DataArray(rows[:, 0], dims="time", attrs=TIME)}
-        return Dataset({name: (("wall", "time"), np.array(each), units[name]) for name, each in at.items()}, places)
+        return Dataset(self._stations(LOADS))
 
     @property
     def surface(self) -> "xarray.Dataset":
@@ -254,7 +223,7 @@ class RunDirectory:
 
         file, table = (window_file(name, form) for form in ("netcdf", "csv"))
         if (self.path / table).exists():
-            variables = table_variables(*self._table(table))
+            variables = window_variables(*self._table(table))
             if not variables["time"].values.size:
                 raise InputError(f"{self.path / table}: has no row.")
             return Dataset(variables).set_coords(["x", "y", "z", "zeta"])
@@ -268,10 +237,10 @@ class RunDirectory:
     # ------------------------------------------------------------ as arrays
     def gauge_series(self) -> list[GaugeSeries]:
         """Return each gauge's record, from when it was there."""
-        result = self._gauges()
-        each = zip(result.names, result.x, result.eta, result.y, strict=True)
-        there = [(name, x, eta, y, ~np.isnan(eta)) for name, x, eta, y in each]
-        return [GaugeSeries(name, x, result.t[when], eta[when], "computed", y) for name, x, eta, y, when in there]
+        record = self._stations(GAUGES)
+        t, each = record["time"].values, (record[name].values for name in ("gauge", "x", "y", "elevation"))
+        present = [(str(name), float(x), float(y), eta, ~np.isnan(eta)) for name, x, y, eta in zip(*each, strict=True)]
+        return [GaugeSeries(name, x, t[when], eta[when], "computed", y) for name, x, y, eta, when in present]
 
     def budget(self) -> dict[str, NDArray[np.float64]]:
         """Return the energy budget: each column, shape (rows,), by its name with units."""
@@ -283,15 +252,18 @@ class RunDirectory:
 
         x, y (of a basin) [m], elevation [m], slope [-], velocity [m/s]. Raises ``InputError`` where none is kept.
         """
-        header, rows = self._table(BROKEN)
-        return {name.partition(" ")[0]: column for name, column in zip(header, rows.T, strict=True)}
+        return self._columns(BROKEN)
 
     def bed(self) -> dict[str, NDArray[np.float64]]:
         """Return the depth of a bed by a Python function: x, y (of a basin) and depth [m], each of shape (rows,).
 
         Raises ``InputError`` where the run has no such record.
         """
-        header, rows = self._table(BED)
+        return self._columns(BED)
+
+    def _columns(self, file: str) -> dict[str, NDArray[np.float64]]:
+        """Return the columns of a table by their names without units."""
+        header, rows = self._table(file)
         return {name.partition(" ")[0]: column for name, column in zip(header, rows.T, strict=True)}
 
     def snapshots(self) -> Surface:
@@ -315,7 +287,7 @@ class RunDirectory:
 
     def _described(self, table: str, header: Sequence[str], rows: NDArray[np.float64]) -> dict[str, Variable]:
         """Return rows of one of ``COPIES`` as variables with the attributes of CF, time first."""
-        variables = self._stations(header, rows) if table == GAUGES else self._probes(header, rows)
+        variables = self._variables(table, header, rows)
         places = " ".join(name for name in ("x", "y", "z") if name in variables)
         missing = {"_FillValue": np.float64(np.nan)}  # before a gauge was there, while a probe is dry
         for name, (dimensions, values, attributes) in variables.items():
@@ -353,78 +325,22 @@ class RunDirectory:
         except ValueError as error:
             raise InputError(f"{self.path / file}: {error}.") from None
 
-    def _gauges(self) -> "_Gauges":
-        """Return what the gauges' table holds."""
-        return self._elevations(*self._table(GAUGES))
+    def _stations(self, table: str) -> dict[str, Variable]:
+        """Return the stations of a table, their positions and their quantities over time."""
+        return self._variables(table, *self._table(table))
 
-    def _elevations(self, header: Sequence[str], rows: NDArray[np.float64]) -> "_Gauges":
-        """Return rows of the gauges' table."""
+    def _variables(self, table: str, header: Sequence[str], rows: NDArray[np.float64]) -> dict[str, Variable]:
         try:
-            places = [parse_gauge_column(column) for column in header[1:]]
-        except ValueError:
-            allowed = "NAME@x=METRES, NAME@x=METRES;y=METRES"
-            raise InputError(f"{self.path / GAUGES}: column names {header[1:]}; allowed are {allowed}.") from None
-        names, x, y = zip(*places, strict=True) if places else ((), (), ())
-        return _Gauges(names, x, y, rows[:, 0], rows.T[1:])
-
-    def _stations(self, header: Sequence[str], rows: NDArray[np.float64]) -> dict[str, Variable]:
-        """Return the gauges' names, places and records as variables."""
-        result = self._elevations(header, rows)
-        x, y = np.array([result.x, result.y], dtype=float)
-        return {
-            "time": Variable(("time",), result.t, TIME),
-            "gauge": Variable(("gauge",), np.array(result.names, dtype=str), {"cf_role": "timeseries_id"}),
-            "x": Variable(("gauge",), x, ALONG),
-            "y": Variable(("gauge",), y, ACROSS),
-            "elevation": Variable(("gauge", "time"), result.eta, ELEVATION),
-        }
-
-    def _probes(self, header: Sequence[str], rows: NDArray[np.float64]) -> dict[str, Variable]:
-        """Return the probes' names, places and records as variables."""
-        try:
-            result = [parse_probe_column(column) for column in header[1:]]
+            return station_variables(STATIONS[table], header, rows)
         except (KeyError, ValueError):
-            raise InputError(f"{self.path / PROBES}: its columns {header[1:]} tell no probes.") from None
-        points = list(dict.fromkeys(at for _, at in result))
-        names, x, y, z = zip(*points, strict=True)
-        quantity, shape = probe_quantities(2), (len(points), len(rows))
-        values = {name: np.full(shape, np.nan) for name, _ in result}
-        for (name, at), column in zip(result, rows.T[1:], strict=True):
-            values[name][points.index(at)] = column
-        return {
-            "time": Variable(("time",), rows[:, 0], TIME),
-            "probe": Variable(("probe",), np.array(names, dtype=str), {"cf_role": "timeseries_id"}),
-            **{
-                axis: Variable(("probe",), np.array(at, dtype=float), attributes)
-                for axis, at, attributes in (("x", x, ALONG), ("y", y, ACROSS), ("z", z, UPWARDS))
-            },
-            **{
-                name: Variable(("probe", "time"), each, dict(zip(("units", "long_name"), quantity[name], strict=True)))
-                for name, each in values.items()
-            },
-        }
+            allowed = f"; allowed are {NAMES[table]}" if table in NAMES else ""
+            raise InputError(f"{self.path / table}: column names {header[1:]}{allowed}.") from None
 
     def _over_time(self, file: str) -> "xarray.Dataset":
         """Return a table over time: columns by their names, those at several places y [m] over these, too."""
-        from xarray import DataArray, Dataset
+        from xarray import Dataset
 
-        header, rows = self._table(file)
-        time = DataArray(rows[:, 0], dims="time", attrs=TIME)
-        columns: dict[tuple[str, str], dict[float | None, NDArray[np.float64]]] = {}
-        for head, values in zip(header[1:], rows.T[1:], strict=True):
-            name, _, units = head.removesuffix("]").partition(" [")
-            name, _, y = name.partition("@y=")
-            columns.setdefault((name, units), {})[float(y) if y else None] = values
-        result = {}
-        for (name, units), along in columns.items():
-            attributes = {"units": units, "long_name": name.replace("_", " ")}
-            if None in along:
-                result[name] = DataArray(along[None], {"time": time}, ["time"], attrs=attributes)
-            else:
-                y_axis = DataArray(list(along), dims="y", attrs=ACROSS)
-                values = np.column_stack(list(along.values()))
-                result[name] = DataArray(values, {"time": time, "y": y_axis}, ["time", "y"], attrs=attributes)
-        return Dataset(result, {"time": time})
+        return Dataset(time_variables(*self._table(file)))
 
     def _table(self, file: str) -> tuple[list[str], NDArray[np.float64]]:
         """Return column names and complete rows, shape (rows, columns)."""

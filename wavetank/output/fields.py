@@ -16,7 +16,7 @@ is gathered, and nothing but the present snapshot is held.
 import os
 import re
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from io import BytesIO
@@ -29,10 +29,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.errors import InputError, RecordError, RunError
+from wavetank.output.columns import (
+    ACROSS,
+    ALONG,
+    ELEVATION,
+    TIME,
+    UPWARDS,
+    ZETA,
+    Variable,
+    probe_quantities,
+    quantity_attributes,
+)
 from wavetank.output.files import FIELDS, flush_to_disk, open_regular, write_atomically
-from wavetank.output.netcdf import ACROSS, ALONG, ELEVATION, NUMBER, TIME, UPWARDS, AppendNetCDF, Variable
-from wavetank.output.tables import INDEX, AppendFile, TableWriter, append_until_failure, is_truncated, probe_quantities
-from wavetank.stateful import Held
+from wavetank.output.netcdf import NUMBER, AppendNetCDF
+from wavetank.output.tables import INDEX, AppendFile, Extent, TableWriter, append_until_failure, unusable
 
 if TYPE_CHECKING:
     from wavetank.mpi import MPI
@@ -89,15 +99,15 @@ class SurfaceWriter(AppendNetCDF):
         super().sync()
         self._index.sync()
 
-    def held(self) -> Held:
+    def extent(self) -> Extent:
         """Return the sizes of both files and the number of points."""
-        return super().held() | {"index": self._index.held(), "points": self._points}
+        return super().extent() | {"index": self._index.extent(), "points": self._points}
 
-    def take(self, held: Held) -> None:
-        """Go on from there, once they are opened."""
-        super().take(held)
-        self._index.take(held["index"])
-        self._points = held["points"]
+    def resume_at(self, extent: Extent) -> None:
+        """Truncate both files to these sizes when they are opened, and append there."""
+        super().resume_at(extent)
+        self._index.resume_at(extent["index"])
+        self._points = extent["points"]
 
     def close(self) -> None:
         """Close both files."""
@@ -177,15 +187,7 @@ def read_snapshots(content: bytes) -> Surface:
         return Surface(*(np.array(file.variables[name].data, dtype=np.float64) for name in names))
 
 
-STANDARD = {  # names of the CF conventions, where there is one
-    "velocity_x": "sea_water_x_velocity",
-    "velocity_y": "sea_water_y_velocity",
-    "velocity_z": "upward_sea_water_velocity",
-    "pressure": "sea_water_pressure_due_to_sea_water",
-}
-ZETA = {"long_name": "height above the bed over that of the surface", "units": "1"}
-AXES = {"x": ALONG, "y": ACROSS}
-TABLED = "velocity", "pressure"  # what the table has of the quantities
+TABLED = "velocity", "pressure"  # quantities of a window's table
 
 
 def window_file(name: str, form: str) -> str:
@@ -218,8 +220,8 @@ class WindowFile(AppendNetCDF):
     def _first(self, t: float, z: Array, eta: Array, kinematics: Array) -> dict[str, Variable]:
         each, zeta = ("time", "column", "level"), np.linspace(0.0, 1.0, self._levels)
         of_points = {
-            name: Variable(each, values[None], _attributes(name, units, text))
-            for (name, (units, text)), values in zip(self._quantities.items(), kinematics, strict=True)
+            name: Variable(each, values[None], quantity_attributes(name) | {"coordinates": "x y z"})
+            for name, values in zip(self._quantities, kinematics, strict=True)
         }
         return {
             "time": Variable(("time",), np.array([t]), TIME),
@@ -230,36 +232,6 @@ class WindowFile(AppendNetCDF):
             "z": Variable(each, z[None], UPWARDS),
             **of_points,
         }
-
-
-def table_variables(header: Sequence[str], rows: Array) -> dict[str, Variable]:
-    """Return the variables of a window's table, of times that are whole, by its columns' names."""
-    names = [one.partition(" [")[0] for one in header]
-    at = [n for n, name in enumerate(names) if name in ("x", "y")]
-    time, many = np.unique(rows[:, 0], return_counts=True)
-    each = int(many[0]) if many.size else 1
-    columns = len(np.unique(rows[:each, at], axis=0)) if many.size else 1
-    time = time[many == each]
-    values = rows[: time.size * each].reshape(time.size, columns, -1, len(names))
-    quantities, of_points, of_columns = probe_quantities(2), ("time", "column", "level"), ("time", "column")
-    result = {
-        "time": Variable(("time",), time, TIME),
-        "zeta": Variable(("level",), np.linspace(0.0, 1.0, values.shape[2]), ZETA),
-    }
-    for n, name in enumerate(names[1:], start=1):
-        if name in AXES:
-            result[name] = Variable(("column",), values[0, :, 0, n] if time.size else np.zeros(columns), AXES[name])
-        elif name == "elevation":
-            result[name] = Variable(of_columns, values[:, :, 0, n], ELEVATION)
-        else:
-            attributes = UPWARDS if name == "z" else _attributes(name, *quantities[name])
-            result[name] = Variable(of_points, values[..., n], attributes)
-    return {"y": Variable(("column",), np.zeros(columns), ACROSS)} | result
-
-
-def _attributes(name: str, units: str, long_name: str) -> dict[str, str]:
-    attributes = {"units": units, "long_name": long_name, "coordinates": "x y z"}
-    return attributes | ({"standard_name": STANDARD[name]} if name in STANDARD else {})
 
 
 class WindowTable(TableWriter):
@@ -371,14 +343,14 @@ class VtuSeries:
         self._folder: os.stat_result | None = None  # once a snapshot has been written to it
         self._new: list[Path] = []  # files of this rank that a power cut may still take
 
-    def held(self) -> Held:
-        """Return the number of snapshots and the size of the index file."""
-        return {"snapshots": self._snapshots, "index": self._index.held()}
+    def extent(self) -> Extent:
+        """Return the number of snapshots and the size of the index file, for a checkpoint."""
+        return {"snapshots": self._snapshots, "index": self._index.extent()}
 
-    def take(self, held: Held) -> None:
+    def resume_at(self, extent: Extent) -> None:
         """Continue after those snapshots."""
-        self._snapshots = int(held["snapshots"])
-        self._index.take(held["index"])
+        self._snapshots = int(extent["snapshots"])
+        self._index.resume_at(extent["index"])
 
     def sync(self) -> None:
         """Flush this rank's new files to the disk."""
@@ -423,7 +395,7 @@ class VtuSeries:
             self._index.write(head + ElementTree.tostring(entry) + b"\n" + INDEX_END, over=over)
         finally:
             self._index.close()
-        self._index.take(self._index.held())
+        self._index.resume_at(self._index.extent())
 
     def _check(self, t: float, arrays: list[NDArray[Any]]) -> None:
         if not all(np.all(np.isfinite(values)) for values in arrays):
@@ -456,12 +428,12 @@ def _snapshot_stem(name: str, number: int) -> str:
     return f"{FIELDS}/{name}_{number:06d}"
 
 
-def missing_file(run: Path, name: str, held: Held) -> str:
+def missing_file(run: Path, name: str, extent: Extent) -> str:
     """Return the first file of a series that is missing or truncated, compared with a checkpoint; else nothing."""
     index = index_file(run, name)
-    if held["snapshots"] and is_truncated(index, held["index"]):
+    if extent["snapshots"] and unusable(index, extent["index"], 0.0):
         return index.name
-    for number in range(held["snapshots"]):
+    for number in range(extent["snapshots"]):
         snapshot = run / f"{_snapshot_stem(name, number)}.pvtu"
         if not snapshot.exists():
             return f"{FIELDS}/{snapshot.name}"

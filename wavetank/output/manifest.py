@@ -1,6 +1,6 @@
 """The schema of a manifest: types of the keys that are read of it; further keys are allowed.
 
-A scene is validated as such where a run is resumed (``case/``). Here are the keys of it that figures, comparisons and
+A scene is validated as a case where a run is resumed (``case/``). Here are the keys of it that figures, comparisons and
 analyses use, also of a run of another version of this program.
 """
 
@@ -13,9 +13,10 @@ from contextlib import suppress
 from datetime import UTC, datetime
 from importlib import import_module
 from pathlib import Path
+from types import GenericAlias
 from typing import Any
 
-from pydantic import AwareDatetime, BaseModel, ConfigDict, ValidationError
+from pydantic import AwareDatetime, ConfigDict, ValidationError, create_model
 
 from wavetank.errors import InputError, printable
 from wavetank.output.files import open_regular
@@ -24,167 +25,65 @@ MANIFEST = "manifest.json"
 LARGEST = 10**8  # bytes; a larger one is not read
 
 
-class Part(BaseModel):
-    """A part of a manifest: finite numbers, no conversion of types."""
+def _object(*required: str, **types: Any) -> Any:
+    """Return the model of a JSON object with values of these types; keys may be missing but for the required ones.
 
-    model_config = ConfigDict(strict=True, allow_inf_nan=False)
-
-
-class Layout(Part):
-    """The recipe of a basin's walls."""
-
-    length: float | None = None
+    Further keys are allowed, numbers are finite, and no type is converted.
+    """
+    fields: dict[str, Any] = {key: (kind, ... if key in required else None) for key, kind in types.items()}
+    return create_model("Object", __config__=ConfigDict(strict=True, allow_inf_nan=False), **fields)
 
 
-class Tank(Part):
-    """The tank [m, m/s², kg/m³]."""
-
-    type: str | None = None
-    depth: float | None = None
-    length: float | None = None
-    gravity: float = 9.81
-    density: float = 1000.0
-    layout: Layout | None = None
-
-
-class Motion(Part):
-    """The motion of a wall [s, Hz]."""
-
-    type: str | None = None
-    period: float | None = None
-    frequency: float | None = None
-
-
-class Wall(Part):
-    """A wall at an end of the tank."""
-
-    type: str | None = None
-    motion: Motion | None = None
-
-
-class Sponge(Part):
-    """A sponge [m]."""
-
-    type: str
-    length: float | None = None
-
-
-class Named(Part):
-    """A gauge, or a line of gauges."""
-
-    name: str
-
-
-class Numerics(Part):
-    """Numerics; the step [s]."""
-
-    order: int | None = None
-    dt: float | None = None
-
-
-class Timing(Part):
-    """What a run is asked to do [s]."""
-
-    duration: float
-
-
-class Case(Part):
-    """The scene."""
-
-    title: str = ""
-    tank: Tank = Tank()
-    wall: Wall = Wall()
-    far_wall: Wall | None = None
-    sponge: Sponge | None = None
-    gauge_lines: list[Named] = []
-    run: Timing | None = None
-    numerics: Numerics = Numerics()
-
-
-class Planned(Part):
-    """What was planned of the scene."""
-
-    numerics: Numerics = Numerics()
-
-
-class Progress(Part):
-    """How far a run has come [s]."""
-
-    t: float = 0.0
-    begin: float = 0.0
-    end: float | None = None
-    wall_s: float = 0.0
-
-
-class Crest(Part):
-    """The highest crest [m, s]."""
-
-    height: float
-    x: float
-    t: float
-
-
-class SteepCrest(Part):
-    """A crest of a run that broke down [m], with B = u/c."""
-
-    x: float
-    height: float
-    speed_ratio: float
-
-
-class Breakdown(Part):
-    """When and where a run broke down [s], the values at the steepest place by their names."""
-
-    t: float
-    steepest: dict[str, float]
-    crests: list[SteepCrest]
-
-
-class Breaking(Part):
-    """Waves that broke and were dissipated."""
-
-    waves: int = 0
-
-
-class WarningRecord(Part):
-    """A warning of a run (``wavetank/run_warning.py``)."""
-
-    code: str
-    message: str
-    key: str = ""
-    value: float | None = None
-    limit: float | None = None
-    t: float | None = None
-    x: float | None = None
-    y: float | None = None
-    until: float | None = None
-    details: dict[str, float | str] = {}
-
-
-class Manifest(Part):
-    """The manifest."""
-
-    status: str = ""
-    id: str | None = None
-    host: str | None = None
-    git: str | None = None
-    started: str = ""
-    written: AwareDatetime | None = None
-    cause: str = ""
-    command: list[str] = []
-    warnings: list[WarningRecord | str] = []  # sentences in older manifests
-    versions: dict[str, str] = {}
-    files: dict[str, str] = {}
-    scene: Case = Case()
-    planned: Planned | None = None
-    progress: Progress = Progress()
-    numerics: Numerics = Numerics()
-    timings: dict[str, float] = {}
-    counters: dict[str, int] = {}
-    memory: dict[str, float] = {}
-    highest_crest: Crest | None = None
-    broke_down: Breakdown | None = None
-    breaking: Breaking = Breaking()
+NUMBER, TEXT = float | None, str | None
+NUMERICS = _object(order=int | None, dt=NUMBER)
+WALL = _object(type=TEXT, motion=_object(type=TEXT, period=NUMBER, frequency=NUMBER) | None)
+TANK = _object(
+    type=TEXT, depth=NUMBER, length=NUMBER, gravity=float, density=float, layout=_object(length=NUMBER) | None
+)
+SCENE = _object(
+    title=str,
+    tank=TANK,
+    wall=WALL,
+    far_wall=WALL | None,
+    sponge=_object("type", type=str, length=NUMBER) | None,
+    gauge_lines=GenericAlias(list, (_object("name", name=str),)),
+    run=_object("duration", duration=float) | None,
+    numerics=NUMERICS,
+)
+WARNING = _object(
+    *("code", "message"),
+    code=str,
+    message=str,
+    key=str,
+    **dict.fromkeys(("value", "limit", "t", "x", "y", "until"), NUMBER),
+    details=dict[str, float | str],
+)
+STEEP_CREST = _object("x", "height", "speed_ratio", x=float, height=float, speed_ratio=float)
+CRESTS = GenericAlias(list, (STEEP_CREST,))
+BREAKDOWN = _object("t", "steepest", "crests", t=float, steepest=dict[str, float], crests=CRESTS)
+MANIFEST_CONTENT = _object(
+    status=str,
+    id=TEXT,
+    host=TEXT,
+    git=TEXT,
+    started=str,
+    written=AwareDatetime | None,
+    cause=str,
+    command=list[str],
+    warnings=GenericAlias(list, (WARNING | str,)),  # sentences in older manifests
+    versions=dict[str, str],
+    files=dict[str, str],
+    scene=SCENE,
+    planned=_object(numerics=NUMERICS) | None,
+    progress=_object(t=float, begin=float, end=NUMBER, wall_s=float),
+    numerics=NUMERICS,
+    timings=dict[str, float],
+    counters=dict[str, int],
+    memory=dict[str, float],
+    highest_crest=_object("height", "x", "t", height=float, x=float, t=float) | None,
+    broke_down=BREAKDOWN | None,
+    breaking=_object(waves=int),
+)
 
 
 def read_manifest(run: Path) -> dict[str, Any]:
@@ -195,7 +94,7 @@ def read_manifest(run: Path) -> dict[str, Any]:
                 raise _missing(run)
             content = file.read()
         manifest: dict[str, Any] = json.loads(content)
-        Manifest.model_validate_json(content)
+        MANIFEST_CONTENT.model_validate_json(content)
     except ValidationError as error:
         first = error.errors()[0]
         if not first["loc"]:

@@ -10,33 +10,16 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.output.tables import AppendFile
-from wavetank.stateful import Held
+from wavetank.output.columns import Variable
+from wavetank.output.tables import AppendFile, Extent
 
 NUMBER = np.dtype(">f8")  # the format's
 COUNT = slice(4, 8)  # bytes of the header: the number of records
-ELEVATION = {
-    "standard_name": "sea_surface_height_above_mean_sea_level",
-    "long_name": "elevation of the surface above still water",
-    "units": "m",
-}
-TIME = {"long_name": "time since the start", "units": "s", "axis": "T"}  # no date to count from: not CF's ``time``
-ALONG = {"long_name": "distance along the tank from the paddle at rest", "units": "m", "axis": "X"}
-ACROSS = {"long_name": "distance across the tank", "units": "m", "axis": "Y"}
-UPWARDS = {"long_name": "height above still water", "units": "m", "axis": "Z", "positive": "up"}
-
-
-class Variable(NamedTuple):
-    """A variable of a file: the names of its dimensions, its values and its attributes."""
-
-    dimensions: tuple[str, ...]
-    values: NDArray[Any]
-    attributes: Mapping[str, str | np.float64]
 
 
 def conventions(manifest: Mapping[str, Any]) -> dict[str, str]:
@@ -50,8 +33,8 @@ def conventions(manifest: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
-def netcdf(variables: Mapping[str, Variable], attributes: Mapping[str, str], *, growing: str = "") -> bytes:
-    """Return a file of variables; the dimension ``growing`` is the unlimited one, in which records can be added.
+def netcdf(variables: Mapping[str, Variable], attributes: Mapping[str, str], *, unlimited: str = "") -> bytes:
+    """Return a file of variables; records can be appended in the ``unlimited`` dimension.
 
     Text is characters in UTF-8, along a dimension of its own. Raises ``ValueError`` for a length of zero: the format
     takes that for unlimited.
@@ -70,7 +53,7 @@ def netcdf(variables: Mapping[str, Variable], attributes: Mapping[str, str], *, 
                 if dimension not in file.dimensions:
                     if not length:
                         raise ValueError(f"{name}: has no {dimension}")
-                    file.createDimension(dimension, None if dimension == growing else length)
+                    file.createDimension(dimension, None if dimension == unlimited else length)
             variable = file.createVariable(name, values.dtype, dimensions)
             variable[:] = values
             _set_attributes(variable, details)
@@ -100,7 +83,7 @@ def write_records(file: BinaryIO, blocks: Iterable[Mapping[str, Variable]], attr
                 name: one._replace(values=one.values[:1]) if "time" in one.dimensions else one
                 for name, one in block.items()
             }
-            file.write(netcdf(one_time, attributes, growing="time")[: -rows[0].nbytes])
+            file.write(netcdf(one_time, attributes, unlimited="time")[: -rows[0].nbytes])
         file.write(rows.tobytes())
         count += len(rows)
     file.seek(COUNT.start)
@@ -135,14 +118,14 @@ class AppendNetCDF(AppendFile):
         super().open()
         self._write_count()
 
-    def held(self) -> Held:
+    def extent(self) -> Extent:
         """Return the size, the number of records and the offset of the first."""
-        return super().held() | {"_records": self._records, "_begin": self._begin}
+        return super().extent() | {"_records": self._records, "_begin": self._begin}
 
-    def take(self, held: Held) -> None:
-        """Continue after that size once the file is opened."""
-        super().take(held)
-        self._records, self._begin = held["_records"], held["_begin"]
+    def resume_at(self, extent: Extent) -> None:
+        """Truncate the file to that size when it is opened, and append there."""
+        super().resume_at(extent)
+        self._records, self._begin = extent["_records"], extent["_begin"]
 
     def append_records(self, rows: NDArray[np.float64], first: Callable[[], dict[str, Variable]]) -> None:
         """Append records, (K, numbers) in the order of the variables, time first; ``first`` are those of the first one.
@@ -153,7 +136,7 @@ class AppendNetCDF(AppendFile):
         finite = rows if np.isfinite(np.vdot(rows, rows)) else _finite_rows(rows)
         content = memoryview(finite.astype(NUMBER).ravel().view(np.uint8))
         if not self._records and len(finite):
-            head, each = netcdf(first(), self._attributes, growing="time"), len(content) // len(finite)
+            head, each = netcdf(first(), self._attributes, unlimited="time"), len(content) // len(finite)
             self._begin, content = len(head) - each, memoryview(head + content[each:])
         self.write(content)
         self._records += len(finite)

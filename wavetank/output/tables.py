@@ -1,4 +1,4 @@
-"""CSV tables of a run directory, to which rows are appended, and the names of their columns.
+"""CSV tables of a run directory, to which rows are appended.
 
 Appended bytes are passed to the operating system at once, so that a killed run loses none.
 """
@@ -12,16 +12,14 @@ from dataclasses import dataclass
 from io import StringIO
 from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector
 from wavetank.errors import RecordError, RunError
 from wavetank.output.files import atomic_file, open_regular
-from wavetank.stateful import Held
 
 
 def csv_table(columns: Mapping[str, NDArray[np.float64]]) -> bytes:
@@ -29,6 +27,7 @@ def csv_table(columns: Mapping[str, NDArray[np.float64]]) -> bytes:
     return _csv_line(columns) + csv_lines(np.array([*columns.values()], dtype=np.float64).T)
 
 
+Extent = dict[str, Any]  # of a record in a checkpoint, as JSON has it
 Rows = NDArray[np.float64] | Sequence[Sequence[float | None]]
 INDEX = ".xdmf"  # of a file that has one
 
@@ -40,11 +39,11 @@ def _csv_line(cells: Iterable[str]) -> bytes:
 
 
 def csv_lines(rows: Rows) -> bytes:
-    """Return lines of numbers, each with as many digits as reading it back exactly needs, and nothing at None.
+    """Return lines of numbers, each with the digits that an exact round trip needs, and empty cells at None.
 
     Seven times as fast as by ``repr``.
     """
-    from pydantic_core import to_json  # which whoever only reads records has no need of
+    from pydantic_core import to_json
 
     text = to_json(rows.tolist()) if isinstance(rows, np.ndarray) else to_json(rows).replace(b"null", b"")
     return text.replace(b"],[", b"\n")[2:-2] + b"\n" if len(rows) else b""
@@ -54,49 +53,42 @@ def _identity(file: os.stat_result) -> tuple[int, int]:
     return file.st_dev, file.st_ino
 
 
-def is_truncated(path: Path, held: Held) -> bool:
-    """Return whether a file, or its index, is shorter than recorded in a checkpoint; raises ``OSError``."""
-    if not path.exists():
-        return True
-    if "rows" in held:
-        return _end_of_rows(path, held["rows"]) is None
-    if path.stat().st_size < held["size"]:
-        return True
-    return "index" in held and is_truncated(path.with_suffix(INDEX), held["index"])
+def unusable(path: Path, extent: Extent, t: float) -> str:
+    """Return why a record cannot be continued from its extent in the checkpoint at t [s]; empty if it can.
 
-
-def is_modified(path: Path, held: Held) -> bool:
-    """Return whether the rows of a table differ from those of a checkpoint; raises ``OSError``.
-
-    False for other files, and for a table without a checksum.
+    Rows of a table may have gained columns, but must not have been added, removed or edited. Raises ``OSError``.
     """
-    return "checksum" in held and _checksum(path, held["rows"], held["columns"]) != held["checksum"]
+    missing = f"it counts on more than there is in {path.name}"
+    if not path.exists():
+        return missing
+    if "rows" not in extent:
+        if path.stat().st_size < extent["size"]:
+            return missing
+        return unusable(path.with_suffix(INDEX), extent["index"], t) if "index" in extent else ""
+    end, checksum = _scan(path, extent["rows"], extent["columns"])
+    if end is None:
+        return missing
+    edited = f"a row of {path.name} before t = {t:.6g} s has been added, removed or edited since"
+    return "" if checksum == extent["checksum"] else edited
 
 
-def _checksum(path: Path, rows: int, columns: Sequence[str]) -> int | None:
-    """Return the CRC-32 of the first rows of a table in some of its columns; None where it lacks one of them."""
-    checksum = 0
+def _scan(path: Path, rows: int, columns: Sequence[str]) -> tuple[int | None, int | None]:
+    """Return the end of the first rows of a table [bytes] and their CRC-32 in some of its columns.
+
+    The end is None if there are fewer rows, the checksum if a column is missing.
+    """
     with open_regular(path) as file:
-        header = next(csv.reader([file.readline().decode(errors="replace")]), [])
-        if not set(columns) <= set(header):
-            return None
-        chosen = [header.index(name) for name in columns]
+        line = file.readline()
+        size, checksum, count = len(line), 0, 0
+        header = next(csv.reader([line.decode(errors="replace")]), [])
+        chosen = [header.index(name) for name in columns if name in header]
         for line in islice(file, rows):
+            size, count = size + len(line), count + line.endswith(b"\n")
             if header != list(columns):
                 cells = dict(enumerate(line.rstrip(b"\n").split(b",")))
                 line = b",".join(cells.get(n, b"") for n in chosen) + b"\n"
             checksum = crc32(line, checksum)
-    return checksum
-
-
-def _end_of_rows(path: Path, rows: int) -> int | None:
-    """Return the offset of the end of the first rows of a table [bytes]; None if there are fewer."""
-    size = count = 0
-    with open_regular(path) as file:
-        for line in islice(file, 1 + rows):
-            if line.endswith(b"\n"):
-                size, count = size + len(line), count + 1
-    return size if count == 1 + rows else None
+    return size if count == rows else None, checksum if len(chosen) == len(columns) else None
 
 
 def append_until_failure(append: Callable[[Any], None], parts: Any) -> None:
@@ -113,11 +105,11 @@ def append_until_failure(append: Callable[[Any], None], parts: Any) -> None:
 
 
 class AppendFile:
-    """A file to which rows of finite numbers are appended, the first of which is the time [s]."""
+    """A file to which rows of finite numbers are appended, time [s] first."""
 
     def __init__(self, path: Path):
         self._path = path
-        self._initial_size = self._size = 0  # bytes that are there, of a run that goes on, and by now
+        self._initial_size = self._size = 0  # bytes when it is opened, and now
 
     @property
     def name(self) -> str:
@@ -125,7 +117,7 @@ class AppendFile:
         return self._path.name
 
     def open(self) -> None:
-        """Create the file, or truncate it to the size given to ``take``; raises ``RecordError``."""
+        """Create the file, or truncate it to the size given to ``resume_at``; raises ``RecordError``."""
         try:
             self._file = open_regular(self._path, "r+b" if self._initial_size else "w+b")
             self._file.truncate(self._initial_size)
@@ -133,13 +125,13 @@ class AppendFile:
         except OSError as error:
             raise RecordError(f"{self._path}: cannot be written ({error.strerror}).") from None
 
-    def held(self) -> Held:
-        """Return the size [bytes]."""
+    def extent(self) -> Extent:
+        """Return the size [bytes], for a checkpoint."""
         return {"size": self._size}
 
-    def take(self, held: Held) -> None:
-        """Continue after that size once the file is opened."""
-        self._initial_size = self._size = held["size"]
+    def resume_at(self, extent: Extent) -> None:
+        """Truncate the file to that size when it is opened, and append there."""
+        self._initial_size = self._size = extent["size"]
 
     def sync(self) -> None:
         """Flush the file to the disk; raises ``OSError``."""
@@ -198,14 +190,15 @@ class TableWriter(AppendFile):
 
     @property
     def has_values(self) -> bool:
-        """Whether it has a column beside the time's."""
+        """Whether it has columns other than the time's."""
         return len(self._columns) > 1
 
     def open(self) -> None:
         """Create the file with its header, or open it to append; raises ``RecordError``."""
         if self._initial_size:
             self._widen()
-            self._checksum = _checksum(self._path, self._rows, self._columns) or 0
+            _, checksum = _scan(self._path, self._rows, self._columns)
+            self._checksum = checksum or 0
         super().open()
         if not self._initial_size:
             self.write(_csv_line(self._columns))
@@ -217,8 +210,6 @@ class TableWriter(AppendFile):
             header = next(rows)
             if header == self._columns:
                 return
-            names = {name.replace(",", ";"): name for name in self._columns}  # positions once had commas
-            header = [names.get(name.replace(",", ";"), name) for name in header]
             with atomic_file(self._path) as wider:
                 wider.write(_csv_line(self._columns))
                 for row in rows:
@@ -226,13 +217,14 @@ class TableWriter(AppendFile):
                     wider.write(_csv_line(cells.get(name, "") for name in self._columns))
                 self._initial_size = wider.tell()
 
-    def held(self) -> Held:
+    def extent(self) -> Extent:
         """Return the number of rows, the columns and the checksum of the rows."""
         return {"rows": self._rows, "columns": self._columns, "checksum": self._checksum}
 
-    def take(self, held: Held) -> None:
-        """Continue after these rows once the file is opened."""
-        self._rows, self._initial_size = held["rows"], _end_of_rows(self._path, held["rows"]) or 0
+    def resume_at(self, extent: Extent) -> None:
+        """Truncate the table to these rows when it is opened, and append there."""
+        end, _ = _scan(self._path, extent["rows"], self._columns)
+        self._rows, self._initial_size = extent["rows"], end or 0
 
     def append(self, row: Sequence[float | None]) -> None:
         """Append one row; see ``extend``."""
@@ -287,113 +279,3 @@ class GaugeSeries:
     eta: NDArray[np.float64]
     source: str
     y: float = 0.0
-
-
-def gauge_column(name: str, x: float, y: float = 0.0) -> str:
-    """Return the column name of a gauge."""
-    return position_label(name, {"x": x, "y": y} if y else {"x": x})
-
-
-def parse_gauge_column(column: str) -> tuple[str, float, float]:
-    """Return name, x and y [m] of a gauge from its column name; raises ``ValueError`` for another text."""
-    name, at = parse_position_label(column)
-    return name, at["x"], at.get("y", 0.0)
-
-
-def position_label(name: str, place: Mapping[str, float]) -> str:
-    """Return a name with its place [m], axis by axis from x on, as ``5@x=50;y=2``: without a table's comma."""
-    return f"{name}@" + ";".join(f"{axis}={np.format_float_positional(at, trim='-')}" for axis, at in place.items())
-
-
-def parse_position_label(label: str) -> tuple[str, dict[str, float]]:
-    """Return name and place [m] by axis of a label by ``position_label``, also with commas.
-
-    Raises ``ValueError`` for anything else.
-    """
-    name, result, place = label.rpartition("@x=")
-    if not result:
-        raise ValueError(f"{label!r} has no position")
-    axes = (part.partition("=") for part in f"x={place}".replace(",", ";").split(";"))
-    return name, {axis: float(at) for axis, _, at in axes}
-
-
-FORCES = ("force_x", "force_y", "force_z")
-MOMENTS = ("moment_x", "moment_y", "moment_z")
-
-
-def load_units(dimensions: int) -> dict[str, str]:
-    """Return the units of each quantity of a wall by its name; in a tank of one horizontal dimension per width."""
-    if dimensions == 2:
-        return dict.fromkeys(FORCES, "N") | dict.fromkeys(MOMENTS, "N m")
-    return {"force_x": "N/m", "force_z": "N/m", "moment_y": "N m/m"}
-
-
-def load_columns(names: Sequence[str], dimensions: int) -> list[str]:
-    """Return the table's columns: all quantities of the first wall, such as ``force_x paddle [N/m]``, ..."""
-    return ["t [s]", *(f"{one} {name} [{unit}]" for name in names for one, unit in load_units(dimensions).items())]
-
-
-def parse_load_column(column: str) -> tuple[str, str, str]:
-    """Return quantity, wall and units of a column."""
-    title, _, units = column.removesuffix("]").rpartition(" [")
-    quantity, _, name = title.partition(" ")
-    return quantity, name, units
-
-
-PUSH = {1: ("force [N/m]", "power [W/m]"), 2: ("force [N]", "power [W]")}  # of a tank of one or two dimensions
-RATES = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}  # a motion's methods, with their units
-
-
-def paddle_columns(places: Vector | None) -> list[str]:
-    """Return the table's columns, of a paddle in segments for each place y along it [m]."""
-    at = [""] if places is None else [f"@y={y:.6g}" for y in places]
-    return ["t [s]", *(f"{name}{place} [{unit}]" for name, unit in RATES.items() for place in at)]
-
-
-VECTORS = {  # with their units and what they are
-    "velocity": ("m/s", "velocity of the water"),
-    "local_acceleration": ("m/s^2", "rate of change of the velocity at the point"),
-    "acceleration": ("m/s^2", "acceleration of the water that passes the point"),
-}
-PRESSURE = ("Pa", "pressure above that of the air, still water's included")
-
-
-class Point(NamedTuple):
-    """A probe: its name and place [m]."""
-
-    name: str
-    x: float
-    y: float
-    z: float
-
-
-def probe_quantities(dimensions: int) -> dict[str, tuple[str, str]]:
-    """Return units and meaning of each quantity of a point by its name; vectors by their components.
-
-    There is no component along y in a tank of one horizontal dimension.
-    """
-    axes = "xyz" if dimensions == 2 else "xz"
-    each = ((axis, name, units, text) for name, (units, text) in VECTORS.items() for axis in axes)
-    vectors = {f"{name}_{axis}": (units, f"{text}, along {axis}") for axis, name, units, text in each}
-    return vectors | {"pressure": PRESSURE}
-
-
-def probe_columns(points: Sequence[tuple[str, float, float, float]], dimensions: int) -> list[str]:
-    """Return the table's columns: all quantities of the first point, such as ``velocity_x A@x=2;z=-0.1 [m/s]``, ..."""
-    quantities = probe_quantities(dimensions)
-    return [
-        "t [s]",
-        *(f"{name} {_probe_label(Point(*point))} [{quantities[name][0]}]" for point in points for name in quantities),
-    ]
-
-
-def _probe_label(point: Point) -> str:
-    place = {"x": point.x, "y": point.y, "z": point.z}
-    return position_label(point.name, {axis: at for axis, at in place.items() if at or axis != "y"})
-
-
-def parse_probe_column(column: str) -> tuple[str, Point]:
-    """Return quantity and point of a column name; raises ``ValueError`` for another text."""
-    quantity, _, rest = column.rpartition(" [")[0].partition(" ")
-    name, place = parse_position_label(rest)
-    return quantity, Point(name, place["x"], place.get("y", 0.0), place["z"])

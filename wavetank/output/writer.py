@@ -12,10 +12,8 @@ from uuid import uuid4
 from wavetank.arrays import Vector
 from wavetank.errors import InputError, RecordError, RunError, WavetankError, worded
 from wavetank.output.checkpoint import Checkpoint, read_checkpoint, readable_checkpoints, write_checkpoint
+from wavetank.output.columns import gauge_column
 from wavetank.output.directory import (
-    BED,
-    BREAKING,
-    BROKEN,
     CHECKPOINT,
     CHECKPOINT_BEFORE,
     COPIES,
@@ -40,9 +38,8 @@ from wavetank.output.files import (
 )
 from wavetank.output.manifest import MANIFEST, now
 from wavetank.output.netcdf import conventions
-from wavetank.output.tables import AppendFile, TableWriter, csv_table, gauge_column, is_modified, is_truncated
+from wavetank.output.tables import AppendFile, Extent, TableWriter, csv_table, unusable
 from wavetank.run_warning import RunWarning
-from wavetank.stateful import Held
 
 R = TypeVar("R", bound=AppendFile)
 
@@ -178,21 +175,21 @@ class RunWriter:
             record.open()
         return record
 
-    def held(self) -> Held:
-        """Return the state of each record by the name of its file."""
-        return {record.name: record.held() for record in self._records}
+    def extents(self) -> dict[str, Extent]:
+        """Return the extent of each record by the name of its file, for a checkpoint."""
+        return {record.name: record.extent() for record in self._records}
 
-    def take(self, held: Held) -> None:
-        """Continue the records from this state once the run begins, and begin those that are new.
+    def resume_at(self, extents: Mapping[str, Extent]) -> None:
+        """Continue the records from these extents once the run begins, and begin those that are new.
 
         Raises ``InputError`` for a record that would not go on.
         """
         names = {record.name for record in self._records}
-        if not held.keys() <= names:
-            raise InputError(f"{self.path}: its records are {', '.join(held)}; they would be {', '.join(names)}.")
+        if not extents.keys() <= names:
+            raise InputError(f"{self.path}: its records are {', '.join(extents)}; they would be {', '.join(names)}.")
         for record in self._records:
-            if record.name in held:
-                record.take(held[record.name])
+            if record.name in extents:
+                record.resume_at(extents[record.name])
 
     def checkpoint(self, checkpoint: Checkpoint, *, last_size: int = 0, at_any_price: bool = False) -> int:
         """Write a checkpoint, which is told whose it is; return its size in bytes.
@@ -240,38 +237,24 @@ class RunWriter:
     def _reason_unusable(self, about: dict[str, Any]) -> str:
         """Return why a run cannot be resumed from a checkpoint; empty if it can."""
         try:
-            return self._missing_data(about)
+            if {*about["fields"]} - {*SERIES} or any(Path(name).name != name for name in about["records"]):
+                return "it names files that this program does not write"
+            records = about["records"].items()
+            reasons = (unusable(self.path / name, extent, about["t"]) for name, extent in records)
+            if reason := next(filter(None, reasons), ""):
+                return reason
+            missing = (missing_file(self.path, name, extent) for name, extent in about["fields"].items())
+            file = next(filter(None, missing), "")
+            return f"it counts on {file}, which is no longer there, or not all of it" if file else ""
         except OSError as error:
             return f"a record cannot be read: {error.strerror}"
         except (KeyError, TypeError, AttributeError):
             return "it is of another version of this program"
 
-    def _missing_data(self, about: dict[str, Any]) -> str:
-        """Return which data of a checkpoint are missing in the records; empty if none."""
-        if {*about.get("fields", {})} - {*SERIES} or any(Path(name).name != name for name in about["records"]):
-            return "it names files that this program does not write"
-        for name, held in about["records"].items():
-            if is_truncated(self.path / name, held):
-                return f"it counts on more than there is in {name}"
-            if is_modified(self.path / name, held):
-                return f"a row of {name} before t = {about['t']:.6g} s has been added, removed or edited since"
-        lost = (missing_file(self.path, name, held) for name, held in about.get("fields", {}).items())
-        return next((f"it counts on {file}, which is no longer there, or not all of it" for file in lost if file), "")
-
-    def broken(self, columns: Mapping[str, Vector]) -> None:
-        """Write the surface from which the run cannot go on; on a full disk it is left out."""
+    def write_table(self, file: str, columns: Mapping[str, Vector]) -> None:
+        """Write a complete table, such as that of breaking crests; on a full disk it is left out."""
         with suppress(OSError):
-            write_atomically(self.path / BROKEN, csv_table(columns))
-
-    def bed(self, columns: Mapping[str, Vector]) -> None:
-        """Write the depths of a bed, so that nobody who draws the run executes its code; on a full disk left out."""
-        with suppress(OSError):
-            write_atomically(self.path / BED, csv_table(columns))
-
-    def breaking(self, columns: Mapping[str, Vector]) -> None:
-        """Write the crests that passed the threshold of breaking; on a full disk they are in the manifest alone."""
-        with suppress(OSError):
-            write_atomically(self.path / BREAKING, csv_table(columns))
+            write_atomically(self.path / file, csv_table(columns))
 
     def note(self, figures: dict[str, Any]) -> None:
         """Add figures to the manifest, which is written at the latest when the run ends."""

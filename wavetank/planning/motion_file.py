@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import numpy as np
 import typer
 
-from wavetank.output.tables import RATES, paddle_columns
+from wavetank.output.columns import RATES, paddle_columns
 
 if TYPE_CHECKING:
     from wavetank.case import EndWall

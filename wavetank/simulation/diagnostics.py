@@ -17,9 +17,9 @@ from wavetank.fem.lattice import Lattice
 from wavetank.fem.line_points import points_in
 from wavetank.fem.plane import Field
 from wavetank.fem.points import Points
+from wavetank.output.columns import RATES as RATES
 from wavetank.output.directory import REST_POSITION
 from wavetank.output.fields import VtkCells
-from wavetank.output.tables import RATES as RATES
 from wavetank.output.tables import Rows
 from wavetank.simulation.clock import EverySteps, Schedule
 from wavetank.simulation.contract import Keeping, Moment, Moments, ObservedWall, ObservedWaves, Patient
