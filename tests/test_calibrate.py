@@ -63,7 +63,7 @@ def test_toml_holds_what_is_awkward():
 def waves():
     """Return the waves of a focusing group."""
     scene = read_case(FOCUSING)
-    return scene.wall.motion.waves(scene.tank, scene.wall.wavemaker).target
+    return scene.wall.motion.target(scene.tank)
 
 
 def test_waves_that_are_moved_are_the_same_elsewhere(waves):
@@ -76,12 +76,10 @@ def test_waves_that_are_written_are_read_as_components(waves, tmp_path):
     (tmp_path / "waves.csv").write_text(components_table(waves))
     motion = f"wall.motion={{type='components', file='{tmp_path / 'waves.csv'}'}}"
     scene = read_case(FOCUSING, [motion])
-    read = scene.wall.motion.waves(scene.tank, scene.wall.wavemaker).target
+    read = scene.wall.motion.target(scene.tank)
     np.testing.assert_allclose(read.amplitudes, waves.amplitudes, atol=1e-8 * np.abs(waves.amplitudes).max())
     turned = read_case(FOCUSING, [motion, "wall.motion.phase=180"])
-    np.testing.assert_allclose(
-        turned.wall.motion.waves(scene.tank, scene.wall.wavemaker).target.amplitudes, -read.amplitudes, rtol=1e-9
-    )
+    np.testing.assert_allclose(turned.wall.motion.target(scene.tank).amplitudes, -read.amplitudes, rtol=1e-9)
 
 
 @pytest.mark.parametrize("spacing", [0.01, 0.2], ids=["closer than the record tells apart", "far apart"])
@@ -454,7 +452,7 @@ def test_the_part_of_a_target_that_cannot_arrive_is_the_misfit_that_remains():
     """Oracle: calibrations in linear water, which stall at nrms 0.0999 (x = 4 m) and 0.313 (12 m), 0.010 at a focus."""
     sea, group = read_case(FOCUSING.with_name("irregular.toml"), ["run.duration=40"]), read_case(FOCUSING)
     for scene, x, part in ((sea, 4.0, 0.0999), (sea, 12.0, 0.313), (group, 10.0, 0.010)):
-        waves = scene.wall.motion.waves(scene.tank, scene.wall.wavemaker).target
+        waves = scene.wall.motion.target(scene.tank)
         t = np.arange(0.0, scene.run.duration, 0.08)
         aim = RecordAim(x, Elevation(t, waves.elevation(x, t)), waves, tolerance=0.02, linear=True)
         assert 0.6 * part < aim.late().part < part
@@ -484,7 +482,7 @@ def test_a_surface_that_is_wished_for_is_the_record_that_is_wanted(tmp_path):
     np.savetxt(tmp_path / "eta.txt", np.column_stack([t, np.exp(-(((t - 16) / 3) ** 2)) * np.cos(5.0 * t)]))
     motion = f"wall.motion={{type='surface', file='{tmp_path / 'eta.txt'}', x=4.0, delay=8.0}}"
     scene = read_case(FOCUSING, [motion, "run.duration=40.0"])
-    aim, meant = aim_of(scene), scene.wall.motion.waves(scene.tank, scene.wall.wavemaker).target
+    aim, meant = aim_of(scene), scene.wall.motion.target(scene.tank)
     times = np.arange(20.0, 28.0, 0.3)
     np.testing.assert_allclose(aim.waves(aim.start).elevation(4.0, times), meant.elevation(4.0, times), atol=0.02)
 

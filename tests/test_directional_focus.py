@@ -1,7 +1,7 @@
 """A directional focus by a segmented paddle between side walls, against linear theory (Dalrymple 1989).
 
 Of small amplitude, k_p A = 0.006, in half the case's basin: the focus is on the plane of symmetry, y = 0. Linear theory
-is ``ReflectedFocus.target``, itself tested in tests/test_segmented_motion.py.
+is ``ReflectedGroup.target``, itself tested in tests/test_segmented_motion.py.
 """
 
 import numpy as np

@@ -21,20 +21,16 @@ from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.motion import (
-    Gaussian,
     HarmonicSum,
-    Jonswap,
     Ramped,
     Recorded,
     Sinusoid,
-    Tabled,
     Tabulated,
-    Tma,
     exact_solitary,
+    first_order_motion,
     goring,
-    irregular,
+    second_order_motion,
 )
-from wavetank.motion.harmonic import uniform
 from wavetank.motion.recorded import hermite, read_record
 from wavetank.output.directory import RunDirectory
 from wavetank.planning.default_plan import planned
@@ -47,6 +43,7 @@ from wavetank.waves import airy
 from wavetank.waves.plane_waves import waves_along
 from wavetank.waves.second_order import MANY, Strokes, _Water, second_order
 from wavetank.waves.solitary_wave import solitary_wave
+from wavetank.waves.spectra import Gaussian, Jonswap, Tabled, Tma, irregular, uniform
 from wavetank.waves.wavemaker import PISTON
 
 GRAVITY, DEPTH = 9.81, 1.0
@@ -72,7 +69,7 @@ def seen(case, *, start):
 def waves(motion):
     """Return the linear waves that a noun means."""
     case = scene(motion)
-    return case.wall.motion.waves(case.tank, case.wall.wavemaker).target
+    return case.wall.motion.target(case.tank)
 
 
 # ---------------------------------------------------------------- tables of sums
@@ -629,11 +626,11 @@ def test_second_order_generation_gathers_equal_frequencies():
     motion = {"type": "irregular", "significant_height": 0.05, "components": 60, "highest_frequency": 1.5}
     motion |= {"spectrum": {"type": "jonswap", "peak_frequency": 0.6}, "generation": "second-order"}
     case = scene(motion)
-    wave = case.wall.motion.waves(case.tank, case.wall.wavemaker)
-    lines = wave.second_order_lines
+    wave = first_order_motion(case.wall.motion.target(case.tank), PISTON)
+    lines = second_order_motion(case.wall.motion.target(case.tank), PISTON)
     assert lines.omega.size == 60 + 59 + 119 and np.all(np.diff(lines.omega) > 0)  # the lines, 59 differences, 119 sums
     t = np.linspace(3.0, 9.0, 5)
-    first = Strokes(wave.lines.omega, wave.lines.b)
+    first = Strokes(wave.omega, wave.b)
     more = second_order(first, PISTON, depth=DEPTH, gravity=GRAVITY)
     expected = wave.position(t) + HarmonicSum(more.omega, more.b).position(t)
     np.testing.assert_allclose(lines.position(t), expected, atol=1e-12)

@@ -8,55 +8,60 @@ from pydantic import ValidationError
 
 from wavetank.case import BasinTank, Case, DirectionalIrregularMotion
 from wavetank.case.directional import span
-from wavetank.motion import (
-    DirectionalFocus,
-    Fan,
-    Jonswap,
-    ObliqueWave,
-    PiecewiseLinear,
-    Ramped,
-    Recorded,
-    ReflectedFocus,
-    WaveGroup,
-)
+from wavetank.motion import PiecewiseLinear, Ramped, Recorded, SegmentedMotion, SnakeMotion, first_order_motion
 from wavetank.motion.motion import joints, widest_segment
 from wavetank.waves import wavemaker
+from wavetank.waves.airy import wave_number
+from wavetank.waves.focusing import Fan, FocusedGroup, ReflectedGroup
+from wavetank.waves.plane_waves import waves_along
+from wavetank.waves.spectra import Jonswap
 
 GRAVITY, DEPTH = 9.81, 0.5
 Y = np.linspace(-4.0, 4.0, 17)
 
 
+class Oblique(SegmentedMotion):
+    """Independent of the package's sums: X = a cos(theta) / c sin(omega t - k sin(theta) y)."""
+
+    def __init__(self, amplitude=0.02, period=1.3, angle=0.5, shape=wavemaker.PISTON, depth=DEPTH):
+        self.amplitude, self.angle, self.omega = amplitude, angle, 2 * np.pi / period
+        self.k = float(wave_number(self.omega, depth, GRAVITY))
+        self.paddle_amplitude = float(amplitude * np.cos(angle) / shape.transfer(self.k, depth))
+
+    def derivative(self, t, order, y=None):
+        phase = np.subtract.outer(np.multiply(self.omega, t) + order * np.pi / 2, self.k * np.sin(self.angle) * y)
+        return self.paddle_amplitude * self.omega**order * np.sin(phase)
+
+
+def oblique_waves(*, amplitude=0.02, period=1.3, angle=0.5):
+    return waves_along([1 / period], [amplitude], [0.0], angles=angle, depth=DEPTH, gravity=GRAVITY)
+
+
 def group(**changes):
-    values = {
-        "amplitude": 0.05,
-        "spectrum": Jonswap(0.8),
-        "lowest_frequency": 0.5,
-        "highest_frequency": 1.5,
-        "components": 24,
-        "focus_x": 6.0,
-        "focus_time": 20.0,
-        "depth": DEPTH,
-        "gravity": GRAVITY,
-    }
-    return WaveGroup(**{**values, **changes})
+    frequencies = np.linspace(0.5, 1.5, changes.pop("components", 24))
+    values = {"amplitude": 0.05, "spectrum": Jonswap(0.8), "focus_x": 6.0, "focus_time": 20.0, "depth": DEPTH}
+    return FocusedGroup(**{"frequencies": frequencies, "gravity": GRAVITY, **values, **changes})
 
 
 def focus(*, largest=0.6, count=9, exponent=3.0, **changes):
-    return DirectionalFocus(group=group(**changes), fan=Fan(largest, count, exponent), focus_y=0.3)
+    return group(fan=Fan(largest, count, exponent), focus_y=0.3, **changes)
 
 
-def oblique(**changes):
-    values = {"amplitude": 0.02, "period": 1.3, "angle": 0.5, "depth": DEPTH, "gravity": GRAVITY}
-    return ObliqueWave(**{**values, **changes})
+def between_walls(waves):
+    return ReflectedGroup(group=waves, y_min=-4.0, y_max=4.0)
+
+
+def snake(waves):
+    return SnakeMotion(waves.target, wavemaker.PISTON)
 
 
 MOTIONS = {
-    "oblique": oblique(),
-    "focus": focus(),
-    "reflected": ReflectedFocus(focus=focus(), low=-4.0, high=4.0),
-    "ramped": Ramped(oblique(), 6.0, start=1.0),
-    "segments": PiecewiseLinear(focus(), joints(-4.0, 4.0, segment=0.5)),
-    "all": PiecewiseLinear(Ramped(oblique(), 5.0), joints(-4.0, 4.0, segment=0.5)),
+    "oblique": SnakeMotion(oblique_waves(), wavemaker.PISTON),
+    "focus": snake(focus()),
+    "reflected": snake(between_walls(focus())),
+    "ramped": Ramped(Oblique(), 6.0, start=1.0),
+    "segments": PiecewiseLinear(snake(focus()), joints(-4.0, 4.0, segment=0.5)),
+    "all": PiecewiseLinear(Ramped(Oblique(), 5.0), joints(-4.0, 4.0, segment=0.5)),
 }
 
 
@@ -88,7 +93,7 @@ def test_named_derivatives_and_shapes(name):
 # ---------------------------------------------------------------- wrappers
 @given(st.floats(0.0, 20.0), st.integers(0, 2))
 def test_segments_that_move_alike_are_a_paddle_that_moves_as_a_whole_and_ramp_alike(t, order):
-    whole, alike = group(), DirectionalFocus(group=group(), fan=Fan(0.5, 1))
+    whole, alike = first_order_motion(group().target, wavemaker.PISTON).tabulated(), snake(group(fan=Fan(0.5, 1)))
     expected = whole.derivative(t, order)
     assert whole.derivative(t, order, Y) == expected  # the same wherever it is looked at
     tight = {"rtol": 1e-9, "atol": 1e-12}
@@ -109,7 +114,7 @@ def test_a_motion_that_ends_ends_in_every_wrapper():
 
 @given(st.floats(-3.9, 3.9), st.floats(0.0, 20.0))
 def test_segments_are_straight_between_joints_that_follow_the_motion(y, t):
-    at, motion = joints(-4.0, 4.0, segment=0.5), focus()
+    at, motion = joints(-4.0, 4.0, segment=0.5), snake(focus())
     hinged = PiecewiseLinear(motion, at)
     np.testing.assert_array_equal(hinged.position(t, at), motion.position(t, at))
     expected = np.interp(y, at, motion.position(t, at))
@@ -130,18 +135,18 @@ def test_segments_are_equal_and_as_few_as_are_narrow_enough(width, segment):
 @pytest.mark.parametrize("angle", [0.0, 0.4, -0.9])
 def test_wider_segments_make_a_second_wave_that_travels(angle):
     """Fourier transform of the hinged paddle: besides k sin(theta) only what is below k radiates."""
-    wave, count = oblique(), 4096
+    wave, count = Oblique(), 4096
     widest = widest_segment(wave.k, angle)
     for factor, radiates in ((0.97, False), (1.03, True)):
         y = factor * widest * np.arange(count) / 16
-        snake = np.exp(-1j * wave.k * np.sin(angle) * y)
-        hinged = np.interp(y, y[::16], snake.real[::16]) + 1j * np.interp(y, y[::16], snake.imag[::16])
+        exact = np.exp(-1j * wave.k * np.sin(angle) * y)
+        hinged = np.interp(y, y[::16], exact.real[::16]) + 1j * np.interp(y, y[::16], exact.imag[::16])
         window = np.hanning(count)
         k_y = 2 * np.pi * np.fft.fftfreq(count, y[1])
         spectrum = np.abs(np.fft.fft(window * hinged)) / window.sum()
         other = spectrum[(np.abs(k_y) < wave.k) & (np.abs(k_y + wave.k * np.sin(angle)) > 0.1 * wave.k)].max()
         half = 0.5 * wave.k * np.sin(angle) * factor * widest
-        mean = np.vdot(snake[:-16], hinged[:-16]).real / (count - 16)  # 16 points a segment: 1 / 16^2 off the integral
+        mean = np.vdot(exact[:-16], hinged[:-16]).real / (count - 16)  # 16 points a segment: 1 / 16^2 off the integral
         assert mean == pytest.approx(np.sinc(half / np.pi) ** 2, abs=0.02)
         # at angle 0 the snake is straight and segments make no difference
         assert (other > 1e-3) == (radiates and angle != 0.0)
@@ -150,51 +155,51 @@ def test_wider_segments_make_a_second_wave_that_travels(angle):
 # ---------------------------------------------------------------- linear theory
 def test_the_oblique_wave_s_height_is_biesel_s_over_the_cosine():
     """Oracle: the flux, int u cos(theta) cosh k(z+d) dz = omega X int cosh k(z+d) dz at the paddle, by quadrature."""
-    wave = oblique(angle=0.7)
+    wave, made = Oblique(angle=0.7), SnakeMotion(oblique_waves(angle=0.7), wavemaker.PISTON).at(np.zeros(1))
     nodes, weights = np.polynomial.legendre.leggauss(40)
     profile = np.cosh(wave.k * DEPTH * (nodes + 1) / 2) / np.cosh(wave.k * DEPTH)
     speed = wave.amplitude * GRAVITY * wave.k / wave.omega * np.cos(wave.angle)
-    assert wave.omega * wave.paddle_amplitude == pytest.approx(speed * weights @ profile**2 / (weights @ profile))
-    straight = oblique(angle=0.0)
-    assert straight.paddle_amplitude == pytest.approx(0.02 / wavemaker.PISTON.transfer(straight.k, DEPTH))
+    assert wave.omega * abs(made.b[0, 0]) == pytest.approx(speed * weights @ profile**2 / (weights @ profile))
+    straight = first_order_motion(oblique_waves(angle=0.0), wavemaker.PISTON)
+    assert abs(straight.b[0]) == pytest.approx(0.02 / wavemaker.PISTON.transfer(wave.k, DEPTH))
 
 
 @given(st.floats(0.0, 5.0), st.floats(-1.2, 1.2))
 def test_the_oblique_wave_at_the_paddle_goes_with_its_velocity(t, angle):
-    wave, x = oblique(angle=angle), np.zeros_like(Y)
-    in_step = wave.velocity(t, Y) / (wave.omega * wave.paddle_amplitude) * wave.amplitude
-    np.testing.assert_allclose(wave.target.elevation(x, t, y=Y), in_step, atol=1e-12)
+    wave, x, target = Oblique(angle=angle), np.zeros_like(Y), oblique_waves(angle=angle)
+    made = SnakeMotion(target, wavemaker.PISTON).velocity(t, Y)
+    in_step = made / (wave.omega * wave.paddle_amplitude) * wave.amplitude
+    np.testing.assert_allclose(made, wave.velocity(t, Y), atol=1e-12)
+    np.testing.assert_allclose(target.elevation(x, t, y=Y), in_step, atol=1e-12)
     along = np.full_like(Y, 0.8)  # and travels to (cos, sin) with the phase speed
     direction, c = np.array([np.cos(angle), np.sin(angle)]), wave.omega / wave.k
-    later = wave.target.elevation(along + c * direction[0], t + 1.0, y=Y + c * direction[1])
-    np.testing.assert_allclose(later, wave.target.elevation(along, t, y=Y), atol=1e-12)
+    later = target.elevation(along + c * direction[0], t + 1.0, y=Y + c * direction[1])
+    np.testing.assert_allclose(later, target.elevation(along, t, y=Y), atol=1e-12)
 
 
 def test_one_direction_is_the_wave_group():
     waves, t = group(), np.linspace(5.0, 25.0, 7)
-    for motion in (
-        DirectionalFocus(group=waves, fan=Fan(0.5, 1)),
-        ReflectedFocus(focus=DirectionalFocus(group=waves, fan=Fan(0.5, 1)), low=-4.0, high=4.0),
-    ):
+    whole = first_order_motion(waves.target, wavemaker.PISTON)
+    for one in (group(fan=Fan(0.5, 1)), between_walls(group(fan=Fan(0.5, 1)))):
         for order in range(3):
-            expected = np.repeat(waves.derivative(t, order)[:, None], Y.size, axis=1)
-            np.testing.assert_allclose(motion.derivative(t, order, Y), expected, atol=1e-12)
+            expected = np.repeat(whole.derivative(t, order)[:, None], Y.size, axis=1)
+            np.testing.assert_allclose(snake(one).at(Y).derivative(t, order), expected, atol=1e-12)
         np.testing.assert_allclose(
-            motion.target.elevation(np.full_like(Y, 5.0), 19.0, y=Y), waves.target.elevation(5.0, 19.0)
+            one.target.elevation(np.full_like(Y, 5.0), 19.0, y=Y), waves.target.elevation(5.0, 19.0)
         )
-        assert motion.earliest_focus(2.0) == pytest.approx(waves.earliest_focus(2.0))
+        assert one.earliest_focus(2.0) == pytest.approx(waves.earliest_focus(2.0))
 
 
 def test_the_focus_is_the_sum_of_oblique_waves():
-    """Oracle: each component as an ``ObliqueWave`` of its own, shifted in y and t so that its crest is at the focus."""
+    """Oracle: each component as an oblique wave of its own, shifted in y and t so that its crest is at the focus."""
     waves = focus(count=3, components=2)
     total, t = np.zeros_like(Y), 3.3
-    for j, period in enumerate(1 / waves.group.frequencies):
+    for j, period in enumerate(1 / waves.frequencies):
         for m, angle in enumerate(waves.fan.angles):
-            wave = oblique(amplitude=waves.crest_amplitudes[j, m], period=period, angle=angle)
+            wave = Oblique(amplitude=waves.crest_amplitudes[j, m], period=period, angle=angle)
             shift = t - 20.0 + waves.k_x[j, m] * 6.0 / wave.omega
             total += wave.position(shift, Y - 0.3)
-    np.testing.assert_allclose(waves.position(t, Y), total, atol=1e-12)
+    np.testing.assert_allclose(snake(waves).position(t, Y), total, atol=1e-12)
 
 
 @given(st.floats(0.0, 12.0), st.floats(-4.0, 4.0), st.floats(0.0, 40.0))
@@ -213,7 +218,7 @@ def test_a_wider_fan_makes_a_narrower_crest():
     ]
     assert 0 < half[2] < half[1] < half[0]
     np.testing.assert_allclose(
-        Fan(0.6, 5, 2.0).shares / Fan(0.6, 5, 2.0).shares[2], np.cos(Fan(0.6, 5).angles / 2) ** 4
+        Fan(0.6, 5, 2.0).weights / Fan(0.6, 5, 2.0).weights[2], np.cos(Fan(0.6, 5).angles / 2) ** 4
     )
 
 
@@ -221,7 +226,7 @@ def test_a_wider_fan_makes_a_narrower_crest():
 def test_waves_sent_by_the_side_walls_are_the_wanted_ones_at_the_focus():
     """What cannot travel is missing, waves shorter across than long: less than 2 % of the crest here, most at walls."""
     waves, y = focus(largest=0.7, exponent=0.0), np.linspace(-4.0, 4.0, 81)
-    between, x = ReflectedFocus(focus=waves, low=-4.0, high=4.0), np.full(81, 6.0)
+    between, x = between_walls(waves), np.full(81, 6.0)
     for t in (19.0, 20.0, 20.3):
         np.testing.assert_allclose(
             between.target.elevation(x, t, y=y), waves.target.elevation(x, t, y=y), atol=0.02 * 0.05
@@ -235,34 +240,32 @@ def test_waves_sent_by_the_side_walls_are_the_wanted_ones_at_the_focus():
 
 def test_the_reflected_paddle_makes_the_waves_it_says():
     """Oracle: its Fourier components in y and t as pairs of oblique waves, one to either side."""
-    between = ReflectedFocus(focus=focus(components=2), low=-4.0, high=4.0)
+    between = between_walls(focus(components=2))
     y, t = np.linspace(-4.0, 4.0, 65), 7.7
     total = np.zeros_like(y)
-    for j, frequency in enumerate(between.focus.group.frequencies):
+    for j, frequency in enumerate(between.group.frequencies):
         for n, k_y in enumerate(between.across):
             if between.along[j, n] == 0.0:
                 continue
             crest, angle = between.crests[j, n], np.arctan2(k_y, between.along[j, n])
             for side in (-1, 1):
-                wave = oblique(amplitude=0.5 * abs(crest), period=1 / frequency, angle=side * angle)
+                wave = Oblique(amplitude=0.5 * abs(crest), period=1 / frequency, angle=side * angle)
                 phase = np.angle(crest) - between.along[j, n] * 6.0 + wave.omega * 20.0
                 total += wave.position(t - phase / wave.omega, y + 4.0)
-    np.testing.assert_allclose(between.position(t, y), total, atol=1e-12)
+    np.testing.assert_allclose(snake(between).at(y).position(t), total, atol=1e-12)
 
 
 # ---------------------------------------------------------------- time enough
-@pytest.mark.parametrize("make", [focus, lambda: ReflectedFocus(focus=focus(), low=-4.0, high=4.0)])
-def test_a_ramp_that_ends_in_time_leaves_the_crest(make):
+@pytest.mark.parametrize("walls", [False, True])
+def test_a_ramp_that_ends_in_time_leaves_the_crest(walls):
     """Oracle: the transform of the ramped paddle in y and t, sent to x_f by linear theory mode by mode."""
-    motion = make()
-    early, ramp = motion.earliest_focus(2.0), 2.0
-    assert focus().earliest_focus(ramp) > group().earliest_focus(ramp)  # the oblique way is longer
-    spectrum = {"focus_time": early}
-    later = focus(**spectrum)
-    later = later if isinstance(motion, DirectionalFocus) else ReflectedFocus(focus=later, low=-4.0, high=4.0)
+    waves, ramp = between_walls(focus()) if walls else focus(), 2.0
+    early = waves.earliest_focus(ramp)
+    assert focus().earliest_focus(ramp) > group().earliest_focus(ramp)  # oblique waves travel longer
+    later = focus(focus_time=early)
     # open water is wide enough to be periodic: from 20 m aside nothing reaches the focus in time
-    low, width = (-4.0, 8.0) if isinstance(later, ReflectedFocus) else (-20.3, 40.6)
-    crest = sent_to_focus(Ramped(later, ramp), early, low, width)
+    low, width = (-4.0, 8.0) if walls else (-20.3, 40.6)
+    crest = sent_to_focus(Ramped(snake(between_walls(later) if walls else later), ramp), early, low, width)
     assert crest == pytest.approx(0.05, rel=0.03)
 
 
@@ -328,18 +331,17 @@ def test_the_nouns_build_their_motions():
     assert isinstance(motion, PiecewiseLinear) and isinstance(motion.motion, Ramped)
     assert (motion.joints[0], motion.joints[-1], motion.joints.size) == (LOW, HIGH, 21)
     assert motion.motion.ramp == 2.6
-    expected = oblique(angle=np.radians(30.0)).position(7.0, motion.joints)
+    expected = Oblique(angle=np.radians(30.0)).position(7.0, motion.joints)
     np.testing.assert_allclose(motion.position(7.0, motion.joints), expected, rtol=1e-12)
     assert case.ends[0].reach == 5.0  # ten depths
     waves = scene({**FOCUS, "ramp": 0}).motion()
-    assert isinstance(waves, DirectionalFocus)
-    assert waves.target.elevation(6.0, 20.0, y=FOCUS["focus_y"]) == pytest.approx(0.05)
-    assert (waves.fan.count, waves.fan.largest) == (21, pytest.approx(np.pi / 6))
+    assert isinstance(waves, SnakeMotion) and waves.waves.omega.size == 48 * 21
+    assert waves.waves.elevation(6.0, 20.0, y=FOCUS["focus_y"]) == pytest.approx(0.05)
     walls = scene(
         {**FOCUS, "type": "reflected-focus", "largest_angle": 60.0, "ramp": 0, "focus_time": 30.0}, duration=35.0
     )
-    assert isinstance(walls.motion(), ReflectedFocus)
-    assert (walls.motion().low, walls.motion().high) == (LOW, HIGH)
+    reflected = walls.wall.motion.focused(walls.tank)
+    assert (reflected.y_min, reflected.y_max) == (LOW, HIGH)
     for built in (case, walls):
         assert Case.model_validate(built.model_dump(mode="json")) == built
 
@@ -375,11 +377,11 @@ SEA = {
 
 
 def test_a_directional_sea_is_the_sum_of_oblique_waves():
-    """Oracle: each component as an ``ObliqueWave`` of its own, shifted in time so that its phase is right."""
-    sea = DirectionalIrregularMotion.model_validate(SEA).waves(BasinTank.model_validate(BASIN))
-    waves, total, t = sea.target, np.zeros_like(Y), 7.3
+    """Oracle: each component as an oblique wave of its own, shifted in time so that its phase is right."""
+    waves = DirectionalIrregularMotion.model_validate(SEA).target(BasinTank.model_validate(BASIN))
+    sea, total, t = SnakeMotion(waves, wavemaker.PISTON), np.zeros_like(Y), 7.3
     for A, k_x, k_y, omega in zip(waves.amplitudes, waves.k_x, waves.k_y, waves.omega, strict=True):
-        one = oblique(amplitude=abs(A), period=2 * np.pi / omega, angle=np.arctan2(k_y, k_x))
+        one = Oblique(amplitude=abs(A), period=2 * np.pi / omega, angle=np.arctan2(k_y, k_x))
         total += one.position(t - np.angle(A) / omega, Y)
     np.testing.assert_allclose(sea.position(t, Y), total, atol=1e-9)  # from a table
     np.testing.assert_allclose(sea.at(Y).position(t), total, atol=1e-12)
@@ -389,7 +391,7 @@ def test_a_directional_sea_is_the_sum_of_oblique_waves():
 def test_a_directional_sea_has_its_height_and_its_spreading(spread):
     """Of cos^2s(theta/2) the standard deviation is (2 / (1 + s))^(1/2), 21 degrees here, within 1 / (2 N)^(1/2)."""
     noun = DirectionalIrregularMotion.model_validate({**SEA, **spread, "components": 2000, "largest_angle": 80.0})
-    waves = noun.waves(BasinTank.model_validate(BASIN)).target
+    waves = noun.target(BasinTank.model_validate(BASIN))
     assert 4 * np.sqrt((np.abs(waves.amplitudes) ** 2).sum() / 2) == pytest.approx(0.04, rel=1e-12)
     angles = np.degrees(np.arctan2(waves.k_y, waves.k_x))
     expected = 15.0 if spread["deviation"] else np.degrees(np.sqrt(2 / 15))

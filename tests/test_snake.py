@@ -6,13 +6,14 @@ from conftest import fitted_slope, recorded
 from mpi4py import MPI
 from pydantic import ValidationError
 from test_flaps import BALANCE, GRAVITY
+from test_segmented_motion import Oblique
 
 from wavetank.case import Case, RegularMotion, SliceTank
 from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.fem.plane import Plane
-from wavetank.motion import ObliqueWave, PiecewiseLinear
+from wavetank.motion import PiecewiseLinear
 from wavetank.motion.motion import SegmentedMotion
 from wavetank.output.directory import RunDirectory
 from wavetank.simulation.build import build_run
@@ -46,7 +47,7 @@ def test_a_snake_of_flaps_moves_by_their_transfer_function():
     t = np.linspace(0.0, 9.0, 40)
     np.testing.assert_allclose(flap.position(t, Y), np.multiply.outer(regular.position(t), 1 + 0 * Y), atol=1e-9)
     flap, piston = scene(hinge=0.2).motion(), scene(type="segmented-piston").motion()
-    k = piston.motion.k
+    k = piston.motion.waves.k_x[0] / np.cos(np.radians(OBLIQUE["angle"]))
     ratio = 2 * np.sinh(k) / (np.sinh(2 * k) / (2 * k) + 1) / k  # Biesel's, over an arm of 0.8 m
     ratio *= np.sinh(k) - (np.cosh(k) - np.cosh(0.2 * k)) / (0.8 * k)
     ratio /= 2 * (np.cosh(2 * k) - 1) / (np.sinh(2 * k) + 2 * k)
@@ -66,13 +67,12 @@ def test_components_of_a_file_go_their_own_ways(tmp_path):
     motion = {"type": "components", "file": str(tmp_path / "waves.txt"), "ramp": 0, **told}
     found, t, total = scene(motion, hinge=-0.5).motion(), 7.3, 0.0
     for f, a, phase, angle in rows:
-        wave = {"amplitude": a, "period": 1 / f, "angle": np.radians(angle), "depth": DEPTH, "gravity": GRAVITY}
-        one = ObliqueWave(**wave, wavemaker=Flap(-0.5))
+        one = Oblique(amplitude=a, period=1 / f, angle=np.radians(angle), shape=Flap(-0.5), depth=DEPTH)
         later = (one.k * (np.cos(one.angle) * 1.5 + np.sin(one.angle) * 0.7) + phase) / one.omega
         total = total + one.position(t - 4.0 + later, Y)
     np.testing.assert_allclose(found.position(t, Y), total, atol=1e-9)
     eta = sum(a * np.cos(2 * np.pi * f * (t - 4.0) + phase) for f, a, phase, _ in rows)
-    assert found.target.elevation(1.5, t, y=0.7) == pytest.approx(eta, abs=1e-12)
+    assert found.waves.elevation(1.5, t, y=0.7) == pytest.approx(eta, abs=1e-12)
     whole = {"type": "flap", "motion": {**motion, "columns": told["columns"]}}
     del whole["motion"]["y"]
     tank = {"length": 9.0, "depth": DEPTH}
@@ -91,8 +91,8 @@ def test_a_surface_that_is_wished_for_comes_at_an_angle(tmp_path):
     np.savetxt(tmp_path / "eta.txt", np.column_stack([t, eta]))
     motion = {"type": "surface", "file": str(tmp_path / "eta.txt"), "x": 2.0, "y": 0.7, "delay": 10.0}
     found = scene({**motion, "angle": 35.0, "ramp": 0}, duration=60.0, segment=0.5).motion().motion
-    np.testing.assert_allclose(found.target.elevation(2.0, t + 10.0, y=0.7), eta, atol=2e-5)
-    assert np.degrees(np.arctan2(found.target.k_y, found.target.k_x)) == pytest.approx(35.0)
+    np.testing.assert_allclose(found.waves.elevation(2.0, t + 10.0, y=0.7), eta, atol=2e-5)
+    assert np.degrees(np.arctan2(found.waves.k_y, found.waves.k_x)) == pytest.approx(35.0)
     straight = scene(motion, duration=60.0, segment=0.5).motion().position(31.0, Y)
     assert np.ptp(straight) < 1e-9 < 1e-4 < np.abs(straight).max()
     with pytest.raises(InputError, match=r"delay = -20\.0: must be at least"):

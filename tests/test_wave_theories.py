@@ -15,13 +15,11 @@ import pytest
 from examples.paper.mccamy_fuchs import CylinderDiffraction
 from examples.paper.resting_wave import RestingWave, resting_wave
 from wavetank import waves
-from wavetank.motion import DirectionalFocus, ReflectedFocus
-from wavetank.motion.directional import Fan
-from wavetank.motion.harmonic import WaveGroup
-from wavetank.motion.spectra import Gaussian
 from wavetank.waves.conformal import SteadyWave
+from wavetank.waves.focusing import Fan, FocusedGroup, ReflectedGroup
 from wavetank.waves.plane_waves import PlaneWaves
 from wavetank.waves.solitary_wave import solitary_wave
+from wavetank.waves.spectra import Gaussian
 from wavetank.waves.standing_wave import ThirdOrderStandingWave
 from wavetank.waves.stream_function import stream_function_wave
 from wavetank.waves.wave import Wave
@@ -39,23 +37,13 @@ class Case(NamedTuple):
     period: float
 
 
-def group():
-    spectrum = Gaussian(0.6, 0.1)
-    return WaveGroup(
-        amplitude=1e-4,
-        spectrum=spectrum,
-        lowest_frequency=0.4,
-        highest_frequency=0.9,
-        components=7,
-        focus_x=1.0,
-        focus_time=2.0,
-        depth=D,
-        gravity=G,
-    )
+def group(**directions):
+    focus = {"focus_x": 1.0, "focus_time": 2.0, "depth": D, "gravity": G, **directions}
+    return FocusedGroup(amplitude=1e-4, spectrum=Gaussian(0.6, 0.1), frequencies=np.linspace(0.4, 0.9, 7), **focus)
 
 
 def fan():
-    return DirectionalFocus(group=group(), fan=Fan(0.4, 3, 0.0), focus_y=0.2)
+    return group(fan=Fan(0.4, 3, 0.0), focus_y=0.2)
 
 
 def standing(order, amplitude):
@@ -73,7 +61,7 @@ CASES = {
     "a group": lambda: Case(group().target, 4e-4, 2e-3, 1.6),  # 10 k a: its waves' slopes add up
     "a fan": lambda: Case(fan().target, 4e-4, 2e-3, 1.6),
     "around a cylinder": lambda: Case(CylinderDiffraction(1.3, 0.5, a=1e-5, depth=D), 3e-5, 1e-4, 1.9),  # 6 k a
-    "between walls": lambda: Case(ReflectedFocus(focus=fan(), low=-1.5, high=2.0).target, 4e-4, 2e-3, 1.6),
+    "between walls": lambda: Case(ReflectedGroup(group=fan(), y_min=-1.5, y_max=2.0).target, 4e-4, 2e-3, 1.6),
 }
 
 

@@ -1,7 +1,7 @@
 """A directional focus by a segmented paddle, of small and of finite amplitude, against linear theory.
 
 Half the basin of cases/directional-focus.toml, the focus on its plane of symmetry; the theory is that of the paddle's
-motion (``motion/directional.py``), which knows the side walls, but neither the ramp nor the far end.
+motion (``waves/focusing.py``), which includes the side walls, but neither the ramp nor the far end.
 """
 
 from collections.abc import Sequence
@@ -73,8 +73,8 @@ class Focus:
 
     def linear(self, t: float) -> Array:
         """Return the theory's elevation over A at a time [s], shape (N,)."""
-        waves: Any = self.motion.waves(self._scene.tank)
-        return np.asarray(waves.target.elevation(self.x, t, y=self.y) / self.motion.linear_crest)
+        waves = self.motion.target(self._scene.tank)
+        return np.asarray(waves.elevation(self.x, t, y=self.y) / self.motion.linear_crest)
 
     def misfit(self, *, beyond: float) -> float:
         """Return the root mean square difference from theory in focus, over that of theory.

@@ -25,8 +25,10 @@ from wavetank.motion.motion import widest_segment
 from wavetank.values.case_model import Problem, one_of
 from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, Ramp
 from wavetank.waves import airy
+from wavetank.waves.focusing import Fan, FocusedGroup, ReflectedGroup
 from wavetank.waves.plane_waves import PlaneWaves, waves_along
-from wavetank.waves.wavemaker import PISTON, Wavemaker
+from wavetank.waves.spectra import irregular, random_directions, uniform
+from wavetank.waves.wavemaker import Wavemaker
 
 Spreading = Annotated[float, Field(ge=0, le=1000)]
 Deviation = Annotated[float, Field(ge=0.1, le=90)]
@@ -48,7 +50,12 @@ class SegmentedWaves(GeneratingMotion):
 
     def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
         """Return the ramped motion; raises ``CaseError`` if a file cannot be read."""
-        return motions.ramped(self.waves(tank, wavemaker), self.ramp_in(tank))
+        motion = motions.SnakeMotion(self.target(tank), wavemaker, self.power_period(tank, wavemaker))
+        return motions.ramped(motion, self.ramp_in(tank))
+
+    def power_period(self, tank: AnyTank, wavemaker: Wavemaker) -> float | None:
+        """Return the period that halves the power of the paddle's velocity [s]; None: that of all waves."""
+        return None
 
     def generation_in(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> tuple[None, str]:
         """Return why the generation of segments is linear."""
@@ -69,16 +76,11 @@ class ObliqueWaveMotion(SegmentedWaves):
     angle: float = Field(gt=-90, lt=90, description="direction theta from the wall's normal [deg], positive towards y")
     ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two periods")
 
-    def waves(self, tank: AnyTank, wavemaker: Wavemaker = PISTON) -> motions.ObliqueWave:
-        """Return the motion without its ramp."""
-        return motions.ObliqueWave(
-            amplitude=self.wave_amplitude,
-            period=self.period,
-            angle=float(np.radians(self.angle)),
-            depth=tank.depth,
-            gravity=tank.gravity,
-            wavemaker=wavemaker,
-        )
+    def target(self, tank: AnyTank) -> PlaneWaves:
+        """Return the wave, with a crest at (0, 0) at t = 0."""
+        f, a = np.array([1.0 / self.period]), np.array([self.wave_amplitude])
+        angle = np.radians(self.angle)
+        return waves_along(f, a, np.zeros(1), angles=angle, depth=tank.depth, gravity=tank.gravity)
 
     def default_ramp(self, tank: AnyTank) -> float:
         """Return two periods [s]."""
@@ -86,8 +88,8 @@ class ObliqueWaveMotion(SegmentedWaves):
 
     def widest_segment(self, tank: AnyTank) -> float:
         """Return the width [m] beyond which segments make spurious waves."""
-        wave = self.waves(tank)
-        return widest_segment(wave.k, wave.angle)
+        k = airy.wave_number(2.0 * np.pi / self.period, tank.depth, tank.gravity)
+        return widest_segment(float(k), float(np.radians(self.angle)))
 
 
 class _FanOfWaves(FocusingWaves, SegmentedWaves):
@@ -100,23 +102,23 @@ class _FanOfWaves(FocusingWaves, SegmentedWaves):
         default=0.0, ge=0, le=1000, description="exponent s of the directions' shares cos^2s(theta/2); 0: all alike"
     )
 
-    def waves(self, tank: AnyTank, wavemaker: Wavemaker = PISTON) -> motions.DirectionalFocus | motions.ReflectedFocus:
-        """Return the motion without its ramp."""
-        return self.focus(tank, wavemaker)
+    def directional(self, tank: AnyTank) -> FocusedGroup:
+        """Return the group as in a sea without side walls."""
+        fan = Fan(float(np.radians(self.largest_angle)), self.directions, self.spreading)
+        return self.group(tank, fan=fan, focus_y=self.focus_y)
 
-    def earliest_focus(self, tank: AnyTank) -> float:
-        """Return the earliest focus time [s] that the ramp allows."""
-        return self.waves(tank).earliest_focus(self.ramp_in(tank))
+    def focused(self, tank: AnyTank) -> FocusedGroup | ReflectedGroup:
+        """Return the group as it is to be generated."""
+        return self.directional(tank)
 
-    def focus(self, tank: AnyTank, wavemaker: Wavemaker = PISTON) -> motions.DirectionalFocus:
-        """Return the focus as in a sea without side walls, without its ramp."""
-        fan = motions.Fan(float(np.radians(self.largest_angle)), self.directions, self.spreading)
-        return motions.DirectionalFocus(group=self.group(tank, wavemaker), fan=fan, focus_y=self.focus_y)
+    def power_period(self, tank: AnyTank, wavemaker: Wavemaker) -> float:
+        """Return that of the group in one direction [s]."""
+        return motions.first_order_motion(self.group(tank).target, wavemaker).power_period
 
     def widest_segment(self, tank: AnyTank) -> float:
         """Return the width [m] beyond which segments make spurious waves: the shortest and most oblique are first."""
-        focus = self.focus(tank)
-        return widest_segment(float(focus.group.k[-1]), float(focus.fan.angles[-1]))
+        group = self.directional(tank)
+        return widest_segment(float(group.k[-1]), float(group.fan.angles[-1]))
 
     def problems(self, context: Context) -> Iterator[Problem]:
         """Yield as any focusing waves, a focus beside the paddle, and too many waves to sum up."""
@@ -142,7 +144,7 @@ class DirectionalFocusMotion(_FanOfWaves):
         """Yield as any focusing waves, and directions that miss the paddle."""
         yield from super().problems(context)
         low, high = span(context.tank)
-        first, last = self.focus(context.tank).sources
+        first, last = self.directional(context.tank).sources
         if low <= self.focus_y <= high and (first < low or last > high):
             widest = np.degrees(np.arctan(min(self.focus_y - low, high - self.focus_y) / self.focus_x))
             allowed = (
@@ -163,10 +165,10 @@ class ReflectedFocusMotion(_FanOfWaves):
         modes = (high - low) / np.pi * float(self.group(context.tank).k[-1])
         return max(super().terms_per_component(context), int(min(modes, TERMS)))
 
-    def waves(self, tank: AnyTank, wavemaker: Wavemaker = PISTON) -> motions.ReflectedFocus:
-        """Return the motion without its ramp."""
-        low, high = span(tank)
-        return motions.ReflectedFocus(focus=self.focus(tank, wavemaker), low=low, high=high)
+    def focused(self, tank: AnyTank) -> ReflectedGroup:
+        """Return the group between the side walls."""
+        y_min, y_max = span(tank)
+        return ReflectedGroup(group=self.directional(tank), y_min=y_min, y_max=y_max)
 
 
 class DirectionalIrregularMotion(SpectralWaves, SegmentedWaves):
@@ -190,15 +192,14 @@ class DirectionalIrregularMotion(SpectralWaves, SegmentedWaves):
 
     _one_spread = one_of("spreading", "deviation")
 
-    def waves(self, tank: AnyTank, wavemaker: Wavemaker = PISTON) -> motions.DirectionalSea:
-        """Return the motion without its ramp."""
+    def target(self, tank: AnyTank) -> PlaneWaves:
+        """Return the waves, one direction for each frequency, with phases at (0, 0)."""
         f, spectrum = self.frequencies(tank), self.spectrum.build(tank)
         height, seed = self.significant_height, self.seed
-        amplitudes, phases = motions.irregular(spectrum, f, significant_height=height, seed=seed)
-        chance = motions.uniform(self.seed, 3, f.size)[2]
-        angles = motions.drawn(self._density, chance, largest=float(np.radians(self.largest_angle)))
-        target = waves_along(f, amplitudes, phases, angles=angles, depth=tank.depth, gravity=tank.gravity)
-        return motions.DirectionalSea(target, wavemaker)
+        amplitudes, phases = irregular(spectrum, f, significant_height=height, seed=seed)
+        random = uniform(self.seed, 3, f.size)[2]
+        angles = random_directions(self._density, random, largest=float(np.radians(self.largest_angle)))
+        return waves_along(f, amplitudes, phases, angles=angles, depth=tank.depth, gravity=tank.gravity)
 
     def _density(self, angle: motions.Array) -> motions.Array:
         if self.spreading is not None:
@@ -220,22 +221,14 @@ class DirectionalIrregularMotion(SpectralWaves, SegmentedWaves):
         yield from super().problems(context)
 
 
-class _SentWaves(SegmentedWaves):
+class _WavesOfFile(SegmentedWaves):
     """Plane waves of a file, each in its own direction; side walls reflect them."""
 
     y: Coordinate = Field(default=0.0, description="where they are told, across the tank [m]")
 
-    def plane_waves(self, tank: AnyTank) -> PlaneWaves:
-        """Return the waves, by linear theory."""
-        raise NotImplementedError
-
-    def waves(self, tank: AnyTank, wavemaker: Wavemaker = PISTON) -> motions.DirectionalSea:
-        """Return the motion without its ramp; raises ``CaseError`` if the file cannot be read."""
-        return motions.DirectionalSea(self.plane_waves(tank), wavemaker)
-
     def widest_segment(self, tank: AnyTank) -> float:
         """Return the width [m] beyond which segments make spurious waves, of all but a thousandth of the energy."""
-        waves = self.plane_waves(tank)
+        waves = self.target(tank)
         k, angles = np.hypot(waves.k_x, waves.k_y), np.arctan2(waves.k_y, waves.k_x)
         widest = np.array([widest_segment(*map(float, one)) for one in zip(k, angles, strict=True)])
         narrow_first = np.argsort(widest)
@@ -244,23 +237,19 @@ class _SentWaves(SegmentedWaves):
 
     def problems(self, context: Context) -> Iterator[Problem]:
         """Yield too many waves to sum up."""
-        terms = self.plane_waves(context.tank).omega.size * self.terms_per_component(context)
+        terms = self.target(context.tank).omega.size * self.terms_per_component(context)
         if terms > TERMS:
             allowed = f"must have fewer waves: at all places of the paddle they are {terms:.2g}, {TERMS:.2g} allowed"
             yield Problem((*MOTION_KEY, "file"), None, allowed)
 
 
-class DirectionalComponentsMotion(ComponentFile, _SentWaves):
+class DirectionalComponentsMotion(ComponentFile, _WavesOfFile):
     """Waves by their components in a file, each at an angle: sum a cos(omega (t - time) + phase) at (x, y)."""
 
     type: Literal["components"] = "components"
 
-    def plane_waves(self, tank: AnyTank) -> PlaneWaves:
-        """Return the waves, by linear theory."""
-        return self.target(tank, self.y)
 
-
-class DirectionalSurfaceMotion(SurfaceFile, _SentWaves):
+class DirectionalSurfaceMotion(SurfaceFile, _WavesOfFile):
     """Waves of one direction by the elevation that is wished for at a place, from a file."""
 
     type: Literal["surface"] = "surface"
@@ -270,10 +259,6 @@ class DirectionalSurfaceMotion(SurfaceFile, _SentWaves):
         lt=90,
         description="direction of the waves from the wall's normal [deg], positive towards y",
     )
-
-    def plane_waves(self, tank: AnyTank) -> PlaneWaves:
-        """Return the waves, by linear theory."""
-        return self.target(tank, self.y, float(np.radians(self.angle)))
 
     @property
     def travel_distance(self) -> float:

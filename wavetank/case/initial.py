@@ -23,6 +23,7 @@ from wavetank.waves.airy import angular_frequency, group_velocity
 from wavetank.waves.conformal import SteadyWave
 from wavetank.waves.plane_waves import PlaneWaves
 from wavetank.waves.solitary_wave import HIGHEST_SOLITARY, solitary_wave
+from wavetank.waves.spectra import uniform
 from wavetank.waves.standing_wave import ThirdOrderStandingWave
 from wavetank.waves.stream_function import maximum_height, stream_function_wave
 from wavetank.waves.wave import Wave
@@ -210,7 +211,7 @@ class IrregularSurface(SpectralSurface):
         """Return the sea: its variance is (Hm0 / 4)²."""
         k, variances = self._along(tank)
         amplitudes = self.significant_height / 4.0 * np.sqrt(2.0 * variances / variances.sum())
-        return self._waves(tank, k, amplitudes * np.exp(2j * np.pi * motions.uniform(self.seed, k.size)))
+        return self._waves(tank, k, amplitudes * np.exp(2j * np.pi * uniform(self.seed, k.size)))
 
     def problems(self, context: Context) -> Iterator[Problem]:
         """Yield as any, a slice, whose walls reflect such waves, and a sea too high."""

@@ -22,7 +22,6 @@ from wavetank.case.waves import (
     SurfaceFile,
 )
 from wavetank.errors import InputError
-from wavetank.motion.harmonic import WaveMotion
 from wavetank.motion.recorded import ColumnError, in_metres, read_record
 from wavetank.run_warning import RunWarning
 from wavetank.values.case_model import (
@@ -40,6 +39,7 @@ from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, 
 from wavetank.waves import airy
 from wavetank.waves.plane_waves import PlaneWaves, waves_along
 from wavetank.waves.solitary_wave import HIGHEST_SOLITARY
+from wavetank.waves.spectra import irregular
 from wavetank.waves.stream_function import maximum_height
 from wavetank.waves.wavemaker import Wavemaker
 
@@ -65,16 +65,11 @@ class MadeWaves(GeneratingMotion):
         "frequencies; default: second-order where its theory holds, otherwise linear",
     )
 
-    def waves(self, tank: AnyTank, wavemaker: Wavemaker) -> WaveMotion:
-        """Return the motion by linear theory, without its ramp."""
-        raise NotImplementedError
-
     def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
         """Return the ramped motion, of many components from a table."""
-        waves = self.waves(tank, wavemaker)
-        generation, _ = self.generation_in(tank, wavemaker, physics)
-        lines = waves.second_order_lines if generation == "second-order" else waves.lines
-        return motions.ramped(lines.tabulated(), self.ramp_in(tank))
+        second_order = self.generation_in(tank, wavemaker, physics)[0] == "second-order"
+        generate = motions.second_order_motion if second_order else motions.first_order_motion
+        return motions.ramped(generate(self.target(tank), wavemaker).tabulated(), self.ramp_in(tank))
 
     def generation_in(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> tuple[str, str]:
         """Return the order of generation, default resolved, and why it is linear by default in nonlinear water."""
@@ -85,7 +80,7 @@ class MadeWaves(GeneratingMotion):
 
     def _linear_reason(self, tank: AnyTank, wavemaker: Wavemaker) -> str:
         """Return where the theory of second order does not hold or costs too much; empty where it is taken."""
-        target = self.waves(tank, wavemaker).target
+        target = self.target(tank)
         count, shallowest = target.omega.size, float(target.k_x.min() * tank.depth)
         if count > MOST_PAIRS:
             return f"{count} components are more than {MOST_PAIRS}"
@@ -103,7 +98,7 @@ class MadeWaves(GeneratingMotion):
         """Yield waves for which second-order generation has no meaning."""
         if self.generation != "second-order":
             return
-        target = self.waves(context.tank, context.wall.wavemaker).target
+        target = self.target(context.tank)
         if target.omega.size > MOST_PAIRS:
             allowed = f"must be linear: there are {target.omega.size} components, and it is for at most {MOST_PAIRS}"
             yield Problem((*MOTION_KEY, "generation"), self.generation, allowed)
@@ -118,7 +113,7 @@ class MadeWaves(GeneratingMotion):
         """Yield a warning if second-order generation is beyond its theory."""
         if self.generation != "second-order":
             return
-        if (second := bound_harmonic(self.waves(tank, wavemaker).target)) > STOKES_ENDS:
+        if (second := bound_harmonic(self.target(tank))) > STOKES_ENDS:
             yield RunWarning("second-order-limit", key="wall.motion.generation", value=second, limit=STOKES_ENDS)
 
 
@@ -163,11 +158,10 @@ class RegularMotion(MadeWaves):
             return float(airy.angular_frequency(k, tank.depth, tank.gravity)) / (2.0 * np.pi)
         return 1.0 / self.period if self.frequency is None else self.frequency  # type: ignore[operator]
 
-    def waves(self, tank: AnyTank, wavemaker: Wavemaker) -> WaveMotion:
-        """Return the motion by linear theory, X = a / c sin(omega t)."""
+    def target(self, tank: AnyTank) -> PlaneWaves:
+        """Return the wave, with a crest at the paddle at t = 0."""
         f, a = np.array([self.frequency_in(tank)]), np.array([self.height / 2.0])
-        target = waves_along(f, a, np.zeros(1), depth=tank.depth, gravity=tank.gravity)
-        return motions.Sea(target, wavemaker)
+        return waves_along(f, a, np.zeros(1), depth=tank.depth, gravity=tank.gravity)
 
     def default_ramp(self, tank: AnyTank) -> float:
         """Return two periods [s]."""
@@ -204,11 +198,10 @@ class BichromaticMotion(MadeWaves):
         first, second = self.periods or (np.inf, np.inf)
         return 1.0 / first, 1.0 / second
 
-    def waves(self, tank: AnyTank, wavemaker: Wavemaker) -> WaveMotion:
-        """Return the motion by linear theory, with both crests at the paddle at t = 0."""
+    def target(self, tank: AnyTank) -> PlaneWaves:
+        """Return the waves, with both crests at the paddle at t = 0."""
         amplitudes = np.divide(self.heights, 2.0)
-        target = waves_along(self.pair, amplitudes, np.zeros(2), depth=tank.depth, gravity=tank.gravity)
-        return motions.Sea(target, wavemaker)
+        return waves_along(self.pair, amplitudes, np.zeros(2), depth=tank.depth, gravity=tank.gravity)
 
     def default_ramp(self, tank: AnyTank) -> float:
         """Return two of the longer periods [s]."""
@@ -234,18 +227,17 @@ class IrregularMotion(SpectralWaves, MadeWaves):
     highest_frequency: Frequency | None = Field(default=None, description="last component [Hz]; default 3 fp")
     components: int = Field(default=1000, ge=2, le=MAX_COMPONENTS, description="number of components")
 
-    def waves(self, tank: AnyTank, wavemaker: Wavemaker) -> WaveMotion:
-        """Return the motion by linear theory, with phases at the paddle."""
+    def target(self, tank: AnyTank) -> PlaneWaves:
+        """Return the waves, with phases at the paddle."""
         frequencies = self.frequencies(tank)
-        amplitudes, phases = motions.irregular(
+        amplitudes, phases = irregular(
             self.spectrum.build(tank),
             frequencies,
             significant_height=self.significant_height,
             seed=self.seed,
             random_amplitudes=self.random_amplitudes,
         )
-        target = waves_along(frequencies, amplitudes, phases, depth=tank.depth, gravity=tank.gravity)
-        return motions.Sea(target, wavemaker)
+        return waves_along(frequencies, amplitudes, phases, depth=tank.depth, gravity=tank.gravity)
 
     def problems(self, context: Context) -> Iterator[Problem]:
         """Yield as any waves of a spectrum, a sea too high, and what second-order generation cannot do."""
@@ -259,19 +251,11 @@ class FocusedMotion(FocusingWaves, MadeWaves):
 
     type: Literal["focused"] = "focused"
 
-    def waves(self, tank: AnyTank, wavemaker: Wavemaker) -> WaveMotion:
-        """Return the motion by linear theory."""
-        return self.group(tank, wavemaker)
-
 
 class ComponentsMotion(ComponentFile, MadeWaves):
     """Waves by their components in a file: eta = scale sum a cos(omega (t - time) + phase) at x, by linear theory."""
 
     type: Literal["components"] = "components"
-
-    def waves(self, tank: AnyTank, wavemaker: Wavemaker) -> WaveMotion:
-        """Return the motion by linear theory."""
-        return motions.Sea(self.target(tank), wavemaker)
 
     def problems(self, context: Context) -> Iterator[Problem]:
         """Yield directions, of which it has none, and what second-order generation cannot do."""
@@ -286,10 +270,6 @@ class SurfaceMotion(SurfaceFile, MadeWaves):
     """Waves by the elevation that is wished for at a place, from a file: what paddle makes them, by linear theory."""
 
     type: Literal["surface"] = "surface"
-
-    def waves(self, tank: AnyTank, wavemaker: Wavemaker) -> WaveMotion:
-        """Return the motion by linear theory."""
-        return motions.Sea(self.target(tank), wavemaker)
 
     def _linear_reason(self, tank: AnyTank, wavemaker: Wavemaker) -> str:
         """Return that a recorded elevation is not of first order."""

@@ -14,9 +14,11 @@ from wavetank.motion.recorded import read_record
 from wavetank.run_warning import RunWarning
 from wavetank.values.case_model import CaseModel, FilePath, Problem, about, one_of
 from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, Length, Ramp, metres
-from wavetank.waves import airy
+from wavetank.waves import airy, spectra
+from wavetank.waves.focusing import Fan, FocusedGroup, ReflectedGroup
+from wavetank.waves.measured import Components, WishedSurface, read_components, wished_surface
 from wavetank.waves.plane_waves import PlaneWaves, waves_along
-from wavetank.waves.wavemaker import PISTON, Wavemaker
+from wavetank.waves.wavemaker import Wavemaker
 
 
 # ---------------------------------------------------------------- motions
@@ -66,8 +68,8 @@ class GeneratingMotion(MotionModel):
 
     generates: ClassVar[bool] = True
 
-    def waves(self, tank: AnyTank, wavemaker: Wavemaker) -> motions.Motion:
-        """Return the motion by linear theory, without its ramp; raises ``CaseError`` if a file cannot be read."""
+    def target(self, tank: AnyTank) -> PlaneWaves:
+        """Return the waves by linear theory, without a ramp; raises ``CaseError`` if a file cannot be read."""
         raise NotImplementedError
 
     def default_ramp(self, tank: AnyTank) -> float:
@@ -104,9 +106,9 @@ class JonswapSpectrum(_Peaked):
     type: Literal["jonswap"] = "jonswap"
     gamma: Gamma = Field(default=3.3, description="peak enhancement gamma [-]")
 
-    def build(self, tank: AnyTank) -> motions.Spectrum:
+    def build(self, tank: AnyTank) -> spectra.Spectrum:
         """Return the shape S(f)."""
-        return motions.Jonswap(self.peak, self.gamma)
+        return spectra.Jonswap(self.peak, self.gamma)
 
 
 class PiersonMoskowitzSpectrum(_Peaked):
@@ -114,9 +116,9 @@ class PiersonMoskowitzSpectrum(_Peaked):
 
     type: Literal["pierson-moskowitz"] = "pierson-moskowitz"
 
-    def build(self, tank: AnyTank) -> motions.Spectrum:
+    def build(self, tank: AnyTank) -> spectra.Spectrum:
         """Return the shape S(f)."""
-        return motions.Jonswap(self.peak, 1.0)
+        return spectra.Jonswap(self.peak, 1.0)
 
 
 class TmaSpectrum(_Peaked):
@@ -125,9 +127,9 @@ class TmaSpectrum(_Peaked):
     type: Literal["tma"] = "tma"
     gamma: Gamma = Field(default=3.3, description="peak enhancement gamma [-]")
 
-    def build(self, tank: AnyTank) -> motions.Spectrum:
+    def build(self, tank: AnyTank) -> spectra.Spectrum:
         """Return the shape S(f)."""
-        return motions.Tma(motions.Jonswap(self.peak, self.gamma), tank.depth, tank.gravity)
+        return spectra.Tma(spectra.Jonswap(self.peak, self.gamma), tank.depth, tank.gravity)
 
 
 class GaussianSpectrum(_Peaked):
@@ -136,9 +138,9 @@ class GaussianSpectrum(_Peaked):
     type: Literal["gaussian"] = "gaussian"
     bandwidth: Frequency = Field(description="standard deviation [Hz]")
 
-    def build(self, tank: AnyTank) -> motions.Spectrum:
+    def build(self, tank: AnyTank) -> spectra.Spectrum:
         """Return the shape S(f)."""
-        return motions.Gaussian(self.peak, self.bandwidth)
+        return spectra.Gaussian(self.peak, self.bandwidth)
 
 
 class TableSpectrum(CaseModel):
@@ -147,10 +149,10 @@ class TableSpectrum(CaseModel):
     type: Literal["table"] = "table"
     file: FilePath = Field(description="file of frequencies f [Hz], ascending, and densities S, up to a factor")
 
-    def build(self, tank: AnyTank) -> motions.Spectrum:
+    def build(self, tank: AnyTank) -> spectra.Spectrum:
         """Return the shape S(f); raises ``CaseError`` if the file cannot be read."""
         with about(*SPECTRUM_KEY, "file"):
-            return motions.read_spectrum(data.resolve(self.file, Path()))
+            return spectra.read_spectrum(data.resolve(self.file, Path()))
 
 
 Spectrum = Annotated[
@@ -244,30 +246,32 @@ class FocusingWaves(SpectralWaves):
     focus_time: Duration = Field(description="when the crests meet [s]")
     phase: float = Field(default=0.0, ge=-360, le=360, description="at the focus [deg]: 0 of a crest, 180 of a trough")
 
-    def group(self, tank: AnyTank, wavemaker: Wavemaker = PISTON) -> motions.WaveGroup:
-        """Return the group as of waves along x, without its ramp."""
-        lowest, highest = self.band(tank)
-        return motions.WaveGroup(
+    def group(self, tank: AnyTank, *, fan: Fan | None = None, focus_y: float = 0.0) -> FocusedGroup:
+        """Return the group, by default of waves along x."""
+        return FocusedGroup(
             amplitude=self.linear_crest,
             spectrum=self.spectrum.build(tank),
-            lowest_frequency=lowest,
-            highest_frequency=highest,
-            components=self.components,
+            frequencies=self.frequencies(tank),
             focus_x=self.focus_x,
+            focus_y=focus_y,
             focus_time=self.focus_time,
             depth=tank.depth,
             gravity=tank.gravity,
             phase=float(np.radians(self.phase)),
-            wavemaker=wavemaker,
+            fan=fan or Fan(),
         )
 
-    def earliest_focus(self, tank: AnyTank) -> float:
-        """Return the earliest focus time [s] that the ramp allows."""
-        return self.group(tank).earliest_focus(self.ramp_in(tank))
+    def focused(self, tank: AnyTank) -> FocusedGroup | ReflectedGroup:
+        """Return the group as it is to be generated."""
+        return self.group(tank)
+
+    def target(self, tank: AnyTank) -> PlaneWaves:
+        """Return the waves by linear theory."""
+        return self.focused(tank).target
 
     def timing_problems(self, context: Context) -> Iterator[Problem]:
         """Yield a focus too early."""
-        earliest = self.earliest_focus(context.tank)
+        earliest = self.focused(context.tank).earliest_focus(self.ramp_in(context.tank))
         if self.focus_time < earliest:
             allowed = (
                 f"must be at least {earliest:.4g} s: the short waves need that long from the ramp's end to focus_x"
@@ -322,15 +326,21 @@ class ComponentFile(WaveFile):
             raise ValueError("columns must each be named once, but for other")
         return self
 
-    def components(self) -> motions.Components:
+    def components(self) -> Components:
         """Return the components that are not 0; raises ``CaseError`` if the file cannot be read."""
         with about(*MOTION_KEY, "file"):
-            return motions.read_components(data.resolve(self.file, Path()), self.columns)
+            return read_components(data.resolve(self.file, Path()), self.columns)
 
-    def target(self, tank: AnyTank, y: float = 0.0) -> PlaneWaves:
+    def target(self, tank: AnyTank) -> PlaneWaves:
         """Return the waves, whose phases hold at (x, y)."""
         f, a, phase, angles = self.components()
-        where = {"x": self.x, "y": y, "time": self.time, "depth": tank.depth, "gravity": tank.gravity}
+        where = {
+            "x": self.x,
+            "y": getattr(self, "y", 0.0),
+            "time": self.time,
+            "depth": tank.depth,
+            "gravity": tank.gravity,
+        }
         return waves_along(f, self.scale * a, phase + np.radians(self.phase), angles=angles, **where)
 
     def default_ramp(self, tank: AnyTank) -> float:
@@ -353,17 +363,23 @@ class SurfaceFile(WaveFile):
     )
     ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two of the mean periods")
 
-    def wished(self) -> motions.WishedSurface:
+    def wished(self) -> WishedSurface:
         """Return the surface; raises ``CaseError`` if the file cannot be read, or has no such waves."""
         with about(*MOTION_KEY, "file"):
             t, eta = read_record(data.resolve(self.file, Path()), column="elevation [m]")
             band = self.lowest_frequency, self.highest_frequency
-            return motions.wished_surface(t + self.delay, eta, band=band)
+            return wished_surface(t + self.delay, eta, band=band)
 
-    def target(self, tank: AnyTank, y: float = 0.0, angle: float = 0.0) -> PlaneWaves:
-        """Return the waves, all at an angle to x [rad], of the elevation at (x, y)."""
-        surface = self.wished()
-        where = {"x": self.x, "y": y, "time": surface.begin, "depth": tank.depth, "gravity": tank.gravity}
+    def target(self, tank: AnyTank) -> PlaneWaves:
+        """Return the waves, all at one angle, of the elevation at (x, y)."""
+        surface, angle = self.wished(), np.radians(getattr(self, "angle", 0.0))
+        where = {
+            "x": self.x,
+            "y": getattr(self, "y", 0.0),
+            "time": surface.begin,
+            "depth": tank.depth,
+            "gravity": tank.gravity,
+        }
         return waves_along(surface.frequencies, surface.amplitudes, surface.phases, angles=angle, **where)
 
     def default_ramp(self, tank: AnyTank) -> float:

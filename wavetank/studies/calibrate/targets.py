@@ -12,12 +12,12 @@ from wavetank.case.model import Case
 from wavetank.case.output import ComponentsTarget, CrestTarget, RecordTarget, Target
 from wavetank.case.paddle import FocusedMotion, MadeWaves, SurfaceMotion
 from wavetank.case.wall import PaddleWall
-from wavetank.motion.harmonic import WishedSurface, wished_surface
 from wavetank.studies.calibrate.attempts import Elevation, scale
 from wavetank.studies.calibrate.crest import CrestAim
 from wavetank.studies.calibrate.record import RecordAim, eased
 from wavetank.values.case_model import CaseError, Problem, about
 from wavetank.waves import airy
+from wavetank.waves.measured import WishedSurface, wished_surface
 from wavetank.waves.plane_waves import PlaneWaves, waves_along
 from wavetank.waves.wave import Array
 
@@ -65,7 +65,7 @@ def _generated(scene: Case) -> PlaneWaves:
     motion = getattr(scene.wall, "motion", None)
     if not isinstance(motion, MadeWaves):
         raise CaseError([Problem(("wall", "motion", "type"), getattr(motion, "type", None), f"must be {MADE}")])
-    return motion.waves(scene.tank, scene.wall.wavemaker).target
+    return motion.target(scene.tank)
 
 
 def _crest(target: CrestTarget, scene: Case) -> Aim:

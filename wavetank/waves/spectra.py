@@ -1,10 +1,16 @@
-"""Frequency spectra: the shape S(f) of a sea, up to a factor."""
+"""Frequency spectra S(f), up to a factor, and the components of irregular seas with these spectra.
 
+Random numbers are the words of PCG64, seeded by numpy's ``SeedSequence``. numpy guarantees both; the arithmetic that
+turns them into phases is that of this module, so a seed gives the same sea on any machine.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from numpy.random import PCG64, SeedSequence
 from numpy.typing import NDArray
 
 from wavetank.errors import InputError
@@ -143,3 +149,39 @@ def read_spectrum(path: Path) -> Tabled:
     if len(lines) < 2 or not values[:, 1].any():
         raise InputError(f"{path}: {len(lines)} rows received; at least 2 are needed, and a density that is not 0.")
     return Tabled(values[:, 0], values[:, 1])
+
+
+# ---------------------------------------------------------------- irregular seas
+STEPS = 2001  # of a spreading
+
+
+def uniform(seed: int, *shape: int) -> Array:
+    """Return random numbers from [0, 1) of a shape."""
+    words = PCG64(SeedSequence(seed)).random_raw(int(np.prod(shape)))
+    return np.asarray((words >> np.uint64(11)) * 2.0**-53, dtype=np.float64).reshape(shape)
+
+
+def irregular(
+    spectrum: Spectrum, frequencies: Array, *, significant_height: float, seed: int, random_amplitudes: bool = False
+) -> tuple[Array, Array]:
+    """Return amplitudes [m] and phases [rad], shape (N,), of components at equally spaced frequencies [Hz], shape (N,).
+
+    The amplitudes' sum of squares over 2 is (Hm0 / 4)². Random ones are those of a Gaussian sea, with a Rayleigh
+    distribution about these: the variance is then right in the mean of many seeds alone.
+
+    Source: M. J. Tucker, P. G. Challenor and D. J. T. Carter, "Numerical simulation of a random sea: a common error and
+    its effect upon wave group statistics", Applied Ocean Research 6, 1984.
+    """
+    density = spectrum.density(frequencies)
+    amplitudes = significant_height / 4.0 * np.sqrt(2.0 * density / density.sum())
+    random = uniform(seed, 2, frequencies.size)
+    if random_amplitudes:
+        amplitudes = amplitudes * np.sqrt(-np.log1p(-random[1]))
+    return amplitudes, 2.0 * np.pi * random[0]
+
+
+def random_directions(density: Callable[[Array], Array], random: Array, *, largest: float) -> Array:
+    """Return directions [rad], shape (N,), with a density up to the largest angle, from random numbers in [0, 1)."""
+    angles = np.linspace(-largest, largest, STEPS, dtype=np.float64)
+    fraction = np.concatenate([[0.0], np.cumsum(0.5 * (density(angles[1:]) + density(angles[:-1])))])
+    return np.asarray(np.interp(random, fraction / fraction[-1], angles))

@@ -1,0 +1,102 @@
+"""Motions for solitary waves: the paddle moves as the water does in the mean over the depth.
+
+In a wave of permanent form the mean velocity is c eta / (d + eta). At theta = X - c t from the crest the paddle has
+
+    d theta / dt = -c d / (d + eta(theta)),    X = V(theta) / d,    c t = V(theta) / d - theta,    V = int_theta eta,
+
+and its stroke is V(-inf) / d. Goring's paddle has Boussinesq's wave for eta, the other the exact one.
+
+Source: D. G. Goring, "Tsunamis - the propagation of long waves onto a shelf", W. M. Keck Laboratory, Caltech, report
+KH-R-38, 1978.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy
+
+from wavetank.motion.motion import Array, Motion
+from wavetank.motion.recorded import Pieces, hermite
+from wavetank.waves.solitary_wave import solitary_wave
+
+TAIL = 1e-6  # of the crest: where the wave begins and ends
+POINTS = 1001  # from there to there
+
+
+@dataclass(frozen=True, eq=False)
+class SolitaryPush(Motion):
+    """The motion for a solitary wave.
+
+    Attributes
+    ----------
+    spline
+        X(t) [m], from rest to rest.
+    lead
+        How long after the motion begins the crest would be at x = 0 had it come from afar [s].
+    begin
+        When the motion begins [s].
+    """
+
+    spline: Pieces
+    lead: float
+    begin: float = 0.0
+
+    @property
+    def start(self) -> float:
+        """When the paddle begins to move [s]."""
+        return self.begin
+
+    def scaled(self, factor: float) -> "SolitaryPush":
+        """Return the motion times a factor."""
+        return replace(self, spline=Pieces(factor * self.spline.c, self.spline.x))
+
+    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
+        """Return the spline's derivative; before and after it the paddle is at rest."""
+        return self.rates(t)[order]
+
+    def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
+        """Return the spline's derivatives."""
+        since, (first, last) = np.subtract(t, self.begin), self.spline.x[[0, -1]]
+        moving = (since >= first) & (since <= last)
+        position, *rates = self.spline.rates(np.clip(since, first, last))[: up_to + 1]
+        return [position, *(np.where(moving, rate, 0.0)[()] for rate in rates)]
+
+
+def pushed(elevation: Callable[[Array], Array], *, speed: float, depth: float, half: float) -> SolitaryPush:
+    """Return the motion for a wave of permanent form.
+
+    Parameters
+    ----------
+    elevation
+        eta [m] at distances theta [m] from the crest, shape (N,).
+    speed, depth
+        c [m/s] and d [m].
+    half
+        Distance from the crest [m] beyond which the water is still.
+    """
+    theta = np.linspace(-half, half, POINTS, dtype=np.float64)
+    eta = scipy.interpolate.make_interp_spline(theta, elevation(theta), k=7)
+    volume = eta.antiderivative()
+    ahead, here, slope = volume(half) - volume(theta), eta(theta), eta.derivative()(theta)
+    t = (ahead / depth - theta + half) / speed
+    velocity = speed * here / (depth + here)
+    acceleration = -(speed**2) * depth**2 * slope / (depth + here) ** 3
+    states = (t, ahead / depth, velocity, acceleration)
+    return SolitaryPush(hermite(*(np.asarray(one)[::-1] for one in states)), half / speed)
+
+
+def goring(height: float, *, depth: float, gravity: float) -> SolitaryPush:
+    """Return Goring's motion for a wave of a height [m] in a depth [m]: eta = H sech²(kappa theta), c² = g (d + H)."""
+    kappa, speed = np.sqrt(0.75 * height / depth**3), float(np.sqrt(gravity * (depth + height)))
+    half = float(0.5 * np.log(4.0 / TAIL) / kappa)
+    return pushed(lambda theta: height / np.cosh(kappa * theta) ** 2, speed=speed, depth=depth, half=half)
+
+
+def exact_solitary(height: float, *, depth: float, gravity: float) -> SolitaryPush:
+    """Return the motion for the exact wave of a height [m] in a depth [m]; raises ``InputError`` for one too high."""
+    wave = solitary_wave(height, depth=depth, gravity=gravity)
+    far = np.linspace(0.0, 60.0 * depth / np.sqrt(height / depth), 20_001, dtype=np.float64)
+    half = float(far[np.flatnonzero(wave.elevation(far) > TAIL * height)[-1]])
+    return pushed(wave.elevation, speed=wave.speed, depth=depth, half=half)
