@@ -10,16 +10,16 @@ import pytest
 from conftest import CHECKOUT, commanded
 from matplotlib.figure import Figure
 from pictures import faults
+from records import gauge
 from xarray import concat
 
 from wavetank import data
 from wavetank.analysis import results
 from wavetank.analysis.record import Record, read_record
-from wavetank.analysis.signals import between, elevation
+from wavetank.analysis.signals import between, common_clock
 from wavetank.case.new import write_case
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
-from wavetank.output.tables import GaugeSeries
 from wavetank.output.writer import RunWriter
 from wavetank.plots.analyse_command import KINDS
 from wavetank.plots.analysis_figures import result_figure
@@ -114,8 +114,8 @@ def test_harmonics_over_a_bar_are_those_that_the_datas_readme_states():
     record = read_record("beji_battjes_1994", start=20.0, end=20 + 11 * 2.02, period=2.02)
     found = {row[0]: row[2:5] for row in results.analysed("harmonics", record).rows}
     stated = {"a02": (10.44, 0.45, 0.08), "a10": (12.28, 1.86, 0.40), "a15": (6.11, 9.35, 4.23)}
-    for gauge, amplitudes in stated.items():
-        assert 1e3 * np.array(found[gauge]) == pytest.approx(amplitudes, abs=0.02), gauge
+    for name, amplitudes in stated.items():
+        assert 1e3 * np.array(found[name]) == pytest.approx(amplitudes, abs=0.02), name
 
 
 def regular(x, *, length=40.0, way=1):
@@ -124,8 +124,8 @@ def regular(x, *, length=40.0, way=1):
     series = []
     for n, at in enumerate(x, 1):
         phase = way * k * at - 2 * np.pi * t / 1.6
-        series.append(GaugeSeries(str(n), at, t, 0.04 * np.cos(phase) + 0.003 * np.cos(2 * phase), "made"))
-    return Record(elevation(series), "regular", None, 1.0), 2 * np.pi / 1.6 / k
+        series.append(gauge(str(n), at, t, 0.04 * np.cos(phase) + 0.003 * np.cos(2 * phase), "made"))
+    return Record(common_clock(series), "regular", None, 1.0), 2 * np.pi / 1.6 / k
 
 
 @pytest.mark.parametrize(("period", "way"), [(None, 1), (1.6, -1)])
@@ -290,8 +290,8 @@ def test_gauges_a_beat_apart_are_said_to_stand_badly_and_a_new_slices_are_not(tm
     """Oracle: condition of two waves at three gauges; at 2, 4 and 6 m the beat of 1.887 m is nearly as far."""
     scene = read_case(write_case(f"{tmp_path}/waves", "slice"))
     period, t = scene.wall.motion.period, np.arange(0.0, 14.0, 0.05)
-    for x, badly in (((2.0, 4.0, 6.0), True), ([gauge.x for gauge in scene.gauges], False)):
-        eta = elevation([GaugeSeries(str(at), at, t, np.cos(2 * np.pi * t / period - at), "made") for at in x])
+    for x, badly in (((2.0, 4.0, 6.0), True), ([one.x for one in scene.gauges], False)):
+        eta = common_clock(gauge(str(at), at, t, np.cos(2 * np.pi * t / period - at)) for at in x)
         said = results.analysed("bound-free", Record(eta, "made", period, scene.tank.depth)).notes
         assert ("gauges stand badly" in said) == badly and ("condition 6.47: " in said) == badly
 

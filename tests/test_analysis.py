@@ -1,12 +1,12 @@
 """What records say of the waves, each against waves that are known: their amplitudes, periods, phases, reflection."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from records import gauge, gauges, surface
 from scipy.integrate import quad
 
 from wavetank.analysis.record import read_record
@@ -24,8 +24,8 @@ from wavetank.analysis.signals import (
     along,
     between,
     chosen,
+    common_clock,
     delay,
-    elevation,
     envelope,
     fundamental,
     groupiness,
@@ -49,8 +49,6 @@ from wavetank.analysis.statistics import (
     zero_crossing_waves,
 )
 from wavetank.errors import InputError
-from wavetank.output.fields import Surface
-from wavetank.output.tables import GaugeSeries
 from wavetank.waves.airy import group_velocity, wave_number
 
 T = np.arange(0.0, 200.0, 0.05)
@@ -59,7 +57,7 @@ DEPTH, G = 0.8, 9.81
 
 def recorded(eta, x=(0.0,), t=T):
     """Return the record of waves eta(x, t) at gauges a, b, ..."""
-    return elevation([GaugeSeries(chr(97 + n), at, t, eta(at, t), "made") for n, at in enumerate(x)])
+    return common_clock(gauge(chr(97 + n), at, t, eta(at, t), "made") for n, at in enumerate(x))
 
 
 def k_of(f):
@@ -91,7 +89,7 @@ def test_records_on_one_clock_are_taken_as_they_are_others_by_splines():
     same = recorded(eta, (1.0, 2.0))
     assert (same.values == [eta(1.0, T), eta(2.0, T)]).all() and same.dims == ("gauge", "time")
     late = np.arange(0.613, 180.0, 0.0353553)
-    mixed = elevation([GaugeSeries("a", 1.0, T, eta(1.0, T), ""), GaugeSeries("b", 2.0, late, eta(2.0, late), "")])
+    mixed = common_clock(gauges(gauge("a", 1.0, T, eta(1.0, T)), gauge("b", 2.0, late, eta(2.0, late))))
     t = mixed.time.values
     assert time_step(mixed) == pytest.approx(0.0353553, rel=1e-4) and t[0] >= 0.613 and t[-1] <= 180.0
     # a cubic spline of steps dt is right to 5/384 dt^4 of the fourth derivative, 16, and somewhat more at its ends
@@ -103,7 +101,7 @@ def test_records_on_one_clock_are_taken_as_they_are_others_by_splines():
 def test_snapshots_are_read_at_places_that_stand_still_while_the_paddle_moves():
     t, mesh = np.linspace(0, 20, 401), np.linspace(0, 12, 241)
     x = mesh + 0.1 * np.sin(t)[:, None] * (1 - mesh / 12)
-    read = along(Surface(t, x, np.cos(2 * x - 3 * t[:, None]), 0 * x), np.array([2.0, 5.5]))
+    read = along(surface(t, x, np.cos(2 * x - 3 * t[:, None])), np.array([2.0, 5.5]))
     np.testing.assert_allclose(read.values, np.cos(2 * np.array([[2.0], [5.5]]) - 3 * t), atol=1e-5)
     assert list(read.gauge.values) == ["2", "5.5"]
 
@@ -111,18 +109,16 @@ def test_snapshots_are_read_at_places_that_stand_still_while_the_paddle_moves():
 def test_records_that_cannot_be_used_are_refused_in_a_sentence():
     one = recorded(lambda x, t: np.sin(t), (1.0, 1.0))
     unknown = recorded(lambda x, t: np.sin(t), (1.0, np.nan))
-    short = GaugeSeries("a", 1.0, T[:3], T[:3], "made")
+    short = gauge("a", 1.0, T[:3], T[:3], "made")
     for refused, said in (
-        (lambda: elevation([]), "no gauge"),
-        (lambda: elevation([short]), "too few times in common"),
-        (lambda: elevation([replace(short, t=T[:1], eta=T[:1])]), "too few times in common"),
-        (lambda: elevation([replace(short, t=T[:0], eta=T[:0])]), "too few times in common"),
+        (lambda: common_clock([]), "no gauge"),
+        *((lambda n=n: common_clock([short[:n]]), "made: the gauges have too few times in common") for n in (3, 1, 0)),
         (lambda: between(one, 300.0), "the record is from 0 to 199.95 s"),
         (lambda: chosen(one, ["z"]), "'z' received; there are a, b"),
         (lambda: places(one), "two are at one"),
         (lambda: places(unknown), "that of b is not known"),
-        (lambda: along(Surface(T[:0], *3 * [np.zeros((0, 0))]), np.array([6.0])), "0 snapshots of the surface"),
-        (lambda: along(Surface(T, np.tile([0.0, 5.0], (T.size, 1)), 0 * T, 0 * T), np.array([6.0])), "from 0 to 5 m"),
+        (lambda: along(surface(T[:0], *2 * [np.zeros((0, 0))]), np.array([6.0])), "0 snapshots of the surface"),
+        (lambda: along(surface(T, *2 * [np.tile([0.0, 5.0], (T.size, 1))]), np.array([6.0])), "from 0 to 5 m"),
         (lambda: harmonics(one, 0.001), "a period long"),
         (lambda: harmonics(one, 9.0), "steps are too long"),
         (lambda: height_statistics(zero_crossing_waves(between(one[0], 0.0, 5.0))), "0 whole waves"),

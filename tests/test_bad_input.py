@@ -14,18 +14,18 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pydantic import BaseModel, TypeAdapter
+from records import gauge
 
 from wavetank import data
 from wavetank.analysis import results
 from wavetank.analysis.record import Record
-from wavetank.analysis.signals import elevation
+from wavetank.analysis.signals import common_clock
 from wavetank.case import Case
 from wavetank.case.reading import SHOWN, read_case
 from wavetank.cli import main
 from wavetank.errors import InputError, OutsideError, WavetankError
 from wavetank.mesh.bathymetry import read_bed
 from wavetank.motion.recorded import read_record
-from wavetank.output.tables import GaugeSeries
 from wavetank.planning.plan import UnreachableError
 from wavetank.planning.requirements import analysed_duration
 from wavetank.values.case_model import CaseError, Problem
@@ -276,11 +276,11 @@ RECORDS = {
 def test_whatever_a_record_holds_is_analysed_or_refused_in_a_sentence(name, x, y):
     """No other error, and no warning, which would be one here."""
     t = np.arange(0, 20, 0.1)
-    gauges = [GaugeSeries(f"{n}", at, t, RECORDS[name](n + 1, t), "made", n * y) for n, at in enumerate(x)]
+    gauges = [gauge(f"{n}", at, t, RECORDS[name](n + 1, t), "made", n * y) for n, at in enumerate(x)]
     for kind in results.KINDS:
         for period in (None, 2.0):
             try:
-                found = results.analysed(kind, Record(elevation(gauges), "made", period, 1.0))
+                found = results.analysed(kind, Record(common_clock(gauges), "made", period, 1.0))
                 assert found.rows and all(len(row) == len(found.columns) for row in found.rows)
             except InputError as error:
                 assert str(error).endswith(".") and "\n" not in str(error)

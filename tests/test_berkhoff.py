@@ -14,18 +14,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 import typer
+from records import gauge, gauges
 from typer.testing import CliRunner
 
 from wavetank import data
-from wavetank.analysis.compare import compare_heights, computed_heights, matched
-from wavetank.analysis.statistics import mean_wave_height, wave_heights
+from wavetank.analysis.compare import SECTION_COLUMNS, compare_heights, computed_heights, matched
+from wavetank.analysis.statistics import mean_wave_height, zero_crossing_waves
 from wavetank.case.output import GaugeLine
 from wavetank.data import DataFile, Dataset, HeightSeries, Section
 from wavetank.errors import InputError
-from wavetank.output.tables import GaugeSeries
 from wavetank.output.writer import RunWriter
 from wavetank.plots.compare_command import compare
-from wavetank.plots.tables import SECTION_COLUMNS
 
 NAME = "berkhoff_1982_shoal"
 KNOWN = data.dataset(NAME).heights
@@ -35,7 +34,7 @@ LINES = (KNOWN.incident, *KNOWN.sections)
 
 
 def record(eta, t=T, *, x=0.0, y=0.0, name="g"):
-    return GaugeSeries(name, x, t, eta, "computed", y)
+    return gauge(name, x, t, eta, y=y)
 
 
 # ---------------------------------------------------------------- wave heights of a record
@@ -43,14 +42,16 @@ def test_the_height_of_a_sinusoid_is_twice_its_amplitude():
     """The spline of 25 samples a period is good to h^4 / 384 = 1e-5 of the amplitude at a crest between two."""
     for phase in (0.0, 0.3, 2.0):
         eta = 0.0232 * np.sin(2 * np.pi * T - phase) - 0.004  # the set-down is no part of the height
-        assert wave_heights(record(eta), start=30.0) == pytest.approx(0.0464, rel=1e-4)
+        assert zero_crossing_waves(record(eta).sel(time=slice(30.0, None))).height.values == pytest.approx(
+            0.0464, rel=1e-4
+        )
 
 
 def test_the_height_of_a_stokes_wave_is_that_of_its_odd_harmonics():
     """Crest minus trough of a cos + b cos 2 + c cos 3, b < a / 4: 2 (a + c); the second harmonic lifts both alike."""
     theta = 2 * np.pi * T - 0.7
     eta = 0.04 * np.cos(theta) + 0.008 * np.cos(2 * theta) + 0.002 * np.cos(3 * theta)
-    heights = wave_heights(record(eta), start=30.0)
+    heights = zero_crossing_waves(record(eta).sel(time=slice(30.0, None))).height.values
     assert heights.size in (9, 10)  # whole waves in 10 s
     assert mean_wave_height(record(eta), start=30.0) == pytest.approx(0.084, rel=5e-4)
 
@@ -59,7 +60,7 @@ def test_the_mean_height_of_a_group_is_that_of_its_waves():
     """Amplitudes 1, 2, 3, ... mm change where eta = 0: each wave is a whole sine of its own height."""
     t = np.arange(0.0, 8.0001, 0.01)
     eta = 1e-3 * (1 + np.floor(t)) * np.sin(2 * np.pi * t)
-    heights = wave_heights(record(eta, t), start=0.0)
+    heights = zero_crossing_waves(record(eta, t)).height.values
     # the mean of all is not exactly zero, so that the first and the last crossing may be cut off
     assert heights == pytest.approx(2e-3 * np.arange(9 - heights.size, 9)[: heights.size], rel=0.02)
 
@@ -169,11 +170,13 @@ def wave(height, x):
 
 
 def gauges_of(sections=LINES, *, gain=1.0):
-    return [
-        record(gain * wave(H0 * heights_of((x, y)), x), x=x, y=y, name=name)
-        for section in sections
-        for name, x, y in gauge_line(section)
-    ]
+    return gauges(
+        *(
+            record(gain * wave(H0 * heights_of((x, y)), x), x=x, y=y, name=name)
+            for section in sections
+            for name, x, y in gauge_line(section)
+        )
+    )
 
 
 def synthetic(offset=0.0):
@@ -194,54 +197,55 @@ def test_a_field_against_itself_has_no_misfit():
     """The cubic spline of gauges 0.25 m apart is good to 1e-4 of this field."""
     computed = computed_heights(gauges_of(), KNOWN)
     compared = compare_heights(computed, synthetic(), incident=H0)
-    assert [one.section for one in compared] == [*"12345678", "all"]
-    assert [one.points for one in compared] == [23] * 8 + [184]
+    assert [one["section"] for one in compared] == [*"12345678", "all"]
+    assert [one["points"] for one in compared] == [23] * 8 + [184]
     for one in compared:
-        assert one.nrms < 5e-4 and abs(one.bias) < 5e-4
-        assert one.largest_computed == pytest.approx(one.largest_measured, rel=1e-3)
+        assert one["nrms"] < 5e-4 and abs(one["bias"]) < 5e-4
+        assert one["largest_computed"] == pytest.approx(one["largest_measured"], rel=1e-3)
 
 
 def test_known_misfits_are_found():
     (one, *_) = compare_heights(computed_heights(gauges_of(), KNOWN), synthetic(offset=0.1), incident=H0)
     there = synthetic(offset=0.1)[0].ratios
-    assert one.nrms == pytest.approx(0.1 / np.sqrt(np.mean(there**2)), rel=5e-3)
-    assert one.bias == pytest.approx(-0.1 / there.mean(), rel=5e-3)
+    assert one["nrms"] == pytest.approx(0.1 / np.sqrt(np.mean(there**2)), rel=5e-3)
+    assert one["bias"] == pytest.approx(-0.1 / there.mean(), rel=5e-3)
 
 
 def test_the_own_incident_height_takes_a_gain_away():
     """All waves 20 % too high, the incident ones among them."""
-    flat = [record(gauge.eta * 0 + wave(1.2 * H0, 0), x=gauge.x, y=gauge.y) for gauge in gauges_of()]
+    flat = gauges_of()
+    flat[:] = wave(1.2 * H0, 0)
     known = [one._replace(ratios=np.ones(23)) for one in synthetic()]
     for one in compare_heights(computed_heights(flat, KNOWN), known, incident=H0):
-        assert one.nrms == pytest.approx(0.2, rel=1e-3) and one.nrms_incident < 1e-4
+        assert one["nrms"] == pytest.approx(0.2, rel=1e-3) and one["nrms_incident"] < 1e-4
 
 
 def test_sections_without_gauges_are_left_out():
     computed = computed_heights(gauges_of(KNOWN.sections[2:3]), KNOWN)
     assert computed.incident is None
     compared = compare_heights(computed, synthetic(), incident=H0)
-    assert [one.section for one in compared] == ["3", "all"]
-    assert all(one.nrms_incident is None for one in compared)
+    assert [one["section"] for one in compared] == ["3", "all"]
+    assert all(one["nrms_incident"] is None for one in compared)
 
 
 def test_a_run_without_those_gauges_is_told_what_is_needed():
-    elsewhere = [record(wave(H0, x), x=x, y=0.3) for x in (1.0, 2.0)]
+    elsewhere = gauges(*(record(wave(H0, x), x=x, y=0.3, name=f"{x}") for x in (1.0, 2.0)))
     with pytest.raises(InputError, match="the run has 2 gauges; needed are 4 along one of x = 1 m, .*, y = 2 m"):
         computed_heights(elsewhere, KNOWN)
 
 
 def test_gauges_of_a_basin_are_matched_by_both_coordinates():
-    both = [record(T, x=1.0, y=y, name=name) for name, y in (("a", 0.0), ("b", 2.0))]
-    pairs = matched(both, [record(T, x=1.0, y=2.0, name="1")])
-    assert [(one.name, other.name) for one, other in pairs] == [("b", "1")]
+    both = gauges(*(record(T, x=1.0, y=y, name=name) for name, y in (("a", 0.0), ("b", 2.0))))
+    pairs = matched(both, gauges(record(T, x=1.0, y=2.0, name="1")))
+    assert [(one.gauge.item(), other.gauge.item()) for one, other in pairs] == [("b", "1")]
 
 
-def write_run(path: Path, gauges) -> Path:
+def write_run(path: Path, records) -> Path:
     """Write gauges as a run does; return the run directory."""
     tank = {"type": "basin", "depth": 0.45}
     with RunWriter(path, {"scene": {"title": "a field of waves", "tank": tank}}) as writer:
-        table = writer.gauges([(gauge.name, gauge.x, gauge.y) for gauge in gauges])
-        for row in np.column_stack([T, *(gauge.eta for gauge in gauges)])[T > 29.0]:
+        table = writer.gauges([(one.gauge.item(), one.x.item(), one.y.item()) for one in records])
+        for row in np.column_stack([T, *records])[T > 29.0]:
             table.append(list(row))
     return path
 
@@ -249,7 +253,7 @@ def write_run(path: Path, gauges) -> Path:
 def test_a_run_is_compared_with_the_measurements(measured, tmp_path):
     """A run that has the measured heights at its gauges: what remains is interpolation, there and back."""
     by_name = {series.section.name: series for series in measured[:8]}
-    gauges = [
+    records = [
         record(
             wave(H0 * np.interp(y if section.along == "y" else x, known.places, known.ratios), x), x=x, y=y, name=name
         )
@@ -257,7 +261,7 @@ def test_a_run_is_compared_with_the_measurements(measured, tmp_path):
         for known in [by_name[section.name]]
         for name, x, y in gauge_line(section)
     ]
-    out = write_run(tmp_path / "run", gauges)
+    out = write_run(tmp_path / "run", records)
     app = typer.Typer()
     app.command()(compare)
     result = CliRunner().invoke(app, [str(out), "--with", NAME], env={"COLUMNS": "100"})

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from conftest import CHECKOUT, commanded
 from matplotlib.figure import Figure
+from records import gauge, gauges, surface
 
 from wavetank.case import Case
 from wavetank.case.output import CrestTarget
@@ -18,7 +19,6 @@ from wavetank.case.reading import contents, read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.output.directory import PADDLE, RunDirectory
-from wavetank.output.fields import Surface
 from wavetank.output.writer import RunWriter
 from wavetank.studies.calibrate import calibration as module
 from wavetank.studies.calibrate import drawing
@@ -99,7 +99,7 @@ def test_the_highest_crest_is_found_between_snapshots_and_points():
     t = np.arange(18.0, 22.0, 0.08)
     x = np.linspace(0.05 * np.sin(t), 24.0, 150, axis=1)
     eta = 0.1 * np.exp(-((x - 10.03) ** 2) - 2 * (t[:, None] - 20.013) ** 2)
-    found = crests(Surface(t, x, eta, 0 * eta), 5.0, 15.0, sizes=Scale(2.0, 3.0))[0]
+    found = crests(surface(t, x, eta), 5.0, 15.0, sizes=Scale(2.0, 3.0))[0]
     assert found == pytest.approx((0.1, 10.03, 20.013), rel=2e-5)
 
 
@@ -110,7 +110,7 @@ def test_ripples_of_cells_move_a_crest_hardly(phase):
     along, later = x - 10.03, t[:, None] - 20.013
     ripples = 1 + 0.01 * np.cos(2 * np.pi / 0.2 * along + phase)
     eta = 0.1 * ripples * np.exp(-2 * (along - 0.8 * later) ** 2) * np.cos(2 * np.pi * (along / 1.6 - later))
-    crest, place, time = crests(Surface(t, x, eta, 0 * eta), 7.6, 12.4, sizes=Scale(1.0, 1.6))[0]
+    crest, place, time = crests(surface(t, x, eta), 7.6, 12.4, sizes=Scale(1.0, 1.6))[0]
     assert crest == pytest.approx(0.1, rel=0.003)
     assert place == pytest.approx(10.03, abs=0.02) and time == pytest.approx(20.013, abs=0.015)
 
@@ -121,9 +121,8 @@ def test_of_two_crests_that_are_alike_it_is_the_nearer_and_the_other_is_told(wav
     t, x = np.arange(17.0, 23.0, 0.04), np.tile(np.arange(6.0, 14.0, 0.05), (150, 1))
     along, after = x - 10.0, t[:, None] - 20.0
     envelope = 0.1 * np.exp(0.005 * (along + 0.8) - 2 * (along - 0.8 * after) ** 2)
-    surface = Surface(t, x, -envelope * np.cos(2 * np.pi * (along / 1.6 - after)), 0 * along)
-    gauge = SimpleNamespace(x=10.0, t=t, eta=0 * t)
-    run = SimpleNamespace(snapshots=lambda: surface, gauge_series=lambda: [gauge])
+    snapshots = surface(t, x, -envelope * np.cos(2 * np.pi * (along / 1.6 - after)))
+    run = SimpleNamespace(snapshots=lambda: snapshots, gauges=gauges(gauge("1", 10.0, t, 0 * t)))
     one = replace(waves, omega=np.array([2 * np.pi]), k_x=np.array([2 * np.pi / 1.6]), amplitudes=np.ones(1))
     found = CrestAim(CrestTarget(height=0.1, x=10.0 + 0.8 * later, time=20.0 + later), one).evaluate([run])
     assert (found.crest, found.x) == pytest.approx((height, place), rel=2e-3)

@@ -22,7 +22,6 @@ CASES = sorted((CHECKOUT / "cases").glob("*.toml"))
 TOGETHER = {"bar", "bend", "ntnu-flap"}  # on two ranks by default: a bed, a basin, a flap told by a record
 TWICE = ("numerics.dt=0.01", "run.duration=0.02", "numerics.tolerance=1e-9")
 COARSE = ("numerics.cell_size=2.0", "numerics.order=2", "numerics.vertical_order=2")
-MASS = {1: "mass [m^2]", 2: "mass [m^3]"}
 
 
 def changes_of(scene: Case) -> tuple[str, ...]:
@@ -50,7 +49,8 @@ def alone(tmp_path_factory):
 def test_a_case_steps(case, alone):
     scene, run = alone(case)
     assert run.manifest["status"] == "finished"
-    mass = run.budget()[MASS[2 if isinstance(scene.tank, BasinTank) else 1]]
+    mass, units = run.energy.mass.values, run.energy.mass.units
+    assert units == ("m^3" if isinstance(scene.tank, BasinTank) else "m^2")
     assert mass.size > 2 and np.ptp(mass) < 1e-13 * mass[0]
 
 
@@ -64,9 +64,8 @@ def test_a_case_is_the_same_on_two_ranks(case, alone, on_ranks, tmp_path):
     two = RunDirectory(tmp_path / "2")
     assert one.manifest["status"] == two.manifest["status"] == "finished"
     assert one.manifest.get("planned") == two.manifest.get("planned")
-    together = two.budget()
-    for name, values in one.budget().items():
-        assert together[name] == pytest.approx(values, rel=1e-6, abs=1e-9), name
+    for name, values in one.energy.variables.items():
+        assert two.energy[name].values == pytest.approx(values.values, rel=1e-6, abs=1e-9), name
     if scene.all_gauges:
-        eta, there = (np.array([gauge.eta for gauge in run.gauge_series()]) for run in (one, two))
+        eta, there = (run.gauges.values for run in (one, two))
         assert np.abs(there - eta).max() < 1e-9 + 1e-6 * np.abs(eta).max()

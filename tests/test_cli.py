@@ -36,10 +36,10 @@ def focused(path: Path) -> None:
     run = RunDirectory(path)
     assert run.manifest["status"] == "finished"
     surface = run.snapshots()
-    highest = np.unravel_index(np.argmax(surface.eta), surface.eta.shape)
-    assert 0.10 < surface.eta[highest] < 0.13
-    assert surface.x[highest] == pytest.approx(10.0, abs=1.0)
-    assert surface.t[highest[0]] == pytest.approx(20.0, abs=0.6)
+    highest = surface.isel(surface.elevation.argmax(...))
+    assert 0.10 < highest.elevation < 0.13
+    assert float(highest.x) == pytest.approx(10.0, abs=1.0)
+    assert float(highest.time) == pytest.approx(20.0, abs=0.6)
 
 
 def drawn(path: Path) -> bool:
@@ -76,7 +76,7 @@ def test_gauges_are_the_same_on_any_number_of_ranks_and_progress_is_seen(wavetan
         command = ("run", case, *overrides, "--no-plots", "--out", str(out))
         result = wavetank(*command, ranks=ranks)
         assert result.returncode == 0, result.stderr
-        records.append(np.array([gauge.eta for gauge in RunDirectory(out).gauge_series()]))
+        records.append(RunDirectory(out).gauges.values)
         assert RunDirectory(out).manifest["ranks"] == ranks
         assert re.search(r"\nt = .*s left, .*iterations a step\n", result.stdout), result.stdout
     alone, together = records
@@ -175,11 +175,11 @@ def test_a_run_that_breaks_down_keeps_everything_before_and_says_why(wavetank, t
     assert re.search(r"wavetank: t = [\d.]+ s.*(steep|break)", result.stderr)
     manifest = json.loads((out / "manifest.json").read_text())
     assert manifest["status"] == "broke down" and manifest["cause"] in result.stderr
-    gauges = RunDirectory(out).gauge_series()
+    gauges = RunDirectory(out).gauges
     assert wavetank("status", str(out)).stdout.startswith(
-        f"{out}: broke down, t {gauges[0].t[-1]:.5g} of 16.8 s, speed "
+        f"{out}: broke down, t {float(gauges.time[-1]):.5g} of 16.8 s, speed "
     )
-    assert gauges[0].t.size > 20 and np.all(np.isfinite(gauges[0].eta))
+    assert gauges.time.size > 20 and np.all(np.isfinite(gauges))
 
 
 def test_an_interrupted_run_keeps_everything_before_and_says_so(tmp_path):
@@ -195,7 +195,7 @@ def test_an_interrupted_run_keeps_everything_before_and_says_so(tmp_path):
     assert process.returncode == 1
     assert re.search(r"wavetank: t = [\d.]+ s: interrupted by SIGINT", errors), errors
     assert RunDirectory(out).manifest["status"] == "stopped"
-    assert RunDirectory(out).gauge_series()[0].t.size > 5
+    assert RunDirectory(out).gauges.time.size > 5
 
 
 def interrupt(*_):

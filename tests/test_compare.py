@@ -1,120 +1,115 @@
 """Comparison of gauges: a known gain and shift is found again; the published computation's misfit is the stated one."""
 
 import csv
-from dataclasses import replace
 from io import StringIO
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from conftest import commanded, needs_marin
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from records import gauge, gauges
 from rich.console import Console
 
 from wavetank import data
-from wavetank.analysis.compare import compare, compare_harmonics, matched
+from wavetank.analysis.compare import GAUGE_COLUMNS, compare, compare_harmonics, matched
 from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
-from wavetank.output.tables import GaugeSeries
 from wavetank.output.writer import RunWriter
 from wavetank.plots.compare_command import tank_note
 from wavetank.plots.figures import draw_run, gauges_figure
-from wavetank.plots.tables import (
-    GAUGE_COLUMNS,
-    clock_note,
-    comparison_table,
-    extremes_table,
-    harmonics_table,
-    write_comparison,
-)
+from wavetank.plots.tables import clock_note, comparison_table, extremes_table, harmonics_table, write_dataset
 
 
 def group(t, t0):
     return 0.05 * np.exp(-(((t - t0) / 6) ** 2)) * np.cos(4 * (t - t0)) + 0.004 * np.sin(1.3 * t)
 
 
-def series(name, x, t, eta, source="computed"):
-    return GaugeSeries(name, x, t, eta, source)
+def only(compared):
+    """Return the quantities of a comparison at its only gauge."""
+    return SimpleNamespace(**{name: one.item() for name, one in compared.isel(gauge=0).items()})
+
+
+def printed(*tables, width=100):
+    """Return tables as a terminal shows them."""
+    text = StringIO()
+    Console(file=text, width=width, markup=False).print(*tables)
+    return text.getvalue()
 
 
 def test_a_known_gain_and_shift_is_found_again():
     t = np.arange(0, 60, 0.02)
     fine = np.arange(-1, 61, 0.013)
-    measured = series("5", 50.0, t, group(t, 30.0), "measured")
-    computed = series("g", 50.0, fine, group(fine + 0.137, 30.0) / 1.25)
-    (one,) = compare([computed], [measured])
+    measured = gauges(gauge("5", 50.0, t, group(t, 30.0), "measured"))
+    computed = gauges(gauge("g", 50.0, fine, group(fine + 0.137, 30.0) / 1.25))
+    one = only(compare(computed, measured))
     assert one.gain == pytest.approx(1.25, rel=1e-4)
     assert one.shift == pytest.approx(0.137, abs=1e-4)
     assert one.nrms_fitted < 1e-3 < one.nrms
     assert one.crest_computed == pytest.approx(one.crest_reference / 1.25, rel=1e-3)
 
 
-def test_a_record_against_itself_has_no_misfit():
-    t = np.arange(0, 60, 0.02)
-    one = series("5", 50.0, t, group(t, 30.0))
-    (result,) = compare([one], [one])
-    assert result.nrms < 1e-12 and result.correlation == pytest.approx(1.0)
-
-
-def test_a_record_of_few_samples_a_wave_has_its_own_crests_troughs_and_arrival():
-    """Though none of its samples is at a crest: like is compared with like."""
+def test_a_record_of_few_samples_a_wave_compares_exactly_with_itself():
+    """Its spline has a crest between samples: like is compared with like."""
     t = np.arange(0, 60, 0.3)
-    one = series("5", 50.0, t, group(t, 30.14))
-    (result,) = compare([one], [one])
+    one = gauges(gauge("5", 50.0, t, group(t, 30.14)))
+    result = only(compare(one, one))
     assert (result.crest_error, result.trough_error, result.arrival_error) == (0.0, 0.0, 0.0)
-    assert result.crest_reference > 1.001 * one.eta.max()
+    assert result.crest_reference > 1.001 * one.values.max()
+    assert result.nrms < 1e-12 and result.correlation == pytest.approx(1.0)
 
 
 def test_gauges_without_a_partner_are_said():
     t = np.arange(0, 1, 0.02)
     with pytest.raises(InputError, match=r"the run has 'a' at x = 1 m; the reference 'b' at x = 2 m"):
-        compare([series("a", 1.0, t, t)], [series("b", 2.0, t, t)])
+        compare(gauges(gauge("a", 1.0, t, t)), gauges(gauge("b", 2.0, t, t)))
 
 
 def test_misfit_of_the_published_computation_is_the_stated_one():
     """The data's README states these for Gagarina et al. over 0-120 s."""
     needs_marin()
     measured, published = data.gauge_records(data.dataset("marin-202002"))
-    nrms = [one.nrms for one in compare(published.series, measured.series)]
-    assert nrms == pytest.approx([0.444, 0.210, 0.381, 0.353, 0.290, 0.274], abs=1e-3)
+    assert compare(published, measured).nrms.values == pytest.approx(
+        [0.444, 0.210, 0.381, 0.353, 0.290, 0.274], abs=1e-3
+    )
 
 
 def test_the_table_is_written(tmp_path: Path):
     t = np.arange(0, 60, 0.02)
-    one = series("5", 50.0, t, group(t, 30.0))
-    comparisons = compare([one], [one])
-    write_comparison(tmp_path / "compare.csv", comparisons)
-    header, row = list(csv.reader((tmp_path / "compare.csv").read_text().splitlines()))
-    assert tuple(header) == GAUGE_COLUMNS and row[0] == "5"
-    assert comparison_table(comparisons).row_count == 1
+    one = gauges(gauge("5", 50.0, t, group(t, 30.0)))
+    compared = compare(one, one, clock_offset=-1.5)
+    write_dataset(tmp_path / "compare.csv", compared, GAUGE_COLUMNS)
+    (row,) = csv.DictReader((tmp_path / "compare.csv").read_text().splitlines())
+    assert [*row] == [f"{name} [{unit}]" if unit else name for name, unit in GAUGE_COLUMNS.items()]
+    assert (row["gauge"], row["x [m]"], row["clock_offset [s]"], row["similarity"]) == ("5", "50", "-1.5", "0")
+    assert comparison_table(compared).row_count == 1
 
 
 def test_small_crests_have_their_digits_in_the_table():
     t = np.arange(0, 60, 0.02)
-    one = series("5", 50.0, t, 1e-4 * group(t, 30.0))
-    said = StringIO()
-    Console(file=said, width=120).print(extremes_table(compare([one], [one])))
+    one = gauges(gauge("5", 50.0, t, 1e-4 * group(t, 30.0)))
     crest = 1e-4 * group(t, 30.0).max()
-    assert said.getvalue().count(f"{crest:.4g}") == 2
+    assert printed(extremes_table(compare(one, one))).count(f"{crest:.4g}") == 2
 
 
 def test_pictures_of_a_run_are_drawn(tmp_path: Path):
     with RunWriter(tmp_path / "run", {"scene": {"title": "a group", "tank": {"depth": 1.0}}}) as writer:
         columns = ["t [s]", "kinetic [u]", "potential [u]", "total [u]", "paddle_work [u]", "balance [u]", "mass [u]"]
-        gauges, energy, surface = writer.gauges([("1", 5.0)]), writer.table("energy.csv", columns), writer.surface()
+        table, energy, surface = writer.gauges([("1", 5.0)]), writer.table("energy.csv", columns), writer.surface()
         x = np.linspace(0, 20, 81)
         for t in np.linspace(0, 20, 60):
             surface.append(t, x, group(t - x / 2, 5.0), 0 * x)
-            gauges.append([t, group(t - 2.5, 5.0)])
+            table.append([t, group(t - 2.5, 5.0)])
             energy.append([t, 1.0, 1.0, 2.0, 0.0, 1e-6 * t, 20.0])
         writer.finish("finished", {})
     pictures = draw_run(RunDirectory(tmp_path / "run"))
     assert {path.name for path in pictures} == {"surface.png", "gauges.png", "energy.png"}
     assert all(path.stat().st_size > 10_000 for path in pictures)
-    record = RunDirectory(tmp_path / "run").gauge_series()
-    gauges_figure(record, record, record, tmp_path / "compare.png")
+    record = RunDirectory(tmp_path / "run").gauges
+    gauges_figure(record, record, [record], tmp_path / "compare.png")
     assert (tmp_path / "compare.png").stat().st_size > 10_000
 
 
@@ -127,9 +122,14 @@ def waves(t):
     return 0.05 * np.exp(-((tau / 6.0) ** 2)) * (np.cos(4.0 * tau) + 0.6 * np.cos(5.3 * tau) + 0.2 * np.cos(7.9 * tau))
 
 
-def against(computed, measured, t=T):
+def compared(computed, measured, t=T):
     """Return the comparison of two records at one gauge, the computed one at times t."""
-    return compare([series("5", 50.0, t, computed)], [series("5", 50.0, T, measured, "measured")])[0]
+    return compare(gauges(gauge("5", 50.0, t, computed)), gauges(gauge("5", 50.0, T, measured, "measured")))
+
+
+def against(computed, measured, t=T):
+    """Return the quantities of that comparison."""
+    return only(compared(computed, measured, t))
 
 
 @settings(max_examples=15)
@@ -189,35 +189,48 @@ def test_still_water_compares_without_a_number_that_is_not_finite():
     assert (found.nrms, found.nrms_fitted, found.gain, found.correlation) == (1.0, 1.0, 0.0, 0.0)
 
 
-def test_gauges_are_matched_by_x_within_a_millimetre_in_the_reference_order():
-    computed = [series(name, x, T, waves(T)) for name, x in (("a", 10.0), ("b", 20.0009), ("c", 30.002))]
-    measured = [series(name, x, T, waves(T)) for name, x in (("3", 30.0), ("2", 20.0), ("1", 10.0), ("4", 40.0))]
-    assert [found.gauge for found in compare(computed, measured)] == ["2", "1"]
+def placed(*names):
+    """Return records at gauges (name, x)."""
+    return gauges(*(gauge(name, x, T, waves(T)) for name, x in names))
 
 
-def test_of_gauges_at_one_place_the_namesake_is_the_partner_else_the_nearest():
-    def place(*names):
-        return [series(name, x, T, waves(T)) for name, x in names]
-
-    def partners(computed, reference):
-        return [(one.name, other.name) for one, other in matched(computed, reference)]
-
-    both = place(("left", 5.0), ("right", 5.0))
-    assert partners(both, both[::-1]) == [("right", "right"), ("left", "left")]
-    assert partners(place(("a", 5.0), ("b", 5.0004)), place(("m", 5.0005))) == [("b", "m")]
-    assert partners(place(("5", 49.5), ("4", 50.0)), place(("5", 50.0))) == [("4", "5")]
+@pytest.mark.parametrize(
+    ("computed", "reference", "partners"),
+    [
+        # by x within a millimetre, in the reference's order
+        (
+            (("a", 10.0), ("b", 20.0009), ("c", 30.002)),
+            (("3", 30.0), ("2", 20.0), ("1", 10.0), ("4", 40.0)),
+            [("b", "2"), ("a", "1")],
+        ),
+        # of several at one place the namesake, else the nearest
+        (
+            (("port", 5.0), ("starboard", 5.0)),
+            (("starboard", 5.0), ("port", 5.0)),
+            [("starboard", "starboard"), ("port", "port")],
+        ),
+        ((("a", 5.0), ("b", 5.0004)), (("m", 5.0005),), [("b", "m")]),
+        ((("5", 49.5), ("4", 50.0)), (("5", 50.0),), [("4", "5")]),
+        # by names where a place is not given
+        ((("5", 49.5), ("4", 50.0)), (("5", np.nan),), [("5", "5")]),
+    ],
+)
+def test_gauges_are_matched(computed, reference, partners):
+    pairs = matched(placed(*computed), placed(*reference))
+    assert [(one.gauge.item(), other.gauge.item()) for one, other in pairs] == partners
+    assert all(np.isfinite(other.x) for _, other in pairs)
 
 
 def test_records_that_cannot_be_compared_are_bad_input():
-    one = series("5", 50.0, T, waves(T))
-    with pytest.raises(InputError, match="the run has none; the reference '5' at x = 50 m"):
-        compare([], [one])
-    with pytest.raises(InputError, match="do not overlap"):
-        compare([one], [replace(one, t=T + 100.0)])
-    with pytest.raises(InputError, match="reference is zero"):
-        compare([one], [replace(one, eta=np.zeros(T.size))])
-    with pytest.raises(InputError, match="3 rows computed"):
-        compare([replace(one, t=T[:3], eta=one.eta[:3])], [one])
+    one = gauges(gauge("5", 50.0, T, waves(T)))
+    for computed, reference, message in (
+        (gauges(), one, "the run has none; the reference '5' at x = 50 m"),
+        (one, one.assign_coords(time=T + 100.0), "do not overlap"),
+        (one, 0 * one, "reference is zero"),
+        (one[:, :3], one, "3 rows computed"),
+    ):
+        with pytest.raises(InputError, match=message):
+            compare(computed, reference)
 
 
 def test_runs_in_different_tanks_are_told(tmp_path):
@@ -243,10 +256,8 @@ def test_what_is_neither_a_run_nor_a_data_set_is_said(tmp_path, capsys):
 
 
 def test_the_table_shows_units_gain_and_shift_in_a_narrow_terminal():
-    console = Console(width=80, file=StringIO(), markup=False)
-    found = [against(waves(T), 1.1 * waves(T - 0.2))]
-    console.print(comparison_table(found), extremes_table(found))
-    shown = console.file.getvalue()
+    found = compared(waves(T), 1.1 * waves(T - 0.2))
+    shown = printed(comparison_table(found), extremes_table(found), width=80)
     assert all(word in shown for word in ("x [m]", "shift [s]", "correlation", "similarity", "1.100", "0.200"))
     assert all(word in shown for word in ("crest [m]", "trough [m]", "arrival [s]", "-9.1 %"))
 
@@ -265,26 +276,24 @@ def test_troughs_arrival_and_similarity_are_those_of_the_group():
 
 
 def test_what_makes_no_sense_has_no_number():
-    """Waves from the start have no arrival; a record that nowhere sinks has no trough; its errors are blank."""
+    """Waves from the start have no arrival; a record that is above still water has no trough; its errors are blank."""
     steady = 0.05 + 0.01 * np.cos(3 * T)
     found = against(steady, steady)
     assert np.isnan(found.arrival_error) and np.isnan(found.trough_error) and found.crest_error < 1e-3
-    console = Console(width=100, file=StringIO(), markup=False)
-    console.print(extremes_table([found]))
-    assert "nan" not in console.file.getvalue() and "arrival" not in console.file.getvalue()
+    shown = printed(extremes_table(compared(steady, steady)))
+    assert "nan" not in shown and "arrival" not in shown
 
 
-def test_a_share_that_is_nearly_none_has_no_sign_of_its_own():
-    console = Console(width=100, file=StringIO(), markup=False)
-    console.print(extremes_table([against(0.9998 * waves(T), waves(T))]))
-    assert "+0.0 %" in console.file.getvalue() and "-0.0 %" not in console.file.getvalue()
+def test_a_fraction_that_rounds_to_zero_is_positive():
+    shown = printed(extremes_table(compared(0.9998 * waves(T), waves(T))))
+    assert "+0.0 %" in shown and "-0.0 %" not in shown
 
 
 def test_arrivals_of_different_waves_are_not_paired():
     """Oracle: a growing wave train 8 % too low, without any delay, reaches the level many waves later."""
     t = np.arange(0, 60, 0.02)
     train = 0.05 * np.interp(t, [0, 10, 40, 60], [0, 0.101, 0.12, 1.0]) * np.cos(4 * t)
-    (found,) = compare([series("g", 1.0, t, 0.92 * train)], [series("g", 1.0, t, train)])
+    found = only(compare(gauges(gauge("g", 1.0, t, 0.92 * train)), gauges(gauge("g", 1.0, t, train))))
     assert np.isnan(found.arrival_error) and found.shift == pytest.approx(0.0, abs=1e-3)
     assert against(waves(T - 3.0), waves(T)).arrival_error == pytest.approx(3.0, abs=1e-3)
 
@@ -294,7 +303,7 @@ def test_of_records_on_another_clock_that_is_told(late, factor, told):
     """Oracle: a group, later in the reference, or besides upside down; what is less than a second a table has."""
     t = np.arange(0, 60, 0.02)
     here, there = (0.05 * np.exp(-(((t - t0) / 3) ** 2)) * np.cos(4 * (t - t0)) for t0 in (20.0, 20.0 + late))
-    computed, measured = [series("g", 1.0, t, factor * here)], [series("g", 1.0, t, there)]
+    computed, measured = gauges(gauge("g", 1.0, t, factor * here)), gauges(gauge("g", 1.0, t, there))
     said = clock_note(computed, measured, compare(computed, measured))
     assert told in said and bool(said) == bool(told) == ("--clock free" in said)
 
@@ -303,24 +312,22 @@ def test_harmonics_are_compared_in_amplitude_and_phase():
     """Oracle: a first harmonic 10 % too high and 0.2 rad ahead, a second one 0.3 rad behind, no third."""
     measured = 0.05 * np.cos(3 * T) + 0.01 * np.cos(6 * T)
     computed = 0.055 * np.cos(3 * T + 0.2) + 0.01 * np.cos(6 * T - 0.3)
-    found = compare_harmonics(
-        [series("5", 50.0, T, computed)], [series("5", 50.0, T, measured)], period=2 * np.pi / 3, start=5.0
-    )
-    first, second, third = found
+    records = gauges(gauge("5", 50.0, T, computed)), gauges(gauge("5", 50.0, T, measured))
+    found = compare_harmonics(*records, period=2 * np.pi / 3, start=5.0)
+    first, second, third = (found.isel(gauge=0, harmonic=n) for n in range(3))
     assert (first.error, first.ahead) == (pytest.approx(0.1, abs=1e-9), pytest.approx(0.2, abs=1e-9))
     assert (second.error, second.ahead) == (pytest.approx(0.0, abs=1e-9), pytest.approx(-0.3, abs=1e-9))
     assert np.isnan(third.error) and third.reference < 1e-10
-    console = Console(width=80, file=StringIO(), markup=False)
-    console.print(harmonics_table(found))
-    assert all(word in console.file.getvalue() for word in ("+10.0 %", "+0.200", "computed [mm]", "55"))
+    shown = printed(harmonics_table(found), width=80)
+    assert all(word in shown for word in ("+10.0 %", "+0.200", "computed [mm]", "55"))
 
 
 def test_a_clock_and_harmonics_are_asked_for_on_the_command_line(tmp_path):
     """Oracle: the same record, 1.7 s late on a clock of its own."""
     with RunWriter(tmp_path / "run", {}) as writer:
-        gauges = writer.gauges([("1", 1.0)])
+        table = writer.gauges([("1", 1.0)])
         for t in T:
-            gauges.append([t, waves(t)])
+            table.append([t, waves(t)])
         writer.finish("finished", {})
     late = np.column_stack([T + 1.7, waves(T)])
     np.savetxt(tmp_path / "own.csv", late, delimiter=",", header="t,1", comments="")

@@ -107,15 +107,16 @@ def test_resolve_reads_data_references_and_paths_relative_to_the_case(places):
         data.resolve("data:set", places)
 
 
-def test_a_download_checks_thins_and_is_read_as_gauge_series(places, server):
+def test_a_download_checks_thins_and_is_read_as_gauges(places, server):
     small(places, server)
     folder = data.fetch("small")
     assert (folder / "WAVE_1.dat").read_text() == PLAIN
     assert (folder / "published1.dat").read_text() == THINNED
     assert {path.name for path in folder.iterdir()} == {"WAVE_1.dat", "published1.dat"}
-    (measured,), (published,) = (one.series for one in data.gauge_records(data.dataset("small")))
-    assert (measured.name, measured.x, measured.source, published.source) == ("1", 2.5, "measured", "someone")
-    np.testing.assert_allclose(published.t, 0.02 * np.arange(6))
+    measured, published = data.gauge_records(data.dataset("small"))
+    assert (measured.gauge.item(), measured.x.item()) == ("1", 2.5)
+    assert (measured.source, published.source) == ("measured", "someone")
+    np.testing.assert_allclose(published.time, 0.02 * np.arange(6))
     small(places, "http://127.0.0.1:9/")
     data.fetch("small")  # all there: nothing is asked of an address where nobody answers
 
@@ -137,7 +138,7 @@ def test_a_published_computation_that_is_missing_is_left_out(places):
     with pytest.raises(InputError, match="data:small/WAVE_1.dat is not in any of"):
         data.gauge_records(known)
     (places / "chosen" / "small" / "WAVE_1.dat").write_text(PLAIN)
-    assert [one.series[0].source for one in data.gauge_records(known)] == ["measured"]
+    assert [one.source for one in data.gauge_records(known)] == ["measured"]
 
 
 def test_what_is_here_is_listed_with_its_origin_and_terms(places):
@@ -167,11 +168,11 @@ def test_marin_as_its_readme_describes_it():
     needs_marin()
     known = data.dataset("marin-202002")
     records = data.gauge_records(known)
-    gauge = records[0].series[4]
-    assert (gauge.name, gauge.x) == ("5", 50.0)
-    assert gauge.eta.max() == pytest.approx(0.0552, abs=5e-5)
-    assert gauge.t[gauge.eta.argmax()] == pytest.approx(109.34)
-    assert records[1].series[4].eta.max() == pytest.approx(0.0499, abs=2e-4)
-    assert all(len(gauge.t) == 6001 and gauge.t[-1] == 120.0 for one in records for gauge in one.series)
+    gauge = records[0][4]
+    assert (gauge.gauge.item(), gauge.x.item()) == ("5", 50.0)
+    assert float(gauge.max()) == pytest.approx(0.0552, abs=5e-5)
+    assert float(gauge.idxmax("time")) == pytest.approx(109.34)
+    assert float(records[1][4].max()) == pytest.approx(0.0499, abs=2e-4)
+    assert all(one.time.size == 6001 and one.time[-1] == 120.0 and one.notnull().all() for one in records)
     for file in known.files:
         assert sha256(data.find("marin-202002", file.name).read_bytes()) == file.sha256

@@ -282,7 +282,7 @@ def test_what_both_walls_do_is_recorded(run, case, capsys, tmp_path):
 
 def test_another_run_begins_where_both_walls_stand(run, case):
     """On the same mesh with its surface, on a finer one with what that says; with a wall elsewhere it is refused."""
-    eta, stood = (run.snapshots().eta[-1], float(run.paddle.position[-1]))
+    eta, stood = (run.snapshots().elevation.values[-1], float(run.paddle.position[-1]))
     begin = f"initial={{type='run', directory='{run.path}'}}"
     walls = [f"{key}.motion={{type='formula', position='{stood!r}+0*t'}}" for key in ("wall", "far_wall")]
     for cells in (4, 8):

@@ -356,15 +356,15 @@ def test_the_run_warns_before_it_breaks_down(wavetank, tmp_path):
     result = wavetank("run", str(case), "--no-plots", "--out", str(tmp_path / "run"))
     assert result.returncode == 1 and result.stderr.startswith("wavetank: t = ")
     run = RunDirectory(tmp_path / "run")
-    assert run.manifest["status"] == "broke down" and run.snapshots().t[-1] > 4.0
+    assert run.manifest["status"] == "broke down" and run.snapshots().time.values[-1] > 4.0
     (said,) = (one for one in map(str, run.warnings) if "short waves" in one)
     assert "under the crests dt omega_max = 2.3" in said and result.stdout.count(f"warning: {said}") == 1
-    assert 4.0 < float(said.split()[2]) < run.snapshots().t[-1]
+    assert 4.0 < float(said.split()[2]) < run.snapshots().time.values[-1]
     assert 4.0 < run.manifest["numerics"]["steps_taken"] * 0.0621 < 22.0
     assert run.manifest["counters"]["interior_solves"] > 3 * run.manifest["numerics"]["steps_taken"]
     assert run.manifest["timings"]["stepping_cpu_s"] > 0.0 and run.manifest["memory"]["peak_mib"] > 0.0
     text = (tmp_path / "run" / "energy.csv").read_text() + json.dumps(run.manifest)
-    assert "nan" not in text.lower() and np.isfinite(run.snapshots().eta).all()
+    assert "nan" not in text.lower() and np.isfinite(run.snapshots().elevation.values).all()
 
 
 @pytest.mark.slow
@@ -413,13 +413,13 @@ def test_a_group_that_overturns_stops_and_one_that_recovers_goes_on_with_less_en
     stopped = wavetank("run", *GROUP, "--set", "wall.motion.linear_crest=0.3", "--out", str(tmp_path / "stop"))
     outrun = rf"a wave breaks: the water outruns .* of its upper half \(limit {100 * OVERTURNS:.0f} %\)"
     assert stopped.returncode == 1 and re.search(outrun, stopped.stderr)
-    assert 12.0 < RunDirectory(tmp_path / "stop").snapshots().t[-1] < 20.0
+    assert 12.0 < RunDirectory(tmp_path / "stop").snapshots().time.values[-1] < 20.0
     going = wavetank("run", *GROUP, "--set", "run.on_breaking=dissipate", "--out", str(tmp_path / "go"))
     assert going.returncode == 0, going.stderr
-    energy = RunDirectory(tmp_path / "go").budget()
-    assert energy["dissipated [m^4/s^2]"][-1] > 0.01 * energy["total [m^4/s^2]"][-1]
-    assert abs(energy["balance [m^4/s^2]"][-1]) < 0.005 * energy["dissipated [m^4/s^2]"][-1]
-    assert energy["mass [m^2]"][-1] == pytest.approx(energy["mass [m^2]"][0], rel=1e-12)
+    energy = RunDirectory(tmp_path / "go").energy
+    assert energy.dissipated[-1] > 0.01 * energy.total[-1]
+    assert abs(energy.balance[-1]) < 0.005 * energy.dissipated[-1]
+    assert float(energy.mass[-1]) == pytest.approx(float(energy.mass[0]), rel=1e-12)
 
 
 def test_a_steep_wave_is_the_same_on_any_number_of_ranks(recorded_on_ranks):
@@ -427,7 +427,7 @@ def test_a_steep_wave_is_the_same_on_any_number_of_ranks(recorded_on_ranks):
     changes = ["run.duration=0.0125", "numerics.dt=0.0125", "numerics.tolerance=1e-11", "numerics.vertical_order=4"]
     changes += ["numerics.cells=16"]
     runs = recorded_on_ranks("cases/steep-ring.toml", *changes)
-    alone, together = (np.array([gauge.eta for gauge in run.gauge_series()]) for run in runs)
+    alone, together = (run.gauges.values for run in runs)
     assert np.abs(together - alone).max() < 1e-9
-    one, many = (run.budget()["dissipated [m^4/s^2]"][-1] for run in runs)
+    one, many = (run.energy.dissipated.values[-1] for run in runs)
     assert one != 0.0 and many == pytest.approx(one, rel=1e-3)  # so soon it may have any sign

@@ -82,7 +82,7 @@ def readable(out: Path) -> float:
     run = RunDirectory(out)
     assert run.status in ("killed", "finished")
     assert line(run_status(out)).startswith(f"{out}: {run.status}")
-    for read in (run.gauge_series, run.budget, run.snapshots):
+    for read in (lambda: run.gauges, lambda: run.energy, run.snapshots):
         try:
             read()
         except InputError as error:
@@ -162,7 +162,7 @@ def test_of_a_mistake_that_all_ranks_meet_no_row_is_missing_and_none_waits_for_e
     assert done.returncode and done.stderr.count(said[how]) == len(failing)
     run = RunDirectory(tmp_path / "run")
     if failing == "01":
-        assert run.status == "failed" and run.gauge_series()[0].t.size == 11
+        assert run.status == "failed" and run.gauges.time.size == 11
     else:
         assert run.status == "killed"
 
@@ -220,7 +220,7 @@ def test_of_a_number_that_is_none_the_true_cause_is_said(part, tmp_path):
     assert CAUSE in spoilt(SLICE, tmp_path, part)
     run = RunDirectory(tmp_path)
     assert run.status == "broke down" and CAUSE in run.manifest["cause"]
-    assert run.gauge_series()[0].t.size == 4  # not that of the spoilt state
+    assert run.gauges.time.size == 4  # not that of the spoilt state
 
 
 @pytest.mark.slow

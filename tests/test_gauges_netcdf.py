@@ -35,7 +35,7 @@ def test_places_are_in_the_header_and_read_back(tmp_path):
         pass
     header = (tmp_path / "gauges.csv").read_text().splitlines()[0]
     assert header == 't [s],1@x=10,"Süd, the focus@x=49.5;y=-2.25",a@x=b@x=0.1'
-    found = [(gauge.name, gauge.x, gauge.y) for gauge in RunDirectory(tmp_path).gauge_series()]
+    found = [(one.gauge.item(), float(one.x), float(one.y)) for one in RunDirectory(tmp_path).gauges]
     assert found == [("1", 10.0, 0.0), ("Süd, the focus", 49.5, -2.25), ("a@x=b", 0.1, 0.0)]
     assert parse_gauge_column("Süd, the focus@x=49.5,y=-2.25") == found[1]  # as they were told
 
@@ -45,15 +45,7 @@ def test_the_netcdf_holds_the_table_to_the_last_bit(engine, tmp_path):
     with write(tmp_path) as writer:
         writer.finish("finished", {})
     with xarray.open_dataset(tmp_path / "gauges.nc", engine=engine) as data:
-        for n, gauge in enumerate(RunDirectory(tmp_path).gauge_series()):
-            station = data.isel(gauge=n)
-            assert (str(station.gauge.values), float(station.x), float(station.y)) == (
-                gauge.name,
-                gauge.x,
-                gauge.y,
-            )
-            np.testing.assert_array_equal(station.time, gauge.t)
-            np.testing.assert_array_equal(station.elevation, gauge.eta)
+        assert data.elevation.transpose("gauge", "time").equals(RunDirectory(tmp_path).gauges)
 
 
 def peak_of_resuming(path, rows):

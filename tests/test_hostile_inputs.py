@@ -367,11 +367,11 @@ def test_pipe_that_appears_later_is_not_opened(run):
     (run / "gauges.csv").unlink()
     os.mkfifo(run / "gauges.csv")
     with pytest.raises(InputError, match=r"no readable gauges.csv \(not a regular file\)"):
-        table.gauge_series()
+        _ = table.gauges
     (run / "gauges.csv").unlink()
     (run / "gauges.csv").symlink_to(run / "energy.csv")
     with pytest.raises(InputError, match=r"no readable gauges.csv \(a symbolic link\)"):
-        table.gauge_series()
+        _ = table.gauges
     (run / "other.csv").hardlink_to(run / "energy.csv")
     with pytest.raises(OSError, match="a hard link: the file has another name, too"):
         open_regular(run / "energy.csv", "r+b")

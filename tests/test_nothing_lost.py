@@ -72,7 +72,7 @@ def test_no_run_replaces_another_unless_told(tmp_path, monkeypatch, capsys):
     assert contents(first) == before
 
     assert main(["run", CASE, "--overwrite", "--no-plots", *SHORT, "--set", "numerics.dt=0.04"]) == 0
-    assert RunDirectory(first).gauge_series()[0].t.size < 6
+    assert RunDirectory(first).gauges.time.size < 6
     assert (first / "notes.txt").read_text() == "mine"
     assert not list(first.glob("*.png"))  # those of the run that is no more
 
@@ -248,7 +248,7 @@ def test_on_a_full_disk_the_cause_has_its_place(tmp_path):
     assert (tmp_path / "code").read_text() == "1\n" and done.stderr.count("\n") == 1
     manifest, warnings = RunDirectory(tmp_path / "run").manifest, RunDirectory(tmp_path / "run").warnings
     assert manifest["status"] == "failed" and "No space left on device" in manifest["cause"] in done.stderr
-    rows = RunDirectory(tmp_path / "run").gauge_series()[0].t
+    rows = RunDirectory(tmp_path / "run").gauges.time
     kept, useless = read_checkpoint(tmp_path / "run")
     assert rows.size > 50 and not useless and not kept.about["whole"] and kept.about["t"] > rows[-1] - 10 * 0.02
     assert not any("checkpoint.zip: cannot be written" in str(one) for one in warnings)

@@ -52,7 +52,7 @@ def surfaces(run: RunDirectory) -> bytes:
     if pieces := sorted((run.path / FIELDS).glob("surface*.vtu")):
         return b"".join(piece.read_bytes() for piece in pieces)
     surface = run.snapshots()
-    return surface.t.tobytes() + surface.eta.tobytes() + surface.psi.tobytes()
+    return b"".join(surface[name].values.tobytes() for name in ("time", "elevation", "surface_potential"))
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from conftest import commanded
 from ranks import CHECKOUT
+from records import gauge, gauges
 
 from wavetank import data
 from wavetank.analysis.compare import synchronised
 from wavetank.errors import InputError
-from wavetank.output.tables import GaugeSeries
 from wavetank.output.writer import RunWriter
 
 T = np.arange(0.0, 30.0, 0.05)
@@ -129,10 +129,10 @@ def test_a_bound_that_keeps_the_true_clock_out_is_kept(run, folder, tmp_path):
 
 def test_one_clock_serves_all_gauges():
     """The least mean square over all: two gauges whose own best offsets differ by 0.1 s meet in the middle."""
-    computed = [GaugeSeries(name, x, T, eta(T, x), "computed") for name, x in PLACES.items()]
+    computed = gauges(*(gauge(name, x, T, eta(T, x)) for name, x in PLACES.items()))
     lag = {"1": 1.0, "5": 1.1}
-    measured = [GaugeSeries(name, x, T + lag[name], eta(T, x), "measured") for name, x in PLACES.items()]
-    _, offset = synchronised(computed, data.GaugeRecords(tuple(measured), (-np.inf, np.inf)))
+    records = [gauge(name, x, T + lag[name], eta(T, x), "measured") for name, x in PLACES.items()]
+    _, offset = synchronised(computed, gauges(*records, clock_offset=(-np.inf, np.inf)))
     assert offset == pytest.approx(-1.05, abs=1e-3)
 
 
@@ -144,10 +144,10 @@ def test_a_clock_is_not_off_by_a_wave_of_slow_groups():
         return np.exp(-(((t - 30.0) / 12.0) ** 2)) * (np.cos(phase) + 0.3 * np.cos(2 * phase))
 
     t = np.arange(0.0, 60.0, 0.05)
-    computed = [GaugeSeries("1", 2.0, t, group(t), "computed")]
+    computed = gauges(gauge("1", 2.0, t, group(t)))
     for lag in 1.0 + np.arange(8) / 48:
-        measured = GaugeSeries("1", 2.0, t + lag, group(t), "measured")
-        _, offset = synchronised(computed, data.GaugeRecords((measured,), (-9.0, 9.0)))
+        measured = gauges(gauge("1", 2.0, t + lag, group(t), "measured"), clock_offset=(-9.0, 9.0))
+        _, offset = synchronised(computed, measured)
         assert offset == pytest.approx(-lag, abs=1e-4)
 
 
@@ -159,7 +159,7 @@ def test_a_file_for_each_gauge(tmp_path):
         'gauges = [{ name = "1" }, { name = "2" }]\n[[records]]\nfiles = ["g1.dat", "g2.dat"]\n'
     )
     (records,) = data.gauge_records(data.opened(str(tmp_path)))
-    np.testing.assert_array_equal([one.eta for one in records.series], [range(5), range(0, 10, 2)])
+    np.testing.assert_array_equal(records, [range(5), range(0, 10, 2)])
 
 
 def test_the_worked_example_is_as_its_page_says(tmp_path):
@@ -181,7 +181,7 @@ def test_the_worked_example_is_as_its_page_says(tmp_path):
     (table,) = re.findall(r"^```text\n(.*?)^```", page, flags=re.DOTALL | re.MULTILINE)
     (tmp_path / "mine.csv").write_text(table)
     (records,) = data.gauge_records(data.opened(str(tmp_path / "mine.csv")))
-    assert [one.name for one in records.series] == ["1", "5"] and records.series[0].t[-1] == 0.06
+    assert list(records.gauge.values) == ["1", "5"] and records.time[-1] == 0.06
 
 
 WRONG = {

@@ -40,12 +40,12 @@ def test_what_is_written_is_read_back(tmp_path):
         writer.finish("finished", {"timings": {"wall": 1.0}})
     run = RunDirectory(str(tmp_path / "run"))
     assert run.manifest["status"] == "finished" and run.manifest["timings"] == {"wall": 1.0} and run.title == "case"
-    first, second = run.gauge_series()
-    assert (first.name, first.x, second.name, second.x) == ("1", 10.0, "b", 49.5)
-    assert np.allclose(first.eta, np.arange(5) / 3, rtol=1e-11) and np.allclose(first.t, 0.1 * np.arange(5))
-    assert np.array_equal(run.budget()["E"], np.arange(5.0))
+    gauges = run.gauges
+    assert gauges.gauge.values.tolist() == ["1", "b"] and gauges.x.values.tolist() == [10.0, 49.5]
+    assert np.allclose(gauges[0], np.arange(5) / 3, rtol=1e-11) and np.allclose(gauges.time, 0.1 * np.arange(5))
+    assert np.array_equal(run.energy.E, np.arange(5.0))
     surface = run.snapshots()
-    assert surface.eta.shape == (5, 4) and np.array_equal(surface.x[2], np.arange(4) + 2.0)
+    assert surface.elevation.shape == (5, 4) and np.array_equal(surface.x[2], np.arange(4) + 2.0)
 
 
 @given(cut=st.integers(1, 60))
@@ -57,9 +57,9 @@ def test_a_killed_run_keeps_all_complete_rows(tmp_path_factory, cut):
         content = (path / file).read_bytes()
         (path / file).write_bytes(content[:-cut])
     run = RunDirectory(path)
-    assert 3 <= run.gauge_series()[0].t.size <= 5 or cut > 40
-    assert run.snapshots().t.size == 4
-    assert np.all(np.isfinite(run.gauge_series()[0].eta))
+    assert 3 <= run.gauges.time.size <= 5 or cut > 40
+    assert run.snapshots().time.size == 4
+    assert np.all(np.isfinite(run.gauges))
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
@@ -124,12 +124,11 @@ def complete_run(tmp_path):
 
 def test_tables_are_read_back_to_the_last_bit_whatever_the_gauges_are_called(complete_run):
     run = RunDirectory(complete_run)
-    series = run.gauge_series()
-    assert [(one.name, one.x) for one in series] == NAMED
-    for one, eta in zip(series, ([1 / 3] * 3, [np.pi * 1e-9] * 3, [-n / 7 for n in range(3)]), strict=True):
-        np.testing.assert_array_equal(one.t, [0.0, 0.1, 2 * 0.1])
-        np.testing.assert_array_equal(one.eta, eta)
-    np.testing.assert_array_equal(run.budget()["total [m^4/s^2]"], [0.0, np.e, 2 * np.e])
+    gauges = run.gauges
+    assert [(one.gauge.item(), float(one.x)) for one in gauges] == NAMED
+    np.testing.assert_array_equal(gauges.time, [0.0, 0.1, 2 * 0.1])
+    np.testing.assert_array_equal(gauges, [[1 / 3] * 3, [np.pi * 1e-9] * 3, [-n / 7 for n in range(3)]])
+    np.testing.assert_array_equal(run.energy.total.values, [0.0, np.e, 2 * np.e])
     assert (complete_run / "gauges.csv").read_text().startswith("t [s],1@x=10,")
 
 
@@ -137,18 +136,16 @@ def test_snapshots_are_read_back_to_the_last_bit(complete_run):
     surface = RunDirectory(complete_run).snapshots()
     for n in range(3):
         t, *arrays = snapshot(n)
-        assert surface.t[n] == t
-        np.testing.assert_array_equal([surface.x[n], surface.eta[n], surface.psi[n]], arrays)
+        assert surface.time[n] == t
+        np.testing.assert_array_equal([surface.x[n], surface.elevation[n], surface.surface_potential[n]], arrays)
 
 
 @pytest.mark.parametrize("file", ["gauges.csv", "energy.csv", "surface.nc"])
 def test_a_file_cut_anywhere_gives_its_complete_records(complete_run, file):
     def rows(run):
         if file == "surface.nc":
-            return run.snapshots().t.size
-        if file == "energy.csv":
-            return max((column.size for column in run.budget().values()), default=0)
-        return max((one.t.size for one in run.gauge_series()), default=0)
+            return run.snapshots().time.size
+        return (run.energy if file == "energy.csv" else run.gauges).time.size
 
     whole, found = (complete_run / file).read_bytes(), []
     for size in (*range(0, max(len(whole) - 500, 0), 25), *range(max(len(whole) - 500, 0), len(whole) + 1)):
@@ -174,7 +171,7 @@ os.kill(os.getpid(), signal.SIGKILL)
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == -signal.SIGKILL
     run = RunDirectory(path)
     assert (run.manifest["status"], run.status) == ("running", "killed")
-    assert run.gauge_series()[0].t.size == run.snapshots().t.size == 100
+    assert run.gauges.time.size == run.snapshots().time.size == 100
 
 
 def test_an_error_in_the_block_makes_it_a_failed_run_with_its_cause(tmp_path):
@@ -183,7 +180,7 @@ def test_an_error_in_the_block_makes_it_a_failed_run_with_its_cause(tmp_path):
         raise RunError("t = 3 s: the wave broke.")
     run = RunDirectory(tmp_path / "run")
     assert (run.manifest["status"], run.manifest["cause"]) == ("broke down", "t = 3 s: the wave broke.")
-    assert run.budget()["t [s]"].size == 1
+    assert run.energy.time.size == 1
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
@@ -194,7 +191,7 @@ def test_a_snapshot_that_is_not_finite_is_refused_before_writing(tmp_path, bad):
         _, x, eta, psi = snapshot(1)
         with pytest.raises(RunError, match=r"t = 0\.5 s.*surface\.nc"):
             surface.append(0.5, x, np.where(x > 7, bad, eta), psi)
-    assert RunDirectory(tmp_path / "run").snapshots().t.size == 1
+    assert RunDirectory(tmp_path / "run").snapshots().time.values.size == 1
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
@@ -295,11 +292,11 @@ def test_missing_and_damaged_files_are_bad_input(complete_run):
     (complete_run / "energy.csv").write_text("t [s],total\n0.0,1.0\n0.1,one\n0.2,3.0\n")
     (complete_run / "surface.nc").write_bytes(b"CDF\x01" + 99 * b"\0")
     with pytest.raises(InputError, match=r"no readable gauges\.csv"):
-        run.gauge_series()
+        _ = run.gauges
     with pytest.raises(InputError, match=r"energy\.csv.*rows of 2 numbers"):
-        run.budget()
+        _ = run.energy
     with pytest.raises(InputError, match=r"surface\.nc: is no NetCDF in the classic"):
         run.snapshots()
     (complete_run / "gauges.csv").write_text("t,probe\n0.0,1.0\n")
     with pytest.raises(InputError, match="NAME@x=METRES"):
-        run.gauge_series()
+        _ = run.gauges

@@ -538,11 +538,11 @@ def test_a_record_that_is_read_back_gives_the_same_run(tmp_path):
     board = tmp_path / "board.csv"
     assert main(["motion", "cases/wavemaker.toml", "--out", str(board), "--set", "run.duration=2.0"]) == 0
     recorded("cases/wavemaker.toml", SHORT, tmp_path / "first")
-    whole = RunDirectory(tmp_path / "first").snapshots().eta
+    whole = RunDirectory(tmp_path / "first").snapshots().elevation.values
     for name, record in (("board", board), ("own", tmp_path / "first" / "paddle.csv")):
         motion = f'wall.motion={{type="recorded", position="{record}"}}'
         recorded("cases/wavemaker.toml", (*SHORT, motion), tmp_path / name)
-        again = RunDirectory(tmp_path / name).snapshots().eta
+        again = RunDirectory(tmp_path / name).snapshots().elevation.values
         assert np.abs(again - whole).max() < 1e-6 * np.abs(whole).max()
 
 

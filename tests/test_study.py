@@ -459,8 +459,8 @@ def test_a_broken_combination_is_a_row_and_a_marked_one_is_judged_too(tmp_path):
     assert (table[1]["status"], table[1]["warnings"]) == ("broke down", "; ".join(map(str, broken.warnings)))
     assert table[1]["cause"] == broken.outcome.cause and table[1][SURFACE_ERROR] == table[1]["highest crest [m]"] == ""
     surface = RunDirectory(tmp_path / good.combination.name).snapshots()
-    assert float(table[0]["highest crest [m]"]) == pytest.approx(surface.eta.max(), rel=1e-6)
-    assert float(table[0]["deepest trough [m]"]) == pytest.approx(surface.eta.min(), rel=1e-6)
+    assert float(table[0]["highest crest [m]"]) == pytest.approx(float(surface.elevation.max()), rel=1e-6)
+    assert float(table[0]["deepest trough [m]"]) == pytest.approx(float(surface.elevation.min()), rel=1e-6)
 
 
 def test_what_has_not_finished_is_counted_in_words():

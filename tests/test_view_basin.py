@@ -8,17 +8,17 @@ import typer
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.image import imread
+from records import gauge, gauges
 from typer.testing import CliRunner
 
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.fields import VtkCells, VtuSeries
-from wavetank.output.tables import GaugeSeries
 from wavetank.output.writer import RunWriter
 from wavetank.plots import basin, view, view_command
 from wavetank.plots.basin import BasinSurface, Extremes, history
 from wavetank.plots.figures import draw_run
-from wavetank.plots.style import leave_out_overlaps, mark_places
+from wavetank.plots.style import mark_places, remove_overlaps
 from wavetank.plots.tank_scene import COVER, ELEVATION, HEIGHT, VEIL, BasinView
 from wavetank.plots.view import FORMATS
 
@@ -355,10 +355,9 @@ def test_names_of_gauges_side_by_side_do_not_lie_on_one_another():
     figure = Figure(figsize=(4, 4))
     axes = figure.subplots()
     axes.set(xlim=(0, 8), ylim=(0, 4))
-    none = np.zeros(1)
     places = (("first", 2.0), ("second", 2.05), ("third", 6.0))
-    mark_places(axes, [GaugeSeries(name, x, none, none, "computed", 1.0) for name, x in places])
-    leave_out_overlaps(axes)
+    mark_places(axes, gauges(*(gauge(name, x, [0.0], [0.0], y=1.0) for name, x in places)))
+    remove_overlaps(axes)
     assert [text.get_text() for text in axes.texts] == ["first", "third"]
 
 

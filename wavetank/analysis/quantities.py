@@ -13,7 +13,6 @@ from wavetank.analysis.signals import NUMBER, chosen, groupiness, harmonics, sea
 from wavetank.analysis.statistics import height_statistics, zero_crossing_waves
 from wavetank.errors import InputError
 from wavetank.output.directory import SURFACE, RunDirectory
-from wavetank.output.fields import Surface
 
 
 class Findings:
@@ -29,13 +28,13 @@ class Findings:
         return read_record(str(self._run.path), start=self._start)
 
     @cached_property
-    def surface(self) -> Surface:
+    def surface(self) -> Dataset:
         """The snapshots of a slice or ring; raises ``InputError`` where none is late enough."""
-        surface = self._run.snapshots()
-        late = surface.t >= (-np.inf if self._start is None else self._start)
-        if not late.any():
-            raise InputError(f"{self._run.path}: has no snapshot of the surface from {self._start:g} s on.")
-        return Surface(surface.t[late], surface.x[late], surface.eta[late], surface.psi[late])
+        surface = self._run.snapshots().sel(time=slice(self._start, None))
+        if not surface.time.size:
+            start = -np.inf if self._start is None else self._start
+            raise InputError(f"{self._run.path}: has no snapshot of the surface from {start:g} s on.")
+        return surface
 
     @property
     def highest(self) -> tuple[float, float, float]:
@@ -43,9 +42,8 @@ class Findings:
         crest = self._run.manifest.get("highest_crest")
         if crest and self._start is None and not (self._run.path / SURFACE).exists():
             return crest["height"], crest["x"], crest["t"]
-        surface = self.surface
-        snapshot, point = np.unravel_index(np.argmax(surface.eta), surface.eta.shape)
-        return float(surface.eta.max()), float(surface.x[snapshot, point]), float(surface.t[snapshot])
+        top = self.surface.isel(self.surface.elevation.argmax(...))
+        return float(top.elevation), float(top.x), float(top.time)
 
     def gauge(self, name: str) -> DataArray:
         """Return the record at a gauge."""
@@ -106,8 +104,8 @@ OF_RUN = {
     "crest": OfRun("m", lambda found: found.highest[0]),
     "crest_x": OfRun("m", lambda found: found.highest[1]),
     "crest_t": OfRun("s", lambda found: found.highest[2]),
-    "trough": OfRun("m", lambda found: float(found.surface.eta.min())),
-    "run_up": OfRun("m", lambda found: float(found.surface.eta[:, -1].max())),
+    "trough": OfRun("m", lambda found: float(found.surface.elevation.min())),
+    "run_up": OfRun("m", lambda found: float(found.surface.elevation[:, -1].max())),
     "reflection": OfRun("-", lambda found: reflection_coefficient(found.record)),
 }
 AT_WALL = {

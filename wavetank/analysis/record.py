@@ -146,7 +146,7 @@ def read_record(
         raise InputError(f"{source}: --along reads the surface of a run; this is none.")
     else:
         known = data.opened(source)
-        eta, title = signals.elevation(data.gauge_records(known)[0].series), known.name
+        eta, title = signals.common_clock(data.gauge_records(known)[0]), known.name
     if gauges:
         eta = signals.chosen(eta, gauges)
     before = None if start is None else eta.sel(time=slice(None, end))
@@ -174,6 +174,6 @@ def _period(motion: dict[str, Any]) -> float | None:
 
 def _of_run(run: RunDirectory, along: tuple[float, float, int] | None) -> DataArray:
     if along is None:
-        return signals.elevation(run.gauge_series())
+        return signals.common_clock(run.gauges)
     first, last, count = along
     return signals.along(run.snapshots(), np.linspace(first, last, count, dtype=np.float64))

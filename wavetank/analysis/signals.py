@@ -5,7 +5,7 @@ and appendix C). Harmonics are eta(t) = mean + Σ Re(A_n e^(-i n ω t)) + rest, 
 is ambiguous by whole turns; the wave number nearest to that of linear waves is taken.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,9 +16,7 @@ from scipy.signal import hilbert
 from xarray import DataArray, Dataset
 
 from wavetank.errors import InputError
-from wavetank.output.columns import ACROSS, ALONG, ELEVATION, TIME
-from wavetank.output.fields import Surface
-from wavetank.output.tables import GaugeSeries
+from wavetank.output.columns import gauge_array
 from wavetank.waves.airy import wave_number
 from wavetank.waves.wave import Array
 
@@ -29,66 +27,56 @@ BEGIN, HIGH, GROWN = 0.25, 0.5, 0.9  # of their later height: waves that begin, 
 EVEN = 1e-3  # of a step: times that differ by less are equally spaced
 
 
-def elevation(series: Sequence[GaugeSeries]) -> DataArray:
-    """Return the elevation [m] over gauge and time [s] of records, over the times that all of them have.
+def common_clock(records: Iterable[DataArray]) -> DataArray:
+    """Return records at gauges over gauge and equally spaced times [s], those that all of them have.
 
-    Records on one clock of equal steps are taken as they are; others are read by cubic splines at the finest of their
-    mean steps. Raises ``InputError`` where there is no gauge, or too few times in common.
+    Each is the elevation [m] over time at one gauge, of which times without a value are left out. Records on one clock
+    of equal steps are taken as they are; others are read by cubic splines at the finest of their mean steps. Raises
+    ``InputError`` where there is no gauge, or too few times in common.
     """
-    if not series:
+    each = [one.dropna("time") for one in records]
+    if not each:
         raise InputError("there is no gauge to analyse.")
-    few = InputError(f"{series[0].source}: the gauges have too few times in common; at least {MIN_SAMPLES} are needed.")
-    if min(one.t.size for one in series) < 2:  # as of a run that was killed at its start
+    few = InputError(
+        f"{each[0].attrs.get('source', 'records')}: the gauges have too few times in common; "
+        f"at least {MIN_SAMPLES} are needed."
+    )
+    clocks = [one.time.values for one in each]
+    if min(t.size for t in clocks) < 2:  # as of a run that was killed at its start
         raise few
-    first, last = max(one.t[0] for one in series), min(one.t[-1] for one in series)
-    dt = min((last - first) / max(np.count_nonzero((one.t >= first) & (one.t <= last)) - 1, 1) for one in series)
+    first, last = max(t[0] for t in clocks), min(t[-1] for t in clocks)
+    dt = min((last - first) / max(np.count_nonzero((t >= first) & (t <= last)) - 1, 1) for t in clocks)
     if not dt * (MIN_SAMPLES - 1) <= last - first:
         raise few
     t = first + dt * np.arange(round((last - first) / dt) + 1)
-    eta = np.array([_at(one, np.minimum(t, last)) for one in series])
-    return _gauges([one.name for one in series], [one.x for one in series], [one.y for one in series], t, eta)
+    eta = [_read_at(one, np.minimum(t, last)) for one in each]
+    names, x, y = ([one[name].item() for one in each] for name in ("gauge", "x", "y"))
+    return gauge_array(names, x, y, t, eta)
 
 
-def _at(one: GaugeSeries, t: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a record at other times, as it is where these are its own."""
-    there = (one.t >= t[0] - EVEN * (t[1] - t[0])) & (one.t <= t[-1] + EVEN * (t[1] - t[0]))
-    if np.count_nonzero(there) == t.size and np.abs(one.t[there] - t).max() < EVEN * (t[1] - t[0]):
-        return np.asarray(one.eta[there])
-    return np.asarray(CubicSpline(one.t, one.eta)(t))
+def _read_at(record: DataArray, t: Array) -> Array:
+    """Return a record at other times, unchanged where these are its own."""
+    own, margin = record.time.values, EVEN * (t[1] - t[0])
+    inside = (own >= t[0] - margin) & (own <= t[-1] + margin)
+    if np.count_nonzero(inside) == t.size and np.abs(own[inside] - t).max() < margin:
+        return np.asarray(record.values[inside])
+    return np.asarray(CubicSpline(own, record.values)(t))
 
 
-def along(surface: Surface, places: NDArray[np.float64]) -> DataArray:
+def along(surface: Dataset, places: Array) -> DataArray:
     """Return the elevation [m] of a slice's snapshots at places x [m], as gauges there would read it.
 
-    Gauges are called after their places. Raises ``InputError`` for fewer than eight snapshots, and for places that are
-    not between the ends of the surface at all times.
+    ``surface`` is ``RunDirectory.snapshots()``. Gauges are called after their places. Raises ``InputError`` for fewer
+    than eight snapshots, and for places that are not between the ends of the surface at all times.
     """
-    if surface.t.size < MIN_SAMPLES:
-        raise InputError(f"{surface.t.size} snapshots of the surface; at least {MIN_SAMPLES} are needed.")
+    if surface.time.size < MIN_SAMPLES:
+        raise InputError(f"{surface.time.size} snapshots of the surface; at least {MIN_SAMPLES} are needed.")
     first, last = float(surface.x[:, 0].max()), float(surface.x[:, -1].min())
     if places.min() < first or places.max() > last:
         raise InputError(f"x = {places.min():g} to {places.max():g} m; the surface is from {first:g} to {last:g} m.")
-    rows = zip(surface.x, surface.eta, strict=True)
+    rows = zip(surface.x.values, surface.elevation.values, strict=True)
     eta = np.array([CubicSpline(x, snapshot)(places) for x, snapshot in rows]).T
-    names = [f"{x:g}" for x in places]
-    series = [GaugeSeries(name, x, surface.t, one, "") for name, x, one in zip(names, places, eta, strict=True)]
-    return elevation(series)
-
-
-def _gauges(
-    names: Sequence[str],
-    x: Sequence[float],
-    y: Sequence[float],
-    t: NDArray[np.float64],
-    eta: NDArray[np.float64],
-) -> DataArray:
-    coordinates = {
-        "gauge": list(names),
-        "time": ("time", t, TIME),
-        "x": ("gauge", np.asarray(x, dtype=float), ALONG),
-        "y": ("gauge", np.asarray(y, dtype=float), ACROSS),
-    }
-    return DataArray(eta, coordinates, ("gauge", "time"), name="elevation", attrs=ELEVATION)
+    return common_clock(gauge_array([f"{x:g}" for x in places], places, 0 * places, surface.time.values, eta))
 
 
 def between(eta: DataArray, start: float | None = None, end: float | None = None) -> DataArray:

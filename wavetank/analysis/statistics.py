@@ -12,7 +12,6 @@ from scipy.interpolate import CubicSpline
 from xarray import DataArray, Dataset
 
 from wavetank.errors import InputError
-from wavetank.output.tables import GaugeSeries
 from wavetank.waves.airy import wave_number
 from wavetank.waves.wave import Array
 
@@ -75,26 +74,19 @@ def height_statistics(found: Dataset) -> dict[str, float]:
     }
 
 
-def mean_wave_height(series: GaugeSeries, *, start: float) -> float:
-    """Return the mean height [m] of the whole waves after ``start`` [s].
+def mean_wave_height(eta: DataArray, *, start: float) -> float:
+    """Return the mean height [m] of the whole waves after ``start`` [s] at one gauge.
 
     Raises ``InputError`` if there are fewer than three.
     """
-    heights = wave_heights(series, start=start)
+    heights = zero_crossing_waves(eta.sel(time=slice(start, None))).height
     if heights.size < MIN_WAVES:
-        last = f"{series.t[-1]:g} s" if series.t.size else "nowhere"
+        end = f"{float(eta.time[-1]):g} s" if eta.time.size else "nowhere"
         raise InputError(
-            f"gauge {series.name}: {heights.size} whole waves from t = {start:g} s to the record's end, {last}; "
+            f"gauge {eta.gauge.item()}: {heights.size} whole waves from t = {start:g} s to the record's end, {end}; "
             f"at least {MIN_WAVES} are needed for a wave height."
         )
     return float(heights.mean())
-
-
-def wave_heights(series: GaugeSeries, *, start: float) -> NDArray[np.float64]:
-    """Return crest minus trough [m] of each whole wave after ``start`` [s], shape (waves,)."""
-    late = series.t >= start
-    _, _, crest, trough = waves(series.t[late], series.eta[late])
-    return np.asarray(crest - trough)
 
 
 # ---------------------------------------------------------------- distributions

@@ -27,16 +27,15 @@ def still_water(run: RunDirectory) -> Depth | None:
 def _recorded(run: RunDirectory) -> Depth:
     """Return the linear interpolation of the recorded depths [m]; outside of the water the nearest of them."""
     columns = run.bed()
-    if columns.keys() - {"y"} != {"x", "depth"} or not columns["x"].size:
-        raise InputError(
-            f"{run.path / BED}: columns {', '.join(columns)}; needed are rows of x, y (of a basin), depth."
-        )
-    x, depth = columns["x"], columns["depth"]
+    if set(columns) - {"y"} != {"x", "depth"} or not columns.sizes["point"]:
+        names = ", ".join(map(str, columns))
+        raise InputError(f"{run.path / BED}: columns {names}; needed are rows of x, y (of a basin), depth.")
+    x, depth = columns.x.values, columns.depth.values
     if "y" not in columns:
         order = np.argsort(x)
         return lambda at, _: np.interp(at, x[order], depth[order])
     try:
-        inside, outside = (kind((x, columns["y"]), depth) for kind in (LinearNDInterpolator, NearestNDInterpolator))
+        inside, outside = (kind((x, columns.y.values), depth) for kind in (LinearNDInterpolator, NearestNDInterpolator))
     except (QhullError, ValueError) as error:
         raise InputError(
             f"{run.path / BED}: the depths cannot be interpolated ({str(error).splitlines()[0]})."

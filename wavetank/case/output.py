@@ -237,12 +237,12 @@ class RecordTarget(_Placed):
         return read_record(data.resolve(self.file, Path()), column="elevation [m]")
 
     def _at(self, gauge: str) -> tuple[motions.Array, ...]:
-        series = data.gauge_records(data.opened(self.file.removeprefix("data:")))[0].series
-        selected = next((one for one in series if one.name == gauge), None)
-        if selected is None:
-            have = ", ".join(one.name for one in series)
+        records = data.gauge_records(data.opened(self.file.removeprefix("data:")))[0]
+        if gauge not in records.gauge:
+            have = ", ".join(records.gauge.values)
             raise InputError(f"{self.file}: has no gauge {gauge!r}; there are {have}.")
-        return selected.t, selected.eta
+        record = records.sel(gauge=gauge).dropna("time")
+        return record.time.values, record.values
 
 
 Target = Annotated[

@@ -7,4 +7,4 @@ benchmarks come with this package (``known/``): facts, addresses and checksums, 
 from wavetank.data.description import DATASET, DataFile, Dataset, Section, WaveHeights
 from wavetank.data.downloading import download, fetch
 from wavetank.data.places import dataset, find, folders, names, opened, resolve, told, units_note
-from wavetank.data.series import GaugeRecords, HeightSeries, gauge_records, height_series
+from wavetank.data.series import HeightSeries, gauge_records, height_series

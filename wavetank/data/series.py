@@ -1,7 +1,7 @@
 """What data sets hold: elevations at gauges, wave heights along sections."""
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,25 +9,13 @@ from numpy.typing import NDArray
 from wavetank.data.description import METRES, SECONDS, Column, Dataset, HeightColumn, HeightRecords, Records, Section
 from wavetank.data.places import located
 from wavetank.errors import InputError
-from wavetank.output.tables import GaugeSeries
+from wavetank.output.columns import gauge_array
 from wavetank.values.columns import Columns, check_ascending, read_columns
 
+if TYPE_CHECKING:
+    from xarray import DataArray
+
 SECOND = 2  # column, from 1
-
-
-class GaugeRecords(NamedTuple):
-    """Elevations at gauges from one origin.
-
-    Attributes
-    ----------
-    series
-        One a gauge; x is not a number where it is not known.
-    clock
-        Between what times [s] lies what is to be added to theirs.
-    """
-
-    series: tuple[GaugeSeries, ...]
-    clock: tuple[float, float] = (0.0, 0.0)
 
 
 class HeightSeries(NamedTuple):
@@ -39,11 +27,13 @@ class HeightSeries(NamedTuple):
     source: str
 
 
-def gauge_records(data: Dataset) -> list[GaugeRecords]:
+def gauge_records(data: Dataset) -> "list[DataArray]":
     """Return a data set's records at its gauges: first those that others are compared with, then published ones.
 
-    A published computation whose files are not there is left out. Raises ``InputError`` where there are none, for
-    files of the first that are not there, and for files that cannot be read.
+    Each is the elevation [m] over gauge and time [s], with the gauges' places x and y [m]: not a number at times of
+    other gauges alone, and x not a number where it is not given. Its attributes are ``source``, and ``clock_offset``,
+    the bounds [s] of what is to be added to its times. A published computation whose files are missing is left out.
+    Raises ``InputError`` where there are no records, for missing files of the first, and for unreadable files.
     """
     if not data.records:
         there = ", ".join(file.name for file in data.files) or "nothing"
@@ -59,7 +49,9 @@ def _present(data: Dataset, records: Records) -> bool:
         return False
 
 
-def _records(data: Dataset, records: Records) -> GaugeRecords:
+def _records(data: Dataset, records: Records) -> "DataArray":
+    from xarray import concat
+
     number = len(data.gauges)
     each = len(records.files) == number
     paths = [located(data, file) for file in records.files] * (1 if each else number)
@@ -67,13 +59,15 @@ def _records(data: Dataset, records: Records) -> GaugeRecords:
     seconds, metres = SECONDS[records.units.time], METRES[records.units.elevation]
     series = []
     for n, (gauge, path) in enumerate(zip(data.gauges, paths, strict=True)):
-        table, x = tables[path], np.nan if gauge.x is None else gauge.x
+        table = tables[path]
         column = records.columns[n] if records.columns else _usual(gauge.name, table, SECOND if each else SECOND + n)
         t, eta = (_column(path, table, one) for one in (records.time, column))
         check_ascending(path, table.lines, t)
         scale = metres * (records.gains[n] if records.gains else 1.0)
-        series.append(GaugeSeries(gauge.name, x, seconds * t, scale * eta, records.source, gauge.y))
-    return GaugeRecords(tuple(series), records.clock_offset)
+        x = np.nan if gauge.x is None else gauge.x
+        series.append(gauge_array([gauge.name], [x], [gauge.y], seconds * t, [scale * eta]))
+    result = concat(series, "gauge", coords="minimal", compat="override", join="outer")
+    return result.assign_attrs(source=records.source, clock_offset=records.clock_offset)
 
 
 def _usual(gauge: str, table: Columns, number: int) -> Column:

@@ -9,12 +9,15 @@ A column is named ``QUANTITY STATION@x=X;y=Y;z=Z [UNITS]``, without the parts th
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from wavetank.arrays import Vector
+
+if TYPE_CHECKING:
+    from xarray import DataArray
 
 ELEVATION = {
     "standard_name": "sea_surface_height_above_mean_sea_level",
@@ -118,6 +121,22 @@ def probe_columns(points: Sequence[tuple[str, float, float, float]], dimensions:
 
 
 # ---------------------------------------------------------------- variables
+def gauge_array(
+    names: Sequence[str], x: ArrayLike, y: ArrayLike, t: ArrayLike, eta: ArrayLike, **attributes: Any
+) -> "DataArray":
+    """Return elevation [m], shape (gauges, N), over gauges at x and y [m] and times [s]."""
+    from xarray import DataArray
+
+    coordinates = {
+        "gauge": list(names),
+        "time": ("time", np.asarray(t, dtype=float), TIME),
+        "x": ("gauge", np.asarray(x, dtype=float), ALONG),
+        "y": ("gauge", np.asarray(y, dtype=float), ACROSS),
+    }
+    values = np.asarray(eta, dtype=float)
+    return DataArray(values, coordinates, ("gauge", "time"), name="elevation", attrs=ELEVATION | attributes)
+
+
 def quantity_attributes(name: str) -> dict[str, str]:
     """Return the CF attributes of a quantity of probes and windows."""
     units, meaning = probe_quantities(2)[name]

@@ -45,11 +45,10 @@ from numpy.typing import NDArray
 
 from wavetank.errors import InputError
 from wavetank.output.columns import Variable, station_variables, time_variables, window_variables
-from wavetank.output.fields import INDEX_END, Surface, index_file, read_snapshots, window_file
+from wavetank.output.fields import INDEX_END, index_file, read_snapshots, window_file
 from wavetank.output.files import FIELDS, check_entries, is_locked, open_regular
 from wavetank.output.manifest import read_manifest
 from wavetank.output.netcdf import complete_records, conventions, write_records
-from wavetank.output.tables import GaugeSeries
 from wavetank.run_warning import RunWarning, run_warning
 
 if TYPE_CHECKING:
@@ -150,7 +149,7 @@ class RunDirectory:
         from xarray import DataArray, Dataset
 
         elevation: DataArray = Dataset(self._stations(GAUGES)).set_coords(["x", "y"]).elevation
-        return elevation
+        return elevation.assign_attrs(source="computed")
 
     @property
     def energy(self) -> "xarray.Dataset":
@@ -204,15 +203,19 @@ class RunDirectory:
         Where nothing moves the mesh the places are x [m]; else points, whose x [m] is given for each time. Raises
         ``InputError`` for a basin, whose surface is in ``surface.pvd``.
         """
-        from xarray import load_dataset
-
-        content = self._surface()
-        if not content:
+        data = self.snapshots()
+        if not data.time.size:
             raise InputError(f"{self.path}: has no snapshot of the surface.")
-        data = load_dataset(BytesIO(content), engine="scipy")
         if (data.x == data.x[0]).all():
             return data.assign_coords(x=data.x[0].drop_vars("time")).swap_dims(point="x")
         return data
+
+    def snapshots(self) -> "xarray.Dataset":
+        """Return the same, always over time and point, also without any snapshot, as of a run killed before the first.
+
+        ``x`` [m] of each point depends on time, because the paddle moves the mesh; at point 0 it is the paddle's.
+        """
+        return read_snapshots(self._surface(), self.path / SURFACE)
 
     def window(self, name: str) -> "xarray.Dataset":
         """Return what the columns of a window do, over time [s], column and level.
@@ -234,46 +237,21 @@ class RunDirectory:
             raise InputError(f"{self.path / file}: has no row.")
         return load_dataset(BytesIO(content), engine="scipy").set_coords(["x", "y", "z", "zeta"])
 
-    # ------------------------------------------------------------ as arrays
-    def gauge_series(self) -> list[GaugeSeries]:
-        """Return each gauge's record, from when it was there."""
-        record = self._stations(GAUGES)
-        t, each = record["time"].values, (record[name].values for name in ("gauge", "x", "y", "elevation"))
-        present = [(str(name), float(x), float(y), eta, ~np.isnan(eta)) for name, x, y, eta in zip(*each, strict=True)]
-        return [GaugeSeries(name, x, t[when], eta[when], "computed", y) for name, x, y, eta, when in present]
+    def broken(self) -> "xarray.Dataset":
+        """Return the surface from which a run could not go on, over point.
 
-    def budget(self) -> dict[str, NDArray[np.float64]]:
-        """Return the energy budget: each column, shape (rows,), by its name with units."""
-        header, rows = self._table(ENERGY)
-        return dict(zip(header, rows.T, strict=True))
-
-    def broken(self) -> dict[str, NDArray[np.float64]]:
-        """Return the surface from which a run could not go on: each column, shape (rows,), by its name.
-
-        x, y (of a basin) [m], elevation [m], slope [-], velocity [m/s]. Raises ``InputError`` where none is kept.
+        x, y (of a basin) [m], elevation [m], slope [-], velocity [m/s]. Raises ``InputError`` where there is none.
         """
-        return self._columns(BROKEN)
+        return self._over_points(BROKEN)
 
-    def bed(self) -> dict[str, NDArray[np.float64]]:
-        """Return the depth of a bed by a Python function: x, y (of a basin) and depth [m], each of shape (rows,).
+    def bed(self) -> "xarray.Dataset":
+        """Return the depth of a bed by a Python function over point: x, y (of a basin) and depth [m].
 
         Raises ``InputError`` where the run has no such record.
         """
-        return self._columns(BED)
+        return self._over_points(BED)
 
-    def _columns(self, file: str) -> dict[str, NDArray[np.float64]]:
-        """Return the columns of a table by their names without units."""
-        header, rows = self._table(file)
-        return {name.partition(" ")[0]: column for name, column in zip(header, rows.T, strict=True)}
-
-    def snapshots(self) -> Surface:
-        """Return all complete snapshots; none, of shape (0, 0), of a run killed before the first."""
-        content = self._surface()
-        try:
-            return read_snapshots(content)
-        except (KeyError, ValueError) as error:
-            raise InputError(f"{self.path / SURFACE}: is no record of a surface ({error}).") from None
-
+    # ------------------------------------------------------------ as files
     def write_netcdf(self, table: str, file: BinaryIO) -> None:
         """Write one of ``COPIES`` as CF-NetCDF of time series at stations (CF 1.8, section H.2), times as records.
 
@@ -341,6 +319,15 @@ class RunDirectory:
         from xarray import Dataset
 
         return Dataset(time_variables(*self._table(file)))
+
+    def _over_points(self, file: str) -> "xarray.Dataset":
+        """Return a table without times over point: columns by their names, with their units."""
+        from xarray import Dataset
+
+        header, rows = self._table(file)
+        heads = [head.removesuffix("]").partition(" [") for head in header]
+        columns = zip(heads, rows.T, strict=True)
+        return Dataset({name: ("point", column, {"units": units}) for (name, _, units), column in columns})
 
     def _table(self, file: str) -> tuple[list[str], NDArray[np.float64]]:
         """Return column names and complete rows, shape (rows, columns)."""

@@ -45,6 +45,8 @@ from wavetank.output.netcdf import NUMBER, AppendNetCDF
 from wavetank.output.tables import INDEX, AppendFile, Extent, TableWriter, append_until_failure, unusable
 
 if TYPE_CHECKING:
+    import xarray
+
     from wavetank.mpi import MPI
 
 Array = NDArray[np.float64]
@@ -56,19 +58,6 @@ HEAD = (
 TAIL = b"</Grid></Domain></Xdmf>\n"
 INDEX_END = b"</Collection></VTKFile>\n"  # of the index file of a series
 POTENTIAL = {"long_name": "velocity potential at the surface", "units": "m2 s-1", "coordinates": "x y"}
-
-
-@dataclass(frozen=True)
-class Surface:
-    """Snapshots of the surface: t [s] of shape (M,); x [m], eta [m] and psi [m²/s] of shape (M, N).
-
-    x differs from snapshot to snapshot, because the paddle moves the mesh; x[:, 0] is where the paddle is.
-    """
-
-    t: NDArray[np.float64]
-    x: NDArray[np.float64]
-    eta: NDArray[np.float64]
-    psi: NDArray[np.float64]
 
 
 class SurfaceWriter(AppendNetCDF):
@@ -176,15 +165,21 @@ def _first_snapshot(row: NDArray[np.float64]) -> dict[str, Variable]:
     }
 
 
-def read_snapshots(content: bytes) -> Surface:
-    """Return the snapshots in a file; none, of shape (0, 0), in an empty one."""
-    from scipy.io import netcdf_file
+def read_snapshots(content: bytes, path: Path) -> "xarray.Dataset":
+    """Return the snapshots in a file's content: x [m], elevation [m] and surface potential [m²/s] over time and point.
+
+    None in an empty one; raises ``InputError`` that names ``path`` where it is no record of a surface.
+    """
+    from xarray import Dataset, load_dataset
 
     if not content:
-        return Surface(np.zeros(0), *(np.zeros((0, 0)) for _ in range(3)))
-    with netcdf_file(BytesIO(content), mmap=False) as file:
-        names = ("time", "x", "elevation", "surface_potential")
-        return Surface(*(np.array(file.variables[name].data, dtype=np.float64) for name in names))
+        nothing = {name: (("time", "point"), np.zeros((0, 0))) for name in ("x", "elevation", "surface_potential")}
+        return Dataset(nothing, {"time": np.zeros(0)}).set_coords("x")
+    try:
+        data = load_dataset(BytesIO(content), engine="scipy")
+        return data[["x", "elevation", "surface_potential"]].transpose("time", "point")
+    except (KeyError, ValueError) as error:
+        raise InputError(f"{path}: is no record of a surface ({error}).") from None
 
 
 TABLED = "velocity", "pressure"  # quantities of a window's table

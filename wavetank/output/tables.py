@@ -8,7 +8,6 @@ import errno
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from io import StringIO
 from itertools import islice
 from pathlib import Path
@@ -251,31 +250,3 @@ class TableWriter(AppendFile):
         lines = csv_lines(rows)
         self.write(lines)
         self._rows, self._checksum = self._rows + len(rows), crc32(lines, self._checksum)
-
-
-@dataclass(frozen=True)
-class GaugeSeries:
-    """Elevation at one gauge.
-
-    Attributes
-    ----------
-    name
-        What the gauge is called, e.g. ``"5"``.
-    x
-        Distance from the paddle's rest position [m].
-    t
-        Times [s], ascending, shape (N,).
-    eta
-        Elevation above still water [m], shape (N,).
-    source
-        Where the record comes from, for legends: ``"measured"``, ``"computed"``, ``"Gagarina et al. 2014"``.
-    y
-        Distance across the tank [m].
-    """
-
-    name: str
-    x: float
-    t: NDArray[np.float64]
-    eta: NDArray[np.float64]
-    source: str
-    y: float = 0.0

@@ -30,9 +30,9 @@ from wavetank.plots.style import (
     PADDLE,
     SATURATED,
     lay_out,
-    leave_out_overlaps,
     mark_places,
     picture,
+    remove_overlaps,
 )
 
 # ---------------------------------------------------------------- surface
@@ -347,7 +347,7 @@ def basin_figure(run: RunDirectory, path: Path) -> Path:
     surface = BasinSurface(run)
     if surface.times.size < 2:
         raise InputError(f"{path}: {surface.times.size} snapshots of the surface received; at least 2 are needed.")
-    came_to = history(surface)
+    came_to, gauges = history(surface), run.gauges
     rows = {row["name"] for row in run.manifest.get("scene", {}).get("gauge_lines", ())}
     walls, high = surface.moving_walls(came_to.travel), came_to.extremes.high
     title, both = (
@@ -373,11 +373,11 @@ def basin_figure(run: RunDirectory, path: Path) -> Path:
             _draw_map(figure, axes, surface, one)
             for wall in walls:
                 axes.plot(*one.points[wall.points, :2].T, color=PADDLE, lw=3.5, solid_capstyle="butt")
-            mark_places(axes, run.gauge_series(), rows=rows, ink=one.ink)
+            mark_places(axes, gauges, rows=rows, ink=one.ink)
         figure.suptitle(run.title or "Surface elevation", fontsize=13, parse_math=False)
         lay_out(figure)  # where names are is known only now
         for axes in panels:
-            leave_out_overlaps(axes)
+            remove_overlaps(axes)
     return path
 
 

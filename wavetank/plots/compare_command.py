@@ -1,9 +1,7 @@
 """``wavetank compare RUN --with DATA|RUN``: a table and a figure of what the reference holds."""
 
-from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
@@ -14,8 +12,10 @@ from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import check_new
 from wavetank.output.manifest import MANIFEST
-from wavetank.output.tables import GaugeSeries
 from wavetank.plots.analyse_command import own_folder
+
+if TYPE_CHECKING:
+    from xarray import DataArray
 
 
 def compare(
@@ -47,8 +47,11 @@ def compare(
         tables = [_compare_heights(RunDirectory(run), given.heights, data.height_series(given), folder=folder)]
         lines = list[str]()
     else:
-        first, *others = data.gauge_records(given) if given else [_of_run(Path(reference))]
-        references = [first._replace(clock=_clock(clock)) if clock is not None else first, *others]
+        if given:
+            first, *others = data.gauge_records(given)
+        else:
+            first, others = RunDirectory(reference).gauges.assign_attrs(source=Path(reference).name), []
+        references = [first.assign_attrs(clock_offset=_clock(clock)) if clock is not None else first, *others]
         tables, lines = _compare_gauges(_computed(run), references, folder=folder, period=period, start=start)
     terminal = console()
     for table in tables:
@@ -87,79 +90,53 @@ def _clock(text: str) -> tuple[float, float]:
     return first, last
 
 
-def _computed(source: str) -> Sequence[GaugeSeries]:
+def _computed(source: str) -> "DataArray":
     """Return the records of a run, or of data that are compared with others as a run is."""
     from wavetank.data.description import DATASET, MEASURED
 
     if (Path(source) / MANIFEST).exists() or Path(source).is_dir() and not (Path(source) / DATASET).exists():
-        return RunDirectory(source).gauge_series()
-    series = data.gauge_records(data.opened(source))[0].series
-    return [replace(one, source=source if one.source == MEASURED else one.source) for one in series]
-
-
-def _of_run(path: Path) -> "data.GaugeRecords":
-    """Return the records of another run, named after its directory."""
-    gauges = RunDirectory(path).gauge_series()
-    return data.GaugeRecords(tuple(replace(gauge, source=path.name) for gauge in gauges))
+        return RunDirectory(source).gauges
+    gauges = data.gauge_records(data.opened(source))[0]
+    return gauges.assign_attrs(source=source) if gauges.source == MEASURED else gauges
 
 
 def _compare_gauges(
-    computed: Sequence[GaugeSeries],
-    references: "list[data.GaugeRecords]",
-    *,
-    folder: Path,
-    period: float | None,
-    start: float | None,
+    computed: "DataArray", references: "list[DataArray]", *, folder: Path, period: float | None, start: float | None
 ) -> tuple[list[Table], list[str]]:
     """Compare with the first of the references, and draw them all; return tables and lines on the clocks."""
+    from wavetank.analysis.compare import GAUGE_COLUMNS, HARMONIC_COLUMNS, compare_harmonics, synchronised
     from wavetank.analysis.compare import compare as compare_gauges
-    from wavetank.analysis.compare import compare_harmonics, synchronised
+    from wavetank.plots import tables
     from wavetank.plots.compare_figures import harmonics_figure
     from wavetank.plots.figures import gauges_figure
-    from wavetank.plots.tables import (
-        clock_line,
-        clock_note,
-        comparison_table,
-        extremes_table,
-        harmonics_table,
-        write_comparison,
-        write_harmonics,
-    )
 
-    (measured, offset), *others = (synchronised(computed, one) for one in references)
+    (measured, offset), *published = (synchronised(computed, one) for one in references)
     compared = compare_gauges(computed, measured, clock_offset=offset)
-    tables = [comparison_table(compared), extremes_table(compared)]
-    harmonic = compare_harmonics(computed, measured, period=period, start=start) if period else []
+    harmonic = compare_harmonics(computed, measured, period=period, start=start) if period else None
     folder.mkdir(parents=True, exist_ok=True)
-    write_comparison(folder / "compare.csv", compared)
-    if harmonic:
-        write_harmonics(folder / "compare-harmonics.csv", harmonic)
+    tables.write_dataset(folder / "compare.csv", compared, GAUGE_COLUMNS)
+    result = [tables.comparison_table(compared), tables.extremes_table(compared)]
+    if harmonic is not None:
+        tables.write_dataset(folder / "compare-harmonics.csv", harmonic, HARMONIC_COLUMNS)
         harmonics_figure(folder / "compare-harmonics.png", harmonic)
-        tables.append(harmonics_table(harmonic))
-    published = [gauge for series, _ in others for gauge in series]
-    gauges_figure(measured, computed, published, folder / "compare.png")
-    lines = [clock_line(compared), clock_note(computed, measured, compared)]
-    return tables, lines
+        result.append(tables.harmonics_table(harmonic))
+    gauges_figure(measured, computed, [one for one, _ in published], folder / "compare.png")
+    return result, [tables.clock_line(offset), tables.clock_note(computed, measured, compared)]
 
 
 def _compare_heights(
-    run: RunDirectory, known: "data.WaveHeights", measured: "list[data.HeightSeries]", *, folder: Path
+    run: RunDirectory, reference: "data.WaveHeights", measured: "list[data.HeightSeries]", *, folder: Path
 ) -> Table:
-    from wavetank.analysis.compare import compare_heights, computed_heights
+    """Compare wave heights along sections, and draw them; return the table."""
+    from wavetank.analysis.compare import SECTION_COLUMNS, compare_heights, computed_heights
     from wavetank.plots.compare_figures import bathymetry, sections_figure
-    from wavetank.plots.tables import heights_table, write_heights
+    from wavetank.plots.tables import heights_table, write_rows
 
-    computed = computed_heights(run.gauge_series(), known)
-    compared = compare_heights(computed, measured, incident=known.incident_height)
+    gauges, incident = run.gauges, reference.incident_height
+    computed = computed_heights(gauges, reference)
+    rows = compare_heights(computed, measured, incident=incident)
     folder.mkdir(parents=True, exist_ok=True)
-    write_heights(folder / "compare.csv", compared)
-    sections_figure(
-        computed,
-        measured,
-        compared,
-        folder / "compare.png",
-        incident=known.incident_height,
-        bed=bathymetry(run),
-        title=run.title,
-    )
-    return heights_table(compared)
+    write_rows(folder / "compare.csv", SECTION_COLUMNS, ([*row.values()] for row in rows))
+    bed = bathymetry(run, gauges)
+    sections_figure(computed, measured, rows, folder / "compare.png", incident=incident, bed=bed, title=run.title)
+    return heights_table(rows)

@@ -1,12 +1,12 @@
 """Style of all figures: colours, sizes, axes, legends, and marks of gauges."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from math import floor, log10
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
@@ -16,9 +16,9 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Annotation
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from matplotlib.transforms import Bbox
+from xarray import DataArray
 
 from wavetank.output.files import atomic_file
-from wavetank.output.tables import GaugeSeries
 
 # colours that colour-blind eyes tell apart (Okabe and Ito), and greys
 BLUE, VERMILION, GREEN, ORANGE, PURPLE, LIGHT_BLUE = "#0072b2", "#d55e00", "#009e73", "#e69f00", "#cc79a7", "#56b4e9"
@@ -31,7 +31,7 @@ FLAT = 1e-3  # cm; smaller waves are drawn as still water
 DAMPED = 1e-3  # of the largest rate of a sponge: where it begins
 SATURATED = 0.995  # quantile of the elevation at which colours end: one sharp crest must not bleach all other waves
 
-QUICKLY = 3  # of zlib's levels: files are a tenth larger than at the usual 6, and written in half the time
+COMPRESSION = 3  # of zlib's levels: files are a tenth larger than at the usual 6, and written in half the time
 
 STYLE: Any = {  # matplotlib 3.11 names every key in a type, earlier ones take any
     "font.size": 10,
@@ -51,15 +51,37 @@ STYLE: Any = {  # matplotlib 3.11 names every key in a type, earlier ones take a
 
 
 @contextmanager
-def picture(path: Path, width: float, height: float) -> Iterator[Figure]:
-    """Give an empty figure of that size [inch], saved to ``path`` at the end; needs no display."""
+def picture(path: Path, width: float, height: float, *, title: str = "") -> Iterator[Figure]:
+    """Give an empty figure of that size [inch] with a title, saved to ``path`` at the end; needs no display."""
     with rc_context(STYLE):
         figure = Figure(figsize=(width, height), layout="constrained")
+        if title:
+            figure.suptitle(title, fontsize=13, parse_math=False)
         yield figure
         lay_out(figure)
-        quickly: dict[str, Any] = {"pil_kwargs": {"compress_level": QUICKLY}} if path.suffix == ".png" else {}
+        fast: dict[str, Any] = {"pil_kwargs": {"compress_level": COMPRESSION}} if path.suffix == ".png" else {}
         with atomic_file(path) as file:  # not through a link that is there
-            figure.savefig(file, format=path.suffix.removeprefix("."), **quickly)
+            figure.savefig(file, format=path.suffix.removeprefix("."), **fast)
+
+
+def titled(run_title: str, kind: str) -> str:
+    """Return a figure's title: that of the run or the data, if it has one, and what the figure shows."""
+    return f"{run_title}: {kind}" if run_title else kind.capitalize()
+
+
+def zero_line(axes: Axes) -> None:
+    """Draw a thin line at 0 behind the curves."""
+    axes.axhline(0.0, color="#888888", lw=0.6, zorder=0)
+
+
+def common_legend(figure: Figure, loc: Any = "outside lower center", ncols: int = 4) -> None:
+    """Draw one legend for all panels: each label once."""
+    entries = dict[str, Any]()
+    for axes in figure.axes:
+        handles, labels = axes.get_legend_handles_labels()
+        entries |= dict(zip(labels, handles, strict=True))
+    if entries:
+        figure.legend([*entries.values()], [*entries], loc=loc, ncols=ncols)
 
 
 def lay_out(figure: Figure) -> None:
@@ -69,12 +91,9 @@ def lay_out(figure: Figure) -> None:
         figure.set_layout_engine(None)
 
 
-def entry(label: str, **look: Any) -> Line2D:
-    """Return a legend's entry for a look: a colour, a marker (with ``ls=""``) or a dash, whatever else it stands for.
-
-    ``look`` are a line's properties; what is not given is grey.
-    """
-    return Line2D([], [], label=label, **{"color": GREY, **look})
+def entry(label: str, **properties: Any) -> Line2D:
+    """Return a legend entry of a line's properties: a colour, a marker (with ``ls=""``) or a dash; grey by default."""
+    return Line2D([], [], label=label, **{"color": GREY, **properties})
 
 
 FEW_DECADES = 1e3  # an axis of fewer has numbers at 1, 2 and 5
@@ -99,37 +118,42 @@ def _number(value: float) -> str:
 
 
 # ---------------------------------------------------------------- marks of gauges
-NAMED = 12  # gauges at most that are called by their names, beside rows of them, each of which has one
-DEPTH = "depth"  # what depths on contours are known by
-GAUGE, AROUND = "gauge", 3.0  # what their names are known by; pixels around a gauge that none is to hide
+NAMED = 12  # gauges at most that have their names written, apart from rows of them, each of which has one
+GAUGE, DEPTH = "gauge", "depth"  # identifiers of the texts that are gauges' names, and depths of contours
+AROUND = 3.0  # pixels around a gauge that no name is to cover
 SINGLE, IN_ROW = 7.0, 4.0  # sizes of their crosses
 DARK, LIGHT = "#3a2c0a", "#ffffff"
-LOOK: Any = {"fontsize": 8, "color": DARK, "bbox": {"facecolor": LIGHT, "alpha": 0.7, "lw": 0, "pad": 0.5}}
+LABEL: Any = {"fontsize": 8, "color": DARK, "bbox": {"facecolor": LIGHT, "alpha": 0.7, "lw": 0, "pad": 0.5}}
 
 
-def mark_places(axes: Axes, gauges: Sequence[GaugeSeries], *, rows: Collection[str] = (), ink: str = DARK) -> None:
-    """Draw gauges at their places (x, y), seen from above; a row of gauges has one name, at its first."""
-    of_row = {one.name: one.name.rpartition("/")[0] for one in gauges}
-    single = [one for one in gauges if of_row[one.name] not in rows]
-    in_rows = [one for one in gauges if of_row[one.name] in rows]
-    first = {of_row[one.name]: one for one in reversed(in_rows)}
-    for some, size in ((single, SINGLE), (in_rows, IN_ROW)):
-        axes.plot([one.x for one in some], [one.y for one in some], "+", color=ink, ms=size, mew=1.2)
-    named = [*(single if len(single) <= NAMED else ()), *(replace(one, name=name) for name, one in first.items())]
-    for one in named:
-        axes.annotate(one.name, (one.x, one.y), xytext=(4, 3), textcoords="offset points", gid=GAUGE, **LOOK)
+def mark_places(axes: Axes, gauges: DataArray, *, rows: Collection[str] = (), ink: str = DARK) -> None:
+    """Draw gauges at their places (x, y), in plan view; a row of gauges has one name, at its first."""
+    names, x, y = gauges.gauge.values.astype(str), gauges.x.values, gauges.y.values
+    row_of = np.array([name.rpartition("/")[0] for name in names], dtype=str)
+    in_row = np.isin(row_of, list(rows))
+    for some, size in ((~in_row, SINGLE), (in_row, IN_ROW)):
+        axes.plot(x[some], y[some], "+", color=ink, ms=size, mew=1.2)
+    single = np.flatnonzero(~in_row) if np.count_nonzero(~in_row) <= NAMED else ()
+    first = [int(np.argmax(in_row & (row_of == row))) for row in dict.fromkeys(row_of[in_row])]
+    for n, name in (*((n, names[n]) for n in single), *((n, row_of[n]) for n in first)):
+        axes.annotate(name, (x[n], y[n]), xytext=(4, 3), textcoords="offset points", gid=GAUGE, **LABEL)
 
 
-def mark_along(axes: Axes, gauges: Sequence[GaugeSeries], *, top: float) -> None:
+def mark_along(axes: Axes, gauges: DataArray, *, top: float) -> None:
     """Draw gauges as lines at their x over a diagram that ends at ``top``, with their names there."""
-    for one in gauges:
-        axes.axvline(one.x, color=DARK, lw=0.7, ls=(0, (1, 3)))
-    for one in gauges if len(gauges) <= NAMED else ():
-        axes.annotate(one.name, (one.x, top), xytext=(3, -3), textcoords="offset points", va="top", gid=GAUGE, **LOOK)
+    for x in gauges.x.values:
+        axes.axvline(x, color=DARK, lw=0.7, ls=(0, (1, 3)))
+    for name, x in zip(gauges.gauge.values, gauges.x.values, strict=True) if gauges.x.size <= NAMED else ():
+        axes.annotate(name, (x, top), xytext=(3, -3), textcoords="offset points", va="top", gid=GAUGE, **LABEL)
 
 
-def leave_out_overlaps(axes: Axes) -> None:
-    """Take away names of gauges that overlap one before or another gauge, and depths that overlap any of these.
+def mark_sponge(axes: Axes, place: tuple[float, float], **position: Any) -> None:
+    """Write "sponge" at a place."""
+    axes.annotate("sponge", place, ha="center", **position, **LABEL)
+
+
+def remove_overlaps(axes: Axes) -> None:
+    """Remove names of gauges that overlap an earlier one or another gauge, and depths that overlap any of these.
 
     Their places must be final.
     """
@@ -138,13 +162,13 @@ def leave_out_overlaps(axes: Axes) -> None:
     places = [axes.transData.transform(name.xy) for name in names]
     marks = [Bbox.from_extents(*(place - AROUND), *(place + AROUND)) for place in places]
     depths = [text for text in axes.texts if text.get_gid() == DEPTH]
-    kept: list[Bbox] = []
+    drawn: list[Bbox] = []
     for number, name in enumerate(names):
         box = name.get_window_extent()
-        if box.count_overlaps([*kept, *marks[:number], *marks[number + 1 :]]):
+        if box.count_overlaps([*drawn, *marks[:number], *marks[number + 1 :]]):
             name.remove()
         else:
-            kept.append(box)
+            drawn.append(box)
     for depth in depths:
-        if depth.get_window_extent().count_overlaps([*kept, *marks]):
+        if depth.get_window_extent().count_overlaps([*drawn, *marks]):
             depth.remove()

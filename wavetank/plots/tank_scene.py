@@ -17,7 +17,6 @@ from wavetank.case.tank import EndSponge, FormulaSponge, Sponge
 from wavetank.case.wall import ShapedWall, Wall
 from wavetank.errors import InputError
 from wavetank.output.directory import GAUGES, RunDirectory
-from wavetank.output.tables import GaugeSeries
 from wavetank.plots.basin import BasinSurface, Indices, MovingWall, history
 from wavetank.plots.style import CM, FLAT, SATURATED
 
@@ -241,9 +240,12 @@ def hung(rows: Array) -> pv.PolyData:
 POWER = 2  # of the distance into a sponge that its damping grows with
 
 
-def gauges_of(run: RunDirectory) -> list[GaugeSeries]:
-    """Return the gauges of a run with their records; none where it has none."""
-    return run.gauge_series() if (run.path / GAUGES).exists() else []
+def gauge_places(run: RunDirectory) -> tuple[list[str], Array]:
+    """Return the names of a run's gauges and their places (x, y) [m], shape (K, 2); none of a run without gauges."""
+    if not (run.path / GAUGES).exists():
+        return [], np.zeros((0, 2))
+    gauges = run.gauges
+    return gauges.gauge.values.tolist(), np.stack([gauges.x, gauges.y], axis=1)
 
 
 def damping_along(run: RunDirectory, length: float) -> Callable[[Array], Array] | None:
@@ -292,7 +294,7 @@ class BasinView:
     eye = (28.0, 36.0)
 
     def __init__(self, run: RunDirectory):
-        self._surface, self._gauges = BasinSurface(run), gauges_of(run)
+        self._surface, self._gauges = BasinSurface(run), gauge_places(run)
         came_to = history(self._surface)
         self.times, self.depth = self._surface.times, float(self._surface.depth.max())
         self.waves = WaveSizes(
@@ -355,8 +357,8 @@ class BasinView:
 
     def gauges(self) -> Labels:
         """Return the gauges."""
-        places = np.array([(one.x, one.y, 0.0) for one in self._gauges]).reshape(-1, 3)
-        return Labels(places, [one.name for one in self._gauges])
+        names, places = self._gauges
+        return Labels(np.pad(places, ((0, 0), (0, 1))), names)
 
     # ------------------------------------------------------------ meshes
     @property
@@ -473,12 +475,13 @@ class FlumeView:
     def __init__(self, run: RunDirectory):
         self.length, self._flat = (float(said(run, key)) for key in ("length", "depth"))
         self._bed, self._damping = still_water(run), damping_along(run, self.length)
-        self._gauges, self.note = gauges_of(run), SPONGE if self._damping else ""
+        self._gauges, self.note = gauge_places(run), SPONGE if self._damping else ""
         self.depth = float(self._still_water(np.linspace(0.0, self.length, FINE, dtype=np.float64)).max())
         surface = run.snapshots()
-        if not surface.t.size:
+        if not surface.time.size:
             raise InputError(f"{run.path}: has no snapshot of the surface; at least 1 is needed to view it.")
-        self.times, self._x, self._eta = surface.t, *self._whole(surface.x, surface.eta)
+        self.times = surface.time.values
+        self._x, self._eta = self._whole(surface.x.values, surface.elevation.values)
         if not (np.all(np.diff(self.times) > 0) and np.all(np.diff(self._x) > 0) and np.all(np.isfinite(self._eta))):
             raise InputError(f"{run.path}: its snapshots are damaged; times and places must increase.")
         self.waves = _sizes(self.times, self._x, self._eta)
@@ -537,8 +540,9 @@ class FlumeView:
 
     def gauges(self) -> Labels:
         """Return the gauges, in the flume's middle."""
-        x = np.array([one.x for one in self._gauges])
-        return Labels(np.stack([*self._plan(x, 0.0), 0 * x], axis=1), [one.name for one in self._gauges])
+        names, places = self._gauges
+        x = places[:, 0]
+        return Labels(np.stack([*self._plan(x, 0.0), 0 * x], axis=1), names)
 
     # ------------------------------------------------------------ the section
     def _still_water(self, x: Array) -> Array:

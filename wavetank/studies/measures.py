@@ -20,13 +20,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 from scipy.optimize import minimize_scalar
+from xarray import Dataset
 
 from wavetank.analysis.compare import matched
 from wavetank.analysis.quantities import AT_GAUGE, AT_WALL, OF_RUN, Findings
 from wavetank.case import Case, LinearWater, StandingWave, StreamFunctionWave
 from wavetank.errors import InputError, choice
 from wavetank.output.directory import RunDirectory
-from wavetank.output.fields import Surface
 from wavetank.values.formula import CONSTANTS, FUNCTIONS, Formula
 from wavetank.waves.conformal import SteadyWave
 from wavetank.waves.standing_wave import ThirdOrderStandingWave
@@ -159,9 +159,10 @@ def _period(run: RunDirectory) -> float | None:
     return float(tank["length"]) if tank["type"] == "ring" else None
 
 
-def snapshots(surface: Surface, *, period: float | None) -> Iterator[Snapshot]:
+def snapshots(surface: Dataset, *, period: float | None) -> Iterator[Snapshot]:
     """Yield the snapshots at equally spaced places; in a ring of a period [m], all around."""
-    for t, x, eta, psi in zip(surface.t, surface.x, surface.eta, surface.psi, strict=True):
+    each = (surface[name].values for name in ("time", "x", "elevation", "surface_potential"))
+    for t, x, eta, psi in zip(*each, strict=True):
         shape = _interpolant(x, np.column_stack([eta, psi]), period=period)
         begin, length = x[0], x[-1] - x[0] if period is None else period
         places = begin + length * (np.arange(FINER * x.size) + 0.5) / (FINER * x.size)
@@ -198,13 +199,13 @@ class RunReference:
     def __init__(self, path: Path, *, below: float | None = None):
         self._run, self._below = RunDirectory(path), below
         if _is_basin(self._run):
-            self._run.gauge_series()
+            _ = self._run.gauges
             return
         surface = self._run.snapshots()
-        if surface.t.size < 2:
-            raise InputError(f"{path}: {surface.t.size} snapshots of the surface; a reference needs at least 2.")
-        self._end = float(surface.t[-1])
-        self._in_time = _interpolant(surface.t, np.stack([surface.x, surface.eta], axis=-1))
+        if surface.time.size < 2:
+            raise InputError(f"{path}: {surface.time.size} snapshots of the surface; a reference needs at least 2.")
+        self._end = float(surface.time[-1])
+        self._in_time = _interpolant(surface.time.values, np.stack([surface.x, surface.elevation], axis=-1))
 
     def check(self, scene: Case) -> None:
         """Raise ``InputError`` if a scene's tank is another one."""
@@ -230,10 +231,11 @@ class RunReference:
     def _gauges(self, run: RunDirectory) -> list[tuple[Array, Array]]:
         """Return (eta, eta_ref) of each gauge in common."""
         pairs = []
-        for one, other in matched(run.gauge_series(), self._run.gauge_series()):
-            common = one.t <= other.t[-1]
-            both = np.array([one.eta[common], _interpolant(other.t, other.eta)(one.t[common])])
-            eta, reference = both if self._below is None else _below(self._below, one.t[common], both)
+        for one, other in matched(run.gauges, self._run.gauges):
+            both = one.sel(time=slice(None, other.time[-1]))
+            t = both.time.values
+            values = np.array([both.values, _interpolant(other.time.values, other.values)(t)])
+            eta, reference = values if self._below is None else _below(self._below, t, values)
             pairs.append((eta, reference))
         return pairs
 

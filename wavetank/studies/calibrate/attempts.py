@@ -103,8 +103,9 @@ class Attempt:
 
 def record_at(run: RunDirectory, x: float) -> Elevation:
     """Return the record of the gauge nearest to x [m]."""
-    series = min(run.gauge_series(), key=lambda one: abs(one.x - x))
-    return Elevation(series.t, series.eta)
+    gauges = run.gauges
+    record = gauges[int(np.argmin(np.abs(gauges.x.values - x)))].dropna("time")
+    return Elevation(record.time.values, record.values)
 
 
 class Scale(NamedTuple):

@@ -10,12 +10,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from xarray import Dataset
 
 from wavetank.case.output import CrestTarget
 from wavetank.output.directory import RunDirectory
-from wavetank.output.fields import Surface
 from wavetank.studies.calibrate.attempts import (
     Attempt,
     AttemptResult,
@@ -73,9 +72,9 @@ class CrestAim:
         """Return the highest crest around the target; of two within the tolerance the nearest."""
         (run,) = runs
         surface, target = run.snapshots(), self._target
-        around = np.abs(surface.t - target.time) < AROUND * self._scale.period
+        around = np.abs(surface.time.values - target.time) < AROUND * self._scale.period
         if np.count_nonzero(around) > 3:
-            surface = _selected(surface, around)
+            surface = surface.isel(time=around)
         reach = AROUND * self._scale.length
         tops = crests(surface, target.x - reach, target.x + reach, sizes=self._scale)
         alike = (top for top in tops if top.height > (1 - target.tolerance) * tops[0].height)
@@ -108,30 +107,27 @@ class CrestAim:
         return np.asarray(setting + LOWER)
 
 
-def _selected(surface: Surface, which: NDArray[np.bool_]) -> Surface:
-    return Surface(surface.t[which], surface.x[which], surface.eta[which], surface.psi[which])
-
-
-def crests(surface: Surface, first: float, last: float, *, sizes: Scale) -> list[CrestPosition]:
+def crests(surface: Dataset, first: float, last: float, *, sizes: Scale) -> list[CrestPosition]:
     """Return the highest crest between two places [m], and the highest of the others.
 
     Along its path, a third of a wave length to either side, the height of a crest is fitted by exp(-x²): on coarse
     cells there are ripples as long as a cell, whose highest sample changes from one to another.
     """
+    t = surface.time.values
     first, last = max(first, float(surface.x[:, 0].max())), min(last, float(surface.x[:, -1].min()))
     places = np.linspace(first, last, max(8, int(PLACES * (last - first) / sizes.length)), dtype=np.float64)
     eta, result = _elevation(surface, places), list[CrestPosition]()
-    remaining = np.ones((surface.t.size, places.size), dtype=bool)
+    remaining = np.ones((t.size, places.size), dtype=bool)
     while len(result) < 2 and remaining.any():
         row, column = divmod(int(np.argmax(np.where(remaining, eta, -np.inf))), places.size)
-        guess = CrestPosition(float(eta[row, column]), float(places[column]), float(surface.t[row]))
+        guess = CrestPosition(float(eta[row, column]), float(places[column]), float(t[row]))
         result.append(_top(surface, guess, first, last, sizes=sizes))
         arrival = guess.t + (places - guess.x) * sizes.period / sizes.length
-        remaining &= np.abs(surface.t[:, None] - arrival) > SAME_CREST * sizes.period
+        remaining &= np.abs(t[:, None] - arrival) > SAME_CREST * sizes.period
     return sorted(result, reverse=True)
 
 
-def _top(surface: Surface, guess: CrestPosition, first: float, last: float, *, sizes: Scale) -> CrestPosition:
+def _top(surface: Dataset, guess: CrestPosition, first: float, last: float, *, sizes: Scale) -> CrestPosition:
     """Return the top of a crest, fitted again around each fit until the place no longer changes."""
     for _ in range(ROUNDS):
         before, guess = guess, _fitted(surface, guess, first, last, sizes=sizes)
@@ -140,13 +136,13 @@ def _top(surface: Surface, guess: CrestPosition, first: float, last: float, *, s
     return guess
 
 
-def _fitted(surface: Surface, top: CrestPosition, first: float, last: float, *, sizes: Scale) -> CrestPosition:
+def _fitted(surface: Dataset, top: CrestPosition, first: float, last: float, *, sizes: Scale) -> CrestPosition:
     """Return the top of a crest, fitted to its path around a guess; the guess if no fit has a maximum."""
     _, x, t = top
-    part = _selected(surface, np.abs(surface.t - t) < SAME_CREST * sizes.period)
+    part = surface.isel(time=np.abs(surface.time.values - t) < SAME_CREST * sizes.period)
     path = np.linspace(-PATH, PATH, 2 * int(PATH * PLACES) + 1)
     path = path[(x + path * sizes.length >= first) & (x + path * sizes.length <= last)]
-    heights, times = _highest(part.t, _elevation(part, x + path * sizes.length))
+    heights, times = _highest(part.time.values, _elevation(part, x + path * sizes.length))
     weights = (1 - (path / PATH) ** 2) * (heights > 0.0)
     if np.count_nonzero(weights) < FEWEST:
         return top
@@ -160,9 +156,11 @@ def _fitted(surface: Surface, top: CrestPosition, first: float, last: float, *, 
     return CrestPosition(float(height), place, float(np.polyval(arrival, shift)))
 
 
-def _elevation(surface: Surface, places: Array) -> Array:
+def _elevation(surface: Dataset, places: Array) -> Array:
     """Return elevations [m] at places [m], of shape (snapshots, places), by splines in x."""
-    return np.array([CubicSpline(x, one)(places) for x, one in zip(surface.x, surface.eta, strict=True)])
+    return np.array(
+        [CubicSpline(x, one)(places) for x, one in zip(surface.x.values, surface.elevation.values, strict=True)]
+    )
 
 
 def _highest(t: Array, eta: Array) -> tuple[Array, Array]:
