@@ -1,4 +1,4 @@
-"""``make bench``: what a step costs, against the baseline, the mesh and real time, and where the time goes."""
+"""``make bench``: cost of a step relative to the baseline, the mesh size and real time, and its profile."""
 
 import argparse
 import cProfile

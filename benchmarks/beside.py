@@ -1,4 +1,4 @@
-"""The same cases by this checkout and by another, one run after the other: ratios of CPU time, in which noise cancels.
+"""The same cases by this checkout and by another, in turn: ratios of CPU time, in which noise cancels.
 
 git worktree add ../before REVISION
 ./env python -m benchmarks --only beside --other ../before

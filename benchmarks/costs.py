@@ -1,6 +1,6 @@
-"""The constants of what runs cost, measured now, as ``wavetank/planning/cost.py`` has them built in.
+"""Measured cost constants of runs, which ``wavetank/planning/cost.py`` contains as built-in values.
 
-Steps become cheaper with the code: constants are fitted anew on a machine that is quiet, and take the old ones' place.
+Measure them on a quiet machine and replace the built-in values when the code has become faster.
 """
 
 import numpy as np

@@ -1,7 +1,8 @@
-"""What the interior solve of a basin costs against the mesh, the vertical order and the ranks.
+"""Cost of the interior solve of a basin by mesh size, vertical order and number of ranks.
 
-A steep wave over a shoal, depth from 1 m to 0.25 m, on quadrilaterals of order 3; each solve starts cold and goes to
-1e-10. Seconds are CPU seconds of the busiest rank, so that other work on the machine counts little; the better of two.
+A steep wave over a shoal, depth from 1 m to 0.25 m, on quadrilaterals of order 3. Each solve has a zero initial guess
+and a tolerance of 1e-10. Seconds are CPU seconds of the busiest rank, which depend little on other work; minimum
+of two.
 """
 
 import json

@@ -1,6 +1,6 @@
-"""Sound waves of which none may be taken for a breaking one, and breaking ones of which none may be missed.
+"""Test scenes of the breaking criteria: waves that must not be detected, and breaking waves that must be detected.
 
-Each is a case as a user would write it.
+Each scene is a case as a user would write it.
 """
 
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,7 @@
 """Symmetric composition of Störmer-Verlet to fourth order (Suzuki 1990; Hairer, Lubich, Wanner, II.4.2).
 
-Five steps of sizes a dt, a dt, (1 - 4 a) dt, a dt, a dt with a = 1 / (4 - 4^(1/3)) = 0.4145: the middle one goes
-back.
+Five steps of sizes a dt, a dt, (1 - 4 a) dt, a dt, a dt with a = 1 / (4 - 4^(1/3)) = 0.4145. The middle step is
+negative.
 """
 
 from dataclasses import dataclass, field

@@ -1,12 +1,11 @@
-"""Run-up around a vertical circular cylinder: the basin against McCamy and Fuchs, by the recipe of their reference.
+"""Run-up around a vertical circular cylinder in a basin, compared with McCamy and Fuchs.
 
-A wave that stands in half a basin, cut along its plane of symmetry, is let go as if the cylinder in the side wall were
-not there; two periods later what is around it has settled, and the third is analysed (``mccamy_fuchs.py``).
+A standing wave in half a basin, cut along its plane of symmetry, is released with the cylinder in the side wall. Two
+periods later the field around it is steady. The third period is analysed (``mccamy_fuchs.py``).
 
-Linear waves in steps of Störmer-Verlet dt = 2 / omega sin(pi / N): as computed, the wave's period is N steps exactly,
-and its shape that of no error in time at all. Nonlinear ones in N steps a period of the third-order scheme, of an
-amplitude so small that the third order, (k a)², is far below what is asked, and so large that the solves' tolerances,
-which are relative to the depth, are.
+Linear waves use steps of Störmer-Verlet dt = 2 / omega sin(pi / N). N steps are exactly one period of the computed
+wave, and its shape has no error in time. Nonlinear waves use N steps a period of the third-order scheme. Their
+amplitude is so small that the third order, (k a)², is negligible, and large relative to the tolerances.
 """
 
 from collections.abc import Iterator, Sequence

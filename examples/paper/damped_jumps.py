@@ -1,7 +1,7 @@
-"""Part 11: the parasitic modes of (23) damped, against other cures; what the damping costs.
+"""Part 11: damping of the parasitic modes of (23), compared with other remedies, and its cost.
 
 Eigenvalues on the oscillator for differences of order m and strengths kappa; strongly nonlinear orbits of
-H = (q² + 1)(p² + 1) / 2 on which (23) fails. All orbits are stepped at once, as one vector, under all rules for jumps.
+H = (q² + 1)(p² + 1) / 2 on which (23) fails. All orbits are stepped as one vector, with all rules for jumps.
 """
 
 from collections import deque

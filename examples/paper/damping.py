@@ -1,7 +1,7 @@
 """Part 7: the damped oscillator (38)-(49), Fig. 9 of [G16], and the exact damping factor in schemes of higher order.
 
 dq/dt = p, dp/dt = -q - gamma p. In Q = q e^(gamma t / 2), P = p e^(gamma t / 2) the modified energy (49),
-H~ = (P² + Q² + gamma P Q) / 2, is constant: a treatment of damping is judged by how far it lets H~ go.
+H~ = (P² + Q² + gamma P Q) / 2, is constant. The drift of H~ measures the error of a treatment of damping.
 """
 
 from collections.abc import Callable

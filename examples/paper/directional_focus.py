@@ -1,7 +1,7 @@
-"""A directional focus by a segmented paddle, of small and of finite amplitude, against linear theory.
+"""A directional focus by a segmented paddle, of small and of finite amplitude, compared with linear theory.
 
-Half the basin of cases/directional-focus.toml, the focus on its plane of symmetry; the theory is that of the paddle's
-motion (``waves/focusing.py``), which includes the side walls, but neither the ramp nor the far end.
+Half the basin of cases/directional-focus.toml, with the focus on its plane of symmetry. The theory is that of the
+paddle motion (``waves/focusing.py``). It includes the side walls, but neither the ramp nor the far end.
 """
 
 from collections.abc import Sequence

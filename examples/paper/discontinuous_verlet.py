@@ -1,16 +1,15 @@
-"""Störmer-Verlet as the discontinuous schemes it comes from: (14) and (15)-(16) of [G16], with weight and jump.
+"""Störmer-Verlet as the discontinuous schemes (14) and (15)-(16) of [G16], with weight and jump.
 
-[G16] is Gagarina et al. 2016; beta = 1 - alpha. In (14) p has no jump: (14a) multiplies one by alpha / beta a step,
-and there is none at the start. q has one. With the traces q⁻ = 2 q½ - q of the slab before and q⁺, (14) is
+[G16] is Gagarina et al. 2016; beta = 1 - alpha. In (14) p has no jump: (14a) multiplies a jump by alpha / beta a step,
+and the start has none. q has one. With the traces q⁻ = 2 q½ - q of the previous slab and q⁺, (14) is
 
     q½  = alpha q⁺ + beta q⁻ + dt/2 H_p(p, q½; t)                            (14b), implicit
     p'  = p - dt/2 [ H_q(p, q½; t) + H_q(p', q½; t + dt) ]                    (14c), implicit
     q⁻' = 2 q½ - q⁺
     alpha q⁺' = q½ + dt/2 H_p(p', q½; t + dt) - beta q⁻'                      (14d)
 
-The mean alpha q⁺ + beta q⁻ goes the way of the classical scheme for every alpha, and nothing depends on the jump,
-which is multiplied by beta / alpha a step: hence alpha in [1/2, 1]. In (15)-(16) p and q, alpha and beta change
-places.
+The mean alpha q⁺ + beta q⁻ equals the classical scheme for every alpha. Nothing depends on the jump, which is
+multiplied by beta / alpha a step: hence alpha in [1/2, 1]. In (15)-(16) p and q, alpha and beta are exchanged.
 """
 
 from dataclasses import dataclass

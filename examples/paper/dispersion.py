@@ -1,4 +1,4 @@
-"""Part 4: dispersion (25)-(31) of the third-order scheme (23), Fig. 6 of [G16], and what a wrong start does.
+"""Part 4: dispersion (25)-(31) of the third-order scheme (23), Fig. 6 of [G16], and the effect of the start.
 
 With theta = omega dt, (27): X = sqrt(1 - theta⁶ / (36 (4 - theta²)²)), Y = theta³ / (6 (4 - theta²)), and
 
@@ -6,9 +6,9 @@ With theta = omega dt, (27): X = sqrt(1 - theta⁶ / (36 (4 - theta²)²)), Y = 
 
 plus for the physical families (29), (30), minus for the parasitic ones (28), (31). The modes are (p⁻, q⁻, p⁺, q⁺) =
 (a, b, c, d) with c = -i d omega for omega^ > 0, +i d omega for omega^ < 0, a of b likewise, and |b| = |d|: q⁻ is q⁺
-turned by a small angle. A start without jumps, q⁻ = q⁺, is therefore only nearly on the physical modes. The angle's
-sine is Y, so the jump that belongs to a smooth solution is dt³ / 24 times its third derivative, and leaving it out
-costs a parasitic mode of that size: the whole of the scheme's third-order error on the linear oscillator.
+rotated by a small angle. A start without jumps, q⁻ = q⁺, is therefore not exactly on the physical modes. The sine of
+the angle is Y, so the jump of a smooth solution is dt³ / 24 times its third derivative. A start without it excites a
+parasitic mode of that size. This is the complete third-order error of the scheme on the linear oscillator.
 """
 
 import operator

@@ -1,18 +1,18 @@
-"""Waves around a ring to first, second and third order of their steepness, as they go on from a start.
+"""Waves in a ring expanded to first, second and third order of their steepness, as an initial-value problem.
 
 With eta = eta_1 + eta_2 + eta_3 and psi = psi_1 + psi_2 + psi_3, each of its order in the amplitude,
 
     eta_t = G psi,  psi_t = -g eta - 1/2 psi_x² + 1/2 (G psi + eta_x psi_x)² / (1 + eta_x²)
 
-are linear waves of each order, driven by those below:
+are linear waves of each order, forced by the lower orders:
 
     eta_n,t = G_0 psi_n + F_n,    psi_n,t = -g eta_n + R_n,
     F_2 = G_1 psi_1,    R_2 = (w_1² - psi_1,x²) / 2,    w_1 = G_0 psi_1,    w_2 = G_0 psi_2 + F_2 + eta_1,x psi_1,x,
     F_3 = G_1 psi_2 + G_1' psi_1 + G_2 psi_1,    R_3 = w_1 w_2 - psi_1,x psi_2,x,
 
-G_1 with eta_1 and G_1' with eta_2 (``wavetank/waves/dirichlet_neumann.py``). Bound and free waves of the second and
-third order are in it, at sums and differences of any number of components. A change of frequency, of third order, is
-the beginning of its series in time: the expansion holds while (k a)² omega t is small.
+G_1 with eta_1 and G_1' with eta_2 (``wavetank/waves/dirichlet_neumann.py``). The expansion contains bound and free
+waves of second and third order, at sums and differences of any number of components. A change of frequency, of third
+order, appears as the beginning of its series in time: the expansion is valid while (k a)² omega t is small.
 """
 
 from dataclasses import dataclass

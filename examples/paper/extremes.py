@@ -1,4 +1,4 @@
-"""Everything about steep waves, depths and shapes, into one folder: what docs/extremes.md tells."""
+"""All tables and figures of docs/extremes.md on steep waves, depths and shapes, written into one folder."""
 
 from examples.paper import breaking, growth, shape, standing, steepness
 from examples.paper.report import Report

@@ -1,8 +1,8 @@
-"""A focused group in the nonlinear tank against theory of first, second and third order in its steepness.
+"""A focused group in the nonlinear tank, compared with theory of first, second and third order in its steepness.
 
-Waves around a ring, of small to moderate height, that by linear theory meet in one crest A. Tank and theory
-(``expanded_waves.py``) begin alike, with the linear waves; what the theory misses of the tank's elevation at the
-focus is of the next order in k_p A.
+Waves in a ring, of small to moderate height, that focus in one crest A by linear theory. Tank and theory
+(``expanded_waves.py``) start with the same linear waves. The error of the theory in the elevation at the focus is of
+the next order in k_p A.
 """
 
 from collections.abc import Sequence

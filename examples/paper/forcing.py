@@ -1,8 +1,8 @@
-"""Part 8: the forced oscillator (50)-(57) of [G16]: at which times H is taken.
+"""Part 8: the forced oscillator (50)-(57) of [G16], and the times at which H is evaluated.
 
-dq/dt = p, dp/dt = -q + a gamma t. In (57), the adjoint Störmer-Verlet scheme, the force is taken at t* with q at
-the left end of the slab and at t** with q at its right end. Any scheme's times are its quadrature rule's nodes;
-here they are moved.
+dq/dt = p, dp/dt = -q + a gamma t. In (57), the adjoint Störmer-Verlet scheme, the force is evaluated at t* with q at
+the left end of the slab and at t** with q at its right end. The times of a scheme are the nodes of its quadrature
+rule; here they are changed.
 """
 
 from collections.abc import Mapping

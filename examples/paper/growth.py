@@ -1,8 +1,9 @@
-"""Growing modes under steep waves: the spectrum of the water linearised about an exact wave, with and without penalty.
+"""Growing modes under steep waves: the spectrum of the flow linearised about an exact wave, with and without penalty.
 
-Nothing grows beside a wave of permanent form of these heights but what the elements make grow. The wave is put on a
-ring, the flow linearised about it (``linearised.py``), and the largest real part of an eigenvalue times the
-wave's period is the growth per period. The penalty adds -epsilon omega_g l³ / p⁴ M^-1 S to both of h and psi.
+At these heights a wave of permanent form has no physical growth within a few periods; growth is due to the elements.
+The wave is put on a ring and the flow is linearised about it (``linearised.py``). The largest real part of an
+eigenvalue times the period is the growth per period. The penalty adds -epsilon omega_g l³ / p⁴ M^-1 S to the equations
+of h and psi.
 """
 
 from collections.abc import Iterator, Sequence

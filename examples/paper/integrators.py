@@ -1,4 +1,4 @@
-"""Everything about the integrators, into one folder: a CSV and a picture for each table and figure of [G16]."""
+"""All results on integrators in one folder: a CSV and a picture for each table and figure of [G16]."""
 
 from examples.paper import (
     damped_jumps,

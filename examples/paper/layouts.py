@@ -1,4 +1,4 @@
-"""The recipes of layouts: what gmsh draws of each, its keys, and how near its area is to the exact one."""
+"""The recipes of layouts: the mesh of each by gmsh, its keys, and the error of its area."""
 
 from collections.abc import Iterator
 from typing import Any, NamedTuple

@@ -1,8 +1,8 @@
-"""The flow linearised about a state of the water: how fast small disturbances of it oscillate or grow.
+"""The flow linearised about a state of the water: frequencies and growth rates of small disturbances.
 
     dz/dt = A z,   A = (H_pq  H_pp; -H_qq  -H_qp),   z = (Q, psi) scaled to metres
 
-A steep wave carries short ones along, so that their frequency is shifted by the current times their wave number.
+The current of a steep wave shifts the frequency of short waves by current times wave number.
 """
 
 import numpy as np

@@ -1,8 +1,7 @@
 """P2N3Q4Lob of Ober-Blöbaum and Saake 2015: continuous quadratics and Simpson's rule, all values of a step coupled.
 
-Reference [22] of [G16] (Gagarina et al. 2016), which has the same polynomials and the same quadrature as (20) but
-no jump. Varying q(t) among continuous quadratics makes it the pair Lobatto IIIA (for q) and IIIB (for p) with three
-stages:
+Reference [22] of [G16] (Gagarina et al. 2016). It has the polynomials and the quadrature of (20), without a jump.
+Variation of q(t) among continuous quadratics gives the pair Lobatto IIIA (for q) and IIIB (for p) with three stages:
 
     Q_i = q + dt sum_j a_ij  H_p(Q_j, P_j; t + c_j dt)      i = 1, 2, 3;  Q_1 = q,  q' = Q_3
     P_i = p - dt sum_j a'_ij H_q(Q_j, P_j; t + c_j dt)      i = 1, 2, 3

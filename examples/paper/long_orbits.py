@@ -1,12 +1,12 @@
-"""Part 12: 10⁵ periods of a mild orbit of H = (q² + 1)(p² + 1) / 2: what damping the jumps of (23) does to the energy.
+"""Part 12: 10⁵ periods of an orbit of H = (q² + 1)(p² + 1) / 2, and the effect of damped jumps of (23) on the energy.
 
-A step changes the jump by D, and with the two-form dq ^ dp - 1/4 d(jump of q) ^ d(jump of p) that (23) keeps this
-changes the energy by -1/4 d(jump)/dt ^ D. The jump is dt³/24 z''' and D = -kappa/8 times the third difference back in
-time, dt³ d³/dt³ - 3/2 dt⁴ d⁴/dt⁴ of it. The first of these gives a derivative of something periodic; the second
+A step changes the jump by D. By the two-form dq ^ dp - 1/4 d(jump of q) ^ d(jump of p) that (23) preserves, this
+changes the energy by -1/4 d(jump)/dt ^ D. The jump is dt³/24 z''' and D = -kappa/8 times its third backward
+difference, dt³ d³/dt³ - 3/2 dt⁴ d⁴/dt⁴. The first term gives the derivative of a periodic function; the second
 
     dH/dt = kappa dt⁹ / (1536 (8 - kappa)) [ q⁽⁵⁾ p⁽⁶⁾ - p⁽⁵⁾ q⁽⁶⁾ ],
 
-in the mean over a period, for any H. On the oscillator that is the modulus 1 - kappa theta¹⁰ / (1536 (8 - kappa)).
+in the mean over a period, for any H. On the oscillator it is the modulus 1 - kappa theta¹⁰ / (1536 (8 - kappa)).
 """
 
 from typing import Any, NamedTuple

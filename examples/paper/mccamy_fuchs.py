@@ -1,29 +1,28 @@
-"""Regular waves of small amplitude around a vertical circular cylinder that stands on a flat bed: linear diffraction.
+"""Regular waves of small amplitude around a vertical circular cylinder on a flat bed: linear diffraction.
 
 Incident eta = Re(a exp(i (k r cos(theta) - omega t))), travelling to theta = 0. With eta = Re(a F exp(-i omega t)),
 
     F = exp(i k r cos(theta)) - sum e_m i^m J_m'(k R) / H_m'(k R) H_m(k r) cos(m theta),   e_0 = 1, e_m = 2,
 
-R being the cylinder's radius and H_m = J_m + i Y_m. On the cylinder, by the Wronskian J H' - J' H = 2 i / (pi k R),
+with the cylinder radius R and H_m = J_m + i Y_m. On the cylinder, by the Wronskian J H' - J' H = 2 i / (pi k R),
 
     F = sum e_m i^m 2 i / (pi k R H_m'(k R)) cos(m theta).
 
 The potential is psi = Re(-i g / omega a F exp(-i omega t)). Depth enters through k alone.
 
-How to hold a closed basin against it. A wave that stands between two end walls, cos(k x) with whole half waves, is a
-solution of the basin without the cylinder, side walls or not; only what the cylinder scatters has to go to the walls
-and back, 2 (b - R) at no more than sqrt(g d). As cos(k xi + delta) is the sum of two waves that travel either way, its
-harmonic at (r, theta) is ``standing``; a run gives it at theta and at pi - theta, and from these ``travelling`` gives
-F, best with delta = pi / 4: the cylinder's centre stands an eighth of a wave from a crest, in the middle of the basin
-but for that. Begin from the standing wave at rest as if the cylinder were not there; wait two periods T; take
+Comparison with a closed basin. A standing wave between two end walls, cos(k x) with an integer number of half waves, is
+a solution of the basin without the cylinder. Only the waves scattered by the cylinder travel to the walls and return,
+2 (b - R) at sqrt(g d) at most. cos(k xi + delta) is the sum of two waves in opposite directions. Its harmonic at
+(r, theta) is ``standing``. From a run's values at theta and pi - theta ``travelling`` gives F. The best choice is
+delta = pi / 4: the centre of the cylinder is an eighth of a wave from a crest, close to the middle of the basin.
+Procedure: start from the standing wave at rest without the effect of the cylinder, wait two periods T, and take
 2 / T int eta exp(i omega t) dt over the third.
 
-For k R = k d = 1 the modal sum of an annulus, exact in time, says how far the result is from F when the walls are b
-away, as a share of a: it has settled to 0.6 % in the second period and to 0.06 % in the third, and the walls are unfelt
-(0.06 %) in the third at b = 2.5 wave lengths; they err by 0.7 % at 2.0, 10 % at 1.5. Hence 5 by 5 wave lengths, or half
-of that, cut along the plane of symmetry, theta = 0 and pi. The diffracted wave itself as the start needs no waiting but
-is wrong at the walls from the first moment on: over the first period it errs by 0.1 % at 2 wave lengths, over the
-second by 6 % at 2.5.
+For k R = k d = 1 the modal sum of an annulus, exact in time, gives the difference between result and F with walls at a
+distance b, relative to a. It is 0.6 % in the second period and 0.06 % in the third. The effect of the walls in the
+third period is 0.06 % for b = 2.5 wave lengths, 0.7 % for 2.0, 10 % for 1.5. Hence 5 by 5 wave lengths, or half of
+that, cut along the plane of symmetry, theta = 0 and pi. The diffracted wave as initial state needs no waiting time but
+is wrong at the walls from the start: 0.1 % over the first period at 2 wave lengths, 6 % over the second at 2.5.
 
 Sources: R. C. MacCamy and R. A. Fuchs, "Wave forces on piles: a diffraction theory", Beach Erosion Board, Technical
 Memorandum 69, 1954; T. H. Havelock, Proc. R. Soc. A 175, 1940 (deep water).

@@ -1,13 +1,14 @@
-"""What (23) does to the mean and the jump of its traces, in symbols: docs/integrators.md has the derivation.
+"""The scheme (23) in the mean and the jump of its traces, in symbols; derivation in docs/integrators.md.
 
-Four statements are checked here, each by exact arithmetic and none by hand:
+Four statements are checked by exact arithmetic:
 
 - ``form_defects``: (20) written in weighted means and jumps, for every weight alpha;
-- ``local_error`` and ``modified_term``: on a smooth solution the mean makes a local error dt⁵ times a combination of
-  derivatives, whatever the system, forced ones included: it is of fourth order;
+- ``local_error`` and ``modified_term``: on a smooth solution the mean has a local error dt⁵ times a combination of
+  derivatives for any system, forced ones included: it is of fourth order;
 - ``alternating_part``: an alternating part of the jump does not enter the mean in the first three orders, and obeys
   the parasitic equation;
-- ``physical_root``: what damping the jump's third difference takes from frequency and amplitude of the oscillator.
+- ``physical_root``: the effect of damping the third difference of the jump on frequency and amplitude of the
+  oscillator.
 """
 
 from math import factorial

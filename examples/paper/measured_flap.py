@@ -1,8 +1,8 @@
-"""Regular waves by a measured flap: NTNU's wave flume, five periods and four heights, one gain of the flap's signal.
+"""Regular waves by a measured flap: NTNU's wave flume, five periods and four heights, one gain of the flap signal.
 
-The flap's stroke, measured 1.5 m above a hinge that is 0.1 m above the bed, moves the flap of the tank; its gain is
-that of one record. The tank is longer than the flume, whose beach reflects: harmonics are taken where waves are steady
-and, but for the longest, before the beach sends anything back.
+The measured stroke, 1.5 m above a hinge that is 0.1 m above the bed, moves the flap of the tank. The gain is fitted to
+one record. The tank is longer than the flume, whose beach reflects. Harmonics are those of steady waves, before the
+beach reflects (except for the longest waves).
 
 Source: K. R. Sundsdal, M. Greco, F.-C. Hanssen, C. Lugni, 2025, data without the model
 (github.com/KRSundsdal1/2D-ship-cross-section-in-regular-waves, CC0).

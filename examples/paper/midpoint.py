@@ -1,7 +1,7 @@
 """The modified midpoint scheme: H at the middle of the slab alone ([G16], section 3.2).
 
     q½ = q + dt/2 H_p(p½, q½; t + dt/2)      implicit,
-    p½ = p - dt/2 H_q(p½, q½; t + dt/2)      together
+    p½ = p - dt/2 H_q(p½, q½; t + dt/2)      coupled
     q' = 2 q½ - q,   p' = 2 p½ - p
 
 In the unknowns of the half step it is the implicit midpoint rule, and Gauss-Legendre collocation with one stage.

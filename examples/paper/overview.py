@@ -1,4 +1,4 @@
-"""Part 1: every scheme with its order and cost, and the discontinuous Störmer-Verlet beside the classical one."""
+"""Part 1: every scheme with its order and cost; the discontinuous and the classical Störmer-Verlet scheme."""
 
 from itertools import pairwise
 from typing import Any, NamedTuple

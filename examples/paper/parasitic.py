@@ -1,13 +1,13 @@
-"""Beyond the paper: what nonlinearity does to the parasitic modes (28), (31) of the third-order scheme (23).
+"""Effect of nonlinearity on the parasitic modes (28), (31) of the third-order scheme (23); not in the paper.
 
-For small omega dt a parasitic mode is an alternating jump, z⁻ - z⁺ = (-1)^n delta, and by (28b), (31b) its envelope
-delta turns backwards at half the frequency. Where H is not quadratic that reads
+For small omega dt a parasitic mode is an alternating jump, z⁻ - z⁺ = (-1)^n delta. By (28b), (31b) its envelope delta
+rotates backwards at half the frequency. For a general H
 
     d delta / dt = -1/2 J H''(z(t)) delta,     J = (0 1; -1 0), H'' the second derivatives along the computed orbit,
 
-whatever the step. On a periodic orbit the largest Floquet multiplier says whether jumps grow: they start at dt³,
-but then grow by that factor every period until they spoil the solution. On the harmonic oscillator the multiplier
-is one. Damped, as in ``wavetank/integrators/simpson.py``, they lose kappa a step, which is more.
+independent of the step. On a periodic orbit the largest Floquet multiplier determines whether jumps grow. They start at
+dt³ and grow by that factor every period until the solution is lost. On the harmonic oscillator the multiplier is one.
+With the damping of ``wavetank/integrators/simpson.py`` they lose kappa a step, which is more.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Where the results go: a CSV and a picture each."""
+"""Output of the examples: a CSV and a picture for each result."""
 
 import csv
 from collections.abc import Iterable, Iterator, Sequence

@@ -1,16 +1,15 @@
-"""Standing waves of finite height, exactly: the surface that comes back to rest, found by shooting.
+"""Exact standing waves of finite height, computed by shooting from rest to rest.
 
-Where a standing wave is highest it is at rest, psi = 0. Released from there it has, a quarter of a period later, the
-same elevation half a wave length further, and the opposite potential: of the former no odd cosines are left, of the
-latter no even ones. Newton's method finds the cosines at rest and the period for which that is so, from low waves on
-upwards.
+At its highest elevation a standing wave is at rest, psi = 0. A quarter of a period later it has the same elevation half
+a wave length further, and the opposite potential: the elevation has no odd cosines, the potential no even ones.
+Newton's method computes the cosines at rest and the period from this condition, from low waves upwards.
 
 The water is the conformal image of a strip of depth D below u, x + i y = z(u + i v), that moves by
 
     y_t = x_u A + y_u R,    phi_t = phi_u R + (psi_u² - phi_u²) / (2 J) - y,    A = -psi_u / J,    J = x_u² + y_u²,
 
-in units of 1/k and 1/sqrt(g k); R is conjugate to A, psi the stream function, and D - d the mean of y. Everything is in
-cosines of u: x_u = 1 + K y and -psi_u = G phi with multipliers m coth(m D) and m tanh(m D).
+in units of 1/k and 1/sqrt(g k); R is conjugate to A, psi the stream function, and D - d the mean of y. All functions
+are cosine series of u: x_u = 1 + K y and -psi_u = G phi with multipliers m coth(m D) and m tanh(m D).
 
 Sources: A. I. Dyachenko, E. A. Kuznetsov, M. D. Spector, V. E. Zakharov, Phys. Lett. A 221, 1996; W. Choi and R.
 Camassa, J. Eng. Mech. 125, 1999 (finite depth); J. Wilkening and J. Yu, Comput. Sci. Disc. 5, 2012 (shooting).

@@ -1,4 +1,4 @@
-"""The schemes that are compared, each with the way its state is written as a plain vector."""
+"""The compared schemes, each with the representation of its state as a plain vector."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

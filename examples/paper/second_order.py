@@ -1,9 +1,8 @@
-"""Second-order generation in the nonlinear tank: what is bound and what is free of the second harmonic, along the tank.
+"""Second-order generation in the nonlinear tank: bound and free second harmonics along the tank.
 
-Regular waves of a piston, or of a flap, whose bound second harmonic is to be a share of the first; a sponge takes them
-at the end. The
-harmonics at all places between the paddle's near field and the sponge are told apart by least squares, by the bound
-wave number 2 k, the free one K and -K (``wavetank/analysis/reflection.py``).
+Regular waves of a piston or a flap with a given bound second harmonic, and a sponge at the end. The harmonics at all
+positions between the near field of the paddle and the sponge are separated by least squares into the bound wave number
+2 k and the free ones K and -K (``wavetank/analysis/reflection.py``).
 """
 
 from collections.abc import Iterator, Sequence

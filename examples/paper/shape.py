@@ -1,8 +1,8 @@
 """Depths and shapes: accuracy, iterations and conditioning from kd = 0.05 to 8 pi, n = 1 to 16, flat and tall cells.
 
-Linear frequencies against Airy's, from the Rayleigh quotient of the still-water operator; iterations and condition
-number of the interior potential under an exact wave of half the maximum height (where none is known, a sinusoid of that
-height).
+Linear frequencies are compared with Airy's, from the Rayleigh quotient of the still-water operator. Iterations and
+condition number are those of the interior potential under an exact wave of half the maximum height (a sinusoid of that
+height where no exact wave is available).
 """
 
 from collections.abc import Iterator, Sequence

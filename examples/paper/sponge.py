@@ -1,11 +1,11 @@
-"""The sponge: what it reflects of a regular wave, against its length, the depth and the wave's frequency.
+"""Reflection of regular waves by a sponge, by its length, the depth and the frequency.
 
-Linear waves of a piston, in the frequency domain: with e^(-i omega t) and the operators of the very discretisation
+Linear waves of a piston in the frequency domain, with e^(-i omega t) and the operators of the discretisation:
 
     (G - M (omega² + i omega gamma) / g) psi = -w
 
 has no error in time and no transients. The same in time, linear and nonlinear, with the scheme and its damping factor.
-Incident and reflected amplitude come from all places between paddle and sponge by least squares, as from many gauges
+Incident and reflected amplitude are fitted by least squares at all positions between paddle and sponge
 (E. P. D. Mansard, E. R. Funke, Proc. 17th Int. Conf. Coastal Eng., 1980).
 """
 

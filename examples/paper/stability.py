@@ -1,10 +1,10 @@
-"""Part 3: linear stability (21)-(22), Figs 4 and 5 of [G16], and every scheme's limit.
+"""Part 3: linear stability (21)-(22), Figs 4 and 5 of [G16], and the limit of every scheme.
 
-The amplification matrix is the scheme run on unit vectors, in numbers or in symbols (``symbolic.py``).
+The amplification matrix is the scheme applied to unit vectors, in numbers or in symbols (``symbolic.py``).
 
-The limit of (23), proved: with x = lambda + 1/lambda and theta = omega dt the characteristic polynomial is a
+Proof of the limit of (23): with x = lambda + 1/lambda and theta = omega dt the characteristic polynomial is a
 quadratic in x with the discriminant 36 (theta³ + 6 theta² - 24) (theta³ - 6 theta² + 24) / 36², up to a square. All
-lambda are on the unit circle as long as both x are real and in [-2, 2]; the first factor turns positive, and x
+lambda are on the unit circle as long as both x are real and in [-2, 2]. The first factor becomes positive, and x
 complex, at the root of theta³ + 6 theta² - 24. With theta = y - 2 that is y³ - 12 y - 8 = 0, y = 4 cos(pi / 9):
 theta = 4 cos(pi / 9) - 2 = 1.758770.
 """

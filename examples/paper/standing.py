@@ -1,7 +1,7 @@
-"""Steep standing waves between two walls, ten periods from rest to rest: shape, height, energy and cost.
+"""Steep standing waves between two walls over ten periods: shape, height, energy and cost.
 
-The oracle is the wave itself, which is exact (``resting_wave.py``) up to ``HIGHEST``. Higher ones begin as lower
-ones suggest: such a wave does not come back exactly, and what it is held to is energy and mass.
+The oracle is the exact wave (``resting_wave.py``) up to ``HIGHEST``. Higher waves start from an extrapolation of lower
+ones and are not exactly periodic; only energy and mass are checked.
 """
 
 from collections.abc import Sequence

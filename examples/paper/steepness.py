@@ -1,6 +1,6 @@
 """Exact waves of 10 to 98 % of the maximum height, twenty times around a ring: phase, crest, energy, mass and cost.
 
-Each is a case as a user would write it, run by the product; the oracle is the wave itself.
+Each is a case as a user would write it. The oracle is the exact wave.
 """
 
 from collections.abc import Iterator, Sequence

@@ -1,8 +1,7 @@
-"""A scheme's amplification matrix in closed form: the scheme itself, run on symbols.
+"""The amplification matrix of a scheme in closed form, by running the scheme on symbols.
 
-The harmonic oscillator with omega = 1 and dt = theta = omega dt has all there is to know (scale q to get any other
-omega). Stages are affine there and are solved exactly; numbers in a scheme, such as 2/3, are read as the fractions
-they stand for.
+The harmonic oscillator with omega = 1 and dt = theta = omega dt is general (scaling of q gives any other omega). Its
+stages are affine and are solved exactly. Numbers in a scheme, such as 2/3, are converted to fractions.
 """
 
 from collections.abc import Callable

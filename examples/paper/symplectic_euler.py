@@ -6,8 +6,8 @@ flux:
     p' = p - dt H_q(q, p'; t + dt)      implicit
     q' = q + dt H_p(q, p'; t + dt)
 
-The adjoint takes q at the right end and p at the left, and H at t. Half a step of one and half a step of the other
-make Störmer-Verlet (14).
+The adjoint uses q at the right end and p at the left, and H at t. Half a step of one and half a step of the other
+give Störmer-Verlet (14).
 """
 
 from dataclasses import dataclass

@@ -1,9 +1,9 @@
-"""Part 5: symplecticity (32)-(37) and time reversal, of every scheme, in symbols and on a non-separable system.
+"""Part 5: symplecticity (32)-(37) and time reversal of every scheme, in symbols and on a non-separable system.
 
-A step with derivative M keeps the two-form J of a scheme when M' J M = J. Schemes that carry q and p alone keep dq
-^ dp; the traces of (20) keep beta dq⁻ ^ dp⁺ + alpha dq⁺ ^ dp⁻, which for alpha = 1/2 is (37): each q pairs with the
-p of the other side. A scheme is reversible when R step(R step(z)) = z, R being the change of p's sign which also
-swaps the traces.
+A step with derivative M preserves the two-form J of a scheme when M' J M = J. Schemes with one q and one p preserve
+dq ^ dp. The traces of (20) preserve beta dq⁻ ^ dp⁺ + alpha dq⁺ ^ dp⁻, which for alpha = 1/2 is (37): each q is paired
+with the p of the other side. A scheme is reversible when R step(R step(z)) = z, where R changes the sign of p and
+exchanges the traces.
 """
 
 from functools import cache

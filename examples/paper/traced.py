@@ -1,7 +1,7 @@
-"""A scheme's step compiled: the scheme itself, run once on values that write down in C what is done to them.
+"""Compiled steps of a scheme: the scheme runs once on values that record their operations as C code.
 
-So 10⁵ periods take seconds, and nothing of a scheme is written twice. The system is H = (q² + 1)(p² + 1) / 2; implicit
-stages take ``ITERATIONS`` rounds of fixed-point iteration, each of which takes nine tenths of the error at sixteen
+10⁵ periods then take seconds, without a second implementation of a scheme. The system is H = (q² + 1)(p² + 1) / 2.
+Implicit stages use ``ITERATIONS`` fixed-point iterations, each of which removes nine tenths of the error at sixteen
 steps a period.
 """
 

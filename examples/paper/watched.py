@@ -1,4 +1,4 @@
-"""A run of any system by any scheme, looked at after each of its steps."""
+"""A run of any system by any scheme with a callback after each step."""
 
 from collections.abc import Callable
 from typing import Any, Generic, TypeVar

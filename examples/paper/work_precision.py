@@ -1,4 +1,4 @@
-"""Part 9: work against precision, on the linear and the non-separable oscillator and on a tank of steep water."""
+"""Part 9: work against precision, on the linear and the non-separable oscillator and in a tank with a steep wave."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
