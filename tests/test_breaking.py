@@ -424,7 +424,7 @@ def test_a_run_stops_where_water_outruns_a_crest_in_a_fifth_of_its_upper_half(ou
 @pytest.mark.slow
 @pytest.mark.parametrize("times", [0.5, 1.0, 2.0])
 def test_no_sound_wave_stops_a_run_and_no_breaking_one_is_missed(times, tmp_path):
-    """What it prints is the table of docs/extremes.md."""
+    """What it prints is the table of docs/breaking.md."""
     wrong = []
     for case in cases(tmp_path):
         found = row(refined(case, times))

@@ -222,7 +222,7 @@ def _scene(**parts: Any) -> Case:
 def steady(kd: float, steepness: float) -> Case:
     """Return an exact wave round a ring for one period, with the cells of ``steepness.py`` and the default step.
 
-    The step of that study exceeds the stability limit under a crest of 95 % (docs/extremes.md#breaking).
+    The step of that study exceeds the stability limit under a crest of 95 % (docs/extremes.md).
     """
     case = ring(kd, steepness, periods=1.0).model_dump(exclude_unset=True)
     del case["numerics"]["dt"]

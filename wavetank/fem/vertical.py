@@ -6,7 +6,7 @@ water: P_n = 1 carries the surface potential and P_0 ... P_{n-1} vanish at the s
     int P_i P_j dzeta = delta_ij,    int P_i' P_j' dzeta = Lambda_i delta_ij,    int P_i' P_n' dzeta = 0.
 
 The interior unknowns are then amplitudes of vertical modes, and the still-water operator decouples into n scalar
-problems S1 + Lambda_i S4 (docs/method.md, section 4).
+problems S1 + Lambda_i S4 (docs/method.md, section 2).
 """
 
 import numpy as np

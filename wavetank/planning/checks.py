@@ -12,7 +12,7 @@ The waves of a paddle that are higher, by linear theory, than any of their lengt
 They are followed along the tank till the run's end; height and period are those between zero up-crossings, and the
 highest is that of permanent form (``waves/stream_function.py``). Waves break before they are as high, and where they
 are made too high they break on their way: it is told that they do, not where. What broke at 0.5 to 0.8 of it others
-lived through (docs/extremes.md), and is not told.
+lived through (docs/breaking.md), and is not told.
 
 The second harmonics that a bed frees of waves, and what a paddle that absorbs sends back of them.
 
@@ -84,7 +84,7 @@ def cut_starts(scene: Case, accuracy: float | None) -> Iterator[str]:
 
 TANK_PLACES = 25  # along the tank
 SHORTEST = 10.0  # k d of the shortest waves that are looked at
-BREAKS = 0.81  # of the highest wave: nearly all that were made higher, by linear theory, broke (docs/extremes.md)
+BREAKS = 0.81  # of the highest wave: nearly all that were made higher, by linear theory, broke (docs/breaking.md)
 LARGE_SHARE = 0.5  # of the highest wave: lower ones ride on others
 MOST_TIMES = 2**15  # an hour in a metre of water: of longer runs the first part
 

@@ -12,7 +12,7 @@ to the current around (tank/crests.py). The two criteria:
   cells the part of the width stays small, as the edge penalty takes the energy of the tip.
 
 Both count only if the front is steep and the crest travels with little change of form (``coherence``): the speed of a
-crest that forms, vanishes, stands or meets another has no meaning. docs/extremes.md has the measurements.
+crest that forms, vanishes, stands or meets another has no meaning. docs/breaking.md has the measurements.
 
 ``run.on_breaking`` selects the filter that acts after each step: ``BreakingAlarm`` records, ``StopAtBreaking`` also
 ends the run at an overturning crest, ``BreakingDissipation`` applies an eddy viscosity around each crest during its

@@ -3,7 +3,7 @@
     A_II(h) phi_I = -A_In psi - w_I     (the variation of Miles' principle by phi below the surface; no number's)
 
 by conjugate gradients, preconditioned by the vertical modes: only terms with the slope of the surface are left out of
-the preconditioner, so a few iterations suffice (docs/method.md, section 4).
+the preconditioner, so a few iterations suffice (docs/solver.md).
 """
 
 from dataclasses import asdict, dataclass
