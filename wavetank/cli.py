@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
 
 import wavetank
 from wavetank.case.new import KINDS, write_case
@@ -32,21 +31,6 @@ from wavetank.plots.view_command import view
 from wavetank.status import status
 from wavetank.studies.command import calibrate, study
 from wavetank.values.python_file import trusting
-
-# of use
-ORDER = (
-    *("new", "plan", "motion", "run", "resume", "status"),
-    *("view", "compare", "analyse", "study", "calibrate", "data", "verify", "schema"),
-)
-
-
-class InOrderOfUse(TyperGroup):
-    """Commands listed in the order of their use."""
-
-    def list_commands(self, ctx: typer.Context) -> list[str]:  # type: ignore[override]
-        """Return the names of all commands."""
-        return sorted(self.commands, key=ORDER.index)
-
 
 Trust = Annotated[bool, typer.Option("--trust", help="execute the Python files that the case or the run names")]
 
@@ -66,14 +50,24 @@ def may_execute(command: Callable[..., None]) -> Callable[..., None]:
     return trusted
 
 
-def example(command: str) -> str:
-    """Return what stands below the help of a command."""
-    return f"Example: wavetank {command}"
+def example(words: str) -> str:
+    """Return the last line of the help of a command."""
+    return f"Example: wavetank {words}"
 
 
+HELP = "A numerical wave tank: fully nonlinear potential-flow water waves."
+INSTALL = (
+    "this command needs FEniCSx (dolfinx >= 0.9, petsc4py, mpi4py) and gmsh: from conda (environment.yml), "
+    "from apt (python3-dolfinx, python3-gmsh), or by ./env in a checkout."
+)
+SOLVER = {"mpi4py", "petsc4py", "dolfinx", "ufl", "basix", "ffcx", "cffi", "gmsh"}  # not installed by pip
+INTERRUPTED = 130  # exit code of typer after Ctrl-C before or after the steps of a run
+LAST_RANK = 60.0  # s within which all ranks must end
+OVERWRITE = "replace what an earlier command has written there"
+Plots = Annotated[bool, typer.Option(help="draw the standard plots at the end")]
+Yes = Annotated[bool, typer.Option("--yes", help="even if it takes days, or more memory than there is")]
 app = typer.Typer(
-    cls=InOrderOfUse,
-    help="A numerical wave tank: fully nonlinear potential-flow water waves.",
+    help=HELP,
     epilog=example("run cases/focusing.toml"),
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -87,44 +81,23 @@ data_app = typer.Typer(
 verify_app = typer.Typer(
     help="Recompute what the literature says of the method.", epilog=example("verify sponge"), no_args_is_help=True
 )
-app.add_typer(data_app, name="data")
-app.add_typer(verify_app, name="verify")
-app.command(epilog=example("plan cases/wavemaker.toml --accuracy 0.01"))(may_execute(plan))
-app.command(epilog=example("motion cases/focusing.toml --rate 200"))(may_execute(motion))
-app.command(epilog=example("status runs"))(status)
-app.command(epilog=example("view runs/focusing --film runs/focusing/film.mp4"))(may_execute(view))
-app.command(epilog=example("compare runs/marin-202002 --with marin-202002"))(may_execute(compare))
-app.command(epilog=example("analyse runs/focusing spectrum groups"))(may_execute(analyse))
-app.command(epilog=example("calibrate cases/focusing.toml"))(may_execute(calibrate))
-app.command(epilog=example("study cases/standing-wave.toml --sweep dt=0.02,0.01"))(may_execute(study))
 
 
-def _tell_version(requested: bool) -> None:
+def _print_version(requested: bool) -> None:
     if requested:
         console().print(f"wavetank {wavetank.__version__}", highlight=False)
         raise typer.Exit
 
 
-@app.callback()
+@app.callback(help=HELP)
 def options(
     version: Annotated[
-        bool, typer.Option("--version", callback=_tell_version, is_eager=True, help="print the version")
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="print the version")
     ] = False,
 ) -> None:
-    """A numerical wave tank: fully nonlinear potential-flow water waves."""
+    """Take the options of all commands."""
 
 
-SOLVER = {"mpi4py", "petsc4py", "dolfinx", "ufl", "basix", "ffcx", "cffi", "gmsh"}  # not installed by pip
-INSTALL = (
-    "this command needs FEniCSx (dolfinx >= 0.9, petsc4py, mpi4py) and gmsh: from conda (environment.yml), "
-    "from apt (python3-dolfinx, python3-gmsh), or by ./env in a checkout."
-)
-INTERRUPTED = 130  # how typer ends where Ctrl-C comes before a run's steps, or after them
-LAST_RANK = 60.0  # s in which all ranks must have come to the same end
-OVERWRITE = "replace what an earlier command has written there"
-
-
-@app.command(epilog=example("new waves --kind focus"))
 def new(
     name: Annotated[str, typer.Argument(help="name of the case: NAME.toml is written, never over another")],
     kind: Annotated[str, typer.Option(metavar="|".join(KINDS), help="what it is to begin with")] = KINDS[0],
@@ -134,7 +107,6 @@ def new(
     console().print(f"wrote {path}; now: wavetank run {shlex.quote(str(path))}", highlight=False)
 
 
-@app.command(epilog=example("run cases/focusing.toml --set numerics.cell_size=0.1"))
 @may_execute
 def run(
     case: Annotated[
@@ -145,8 +117,8 @@ def run(
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help=OVERWRITE)] = False,
     overrides: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="change the case")] = None,
-    plots: Annotated[bool, typer.Option(help="draw the standard plots at the end")] = True,
-    yes: Annotated[bool, typer.Option("--yes", help="even if it takes days, or more memory than there is")] = False,
+    plots: Plots = True,
+    yes: Yes = False,
     resume: Annotated[
         bool, typer.Option("--resume", help="go on with the run that is there, from its last checkpoint")
     ] = False,
@@ -168,7 +140,6 @@ def run(
         record_run(scene, place, comm=MPI.COMM_WORLD, console=console(), draw=draw, unasked=yes, resume=resume)
 
 
-@app.command(epilog=example("resume runs/focusing --extend 30"))
 @may_execute
 def resume(
     directory: Annotated[
@@ -183,8 +154,8 @@ def resume(
     at: Annotated[
         float | None, typer.Option(metavar="SECONDS", help="from the checkpoint of this t, of the two that are kept")
     ] = None,
-    plots: Annotated[bool, typer.Option(help="draw the standard plots at the end")] = True,
-    yes: Annotated[bool, typer.Option("--yes", help="even if it takes days, or more memory than there is")] = False,
+    plots: Plots = True,
+    yes: Yes = False,
 ) -> None:
     """Go on with a run from its last checkpoint, or the one before."""
     from wavetank.recording import resume_run
@@ -208,7 +179,6 @@ def _draw(directory: RunDirectory) -> list[Path]:
     return draw_run(directory)
 
 
-@app.command(epilog=example("schema > case.schema.json"))
 def schema(
     reference: Annotated[
         bool, typer.Option("--reference", help="as a page to read instead: docs/reference.md")
@@ -275,36 +245,35 @@ def _add_verification(name: str, meaning: str) -> None:
     verify_app.command(shown, help=meaning, epilog=example(f"verify {shown} --out runs/{shown}"))(verify)
 
 
+COMMANDS: dict[Callable[..., None], str] = {  # in the order of use, with an example each
+    new: "new waves --kind focus",
+    may_execute(plan): "plan cases/wavemaker.toml --accuracy 0.01",
+    may_execute(motion): "motion cases/focusing.toml --rate 200",
+    run: "run cases/focusing.toml --set numerics.cell_size=0.1",
+    resume: "resume runs/focusing --extend 30",
+    status: "status runs",
+    may_execute(view): "view runs/focusing --film runs/focusing/film.mp4",
+    may_execute(compare): "compare runs/marin-202002 --with marin-202002",
+    may_execute(analyse): "analyse runs/focusing spectrum groups",
+    may_execute(study): "study cases/standing-wave.toml --sweep dt=0.02,0.01",
+    may_execute(calibrate): "calibrate cases/focusing.toml",
+    schema: "schema > case.schema.json",
+}
+for _command, _words in COMMANDS.items():
+    app.command(epilog=example(_words))(_command)
 for _name, _meaning in VERIFICATIONS.items():
     _add_verification(_name, _meaning)
+app.add_typer(data_app, name="data")
+app.add_typer(verify_app, name="verify")
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; return its exit code."""
     os.environ.setdefault("PETSC_OPTIONS", "-no_signal_handler")  # a closed pipe or Ctrl-C is Python's to report
     given, ranks = sys.argv[1:] if arguments is None else arguments, _ranks()
-    debug = "--debug" in given
     sys.argv = [word.encode(errors="backslashreplace").decode() for word in sys.argv]  # dolfinx reads them as UTF-8
     try:
         app([word for word in given if word != "--debug"])
-    except WavetankError as error:
-        if debug:
-            raise
-        return _report(str(error), error.exit_code, ranks)
-    except ModuleNotFoundError as error:
-        missing = (error.name or "").partition(".")[0]
-        if debug or missing not in SOLVER:
-            _abort(error)
-            raise
-        return _report(f"{missing} is not installed; {INSTALL}", 2, ranks)
-    except MemoryError as error:
-        _abort(error)
-        return _report("there is not enough memory for this; a smaller case is needed, or a larger machine.", 1, ranks)
-    except OSError as error:  # a full disk, a folder that is gone: what nobody has met before
-        if debug:
-            raise
-        _abort(error)
-        return _report(f"{error.filename or 'a file'}: {error.strerror or error}.", 1, ranks)
     except (SystemExit, KeyboardInterrupt) as stop:
         if isinstance(stop, SystemExit) and stop.code != INTERRUPTED:
             return int(stop.code or 0)
@@ -313,9 +282,26 @@ def main(arguments: list[str] | None = None) -> int:
             ranks.Abort(1)  # the others may be anywhere
         return 1
     except Exception as error:
-        _abort(error)
-        raise
+        explanation = None if "--debug" in given else _explanation(error)
+        if explanation is None or not isinstance(error, WavetankError | ModuleNotFoundError):
+            _abort(error)
+        if explanation is None:
+            raise
+        return _report(*explanation, ranks)
     return 0
+
+
+def _explanation(error: Exception) -> tuple[str, int] | None:
+    """Return the message and the exit code of an error; None for a mistake of the program."""
+    if isinstance(error, WavetankError):
+        return str(error), error.exit_code
+    if isinstance(error, ModuleNotFoundError) and (missing := (error.name or "").partition(".")[0]) in SOLVER:
+        return f"{missing} is not installed; {INSTALL}", 2
+    if isinstance(error, MemoryError):
+        return "there is not enough memory for this; a smaller case is needed, or a larger machine.", 1
+    if isinstance(error, OSError):  # such as a full disk or a deleted folder
+        return f"{error.filename or 'a file'}: {error.strerror or error}.", 1
+    return None
 
 
 @cache

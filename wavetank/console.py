@@ -6,49 +6,36 @@ import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from io import TextIOBase, UnsupportedOperation
-from typing import TYPE_CHECKING, TextIO, cast
+from typing import Any, TextIO, cast
+
+from rich.console import Console
+from rich.segment import Segment
 
 from wavetank.errors import printable
 from wavetank.mpi import MPI
 
-if TYPE_CHECKING:
-    from rich.console import Console, ConsoleOptions, ConsoleRenderable, RenderHook
-    from rich.segment import Segment
+
+class SafeConsole(Console):
+    """A console that escapes control characters in texts from a case or a run."""
+
+    def render(self, *arguments: Any, **options: Any) -> Iterator[Segment]:
+        """Yield the segments of an object."""
+        for segment in super().render(*arguments, **options):
+            yield segment if segment.control else segment._replace(text=printable(segment.text))
 
 
-def console(*, least: int = 0) -> "Console":
+def console(*, least: int = 0) -> Console:
     """Return a console on the standard output of rank 0, at least ``least`` columns wide, without markup.
 
     Open MPI gives its ranks a terminal that passes on whole lines only: no bar would be seen there.
     """
-    from rich.console import Console
-
     force_terminal = False if "OMPI_COMM_WORLD_SIZE" in os.environ else None
     quiet = MPI.COMM_WORLD.rank != 0
-    terminal = Console(
+    terminal = SafeConsole(
         file=_output(sys.stdout), quiet=quiet, soft_wrap=True, force_terminal=force_terminal, markup=False
     )
     terminal.width = max(terminal.width, least)
-    terminal.push_render_hook(cast("RenderHook", _Sanitiser()))
     return terminal
-
-
-class _Sanitiser:
-    """A hook of ``rich``: texts from a case or a run are printed without control characters, which are escaped."""
-
-    def process_renderables(self, renderables: "list[ConsoleRenderable]") -> "list[ConsoleRenderable]":
-        return [_Sanitised(one) for one in renderables]
-
-
-class _Sanitised:
-    """What is printed of another object."""
-
-    def __init__(self, printed: "ConsoleRenderable"):
-        self._printed = printed
-
-    def __rich_console__(self, console: "Console", options: "ConsoleOptions") -> "Iterator[Segment]":
-        for segment in console.render(self._printed, options):
-            yield segment if segment.control else segment._replace(text=printable(segment.text))
 
 
 def format_duration(seconds: float) -> str:
