@@ -6,7 +6,7 @@ code of its own. The manifest, checkpoints and the Python API contain the record
 their fields, never by their text, which ``str`` returns.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
@@ -87,3 +87,10 @@ def run_warning(stored: "RunWarning | str | Mapping[str, Any]") -> RunWarning:
     except (KeyError, ValueError, TypeError):
         pass
     return RunWarning(result.code if result.code not in MESSAGES else TEXT, details={"text": stored["message"]})
+
+
+def summarise_warnings(warnings: Sequence[RunWarning]) -> str:
+    """Return the number of a run's warnings and the first of them, which is the worst."""
+    if not warnings:
+        return "no warnings"
+    return f"a warning: {warnings[0]}" if len(warnings) == 1 else f"{len(warnings)} warnings, the worst: {warnings[0]}"

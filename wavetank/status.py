@@ -1,10 +1,10 @@
-"""``wavetank status``: how runs stand, known from their directories alone, whoever computes them and wherever."""
+"""``wavetank status``: the status of runs, from their directories alone."""
 
 import os
 from collections.abc import Iterator, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import typer
 from rich.box import SIMPLE
@@ -17,69 +17,57 @@ from wavetank.output.directory import RunDirectory
 from wavetank.output.files import is_locked
 from wavetank.output.manifest import MANIFEST, current_time
 
-SETTING_UP, UNREADABLE = "setting up", "unreadable"
+COLUMNS = "state", "t", "speed", "left", "written", "checkpoint"
 
 
 class RunStatus(NamedTuple):
-    """How a run stands; None for what is not known.
+    """Status of a run.
 
     Attributes
     ----------
     path
         Its directory.
-    state
-        ``RunDirectory.status``, or that it is still set up, or cannot be read.
-    t, end
-        Time that it has come to, and at which it ends [s].
-    speed
-        Computed time over wall time [-], since it began or went on.
-    age
-        Since when nothing has been written of it [s].
-    checkpoint
-        Time of the last one [s].
+    cells
+        What the table has in each of ``COLUMNS``; "-" for what is unknown.
     note
         Why it has ended, or else the worst of its warnings.
     """
 
     path: Path
-    state: str
-    t: float | None = None
-    end: float | None = None
-    speed: float | None = None
-    age: float | None = None
-    checkpoint: float | None = None
-    note: str = ""
-
-    @property
-    def remaining(self) -> float | None:
-        """Wall time until it ends [s]; of one that goes on."""
-        if self.state != "running" or self.t is None or self.end is None or not self.speed:
-            return None
-        return max(0.0, self.end - self.t) / self.speed
+    cells: dict[str, str]
+    note: str
 
 
 def run_status(path: Path) -> RunStatus:
-    """Return how the run in a directory stands."""
+    """Return the status of the run in a directory."""
+    cells = dict.fromkeys(COLUMNS, "-")
     try:
         run = RunDirectory(path)
     except InputError as error:
-        return RunStatus(path, SETTING_UP) if is_locked(path) else RunStatus(path, UNREADABLE, note=str(error))
-    manifest, state = run.manifest, run.status
-    progress, warnings = manifest.get("progress", {}), run.warnings
-    kept, since = last_checkpoint(path), progress.get("t", 0.0) - progress.get("begin", 0.0)
-    known = progress.get("t"), kept, run.reached
-    t = max((one for one in known if one is not None), default=None)  # whichever was written last
-    speed = since / progress["wall_s"] if since > 0.0 else None
-    note = manifest.get("cause") or (f"warning: {warnings[0]}" if warnings else "")
-    if state == "unknown":
+        if is_locked(path):
+            return RunStatus(path, cells | {"state": "setting up"}, "")
+        return RunStatus(path, cells | {"state": "unreadable"}, str(error))
+    manifest, cells["state"] = run.manifest, run.status
+    progress, checkpoint = manifest.get("progress", {}), last_checkpoint(path)
+    times = [one for one in (progress.get("t"), checkpoint, run.reached) if one is not None]
+    t, end = max(times, default=None), progress.get("end")  # the latest: each is written at other times
+    computed = progress.get("t", 0.0) - progress.get("begin", 0.0)
+    if t is not None:
+        cells["t"] = f"{t:.5g} s" if end is None else f"{t:.5g} of {end:.5g} s"
+    if computed > 0.0 and progress["wall_s"]:
+        speed = computed / progress["wall_s"]
+        cells["speed"] = f"{speed:.2g} s a second"
+        if cells["state"] == "running" and t is not None and end is not None:
+            cells["left"] = format_duration(max(0.0, end - t) / speed)
+    if written := manifest.get("written"):  # not later than now, whatever the clocks show
+        age = max(0.0, (current_time() - datetime.fromisoformat(written)).total_seconds())
+        cells["written"] = f"{format_duration(age)} ago"
+    if checkpoint is not None:
+        cells["checkpoint"] = f"t = {checkpoint:.5g} s"
+    note = manifest.get("cause") or (f"warning: {run.warnings[0]}" if run.warnings else "")
+    if cells["state"] == "unknown":
         note = f"it is computed on {manifest['host']}, which alone knows whether it still is"
-    return RunStatus(path, state, t, progress.get("end"), speed, _age(manifest), kept, note)
-
-
-def _age(manifest: dict[str, Any]) -> float | None:
-    """Return since when a run's manifest stands [s]; nothing is younger than now, whatever clocks say."""
-    written = manifest.get("written")
-    return None if written is None else max(0.0, (current_time() - datetime.fromisoformat(written)).total_seconds())
+    return RunStatus(path, cells, note)
 
 
 def runs(paths: Sequence[Path]) -> Iterator[Path]:
@@ -100,33 +88,18 @@ def runs(paths: Sequence[Path]) -> Iterator[Path]:
         raise InputError(f"{', '.join(map(str, paths))}: no run there.")
 
 
-def _parts(one: RunStatus) -> dict[str, str]:
-    """Return what is said of a run, by what that is."""
-    reached = "-" if one.t is None else f"{one.t:.5g} of {one.end:.5g} s" if one.end is not None else f"{one.t:.5g} s"
-    return {
-        "state": one.state,
-        "t": reached,
-        "speed": "-" if one.speed is None else f"{one.speed:.2g} s a second",
-        "left": "-" if one.remaining is None else format_duration(one.remaining),
-        "written": "-" if one.age is None else f"{format_duration(one.age)} ago",
-        "checkpoint": "-" if one.checkpoint is None else f"t = {one.checkpoint:.5g} s",
-    }
-
-
 def line(one: RunStatus) -> str:
-    """Return a run as a line of text."""
-    parts = _parts(one)
-    words = [parts.pop("state"), *(f"{name} {part}" for name, part in parts.items() if part != "-")]
-    return f"{one.path}: {', '.join(words)}{f'; {one.note}' if one.note else ''}"
+    """Return the status of a run as a line of text."""
+    words = [f"{name} {cell}" for name, cell in one.cells.items() if cell != "-"]
+    return f"{one.path}: {', '.join(words).removeprefix('state ')}{f'; {one.note}' if one.note else ''}"
 
 
 def table(statuses: Sequence[RunStatus]) -> Table:
-    """Return runs as a table for a terminal, without their notes."""
-    rows = [{"run": str(one.path), **_parts(one)} for one in statuses]
-    shown = Table(*rows[0], box=SIMPLE, padding=0)
-    for row in rows:
-        shown.add_row(*row.values())
-    return shown
+    """Return statuses as a table for a terminal, without their notes."""
+    result = Table("run", *COLUMNS, box=SIMPLE, padding=0)
+    for one in statuses:
+        result.add_row(str(one.path), *one.cells.values())
+    return result
 
 
 def status(
@@ -135,9 +108,9 @@ def status(
         typer.Argument(help="run directories, or folders of some; default runs/", metavar="RUN...", readable=False),
     ] = None,
 ) -> None:
-    """Say how runs stand: how far, how fast, what is wrong.
+    """Print the status of runs: progress, speed, cause of failure.
 
-    Known from their directories alone, while they are computed, afterwards, and on other machines.
+    It is read from their directories, while they are computed, afterwards, and on other machines.
     """
     statuses = [run_status(path) for path in runs(paths or [Path("runs")])]
     terminal = console()

@@ -11,7 +11,7 @@ import os
 import socket
 import stat
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import count
@@ -21,7 +21,6 @@ from typing import IO, Any, BinaryIO, NamedTuple, TextIO
 from rich.console import Console
 
 from wavetank.errors import InputError, printable
-from wavetank.run_warning import RunWarning
 
 FIELDS = "fields"  # the folder of a run directory
 
@@ -134,7 +133,7 @@ class Holder(NamedTuple):
     @property
     def has_ended(self) -> bool | None:
         """Whether the process has ended; None for a process of another host, where that is unknown."""
-        return None if self.host != socket.gethostname() else not _start_time(self.pid) == self.started != ""
+        return None if self.host != socket.gethostname() else _start_time(self.pid) != self.started
 
 
 class RunLock:
@@ -184,12 +183,9 @@ class RunLock:
             file.close()
             if time.monotonic() > give_up:
                 who = f"process {holder.pid} on {holder.host}" if holder else "another process"
-                how = (
-                    f" (if that is no more, delete {self._path})"
-                    if holder and holder.host != socket.gethostname()
-                    else ""
-                )
-                raise InputError(f"{self._directory}: a run is being written there by {who}; give another{how}.")
+                if holder and holder.has_ended is None:
+                    who = f"{who} (if that has ended, delete {self._path})"
+                raise InputError(f"{self._directory}: a run is being written there by {who}; give another.")
             time.sleep(PAUSE)
 
 
@@ -231,23 +227,15 @@ def _has_path(file: IO[bytes], path: Path) -> bool:
 
 
 def _start_time(pid: int) -> str:
-    """Return when a process of this host started, in the system's own count; nothing if it is no more."""
+    """Return when a process of this host started, in clock ticks of the system; empty if it has ended.
+
+    Without ``/proc`` it is empty for all processes, so that none counts as ended.
+    """
     try:
         state, *fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
     except OSError:
-        return "" if Path("/proc/self").exists() else _exists(pid)
-    return "" if state in "ZX" else fields[18]  # field 22 of proc(5), of which the state is field 3
-
-
-def _exists(pid: int) -> str:
-    """Return "is" if a process exists, else "", on systems without start times."""
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
         return ""
-    except OSError:
-        pass  # it is another user's
-    return "is"
+    return "" if state in "ZX" else fields[18]  # field 22 of proc(5), of which the state is field 3
 
 
 @dataclass(frozen=True)
@@ -343,10 +331,3 @@ class RunLog:
             with suppress(OSError, ValueError):
                 self._file.write(printable(text))
                 self._file.flush()
-
-
-def summarise_warnings(warnings: Sequence[RunWarning]) -> str:
-    """Return the number of a run's warnings and the first of them, which is the worst."""
-    if not warnings:
-        return "no warnings"
-    return f"a warning: {warnings[0]}" if len(warnings) == 1 else f"{len(warnings)} warnings, the worst: {warnings[0]}"

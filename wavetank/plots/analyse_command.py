@@ -13,8 +13,9 @@ from rich.table import Table
 from wavetank import data
 from wavetank.console import console
 from wavetank.errors import InputError, choice
-from wavetank.output.files import check_new, summarise_warnings
+from wavetank.output.files import check_new
 from wavetank.output.manifest import MANIFEST
+from wavetank.run_warning import summarise_warnings
 
 KINDS = ("spectrum", "heights", "harmonics", "bound-free", "groups", "reflection", "speed")
 WIDTH = 120  # characters a table may need, on whatever terminal

@@ -13,8 +13,7 @@ from mpi4py import MPI
 from wavetank.arrays import Vector
 from wavetank.errors import RunError
 from wavetank.output.directory import BROKEN, BROKEN_PICTURE, CHECKPOINT
-from wavetank.output.files import summarise_warnings
-from wavetank.run_warning import RunWarning
+from wavetank.run_warning import RunWarning, summarise_warnings
 from wavetank.simulation.construction import AnyWaves
 from wavetank.simulation.diagnostics import Crest, HighestCrest
 from wavetank.simulation.energy import EnergyBudget
