@@ -19,8 +19,7 @@ import wavetank
 from wavetank.case.new import KINDS, write_case
 from wavetank.console import console
 from wavetank.errors import InputError, WavetankError, printable
-from wavetank.fem.agreed import all_here, on_first
-from wavetank.mpi import MPI
+from wavetank.mpi import MPI, all_ranks_arrive, on_first
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath
 from wavetank.planning.motion_file import motion
@@ -317,7 +316,7 @@ def _report(message: str, code: int, ranks: MPI.Comm) -> int:
     """
     if ranks.rank == 0:
         _print_error(message)
-    if not all_here(ranks, LAST_RANK):
+    if not all_ranks_arrive(ranks, LAST_RANK):
         if ranks.rank:
             _print_error(f"rank {ranks.rank}: {message}")
         ranks.Abort(code)

@@ -4,7 +4,8 @@ Bad input is an ``InputError`` (exit code 2): its text says what was received, w
 A run that breaks down is a ``RunError`` (exit code 1): its text says what happened, where and when.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from difflib import get_close_matches
 from math import inf
 
@@ -95,6 +96,15 @@ class BreakdownError(RunError):
 
 class ConvergenceError(BreakdownError):
     """A linear or nonlinear solve did not reach its tolerance."""
+
+
+@contextmanager
+def write_errors(path: object, error: type[WavetankError] = InputError) -> Iterator[None]:
+    """Raise an error that says that the path cannot be written, and why, for an ``OSError`` of the block."""
+    try:
+        yield
+    except OSError as cause:
+        raise error(f"{path}: cannot be written ({cause.strerror or cause}).") from None
 
 
 def worded(error: BaseException) -> str:

@@ -1,7 +1,14 @@
-"""MPI for commands that compute nothing: one rank if mpi4py is not installed."""
+"""MPI, or one rank if mpi4py is not installed, and errors that all ranks raise together."""
 
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from math import inf
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, TypeVar
+
+from wavetank.errors import WavetankError
 
 T = TypeVar("T")
 
@@ -31,3 +38,60 @@ else:
         from mpi4py import MPI
     except ModuleNotFoundError:
         MPI = SimpleNamespace(COMM_WORLD=OneRank(), Comm=OneRank)
+
+SPIN = 0.002  # s for which a rank polls the others without a pause
+PAUSE = 0.001  # s between later polls: MPI's own wait would take a processor as long as it lasts
+
+
+def raise_on_all_ranks(comm: MPI.Comm, evaluate: Callable[[], T]) -> T:
+    """Return what ``evaluate`` returns on this rank; raise the first ``WavetankError`` on all ranks; collective."""
+    if comm.size == 1:
+        return evaluate()
+    result: list[T] = []
+    failure: WavetankError | None = None
+    try:
+        result.append(evaluate())
+    except WavetankError as error:
+        failure = error
+    all_ranks_arrive(comm)
+    for first in comm.allgather(failure):
+        if first is not None:
+            raise first
+    return result[0]
+
+
+def on_first(comm: MPI.Comm, action: Callable[[], T]) -> T | None:
+    """Return what ``action`` returns on the first rank, None on the others; raise its error on all; collective."""
+    return raise_on_all_ranks(comm, lambda: action() if comm.rank == 0 else None)
+
+
+def from_first(comm: MPI.Comm, action: Callable[[], T]) -> T:
+    """Return on all ranks what ``action`` returns on the first one; raise its error on all; collective."""
+    if comm.size == 1:
+        return action()  # the same object, with its caches
+    result: T = comm.bcast(on_first(comm, action))
+    return result
+
+
+def all_ranks_arrive(comm: MPI.Comm, timeout: float = inf) -> bool:
+    """Return True as soon as all ranks have called this, or False after the timeout [s]; collective."""
+    barrier, start = comm.Ibarrier(), time.monotonic()
+    while not barrier.Test():
+        waited = time.monotonic() - start
+        if waited > timeout:
+            return False
+        if waited > SPIN:
+            time.sleep(PAUSE)
+    return True
+
+
+@contextmanager
+def abort_if_others_continue(comm: MPI.Comm, timeout: float) -> Iterator[None]:
+    """Abort all ranks if the block fails on some, and the others do not arrive within the timeout [s]."""
+    try:
+        yield
+    except (Exception, SystemExit) as error:
+        if not all_ranks_arrive(comm, timeout):
+            traceback.print_exception(error)
+            comm.Abort(1)
+        raise

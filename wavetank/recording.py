@@ -15,9 +15,9 @@ from wavetank.case import Case, EndWall
 from wavetank.case.output import Window
 from wavetank.case.reading import contents
 from wavetank.errors import BreakdownError, InputError, PaddleError, RecordError, RunError, worded
-from wavetank.fem.agreed import agreed, all_here, ending_together, from_first, on_first
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
+from wavetank.mpi import abort_if_others_continue, all_ranks_arrive, from_first, on_first, raise_on_all_ranks
 from wavetank.output.checkpoint import last_checkpoint, readable_checkpoints
 from wavetank.output.columns import PUSH, load_columns, paddle_columns, probe_columns
 from wavetank.output.directory import ANALYSES, BED, BREAKING, BROKEN, ENERGY, LOADS, LOG, PADDLES, PROBES, RunDirectory
@@ -146,7 +146,7 @@ def record_run(
     known = {"scene": _scene_content(scene, integrator), "files": contents(scene), "ranks": comm.size, **environment()}
     known["warnings"] = warnings.records  # found until its end
     writer = on_first(comm, lambda: RunWriter(place, known, resume=resume))
-    with ending_together(comm, LATEST), ExitStack() as at_the_end:
+    with abort_if_others_continue(comm, LATEST), ExitStack() as at_the_end:
         if writer is not None:
             at_the_end.callback(writer.release)
         restart = Restart(writer, comm, warn=warnings.add, at=at) if resume else None
@@ -269,7 +269,7 @@ def resume_run(
         As ``record_run`` takes them.
     """
     path = Path(directory)
-    scene = agreed(comm, lambda: stored_scene(path, changes, extend=extend))
+    scene = raise_on_all_ranks(comm, lambda: stored_scene(path, changes, extend=extend))
     unchanged = not changes and extend is None and at is None
     if unchanged and from_first(comm, lambda: RunDirectory(path).status) == "finished":
         console.print(f"{path} has finished; --extend SECONDS goes on with it", markup=False, highlight=False)
@@ -417,7 +417,7 @@ def _execute(
         run.execute()
         checkpointer.write_last()
     except BaseException as error:
-        if not all_here(waves.plane.comm, ALIKE):
+        if not all_ranks_arrive(waves.plane.comm, ALIKE):
             raise  # what one rank alone has met no other knows
         why = _ended(error, run, waves, note, scene=scene, checkpointer=checkpointer, dump_surface=dump_surface)
         if why is error:

@@ -15,8 +15,8 @@ from wavetank.case import Case, StillWater
 from wavetank.case.numerics import Numerics
 from wavetank.case.reading import changed_case, contents, named_files
 from wavetank.errors import InputError, RecordError, RunError
-from wavetank.fem.agreed import agreed, on_first
 from wavetank.fem.by_place import found, gathered
+from wavetank.mpi import on_first, raise_on_all_ranks
 from wavetank.output.checkpoint import Checkpoint
 from wavetank.output.directory import RunDirectory
 from wavetank.output.fields import VtuSeries
@@ -205,7 +205,7 @@ class Checkpointer:
                 )
 
         for series in self._fields.values():
-            agreed(waves.plane.comm, series.sync)
+            raise_on_all_ranks(waves.plane.comm, series.sync)
         on_first(waves.plane.comm, put)
 
     def _surface(self, reached: CompletedStep) -> dict[str, Any]:
@@ -281,7 +281,7 @@ class Restart:
 
         Raises ``CaseError`` for what cannot change while a run goes on.
         """
-        agreed(self._comm, lambda: self._check(requested))
+        raise_on_all_ranks(self._comm, lambda: self._check(requested))
         water, output = self._chosen.water, requested.output
         if output.surface_every is None:  # by default it follows from the duration
             output = output.model_copy(update={"surface_every": self._chosen.surface_every})
@@ -407,7 +407,7 @@ class Restart:
         for name, series in fields.items():
             if name in self.about["fields"]:
                 series.resume_at(self.about["fields"][name])
-        agreed(self._comm, self._take_records)
+        raise_on_all_ranks(self._comm, self._take_records)
         return message
 
     def warn_of_missing_observers(self, observers: Sequence[str]) -> None:

@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
-from wavetank.errors import InputError, choice
+from wavetank.errors import InputError, choice, write_errors
 from wavetank.values.files import regular
 
 # ---------------------------------------------------------------- existing cases
@@ -62,14 +62,12 @@ def write_case(name: str, kind: str) -> Path:
         raise InputError(f"{name!r} received; a name for the case is needed, such as waves.")
     path = Path(name).with_name(f"{Path(name).name.removesuffix('.toml')}.toml")
     text = (FOLDER / f"{kind}.toml").read_text(encoding="utf-8").replace("TITLE", json.dumps(path.stem))
-    try:
+    if path.exists():
+        raise InputError(f"{path}: is there already; give another name.")
+    with write_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("x", encoding="utf-8") as file:
             file.write(f"#:schema {_schema(path.resolve().parent)}\n{text}")
-    except FileExistsError:
-        raise InputError(f"{path}: is there already; give another name.") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror}).") from None
     return path
 
 

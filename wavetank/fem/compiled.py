@@ -20,7 +20,7 @@ from mpi4py import MPI
 
 from wavetank.cache import VARIABLE, is_ours, places, warn, writable
 from wavetank.errors import WavetankError
-from wavetank.fem.agreed import agreed
+from wavetank.mpi import raise_on_all_ranks
 
 COMPILER_FLAGS = ["-O3", "-march=native", "-ffast-math"]
 PART = "compiled"  # of the cache
@@ -39,8 +39,8 @@ def compiled(comm: MPI.Comm, what: str, *, build: Callable[[Path], object]) -> P
     on all ranks.
     """
     name = hashlib.sha256("\n".join([what, processor(), *_python()]).encode()).hexdigest()[:24]
-    first = agreed(comm, lambda: _kept(name, build) if comm.rank == 0 else None)
-    result = agreed(comm, lambda: first or _kept(name, build))
+    first = raise_on_all_ranks(comm, lambda: _kept(name, build) if comm.rank == 0 else None)
+    result = raise_on_all_ranks(comm, lambda: first or _kept(name, build))
     return result
 
 
@@ -56,7 +56,7 @@ def loaded(comm: MPI.Comm, load: Callable[[], T], folder: Path) -> T:
                 f"{VARIABLE} must name another folder."
             ) from None
 
-    return agreed(comm, made)
+    return raise_on_all_ranks(comm, made)
 
 
 @cache

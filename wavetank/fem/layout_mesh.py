@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.errors import InputError
-from wavetank.fem.agreed import from_first
 from wavetank.fem.partition import cell_partitioner
 from wavetank.mesh.gmsh_model import CURVE, FLAT, SURFACE, Groups, empty_model, open_mesh, prepare_model
+from wavetank.mpi import from_first
 
 try:
     from dolfinx.io.gmsh import model_to_mesh

@@ -6,8 +6,8 @@ import numpy as np
 from dolfinx import fem
 
 from wavetank.arrays import Vector
-from wavetank.fem.agreed import agreed
 from wavetank.fem.plane import Plane
+from wavetank.mpi import raise_on_all_ranks
 
 FINER = 2  # orders above the space's: where the function is looked at
 
@@ -19,7 +19,7 @@ def misfit(plane: Plane, function: Callable[[Vector, Vector], Vector]) -> tuple[
     """
 
     def at(places: Vector) -> Vector:
-        return agreed(plane.comm, lambda: np.asarray(function(*places.T), dtype=np.float64))
+        return raise_on_all_ranks(plane.comm, lambda: np.asarray(function(*places.T), dtype=np.float64))
 
     held, space = plane.function("held"), fem.functionspace(plane.mesh, ("Lagrange", plane.order + FINER))
     held.set(at(plane.places))

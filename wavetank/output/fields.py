@@ -16,7 +16,7 @@ is gathered, and nothing but the present snapshot is held.
 import os
 import re
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from io import BytesIO
@@ -28,7 +28,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.errors import InputError, RecordError, RunError
+from wavetank.errors import InputError, RecordError, RunError, write_errors
 from wavetank.output.columns import (
     ACROSS,
     ALONG,
@@ -359,26 +359,29 @@ class VtuSeries:
         Arrays have shape (N,) or (N, components), by their names; each is written in the precision it has.
         Raises ``RunError`` on all ranks for a number that is not finite or a file that cannot be written on one.
         """
+        from wavetank.mpi import on_first, raise_on_all_ranks  # which initialises MPI
+
         stem = _snapshot_stem(self._name, self._snapshots)
         described = [EncodedArray("points", points), *(EncodedArray(name, values) for name, values in arrays.items())]
 
         def write_piece() -> None:
             self._check(t, [points, *arrays.values()])
             self._check_folder()
-            (self._run / FIELDS).mkdir(exist_ok=True)
             piece = self._run / f"{stem}_{self._comm.rank:04d}.vtu"
-            write_atomically(piece, *_vtu(len(points), described, cells))
+            with write_errors(self._run / FIELDS, RecordError):
+                (self._run / FIELDS).mkdir(exist_ok=True)
+                write_atomically(piece, *_vtu(len(points), described, cells))
             self._new.append(piece)
 
         def write_index() -> None:
-            if self._comm.rank == 0:
-                snapshot = self._run / f"{stem}.pvtu"
+            snapshot = self._run / f"{stem}.pvtu"
+            with write_errors(self._run / FIELDS, RecordError):
                 write_atomically(snapshot, _pvtu(Path(stem).name, described, self._comm.size))
-                self._append_to_index(t, f"{stem}.pvtu")
-                self._new += [snapshot, self._run / FIELDS, index_file(self._run, self._name)]
+            self._append_to_index(t, f"{stem}.pvtu")
+            self._new += [snapshot, self._run / FIELDS, index_file(self._run, self._name)]
 
-        self._raise_on_all_ranks(write_piece)
-        self._raise_on_all_ranks(write_index)
+        raise_on_all_ranks(self._comm, write_piece)
+        on_first(self._comm, write_index)
         self._snapshots += 1
 
     def _append_to_index(self, t: float, file: str) -> None:
@@ -403,19 +406,6 @@ class VtuSeries:
         self._folder = self._folder or there
         if there is None or self._folder is None or not os.path.samestat(self._folder, there):
             raise RecordError(f"{self._run}: is no longer this run's; moved or deleted during the run.")
-
-    def _raise_on_all_ranks(self, action: Callable[[], None]) -> None:
-        """Execute an action and raise the first error of any rank on all of them; collective."""
-        failure: RunError | None = None
-        try:
-            action()
-        except RunError as error:
-            failure = error
-        except OSError as error:
-            failure = RecordError(f"{self._run / FIELDS}: cannot be written ({error.strerror}).")
-        for met in self._comm.allgather(failure):
-            if met is not None:
-                raise met
 
 
 def _snapshot_stem(name: str, number: int) -> str:

@@ -20,7 +20,7 @@ from typing import IO, Any, BinaryIO, NamedTuple, TextIO
 
 from rich.console import Console
 
-from wavetank.errors import InputError, printable
+from wavetank.errors import InputError, printable, write_errors
 
 FIELDS = "fields"  # the folder of a run directory
 
@@ -271,12 +271,10 @@ class OutputPath:
     def folder(self) -> Path:
         """Return the folder, made if missing; raise ``InputError`` if it has files that must not be replaced."""
         for path in self.candidates:
-            try:
+            with write_errors(path):
                 path.mkdir(parents=True, exist_ok=True)
                 if self.overwrite or not any(path.iterdir()):
                     return path
-            except OSError as error:
-                raise InputError(f"{path}: cannot be written ({error.strerror}).") from None
         raise InputError(f"{self.path}: holds files already; give a new folder, or --overwrite.")
 
 

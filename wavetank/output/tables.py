@@ -17,7 +17,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.errors import RecordError, RunError
+from wavetank.errors import RecordError, RunError, write_errors
 from wavetank.output.files import atomic_file, open_regular
 
 
@@ -117,12 +117,10 @@ class AppendFile:
 
     def open(self) -> None:
         """Create the file, or truncate it to the size given to ``resume_at``; raises ``RecordError``."""
-        try:
+        with write_errors(self._path, RecordError):
             self._file = open_regular(self._path, "r+b" if self._initial_size else "w+b")
             self._file.truncate(self._initial_size)
-            self._size, self._is = self._initial_size, _identity(os.fstat(self._file.fileno()))
-        except OSError as error:
-            raise RecordError(f"{self._path}: cannot be written ({error.strerror}).") from None
+            self._size, self._identity = self._initial_size, _identity(os.fstat(self._file.fileno()))
 
     def extent(self) -> Extent:
         """Return the size [bytes], for a checkpoint."""
@@ -149,7 +147,7 @@ class AppendFile:
         """
         last = b""
         try:
-            if at is None and _identity(os.stat(self._path)) != self._is:
+            if at is None and _identity(os.stat(self._path)) != self._identity:
                 raise FileNotFoundError(errno.ENOENT, "replaced by another file")
             place = self._size - over if at is None else at
             last = os.pread(self._file.fileno(), over, place) if over else b""

@@ -10,7 +10,7 @@ from typing import Any, Self, TypeVar
 from uuid import uuid4
 
 from wavetank.arrays import Vector
-from wavetank.errors import InputError, RecordError, RunError, WavetankError, worded
+from wavetank.errors import InputError, RecordError, RunError, WavetankError, worded, write_errors
 from wavetank.output.checkpoint import Checkpoint, read_checkpoint, readable_checkpoints, write_checkpoint
 from wavetank.output.columns import gauge_column
 from wavetank.output.directory import (
@@ -72,10 +72,8 @@ class RunWriter:
             place = OutputPath(place.path, overwrite=True)
             identity = RunDirectory(place.path).manifest.get("id")
         self._manifest: dict[str, Any] = {"status": "running", "id": identity, **manifest}
-        try:
+        with write_errors(place.path):
             self.path, self._lock, self._made = _claimed(place)
-        except OSError as error:
-            raise InputError(f"{place.path}: cannot be written ({error.strerror}).") from None
 
     def begin(self, more: dict[str, Any] | None = None) -> Self:
         """Write the manifest, with what is known by now, and replace what an earlier run has left.
@@ -87,22 +85,19 @@ class RunWriter:
         self._check_held()
         self._manifest |= more or {}
         self._reserved = FINAL_MANIFEST_SIZE + len(self._text(self._manifest))
-        try:
+        with write_errors(self.path):
             self._lock.reserve(self._reserved)
-            self._write_manifest(self._manifest, durable=True)  # first: what a full disk does not take replaces nothing
-            self._started = True
-            for old in list((derived_files if self._resume else record_files)(self.path)):
-                old.unlink()
-            if self._discard_newest:
-                os.replace(self.path / CHECKPOINT_BEFORE, self.path / CHECKPOINT)  # the other is of no use any more
-            for record in self._records:
-                record.open()
-        except OSError as error:
-            refused = InputError(f"{self.path}: cannot be written ({error.strerror}).")
-            if self._started:
-                self.fail(refused)
-            raise refused from None
-        except RecordError as error:
+            self._write_manifest(self._manifest, durable=True)  # before anything is replaced: the disk may be full
+        self._started = True
+        try:
+            with write_errors(self.path):
+                for old in list((derived_files if self._resume else record_files)(self.path)):
+                    old.unlink()
+                if self._discard_newest:
+                    os.replace(self.path / CHECKPOINT_BEFORE, self.path / CHECKPOINT)  # the newest is unusable
+                for record in self._records:
+                    record.open()
+        except WavetankError as error:
             self.fail(error)
             raise
         return self
@@ -209,19 +204,17 @@ class RunWriter:
         self._check_held()
         of = {"id": self._manifest["id"], "git": self._manifest.get("git")}
         identified = checkpoint._replace(about=checkpoint.about | of)
-        try:
+        with write_errors(self.path / CHECKPOINT, RunError):
             for record in self._records:
                 record.sync()
             if at_any_price:
                 self._lock.reserve(self._reserved)
             size = write_checkpoint(self.path, identified, own=self._wrote_checkpoint, at_any_price=at_any_price)
-            self._wrote_checkpoint = True
-            spare = (self.path / CHECKPOINT_BEFORE).exists() or at_any_price
-            with suppress(OSError):
-                self._lock.reserve(self._reserved + (0 if spare else 2 * FINAL_MANIFEST_SIZE + last_size))
-            return size
-        except OSError as error:
-            raise RunError(f"{self.path / CHECKPOINT}: cannot be written ({error.strerror}).") from None
+        self._wrote_checkpoint = True
+        spare = (self.path / CHECKPOINT_BEFORE).exists() or at_any_price
+        with suppress(OSError):
+            self._lock.reserve(self._reserved + (0 if spare else 2 * FINAL_MANIFEST_SIZE + last_size))
+        return size
 
     def last_checkpoint(self, at: float | None = None) -> tuple[Checkpoint, list[str]]:
         """Return the newest one to go on from, or that of a time [s], and a sentence for each that cannot be used.
@@ -272,12 +265,10 @@ class RunWriter:
         for one in self._records:
             if one.name in COPIES and isinstance(one, TableWriter) and one.has_values:
                 self._copy(one.name)
-        try:
+        with write_errors(self.path, RunError):
             self._lock.reserve(0)
             last = self._manifest | {"status": status, "finished": now(), **figures}
             self._write_manifest(last, durable=True)
-        except OSError as error:
-            raise RunError(f"{self.path}: cannot be written ({error.strerror}).") from None
 
     def _copy(self, name: str) -> None:
         """Write a copy of a table as CF-NetCDF."""

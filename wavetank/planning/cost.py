@@ -53,9 +53,9 @@ from wavetank.case import BasinTank, Case
 from wavetank.case.output import PADDLE
 from wavetank.case.wall import ActiveAbsorption, SpringDamper
 from wavetank.console import format_duration
-from wavetank.fem.agreed import on_first
 from wavetank.integrators import INTEGRATORS
 from wavetank.mesh import MeshFile
+from wavetank.mpi import on_first
 from wavetank.planning.requirements import entries_of, kind_of, undearer
 from wavetank.planning.resolution import LOOSEST, Settings, still_mesh
 from wavetank.simulation.build import (

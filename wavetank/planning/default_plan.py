@@ -8,8 +8,8 @@ from mpi4py import MPI
 
 from wavetank.case import BasinTank, Case, RunState
 from wavetank.errors import InputError
-from wavetank.fem.agreed import from_first
 from wavetank.mesh import MeshFile
+from wavetank.mpi import from_first
 from wavetank.planning.checks import cut_starts
 from wavetank.planning.plan import Plan, UnreachableError, make_plan
 from wavetank.planning.requirements import unplanned

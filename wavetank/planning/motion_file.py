@@ -55,7 +55,7 @@ def motion(
     from wavetank.case.reading import read_case
     from wavetank.console import console
     from wavetank.errors import InputError
-    from wavetank.fem.agreed import on_first
+    from wavetank.mpi import on_first
 
     scene = read_case(case, overrides or [])
     moving = [seen for seen in scene.paddles if seen.motion().moves]

@@ -65,9 +65,9 @@ from wavetank.case.initial import RunState, StillWater
 from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER, Numerics
 from wavetank.case.tank import paddle_period
 from wavetank.errors import InputError
-from wavetank.fem.agreed import on_first
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
+from wavetank.mpi import on_first
 from wavetank.planning.dispersion import BlochWaves, Cells, Mesh, relative_frequency_error, step_errors
 from wavetank.planning.requirements import (
     ABSORPTION_POWER,

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from wavetank import data
 from wavetank.console import console
-from wavetank.errors import InputError, choice
+from wavetank.errors import InputError, choice, write_errors
 from wavetank.output.files import check_new
 from wavetank.output.manifest import MANIFEST
 from wavetank.run_warning import summarise_warnings
@@ -128,10 +128,8 @@ def _places(text: str | None) -> tuple[float, float, int] | None:
 
 
 def _make(folder: Path) -> None:
-    try:
+    with write_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written ({error.strerror}).") from None
 
 
 def _table(columns: Sequence[str], rows: Sequence[Sequence[str | float]]) -> Table:

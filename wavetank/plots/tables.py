@@ -13,21 +13,18 @@ from rich.table import Table
 from xarray import DataArray, Dataset
 
 from wavetank.analysis.compare import LARGEST_SHIFT, compare
-from wavetank.errors import InputError
-from wavetank.output.files import atomic_file
+from wavetank.errors import InputError, write_errors
+from wavetank.output.files import write_atomically
 
 
 def write_rows(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
     """Write a table as CSV, numbers with six digits; raises ``InputError`` where it cannot be written."""
-    try:
-        text = StringIO()
-        writer = csv.writer(text)
-        writer.writerow(columns)
-        writer.writerows([f"{value:.6g}" if isinstance(value, float) else value for value in row] for row in rows)
-        with atomic_file(path) as file:
-            file.write(text.getvalue().encode())
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror}).") from None
+    text = StringIO()
+    writer = csv.writer(text)
+    writer.writerow(columns)
+    writer.writerows([f"{value:.6g}" if isinstance(value, float) else value for value in row] for row in rows)
+    with write_errors(path):
+        write_atomically(path, text.getvalue().encode())
 
 
 def write_dataset(path: Path, data: Dataset, columns: Mapping[str, str]) -> None:

@@ -13,12 +13,12 @@ from wavetank.arrays import Vector
 from wavetank.case import Case, RingTank
 from wavetank.case.output import Window
 from wavetank.errors import InputError, OutsideError
-from wavetank.fem.agreed import agreed
 from wavetank.integrators import INTEGRATORS, Damping, damped
 from wavetank.integrators.answering import Answering
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.filtered import Filter
 from wavetank.integrators.stage_solver import ITERATES
+from wavetank.mpi import raise_on_all_ranks
 from wavetank.simulation.clock import ROUNDING, Clock, EverySteps, EveryTime, EveryTimeBetween
 from wavetank.simulation.construction import (
     AnyWaves,
@@ -198,7 +198,9 @@ def build_run(
     waves.set_time(t)
     start = waves.state(*beginning.surface(waves), t) if beginning else initial_state(scene, waves)
     moving = _moving(waves, start, t)
-    clock = agreed(comm, lambda: build_clock(scene, largest, integrator, moving=moving, begin=t).after(t, step))
+    clock = raise_on_all_ranks(
+        comm, lambda: build_clock(scene, largest, integrator, moving=moving, begin=t).after(t, step)
+    )
     if answers and clock.dt * largest > ANSWERED:
         allowed = f"must be at most {ANSWERED / largest:.4g} s: a paddle that absorbs looks at the water once a step"
         raise CaseError([Problem(("numerics", "dt"), scene.numerics.dt, allowed)])

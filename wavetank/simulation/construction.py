@@ -29,7 +29,6 @@ from wavetank.case.output import FAR
 from wavetank.case.tank import AnySponge, EndSponge, FormulaSponge, GroupSponge
 from wavetank.case.wall import ActiveAbsorption, MovingWall, ShapedWall, SpringDamper
 from wavetank.errors import InputError
-from wavetank.fem.agreed import agreed, from_first
 from wavetank.fem.by_place import at_the_same, found, gathered
 from wavetank.fem.layout_mesh import draw_layout, read_layout
 from wavetank.fem.misfit import rms
@@ -39,6 +38,7 @@ from wavetank.mesh import MeshFile, Rectangle
 from wavetank.motion import Motion
 from wavetank.motion.feedback import Equation, FeedbackMotion, elevation_at_face
 from wavetank.motion.motion import STEEPEST, Tangent
+from wavetank.mpi import from_first, raise_on_all_ranks
 from wavetank.output.checkpoint import Checkpoint, is_at, read_checkpoint_file, readable_checkpoints
 from wavetank.output.directory import RunDirectory
 from wavetank.simulation.supply import AnsweredWork
@@ -172,7 +172,7 @@ def _check_flat(end: EndWall, noun: ShapedWall, wall: Piston, plane: Plane) -> N
     depth, distances = end.case.depths(), wall.distances(plane)
     if not callable(depth):
         return
-    result = agreed(plane.comm, lambda: np.asarray(depth(*plane.places.T)))
+    result = raise_on_all_ranks(plane.comm, lambda: np.asarray(depth(*plane.places.T)))
     uneven = np.abs(result - end.tank.depth) > FLAT * end.tank.depth
     nearest = plane.comm.allreduce(float(distances[uneven].min(initial=np.inf)), op=MPI.MIN)
     if nearest < wall.reach:
@@ -258,7 +258,7 @@ def check_depth(scene: Case, footprint: Footprint, plane: Plane) -> None:
         ends = {seen.side: plane.places[plane.at(footprint.side(seen.side).facets)] for seen in scene.paddles}
         looked_at = {f"the bed's depth at the {end}": places for end, places in ends.items()}
     for where, at in looked_at.items():
-        result = agreed(plane.comm, lambda at=at: depth(*at.T))  # type: ignore[misc]
+        result = raise_on_all_ranks(plane.comm, lambda at=at: depth(*at.T))  # type: ignore[misc]
         low = plane.comm.allreduce(float(np.min(result, initial=np.inf)), op=MPI.MIN)
         high = plane.comm.allreduce(float(np.max(result, initial=-np.inf)), op=MPI.MAX)
         if low > 0.0 and not (1 - NOMINAL) * low <= scene.tank.depth <= (1 + NOMINAL) * high:
@@ -287,7 +287,7 @@ def bed_by_code(scene: Case, waves: AnyWaves) -> dict[str, Vector]:
     if not isinstance(scene.tank.bed, PythonBed) or not callable(depth):
         return {}
     x, y = waves.plane.places.T
-    columns = {"x [m]": x, "y [m]": y, "depth [m]": agreed(waves.plane.comm, lambda: depth(x, y))}
+    columns = {"x [m]": x, "y [m]": y, "depth [m]": raise_on_all_ranks(waves.plane.comm, lambda: depth(x, y))}
     if waves.plane.mesh.topology.dim == 1:
         del columns["y [m]"]
     values, _ = gathered(waves.plane, [*columns.values()])
@@ -375,7 +375,7 @@ def told_of_sponge(scene: Case, waves: AnyWaves) -> str:
 
 def _formula(scene: Case, sponge: FormulaSponge, footprint: Footprint, waves: AnyWaves) -> Vector:
     plane = waves.plane
-    return checked(plane, agreed(plane.comm, lambda: sponge.build()(*plane.places.T)))
+    return checked(plane, raise_on_all_ranks(plane.comm, lambda: sponge.build()(*plane.places.T)))
 
 
 def _group(scene: Case, sponge: GroupSponge, footprint: Basin, waves: AnyWaves) -> Vector:
@@ -445,7 +445,7 @@ def _active(scene: Case, number: int, waves: AnyWaves) -> Answered:
     paddle: Any = waves.wall.paddles[number]
     result = from_first(comm, lambda: wall.absorb.build(tank, wall.wavemaker, paddles=scene.paddle_periods))
     above, below = result.over_s()
-    made = agreed(
+    made = raise_on_all_ranks(
         comm,
         lambda: elevation_at_face(
             seen.motion(), wall.wavemaker, depth=tank.depth, gravity=tank.gravity, duration=scene.run.duration
@@ -556,7 +556,7 @@ def initial_surface(scene: Case, waves: AnyWaves) -> tuple[Vector, Vector]:
     if isinstance(initial, RunState):
         return kept_surface(scene, initial, waves).on(waves)
     x, y = waves.plane.places.T
-    return agreed(comm, lambda: initial.surface(scene.tank, x, y))
+    return raise_on_all_ranks(comm, lambda: initial.surface(scene.tank, x, y))
 
 
 def kept_surface(scene: Case, initial: RunState, waves: AnyWaves) -> KeptSurface:

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from wavetank.arrays import Vector, summed
 from wavetank.errors import ConvergenceError, InputError, OutsideError, PaddleError, RecordError, RunError
-from wavetank.fem.agreed import agreed
 from wavetank.fem.by_place import SAME
 from wavetank.fem.lattice import Lattice
 from wavetank.fem.line_points import points_in
 from wavetank.fem.plane import Field
 from wavetank.fem.points import Points
+from wavetank.mpi import raise_on_all_ranks
 from wavetank.output.columns import RATES as RATES
 from wavetank.output.directory import REST_POSITION
 from wavetank.output.fields import VtkCells
@@ -166,7 +166,7 @@ class RecordCheck(Patient):
     def work_off(self, moments: Moments) -> None:
         """Raise ``RecordError`` if a rank has met one; collective."""
         if summed(self._comm, float(any(record.failure for record in self._records))):
-            agreed(self._comm, self._raise)
+            raise_on_all_ranks(self._comm, self._raise)
 
     def _raise(self) -> None:
         for record in self._records:

@@ -15,7 +15,7 @@ from rich.table import Table
 from scipy.special import stdtrit
 
 from wavetank.case import Case
-from wavetank.errors import RecordError
+from wavetank.errors import RecordError, write_errors
 from wavetank.output.files import write_atomically
 from wavetank.run_warning import RunWarning
 from wavetank.studies.measures import Errors, Responses, responded
@@ -135,10 +135,8 @@ def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object
     """Write a CSV file, complete or not at all; raises ``RecordError``."""
     text = StringIO()
     csv.writer(text).writerows([columns, *rows])
-    try:
+    with write_errors(path, RecordError):
         write_atomically(path, text.getvalue().encode())
-    except OSError as error:
-        raise RecordError(f"{path}: cannot be written ({error.strerror}).") from None
 
 
 def write_table(path: Path, rows: Sequence[Row], axes: Sequence[Axis]) -> None:

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from wavetank.arrays import Vector, largest
 from wavetank.errors import InputError
-from wavetank.fem.agreed import agreed
 from wavetank.fem.forms import ScalarForm
 from wavetank.fem.plane import Plane
+from wavetank.mpi import raise_on_all_ranks
 
 Depth = Callable[[Vector, Vector], Vector]  # d [m] at places x, y [m], all of shape (N,)
 ASIDE, SOUNDINGS = 0.1, 2001  # of the length of what is carried; over it and that, for a bed that is flat there
@@ -163,7 +163,7 @@ class VaryingBed:
         return margin if result.min() == result.max() else -1.0
 
     def _at(self, places: Vector) -> Vector:
-        depth = agreed(self._plane.comm, lambda: self._depth(places[:, 0], places[:, 1]))
+        depth = raise_on_all_ranks(self._plane.comm, lambda: self._depth(places[:, 0], places[:, 1]))
         return np.asarray(depth, dtype=np.float64)
 
     def follow(self, wall: Carrying) -> None:
