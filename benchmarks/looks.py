@@ -1,9 +1,8 @@
 """Cost of diagnostics and filters in a step: gauges, energy budget, step monitor, breaking, gradient-jump penalty.
 
-The cost is some tens of µs, less than the variation of a step from second to second. Each group of steps is therefore
-run twice from the same state, without and with all of them, in alternating order. The result is the mean of the middle
-four fifths of the differences, with its standard error. Diagnostics evaluate the point at which the next step begins;
-so does each group. Processing of blocks is timed in a normal run.
+Each group of steps is run twice from the same state, without and with all of them, in alternating order. The result is
+the mean of the middle four fifths of the differences, with its standard error. Diagnostics evaluate the point at which
+the next step begins; so does each group, which is a block.
 """
 
 import time
@@ -20,20 +19,16 @@ from benchmarks.beside import HERE
 from wavetank.arrays import Vector
 from wavetank.case.reading import read_case
 from wavetank.integrators.flow import flow_of
-from wavetank.output.columns import RATES
+from wavetank.output.columns import RATES, energy_columns
 from wavetank.output.fields import SurfaceWriter
 from wavetank.output.tables import TableWriter
-from wavetank.simulation.build import Records, build_observers, build_run, build_watch
-from wavetank.simulation.diagnostics import Gauges
-from wavetank.simulation.energy import EnergyBudget
-from wavetank.simulation.energy import columns as energy_columns
+from wavetank.simulation.build import build_observers, build_run, build_watch
+from wavetank.simulation.records import Records
 from wavetank.simulation.run import Run
-from wavetank.simulation.stability import StabilityWatch
 from wavetank.tank.surface_flow import SurfaceFlow
 from wavetank.tank.waves import NonlinearWaves
 
 CASES = {"focusing": 130.0, "marin-202002": 118.0, "flap": 120.0, "bar": 40.0}  # and how long they go on [s]
-LOOKS = EnergyBudget, Gauges, StabilityWatch  # beside the filters
 GROUP, BEFORE, PASSES = 10, 100, 8  # steps of a group, and before the first; and how often all of it is done
 
 
@@ -48,7 +43,7 @@ def built(case: str, folder: Path) -> Run:
     for record in (surface, gauges, energy, *paddles):
         record.open()
     records = Records(gauges, energy, surface, paddles=paddles)
-    run.observers = build_observers(scene, waves, records, sinks=run.sinks) + build_watch(scene, run, waves, print)
+    run.diagnostics = build_observers(scene, waves, records, sinks=run.sinks) + build_watch(scene, run, waves, print)
     return run
 
 
@@ -62,7 +57,6 @@ def in_turn(run: Run) -> Vector:
         kind.clock = replace(clock, steps=0 if kind is not run else BEFORE)
         kind.execute()
         kind.clock = clock
-    run._patient = []  # rows are timed apart
     taken, ended = list[list[float]](), run.held()
     while run.step + GROUP < clock.steps:
         held, start, spent = run.held(), (run.state, run.step), dict[Run, float]()
@@ -74,32 +68,13 @@ def in_turn(run: Run) -> Vector:
                 began = time.process_time_ns()
                 for _ in range(steps):
                     kind.advance()
-                    if not kind.room:
-                        kind.settle()
+                kind.flush()
                 flow(np.concatenate(kind.state.known[-1]), kind.t)
                 spent[kind] = (time.process_time_ns() - began) / 1e3 / steps
             ended = run.held() if kind is run else ended
         run.take(ended)
         taken.append([spent[kind] for kind in kinds])
     return np.array(taken)
-
-
-def rows(run: Run, only: Any) -> float:
-    """Return the µs a step of rows worked off together, by observers of some kinds: the median of a run's blocks."""
-    run.observers = [one for one in run.observers if isinstance(one, only)]
-    settle, taken = run.settle, list[float]()
-
-    def timed() -> None:
-        began, steps = time.process_time_ns(), run.step - sum(counted)
-        settle()
-        if steps:
-            counted.append(steps)
-            taken.append((time.process_time_ns() - began) / 1e3 / steps)
-
-    counted = list[int]()
-    run.settle = timed  # type: ignore[method-assign]
-    run.execute()
-    return float(np.median(taken[1:-1] or taken))
 
 
 def middle(values: Vector) -> tuple[float, float]:
@@ -114,13 +89,10 @@ def report(console: Console) -> None:
     for case in CASES:
         with TemporaryDirectory() as folder:
             passes = [in_turn(built(case, Path(folder))) for _ in range(PASSES)]
-            of_all, of_these = (rows(built(case, Path(folder)), only) for only in (object, LOOKS))
         without, with_them = np.concatenate(passes).T
         (step, _), (within, known_to) = middle(without), middle(with_them - without)
-        part, with_all = (100 * (within + one) / step for one in (of_these, of_all))
         console.print(
-            f"{case}: a step without {step:.0f} µs, with filters, gauges, energy budget and watch {within:.0f} ± "
-            f"{known_to:.0f} more, and {of_these:.0f} for the rows of these: "
-            f"{part:.1f} ± {100 * known_to / step:.1f} % of a step; {with_all:.1f} % with all records",
+            f"{case}: a step without {step:.0f} µs, with filters and all diagnostics in blocks of {GROUP} steps "
+            f"{within:.0f} ± {known_to:.0f} more: {100 * within / step:.1f} ± {100 * known_to / step:.1f} %",
             highlight=False,
         )

@@ -26,6 +26,7 @@ from wavetank.integrators.states import Point
 from wavetank.motion import Sinusoid, feedback
 from wavetank.motion.feedback import Answer, Equation, FeedbackMotion, elevation_at_face
 from wavetank.motion.motion import largest_stroke, share
+from wavetank.output.columns import energy_columns
 from wavetank.output.directory import PADDLE, RunDirectory
 from wavetank.planning.checks import free_second_harmonics, highest_wave, reflected_harmonics
 from wavetank.planning.cost import needs_of
@@ -34,9 +35,8 @@ from wavetank.planning.requirements import requirements
 from wavetank.simulation.build import ANSWERED, build_run
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.construction import ANSWERS
-from wavetank.simulation.contract import Moment
-from wavetank.simulation.diagnostics import Memory
-from wavetank.simulation.energy import COLUMNS, EnergyBudget
+from wavetank.simulation.energy import EnergyBudget
+from wavetank.simulation.records import Memory
 from wavetank.simulation.supply import AnsweredWork
 from wavetank.tank.answering import AnsweringPaddle, Excess
 from wavetank.tank.walls import Piston
@@ -46,8 +46,8 @@ from wavetank.waves.wavemaker import PISTON, Flap
 
 GRAVITY = 9.81
 SLOSHING = {"type": "formula", "eta": "0.05*cos(pi*x/3)"}
-BALANCE, WORK, TOTAL = (COLUMNS.index(f"{name} [m^4/s^2]") for name in ("balance", "paddle_work", "total"))
-ABSORBED = len(COLUMNS)
+BALANCE, WORK, TOTAL = (energy_columns(1).index(f"{name} [m^4/s^2]") for name in ("balance", "paddle_work", "total"))
+ABSORBED = len(energy_columns(1))
 REST = {"type": "at-rest"}
 ACTIVE = {"type": "active"}
 MAKERS = [PISTON, Flap(0.0), Flap(0.4)]
@@ -252,12 +252,12 @@ def reflection(wall, *, kd, height, periods, steps, **more):
     class Looking:
         schedule = EverySteps()
 
-        def observe(self, moment):
-            if moment.step > run.clock.steps - steps:
-                eta = waves.elevation(moment.q, moment.p, moment.t)[seen]
-                rows.append(eta * np.exp(2j * np.pi * moment.step / steps))
+        def record(self, block):
+            for step, eta in zip(block.step, block.eta, strict=True):
+                if step > run.clock.steps - steps:
+                    rows.append(eta[seen] * np.exp(2j * np.pi * step / steps))
 
-    run.observers.append(Looking())
+    run.diagnostics.append(Looking())
     run.execute()
     found = reflected(np.mean(rows, axis=0), waves.plane.x[seen], kd, within=0.03)
     scene = Case.model_validate(
@@ -322,7 +322,8 @@ def test_a_flap_in_a_coarse_tank_absorbs_at_the_longest_step_that_is_allowed():
 def counted(run, waves, masses):
     """Return the record of the energy budget of a run that is to be; its paddles answer the water."""
     budget, motions = Memory(), [paddle.motion for paddle in waves.wall.paddles]
-    run.observers.append(EnergyBudget(waves, record=budget, supply=AnsweredWork(motions, np.array(masses))))
+    run.paddle_work = AnsweredWork(motions, np.array(masses))
+    run.diagnostics.append(EnergyBudget(waves, record=budget))
     return budget
 
 
@@ -363,8 +364,7 @@ def test_work_is_counted_of_paddles_that_go_unevenly():
             t = n * dt
             if n > 0:
                 motion.go_on(t - dt, dt, np.sin(t), (1.0 + 8.0 * dt**2) * np.cos(t))
-            work.keep(water, Moment(n, t, Point(None, None)))
-            ((done,), (absorbed,)) = work.work_off([t], None)
+            done, absorbed = work.advance(water, Point(None, None), t)
             found = np.array([done, motion.added(t, 1) * slopes(None, None, t)[0][1] - absorbed])
             if n < 3:
                 exact = found

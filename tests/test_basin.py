@@ -19,10 +19,11 @@ from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.flow import flow
 from wavetank.integrators.hamiltonian import Stage
 from wavetank.motion import Ramped, SegmentedMotion, Sinusoid
+from wavetank.output.columns import energy_columns
 from wavetank.simulation.clock import Clock
 from wavetank.simulation.construction import build_waves
-from wavetank.simulation.diagnostics import Memory
-from wavetank.simulation.energy import EnergyBudget, columns
+from wavetank.simulation.energy import EnergyBudget
+from wavetank.simulation.records import Memory
 from wavetank.simulation.run import Run
 from wavetank.tank.footprint import Slice
 from wavetank.tank.linear_waves import LinearWaves
@@ -150,7 +151,7 @@ def test_a_turned_basin_is_itself():
 def test_paddle_work_over_a_bed_balances_with_the_order_of_the_scheme():
     """Segments, their metric, and a bed that moves under the reference tank: all in the explicit rate."""
     waves = basin(2.0, 0.6, (6, 2), motion=Segments(), depth=uneven, n=3)
-    balance, mass = (columns(2).index(name) for name in ("balance [m^5/s^2]", "mass [m^3]"))
+    balance, mass = (energy_columns(2).index(name) for name in ("balance [m^5/s^2]", "mass [m^3]"))
     steps, errors = (20, 28), []
     for count in steps:
         _, rows = run(waves, steps=count, dt=0.6 / count)

@@ -17,6 +17,7 @@ from ranks import CHECKOUT, begun, launch
 from wavetank.__main__ import main as start
 from wavetank.cli import COMMANDS, app, main
 from wavetank.output.directory import RunDirectory
+from wavetank.simulation.records import Memory, Records
 
 DRIVEN = ["cases/wavemaker.toml", "wall.motion.paddle_amplitude=0.05", "wall.motion.ramp=0.5", "gauges=[0.5, 3.0]"]
 DRIVEN += ["tank.length=3.5", "run.duration=0.15", "numerics.dt=0.03", "numerics.vertical_order=4"]
@@ -220,8 +221,7 @@ def test_a_case_built_in_python_runs_without_a_directory():
     from mpi4py import MPI
 
     from wavetank.case import Case
-    from wavetank.simulation.build import Records, build_observers, build_run
-    from wavetank.simulation.diagnostics import Memory
+    from wavetank.simulation.build import build_observers, build_run
 
     scene = Case.model_validate(
         {
@@ -234,7 +234,7 @@ def test_a_case_built_in_python_runs_without_a_directory():
     )
     gauges, energy = Memory(), Memory()
     run, waves = build_run(scene, MPI.COMM_SELF)
-    run.observers += build_observers(scene, waves, Records(gauges, energy, None))
+    run.diagnostics += build_observers(scene, waves, Records(gauges, energy, None))
     run.execute()
     assert gauges.array()[0, 1] == pytest.approx(0.01) and run.t >= 0.5
 

@@ -10,17 +10,18 @@ from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.motion import Sinusoid
+from wavetank.output.columns import energy_columns
 from wavetank.output.directory import RunDirectory
 from wavetank.planning.checks import run_warnings, sensors_in_reach
 from wavetank.planning.requirements import requirements
-from wavetank.simulation.build import Records, build_observers, build_run
-from wavetank.simulation.diagnostics import Memory
-from wavetank.simulation.energy import COLUMNS, EnergyBudget
+from wavetank.simulation.build import build_observers, build_run
+from wavetank.simulation.energy import EnergyBudget
+from wavetank.simulation.records import Memory, Records
 from wavetank.tank.surface_flow import SurfaceFlow, SurfaceVelocity
 from wavetank.values.case_model import CaseError
 
 GRAVITY = 9.81
-BALANCE, MASS = COLUMNS.index("balance [m^4/s^2]"), COLUMNS.index("mass [m^2]")
+BALANCE, MASS = energy_columns(1).index("balance [m^4/s^2]"), energy_columns(1).index("mass [m^2]")
 MOTION = {"type": "sinusoid", "paddle_amplitude": 0.1, "period": 1.6, "ramp": 2.0}
 PISTON = {"type": "piston", "motion": MOTION}
 FLAP = {"type": "flap", "motion": MOTION}
@@ -44,7 +45,7 @@ def ended(*walls, comm=MPI.COMM_SELF, **more):
     """Return surface (eta, psi) at the end of a run, its places x, and the energy budget, a row a step; collective."""
     run, waves = build_run(scene(*walls, **more), comm)
     budget = Memory()
-    run.observers.append(EnergyBudget(waves, record=budget, every=1))
+    run.diagnostics.append(EnergyBudget(waves, record=budget, every=1))
     run.execute()
     order = np.argsort(waves.plane.x)
     surface = waves.elevation(run.state.q, run.state.p, run.t), run.state.p
@@ -94,7 +95,7 @@ def test_the_rows_of_each_paddle_are_its_own_motion_at_their_times(water):
     """Oracle: the motion itself, with its derivatives, positive into the water."""
     tank, rows = scene(PISTON, moved("0.1 * t**3"), duration=0.06, water={"type": water}), (Memory(), Memory())
     run, waves = build_run(tank, MPI.COMM_SELF)
-    run.observers += build_observers(tank, waves, Records(Memory(), Memory(), None, paddles=rows))
+    run.diagnostics += build_observers(tank, waves, Records(Memory(), Memory(), None, paddles=rows))
     run.execute()
     for seen, record in zip(tank.paddles, rows, strict=True):
         t, *rates = record.array().T
@@ -453,7 +454,7 @@ def test_both_walls_across_a_basin_are_those_of_a_slice():
     case = Case.model_validate({"tank": tank, **walls, "run": {"duration": 1.0}, "numerics": numerics})
     run, waves = build_run(case, MPI.COMM_SELF)
     across = Memory()
-    run.observers.append(EnergyBudget(waves, record=across, every=1))
+    run.diagnostics.append(EnergyBudget(waves, record=across, every=1))
     run.execute()
     assert across.array() == pytest.approx(budget, abs=1e-7)
     assert np.ptp(across.array()[:, MASS]) < 1e-13 * budget[0, MASS]
@@ -463,7 +464,7 @@ def on_these_ranks():
     """Return the surface, by x, and the energy budget of a flap and a piston; the first rank's of all; collective."""
     run, waves = build_run(scene(FLAP, PISTON, cells=6), MPI.COMM_WORLD)
     budget = Memory()
-    run.observers.append(EnergyBudget(waves, record=budget, every=1))
+    run.diagnostics.append(EnergyBudget(waves, record=budget, every=1))
     run.execute()
     eta = waves.elevation(run.state.q, run.state.p, run.t)
     x, eta = (np.concatenate(MPI.COMM_WORLD.allgather(values)) for values in (waves.plane.x, eta))

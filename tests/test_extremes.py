@@ -10,6 +10,7 @@ from contextlib import nullcontext, suppress
 
 import numpy as np
 import pytest
+from blocks import block_of
 from conftest import CHECKOUT, fitted_slope
 from dolfinx import mesh
 from mpi4py import MPI
@@ -29,8 +30,8 @@ from wavetank.output.directory import RunDirectory
 from wavetank.planning.dispersion import elements
 from wavetank.simulation.build import build_run, build_watch
 from wavetank.simulation.clock import Clock, EverySteps
-from wavetank.simulation.contract import Moment
-from wavetank.simulation.diagnostics import Gauges, Memory
+from wavetank.simulation.diagnostics import Gauges
+from wavetank.simulation.records import Memory
 from wavetank.simulation.run import Run
 from wavetank.simulation.stability import IN_ELEVATION, IN_JUMP, StabilityWatch
 from wavetank.tank.breakdown import ShortWaves
@@ -220,7 +221,7 @@ def test_the_watch_tells_of_a_step_too_long_for_small_cells_with_a_current_over_
         watch = StabilityWatch(waves, flow, dt=dt, limit=scheme.stability_limit, warn=said.append, look=look)
         with suppress(RunError):
             for step in range(round((1.3 if long else 0.3) / dt)):
-                watch.observe(Moment(step, step * dt, state))
+                watch.record(block_of(waves, (step, step * dt, state)))
                 if said:
                     break
                 state = scheme.step(waves, state, step * dt, dt)
@@ -235,9 +236,9 @@ def told() -> list[str]:
     scene = scene.model_copy(update={"numerics": scene.numerics.model_copy(update={"edge_penalty": 0.0})})
     run, waves = build_run(scene, MPI.COMM_WORLD)
     of_jump, of_elevation = list[str](), list[str]()
-    run.observers += build_watch(scene, run, waves, of_jump.append)
+    run.diagnostics += build_watch(scene, run, waves, of_jump.append)
     how = {"dt": run.clock.dt, "limit": run.integrator.stability_limit, "look": IN_ELEVATION}
-    run.observers.append(StabilityWatch(waves, waves.surface, warn=of_elevation.append, **how))
+    run.diagnostics.append(StabilityWatch(waves, waves.surface, warn=of_elevation.append, **how))
     run.execute()
     return of_jump + of_elevation
 
@@ -266,7 +267,7 @@ def test_what_alternates_is_growth_where_the_paddle_cannot_have_made_it(make_tan
     for step in range(30):
         q, p = tank.state(height * (-1) ** step * np.cos(np.pi * tank.plane.x / 2), 0 * tank.plane.x)
         jump = q - tank.state(0 * tank.plane.x, p)[0] if by_jump else None
-        watch.observe(Moment(step, step * dt, Traces(q - jump, q, p, p) if by_jump else Point(q, p)))
+        watch.record(block_of(tank, (step, step * dt, Traces(q - jump, q, p, p) if by_jump else Point(q, p))))
     assert len(said) == grown == (watch.since is not None)
 
 
@@ -276,7 +277,7 @@ def test_a_steep_wave_that_a_long_step_leaves_sound_is_not_cried_at():
     scene = scene.model_copy(update={"numerics": scene.numerics.model_copy(update={"dt": 0.038})})
     run, waves = build_run(scene, MPI.COMM_SELF)
     said = list[str]()
-    run.observers += build_watch(scene, run, waves, said.append)
+    run.diagnostics += build_watch(scene, run, waves, said.append)
     run.execute()
     assert said == []
     assert waves.elevation(run.state.q, run.state.p, run.t).max() == pytest.approx(0.5, rel=2e-3)
@@ -288,7 +289,7 @@ def test_the_surface_of_each_step_is_told_where_its_potential_is_found(monkeypat
     profiles = list[bool]()
     scene = ring_scene(initial_steepness=0.2, run_duration=0.2)  # the penalty has nothing to take
     run, waves = build_run(scene, MPI.COMM_SELF)
-    run.observers += build_watch(scene, run, waves, print)
+    run.diagnostics += build_watch(scene, run, waves, print)
     flow, other, anew = waves.surface, SurfaceVelocity(waves), SurfaceFlow(waves)
 
     def compared(one, state, t):
@@ -322,7 +323,7 @@ def test_waves_of_six_steps_a_period_are_not_taken_for_what_alternates():
     scene = Case.model_validate(parts)
     run, waves = build_run(scene, MPI.COMM_SELF)
     said = list[str]()
-    run.observers += build_watch(scene, run, waves, said.append)
+    run.diagnostics += build_watch(scene, run, waves, said.append)
     run.execute()
     assert said == []
     assert waves.elevation(run.state.q, run.state.p, run.t).max() == pytest.approx(0.0204, rel=0.03)
@@ -337,8 +338,8 @@ def test_a_run_up_of_0_6_is_clean_or_says_that_it_is_not(dt, clean):
     scene = scene.model_copy(update={"numerics": scene.numerics.model_copy(update=numerics)})
     run, waves = build_run(scene, MPI.COMM_SELF)
     said, record = list[str](), Memory()
-    run.observers += [Gauges(waves, [(40.0, 0.0)], record=record, schedule=EverySteps())]
-    run.observers += build_watch(scene, run, waves, said.append)
+    run.diagnostics += [Gauges(waves, [(40.0, 0.0)], record=record, schedule=EverySteps())]
+    run.diagnostics += build_watch(scene, run, waves, said.append)
     run.execute()
     late = record.array()[int(7.0 / run.clock.dt) :, 1]
     assert bool(said) != clean
@@ -385,8 +386,8 @@ def test_the_limit_on_still_water_holds_for_ten_thousand_steps(part, stable):
     class Largest:
         schedule, elevation = EverySteps(), 0.0
 
-        def observe(self, moment):
-            self.elevation = max(self.elevation, np.abs(waves.elevation(moment.q, moment.p, moment.t)).max())
+        def record(self, block):
+            self.elevation = max(self.elevation, block.largest.max())
 
     largest, start = Largest(), (built.state.q, built.state.p)
     run = Run(waves, built.integrator, [largest], start=start, clock=clock)

@@ -28,9 +28,10 @@ from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, RunDirector
 from wavetank.output.files import LOCK, OutputPath, temporary_path
 from wavetank.output.manifest import MANIFEST
 from wavetank.recording import record_run
+from wavetank.simulation import run as running
 from wavetank.simulation.clock import EverySteps
-from wavetank.simulation.contract import Moment, Moments, Patient
 from wavetank.status import line, run_status
+from wavetank.tank.seen import Block
 from wavetank.values.toml import toml
 
 REGULAR = {  # waves of a period of 2.3 s
@@ -108,24 +109,15 @@ class Divides:
     def __init__(self, waves: object) -> None:
         self.schedule = EverySteps()
 
-    def observe(self, moment: Moment) -> None:
+    def record(self, block: Block) -> None:
         raise ZeroDivisionError("division by zero")
 
 
-class DividesLater(Divides, Patient):
-    """The same, of moments that are worked off together."""
-
-    def work_off(self, moments: Moments) -> None:
-        raise ZeroDivisionError("division by zero")
-
-
-@pytest.mark.parametrize("observer", [Divides, DividesLater])
-def test_of_an_observer_that_fails_the_class_is_said(observer, tmp_path):
+def test_the_error_of_an_observer_names_its_class(tmp_path):
+    console = Console(file=io.StringIO())
     with pytest.raises(ZeroDivisionError):
-        record_run(
-            scene(SLICE), tmp_path, comm=MPI.COMM_SELF, console=Console(file=io.StringIO()), observers=[observer]
-        )
-    said = f"division by zero; ZeroDivisionError in the observer {observer.__name__}"
+        record_run(scene(SLICE), tmp_path, comm=MPI.COMM_SELF, console=console, observers=[Divides])
+    said = "division by zero; ZeroDivisionError in the observer Divides"
     assert RunDirectory(tmp_path).manifest["cause"] == said
     assert (tmp_path / "run.log").read_text().endswith(f"failed: {said}\n")
 
@@ -134,18 +126,21 @@ DIVIDING = """
 import sys
 import wavetank as wt
 from wavetank import recording
+from wavetank.simulation import run
 from wavetank.errors import RunError
+from wavetank.simulation import run as running
 from wavetank.simulation.clock import EverySteps
 
 class Divides:
     def __init__(self, waves):
         self.schedule, self.fails = EverySteps(), str(waves.plane.comm.rank) in sys.argv[2]
 
-    def observe(self, moment):
-        if moment.step == 10 and self.fails:
+    def record(self, block):
+        if 10 in block.step and self.fails:
             raise {"mistake": ZeroDivisionError, "run": RunError, "exit": SystemExit}[sys.argv[3]]("failed")
 
 recording.ALIKE = recording.LATEST = 2.0
+run.LONGEST = 1
 wt.run(wt.read_case(sys.argv[1]), "run", observers=[Divides], quiet=True)
 """
 
@@ -193,20 +188,21 @@ def test_a_run_that_is_killed_at_any_stage_of_writing_loses_but_the_steps_since_
 
 # ---------------------------------------------------------------- what is no number
 class Spoilt:
-    """An observer that puts what is no number into the state, past the moment, on the last rank."""
+    """An observer that puts nan into the state of the run on the last rank."""
 
     def __init__(self, part: str, comm: MPI.Comm):
         self.schedule, self._part, self._last = EverySteps(), part, comm.rank == comm.size - 1
 
-    def observe(self, moment: Moment) -> None:
-        if moment.step == 3 and self._last:
-            getattr(moment.state, self._part)[0] = np.nan
+    def record(self, block: Block) -> None:
+        if block.step[-1] == 3 and self._last:
+            getattr(block.state, self._part)[0] = np.nan
 
 
 def spoilt(parts: dict, out: Path, part: str) -> str:
     """Return why a run ends whose state, of a scheme that lets others write into it, is spoilt; collective."""
     comm, parts = MPI.COMM_WORLD, parts | {"numerics": {**parts["numerics"], "integrator": "stormer-verlet"}}
-    with pytest.raises(BreakdownError) as error:
+    with pytest.raises(BreakdownError) as error, pytest.MonkeyPatch.context() as patched:
+        patched.setattr(running, "LONGEST", 1)
         spoiling = [lambda waves: Spoilt(part, comm)]
         record_run(scene(parts), out, comm=comm, console=Console(file=io.StringIO()), observers=spoiling)
     return str(error.value)
@@ -291,7 +287,7 @@ class Held:
     def __init__(self) -> None:
         self.schedule, self.memory = EverySteps(1000), list[int]()
 
-    def observe(self, moment: Moment) -> None:
+    def record(self, block: Block) -> None:
         pages = int(Path("/proc/self/statm").read_text().split()[1])
         self.memory.append(pages * os.sysconf("SC_PAGESIZE"))
 

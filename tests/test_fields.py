@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from blocks import block_of, empty_block
 from conftest import fitted_slope
 from dolfinx import mesh
 from mpi4py import MPI
@@ -23,7 +24,6 @@ from wavetank.output.files import OutputPath
 from wavetank.output.writer import RunWriter
 from wavetank.recording import record_run
 from wavetank.simulation.clock import EverySteps
-from wavetank.simulation.contract import Moment
 from wavetank.simulation.diagnostics import SurfaceFields, VelocityFields
 from wavetank.tank.bed import VaryingBed
 from wavetank.tank.energy import WaterEnergy
@@ -112,7 +112,15 @@ def record(waves, path, *, snapshots=1):
     psi = np.sin(waves.plane.places[:, 0])
     for step in range(snapshots):
         for observer in observers:
-            observer.observe(Moment(step, 0.25 * step, Point(psi, psi)))
+            observer.record(shown(waves, step, 0.25 * step, psi))
+
+
+def shown(waves, step, t, psi):
+    """Return the block of a step at which the water, with its wall as it stands, has a surface potential."""
+    block = empty_block(waves, 1)
+    block.step[:], block.t[:], block.psi[:], block.rates[:] = step, t, psi, waves.wall.rates
+    block.eta[:] = waves.elevation(psi, psi, t)
+    return block
 
 
 def read(path, name, snapshot=0):
@@ -173,7 +181,7 @@ def test_the_rate_that_is_drawn_is_that_which_a_run_that_goes_on_has_taken():
     series = SimpleNamespace(append=lambda t, points, *, cells, arrays: drawn.append(arrays["damping rate"]))
     fields = SurfaceFields(waves, series, schedule=EverySteps(), damping=gamma)
     gamma[:] = 3.0
-    fields.observe(Moment(0, 0.0, still))
+    fields.record(block_of(waves, (0, 0.0, still)))
     assert drawn[0] == pytest.approx(3.0)
 
 
@@ -250,9 +258,7 @@ def test_levels_may_be_chosen(tmp_path):
     waves = water(basin(comm=MPI.COMM_SELF))
     RunWriter(tmp_path, {}).begin().release()
     series = VtuSeries(tmp_path, "velocity", comm=MPI.COMM_SELF)
-    VelocityFields(waves, series, schedule=EverySteps(), levels=np.array([0.5, 1.0])).observe(
-        Moment(0, 0.0, Point(np.zeros(1), np.zeros(1)))
-    )
+    VelocityFields(waves, series, schedule=EverySteps(), levels=np.array([0.5, 1.0])).record(shown(waves, 0, 0.0, 0.0))
     below = read(tmp_path, "velocity")
     x, y, z = below.points.T
     assert below.n_points == 2 * waves.plane.size
@@ -276,7 +282,7 @@ def record_on_ranks(path):
     series, psi = VtuSeries(path, "refused", comm=comm), waves.plane.x
     with pytest.MonkeyPatch.context() as patched, pytest.raises(RunError) as refused:
         patched.setattr(fields, "write_atomically", full)
-        SurfaceFields(waves, series, schedule=EverySteps()).observe(Moment(1, 1.0, Point(psi, psi)))
+        SurfaceFields(waves, series, schedule=EverySteps()).record(shown(waves, 1, 1.0, psi))
     return str(refused.value)
 
 
@@ -337,7 +343,7 @@ def test_a_number_that_is_not_finite_is_refused_before_the_index_names_it(tmp_pa
     observer = SurfaceFields(waves, VtuSeries(tmp_path, "surface", comm=MPI.COMM_SELF), schedule=EverySteps())
     psi = np.where(waves.plane.x > 1.0, np.nan, 0.0)
     with pytest.raises(RunError, match=r"t = 0\.5 s: .*surface\.pvd is not a finite number"):
-        observer.observe(Moment(2, 0.5, Point(psi, psi)))
+        observer.record(shown(waves, 2, 0.5, psi))
     assert len(RunDirectory(tmp_path).fields("surface")) == 1
 
 

@@ -13,6 +13,7 @@ from wavetank.fem.forms import ScalarForm
 from wavetank.fem.plane import Plane
 from wavetank.motion import FlapAngle, Sinusoid
 from wavetank.motion.motion import frequency_shift
+from wavetank.output.columns import energy_columns
 from wavetank.planning.checks import run_warnings
 from wavetank.planning.cost import BUILT_IN
 from wavetank.planning.plan import make_plan
@@ -20,8 +21,9 @@ from wavetank.planning.requirements import kind_of
 from wavetank.planning.resolution import DEFAULT, Settings
 from wavetank.simulation.build import build_clock, build_run
 from wavetank.simulation.clock import EverySteps
-from wavetank.simulation.diagnostics import Gauges, Memory
-from wavetank.simulation.energy import COLUMNS, EnergyBudget
+from wavetank.simulation.diagnostics import Gauges
+from wavetank.simulation.energy import EnergyBudget
+from wavetank.simulation.records import Memory
 from wavetank.tank.breakdown import Quickened
 from wavetank.tank.energy import POTENTIAL
 from wavetank.tank.footprint import Slice
@@ -34,7 +36,7 @@ from wavetank.waves import airy
 from wavetank.waves.wavemaker import PISTON, Flap, Profile, modes, norm
 
 GRAVITY = 9.81
-BALANCE, MASS = COLUMNS.index("balance [m^4/s^2]"), COLUMNS.index("mass [m^2]")
+BALANCE, MASS = energy_columns(1).index("balance [m^4/s^2]"), energy_columns(1).index("mass [m^2]")
 MOTION = {"type": "sinusoid", "paddle_amplitude": 0.1, "period": 1.6, "ramp": 2.0}
 FLAP = {"type": "flap", "hinge": 0.0, "motion": MOTION}
 KINKED = {**FLAP, "hinge": 0.3}
@@ -51,7 +53,7 @@ def recorded(wall, *, comm=MPI.COMM_SELF, gauges=(1.0, 3.0), **more):
     run, waves = build_run(scene(wall, **more), comm)
     budget, record = Memory(), Memory()
     places = np.array([(x, 0.0) for x in gauges])
-    run.observers += [
+    run.diagnostics += [
         EnergyBudget(waves, record=budget, every=1),
         Gauges(waves, places, record=record, schedule=EverySteps()),
     ]
@@ -250,7 +252,7 @@ def test_a_flap_at_sixty_degrees_runs_with_its_default_step():
     case = case.model_copy(update={"tank": tank, "wall": case.wall.model_copy(update={"motion": motion})})
     run, waves = build_run(case, MPI.COMM_SELF)
     record = Memory()
-    run.observers.append(EnergyBudget(waves, record=record, every=1, sinks=run.sinks))
+    run.diagnostics.append(EnergyBudget(waves, record=record, every=1, sinks=run.sinks))
     run.execute()
     assert np.abs(record.array()[:, BALANCE]).max() < 1e-4 * record.array()[:, 3].max()
 
@@ -491,7 +493,7 @@ def test_a_flap_across_a_basin_is_that_of_a_slice():
     case = Case.model_validate({"tank": tank, "wall": FLAP, "run": {"duration": 1.0}, "numerics": numerics})
     run, waves = build_run(case, MPI.COMM_SELF)
     record = Memory()
-    run.observers.append(Gauges(waves, np.array([[0.5, 0.5], [2.0, 0.25]]), record=record, schedule=EverySteps()))
+    run.diagnostics.append(Gauges(waves, np.array([[0.5, 0.5], [2.0, 0.25]]), record=record, schedule=EverySteps()))
     run.execute()
     assert record.array() == pytest.approx(gauges, abs=1e-7)
 

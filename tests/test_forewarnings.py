@@ -26,9 +26,9 @@ from wavetank.planning.requirements import requirements
 from wavetank.planning.resolution import resolved, waves_missed
 from wavetank.recording import Warnings, record_run
 from wavetank.simulation import stability
-from wavetank.simulation.build import Records, build_observers, build_run, build_watch
-from wavetank.simulation.diagnostics import Memory
+from wavetank.simulation.build import build_observers, build_run, build_watch
 from wavetank.simulation.energy import EnergyBudget
+from wavetank.simulation.records import Memory, Records
 from wavetank.waves import stream_function
 from wavetank.waves.airy import wave_number
 
@@ -378,7 +378,7 @@ def test_an_energy_balance_that_is_off_is_said(numerics, off):
     energy = Memory()
     budget, *_ = build_observers(one, waves, Records(Memory(), energy, None), sinks=run.sinks)
     seldom = EnergyBudget(waves, record=Memory(), every=50, sinks=run.sinks)
-    run.observers += [budget, seldom]
+    run.diagnostics += [budget, seldom]
     run.execute()
     said = budget.verdict()
     assert len(said) == off and seldom.verdict() == said
@@ -548,7 +548,7 @@ def test_a_planned_step_holds_the_waves_of_a_noisy_record(tmp_path):
         one = chosen.model_copy(update={"numerics": chosen.numerics.model_copy(update={"dt": dt})})
         run, waves = build_run(one, MPI.COMM_SELF)
         gauges = Memory()
-        run.observers += build_observers(one, waves, Records(gauges, Memory(), None), sinks=run.sinks)
+        run.diagnostics += build_observers(one, waves, Records(gauges, Memory(), None), sinks=run.sinks)
         run.execute()
         records.append(gauges.array()[:, 1:])
     coarse, fine = records[0], records[1][::4][: len(records[0])]
@@ -584,7 +584,7 @@ def test_a_measured_paddle_s_own_noise_is_no_growth(tmp_path, monkeypatch, integ
         monkeypatch.setattr(f"wavetank.simulation.build.{place}", replace(look, driven=known))
         run, waves = build_run(driven, MPI.COMM_WORLD)
         said[known] = []
-        run.observers += build_watch(driven, run, waves, said[known].append)
+        run.diagnostics += build_watch(driven, run, waves, said[known].append)
         run.execute()
     assert [len(sentences) for sentences in said.values()] == [0, 1]
 

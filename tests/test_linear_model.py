@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from blocks import block_of
 from conftest import fitted_slope
 from mpi4py import MPI
 
@@ -10,11 +11,12 @@ from wavetank.case import Case
 from wavetank.fem.plane import Plane
 from wavetank.integrators import INTEGRATORS, ThirdOrder
 from wavetank.motion import AtRest, Ramped, Sinusoid
-from wavetank.simulation.build import Records, build_observers, build_run
+from wavetank.output.columns import energy_columns
+from wavetank.simulation.build import build_observers, build_run
 from wavetank.simulation.clock import EverySteps
-from wavetank.simulation.contract import Moment
-from wavetank.simulation.diagnostics import Gauges, Memory
-from wavetank.simulation.energy import COLUMNS, EnergyBudget
+from wavetank.simulation.diagnostics import Gauges
+from wavetank.simulation.energy import EnergyBudget
+from wavetank.simulation.records import Memory, Records
 from wavetank.tank.footprint import Ring, Slice
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.walls import LinearPaddle, StillWall
@@ -22,7 +24,7 @@ from wavetank.waves.airy import angular_frequency, group_velocity
 from wavetank.waves.wavemaker import PISTON
 
 GRAVITY = 9.81
-BALANCE = COLUMNS.index("balance [m^4/s^2]")
+BALANCE = energy_columns(1).index("balance [m^4/s^2]")
 
 
 @pytest.fixture
@@ -136,7 +138,7 @@ def test_a_case_has_the_water_it_asks_for():
             scene, gauges = scene_of(water, amplitude=stroke), Memory()
             running, waves = build_run(scene, MPI.COMM_SELF)
             assert isinstance(waves, LinearWaves) == (water == "linear")
-            running.observers += build_observers(scene, waves, Records(gauges, Memory(), None))
+            running.diagnostics += build_observers(scene, waves, Records(gauges, Memory(), None))
             running.execute()
             ends.append(gauges.array()[-1, 1])
         differences.append(abs(ends[0] - ends[1]))
@@ -200,7 +202,7 @@ def test_height_to_stroke_is_biesels(make_linear, kd):
     state = scheme.start(*waves.state(rest, rest))
     for step in range(int(duration / dt)):
         state = scheme.step(waves, state, step * dt, dt)
-        gauges.observe(Moment(step + 1, (step + 1) * dt, state))
+        gauges.record(block_of(waves, (step + 1, (step + 1) * dt, state)))
     t, eta = record.array()[-2 * per_period :].T
     harmonic = 2 / t.size * abs(np.sum(eta * np.exp(-1j * omega * t)))
     assert harmonic == pytest.approx(float(PISTON.transfer(kd, 1.0)), rel=0.01)
@@ -216,10 +218,10 @@ def test_energy_balances_the_work_of_the_paddle(make_linear, name, order):
         budget = EnergyBudget(waves, record=record)
         rest, scheme, dt = np.zeros(waves.plane.owned), INTEGRATORS[name](), 2.0 / count
         state = scheme.start(*waves.state(rest, rest))
-        budget.observe(Moment(0, 0.0, state))
+        budget.record(block_of(waves, (0, 0.0, state)))
         for step in range(count):
             state = scheme.step(waves, state, step * dt, dt)
-            budget.observe(Moment(step + 1, (step + 1) * dt, state))
+            budget.record(block_of(waves, (step + 1, (step + 1) * dt, state)))
         errors.append(np.abs(record.array()[:, BALANCE]).max())
     assert -fitted_slope(steps, errors) > order - 0.4
 

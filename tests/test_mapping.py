@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import ufl
+from blocks import block_of
 from conftest import fitted_slope
 from dolfinx import fem, mesh
 from hypothesis import given
@@ -22,8 +23,8 @@ from wavetank.integrators.states import Point
 from wavetank.motion import Ramped, SegmentedMotion, Sinusoid
 from wavetank.motion.motion import STEEPEST, frequency_shift, largest_stroke, share
 from wavetank.simulation.clock import Clock, EverySteps
-from wavetank.simulation.contract import Moment, Moments
-from wavetank.simulation.diagnostics import Gauges, HighestCrest, Memory
+from wavetank.simulation.diagnostics import Gauges, HighestCrest
+from wavetank.simulation.records import Memory
 from wavetank.simulation.run import Run
 from wavetank.tank.breaking import BreakingDissipation, BreakingWatch
 from wavetank.tank.crests import SteepCrest
@@ -149,7 +150,7 @@ def test_gauges_near_a_paddle_of_large_stroke_do_not_depend_on_the_reach(make_ta
         run = Run(tank, ThirdOrder(), [], start=tank.state(*np.zeros((2, tank.plane.owned))), clock=Clock(0.04, 110))
         record = Memory()
         places = np.array([[0.6, 0.0], [1.0, 0.0], [1.7, 0.0], [3.0, 0.0]])
-        run.observers.append(Gauges(tank, places, record=record, schedule=EverySteps()))
+        run.diagnostics.append(Gauges(tank, places, record=record, schedule=EverySteps()))
         run.execute()
         records.append(record.array()[:, 1:])
     highest = np.abs(records[0]).max()
@@ -222,9 +223,8 @@ def test_the_highest_crest_is_located_in_the_laboratory(make_tank):
     tank.set_time(1.0)
     place = tank.plane.places[[np.argmin(np.abs(tank.plane.x - 0.5))]]
     eta = np.where(tank.plane.x == place[0, 0], 0.1, 0.0)
-    crest, sights = HighestCrest(tank), {id(tank): tank.sight(1)}
-    Moment(0, 1.0, Point(*tank.state(eta, 0 * eta, 1.0)), sights=sights, row=0).look(tank)
-    crest.work_off(Moments(np.zeros(1, dtype=int), np.ones(1), sights, np.zeros(1, dtype=int)))
+    crest = HighestCrest(tank)
+    crest.record(block_of(tank, (0, 1.0, Point(*tank.state(eta, 0 * eta, 1.0)))))
     x = tank.wall.to_physical(place)[0, 0]
     assert crest.highest().x == pytest.approx(x) and x > place[0, 0] + 0.3
 

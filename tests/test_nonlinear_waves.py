@@ -4,6 +4,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from blocks import block_of, empty_block
 from conftest import fitted_slope
 from mpi4py import MPI
 
@@ -17,10 +18,10 @@ from wavetank.integrators.stage_solver import AndersonStageSolver
 from wavetank.integrators.states import Point
 from wavetank.integrators.third_order import Traces
 from wavetank.motion import Ramped, Sinusoid
+from wavetank.output.columns import energy_columns
 from wavetank.simulation.build import build_run
-from wavetank.simulation.contract import Moment
-from wavetank.simulation.diagnostics import Memory
-from wavetank.simulation.energy import COLUMNS, EnergyBudget
+from wavetank.simulation.energy import EnergyBudget
+from wavetank.simulation.records import Memory
 from wavetank.tank.carried_waves import CarriedWaves
 from wavetank.tank.seen import DAMPED, HIGHEST, POWER, see_from
 from wavetank.tank.still_water import StillWaterWaves, scales
@@ -28,7 +29,7 @@ from wavetank.tank.walls.contract import stood
 
 SCHEMES = sorted(INTEGRATORS)
 QUICK = ("simpson-4",)  # the others are alike, and their long runs slow
-BALANCE, MASS = COLUMNS.index("balance [m^4/s^2]"), COLUMNS.index("mass [m^2]")
+BALANCE, MASS = energy_columns(1).index("balance [m^4/s^2]"), energy_columns(1).index("mass [m^2]")
 
 
 def steep_state(tank, amplitude=0.12):
@@ -169,7 +170,7 @@ def test_energies_seen_from_a_point_are_right_to_the_square_of_what_lies_between
         away = np.array([size * tank.mass.apply(bump), size * bump])
         state = MeanAndJumps(mean, 2 * away, away, away, mean - away)
         before, at = state.known
-        found, told, close = tank.sight(2), tank.sight(1), 1e-14 + 0.02 * tank.wall.leans * size**2
+        found, told, close = empty_block(tank, 2), empty_block(tank, 1), 1e-14 + 0.02 * tank.wall.leans * size**2
         tank.see(state, t, found, 0)
         state.points[0].setflags(write=False)
         tank.flow(state.points[0], t)  # as a step ends
@@ -246,7 +247,7 @@ def test_mean_energy_drifts_by_little_in_1e5_steps_at_the_default_tolerance():
     parts |= {"run": {"duration": steps * dt}, "numerics": parts["numerics"] | {"dt": dt}}
     run, waves = build_run(Case.model_validate(parts), MPI.COMM_SELF)
     record = Memory()
-    run.observers.append(EnergyBudget(waves, record=record, every=24))
+    run.diagnostics.append(EnergyBudget(waves, record=record, every=24))
     run.execute()
     total = record.array()[:, 3]
     means = [part.mean() / total[0] - 1 for part in np.array_split(total, 10)]
@@ -277,9 +278,9 @@ def driven(make_tank, name, dt, *, duration, every=(1,)):
     rest = np.zeros(tank.plane.owned)
     state = scheme.start(*tank.state(rest, rest))
     for step in range(round(duration / dt) + 1):
-        moment = Moment(step, step * dt, state)  # which is seen once for all of them
+        block = block_of(tank, (step, step * dt, state))
         for budget in budgets:
-            budget.observe(moment)
+            budget.record(block)
         state = scheme.step(tank, state, step * dt, dt)
     return [record.array() for record in records]
 

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from blocks import block_of
 
 from examples.paper.oscillators import Harmonic, NonSeparable
 from wavetank.errors import RunError
@@ -11,14 +12,14 @@ from wavetank.integrators import StormerVerlet
 from wavetank.integrators.filtered import Filtered
 from wavetank.integrators.states import Point
 from wavetank.motion import Sinusoid
+from wavetank.output.columns import energy_columns
 from wavetank.simulation.clock import Clock, EverySteps, EveryTime, EveryTimeBetween
-from wavetank.simulation.contract import Keeping, Moment
-from wavetank.simulation.diagnostics import Memory, SurfaceSnapshots
-from wavetank.simulation.energy import EnergyBudget, columns
+from wavetank.simulation.diagnostics import SurfaceSnapshots
+from wavetank.simulation.energy import EnergyBudget
+from wavetank.simulation.records import Memory
 from wavetank.simulation.run import Run
 from wavetank.simulation.supply import Integral
 from wavetank.tank.dissipation import EdgePenalty
-from wavetank.tank.seen import Sight
 
 
 @pytest.mark.parametrize(("every", "dt"), [(0.1, 0.05), (0.3, 0.1), (0.7, 0.1)])
@@ -29,16 +30,12 @@ def test_what_acts_at_equal_times_acts_at_the_steps_that_end_there(every, dt):
     assert due == list(range(0, 1000, apart))
 
 
-def test_who_looks_at_a_moment_cannot_change_it():
-    """At the start and behind filters, too, where a scheme's arrays can be written into; oracle: numpy's flag."""
-    waves, eta = SimpleNamespace(), np.ones((1, 3))
-    state = Point(np.ones(3), np.ones(3))
-    moment = Moment(0, 0.0, state, sights={id(waves): SimpleNamespace(eta=eta, filled=1)})
-    for seen in (moment.q, moment.p, *moment.points[0], moment.elevation(waves)):
+def test_the_arrays_of_a_block_are_read_only():
+    """Oracle: numpy's flag."""
+    block = block_of(Harmonic(), (0, 0.0, Point(np.ones(3), np.ones(3))))
+    for array in (block.q, block.psi, block.eta, block.t, *(one for state in block.states() for one in state[:2])):
         with pytest.raises(ValueError, match="read-only"):
-            seen *= 100
-    assert np.array_equal([moment.q, moment.p, moment.elevation(waves)], np.ones((3, 3)))
-    assert state.q.flags.writeable and eta.flags.writeable  # by those whose they are
+            array *= 100
 
 
 def test_steps_that_do_not_end_there_are_the_first_beyond():
@@ -126,19 +123,17 @@ def test_what_filters_take_is_counted_at_the_end_of_the_step(second):
         assert filters[1].told[0] == pytest.approx(slopes / 2 * (0.9 - 0.72) * p, rel=1e-14)
 
 
-class Keeper(Keeping):
-    """Keeps when moments were, and fails at one."""
+class Times:
+    """Records the times of steps, and fails at one."""
 
     def __init__(self, fails_at=-1):
         self.schedule, self.fails_at, self.times = EverySteps(), fails_at, []
 
-    def keep(self, moment):
-        if moment.step == self.fails_at:
-            raise RunError("it cannot be kept")
-        self.times.append(moment.t)
-
-    def work_off(self, moments):
-        self.worked_off = moments.times.tolist()
+    def record(self, block):
+        for step, t in zip(block.step.tolist(), block.t.tolist(), strict=True):
+            if step == self.fails_at:
+                raise RunError("it cannot be recorded", t=t)
+            self.times.append(t)
 
 
 class Sometimes(Leaving):
@@ -148,27 +143,27 @@ class Sometimes(Leaving):
         return round(10 * t) % 3 == 0
 
 
-def filtered_run(*observers):
+def filtered_run(*diagnostics):
     start, clock = (np.array([1.0]), np.array([0.3])), Clock(0.1, 7)
-    return Run(Timed(), StormerVerlet(), observers, start=start, clock=clock, filters=[Sometimes(0.99, 0.9)])
+    return Run(Timed(), StormerVerlet(), diagnostics, start=start, clock=clock, filters=[Sometimes(0.99, 0.9)])
 
 
-def test_what_filters_leave_is_kept_once_at_the_time_that_is_recorded():
+def test_each_step_is_recorded_once_at_the_time_of_the_clock():
     """Bit for bit, though a step of 0.1 s from 0.5 s ends a little before the sixth."""
-    one = Keeper()
+    one = Times()
     filtered_run(one).execute()
-    assert one.times == one.worked_off == [0.1 * step for step in range(8)]
+    assert one.times == [0.1 * step for step in range(8)]
 
 
-@pytest.mark.parametrize(("order", "observed"), [([-1, 3], False), ([3, -1], True)])
-def test_a_step_that_fails_once_somebody_has_kept_it_leaves_nothing_to_go_on_from(order, observed):
-    """Else the one who has would keep it again; all that were before are worked off."""
-    keepers = [Keeper(one) for one in order]
-    run = filtered_run(*keepers)
-    with pytest.raises(RunError, match="it cannot be kept"):
+@pytest.mark.parametrize("fails_at", [2, 3, 5])
+def test_a_run_ends_at_the_step_that_a_diagnostic_cannot_record(fails_at):
+    """Later diagnostics record that step, and none behind it."""
+    first, second = Times(fails_at), Times()
+    run = filtered_run(first, second)
+    with pytest.raises(RunError, match="it cannot be recorded"):
         run.execute()
-    run.settle()
-    assert run.step == 2 and run.observed == observed and keepers[0].worked_off == [0.0, 0.1, 0.2]
+    assert run.step == fails_at and not run.recorded
+    assert first.times == [0.1 * step for step in range(fails_at)] and second.times == [*first.times, run.t]
 
 
 def test_snapshots_are_on_the_laboratory_side_of_the_paddle(make_tank):
@@ -182,7 +177,7 @@ def test_snapshots_are_on_the_laboratory_side_of_the_paddle(make_tank):
 
     snapshots = SurfaceSnapshots(tank, record=Kept(), schedule=EverySteps())
     for t in (0.0, 1.0, 3.0):
-        snapshots.observe(Moment(0, t, Point(*tank.state(0 * tank.plane.x, 0 * tank.plane.x, t))))
+        snapshots.record(block_of(tank, (0, t, Point(*tank.state(0 * tank.plane.x, 0 * tank.plane.x, t)))))
         assert seen[-1][[0, -1]] == pytest.approx([motion.position(t), 6.0], abs=1e-12)
         assert np.all(np.diff(seen[-1]) > 0.0)
 
@@ -196,11 +191,13 @@ class Steady:
     def explicit_rate(self, q, p, t):
         return 8.9
 
-    def sight(self, most):
-        return Sight(most, owned=1, wall=self.wall)
-
     def see(self, state, t, into, row):
         into.numbers[row, :5] = 0.5, 0.5, 0.0, 1.0, self.explicit_rate(state.q, state.p, t)
+
+
+def still(step, *, sinks=(), water=None, work=None):
+    """Return the block of a step of half a second of steady water."""
+    return block_of(water or Steady(), (step, 0.5 * step, Point(np.zeros(1), np.zeros(1))), sinks=sinks, work=work)
 
 
 def test_a_balance_is_judged_by_all_the_energy_there_was_also_what_has_been_dissipated():
@@ -209,18 +206,18 @@ def test_a_balance_is_judged_by_all_the_energy_there_was_also_what_has_been_diss
     budget = EnergyBudget(Steady(), record=Memory(), sinks=[damping])
     for step, taken in enumerate((0.0, 4.45, 9.0)):
         damping.energy_taken = taken
-        budget.observe(Moment(step, 0.5 * step, Point(np.zeros(1), np.zeros(1))))
+        budget.record(still(step, sinks=[damping]))
     assert budget.energy_error == pytest.approx(0.01, rel=1e-9)
 
 
 @pytest.mark.parametrize(("unseen", "told"), [(-0.2, True), (-0.05, False), (0.2, True)])
 def test_waves_that_go_through_a_tank_are_energy_that_a_balance_is_judged_by(unseen, told):
     """Of 1 J that stays and 900 J that a paddle has absorbed by 100 s: what is unseen of its work is over 901 J."""
-    pulled = SimpleNamespace(keep=lambda *_: None)
-    budget = EnergyBudget(Steady(), record=Memory(), supply=pulled)
+    pulled = SimpleNamespace()
+    budget = EnergyBudget(Steady(), record=Memory())
     for step in range(201):
-        pulled.work_off = lambda *_, step=step: np.array([[0.5 * step * unseen], [0.5 * step * 9.0]])
-        budget.observe(Moment(step, 0.5 * step, Point(np.zeros(1), np.zeros(1))))
+        pulled.advance = lambda *_, step=step: (0.5 * step * unseen, 0.5 * step * 9.0)
+        budget.record(still(step, work=pulled))
     assert budget.energy_error == pytest.approx(100 * abs(unseen) / 901, rel=1e-9)
     assert len(budget.verdict()) == told
 
@@ -228,8 +225,8 @@ def test_waves_that_go_through_a_tank_are_energy_that_a_balance_is_judged_by(uns
 def test_work_over_unequal_steps_is_that_of_trapezia_and_of_equal_steps_of_order_four():
     """Oracles: the integral of a linear rate over any steps, of a quadratic one over equal steps."""
     unequal, equal = np.array([0.0, 0.1, 0.2, 0.3, 0.35, 0.45, 0.5, 0.55]), 0.1 * np.arange(6)
-    assert Integral().work_off(unequal, 2.0 + 3.0 * unequal) == pytest.approx(2.0 * unequal + 1.5 * unequal**2)
-    assert Integral().work_off(equal, equal**2)[2:] == pytest.approx(equal[2:] ** 3 / 3)
+    assert Integral().advance(unequal, 2.0 + 3.0 * unequal) == pytest.approx(2.0 * unequal + 1.5 * unequal**2)
+    assert Integral().advance(equal, equal**2)[2:] == pytest.approx(equal[2:] ** 3 / 3)
 
 
 class Unnamed(SimpleNamespace):
@@ -245,7 +242,7 @@ def test_what_gives_energy_is_told_by_its_name_whatever_the_other_takes(which, c
     budget = EnergyBudget(Steady(), record=Memory(), sinks=sinks)
     for step, given in enumerate((-0.2, -0.1, 0.1, -0.1)):
         sinks[which].energy_taken, sinks[1 - which].energy_taken = -given, 4.0 * (step > 0)
-        budget.observe(Moment(step, 0.5 * step, Point(np.zeros(1), np.zeros(1))))
+        budget.record(still(step, sinks=sinks))
     told = [sentence for sentence in budget.verdict() if "given" in sentence]
     assert len(told) == 1 and told[0].startswith(f"{called} has given the waves")
     assert "by t = 1 s" in told[0]
@@ -260,7 +257,7 @@ def test_a_balance_that_is_off_by_what_was_given_is_not_cured_by_a_shorter_step(
     budget = EnergyBudget(water, record=Memory(), sinks=[beach, more])
     for n in range(3):
         beach.energy_taken, more.energy_taken = -0.3 * (n > 0), other * (n > 0)
-        budget.observe(Moment(n, 0.5 * n, Point(np.zeros(1), np.zeros(1))))
+        budget.record(still(n, sinks=[beach, more], water=water))
     given, off = sorted(budget.verdict(), key=lambda said: "balance" in said)
     assert budget.verdict() == ([off, given] if cured else [given, off])
     assert off.endswith(": a shorter step or a tighter tolerance is needed" if cured else "to what the beach has given")
@@ -275,7 +272,7 @@ def test_numerics_that_took_energy_are_told_by_name_and_what_should_take_it_is_n
     budget = EnergyBudget(Steady(), record=Memory(), sinks=[penalty, beach := Unnamed()])
     for step in range(3):
         penalty.energy_taken = beach.energy_taken = 0.5 * step * taken
-        budget.observe(Moment(step, 0.5 * step, Point(np.zeros(1), np.zeros(1))))
+        budget.record(still(step, sinks=[penalty, beach]))
     said = [sentence for sentence in budget.verdict() if "taken" in sentence]
     assert said == ["the edge penalty has taken 0.019 of the energy: finer cells lose less, unless waves break"] * told
 
@@ -286,6 +283,6 @@ def test_the_paddle_s_work_is_integrated_to_fourth_order():
     water.explicit_rate = lambda q, p, t: 3 * t**2
     budget = EnergyBudget(water, record=record)
     for step in range(6):
-        budget.observe(Moment(step, 0.5 * step, Point(np.zeros(1), np.zeros(1))))
-    work = record.array()[1:, columns(1).index("paddle_work [m^4/s^2]")]
+        budget.record(still(step, water=water))
+    work = record.array()[1:, energy_columns(1).index("paddle_work [m^4/s^2]")]
     assert work == pytest.approx((0.5 * np.arange(1, 6)) ** 3 + [0.5**4, 0, 0, 0, 0], rel=1e-14)

@@ -32,19 +32,21 @@ class Evaluating:
     def __init__(self, waves):
         self._waves, self.schedule = waves, EverySteps()
 
-    def observe(self, moment):
-        self._waves.elevation(moment.q, moment.p, moment.t)
-        self._waves.energies(moment.q, moment.p, moment.t)
-        for q, p in ((moment.q, moment.p), (moment.q, 0.9 * moment.p)):
-            self._waves.H_p(q, p, moment.t)
-            self._waves.H_q(q, p, moment.t)
+    def record(self, block):
+        for q, psi, t in block.states():
+            self._waves.elevation(q, psi, t)
+            self._waves.energies(q, psi, t)
+            for p in (psi, 0.9 * psi):
+                self._waves.H_p(q, p, t)
+                self._waves.H_q(q, p, t)
 
 
 class Looking(Evaluating):
     """A user's observer that asks for the elevation only."""
 
-    def observe(self, moment):
-        self._waves.elevation(moment.q, moment.p, moment.t)
+    def record(self, block):
+        for state in block.states():
+            self._waves.elevation(*state)
 
 
 def surfaces(run: RunDirectory) -> bytes:

@@ -6,6 +6,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
+from blocks import at
 from conftest import fitted_slope, recorded
 from mpi4py import MPI
 
@@ -17,7 +18,6 @@ from wavetank.errors import InputError
 from wavetank.fem.forms import ScalarForm
 from wavetank.fem.plane import Plane
 from wavetank.integrators import INTEGRATORS, StormerVerlet
-from wavetank.integrators.states import Point
 from wavetank.output.directory import RunDirectory
 from wavetank.planning import cost
 from wavetank.planning import default_plan as planned
@@ -27,11 +27,10 @@ from wavetank.planning.dispersion import Cells, Mesh, step_errors
 from wavetank.planning.plan import AIM, Given, UnreachableError, make_plan, own_plan
 from wavetank.planning.requirements import requirements, stokes
 from wavetank.planning.resolution import LOOSEST, ErrorModel, Settings, solved_to
-from wavetank.simulation.build import Records, build_observers, build_run
+from wavetank.simulation.build import build_observers, build_run
 from wavetank.simulation.clock import Clock
 from wavetank.simulation.construction import build_waves, told_energy
-from wavetank.simulation.contract import Moment
-from wavetank.simulation.diagnostics import Memory
+from wavetank.simulation.records import Memory, Records
 from wavetank.tank.footprint import Slice
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.walls import StillWall
@@ -360,7 +359,7 @@ def gauge_records(scene, settings, *, every=1, at=None):
     changes = {"numerics": numerics, "output": {"gauges_every": every}, "gauges": at or [0.0, scene.tank.length]}
     scene, gauges = Case.model_validate(scene.model_dump(mode="json") | changes), Memory()
     run, waves = build_run(scene, MPI.COMM_SELF)
-    run.observers += build_observers(scene, waves, Records(gauges, Memory(), None))
+    run.diagnostics += build_observers(scene, waves, Records(gauges, Memory(), None))
     run.execute()
     return gauges.array()
 
@@ -732,7 +731,7 @@ def test_a_start_by_formula_is_timed_where_no_plan_is_made(tmp_path, capsys):
 def test_a_stopwatch_leaves_out_the_first_steps():
     watch, solved = Stopwatch(lambda: solved.pop(0)), [0, 9, 15, 18, 20, 23]
     for step in range(6):
-        watch.observe(Moment(step, 0.1 * step, Point(np.zeros(1), np.zeros(1))))
+        watch.record(at(step, 0.1 * step))
     assert watch.per_step(after=3)[2] == 2.5
     assert watch.per_step(after=9)[2] == 3.0  # a run that short: of its last step
 

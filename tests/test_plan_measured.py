@@ -24,8 +24,9 @@ from wavetank.errors import InputError, WavetankError
 from wavetank.planning.cost import CostModel, calibrate
 from wavetank.planning.plan import Plan, make_plan
 from wavetank.planning.resolution import Settings, resolved
-from wavetank.simulation.build import Records, build_observers, build_run
-from wavetank.simulation.diagnostics import HighestCrest, Memory
+from wavetank.simulation.build import build_observers, build_run
+from wavetank.simulation.diagnostics import HighestCrest
+from wavetank.simulation.records import Memory, Records
 from wavetank.waves.airy import angular_frequency
 
 CHECKOUT = Path(__file__).resolve().parents[1]
@@ -85,7 +86,7 @@ def run(scene: Case) -> Measured:
     gauges = Memory()
     running, waves = build_run(scene, MPI.COMM_SELF)
     records = Records(gauges, Memory(), None)
-    running.observers += build_observers(scene, waves, records, sinks=running.sinks)
+    running.diagnostics += build_observers(scene, waves, records, sinks=running.sinks)
     began = time.process_time()
     running.execute()
     cpu = time.process_time() - began
@@ -339,7 +340,7 @@ def test_default_cells_of_a_modulated_train_are_fine_enough():
 def highest(scene: Case, settings: dict) -> float:
     """Return the highest crest of a run with changed numerics [m]."""
     running, waves = build_run(with_numerics(scene, settings), MPI.COMM_SELF)
-    running.observers += [crest := HighestCrest(waves)]
+    running.diagnostics += [crest := HighestCrest(waves)]
     running.execute()
     return crest.highest().height
 
@@ -353,7 +354,7 @@ def at_all_gauges(scene: Case, settings: dict) -> np.ndarray:
     """Return times [s] and elevations [m] at all gauges of a run with changed numerics, shape (N, 1 + gauges)."""
     gauges = Memory()
     running, waves = build_run(with_numerics(scene, settings), MPI.COMM_SELF)
-    running.observers += build_observers(scene, waves, Records(gauges, Memory(), None), sinks=running.sinks)
+    running.diagnostics += build_observers(scene, waves, Records(gauges, Memory(), None), sinks=running.sinks)
     running.execute()
     return gauges.array()
 

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from blocks import at as at_step
 from conftest import fitted_slope
 from mpi4py import MPI
 from rich.console import Console
@@ -11,14 +12,13 @@ from rich.console import Console
 from wavetank.case import Case
 from wavetank.errors import InputError
 from wavetank.fem.plane import Plane
-from wavetank.integrators.states import Point
 from wavetank.motion import AtRest, Sinusoid
 from wavetank.motion.motion import Tangent
 from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run, resume_run
 from wavetank.simulation.clock import EverySteps
-from wavetank.simulation.contract import Moment
-from wavetank.simulation.diagnostics import Memory, Probes
+from wavetank.simulation.diagnostics import Probes
+from wavetank.simulation.records import Memory
 from wavetank.tank.footprint import Ring, Slice
 from wavetank.tank.kinematics import NonlinearRates, Sounding
 from wavetank.tank.walls import Piston, StillWall
@@ -34,7 +34,9 @@ def seen(water, state, points, t=0.0):
     record, (x, z) = Memory(), np.array(points).T
     at = np.column_stack([x, 0 * x, z])
     sounding = Sounding(water, at, density=DENSITY)
-    Probes(water, sounding, record=record, schedule=EverySteps()).observe(Moment(0, t, Point(*state)))
+    block = at_step(0, t)
+    block.q, block.psi = (one[None] for one in state)
+    Probes(water, sounding, record=record, schedule=EverySteps()).record(block)
     return record.array()[0, 1:].reshape(-1, 7)
 
 

@@ -94,7 +94,7 @@ class Watch:
     def __init__(self, waves):
         pass
 
-    def observe(self, moment):
+    def record(self, block):
         pass
 
 
@@ -107,7 +107,7 @@ class Watch:
         ({"integrator": Pairs()}, "integrator: what stormer-verlet.start returns has no q, p, known, q_jump, mapped;"),
         ({"observers": Watch}, "observers = Watch: must be a list of functions of the waves, such as classes."),
         ({"observers": [Watch(None)]}, "observers[0]: a Watch received; needed is a function of the waves that"),
-        ({"observers": [Watch]}, "observers[0]: what Watch returns has no schedule; needed are schedule, observe"),
+        ({"observers": [Watch]}, "observers[0]: what Watch returns has no schedule; needed are schedule, record"),
     ],
 )
 def test_what_is_no_integrator_or_observer_is_a_sentence_before_anything_is_written(folder, own, said):

@@ -9,8 +9,8 @@ from conftest import fitted_slope
 from mpi4py import MPI
 
 from wavetank.case import Case
-from wavetank.simulation.build import Records, build_observers, build_run
-from wavetank.simulation.diagnostics import Memory
+from wavetank.simulation.build import build_observers, build_run
+from wavetank.simulation.records import Memory, Records
 
 REFERENCE = Path(__file__).resolve().parents[2] / "shared" / "data" / "release_from_rest_reference"
 
@@ -38,7 +38,7 @@ def largest_error(case: str, *, cells: int, order: int, n: int, steps: int, peri
     )
     gauges = Memory()
     run, waves = build_run(scene, MPI.COMM_SELF)
-    run.observers += build_observers(scene, waves, Records(gauges, Memory(), None))
+    run.diagnostics += build_observers(scene, waves, Records(gauges, Memory(), None))
     run.execute()
     return float(np.abs(gauges.array()[:, 1:] - reference[:, 1:]).max())
 

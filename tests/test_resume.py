@@ -25,7 +25,7 @@ from wavetank.output import files
 from wavetank.output.checkpoint import read_checkpoint_file
 from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, ENERGY, GAUGES, RunDirectory
 from wavetank.planning import checks
-from wavetank.simulation import checkpoints, energy
+from wavetank.simulation import energy
 from wavetank.simulation import run as running
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.construction import KeptSurface, build_waves
@@ -108,16 +108,15 @@ def test_a_run_that_fails_is_kept_up_to_its_last_good_step(scheme, uninterrupted
         def __init__(self, waves):
             self.schedule = EverySteps()
 
-        def observe(self, moment):
-            if moment.step == 7:
+        def record(self, block):
+            if 7 in block.step:
                 raise RunError("it ends here")
 
     parts = SLICE | {"numerics": SLICE["numerics"] | {"integrator": scheme}}
     if scheme != "simpson-4":
         uninterrupted = tmp_path / "whole"
         record(parts, uninterrupted, {})
-    monkeypatch.setattr(checkpoints, "NOTING", np.inf)
-    monkeypatch.setattr(running, "MOMENTS", 1)  # else it is that of the last moments worked off
+    monkeypatch.setattr(running, "LONGEST", 1)  # else it is the end of the block before
     with pytest.raises(RunError, match="it ends here"):
         wt.run(scene(parts), tmp_path / "run", observers=[Failing], quiet=True)
     failed = read_checkpoint_file(tmp_path / "run" / CHECKPOINT)

@@ -12,9 +12,9 @@ from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.fem.charts import Polygon
 from wavetank.integrators import Simpson4
-from wavetank.simulation.build import Records, build_observers, build_run
-from wavetank.simulation.diagnostics import Memory
-from wavetank.simulation.energy import COLUMNS
+from wavetank.output.columns import energy_columns
+from wavetank.simulation.build import build_observers, build_run
+from wavetank.simulation.records import Memory, Records
 from wavetank.tank.footprint import Ring
 from wavetank.waves.airy import angular_frequency
 
@@ -139,12 +139,12 @@ def round_the_ring(*, steepness, kd, cells, n, steps, periods, waves=1):
     scene = Case.model_validate({"tank": ring, "initial": initial, "run": run, "numerics": numerics})
     run, tank = build_run(scene, MPI.COMM_SELF)
     energy = Memory()
-    run.observers += build_observers(scene, tank, Records(Memory(), energy, None))
+    run.diagnostics += build_observers(scene, tank, Records(Memory(), energy, None))
     start, harmonic = run.state.q.copy(), np.exp(-1j * kd * tank.plane.x)
     run.execute()
     phase = np.angle(np.sum(run.state.q * harmonic) / np.sum(start * harmonic))
     crest = tank.elevation(run.state.q, run.state.p, run.t)[np.argmin(tank.plane.x)]
-    total, mass = energy.array()[:, [COLUMNS.index(name) for name in ("total [m^4/s^2]", "mass [m^2]")]].T
+    total, mass = energy.array()[:, [energy_columns(1).index(name) for name in ("total [m^4/s^2]", "mass [m^2]")]].T
     return abs(phase), abs(crest / wave.surface([0.0])[0][0] - 1), np.ptp(total) / total[0], np.ptp(mass) / mass[0]
 
 

@@ -59,8 +59,8 @@ def scene(motion, *, duration=20.0, limits=None, tank=TANK, **more):
 def seen(case, *, start):
     """Return the times of the nonlinear tank from a start on, and the elevation at each as a spline along x."""
     run, water = build_run(case, MPI.COMM_SELF)
-    last = Surfaces(water, start=start)
-    run.observers.append(last)
+    last = Surfaces(start=start)
+    run.diagnostics.append(last)
     run.execute()
     order = np.argsort(water.plane.x)
     return np.array(last.t), [CubicSpline(water.plane.x[order], eta[order]) for eta in last.eta]

@@ -13,9 +13,9 @@ from mpi4py import MPI
 
 from wavetank import data
 from wavetank.case.reading import read_case
-from wavetank.simulation.build import Records, build_observers, build_run
-from wavetank.simulation.diagnostics import Memory
-from wavetank.simulation.energy import COLUMNS
+from wavetank.output.columns import energy_columns
+from wavetank.simulation.build import build_observers, build_run
+from wavetank.simulation.records import Memory, Records
 
 CASE = Path(__file__).resolve().parents[1] / "cases" / "shoaling-release.toml"
 REFERENCE = "whispers3d_coulaud_case2_shoaling"
@@ -67,13 +67,13 @@ def test_the_envelope_is_that_of_fully_nonlinear_potential_flow():
     scene = read_case(CASE, ["output.surface_every=0.01"])
     envelope, energy = Envelope(), Memory()
     run, waves = build_run(scene, MPI.COMM_SELF)
-    run.observers += build_observers(scene, waves, Records(Memory(), energy, envelope), sinks=run.sinks)
+    run.diagnostics += build_observers(scene, waves, Records(Memory(), energy, envelope), sinks=run.sinks)
     run.execute()
     for potential_flow, boussinesq in FILES:
         published = Envelope.read(potential_flow)
         errors = envelope.errors(published)
         assert (errors < NOISE).all()
         assert Envelope.read(boussinesq).errors(published)[0] > 5 * errors[0]
-    budget = dict(zip(COLUMNS, energy.array().T, strict=True))
+    budget = dict(zip(energy_columns(1), energy.array().T, strict=True))
     assert np.abs(budget["mass [m^2]"] / budget["mass [m^2]"][0] - 1).max() < 1e-13
     assert np.abs(budget["balance [m^4/s^2]"]).max() < 3e-4 * budget["total [m^4/s^2]"][0]  # the scheme's, at this step

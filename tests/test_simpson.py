@@ -10,9 +10,10 @@ from mpi4py import MPI
 
 from wavetank.case import Case
 from wavetank.case.reading import read_case
-from wavetank.simulation.build import Records, build_observers, build_run, build_watch
+from wavetank.simulation.build import build_observers, build_run, build_watch
 from wavetank.simulation.clock import EverySteps
-from wavetank.simulation.diagnostics import Gauges, Memory
+from wavetank.simulation.diagnostics import Gauges
+from wavetank.simulation.records import Memory, Records
 from wavetank.tank.surface_flow import SurfaceFlow
 
 SINUSOID = {"type": "sinusoid", "paddle_amplitude": 0.03, "period": 1.6, "ramp": 1.6}
@@ -64,7 +65,7 @@ class Recorded:
         scene = Case.model_validate({**case, "numerics": {**case["numerics"], "integrator": integrator, "dt": dt}})
         run, waves = build_run(scene, MPI.COMM_WORLD)
         gauges, energy = Memory(), Memory()
-        run.observers += build_observers(scene, waves, Records(gauges, energy, None), sinks=run.sinks)
+        run.diagnostics += build_observers(scene, waves, Records(gauges, energy, None), sinks=run.sinks)
         run.execute()
         self.eta, rows = gauges.array()[:, 1:], energy.array()
         self.surface = waves.elevation(run.state.q, run.state.p, run.t)
@@ -112,8 +113,8 @@ def test_watch_gauges_and_snapshots_solve_for_nothing_besides_the_energies(monke
     scene = Case.model_validate({**SLICE, "run": {"duration": 0.2}})
     run, waves = build_run(scene, MPI.COMM_WORLD)
     records = Records(Memory(), Memory(), Memory())
-    run.observers += build_watch(scene, run, waves, pytest.fail) + build_observers(scene, waves, records)
-    for observer in run.observers:
+    run.diagnostics += build_watch(scene, run, waves, pytest.fail) + build_observers(scene, waves, records)
+    for observer in run.diagnostics:
         observer.schedule = EverySteps()
     solve, solved = waves.mass.solve, []
     monkeypatch.setattr(waves.mass, "solve", lambda right, **how: solved.append(right) or solve(right, **how))
@@ -188,7 +189,7 @@ def noise_over_the_bar(duration, integrator):
     run, waves = build_run(read_case(CHECKOUT / "cases" / "bar.toml", changes), MPI.COMM_SELF)
     record = Memory()
     places = [(x, 0.0) for x in (12.5, 13.5, 14.5, 15.7)]
-    run.observers.append(Gauges(waves, places, record=record, schedule=EverySteps()))
+    run.diagnostics.append(Gauges(waves, places, record=record, schedule=EverySteps()))
     run.execute()
     begins = np.rint(np.arange(20.0, duration, 5.0) / 0.03).astype(int)
     windows = np.split(record.array()[:, 1:], begins)[1:]

@@ -15,11 +15,12 @@ from wavetank.errors import InputError
 from wavetank.fem.plane import Plane
 from wavetank.motion import PiecewiseLinear
 from wavetank.motion.motion import SegmentedMotion
+from wavetank.output.columns import energy_columns
 from wavetank.output.directory import RunDirectory
 from wavetank.simulation.build import build_run
 from wavetank.simulation.construction import build_footprint
-from wavetank.simulation.diagnostics import Memory
-from wavetank.simulation.energy import COLUMNS, EnergyBudget
+from wavetank.simulation.energy import EnergyBudget
+from wavetank.simulation.records import Memory
 from wavetank.tank.walls import Polynomial, Shaped
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 from wavetank.waves import airy
@@ -27,7 +28,7 @@ from wavetank.waves.wavemaker import Flap, modes, norm
 
 DEPTH, LENGTH, WIDTH = 1.0, 3.0, 2.0
 OBLIQUE = {"type": "oblique-wave", "wave_amplitude": 0.02, "period": 1.3, "angle": 30.0}
-MASS = COLUMNS.index("mass [m^2]")
+MASS = energy_columns(1).index("mass [m^2]")
 Y = np.linspace(0.0, WIDTH, 9)
 
 
@@ -168,7 +169,7 @@ def stepped():
     """Return the energy, the drift of mass, and the elevation's square after ten steps of these; collective."""
     run, waves = bent()
     start = waves.total_mass(run.state.q)
-    run.observers = []
+    run.diagnostics = []
     run.execute()
     q, p, t = run.state.q, run.state.p, run.t
     eta = waves.elevation(q, p, t)
@@ -193,7 +194,7 @@ def test_the_energy_of_a_snake_of_flaps_is_its_work():
     for count in steps:
         run, waves = bent(count)
         record = Memory()
-        run.observers = [EnergyBudget(waves, record=record, every=1)]
+        run.diagnostics = [EnergyBudget(waves, record=record, every=1)]
         run.execute()
         errors.append(np.abs(record.array()[:, BALANCE]).max())
     assert fitted_slope(1.0 / steps, errors) == pytest.approx(4.0, abs=0.5)
@@ -241,7 +242,7 @@ def driven(scene, *, dt=0.04):
     numerics = scene.numerics.model_copy(update={"dt": dt})
     run, waves = build_run(scene.model_copy(update={"numerics": numerics}), MPI.COMM_WORLD)
     record = Memory()
-    run.observers = [EnergyBudget(waves, record=record, every=1)]
+    run.diagnostics = [EnergyBudget(waves, record=record, every=1)]
     run.execute()
     surface = waves.elevation(run.state.q, run.state.p, run.t), run.state.p
     surface, places = (

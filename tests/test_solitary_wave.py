@@ -12,8 +12,8 @@ from wavetank.case import Case
 from wavetank.errors import InputError
 from wavetank.planning.checks import cut_starts, jets
 from wavetank.planning.default_plan import planned
-from wavetank.simulation.build import Records, build_observers, build_run
-from wavetank.simulation.diagnostics import Memory
+from wavetank.simulation.build import build_observers, build_run
+from wavetank.simulation.records import Memory, Records
 from wavetank.waves.solitary_wave import solitary_wave
 
 REFERENCE = Path(__file__).resolve().parents[2] / "shared" / "data" / "solitary_wall_runup_reference"
@@ -100,7 +100,7 @@ def at_wall(scene):
     """Return times and elevation of a scene's gauge."""
     gauges = Memory()
     run, waves = build_run(scene, MPI.COMM_SELF)
-    run.observers += build_observers(scene, waves, Records(gauges, Memory(), None))[2:]
+    run.diagnostics += build_observers(scene, waves, Records(gauges, Memory(), None))[2:]
     run.execute()
     return gauges.array().T
 

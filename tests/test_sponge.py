@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from blocks import block_of, empty_block
 from conftest import fitted_slope
 from dolfinx import mesh
 from mpi4py import MPI
@@ -31,10 +32,10 @@ from wavetank.integrators import (
 from wavetank.integrators.filtered import Filtered
 from wavetank.integrators.states import like, rows
 from wavetank.motion import AtRest, Ramped, Sinusoid
+from wavetank.output.columns import energy_columns
 from wavetank.simulation.construction import build_sponge
-from wavetank.simulation.contract import Moment
-from wavetank.simulation.diagnostics import Memory
-from wavetank.simulation.energy import COLUMNS, EnergyBudget
+from wavetank.simulation.energy import EnergyBudget
+from wavetank.simulation.records import Memory
 from wavetank.tank.dissipation import EdgePenalty, checked, distance_from_edge, profile, width_of
 from wavetank.tank.footprint import Slice
 from wavetank.tank.linear_waves import LinearWaves
@@ -46,7 +47,7 @@ from wavetank.waves.airy import angular_frequency, group_velocity
 from wavetank.waves.damped_waves import reflection
 
 SCHEMES = (StormerVerlet(), StormerVerletAdjoint(), ThirdOrder(), Simpson4(), GaussLegendre4())
-BALANCE, TAKEN, TOTAL = (COLUMNS.index(f"{name} [m^4/s^2]") for name in ("balance", "dissipated", "total"))
+BALANCE, TAKEN, TOTAL = (energy_columns(1).index(f"{name} [m^4/s^2]") for name in ("balance", "dissipated", "total"))
 
 
 def named(scheme) -> str:
@@ -71,12 +72,12 @@ def watched(waves, scheme, start, *, gamma, steps, dt, sinks=()):
     waves.damp(gamma)
     record = Memory()
     budget = EnergyBudget(waves, record=record, sinks=sinks)
-    filtered = Filtered(sponged(scheme, gamma), sinks, acted=budget.acted)
+    filtered = Filtered(sponged(scheme, gamma), sinks)
     state = filtered.start(*start)
-    budget.observe(Moment(0, 0.0, state))
+    budget.record(block_of(waves, (0, 0.0, state), sinks=sinks))
     for step in range(steps):
         state = filtered.step(waves, state, step * dt, dt)
-        budget.observe(Moment(step + 1, (step + 1) * dt, state))
+        budget.record(block_of(waves, (step + 1, (step + 1) * dt, state), sinks=sinks))
     return state, budget, record.array()
 
 
@@ -237,7 +238,7 @@ def test_a_run_that_goes_on_has_the_rate_that_it_had(make_tank, inner):
     gammas = [profile(waves.plane.x - 1.0, width=1.0, strength=strength) for strength in (2.0, 5.0)]
     one, other = (sponged(inner, gamma) for gamma in gammas)
     start, found = waves.state(0.1 * np.cos(np.pi * waves.plane.x / 2), 0.3 * waves.plane.x), []
-    state, sight = ends(waves, other, start, steps=1, dt=0.05), waves.sight(2)
+    state, sight = ends(waves, other, start, steps=1, dt=0.05), empty_block(waves, 2)
     waves.damp(gammas[1])
     other.take(one.held())
     for row, scheme in enumerate((one, other)):
@@ -256,9 +257,9 @@ def test_what_a_sponge_takes_is_counted_on_with_other_numerics(make_tank):
     state, budget, rows = watched(waves, Simpson4(), start, gamma=gamma, steps=9, dt=0.05)
     after = EnergyBudget(waves, record=Memory())
     after.carry(budget.held())
-    moment = Moment(10, 0.5, sponged(Simpson4(), gamma).step(waves, state, 0.45, 0.05))
+    block = block_of(waves, (10, 0.5, sponged(Simpson4(), gamma).step(waves, state, 0.45, 0.05)))
     for one in (budget, after):
-        one.observe(moment)
+        one.record(block)
     assert after.held()["dissipated"] == pytest.approx(budget.held()["dissipated"], rel=1e-12)
     assert after.held()["dissipated"] > 1.1 * rows[-1, TAKEN] > 0.01 * rows[0, TOTAL]
 

@@ -18,9 +18,9 @@ from wavetank.case import Case
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS, Damped, Damping, GaussLegendre4
 from wavetank.integrators.filtered import Filtered
-from wavetank.simulation.build import Records, build_observers, build_run, build_watch
-from wavetank.simulation.clock import Clock, EverySteps
-from wavetank.simulation.diagnostics import Memory
+from wavetank.simulation.build import build_observers, build_run, build_watch
+from wavetank.simulation.clock import Clock
+from wavetank.simulation.records import Memory, Records
 from wavetank.simulation.run import Run
 from wavetank.stateful import deserialize, give_back, named, serialize
 from wavetank.tank.breaking import BreakingDissipation
@@ -75,8 +75,8 @@ class Observed:
                 one._fast = 0.0  # acts in each step
         self.gauges, self.energy, said = Memory(), Memory(), []
         records = Records(self.gauges, self.energy, None)
-        self.run.observers += build_observers(scene, self.waves, records, sinks=self.run.sinks)
-        self.run.observers += build_watch(scene, self.run, self.waves, said.append)
+        self.run.diagnostics += build_observers(scene, self.waves, records, sinks=self.run.sinks)
+        self.run.diagnostics += build_watch(scene, self.run, self.waves, said.append)
 
     def counters(self) -> dict[str, int]:
         return asdict(self.waves.potential.counters) | asdict(self.waves.stages.counters)
@@ -86,10 +86,11 @@ class Keeping:
     """Keeps what a run holds at one of its steps, which goes on."""
 
     def __init__(self, run: Run, step: int):
-        self.schedule, self._run, self._step = EverySteps(), run, step
+        self._run, self._step = run, step
+        run.longest_block = 1
 
-    def observe(self, moment):
-        if moment.step == self._step:
+    def record(self, block):
+        if block.step[-1] == self._step:
             self.held = through_a_file(self._run.held())
 
 
@@ -129,7 +130,7 @@ def resumed(scene: Case, comm: MPI.Comm, *, after: int) -> tuple[Observed, dict]
     """
     whole, rest = Observed(scene, comm), Observed(scene, comm)
     keeping = Keeping(whole.run, after)
-    whole.run.observers.append(keeping)
+    whole.run.controls.append(keeping)
     whole.run.execute()
     rest.run.take(keeping.held)
     assert not differing(keeping.held, rest.run.held())
@@ -167,7 +168,7 @@ def test_a_run_that_takes_back_what_it_held_earlier_goes_there_again():
     """In the same objects, too, whatever they have remembered since."""
     one = Observed(changed(SLICE), MPI.COMM_SELF)
     keeping = Keeping(one.run, 5)
-    one.run.observers.append(keeping)
+    one.run.controls.append(keeping)
     one.run.execute()
     before, rows = one.run.held(), one.gauges.array()[6:]
     one.run.take(keeping.held)
@@ -231,7 +232,7 @@ def first_half(scene: dict, after: int, numerics: dict) -> tuple:
     """Return, on each rank, what is held on the way, what there is at the end, and the gauges; collective."""
     one = Observed(changed(scene, **numerics), MPI.COMM_WORLD)
     keeping = Keeping(one.run, after)
-    one.run.observers.append(keeping)
+    one.run.controls.append(keeping)
     one.run.execute()
     return keeping.held, one.run.held(), one.gauges.array(), one.counters()
 

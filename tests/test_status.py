@@ -7,18 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from blocks import at
 
 from wavetank import status
 from wavetank.cli import main
 from wavetank.console import format_duration
 from wavetank.errors import StoppedError
-from wavetank.integrators.states import Point
 from wavetank.output import files, manifest
 from wavetank.output.checkpoint import Checkpoint
 from wavetank.output.directory import CHECKPOINT, ENERGY, RunDirectory
 from wavetank.output.manifest import MANIFEST
 from wavetank.output.writer import RunWriter
-from wavetank.simulation.contract import Moment
 from wavetank.simulation.monitoring import ProgressReport
 
 HOST, PRESENT = {"host": socket.gethostname()}, manifest.current_time().replace(microsecond=0)
@@ -136,6 +135,6 @@ def test_the_manifest_keeps_where_a_run_stands_not_at_every_step(monkeypatch):
     monkeypatch.setattr("wavetank.simulation.monitoring.time.monotonic", lambda: next(clock))
     standing = ProgressReport(noted.update, lambda: written.append(noted["progress"]["step"]), begin=1.0, end=2.0)
     for step in range(4):
-        standing.observe(Moment(step, 1.0 + 0.1 * step, Point(np.zeros(1), np.zeros(1))))
+        standing.record(at(step, 1.0 + 0.1 * step))
     assert written == [0, 2]
     assert noted["progress"] == {"t": pytest.approx(1.3), "begin": 1.0, "end": 2.0, "step": 3, "wall_s": 7.0}

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from blocks import block_of
 
 from wavetank.integrators import Simpson4
 from wavetank.motion import Ramped, Sinusoid
 from wavetank.simulation.clock import EverySteps
-from wavetank.simulation.contract import Moment
-from wavetank.simulation.diagnostics import Gauges, Memory
+from wavetank.simulation.diagnostics import Gauges
+from wavetank.simulation.records import Memory
 from wavetank.waves.airy import angular_frequency, group_velocity
 from wavetank.waves.wavemaker import PISTON
 
@@ -34,7 +35,7 @@ def test_height_to_stroke_is_biesels(make_tank, kd):
     state = scheme.start(*tank.state(rest, rest))
     for step in range(int(duration / dt)):
         state = scheme.step(tank, state, step * dt, dt)
-        gauges.observe(Moment(step + 1, (step + 1) * dt, state))
+        gauges.record(block_of(tank, (step + 1, (step + 1) * dt, state)))
     t, eta = record.array()[-2 * steps_per_period :].T
     harmonic = 2 / t.size * abs(np.sum(eta * np.exp(-1j * omega * t)))
     assert harmonic / AMPLITUDE == pytest.approx(float(PISTON.transfer(kd, 1.0)), rel=0.01)

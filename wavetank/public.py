@@ -15,7 +15,7 @@ from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath
 from wavetank.recording import record_run, resume_run
 from wavetank.simulation.construction import AnyWaves
-from wavetank.simulation.contract import Observer
+from wavetank.simulation.contract import Diagnostic
 from wavetank.values.python_file import trusting
 
 
@@ -23,7 +23,7 @@ def run(
     scene: Case,
     out: Path | str,
     *,
-    observers: Sequence[Callable[[AnyWaves], Observer]] = (),
+    observers: Sequence[Callable[[AnyWaves], Diagnostic]] = (),
     integrator: Integrator[Any] | None = None,
     overwrite: bool = False,
     resume: bool = False,
@@ -73,7 +73,7 @@ def resume(
     *,
     extend: float | None = None,
     at: float | None = None,
-    observers: Sequence[Callable[[AnyWaves], Observer]] = (),
+    observers: Sequence[Callable[[AnyWaves], Diagnostic]] = (),
     integrator: Integrator[Any] | None = None,
     trust: bool = False,
 ) -> RunDirectory:

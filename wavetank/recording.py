@@ -6,21 +6,18 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from mpi4py import MPI
 from rich.console import Console
 
 from wavetank.arrays import Vector
-from wavetank.case import Case, EndWall
-from wavetank.case.output import Window
+from wavetank.case import Case
 from wavetank.case.reading import contents
 from wavetank.errors import BreakdownError, InputError, PaddleError, RecordError, RunError, worded
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
 from wavetank.mpi import abort_if_others_continue, all_ranks_arrive, from_first, on_first, raise_on_all_ranks
 from wavetank.output.checkpoint import last_checkpoint, readable_checkpoints
-from wavetank.output.columns import PUSH, load_columns, paddle_columns, probe_columns
-from wavetank.output.directory import ANALYSES, BED, BREAKING, BROKEN, ENERGY, LOADS, LOG, PADDLES, PROBES, RunDirectory
+from wavetank.output.directory import ANALYSES, BED, BREAKING, BROKEN, LOG, RunDirectory
 from wavetank.output.fields import VtuSeries
 from wavetank.output.files import OutputPath, RunLog
 from wavetank.output.manifest import environment
@@ -32,7 +29,6 @@ from wavetank.planning.resolution import check_stable
 from wavetank.resuming import Checkpointer, Restart, stored_scene
 from wavetank.run_warning import RunWarning, run_warning
 from wavetank.simulation.build import (
-    Records,
     build_observers,
     build_run,
     build_watch,
@@ -42,12 +38,11 @@ from wavetank.simulation.build import (
     told_of_windows,
 )
 from wavetank.simulation.construction import AnyWaves, bed_by_code, told_of_bed, told_of_sponge, told_of_start
-from wavetank.simulation.contract import Judge, Observer
-from wavetank.simulation.diagnostics import Discard, DiscardArrays, Kept, RecordCheck
+from wavetank.simulation.contract import Control, Diagnostic
 from wavetank.simulation.energy import EnergyBudget
-from wavetank.simulation.energy import columns as energy_columns
 from wavetank.simulation.monitoring import BreakingNews, Interruption, ProgressBar, ProgressReport
 from wavetank.simulation.own import called, own_observers
+from wavetank.simulation.records import Kept, RecordCheck, records_of
 from wavetank.simulation.run import Run
 from wavetank.simulation.stability import StabilityWatch
 from wavetank.simulation.summary import BrokenSurface, Outcome, Parts, closing
@@ -105,7 +100,7 @@ def record_run(
     console: Console,
     draw: Draw | None = None,
     unasked: bool = True,
-    observers: Sequence[Callable[[AnyWaves], Observer]] = (),
+    observers: Sequence[Callable[[AnyWaves], Diagnostic]] = (),
     integrator: Integrator[Any] | None = None,
     resume: bool = False,
     at: float | None = None,
@@ -159,9 +154,13 @@ def record_run(
         for warning in (*plan_warnings, *run_warnings(scene, run.clock, waves, own=integrator)):
             warnings.add(warning)
         series = _observe(run, scene, waves, writer, warnings)
-        run.observers += [BreakingNews(one, log.say) for one in _breaking(run) if isinstance(one, BreakingDissipation)]
-        run.user_observers = own_observers(observers, waves)
-        run.observers += run.user_observers
+        run.diagnostics += [
+            BreakingNews(one, log.say) for one in _breaking(run) if isinstance(one, BreakingDissipation)
+        ]
+        run.user_diagnostics = own_observers(observers, waves)
+        run.diagnostics += run.user_diagnostics
+        if run.user_diagnostics and scene.absorbing:
+            run.longest_block = 1  # they may evaluate the waves, whose paddles with feedback move as in the last step
         if restart:
             log.say(restart.take(run, waves, scene=scene, fields=series))
             restart.warn_of_missing_observers(called(observers))
@@ -186,9 +185,9 @@ def record_run(
                 writer.note({**surface.figures, "last_checkpoint": last_checkpoint(writer.path)})
 
         def note(error: RunError | None = None) -> None:
-            for budget in (one for one in run.observers if isinstance(one, EnergyBudget)):
+            for budget in (one for one in run.diagnostics if isinstance(one, EnergyBudget)):
                 budget.cause = next((one.watch.cause for one in _breaking(run) if one.watch.recorded), "")
-            for observer in (one for one in run.observers if isinstance(one, Judge)):
+            for observer in (one for one in run.diagnostics if hasattr(one, "verdict")):
                 for sentence in observer.verdict():
                     warnings.add(sentence)
             for one in (one for one in _breaking(run) if one.watch.recorded):
@@ -235,7 +234,7 @@ def record_run(
             warnings.show()
             with _record_failure(writer), _progress(run, waves, log, writer) as progress:
                 interruption.before = checkpointer.write_last
-                run.observers += [checkpointer.observer(scene.run.checkpoint_every), *progress, interruption]
+                run.controls += [checkpointer.control(scene.run.checkpoint_every), *progress, interruption]
                 _execute(run, waves, note, scene=scene, checkpointer=checkpointer, dump_surface=dump_surface)
                 if writer is not None:
                     writer.finish("finished", {})
@@ -291,44 +290,12 @@ def _observe(
         series[name] = VtuSeries(out, name, comm=comm)
         return series[name]
 
-    records = _records(scene, waves, writer)
-    run.observers += build_observers(scene, waves, records._replace(fields=fields), sinks=run.sinks)
+    records = records_of(scene, waves.plane.mesh.topology.dim, writer)
+    run.diagnostics += build_observers(scene, waves, records._replace(fields=fields), sinks=run.sinks)
     parts = (*records, *records.paddles, *records.windows)
-    run.observers.append(RecordCheck(comm, [one for one in parts if isinstance(one, Kept)]))
-    run.observers += build_watch(scene, run, waves, warnings.at_once)
+    run.diagnostics.append(RecordCheck(comm, [one for one in parts if isinstance(one, Kept)]))
+    run.diagnostics += build_watch(scene, run, waves, warnings.at_once)
     return series
-
-
-def _records(scene: Case, waves: AnyWaves, writer: RunWriter | None) -> Records:
-    """Return where gauges, energy, the surface of a slice and a wall that moves go; opened when the run begins."""
-    if writer is None:
-        probed, loaded = (Discard() if there else None for there in (scene.probes, scene.loads))
-        no_windows, no_paddles = [DiscardArrays() for _ in scene.windows], [Discard() for _ in scene.paddles]
-        return Records(Discard(), Discard(), None, probes=probed, loads=loaded, paddles=no_paddles, windows=no_windows)
-    dimensions = waves.plane.mesh.topology.dim
-    gauges = writer.gauges([(gauge.name, gauge.x, gauge.y) for gauge in scene.all_gauges])
-    energy = writer.table(ENERGY, energy_columns(dimensions, absorbed=bool(scene.absorbing)))
-    surface = Kept(writer.surface().extend) if dimensions == 1 else None
-    motions = [writer.table(PADDLES[end.key], _paddle_columns(scene, end, dimensions)) for end in scene.paddles]
-    points = [(probe.name, probe.x, probe.y, probe.z) for probe in scene.probes]
-    probes = Kept(writer.table(PROBES, probe_columns(points, dimensions)).extend) if points else None
-    walls = [load.called for load in scene.loads]
-    loads = Kept(writer.table(LOADS, load_columns(walls, dimensions)).extend) if walls else None
-    windows = [Kept(_window(one, writer, dimensions)) for one in scene.windows]
-    tables = Records(Kept(gauges.extend), Kept(energy.extend), surface, probes=probes, loads=loads)
-    return tables._replace(paddles=[Kept(one.extend) for one in motions], windows=windows)
-
-
-def _paddle_columns(scene: Case, end: EndWall, dimensions: int) -> list[str]:
-    """Return the columns of the record of a paddle."""
-    pushed = PUSH[dimensions] if any(load.on == end.side for load in scene.loads) else ()
-    return [*paddle_columns(end.wall.places(end.tank)), *pushed]
-
-
-def _window(window: Window, writer: RunWriter, dimensions: int) -> Callable[..., None]:
-    """Return what appends to a window's record."""
-    places = np.array(window.places)
-    return writer.window(window.name, form=window.format, places=places, levels=window.levels, dimensions=dimensions)
 
 
 def _scene_content(scene: Case, integrator: Integrator[Any] | None) -> dict[str, Any]:
@@ -393,7 +360,7 @@ def _log_outcome(writer: RunWriter, log: RunLog, *, draw: Draw | None) -> Iterat
 
 
 @contextmanager
-def _progress(run: Run, waves: AnyWaves, log: RunLog, writer: RunWriter | None) -> Iterator[list[Observer]]:
+def _progress(run: Run, waves: AnyWaves, log: RunLog, writer: RunWriter | None) -> Iterator[list[Control]]:
     """Show progress, and tell it in the manifest; on the first rank."""
     if writer is None:
         yield []
@@ -438,7 +405,7 @@ def _ended(
 ) -> BaseException:
     """Return why a run has ended that all ranks have met; collective."""
     try:
-        run.settle()
+        run.flush()
     except RunError as earlier:
         error = earlier
     if isinstance(error, CaseError):  # of a motion, at a time that nobody had tried
@@ -460,7 +427,7 @@ def _ended(
 
 def _explained(error: BreakdownError, run: Run, waves: NonlinearWaves, scene: Case) -> BreakdownError:
     """Return a breakdown with its cause and cure; collective."""
-    warned = (one.longest for one in run.observers if isinstance(one, StabilityWatch))
+    warned = (one.longest for one in run.diagnostics if isinstance(one, StabilityWatch))
     why, cure = cause(
         waves,
         run.state.q,

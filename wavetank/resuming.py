@@ -107,15 +107,12 @@ class Checkpointer:
         self._reached: CompletedStep | None = None
         self._missed: RunWarning | None = None  # that the last one could not be written, and why
 
-    def observer(self, every: float | None) -> Checkpoints:
-        """Return the observer that writes checkpoints; the last that can fail."""
-        comm, run = self._waves.plane.comm, self._run
-        settling: dict[str, Any] = {"settle": run.settle, "room": lambda: run.room}
-        return Checkpoints(comm, self.write, note=self._note, every=every, **settling)
+    def control(self, every: float | None) -> Checkpoints:
+        """Return the control that writes checkpoints."""
+        return Checkpoints(self._waves.plane.comm, self.write, note=self._note, every=every)
 
     def _note(self) -> None:
         """Store the present step, which all observers have recorded; collective."""
-        self._run.settle()  # so that records are what they will be
         run, fields = self._run, {name: series.extent() for name, series in self._fields.items()}
         records = {} if self._writer is None else self._writer.extents()
         self._reached = CompletedStep(
@@ -146,7 +143,7 @@ class Checkpointer:
         that fails leaves solves with memories of it: only the surface and the sums are held, which need little room,
         and where there is none they take that of the checkpoint before the last.
         """
-        if self._run.observed:
+        if self._run.recorded:
             self._note()
         self._update_warning(self._failure(with_history=False))
 
@@ -432,7 +429,7 @@ class Restart:
     def _take_surface(self, run: Run, waves: AnyWaves, scene: Case) -> str:
         """Take what outlives other numerics: the run has begun with the surface."""
         run.carry(self._held)
-        for budget in (one for one in run.observers if isinstance(one, EnergyBudget)):
+        for budget in (one for one in run.diagnostics if isinstance(one, EnergyBudget)):
             budget.renewed()
         mass = waves.total_mass(run.state.q) / self.about["mass"] - 1.0
         former, now = (one.model_dump(mode="json", include={"numerics", "run"}) for one in (self._chosen, scene))

@@ -47,8 +47,8 @@ class Focus:
 
     def __init__(self, scene: Case):
         run, waves = build_run(scene, MPI.COMM_SELF)
-        surfaces = Surfaces(waves)
-        run.observers.append(surfaces)
+        surfaces = Surfaces()
+        run.diagnostics.append(surfaces)
         run.execute()
         self._scene, self.motion = scene, _motion(scene)
         self.x, self.y = waves.plane.places.T

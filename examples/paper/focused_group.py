@@ -73,8 +73,8 @@ def scene(crest: float) -> Case:
 def computed(crest: float) -> tuple[Array, Array]:
     """Return places x and the tank's elevation [m] there at the focus' time."""
     run, waves = build_run(scene(crest), MPI.COMM_SELF)
-    last = Surfaces(waves, start=TIME - 0.5 * STEP)
-    run.observers.append(last)
+    last = Surfaces(start=TIME - 0.5 * STEP)
+    run.diagnostics.append(last)
     run.execute()
     order = np.argsort(waves.plane.x)
     return waves.plane.x[order], last.eta[-1][order]

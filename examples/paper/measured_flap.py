@@ -22,7 +22,8 @@ from wavetank.case import Case
 from wavetank.plots.style import COMPUTED
 from wavetank.simulation.build import build_run
 from wavetank.simulation.clock import EverySteps
-from wavetank.simulation.diagnostics import Gauges, Memory
+from wavetank.simulation.diagnostics import Gauges
+from wavetank.simulation.records import Memory
 from wavetank.values.columns import read_columns
 from wavetank.waves.airy import group_velocity, wave_number
 
@@ -141,7 +142,7 @@ def waves(name: str) -> Waves:
     run, tank = build_run(scene(name), MPI.COMM_SELF)
     record = Memory()
     places = np.array([(x, 0.0) for x in PLACES])
-    run.observers.append(Gauges(tank, places, record=record, schedule=EverySteps()))
+    run.diagnostics.append(Gauges(tank, places, record=record, schedule=EverySteps()))
     run.execute()
     period = _period(measured[:, 0], measured[:, 1], PERIODS[name[1:3]])
     return Waves(name, period, np.delete(measured, 1, axis=1), record.array())

@@ -84,8 +84,8 @@ class Tank:
     def harmonics(self, generation: str) -> "Harmonics":
         """Return the first and second harmonic along the tank, of the last two periods of a run."""
         run, waves = build_run(self.scene(generation), MPI.COMM_SELF)
-        last = Surfaces(waves, start=self.duration - 2.02 * self.period)
-        run.observers.append(last)
+        last = Surfaces(start=self.duration - 2.02 * self.period)
+        run.diagnostics.append(last)
         run.execute()
         seen = (waves.plane.x > NEAR) & (waves.plane.x < self.end)
         t, eta = np.array(last.t), np.array(last.eta)[:, seen]

@@ -86,7 +86,7 @@ def released(height: float, integrator: str, *, periods: int = PERIODS) -> Relea
     state = waves.state(start, 0 * start)
     run = Run(waves, built.integrator, [], start=state, clock=built.clock, filters=built.filters)
     watch = Watch(run, lambda now, step: waves.elevation(now.q, now.p, run.t) if 2 * step % steps == 0 else None)
-    run.observers.append(watch)
+    run.diagnostics.append(watch)
     energy, begun = waves.energy(*state, 0.0), process_time()
     run.execute()
     spent, surfaces = process_time() - begun, np.array([one for one in watch.found if one is not None])

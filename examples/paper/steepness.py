@@ -17,8 +17,8 @@ from wavetank.errors import RunError
 from wavetank.plots.style import BLUE, GREEN, ORANGE, VERMILION, entry, number_logarithms
 from wavetank.simulation.build import build_run
 from wavetank.simulation.clock import EverySteps
-from wavetank.simulation.contract import Moment
 from wavetank.tank.dissipation import EdgePenalty
+from wavetank.tank.seen import Block
 from wavetank.tank.surface_flow import SurfaceFlow
 from wavetank.tank.waves import NonlinearWaves
 from wavetank.waves.stream_function import maximum_height, stream_function_wave
@@ -79,13 +79,14 @@ class PhaseAndCrest:
         self._wave = np.exp(2j * np.pi / length * waves.plane.x)
         self._still = waves.mass.apply(np.full(waves.plane.owned, waves.depth))
 
-    def observe(self, moment: Moment) -> None:
-        """Append a row; on one rank."""
-        self._flow.update(moment.q, moment.p, moment.t)
-        crest = max((one.height for one in self._flow.crests()), default=np.nan)
-        phase = float(np.angle(((moment.q - self._still) * self._wave).sum()))
-        energy = self._waves.energies(moment.q, moment.p, moment.t).total
-        self.rows.append((moment.t, phase, crest, energy, self._waves.total_mass(moment.q)))
+    def record(self, block: Block) -> None:
+        """Append a row for each step; on one rank."""
+        energies = block.kinetic + block.potential
+        for (q, psi, t), energy, mass in zip(block.states(), energies, block.mass, strict=True):
+            self._flow.update(q, psi, t)
+            crest = max((one.height for one in self._flow.crests()), default=np.nan)
+            phase = float(np.angle(((q - self._still) * self._wave).sum()))
+            self.rows.append((t, phase, crest, float(energy), float(mass)))
 
 
 def resolution(kd: float, steepness: float) -> tuple[int, int]:
@@ -123,7 +124,7 @@ def row(kd: float, steepness: float, *, periods: float, integrator: str = SIMPSO
     run, waves = build_run(case, MPI.COMM_SELF)
     assert isinstance(waves, NonlinearWaves)
     watch = PhaseAndCrest(waves, length=length, every=steps // longer)
-    run.observers.append(watch)
+    run.diagnostics.append(watch)
     cause, begun = "", process_time()
     try:
         run.execute()

@@ -7,15 +7,15 @@ from wavetank.arrays import Vector
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.hamiltonian import HamiltonianSystem
 from wavetank.simulation.clock import Clock, EverySteps
-from wavetank.simulation.contract import Moment, ObservedWaves
 from wavetank.simulation.run import Run
+from wavetank.tank.seen import Block
 
 T = TypeVar("T")
 Look = Callable[[Any, int], T]  # at the scheme's state after so many steps
 
 
 class Watch(Generic[T]):
-    """An observer that keeps what a look finds of a run's state, at the start and after each step.
+    """A diagnostic that applies a function to the state of a run, at the start and after each step.
 
     Attributes
     ----------
@@ -25,11 +25,12 @@ class Watch(Generic[T]):
 
     def __init__(self, run: Run, look: Look[T]):
         self.schedule, self._run, self._look = EverySteps(), run, look
+        run.longest_block = 1  # of each step the state
         self.found: list[T] = []
 
-    def observe(self, moment: Moment) -> None:
-        """Look at the state."""
-        self.found.append(self._look(self._run.state, moment.step))
+    def record(self, block: Block) -> None:
+        """Apply it to the state of the step."""
+        self.found.append(self._look(self._run.state, int(block.step[-1])))
 
 
 def watched(
@@ -44,7 +45,7 @@ def watched(
     """Return what a look finds at the start and after each of the steps of dt [s]; collective if the system is."""
     run = Run(system, integrator, [], start=start, clock=Clock(dt, steps))
     watch = Watch(run, look)
-    run.observers.append(watch)
+    run.diagnostics.append(watch)
     run.execute()
     return watch.found
 
@@ -52,13 +53,13 @@ def watched(
 class Surfaces:
     """Observes the elevation [m] at the degrees of freedom at all steps, and when they end [s], from a time on."""
 
-    def __init__(self, waves: ObservedWaves, *, start: float = 0.0):
-        self._waves, self._start, self.schedule = waves, start, EverySteps()
+    def __init__(self, *, start: float = 0.0):
+        self._start, self.schedule = start, EverySteps()
         self.t: list[float] = []
         self.eta: list[Vector] = []
 
-    def observe(self, moment: Moment) -> None:
+    def record(self, block: Block) -> None:
         """Keep the elevation."""
-        if moment.t >= self._start:
-            self.t.append(moment.t)
-            self.eta.append(self._waves.elevation(moment.q, moment.p, moment.t))
+        chosen = block.t >= self._start
+        self.t += block.t[chosen].tolist()
+        self.eta += [*block.eta[chosen].copy()]

@@ -36,8 +36,6 @@ class Filtered(Wrapper[S]):
 
     Parameters
     ----------
-    acted
-        Told when filters have acted, before they take note of what they have taken.
     seen
         What sees the state that they leave, as observers do, and returns its energy, or None; collective.
     """
@@ -47,11 +45,10 @@ class Filtered(Wrapper[S]):
         scheme: Integrator[S],
         filters: Sequence[Filter],
         *,
-        acted: Callable[[float], None] = lambda t: None,
         seen: Callable[[S], float | None] = lambda state: None,
     ):
         super().__init__(scheme)
-        self.filters, self._acted, self._seen = filters, acted, seen
+        self.filters, self._seen = filters, seen
 
     def step(self, system: HamiltonianSystem, state: S, t: float, dt: float) -> S:
         """Return the state at t + dt; collective."""
@@ -78,7 +75,6 @@ class Filtered(Wrapper[S]):
         taken = [-(a + b) / 2 for a, b in zip(begin, end, strict=True)] or [0.0]
         most = max(range(len(taken)), key=lambda n: abs(taken[n]))
         taken[most] += energy - left - sum(taken)
-        self._acted(t)
         for one, part in zip(acting, taken, strict=True):
             one.account(part, of=energy)
         return after

@@ -85,6 +85,17 @@ def parse_gauge_column(column: str) -> tuple[str, float, float]:
     return name, at["x"], at["y"]
 
 
+def energy_columns(dimensions: int, *, absorbed: bool = False) -> tuple[str, ...]:
+    """Return the columns of the energy budget with their units, for a tank of one or two horizontal dimensions.
+
+    Energies are per unit of density, and of width where the tank has none. What is absorbed is one where paddles do.
+    """
+    energy, volume = f"[m^{3 + dimensions}/s^2]", f"[m^{1 + dimensions}]"
+    energies = ("kinetic", "potential", "total", "paddle_work", "dissipated", "balance")
+    more = (f"absorbed {energy}",) if absorbed else ()
+    return "t [s]", *(f"{name} {energy}" for name in energies), f"mass {volume}", *more
+
+
 def load_columns(walls: Sequence[str], dimensions: int) -> list[str]:
     """Return the columns of loads: all quantities of the first wall, then of the next.
 

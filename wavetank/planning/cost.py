@@ -58,22 +58,14 @@ from wavetank.mesh import MeshFile
 from wavetank.mpi import on_first
 from wavetank.planning.requirements import entries_of, kind_of, undearer
 from wavetank.planning.resolution import LOOSEST, Settings, still_mesh
-from wavetank.simulation.build import (
-    Records,
-    build_clock,
-    build_filters,
-    build_observers,
-    build_run,
-    initial_state,
-    summary,
-)
+from wavetank.simulation.build import build_clock, build_filters, build_observers, build_run, initial_state, summary
 from wavetank.simulation.clock import Clock, EverySteps, EveryTimeBetween
 from wavetank.simulation.construction import AnyWaves, build_waves
-from wavetank.simulation.contract import Moment
-from wavetank.simulation.diagnostics import Memory
 from wavetank.simulation.energy import Sink
 from wavetank.simulation.memory import available_memory, peak_memory
+from wavetank.simulation.records import Memory, Records
 from wavetank.simulation.run import Run
+from wavetank.tank.seen import Block
 from wavetank.values.case_model import CaseError, Problem
 from wavetank.waves import airy
 
@@ -203,21 +195,21 @@ class PerStep(NamedTuple):
 
 
 class Stopwatch:
-    """Notes the wall time, this rank's CPU time [s] and the count of solves at each step."""
+    """Notes the wall time, this rank's CPU time [s] and the count of solves at the end of each block."""
 
     def __init__(self, solves: Callable[[], int] = lambda: 0) -> None:
         self.schedule, self._solves = EverySteps(), solves
-        self.notes: list[tuple[float, float, int]] = []
+        self.notes: list[tuple[int, float, float, int]] = []  # number of the step, and what is noted
 
-    def observe(self, moment: Moment) -> None:
+    def record(self, block: Block) -> None:
         """Note the time."""
-        self.notes.append((time.monotonic(), time.process_time(), self._solves()))
+        self.notes.append((int(block.step[-1]), time.monotonic(), time.process_time(), self._solves()))
 
     def per_step(self, *, after: int) -> PerStep:
-        """Return the mean of the steps after so many."""
-        first = min(after, len(self.notes) - 2)
-        start_time, ended = self.notes[first], self.notes[-1]
-        return PerStep(*((b - a) / (len(self.notes) - 1 - first) for a, b in zip(start_time, ended, strict=True)))
+        """Return the mean of the steps after so many, or of those of the last block."""
+        *before, (last, *end) = self.notes
+        first, *begin = next((note for note in before if note[0] >= after), before[-1])
+        return PerStep(*((b - a) / (last - first) for a, b in zip(begin, end, strict=True)))
 
 
 def trial(scene: Case, comm: MPI.Comm) -> Trial:
@@ -227,7 +219,7 @@ def trial(scene: Case, comm: MPI.Comm) -> Trial:
     clock, line = run.clock, summary(scene, run, waves)
     watch = Stopwatch(lambda: waves.potential.counters.solves)
     records = Records(Memory(), Memory(), None)
-    run.observers += [*build_observers(scene, waves, records, sinks=run.sinks), watch]
+    run.diagnostics += [*build_observers(scene, waves, records, sinks=run.sinks), watch]
     run.clock = Clock(clock.dt, min(clock.steps, WARM_UP + STEPS))
     _fill(run, scene, waves)
     run.execute()

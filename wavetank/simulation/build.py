@@ -22,42 +22,39 @@ from wavetank.mpi import raise_on_all_ranks
 from wavetank.simulation.clock import ROUNDING, Clock, EverySteps, EveryTime, EveryTimeBetween
 from wavetank.simulation.construction import (
     AnyWaves,
-    added_motions,
     build_answers,
     build_footprint,
+    build_paddle_work,
     build_sponge,
-    build_supply,
     fill,
     initial_surface,
     moving_water,
 )
-from wavetank.simulation.contract import Observer
+from wavetank.simulation.contract import Diagnostic
 from wavetank.simulation.diagnostics import (
-    RATES,
+    BelowSurface,
     Called,
-    FieldRecord,
     Gauges,
     HighestCrest,
     Loads,
     PaddleLimits,
     PaddleMotion,
-    Passing,
+    PaddleRates,
     Probes,
     Pushing,
-    Record,
-    SeenPaddle,
     SurfaceFields,
     SurfaceSnapshots,
     VelocityFields,
-    WaterKept,
     WindowObserver,
-    WindowRecord,
+    rates_of_motion,
+    rates_of_water,
 )
 from wavetank.simulation.energy import EnergyBudget, Sink
 from wavetank.simulation.own import check_states, own_scheme
+from wavetank.simulation.records import Record, Records, WindowRecord
 from wavetank.simulation.run import Run
 from wavetank.simulation.stability import IN_ELEVATION, IN_JUMP, StabilityWatch
-from wavetank.stateful import Held, Stateful
+from wavetank.stateful import Held
 from wavetank.tank.breakdown import FARTHEST, ShortWaves
 from wavetank.tank.breaking import BasinBreakingWatch, BreakingAlarm, BreakingDissipation, BreakingWatch, StopAtBreaking
 from wavetank.tank.dissipation import EdgePenalty
@@ -65,41 +62,11 @@ from wavetank.tank.kinematics import MovingWater, Sounding
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.surface_flow import SurfaceFlow
 from wavetank.tank.wall_pressure import PaddlePush, WallPressure
-from wavetank.tank.walls.contract import stood
 from wavetank.tank.waves import NonlinearWaves
 from wavetank.values.case_model import CaseError, Problem, about
 
 ENOUGH = 100_000  # unknowns of a basin, from which on several ranks pay
 ANSWERED = 1.25  # omega_max dt: of longer steps flaps that answer have been unstable
-
-
-class Records(NamedTuple):
-    """Where the observers of a scene write.
-
-    Attributes
-    ----------
-    gauges, energy
-        Tables.
-    surface
-        Of snapshots along a slice or ring; None on all ranks but the first.
-    probes, loads
-        Tables; None where there are none.
-    paddles
-        A table for each wall that moves, as ``Case.paddles``.
-    windows
-        Of each window.
-    fields
-        Gives the series of snapshots of a name, "surface" or "velocity"; without it none are written.
-    """
-
-    gauges: Record
-    energy: Record
-    surface: Record | None
-    fields: Callable[[str], FieldRecord] | None = None
-    probes: Record | None = None
-    loads: Record | None = None
-    paddles: Sequence[Record] = ()
-    windows: Sequence[WindowRecord] = ()
 
 
 class Beginning(NamedTuple):
@@ -206,6 +173,10 @@ def build_run(
         raise CaseError([Problem(("numerics", "dt"), scene.numerics.dt, allowed)])
     filters = build_filters(scene, waves, clock.dt)
     run = Run(waves, integrator, [], start=start, clock=clock, filters=filters)
+    below = scene.probes or scene.loads or scene.windows or scene.output.velocity_every is not None
+    if scene.absorbing and (below or isinstance(waves, LinearWaves)):
+        run.longest_block = 1  # diagnostics evaluate the motion of a paddle, which with feedback is that of the step
+    run.paddle_work = build_paddle_work(scene, waves)
     check_states(run)
     return run, waves
 
@@ -251,7 +222,7 @@ def build_filters(scene: Case, waves: AnyWaves, dt: float) -> list[Filter]:
     return filters
 
 
-def build_watch(scene: Case, run: Run, waves: AnyWaves, warn: Callable[[str], None]) -> list[Observer]:
+def build_watch(scene: Case, run: Run, waves: AnyWaves, warn: Callable[[str], None]) -> list[Diagnostic]:
     """Return what watches the step of nonlinear waves and warns; collective."""
     if isinstance(waves, LinearWaves):
         return []  # the limit is known before the run, and kept
@@ -259,43 +230,26 @@ def build_watch(scene: Case, run: Run, waves: AnyWaves, warn: Callable[[str], No
     return [StabilityWatch(waves, waves.surface, dt=run.clock.dt, limit=limit, warn=warn, look=look)]
 
 
-def build_observers(scene: Case, waves: AnyWaves, records: Records, *, sinks: Sequence[Sink] = ()) -> list[Observer]:
+def build_observers(scene: Case, waves: AnyWaves, records: Records, *, sinks: Sequence[Sink] = ()) -> list[Diagnostic]:
     """Return a scene's gauges, energy budget (of what its sinks take, too), highest crest and snapshots; collective."""
     output = scene.output
-    observers: list[Observer] = [
-        EnergyBudget(
-            waves,
-            record=records.energy,
-            every=output.energy_every,
-            sinks=sinks,
-            supply=build_supply(scene, waves),
-        ),
-        HighestCrest(waves),
-    ]
+    diagnostics: list[Diagnostic] = [_gauges(scene, waves, records.gauges)] if scene.all_gauges else []
+    diagnostics += _below_surface(scene, waves, records)  # first: where a paddle passes them the others end, too
+    diagnostics.append(EnergyBudget(waves, record=records.energy, every=output.energy_every, sinks=sinks))
+    diagnostics.append(HighestCrest(waves))
     if waves.plane.mesh.topology.dim == 1:
         snapshots = SurfaceSnapshots(waves, record=records.surface, schedule=EveryTime(scene.surface_every))
-        observers.append(snapshots)
-    observers += _surface_fields(scene, waves, records)
-    if scene.all_gauges:
-        observers.append(_gauges(scene, waves, records.gauges))
-    look = InTheWater.of(scene, waves, records)
-    schedule = EverySteps(output.gauges_every)
-    for number, motion in added_motions(scene, waves).items():
-        seen = scene.paddles[number]
-        limits: Any = getattr(seen.wall, "limits", None)
-        if limits is not None:
-            rates = {name: seen.function(name, motion) for name in RATES}
-            observers.append(PaddleLimits(rates, limits.model_dump(exclude_none=True), key=seen.key))
-    paddles = zip(scene.paddles, waves.wall.paddles, records.paddles, strict=False)  # a trial has none of the latter
-    for number, (seen, paddle, record) in enumerate(paddles):
-        travel, push = getattr(paddle, "travel", None), look.pushes.get(seen.side)
-        if travel and travel.whole is not None and push is None:
-            observers.append(SeenPaddle(waves, number, record=record, schedule=schedule))
-            continue
-        moves = travel or paddle.motion  # of small strokes nothing travels
-        now = partial(moves.rates, y=seen.wall.places(seen.tank))
-        observers.append(PaddleMotion(now, record=record, schedule=schedule, push=push))
-    return observers + look.observers
+        diagnostics.append(snapshots)
+    diagnostics += _surface_fields(scene, waves, records)
+    loaded = {load.on for load in scene.loads} if records.loads is not None else set()
+    for number, view in enumerate(scene.paddles):
+        limits: Any = getattr(view.wall, "limits", None)
+        if limits is not None and number in scene.absorbing:
+            most = limits.model_dump(exclude_none=True)
+            diagnostics.append(PaddleLimits(_rates(scene, waves, number), most, key=view.key))
+        if number < len(records.paddles) and view.side not in loaded:  # a trial has no records of paddles
+            diagnostics.append(_paddle(scene, waves, number, records.paddles[number]))
+    return diagnostics
 
 
 def _gauges(scene: Case, waves: AnyWaves, record: Record) -> Gauges:
@@ -304,15 +258,9 @@ def _gauges(scene: Case, waves: AnyWaves, record: Record) -> Gauges:
     try:
         called = _called(scene, [scene.gauge_key(n) for n in range(len(places))])
         schedule = EverySteps(scene.output.gauges_every)
-        told = not scene.absorbing and not (waves.wall.leans and _come_near(scene, Passing(waves.wall, places, called)))
-        return Gauges(waves, places, record=record, schedule=schedule, called=called, foreseen=told)
+        return Gauges(waves, places, record=record, schedule=schedule, called=called)
     except OutsideError as error:
         raise CaseError([Problem(scene.gauge_key(error.index), None, str(error))]) from None
-
-
-def _come_near(scene: Case, passing: Passing) -> bool:
-    """Return whether paddles ever come near places, of motions that are told."""
-    return passing.near(stood(0.0, np.array([seen.max_displacement for seen in scene.paddles])))
 
 
 def _called(scene: Case, keys: Sequence[tuple[str | int, ...]]) -> Called:
@@ -320,51 +268,49 @@ def _called(scene: Case, keys: Sequence[tuple[str | int, ...]]) -> Called:
     return Called([".".join(map(str, key)) for key in keys], [seen.key for seen in scene.paddles])
 
 
-class InTheWater(NamedTuple):
-    """What looks below the surface, on water of its own.
+def _below_surface(scene: Case, waves: AnyWaves, records: Records) -> list[Diagnostic]:
+    """Return what records probes, windows, velocity fields, loads and paddles with loads; collective.
 
-    Attributes
-    ----------
-    observers
-        What records probes, loads, windows and velocity fields, and remembers the water.
-    pushes
-        Of the paddles, by the ends of the tank they are at, where a load there is asked for.
+    Raises ``CaseError`` for a probe or wall that does not exist.
     """
-
-    observers: list[Observer]
-    pushes: dict[str, Pushing]
-
-    @classmethod
-    def of(cls, scene: Case, waves: AnyWaves, records: Records) -> "InTheWater":
-        """Return what a scene asks for; collective. Raises ``CaseError`` for a probe or wall that is not there."""
-        every = scene.output.velocity_every
-        velocity = records.fields if every is not None and isinstance(waves, NonlinearWaves) else None
-        if records.probes is None and records.loads is None and velocity is None and not records.windows:
-            return cls([], {})
-        water, schedule = moving_water(scene, waves), EverySteps(scene.output.probes_every)
-        observers: list[Observer] = [WaterKept(water)] if isinstance(water, Stateful) else []
-        if velocity is not None and every is not None and isinstance(water, NonlinearWaves):
-            observers.append(VelocityFields(water, velocity("velocity"), schedule=EveryTime(every)))
-        if records.probes is not None:
-            observers.append(_probes(scene, water, records.probes, schedule))
-        for n, record in enumerate(records.windows):
-            observers.append(_window(scene, waves, water, n, record))
-        if records.loads is None:
-            return cls(observers, {})
+    every = scene.output.velocity_every
+    velocity = records.fields if every is not None and isinstance(waves, NonlinearWaves) else None
+    if records.probes is None and records.loads is None and velocity is None and not records.windows:
+        return []
+    water, schedule = moving_water(scene, waves), EverySteps(scene.output.probes_every)
+    result = list[Diagnostic]()
+    if velocity is not None and every is not None and isinstance(water, NonlinearWaves):
+        result.append(VelocityFields(water, velocity("velocity"), schedule=EveryTime(every)))
+    if records.probes is not None:
+        result.append(_probes(scene, water, records.probes, schedule))
+    result += [_window(scene, water, n, record) for n, record in enumerate(records.windows)]
+    if records.loads is not None:
         walls = [_wall(scene, waves, n) for n in range(len(scene.loads))]
         pressure = WallPressure(water, walls, density=scene.tank.density)
         points = [np.array(load.point(scene.tank.depth)) for load in scene.loads]
-        observers.append(Loads(pressure, points, record=records.loads, schedule=schedule))
+        result.append(Loads(pressure, points, record=records.loads, schedule=schedule))
         loaded = {load.on: n for n, load in enumerate(scene.loads)}
-        paddles = {seen.side: paddle for seen, paddle in zip(scene.paddles, waves.wall.paddles, strict=True)}
-        return cls(
-            observers,
-            {
-                end: Pushing(PaddlePush(pressure, loaded[end], paddle), paddle.motion.velocity)
-                for end, paddle in paddles.items()
-                if end in loaded
-            },
-        )
+        for number, view in enumerate(scene.paddles):
+            if view.side in loaded and number < len(records.paddles):
+                paddle = waves.wall.paddles[number]
+                push = Pushing(PaddlePush(pressure, loaded[view.side], paddle), paddle.motion.velocity)
+                result.append(_paddle(scene, waves, number, records.paddles[number], push=push))
+    return [BelowSurface(water, result)]
+
+
+def _rates(scene: Case, waves: AnyWaves, number: int) -> PaddleRates:
+    """Return the rates of a paddle."""
+    view, paddle = scene.paddles[number], waves.wall.paddles[number]
+    travel = getattr(paddle, "travel", None)  # a paddle of linear water has none
+    if travel is not None and travel.whole is not None:
+        return rates_of_water(number)
+    return rates_of_motion(partial(paddle.motion.rates, y=view.wall.places(view.tank)))
+
+
+def _paddle(scene: Case, waves: AnyWaves, number: int, record: Record, *, push: Pushing | None = None) -> PaddleMotion:
+    """Return what records the motion of a paddle, and its force and power."""
+    schedule = EverySteps(scene.output.gauges_every)
+    return PaddleMotion(_rates(scene, waves, number), record=record, schedule=schedule, push=push)
 
 
 def _probes(scene: Case, water: MovingWater, record: Record, schedule: EverySteps) -> Probes:
@@ -378,12 +324,11 @@ def _probes(scene: Case, water: MovingWater, record: Record, schedule: EveryStep
         raise CaseError([Problem(("probes", error.index), None, str(error))]) from None
 
 
-def _window(scene: Case, waves: AnyWaves, water: MovingWater, n: int, record: WindowRecord) -> WindowObserver:
+def _window(scene: Case, water: MovingWater, n: int, record: WindowRecord) -> WindowObserver:
     """Return what records a window; collective. Raises ``CaseError`` for a column outside the mesh."""
     window = scene.windows[n]
     with about("windows", n):
         return WindowObserver(
-            waves,
             water,
             np.array(window.places),
             levels=window.levels,
@@ -439,7 +384,7 @@ def _wall(scene: Case, waves: AnyWaves, n: int) -> MeshTags:
         return waves.plane.wall(scene.loads[n].on)
 
 
-def _surface_fields(scene: Case, waves: AnyWaves, records: Records) -> list[Observer]:
+def _surface_fields(scene: Case, waves: AnyWaves, records: Records) -> list[Diagnostic]:
     """Return what writes a basin's surface and sponge; collective."""
     if records.fields is None or waves.plane.mesh.topology.dim == 1:
         return []

@@ -418,12 +418,7 @@ def build_answers(scene: Case, waves: AnyWaves) -> list[AnsweringPaddle]:
     return result
 
 
-def added_motions(scene: Case, waves: AnyWaves) -> dict[int, Any]:
-    """Return how those paddles move that absorb, by their numbers: ``FeedbackMotion`` motions."""
-    return {number: waves.wall.paddles[number].motion for number in scene.absorbing}
-
-
-def build_supply(scene: Case, waves: AnyWaves) -> AnsweredWork | None:
+def build_paddle_work(scene: Case, waves: AnyWaves) -> AnsweredWork | None:
     """Return what counts the work of a scene's paddles, where some of them absorb."""
     if not scene.absorbing:
         return None

@@ -1,38 +1,31 @@
 """Diagnostics that record: gauges, probes, loads, paddle, surface, windows, velocity fields and the highest crest."""
 
 from collections.abc import Callable, Mapping, Sequence
-from itertools import chain
-from math import isfinite, nan
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
-from mpi4py import MPI
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector, summed
-from wavetank.errors import ConvergenceError, InputError, OutsideError, PaddleError, RecordError, RunError
+from wavetank.arrays import Vector
+from wavetank.errors import ConvergenceError, InputError, OutsideError, PaddleError, RunError
 from wavetank.fem.by_place import SAME
 from wavetank.fem.lattice import Lattice
 from wavetank.fem.line_points import points_in
 from wavetank.fem.plane import Field
 from wavetank.fem.points import Points
-from wavetank.mpi import raise_on_all_ranks
 from wavetank.output.columns import RATES as RATES
 from wavetank.output.directory import REST_POSITION
 from wavetank.output.fields import VtkCells
-from wavetank.output.tables import Rows
 from wavetank.simulation.clock import EverySteps, Schedule
-from wavetank.simulation.contract import Keeping, Moment, Moments, ObservedWall, ObservedWaves, Patient
-from wavetank.stateful import Held, Stateful
-from wavetank.tank.bed import Bed
+from wavetank.simulation.contract import Diagnostic, Waves, displacement, displacements, due_steps
+from wavetank.simulation.records import FieldRecord, Record, WindowRecord
+from wavetank.stateful import Held, Stateful, carry_over, give_back, held_by, named
 from wavetank.tank.kinematics import MovingWater, Sounding, Velocity
-from wavetank.tank.seen import HIGHEST
+from wavetank.tank.seen import Block
 from wavetank.tank.surface_points import SurfacePoints
 from wavetank.tank.wall_pressure import PaddlePush, WallPressure
-from wavetank.tank.walls.contract import Stood
+from wavetank.tank.walls.contract import Placed
 from wavetank.tank.waves import NonlinearWaves
-
-NEAR = 0.5  # of the way to a place, at still water: from there on it is looked at once whether a paddle is there
 
 
 class Called(NamedTuple):
@@ -42,7 +35,7 @@ class Called(NamedTuple):
     paddles: Sequence[str]
 
     @classmethod
-    def unnamed(cls, wall: ObservedWall, what: str, places: Vector) -> "Called":
+    def unnamed(cls, wall: Placed, what: str, places: Vector) -> "Called":
         """Return what they are called outside of cases: ``gauge 1`` and ``wall 1``."""
         named = ((what, len(places)), ("wall", len(wall.paddles)))
         return cls(*([f"{one} {n + 1}" for n in range(count)] for one, count in named))
@@ -59,119 +52,18 @@ class Passing:
         What they and the paddles are called.
     """
 
-    def __init__(self, wall: ObservedWall, places: Vector, called: Called):
+    def __init__(self, wall: Placed, places: Vector, called: Called):
         self._places, self._called = places, called
         self._distances = np.array([paddle.side.distances(places) for paddle in wall.paddles])
-        self._shares = np.array([[float(np.max(paddle.shape.at(np.zeros(1))))] for paddle in wall.paddles])
-        each = zip(self._distances, self._shares, strict=True)
-        self._nearest = [NEAR * float(distances.min(initial=np.inf)) / float(share[0]) for distances, share in each]
+        self._at_surface = np.array([[float(np.max(paddle.shape.at(np.zeros(1))))] for paddle in wall.paddles])
 
-    def near(self, stood: Stood) -> bool:
-        """Return whether a paddle that stood so may be near a place; one that does not move as a whole always may."""
-        return any(x is None or x > near for (_, x), near in zip(stood, self._nearest, strict=True))
-
-    def error(self, t: float, place: int, stand: Vector) -> PaddleError:
-        """Return what there is to say of a place that is behind a paddle at t [s], as they stand, (paddles, N)."""
-        which = int(np.argmax((self._shares * stand - self._distances)[:, place]))
+    def error(self, t: float, place: int, displacement: Vector) -> PaddleError:
+        """Return the error for a place that is behind a paddle at t [s], for displacements, shape (paddles, N)."""
+        which = int(np.argmax((self._at_surface * displacement - self._distances)[:, place]))
         (x, y), (names, paddles) = self._places[place], self._called
         where = f"x = {x:.6g} m{f', y = {y:.6g} m' if y else ''}"
         who = f"the paddle of {paddles[which]} has reached {names[place]}, {where}"
         return PaddleError(f"t = {t:.6g} s: {who}: it must stand farther from the wall", t=t)
-
-
-class Record(Protocol):
-    """A table that grows by rows of numbers; only rank 0's rows are kept."""
-
-    def extend(self, rows: Rows) -> None:
-        """Append rows, time [s] first, empty at None."""
-
-
-class FieldRecord(Protocol):
-    """Snapshots of fields on a mesh, each rank's part its own."""
-
-    def append(self, t: float, points: Vector, *, cells: VtkCells, arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Append a snapshot at t [s]: points [m], shape (N, 3), the cells between them, fields at them; collective."""
-
-
-def _not_finite(t: Any) -> RunError:
-    said = "a recorded value is not a finite number; the run has broken down."
-    return RunError(f"t = {t:.6g} s: {said}", t=float(t))
-
-
-class Discard:
-    """The record of every rank but the first, which has the same row: it fails where the first one's fails."""
-
-    def extend(self, rows: Rows) -> None:
-        """Drop the rows; raises ``RunError`` for a number that is not finite."""
-        for row in rows:
-            if not all(value is None or isfinite(value) for value in row):
-                raise _not_finite(row[0])
-
-
-class DiscardArrays:
-    """The record of arrays of every rank but the first."""
-
-    def append(self, t: float, *arrays: Vector) -> None:
-        """Drop them; raises ``RunError`` for a number that is not finite."""
-        if not all(np.isfinite(one).all() for one in arrays):
-            raise _not_finite(t)
-
-
-class Memory:
-    """A record kept in memory, for use from Python."""
-
-    def __init__(self) -> None:
-        self.rows: list[list[float]] = []
-
-    def extend(self, rows: Rows) -> None:
-        """Append rows, nan at None."""
-        self.rows += [[nan if value is None else float(value) for value in row] for row in rows]
-
-    def array(self) -> Vector:
-        """Return all rows, shape (rows, columns)."""
-        return np.array(self.rows)
-
-
-class Kept:
-    """A record whose failure is kept until it is asked for: the first rank writes alone, and all ranks must end."""
-
-    def __init__(self, append: Callable[..., None]):
-        self._append = append
-        self.failure: RecordError | None = None
-
-    def append(self, *row: Any) -> None:
-        """Append a snapshot, or rows, unless something could not be written before."""
-        if self.failure is None:
-            try:
-                self._append(*row)
-            except RecordError as error:
-                self.failure = error
-
-    extend = append
-
-
-class RecordCheck(Patient):
-    """Ends the run on all ranks where a record could not be written; the last that writes any.
-
-    Parameters
-    ----------
-    records
-        Those of this rank.
-    """
-
-    def __init__(self, comm: MPI.Comm, records: Sequence[Kept]):
-        self.schedule = EverySteps()
-        self._comm, self._records = comm, records
-
-    def work_off(self, moments: Moments) -> None:
-        """Raise ``RecordError`` if a rank has met one; collective."""
-        if summed(self._comm, float(any(record.failure for record in self._records))):
-            raise_on_all_ranks(self._comm, self._raise)
-
-    def _raise(self) -> None:
-        for record in self._records:
-            if record.failure is not None:
-                raise record.failure
 
 
 class Crest(NamedTuple):
@@ -183,25 +75,22 @@ class Crest(NamedTuple):
     t: float = 0.0
 
 
-class HighestCrest(Patient):
+class HighestCrest:
     """The highest elevation at the degrees of freedom, of all steps."""
 
-    def __init__(self, waves: ObservedWaves):
+    def __init__(self, waves: Waves):
         self.schedule = EverySteps()
         self._waves, self._own = waves, Crest()
-        self.sees = waves
 
-    def work_off(self, moments: Moments) -> None:
-        """See whether the surface was higher than ever; collective."""
-        seen = moments.seen(self._waves)
-        heights = np.fmax(seen.numbers[:, HIGHEST], -np.inf)  # of a surface that is none any more
+    def record(self, block: Block) -> None:
+        """Update the highest crest; collective."""
+        heights = np.fmax(block.highest, -np.inf)  # of a surface that is no longer a number
         first = int(heights.argmax())
         if heights[first] > self._own.height:
-            highest, wall = int(seen.eta[first].argmax()), self._waves.wall
-            place, height = self._waves.plane.places[[highest]], seen.eta[first, [highest]]
-            stand = wall.stand(place, moments.stood(self._waves, first))
-            ((x, y),) = wall.to_physical(place, height, stand)
-            self._own = Crest(float(height[0]), float(x), float(y), float(moments.times[first]))
+            highest, wall = int(block.eta[first].argmax()), self._waves.wall
+            place, height = self._waves.plane.places[[highest]], block.eta[first, [highest]]
+            ((x, y),) = wall.to_physical(place, height, displacement(block, first, wall, place))
+            self._own = Crest(float(height[0]), float(x), float(y), float(block.t[first]))
 
     def highest(self) -> Crest:
         """Return the highest crest on all ranks; collective."""
@@ -221,7 +110,7 @@ class HighestCrest(Patient):
     carry = take
 
 
-class Gauges(Patient):
+class Gauges:
     """Elevation [m] at places of the tank.
 
     Parameters
@@ -229,26 +118,23 @@ class Gauges(Patient):
     places
         (x, y) [m], shape (N, 2); x from the paddle's rest position in a slice, from anywhere in a ring.
     record
-        Where rows (t, eta_1, ..., eta_N) go.
+        Table of the rows (t, eta_1, ..., eta_N).
     called
-        What they and the paddles are called in a case.
-    foreseen
-        Whether it is known before that no paddle passes any; else moments are worked off at once while one is near.
+        What places and paddles are called in a case.
     """
 
     def __init__(
         self,
-        waves: ObservedWaves,
+        waves: Waves,
         places: Vector,
         *,
         record: Record,
         schedule: Schedule,
         called: Called | None = None,
-        foreseen: bool = False,
     ):
         places = np.asarray(places, dtype=np.float64)
         self._waves, self._record, self.schedule = waves, record, schedule
-        self._elevation, self.sees = waves.plane.function("elevation"), waves
+        self._elevation = waves.plane.function("elevation")
         wall = waves.wall
         self._points = points_in(waves.plane, waves.plane.chart.place(wall.to_reference(places)))  # far ones stay there
         reached = wall.reaches(places)
@@ -257,44 +143,37 @@ class Gauges(Patient):
         called = called or Called.unnamed(wall, "gauge", places)
         names = [called.places[n] for n in self._near]
         self._passing = Passing(wall, places[reached], called._replace(places=names))
-        self.foreseen = foreseen or not self._near.size
 
-    @property
-    def hurries(self) -> bool:
-        """See ``Patient``: so that nothing is recorded after a paddle has passed."""
-        return not self.foreseen and self._passing.near(self._waves.wall.stood)
-
-    def work_off(self, moments: Moments) -> None:
-        """Append a row for each moment; raises ``PaddleError`` if a paddle has passed a gauge; collective."""
-        rows = self._rows(moments)
+    def record(self, block: Block) -> None:
+        """Append a row for each step; raises ``PaddleError`` if a paddle has passed a gauge; collective."""
+        rows = self._rows(block)
         elevations = self._points.of_all(rows)
         try:
             if self._near.size:
-                elevations[:, self._near] = self._over_the_near(moments, rows)
+                elevations[:, self._near] = self._within_reach(block, rows)
         except RunError:
-            for row in range(len(moments)) if len(moments) > 1 else ():  # up to the one where that is
-                self.work_off(moments.some([row]))
+            for row in range(len(block)) if len(block) > 1 else ():  # up to the failing one
+                self.record(block.at([row]))
             raise
-        self._record.extend(np.column_stack([moments.times, elevations]))
+        self._record.extend(np.column_stack([block.t, elevations]))
 
-    def _over_the_near(self, moments: Moments, rows: Vector) -> Vector:
-        """Return the elevation over gauges within the paddles' reach, shape (K, N); raises as ``work_off``."""
-        stand = moments.stands(self._waves, self._beside.places)
+    def _within_reach(self, block: Block, rows: Vector) -> Vector:
+        """Return the elevation at gauges within the paddles' reach, shape (K, N); raises as ``record``."""
+        shifts = displacements(block, self._waves.wall, self._beside.places)
         try:
-            return self._beside.each(rows, stand)
+            return self._beside.each(rows, shifts)
         except OutsideError as error:
             row, place = divmod(error.index, len(self._beside.places))
-            raise self._passing.error(float(moments.times[row]), place, stand[:, row]) from None
+            raise self._passing.error(float(block.t[row]), place, shifts[:, row]) from None
         except ConvergenceError as error:
-            raise ConvergenceError(f"t = {moments.times[0]:.6g} s: {error}", t=float(moments.times[0])) from None
+            raise ConvergenceError(f"t = {block.t[0]:.6g} s: {error}", t=float(block.t[0])) from None
 
-    def _rows(self, moments: Moments) -> Vector:
-        """Return the elevations at all degrees of freedom, those of other ranks among them, (K, rows); collective."""
-        surfaces = moments.elevations(self._waves)
+    def _rows(self, block: Block) -> Vector:
+        """Return elevations at the degrees of freedom of this rank and its ghosts, shape (K, rows); collective."""
         if self._waves.plane.comm.size == 1:
-            return surfaces
+            return block.eta
         rows = list[Vector]()
-        for eta in surfaces:
+        for eta in block.eta:
             self._elevation.set(eta)
             rows.append(self._elevation.rows[:, 0].copy())
         return np.array(rows)
@@ -316,15 +195,16 @@ class Loads:
         basin = pressure.plane.mesh.topology.dim == 2
         self._shown = [0, 1, 2, 3, 4, 5] if basin else [0, 2, 4]
 
-    def observe(self, moment: Moment) -> None:
-        """Append one row; collective."""
-        self._pressure.find(moment.q, moment.p, moment.t)
-        loads = [self._pressure.load(wall, point) for wall, point in enumerate(self._about)]
-        self._record.extend([[moment.t, *np.concatenate([np.concatenate(load)[self._shown] for load in loads])]])
+    def record(self, block: Block) -> None:
+        """Append a row for each step; collective."""
+        for q, psi, t in block.states():
+            self._pressure.find(q, psi, t)
+            loads = [self._pressure.load(wall, point) for wall, point in enumerate(self._about)]
+            self._record.extend([[t, *np.concatenate([np.concatenate(load)[self._shown] for load in loads])]])
 
 
 class Pushing:
-    """Force and power of a paddle, at a moment.
+    """Force and power of a paddle.
 
     Parameters
     ----------
@@ -335,95 +215,76 @@ class Pushing:
     def __init__(self, push: PaddlePush, velocity: Callable[..., Any]):
         self._push, self._velocity = push, velocity
 
-    def at(self, moment: Moment) -> tuple[float, float]:
-        """Return force [N, N/m] and power [W, W/m]; collective."""
-        self._push.pressure.find(moment.q, moment.p, moment.t)
-        speed = self._velocity(moment.t, self._push.y)
+    def at(self, q: Vector, psi: Vector, t: float) -> tuple[float, float]:
+        """Return force [N, N/m] and power [W, W/m] at a state; collective."""
+        self._push.pressure.find(q, psi, t)
+        speed = self._velocity(t, self._push.y)
         return self._push.against(1.0), self._push.against(speed)
+
+
+PaddleRates = Callable[[Block], Vector]
+"""Returns position [m], velocity [m/s] and acceleration [m/s²] of a paddle at the steps of a block, shape (K, 3 N)."""
+
+
+def rates_of_water(number: int) -> PaddleRates:
+    """Return the rates of a paddle of nonlinear water that moves as one, by its number: those of the block."""
+    return lambda block: block.rates[:, number]
+
+
+def rates_of_motion(rates: Callable[[float], Sequence[Any]]) -> PaddleRates:
+    """Return the rates of any paddle, of which each is a number or one for each place along it."""
+    return lambda block: np.array([np.hstack(rates(t)) for _, _, t in block.states()])
 
 
 LIMITED = ("stroke", "speed", "acceleration")
 
 
-class PaddleMotion(Keeping):
+class PaddleMotion:
     """Position [m], velocity [m/s] and acceleration [m/s²] of a paddle.
 
     Parameters
     ----------
     rates
-        Returns these three at t [s], numbers, or one for each place along the paddle.
+        Its rates.
     push
-        What it does against the water; None: not looked at.
+        Its force and power; None: not recorded.
     record
         Where rows go, in the order of ``records.paddle_table.columns``.
     """
 
-    def __init__(
-        self,
-        rates: Callable[[float], Sequence[Any]],
-        *,
-        record: Record,
-        schedule: Schedule,
-        push: Pushing | None = None,
-    ):
+    def __init__(self, rates: PaddleRates, *, record: Record, schedule: Schedule, push: Pushing | None = None):
         self._rates, self._record, self.schedule, self._push = rates, record, schedule, push
-        self._kept: list[list[Any]] = []  # times, what there is of it, numbers or one for each place, and how it pushes
 
-    def keep(self, moment: Moment) -> None:
-        """Keep what it does; collective."""
-        pushed = self._push.at(moment) if self._push else ()
-        self._kept.append([moment.t, *self._rates(moment.t), *pushed])
-
-    def work_off(self, moments: Moments) -> None:
-        """Append a row for each moment."""
-        kept, self._kept = self._kept[: len(moments)], []  # one more is kept of what a later look has ended
-        if np.ndim(kept[0][1]):
-            self._record.extend(np.array([np.hstack(row) for row in kept]))
-        else:
-            self._record.extend(np.fromiter(chain.from_iterable(kept), dtype=np.float64).reshape(len(kept), -1))
-
-
-class SeenPaddle(Patient):
-    """The same of a paddle that moves as a whole, which does not push: what is seen of its waves tells it.
-
-    Parameters
-    ----------
-    number
-        Which of their wall's paddles it is.
-    record
-        As above.
-    """
-
-    def __init__(self, waves: ObservedWaves, number: int, *, record: Record, schedule: Schedule):
-        self._number, self._record, self.schedule = number, record, schedule
-        self._waves = self.sees = waves
-
-    def work_off(self, moments: Moments) -> None:
-        """Append a row for each moment; collective."""
-        self._record.extend(np.column_stack([moments.times, moments.seen(self._waves).rates[:, self._number]]))
+    def record(self, block: Block) -> None:
+        """Append a row for each step; collective with a push."""
+        columns = [block.t[:, None], self._rates(block)]
+        if self._push is not None:
+            columns.append(np.array([self._push.at(*state) for state in block.states()]))
+        self._record.extend(np.hstack(columns))
 
 
 class PaddleLimits:
-    """Whether a paddle that absorbs keeps to what its drive can do: that is known afterwards only.
+    """Whether an absorbing paddle stays within the limits of its drive, which is known afterwards only.
 
     Parameters
     ----------
     rates
-        Functions of t [s] by name, that return numbers.
+        Its rates.
     limits
-        The largest of what is ``LIMITED``, in m, m/s and m/s², as much as is.
+        The largest of what is ``LIMITED``, in m, m/s and m/s², as far as given.
     key
-        What the paddle is called in a case.
+        The key of the paddle in a case.
     """
 
-    def __init__(self, rates: Mapping[str, Callable[[Any], Any]], limits: Mapping[str, float], *, key: str):
+    def __init__(self, rates: PaddleRates, limits: Mapping[str, float], *, key: str):
         self.schedule, self._rates, self._limits, self._key = EverySteps(), rates, limits, key
         self._least, self._most = [np.inf] * len(RATES), [-np.inf] * len(RATES)
 
-    def observe(self, moment: Moment) -> None:
-        """See how far and how fast it goes."""
-        now = [float(self._rates[name](moment.t)) for name in RATES]
-        self._least, self._most = [*map(min, self._least, now)], [*map(max, self._most, now)]
+    def record(self, block: Block) -> None:
+        """Update the extremes of the rates."""
+        rates = self._rates(block)
+        self._least = np.minimum(self._least, rates.min(axis=0)).tolist()
+        self._most = np.maximum(self._most, rates.max(axis=0)).tolist()
 
     def verdict(self) -> list[str]:
         """Return a sentence for each limit that it has been beyond."""
@@ -478,19 +339,24 @@ class Probes:
         self._axes = axes_of(water)
         self._wet: dict[str, bool] = {}  # by a probe's place: whether there has been water
 
-    def observe(self, moment: Moment) -> None:
-        """Append one row; raises ``PaddleError`` if a paddle has passed a probe; collective."""
-        self._water.find_rates(moment.q, moment.p, moment.t)
+    def record(self, block: Block) -> None:
+        """Append a row for each step; raises ``PaddleError`` if a paddle has passed a probe; collective."""
+        for q, psi, t in block.states():
+            self._append(q, psi, t)
+
+    def _append(self, q: Vector, psi: Vector, t: float) -> None:
+        """Append one row; raises as ``record``; collective."""
+        self._water.find_rates(q, psi, t)
         try:
             result = self._sounding.take()
         except OutsideError as error:
-            raise self._passing.error(moment.t, error.index, self._water.wall.stand(self._places)) from None
+            raise self._passing.error(t, error.index, self._water.wall.stand(self._places)) from None
         for name, dry in zip(self._points, result.dry, strict=True):
             self._wet[name] = self._wet.get(name, False) or not bool(dry)
         vectors = (vector[:, self._axes] for vector in (result.velocity, result.local, result.acceleration))
         each = np.column_stack([*vectors, result.pressure])
         rows = ([None] * len(row) if dry else row for row, dry in zip(each, result.dry, strict=True))
-        self._record.extend([[moment.t, *(value for row in rows for value in row)]])
+        self._record.extend([[t, *(value for row in rows for value in row)]])
 
     def verdict(self) -> list[str]:
         """Return a sentence for probes without water at any time."""
@@ -513,27 +379,51 @@ def axes_of(water: MovingWater) -> list[int]:
     return [0, 1, 2] if water.plane.mesh.topology.dim == 2 else [0, 2]
 
 
-class WaterKept:
-    """Remembers the water that others look into, so that a run that goes on looks into the same."""
+class BelowSurface:
+    """Diagnostics that share water of their own, which each step is evaluated in once for all of them.
+
+    Parameters
+    ----------
+    water
+        The water, whose start values are part of the state of the run.
+    diagnostics
+        Probes, loads, windows, velocity fields and paddles with loads.
+    """
 
     added = True
 
-    def __init__(self, water: Stateful):
-        self.schedule, self._water = EverySteps(), water
+    def __init__(self, water: object, diagnostics: Sequence[Diagnostic]):
+        self.schedule, self._water, self.diagnostics = EverySteps(), water, diagnostics
 
-    def observe(self, moment: Moment) -> None:
-        """Do nothing."""
+    def record(self, block: Block) -> None:
+        """Let them record step by step; collective."""
+        for number in range(len(block)):
+            step = block.at([number])
+            for diagnostic in self.diagnostics:
+                if len(due := due_steps(diagnostic.schedule, step)):
+                    diagnostic.record(due)
+
+    def verdict(self) -> list[str]:
+        """Return a sentence for probes without water at any time."""
+        return [sentence for one in self.diagnostics if isinstance(one, Probes) for sentence in one.verdict()]
 
     def held(self) -> Held:
-        """Return what the water holds."""
-        return self._water.held()
+        """Return the state of the water and of the diagnostics."""
+        own = {"water": self._water.held()} if isinstance(self._water, Stateful) else {}
+        return own | held_by(named(self.diagnostics))
 
     def take(self, held: Held) -> None:
-        """Let it take that back; collective."""
-        self._water.take(held)
+        """Take back what has been held; collective."""
+        if isinstance(self._water, Stateful) and "water" in held:
+            self._water.take(held["water"])
+        give_back(named(self.diagnostics), {name: one for name, one in held.items() if name != "water"})
+
+    def carry(self, held: Held) -> None:
+        """Take what outlives other numerics."""
+        carry_over(named(self.diagnostics), held)
 
 
-class SurfaceSnapshots(Patient):
+class SurfaceSnapshots:
     """Elevation [m] and surface potential [m²/s] against x [m], at the places of the mesh on which the run began.
 
     Parameters
@@ -542,9 +432,8 @@ class SurfaceSnapshots(Patient):
         Where rows go, or None on the other ranks: of each snapshot its time, and x, eta and psi at all places.
     """
 
-    def __init__(self, waves: ObservedWaves, *, record: Record | None, schedule: Schedule):
+    def __init__(self, waves: Waves, *, record: Record | None, schedule: Schedule):
         self._waves, self._record, self.schedule = waves, record, schedule
-        self.sees = waves
         comm, reference = waves.plane.comm, self._gather(waves.plane.x)
         self._order = np.argsort(reference, kind="stable")
         self._look_at(comm.bcast(reference[self._order]))
@@ -562,20 +451,19 @@ class SurfaceSnapshots(Patient):
         parts = self._waves.plane.comm.gather(owned)
         return np.concatenate(parts, axis=-1) if parts else owned[..., :0]
 
-    def work_off(self, moments: Moments) -> None:
+    def record(self, block: Block) -> None:
         """Append the snapshots; collective."""
-        seen = moments.seen(self._waves)
-        fields, which = (seen.sight.eta, seen.sight.psi), seen.rows
+        fields = block.eta, block.psi
         if self._points is not None or self._waves.plane.comm.size > 1:
-            fields, which = (self._found(seen.eta), self._found(seen.psi)), np.arange(len(moments))
+            fields = self._found(block.eta), self._found(block.psi)
         if self._record is not None:
-            rows, near = np.empty((len(moments), 1 + 3 * len(self._reference))), self._near
-            rows[:, 0] = moments.times
+            rows, near = np.empty((len(block), 1 + 3 * len(self._reference))), self._near
+            rows[:, 0] = block.t
             x, above, potential = rows[:, 1:].reshape(len(rows), 3, -1).swapaxes(0, 1)
             x[:] = self._reference
-            above[:], potential[:] = [one[np.ix_(which, self._order)] for one in fields]
-            stands = moments.stands(self._waves, self._beside)
-            x[:, near] = self._waves.wall.to_physical(self._beside, above[:, near], stands)[..., 0]
+            above[:], potential[:] = [one[:, self._order] for one in fields]
+            shifts = displacements(block, self._waves.wall, self._beside)
+            x[:, near] = self._waves.wall.to_physical(self._beside, above[:, near], shifts)[..., 0]
             self._record.extend(rows)
 
     def _found(self, owned: Vector) -> Vector:
@@ -604,17 +492,6 @@ class SurfaceSnapshots(Patient):
     carry = take
 
 
-class WindowRecord(Protocol):
-    """Where a window's motion goes."""
-
-    def append(self, t: float, z: Vector, eta: Vector, moved: Vector) -> None:
-        """Append heights [m], shape (columns, levels), elevations [m], (columns,), and the quantities of each point.
-
-        These are velocities, accelerations and pressure in the order of ``records.window``, shape (quantities, columns,
-        levels).
-        """
-
-
 class WindowObserver:
     """The motion of columns of water.
 
@@ -630,7 +507,6 @@ class WindowObserver:
 
     def __init__(
         self,
-        waves: ObservedWaves,
         water: MovingWater,
         places: Vector,
         *,
@@ -639,17 +515,22 @@ class WindowObserver:
         record: WindowRecord,
         schedule: Schedule,
     ):
-        self._waves, self._water, self._record, self.schedule = waves, water, record, schedule
+        self._water, self._record, self.schedule = water, record, schedule
         self._places, self._zeta, self._axes = places, np.linspace(0.0, 1.0, levels, dtype=np.float64), axes_of(water)
         self._surface = SurfacePoints(water.plane, water.wall, places)
         self._elevation, self._depth = water.plane.function("elevation"), water.plane.function("depth")
         points = np.column_stack([places, np.zeros(len(places))])
         self._sounding = Sounding(water, np.repeat(points, levels, axis=0), density=density)
 
-    def observe(self, moment: Moment) -> None:
-        """Append what the columns do; raises ``PaddleError`` if the paddle has passed one; collective."""
-        self._water.find_rates(moment.q, moment.p, moment.t)
-        self._elevation.set(self._waves.elevation(moment.q, moment.p, moment.t))
+    def record(self, block: Block) -> None:
+        """Append the motion of the columns; raises ``PaddleError`` if the paddle has passed one; collective."""
+        for state, eta in zip(block.states(), block.eta, strict=True):
+            self._append(*state, eta)
+
+    def _append(self, q: Vector, psi: Vector, t: float, elevation: Vector) -> None:
+        """Append the motion at one step; raises as ``record``; collective."""
+        self._water.find_rates(q, psi, t)
+        self._elevation.set(elevation)
         self._depth.set(np.zeros(self._water.plane.owned) + self._water.bed.still)
         try:
             eta = self._surface.elevations(self._elevation)
@@ -658,22 +539,14 @@ class WindowObserver:
             points = np.column_stack([np.repeat(self._places, self._zeta.size, axis=0), z.ravel()])
             result = self._sounding.take(points)
         except InputError as error:
-            raise PaddleError(f"t = {moment.t:.6g} s: the paddle has reached a column of a window: {error}") from None
+            raise PaddleError(f"t = {t:.6g} s: the paddle has reached a column of a window: {error}", t=t) from None
         vectors = (vector[:, self._axes].T for vector in (result.velocity, result.local, result.acceleration))
         moved = np.vstack([*vectors, result.pressure]).reshape(-1, *z.shape)
-        self._record.append(moment.t, z, eta, moved)
-
-
-class WavesOverABed(ObservedWaves, Protocol):
-    """What fields are drawn of."""
-
-    @property
-    def bed(self) -> Bed:
-        """The bed."""
+        self._record.append(t, z, eta, moved)
 
 
 class LatticePlaces:
-    """Where the points of a lattice are in the laboratory, for the state that the waves evaluated last.
+    """Where the points of a lattice are in the laboratory.
 
     Attributes
     ----------
@@ -681,7 +554,7 @@ class LatticePlaces:
         This rank's part of the footprint.
     """
 
-    def __init__(self, waves: WavesOverABed):
+    def __init__(self, waves: Waves):
         self._waves, self.lattice = waves, Lattice(waves.plane)
         self._depth = waves.plane.function("depth")
 
@@ -690,14 +563,18 @@ class LatticePlaces:
         values: Vector = field.rows[self.lattice.dofs, 0]
         return values
 
-    def depths(self) -> Vector:
-        """Return the still-water depth d [m], shape (N,); collective."""
-        self._depth.set(self._waves.bed.still)
+    def depths(self, block: Block, number: int) -> Vector:
+        """Return the still-water depth d at one step of a block [m], shape (N,); collective."""
+        wall, bed = self._waves.wall, self._waves.bed
+        depth, carried = np.zeros(self._waves.plane.owned) + bed.still, wall.carries
+        places = self._waves.plane.places[carried]
+        depth[carried] = bed.at(wall.to_physical(places, 0.0, displacement(block, number, wall, places)))
+        self._depth.set(depth)
         return self.at(self._depth)
 
-    def points(self, z: Vector) -> Vector:
-        """Return (x, y, z) [m] for heights above still water, shape (N, 3)."""
-        return np.column_stack([self._waves.wall.to_physical(self.lattice.places, z), z])
+    def points(self, z: Vector, displacement: Vector) -> Vector:
+        """Return (x, y, z) [m] for heights above still water and displacements of the paddles, shape (N, 3)."""
+        return np.column_stack([self._waves.wall.to_physical(self.lattice.places, z, displacement), z])
 
 
 class SurfaceFields:
@@ -713,28 +590,34 @@ class SurfaceFields:
         there is no sponge.
     """
 
-    def __init__(self, waves: WavesOverABed, series: FieldRecord, *, schedule: Schedule, damping: Vector | None = None):
+    def __init__(self, waves: Waves, series: FieldRecord, *, schedule: Schedule, damping: Vector | None = None):
         self._waves, self._series, self.schedule = waves, series, schedule
         self._places = LatticePlaces(waves)
         self._cells = VtkCells.flat(self._places.lattice.pieces)
         self._eta, self._psi = waves.plane.function("elevation"), waves.plane.function("surface potential")
         self._damping, self._rate = damping, waves.plane.function("damping rate")
 
-    def observe(self, moment: Moment) -> None:
-        """Write a snapshot; raises ``RunError``, on all ranks, if it cannot be written; collective."""
-        self._eta.set(self._waves.elevation(moment.q, moment.p, moment.t))
-        self._psi.set(moment.p)
+    def record(self, block: Block) -> None:
+        """Write a snapshot for each step; raises ``RunError``, on all ranks, if one cannot be written; collective."""
+        for number in range(len(block)):
+            self._append(block, number)
+
+    def _append(self, block: Block, number: int) -> None:
+        """Write the snapshot of one step; raises as ``record``; collective."""
+        self._eta.set(block.eta[number])
+        self._psi.set(block.psi[number])
         eta, psi = self._places.at(self._eta), self._places.at(self._psi)
         arrays: dict[str, NDArray[Any]] = {
             "elevation": eta,
             "surface potential": psi,
-            "depth": self._places.depths(),
+            "depth": self._places.depths(block, number),
             REST_POSITION: self._places.lattice.places.astype(np.float32),
         }
         if self._damping is not None:
             self._rate.set(self._damping)  # a run that goes on may have taken another
             arrays["damping rate"] = self._places.at(self._rate)
-        self._series.append(moment.t, self._places.points(eta), cells=self._cells, arrays=arrays)
+        shift = displacement(block, number, self._waves.wall, self._places.lattice.places)
+        self._series.append(float(block.t[number]), self._places.points(eta, shift), cells=self._cells, arrays=arrays)
 
 
 class VelocityFields:
@@ -755,15 +638,22 @@ class VelocityFields:
         lattice = self._places.lattice
         self._cells = VtkCells.layered(lattice.pieces, points=len(lattice.dofs), levels=len(self._levels))
 
-    def observe(self, moment: Moment) -> None:
-        """Write a snapshot; raises ``RunError``, on all ranks, if it cannot be written; collective."""
-        self._waves.evaluate(moment.q, moment.p, moment.t)
-        h, d, dofs = self._places.at(self._waves.h), self._places.depths(), self._places.lattice.dofs
-        points = [self._places.points(zeta * h - d) for zeta in self._levels]
+    def record(self, block: Block) -> None:
+        """Write a snapshot for each step; raises ``RunError``, on all ranks, if one cannot be written; collective."""
+        for number in range(len(block)):
+            self._append(block, number)
+
+    def _append(self, block: Block, number: int) -> None:
+        """Write the snapshot of one step; raises as ``record``; collective."""
+        t = float(block.t[number])
+        self._waves.evaluate(block.q[number], block.psi[number], t)
+        h, d, dofs = self._places.at(self._waves.h), self._places.depths(block, number), self._places.lattice.dofs
+        shift = displacement(block, number, self._waves.wall, self._places.lattice.places)
+        points = [self._places.points(zeta * h - d, shift) for zeta in self._levels]
         velocity = [self._velocity.at(zeta)[dofs] for zeta in self._levels]
         potential = [self._velocity.potential(zeta)[dofs] for zeta in self._levels]
         arrays = {"velocity": _single(velocity), "potential": _single(potential)}
-        self._series.append(moment.t, _single(points), cells=self._cells, arrays=arrays)
+        self._series.append(t, _single(points), cells=self._cells, arrays=arrays)
 
 
 def _single(layers: list[Vector]) -> Vector:

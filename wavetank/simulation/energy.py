@@ -18,25 +18,12 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.simulation.clock import EverySteps, Schedule
-from wavetank.simulation.contract import Keeping, Moment, Moments, ObservedWaves
-from wavetank.simulation.diagnostics import Record
-from wavetank.simulation.supply import Integral, Power, Supply
+from wavetank.simulation.clock import EverySteps
+from wavetank.simulation.contract import Waves
+from wavetank.simulation.records import Record
+from wavetank.simulation.supply import Integral
 from wavetank.stateful import Held
-
-
-def columns(dimensions: int, *, absorbed: bool = False) -> tuple[str, ...]:
-    """Return the budget's columns with their units, for a tank of one or two horizontal dimensions.
-
-    Energies are per unit of density, and of width where the tank has none. What is absorbed is one where paddles do.
-    """
-    energy, volume = f"[m^{3 + dimensions}/s^2]", f"[m^{1 + dimensions}]"
-    energies = ("kinetic", "potential", "total", "paddle_work", "dissipated", "balance")
-    more = (f"absorbed {energy}",) if absorbed else ()
-    return "t [s]", *(f"{name} {energy}" for name in energies), f"mass {volume}", *more
-
-
-COLUMNS = columns(1)
+from wavetank.tank.seen import Block
 
 ROUNDING = 1e-12  # of g d² of the whole tank: less energy is round-off
 TRUE = 0.01  # of the energy, what has gone included: a balance that is farther off is told
@@ -74,38 +61,33 @@ def _most(before: float, values: Vector) -> float:
     return float(np.fmax.reduce(values, initial=before))
 
 
-class EnergyBudget(Keeping):
-    """Kinetic, potential and total energy, paddle work, dissipation, balance and mass; see ``columns``.
+class EnergyBudget:
+    """Kinetic, potential and total energy, paddle work, dissipation, balance and mass; see ``energy_columns``.
 
     Parameters
     ----------
     record
-        Where rows of ``columns`` go.
+        Where rows of ``energy_columns`` go.
     every
         Steps between rows; the work is integrated from all of them, and all of them are judged.
     sinks
-        What dissipates.
-    supply
-        What paddles put in; default: by their power.
+        What dissipates, in the order of ``Block.dissipated``.
     """
 
     def __init__(
         self,
-        waves: ObservedWaves,
+        waves: Waves,
         *,
         record: Record,
         every: int = 1,
         sinks: Sequence[Sink] = (),
-        supply: Supply | None = None,
     ):
         self.schedule, self._every = EverySteps(), every
-        self._waves, self._record, self._supply = waves, record, supply or Power()
-        self.sees = waves
+        self._waves, self._record, self._supplied = waves, record, Integral()
         self._sinks = {type(sink).__name__: sink for sink in sinks}
         usual = {"called": "what damps them", "gives": "it should take", "cure": ""}
         of_sinks = {name: tuple(getattr(one, *pair) for pair in usual.items()) for name, one in self._sinks.items()}
         self._called = {SPONGE: (SPONGE, GIVES, "")} | of_sinks
-        self._taken = list[tuple[float, list[float]]]()  # what each sink had taken before times when they acted
         self._damped = Integral()  # what the sponge takes
         self._total = self._wall = self._mass = 0.0  # at the start
         self.cause = ""  # of a balance that is off, and what helps, if another part of the run knows it
@@ -117,36 +99,23 @@ class EnergyBudget(Keeping):
         self._most = dict[str, float]()  # that each sink had taken
         self._given = dict[str, tuple[float, float]]()  # the most that came back of that, and until when [s]
 
-    def acted(self, t: float) -> None:
-        """Take note of what sinks had taken before."""
-        self._taken.append((t, self._taken_now()))
-
-    def _taken_now(self) -> list[float]:
-        return [sink.energy_taken for sink in self._sinks.values()]
-
-    @property
-    def keeps(self) -> Schedule | None:
-        """See ``Keeping``."""
-        return None if self._supply.lasts else self.schedule
-
-    def keep(self, moment: Moment) -> None:
-        """Keep what the paddles do, if that does not last; collective."""
-        self._supply.keep(self._waves, moment)
-
-    def work_off(self, moments: Moments) -> None:
-        """See how far off the balance has been, and append the rows that are due."""
-        t, first = moments.times, int(moments.steps[0])
-        kinetic, potential, wall, mass, power, damped, *_ = numbers = moments.seen(self._waves).numbers.T
-        supplied, absorbed = self._supply.work_off(t, power)
+    def record(self, block: Block) -> None:
+        """Update the balance, and append the rows that are due."""
+        t, first = block.t, int(block.step[0])
+        kinetic, potential, wall, mass = block.kinetic, block.potential, block.wall_energy, block.mass
+        supplied, absorbed = block.work.T
+        if np.isnan(supplied[0]):  # no paddle has feedback
+            supplied, absorbed = self._supplied.advance(t, block.power), None
         if first == 0:
             self._total, self._wall, self._mass = float(kinetic[0] + potential[0]), float(wall[0]), float(mass[0])
             self._nothing = ROUNDING * self._waves.gravity * self._waves.depth * self._mass
         rows = np.empty((8 if absorbed is None else 9, len(t)))
         total, work, dissipated, balance = rows[3:7]
-        rows[0], rows[1:3], rows[7] = t, numbers[:2], mass
+        rows[0], rows[1], rows[2], rows[7] = t, kinetic, potential, mass
         total[:] = kinetic + potential
         work[:] = supplied - (wall - self._wall)
-        taken = {SPONGE: self._damped.work_off(t, damped)} | self._by_sinks(t)
+        by_sinks = zip(self._sinks, block.dissipated.T, strict=False)  # without sinks none is counted
+        taken = {SPONGE: self._damped.advance(t, block.damped)} | dict(by_sinks)
         self._judge(t, taken)
         dissipated[:] = self._earlier + sum(taken.values())
         balance[:] = total - self._total - work + dissipated
@@ -162,24 +131,18 @@ class EnergyBudget(Keeping):
         self._lost = _most(self._lost, np.abs(due[7] - self._mass))
         self._record.extend(due.T)
 
-    def _by_sinks(self, t: Vector) -> dict[str, Vector]:
-        """Return what each sink had taken by times, shape (K,); the same, until they act, shape (1,)."""
-        acted, self._taken = self._taken, []
-        taken = np.array([before for _, before in acted] + [self._taken_now()])
-        acts = [when - 1e-9 * abs(when) for when, _ in acted]
-        of_sinks = (taken[np.searchsorted(acts, t, side="right")] if acted else taken).T
-        return dict(zip(self._sinks, of_sinks, strict=True))
-
     def _judge(self, t: Vector, of_all: dict[str, Vector]) -> None:
         """Take note of the most that each had taken, and of what it has given back of it."""
         for name, taken in of_all.items():
-            if len(taken) == 1 and self._most.get(name) == taken[0]:
-                continue
             most = np.fmax(np.fmax.accumulate(taken), self._most.get(name, taken[0]))
             given = np.fmax(most - taken, 0.0)
             worst, self._most[name] = int(np.argmax(given)), float(most[-1])
             if given[worst] > self._given.get(name, (0.0, 0.0))[0]:
                 self._given[name] = float(given[worst]), float(t[worst])
+
+    @property
+    def _by_sinks(self) -> float:
+        return sum(sink.energy_taken for sink in self._sinks.values())
 
     @property
     def mass_error(self) -> float:
@@ -223,20 +186,20 @@ class EnergyBudget(Keeping):
         """Return the sums so far, and what the balance is judged by."""
         of_sinks = {"most": {**self._most}, "given": {**self._given}}
         sums = {name: getattr(self, f"_{name}") for name in SUMS}
-        return sums | of_sinks | {"supply": self._supply.held(), "damped": self._damped.held()}
+        return sums | of_sinks | {"supply": self._supplied.held(), "damped": self._damped.held()}
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
         for name in SUMS:
             setattr(self, f"_{name}", held[name])
-        self._supply.take(held["supply"])
+        self._supplied.take(held["supply"])
         self._damped.take(held["damped"])
         self._most, self._given = {**held["most"]}, {name: (given, t) for name, (given, t) in held["given"].items()}
 
     def carry(self, held: Held) -> None:
         """Take the sums; what was dissipated stays so, whatever dissipates now."""
         self.take(held)
-        self._earlier, self._most = self._dissipated - self._damped.value - sum(self._taken_now()), {}
+        self._earlier, self._most = self._dissipated - self._damped.value - self._by_sinks, {}
 
     def renewed(self) -> None:
         """Know that the next step is the first with other numerics, which may have another energy of the surface."""

@@ -13,9 +13,9 @@ from wavetank.arrays import largest
 from wavetank.errors import StoppedError
 from wavetank.output.files import RunLog
 from wavetank.simulation.clock import EverySteps
-from wavetank.simulation.contract import Moment, Moments, Patient
 from wavetank.stateful import Held
 from wavetank.tank.breaking import BreakingDissipation
+from wavetank.tank.seen import Block
 
 
 class BreakingNews:
@@ -33,8 +33,8 @@ class BreakingNews:
         self.schedule = EverySteps()
         self._breaking, self._say, self._said = breaking, say, False
 
-    def observe(self, moment: Moment) -> None:
-        """Look whether one has begun to."""
+    def record(self, block: Block) -> None:
+        """Report the first alarm, once."""
         if self._breaking.watch.alarms and not self._said:
             self._said = True
             self._say(f"{self._breaking.watch.first}: a wave breaks; an eddy viscosity acts on it until it is gentle")
@@ -64,7 +64,6 @@ class Interruption:
     signals = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
 
     def __init__(self, comm: MPI.Comm):
-        self.schedule = EverySteps()
         self._comm, self._received = comm, 0
         self.before: Callable[[], None] = lambda: None
 
@@ -79,17 +78,17 @@ class Interruption:
     def _receive(self, number: int, frame: FrameType | None) -> None:
         self._received = number
 
-    def observe(self, moment: Moment) -> None:
+    def record(self, block: Block) -> None:
         """Raise ``StoppedError`` if a signal has come; collective."""
         if number := int(largest(self._comm, self._received)):
             self.before()
             if number == signal.SIGUSR1:
                 self._received = 0 if self._received == number else self._received
                 return
-            raise StoppedError(f"t = {moment.t:.6g} s: interrupted by {signal.Signals(number).name}")
+            raise StoppedError(f"t = {block.t[-1]:.6g} s: interrupted by {signal.Signals(number).name}")
 
 
-class ProgressBar(Patient):
+class ProgressBar:
     """Simulated time, wall time left and what a step costs; on rank 0 only.
 
     Parameters
@@ -113,7 +112,6 @@ class ProgressBar(Patient):
         log: RunLog,
         begin: tuple[int, float] = (0, 0.0),
     ):
-        self.schedule = EverySteps()
         self._duration, self._cost, (self._step, self._t) = duration, cost, begin
         self._say = log.note if log.console.is_terminal else log.say
         self._began, self._reported, self._set_up = time.monotonic(), self._t, cost()
@@ -136,9 +134,9 @@ class ProgressBar(Patient):
     def __exit__(self, *error: object) -> None:
         self._bar.stop()
 
-    def work_off(self, moments: Moments) -> None:
-        """Show the last moment."""
-        now, step, t = time.monotonic(), int(moments.steps[-1]), float(moments.times[-1])
+    def record(self, block: Block) -> None:
+        """Show the last step of the block."""
+        now, step, t = time.monotonic(), int(block.step[-1]), float(block.t[-1])
         if not self._bar.disable and (now > self._shown + self.every or t >= self._duration):
             self._shown, done = now, min(t, self._duration)
             self._bar.update(self._task, completed=done, description=self._per_step(step))
@@ -154,7 +152,7 @@ class ProgressBar(Patient):
         return f"{solves:.1f} solves, {iterations:.1f} iterations a step"
 
 
-class ProgressReport(Patient):
+class ProgressReport:
     """Writes the progress of a run into its manifest; on rank 0 only.
 
     Parameters
@@ -171,13 +169,12 @@ class ProgressReport(Patient):
     def __init__(
         self, note: Callable[[dict[str, object]], None], tell: Callable[[], None], *, begin: float, end: float
     ):
-        self.schedule = EverySteps()
         self._note, self._tell, self._begin, self._end = note, tell, begin, end
         self._began, self._told = time.monotonic(), -inf
 
-    def work_off(self, moments: Moments) -> None:
-        """Note the last moment."""
-        step, t = int(moments.steps[-1]), float(moments.times[-1])
+    def record(self, block: Block) -> None:
+        """Note the last step of the block."""
+        step, t = int(block.step[-1]), float(block.t[-1])
         now, when = time.monotonic(), {"t": t, "begin": self._begin, "end": self._end}
         self._note({"progress": {**when, "step": step, "wall_s": now - self._began}})
         if now > self._told + self.every:

@@ -6,12 +6,12 @@ from typing import Any
 from wavetank.errors import InputError, locate
 from wavetank.integrators.contract import Integrator
 from wavetank.simulation.construction import AnyWaves
-from wavetank.simulation.contract import Observer
+from wavetank.simulation.contract import Diagnostic
 from wavetank.simulation.run import Run
 
 SCHEME = ("name", "order", "stability_limit", "frequency_error", "nodes", "start", "step")
 STATE = ("q", "p", "known", "q_jump", "mapped")
-OBSERVER = ("schedule", "observe")
+DIAGNOSTIC = ("schedule", "record")
 PAGE = "docs/extend.md"
 
 
@@ -35,7 +35,7 @@ def check_states(run: Run) -> None:
     _hold(run.state, STATE, "integrator", f"what {run.integrator.name}.start returns")
 
 
-def own_observers(given: Sequence[Callable[[AnyWaves], Observer]], waves: AnyWaves) -> list[Observer]:
+def own_observers(given: Sequence[Callable[[AnyWaves], Diagnostic]], waves: AnyWaves) -> list[Diagnostic]:
     """Return the observers that a user's functions make of the waves; raises ``InputError`` for what is none."""
     if isinstance(given, str) or not isinstance(given, Sequence):
         raise InputError(f"observers = {_name(given)}: must be a list of functions of the waves, such as classes.")
@@ -46,18 +46,18 @@ def own_observers(given: Sequence[Callable[[AnyWaves], Observer]], waves: AnyWav
     return [_made(one, waves, f"observers[{n}]") for n, one in enumerate(given)]
 
 
-def called(given: Sequence[Callable[[AnyWaves], Observer]]) -> list[str]:
+def called(given: Sequence[Callable[[AnyWaves], Diagnostic]]) -> list[str]:
     """Return what a user's functions of the waves are called."""
     return [_name(one) for one in given]
 
 
-def _made(own: Callable[[AnyWaves], Observer], waves: AnyWaves, where: str) -> Observer:
+def _made(own: Callable[[AnyWaves], Diagnostic], waves: AnyWaves, where: str) -> Diagnostic:
     try:
         observer = own(waves)
     except Exception as error:
         locate(error, f"{where}, {_name(own)}")
         raise
-    _hold(observer, OBSERVER, where, f"what {_name(own)} returns")
+    _hold(observer, DIAGNOSTIC, where, f"what {_name(own)} returns")
     return observer
 
 

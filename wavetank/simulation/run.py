@@ -1,41 +1,105 @@
 """The time loop, the only one."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import fields, is_dataclass, replace
+import time
+from collections.abc import Sequence
+from dataclasses import fields, is_dataclass
 from functools import cached_property
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from wavetank.arrays import Vector
 from wavetank.errors import RunError, locate
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.filtered import Filter, Filtered
 from wavetank.integrators.hamiltonian import HamiltonianSystem
-from wavetank.simulation.clock import Clock, EverySteps, Schedule
-from wavetank.simulation.contract import Filtering, Keeping, Moment, Moments, Observer, Patient
+from wavetank.simulation.clock import Clock
+from wavetank.simulation.contract import Control, Diagnostic, due_steps
 from wavetank.simulation.energy import Sink
+from wavetank.simulation.supply import AnsweredWork
 from wavetank.stateful import Carrying, Held, Stateful, carry_over, give_back, held_by, named
-from wavetank.tank.seen import Sight
+from wavetank.tank.seen import Block
 
-MOMENTS, NUMBERS = 768, 3.6e5  # that patient observers keep at most, and of all of their unknowns
+LONGEST, NUMBERS = 64, 3.6e5  # steps of a block, and unknowns of all of them
+SECONDS = 0.5  # of computing, of a block
 
 
-@runtime_checkable
-class Solving(Stateful, Protocol):
-    """A system with interior solves, whose start values and preconditioner depend on the solves before.
+class Rows:
+    """The block that is being computed: a row for each reported state.
 
-    Attributes
+    Parameters
     ----------
-    potential
-        The interior solver, with its ``counters``.
+    system
+        Whose states they are; of waves energies, elevation and kinematics are written, too.
+    size
+        Degrees of freedom of this rank.
+    most
+        Rows at most.
+    sinks
+        What dissipates.
+    work
+        Counts the work of paddles with feedback.
     """
 
-    potential: Any
+    def __init__(
+        self, system: Any, size: int, most: int, *, sinks: Sequence[Sink] = (), work: AnsweredWork | None = None
+    ):
+        self._system, self._sinks, self._work, self._waves = system, sinks, work, hasattr(system, "see")
+        wall = {}
+        if self._waves:
+            wall = {"paddles": len(system.wall.rates), "velocities": system.wall.velocities.size}
+        self._block = Block.empty(most, owned=size, sinks=len(sinks), **wall)
+        self._count, self._written = 0, -1
+
+    def write(self, state: Any, step: int, t: float) -> float | None:
+        """Write the row of a state, unless it has been written; return the energy of waves; collective."""
+        block, row = self._block, self._count
+        if self._written != step:
+            block.step[row], block.t[row], block.q[row], block.psi[row] = step, t, state.q, state.p
+            if self._work is not None:
+                block.work[row] = self._work.advance(self._system, state, t)
+            if self._waves:
+                self._system.see(state, t, block, row)
+            self._written = step
+        return float(block.numbers[row, :3].sum()) if self._waves else None
+
+    def end(self, state: Any, step: int, t: float) -> None:
+        """End the row of a state: filters have acted; collective."""
+        self.write(state, step, t)
+        self._block.dissipated[self._count] = [sink.energy_taken for sink in self._sinks]
+        self._count, self._written = self._count + 1, -1
+
+    def take(self, state: Any, dt: float) -> Block | None:
+        """Return the block of the rows so far, with the state of the last, and begin another; None without rows."""
+        count, self._count, self._written = self._count, 0, -1
+        return self._block.read_only(count, dt=dt, state=state) if count else None
+
+
+class Pace:
+    """Chooses the number of steps of the next block, by the time of the last; the same on all ranks.
+
+    Parameters
+    ----------
+    most
+        Steps at most.
+    """
+
+    def __init__(self, comm: MPI.Comm, most: int):
+        self._comm, self._most = comm, most
+        self._steps, self._began = 0, time.monotonic()
+
+    def next(self) -> int:
+        """Return as many as take ``SECONDS``, twice as many as the last block at most; collective."""
+        now = time.monotonic()
+        enough = SECONDS * self._steps / max(now - self._began, 1e-9)
+        steps = max(1, min(self._most, 2 * self._steps, int(enough)))
+        self._steps, self._began = (steps if self._comm.size == 1 else self._comm.bcast(steps)), now
+        return self._steps
 
 
 class Run:
-    """A system, a scheme and what is recorded of them.
+    """A system, a scheme and diagnostics of their states.
 
     Parameters
     ----------
@@ -45,35 +109,42 @@ class Run:
         Coordinates and momenta when the clock begins.
     filters
         What acts on the state between steps.
+    longest_block
+        Steps of a block, at most; default: ``LONGEST``.
 
     Attributes
     ----------
-    observed
-        Whether all have observed the present step.
-    user_observers
-        Those of the observers that a user has written: they may evaluate the system, which then takes back its state.
+    controls
+        Act when all diagnostics have recorded a block.
+    user_diagnostics
+        Those of the diagnostics that a user has written: they may evaluate the system, which then gets its state back.
+    paddle_work
+        Counts the work of paddles with feedback, if there are any.
+    recorded
+        Whether all diagnostics have recorded the present step, and no control has failed there.
     """
 
     def __init__(
         self,
         system: HamiltonianSystem,
         integrator: Integrator[Any],
-        observers: Sequence[Observer],
+        diagnostics: Sequence[Diagnostic],
         *,
         start: tuple[Vector, Vector],
         clock: Clock,
         filters: Sequence[Filter] = (),
+        longest_block: int | None = None,
     ):
-        self.system, self.integrator, self.observers = system, integrator, list(observers)
-        self.clock, self.filters, self.user_observers = clock, filters, list[Observer]()
-        self._stepper = Filtered(integrator, filters, acted=self._acted, seen=self._energy)
+        self.system, self.integrator, self.diagnostics = system, integrator, list(diagnostics)
+        self.controls, self.user_diagnostics = list[Control](), list[Diagnostic]()
+        self.clock, self.longest_block = clock, longest_block or LONGEST
+        self.paddle_work: AnsweredWork | None = None
+        self._stepper = Filtered(integrator, filters, seen=self._energy)
         self.step = clock.first
         self.state = integrator.start(*start)
-        self._begun = self.observed = False  # whether observing the present step has begun
-        self._steps, self._most = list[int](), 1  # that are not worked off, and how many these may be
-        self._hasty = list[Patient]()  # those whose moments may have to be
-        self._sights = dict[int, Sight]()  # what is seen of them
-        self._looked: Moment | None = None  # that of the present step, if it has been looked at within that
+        self.recorded = False
+        self._begun = False  # whether the start has been recorded
+        self._rows: Rows | None = None
 
     @property
     def t(self) -> float:
@@ -81,72 +152,97 @@ class Run:
         return self.clock.time(self.step)
 
     @property
-    def room(self) -> int:
-        """How many moments more patient observers keep at most; 0: they work off these once all have seen this one."""
-        if self._hasty and any(one.hurries for one in self._hasty):
-            return 0
-        return max(0, self._most - len(self._steps))
+    def filters(self) -> Sequence[Filter]:
+        """What acts on the state between steps."""
+        return self._stepper.filters
 
     @property
     def sinks(self) -> list[Sink]:
-        """What takes energy out of the system, and counts it."""
+        """The filters that take energy out of the system, and count it."""
         return [one for one in self.filters if isinstance(one, Sink)]
 
     def execute(self) -> None:
-        """Step to the end; collective. Raises ``RunError`` where it breaks down: ``settle`` records all before."""
-        self._patient = [one for one in self.observers if isinstance(one, Patient)]
-        self._hasty = [one for one in self._patient if not one.foreseen]
-        keeping = [one for one in self.observers if isinstance(one, Keeping)]
-        self._keeps = [(*_when(at), self._undisturbed(one, one.keep)) for one in keeping if (at := one.keeps)]
-        prompt = [one for one in self.observers if not isinstance(one, Patient)]
-        self._acts = [(*_when(one.schedule), one, self._undisturbed(one, one.observe)) for one in prompt]
-        seen = {id(one.sees): one.sees for one in self._patient if one.sees}
-        self._most = max(1, min(MOMENTS, int(NUMBERS / self.system.inner(*[np.ones_like(self.state.q)] * 2))))
-        self._sights = {key: waves.sight(1 + self._most) for key, waves in seen.items()}  # the start comes with a step
-        self._seen = [(waves, self._sights[key]) for key, waves in seen.items()]
+        """Step to the end; collective.
+
+        Raises ``RunError`` where the run breaks down; all steps before are recorded.
+        """
+        plane = getattr(self.system, "plane", None)
+        comm = MPI.COMM_SELF if plane is None else plane.comm
+        size = self.system.inner(*[np.ones_like(self.state.q)] * 2)
+        most = max(1, min(self.longest_block, int(NUMBERS / size)))
+        self._rows = Rows(self.system, self.state.q.size, most, sinks=self.sinks, work=self.paddle_work)
+        pace = Pace(comm, most)
         if not self._begun:
             self._begun = True
-            self._observe()
+            self._end_step()
+            self._end_block()
         while self.step < self.clock.steps:
-            self.advance()
-            if not self.room:
-                self.settle()
-        self.settle()
+            try:
+                for _ in range(min(pace.next(), LONGEST - self.step % LONGEST, self.clock.steps - self.step)):
+                    self.advance()
+            except RunError:
+                self.flush()
+                raise
+            self._end_block()
+
+    def _end_block(self) -> None:
+        block = self.flush()
+        if block is not None:
+            self.recorded = False
+            for control in self.controls:
+                control.record(block)
+            self.recorded = True
 
     def advance(self) -> None:
-        """Take one step more, and let observers look, as ``execute`` does, which has begun; collective."""
-        clock, self._looked = self.clock, None
+        """Take one step more; collective."""
+        clock = self.clock
         self.state = self._stepper.step(self.system, self.state, clock.time(self.step), clock.dt)
         self.step += 1
-        self._observe()
+        self._end_step()
 
-    def settle(self) -> None:
-        """Let patient observers work off their moments; raises the first error in time; collective."""
-        steps, self._steps = np.array(self._steps), []
-        if not steps.size:
-            return
-        try:
-            self._work_off(Moments(steps, self.clock.time(steps), self._sights, np.arange(steps.size)))
-        finally:
-            worked_off, self._sights = self._sights, {**self._sights}
-            worked_off.clear()  # rows are others' from now on: whoever has kept a moment finds none of it
-            for sight in self._sights.values():
-                sight.clear()
+    def _energy(self, state: Any) -> float | None:
+        """Return the energy of what filters leave as a step ends, if the system is waves with diagnostics."""
+        if self._rows is None or not self.diagnostics:
+            return None
+        return self._rows.write(state, self.step + 1, self.clock.time(self.step + 1))
 
-    def _work_off(self, moments: Moments) -> None:
-        failures = list[RunError]()
-        for observer in self._patient:
+    def _end_step(self) -> None:
+        self.recorded = False
+        if self._rows is not None and self.diagnostics:
+            self._rows.end(self.state, self.step, self.t)
+
+    def flush(self) -> Block | None:
+        """Let diagnostics record the block so far, and return it; raises the first error in time; collective."""
+        block = self._rows.take(self.state, self.clock.dt) if self._rows else None
+        if block is None:
+            return None
+        failure: RunError | None = None
+        for diagnostic in self.diagnostics:
+            due = due_steps(diagnostic.schedule, block)
             try:
-                if len(due := self._due(observer.schedule, moments)):
-                    self._undisturbed(observer, observer.work_off)(due)
+                if len(due):
+                    self._record(diagnostic, due)
             except RunError as error:
-                failures.append(error)
+                failure = error if failure is None or error.t < failure.t else failure
+                block = block.until(failure.t)
             except Exception as error:
-                locate(error, f"the observer {type(observer).__name__}")
+                locate(error, f"the observer {type(diagnostic).__name__}")
                 raise
-        if failures:
-            self.observed = False  # not by all
-            raise min(failures, key=lambda error: error.t)
+        if failure is not None:
+            if block.step[-1] < self.step:  # the run has ended there
+                self.step, self.state = int(block.step[-1]), self.integrator.start(block.q[-1], block.psi[-1])
+            raise failure
+        self.recorded = True
+        return block
+
+    def _record(self, diagnostic: Diagnostic, block: Block) -> None:
+        """Let a diagnostic record a block; one of a user's leaves the system as it was; collective."""
+        by_user = any(diagnostic is one for one in self.user_diagnostics)
+        system: Any = self.system
+        before = system.held() if by_user and isinstance(system, Stateful) else None
+        diagnostic.record(block)
+        if before is not None:
+            system.take(before)
 
     @cached_property
     def _carrying(self) -> dict[str, Stateful]:
@@ -157,21 +253,20 @@ class Run:
     def _parts(self) -> dict[str, Stateful]:
         """What remembers something, by name."""
         own = {"scheme": self._stepper, "system": self.system, "stages": self.system.stages}  # paddles are moved first
+        if self.paddle_work is not None:
+            own["paddle work"] = self.paddle_work
         parts = {name: part for name, part in own.items() if isinstance(part, Stateful)}
-        return parts | named(self.observers)
+        return parts | named(self.diagnostics)
 
     def held(self) -> Held:
-        """Return where the run stands, and all that its system, scheme, filters and observers remember; collective.
+        """Return where the run stands, and all that its system, scheme, filters and diagnostics remember; collective.
 
-        All moments are worked off before. Raises ``TypeError`` for a scheme's state that is neither a named tuple nor a
-        dataclass, and as ``settle``.
+        Raises ``TypeError`` for a scheme's state that is neither a named tuple nor a dataclass.
         """
-        self.settle()
         return self._stands() | {"parts": held_by(self._parts)}
 
     def held_without_solves(self) -> Held:
         """Return the same but for what only start values come of: what also outlives other numerics; collective."""
-        self.settle()
         return self._stands() | {"parts": held_by(self._carrying)}
 
     def _stands(self) -> Held:
@@ -190,82 +285,12 @@ class Run:
         (give_back if whole else carry_over)(self._parts, held["parts"])
 
     def carry(self, held: Held) -> None:
-        """Go on, at the next ``execute``, from the start, which is a moment that another run has held, and recorded.
+        """Go on, at the next ``execute``, from the start, which is a step that another run has held, and recorded.
 
         What outlives a change of numerics is taken of it.
         """
         self._begun = True
         carry_over(self._parts, held["parts"])
-
-    @cached_property
-    def _filtering(self) -> list[Filtering]:
-        """Who is told that filters have acted."""
-        return [one for one in self.observers if isinstance(one, Filtering)]
-
-    def _acted(self, t: float) -> None:
-        for observer in self._filtering:
-            observer.acted(t)
-
-    def _energy(self, state: Any) -> float | None:
-        """Look at what filters leave as a step ends; return its energy, if it is seen."""
-        moment = self._looked = self._look(state, self.step + 1)
-        sight = self._sights.get(id(self.system))
-        return sight.energy(moment.row) if sight else None
-
-    def _look(self, state: Any, step: int) -> Moment:
-        """Keep and see of a moment what does not last."""
-        t, row = self.clock.time(step), len(self._steps)
-        moment = Moment(step, t, state, sights=self._sights, row=row)
-        for every, schedule, keep in self._keeps:
-            if not step % every and (schedule is None or self._is_due(schedule, step, t)):
-                keep(moment)
-                self.observed = False  # who keeps has seen some of it
-        for waves, sight in self._seen:
-            if row >= sight.filled:  # unless who keeps has looked
-                waves.see(state, t, sight, row)
-                sight.filled = row + 1
-        return moment
-
-    def _observe(self) -> None:
-        step, self.observed = self.step, False
-        moment = self._looked or self._look(self.state, step)
-        self._steps.append(step)
-        try:
-            for every, schedule, observer, act in self._acts:  # noqa: B007
-                if not step % every and (schedule is None or self._is_due(schedule, step, moment.t)):
-                    act(moment)
-        except Exception as error:
-            locate(error, f"the observer {type(observer).__name__}")
-            raise
-        self.observed = True
-
-    def _undisturbed(self, observer: Observer, act: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return an action of an observer that does not change the system: start values depend on each evaluation."""
-        system = self.system
-        if not (isinstance(system, Solving) and any(observer is one for one in self.user_observers)):
-            return act
-
-        def restoring(looked_at: Any) -> None:
-            before, counters = system.held(), replace(system.potential.counters)
-            act(looked_at)
-            if system.potential.counters != counters:
-                system.take(before)
-
-        return restoring
-
-    def _due(self, schedule: Schedule, moments: Moments) -> Moments:
-        """Return the moments at which to act."""
-        if schedule == EverySteps():
-            return moments
-        return moments.some(np.flatnonzero(self._is_due(schedule, moments.steps, moments.times)))
-
-    def _is_due(self, schedule: Schedule, step: Any, t: Any) -> Any:
-        return schedule.due(step, t, self.clock.time(step - 1))
-
-
-def _when(schedule: Schedule) -> tuple[int, Schedule | None]:
-    """Return every how many steps that is, and what else is to be asked then."""
-    return (schedule.every, None) if isinstance(schedule, EverySteps) else (1, schedule)
 
 
 def _values(state: Any) -> Held:

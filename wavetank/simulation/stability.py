@@ -22,12 +22,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavetank.arrays import Vector, largest
-from wavetank.fem.differences import largest_differences
 from wavetank.simulation.clock import EverySteps
-from wavetank.simulation.contract import Keeping, Moment, Moments
+from wavetank.simulation.contract import displacement
 from wavetank.stateful import Held
 from wavetank.tank.breakdown import FARTHEST, ShortWaves
-from wavetank.tank.seen import LARGEST
+from wavetank.tank.seen import Block
 from wavetank.tank.surface_flow import SurfaceVelocity
 from wavetank.tank.waves import NonlinearWaves
 
@@ -66,21 +65,25 @@ class Alternating:
         """The number of values that are needed beside one."""
         return self.order + 2
 
-    def lower(self, before: Vector, values: Vector) -> Vector:
-        """Return the largest of the differences of K rows and those before, about the middle, shape (K,) or fewer."""
-        return largest_differences(before, values, self.order)[1:-1]
+    def lower(self, rows: Vector) -> Vector:
+        """Return the largest of the differences of rows, those about the middle of the higher ones."""
+        return largest_differences(rows, self.order)[1:-1]
 
-    def higher(self, before: Vector, values: Vector) -> Vector:
-        """Return those of the differences two orders higher, shape (K,) or fewer."""
-        return largest_differences(before, values, self.order + 2)
-
-    def last(self, before: Vector, values: Vector) -> Vector:
-        """Return what the next values are to be seen with."""
-        return np.concatenate([before, values[-self.before :]])[-self.before :]
+    def higher(self, rows: Vector) -> Vector:
+        """Return the largest of the differences two orders higher."""
+        return largest_differences(rows, self.order + 2)
 
 
 IN_ELEVATION = Alternating("eta", 1.0, order=6, noise=5e-3, driven=4.0)
 IN_JUMP = Alternating("rise", 2.0, order=3, noise=1e-2, driven=16.0)
+
+
+def largest_differences(rows: Vector, order: int) -> Vector:
+    """Return the largest magnitude of each difference between K rows, over 2^order, shape (K - order,).
+
+    It is 0 without columns, and nan where a value is not a number.
+    """
+    return np.asarray(np.abs(np.diff(rows, order, axis=0)).max(axis=1, initial=0.0) / 2**order)
 
 
 def _so_far(before: float, values: Vector) -> Vector:
@@ -88,7 +91,7 @@ def _so_far(before: float, values: Vector) -> Vector:
     return np.maximum.accumulate(np.append(before, values))
 
 
-class StabilityWatch(Keeping):
+class StabilityWatch:
     """Warns, once, when short waves grow that alternate from step to step.
 
     Parameters
@@ -127,63 +130,49 @@ class StabilityWatch(Keeping):
         self.schedule = EverySteps()
         self._waves, self._flow, self._dt, self._limit, self._warn = waves, flow, dt, limit, warn
         self._short = ShortWaves(waves)
-        self.sees, self._look = waves, look
-        # the largest frequency where that was looked at [rad/s], of steps that are not judged
-        self._frequencies = dict[int, float]()
-        none = np.zeros((0, 0))
-        self._last: Vector = none  # what it looks at, and how the wall moves [m/s], before what is judged
-        self._wall: Vector = none
+        self._look = look
+        self._last: Vector = np.zeros((0, waves.plane.owned))  # the quantity at the steps before
+        self._wall: Vector = np.zeros((0, waves.wall.velocities.size))  # and the wall's velocity [m/s]
         self._driven: float = 0.0  # the highest waves that alternate and are a paddle's [m]
         self._highest: float = CALM * waves.depth
         self._steps, self._frequency = 0, waves.largest_frequency
         self.noise = 0.0
         self.since: float | None = None
 
-    @property
-    def keeps(self) -> EverySteps:
-        """See ``Keeping``."""
-        return EverySteps(OFTEN)
-
-    def keep(self, moment: Moment) -> None:
-        """Look how the surface moves; collective."""
-        self._flow.near(moment.state, moment.t)
-        self._frequencies[moment.step] = self._short.largest_frequency(self._flow, least=self._frequency)
-
-    def work_off(self, moments: Moments) -> None:
-        """See whether what alternates has grown; collective."""
-        look, seen = self._look, moments.seen(self._waves)
-        values, ways = getattr(seen, look.quantity), seen.velocities
-        last, wall = (old if len(old) else new[:0] for old, new in ((self._last, values), (self._wall, ways)))
-        self._last, self._wall = look.last(last, values), look.last(wall, ways)
-        result = seen.numbers[:, LARGEST], look.lower(last, values), look.lower(wall, ways)
-        heights, lower, ways = (largest(self._waves.plane.comm, each) for each in result)
-        unjudged = len(moments) - len(lower)  # with too few before
+    def record(self, block: Block) -> None:
+        """Warn if what alternates has grown; collective."""
+        look, comm, count = self._look, self._waves.plane.comm, len(block)
+        rows = np.concatenate([self._last, getattr(block, look.quantity)])
+        wall = np.concatenate([self._wall, block.velocities])
+        self._last, self._wall = rows[-look.before :].copy(), wall[-look.before :].copy()
+        heights, lower, driven = (largest(comm, each) for each in (block.largest, look.lower(rows), look.lower(wall)))
+        first = count - len(lower)  # the first step with enough steps before
         highest = _so_far(self._highest, heights)
-        driven = _so_far(self._driven, look.driven * self._dt * ways)
+        driven = _so_far(self._driven, look.driven * self._dt * driven)
         self._highest, self._driven = float(highest[-1]), float(driven[-1])
-        noise, calm = np.zeros(len(moments)), look.noise / 10
-        noise[unjudged:] = np.maximum(0.0, look.scale * lower - driven[1:])
+        noise, calm = np.zeros(count), look.noise / 10
+        noise[first:] = np.maximum(0.0, look.scale * lower - driven[1:])
         noise /= highest[1:]
         if not noise.max() < calm:
-            higher = largest(self._waves.plane.comm, look.higher(last, values))
-            noise[unjudged:] = np.where(higher > SHORT * lower, noise[unjudged:], 0.0)
-        if noise.max() <= look.noise:  # nothing has grown; where it is calm, what moves is still the water
-            of_water = (self._frequencies.get(step, 0.0) for step in map(int, moments.steps[noise < calm]))
-            self._frequency, self._steps = max([self._frequency, *of_water]), 0
-            self._frequencies.clear()
-            return
+            higher = largest(comm, look.higher(rows))
+            noise[first:] = np.where(higher > SHORT * lower, noise[first:], 0.0)
+        frequency = self._largest_frequency(block)
         for n, one in enumerate(noise.tolist()):
-            t = float(moments.times[n])
-            if self._grown(int(moments.steps[n]), t, one):
-                about = np.concatenate([last, values])[n - unjudged :][1 : look.order + 2]
-                heights = np.abs(np.diff(about, look.order, axis=0)[0])
-                self._warn(self._sentence(t, one, self._place(moments, n, heights)))
-
-    def _grown(self, step: int, t: float, noise: float) -> bool:
-        """Take note of the noise at a moment; return whether that is when to warn."""
-        frequency = self._frequencies.pop(step, 0.0)
-        if noise < self._look.noise / 10:  # what moves is still the water
+            if self._warns(float(block.t[n]), one):
+                heights = np.abs(np.diff(rows[n - first :][1 : look.order + 2], look.order, axis=0)[0])
+                self._warn(self._sentence(float(block.t[n]), one, self._place(block, n, heights)))
+        if noise[-1] < calm:  # elsewhere the motion is not that of the water
             self._frequency = max(self._frequency, frequency)
+
+    def _largest_frequency(self, block: Block) -> float:
+        """Return the largest frequency on the surface at every 64th step [rad/s], where blocks end; else 0."""
+        if block.step[-1] % OFTEN != 0:
+            return 0.0
+        self._flow.near(block.state, float(block.t[-1]))
+        return self._short.largest_frequency(self._flow, least=self._frequency)
+
+    def _warns(self, t: float, noise: float) -> bool:
+        """Return whether to warn of the noise at a step."""
         self._steps = self._steps + 1 if noise > self._look.noise else 0
         warns = self._steps == IN_A_ROW and self.noise <= self._look.noise
         if warns and self.since is None:
@@ -201,13 +190,12 @@ class StabilityWatch(Keeping):
 
     def held(self) -> Held:
         """Return the last steps' values, and the largest of what has been seen."""
-        wall = [way.tolist() if way.size == 1 else way for way in self._wall]  # one, of a wall that moves as a whole
-        last = self._last.reshape(len(self._last), self._waves.plane.owned)
-        return {"last": last, "wall": wall} | {name: getattr(self, name) for name in SEEN}
+        wall = [velocity.tolist() if velocity.size == 1 else velocity for velocity in self._wall]
+        return {"last": self._last, "wall": wall} | {name: getattr(self, name) for name in SEEN}
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
-        self._last, self._wall = held["last"], np.array(held["wall"])
+        self._last, self._wall = held["last"], np.array(held["wall"]).reshape(-1, self._wall.shape[1])
         for name in SEEN:
             setattr(self, name, held[name])
 
@@ -215,11 +203,10 @@ class StabilityWatch(Keeping):
         """Take over from when on the state is not to be trusted: other numerics do not mend it."""
         self.since = held["since"]
 
-    def _place(self, moments: Moments, number: int, heights: Vector) -> str:
-        """Return in words where heights were largest at a moment; collective."""
+    def _place(self, block: Block, number: int, heights: Vector) -> str:
+        """Return in words where heights were largest at a step of a block; collective."""
         places, wall = self._waves.plane.places, self._waves.wall
-        stand = wall.stand(places, moments.stood(self._waves, number))
-        places = wall.to_physical(places, moments.elevations(self._waves)[number], stand)
+        places = wall.to_physical(places, block.eta[number], displacement(block, number, wall, places))
         own = max(
             ((float(height), *map(float, at)) for height, at in zip(heights, places, strict=True)), default=(0.0,)
         )

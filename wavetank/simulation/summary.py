@@ -147,9 +147,9 @@ class Outcome(NamedTuple):
     @classmethod
     def of(cls, run: Run) -> "Outcome":
         """Return what a run's observers know; collective."""
-        budget = next(one for one in run.observers if isinstance(one, EnergyBudget))
-        crest = next(one for one in run.observers if isinstance(one, HighestCrest))
-        untrue = next((one.since for one in run.observers if isinstance(one, StabilityWatch)), None)
+        budget = next(one for one in run.diagnostics if isinstance(one, EnergyBudget))
+        crest = next(one for one in run.diagnostics if isinstance(one, HighestCrest))
+        untrue = next((one.since for one in run.diagnostics if isinstance(one, StabilityWatch)), None)
         waves = run.system
         follows = isinstance(waves, LinearWaves) and bool(waves.wall.paddles)
         return cls(crest.highest(), budget.mass_error, budget.energy_error, untrue, follows)

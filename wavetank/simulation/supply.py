@@ -18,7 +18,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.stateful import Held, Stateful
+from wavetank.stateful import Held
 from wavetank.tank.seen import State
 
 KNOWN = 4  # values that a cubic goes through
@@ -55,40 +55,6 @@ class Moving(Protocol):
         """Return the derivative of that order of what is added to it on the way, in m/s^order, at t [s]."""
 
 
-class Moment(Protocol):
-    """A moment, as paddles that put something in are looked at; see ``observers.contract``."""
-
-    @property
-    def t(self) -> float:
-        """When it ends [s]."""
-
-    @property
-    def state(self) -> State:
-        """The state, with its known points in the order in which evaluating them costs nothing."""
-
-
-class Supply(Stateful, Protocol):
-    """What is put in: int dH/dt|explicit dt so far.
-
-    Attributes
-    ----------
-    lasts
-        Whether what is seen of moments is all that is to be known of them, so that none needs be kept.
-    """
-
-    lasts: bool
-
-    def keep(self, water: Pushed, moment: Moment) -> None:
-        """Keep what does not last of a moment; the first time at the start; collective."""
-
-    def work_off(self, times: Vector, power: Vector) -> tuple[Vector, Vector | None]:
-        """Return what was put in by each of K moments, and what was not because of what absorbing adds to the motions.
-
-        The latter is less its part of W; None: nothing absorbs. ``power`` is that of the mean of the moments' points,
-        shape (K,).
-        """
-
-
 class Integral:
     """The integral of a rate known at the ends of steps, by the Adams-Moulton rule of order 4.
 
@@ -103,8 +69,8 @@ class Integral:
         """What it is by the last moment."""
         return float(self._sum[0])
 
-    def work_off(self, times: Vector, rates: Vector) -> Vector:
-        """Return what it is by each of K moments that follow those before, shape (K,)."""
+    def advance(self, times: Vector, rates: Vector) -> Vector:
+        """Return the integral up to each of the next K times, for the rates there, shape (K,)."""
         values: list[float] = []
         state = [float(one) for one in self._sum]
         (total, last, last_dt, count), newest = state[:4], state[4:]
@@ -129,30 +95,6 @@ class Integral:
         self._sum = np.array(held["sum"], dtype=np.float64).reshape(self._sum.shape)
 
 
-class Power:
-    """Of paddles that move smoothly, by their power."""
-
-    lasts = True
-
-    def __init__(self) -> None:
-        self._work = Integral()
-
-    def keep(self, water: Pushed, moment: Moment) -> None:
-        """Do nothing: nothing needs be kept."""
-
-    def work_off(self, times: Vector, power: Vector) -> tuple[Vector, None]:
-        """See ``Supply``."""
-        return self._work.work_off(times, power), None
-
-    def held(self) -> Held:
-        """Return what was put in, and the power at the last moments."""
-        return {"work": self._work.held()}
-
-    def take(self, held: Held) -> None:
-        """Take back what has been held."""
-        self._work.take(held["work"])
-
-
 class AnsweredWork:
     """Of paddles of which some answer the water, by the slopes of H.
 
@@ -164,15 +106,12 @@ class AnsweredWork:
         c of each [m²], shape (paddles,).
     """
 
-    lasts = False  # such motions forget
-
     def __init__(self, motions: Sequence[Moving], masses: Vector):
         self._motions, self._masses = motions, masses
         self._times: list[float] = []
         self._known: list[Vector] = []  # dH/dX, dH/dX' and both u then, shape (4, paddles)
         self._done: Vector = np.zeros(2)  # by both u
         self._by_speed: Vector = np.zeros(len(motions))  # dH/dX' at the point last seen
-        self._kept: list[tuple[float, float]] = []
 
     def _look(self, water: Pushed, q: Vector, p: Vector, t: float) -> Vector:
         """Return dH/dX and dH/dX', shape (2, paddles); collective."""
@@ -180,18 +119,15 @@ class AnsweredWork:
         self._by_speed = slopes[1]
         return slopes
 
-    def keep(self, water: Pushed, moment: Moment) -> None:
-        """See ``Supply``."""
-        seen = [self._look(water, *point, moment.t) for point in moment.state.known]
-        self._go_on(moment.t, np.mean(seen, axis=0))
-        put_in, absorbed = self._done
-        self._kept.append((float(put_in), float(self._known[-1][3] @ self._by_speed - absorbed)))
+    def advance(self, water: Pushed, state: State, t: float) -> tuple[float, float]:
+        """Return the energy put in up to a state at t [s], and what was absorbed of it, less its part of W; collective.
 
-    def work_off(self, times: Vector, power: Vector) -> tuple[Vector, Vector]:
-        """See ``Supply``."""
-        put_in, absorbed = np.array(self._kept[: len(times)]).T  # one more is kept of what a later look has ended
-        self._kept.clear()
-        return put_in, absorbed
+        The first call is for the start. The state's known points are evaluated in order, which costs no solve.
+        """
+        seen = [self._look(water, *point, t) for point in state.known]
+        self._go_on(t, np.mean(seen, axis=0))
+        put_in, absorbed = self._done
+        return float(put_in), float(self._known[-1][3] @ self._by_speed - absorbed)
 
     def _go_on(self, t: float, seen: Vector) -> None:
         self._times = [*self._times[1 - KNOWN :], t]

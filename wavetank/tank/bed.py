@@ -51,6 +51,9 @@ class Bed(Protocol):
     still: Any
     sinking: Any
 
+    def at(self, places: Vector) -> Vector:
+        """Return the depth at physical places (x, y) [m], shape (N,); collective."""
+
     def follow(self, wall: "Carrying") -> None:
         """Find the depth where a wall has carried the degrees of freedom; collective."""
 
@@ -102,6 +105,10 @@ class FlatBed:
         self.d, self.rate = fem.Constant(plane.mesh, float(depth)), ufl.as_ufl(0)
         self.depth = self.still = float(depth)
         self.sinking = 0.0
+
+    def at(self, places: Vector) -> Vector:
+        """Return the depth at physical places (x, y) [m], shape (N,)."""
+        return np.full(len(places), self.depth)
 
     def follow(self, wall: Carrying) -> None:
         """Do nothing."""
@@ -157,12 +164,13 @@ class VaryingBed:
         low, high = places.min(axis=0), places.max(axis=0)
         margin = ASIDE * float((high - low).max())
         try:
-            result = self._at(np.linspace(low - margin, high + margin, SOUNDINGS))
+            result = self.at(np.linspace(low - margin, high + margin, SOUNDINGS))
         except InputError:
             return -1.0
         return margin if result.min() == result.max() else -1.0
 
-    def _at(self, places: Vector) -> Vector:
+    def at(self, places: Vector) -> Vector:
+        """Return the depth at physical places (x, y) [m], shape (N,); collective."""
         depth = raise_on_all_ranks(self._plane.comm, lambda: self._depth(places[:, 0], places[:, 1]))
         return np.asarray(depth, dtype=np.float64)
 
@@ -173,7 +181,7 @@ class VaryingBed:
 
     def _set(self, places: Vector, which: NDArray[np.intp]) -> None:
         """Find the depth at the places of some degrees of freedom; collective."""
-        result = self._at(places)
+        result = self.at(places)
         if not largest(self._plane.comm, -float(result.min(initial=np.inf))) < 0.0:
             self._refuse(result, places)
         still = self.still.copy()
@@ -203,7 +211,7 @@ class VaryingBed:
             return
         there = self._plane.places[wall.carries]
         places, step = wall.to_physical(there), INSTANT * wall.mesh_velocities(there)
-        after, before = self._at(np.concatenate([places + step, places - step])).reshape(2, -1)
+        after, before = self.at(np.concatenate([places + step, places - step])).reshape(2, -1)
         rate = self.sinking.copy()
         rate[wall.carries] = (after - before) / (2 * INSTANT)
         self.sinking = rate

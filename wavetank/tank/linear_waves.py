@@ -40,7 +40,7 @@ from wavetank.stateful import Held, Stateful, give_back, held_by
 from wavetank.tank.bed import Depth, FlatBed, bed_of
 from wavetank.tank.energy import POTENTIAL, Energies, Part, WaterEnergy
 from wavetank.tank.potential import InteriorPotential, Minimiser, SolveCounters, interior_of
-from wavetank.tank.seen import Sight, State, see, see_from
+from wavetank.tank.seen import Block, State, see, see_from
 from wavetank.tank.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.tank.walls import LinearWall
 from wavetank.tank.walls.contract import LinearOpening
@@ -181,19 +181,15 @@ class LinearWaves:
         """Return F of each paddle at the interior potential [m^4/s], shape (paddles,); collective."""
         return np.array([self.plane.sum(w * p) for w in self._inflow], dtype=np.float64) - self._recoil @ speeds
 
-    def sight(self, most: int) -> Sight:
-        """Return room for what is seen of so many moments."""
-        return Sight(most, owned=self.plane.owned, wall=self.wall)
-
     def damp(self, rate: Vector) -> None:
         """Tell what a damping of the momenta takes, of rate [1/s], shape (owned,), with what is seen of moments."""
         self.damping = rate
 
-    def see(self, state: State, t: float, into: Sight, row: int) -> None:
+    def see(self, state: State, t: float, into: Block, row: int) -> None:
         """See a state at t [s] from the last of its known points, into a row; collective."""
         see(self, state, t, into, row)
 
-    def see_from(self, at: tuple[Vector, Vector], state: State, t: float, into: Sight, row: int) -> None:
+    def see_from(self, at: tuple[Vector, Vector], state: State, t: float, into: Block, row: int) -> None:
         """See a state at t [s] from a point near it, into a row; collective."""
         see_from(self, at, state, t, into, row)
 

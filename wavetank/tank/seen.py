@@ -1,11 +1,12 @@
-"""What is seen of states from points near them that are evaluated anyway: energies, the surface, how the wall stands.
+"""Energies, elevation and paddle kinematics of reported states, by first-order expansion about the nearest evaluation.
 
-Of a scheme that reports the mean of two traces the point is the later of these; of any other the state itself. What is
-seen of many moments stands in rows of arrays, so that who looks at all of them takes no step of Python for each.
+A scheme that reports the mean of two traces evaluates these traces, not their mean: the expansion is about the later
+trace. Of any other scheme the reported state is evaluated itself. States of consecutive steps are rows of a ``Block``.
 """
 
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,72 +29,110 @@ class SeenWall(Protocol):
         """How it moves now [m/s]."""
 
 
-class Sight:
-    """Room for what is seen of moments that follow each other.
+@dataclass(eq=False)
+class Block:
+    """Reported states of K consecutive steps as arrays over time, for diagnostics.
 
-    Parameters
-    ----------
-    most
-        The number of rows.
-    owned
-        The number of degrees of freedom of this rank.
-    wall
-        Whose way is seen, too.
+    The arrays are views of memory that the next block overwrites: copy what is needed later.
 
     Attributes
     ----------
-    filled
-        How many rows are.
-    eta
-        The elevation [m], shape (most, owned); beside a paddle that leans to the square of what lies between.
-    rise
-        How much higher it is after the state's jump than in the mean of both sides [m], shape (most, owned).
+    step, t
+        Numbers of the steps, and their times [s], ascending, shape (K,).
+    q
+        Column masses, shape (K, owned).
     psi
-        The surface potential [m²/s], shape (most, owned).
+        Surface potential [m²/s], shape (K, owned).
+    eta
+        Surface elevation at the owned degrees of freedom [m], shape (K, owned); next to a leaning paddle it is accurate
+        to second order in the jump.
+    rise
+        Elevation behind the jump of the state, less that of the mean of both sides [m], shape (K, owned).
     numbers
-        Kinetic and potential energy and the wall's part, those of the states: H, and the potential energy, to the
-        square of what lies between, and W as of the points, so that what that changes by is in the kinetic energy; the
-        water's volume, of a slice per width [m³, m²]; the power dH/dt at fixed (Q, psi), in energy a
-        second, of the mean of first and last of the known points, or of the last where the first would cost a solve;
-        what damping takes of H, likewise, of the state's momenta and dH/dp at these points;
-        of the elevation the highest and the largest magnitude [m], on this rank, nan where any is. Shape (most, 8).
+        The columns that ``kinetic`` to ``largest`` name, shape (K, 8).
     rates
-        X_p, X_p' and X_p'' of each paddle, nan of one that does not move as a whole [m, m/s, m/s²], shape (most,
-        paddles, 3).
+        X_p, X_p' and X_p'' of each paddle; nan for one that does not move as one [m, m/s, m/s²], shape (K, paddles, 3).
     velocities
-        How the wall moves [m/s], shape (most, owned) or (most, 1).
+        Horizontal velocity of the wall [m/s], shape (K, owned) or (K, 1).
+    dissipated
+        Energy that each filter has taken by then, shape (K, filters that dissipate).
+    work
+        Energy that paddles with feedback have put in, and what they have absorbed of it, shape (K, 2); nan without.
+    dt
+        Time step [s].
+    state
+        State of the integrator at the last step computed.
     """
 
-    def __init__(self, most: int, *, owned: int, wall: SeenWall):
-        self.eta: Vector = np.zeros((most, owned))
-        self.rise: Vector = np.zeros((most, owned))
-        self.psi: Vector = np.zeros((most, owned))
-        self.numbers: Vector = np.full((most, len(NUMBERS)), np.nan)
-        self.numbers[:, DAMPED] = 0.0
-        self.rates: Vector = np.full((most, *wall.rates.shape), np.nan)
-        self.velocities: Vector = np.zeros((most, wall.velocities.size))
-        self.filled = 0
+    step: NDArray[np.int64]
+    t: Vector
+    q: Vector
+    psi: Vector
+    eta: Vector
+    rise: Vector
+    numbers: Vector
+    rates: Vector
+    velocities: Vector
+    dissipated: Vector
+    work: Vector
+    dt: float = 0.0
+    state: Any = None
 
-    def clear(self) -> None:
-        """Make room for others."""
-        self.filled = 0
+    @classmethod
+    def empty(cls, most: int, *, owned: int, paddles: int = 0, velocities: int = 1, sinks: int = 0) -> Self:
+        """Return memory for a block of so many steps."""
+        numbers = np.full((most, len(NUMBERS)), np.nan)
+        numbers[:, DAMPED] = 0.0
+        return cls(
+            step=np.zeros(most, dtype=np.int64),
+            t=np.zeros(most),
+            q=np.zeros((most, owned)),
+            psi=np.zeros((most, owned)),
+            eta=np.zeros((most, owned)),
+            rise=np.zeros((most, owned)),
+            numbers=numbers,
+            rates=np.full((most, paddles, 3), np.nan),
+            velocities=np.zeros((most, velocities)),
+            dissipated=np.zeros((most, sinks)),
+            work=np.full((most, 2), np.nan),
+        )
 
-    def energy(self, row: int) -> float:
-        """Return H of a state."""
-        kinetic, potential, wall, *_ = self.numbers[row]
-        return float(kinetic + potential + wall)
+    def __len__(self) -> int:
+        return len(self.step)
 
+    def at(self, which: Any) -> Self:
+        """Return the block of some of the steps, by their indices, a slice or a mask."""
+        return replace(self, **{name: array[which] for name, array in self.arrays().items()})
 
-class Seen:
-    """What is seen of K moments: which rows of the arrays of a ``Sight``, which says what is what, by their names."""
+    def arrays(self) -> dict[str, Any]:
+        """Return the arrays by their names."""
+        return {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
 
-    def __init__(self, sight: Sight, rows: NDArray[np.int64]):
-        together = rows[-1] - rows[0] == len(rows) - 1
-        self.sight, self.rows, self._some = sight, rows, slice(rows[0], rows[-1] + 1) if together else rows
+    def read_only(self, count: int, *, dt: float, state: Any) -> Self:
+        """Return the first steps for reading: whoever writes into their arrays meets a ``ValueError``."""
+        result = replace(self.at(slice(count)), dt=dt, state=state)
+        for array in result.arrays().values():
+            array.flags.writeable = False
+        return result
 
-    def __getattr__(self, name: str) -> Vector:
-        rows: Vector = getattr(self.sight, name)[self._some]
-        return rows
+    def states(self) -> Iterator[tuple[Vector, Vector, float]]:
+        """Return column masses, surface potential and time of each step."""
+        return zip(self.q, self.psi, map(float, self.t), strict=True)
+
+    def until(self, t: float) -> Self:
+        """Return the steps up to a time [s]."""
+        if t >= self.t[-1]:
+            return self
+        return self.at(self.t <= t)
+
+    kinetic = property(lambda self: self.numbers[:, KINETIC], doc="Kinetic energy, to second order in the jump.")
+    potential = property(lambda self: self.numbers[:, POTENTIAL], doc="Potential energy, to second order in the jump.")
+    wall_energy = property(lambda self: self.numbers[:, WALL], doc="The wall's term W of the Hamiltonian.")
+    mass = property(lambda self: self.numbers[:, MASS], doc="Volume of the water [m³], in a slice per width [m²].")
+    power = property(lambda self: self.numbers[:, POWER], doc="Power dH/dt at fixed (Q, psi), of the paddles.")
+    damped = property(lambda self: self.numbers[:, DAMPED], doc="Power that the sponge takes.")
+    highest = property(lambda self: self.numbers[:, HIGHEST], doc="Highest elevation on this rank [m].")
+    largest = property(lambda self: self.numbers[:, LARGEST], doc="Largest magnitude of the elevation there [m].")
 
 
 class State(Protocol):
@@ -137,7 +176,7 @@ class Evaluable(Protocol):
     def knows(self, q: Vector, p: Vector, t: float) -> bool:
         """Return whether that point was evaluated last."""
 
-    def see_from(self, at: tuple[Vector, Vector], state: State, t: float, into: Sight, row: int) -> None:
+    def see_from(self, at: tuple[Vector, Vector], state: State, t: float, into: Block, row: int) -> None:
         """See a state at t [s] from a point near it, into a row."""
 
     def energies(self, q: Vector, p: Vector, t: float) -> Energies:
@@ -162,11 +201,11 @@ class Evaluable(Protocol):
         """Return the sum of a b over the degrees of freedom of all ranks."""
 
 
-def see(water: Evaluable, state: State, t: float, into: Sight, row: int) -> None:
-    """See a state at t [s] from the last of its known points, into a row; collective.
+def see(water: Evaluable, state: State, t: float, into: Block, row: int) -> None:
+    """Write energies, elevation and kinematics of a state at t [s] into a row of a block; collective.
 
-    Power, and what damping takes, are the means of those at the first and at the last, unless the first would cost a
-    solve.
+    The expansion is about the last of its known points. Power and damping are means of the first and the last of these,
+    unless the first would cost a solve.
     """
     first, last = state.known[0], state.known[-1]
     before = _rates(water, state.p, first, t) if first is not last and water.knows(*first, t) else None
@@ -181,7 +220,7 @@ def _rates(water: Evaluable, p: Vector, at: tuple[Vector, Vector], t: float) -> 
     return np.array([water.explicit_rate(*at, t), taken])
 
 
-def see_from(water: Evaluable, at: tuple[Vector, Vector], state: State, t: float, into: Sight, row: int) -> None:
+def see_from(water: Evaluable, at: tuple[Vector, Vector], state: State, t: float, into: Block, row: int) -> None:
     """See a state at t [s] from a point near it, into a row; collective."""
     wall, q, p = water.wall, state.q, state.p
     energies, eta, here, change, lift = water.energies(*at, t), water.elevation(*at, t), None, 0.0, 0.0

@@ -34,7 +34,7 @@ from wavetank.tank.bed import Depth, bed_of
 from wavetank.tank.carried_waves import CarriedWaves, Surface
 from wavetank.tank.energy import KINETIC, POTENTIAL, Energies, Part, WaterEnergy
 from wavetank.tank.potential import InteriorPotential, Minimiser, interior_of
-from wavetank.tank.seen import Sight, State, see, see_from
+from wavetank.tank.seen import Block, State, see, see_from
 from wavetank.tank.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.tank.surface_flow import SurfaceVelocity, surface_of
 from wavetank.tank.walls import Wall, one_time
@@ -417,17 +417,13 @@ class NonlinearWaves:
             self._energies = Energies(self._kinetic, self._potential_energy(), self._wall_terms.energy())
         return self._energies
 
-    def sight(self, most: int) -> Sight:
-        """Return room for what is seen of so many moments."""
-        return Sight(most, owned=self.plane.owned, wall=self.wall)
-
     def damp(self, rate: Vector) -> None:
         """Tell what a damping of the momenta takes, of rate [1/s], shape (owned,), with what is seen of moments."""
         self.damping = rate
         if self._whole is not None:
             self._whole.damp(rate)
 
-    def see(self, state: State, t: float, into: Sight, row: int) -> None:
+    def see(self, state: State, t: float, into: Block, row: int) -> None:
         """See a state at t [s] from the last of its known points, which is evaluated then: into a row; collective."""
         whole, result = self._seeing, None
         if whole is not None and isinstance(state, BetweenTwo) and not self.potential.renews and self._at_end(state, t):
@@ -445,7 +441,7 @@ class NonlinearWaves:
         """Return whether the point last evaluated is that where the step to a state has ended."""
         return state.points[0] is self._array and (t == self._t or one_time(t, self._t))
 
-    def see_from(self, at: Pair, state: State, t: float, into: Sight, row: int) -> None:
+    def see_from(self, at: Pair, state: State, t: float, into: Block, row: int) -> None:
         """See a state at t [s] from a point near it, into a row; collective."""
         if self._seeing is None:
             see_from(self, at, state, t, into, row)

@@ -122,6 +122,10 @@ class Placed(Protocol):
         """How it stands now, for when that will be asked for."""
 
     @property
+    def carries(self) -> NDArray[np.intp]:
+        """Which of the owned degrees of freedom it can carry."""
+
+    @property
     def rates(self) -> Vector:
         """X_p, X_p' and X_p'' of its paddles now [m, m/s, m/s²], shape (paddles, 3); nan if not the same at all y."""
 
@@ -166,10 +170,6 @@ class Wall(Placed, Protocol):
     @property
     def carried(self) -> ufl.Measure | None:
         """The measure over the cells that it carries; None where it stands still."""
-
-    @property
-    def carries(self) -> NDArray[np.intp]:
-        """Which of the owned degrees of freedom it can carry."""
 
     @property
     def displaced(self) -> float:

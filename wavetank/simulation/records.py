@@ -1,0 +1,188 @@
+"""Tables and fields that diagnostics write to, of each rank of a run: only the first writes tables."""
+
+from collections.abc import Callable, Mapping, Sequence
+from math import isfinite, nan
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+from wavetank.arrays import Vector, summed
+from wavetank.case import Case, EndWall
+from wavetank.case.output import Window
+from wavetank.errors import RecordError, RunError
+from wavetank.mpi import raise_on_all_ranks
+from wavetank.output.columns import PUSH, energy_columns, load_columns, paddle_columns, probe_columns
+from wavetank.output.directory import ENERGY, LOADS, PADDLES, PROBES
+from wavetank.output.fields import VtkCells
+from wavetank.output.tables import Rows
+from wavetank.output.writer import RunWriter
+from wavetank.simulation.clock import EverySteps
+from wavetank.tank.seen import Block
+
+
+class Record(Protocol):
+    """A table that grows by rows of numbers; only rank 0's rows are kept."""
+
+    def extend(self, rows: Rows) -> None:
+        """Append rows, time [s] first, empty at None."""
+
+
+class FieldRecord(Protocol):
+    """Snapshots of fields on a mesh, each rank's part its own."""
+
+    def append(self, t: float, points: Vector, *, cells: VtkCells, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Append a snapshot at t [s]: points [m], shape (N, 3), the cells between them, fields at them; collective."""
+
+
+def _not_finite(t: Any) -> RunError:
+    said = "a recorded value is not a finite number; the run has broken down."
+    return RunError(f"t = {t:.6g} s: {said}", t=float(t))
+
+
+class Discard:
+    """The record of every rank but the first, which has the same row: it fails where the first one's fails."""
+
+    def extend(self, rows: Rows) -> None:
+        """Drop the rows; raises ``RunError`` for a number that is not finite."""
+        for row in rows:
+            if not all(value is None or isfinite(value) for value in row):
+                raise _not_finite(row[0])
+
+
+class DiscardArrays:
+    """The record of arrays of every rank but the first."""
+
+    def append(self, t: float, *arrays: Vector) -> None:
+        """Drop them; raises ``RunError`` for a number that is not finite."""
+        if not all(np.isfinite(one).all() for one in arrays):
+            raise _not_finite(t)
+
+
+class Memory:
+    """A record kept in memory, for use from Python."""
+
+    def __init__(self) -> None:
+        self.rows: list[list[float]] = []
+
+    def extend(self, rows: Rows) -> None:
+        """Append rows, nan at None."""
+        self.rows += [[nan if value is None else float(value) for value in row] for row in rows]
+
+    def array(self) -> Vector:
+        """Return all rows, shape (rows, columns)."""
+        return np.array(self.rows)
+
+
+class Kept:
+    """A record whose failure is kept until it is asked for: the first rank writes alone, and all ranks must end."""
+
+    def __init__(self, append: Callable[..., None]):
+        self._append = append
+        self.failure: RecordError | None = None
+
+    def append(self, *row: Any) -> None:
+        """Append a snapshot, or rows, unless something could not be written before."""
+        if self.failure is None:
+            try:
+                self._append(*row)
+            except RecordError as error:
+                self.failure = error
+
+    extend = append
+
+
+class RecordCheck:
+    """Ends the run on all ranks where a record could not be written; the last of the diagnostics.
+
+    Parameters
+    ----------
+    records
+        Those of this rank.
+    """
+
+    def __init__(self, comm: MPI.Comm, records: Sequence[Kept]):
+        self.schedule = EverySteps()
+        self._comm, self._records = comm, records
+
+    def record(self, block: Block) -> None:
+        """Raise ``RecordError`` if a rank has met one; collective."""
+        if summed(self._comm, float(any(record.failure for record in self._records))):
+            raise_on_all_ranks(self._comm, self._raise)
+
+    def _raise(self) -> None:
+        for record in self._records:
+            if record.failure is not None:
+                raise record.failure
+
+
+class WindowRecord(Protocol):
+    """Where a window's motion goes."""
+
+    def append(self, t: float, z: Vector, eta: Vector, moved: Vector) -> None:
+        """Append heights [m], shape (columns, levels), elevations [m], (columns,), and the quantities of each point.
+
+        These are velocities, accelerations and pressure in the order of ``records.window``, shape (quantities, columns,
+        levels).
+        """
+
+
+class Records(NamedTuple):
+    """Where the observers of a scene write.
+
+    Attributes
+    ----------
+    gauges, energy
+        Tables.
+    surface
+        Of snapshots along a slice or ring; None on all ranks but the first.
+    probes, loads
+        Tables; None where there are none.
+    paddles
+        A table for each wall that moves, as ``Case.paddles``.
+    windows
+        Of each window.
+    fields
+        Gives the series of snapshots of a name, "surface" or "velocity"; without it none are written.
+    """
+
+    gauges: Record
+    energy: Record
+    surface: Record | None
+    fields: Callable[[str], FieldRecord] | None = None
+    probes: Record | None = None
+    loads: Record | None = None
+    paddles: Sequence[Record] = ()
+    windows: Sequence[WindowRecord] = ()
+
+
+def records_of(scene: Case, dimensions: int, writer: RunWriter | None) -> Records:
+    """Return the records of a case, opened when the run begins; without a writer those of the other ranks."""
+    if writer is None:
+        probed, loaded = (Discard() if there else None for there in (scene.probes, scene.loads))
+        no_windows, no_paddles = [DiscardArrays() for _ in scene.windows], [Discard() for _ in scene.paddles]
+        return Records(Discard(), Discard(), None, probes=probed, loads=loaded, paddles=no_paddles, windows=no_windows)
+    gauges = writer.gauges([(gauge.name, gauge.x, gauge.y) for gauge in scene.all_gauges])
+    energy = writer.table(ENERGY, energy_columns(dimensions, absorbed=bool(scene.absorbing)))
+    surface = Kept(writer.surface().extend) if dimensions == 1 else None
+    motions = [writer.table(PADDLES[end.key], _paddle_columns(scene, end, dimensions)) for end in scene.paddles]
+    points = [(probe.name, probe.x, probe.y, probe.z) for probe in scene.probes]
+    probes = Kept(writer.table(PROBES, probe_columns(points, dimensions)).extend) if points else None
+    walls = [load.called for load in scene.loads]
+    loads = Kept(writer.table(LOADS, load_columns(walls, dimensions)).extend) if walls else None
+    windows = [Kept(_window(one, writer, dimensions)) for one in scene.windows]
+    tables = Records(Kept(gauges.extend), Kept(energy.extend), surface, probes=probes, loads=loads)
+    return tables._replace(paddles=[Kept(one.extend) for one in motions], windows=windows)
+
+
+def _paddle_columns(scene: Case, end: EndWall, dimensions: int) -> list[str]:
+    """Return the columns of the record of a paddle."""
+    pushed = PUSH[dimensions] if any(load.on == end.side for load in scene.loads) else ()
+    return [*paddle_columns(end.wall.places(end.tank)), *pushed]
+
+
+def _window(window: Window, writer: RunWriter, dimensions: int) -> Callable[..., None]:
+    """Return what appends to a window's record."""
+    places = np.array(window.places)
+    return writer.window(window.name, form=window.format, places=places, levels=window.levels, dimensions=dimensions)
