@@ -36,7 +36,7 @@ def run(tmp_path_factory):
     return RunDirectory(path)
 
 
-def test_gauges_are_found_by_name_with_their_places_and_units(run):
+def test_gauges_have_names_places_and_units(run):
     found, table = run.gauges.sel(gauge="2"), np.loadtxt(run.path / "gauges.csv", delimiter=",", skiprows=1)
     assert float(found.x) == 2.5 and float(found.y) == 0.0 and found.attrs["units"] == "m"
     np.testing.assert_array_equal(found, table[:, 2])
@@ -204,28 +204,3 @@ def test_of_many_rows_as_many_are_kept_as_there_is_room_for(tmp_path):
     found = np.loadtxt(tmp_path / "table.csv", delimiter=",", skiprows=1)
     np.testing.assert_array_equal(found, rows[: record.extent()["rows"]])
     assert (tmp_path / "table.csv").read_bytes().endswith(b"\n") and len(found) > 200
-
-
-def test_where_a_basins_surface_is_is_said(tmp_path):
-    with RunWriter(tmp_path / "run", {}):
-        (tmp_path / "run" / "surface.pvd").write_text("<VTKFile/>")
-    with pytest.raises(InputError, match="run: its surface is a basin's, in surface.pvd"):
-        _ = RunDirectory(tmp_path / "run").surface
-
-
-def test_what_there_cannot_be_is_said_as_such(tmp_path):
-    with RunWriter(tmp_path / "run", {"scene": {"wall": {"type": "fixed"}}}) as writer:
-        writer.surface()
-    with pytest.raises(InputError, match="run: the wall does not move in this run"):
-        _ = RunDirectory(tmp_path / "run").paddle
-    (tmp_path / "run" / "surface.nc").touch()
-    with pytest.raises(InputError, match=r"run: its surface is a slice's or ring's, in surface\.nc"):
-        RunDirectory(tmp_path / "run").fields("surface")
-
-
-def test_what_a_run_has_not_recorded_is_said(tmp_path):
-    with RunWriter(tmp_path / "run", {}) as writer:
-        writer.finish("finished", {})
-    for name, file in (("paddle", "paddle.csv"), ("surface", "surface.nc"), ("gauges", "gauges.csv")):
-        with pytest.raises(InputError, match=f"has no readable {file}"):
-            getattr(RunDirectory(tmp_path / "run"), name)
