@@ -23,9 +23,12 @@ gmsh.model.addPhysicalGroup(1, [curve for _, curve in edge if (1, curve) not in 
 gmsh.model.addPhysicalGroup(2, parts[:1], name="water")
 gmsh.model.addPhysicalGroup(2, parts[1:], name="sponge")
 
-gmsh.model.mesh.setTransfiniteAutomatic(recombine=True)  # rows and columns of quadrilaterals
-gmsh.option.setNumber("Mesh.MeshSizeMin", size)
-gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+for dim, curve in gmsh.model.getEntities(1):
+    cells = round(cad.getMass(dim, curve) / size)
+    gmsh.model.mesh.setTransfiniteCurve(curve, cells + 1)
+for part in parts:  # rows and columns of quadrilaterals
+    gmsh.model.mesh.setTransfiniteSurface(part)
+    gmsh.model.mesh.setRecombine(2, part)
 gmsh.model.mesh.generate(2)
 gmsh.write(sys.argv[1])
 gmsh.finalize()

@@ -24,7 +24,7 @@ from wavetank.cli import main
 from wavetank.errors import InputError, RunError
 from wavetank.integrators.states import Point
 from wavetank.motion import Sinusoid, feedback
-from wavetank.motion.feedback import Answer, Equation, FeedbackMotion, elevation_at_face
+from wavetank.motion.feedback import FeedbackMotion, FilterState, StateSpaceFilter, elevation_at_face
 from wavetank.motion.motion import largest_stroke, share
 from wavetank.output.columns import energy_columns
 from wavetank.output.directory import PADDLE, RunDirectory
@@ -136,7 +136,7 @@ SMOOTH = "0.4 - 0.25 * exp(-((x - 12) / 2) ** 2)"
 def test_the_harmonics_that_a_bed_frees_are_those_measured(bed, measured, off):
     """Oracle: runs of 45 s of cases/bar.toml with these beds, least squares over 40 places behind them."""
     one = read_case(CHECKOUT / "cases" / "bar.toml", [f"tank.bed={{type='formula',depth='{bed}'}}"])
-    freed = free_second_harmonics(one, one.depths(), highest_wave(one).height / 2, 1.01)
+    freed = free_second_harmonics(one.ends[0], one.depths(), highest_wave(one.ends[0]).height / 2, 1.01)
     assert freed == pytest.approx(measured, rel=off, abs=1e-9)
 
 
@@ -190,14 +190,15 @@ def test_a_motion_that_is_steered_is_smooth_and_known_up_to_the_end_of_its_step(
     assert motion.position(0.15) == kept and motion.added(0.16, 0) == pytest.approx(1.0, rel=1e-14)
 
 
-def test_an_answer_is_that_of_its_equation():
+def test_a_filter_solves_its_equation_to_third_order():
     """Of X'' + 3 X' + 2 X = u: to third order in the step, of a u known at its beginnings; one step failed at first."""
-    equation, counts, errors = Equation.of_transfer(np.ones(1), np.array([1.0, 3.0, 2.0])), (40, 80, 160), []
+    response, counts, errors = StateSpaceFilter.of_transfer(np.ones(1), np.array([1.0, 3.0, 2.0])), (40, 80, 160), []
     steady = 1.0 / (1.0 + 3.0j - 1.0 * 1.0 + 1.0)  # of u = exp(i t)
     for count in counts:
-        answer, dt, found = Answer(equation), 16.0 / count, 0.0
+        state, dt, found = FilterState(), 16.0 / count, 0.0
         for n in sorted([*range(count), 20]):
-            found, _ = answer.next(n * dt, dt, np.array([np.cos(n * dt)]))
+            state = response.update(state, n * dt, np.array([np.cos(n * dt)]))
+            found, _ = response.output(state, dt)
         errors.append(abs(found - (steady * np.exp(16.0j)).real))
     assert errors[-1] < 1e-5
     assert -fitted_slope(counts, errors) > 2.7
@@ -523,7 +524,7 @@ def test_by_default_it_is_tuned_to_what_the_paddle_opposite_makes(kd, tuned):
     equation, _ = ANSWERS[SpringDamper](scene, 1, build_run(scene, MPI.COMM_SELF)[1])
     omega = 2 * np.pi / np.array([period(tuned)])
     (r,), (mu,) = radiation(PISTON, omega, 1.0, GRAVITY)
-    expected = Equation.of_spring(sudden_mass(PISTON, 1.0), float(omega[0] ** 2 * mu), float(r))
+    expected = StateSpaceFilter.of_spring(sudden_mass(PISTON, 1.0), float(omega[0] ** 2 * mu), float(r))
     assert pytest.approx(expected.A, rel=1e-9) == equation.A
 
 
@@ -565,7 +566,7 @@ def test_absorbing_ends_where_the_mapping_folds_and_not_out_of_the_water():
     """J = 1 + s' f X with the least s' there is, and the largest f."""
     motion, shares, r = FeedbackMotion(Sinusoid(1.0, 4.0)), np.array([0.0, 0.3, 1.4]), np.linspace(0.0, 1.0, 1001)
     paddle = SimpleNamespace(motion=motion, largest_stroke=largest_stroke(1.0))
-    equation = Equation.of_transfer(np.ones(1), np.array([1.0, 3.0, 2.0]))
+    equation = StateSpaceFilter.of_transfer(np.ones(1), np.array([1.0, 3.0, 2.0]))
     answering = AnsweringPaddle(paddle, equation, lambda q, p, t: np.zeros(1), shares=shares, key="far_wall")
     folds = []
     for t in np.arange(0.05, 4.0, 0.1):

@@ -68,7 +68,7 @@ def test_integrals_of_a_flap_are_those_of_its_shape(flap):
     d, low = 1.3, max(0.0, flap.hinge)
     x, weights = np.polynomial.legendre.leggauss(300)
     above, weights = low + 0.5 * (d - low) * (x + 1), 0.5 * (d - low) * weights
-    f = flap.share(above - d, d)
+    f = flap.mode_shape(above - d, d)
     for k in (0.3, 2.0, 20.0, 30j, 0.5 + 2j, -2.0 + 0j):
         u, rise = np.cosh(k * above) / np.cosh(k * d), np.sinh(k * above) / np.cosh(k * d)
         assert flap.moment(k, d) == pytest.approx((weights * f) @ u, rel=1e-11)
@@ -97,12 +97,14 @@ def test_a_shape_with_a_kink_keeps_what_linear_theory_knows_of_it():
     """The nearest polynomial has its transfer function to 1e-5 up to k d = 10, its value and slope at still water."""
     for hinge in (0.1, 0.5):
         flap = Flap(hinge)
-        powers = fitted(lambda z, flap=flap: flap.share(z, 1.0), 1.0, kinks=flap.kinks(1.0))
+        powers = fitted(lambda z, flap=flap: flap.mode_shape(z, 1.0), 1.0, kinks=flap.kinks(1.0))
         near = Profile(np.polynomial.Polynomial(powers), np.polynomial.Polynomial(powers).deriv())
         k = np.array([0.5, 2.0, 10.0])
         assert len(powers) == 17
         assert near.moment(k, 1.0) == pytest.approx(flap.moment(k, 1.0), rel=1e-5)
-        assert near.share(np.array([0.0, 0.1]), 1.0) == pytest.approx(flap.share(np.array([0.0, 0.1]), 1.0), rel=4e-3)
+        assert near.mode_shape(np.array([0.0, 0.1]), 1.0) == pytest.approx(
+            flap.mode_shape(np.array([0.0, 0.1]), 1.0), rel=4e-3
+        )
     assert fitted(lambda z: 2.0 + z, 1.3) == pytest.approx([2.0, 1.3], rel=1e-12)
 
 
@@ -138,7 +140,7 @@ def misses(wavemaker, kd, *, exact, numerics=None):
         order, cells, n = numerics.order, numerics.cells, numerics.vertical_order
     footprint = Slice(length, cells, comm=MPI.COMM_SELF)
     plane = Plane(footprint.mesh, order, footprint.chart)
-    shape = Polynomial.near(lambda z: wavemaker.share(z, 1.0), 1.0, plane.mesh, kinks=wavemaker.kinks(1.0))
+    shape = Polynomial.near(lambda z: wavemaker.mode_shape(z, 1.0), 1.0, plane.mesh, kinks=wavemaker.kinks(1.0))
     wall = LinearPaddle(Sinusoid(1.0, 2 * np.pi), plane=plane, side=footprint.side(), shape=shape)
     waves = LinearWaves(plane, depth=1.0, wall=wall, vertical_order=n)
     units = np.eye(plane.owned)

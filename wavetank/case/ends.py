@@ -184,7 +184,7 @@ class EndWall(Context):
             if farthest <= distance:
                 continue
             position = values(partial(motion.position, y=None if uniform else np.array([y])), t).reshape(-1)
-            into = np.multiply.outer(wall.wavemaker.share(z, self.tank.depth), position).max(axis=0)
+            into = np.multiply.outer(wall.wavemaker.mode_shape(z, self.tank.depth), position).max(axis=0)
             if into.max(initial=0.0) > distance:
                 there = f"stands {distance:.4g} m from the paddle of {self.key} at rest, which is there at"
                 allowed = f"must stand farther from it than {into.max():.4g} m, as far as that goes"

@@ -232,7 +232,7 @@ class MovingWall(BaseWall):
 
     def mode_shape(self, tank: AnyTank) -> Array:
         """Return f(z) at 1001 heights from the bed up, shape (N,): the displacement over that of the motion."""
-        return np.asarray(self.wavemaker.share(tank.depth * np.linspace(-1.0, TOP, 1001), tank.depth))
+        return np.asarray(self.wavemaker.mode_shape(tank.depth * np.linspace(-1.0, TOP, 1001), tank.depth))
 
     def added_mass(self, tank: AnyTank) -> float:
         """Return the added mass of a sudden motion [m²], over the density."""
@@ -248,7 +248,7 @@ class MovingWall(BaseWall):
         Given are the mapping's reach and the paddle's largest displacement [m].
         """
         z = tank.depth * np.linspace(-1.0, 0.0, 1001)
-        mode_shape = self.wavemaker.share(z, tank.depth)
+        mode_shape = self.wavemaker.mode_shape(z, tank.depth)
         slope = float(np.abs(np.diff(mode_shape) / np.diff(z)).max()) * displacement
         return frequency_shift(slope, float(np.abs(mode_shape).max()) * displacement / reach)
 
@@ -488,7 +488,7 @@ class ProfileWall(ShapedWall, PaddleWall):
         """Yield a shape that is not finite, or displaces no water, and problems of any paddle."""
         z = context.tank.depth * np.linspace(-1.0, TOP, 1001)
         try:
-            values = self.wavemaker.share(z, context.tank.depth)
+            values = self.wavemaker.mode_shape(z, context.tank.depth)
         except InputError as error:
             yield Problem(("wall", "shape"), self.shape, str(error).removesuffix("."))
             return

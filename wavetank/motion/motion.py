@@ -1,21 +1,16 @@
-"""Motions of paddles X(t) or X(t, y): interface, ramp, mapping of the moving wall and elementary motions.
+"""Motions of paddles, X(t) or X(t, y): interface, elementary motions, ramps, segments, and the mapping of the water.
 
-How a paddle's displacement dies out in the water: the shape of the mapping x = X + s(X) X_p of docs/method.md.
+A ramped motion is X = r(t) S(t, y) with r = 35 s^4 - 84 s^5 + 70 s^6 - 20 s^7, s = (t - start) / ramp. Three
+derivatives of r are continuous and zero at both ends, so X, its velocity and its acceleration start from zero.
+
+The displacement of a paddle decays in the water by the mapping x = X + s(X) X_p of docs/method.md:
 
     s(r) = (1 - r)² (1 + r)  for r = xi / reach in [0, 1],  0 beyond
 
-with the distance xi from the paddle's rest position. Where it ends, s has no kink; of the cubics of which that is true
-and which begin at 1 this one stretches least, |s'| <= 4/3: the wall itself may have any slope, no water lies behind it.
+with the distance xi from the paddle's rest position. s has no kink at its end; of the cubics with this property and
+s(0) = 1 it has the least |s'|, at most 4/3. The slope at the wall is free, as no water is behind it.
 
-A motion that begins gently: X = r(t) S(t, y), with S any other motion.
-
-r = 35 s^4 - 84 s^5 + 70 s^6 - 20 s^7 with s = (t - start) / ramp: three continuous derivatives, all zero at both ends,
-so that X, its velocity and its acceleration start from zero.
-
-Paddles of segments: X(t, y) [m], y [m] along the paddle.
-
-A paddle of many narrow segments makes waves that leave it obliquely, on the snake principle: each segment moves a
-little later than its neighbour. Motions of such paddles are continuous in y; ``PiecewiseLinear`` gives them segments.
+A segmented paddle has motions X(t, y) that are continuous in y; ``PiecewiseLinear`` gives them hinged segments.
 """
 
 import math
@@ -40,14 +35,13 @@ Array = NDArray[np.float64]
 class Motion(ABC):
     """A paddle motion.
 
-    A motion is written once, as ``derivative``; position, velocity and acceleration are derivatives of that one
-    function. Times are a number or an array of any shape [s]. A paddle that moves as a whole takes no notice of the
-    places y, and its values have the shape of the times.
+    A subclass defines ``derivative``; position, velocity and acceleration are its values. Times are a number or an
+    array of any shape [s]. A uniform paddle ignores the places y, and its values have the shape of the times.
 
     Attributes
     ----------
     moves
-        Whether it ever leaves its place.
+        Whether the paddle leaves its rest position.
     """
 
     moves: ClassVar[bool] = True
@@ -59,7 +53,7 @@ class Motion(ABC):
 
     @property
     def duration(self) -> float:
-        """Until when the motion is known [s]; ``inf`` where it never ends."""
+        """When the motion ends [s]; ``inf`` if it does not."""
         return np.inf
 
     @property
@@ -74,15 +68,15 @@ class Motion(ABC):
 
     @property
     def power_period(self) -> float | None:
-        """The period that halves the power of its velocity [s], where that is known of it for all times."""
+        """The period that halves the power of its velocity over all times [s]; None if it is not known in advance."""
         return None
 
     def keep(self, t: float, who: str) -> None:
-        """Know that somebody may ask for the time t [s] again, whatever comes later; until he keeps another."""
+        """Keep the value at a time t [s] until the same owner keeps another one."""
         return
 
     def added(self, t: Any, order: int) -> Any:
-        """Return the derivative of that order of what is added on the way, in m/s^order, at times t [s]: nothing."""
+        """Return the derivative of the feedback part, in m/s^order, at times t [s]; by default zero."""
         return 0.0 * np.asarray(t)
 
     @abstractmethod
@@ -90,12 +84,16 @@ class Motion(ABC):
         """Return the derivative of X in time of order 0 to 2, in m/s^order, at times t [s] and places y [m]."""
 
     def check(self, times: Array) -> None:
-        """Raise ``InputError`` where a derivative is not that of X at times [s]; known motions' are exact."""
+        """Raise ``InputError`` where a derivative is not that of X at times [s]; built-in motions are exact."""
         return
 
     def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
         """Return X, dX/dt and so on, up to an order, at times t [s] and places y [m]."""
         return [self.derivative(t, order, y) for order in range(up_to + 1)]
+
+    def kinematics(self, t: Array, y: Any = None) -> Array:
+        """Return X, X' and X'' [m, m/s, m/s²] at times [s], shape (T,): shape (3, T), or (3, T, N) at N places y."""
+        return np.array(self.rates(t, y))
 
     def position(self, t: Any, y: Any = None) -> Any:
         """Return X [m] at times t [s] and places y [m]."""
@@ -113,9 +111,49 @@ class Motion(ABC):
 class SegmentedMotion(Motion):
     """A motion that depends on the place along the paddle.
 
-    Places are to be given, an array of shape (N,) [m]; the values have the shape of the times with N appended: (N,) for
-    one time.
+    Places y are required, an array of shape (N,) [m]; values have the shape of the times with N appended.
     """
+
+
+class MotionWrapper(Motion):
+    """A motion made of another one, with the times and the period of that.
+
+    Attributes
+    ----------
+    motion
+        The other motion.
+    """
+
+    motion: Motion
+
+    @property
+    def start(self) -> float:
+        """See ``Motion``."""
+        return self.motion.start
+
+    @property
+    def duration(self) -> float:
+        """See ``Motion``."""
+        return self.motion.duration
+
+    @property
+    def interval(self) -> float | None:
+        """See ``Motion``."""
+        return self.motion.interval
+
+    @property
+    def risen(self) -> float:
+        """See ``Motion``."""
+        return self.motion.risen
+
+    @property
+    def power_period(self) -> float | None:
+        """See ``Motion``."""
+        return self.motion.power_period
+
+    def check(self, times: Array) -> None:
+        """See ``Motion``."""
+        self.motion.check(times)
 
 
 @dataclass(frozen=True)
@@ -174,7 +212,7 @@ class Sinusoid(Motion):
         return self.amplitude * omega**order * sine(omega * t + order * np.pi / 2.0)
 
 
-AT_ONCE, MOST = 4096, 2**18  # times: a sum of many waves takes memory for each; of a long motion not all are looked at
+AT_ONCE, MOST = 4096, 2**18  # times: evaluated at once, as sums of many waves need memory for each; of a long motion
 
 
 class Extent(NamedTuple):
@@ -183,7 +221,7 @@ class Extent(NamedTuple):
     Attributes
     ----------
     stroke
-        From one end of its way to the other [m].
+        Peak to peak [m].
     speed, acceleration
         [m/s], [m/s²].
     """
@@ -194,13 +232,13 @@ class Extent(NamedTuple):
 
 
 def times(end: float, step: float, *, fewest: int = 4001) -> Array:
-    """Return times from 0 to the end [s], shape (T,), at most a step [s] apart as long as they are not too many."""
+    """Return times from 0 to the end [s], shape (T,), at most a step [s] apart unless they are more than ``MOST``."""
     count = int(np.clip(end / step, fewest, MOST))
     return np.linspace(0.0, end, count, dtype=np.float64)
 
 
 def values(of: Callable[[Array], Array], t: Array) -> Array:
-    """Return a function's values at times [s], shape (T,) and what the function adds, found for some times at once."""
+    """Return the values of a function at times [s], shape (T,), evaluated for ``AT_ONCE`` times each."""
     return np.concatenate([of(part) for part in np.array_split(t, -(-t.size // AT_ONCE))])
 
 
@@ -213,14 +251,14 @@ def extent(motion: Motion, t: Array, places: Any = None) -> Extent:
     return Extent(stroke, float(np.abs(velocity).max()), float(np.abs(acceleration).max()))
 
 
-TOP = 0.5  # depths above still water, up to which a paddle's shape is looked at
-NARROWEST = 1e-4  # J, at which a mapping is looked at: less is a fold
-SAMPLES = np.linspace(0.0, 1.0, 101, dtype=np.float64)  # r, at which it is
+TOP = 0.5  # depths above still water, up to which a mode shape is sampled
+NARROWEST = 1e-4  # J: less is a fold
+SAMPLES = np.linspace(0.0, 1.0, 101, dtype=np.float64)  # r
 STEEPEST = 4 / 3  # largest |ds/dr|, at r = 1/3, where the second derivative vanishes
 
 
 def largest_stroke(reach: float) -> float:
-    """Return how far a paddle can go into the water, from rest, before the mapping folds [m]: J = 1 + s' X_p > 0."""
+    """Return the displacement X_p [m] at which the mapping folds: J = 1 + s' X_p = 0."""
     return reach / STEEPEST
 
 
@@ -244,7 +282,7 @@ def frequency_shift(slope: float, displacement: float) -> float:
 
 
 def share(r: Array) -> Array:
-    """Return s(r), of any shape; before the wall the line that it begins with, for places that the wall has passed."""
+    """Return s(r), of any shape; for r < 0, behind the wall's rest position, its tangent at r = 0."""
     return np.where(r < 0.0, 1.0 - r, _inside(np.minimum(np.maximum(r, 0.0), 1.0)))
 
 
@@ -253,19 +291,17 @@ def _inside(r: Array) -> Array:
 
 
 class Tangent(Motion):
-    """The tangent to a motion at one time: its value and its rate there, and so the rate of its velocity.
+    """The tangent to a motion at one time, for numerical rates at that time.
 
-    Position and velocity each go on at their own rate, so that neither is the other's derivative but there.
-
-    Parameters
-    ----------
-    motion
-        What is touched.
+    Position and velocity are extrapolated linearly, each at its own rate; velocity is the derivative of position only
+    at that time.
 
     Attributes
     ----------
+    motion
+        The motion.
     at
-        When [s].
+        The time [s].
     """
 
     def __init__(self, motion: Motion):
@@ -276,7 +312,7 @@ class Tangent(Motion):
         self.motion.keep(t, who)
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
-        """Return the derivative of that order at ``at``, gone on for t - ``at``; the highest stays."""
+        """Return the derivative, extrapolated from ``at`` to t; that of order 2 is constant."""
         value = self.motion.derivative(self.at, order, y)
         return value if order == 2 else value + (t - self.at) * self.motion.derivative(self.at, order + 1, y)
 
@@ -285,15 +321,15 @@ _STEP = tuple(Polynomial([0, 0, 0, 0, 35, -84, 70, -20]).deriv(order).coef.tolis
 
 
 @dataclass(frozen=True)
-class Ramped(Motion):
-    """r(t) S; before ``start`` the paddle is at rest, after ``start + ramp`` it follows S exactly.
+class Ramped(MotionWrapper):
+    """r(t) S; before ``start`` the paddle is at rest, after ``start + ramp`` its motion is S.
 
     Attributes
     ----------
     motion
         S(t), or S(t, y).
     ramp
-        How long the ramp takes [s], positive.
+        Length of the ramp [s], positive.
     start
         When it begins [s].
     """
@@ -303,28 +339,9 @@ class Ramped(Motion):
     start: float = 0.0
 
     @property
-    def duration(self) -> float:
-        """Until when S is known [s]."""
-        return self.motion.duration
-
-    @property
-    def interval(self) -> float | None:
-        """The mean time between two rows of the record of S [s], if it was measured."""
-        return self.motion.interval
-
-    def check(self, times: Array) -> None:
-        """Raise ``InputError`` where a derivative of S is not that of S."""
-        self.motion.check(times)
-
-    @property
     def risen(self) -> float:
         """When the ramp is over [s]."""
         return self.start + self.ramp
-
-    @property
-    def power_period(self) -> float | None:
-        """That of S [s]."""
-        return self.motion.power_period
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the derivative of the product by Leibniz' rule; after the ramp that of S."""
@@ -333,7 +350,7 @@ class Ramped(Motion):
         return self._product(t, order, self._both(t, order, y))
 
     def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
-        """Return the derivatives of the product; S is asked once."""
+        """Return the derivatives of the product, with one evaluation of S."""
         if t >= self.start + self.ramp if isinstance(t, float) else self._over(t):
             return self.motion.rates(t, y, up_to=up_to)
         both = self._both(t, up_to, y)
@@ -364,7 +381,7 @@ def _times(t: Any, factor: Any, values: Any) -> Any:
 
 
 def ramped(motion: Motion, ramp: float, *, start: float = 0.0) -> Motion:
-    """Return a motion with its ramp [s], which may be none."""
+    """Return a motion with a ramp [s]; the motion itself for a ramp of 0."""
     return Ramped(motion, ramp, start) if ramp > 0 else motion
 
 
@@ -373,51 +390,26 @@ ANGLES = f"must be below pi/2, in radians: 60 degrees are {np.radians(60.0):.4f}
 
 
 @dataclass(frozen=True, eq=False)
-class FlapAngle(Motion):
+class FlapAngle(MotionWrapper):
     """X = arm tan(theta).
 
     Attributes
     ----------
-    angle
+    motion
         theta(t) [rad], positive into the water, as a motion.
     arm
         [m].
     """
 
-    angle: Motion
+    motion: Motion
     arm: float
 
-    @property
-    def start(self) -> float:
-        """When the flap begins to turn [s], at the earliest."""
-        return self.angle.start
-
-    @property
-    def duration(self) -> float:
-        """Until when the angle is known [s]."""
-        return self.angle.duration
-
-    @property
-    def interval(self) -> float | None:
-        """The mean time between two rows of the record [s], if the angle was measured."""
-        return self.angle.interval
-
     def check(self, times: Array) -> None:
-        """Raise ``InputError`` where a derivative of the angle is not that of the angle, or it lies, at times [s]."""
-        self.angle.check(times)
-        angles = self.angle.derivative(np.minimum(times, self.duration), 0)
+        """Raise ``InputError`` where a derivative of the angle is wrong, or the flap lies flat, at times [s]."""
+        super().check(times)
+        angles = self.motion.derivative(np.minimum(times, self.duration), 0)
         if (largest := float(np.abs(angles).max())) >= UPSET:
             raise InputError(f"the flap turns by {largest:.4g} rad; its angle {ANGLES}.")
-
-    @property
-    def risen(self) -> float:
-        """When the angle's ramp is over [s]."""
-        return self.angle.risen
-
-    @property
-    def power_period(self) -> float | None:
-        """That of the angle [s]."""
-        return self.angle.power_period
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the derivative."""
@@ -425,62 +417,55 @@ class FlapAngle(Motion):
 
     def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
         """Return the derivatives by the chain rule."""
-        angle, speed, bend, *_ = [*self.angle.rates(t, y, up_to=up_to), 0.0, 0.0]
+        angle, speed, acceleration, *_ = [*self.motion.rates(t, y, up_to=up_to), 0.0, 0.0]
         tan = np.tan(angle)
         slope = self.arm * (1.0 + tan**2)  # of arm tan
-        return [self.arm * tan, slope * speed, slope * (bend + 2.0 * tan * speed**2)][: up_to + 1]
+        return [self.arm * tan, slope * speed, slope * (acceleration + 2.0 * tan * speed**2)][: up_to + 1]
 
 
-class ValidatedMotion(Motion):
-    """The same motion; where it raises ``InputError`` that is a ``CaseError`` of a key.
-
-    Beyond a duration it says why it was asked there.
+class ValidatedMotion(MotionWrapper):
+    """A motion whose errors are ``CaseError`` of a key; one after the run says that the last step ends there.
 
     Parameters
     ----------
     motion
-        Known for all times, but for its values.
+        A motion without an end.
     key
-        By which it is given.
+        Its key in the case.
     run
         The run's duration [s].
     """
 
     def __init__(self, motion: Motion, *key: str, run: float):
-        self._motion, self._key, self._run = motion, key, run
-
-    @property
-    def risen(self) -> float:
-        """When its ramp is over [s]; 0 where it has none."""
-        return self._motion.risen
+        self.motion, self._key, self._run = motion, key, run
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return that of the motion."""
-        return self._validated(t, lambda t: self._motion.derivative(t, order, y))
+        return self._validated(t, lambda t: self.motion.derivative(t, order, y))
 
     def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
         """Return those of the motion."""
-        result: list[Any] = self._validated(t, lambda t: self._motion.rates(t, y, up_to=up_to))
+        result: list[Any] = self._validated(t, lambda t: self.motion.rates(t, y, up_to=up_to))
         return result
 
-    def _validated(self, t: Any, found: Callable[[Any], Any]) -> Any:
-        """Return what is found at times [s]; of what is none beyond the duration alone, it is said who asks there."""
+    def _validated(self, t: Any, function: Callable[[Any], Any]) -> Any:
+        """Return a function's values at times [s]."""
         with about(*self._key):
             try:
-                return found(t)
+                return function(t)
             except InputError as error:
                 if np.max(t) <= self._run:
                     raise
-                found(np.minimum(t, self._run))
+                function(np.minimum(t, self._run))
                 ends = f"the last step ends beyond run.duration = {self._run:g} s; a step that divides that does not"
                 raise InputError(f"{str(error).removesuffix('.')}: {ends}.") from error
 
 
 @dataclass(frozen=True, eq=False)
-class PiecewiseLinear(SegmentedMotion):
+class PiecewiseLinear(MotionWrapper, SegmentedMotion):
     """Flat segments hinged at joints: the joints follow S exactly, X is linear in y between two of them.
 
-    Beyond the outer joints X is what it is there. Only the joints' motion is computed, so that many places cost little.
+    Beyond the outer joints X is constant. Only the motion of the joints is computed, so many places cost little.
     Segments wider than L / (1 + sin theta), L being the wave length, make spurious waves that leave the paddle at
     another angle (``widest_segment``); narrower ones w make waves lower by the factor (sin b / b)^2,
     b = k w sin(theta) / 2.
@@ -496,32 +481,17 @@ class PiecewiseLinear(SegmentedMotion):
     motion: Motion
     joints: Array
 
-    @property
-    def duration(self) -> float:
-        """Until when S is known [s]."""
-        return self.motion.duration
-
-    @property
-    def risen(self) -> float:
-        """When the ramp of S is over [s]."""
-        return self.motion.risen
-
-    @property
-    def power_period(self) -> float | None:
-        """That of S [s]."""
-        return self.motion.power_period
-
     def derivative(self, t: Any, order: int, y: Any = None) -> Array:
         """Return the derivative of S at the joints, interpolated."""
         at_joints = self.motion.derivative(t, order, self.joints)
-        left = np.clip(np.searchsorted(self.joints, y, side="right") - 1, 0, self.joints.size - 2)
-        start, end = self.joints[left], self.joints[left + 1]
+        before = np.clip(np.searchsorted(self.joints, y, side="right") - 1, 0, self.joints.size - 2)
+        start, end = self.joints[before], self.joints[before + 1]
         part = np.clip((y - start) / (end - start), 0.0, 1.0)
-        return np.asarray((1.0 - part) * at_joints[..., left] + part * at_joints[..., left + 1])
+        return np.asarray((1.0 - part) * at_joints[..., before] + part * at_joints[..., before + 1])
 
 
 def joints(first: float, last: float, *, segment: float) -> Array:
-    """Return the joints [m], shape (M,), of as few equal segments as are not wider than ``segment`` [m]."""
+    """Return the joints [m], shape (M,), of the least number of equal segments not wider than ``segment`` [m]."""
     segments = max(1, ceil((last - first) / segment * (1.0 - 1e-12)))  # a width that fits but for round-off fits
     return np.linspace(first, last, segments + 1, dtype=np.float64)
 

@@ -422,7 +422,7 @@ def sensors_in_reach(scene: Case) -> Iterator[str]:
         seen, back = scene.paddles[n], told[n] if scene.sponge is None and scene.absorbing == [n] else 0.0
         for one in scene.measuring_points():
             distance = float(seen.distance(one.x))
-            far = (sum(told) + back) * float(np.abs(seen.wall.wavemaker.share(one.z, seen.tank.depth)).max())
+            far = (sum(told) + back) * float(np.abs(seen.wall.wavemaker.mode_shape(one.z, seen.tank.depth)).max())
             if distance < far:
                 where = f"{'.'.join(map(str, one.key))} stands {distance:.4g} m from the paddle of {seen.key} at rest"
                 yield f"{where}, which absorbs, and is to go about {far:.2g} m there: the run ends where it comes"

@@ -269,7 +269,7 @@ def leaning(run: RunDirectory, depth: float, key: str = "wall") -> Callable[[Arr
         wall: Any = TypeAdapter(Wall).validate_python(run.manifest["scene"][key])
     except (KeyError, ValidationError):
         return None
-    return (lambda z: wall.wavemaker.share(z, depth)) if isinstance(wall, ShapedWall) else None
+    return (lambda z: wall.wavemaker.mode_shape(z, depth)) if isinstance(wall, ShapedWall) else None
 
 
 def _shares(sponge: FormulaSponge, length: float) -> Callable[[Array], Array]:

@@ -36,7 +36,7 @@ from wavetank.fem.plane import Plane
 from wavetank.fem.points import Points
 from wavetank.mesh import MeshFile, Rectangle
 from wavetank.motion import Motion
-from wavetank.motion.feedback import Equation, FeedbackMotion, elevation_at_face
+from wavetank.motion.feedback import FeedbackMotion, StateSpaceFilter, elevation_at_face
 from wavetank.motion.motion import STEEPEST, Tangent
 from wavetank.mpi import from_first, raise_on_all_ranks
 from wavetank.output.checkpoint import Checkpoint, is_at, read_checkpoint_file, readable_checkpoints
@@ -150,9 +150,9 @@ def _linear_shaped(end: EndWall, noun: ShapedWall, footprint: Slice | Basin, pla
 def _shape(end: EndWall, noun: ShapedWall, plane: Plane) -> Polynomial:
     """Return the polynomial of a paddle's shape; raises ``CaseError`` for one that it would not show."""
     wavemaker, depth = noun.wavemaker, end.tank.depth
-    shape = Polynomial.near(lambda z: wavemaker.share(z, depth), depth, plane.mesh, kinks=wavemaker.kinks(depth))
+    shape = Polynomial.near(lambda z: wavemaker.mode_shape(z, depth), depth, plane.mesh, kinks=wavemaker.kinks(depth))
     z = np.linspace(-depth, 0.0, 1001, dtype=np.float64)
-    wanted = wavemaker.share(z, depth)
+    wanted = wavemaker.mode_shape(z, depth)
     missed = float(np.abs(shape.at(z) - wanted).max() / np.abs(wanted).max())
     if missed > MISSED:
         allowed = f"bends the paddle too sharply: the nearest polynomial misses {100 * missed:.0f} % of its stroke"
@@ -402,7 +402,7 @@ SPONGES: dict[type[CaseModel], Callable[[Case, Any, Any, AnyWaves], Vector]] = {
 }
 
 
-Answered = tuple[Equation, Look]
+Answered = tuple[StateSpaceFilter, Look]
 
 
 def build_answers(scene: Case, waves: AnyWaves) -> list[AnsweringPaddle]:
@@ -447,7 +447,7 @@ def _active(scene: Case, number: int, waves: AnyWaves) -> Answered:
         ),
     )
     excess = Excess(waves, paddle, made)
-    return Equation.of_transfer(-above, below).met_by(excess.rise), excess
+    return StateSpaceFilter.of_transfer(-above, below).with_feedthrough(excess.rise), excess
 
 
 def _on_spring(scene: Case, number: int, waves: AnyWaves) -> Answered:
@@ -455,7 +455,7 @@ def _on_spring(scene: Case, number: int, waves: AnyWaves) -> Answered:
     paddle: Any = waves.wall.paddles[number]
     mass, stiffness, damping = wall.absorb.resolved(scene.tank, wall.wavemaker, paddles=scene.paddle_periods)
     added = wall.added_mass(scene.tank)
-    equation = Equation.of_spring(mass + added, stiffness, damping)
+    equation = StateSpaceFilter.of_spring(mass + added, stiffness, damping)
     return equation, Push(waves, number, paddle, mass=added)
 
 

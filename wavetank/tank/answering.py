@@ -8,7 +8,7 @@ import numpy as np
 from wavetank.arrays import Vector
 from wavetank.errors import PaddleError
 from wavetank.fem.plane import Plane
-from wavetank.motion.feedback import Answer, Equation
+from wavetank.motion.feedback import FilterState, StateSpaceFilter
 from wavetank.stateful import Held
 from wavetank.tank.walls.side import Side
 
@@ -62,8 +62,8 @@ class AnsweringPaddle:
     ----------
     paddle
         Which it is; its motion is a ``FeedbackMotion`` one.
-    equation
-        By which it answers.
+    response
+        The filter of its feedback motion.
     look
         Measures.
     shares
@@ -72,25 +72,27 @@ class AnsweringPaddle:
         What it is called in a case.
     """
 
-    def __init__(self, paddle: Answered, equation: Equation, look: Look, *, shares: Vector, key: str):
-        self._paddle, self._motion, self._answer, self._look = paddle, paddle.motion, Answer(equation), look
+    def __init__(self, paddle: Answered, response: StateSpaceFilter, look: Look, *, shares: Vector, key: str):
+        self._paddle, self._motion, self._filter, self._look = paddle, paddle.motion, response, look
+        self.state = FilterState()
         self._shares, self._key = (float(shares.min()), float(shares.max())), key
 
     @property
     def begins(self) -> bool:
         """Whether it has yet to begin."""
-        return self._answer.begins
+        return self.state.x is None
 
     def begin(self, q: Vector, p: Vector, t: float) -> None:
         """Look at the water at t, a little before it begins; collective."""
-        self._answer.begin(t, self._look(q, p, t))
+        self.state = FilterState(None, (t,), (self._look(q, p, t),))
 
     def go_on(self, q: Vector, p: Vector, t: float, dt: float) -> None:
         """Look at the water at t, and go on to t + dt; collective.
 
         Raises ``PaddleError`` where the paddle goes so far into the water that the mapping folds.
         """
-        self._motion.go_on(t, dt, *self._answer.next(t, dt, self._look(q, p, t)))
+        self.state = self._filter.update(self.state, t, self._look(q, p, t))
+        self._motion.go_on(t, dt, *self._filter.output(self.state, dt))
         where, most = self._motion.position(t + dt), self._paddle.largest_stroke
         farthest = max(share * where for share in self._shares)
         if farthest >= most:
@@ -100,17 +102,23 @@ class AnsweringPaddle:
 
     def held(self) -> Held:
         """Return how the paddle has moved, and what it answers by."""
-        return {"motion": self._motion.held(), "answer": self._answer.held()}
+        x, times, inputs = self.state.x, self.state.times, self.state.inputs
+        of_filter = {"x": None if x is None else x.tolist(), "times": [*times], "inputs": [u.tolist() for u in inputs]}
+        return {"motion": self._motion.held(), "filter": of_filter}
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
         self._motion.take(held["motion"])
-        self._answer.take(held["answer"])
+        self._take_filter(held["filter"])
 
     def carry(self, held: Held) -> None:
         """Take what outlives other numerics: all but the times that the water before asked to be kept."""
         self._motion.carry(held["motion"])
-        self._answer.take(held["answer"])
+        self._take_filter(held["filter"])
+
+    def _take_filter(self, held: Held) -> None:
+        x = None if held["x"] is None else np.array(held["x"])
+        self.state = FilterState(x, tuple(held["times"]), tuple(np.array(u) for u in held["inputs"]))
 
 
 class Pushed(Protocol):

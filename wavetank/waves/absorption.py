@@ -75,7 +75,7 @@ def sudden_mass(wavemaker: Wavemaker, depth: float) -> float:
     kappa = (np.arange(MODES) + 0.5) * np.pi / depth
     x, weights = np.polynomial.legendre.leggauss(4 * MODES)
     z = 0.5 * depth * (x - 1.0)
-    moments = (0.5 * depth * weights * wavemaker.share(z, depth)) @ np.cos(np.outer(z + depth, kappa))
+    moments = (0.5 * depth * weights * wavemaker.mode_shape(z, depth)) @ np.cos(np.outer(z + depth, kappa))
     return float((moments**2 / kappa).sum() * 2.0 / depth)
 
 

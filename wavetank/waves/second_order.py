@@ -158,7 +158,7 @@ class _Water:
 
     def _bound(self, u: _Modes, v: _Modes, K: Array) -> Complex:
         """Return what goes with the bound waves of pairs u, v and v, u: the sums of their T have one denominator."""
-        g, total, at_top = self._g, u.omega + v.omega, self._wavemaker.share(0.0, self._depth)
+        g, total, at_top = self._g, u.omega + v.omega, self._wavemaker.mode_shape(0.0, self._depth)
         rise_u, rise_v = ((one.omega**2 / g)[:, None] for one in (u, v))  # phi_z / phi at z = 0
         of_u = v.omega[:, None] * (u.k**2 - rise_u**2) - 2.0 * total[:, None] * rise_u * rise_v
         of_v = u.omega[:, None] * (v.k**2 - rise_v**2)

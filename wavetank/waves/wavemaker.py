@@ -38,7 +38,7 @@ class Wavemaker(ABC):
     """The shape f(z) of a paddle; wave numbers [rad/m] of any shape, the depth [m] or ``inf``."""
 
     @abstractmethod
-    def share(self, z: ArrayLike, depth: float) -> Any:
+    def mode_shape(self, z: ArrayLike, depth: float) -> Any:
         """Return f at heights z [m], of any shape."""
 
     def kinks(self, depth: float) -> tuple[float, ...]:
@@ -53,16 +53,16 @@ class Wavemaker(ABC):
     def displaced(self, k: ArrayLike, K: ArrayLike, depth: float) -> Any:
         """Return int (f p_xx - f' p_z) cosh K (z + d) / cosh K d dz [1/m] of p = cosh k (z + d) / cosh k d exp(i k x).
 
-        It is what a paddle sees of a mode k, because it is not where it rests, in a mode K.
+        It is the second-order flux of a mode k through the displaced paddle, in a mode K.
         """
 
     def volume(self, depth: float) -> float:
         """Return int f dz over the depth [m], to 1e-4 where f has a kink."""
         z, weights = _gauss(depth)
-        return float(weights @ self.share(z, depth))
+        return float(weights @ self.mode_shape(z, depth))
 
     def transfer(self, k: ArrayLike, depth: float) -> Array:
-        """Return c, the height of the wave over the paddle's stroke where that is told, for wave numbers k > 0."""
+        """Return c, the height of the wave over the paddle's stroke, for wave numbers k > 0."""
         kd = relative_depth(k, depth)
         tanh = np.tanh(kd)
         twice_norm = kd / np.cosh(kd) ** 2 + tanh  # 2 k N
@@ -73,7 +73,7 @@ class Wavemaker(ABC):
 class Piston(Wavemaker):
     """f = 1, for which c = 2 (cosh 2kd - 1) / (sinh 2kd + 2kd)."""
 
-    def share(self, z: ArrayLike, depth: float) -> Any:
+    def mode_shape(self, z: ArrayLike, depth: float) -> Any:
         """Return ones."""
         return np.ones(np.shape(z))
 
@@ -105,19 +105,19 @@ class Flap(Wavemaker):
     ----------
     hinge
         Height of the hinge above the bed [m]; below it negative.
-    told
-        Height above the bed at which the motion is told [m], z_s + d; None: at still water.
+    stroke_height
+        Height above the bed [m] at which X is the position, z_s + d; None: at still water.
     """
 
     hinge: float
-    told: float | None = None
+    stroke_height: float | None = None
 
     def arm(self, depth: float) -> float:
         """Return z_s - z_h [m]."""
-        return (depth if self.told is None else self.told) - self.hinge
+        return (depth if self.stroke_height is None else self.stroke_height) - self.hinge
 
-    def share(self, z: ArrayLike, depth: float) -> Any:
-        """Return f at heights z [m]: a flap hinged below the bed goes on below it."""
+    def mode_shape(self, z: ArrayLike, depth: float) -> Any:
+        """Return f at heights z [m]; of a hinge below the bed it continues below it."""
         above = np.asarray(z) + depth - self.hinge
         return (np.maximum(above, 0.0) if self.hinge > 0.0 else above) / self.arm(depth)
 
@@ -169,7 +169,7 @@ class Profile(Wavemaker):
     f: Callable[[Array], Array]
     slope: Callable[[Array], Array]
 
-    def share(self, z: ArrayLike, depth: float) -> Any:
+    def mode_shape(self, z: ArrayLike, depth: float) -> Any:
         """Return f at heights z [m]."""
         return self.f(np.asarray(z, dtype=np.float64))
 
@@ -195,7 +195,7 @@ def norm(k: ArrayLike, depth: float) -> Any:
 
 
 def modes(omega: Array, depth: float, gravity: float, *, count: int) -> Array:
-    """Return kappa_j [1/m], shape (N, count), of modes that die out, j = 1, 2, ...: omega² = -g kappa tan(kappa d).
+    """Return kappa_j [1/m], shape (N, count), of evanescent modes, j = 1, 2, ...: omega² = -g kappa tan(kappa d).
 
     By Newton's method for delta = j pi - kappa d in (0, pi / 2), from where it converges for all depths.
     """
