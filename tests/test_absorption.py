@@ -151,10 +151,12 @@ def test_a_band_that_holds_no_harmonics_behind_a_bar_is_told():
         return list(reflected_harmonics(Case.model_validate({"tank": water, "run": {"duration": 20.0}, **parts})))
 
     for turned, key in ((False, "far_wall"), (True, "wall")):
-        (words,) = said(ACTIVE, turned=turned)
-        assert f"{key}, whose band begins at 1.16 s, sends back 16 % of them" in words
-        assert words.endswith(f'{key}.absorb = {{ type = "active", shortest = 1 }} takes them')
-    assert "begins at 2 s, sends back 63 %" in said({"type": "spring-damper"})[0]
+        (warning,) = said(ACTIVE, turned=turned)
+        found = [warning.details[name] for name in ("shortest", "reflected", "half")]
+        assert warning.key == key and found == pytest.approx([1.16, 0.16, 1.0], abs=5e-3)
+        assert str(warning).endswith(f'{key}.absorb = {{ type = "active", shortest = 1 }} absorbs them')
+    (warning,) = said({"type": "spring-damper"})
+    assert (warning.details["shortest"], warning.details["reflected"]) == pytest.approx((2.0, 0.63), abs=5e-3)
     assert not said(ACTIVE | {"shortest": 1.0}) and not said({"type": "spring-damper"}, bed="1")
 
 
@@ -472,8 +474,8 @@ def test_what_a_paddle_absorbs_is_told_over_a_bed(tmp_path, monkeypatch, capsys)
     output_cost = SimpleNamespace(description=lambda part: "")
     steps = dict.fromkeys(("step", "solves", "duration", "memory", "watching"), 1.0)
     seen = SimpleNamespace(summary="", output_cost=output_cost, clock=None, waves=None, **steps)
-    monkeypatch.setattr("wavetank.planning.cost.trial", lambda *of: seen)
-    monkeypatch.setattr("wavetank.planning.checks.run_warnings", lambda *of: [])
+    monkeypatch.setattr("wavetank.planning.report.trial", lambda *of: seen)
+    monkeypatch.setattr("wavetank.planning.report.run_warnings", lambda *of, **more: [])
     assert main(["plan", str(tmp_path / "case.toml")]) == 0
     told = "paddle of wall: it absorbs what comes to it, all but 4.7 % of small waves from 1.16 to 4.17 s at short"
     assert told in " ".join(capsys.readouterr().out.split())
@@ -614,13 +616,12 @@ def sloshed(tmp_path_factory):
     return case, case.with_name("run")
 
 
-def test_what_absorbing_takes_beyond_limits_and_a_short_reach_is_said(sloshed, capsys, tmp_path):
-    """By the recorded motion; a reach is that of a cell at least."""
+def test_stroke_of_absorption_beyond_limits_is_reported(sloshed, capsys, tmp_path):
+    """By the recorded motion."""
     said = " ".join((sloshed[1] / "run.log").read_text().split())
     stroke = np.ptp(np.loadtxt(sloshed[1] / PADDLE, delimiter=",", skiprows=1)[:, 1])
     assert f"absorbing took the paddle of wall to a stroke of {stroke:.4g} m; wall.limits.stroke allows 0.001 m" in said
     assert "limits.speed" not in said
-    assert "warning: wall.reach = 0.03 m is less than a cell, on this mesh it is 0.5 m" in said
     case = tmp_path / "case.toml"
     case.write_text(CASE.replace('{type = "at-rest"}', '{type = "sinusoid", paddle_amplitude = 4e-4, period = 2.0}'))
     assert main(["motion", str(case), "--out", str(tmp_path / "board.csv")]) == 0

@@ -29,7 +29,7 @@ TANKS |= {"slice": {"length": 20.0, "depth": 0.5}, "ring": {"type": "ring", "len
 @pytest.fixture(autouse=True)
 def no_costs_of_this_machine(monkeypatch):
     """What the user may have measured here is none of the tests' business."""
-    monkeypatch.setattr(cost, "known_costs", lambda: BUILT_IN)
+    monkeypatch.setattr(cost, "machine_costs", lambda: BUILT_IN)
 
 
 def scene(tank, **more):

@@ -25,6 +25,7 @@ from wavetank.output import files
 from wavetank.output.checkpoint import read_checkpoint_file
 from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, ENERGY, GAUGES, RunDirectory
 from wavetank.planning import checks
+from wavetank.run_warning import RunWarning
 from wavetank.simulation import energy
 from wavetank.simulation import run as running
 from wavetank.simulation.clock import EverySteps
@@ -33,7 +34,6 @@ from wavetank.simulation.construction import KeptSurface, build_waves
 pytestmark = pytest.mark.usefixtures("trusted")
 
 DT = SLICE["numerics"]["dt"]
-MISS = "these numerics are predicted to miss the elevation by"
 
 
 @pytest.fixture(scope="module")
@@ -352,25 +352,21 @@ def test_a_file_of_the_same_name_and_another_content_is_another_scene(tmp_path, 
     assert resumed(run, "--extend", "0.1").manifest["t"] == pytest.approx(0.2)
 
 
-def test_what_was_said_of_waves_that_break_is_over_where_something_else_is_done_about_them(tmp_path, monkeypatch):
-    """The advice to dissipate stood in the manifest of a run that does, or that ignores them.
-
-    And what was said of a short run stood in that of a longer one: a ramp that takes the whole run is said of this one,
-    and what is predicted to be missed; of other numerics that is what it was.
-    """
+def test_resumed_run_renews_the_warnings_that_depend_on_its_duration(tmp_path, monkeypatch):
+    """The advice to dissipate is dropped if the run does; the predicted error of former numerics has an end."""
+    breaks = RunWarning("text", details={"text": "breaks"})
     monkeypatch.setattr(checks, "own_plan", lambda one, _: SimpleNamespace(error=2 * one.run.duration))
-    monkeypatch.setattr(checks, "too_high", lambda one: ["breaks"] if one.run.on_breaking == "stop" else [])
+    for module in ("planning.checks", "resuming"):
+        too_high = f"wavetank.{module}.too_high"
+        monkeypatch.setattr(too_high, lambda one: [breaks] if one.run.on_breaking == "stop" else [])
     record(SLICE, tmp_path / "run", {"duration": 0.1, "on_breaking": "stop"})
     kept = resumed(tmp_path / "run", "--extend", "0.05")
-    said = [*map(str, kept.warnings)]
-    assert "breaks" in said
-    assert [one.partition(";")[0] for one in said if "predicted" in one] == [f"{MISS} 30%"]
+    assert [one.value for one in kept.warnings if one.code == "inaccurate"] == [pytest.approx(0.3)]
+    assert breaks in kept.warnings
     changed = resumed(tmp_path / "run", "--extend", "0.05", "--set", "run.on_breaking=ignore")
-    said = [*map(str, changed.warnings)]
-    ramp = "the ramp of wall.motion is over after 0.4 s, the run of 0.2 s before: its waves do not get their height"
-    assert "breaks" not in said and [one for one in said if one.startswith("the ramp of")] == [ramp]
-    predicted = [one.partition(";")[0] for one in said if "predicted" in one]
-    assert predicted == [f"up to t = 0.15 s, {MISS} 30%", f"{MISS} 40%"]
+    found = [(one.value, one.until) for one in changed.warnings if one.code == "inaccurate"]
+    assert found == [(pytest.approx(0.3), pytest.approx(0.15)), (pytest.approx(0.4), None)]
+    assert breaks not in changed.warnings
 
 
 def test_what_is_no_run_is_refused(tmp_path, capsys):

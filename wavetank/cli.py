@@ -22,8 +22,7 @@ from wavetank.errors import InputError, WavetankError, printable
 from wavetank.mpi import MPI, all_ranks_arrive, on_first
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath
-from wavetank.planning.motion_file import motion
-from wavetank.planning.report import plan
+from wavetank.planning.command import motion, plan
 from wavetank.plots.analyse_command import analyse
 from wavetank.plots.compare_command import compare
 from wavetank.plots.view_command import view

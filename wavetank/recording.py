@@ -151,7 +151,8 @@ def record_run(
         with mesh_in_errors(requested, scene), console.status("preparing the run"):
             check_stable(scene, integrator or INTEGRATORS[scene.numerics.integrator](), comm)
             run, waves = build_run(scene, comm, integrator, beginning=restart.beginning if restart else None)
-        for warning in (*plan_warnings, *run_warnings(scene, run.clock, waves, own=integrator)):
+        accuracy = requested.numerics.accuracy
+        for warning in (*plan_warnings, *run_warnings(scene, run.clock, waves, own=integrator, accuracy=accuracy)):
             warnings.add(warning)
         series = _observe(run, scene, waves, writer, warnings)
         run.diagnostics += [
@@ -438,7 +439,7 @@ def _explained(error: BreakdownError, run: Run, waves: NonlinearWaves, scene: Ca
         tolerance=scene.numerics.tolerance,
         quickened=scene.frequency_shift,
         warned=next(warned, None),
-        noise=next(noise(scene), ""),
+        noise=str(next(noise(scene), "")),
     )
     for one in (one for one in _breaking(run) if one.watch.recorded):
         enough = ", and the eddy viscosity was not enough" if isinstance(one, BreakingDissipation) else ""

@@ -22,8 +22,8 @@ from wavetank.output.directory import RunDirectory
 from wavetank.output.fields import VtuSeries
 from wavetank.output.manifest import MANIFEST
 from wavetank.output.writer import RunWriter
-from wavetank.planning.checks import of_duration, predicted
-from wavetank.planning.default_plan import Planned, planned
+from wavetank.planning.checks import predicted, too_high
+from wavetank.planning.default_plan import PlannedCase, planned
 from wavetank.run_warning import RunWarning, run_warning
 from wavetank.simulation.build import Beginning
 from wavetank.simulation.checkpoints import Checkpoints
@@ -273,7 +273,7 @@ class Restart:
         return checkpoint
 
     # ------------------------------------------------------------------------------------------ the scene
-    def planned(self, requested: Case) -> Planned:
+    def planned(self, requested: Case) -> PlannedCase:
         """Return the scene to go on with, for the requested one; collective.
 
         Raises ``CaseError`` for what cannot change while a run goes on.
@@ -291,7 +291,7 @@ class Restart:
             raise CaseError([self._duration_problem(requested, allowed)])
         self._warn_again()
         if same or mine.accuracy == its.accuracy and not (mine.open and not its.open):
-            result = Planned(scene.model_copy(update={"numerics": self._numerics(mine, its)}))
+            result = PlannedCase(scene.model_copy(update={"numerics": self._numerics(mine, its)}))
         else:
             result = planned(scene, self._comm)
         return result._replace(
@@ -299,14 +299,14 @@ class Restart:
         )  # it has begun elsewhere
 
     def _warn_again(self) -> None:
-        """Warn of what was warned of before, but for what is said anew of the whole run, as its duration is another."""
-        gone, of_numerics = of_duration(self._chosen), [*predicted(self._chosen)]
+        """Repeat the warnings of the run so far, except those that depend on the duration and are made again."""
+        obsolete, of_numerics = [*too_high(self._chosen)], [*predicted(self._chosen)]
         if not self.anew and isinstance(self._chosen.initial, StillWater):
-            gone += of_numerics
-        obsolete, past = ([run_warning(one) for one in each] for each in (gone, of_numerics if self.anew else []))
+            obsolete += of_numerics
         for warning in map(run_warning, self.about.get("warnings", [])):
             if warning not in obsolete:
-                self._warn(replace(warning, until=self.about["t"]) if warning in past else warning)
+                past = self.anew and warning in of_numerics
+                self._warn(replace(warning, until=self.about["t"]) if past else warning)
 
     def _numerics(self, mine: Numerics, its: Numerics) -> Numerics:
         """Return those that were chosen, with what is named now and was not, or otherwise."""

@@ -21,6 +21,72 @@ MESSAGES = {
         "second-order generation is beyond its theory: a second harmonic of {value:.2g} of the wave, where {limit:g} "
         "is the most (H L^2 / d^3 of 26 in shallow water); free waves of higher order are left"
     ),
+    "cut-start": (
+        "the wall at x = {x:.4g} m cuts the initial {wave}, which has {value:.2g} of its height there: the elevation "
+        "is off by about {error:.2g} of it; initial.x must be farther from the ends"
+    ),
+    "run-up-jet": (
+        "the solitary wave of {value:.3g} depths meets a wall: above {limit:g} depths its run-up ends in a thin jet, "
+        "which no mesh resolves; from then on the run is not accurate"
+    ),
+    "wave-too-high": (
+        "the paddle of {key} makes a wave {value:.3g} m high and {length:.3g} m long, at x = {x:.3g} m, t = {t:.3g} s, "
+        "by linear theory, where none as long is higher than {limit:.3g} m: nearly all made {breaks:g} times as high, "
+        'or more, broke there or before; run.on_breaking = "dissipate" computes beyond breaking'
+    ),
+    "noisy-record": (
+        "the record of {key} has noise: {value:.0%} of the variance of its acceleration is above {frequency:.3g} Hz; "
+        "highest_frequency filters it"
+    ),
+    "absorbing-paddle-at-sensor": (
+        "{key} is {limit:.4g} m from the paddle of {wall} at rest, which absorbs, and is to go about {value:.2g} m "
+        "there: the run ends where it comes"
+    ),
+    "harmonics-reflected": (
+        "the bed frees second harmonics of the waves of {period:.3g} s, about {freed:.0%} as high; {key}, whose band "
+        "begins at {shortest:.3g} s, reflects {reflected:.0%} of them: "
+        '{key}.absorb = {{ type = "active", shortest = {half:.3g} }} absorbs them'
+    ),
+    "sponge-reflects": (
+        "the sponge reflects about {value:.0%} of the paddle's waves of T = {period:.3g} s, {length:.3g} m long, and "
+        'steep ones may break before it: one of type "end" or "group", a wave long or more, of the default strength, '
+        "reflects some 2%"
+    ),
+    "sensors-in-sponge": "in the sponge, which damps waves: {sensors}",
+    "inaccurate": (
+        "these numerics are predicted to miss the elevation by {value:.0%}; `wavetank plan` proposes others"
+    ),
+    "inaccurate-deep-waves": (
+        "these numerics are predicted to miss the elevation by {value:.0%}; waves as short against the depth "
+        "(k d = {kd:.3g}) are the same in a tank that is less deep"
+    ),
+    "cells-too-large": (
+        "cells of {value:.3g} m and order {order:.0f} have {nodes:.2g} nodes in waves of {wall}, T = {period:.3g} s, "
+        "{length:.3g} m long in water {depth:.3g} m deep, and miss their speed by {missed:.1%}: cells of {limit:.2g} m "
+        "resolve them"
+    ),
+    "vertical-order-too-low": (
+        "numerics.vertical_order = {value:.0f} misses the speed of waves of {wall}, T = {period:.3g} s, in water "
+        "{depth:.3g} m deep (k d = {kd:.3g}) by {missed:.1%}: an order of {limit:.0f} resolves them"
+    ),
+    "waves-too-deep": (
+        "numerics.vertical_order = {value:.0f} misses the speed of waves of {wall}, T = {period:.3g} s, in water "
+        "{depth:.3g} m deep (k d = {kd:.3g}) by {missed:.1%}: no order resolves them"
+    ),
+    "coarse-over-bed": (
+        "cells of {value:.3g} m are coarse over this bed, and no accuracy is predicted: the rule (docs/plan.md) "
+        "requires {limit:.2g} m"
+    ),
+    "low-order-over-bed": (
+        "a vertical order of {value:.0f} is low over this bed, and no accuracy is predicted: the rule (docs/plan.md) "
+        "requires {limit:.0f}"
+    ),
+    "step-misses-motion": "the step of {dt:.3g} s is too long: it misses the motion of {wall} by {value:.2g} of it",
+    "unstable-at-stroke": (
+        "where the paddle goes farthest, the mesh's shortest waves are up to {shift:.3g} times as fast: the step of "
+        "{value:.3g} s may be unstable there, one of {limit:.2g} s is not on still water"
+    ),
+    "less-accurate": "no numerics that are planned for are accurate to {limit:g}: these are planned for {value:g}",
     "copy-failed": "{key} could not be written ({reason}); {table} has the same",
 }
 

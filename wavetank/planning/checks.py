@@ -1,94 +1,146 @@
-"""Checks of a case before it runs: waves near breaking, resolution, sponges, paddles, initial states.
+"""Checks of a case before it runs; each yields ``RunWarning`` records, whose texts are in ``run_warning.py``.
 
-Initial waves that an end of the slice cuts.
+Each has a measured case, in a test or in the page that is named.
 
-A solitary wave and a focused group are solutions in a tank without ends. Where the elevation at a wall is a share s of
-the height, the start misses the wave by about F s, relative root mean square: F = 0.4 for solitary waves of 0.1 to 0.6
-depths (measured 0.38 to 0.40 for s = 0.001 to 0.1, up to 0.45 for s = 0.5, 20 depths of travel later), F = 1 for
-groups, s being that of the envelope (measured 0.6 to 1.3, JONSWAP and Gaussian).
+**Initial waves that an end of the slice cuts.** A solitary wave and a focused group are solutions in a tank without
+ends. Where the elevation at a wall is a fraction s of the height, the start misses the wave by about F s, relative root
+mean square: F = 0.4 for solitary waves of 0.1 to 0.6 depths (measured 0.38 to 0.40 for s = 0.001 to 0.1, up to 0.45 for
+s = 0.5, 20 depths of travel later), F = 1 for groups, s being that of the envelope (measured 0.6 to 1.3, JONSWAP and
+Gaussian). docs/waves.md
 
-The waves of a paddle that are higher, by linear theory, than any of their length can be: they break.
+**Waves of a paddle that are higher, by linear theory, than any of their length can be.** Linear waves are followed
+along the tank till the run's end; height and period are those between zero up-crossings, the highest possible wave is
+that of permanent form (``waves/stream_function.py``). Waves break before they are as high: where they break is not
+predicted. Between 0.5 and 0.8 of it some broke and some did not (docs/breaking.md): there is no warning.
 
-They are followed along the tank till the run's end; height and period are those between zero up-crossings, and the
-highest is that of permanent form (``waves/stream_function.py``). Waves break before they are as high, and where they
-are made too high they break on their way: it is told that they do, not where. What broke at 0.5 to 0.8 of it others
-lived through (docs/breaking.md), and is not told.
-
-The second harmonics that a bed frees of waves, and what a paddle that absorbs sends back of them.
-
-Bound to waves of the amplitude a_1 (their energy's flux is the same everywhere) is Stokes' a_2 for the depth there.
-Where that changes along the bed free waves make up for it, and add up as far as they do not come out of phase with it:
+**Second harmonics that a bed frees, and that an absorbing paddle reflects.** The bound harmonic of waves of amplitude
+a_1 (their energy flux is constant) is Stokes' a_2 at the local depth. Where that changes along the bed, free waves make
+up for it, and add up as far as they stay in phase:
 
     a_free = |integral over x of da_2/dx exp(-i integral of (k_2 - 2 k_1)) dx|,
 
-a_2 by its free waves' flux, k_1 and k_2 of the waves' frequency and twice that. A bed that changes over many beats
-frees nothing. Found so and measured behind shoals: docs/absorption.md.
+with a_2 in units of its free waves' flux, k_1 and k_2 the wave numbers of the waves' frequency and of twice that. A bed
+that changes over many beats frees nothing. Measured behind shoals: docs/absorption.md.
+
+**Sponges** are layers of constant rate before a wall for long waves (``waves/damped_waves.py``); steep waves broke from
+reflections of 0.2 on (docs/absorption.md). A load behind a sponge is a tenth of the one without (docs/waves.md).
+
+**Cells and vertical order** miss the speed of a paddle's waves by the discrete dispersion relation, over a bed at its
+smallest and largest depth; over a bed a wave broke on 2 times the rule's cells that does not break (docs/plan.md).
+
+**Steps** that miss a measured motion miss the energy (docs/plan.md), steps that are unstable where the paddle goes
+farthest break down (tests/test_flaps.py). A noisy record breaks solves down in flat water (tests/test_messages.py).
 """
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from wavetank.arrays import Vector
 from wavetank.case import BasinTank, Case, EndWall
-from wavetank.case.initial import FocusedSurface, RunState, SolitaryWave, StillWater
+from wavetank.case.initial import FocusedSurface, SolitaryWave
 from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER
-from wavetank.case.output import ENDS, FAR
-from wavetank.case.paddle import FormulaMotion, PythonMotion
+from wavetank.case.output import ENDS
 from wavetank.case.tank import Depth, EndSponge, FormulaSponge, GroupSponge, SliceTank
-from wavetank.case.waves import SurfaceFile
 from wavetank.errors import InputError
-from wavetank.fem.misfit import misfit, rms
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
 from wavetank.motion import Recorded
 from wavetank.motion.motion import values
-from wavetank.planning.dispersion import relative_frequency_error
+from wavetank.planning.dispersion import Mesh, UniformCells, relative_frequency_error
 from wavetank.planning.plan import own_plan
 from wavetank.planning.requirements import RESOLVED, analysed_duration, requirements, stokes, tapered, unplanned
-from wavetank.planning.resolution import DEFAULT, HELD, bed_shape, by_rule, stroke_missed, too_short, waves_missed
-from wavetank.run_warning import RunWarning, run_warning
+from wavetank.planning.resolution import (
+    DEFAULT,
+    MISSED,
+    bed_shape,
+    by_rule,
+    cell_size_for,
+    frequency_below,
+    stroke_missed,
+    too_short,
+    vertical_order_for,
+)
+from wavetank.run_warning import RunWarning
 from wavetank.simulation.clock import ROUNDING, Clock
 from wavetank.simulation.construction import AnyWaves
 from wavetank.tank.breakdown import FARTHEST
 from wavetank.tank.dissipation import profile
-from wavetank.waves import airy
-from wavetank.waves.airy import group_velocity, wave_number
-from wavetank.waves.damped_waves import reflection
-from wavetank.waves.stream_function import maximum_height
+from wavetank.waves import airy, damped_waves, stream_function
 
-LARGEST = 0.01  # of the height, at an end
-MISSED = {SolitaryWave: 0.4, FocusedSurface: 1.0}  # relative error of the elevation over that share
-CALLED = {SolitaryWave: "solitary wave", FocusedSurface: "group"}
+Details = dict[str, float | str]
 
 
-def cut_starts(scene: Case, accuracy: float | None) -> Iterator[str]:
-    """Yield a sentence if an end of a slice cuts the initial wave by more than ``LARGEST`` or the accuracy allows."""
+def run_warnings(
+    scene: Case,
+    clock: Clock,
+    waves: AnyWaves,
+    *,
+    own: Integrator[Any] | None = None,
+    accuracy: float | None = None,
+) -> list[RunWarning]:
+    """Return the warnings of a run before its first step, the same on all ranks; collective.
+
+    ``own`` is a user's integrator in place of the scene's: no error is predicted then, as if no plan can be made.
+    ``accuracy`` is the one that the case names.
+    """
+    scheme = own or INTEGRATORS[scene.numerics.integrator]()
+    no_prediction = own is not None or unplanned(scene) is not None or any(too_short(scene))
+    return [
+        *cut_starts(scene, accuracy),
+        *(waves_missed(scene, waves.plane.cell_size) if no_prediction else predicted(scene)),
+        *jets(scene),
+        *(warning for view in scene.paddles for warning in view.wall.motion.warnings(scene.tank, view.wall.wavemaker)),
+        *noise(scene),
+        *too_high(scene),
+        *reflecting_sponge(scene),
+        *damped_sensors(scene, waves),
+        *reflected_harmonics(scene),
+        *coarse(scene, waves.plane.cell_size),
+        *sensors_in_reach(scene),
+        *missed_motion(scene, clock, scheme.nodes),
+        *unstable_step(scene, clock, waves, scheme),
+    ]
+
+
+# ------------------------------------------------------------------------------------------ initial waves
+LARGEST_CUT = 0.01  # of the height, at an end
+CUT = {SolitaryWave: ("solitary wave", 0.4), FocusedSurface: ("group", 1.0)}  # F
+
+
+def cut_starts(scene: Case, accuracy: float | None) -> Iterator[RunWarning]:
+    """Yield a warning if an end cuts the initial wave by more than ``LARGEST_CUT`` or the accuracy allows."""
     initial, tank = scene.initial, scene.tank
     if not isinstance(initial, SolitaryWave | FocusedSurface) or not isinstance(tank, SliceTank):
         return
     end = 0 if initial.x < tank.length / 2 else 1
-    fraction = float(initial.at_ends(tank)[end])
-    error = MISSED[type(initial)] * fraction
-    if fraction > LARGEST or error > (accuracy or 1.0):
-        wall = f"the wall at x = {[0.0, tank.length][end]:.4g} m"
-        wave = f"{wall} cuts the initial {CALLED[type(initial)]}, which has {fraction:.2g} of its height there"
-        yield f"{wave}: the elevation is off by about {error:.2g} of it; initial.x must be farther from the ends"
+    fraction, (name, factor) = float(initial.at_ends(tank)[end]), CUT[type(initial)]
+    if fraction > LARGEST_CUT or factor * fraction > (accuracy or 1.0):
+        details: dict[str, float | str] = {"wave": name, "error": factor * fraction}
+        x = [0.0, tank.length][end]
+        yield RunWarning("cut-start", key="initial.x", value=fraction, limit=LARGEST_CUT, x=x, details=details)
 
 
+def jets(scene: Case) -> Iterator[RunWarning]:
+    """Yield a warning if a solitary wave meets a wall that is too high for its run-up to be predicted."""
+    if scene.physics == "linear" or unplanned(scene) is not None:
+        return
+    with suppress(InputError):  # nothing moves
+        run_up = requirements(scene, DEFAULT).run_up
+        if run_up is not None and not run_up.resolved:
+            yield RunWarning("run-up-jet", value=run_up.height, limit=RESOLVED)
+
+
+# ------------------------------------------------------------------------------------------ waves of paddles
 TANK_PLACES = 25  # along the tank
-SHORTEST = 10.0  # k d of the shortest waves that are looked at
+SHORTEST = 10.0  # k d of the shortest waves that are included
 BREAKS = 0.81  # of the highest wave: nearly all that were made higher, by linear theory, broke (docs/breaking.md)
-LARGE_SHARE = 0.5  # of the highest wave: lower ones ride on others
+LARGE = 0.5  # of the highest wave: lower ones ride on others
 MOST_TIMES = 2**15  # an hour in a metre of water: of longer runs the first part
-
-NEVER_STOPS = {"warn": "does not stop there", "ignore": "does not look for it"}
+NOISY = 0.5  # of the variance of a record's acceleration
 
 
 class HighWave(NamedTuple):
@@ -101,27 +153,20 @@ class HighWave(NamedTuple):
     highest: float
 
 
-def too_high(scene: Case) -> Iterator[str]:
-    """Yield a sentence for each paddle along a slice whose waves are to break, unless the run goes on past that."""
+def too_high(scene: Case) -> Iterator[RunWarning]:
+    """Yield a warning for each paddle along a slice whose waves are to break, unless the run dissipates them."""
     breaks = scene.physics == "nonlinear" and scene.run.on_breaking != "dissipate"
-    for seen in scene.paddles if breaks and not isinstance(scene.tank, BasinTank) else ():
-        wave = highest_wave(seen) if seen.motion().moves else None
+    for view in scene.paddles if breaks and not isinstance(scene.tank, BasinTank) else ():
+        wave = highest_wave(view) if view.motion().moves else None
         if wave is not None and wave.height > BREAKS * wave.highest:
-            x = seen.distance(wave.x)
-            there = f"{wave.height:.3g} m high and {wave.length:.3g} m long, at x = {x:.3g} m, t = {wave.t:.3g} s"
-            most = f"none as long is higher than {wave.highest:.3g} m"
-            if wave.height > wave.highest:
-                most = f"{most}: waves break there or before"
-            else:
-                most = f"{most}: nearly all made {BREAKS:g} times as high, or more, broke there or before"
-            cure = 'run.on_breaking = "dissipate" goes on past it'
-            if scene.run.on_breaking in NEVER_STOPS:
-                cure = f'run.on_breaking = "{scene.run.on_breaking}" {NEVER_STOPS[scene.run.on_breaking]}'
-            yield f"the paddle of {seen.key} makes a wave {there}, by linear theory, where {most}; {cure}"
+            x = float(view.distance(wave.x))
+            details = {"length": wave.length, "breaks": BREAKS}
+            place: dict[str, Any] = {"key": view.key, "x": x, "t": wave.t, "details": details}
+            yield RunWarning("wave-too-high", value=wave.height, limit=wave.highest, **place)
 
 
 def highest_wave(end: EndWall) -> HighWave | None:
-    """Return the wave that is highest for its length of those that the paddle makes in the run; None without any.
+    """Return the wave of the paddle that is highest for its length in the run; None without any.
 
     Over a bed the waves are those at the paddle.
     """
@@ -133,48 +178,83 @@ def highest_wave(end: EndWall) -> HighWave | None:
     velocity = values(end.motion().velocity, t) * tapered(np.asarray(t / duration))
     omega = np.pi / duration * np.arange(1, count)
     k = airy.wave_number(omega, tank.depth, tank.gravity)
-    made = (
-        end.wall.wavemaker.transfer(k, tank.depth) / omega * np.fft.rfft(velocity, 2 * count)[1:-1]
-    )  # at rest after it
-    made[k * tank.depth > SHORTEST] = 0.0
+    transfer = end.wall.wavemaker.transfer(k, tank.depth)
+    at_paddle = transfer / omega * np.fft.rfft(velocity, 2 * count)[1:-1]  # at rest after the run
+    at_paddle[k * tank.depth > SHORTEST] = 0.0
     speed, result = airy.group_velocity(k, tank.depth, tank.gravity), list[HighWave]()
     for x in np.linspace(0.0, tank.length, TANK_PLACES) if tank.bed is None else [0.0]:
-        there = made * np.exp(-1j * k * x) * (x <= speed * duration)
-        eta = np.fft.irfft(np.concatenate([[0.0], there, [0.0]]), 2 * count)[:count]
+        at_x = at_paddle * np.exp(-1j * k * x) * (x <= speed * duration)
+        eta = np.fft.irfft(np.concatenate([[0.0], at_x, [0.0]]), 2 * count)[:count]
         ups = np.flatnonzero((eta[:-1] < 0.0) & (eta[1:] >= 0.0))
         if ups.size > 1:
             period, height = np.diff(t[ups]), (np.maximum.reduceat(eta, ups) - np.minimum.reduceat(eta, ups))[:-1]
             length = 2 * np.pi / airy.wave_number(2 * np.pi / period, tank.depth, tank.gravity)
             each = zip(height, length, t[ups[:-1]] + period / 2, strict=True)
-            result += [HighWave(high, long, float(x), at, maximum_height(long, tank.depth)) for high, long, at in each]
-    large = LARGE_SHARE * max((one.height for one in result), default=0.0)
+            for high, long, at in each:
+                highest = stream_function.maximum_height(long, tank.depth)
+                result.append(HighWave(high, long, float(x), at, highest))
+    large = LARGE * max((one.height for one in result), default=0.0)
     return max((one for one in result if one.height >= large), key=lambda one: one.height / one.highest, default=None)
 
 
-MUCH = 0.02  # of the waves, sent back as harmonics: about what a paddle that absorbs sends back of the waves
-NEAR = 1.01  # of half a period: a band that ends there holds it
+def noise(scene: Case) -> Iterator[RunWarning]:
+    """Yield a warning for each paddle whose recorded motion is mostly noise, by its acceleration."""
+    for view in scene.paddles:
+        record = getattr(view.motion(), "motion", view.motion())
+        result = record.noise if isinstance(record, Recorded) else None
+        if result is not None and result[0] > NOISY:
+            key, details = f"{view.key}.motion", {"frequency": result[1]}
+            yield RunWarning("noisy-record", key=key, value=result[0], limit=NOISY, details=details)
+
+
+def sensors_in_reach(scene: Case) -> Iterator[RunWarning]:
+    """Yield a warning for each paddle that absorbs, and is to go about as far as to a sensor.
+
+    It absorbs the others' waves by going as far as they do, and its own, where nothing else absorbs these, by going as
+    far again.
+    """
+    if scene.physics == "linear" or not scene.absorbing:
+        return  # linear paddles stay in place
+    strokes = [view.max_displacement for view in scene.paddles]
+    for n in scene.absorbing:
+        view, back = scene.paddles[n], strokes[n] if scene.sponge is None and scene.absorbing == [n] else 0.0
+        for one in scene.measuring_points():
+            shape = view.wall.wavemaker.mode_shape(one.z, view.tank.depth)
+            reach = (sum(strokes) + back) * float(np.abs(shape).max())
+            if (distance := float(view.distance(one.x))) < reach:
+                key, details = ".".join(map(str, one.key)), {"wall": view.key}
+                yield RunWarning("absorbing-paddle-at-sensor", key=key, value=reach, limit=distance, details=details)
+                break
+
+
+# ------------------------------------------------------------------------------------------ sponges and absorption
+MUCH = 0.02  # of the waves, reflected as harmonics: about what an absorbing paddle reflects of the waves
+BAND_END = 1.01  # of half a period: a band that ends there contains it
 PLACES = 2001  # along the bed
+REFLECTED = 0.1  # of waves, by a sponge: steep ones broke from 0.2 on (docs/absorption.md)
+LAYERS = 2000  # of a sponge
+WEAK = 0.01  # of a sponge's largest rate: below it waves are hardly damped
+LISTED = 3  # sensors that a warning lists
 
 
-def reflected_harmonics(scene: Case) -> Iterator[str]:
-    """Yield a sentence for each paddle that absorbs waves, but not the harmonics that the bed before it frees."""
+def reflected_harmonics(scene: Case) -> Iterator[RunWarning]:
+    """Yield a warning for each paddle that absorbs waves, but not the harmonics that the bed before it frees."""
     bed = scene.depths()
     if not callable(bed) or scene.physics == "linear" or len(scene.paddles) < 2 or scene.sponge is not None:
         return
-    for seen, other in zip(scene.paddles, reversed(scene.paddles), strict=True):
-        absorb, period = getattr(seen.wall, "absorb", None), other.period
+    for view, other in zip(scene.paddles, reversed(scene.paddles), strict=True):
+        absorb, period = getattr(view.wall, "absorb", None), other.period
         if absorb is None or period is None or (wave := highest_wave(other)) is None:
             continue
-        half, (shortest, _) = period / 2, absorb.band(seen.tank, paddles=scene.paddle_periods)
-        if shortest <= NEAR * half:
+        half, (shortest, _) = period / 2, absorb.band(view.tank, paddles=scene.paddle_periods)
+        if shortest <= BAND_END * half:
             continue
         freed = free_second_harmonics(other, bed, wave.height / 2, period)
         periods = np.array([half])
-        back = float(absorb.reflection(periods, seen.tank, seen.wall.wavemaker, paddles=scene.paddle_periods)[0])
+        back = float(absorb.reflection(periods, view.tank, view.wall.wavemaker, paddles=scene.paddle_periods)[0])
         if back * freed > MUCH:
-            frees = f"the bed frees second harmonics of the waves of {period:.3g} s, about {100 * freed:.0f} % as high"
-            sends = f"{seen.key}, whose band begins at {shortest:.3g} s, sends back {100 * back:.0f} % of them"
-            yield f'{frees}; {sends}: {seen.key}.absorb = {{ type = "active", shortest = {half:.3g} }} takes them'
+            details = {"period": period, "freed": freed, "shortest": shortest, "reflected": back, "half": half}
+            yield RunWarning("harmonics-reflected", key=view.key, value=back * freed, limit=MUCH, details=details)
 
 
 def free_second_harmonics(end: EndWall, bed: Depth, amplitude: float, period: float) -> float:
@@ -184,148 +264,23 @@ def free_second_harmonics(end: EndWall, bed: Depth, amplitude: float, period: fl
     """
     x, step = np.linspace(0.0, end.tank.length, PLACES, retstep=True, dtype=np.float64)
     omega, g = 2 * np.pi / period, end.tank.gravity
-    depth = bed(x if not end.far else x[::-1], np.zeros_like(x))
+    depth = bed(x[::-1] if end.far else x, np.zeros_like(x))
     root = np.sqrt(depth)
-    first, second = (wave_number(n * omega * root, 1.0, g) for n in (1, 2))  # times the depth
-    fluxes = [root * group_velocity(one, 1.0, g) for one in (first, second)]
+    first, second = (airy.wave_number(n * omega * root, 1.0, g) for n in (1, 2))  # times the depth
+    fluxes = [root * airy.group_velocity(one, 1.0, g) for one in (first, second)]
     waves, free = (np.sqrt(flux[-1] / flux) for flux in fluxes)  # over those at the end
     waves *= amplitude / waves[0]
     steepness = first / depth * waves
     bound = np.array([stokes(*one).ratios[1] for one in zip(steepness, first, strict=True)]) * waves / free
-    apart = (second - 2 * first) / depth
-    phase = step * (np.cumsum((apart[1:] + apart[:-1]) / 2) - apart[1:] / 2)
+    detuning = (second - 2 * first) / depth
+    phase = step * (np.cumsum((detuning[1:] + detuning[:-1]) / 2) - detuning[1:] / 2)
     return min(1.0, float(abs(np.sum(np.diff(bound) * np.exp(-1j * phase))) / waves[-1]))
 
 
-COARSE, LOW = 1.6, 0.5  # of the rule's cells and vertical order over a bed: a wave broke at 2 that does not
-LARGE = 0.1  # predicted relative error of the elevation
-SENT_BACK = 0.1  # of waves, by a sponge: steep ones broke from 0.2 on (docs/absorption.md)
-LAYERS = 2000  # in which a sponge is looked at
-WEAK = 0.01  # of a sponge's largest rate: what takes no waves to speak of
-SUDDEN = 0.1  # of its largest speed: what a paddle starts with in water at rest
-HALVINGS = 40  # of an interval of time in which a velocity may jump
-NOISY = 0.5  # of the variance of a record's acceleration
-SMALL = 0.1  # of the speed of its waves: a paddle's strokes that linear theory is of
+def reflecting_sponge(scene: Case) -> Iterator[RunWarning]:
+    """Yield a warning for each paddle whose waves the sponge reflects, by their length where it is shallow.
 
-
-def run_warnings(scene: Case, clock: Clock, waves: AnyWaves, *, own: Integrator[Any] | None = None) -> list[RunWarning]:
-    """Return the warnings of a run before its first step, the same on all ranks; collective.
-
-    Of an integrator of a user's ``own``, in place of the scene's, no error is predicted, as where no plan can be made,
-    or none holds the paddle's waves: of these it is said what mesh and vertical order miss of them.
-    """
-    planless = own is not None or unplanned(scene) is not None or any(too_short(scene))
-    mesh = waves_missed(scene, waves.plane.cell_size) if planless else predicted(scene)
-    of_motion = *_strokes(scene), *_jolts(scene), *_jumps(scene, clock), *noise(scene), *of_duration(scene)
-    before = [
-        *mesh,
-        *jets(scene),
-        *_of_walls(scene, waves),
-        *of_motion,
-        *sent_back(scene),
-        *in_sponge(scene),
-        *_damped(scene, waves),
-        *reflected_harmonics(scene),
-        *coarse(scene, waves.plane.cell_size),
-    ]
-    scheme = own or INTEGRATORS[scene.numerics.integrator]()
-    of_step = *_motion(scene, clock, scheme.nodes), *_farthest(scene, clock, waves, scheme), *_end(scene, clock)
-    every = [*before, *sensors_in_reach(scene), *_bed(scene, waves), *_start(scene, waves), *of_step]
-    return [run_warning(one) for one in every]
-
-
-def of_duration(scene: Case) -> list[str]:
-    """Return what is said of the paddles in a run as long as this one: of a longer one other things are."""
-    return [*too_high(scene), *_ramps(scene)]
-
-
-def _of_walls(scene: Case, waves: AnyWaves) -> Iterator[RunWarning | str]:
-    for seen, paddle in zip(scene.paddles, waves.wall.paddles, strict=True):
-        yield from seen.wall.motion.warnings(scene.tank, seen.wall.wavemaker)
-        stands, asked = getattr(paddle, "reach", 0.0), getattr(seen.wall, "reach", None)  # linear paddles have none
-        if asked is not None and stands > (1 + ROUNDING) * asked:
-            yield f"{seen.key}.reach = {asked:.4g} m is less than a cell, on this mesh it is {stands:.4g} m"
-
-
-def _strokes(scene: Case) -> Iterator[str]:
-    """Yield a sentence for each paddle in linear water whose strokes are not small."""
-    for seen in scene.paddles if scene.physics == "linear" else ():
-        period, tank = seen.period, seen.tank
-        if period is None:
-            continue
-        omega = np.array([2 * np.pi / period])
-        speed = float(omega[0] / wave_number(omega, tank.depth, tank.gravity)[0])
-        if (fraction := seen.extent.speed / speed) > SMALL:
-            moves = f"the paddle of {seen.key} moves at up to {fraction:.2g} of its waves' speed"
-            far = f"goes {seen.max_displacement:.3g} m from rest in water {tank.depth:.3g} m deep"
-            yield f'linear theory is of small strokes: {moves}, and {far}; water.type = "nonlinear" takes any'
-
-
-def _jolts(scene: Case) -> Iterator[str]:
-    """Yield a sentence for each paddle that starts in water at rest with a speed."""
-    for seen in scene.paddles if isinstance(scene.initial, StillWater) else ():
-        motion = seen.motion()
-        begin = max(motion.start, 0.0)
-        if not motion.moves or begin >= scene.run.duration:
-            continue
-        speed = float(np.abs(seen.function("velocity")(np.array([begin]))).max())
-        if speed > SUDDEN * (largest := seen.extent.speed):
-            jump = f"at {speed:.3g} m/s, {speed / largest:.2g} of its largest speed"
-            blow = f"that strikes the water and throws it up there; {seen.key}.motion.ramp begins gently"
-            yield f"the paddle of {seen.key} starts at t = {begin:.4g} s from rest {jump}: {blow}"
-
-
-def _jumps(scene: Case, clock: Clock) -> Iterator[str]:
-    """Yield a sentence for each paddle moved by a formula or function whose velocity jumps during the run.
-
-    Intervals of a quarter step are halved, of each the half in which the velocity changes more.
-    """
-    for seen in scene.paddles:
-        by_user = isinstance(getattr(seen.wall, "motion", None), FormulaMotion | PythonMotion)
-        if not by_user or seen.wall.places(seen.tank) is not None:
-            continue
-        motion = seen.motion()
-        velocity, largest = seen.function("velocity"), seen.extent.speed
-        t = np.linspace(max(motion.start, 0.0), scene.run.duration, 4 * clock.steps + 1, dtype=np.float64)
-        v = velocity(t)
-        fast = np.abs(np.diff(v)) > SUDDEN * largest
-        (begin, end), (before, after) = (t[:-1][fast], t[1:][fast]), (v[:-1][fast], v[1:][fast])
-        for _ in range(HALVINGS if fast.any() else 0):
-            middle = 0.5 * (begin + end)
-            between = velocity(middle)
-            first = np.abs(between - before) > np.abs(after - between)
-            begin, end = np.where(first, begin, middle), np.where(first, middle, end)
-            before, after = np.where(first, before, between), np.where(first, between, after)
-        jumps = np.abs(after - before)
-        if (jumps > SUDDEN * largest).any():
-            n = int(jumps.argmax())
-            jump = f"by {jumps[n]:.3g} m/s, {jumps[n] / largest:.2g} of its largest speed"
-            yield f"the velocity of the paddle of {seen.key} jumps at t = {end[n]:.4g} s {jump}: that strikes the water"
-
-
-def noise(scene: Case) -> Iterator[str]:
-    """Yield a sentence for each paddle whose recorded motion is mostly noise, by its acceleration."""
-    for seen in scene.paddles:
-        record = getattr(seen.motion(), "motion", seen.motion())
-        result = record.noise if isinstance(record, Recorded) else None
-        if result is not None and result[0] > NOISY:
-            fraction, frequency = result
-            fast = f"{100 * fraction:.2g} % of the variance of its acceleration is above {frequency:.3g} Hz"
-            yield f"the record of {seen.key}.motion has noise: {fast}; highest_frequency leaves it out"
-
-
-def _ramps(scene: Case) -> Iterator[str]:
-    """Yield a sentence for each paddle whose ramp takes the whole run."""
-    for seen in scene.paddles:
-        if (risen := seen.motion().risen) >= scene.run.duration:
-            key, end = f"{seen.key}.motion", f"the run of {scene.run.duration:.4g} s"
-            yield f"the ramp of {key} is over after {risen:.4g} s, {end} before: its waves do not get their height"
-
-
-def sent_back(scene: Case) -> Iterator[str]:
-    """Yield a sentence for each paddle of whose waves the sponge sends back much, by their length where it is shallow.
-
-    That is within the sponge along a slice, and of all water in a basin, of whose sponge by formula nothing is known.
+    That is within the sponge along a slice, and in all water of a basin; sponges of basins by formula are not checked.
     """
     sponge, tank, bed = scene.sponge, scene.tank, scene.depths()
     length = tank.length if isinstance(sponge, FormulaSponge) and isinstance(tank, SliceTank) else _length(scene)
@@ -333,209 +288,165 @@ def sent_back(scene: Case) -> Iterator[str]:
         return
     step = length / LAYERS
     x = step * (np.arange(LAYERS, dtype=np.float64) + 0.5)
-    for seen in scene.paddles:
-        if (period := seen.period) is None:
+    for view in scene.paddles:
+        if (period := view.period) is None:
             continue
         if isinstance(sponge, FormulaSponge):
-            gamma = sponge.build()(x[::-1] if seen.far else x, 0 * x)
+            gamma = sponge.build()(x[::-1] if view.far else x, 0 * x)
         else:
             gamma = profile(x, width=length, strength=sponge.strength_for(length, tank, paddle=scene.ends[0].period))
-        omega, end = 2 * np.pi / period, 0.0 if getattr(seen.opposite, "absorb", None) else 1.0
+        omega, end = 2 * np.pi / period, 0.0 if getattr(view.opposite, "absorb", None) else 1.0
         depth = bed_shape(scene).shallow
         if callable(bed) and isinstance(tank, SliceTank) and gamma.any():
             from_wall = tank.length - length + x
-            depth = float(bed(seen.distance(from_wall), 0 * x)[gamma > 0].min())
-        back = reflection(gamma, step, omega=omega, depth=depth, gravity=tank.gravity, end=end)
-        if back > SENT_BACK:
-            waves = 2 * np.pi / float(wave_number(omega, depth, tank.gravity))
-            of = f"about {100 * back:.0f} % of the paddle's waves of T = {period:.3g} s, {waves:.3g} m long"
-            least = 'one of type "end" or "group", a wave long or more, of the default strength, sends back some 2 %'
-            yield f"the sponge sends back {of}, and steep ones may break before it: {least}"
+            depth = float(bed(view.distance(from_wall), 0 * x)[gamma > 0].min())
+        back = damped_waves.reflection(gamma, step, omega=omega, depth=depth, gravity=tank.gravity, end=end)
+        if back > REFLECTED:
+            wave_length = 2 * np.pi / float(airy.wave_number(omega, depth, tank.gravity))
+            details = {"period": period, "length": wave_length}
+            yield RunWarning("sponge-reflects", key="sponge", value=back, limit=REFLECTED, details=details)
 
 
 def _length(scene: Case) -> float | None:
-    """Return how long a sponge is that grows from its inner edge [m], if the case names that."""
+    """Return the length [m] of a sponge that grows from its inner edge, if the case names it."""
     if isinstance(scene.sponge, EndSponge):
         return scene.sponge.length
     layout = getattr(scene.tank, "layout", None) if isinstance(scene.sponge, GroupSponge) else None
     return getattr(layout, "sponge_length", None)
 
 
-def in_sponge(scene: Case) -> Iterator[str]:
-    """Yield a sentence if gauges, loads or the place that waves are made for are in or behind a sponge at the end."""
-    if not isinstance(scene.sponge, EndSponge):
-        return
-    edge = scene.tank.length - scene.sponge.length  # from the paddle at rest
-    names = _rows(scene, [gauge.x - scene.x_min > edge * (1 + ROUNDING) for gauge in scene.all_gauges])
+def damped_sensors(scene: Case, waves: AnyWaves) -> Iterator[RunWarning]:
+    """Yield a warning if the sponge damps waves at gauges, at a load on an end, or at the focus; collective.
+
+    The damping rate of the nearest node decides, of an end that in its middle.
+    """
+    sensors = {f"gauge {gauge.name}": (gauge.x, gauge.y) for gauge in scene.all_gauges}
+    sensors |= {f"load {load.called}": scene.amid_end(load.on) for load in scene.loads if load.on in ENDS}
     motion = getattr(scene.wall, "motion", None)
-    key = "x" if isinstance(motion, SurfaceFile) else "focus_x"
-    if (getattr(motion, key, None) or 0.0) > edge * (1 + ROUNDING):
-        names.append(f"wall.motion.{key}")
-    names += [f"load {load.called}" for load in scene.loads if load.on == FAR]
-    yield from _standing(names, f"in the sponge, which takes waves from x = {scene.x_min + edge:.4g} m on")
-
-
-def _damped(scene: Case, waves: AnyWaves) -> Iterator[str]:
-    """Yield a sentence if a sponge of any other kind damps at gauges, or at a load on an end; collective.
-
-    The nearest node decides, of an end that amid it. Loads on other groups of walls are not looked for.
-    """
-    gamma, loads = waves.damping, [load for load in scene.loads if load.on in ENDS]
-    if gamma is None or isinstance(scene.sponge, EndSponge) or not (scene.all_gauges or loads):
+    for key in ("x", "focus_x"):
+        if isinstance(place := getattr(motion, key, None), float):
+            sensors[f"wall.motion.{key}"] = (scene.x_min + place, 0.0)
+    if waves.damping is None or not sensors:
         return
-    places = [(gauge.x, gauge.y) for gauge in scene.all_gauges]
-    places += [scene.amid_end(load.on) for load in loads]
-    plane = waves.plane
-    away, nearest = cKDTree(plane.places).query(places)
-    apart, rates = map(np.array, zip(*plane.comm.allgather((away, np.append(gamma, 0.0)[nearest])), strict=True))
-    there = np.take_along_axis(rates, apart.argmin(axis=0)[None], axis=0)[0]
-    strongest = plane.comm.allreduce(float(gamma.max(initial=0.0)), op=MPI.MAX)
-    damped = there > WEAK * strongest
-    count = len(scene.all_gauges)
-    names = [f"load {load.called}" for load, inside in zip(loads, damped[count:], strict=True) if inside]
-    yield from _standing(_rows(scene, damped[:count]) + names, "in the sponge, which takes waves there")
+    plane, gamma = waves.plane, waves.damping
+    distance, nearest = cKDTree(plane.places).query(list(sensors.values()))
+    each = plane.comm.allgather((distance, np.append(gamma, 0.0)[nearest]))
+    distances, rates = map(np.array, zip(*each, strict=True))
+    rate = np.take_along_axis(rates, distances.argmin(axis=0)[None], axis=0)[0]
+    weak = WEAK * plane.comm.allreduce(float(gamma.max(initial=0.0)), op=MPI.MAX)
+    damped = [name for name, one in zip(sensors, rate, strict=True) if one > weak]
+    if damped:
+        more = f" and {len(damped) - LISTED} more" if len(damped) > LISTED else ""
+        details = {"sensors": ", ".join(damped[:LISTED]) + more}
+        yield RunWarning("sensors-in-sponge", key="sponge", value=float(rate.max()), limit=weak, details=details)
 
 
-def _rows(scene: Case, chosen: Sequence[bool] | NDArray[np.bool_]) -> list[str]:
-    """Return which gauges are chosen, in words: those one after another together."""
-    each = groupby(zip(scene.all_gauges, chosen, strict=True), lambda one: bool(one[1]))
-    rows = [[gauge.name for gauge, _ in row] for inside, row in each if inside]
-    return [f"gauges {row[0]} to {row[-1]}" if row[1:] else f"gauge {row[0]}" for row in rows]
+# ------------------------------------------------------------------------------------------ cells, orders, steps
+INACCURATE = 0.1  # predicted relative error of the elevation
+COARSE, LOW = 1.6, 0.5  # of the rule's cells and vertical order over a bed
+SHORT = 0.1  # of the power of a paddle's velocity: its shortest waves
 
 
-def _standing(names: Sequence[str], where: str) -> Iterator[str]:
-    if names:
-        stand = "stand" if names[1:] or names[0].startswith("gauges ") else "stands"
-        yield f"{' and '.join(names)} {stand} {where}"
-
-
-def sensors_in_reach(scene: Case) -> Iterator[str]:
-    """Yield a sentence for each paddle that absorbs, and is to go about as far as to where somebody looks.
-
-    It takes the others' waves by going as far as they do, and its own, where nothing else takes these, by going as far
-    again.
-    """
-    if scene.physics == "linear":
-        return  # nothing travels
-    told = [seen.max_displacement for seen in scene.paddles] if scene.absorbing else []
-    for n in scene.absorbing:
-        seen, back = scene.paddles[n], told[n] if scene.sponge is None and scene.absorbing == [n] else 0.0
-        for one in scene.measuring_points():
-            distance = float(seen.distance(one.x))
-            far = (sum(told) + back) * float(np.abs(seen.wall.wavemaker.mode_shape(one.z, seen.tank.depth)).max())
-            if distance < far:
-                where = f"{'.'.join(map(str, one.key))} stands {distance:.4g} m from the paddle of {seen.key} at rest"
-                yield f"{where}, which absorbs, and is to go about {far:.2g} m there: the run ends where it comes"
-                break
-
-
-def predicted(scene: Case) -> Iterator[str]:
-    """Yield a sentence if a plan predicts a large error of the scene's own numerics, in as long a run."""
+def predicted(scene: Case) -> Iterator[RunWarning]:
+    """Yield a warning if a plan predicts a large error of the scene's own numerics, in as long a run."""
     try:
-        error = own_plan(scene, DEFAULT).error
+        error = min(own_plan(scene, DEFAULT).error, 1.0)
     except InputError:
-        return  # nothing can be predicted of it
-    if error <= LARGE:
+        return  # no plan can be made
+    if error <= INACCURATE:
         return
     required = requirements(scene, DEFAULT)
-    size = f"{error:.0%}" if error < 1.0 else "all of it"
-    yield f"these numerics are predicted to miss the elevation by {size}; {_cure(required.k * required.depth)}"
+    kd = required.k * required.depth
+    deep = relative_frequency_error(kd, HIGHEST_VERTICAL_ORDER) >= MISSED
+    code = "inaccurate-deep-waves" if deep else "inaccurate"
+    yield RunWarning(code, key="numerics", value=error, limit=INACCURATE, details={"kd": kd})
 
 
-def jets(scene: Case) -> Iterator[str]:
-    """Yield a sentence if a solitary wave meets a wall that is too high for its run-up to be predicted."""
-    if scene.physics == "linear" or unplanned(scene) is not None:
-        return
-    with suppress(InputError):  # nothing moves
-        run_up = requirements(scene, DEFAULT).run_up
-        if run_up is not None and not run_up.resolved:
-            jet = f"above {RESOLVED:g} depths its run-up ends in a thin jet"
-            wave = f"the solitary wave of {run_up.height:.3g} depths meets a wall"
-            yield f"{wave}: {jet}, and no numerics are known that hold it; from then on the run is not accurate"
+def waves_missed(scene: Case, cell_size: float) -> Iterator[RunWarning]:
+    """Yield a warning for each paddle whose waves the cells, of a size [m], miss, and if the vertical order does.
+
+    Checked are the waves of the mean frequency, then the shortest tenth; cells at the smallest depth, where waves are
+    short, the vertical order at the largest.
+    """
+    bed = bed_shape(scene)
+    for view in scene.paddles:
+        if (period := view.period) is None:
+            continue
+        frequencies = 2 * np.pi / period, frequency_below(view, 1 - SHORT)
+        for check, depth in ((_missed_by_cells, bed.shallow), (_missed_by_order, bed.deep)):
+            missed = (check(view, cell_size, depth, omega) for omega in frequencies)
+            yield from [one for one in missed if one is not None][:1]
 
 
-def _cure(kd: float) -> str:
-    if relative_frequency_error(kd, HIGHEST_VERTICAL_ORDER) < HELD:
-        return "`wavetank plan` proposes others"
-    return f"waves as short against the depth (k d = {kd:.3g}) are the same in a tank that is less deep"
+def _missed_by_cells(view: EndWall, cell_size: float, depth: float, omega: float) -> RunWarning | None:
+    """Return a warning if the cells miss the speed of waves of a frequency [rad/s]."""
+    numerics, g = view.case.numerics, view.tank.gravity
+    k = float(airy.wave_number(omega, depth, g))
+    cells = UniformCells(numerics.order, cell_size)
+    mesh = Mesh(cells=cells, vertical_order=numerics.vertical_order, depth=depth, gravity=g)
+    missed = float(mesh.surface_frequency(cells.waves(k).mean) / mesh.surface_frequency(k**2)) - 1.0
+    if missed <= MISSED:
+        return None
+    length = 2 * np.pi / k
+    details: Details = {
+        "order": numerics.order,
+        "nodes": numerics.order * length / cell_size,
+        "wall": view.key,
+        "period": 2 * np.pi / omega,
+        "length": length,
+        "depth": depth,
+        "missed": 1.0 if np.isnan(missed) else missed,  # no such waves on these cells
+    }
+    limit = cell_size_for(k, numerics.order)
+    return RunWarning("cells-too-large", key="numerics.cell_size", value=cell_size, limit=limit, details=details)
 
 
-def _bed(scene: Case, waves: AnyWaves) -> Iterator[str]:
-    of_bed = scene.depths()
-    if not callable(of_bed):
-        return
-    missed, depth = misfit(waves.plane, of_bed)
-    off = rms(waves.plane, np.asarray(missed / depth))
-    if off > HELD:
-        yield f"the mesh misses the bed by {off:.2g} of the depth: {_cells(waves)}"
+def _missed_by_order(view: EndWall, cell_size: float, depth: float, omega: float) -> RunWarning | None:
+    """Return a warning if the vertical order misses the speed of waves of a frequency [rad/s]."""
+    kd, order = float(airy.wave_number(omega, depth, view.tank.gravity)) * depth, view.case.numerics.vertical_order
+    missed, enough = relative_frequency_error(kd, order), vertical_order_for(kd)
+    if missed <= MISSED:
+        return None
+    code = "vertical-order-too-low" if relative_frequency_error(kd, enough) <= MISSED else "waves-too-deep"
+    details: Details = {"wall": view.key, "period": 2 * np.pi / omega, "depth": depth, "kd": kd, "missed": missed}
+    return RunWarning(code, key="numerics.vertical_order", value=order, limit=enough, details=details)
 
 
-def coarse(scene: Case, cell_size: float) -> Iterator[str]:
-    """Yield a sentence if over a bed cells, of a size [m], or vertical order are far from what the rule takes."""
+def coarse(scene: Case, cell_size: float) -> Iterator[RunWarning]:
+    """Yield a warning if over a bed cells, of a size [m], or the vertical order are far from the rule's."""
     if scene.tank.bed is None:
         return
-    ruled, order = by_rule(scene), scene.numerics.vertical_order
-    takes, held = ruled.cell_size, ruled.numerics.vertical_order
-    finer = max(scene.numerics.order / 3, 1.0)  # nodes are as far apart; the rule is the same from order 3 on
-    result = "over this bed, and no accuracy is predicted: the rule (docs/plan.md) takes"
-    if cell_size > COARSE * (1 + ROUNDING) * finer * takes:
-        yield f"cells of {cell_size:.3g} m are coarse {result} {takes:.2g} m"
-    if order < LOW * held:
-        yield f"a vertical order of {order} is low {result} {held}"
+    rule, order = by_rule(scene), scene.numerics.vertical_order
+    finer = max(scene.numerics.order / 3, 1.0)  # by the distance of nodes; the rule is the same from order 3 on
+    if cell_size > COARSE * (1 + ROUNDING) * finer * rule.cell_size:
+        yield RunWarning("coarse-over-bed", key="numerics.cell_size", value=cell_size, limit=rule.cell_size)
+    if order < LOW * (enough := rule.numerics.vertical_order):
+        yield RunWarning("low-order-over-bed", key="numerics.vertical_order", value=order, limit=enough)
 
 
-def _start(scene: Case, waves: AnyWaves) -> Iterator[str]:
-    initial = scene.initial
-    if isinstance(initial, StillWater | RunState):
-        return
-    for which, what in enumerate(("elevation", "surface potential")):
+def missed_motion(scene: Case, clock: Clock, nodes: Sequence[float]) -> Iterator[RunWarning]:
+    """Yield a warning for each paddle whose velocity at the scheme's nodes does not add up to its displacement.
 
-        def part(x: Vector, y: Vector, which: int = which) -> Vector:
-            return initial.surface(scene.tank, x, y)[which]
-
-        missed, whole = misfit(waves.plane, part)
-        if rms(waves.plane, missed) > HELD * (size := rms(waves.plane, whole)):
-            fraction = rms(waves.plane, missed) / size
-            yield f"the mesh misses the initial {what} by {fraction:.2g} of it: {_cells(waves)}"
-
-
-def _cells(waves: AnyWaves) -> str:
-    return f"cells of {waves.plane.cell_size:.3g} m are too large for it"
-
-
-def _motion(scene: Case, clock: Clock, nodes: Sequence[float]) -> Iterator[str]:
-    """Yield a sentence for each paddle of whose velocity what the scheme sees does not add up to its displacement.
-
-    Of a short run the motion is looked at beyond its end: hardly a paddle has moved by then.
+    Of a short run the motion is analysed beyond its end: within it most paddles have hardly moved.
     """
-    for seen in scene.paddles:
-        motion = seen.motion()
+    for view in scene.paddles:
+        motion = view.motion()
         missed = stroke_missed(
-            seen.function("position"),
-            seen.function("velocity"),
+            view.function("position"),
+            view.function("velocity"),
             dt=clock.dt,
-            steps=max(clock.steps, int(analysed_duration(seen, motion) / clock.dt)),
+            steps=max(clock.steps, int(analysed_duration(view, motion) / clock.dt)),
             nodes=nodes,
         )
-        if missed > HELD:
-            whose = seen.side
-            yield f"the step of {clock.dt:.3g} s misses the {whose}'s motion by {missed:.2g} of it: it is too long"
+        if missed > MISSED:
+            details: Details = {"dt": clock.dt, "wall": view.key}
+            yield RunWarning("step-misses-motion", key="numerics.dt", value=missed, limit=MISSED, details=details)
 
 
-def _farthest(scene: Case, clock: Clock, waves: AnyWaves, integrator: Integrator[Any]) -> Iterator[str]:
-    """Yield a sentence if the step may be too long where a paddle has gone as far as it goes, or leans so far."""
-    faster = scene.frequency_shift
-    longest = integrator.stability_limit / (waves.largest_frequency * faster)
-    does = f"one of {FARTHEST * longest:.2g} s is not on still water"
+def unstable_step(scene: Case, clock: Clock, waves: AnyWaves, integrator: Integrator[Any]) -> Iterator[RunWarning]:
+    """Yield a warning if the step may be too long where a paddle has gone as far as it goes, or leans so far."""
+    shift = scene.frequency_shift
+    longest = integrator.stability_limit / (waves.largest_frequency * shift)
     if clock.dt > longest:
-        yield (
-            f"where the paddle goes farthest, the mesh's shortest waves are up to {faster:.3g} times as fast: "
-            f"the step of {clock.dt:.3g} s may be unstable there, {does}"
-        )
-
-
-def _end(scene: Case, clock: Clock) -> Iterator[str]:
-    """Yield a sentence if the last step is left out, as the recorded motion does not cover it."""
-    if clock.end < scene.run.duration * (1 - ROUNDING):
-        beyond = f"one more step of {clock.dt:.3g} s would end beyond the recorded motion"
-        yield f"the run ends at {clock.end:.6g} s, not at {scene.run.duration:.6g} s: {beyond}"
+        limit, details = FARTHEST * longest, {"shift": shift}
+        yield RunWarning("unstable-at-stroke", key="numerics.dt", value=clock.dt, limit=limit, details=details)

@@ -329,7 +329,7 @@ BUILT_IN = CostModel(
 )
 
 
-def known_costs() -> CostModel:
+def machine_costs() -> CostModel:
     """Return this machine's constants from the cache, or those built in."""
     for folder in places():
         try:
@@ -476,7 +476,8 @@ def _of_slice(scene: Case, ranks: int) -> Needs:
         order=chosen.order, cells=scene.cells, vertical_order=chosen.vertical_order, dt=dt, integrator=chosen.integrator
     )
     places, output_cost = chosen.order * scene.cells + 1, OutputCost.of(scene, dt)
-    cost = known_costs().run(kind, settings, duration=scene.run.duration, dt_omega_max=product, output_cost=output_cost)
+    model, duration = machine_costs(), scene.run.duration
+    cost = model.run(kind, settings, duration=duration, dt_omega_max=product, output_cost=output_cost)
     watching = output_cost.in_slice(entries_of(chosen.order, scene.cells, chosen.vertical_order))
     memory = cost.memory + (ranks - 1) * BASE
     return Needs(places * (chosen.vertical_order + 2.0), steps, cost.cpu, memory, watching)

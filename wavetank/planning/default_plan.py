@@ -1,4 +1,4 @@
-"""What stands for an accuracy in a case, and for numerics that it does not name: the same on all ranks."""
+"""Numerics of a case that names an accuracy, or not all numerics: planned, or by its shortest wave."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,51 +10,50 @@ from wavetank.case import BasinTank, Case, RunState
 from wavetank.errors import InputError
 from wavetank.mesh import MeshFile
 from wavetank.mpi import from_first
-from wavetank.planning.checks import cut_starts
 from wavetank.planning.plan import Plan, UnreachableError, make_plan
 from wavetank.planning.requirements import unplanned
 from wavetank.planning.resolution import DEFAULT, resolved, shortest_wave, too_short
-from wavetank.run_warning import RunWarning, run_warning
+from wavetank.run_warning import RunWarning
 from wavetank.simulation.construction import with_its_numerics
-from wavetank.values.case_model import CaseError, about
+from wavetank.values.case_model import CaseError, Problem, about
 
-LESS = (0.03, 0.1)  # accuracies that are tried where the default one cannot be had
+LESS = (0.03, 0.1)  # accuracies that are tried if the default one cannot be reached
 
 
-class Planned(NamedTuple):
-    """A scene whose numerics are planned or resolved, and what whoever reads its results must know of that."""
+class PlannedCase(NamedTuple):
+    """A scene whose numerics are planned or resolved, and warnings of the plan."""
 
     scene: Case
     warnings: tuple[RunWarning, ...] = ()
 
 
-def planned(scene: Case, comm: MPI.Comm) -> Planned:
-    """Return the scene with the water and numerics that its accuracy requires, or where it names none the default one.
+def planned(scene: Case, comm: MPI.Comm) -> PlannedCase:
+    """Return the scene with the water and numerics that its accuracy, or the default one, requires.
 
     Where no plan can be made, or some numerics are named, its shortest wave decides on the others. Made on the first
-    rank; collective. Raises ``InputError`` on all ranks if an accuracy is asked for that cannot be planned for.
+    rank; collective. Raises ``InputError`` on all ranks if an accuracy is named that cannot be planned for.
     """
-    result, warnings = from_first(comm, lambda: _planned(scene))
-    cut = map(run_warning, cut_starts(scene, scene.numerics.accuracy))
-    return Planned(result, (*warnings, *cut))
+    return from_first(comm, lambda: _planned(scene))
 
 
-def _planned(scene: Case) -> Planned:
+def _planned(scene: Case) -> PlannedCase:
     if isinstance(scene.initial, RunState) and scene.numerics.accuracy is None:
         with about("initial"):
-            return Planned(with_its_numerics(scene, scene.initial))
+            return PlannedCase(with_its_numerics(scene, scene.initial))
     if scene.numerics.open or not _cells_are_named(scene):
-        check_held(scene)
+        check_resolvable(scene)
     if scene.numerics.accuracy is not None:
-        return Planned(make_plan(scene, scene.numerics.accuracy).applied_to(scene))
+        return PlannedCase(make_plan(scene, scene.numerics.accuracy).applied_to(scene))
     try:
         plan = default_plan(scene)
     except UnreachableError:
         plan = None
     if plan is None:
-        return Planned(resolved(scene))
-    less = f"no numerics that a plan knows are accurate to {DEFAULT:g}: these are planned for {plan.accuracy:g}"
-    return Planned(plan.applied_to(scene), () if plan.accuracy == DEFAULT else (run_warning(less),))
+        return PlannedCase(resolved(scene))
+    if plan.accuracy == DEFAULT:
+        return PlannedCase(plan.applied_to(scene))
+    warning = RunWarning("less-accurate", key="numerics.accuracy", value=plan.accuracy, limit=DEFAULT)
+    return PlannedCase(plan.applied_to(scene), (warning,))
 
 
 def _cells_are_named(scene: Case) -> bool:
@@ -63,8 +62,8 @@ def _cells_are_named(scene: Case) -> bool:
     return from_file or bool(scene.numerics.model_fields_set & {"cells", "cell_size"})
 
 
-def check_held(scene: Case) -> None:
-    """Raise ``CaseError`` if a scene has waves of a paddle that no numerics hold: a plan knows nothing of them."""
+def check_resolvable(scene: Case) -> None:
+    """Raise ``CaseError`` if no numerics resolve a paddle's waves."""
     named = "; cells that the case names are taken as they are"
     if problems := [one._replace(allowed=one.allowed + named) for one in too_short(scene)]:
         raise CaseError(problems)
@@ -88,39 +87,40 @@ def default_plan(scene: Case) -> Plan | None:
     raise UnreachableError(f"the case names no accuracy, and none that is tried then can be had: {least}")
 
 
-def rule_summary(asked: Case) -> str:
+def rule_summary(requested: Case) -> str:
     """Return why no accuracy is predicted of a scene that names no numerics, with its shortest wave; else nothing."""
-    ruled = asked.numerics.open and not isinstance(asked.initial, RunState)
-    why = unplanned(asked) if ruled else None
+    ruled = requested.numerics.open and not isinstance(requested.initial, RunState)
+    why = unplanned(requested) if ruled else None
     if why is None:
         return ""
     rule = f"no accuracy is predicted, cells and vertical order follow a rule (docs/plan.md): {why}"
-    return f"{rule}; {wave}" if (wave := str(shortest_wave(asked))) else rule
+    return f"{rule}; {wave}" if (wave := str(shortest_wave(requested))) else rule
 
 
 @contextmanager
-def mesh_in_errors(asked: Case, scene: Case) -> Iterator[None]:
+def mesh_in_errors(requested: Case, scene: Case) -> Iterator[None]:
     """Add the origin of the mesh, given or planned, to errors of a time step that is too long for it."""
     try:
         yield
     except CaseError as error:
-        problems = [
-            one._replace(allowed=f"{one.allowed}; {_origin(asked, scene)}") if one.key == ("numerics", "dt") else one
-            for one in error.problems
-        ]
-        raise CaseError(problems) from error
+        origin = _origin(requested, scene)
+
+        def explained(one: Problem) -> Problem:
+            return one._replace(allowed=f"{one.allowed}; {origin}") if one.key == ("numerics", "dt") else one
+
+        raise CaseError([explained(one) for one in error.problems]) from error
 
 
-def _origin(asked: Case, scene: Case) -> str:
+def _origin(requested: Case, scene: Case) -> str:
     """Return where the cells come from, and what names others."""
-    numerics, cells = asked.numerics, f"its cells of {scene.cell_size:.3g} m"
-    if isinstance(asked.tank, BasinTank) and isinstance(asked.tank.layout, MeshFile):
+    numerics, cells = requested.numerics, f"its cells of {scene.cell_size:.3g} m"
+    if isinstance(requested.tank, BasinTank) and isinstance(requested.tank.layout, MeshFile):
         return "its cells are those of the file that tank.layout names"
     if named := next((key for key in ("cells", "cell_size") if getattr(numerics, key) is not None), ""):
         return f"its cells are those of numerics.{named} = {getattr(numerics, named):g}"
     if numerics.accuracy is not None:
         return f"{cells} are planned for numerics.accuracy = {numerics.accuracy:g}"
     shorter = scene.numerics.model_fields_set & {"cells", "cell_size"}
-    why = "are as small as the shortest wave known of the case requires" if shorter else "are usual for the depth"
-    planned = ", numerics.accuracy has them planned with the step" if unplanned(asked) is None else ""
+    why = "are as small as the shortest wave of the case requires" if shorter else "are usual for the depth"
+    planned = ", numerics.accuracy has them planned with the step" if unplanned(requested) is None else ""
     return f"{cells} {why}; numerics.cell_size would name others{planned}"

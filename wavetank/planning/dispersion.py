@@ -1,4 +1,4 @@
-"""The fully discrete linear dispersion relation: what cells, orders and step make of omega² = g k tanh(k d).
+"""The fully discrete linear dispersion relation of cells, orders and step, for omega² = g k tanh(k d).
 
 **Space.** On equal cells the discrete waves are Bloch waves, u(x + dx) = u(x) exp(i k dx), of the element matrices of
 order p: p unknowns a cell. Its operator on still water is a sum of products of horizontal and vertical matrices, so the
@@ -56,7 +56,7 @@ def elements(order: int) -> Elements:
     return Elements((values * weights) @ values.T, (slopes * weights) @ slopes.T)
 
 
-class Cells:
+class UniformCells:
     """Equal cells along x and their Bloch waves.
 
     Parameters
@@ -99,11 +99,11 @@ class Cells:
         for which in (own, facing):
             both[rows, which] = fractions[rows, which]
         mean = np.sum(both * mu, axis=1) / np.sum(both, axis=1)
-        apart = np.minimum(np.sqrt(mu / mean[:, None]) - 1.0, 1.0)
-        profile = np.sqrt(np.sum(fractions * apart**2, axis=1))
-        known, shape = branch < self.order, np.shape(k)
+        detuning = np.minimum(np.sqrt(mu / mean[:, None]) - 1.0, 1.0)
+        profile = np.sqrt(np.sum(fractions * detuning**2, axis=1))
+        resolved, shape = branch < self.order, np.shape(k)
         result = (mu[rows, own], np.nan), (mean, np.nan), (profile, 1.0)
-        return BlochWaves(*(np.where(known, one, beyond).reshape(shape) for one, beyond in result))
+        return BlochWaves(*(np.where(resolved, one, beyond).reshape(shape) for one, beyond in result))
 
     def truncation_error(self, k: ArrayLike) -> Vector:
         """Return what no polynomial of degree p in each cell holds of exp(i k x), relative, in the mean square.
@@ -163,7 +163,7 @@ class Mesh:
         Still-water depth d [m] and gravity g [m/s²].
     """
 
-    cells: Cells
+    cells: UniformCells
     vertical_order: int
     depth: float
     gravity: float = 9.81
@@ -187,7 +187,7 @@ class Mesh:
 
 def relative_frequency_error(kd: float, vertical_order: int) -> float:
     """Return the error of the frequency that the vertical order alone makes of a wave of k d."""
-    mesh = Mesh(cells=Cells(1, 1.0), vertical_order=vertical_order, depth=1.0)
+    mesh = Mesh(cells=UniformCells(1, 1.0), vertical_order=vertical_order, depth=1.0)
     return float(mesh.surface_frequency(kd**2) / airy.angular_frequency(kd, 1.0, mesh.gravity) - 1.0)
 
 

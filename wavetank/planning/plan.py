@@ -1,18 +1,18 @@
-"""The plan of a scene: of all discretisations that are accurate enough, the cheapest, with what is needed and why.
+"""The plan of a scene: the cheapest of all discretisations that are accurate enough, with the reasons.
 
 Searched are p in {2, 3, 4, 5}, n from 2 to 16, cells on a geometric grid, and for each of these meshes the largest
 step of the default scheme that accuracy and stability allow: others take as much time or more, and are less accurate
 (docs/plan.md). Errors of space and time add up (``resolution.py``), so the step follows from what the mesh leaves of
-the accuracy. It must hold a measured motion, too (``HELD``): steps of a few rows of the record are among those
-searched, as they do best. What a case sets beside an accuracy is kept and not searched.
+the accuracy. It must resolve a measured motion, too (``OF_MOTION``): steps of a few rows of the record are among those
+searched, as they do best. What a case names beside an accuracy is not searched.
 
 The stability limit is that of the largest frequency on still water, shifted by the current u under the highest crest,
 dt (omega_max + u k_grid) < limit with k_grid = p pi / dx. Implicit stages of nonlinear waves, solved with the still
 water's inverse, converge to larger or smaller steps: ``solvable`` of the integrator.
 """
 
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
 from itertools import product
 from math import ceil
 from typing import Any
@@ -42,14 +42,14 @@ PER_PEAK = np.geomspace(0.5, 4.0, 16)  # cells in the length of a run-up peak
 STEP_RATIO = 1.08  # between neighbouring steps
 MARGIN = 0.9  # of the stability limit
 AIM = 1 / 3  # of the accuracy: the cheapest of all settings lean to those whose error is underestimated, by up to 3
-HELD = 1 / 3  # of the accuracy: what a step may miss of a measured motion's displacement
+OF_MOTION = 1 / 3  # of the accuracy: what a step may miss of a measured motion's displacement
 BETWEEN = np.pi / 2  # rows, no whole number of them
 ROWS = (0.5, 0.25)  # of its record in a step: what alternates from row to row must not do so from step to step
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """Numerics for a scene, and what is to be expected of them.
+    """Numerics for a scene, their predicted error and cost.
 
     Attributes
     ----------
@@ -58,9 +58,9 @@ class Plan:
     settings
         p, cells, n, dt and the integrator.
     accuracy, error
-        Relative error of the elevation: asked for, and predicted.
+        Relative error of the elevation: required, and predicted.
     kind, steepness
-        Of the waves, for what they cost.
+        Of the waves, for the cost.
     cost
         CPU time and memory, predicted.
     steps
@@ -72,7 +72,7 @@ class Plan:
     output_cost
         Evaluations below the surface and their cost.
     reasons
-        Which objects are needed and why, a sentence each.
+        The required objects and why, a sentence each.
     """
 
     physics: Physics
@@ -107,25 +107,14 @@ class Plan:
         return scene.model_copy(update={"water": water, "numerics": scene.numerics.model_copy(update=changes)})
 
 
-@dataclass(frozen=True, kw_only=True)
-class Given:
-    """What a case sets beside an accuracy, named as in ``Settings``; None is free."""
-
-    order: int | None = None
-    cells: int | None = None
-    vertical_order: int | None = None
-    dt: float | None = None
-    integrator: str | None = None
-
-    @classmethod
-    def by(cls, scene: Case) -> "Given":
-        """Return what a scene sets: nothing unless it asks for an accuracy."""
-        numerics, names = scene.numerics, scene.numerics.model_fields_set
-        if numerics.accuracy is None:
-            return cls()
-        kept = {name: getattr(numerics, name) for name in ("order", "vertical_order", "dt", "integrator")}
-        cells = scene.cells if names & {"cells", "cell_size"} else None
-        return cls(cells=cells, **{name: value for name, value in kept.items() if name in names})
+def named_numerics(scene: Case) -> dict[str, Any]:
+    """Return the numerics that a case names beside an accuracy, by their names in ``Settings``."""
+    numerics, names = scene.numerics, scene.numerics.model_fields_set
+    if numerics.accuracy is None:
+        return {}
+    named = {"order", "vertical_order", "dt", "integrator"} & names
+    cells = {"cells": scene.cells} if names & {"cells", "cell_size"} else {}
+    return {name: getattr(numerics, name) for name in sorted(named)} | cells
 
 
 class UnreachableError(InputError):
@@ -136,54 +125,44 @@ def make_plan(scene: Case, accuracy: float, *, costs: CostModel = BUILT_IN) -> P
     """Return the cheapest plan for a relative error of at most ``accuracy``: ``AIM`` of it is predicted at most.
 
     Raises ``InputError`` for an accuracy that is not between 0 and 1 and a scene that cannot be planned,
-    ``UnreachableError`` if no discretisation searched is as accurate, ``CaseError`` if it is the given step's fault.
+    ``UnreachableError`` if no discretisation searched is as accurate, ``CaseError`` if that is because of the named
+    step or cells.
     """
     if not 0.0 < accuracy < 1.0:
         raise InputError(f"accuracy = {accuracy:g}: must be between 0 and 1.")
     search = _Search(scene, accuracy)
     result = [(search.cost(settings, costs), settings) for settings in search.candidates()]
-    if not result and (longest := search.longest()) is not None:
-        allowed = f"must be at most {longest:.4g} s, the longest that is stable and accurate to {accuracy:g}"
-        raise CaseError([Problem(("numerics", "dt"), scene.numerics.dt, allowed)])
-    if not result and (fewest := search.fewest()) is not None:
-        raise CaseError([_too_large(scene, fewest, accuracy)])
     if not result:
-        raise UnreachableError(f"accuracy = {accuracy:g}: {search.reached}.")
+        problem = search.step_problem() or search.cells_problem()
+        raise CaseError([problem]) if problem else UnreachableError(f"accuracy = {accuracy:g}: {search.reached}.")
     return search.plan(min(result, key=lambda one: one[0].cpu)[1], costs)
 
 
-def _too_large(scene: Case, fewest: int, accuracy: float) -> Problem:
-    """Return that a scene's cells are too large for an accuracy, by the key that names them, and so many that do."""
-    numerics, known = scene.numerics, f"for an accuracy of {accuracy:g}"
-    if numerics.cells is not None:
-        return Problem(("numerics", "cells"), numerics.cells, f"must be more {known}: {fewest} would do")
-    would = f"{scene.tank.length / fewest:.4g} m would do"
-    return Problem(("numerics", "cell_size"), numerics.cell_size, f"must be smaller {known}: {would}")
-
-
 def own_plan(scene: Case, accuracy: float, *, costs: CostModel = BUILT_IN) -> Plan:
-    """Return what is to be expected of a scene's own water and numerics; raises ``InputError`` as a run does."""
+    """Return the prediction of a scene's own water and numerics; raises ``InputError`` as a run does."""
     search = _Search(scene.model_copy(update={"water": scene.water or NonlinearWater()}), accuracy)
     return search.plan(search.own(), costs)
 
 
 class _Search:
-    """All discretisations of a scene."""
+    """All discretisations of a scene; ``given`` are the numerics that are not searched, by default those it names."""
 
-    def __init__(self, scene: Case, accuracy: float, *, given: Given | None = None):
-        self._scene, self._required = scene, requirements(scene, accuracy)  # first: it refuses what no plan knows
-        self._given, self._quickened = given or Given.by(scene), scene.frequency_shift
+    def __init__(self, scene: Case, accuracy: float, *, given: dict[str, Any] | None = None):
+        self._scene, self._required = scene, requirements(scene, accuracy)  # first: it refuses what cannot be planned
+        self._given, self._shift = named_numerics(scene) if given is None else given, scene.frequency_shift
         self._errors = ErrorModel(self._required)
-        self._scheme = self._given.integrator or SCHEME
-        self._steps = _Steps(self._errors, self._required, scheme=self._scheme, given=self._given.dt)
+        self._scheme = self._given.get("integrator", SCHEME)
+        self._steps = _Steps(self._errors, self._required, scheme=self._scheme, given=self._given.get("dt"))
 
-    # ------------------------------------------------------------------------------------------ what is searched
-    def _orders(self) -> tuple[int, ...]:
-        return ORDERS if self._given.order is None else (self._given.order,)
-
-    def _counts(self) -> list[int]:
-        if self._given.cells is not None:
-            return [self._given.cells]
+    # ------------------------------------------------------------------------------------------ search
+    def _values(self, name: str) -> Sequence[int]:
+        """Return the values of p, cells or n that are searched."""
+        if name in self._given:
+            return [self._given[name]]
+        if name == "order":
+            return ORDERS
+        if name == "vertical_order":
+            return [n for n in VERTICAL_ORDERS if not self._scene.absorbing or n >= LEAST_ABSORBING]
         waves, fewest = self._required.length * self._required.k / (2 * np.pi), self._scene.tank.fewest_cells
         counts = waves * PER_WAVE
         if (run_up := self._required.run_up) is not None:
@@ -191,21 +170,8 @@ class _Search:
             counts = np.concatenate([counts, finer[finer > counts[-1]]])
         return sorted({max(fewest, ceil(one)) for one in counts})
 
-    def _vertical_orders(self) -> tuple[int, ...]:
-        if self._given.vertical_order is not None:
-            return (self._given.vertical_order,)
-        return tuple(n for n in VERTICAL_ORDERS if not self._scene.absorbing or n >= LEAST_ABSORBING)
-
-    @property
-    def what(self) -> str:
-        """What is searched, in words."""
-        given = [f"{name} = {value:g}" for name, value in asdict(self._given).items() if isinstance(value, float | int)]
-        return f"p <= {max(self._orders())}, n <= {max(self._vertical_orders())} reach" + "".join(
-            f", {one} being set" for one in given
-        )
-
     def _meshes(self) -> Iterator[Mesh]:
-        for order, cells, n in product(self._orders(), self._counts(), self._vertical_orders()):
+        for order, cells, n in product(*map(self._values, ("order", "cells", "vertical_order"))):
             mesh = self._errors.mesh(order, cells, n)
             if self._scene.numerics.edge_penalty > 0 or self._current(mesh) <= NEEDED:
                 yield mesh
@@ -220,28 +186,39 @@ class _Search:
                 p, cells, n = mesh.cells.order, round(self._required.length / mesh.cells.size), mesh.vertical_order
                 yield Settings(order=p, cells=cells, vertical_order=n, dt=dt, integrator=self._scheme)
 
-    def longest(self) -> float | None:
-        """Return the longest step that would do where the one that is given does not; None if none is given or does."""
-        if self._given.dt is None:
-            return None
-        return max((settings.dt for settings in self._without("dt").candidates()), default=None)
+    def _without(self, name: str) -> list[Settings]:
+        """Return the candidates if one of the given numerics were searched; none if it is not given."""
+        if name not in self._given:
+            return []
+        given = {key: value for key, value in self._given.items() if key != name}
+        return [*_Search(self._scene, self._required.accuracy, given=given).candidates()]
 
-    def fewest(self) -> int | None:
-        """Return the fewest cells that would do where those that are given do not; None if none are given or do."""
-        if self._given.cells is None:
+    def step_problem(self) -> Problem | None:
+        """Return that the given step is too long, with the longest that is not; None if another is not enough."""
+        if not (others := self._without("dt")):
             return None
-        return min((settings.cells for settings in self._without("cells").candidates()), default=None)
+        longest, accuracy = max(settings.dt for settings in others), self._required.accuracy
+        allowed = f"must be at most {longest:.4g} s, the longest that is stable and accurate to {accuracy:g}"
+        return Problem(("numerics", "dt"), self._scene.numerics.dt, allowed)
 
-    def _without(self, name: str) -> "_Search":
-        """Return the search of the same scene, but for one thing that is given."""
-        free: dict[str, Any] = {name: None}
-        return _Search(self._scene, self._required.accuracy, given=replace(self._given, **free))
+    def cells_problem(self) -> Problem | None:
+        """Return that the given cells are too large, with so many that are not; None if others are not enough."""
+        if not (others := self._without("cells")):
+            return None
+        numerics, accuracy = self._scene.numerics, f"for an accuracy of {self._required.accuracy:g}"
+        fewest = min(settings.cells for settings in others)
+        if numerics.cells is not None:
+            return Problem(("numerics", "cells"), numerics.cells, f"must be more {accuracy}: {fewest} would do")
+        would = f"{self._scene.tank.length / fewest:.4g} m would do"
+        return Problem(("numerics", "cell_size"), numerics.cell_size, f"must be smaller {accuracy}: {would}")
 
     @property
     def reached(self) -> str:
         """The best accuracy that all meshes reach, in words."""
         best = min((self._errors.total(self._errors.space(mesh)) for mesh in self._meshes()), default=np.inf) / AIM
-        what = f"{self.what} with a stable step"
+        given = [f", {name} = {value:g} being set" for name, value in self._given.items() if name != "integrator"]
+        orders = f"p <= {max(self._values('order'))}, n <= {max(self._values('vertical_order'))}"
+        what = f"{orders} reach{''.join(given)} with a stable step"
         return f"must be above {best:.2g}, the best that {what}" if best < 1.0 else f"nothing that {what} is accurate"
 
     def _longest_step(self, mesh: Mesh) -> float:
@@ -251,7 +228,7 @@ class _Search:
         if required.physics == "linear":
             return limit / mesh.largest_frequency
         shifted = mesh.largest_frequency + required.velocity * _k_grid(mesh)
-        solvable = min(float(INTEGRATORS[self._scheme].solvable), FARTHEST * stable / self._quickened)
+        solvable = min(float(INTEGRATORS[self._scheme].solvable), FARTHEST * stable / self._shift)
         return min(limit / shifted, solvable / mesh.largest_frequency)
 
     def _current(self, mesh: Mesh) -> float:
@@ -259,7 +236,7 @@ class _Search:
         required = self._required
         return 0.0 if required.physics == "linear" else required.velocity**2 * _k_grid(mesh) / required.gravity
 
-    # ------------------------------------------------------------------------------------------ what is found
+    # ------------------------------------------------------------------------------------------ prediction
     def own(self) -> Settings:
         """Return the scene's own numerics, defaults resolved."""
         numerics, cells = self._scene.numerics, self._scene.cells
@@ -288,7 +265,7 @@ class _Search:
         )
 
     def plan(self, settings: Settings, costs: CostModel) -> Plan:
-        """Return settings with what is to be expected of them."""
+        """Return settings with their prediction."""
         required, mesh, output_cost = self._required, self._mesh(settings), OutputCost.of(self._scene, settings.dt)
         cost = self.cost(settings, costs)
         entries = entries_of(settings.order, settings.cells, settings.vertical_order)
@@ -329,7 +306,7 @@ def _k_grid(mesh: Mesh) -> float:
 class _Steps:
     """Steps that divide the duration, or some rows of a record, from coarse to fine; or the one that is given.
 
-    What each contributes to the error, and what it misses of a measured motion, is found once.
+    Their contributions to the error, and what they miss of a measured motion, are computed once.
     """
 
     def __init__(self, errors: ErrorModel, required: Requirements, *, scheme: str, given: float | None):
@@ -353,12 +330,12 @@ class _Steps:
         ]
         return [clock.dt for clock in steps if clock.end <= end * (1 + ROUNDING)]
 
-    def _holds(self, dt: float) -> bool:
-        """Return whether a step holds measured motions; what is given is kept, and the run says what it misses.
+    def _resolves(self, dt: float) -> bool:
+        """Return whether a step resolves measured motions; of a given step the run warns.
 
-        Where one of ``BETWEEN`` rows does not, the noise counts: steps that do not resolve the rows hold it by chance.
+        If one of ``BETWEEN`` rows does not, the noise counts: longer steps resolve the motion by chance.
         """
-        limit = HELD * self._required.accuracy
+        limit = OF_MOTION * self._required.accuracy
         return self._given or all(
             (dt <= ROWS[0] * row * (1 + ROUNDING) or self._misses(BETWEEN * row, motion) <= limit)
             and self._misses(dt, motion) <= limit
@@ -379,11 +356,11 @@ class _Steps:
         return self._parts[i]
 
     def largest(self, limit: float, space: ErrorPart) -> float | None:
-        """Return the largest step below ``limit`` [s] that is accurate and holds the motion; None if there is none."""
+        """Return the largest step below ``limit`` [s] that is accurate and resolves the motion; None if none is."""
         low = int(np.searchsorted(-self._dt, -limit))
         high = self._dt.size
         while low < high:
             middle = (low + high) // 2
             accurate = self._errors.total(space, self._part(middle)) <= AIM * self._required.accuracy
             low, high = (low, middle) if accurate else (middle + 1, high)
-        return next((dt for dt in map(float, self._dt[low:]) if self._holds(dt)), None)
+        return next((dt for dt in map(float, self._dt[low:]) if self._resolves(dt)), None)

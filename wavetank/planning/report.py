@@ -1,185 +1,125 @@
-"""``wavetank plan``: light to import; what it needs is loaded when it is called."""
+"""The report of ``wavetank plan``: a table of numerics, or the cost of some steps; energy, sponge and warnings."""
 
+from collections.abc import Iterable, Sequence
+from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
 
-import typer
+from mpi4py import MPI
+from rich.console import Console
+from rich.table import Table
 
-if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
+from wavetank.case import Case
+from wavetank.case.reading import located, read_case
+from wavetank.console import console, format_duration
+from wavetank.errors import InputError
+from wavetank.planning.checks import run_warnings
+from wavetank.planning.cost import BUILT_IN, CostModel, check_affordable, machine_costs, measured_costs, trial
+from wavetank.planning.default_plan import check_resolvable, default_plan, planned
+from wavetank.planning.plan import Plan, make_plan, own_plan
+from wavetank.planning.requirements import absorption, unplanned
+from wavetank.planning.resolution import DEFAULT, resolved, shortest_wave
+from wavetank.run_warning import RunWarning
+from wavetank.simulation.build import build_run
+from wavetank.simulation.construction import told_energy, told_of_sponge
 
-    from wavetank.case import Case
-    from wavetank.planning.cost import CostModel
-    from wavetank.planning.plan import Plan
-    from wavetank.run_warning import RunWarning
 
+def report(path: Path, accuracy: float | None, overrides: Sequence[str], *, calibrate: bool) -> None:
+    """Print the plan of a case, or, where none can be made, the cost of some steps; collective.
 
-def plan(
-    case: Annotated[Path, typer.Argument(help="case file (TOML)", metavar="CASE")],
-    accuracy: Annotated[
-        float | None,
-        typer.Option(help="relative error of the elevation; default: the case's numerics.accuracy, or 0.01"),
-    ] = None,
-    overrides: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="change the case")] = None,
-    calibrate: Annotated[
-        bool, typer.Option("--calibrate", help="measure first, about a minute, what a step costs on this machine")
-    ] = False,
-) -> None:
-    """Say what a case requires, and propose numerics for an accuracy.
-
-    They reach it at least cost. Where numerics.accuracy stands in the case, what is set beside it is kept; else the
-    case's own numerics are judged beside the proposed ones. A case that names none is run with the plan. Of basins,
-    tanks over a bed and starts by formula no plan is made: some steps are run, also under mpirun, and timed.
+    Parameters
+    ----------
+    path, overrides
+        The case file, and ``KEY=VALUE`` changes.
+    accuracy
+        Relative error of the elevation; default: the case's, or ``DEFAULT``.
+    calibrate
+        Whether the cost of steps is measured on this machine before.
     """
-    from wavetank.case.reading import located, read_case
-    from wavetank.console import console
-    from wavetank.planning.requirements import unplanned
-
-    scene, terminal = read_case(case, overrides or []), console()
+    scene, terminal = read_case(path, overrides), console()
     why = unplanned(scene)
-    with located(case, overrides or []):
+    with located(path, overrides):
         if why is not None and accuracy is None and scene.numerics.accuracy is None:
-            _try(scene, why, terminal)
+            _report_trial(scene, why, terminal)
         else:
-            _plan(scene, scene.title or case.stem, accuracy, terminal, calibrate=calibrate)
+            _report_plan(scene, scene.title or path.stem, accuracy, terminal, calibrate=calibrate)
 
 
-def _try(scene: "Case", why: str, terminal: "Console") -> None:
-    """Say what the case as it stands costs; collective."""
-    from math import inf
-
-    from mpi4py import MPI
-
-    from wavetank.console import format_duration
-    from wavetank.planning.checks import run_warnings
-    from wavetank.planning.cost import check_affordable, trial
-    from wavetank.planning.default_plan import planned
-    from wavetank.planning.requirements import absorption
-    from wavetank.planning.resolution import shortest_wave
-    from wavetank.simulation.construction import told_of_sponge
-
-    terminal.print(f"{why}; timing some steps of this one, with its waves in the tank", highlight=False)
-    shortest = str(shortest_wave(scene))
-    scene, warnings = planned(scene, MPI.COMM_WORLD)
-    check_affordable(scene, MPI.COMM_WORLD, longest=inf)
-    seen = trial(scene, MPI.COMM_WORLD)
-    ranks = "1 rank" if MPI.COMM_WORLD.size == 1 else f"{MPI.COMM_WORLD.size} ranks"
-    told = seen.output_cost.description(seen.watching / seen.duration)
-    for line in (
-        seen.summary,
-        *([f"  {shortest}"] if shortest else []),
-        f"  a step: {seen.step:.2g} CPU s on {ranks}, {seen.solves:.1f} interior solves",
-        *([f"  {told}"] if told else []),
-        f"  the run: {format_duration(seen.duration)}, on as many free cores",
-        f"  memory: {seen.memory / 1e6:.0f} MB",
-        *(f"  paddle of {seen.key}: {absorbs}" for seen in scene.paddles if (absorbs := absorption(seen))),
-        *([f"  {sponge}"] if (sponge := told_of_sponge(scene, seen.waves)) else []),
-        *(f"  {line}" for line in (*scene.linear_generation, *_energy(scene))),
-    ):
+def _print(terminal: Console, lines: Iterable[str], warnings: Iterable[RunWarning] = ()) -> None:
+    for line in lines:
         terminal.print(line, highlight=False)
-    _warn(terminal, *warnings, *run_warnings(scene, seen.clock, seen.waves))
-
-
-def _warn(terminal: "Console", *warnings: "RunWarning | str") -> None:
-    """Print what a run of the scene warns of before its first step."""
     for warning in warnings:
         terminal.print(f"warning: {warning}", style="bold red", highlight=False)
 
 
-def _energy(scene: "Case") -> list[str]:
-    """Return the energy that is computed with, in words, a line each."""
-    from wavetank.simulation.construction import told_energy
+def _report_trial(case: Case, why: str, terminal: Console) -> None:
+    """Print the cost of the case's own numerics; collective."""
+    comm = MPI.COMM_WORLD
+    _print(terminal, [f"{why}; timing some steps of this one, with its waves in the tank"])
+    scene, warnings = planned(case, comm)
+    check_affordable(scene, comm, longest=inf)
+    result = trial(scene, comm)
+    ranks = "1 rank" if comm.size == 1 else f"{comm.size} ranks"
+    lines = (
+        str(shortest_wave(case)),
+        f"a step: {result.step:.2g} CPU s on {ranks}, {result.solves:.1f} interior solves",
+        result.output_cost.description(result.watching / result.duration),
+        f"the run: {format_duration(result.duration)}, on as many free cores",
+        f"memory: {result.memory / 1e6:.0f} MB",
+        *(f"paddle of {view.key}: {absorbs}" for view in scene.paddles if (absorbs := absorption(view))),
+        told_of_sponge(scene, result.waves),
+        *scene.linear_generation,
+        *_energy(scene),
+    )
+    warnings = *warnings, *run_warnings(scene, result.clock, result.waves, accuracy=case.numerics.accuracy)
+    _print(terminal, [result.summary, *(f"  {line}" for line in lines if line)], warnings)
 
+
+def _energy(scene: Case) -> list[str]:
+    """Return the parts of the energy, a line each."""
     parts = (f"  {line}" for line in told_energy(scene))
     return ["energy: the sum of its parts, of which all else is a derivative", *parts]
 
 
-def _plan(scene: "Case", name: str, accuracy: float | None, terminal: "Console", *, calibrate: bool) -> None:
-    """Propose numerics for the accuracy, that of the case, or the default."""
-    from mpi4py import MPI
-
-    from wavetank.errors import InputError
-    from wavetank.planning.checks import cut_starts
-    from wavetank.planning.cost import known_costs, measured_costs
-    from wavetank.planning.default_plan import check_held, default_plan, planned
-    from wavetank.planning.plan import make_plan
-    from wavetank.planning.resolution import DEFAULT
-
-    if MPI.COMM_WORLD.size > 1:
-        raise InputError(f"{MPI.COMM_WORLD.size} ranks received; a plan is made without mpirun.")
-    check_held(scene)
-    wanted = (scene.numerics.accuracy or DEFAULT) if accuracy is None else accuracy
-    proposed = (default_plan(scene) if accuracy is None else None) or make_plan(scene, wanted)
-    costs = measured_costs() if calibrate else known_costs()
-    terminal.print(f"{name}, to a relative error of the elevation of {proposed.accuracy:g}:", highlight=False)
-    for reason in (*proposed.reasons, *_energy(proposed.applied_to(scene))):
-        terminal.print(f"  {reason}", highlight=False)
-    own = _own(scene, wanted)
-    terminal.print(_table(proposed, own, costs))
-    for line in (_use(scene, accuracy, wanted), f"CPU seconds are those of {costs.machine}{_elsewhere(costs)}."):
-        terminal.print(line, highlight=False)
-    as_it_stands = accuracy is None or own is not None
-    used, warnings = (
-        planned(scene, MPI.COMM_WORLD) if as_it_stands else (proposed.applied_to(scene), cut_starts(scene, wanted))
-    )
-    sponge, forewarned = _built(used)
-    if sponge:
-        terminal.print(sponge, highlight=False)
-    _warn(terminal, *warnings, *forewarned)
+def _report_plan(case: Case, name: str, accuracy: float | None, terminal: Console, *, calibrate: bool) -> None:
+    """Print the plan for the accuracy, beside the case's own numerics if it names some."""
+    comm = MPI.COMM_WORLD
+    if comm.size > 1:
+        raise InputError(f"{comm.size} ranks received; a plan is made without mpirun.")
+    check_resolvable(case)
+    required = (case.numerics.accuracy or DEFAULT) if accuracy is None else accuracy
+    proposed = (default_plan(case) if accuracy is None else None) or make_plan(case, required)
+    costs = measured_costs() if calibrate else machine_costs()
+    _print(terminal, [f"{name}, to a relative error of the elevation of {proposed.accuracy:g}:"])
+    _print(terminal, (f"  {reason}" for reason in (*proposed.reasons, *_energy(proposed.applied_to(case)))))
+    plans = {"plan": proposed}
+    if not case.numerics.open:
+        plans["as the case stands"] = own_plan(resolved(case), required)
+    terminal.print(_table(plans, costs))
+    use = f"numerics.accuracy = {required:g} in the case makes `wavetank run` use this plan."
+    if accuracy is None and case.numerics.open:
+        use = "`wavetank run` uses this plan."
+    elsewhere = "; with --calibrate this one is measured, in about a minute" if costs is BUILT_IN else ""
+    _print(terminal, [use, f"CPU seconds are those of {costs.machine}{elsewhere}."])
+    if accuracy is None or not case.numerics.open:
+        (scene, warnings), required_of_start = planned(case, comm), case.numerics.accuracy
+    else:
+        scene, warnings, required_of_start = proposed.applied_to(case), (), required
+    check_affordable(scene, comm, longest=inf)
+    run, waves = build_run(scene, comm)  # raises the errors of a run
+    sponge = told_of_sponge(scene, waves)
+    warnings = *warnings, *run_warnings(scene, run.clock, waves, accuracy=required_of_start)
+    _print(terminal, [sponge] if sponge else [], warnings)
 
 
-def _built(scene: "Case") -> tuple[str, "list[RunWarning]"]:
-    """Return what is told of a scene's sponge, and what is doubtful of a run; raises ``InputError`` as the run does."""
-    from math import inf
-
-    from mpi4py import MPI
-
-    from wavetank.planning.checks import run_warnings
-    from wavetank.planning.cost import check_affordable
-    from wavetank.simulation.build import build_run
-    from wavetank.simulation.construction import told_of_sponge
-
-    check_affordable(scene, MPI.COMM_WORLD, longest=inf)
-    run, waves = build_run(scene, MPI.COMM_WORLD)
-    return told_of_sponge(scene, waves), run_warnings(scene, run.clock, waves)
-
-
-def _use(scene: "Case", accuracy: float | None, wanted: float) -> str:
-    """Return what makes a run use the plan."""
-    if accuracy is None and scene.numerics.open:
-        return "`wavetank run` uses this plan."
-    return f"numerics.accuracy = {wanted:g} in the case makes `wavetank run` use this plan."
-
-
-def _elsewhere(costs: "CostModel") -> str:
-    from wavetank.planning.cost import BUILT_IN
-
-    return "; with --calibrate this one is measured, in about a minute" if costs is BUILT_IN else ""
-
-
-def _own(scene: "Case", accuracy: float) -> "Plan | None":
-    """Return what is to be expected of the case's own numerics, or None where they are planned."""
-    if scene.numerics.open:
-        return None
-    from wavetank.planning.plan import own_plan
-    from wavetank.planning.resolution import resolved
-
-    return own_plan(resolved(scene), accuracy)
-
-
-def _table(proposed: "Plan", own: "Plan | None", costs: "CostModel") -> "Table":
-    from rich.table import Table
-
-    plans = {"plan": proposed} if own is None else {"plan": proposed, "as the case stands": own}
+def _table(plans: dict[str, Plan], costs: CostModel) -> Table:
     table = Table("", *plans)
-    columns = [_rows(one, costs) for one in plans.values()]
+    columns = [_figures(one, costs) for one in plans.values()]
     for name in columns[0]:
         table.add_row(name, *(column[name] for column in columns))
     return table
 
 
-def _rows(plan: "Plan", costs: "CostModel") -> dict[str, str]:
+def _figures(plan: Plan, costs: CostModel) -> dict[str, str]:
     settings, cost = plan.settings, plan.cost_by(costs)
     return {
         "water": plan.physics,

@@ -1,10 +1,9 @@
-"""Resolution: cells, vertical order and time step for an accuracy, and the error that they leave.
+"""Resolution: cells, vertical order and time step for an accuracy, and the predicted error.
 
-The numerics of a case that does not name them, where no plan can be made: by the shortest wave that is known of it.
-
-It is looked for in the paddle's motion, in the initial surface and in the bed: the wave number (of the motion, the
-frequency) below which nearly all of the power lies, or of a measured motion all that stands out of its noise. Where the
-bed varies, waves of a frequency are shortest where it is shallow, and the vertical order is needed where it is deep.
+**Numerics of a case that does not name them, if no plan can be made**, follow its shortest wave: the wave number (of a
+motion, the frequency) below which nearly all of the power of the paddle's motion, the initial surface and the bed lies;
+of a measured motion only what exceeds its noise counts. Over a bed waves are shortest at the smallest depth, and the
+vertical order is determined at the largest.
 
 A steep initial surface generates bound harmonics that its spectrum lacks. Each of Stokes' harmonics above ``DEFAULT``
 of the first makes the shortest wave shorter. On meshes of the first harmonic alone the edge penalty took 4.5 to 22 % of
@@ -14,45 +13,42 @@ Along a slice over a bed the order is 4 and cells are ``COARSER`` than those of 
 Over submerged bars this has an error of about 1 % in 0.85 of the time of order 3, which has 0.9 to 2.3 %
 (docs/plan.md). In basins order 3 costs as little.
 
-How well steps hold a paddle's motion: the displacement that a scheme sees of its velocity.
-
-A scheme looks at the velocity at its nodes c_i alone. What the paddle moves by in a step it takes for the quadrature
+**The displacement of a paddle.** A scheme evaluates the velocity at its nodes c_i. The paddle's displacement in a step
+is then the quadrature
 
     dt sum_i b_i v(t + c_i dt),     sum_i b_i c_i^m = 1 / (m + 1) for m = 0, 1, ...,
 
-and what that misses of the difference of positions adds up. Of a measured motion long steps see the noise of single
-rows as if it lasted.
+and its differences from the positions add up. With long steps the noise of single rows of a measured motion counts as
+motion.
 
-The error of the elevation to expect of a discretisation, before anything is run.
-
-A component of frequency omega, followed for its age, has its phase wrong by
+**The error of the elevation** is predicted before a run. A component of frequency omega, of the age of its waves, has
+the phase error
 
     Phi = omega age sum_m w_m ( |e_space(m k)| + |e_time(m omega dt)| ),     w_m = m r_m² / sum_l l r_l²,
 
 e being relative errors of the frequency (``dispersion.py``) and r_m the relative amplitudes of bound harmonics: they
-travel with the wave and drag its phase along in proportion to their energy. To 2 sin(s Phi / 2), s² = sum_m m² r_m² /
+travel with the wave and change its phase in proportion to their energy. To 2 sin(s Phi / 2), s² = sum_m m² r_m² /
 sum_m r_m² being the mean square slope of the form, come the bounded errors, of the nodal values and of the start in
-the scheme's other modes, and the root mean square over the components, weighted with their energies, is the
-prediction. Frequencies in space are too high, always (the discrete potential has more energy than the exact one), and
-so are those of the schemes but for Gauss-Legendre's: what might cancel is not counted upon.
+the scheme's other modes; the root mean square over the components, weighted with their energies, is the prediction.
+Frequencies in space are always too high (the discrete potential has more energy than the exact one), and so are those
+of the schemes except Gauss-Legendre's: errors that might cancel are added.
 
-Products of waves cost the discretisation its superconvergence: what the cells do not hold of the harmonics, tau_m,
-enters directly, as ``PRODUCTS`` (k a omega age sum_(m > 1) r_m² tau_m²)^(1/2), of a group at most the time for which it
-is steep: twice int A² dt over the square of its highest A. Form and constant are empirical, from standing waves and
-waves of permanent form; single runs scatter about it, as harmonics resonate with branches of the
-mesh or do not: of 46 waves of permanent form 29 have their error predicted within a factor of three (docs/plan.md).
-Linear waves have none of this.
+Products of waves cost the discretisation its superconvergence: the part tau_m of the harmonics that the cells do not
+represent enters as ``PRODUCTS`` (k a omega age sum_(m > 1) r_m² tau_m²)^(1/2), the age of a group being at most the
+time for which it is steep: twice int A² dt over the square of its highest A. Form and constant are empirical, from
+standing waves and waves of permanent form; single runs scatter about it, as harmonics may resonate with branches of the
+mesh: of 46 waves of permanent form 29 have their error predicted within a factor of three (docs/plan.md). Linear waves
+have no such part.
 
-A solitary wave that meets a wall has its run-up beside that (``requirements.py``): the larger of both errors counts.
+Of a solitary wave that meets a wall the larger of this error and that of its run-up (``requirements.py``) counts.
 
-Elevations are compared with an exact computation of the same waves. Between walls that reflect a paddle's waves age
+The elevation is compared with an exact computation of the same waves. Between walls that reflect a paddle's waves age
 with the run (``travel.py``). Paddles that absorb add an error of the step (``requirements.py``).
 """
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -68,7 +64,7 @@ from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
 from wavetank.mpi import on_first
-from wavetank.planning.dispersion import BlochWaves, Cells, Mesh, relative_frequency_error, step_errors
+from wavetank.planning.dispersion import BlochWaves, Mesh, UniformCells, relative_frequency_error, step_errors
 from wavetank.planning.requirements import (
     ABSORPTION_POWER,
     Requirements,
@@ -159,8 +155,8 @@ def _frequency(k: float, scene: Case) -> float:
 
 def by_rule(scene: Case) -> Case:
     """Return the scene with the cells and vertical order that it would get if it named its order alone of the three."""
-    kept = scene.numerics.model_fields_set - {"cells", "cell_size", "vertical_order"} | {"order"}
-    numerics = Numerics(**{key: getattr(scene.numerics, key) for key in kept})
+    keys = scene.numerics.model_fields_set - {"cells", "cell_size", "vertical_order"} | {"order"}
+    numerics = Numerics(**{key: getattr(scene.numerics, key) for key in keys})
     return resolved(scene.model_copy(update={"numerics": numerics}))
 
 
@@ -187,11 +183,11 @@ def vertical_order_for(kd: float) -> int:
 
 def _of_motion(scene: Case) -> float:
     """Return the frequency below which the paddles move [rad/s]; 0 if they stand still."""
-    return max((frequency_below(seen, POWER) for seen in scene.paddles), default=0.0)
+    return max((frequency_below(view, POWER) for view in scene.paddles), default=0.0)
 
 
-def frequency_below(end: EndWall, share: float) -> float:
-    """Return the frequency below which a share of the power of a paddle's motion lies [rad/s]; 0 if it is at rest."""
+def frequency_below(end: EndWall, fraction: float) -> float:
+    """Return the frequency below which a fraction of the power of a paddle's motion lies [rad/s]; 0 at rest."""
     motion = end.motion()
     if not motion.moves:
         return 0.0
@@ -200,7 +196,7 @@ def frequency_below(end: EndWall, share: float) -> float:
     def ending(t: Vector) -> Vector:  # gently: a motion that is cut has all frequencies
         return np.asarray((velocity(t).T * tapered(np.asarray(t / duration))).T)
 
-    period = paddle_period(ending, duration=duration, tank=end.tank, fraction=share)
+    period = paddle_period(ending, duration=duration, tank=end.tank, fraction=fraction)
     return 0.0 if period is None else min(2 * np.pi / period, highest_frequency(end, DEFAULT))
 
 
@@ -263,11 +259,11 @@ def _through(scene: Case) -> list[tuple[Vector, Vector, Vector]]:
         return [(x, x, np.zeros_like(x))]
     if scene.tank.layout.box is None:
         return []
-    left, low, right, high = scene.tank.layout.box
-    x, y = (np.linspace(*ends, POINTS, dtype=np.float64) for ends in ((left, right), (low, high)))
+    x_min, y_min, x_max, y_max = scene.tank.layout.box
+    x, y = (np.linspace(*ends, POINTS, dtype=np.float64) for ends in ((x_min, x_max), (y_min, y_max)))
     one, parts = np.ones(POINTS), [(n + 0.5) / LINES for n in range(LINES)]
-    along = [(x, x, (low + part * (high - low)) * one) for part in parts]
-    return along + [(y, (left + part * (right - left)) * one, y) for part in parts]
+    along = [(x, x, (y_min + part * (y_max - y_min)) * one) for part in parts]
+    return along + [(y, (x_min + part * (x_max - x_min)) * one, y) for part in parts]
 
 
 def _spectrum(values: Vector, x: Vector, *, periodic: bool = False) -> tuple[Vector, NDArray[np.complex128]]:
@@ -290,68 +286,24 @@ def _shortest(k: Vector, power: Vector, *, missing: float) -> float:
     return float(k[np.searchsorted(np.cumsum(power), (1 - missing) * power.sum())])
 
 
-HELD = 0.01  # what mesh and step may miss: of waves, of their speed
-SHORTEST = 0.1  # of the power of a paddle's velocity: its shortest waves
-
-
-def waves_missed(scene: Case, cell_size: float) -> Iterator[str]:
-    """Yield a sentence for each paddle whose waves the cells, of a size [m], miss, and if the vertical order does.
-
-    Cells are judged where it is shallow and waves are short, the vertical order where it is deep.
-    """
-    bed = bed_shape(scene)
-    missing = partial(_by_cells, scene, cell_size, bed.shallow), partial(_by_order, scene, bed.deep)
-    for seen in scene.paddles:
-        if (period := seen.period) is None:
-            continue
-        waves = {
-            "the paddle's waves": 2 * np.pi / period,
-            f"the shortest {SHORTEST:.0%} of the paddle's waves": frequency_below(seen, 1 - SHORTEST),
-        }
-        for missed in missing:
-            yield from [told for which, omega in waves.items() if (told := missed(which, omega))][:1]
+MISSED = 0.01  # that mesh and step may miss: of the speed of waves, of a paddle's displacement
 
 
 def too_short(scene: Case) -> Iterator[Problem]:
-    """Yield a problem for each paddle most of whose waves no numerics hold that are chosen for a case."""
+    """Yield a problem for each paddle whose mean waves no planned numerics resolve."""
     depth, g = bed_shape(scene).deep, scene.tank.gravity
-    for seen in scene.paddles:
-        if (period := seen.period) is None:
+    for view in scene.paddles:
+        if (period := view.period) is None:
             continue
-        omega = min(2 * np.pi / period, highest_frequency(seen, DEFAULT))
+        omega = min(2 * np.pi / period, highest_frequency(view, DEFAULT))
         k = float(wave_number(omega, depth, g))
-        if relative_frequency_error(k * depth, HIGHEST_VERTICAL_ORDER) > HELD:
+        if relative_frequency_error(k * depth, HIGHEST_VERTICAL_ORDER) > MISSED:
             size = f"T = {2 * np.pi / omega:.3g} s, {2 * np.pi / k:.2g} m long in water {depth:.3g} m deep"
-            held = f"no vertical order holds its waves of {size}"
-            yield Problem((seen.key, "motion"), None, f"{held}: they are the same in a tank that is less deep")
+            allowed = f"no vertical order resolves its waves of {size}: they are the same in a tank that is less deep"
+            yield Problem((view.key, "motion"), None, allowed)
 
 
-def _by_cells(scene: Case, cell_size: float, depth: float, which: str, omega: float) -> str:
-    """Return what the cells miss of waves of a frequency [rad/s], a sentence; empty if they hold them."""
-    k, order, g = float(wave_number(omega, depth, scene.tank.gravity)), scene.numerics.order, scene.tank.gravity
-    mesh = Mesh(cells=Cells(order, cell_size), vertical_order=scene.numerics.vertical_order, depth=depth, gravity=g)
-    missed = float(mesh.surface_frequency(mesh.cells.waves(k).mean) / mesh.surface_frequency(k**2)) - 1.0
-    if missed <= HELD:
-        return ""
-    length = 2 * np.pi / k
-    nodes = f"cells of {cell_size:.3g} m and order {order} leave {order * length / cell_size:.2g} nodes to {which}"
-    size = f"T = {2 * np.pi / omega:.3g} s, {length:.3g} m long in water {depth:.3g} m deep"
-    how = "carry none as short" if np.isnan(missed) else f"miss their speed by {missed:.1%}"
-    return f"{nodes}, {size}, and {how}: cells of {cell_size_for(k, order):.2g} m hold them"
-
-
-def _by_order(scene: Case, depth: float, which: str, omega: float) -> str:
-    """Return what the vertical order misses of waves of a frequency [rad/s], a sentence; empty if it holds them."""
-    kd, order = float(wave_number(omega, depth, scene.tank.gravity)) * depth, scene.numerics.vertical_order
-    missed, enough = relative_frequency_error(kd, order), vertical_order_for(kd)
-    if missed <= HELD:
-        return ""
-    waves = f"{which}, T = {2 * np.pi / omega:.3g} s, in water {depth:.3g} m deep (k d = {kd:.3g})"
-    held = f"an order of {enough} holds them" if relative_frequency_error(kd, enough) <= HELD else "no order holds them"
-    return f"numerics.vertical_order = {order} misses the speed of {waves} by {missed:.1%}: {held}"
-
-
-TOGETHER, BLOCKS = 500, 8  # steps in a row over which it is added up, and of a longer run how many such rows
+ROW, BLOCKS = 500, 8  # consecutive steps over which it is summed, and number of such rows of a longer run
 
 
 def stroke_missed(
@@ -371,16 +323,16 @@ def stroke_missed(
     dt, steps
         The step [s], and how many there are.
     nodes
-        Of the scheme: where in a step it looks, shares of it.
+        Of the scheme, fractions of the step.
     """
-    together = min(steps, TOGETHER)
-    starts = np.unique(np.linspace(0, steps - together, min(BLOCKS, -(-steps // together))).astype(int))
-    begin = dt * np.add.outer(starts, np.arange(together)).ravel()
+    row = min(steps, ROW)
+    starts = np.unique(np.linspace(0, steps - row, min(BLOCKS, -(-steps // row))).astype(int))
+    begin = dt * np.add.outer(starts, np.arange(row)).ravel()
     powers = np.arange(len(nodes))
     weights = np.linalg.solve(np.power.outer(np.asarray(nodes, dtype=float), powers).T, 1.0 / (powers + 1))
-    seen = dt * sum(weight * velocity(begin + node * dt) for weight, node in zip(weights, nodes, strict=True))
+    quadrature = dt * sum(weight * velocity(begin + node * dt) for weight, node in zip(weights, nodes, strict=True))
     before = position(begin)
-    off = np.cumsum((seen - position(begin + dt) + before).reshape(starts.size, together, -1), axis=1)
+    off = np.cumsum((quadrature - position(begin + dt) + before).reshape(starts.size, row, -1), axis=1)
     stroke = float(np.std(before))
     return float(np.sqrt(np.mean(off**2))) / stroke if stroke > 0.0 else 0.0
 
@@ -391,7 +343,7 @@ SURELY = 1.1  # of the longest step: a tank's largest frequency is below that of
 def still_mesh(scene: Case, cell_size: float) -> Mesh:
     """Return cells of a size [m] with a scene's numerics, over still water of its tank's depth."""
     chosen, tank = scene.numerics, scene.tank
-    cells = Cells(chosen.order, cell_size)
+    cells = UniformCells(chosen.order, cell_size)
     return Mesh(cells=cells, vertical_order=chosen.vertical_order, depth=tank.depth, gravity=tank.gravity)
 
 
@@ -471,10 +423,10 @@ class ErrorModel:
         self._energy = waves.amplitude**2 / np.sum(waves.amplitude**2)
         self._k = np.multiply.outer(waves.k, self._m)
         self._exact = airy.angular_frequency(self._k, required.depth, required.gravity)
-        self._known: dict[tuple[int, int], Cells] = {}
+        self._cells_of: dict[tuple[int, int], UniformCells] = {}
         self._meshes: dict[tuple[int, int, int], Mesh] = {}
-        self._waves: dict[Cells, BlochWaves] = {}
-        self._products: dict[Cells, Vector] = {}
+        self._waves: dict[UniformCells, BlochWaves] = {}
+        self._products: dict[UniformCells, Vector] = {}
 
     def _part(self, frequency: Vector, bounded: Vector) -> ErrorPart:
         """Return the part of relative errors per component and harmonic, shape (N, M); ``nan`` is a wave lost."""
@@ -491,15 +443,15 @@ class ErrorModel:
             )
         return self._meshes[key]
 
-    def _cells(self, order: int, cells: int) -> Cells:
-        if (order, cells) not in self._known:
-            along = Cells(order, self._required.length / cells)
-            self._known[order, cells] = along
+    def _cells(self, order: int, cells: int) -> UniformCells:
+        if (order, cells) not in self._cells_of:
+            along = UniformCells(order, self._required.length / cells)
+            self._cells_of[order, cells] = along
             self._waves[along] = along.waves(self._k)
             self._products[along] = self._of_products(along)
-        return self._known[order, cells]
+        return self._cells_of[order, cells]
 
-    def _of_products(self, cells: Cells) -> Vector:
+    def _of_products(self, cells: UniformCells) -> Vector:
         missing = np.sqrt(cells.truncation_error(self._k[:, 1:]) ** 2 @ self._ratios[1:] ** 2)
         steep = self._required.waves.omega * np.minimum(self._required.waves.age, self._required.lasting)
         return np.asarray(PRODUCTS * np.sqrt(self._required.steepness * steep) * missing)

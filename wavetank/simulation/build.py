@@ -344,11 +344,12 @@ def _rows(window: Window) -> EveryTimeBetween:
 
 
 def told_of_end(scene: Case, clock: Clock) -> str:
-    """Return that a run's last step ends beyond its duration; empty where it does not."""
-    if clock.end <= scene.run.duration * (1 + ROUNDING):
+    """Return that a run's last step ends before or beyond its duration; empty if it does not."""
+    if abs(clock.end - scene.run.duration) <= ROUNDING * scene.run.duration:
         return ""
     step = f"a whole step of {clock.dt:.4g} s"
-    return f"the run ends at {clock.end:.6g} s, with {step}, not at {scene.run.duration:.6g} s"
+    beyond = "" if clock.end > scene.run.duration else ": one more step would end beyond the recorded motion"
+    return f"the run ends at {clock.end:.6g} s, with {step}, not at {scene.run.duration:.6g} s{beyond}"
 
 
 def told_of_ranks(waves: AnyWaves) -> str:

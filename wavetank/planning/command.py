@@ -1,0 +1,68 @@
+"""``wavetank plan`` and ``wavetank motion``, light to import: the commands import what they need."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Case = Annotated[Path, typer.Argument(help="case file (TOML)", metavar="CASE")]
+Overrides = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="change the case")]
+
+
+class Format(StrEnum):
+    """The format of a motion file."""
+
+    CSV = "csv"
+    TXT = "txt"
+
+
+def plan(
+    case: Case,
+    accuracy: Annotated[
+        float | None,
+        typer.Option(help="relative error of the elevation; default: the case's numerics.accuracy, or 0.01"),
+    ] = None,
+    overrides: Overrides = None,
+    calibrate: Annotated[
+        bool, typer.Option("--calibrate", help="measure first, about a minute, what a step costs on this machine")
+    ] = False,
+) -> None:
+    """Say what a case requires, and propose numerics for an accuracy.
+
+    They reach it at least cost. Where numerics.accuracy stands in the case, what is set beside it is kept; else the
+    case's own numerics are judged beside the proposed ones. A case that names none is run with the plan. Of basins,
+    tanks over a bed and starts by formula no plan is made: some steps are run, also under mpirun, and timed.
+    """
+    from wavetank.planning.report import report
+
+    report(case, accuracy, overrides or [], calibrate=calibrate)
+
+
+def motion(
+    case: Case,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="file to write, never over another; default: the case's name, -paddle.csv; where both walls move, "
+            "-far is added to the name of the far one's"
+        ),
+    ] = None,
+    rate: Annotated[float, typer.Option(help="rows a second [Hz]", min=1e-3, max=1e6)] = 100.0,
+    form: Annotated[
+        Format,
+        typer.Option("--format", help="csv: t, position, velocity, acceleration; txt: t and position, no names"),
+    ] = Format.CSV,
+    ramp_down: Annotated[
+        bool, typer.Option("--ramp-down/--no-ramp-down", help="add rows after the run until the paddle is at rest")
+    ] = True,
+    overrides: Overrides = None,
+) -> None:
+    """Write the paddle's motion as a wave board reads it.
+
+    A case of type "recorded" reads the file back, as its position, and runs the same. Of a flap the CSV file has its
+    angle, too, and the height above the bed of which the position is.
+    """
+    from wavetank.planning.motion_file import write_motion
+
+    write_motion(case, out, rate, form, overrides or [], ramp_down=ramp_down)
