@@ -1,6 +1,6 @@
 """Views and maps of basins: oracles are the waves, walls and beds that were put in, and where a camera shows them."""
 
-from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ from wavetank.plots import basin, view, view_command
 from wavetank.plots.basin import BasinSurface, Extremes, history
 from wavetank.plots.figures import draw_run
 from wavetank.plots.style import mark_places, remove_overlaps
-from wavetank.plots.tank_scene import COVER, ELEVATION, HEIGHT, VEIL, BasinView
+from wavetank.plots.tank_scene import ELEVATION, HEIGHT, OPACITY, SPONGE_COLOUR, BasinView
 from wavetank.plots.view import FORMATS
 
 LENGTH, WIDTH, DEPTH, HEIGHT_OF_WAVES = 8.0, 4.0, 0.5, 0.1  # m
@@ -38,6 +38,9 @@ class Rank:
 
     def allgather(self, value):
         return [value]
+
+    def Ibarrier(self):
+        return SimpleNamespace(Test=lambda: True)
 
 
 def travelling(x, y, t):
@@ -143,17 +146,17 @@ def test_pieces_of_two_and_three_ranks_are_one_surface(tmp_path):
     def told(ranks):
         parts = {"paddle": swinging, "depth": shoal, "kept": around, "times": TIMES[:12]}
         surface = BasinSurface(record(tmp_path / str(ranks), ranks=ranks, **parts))
-        came_to = history(surface)
+        waves = history(surface)
         place = surface.first[:, :2].round(9)
         order = np.lexsort(place.T)
-        columns = [surface.at(0.7), surface.depth, came_to.travel, came_to.extremes.high, came_to.crest]
+        columns = [surface.at(0.7), surface.depth, waves.displacement, waves.high, waves.crest]
         loops = [sorted(map(tuple, place[loop])) for loop in surface.loops]
-        sizes = [came_to.usual, came_to.slope, came_to.crest_time, len(surface.pieces)]
+        sizes = [*waves.waves, len(surface.pieces)]
         return (
             np.column_stack(columns)[order],
             loops,
             sizes,
-            [place[wall.points].tolist() for wall in surface.moving_walls(came_to.travel)],
+            [place[wall.points].tolist() for wall in surface.moving_walls(waves.displacement)],
         )
 
     alone, others = told(1), [told(ranks) for ranks in (2, 3)]
@@ -170,23 +173,23 @@ def test_the_rim_is_the_walls_then_the_islands(tmp_path):
 
 def test_the_paddle_is_the_wall_that_moves_across_its_plane(tmp_path):
     surface = BasinSurface(record(tmp_path / "run", paddle=swinging, kept=around))
-    (paddle,) = surface.moving_walls(history(surface).travel)
+    (paddle,) = surface.moving_walls(history(surface).displacement)
     x, y = surface.first[paddle.points, :2].T
     assert np.sort(y) == pytest.approx(np.linspace(0.0, WIDTH, 25)) and np.all(np.diff(y) < 0)
     assert np.all(np.abs(x) < 1e-9)
     assert paddle.outward == pytest.approx([-1.0, 0.0])
     still = BasinSurface(record(tmp_path / "still", times=TIMES[:2]))
-    assert still.moving_walls(history(still).travel) == []
+    assert still.moving_walls(history(still).displacement) == []
 
 
 def test_a_far_wall_that_moves_is_another_paddle(tmp_path):
     both = BasinView(record(tmp_path / "both", paddle=swinging, far=swinging, times=TIMES[:8]))
-    near = BasinView(record(tmp_path / "near", paddle=swinging, times=TIMES[:8])).at(PERIOD / 4).paddle
-    sight = both.at(PERIOD / 4)
+    near = BasinView(record(tmp_path / "near", paddle=swinging, times=TIMES[:8])).at(PERIOD / 4)["paddle"]
+    meshes = both.at(PERIOD / 4)
     low, high = sorted((swinging(0.0, PERIOD / 4), swinging(WIDTH, PERIOD / 4)))
-    assert sight.paddle.n_points == 2 * near.n_points
-    assert sight.paddle.bounds[1] == pytest.approx(LENGTH - low + 0.006 * both.extent, abs=1e-6)
-    assert sight.paddle.bounds[0] == pytest.approx(near.bounds[0], abs=1e-6)
+    assert meshes["paddle"].n_points == 2 * near.n_points
+    assert meshes["paddle"].bounds[1] == pytest.approx(LENGTH - low + 0.006 * both.extent, abs=1e-6)
+    assert meshes["paddle"].bounds[0] == pytest.approx(near.bounds[0], abs=1e-6)
 
 
 def test_crests_between_snapshots_are_found():
@@ -205,37 +208,37 @@ def test_crests_between_snapshots_are_found():
 # ---------------------------------------------------------------- what is seen
 def test_the_water_reaches_from_the_bed_to_the_surface_with_the_crest_where_it_is(tmp_path):
     tank = BasinView(record(tmp_path / "run", depth=shoal, kept=around, times=TIMES[:13]))
-    sight = tank.at(PERIOD / 2)
-    assert sight.surface[ELEVATION] == pytest.approx(100 * sight.surface.points[:, 2], abs=1e-5)
-    x, _, z = sight.surface.points.T
+    meshes = tank.at(PERIOD / 2)
+    assert meshes["surface"][ELEVATION] == pytest.approx(100 * meshes["surface"].points[:, 2], abs=1e-5)
+    x, _, z = meshes["surface"].points.T
     assert np.abs(x[z > 0.99 * z.max()] % WAVE - WAVE / 2).max() < 0.1  # crests at 1, 3, 5 and 7 m
-    x, y, z = sight.sides.points.T
+    x, y, z = meshes["sides"].points.T
     foot = z < -0.1
     assert z[foot] == pytest.approx(-shoal(x[foot], y[foot]), abs=1e-6)
     assert z[~foot] == pytest.approx(travelling(x[~foot], 0, PERIOD / 2), abs=1e-6)
-    assert sight.sides[HEIGHT] == pytest.approx(z)
+    assert meshes["sides"][HEIGHT] == pytest.approx(z)
     assert np.hypot(x - 4.5, y - 1.5).min() == pytest.approx(0.5)  # the island's, too
     assert tank.depth == pytest.approx(DEPTH, abs=1e-6)
 
 
 def test_the_paddle_stands_at_its_moving_place_over_the_bed(tmp_path):
     tank = BasinView(record(tmp_path / "run", paddle=swinging))
-    bed = next(part for part in tank.parts() if part.name == "bed").mesh
+    bed = tank.fixed()["bed"]
     for t in (PERIOD / 4, 3 * PERIOD / 4):
-        sight = tank.at(t)
+        meshes = tank.at(t)
         low, high = sorted((swinging(0.0, t), swinging(WIDTH, t)))
-        assert sight.paddle.bounds[1] == pytest.approx(high, abs=1e-6)
-        assert sight.paddle.bounds[0] == pytest.approx(low - 0.006 * tank.extent, abs=1e-6)
-        assert sight.paddle.bounds[4] == pytest.approx(-DEPTH) and sight.paddle.bounds[5] > HEIGHT_OF_WAVES / 2
-        assert sight.surface.bounds[0] == pytest.approx(low, abs=1e-6)
-        assert bed.bounds[0] <= sight.paddle.bounds[0] + 1e-6
-    assert BasinView(record(tmp_path / "still", times=TIMES[:2])).at(0.0).paddle is None
+        assert meshes["paddle"].bounds[1] == pytest.approx(high, abs=1e-6)
+        assert meshes["paddle"].bounds[0] == pytest.approx(low - 0.006 * tank.extent, abs=1e-6)
+        assert meshes["paddle"].bounds[4] == pytest.approx(-DEPTH) and meshes["paddle"].bounds[5] > HEIGHT_OF_WAVES / 2
+        assert meshes["surface"].bounds[0] == pytest.approx(low, abs=1e-6)
+        assert bed.bounds[0] <= meshes["paddle"].bounds[0] + 1e-6
+    assert "paddle" not in BasinView(record(tmp_path / "still", times=TIMES[:2])).at(0.0)
 
 
 def test_a_shoal_is_told_by_lines_of_its_depth_on_the_surface(tmp_path):
     tank = BasinView(record(tmp_path / "run", depth=shoal))
     assert tank.note == "lines of still-water depth 0.25, 0.3, 0.35, 0.4, 0.45 m"
-    lines = tank.at(0.3).contours.points
+    lines = tank.at(0.3)["contours"].points
     x, y, z = lines.T
     depths = shoal(x, y)
     levels = np.array([0.25, 0.3, 0.35, 0.4, 0.45])
@@ -244,16 +247,16 @@ def test_a_shoal_is_told_by_lines_of_its_depth_on_the_surface(tmp_path):
     assert z == pytest.approx(travelling(x, y, 0.3), abs=0.05 * HEIGHT_OF_WAVES)
     assert np.all(z > travelling(x, y, 0.3) - 0.04 * HEIGHT_OF_WAVES)
     even = BasinView(record(tmp_path / "even", times=TIMES[:2]))
-    assert even.at(0.0).contours is None and not even.note
+    assert "contours" not in even.at(0.0) and not even.note
 
 
 def test_walls_leave_the_paddle_out_and_an_island_stands_above_the_crests(tmp_path):
     tank = BasinView(record(tmp_path / "run", paddle=swinging, kept=around))
-    parts = {part.name: part.mesh for part in tank.parts()}
+    parts = tank.fixed()
     assert parts["walls"].n_cells == 2 * 48 + 24  # both sides and the far end
     assert parts["island 0"].bounds[:5] == pytest.approx((4.0, 5.0, 1.0, 2.0, -DEPTH))
     assert parts["island 0"].bounds[5] > HEIGHT_OF_WAVES / 2
-    assert "walls" in {part.name for part in BasinView(record(tmp_path / "still", times=TIMES[:2])).parts()}
+    assert "walls" in BasinView(record(tmp_path / "still", times=TIMES[:2])).fixed()
 
 
 def test_crest_trough_island_and_paddle_have_their_colours_in_the_picture(tmp_path):
@@ -267,7 +270,7 @@ def test_crest_trough_island_and_paddle_have_their_colours_in_the_picture(tmp_pa
     still = pixel(picture, pixels, (4.5, 3.7, 0.0))
     assert crest.mean() > still.mean() + 0.2 > trough.mean() + 0.4
     assert still == pytest.approx(view.SURFACE(0.5)[:3], abs=0.06)  # as in a slice's picture
-    top = next(part for part in tank.parts() if part.name == "island 0").mesh.bounds[5]
+    top = tank.fixed()["island 0"].bounds[5]
     lid = pixel(picture, pixels, (4.5, 1.5, top))
     assert np.ptp(lid) < 0.1 and lid.mean() > 0.5  # a light grey
     board = pixel(picture, pixels, (0.0, 2.0, 0.5 * HEIGHT_OF_WAVES))
@@ -321,8 +324,8 @@ def test_a_basins_picture_has_its_sponge_its_gauge_and_a_vertical_ruler(tmp_path
         picture.close()
     (before, clear), (after, covered) = seen
     assert after == pytest.approx(before, abs=0.02)
-    share = COVER / 255 * 2.9 / 3.0
-    assert covered == pytest.approx((1 - share) * clear + share * np.array(VEIL) / 255, abs=0.04)
+    cover = OPACITY / 255 * 2.9 / 3.0
+    assert covered == pytest.approx((1 - cover) * clear + cover * np.array(SPONGE_COLOUR) / 255, abs=0.04)
     tank = BasinView(run)
     assert tank.gauges().texts == ["mast"] and tank.gauges().places == pytest.approx(np.array([[3.0, 1.0, 0.0]]))
     ruler = tank.ruler()
@@ -388,7 +391,7 @@ def command(*arguments):
 
 
 def test_a_basin_is_drawn_after_its_run_and_viewed_like_a_slice(tmp_path, monkeypatch):
-    monkeypatch.setitem(FORMATS, ".gif", replace(FORMATS[".gif"], rate=2.0))  # a film of few frames
+    monkeypatch.setitem(FORMATS, ".gif", FORMATS[".gif"]._replace(rate=2.0))  # a film of few frames
     run = record(tmp_path / "run", paddle=swinging, times=TIMES[:4])
     assert [picture.name for picture in draw_run(run)] == ["surface.png"]  # gauges and energy have one row
     (run.path / "surface.png").unlink()
@@ -436,7 +439,7 @@ def write_turned_mesh(path):
 
 def test_view_draws_a_run_resumed_on_other_ranks_with_a_paddle_at_an_angle(wavetank, tmp_path, monkeypatch):
     """Oracles: the same run on one rank without interruption; the turned line of the paddle and its motion."""
-    monkeypatch.setitem(FORMATS, ".gif", replace(FORMATS[".gif"], rate=2.0))
+    monkeypatch.setitem(FORMATS, ".gif", FORMATS[".gif"]._replace(rate=2.0))
     write_turned_mesh(tmp_path / "turned.msh")
     (tmp_path / "case.toml").write_text(LEANING)
     case, one, part = (str(tmp_path / name) for name in ("case.toml", "one", "part"))
@@ -452,7 +455,7 @@ def test_view_draws_a_run_resumed_on_other_ranks_with_a_paddle_at_an_angle(wavet
     order, reordered = (np.lexsort(np.round(each.first[:, :2], 6).T) for each in (whole, resumed))
     for (_, expected), (_, found) in zip(whole.snapshots(), resumed.snapshots(), strict=True):
         np.testing.assert_allclose(found[reordered], expected[order], atol=1e-9)
-    (paddle,) = resumed.moving_walls(history(resumed).travel)
+    (paddle,) = resumed.moving_walls(history(resumed).displacement)
     c, s = np.cos(TURNED), np.sin(TURNED)
     assert paddle.outward == pytest.approx([-c, -s], abs=1e-6)
     x, y = resumed.snapshot(4)[paddle.points, :2].T  # t = 0.2 s, a quarter of the period

@@ -1,10 +1,9 @@
 """The surface of a basin over time, and maps of its crest, wave heights and gauges."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyvista as pv
@@ -31,6 +30,7 @@ from wavetank.plots.style import (
     SATURATED,
     lay_out,
     mark_places,
+    mark_sponge,
     picture,
     remove_overlaps,
 )
@@ -42,9 +42,9 @@ Indices = NDArray[np.int64]
 SAME = 1e-9  # of the basin's size: points as close are one, on the two sides of a border between ranks
 SAME_AT_REST = 1e-6  # of the basin's size: rest positions are in single precision
 AROUND = 4  # snapshots that the surface between two of them is interpolated from
-KEPT = 8  # snapshots in memory
+CACHED = 8  # snapshots in memory
 SLOPING = 1e-3  # of the depth: a bed that varies less is flat
-MOVED = 1e-7  # of the basin's length: less is no paddle's motion
+MOVING = 1e-7  # of the basin's length: smaller displacements are no motion of a paddle
 DAMPING = "damping rate"  # of the sponge, among a snapshot's point data
 CORNERS = {pv.CellType.TRIANGLE: 3, pv.CellType.QUAD: 4}
 
@@ -80,22 +80,22 @@ class BasinSurface:
         if not np.all(np.diff(self.times) > 0):
             raise InputError(f"{run.path}: its snapshots are damaged; times must increase.")
         self._merge()
-        self.snapshot = lru_cache(KEPT)(self._snapshot)
+        self.snapshot = lru_cache(CACHED)(self._snapshot)
 
     def _merge(self) -> None:
         """Join the pieces of the ranks."""
         parts = _read(self._files[0])
         flat = parts.copy()
         flat.points = parts.points * (1.0, 1.0, 0.0)
-        # in x and y: what stands on both sides of a border is computed by both, to solver tolerance the same
-        whole = flat.clean(tolerance=SAME * parts.length, produce_merge_map=True)
+        # in x and y: points on a border are computed by the ranks on both sides, equal to solver tolerance
+        merged = flat.clean(tolerance=SAME * parts.length, produce_merge_map=True)
         self._chosen: Indices
-        _, self._chosen = np.unique(whole.field_data["PointMergeMap"], return_index=True)
+        _, self._chosen = np.unique(merged.field_data["PointMergeMap"], return_index=True)
         self._stored, self._rest, self._size = parts.n_points, _rest_positions(parts), float(parts.length)
-        kinds = [kind for kind in CORNERS if kind in whole.cells_dict]
+        kinds = [kind for kind in CORNERS if kind in merged.cells_dict]
         if len(kinds) != 1 or "depth" not in parts.point_data:
             raise InputError(f"{self._files[0]}: is no surface of triangles or quadrilaterals with their depth.")
-        self.pieces: Indices = whole.cells_dict[kinds[0]].astype(np.int64)
+        self.pieces: Indices = merged.cells_dict[kinds[0]].astype(np.int64)
         self.depth: Array = np.asarray(parts["depth"][self._chosen], float)
         damping = np.asarray(parts[DAMPING][self._chosen], float) if DAMPING in parts.point_data else np.zeros(1)
         self.damping: Array | None = damping if damping.any() else None
@@ -127,9 +127,9 @@ class BasinSurface:
         """Return the points (x, y, eta) [m] at t [s], shape (N, 3), interpolated between the snapshots around."""
         begin = int(np.searchsorted(self.times, t)) - AROUND // 2
         begin = int(np.clip(begin, 0, max(0, self.times.size - AROUND)))
-        near = range(begin, min(begin + AROUND, self.times.size))
-        values = np.array([self.snapshot(number) for number in near])
-        return np.asarray(BarycentricInterpolator(self.times[near.start : near.stop], values)(t))
+        around = range(begin, min(begin + AROUND, self.times.size))
+        values = np.array([self.snapshot(number) for number in around])
+        return np.asarray(BarycentricInterpolator(self.times[around.start : around.stop], values)(t))
 
     @property
     def contours(self) -> Array:
@@ -161,18 +161,18 @@ class BasinSurface:
             loops.append(np.array(loop))
         return sorted(loops, key=lambda loop: -_area(self.first[loop]))
 
-    def moving_walls(self, travel: Array) -> list["MovingWall"]:
+    def moving_walls(self, displacement: Array) -> list["MovingWall"]:
         """Return the walls that move across themselves: the paddle, and the far wall if it moves.
 
-        ``travel`` [m], shape (N, 2), is the largest horizontal displacement of each point. The mapping moves points of
-        the side walls, too, but along these walls.
+        ``displacement`` [m], shape (N, 2), is the largest horizontal one of each point. The mapping moves points of the
+        side walls, too, but along these walls.
         """
         rim = self.loops[0]
         edges = np.diff(self.first[np.append(rim, rim[0]), :2], axis=0)
         outward = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / np.linalg.norm(edges, axis=1, keepdims=True)
-        mean = (travel[rim] + travel[np.roll(rim, -1)]) / 2
+        mean = (displacement[rim] + displacement[np.roll(rim, -1)]) / 2
         across = np.abs(np.sum(mean * outward, axis=1))
-        moving = across > np.maximum(MOVED * np.ptp(self.first[:, :2]), np.linalg.norm(mean, axis=1) / np.sqrt(2))
+        moving = across > np.maximum(MOVING * np.ptp(self.first[:, :2]), np.linalg.norm(mean, axis=1) / np.sqrt(2))
         if not np.any(moving):
             return []
         opposite = outward @ outward[np.argmax(moving)] < 0
@@ -187,15 +187,7 @@ class BasinSurface:
 
 
 class MovingWall(NamedTuple):
-    """A wall that moves.
-
-    Attributes
-    ----------
-    points
-        Of the surface, from one end of the wall to the other.
-    outward
-        Unit normal (x, y) out of the water.
-    """
+    """A moving wall: its points of the surface, from one end to the other, and its unit normal out of the water."""
 
     points: Indices
     outward: Array
@@ -219,8 +211,36 @@ def _read(file: Path) -> pv.UnstructuredGrid:
     return pv.read(file)
 
 
-# ---------------------------------------------------------------- what comes of all snapshots
+# ---------------------------------------------------------------- sizes of waves over all snapshots
 Snapshot = tuple[float, Array]
+
+
+class WaveSizes(NamedTuple):
+    """Sizes of the waves of a run.
+
+    Attributes
+    ----------
+    low, high
+        The extreme elevations [m].
+    usual, slope
+        The largest elevation [m] and slope [-], single sharp crests left out.
+    crest_time
+        Time of the highest crest [s].
+    """
+
+    low: float
+    high: float
+    usual: float
+    slope: float
+    crest_time: float
+
+
+def wave_sizes(times: Array, x: Array, eta: Array) -> WaveSizes:
+    """Return the sizes of waves of elevation eta [m] at x [m], shapes (M, N), and times [s], shape (M,)."""
+    usual = max(float(np.quantile(np.abs(eta), SATURATED)), FLAT / CM)
+    slope = float(np.quantile(np.abs(np.diff(eta) / np.diff(x)), SATURATED))
+    crest_time = float(times[np.argmax(eta.max(axis=1))])
+    return WaveSizes(float(eta.min()), float(eta.max()), usual, slope, crest_time)
 
 
 class Extremes:
@@ -232,7 +252,7 @@ class Extremes:
     Attributes
     ----------
     high, low
-        What was reached so far [m], shape (N,).
+        The extremes so far [m], shape (N,).
     """
 
     def __init__(self, points: int):
@@ -240,7 +260,7 @@ class Extremes:
         self._before: list[Snapshot] = []
 
     def add(self, t: float, eta: Array) -> None:
-        """Take in the elevation [m] at t [s], shape (N,), later than those before."""
+        """Include the elevation [m] at t [s], shape (N,), later than those before."""
         three = [*self._before, (t, eta)]
         self.high, self.low = np.maximum(self.high, eta), np.minimum(self.low, eta)
         if len(three) == 3:
@@ -259,68 +279,65 @@ def _crest(first: Snapshot, second: Snapshot, third: Snapshot) -> Array:
     return np.asarray(b - np.where(higher, slope**2 / np.where(higher, 4 * bend, 1.0), 0.0))
 
 
-@dataclass(frozen=True, eq=False)
-class History:
-    """What the waves of a run came to.
+class History(NamedTuple):
+    """The waves of a run over all snapshots.
 
     Attributes
     ----------
-    extremes
-        The highest and the lowest elevation at each point.
-    crest_time, crest
-        When the highest crest is there [s], and the points (x, y, eta) [m] then, shape (N, 3).
-    travel
+    waves
+        Their sizes.
+    high
+        The highest elevation at each point [m], shape (N,).
+    crest
+        The points (x, y, eta) [m] at the time of the highest crest, shape (N, 3).
+    displacement
         The largest horizontal displacement (x, y) of each point [m], shape (N, 2).
-    usual, slope
-        The largest elevation [m] and slope [-], single sharp crests left out.
     """
 
-    extremes: Extremes
-    crest_time: float
+    waves: WaveSizes
+    high: Array
     crest: Array
-    travel: Array
-    usual: float
-    slope: float
+    displacement: Array
 
 
 def history(surface: BasinSurface) -> History:
-    """Return what the waves came to; reads all snapshots once, one at a time."""
+    """Return the waves over all snapshots, which are read once, one at a time."""
     extremes = Extremes(len(surface.first))
-    travel: Array = np.zeros((len(surface.first), 2))
+    largest: Array = np.zeros((len(surface.first), 2))
     crest_time, crest, usual, slope = float(surface.times[0]), surface.first, FLAT / CM, 0.0
     start, end = np.unique(np.sort(surface.edges, axis=1), axis=0).T
     for t, points in surface.snapshots():
         extremes.add(t, points[:, 2])
         displacement = (points - surface.first)[:, :2]
-        farther = np.linalg.norm(displacement, axis=1) > np.linalg.norm(travel, axis=1)
-        travel = np.where(farther[:, None], displacement, travel)
+        larger = np.linalg.norm(displacement, axis=1) > np.linalg.norm(largest, axis=1)
+        largest = np.where(larger[:, None], displacement, largest)
         if points[:, 2].max() > crest[:, 2].max():
             crest_time, crest = t, points
         step = points[end] - points[start]
         slopes = np.abs(step[:, 2]) / np.hypot(step[:, 0], step[:, 1])
         usual = max(usual, float(np.quantile(np.abs(points[:, 2]), SATURATED)))
         slope = max(slope, float(np.quantile(slopes, SATURATED)))
-    return History(extremes, crest_time, crest, travel, usual, slope)
+    waves = WaveSizes(float(extremes.low.min()), float(extremes.high.max()), usual, slope, crest_time)
+    return History(waves, extremes.high, crest, largest)
 
 
 # ---------------------------------------------------------------- maps
 LEVELS = 64  # of colours
-BESIDE, BELOW = 5.2, 9.5  # width of a map [inch], the maps beside or below each other
-LONG = 0.4  # width over length of a basin up to which they are below each other
+WIDTH, WIDE = 5.2, 9.5  # of a map [inch], the maps in a row or in a column
+ELONGATED = 0.4  # width over length of a basin up to which maps are in a column
 PERIODS, SNAPSHOTS = 3, 6  # wave heights are those of the last periods, if there are so many snapshots in each
 RIM = "#444444"
 
 
-@dataclass(frozen=True, eq=False)
-class Map:
-    """What one map shows.
+class Map(NamedTuple):
+    """A map of the basin.
 
     Attributes
     ----------
     title, label
-        What is said above it, and of its colours.
+        Its title, and that of its colours.
     points
-        Where its values are, (x, y, ...) [m], shape (N, 3).
+        Places of the values, (x, y, ...) [m], shape (N, 3).
     values
         Shape (N,) [m].
     limits
@@ -334,12 +351,12 @@ class Map:
     points: Array
     values: Array
     limits: tuple[float, float]
-    colours: str
-    ink: str
+    colours: str = "viridis"
+    ink: str = LIGHT
 
 
 def basin_figure(run: RunDirectory, path: Path) -> Path:
-    """Draw the elevation when the highest crest is there, the highest elevation, and the height of regular waves.
+    """Draw the elevation at the time of the highest crest, the highest elevation, and the height of regular waves.
 
     Over contours of the bed, with paddle and gauges; heights are crest minus trough over the last periods of a paddle
     that has one. Returns ``path``; raises ``InputError`` for less than two snapshots.
@@ -347,42 +364,36 @@ def basin_figure(run: RunDirectory, path: Path) -> Path:
     surface = BasinSurface(run)
     if surface.times.size < 2:
         raise InputError(f"{path}: {surface.times.size} snapshots of the surface received; at least 2 are needed.")
-    came_to, gauges = history(surface), run.gauges
-    rows = {row["name"] for row in run.manifest.get("scene", {}).get("gauge_lines", ())}
-    walls, high = surface.moving_walls(came_to.travel), came_to.extremes.high
-    title, both = (
-        f"at the highest crest of the snapshots, t = {came_to.crest_time:.2f} s",
-        (-came_to.usual, came_to.usual),
-    )
+    extremes, gauges = history(surface), run.gauges
+    usual, crest, high = extremes.waves.usual, extremes.crest, extremes.high
+    title = f"at the highest crest of the snapshots, t = {extremes.waves.crest_time:.2f} s"
     maps = [
-        Map(title, "elevation [cm]", came_to.crest, came_to.crest[:, 2], both, "RdBu_r", DARK),
-        Map(
-            "the highest elevation of the snapshots",
-            "elevation [cm]",
-            surface.first,
-            high,
-            _limits(high),
-            "viridis",
-            LIGHT,
-        ),
+        Map(title, "elevation [cm]", crest, crest[:, 2], (-usual, usual), "RdBu_r", DARK),
+        Map("the highest elevation of the snapshots", "elevation [cm]", surface.first, high, _limits(high)),
         *_wave_heights(run, surface),
     ]
-    with picture(path, *_size(surface, len(maps))) as figure:
-        panels = _panels(figure, surface, len(maps))
+    rows = {row["name"] for row in run.manifest.get("scene", {}).get("gauge_lines", ())}
+    length, width = np.ptp(surface.first[:, :2], axis=0)
+    shape, number = float(width / length), len(maps)
+    size = (WIDTH * number, float(np.clip(1.8 + 0.94 * WIDTH * shape, 3.5, 14.0)))
+    if shape < ELONGATED:
+        size = (WIDE, 0.5 + number * (0.8 + 0.95 * WIDE * shape))
+    with picture(path, *size, title=run.title or "Surface elevation") as figure:
+        grid, bar = ((number, 1), "right") if shape < ELONGATED else ((1, number), "bottom")
+        panels = figure.subplots(*grid, squeeze=False, sharex=True, sharey=True).ravel()
         for axes, one in zip(panels, maps, strict=True):
-            _draw_map(figure, axes, surface, one)
-            for wall in walls:
+            _draw_map(figure, axes, surface, one, bar)
+            for wall in surface.moving_walls(extremes.displacement):
                 axes.plot(*one.points[wall.points, :2].T, color=PADDLE, lw=3.5, solid_capstyle="butt")
             mark_places(axes, gauges, rows=rows, ink=one.ink)
-        figure.suptitle(run.title or "Surface elevation", fontsize=13, parse_math=False)
-        lay_out(figure)  # where names are is known only now
+        lay_out(figure)  # the places of names are final only now
         for axes in panels:
             remove_overlaps(axes)
     return path
 
 
 def _limits(values: Array) -> tuple[float, float]:
-    """Return where the colours of values [m] begin and end, single sharp crests left out."""
+    """Return the values [m] at which colours begin and end, single sharp crests left out."""
     low, high = np.quantile(values, [1 - SATURATED, SATURATED])
     return float(low), max(float(high), float(low) + FLAT / CM)
 
@@ -401,58 +412,30 @@ def _wave_heights(run: RunDirectory, surface: BasinSurface) -> list[Map]:
         extremes.add(surface.times[number], surface.snapshot(int(number))[:, 2])
     heights = extremes.high - extremes.low
     title = f"wave height from t = {surface.times[last[0]]:.2f} to {end:.2f} s"
-    return [Map(title, "crest minus trough [cm]", surface.first, heights, _limits(heights), "viridis", LIGHT)]
+    return [Map(title, "crest minus trough [cm]", surface.first, heights, _limits(heights))]
 
 
-# ---------------------------------------------------------------- the picture
-def _shape(surface: BasinSurface) -> float:
-    """Return width over length of the box around the basin."""
-    length, width = np.ptp(surface.first[:, :2], axis=0)
-    return float(width / length)
-
-
-def _size(surface: BasinSurface, maps: int) -> tuple[float, float]:
-    """Return the figure's width and height [inch]."""
-    shape = _shape(surface)
-    if shape < LONG:
-        return BELOW, 0.5 + maps * (0.8 + 0.95 * BELOW * shape)
-    return BESIDE * maps, float(np.clip(1.8 + 0.94 * BESIDE * shape, 3.5, 14.0))
-
-
-def _panels(figure: Figure, surface: BasinSurface, maps: int) -> list[Axes]:
-    grid = (maps, 1) if _shape(surface) < LONG else (1, maps)
-    return list(figure.subplots(*grid, squeeze=False, sharex=True, sharey=True).ravel())
-
-
-def _draw_map(figure: Figure, axes: Axes, surface: BasinSurface, one: Map) -> None:
-    x, y = one.points[:, 0], one.points[:, 1]
-    plan = Triangulation(x, y, _triangles(surface.pieces))
+def _draw_map(figure: Figure, axes: Axes, surface: BasinSurface, one: Map, bar: Any) -> None:
+    """Draw a map with the side of its colour bar, lines of the bed, sponge and rim."""
+    plan = Triangulation(one.points[:, 0], one.points[:, 1], _triangles(surface.pieces))
     levels = CM * np.linspace(*one.limits, LEVELS)
     filled = axes.tricontourf(plan, CM * one.values, levels, cmap=one.colours, extend="both")
-    bar = figure.colorbar(
-        filled, ax=axes, location="right" if _shape(surface) < LONG else "bottom", shrink=0.85, aspect=35, pad=0.02
-    )
-    bar.set_ticks(MaxNLocator(7).tick_values(levels[0], levels[-1])[1:-1])
-    bar.set_label(one.label)
+    colours = figure.colorbar(filled, ax=axes, location=bar, shrink=0.85, aspect=35, pad=0.02, label=one.label)
+    colours.set_ticks(MaxNLocator(7).tick_values(levels[0], levels[-1])[1:-1])
     if surface.contours.size:
         lines = axes.tricontour(plan, surface.depth, surface.contours, colors=one.ink, linewidths=0.6)
         for text in axes.clabel(lines, fmt=lambda depth: f"{depth:g} m", fontsize=7):
             text.set_gid(DEPTH)
     if surface.damping is not None:
-        _hatch_sponge(axes, plan, surface.damping / surface.damping.max())
+        damping = surface.damping / surface.damping.max()
+        axes.tricontourf(plan, damping, [DAMPED, 1.0], colors="none", hatches=["//"], extend="max")
+        inside = damping > DAMPED
+        mark_sponge(axes, (float(plan.x[inside].mean()), float(plan.y[inside].mean())), va="center")
     rim = [one.points[np.append(loop, loop[0]), :2] for loop in surface.loops]
     axes.add_collection(LineCollection(rim, colors=RIM, linewidths=0.8))
     axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title=one.title)
     axes.label_outer()
     axes.grid(False)
-
-
-def _hatch_sponge(axes: Axes, plan: Triangulation, damping: Array) -> None:
-    """Hatch where there is damping, of 1 at most, and say so in the middle of it."""
-    axes.tricontourf(plan, damping, [DAMPED, 1.0], colors="none", hatches=["//"], extend="max")
-    inside = damping > DAMPED
-    place = float(plan.x[inside].mean()), float(plan.y[inside].mean())
-    axes.annotate("sponge", place, ha="center", va="center", fontsize=8, bbox={"facecolor": LIGHT, "lw": 0, "pad": 1})
 
 
 def _triangles(pieces: Indices) -> Indices:

@@ -323,8 +323,8 @@ def _draw_balance(axes: Axes, energy: Dataset) -> None:
     largest = max(float(np.abs(energy.total + removed).max()), np.finfo(float).tiny)
     axes.plot(energy.time, energy.balance / largest, color=COMPUTED)
     axes.ticklabel_format(axis="y", scilimits=(-2, 2), useMathText=True)
-    axes.set(xlabel="time [s]", ylabel="energy error over\nlargest energy [-]")
-    axes.margins(x=0)
+    limits = float(energy.time[0]), float(energy.time[-1])
+    axes.set(xlabel="time [s]", ylabel="energy error over\nlargest energy [-]", xlim=limits)
 
 
 # ---------------------------------------------------------------- breakdown

@@ -6,14 +6,12 @@ draws by EGL or OSMesa, in software where there is no graphics card.
 
 import os
 import sys
-import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from ctypes import CDLL
-from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyvista as pv
@@ -30,7 +28,7 @@ from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.plots.figures import draw_surface
 from wavetank.plots.style import CM, WATER
-from wavetank.plots.tank_scene import DRY, ELEVATION, HEIGHT, INK, PAINT, VEILED, Array, Labels, TankView, tank_view
+from wavetank.plots.tank_scene import COVER, ELEVATION, HEIGHT, Array, Labels, TankView, tank_view
 
 # ---------------------------------------------------------------- films
 Pixels = NDArray[np.uint8]
@@ -38,12 +36,9 @@ Pixels = NDArray[np.uint8]
 SHORTEST = 4.0  # s; a shorter run is shown slower than it was
 QUALITY = 7  # of an MP4, out of 10
 PALETTE = 5  # frames of a GIF that its colours are chosen from
-LINES = 10  # of progress where there is no terminal
-Frame = TypeVar("Frame")
 
 
-@dataclass(frozen=True)
-class FilmFormat:
+class FilmFormat(NamedTuple):
     """A kind of film file.
 
     Attributes
@@ -80,38 +75,18 @@ def write_mp4(path: Path, frames: Iterator[Pixels], rate: float) -> None:
 
 
 def write_gif(path: Path, frames: Iterator[Pixels], rate: float) -> None:
-    """Write frames as a GIF that repeats, all in the same 256 colours: others from frame to frame would flicker."""
+    """Write frames as a GIF that repeats, all in the same 256 colours, without which they would flicker."""
     images = list(frames)
     some = np.concatenate(images[:: -(-len(images) // PALETTE)])
     palette = Image.fromarray(some).quantize(256)
-    first, *others = (Image.fromarray(image).quantize(palette=palette) for image in images)
-    first.save(path, save_all=True, append_images=others, duration=1000 / rate, loop=0, optimize=True)
+    first, *later = (Image.fromarray(image).quantize(palette=palette) for image in images)
+    first.save(path, save_all=True, append_images=later, duration=1000 / rate, loop=0, optimize=True)
 
 
 FORMATS = {
     ".mp4": FilmFormat(write_mp4, size=(1280, 720), rate=20.0, longest=10.0),
     ".gif": FilmFormat(write_gif, size=(800, 450), rate=12.5, longest=8.0),
 }
-
-
-def film_format(path: Path) -> FilmFormat:
-    """Return the format of a film file; raise ``InputError`` for a suffix that is none of ``FORMATS``."""
-    if (suffix := path.suffix.lower()) not in FORMATS:
-        raise InputError(f"{path}: a film of suffix {suffix!r} received; allowed are {', '.join(FORMATS)}.")
-    return FORMATS[suffix]
-
-
-def followed(frames: Sequence[Frame], console: Console) -> Iterable[Frame]:
-    """Yield frames one by one, and show how far that is: a bar in a terminal, plain lines elsewhere."""
-    if console.is_terminal:
-        yield from track(frames, description="film", console=console, transient=True)
-        return
-    start_time, some = time.monotonic(), -(-len(frames) // LINES)
-    for done, frame in enumerate(frames):
-        if done % some == 0:
-            left = f", {(time.monotonic() - start_time) * (len(frames) / done - 1):.0f} s left" if done else ""
-            console.print(f"film: {done} of {len(frames)} frames{left}", highlight=False)
-        yield frame
 
 
 # ---------------------------------------------------------------- pictures
@@ -122,28 +97,49 @@ SMALLEST, LARGEST = 160, 8000  # pixels
 SURFACE = LinearSegmentedColormap.from_list(
     "surface", ["#08204a", "#0f4c8a", "#2f86bd", "#7fc4dc", "#cdebf0", "#f2fbfc"]
 )
-SKY, HORIZON, SHOAL, ROD = "#d5e3ef", "#ffffff", "#ffc83d", "#d43d2a"
+SKY, HORIZON, INK = "#d5e3ef", "#ffffff", "#1c2b3a"
 FONT = findfont("DejaVu Sans")  # of all pictures; a "t" of VTK's own font looks like a dagger
-NAMED = 24  # gauges at most that are called by their names
+NAMED = 24  # gauges at most that have their names written
 SHARP = 2.0  # times the usual largest elevation, at which colours end: one sharp crest must not bleach all other waves
 ROD_OVER = 0.4  # of a gauge over the highest crest, over the height of the waves
 
 VIEW_ANGLE = 16.0  # degrees, from low to high
-ROOM = (0.95, 0.74)  # share of the picture's width and height that the tank may take
+TANK_SIZE = (0.95, 0.74)  # largest width and height of the tank over those of the picture
 LOWERED = 0.06  # of half the picture's height: the tank's middle below the picture's, for the title's sake
 
 # A low warm light from behind the paddle, and cool ones in front and above: still water keeps the colour of the bar.
 LIGHTS = (((-0.75, 0.2, 0.45), 0.7, "#fff8ec"), ((0.6, -0.7, 0.45), 0.6, "#e2f1ff"), ((0.0, 0.0, 1.0), 0.38, "#ffffff"))
-WET = {"smooth_shading": True, "ambient": 0.38, "diffuse": 0.62, "specular": 0.2, "specular_power": 40}
+DRY: dict[str, Any] = {"ambient": 0.65, "diffuse": 0.5}
+STYLES: dict[str, dict[str, Any]] = {  # of meshes, by the first word of their names
+    "surface": {
+        "scalars": ELEVATION,
+        "cmap": SURFACE,
+        "smooth_shading": True,
+        "ambient": 0.38,
+        "diffuse": 0.62,
+        "specular": 0.2,
+        "specular_power": 40,
+    },
+    "sides": {"scalars": HEIGHT, "cmap": WATER, "lighting": False},
+    "paddle": {"color": "#d9762b", **DRY},
+    "contours": {"color": "#ffc83d", "lighting": False},
+    "sponge": {"scalars": COVER, "rgb": True, "lighting": False},
+    "bed": {"color": "#cdb990", **DRY},
+    "glass": {"color": "#9db4c4", "opacity": 0.22},
+    "walls": {"color": "#c3ccd2", "culling": "front", **DRY},
+    "island": {"color": "#a9b2b8", "smooth_shading": True, "split_sharp_edges": True, **DRY},
+    "rulers": {"color": INK, "lighting": False},
+    "gauges": {"color": "#d43d2a", "lighting": False},
+}
 
-WAVE_SHARE, DEPTH_SHARE, STEEPEST = 0.12, 0.22, 2.0  # of the extent at most; slope as drawn at most
+HIGHEST, DEEPEST, STEEPEST = 0.12, 0.22, 2.0  # waves' height and depth as drawn over the extent, and slope, at most
 
 
 # ---------------------------------------------------------------- what is made
 def still(run: RunDirectory, path: Path, *, t: float | None = None, size: Size = STILL) -> Path:
     """Draw a run at t [s], by default when its highest crest is there, as a PNG of ``size`` pixels; return ``path``.
 
-    Raises ``InputError`` for a time outside the run, a size or a file that cannot be had, and as ``tank_view`` does.
+    Raises ``InputError`` for a time outside the run, a size or a file that is refused, and as ``tank_view`` does.
     """
     if path.suffix.lower() != ".png":
         raise InputError(f"{path}: a still is written as .png alone.")
@@ -163,24 +159,27 @@ def film(
     *,
     size: Size | None = None,
     frames: int | None = None,
-    watched: Callable[[Sequence[float]], Iterable[float]] = iter,
+    console: Console | None = None,
 ) -> Path:
     """Draw a run as a film, MP4 or GIF by the suffix of ``path``; return ``path``.
 
-    Size [pixels] and number of frames are by default the format's: at most ten seconds, less than 10 MB. ``watched``
-    passes the frames' times [s] on one by one, and may show how far the work is.
+    Size [pixels] and number of frames are by default the format's: at most ten seconds, less than 10 MB. Progress is
+    shown on ``console``.
 
-    Raises ``InputError`` for another suffix, a run of a single snapshot, a size or a file that cannot be had, and as
+    Raises ``InputError`` for another suffix, a run of a single snapshot, a size or a file that is refused, and as
     ``tank_view`` does.
     """
-    form, tank = film_format(path), tank_view(run)
+    if (suffix := path.suffix.lower()) not in FORMATS:
+        raise InputError(f"{path}: a film of suffix {suffix!r} received; allowed are {', '.join(FORMATS)}.")
+    form, tank = FORMATS[suffix], tank_view(run)
     if tank.times.size < 2:
         raise InputError(f"{run.path}: has 1 snapshot of the surface; at least 2 are needed for a film.")
-    count = frames or form.frames(np.ptp(tank.times))
-    times = list(map(float, np.linspace(tank.times[0], tank.times[-1], count)))
+    number = frames or form.frames(np.ptp(tank.times))
+    times = [float(t) for t in np.linspace(tank.times[0], tank.times[-1], number)]
+    progress = track(times, "film", console=console, transient=True, disable=console is None)
     with writing(path), closing(View(tank, _title(run), size=size or form.size)) as view:
         view.note_pace(form.rate * (times[1] - times[0]))
-        form.write(path, (view.pixels(t) for t in watched(times)), form.rate)
+        form.write(path, (view.pixels(t) for t in progress), form.rate)
     return path
 
 
@@ -197,7 +196,7 @@ def window(run: RunDirectory, *, size: Size = STILL) -> None:
             value=tank.waves.crest_time,
             pointa=(0.40, 0.06),
             pointb=(0.97, 0.06),
-            fmt="",  # the time stands in the picture
+            fmt="",  # the time is written in the picture
             color=INK,
             slider_width=0.02,
             tube_width=0.004,
@@ -241,12 +240,12 @@ def writing(path: Path) -> Iterator[None]:
 
 # ---------------------------------------------------------------- the picture
 class View:
-    """A tank in a picture.
+    """A picture of a tank.
 
     Parameters
     ----------
     tank, title
-        What is seen, and what it is called.
+        The meshes, and the title of the picture.
     size
         Width and height of the picture [pixels].
     off_screen
@@ -260,7 +259,7 @@ class View:
             raise InputError(f"size {size[0]}x{size[1]} received; allowed are {SMALLEST} to {LARGEST} pixels a side.")
         self.tank = tank
         self.exaggeration = exaggeration(tank)
-        self._parts = list(tank.parts())
+        self._fixed = tank.fixed()
         self.plotter = _plotter(size, off_screen=off_screen)
         self.plotter.enable_anti_aliasing("ssaa")
         self.plotter.set_background(HORIZON, top=SKY)
@@ -274,18 +273,15 @@ class View:
 
     def draw(self, t: float) -> None:
         """Show the tank at t [s]."""
-        sight, depth, high = self.tank.at(t), self.tank.depth, self.tank.waves.high
-        clim = (-self._limit, self._limit)
-        self._add("surface", sight.surface, scalars=ELEVATION, cmap=SURFACE, clim=clim, **WET)
-        self._add("sides", sight.sides, scalars=HEIGHT, cmap=WATER, clim=(-depth, high), lighting=False)
-        if sight.paddle is not None:
-            self._add("paddle", sight.paddle, color=PAINT, **DRY)
-        if sight.contours is not None:
-            self._add("contours", sight.contours, color=SHOAL, line_width=2.2 * self._pixel, lighting=False)
-        if sight.sponge is not None:
-            self._add("sponge", sight.sponge, scalars=VEILED, rgb=True, lighting=False)
-        share, side = self._corner
-        self._write("time", f"t = {t:.2f} s", (share, 0.97 - self._line), size=15, corner=(side, "top"))
+        limits: dict[str, dict[str, Any]] = {
+            "surface": {"clim": (-self._limit, self._limit)},
+            "sides": {"clim": (-self.tank.depth, self.tank.waves.high)},
+            "contours": {"line_width": 2.2 * self._pixel},
+        }
+        for name, mesh in self.tank.at(t).items():
+            self._add(name, mesh, **limits.get(name, {}))
+        x, side = self._corner
+        self._write("time", f"t = {t:.2f} s", (x, 0.97 - self._line), size=15, corner=(side, "top"))
 
     def pixels(self, t: float) -> Pixels:
         """Return the picture at t [s], shape (height, width, 3)."""
@@ -317,21 +313,22 @@ class View:
         for place, strength, colour in LIGHTS:
             light = pv.Light(position=place, focal_point=(0, 0, 0), intensity=strength, color=colour)
             self.plotter.add_light(light)
-        for part in self._parts:
-            self._add(part.name, part.mesh, **part.look)
+        for name, mesh in self._fixed.items():
+            self._add(name, mesh)
         self.draw(float(self.tank.times[0]))
         size = 19 * min(1.0, 60 / max(len(title), 1))
-        share, side = self._corner
-        self._write("title", title, (share, 0.97), size=size, corner=(side, "top"))
+        x, side = self._corner
+        self._write("title", title, (x, 0.97), size=size, corner=(side, "top"))
         self.note_pace(1.0)
         self._add_scalar_bar()
         self._add_marks()
 
-    def _add(self, name: str, mesh: Any, **look: Any) -> None:
-        """Draw a mesh [m] in place of what has that name."""
+    def _add(self, name: str, mesh: Any, **properties: Any) -> None:
+        """Draw a mesh [m] in place of the one of that name."""
         drawn = mesh.copy()
         drawn.points = self._drawn(mesh.points)
-        self.plotter.add_mesh(drawn, name=name, show_scalar_bar=False, reset_camera=False, render=False, **look)
+        style = STYLES[name.split()[0]] | properties
+        self.plotter.add_mesh(drawn, name=name, show_scalar_bar=False, reset_camera=False, render=False, **style)
 
     def _drawn(self, points: Array) -> Array:
         return np.asarray(points * (1.0, 1.0, self.exaggeration))
@@ -345,7 +342,7 @@ class View:
         size: float,
         corner: tuple[str, str] = ("left", "bottom"),
     ) -> None:
-        """Write text with that corner at a place (shares of width and height), instead of what has that name."""
+        """Write text with that corner at a place, over width and height, in place of the text of that name."""
         actor = self.plotter.add_text(
             text,
             position=place,
@@ -381,7 +378,7 @@ class View:
 
     def _add_marks(self) -> None:
         ruler = self.tank.ruler()
-        self._add("ruler", ruler.mesh, color=INK, lighting=False)
+        self._add("rulers z", ruler.mesh)
         self._label("heights", ruler.labels, ("right", "center"))
         self._label("marks", self.tank.marks(), ("center", "top"))
         if gauges := self.tank.gauges().texts:
@@ -390,16 +387,18 @@ class View:
     def _add_gauges(self, names: Sequence[str]) -> None:
         """Draw each gauge as a rod in the water with its name; rows of very many as thin rods without."""
         rods, many = rods_of(self.tank), len(names) > NAMED
-        self._add("gauges", rods, color=ROD, line_width=(1.0 if many else 2.6) * self._pixel, lighting=False)
+        self._add("gauges", rods, line_width=(1.0 if many else 2.6) * self._pixel)
         if many:
             return
         labels = Labels(rods.points[1::2], list(names))
         self._label("gauge names", labels, ("left", "bottom"), shape="rect", shape_color="white", margin=2)
 
-    def _label(self, name: str, labels: Labels, justified: tuple[str, str], **look: Any) -> None:
+    def _label(self, name: str, labels: Labels, justified: tuple[str, str], **properties: Any) -> None:
         """Write texts at places, that corner or side of each at its place; none on one written before."""
         across, up = justified
-        shown = with_room(self.place(labels.places), labels.texts, letter=12 * self._pixel, line=28 * self._pixel)
+        shown = without_overlaps(
+            self.place(labels.places), labels.texts, letter=12 * self._pixel, line=28 * self._pixel
+        )
         self.plotter.add_point_labels(
             self._drawn(labels.places[shown]),
             [labels.texts[number] for number in shown],
@@ -414,12 +413,12 @@ class View:
             justification_vertical=up,
             reset_camera=False,
             render=False,
-            **{"shape": None, **look},
+            **{"shape": None, **properties},
         )
 
     def _outline(self) -> Array:
         """Return points [m], shape (N, 3), between which the tank is at all times."""
-        bed = self._parts[0].mesh.points
+        bed = self._fixed["bed"].points
         return np.concatenate([bed, bed * (1, 1, 0) + (0, 0, self.tank.waves.high)])
 
     def _aim(self) -> None:
@@ -435,7 +434,7 @@ class View:
         self.plotter.camera.SetWindowCenter(0.0, LOWERED)
 
     def _free_corner(self) -> tuple[float, str]:
-        """Return the upper corner with more room above the tank: the share of the width it is at, and its side."""
+        """Return the upper corner with more space above the tank: its x over the picture's width, and its side."""
         width, _ = self.plotter.window_size
         columns, rows = self.place(self._outline()).T
         left, right = (rows[side].min(initial=np.inf) for side in (columns < 0.35 * width, columns > 0.65 * width))
@@ -445,12 +444,12 @@ class View:
 def fitted(points: Array, ahead: Array, *, tangents: tuple[float, float]) -> tuple[Array, Array]:
     """Return the eye that looks along ``ahead`` and just sees all points, shape (N, 3), and the middle of its view.
 
-    ``tangents`` are those of half the view's angles, across and up; of the view's sides the ROOM is kept.
+    ``tangents`` are those of half the view's angles, across and up, of which the points fill ``TANK_SIZE``.
     """
-    right = np.cross(ahead, (0.0, 0.0, 1.0))
-    right /= np.linalg.norm(right)
-    axes, along, eye, back = (right, np.cross(right, ahead)), points @ ahead, np.zeros(3), []
-    for axis, tangent in zip(axes, np.multiply(ROOM, tangents), strict=True):
+    across = np.cross(ahead, (0.0, 0.0, 1.0))
+    across /= np.linalg.norm(across)
+    axes, along, eye, back = (across, np.cross(across, ahead)), points @ ahead, np.zeros(3), []
+    for axis, tangent in zip(axes, np.multiply(TANK_SIZE, tangents), strict=True):
         # each point within two planes through the eye: |axis.(point - eye)| <= tangent ahead.(point - eye)
         high, low = np.max(points @ axis - tangent * along), np.max(-points @ axis - tangent * along)
         eye += (high - low) / 2 * axis
@@ -459,13 +458,12 @@ def fitted(points: Array, ahead: Array, *, tangents: tuple[float, float]) -> tup
     return eye, eye + (along.mean() - min(back)) * ahead
 
 
-def with_room(places: Array, texts: Sequence[str], *, letter: float, line: float) -> list[int]:
-    """Return which of the texts at places [pixels], shape (K, 2), lie on none of those returned before."""
+def without_overlaps(places: Array, texts: Sequence[str], *, letter: float, line: float) -> list[int]:
+    """Return which of the texts at places [pixels], shape (K, 2), overlap none of those returned before."""
     shown: list[int] = []
     for number, (place, text) in enumerate(zip(places, texts, strict=True)):
-        widths = (letter * (len(text) + len(texts[other])) / 2 for other in shown)
-        apart = (np.abs(place - places[other]) > (width, line) for other, width in zip(shown, widths, strict=True))
-        if all(map(np.any, apart)):
+        widths = (letter * (len(text) + len(texts[one])) / 2 for one in shown)
+        if all((np.abs(place - places[one]) > (width, line)).any() for one, width in zip(shown, widths, strict=True)):
             shown.append(number)
     return shown
 
@@ -487,9 +485,9 @@ def exaggeration(tank: TankView) -> float:
     Waves are to be seen, but neither as spikes nor on a block of water higher than it is long.
     """
     waves, tiny = tank.waves, np.finfo(float).tiny
-    highest = WAVE_SHARE * tank.extent / max(waves.high - waves.low, tiny)
+    highest = HIGHEST * tank.extent / max(waves.high - waves.low, tiny)
     steepest = STEEPEST / max(waves.slope, tiny)
-    return max(1.0, float(f"{min(highest, steepest, DEPTH_SHARE * tank.extent / tank.depth):.1g}"))
+    return max(1.0, float(f"{min(highest, steepest, DEEPEST * tank.extent / tank.depth):.1g}"))
 
 
 def colour_limit(tank: TankView) -> float:

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import Annotated
@@ -37,10 +36,7 @@ def view(
         if time is not None or out is not None or not (film or diagram or window):
             yield drawing.still(directory, out or run / "view.png", t=time, **given)
         if film is not None:
-            from wavetank.plots.view import followed
-
-            watched = partial(followed, console=terminal)
-            yield drawing.film(directory, film, watched=watched, **given)
+            yield drawing.film(directory, film, console=terminal, **given)
         if diagram:
             yield drawing.diagram(directory)
 
