@@ -8,8 +8,8 @@ and the position a mean of it and of the straight line through the last two inpu
 frequency w has the right phase and (w dt)²/2 too much amplitude; the line lags and the parabola leads, by the cube, and
 a lag or lead is not passive. The equation is solved exactly, so it is never stiff.
 
-``elevation_at_face`` is the elevation that a paddle's own motion makes at its face, by linear theory: a convolution with
-its velocity, and, as waves of k d > 100 are omitted, with its velocity shortly afterwards. Times and order of
+``elevation_at_face`` is the elevation that a paddle's own motion makes at its face, by linear theory: a convolution
+with its velocity, and, as waves of k d > 100 are omitted, with its velocity shortly afterwards. Times and order of
 summation do not depend on the duration of the run, so an extended run has identical bits.
 """
 
