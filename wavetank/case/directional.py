@@ -95,11 +95,11 @@ class ObliqueWaveMotion(SegmentedWaves):
 class _FanOfWaves(FocusingWaves, SegmentedWaves):
     """Waves from many directions that meet, by linear theory, in one crest at (focus_x, focus_y, focus_time)."""
 
-    focus_y: Coordinate = Field(default=0.0, description="where the crests meet, across the tank [m]")
+    focus_y: Coordinate = Field(default=0.0, description="y of the focus [m]")
     largest_angle: float = Field(default=30.0, ge=0, lt=90, description="angle of the outermost directions [deg]")
     directions: int = Field(default=21, ge=1, le=1000, description="number of directions")
     spreading: float = Field(
-        default=0.0, ge=0, le=1000, description="exponent s of the directions' shares cos^2s(theta/2); 0: all alike"
+        default=0.0, ge=0, le=1000, description="exponent s of the directional spreading cos^2s(theta/2); 0: uniform"
     )
 
     def directional(self, tank: AnyTank) -> FocusedGroup:
@@ -177,7 +177,7 @@ class DirectionalIrregularMotion(SpectralWaves, SegmentedWaves):
     highest_of_peak: ClassVar[float] = 3.0
     type: Literal["directional-irregular"] = "directional-irregular"
     significant_height: Height = Field(description="significant wave height Hm0 = 4 m0^(1/2) [m]")
-    seed: int = Field(default=1, ge=0, le=2**53, description="which of all seas of the spectrum")
+    seed: int = Field(default=1, ge=0, le=2**53, description="seed of the random phases")
     spreading: Spreading | None = Field(
         default=None, description="exponent s of the directions' density cos^2s(theta/2); default: by deviation"
     )
@@ -224,7 +224,7 @@ class DirectionalIrregularMotion(SpectralWaves, SegmentedWaves):
 class _WavesOfFile(SegmentedWaves):
     """Plane waves of a file, each in its own direction; side walls reflect them."""
 
-    y: Coordinate = Field(default=0.0, description="where they are told, across the tank [m]")
+    y: Coordinate = Field(default=0.0, description="y to which the phases refer [m]")
 
     def widest_segment(self, tank: AnyTank) -> float:
         """Return the width [m] beyond which segments make spurious waves, of all but a thousandth of the energy."""
@@ -250,7 +250,7 @@ class DirectionalComponentsMotion(ComponentFile, _WavesOfFile):
 
 
 class DirectionalSurfaceMotion(SurfaceFile, _WavesOfFile):
-    """Waves of one direction by the elevation that is wished for at a place, from a file."""
+    """Waves of one direction with a given elevation at a position, from a file."""
 
     type: Literal["surface"] = "surface"
     angle: float = Field(

@@ -104,7 +104,7 @@ def _over(path: Path, at: motions.Array, values: motions.Array) -> Any:
 
 # ---------------------------------------------------------------- a surface by formulae
 class FormulaSurface(FormulaNoun):
-    """eta(x, y) and psi(x, y) as given; released from rest where psi is left out."""
+    """eta(x, y) and psi(x, y) as given; released from rest without psi."""
 
     type: Literal["formula"] = "formula"
     eta: FormulaText = Field(description="elevation eta(x, y) [m]")
@@ -117,7 +117,7 @@ class FormulaSurface(FormulaNoun):
 
 # ---------------------------------------------------------------- a state of another run
 class RunState(CaseModel):
-    """The surface of another run of the same tank, as a checkpoint of it keeps it, also on other cells.
+    """The surface of another run of the same tank, from its checkpoint, also on other cells.
 
     This run's time begins at 0. Numerics that are not named are those of that run.
     """
@@ -125,7 +125,7 @@ class RunState(CaseModel):
     type: Literal["run"] = "run"
     directory: FilePath = Field(description="run directory of that run")
     t: float | None = Field(
-        default=None, ge=0.0, le=1e9, description="time of that run [s], of which it keeps two; default: its last"
+        default=None, ge=0.0, le=1e9, description="time of one of its two checkpoints [s]; default: its last"
     )
 
 
@@ -205,7 +205,7 @@ class IrregularSurface(SpectralSurface):
 
     type: Literal["irregular"] = "irregular"
     significant_height: Height = Field(description="significant wave height Hm0 = 4 m0^(1/2) [m]")
-    seed: int = Field(default=1, ge=0, le=2**53, description="which of all seas of the spectrum")
+    seed: int = Field(default=1, ge=0, le=2**53, description="seed of the random phases")
 
     def waves(self, tank: AnyTank) -> PlaneWaves:
         """Return the sea: its variance is (Hm0 / 4)²."""
@@ -234,9 +234,9 @@ class FocusedSurface(SpectralSurface):
 
     type: Literal["focused"] = "focused"
     linear_crest: float = Field(
-        ge=-1e6, le=1e6, description="elevation where all waves meet, by linear theory [m]; negative is a trough"
+        ge=-1e6, le=1e6, description="elevation at the focus by linear theory [m]; negative: a trough"
     )
-    x: Coordinate = Field(description="where they meet [m]")
+    x: Coordinate = Field(description="x of the focus [m]")
 
     def waves(self, tank: AnyTank) -> PlaneWaves:
         """Return the group: amplitudes go with S(f) df."""
@@ -371,7 +371,7 @@ class StreamFunctionWave(TheoreticalWave):
 
 
 class SolitaryWave(TheoreticalWave):
-    """The solitary wave, travelling to +x; exact where both ends of the tank are far."""
+    """The solitary wave, travelling to +x; exact if both ends of the tank are far away."""
 
     type: Literal["solitary-wave"] = "solitary-wave"
     height: Height = Field(description="height of the crest above still water [m]")

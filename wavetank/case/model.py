@@ -33,7 +33,7 @@ class NonlinearWater(CaseModel):
 
 
 class LinearWater(CaseModel):
-    """Waves of small steepness: one factorisation serves the whole run."""
+    """Waves of small steepness: one factorisation per run."""
 
     type: Literal["linear"] = "linear"
 
@@ -48,13 +48,13 @@ class Case(CaseModel):
     ``Case.model_validate(case.model_dump(mode="json"))`` is the same case.
     """
 
-    title: Label = Field(default="", description="what the case is, in a few words")
+    title: Label = Field(default="", description="title of the case")
     tank: Tank
     wall: Wall = FixedWall()
     far_wall: FarWall = FixedWall()
     water: Water | None = Field(default=None, description="the waves' theory; default: nonlinear, or by accuracy")
     initial: Initial = StillWater()
-    sponge: Sponge | None = Field(default=None, description="where waves are absorbed; default: nowhere")
+    sponge: Sponge | None = Field(default=None, description="the absorbing layer; default: nowhere")
     gauges: Annotated[tuple[Gauge, ...], BeforeValidator(named)] = Field(default=(), description="the gauges")
     gauge_lines: Annotated[tuple[GaugeLine, ...], Strict(False)] = Field(default=(), description="rows of gauges")
     probes: Annotated[tuple[Probe, ...], BeforeValidator(named)] = Field(
@@ -63,9 +63,9 @@ class Case(CaseModel):
     loads: Annotated[tuple[WallLoad, ...], Strict(False)] = Field(
         default=(), description="walls on which force and moment are recorded"
     )
-    target: Target | None = Field(default=None, description="what `wavetank calibrate` aims at; default: by the motion")
+    target: Target | None = Field(default=None, description="target of `wavetank calibrate`; default: by the motion")
     windows: Annotated[tuple[Window, ...], Strict(False)] = Field(
-        default=(), description="columns of water whose motion is kept for other programs"
+        default=(), description="columns of water recorded for other programs"
     )
     run: RunNoun = Field(description="how long is computed")
     numerics: Numerics = Field(default=Numerics(), description="how it is computed")

@@ -17,7 +17,7 @@ class RunNoun(CaseModel):
     on_breaking: Literal["stop", "warn", "dissipate", "ignore"] = Field(
         default="stop",
         description="what to do when a wave breaks; stop: end the run where a wave overturns; warn: record; "
-        "dissipate: an eddy viscosity; ignore: do not look",
+        "dissipate: an eddy viscosity; ignore: no detection",
     )
     checkpoint_every: Duration | None = Field(
         default=None,

@@ -31,7 +31,7 @@ from wavetank.values.quantities import (
 
 # ---------------------------------------------------------------- gauges
 class Gauge(CaseModel):
-    """A place where the elevation is recorded."""
+    """A position at which the elevation is recorded."""
 
     name: Label = Field(min_length=1, description="name of the gauge")
     x: Coordinate = Field(description="distance from the paddle at rest, or along the ring; in a basin its x [m]")
@@ -102,7 +102,7 @@ class WallLoad(CaseModel):
     )
     name: Label | None = Field(default=None, min_length=1, description="name of the load; default: the wall's")
     about: Triple | None = Field(
-        default=None, description="point that moments are taken about, x, y, z [m]; default: on the bed at x = y = 0"
+        default=None, description="reference point of moments, x, y, z [m]; default: on the bed at x = y = 0"
     )
 
     positions: ClassVar[dict[tuple[str, ...], tuple[float, float]]] = {}  # the wall's
@@ -124,7 +124,7 @@ class WallLoad(CaseModel):
 
 # ---------------------------------------------------------------- columns of water for other programs
 class Window(CaseModel):
-    """Columns of water from the bed to the surface at equal distances on a line; their motion is kept for others."""
+    """Columns of water from the bed to the surface at equal distances on a line, recorded for other programs."""
 
     name: str = Field(
         min_length=1,
@@ -140,9 +140,7 @@ class Window(CaseModel):
     until: Duration | None = Field(
         default=None, description="until when [s]: the last row is at or after it; default: the end of the run"
     )
-    every: Duration = Field(
-        description="time between two rows at the most [s]: as many whole steps as fit into it, one at least"
-    )
+    every: Duration = Field(description="largest time between two rows [s]: as many steps as fit, at least one")
     format: Literal["netcdf", "csv"] = Field(
         default="netcdf", description="CF-NetCDF, or a table with a row for each point at each time"
     )
@@ -183,7 +181,7 @@ class _Placed(CaseModel):
 
 
 class CrestTarget(_Placed):
-    """A crest: how high, where and when; the waves of `wall.motion` are made higher or lower and moved."""
+    """A crest: height, position and time; amplitude, position and time of `wall.motion` are changed."""
 
     type: Literal["crest"] = "crest"
     height: Height = Field(description="height above still water [m]")
@@ -202,14 +200,14 @@ class CrestTarget(_Placed):
 
 
 class ComponentsTarget(_Placed):
-    """The components that `wall.motion` means, at a place: amplitudes and phases of what is linear of the waves."""
+    """The components of `wall.motion` at a position: amplitudes and phases of the linear part of the waves."""
 
     type: Literal["components"] = "components"
     tolerance: Share = Field(default=0.02, description="of their elevation's root mean square")
 
 
 class RecordTarget(_Placed):
-    """The elevation in a record at a place; what `wall.motion` is, is not asked."""
+    """The elevation of a record at a position; the type of `wall.motion` does not matter."""
 
     type: Literal["record"] = "record"
     file: FilePath = Field(description="file of t [s] and eta [m]; with a gauge a CSV file or data set, as in compare")

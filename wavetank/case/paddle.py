@@ -61,8 +61,8 @@ class MadeWaves(GeneratingMotion):
 
     generation: Literal["linear", "second-order"] | None = Field(
         default=None,
-        description="with second-order the paddle adds what keeps it from making free waves at sums and differences of "
-        "frequencies; default: second-order where its theory holds, otherwise linear",
+        description="second-order adds the motion that suppresses free waves at sums and differences of frequencies; "
+        "default: second-order where its theory holds, otherwise linear",
     )
 
     def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
@@ -174,7 +174,7 @@ class RegularMotion(MadeWaves):
 
 
 class BichromaticMotion(MadeWaves):
-    """Two regular waves at once, which make groups."""
+    """Two regular waves, which form groups."""
 
     type: Literal["bichromatic"] = "bichromatic"
     heights: Heights = Field(description="heights of both waves, crest above trough [m]")
@@ -220,7 +220,7 @@ class IrregularMotion(SpectralWaves, MadeWaves):
     highest_of_peak: ClassVar[float] = 3.0
     type: Literal["irregular"] = "irregular"
     significant_height: Height = Field(description="significant wave height Hm0 = 4 m0^(1/2) [m]")
-    seed: int = Field(default=1, ge=0, le=2**53, description="which of all seas of the spectrum")
+    seed: int = Field(default=1, ge=0, le=2**53, description="seed of the random phases")
     random_amplitudes: bool = Field(
         default=False, description="amplitudes are random, too: Hm0 is then that of many seeds' mean"
     )
@@ -267,7 +267,7 @@ class ComponentsMotion(ComponentFile, MadeWaves):
 
 
 class SurfaceMotion(SurfaceFile, MadeWaves):
-    """Waves by the elevation that is wished for at a place, from a file: what paddle makes them, by linear theory."""
+    """Waves with a given elevation at a position, from a file, by linear theory."""
 
     type: Literal["surface"] = "surface"
 
@@ -318,7 +318,7 @@ class SolitaryWaveMotion(MotionModel):
 
 # ---------------------------------------------------------------- motions by their position
 class AtRestMotion(MotionModel):
-    """The paddle stands still."""
+    """The paddle does not move."""
 
     type: Literal["at-rest"] = "at-rest"
 
@@ -357,9 +357,9 @@ class RecordedMotion(MotionModel):
         min_length=1,
         description="name of its column, of a file whose first column is the time; default: as above",
     )
-    gain: Coordinate = Field(default=1.0, description="what calibration says that its values are to be multiplied by")
+    gain: Coordinate = Field(default=1.0, description="calibration factor of its values")
     highest_frequency: Frequency | None = Field(
-        default=None, description="what is faster, as a sensor's noise, is left out [Hz]; default: nothing"
+        default=None, description="low-pass limit, for example against sensor noise [Hz]; default: nothing"
     )
     ramp: Ramp = Field(default=0.0, description="length of a ramp from the record's start [s]; 0 is none")
 

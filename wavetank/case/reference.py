@@ -13,14 +13,13 @@ from wavetank.case.schema import Table, schema, table_at, tables, tag
 INTRODUCTION = """# Every key of a case
 
 Made by `make reference` from the classes that read a case; `wavetank schema` prints the same for editors. A case is a
-TOML file: what stands in the laboratory, and what is to be computed of it. Needed are `[tank]` and `[run]`; all else
-has a default. A table that may be of several types says which by `type`; a tank that says none is a slice. Gauges may
-be given by x alone: `gauges = [2.0, 4.0]` before all tables is two of them, called 1 and 2 (errors and `--set` count
-from 0: `gauges.0.x`). A key that is not here is refused. Lengths are in metres, times in seconds, angles in degrees
-(of a flap told by `motion_as = "angle"` in radians); z is up from still water, x from the paddle at rest into the
-water.
+TOML file: experiment and numerics. `[tank]` and `[run]` are required; other tables have defaults. `type` selects the
+type of a table; a tank without `type` is a slice. Gauges may be given by x alone: `gauges = [2.0, 4.0]` before all
+tables defines two gauges, named 1 and 2 (errors and `--set` count from 0: `gauges.0.x`). Unknown keys are refused.
+Lengths are in metres, times in seconds, angles in degrees (in radians with `motion_as = "angle"`). z is upwards from
+still water, x from the rest position of the paddle into the water.
 """
-HEAD = "| key | means | unit | allowed | default |\n|---|---|---|---|---|\n"
+HEAD = "| key | meaning | unit | allowed | default |\n|---|---|---|---|---|\n"
 
 
 def reference() -> str:
@@ -84,7 +83,7 @@ def _allowed(what: dict[str, Any]) -> str:
         return ", ".join(f"`{_toml(one)}`" for one in what["enum"])
     match what.get("type"):
         case "number" | "integer":
-            kind = "whole, " if what["type"] == "integer" else ""
+            kind = "integer, " if what["type"] == "integer" else ""
             return f"{kind}{_range(what)}"
         case "array" if "prefixItems" not in what:
             return f"list of {what['minItems']} to {what['maxItems']}, each {_allowed(what['items'])}"

@@ -38,7 +38,7 @@ class BedNoun(CaseModel):
     """What all beds that vary have."""
 
     minimum_depth: Length | None = Field(
-        default=None, description="where the bed is shallower, or dry, it is sunk to this depth [m]; default: nowhere"
+        default=None, description="minimum depth: a bed that is shallower or dry is lowered to it [m]; default: nowhere"
     )
 
     def build(self, tank_depth: float) -> Depth:
@@ -58,8 +58,8 @@ class BeachBed(BedNoun):
     """A beach: flat at the tank's depth up to x = start, from there on a slope, up to the minimum depth."""
 
     type: Literal["beach"] = "beach"
-    start: Coordinate = Field(description="where the slope begins, x [m]")
-    slope: Slope = Field(description="how much the bed rises over how much x grows [-]")
+    start: Coordinate = Field(description="x at which the slope begins [m]")
+    slope: Slope = Field(description="rise of the bed over length [-]")
 
     def as_given(self, tank_depth: float) -> Depth:
         """Return d(x, y) without a minimum."""
@@ -110,7 +110,7 @@ class GriddedBed(BedNoun):
     )
     interpolation: beds.Interpolation = Field(default="cubic", description="cubic has continuous slopes")
     positive: beds.Positive | None = Field(
-        default=None, description="down for depths, up for elevations of the bed; default: as the file says, or down"
+        default=None, description="down for depths, up for elevations of the bed; default: as in the file, or down"
     )
 
     def as_given(self, tank_depth: float) -> Depth:
@@ -163,7 +163,7 @@ class SliceTank(_Channel):
 
 
 class RingTank(_Channel):
-    """A periodic tank of one horizontal dimension: what leaves at x = length enters at x = 0; it has no walls."""
+    """A periodic tank of one horizontal dimension: x = length is identified with x = 0; it has no walls."""
 
     fewest_cells: ClassVar[int] = 3  # a polygon's
     type: Literal["ring"] = "ring"
@@ -176,7 +176,7 @@ class BasinTank(_Filled):
 
     usual_cell: ClassVar[float] = 0.5
     type: Literal["basin"] = "basin"
-    layout: Layout = Field(description="where its walls are, seen from above")
+    layout: Layout = Field(description="plan view of its walls")
     bed: Bed | None = Field(default=None, description="the bed; default: flat, at the depth")
 
     @property
@@ -357,4 +357,4 @@ def paddle_period(
 
 
 AnySponge = EndSponge | GroupSponge | FormulaSponge
-Sponge = Annotated[AnySponge, Field(discriminator="type", description="where waves are absorbed")]
+Sponge = Annotated[AnySponge, Field(discriminator="type", description="the absorbing layer")]

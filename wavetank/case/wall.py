@@ -39,7 +39,7 @@ NARROWEST = 1.05  # the longest period over the shortest
 
 
 class ActiveAbsorption(CaseModel):
-    """The paddle makes its waves and absorbs others at once, by the elevation at its face."""
+    """The paddle generates and absorbs at the same time, by the elevation at its face."""
 
     type: Literal["active"] = "active"
     shortest: Duration | None = Field(
@@ -96,7 +96,7 @@ class ActiveAbsorption(CaseModel):
 
 
 class SpringDamper(CaseModel):
-    """The paddle, which is not driven, is a mass on a spring and a damper; of a flap where its motion is told."""
+    """The paddle, which is not driven, is a mass on a spring and a damper (of a flap: at its stroke height)."""
 
     type: Literal["spring-damper"] = "spring-damper"
     period: Duration | None = Field(
@@ -182,9 +182,9 @@ SIZES = (  # of a motion: keys by which the paddle goes far
 
 
 class Limits(CaseModel):
-    """What the paddle's drive can do: a run that asks for more is refused before it begins."""
+    """Limits of the paddle's drive: a motion beyond them is refused before the run."""
 
-    stroke: Length | None = Field(default=None, description="from one end of its way to the other [m]; default: any")
+    stroke: Length | None = Field(default=None, description="largest minus smallest position [m]; default: any")
     speed: Speed | None = Field(default=None, description="largest speed [m/s]; default: any")
     acceleration: Acceleration | None = Field(default=None, description="largest acceleration [m/s^2]; default: any")
 
@@ -224,11 +224,11 @@ class MovingWall(BaseWall):
     moves: ClassVar[bool] = True
     reach: Length | None = Field(
         default=None,
-        description="where the mapping x = X + s(X) X_p has died out [m]; default: the length, where both walls move "
-        "half of it or what the other leaves, at most ten depths",
+        description="length over which the mapping x = X + s(X) X_p decays to zero [m]; default: the length "
+        "(half of it, or the remainder, if both walls move), at most ten depths",
     )
 
-    limits: Limits | None = Field(default=None, description="what the paddle's drive can do; default: all")
+    limits: Limits | None = Field(default=None, description="limits of the paddle's drive; default: all")
 
     def mode_shape(self, tank: AnyTank) -> Array:
         """Return f(z) at 1001 heights from the bed up, shape (N,): the displacement over that of the motion."""
@@ -301,12 +301,12 @@ class ShapedWall(MovingWall):
 
 
 class HingedWall(ShapedWall):
-    """A wall that turns about a hinge; below a hinge above the bed it stands still."""
+    """A wall that rotates about a hinge; below a hinge above the bed it is fixed."""
 
     shaped_by: ClassVar[str] = "hinge"
     hinge: Coordinate = Field(default=0.0, description="height of the hinge above the bed [m], negative below it")
     stroke_height: Coordinate | None = Field(
-        default=None, description="height above the bed at which its motion is told [m]; default: still water"
+        default=None, description="height above the bed at which the motion is given [m]; default: still water"
     )
 
     @property
@@ -331,7 +331,7 @@ SEGMENTS = 1000  # at most
 
 
 class SegmentedWall(MovingWall):
-    """A wall of many paddles side by side, each with its own motion."""
+    """A wall of many paddles in a row, with separate motions."""
 
     motion: SegmentedPaddleMotion
     segment: Length | None = Field(
@@ -378,20 +378,20 @@ class SegmentedWall(MovingWall):
 
 
 class SegmentedPistonWall(SegmentedWall):
-    """A vertical wall of many pistons side by side, each with its own motion."""
+    """A vertical wall of many pistons in a row, with separate motions."""
 
     type: Literal["segmented-piston"] = "segmented-piston"
 
 
 class SegmentedFlapWall(HingedWall, SegmentedWall):
-    """Many flaps side by side, hinged at one height, each with its own motion."""
+    """Many flaps in a row, hinged at one height, with separate motions."""
 
     type: Literal["segmented-flap"] = "segmented-flap"
 
 
 # ---------------------------------------------------------------- fixed walls and paddles that move as a whole
 class FixedWall(BaseWall):
-    """A wall that stands still."""
+    """A fixed wall."""
 
     type: Literal["fixed"] = "fixed"
 
@@ -430,13 +430,13 @@ class PaddleWall(MovingWall):
 
 
 class PistonWall(PaddleWall):
-    """A vertical wall that moves as a whole."""
+    """A vertical wall with one motion."""
 
     type: Literal["piston"] = "piston"
 
 
 class FlapWall(HingedWall, PaddleWall):
-    """A rigid flap that turns about a hinge; below a hinge above the bed the wall stands still."""
+    """A rigid flap that rotates about a hinge; below a hinge above the bed the wall is fixed."""
 
     type: Literal["flap"] = "flap"
     motion_as: Literal["stroke", "angle"] = Field(

@@ -242,7 +242,7 @@ class FocusingWaves(SpectralWaves):
     """Waves that meet, by linear theory, in one crest at focus_x and focus_time."""
 
     linear_crest: Height = Field(description="height of the crest at the focus above still water, by linear theory [m]")
-    focus_x: Length = Field(description="where the crests meet [m]")
+    focus_x: Length = Field(description="x of the focus [m]")
     focus_time: Duration = Field(description="when the crests meet [s]")
     phase: float = Field(default=0.0, ge=-360, le=360, description="at the focus [deg]: 0 of a crest, 180 of a trough")
 
@@ -310,8 +310,8 @@ class ComponentFile(WaveFile):
         description="what its columns are: frequency in Hz or omega in rad/s, amplitude in m, phase in rad or lag, its "
         "opposite; of paddles in segments direction in degrees from the wall's normal, positive towards y; other",
     )
-    x: Coordinate = Field(default=0.0, description="where the phases hold [m]")
-    time: Annotated[float, Field(ge=-1e9, le=1e9)] = Field(default=0.0, description="when they hold [s]")
+    x: Coordinate = Field(default=0.0, description="x to which the phases refer [m]")
+    time: Annotated[float, Field(ge=-1e9, le=1e9)] = Field(default=0.0, description="time to which they refer [s]")
     scale: float = Field(default=1.0, ge=1e-12, le=1e12, description="factor of the amplitudes [-]")
     phase: float = Field(default=0.0, ge=-360, le=360, description="added to all phases [deg]: 180 turns crests over")
     ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two periods of the highest")
@@ -353,7 +353,7 @@ class SurfaceFile(WaveFile):
     """The elevation that is wished for at a place."""
 
     file: FilePath = Field(description="file of t [s] and eta [m]")
-    x: Length = Field(description="where it is wished for [m]")
+    x: Length = Field(description="x of the elevation [m]")
     delay: Annotated[float, Field(ge=-1e9, le=1e9)] = Field(default=0.0, description="added to the file's times [s]")
     lowest_frequency: Frequency | None = Field(
         default=None, description="of waves that are made [Hz]; default a quarter of their mean"

@@ -213,8 +213,8 @@ class RectangularLayout(DrawnLayout):
 class Refinement(CaseModel):
     """Refinement of columns of cells, of rows, or of both, from wall to wall."""
 
-    x: Pair | None = Field(default=None, description="from where to where along x [m]; default: nowhere")
-    y: Pair | None = Field(default=None, description="from where to where along y [m]; default: nowhere")
+    x: Pair | None = Field(default=None, description="interval in x [m]; default: nowhere")
+    y: Pair | None = Field(default=None, description="interval in y [m]; default: nowhere")
     factor: float = Field(ge=1e-3, lt=1, description="width of the cells there, over that elsewhere [-]")
 
 
@@ -465,7 +465,7 @@ class MeshFile(CaseModel):
     """A mesh in the plane z = 0, with the physical groups ``paddle``, ``wall`` and, if it has one, ``sponge``."""
 
     type: Literal["file"] = "file"
-    file: FilePath = Field(description="mesh file, gmsh's .msh or what meshio reads")
+    file: FilePath = Field(description="mesh file: gmsh .msh, or a format that meshio reads")
 
     @property
     def box(self) -> None:
