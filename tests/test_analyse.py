@@ -15,7 +15,7 @@ from xarray import concat
 
 from wavetank import data
 from wavetank.analysis import results
-from wavetank.analysis.record import Record, read_record
+from wavetank.analysis.record import WaveRecord, read_record
 from wavetank.analysis.signals import between, common_clock
 from wavetank.case.new import write_case
 from wavetank.case.reading import read_case
@@ -125,7 +125,7 @@ def regular(x, *, length=40.0, way=1):
     for n, at in enumerate(x, 1):
         phase = way * k * at - 2 * np.pi * t / 1.6
         series.append(gauge(str(n), at, t, 0.04 * np.cos(phase) + 0.003 * np.cos(2 * phase), "made"))
-    return Record(common_clock(series), "regular", None, 1.0), 2 * np.pi / 1.6 / k
+    return WaveRecord(common_clock(series), "regular", None, 1.0), 2 * np.pi / 1.6 / k
 
 
 @pytest.mark.parametrize(("period", "way"), [(None, 1), (1.6, -1)])
@@ -269,7 +269,7 @@ def test_harmonics_and_free_waves_that_are_not_steady_are_said_to_be_so(table):
 
 def test_bound_and_free_waves_are_waited_for(table):
     """Oracle: both leave the paddle at once, or the first gauge, and go with their group velocities."""
-    regular = replace(read_record(str(table), period=PERIOD, depth=DEPTH), from_wall=True)
+    regular = replace(read_record(str(table), period=PERIOD, depth=DEPTH), from_wavemaker=True)
     late = X[-1] * (1 / group_velocity(FREE, DEPTH, 9.81) - 1 / group_velocity(K, DEPTH, 9.81))
     told = r"the free second harmonic, which is slower, has come to all gauges by (\S+) s: --start \1 leaves out"
     grown = np.clip((regular.eta.time - 12.0) / 8.0, 0.0, 1.0)
@@ -282,7 +282,7 @@ def test_bound_and_free_waves_are_waited_for(table):
     short = replace(begun, eta=between(begun.eta, 21.0, start), before=begun.eta)
     assert f"by {start:.4g} s: the record is too short for it" in results.analysed("bound-free", short).notes
     assert "free second harmonic" not in results.analysed("bound-free", regular).notes
-    of_a_bar = results.analysed("bound-free", replace(begun, from_wall=False)).notes
+    of_a_bar = results.analysed("bound-free", replace(begun, from_wavemaker=False)).notes
     assert start - float(re.search(told, of_a_bar)[1]) == pytest.approx(late * X[0] / X[-1], abs=0.01)
 
 
@@ -292,7 +292,7 @@ def test_gauges_a_beat_apart_are_said_to_stand_badly_and_a_new_slices_are_not(tm
     period, t = scene.wall.motion.period, np.arange(0.0, 14.0, 0.05)
     for x, badly in (((2.0, 4.0, 6.0), True), ([one.x for one in scene.gauges], False)):
         eta = common_clock(gauge(str(at), at, t, np.cos(2 * np.pi * t / period - at)) for at in x)
-        said = results.analysed("bound-free", Record(eta, "made", period, scene.tank.depth)).notes
+        said = results.analysed("bound-free", WaveRecord(eta, "made", period, scene.tank.depth)).notes
         assert ("gauges stand badly" in said) == badly and ("condition 6.47: " in said) == badly
 
 

@@ -18,7 +18,7 @@ from records import gauge
 
 from wavetank import data
 from wavetank.analysis import results
-from wavetank.analysis.record import Record
+from wavetank.analysis.record import WaveRecord
 from wavetank.analysis.signals import common_clock
 from wavetank.case import Case
 from wavetank.case.reading import SHOWN, read_case
@@ -280,7 +280,7 @@ def test_whatever_a_record_holds_is_analysed_or_refused_in_a_sentence(name, x, y
     for kind in results.KINDS:
         for period in (None, 2.0):
             try:
-                found = results.analysed(kind, Record(common_clock(gauges), "made", period, 1.0))
+                found = results.analysed(kind, WaveRecord(common_clock(gauges), "made", period, 1.0))
                 assert found.rows and all(len(row) == len(found.columns) for row in found.rows)
             except InputError as error:
                 assert str(error).endswith(".") and "\n" not in str(error)

@@ -179,7 +179,7 @@ def reflected_spectra(eta: DataArray, *, depth: float, gravity: float = 9.81, se
     incident, back = np.where(usable, np.maximum(told.T, 0.0), np.nan)
     there = usable & (density > ENERGETIC * density.max()) & (f < FREE * peak)
     if not there.any():
-        raise InputError("reflection: the gauges stand where incident and reflected waves cannot be told apart.")
+        raise InputError("the gauges stand where incident and reflected waves cannot be told apart.")
     coefficient = float(np.sqrt(back[there].sum() / max(incident[there].sum(), np.finfo(float).tiny)))
     others = density[~there].sum() / (1 + coefficient**2)
     hm0 = 4 * float(np.sqrt((incident[there].sum() + others) * f[0]))

@@ -1,14 +1,11 @@
 """``wavetank analyse RUN|DATA KIND``: light to import; what it needs is loaded when it is called."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from math import isnan
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.box import SIMPLE
-from rich.table import Table
 
 from wavetank import data
 from wavetank.console import console
@@ -51,34 +48,35 @@ def analyse(
     For each kind a table and a picture: spectra with Hm0, Tp, Tm02; heights of waves one after the other; harmonics of
     regular waves; second harmonics bound and free; groups; incident and reflected waves; speed between gauges.
     """
-    asked = list(dict.fromkeys(kinds or KINDS[:1]))
-    for kind in asked:
+    chosen = list(dict.fromkeys(kinds or KINDS[:1]))
+    for kind in chosen:
         if kind not in KINDS:
             raise InputError(f"analysis {kind!r} received{choice(kind, KINDS)}.")
-    if period is not None and not set(asked) & set(REGULAR):
-        raise InputError(f"--period received with {', '.join(asked)}; it is for {', '.join(REGULAR)}.")
-    if sea and REFLECTION not in asked:
-        raise InputError(f"--sea received with {', '.join(asked)}; it is for {REFLECTION}.")
-    if sea and period is not None and not {*asked} & {*REGULAR} - {REFLECTION}:
+    if period is not None and not set(chosen) & set(REGULAR):
+        raise InputError(f"--period received with {', '.join(chosen)}; it is for {', '.join(REGULAR)}.")
+    if sea and REFLECTION not in chosen:
+        raise InputError(f"--sea received with {', '.join(chosen)}; it is for {REFLECTION}.")
+    if sea and period is not None and not {*chosen} & {*REGULAR} - {REFLECTION}:
         raise InputError(f"--sea and --period {period:g} received; {REFLECTION} is of one of them.")
     folder = own_folder(source) if out is None else out
-    files = {kind: folder / f"analysis-{kind}.csv" for kind in asked}
-    pictures = [file.with_suffix(".png") for file in files.values()]
-    check_new(*files.values(), *pictures, overwrite=overwrite or out is None)
+    files = {kind: folder / f"analysis-{kind}.csv" for kind in chosen}
+    check_new(
+        *files.values(), *(file.with_suffix(".png") for file in files.values()), overwrite=overwrite or out is None
+    )
     names = tuple(name.strip() for name in gauges.split(",")) if gauges else ()
     from wavetank.analysis.record import read_record
     from wavetank.analysis.results import analysed
     from wavetank.plots.analysis_figures import result_figure
-    from wavetank.plots.tables import write_rows
+    from wavetank.plots.tables import terminal_table, write_rows
 
     record = read_record(source, start=start, end=end, gauges=names, along=_places(along), depth=depth, period=period)
     records = {REFLECTION: replace(record, given_period=None)} if sea else {}
     results, refused = {}, dict[str, list[str]]()
-    for kind in asked:
+    for kind in chosen:
         try:
             results[kind] = analysed(kind, records.get(kind, record))
         except InputError as error:
-            refused.setdefault(str(error).removeprefix(f"{kind}: "), []).append(kind)
+            refused.setdefault(str(error), []).append(kind)
     why = InputError(" ".join(f"{', '.join(of)}: {reason}" for reason, of in refused.items()))
     if not results:
         raise why
@@ -91,13 +89,15 @@ def analyse(
     if units := data.units_note(source):
         terminal.print(units, highlight=False)
     for kind, result in results.items():
-        terminal.print(_table(result.columns, result.rows))
+        more = f"and {len(result.rows) - MOST} more rows, in the file" if len(result.rows) > MOST else None
+        cells = (map(_cell, row) for row in result.rows[:MOST])
+        terminal.print(terminal_table(result.columns, cells, caption=more))
         if result.notes:
             terminal.print(result.notes, highlight=False)
-        instead = ", in place of what was there (--out: elsewhere)" if files[kind].exists() else ""
+        replaced = ", in place of what was there (--out: elsewhere)" if files[kind].exists() else ""
         write_rows(files[kind], result.columns, result.rows)
         picture = result_figure(result, files[kind].with_suffix(".png"))
-        terminal.print(f"wrote {files[kind]} and {picture}{instead}", highlight=False)
+        terminal.print(f"wrote {files[kind]} and {picture}{replaced}", highlight=False)
     if refused:
         raise why
 
@@ -132,15 +132,6 @@ def _make(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
 
 
-def _table(columns: Sequence[str], rows: Sequence[Sequence[str | float]]) -> Table:
-    left_out = max(0, len(rows) - MOST)
-    caption = f"and {left_out} more rows, in the file" if left_out else None
-    table = Table(*columns, box=SIMPLE, padding=0, caption=caption)
-    for row in rows[:MOST]:
-        table.add_row(*map(_shown, row))
-    return table
-
-
-def _shown(value: str | float) -> str:
-    """Return what stands in the table on the terminal: of a place that is not known, nothing."""
+def _cell(value: str | float) -> str:
+    """Return a value in the table on the terminal: empty for one that is unknown."""
     return value if isinstance(value, str) else "" if isnan(value) else f"{value:.4g}"

@@ -38,7 +38,7 @@ def _rows(data: Dataset, names: Sequence[str]) -> Iterable[tuple[Any, ...]]:
     return [*frame[[*names]].itertuples(index=False, name=None)]
 
 
-def terminal_table(columns: Sequence[str], rows: Iterable[Sequence[str]], *, caption: str | None = None) -> Table:
+def terminal_table(columns: Sequence[str], rows: Iterable[Iterable[str]], *, caption: str | None = None) -> Table:
     """Return a table for the terminal."""
     table = Table(*columns, box=SIMPLE, padding=0, caption=caption)
     for row in rows:

@@ -23,7 +23,7 @@ from scipy.optimize import minimize_scalar
 from xarray import Dataset
 
 from wavetank.analysis.compare import matched
-from wavetank.analysis.quantities import AT_GAUGE, AT_WALL, OF_RUN, Findings
+from wavetank.analysis.quantities import AT_GAUGE, AT_WALL, OF_RUN, RunResults
 from wavetank.case import Case, LinearWater, StandingWave, StreamFunctionWave
 from wavetank.errors import InputError, choice
 from wavetank.output.directory import RunDirectory
@@ -272,9 +272,9 @@ class Quantity:
         """Its unit."""
         return (OF_RUN if self.gauge is None else AT)[self.name].unit
 
-    def of(self, findings: Findings) -> float:
+    def of(self, results: RunResults) -> float:
         """Return its value; raises ``InputError`` if the run does not contain it."""
-        return OF_RUN[self.name].of(findings) if self.gauge is None else AT[self.name].of(findings, self.gauge)
+        return OF_RUN[self.name].of(results) if self.gauge is None else AT[self.name].of(results, self.gauge)
 
 
 class Response:
@@ -318,9 +318,9 @@ class Response:
                 existing = ", ".join(have) or "none"
                 raise InputError(f"response {self.label}: there is no {kind} {quantity.gauge!r}; there are {existing}.")
 
-    def of(self, findings: Findings) -> float:
+    def of(self, results: RunResults) -> float:
         """Return the response of a run; raises ``InputError`` if the run does not contain it."""
-        return float(self._formula(*(np.float64(quantity.of(findings)) for quantity in self.quantities)))
+        return float(self._formula(*(np.float64(quantity.of(results)) for quantity in self.quantities)))
 
 
 def _allowed() -> str:
@@ -338,10 +338,10 @@ def responses(
     run: RunDirectory, requested: Sequence[Response], *, start: float | None = None
 ) -> tuple[Responses, list[str]]:
     """Return a run's responses from a time [s] on by their labels, and why some are not a number, a sentence each."""
-    findings, values, causes = Findings(run, start=start), Responses(), list[str]()
+    results, values, causes = RunResults(run, start=start), Responses(), list[str]()
     for one in requested:
         try:
-            values[one.label] = one.of(findings)
+            values[one.label] = one.of(results)
         except InputError as error:
             values[one.label] = np.nan
             causes.append(f"{one.label}: {error}")
