@@ -1,11 +1,11 @@
-"""What states and derivatives are: numpy arrays of the values that this rank owns; their sums, and combinations."""
+"""Vectors: numpy arrays of the values that this rank owns, and their reductions over ranks."""
 
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:  # whoever only reads records has no ranks
+if TYPE_CHECKING:  # commands without a solver do not import MPI
     from mpi4py import MPI
 
 Vector = NDArray[np.float64]
@@ -14,29 +14,29 @@ Summand = TypeVar("Summand", float, Vector)
 
 
 def read_only(values: Vector) -> Vector:
-    """Return a view of values through which nobody can write."""
+    """Return a read-only view of values."""
     view = values.view()
     view.flags.writeable = False
     return view
 
 
 def summed(comm: "MPI.Comm", part: Summand) -> Summand:
-    """Return the sum of all ranks' numbers or arrays; collective. One rank, whose sum it is, is not sent to itself."""
+    """Return the sum over all ranks of a number or an array; collective."""
     if comm.size == 1:
         return part
     from mpi4py import MPI
 
-    whole = np.array(part, dtype=np.float64)
-    comm.Allreduce(MPI.IN_PLACE, whole)
-    return float(whole) if isinstance(part, float) else whole
+    total = np.array(part, dtype=np.float64)
+    comm.Allreduce(MPI.IN_PLACE, total)
+    return float(total) if isinstance(part, float) else total
 
 
 def largest(comm: "MPI.Comm", part: Summand) -> Summand:
-    """Return the largest of all ranks' numbers, or of arrays one by one; collective."""
+    """Return the maximum over all ranks of a number, or of each element of an array; collective."""
     if comm.size == 1:
         return part
     from mpi4py import MPI
 
-    whole = np.array(part, dtype=np.float64)
-    comm.Allreduce(MPI.IN_PLACE, whole, op=MPI.MAX)
-    return float(whole) if isinstance(part, float) else whole
+    total = np.array(part, dtype=np.float64)
+    comm.Allreduce(MPI.IN_PLACE, total, op=MPI.MAX)
+    return float(total) if isinstance(part, float) else total

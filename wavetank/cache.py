@@ -1,4 +1,4 @@
-"""The user's cache, for what is dear to make; where nothing can be kept in it, a temporary one takes its place."""
+"""The user's cache of compiled code, downloads and measured costs; a temporary folder if it cannot be written."""
 
 import errno
 import fcntl
@@ -13,27 +13,27 @@ from wavetank.errors import InputError
 
 VARIABLE = "XDG_CACHE_HOME"
 PRIVATE = 0o700
-OTHERS_MAY_WRITE = 0o022
+GROUP_OR_ALL_WRITE = 0o022
 
 
 def usual(part: str = "") -> Path:
-    """Return the folder of a part of the user's cache, which need not be there."""
+    """Return the folder of a part of the user's cache; it may be missing."""
     import pooch  # loads long
 
     return Path(pooch.os_cache("wavetank")) / part
 
 
 def places(part: str = "", *, private: bool = False) -> list[Path]:
-    """Return the folders in which a part of the cache is looked for; they need not be there.
+    """Return the folders that are searched for a part of the cache; they may be missing.
 
-    Of ``private`` ones, those of code, each is there, and nobody else can have put anything into it.
+    ``private`` ones, which contain code, exist, and only this user and root can write to them.
     """
     usual_part = [] if private and not _is_private(usual(), part) else [usual(part)]
     return [*usual_part, *([_temporary() / part] if _is_private(_temporary(), part if private else "") else [])]
 
 
 def writable(part: str = "", *, private: bool = False) -> Path:
-    """Return a folder in which a part of the cache can be kept: the usual one, or, which is said, a temporary one.
+    """Return a writable folder for a part of the cache: the usual one, or, with a warning, a temporary one.
 
     Raises ``InputError`` that names the variable to set if there is neither.
     """
@@ -56,15 +56,15 @@ def writable(part: str = "", *, private: bool = False) -> Path:
 
 
 def _usable(cache: Path, part: str, *, private: bool) -> Path:
-    """Return a part of a cache, made if it is missing; raise ``OSError`` unless files in it can be written and locked.
+    """Return a part of a cache, made if missing; raise ``OSError`` unless files in it can be written and locked.
 
-    A ``private`` one is closed to others, and refused where that is not possible.
+    A ``private`` one is made writable for this user only, or refused.
     """
     folder = cache / part
     for one in (cache, folder) if private else ():
         one.mkdir(mode=PRIVATE, parents=True, exist_ok=True)
         if is_ours(one, any_mode=True) and not is_ours(one):
-            one.chmod(one.stat().st_mode & ~OTHERS_MAY_WRITE)
+            one.chmod(one.stat().st_mode & ~GROUP_OR_ALL_WRITE)
     if private and not _is_private(cache, part):
         raise PermissionError(errno.EPERM, "other users can write there")
     folder.mkdir(parents=True, exist_ok=True)
@@ -74,12 +74,12 @@ def _usable(cache: Path, part: str, *, private: bool) -> Path:
 
 
 def _temporary() -> Path:
-    """Return the temporary cache of this user, the same for all processes of a machine."""
+    """Return the temporary cache of this user, which all processes of a machine share."""
     return Path(tempfile.gettempdir()) / f"wavetank-{os.getuid()}"
 
 
 def _is_private(cache: Path, part: str) -> bool:
-    """Return whether nobody but this user and root can change a part of a cache, whose content may be executed."""
+    """Return whether only this user and root can change a part of a cache."""
     try:
         above = cache.parent.stat()
     except OSError:
@@ -89,16 +89,16 @@ def _is_private(cache: Path, part: str) -> bool:
 
 
 def is_ours(folder: Path, *, any_mode: bool = False) -> bool:
-    """Return whether a folder is there, no link, of this user's, and nobody else can write to it."""
+    """Return whether a folder exists, is no link, belongs to this user, and only this user can write to it."""
     try:
         state = folder.lstat()
     except OSError:
         return False
-    closed = any_mode or not state.st_mode & OTHERS_MAY_WRITE
+    closed = any_mode or not state.st_mode & GROUP_OR_ALL_WRITE
     return stat.S_ISDIR(state.st_mode) and state.st_uid == os.getuid() and closed
 
 
 @cache
 def warn(sentence: str) -> None:
-    """Say a sentence, once."""
+    """Log a sentence as a warning, once per process."""
     logging.getLogger("wavetank").warning("wavetank: %s", sentence)

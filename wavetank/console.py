@@ -1,4 +1,4 @@
-"""Console output: errors of standard output do not stop a computation."""
+"""Console output whose errors do not stop a computation."""
 
 import os
 import signal
@@ -27,7 +27,7 @@ class SafeConsole(Console):
 def console(*, least: int = 0) -> Console:
     """Return a console on the standard output of rank 0, at least ``least`` columns wide, without markup.
 
-    Open MPI gives its ranks a terminal that passes on whole lines only: no bar would be seen there.
+    Under Open MPI it is no terminal: mpirun forwards complete lines only, so that a progress bar would be invisible.
     """
     force_terminal = False if "OMPI_COMM_WORLD_SIZE" in os.environ else None
     quiet = MPI.COMM_WORLD.rank != 0
@@ -39,7 +39,7 @@ def console(*, least: int = 0) -> Console:
 
 
 def format_duration(seconds: float) -> str:
-    """Return a duration as text, in a unit of fitting size."""
+    """Return a duration as text, in seconds to years."""
     for unit, size in (("years", 3.156e7), ("days", 86_400.0), ("hours", 3600.0), ("minutes", 60.0)):
         if seconds >= 2 * size:
             return f"{seconds / size:.3g} {unit}"
@@ -47,7 +47,7 @@ def format_duration(seconds: float) -> str:
 
 
 class _OutputStream(TextIOBase):
-    """A text stream without buffer that drops what cannot be written: its reader has gone, or the disk is full."""
+    """An unbuffered text stream that drops text which cannot be written, as on a closed pipe or a full disk."""
 
     def __init__(self, stream: TextIO):
         self._stream, self._descriptor = stream, stream.fileno()
@@ -77,7 +77,7 @@ class _OutputStream(TextIOBase):
 
 
 def _output(stream: TextIO) -> TextIO:
-    """Return a stream that drops what cannot be written; a stream in memory is returned unchanged."""
+    """Return a stream that drops text which cannot be written; a stream in memory is returned unchanged."""
     try:
         return cast(TextIO, _OutputStream(stream))
     except (UnsupportedOperation, AttributeError, ValueError):

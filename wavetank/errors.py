@@ -1,7 +1,7 @@
-"""The errors a user can meet, each with the exit code of the command line.
+"""Errors for users, each with the exit code of the command line.
 
-Bad input is an ``InputError`` (exit code 2): its text says what was received, what is allowed and where it stands.
-A run that breaks down is a ``RunError`` (exit code 1): its text says what happened, where and when.
+An ``InputError`` (exit code 2) names the key or file, what was received and what is allowed. A ``RunError`` (exit
+code 1) names the time, the place and what happened.
 """
 
 from collections.abc import Iterator, Sequence
@@ -11,18 +11,18 @@ from math import inf
 
 
 def printable(text: str) -> str:
-    """Return a text as a terminal may show it: what else would move its cursor, or worse, escaped as in Python."""
+    """Return a text for a terminal: control characters are escaped as in Python."""
     return "".join(one if one == "\n" or one.isprintable() else ascii(one)[1:-1] for one in text)
 
 
 class WavetankError(Exception):
-    """Anything this package reports in one clear sentence instead of a traceback."""
+    """An error that is reported by its message, without a traceback."""
 
     exit_code = 1
 
 
 class InputError(WavetankError):
-    """What the user gave cannot be used."""
+    """Input of the user that cannot be used."""
 
     exit_code = 2
 
@@ -33,7 +33,7 @@ class OutsideError(InputError):
     Attributes
     ----------
     index
-        Which one of those that were asked for.
+        The number of the point among those requested.
     """
 
     def __init__(self, message: str, index: int = 0):
@@ -45,57 +45,57 @@ class OutsideError(InputError):
 
 
 class RunError(WavetankError):
-    """A run could not go on; everything up to then is kept.
+    """The end of a run before its duration; everything up to then is recorded.
 
     Attributes
     ----------
     status
-        What the manifest calls a run that has ended so.
+        The status in the manifest.
     anew
-        Whether only another case gets farther, from its start.
+        Whether another case is needed, run from its start.
     t
-        When that was [s], for who looks at many moments at once; infinite where nobody has said.
+        The time of the error [s]; infinite if unknown.
     """
 
     status, anew = "broke down", False
 
-    def __init__(self, *said: object, t: float = inf):
-        super().__init__(*said)
+    def __init__(self, *arguments: object, t: float = inf):
+        super().__init__(*arguments)
         self.t = t
 
 
 class StoppedError(RunError):
-    """A run was told to end, between two steps."""
+    """A signal that ended a run between two steps."""
 
     status = "stopped"
 
 
 class PaddleError(RunError):
-    """A paddle has gone where it cannot, or to where somebody looks: with any numerics it would."""
+    """A paddle beyond its reach, or at a gauge or probe, whatever the numerics."""
 
     anew = True
 
 
 class RecordError(RunError):
-    """A record could not be written: what one rank meets alone, without the others."""
+    """A record that cannot be written; a rank may raise it without the others."""
 
     status = "failed"
 
 
 class BreakdownError(RunError):
-    """The water could not be computed any further; who knows the step says why.
+    """A state from which no further step can be computed.
 
     Attributes
     ----------
     cure
-        The setting that does, as far as is known, ``KEY=VALUE``; empty of nothing known.
+        A setting that avoids it, ``KEY=VALUE``; empty if none is known.
     """
 
     cure = ""
 
 
 class ConvergenceError(BreakdownError):
-    """A linear or nonlinear solve did not reach its tolerance."""
+    """A linear or nonlinear solve that does not reach its tolerance."""
 
 
 @contextmanager
@@ -108,19 +108,19 @@ def write_errors(path: object, error: type[WavetankError] = InputError) -> Itera
 
 
 def worded(error: BaseException) -> str:
-    """Return why something ended, in words: what an error says, or its type, and what was noted of it."""
+    """Return the message of an error, or its type, and its notes."""
     return "; ".join([str(error) or type(error).__name__, *getattr(error, "__notes__", ())])
 
 
 def locate(error: Exception, where: str) -> None:
-    """Note where an error has come from that is none of this package's, such as one of a user's code: one note."""
+    """Add the origin to an error that is no ``WavetankError``, such as one of a user's code, unless it has a note."""
     if not isinstance(error, WavetankError) and not hasattr(error, "__notes__"):
         error.add_note(f"{type(error).__name__} in {where}")
 
 
 def choice(received: str, allowed: Sequence[str]) -> str:
-    """Return the end of a sentence: what may have been meant, and what is allowed."""
-    begun = [one for one in allowed if len(received) > 2 and one.startswith(received)]
-    close = get_close_matches(received, allowed, n=1) or begun
+    """Return the end of a sentence that suggests the most similar of the allowed values, and lists all."""
+    same_beginning = [one for one in allowed if len(received) > 2 and one.startswith(received)]
+    close = get_close_matches(received, allowed, n=1) or same_beginning
     guess = f"; did you mean {close[0]!r}?" if close else ";"
     return f"{guess} allowed are: {', '.join(allowed)}"

@@ -86,7 +86,7 @@ def all_ranks_arrive(comm: MPI.Comm, timeout: float = inf) -> bool:
 
 
 @contextmanager
-def abort_if_others_continue(comm: MPI.Comm, timeout: float) -> Iterator[None]:
+def abort_unless_all_fail(comm: MPI.Comm, timeout: float) -> Iterator[None]:
     """Abort all ranks if the block fails on some, and the others do not arrive within the timeout [s]."""
     try:
         yield

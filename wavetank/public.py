@@ -1,4 +1,4 @@
-"""A case run from Python, also with an observer or an integrator of one's own."""
+"""Functions that run and resume a case from Python, with observers and integrators of the user."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -29,10 +29,10 @@ def run(
     resume: bool = False,
     quiet: bool = False,
 ) -> RunDirectory:
-    """Run a scene and return its run directory; also under mpirun, where all ranks call it.
+    """Run a case and return its run directory; under mpirun all ranks call it.
 
-    Raises ``InputError`` for what cannot be run, before anything is changed, and ``RunError`` where the run breaks
-    down: everything up to then is in the directory.
+    Raises ``InputError`` for a case that cannot be run, before any file is changed, and ``RunError`` if the run breaks
+    down; everything up to then is in the directory.
 
     Parameters
     ----------
@@ -41,15 +41,15 @@ def run(
     out
         The run directory.
     observers
-        What else looks at the water: functions, classes for instance, of the waves that return an observer.
+        Further observers: functions of the waves, such as classes, that return an observer.
     integrator
-        A scheme of one's own, in place of the scene's.
+        An integrator in place of the case's.
     overwrite
-        Whether a run that is there may be replaced.
+        Whether an existing run may be replaced.
     resume
-        Whether the run that is there goes on, from its last checkpoint; observers and integrator must be the same.
+        Whether the existing run is resumed from its last checkpoint, with the same observers and integrator.
     quiet
-        Whether nothing is printed; ``run.log`` has it all.
+        Whether nothing is printed; messages are in ``run.log``.
     """
     if not isinstance(scene, Case):
         raise InputError(f"scene = {scene!r}: a {type(scene).__name__} received; needed is what wt.read_case returns.")
@@ -77,22 +77,22 @@ def resume(
     integrator: Integrator[Any] | None = None,
     trust: bool = False,
 ) -> RunDirectory:
-    """Go on with a run from its last checkpoint, and return its run directory; also under mpirun.
+    """Resume a run from a checkpoint and return its run directory; under mpirun all ranks call it.
 
-    Raises as ``run`` does.
+    Raises the errors of ``run``.
 
     Parameters
     ----------
     directory
-        The run directory, which keeps the scene.
+        The run directory, which contains the case.
     changes
-        Of the scene, as ``read_case`` takes them: other numerics, a longer duration, more gauges.
+        Overrides of the case as in ``read_case``: other numerics, a longer duration, more gauges.
     extend
-        How much longer it is to be [s]; a finished run goes on only by this, or from the checkpoint before its end.
+        Additional duration [s]; a finished run is resumed only with it, or from the checkpoint before its end.
     at
-        The time of the checkpoint to go on from [s], one of the two that are kept; default: of the last.
+        The time of one of the two checkpoints [s]; default: the last.
     observers, integrator
-        Those of the run, where it was given some.
+        The observers and the integrator that the run was started with.
     trust
         Whether Python files that the run directory names may be executed.
     """

@@ -15,7 +15,7 @@ from wavetank.case.reading import contents
 from wavetank.errors import BreakdownError, InputError, PaddleError, RecordError, RunError, worded
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
-from wavetank.mpi import abort_if_others_continue, all_ranks_arrive, from_first, on_first, raise_on_all_ranks
+from wavetank.mpi import abort_unless_all_fail, all_ranks_arrive, from_first, on_first, raise_on_all_ranks
 from wavetank.output.checkpoint import last_checkpoint, readable_checkpoints
 from wavetank.output.directory import ANALYSES, BED, BREAKING, BROKEN, LOG, RunDirectory
 from wavetank.output.fields import VtuSeries
@@ -141,7 +141,7 @@ def record_run(
     known = {"scene": _scene_content(scene, integrator), "files": contents(scene), "ranks": comm.size, **environment()}
     known["warnings"] = warnings.records  # found until its end
     writer = on_first(comm, lambda: RunWriter(place, known, resume=resume))
-    with abort_if_others_continue(comm, LATEST), ExitStack() as at_the_end:
+    with abort_unless_all_fail(comm, LATEST), ExitStack() as at_the_end:
         if writer is not None:
             at_the_end.callback(writer.release)
         restart = Restart(writer, comm, warn=warnings.add, at=at) if resume else None

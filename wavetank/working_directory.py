@@ -1,4 +1,4 @@
-"""The current directory, from which libraries read settings when they are loaded."""
+"""Settings of libraries in the current directory, which are refused."""
 
 import os
 from pathlib import Path
@@ -9,10 +9,10 @@ SETTINGS = ".petscrc", "petscrc", "petsc.cfg", "ucx.conf", "dolfinx_jit_options.
 
 
 def check_working_directory() -> None:
-    """Raise ``InputError`` for a file in the current directory that a library would read its settings from.
+    """Raise ``InputError`` for a settings file of a library in the current directory, unless that is the user's home.
 
-    PETSc loads the libraries that such a file names, UCX, of Open MPI, writes the log that it names, FFCx changes how
-    exactly it integrates. In the user's home such a file is the user's.
+    PETSc loads the libraries that its file names, UCX (of Open MPI) writes the log that its file names, FFCx changes
+    its quadrature.
     """
     here, home = Path.cwd(), Path("~").expanduser()
     settings = [name for name in SETTINGS if os.path.lexists(name)]

@@ -1,4 +1,4 @@
-"""The run directory: what a run leaves, written as it goes on, so that a killed run keeps what it had.
+"""The run directory: the files of a run, written while it is computed, so that a killed run has records.
 
     manifest.json   the evaluated scene, versions, host, command, git revision, timings, counters, status
     gauges.csv      t [s], then one column a gauge, elevation [m]; the header names each by its place, "5@x=50" or
@@ -11,21 +11,20 @@
                     "velocity_x A@x=2;z=-0.1 [m/s]"
     probes.nc       the same as CF-NetCDF, when the run has ended
     loads.csv       force and moment on walls, "force_x paddle [N/m]", of a slice per width
-    window-NAME.nc  what columns of water do, for other programs (``fields.py``), or window-NAME.csv
+    window-NAME.nc  kinematics of columns of water, for other programs (``fields.py``), or window-NAME.csv
     surface.nc      of a slice or ring, snapshots of x [m], elevation [m], surface potential [m²/s], as CF-NetCDF
     surface.xdmf    opens them in ParaView
-    surface.pvd, velocity.pvd, fields/     what ParaView opens, written by all ranks (``fields.py``)
-    checkpoint.zip  what a run needs to go on, from time to time, and in ``checkpoint-before.zip`` the one before
+    surface.pvd, velocity.pvd, fields/     snapshots for ParaView, written by all ranks (``fields.py``)
+    checkpoint.zip  the state of the run for a restart, at intervals; ``checkpoint-before.zip`` is the one before
     bed.csv         of a bed by a Python function, its depth [m] at the degrees of freedom
-    broken.csv      of a run that broke down, the surface from which it could not go on; drawn in broken.png
+    broken.csv      of a run that broke down, its last surface; drawn in broken.png
     breaking.csv    crests that passed the threshold of breaking, when the run has ended; none without such crests
-    run.log         what the run has said: its summary, progress, warnings, and why it ended
-    .lock           while it goes on (``files.py``)
+    run.log         the messages of the run: its summary, progress, warnings, and why it ended
+    .lock           while it is computed (``files.py``)
 
-The first rank writes (``writer.py``), but for the fields. Snapshots are handed to the operating system at once, rows of
-tables together, within a second: a killed run keeps all but these, which it computes anew when it goes on, as does one
-that ends by a mistake on some of its ranks; of one that ends in any other way none is missing. A reader leaves out
-what was cut. No number that is not finite is ever written.
+The first rank writes (``writer.py``), except for the fields. Snapshots are passed to the operating system at once, rows
+of tables in blocks of about a second. A killed run loses the rows of that block, and so does one that ends by a mistake
+on some of its ranks; a resumed run computes them again. Incomplete records are not read. Every number is finite.
 """
 
 import csv
@@ -93,9 +92,9 @@ def record_files(run: Path) -> Iterator[Path]:
 
 
 class RunDirectory:
-    """Reads a run directory, also one of a run that still goes on or was killed.
+    """A reader of a run directory, also of a run that is being computed or was killed.
 
-    Raises ``InputError`` if there is none at ``path``, or if a file asked for is missing or damaged.
+    Raises ``InputError`` if there is none at ``path``, or if a requested file is missing or damaged.
     """
 
     def __init__(self, path: Path | str):
@@ -108,27 +107,27 @@ class RunDirectory:
 
     @property
     def status(self) -> str:
-        """How the run stands.
+        """The status of the run.
 
-        ``"running"``, ``"finished"``, ``"stopped"`` by a signal, ``"broke down"``, ``"failed"`` for what is not of the
-        water; ``"killed"``: no process writes it any more; or ``"unknown"``, of another host's, which cannot be asked.
+        ``"running"``, ``"finished"``, ``"stopped"`` by a signal, ``"broke down"`` as the water could not be computed,
+        ``"failed"`` for another reason, ``"killed"``: no process writes it; or ``"unknown"``: on another host.
         """
         status = str(self.manifest.get("status", ""))
         if status != "running":
             return status
         if is_locked(self.path):
             return "running"
-        status = str(read_manifest(self.path).get("status"))  # a run's last word comes before it lets go
+        status = str(read_manifest(self.path).get("status"))  # the lock is released after the final manifest
         if status != "running":
             return status
         return "killed" if self.manifest.get("host", gethostname()) == gethostname() else "unknown"
 
     @property
     def reached(self) -> float | None:
-        """The time [s] of the last whole row of its energies, which may be later than its manifest; None without."""
+        """The time [s] of the last complete row of its energies, which may be later than its manifest; None without."""
         with suppress(OSError, ValueError), open_regular(self.path / ENERGY) as file:
             file.seek(max(0, file.seek(0, os.SEEK_END) - LINES))
-            *_, last, _ = file.read().split(b"\n")  # what is behind the last end of a line was cut
+            *_, last, _ = file.read().split(b"\n")  # without an incomplete line
             return float(last.partition(b",")[0])
         return None
 
@@ -178,7 +177,7 @@ class RunDirectory:
 
     @property
     def probes(self) -> "xarray.Dataset":
-        """What probes have recorded over probe and time [s], each quantity by its name with its units; nan: dry.
+        """Quantities at probes over probe and time [s], by their names with units; NaN: dry.
 
         Probes by their names, with their places x, y and z [m]. Raises ``InputError`` where there are none.
         """
@@ -218,9 +217,9 @@ class RunDirectory:
         return read_snapshots(self._surface(), self.path / SURFACE)
 
     def window(self, name: str) -> "xarray.Dataset":
-        """Return what the columns of a window do, over time [s], column and level.
+        """Return the kinematics of a window over time [s], column and level; of a table those that it has.
 
-        Of a table what that has of it. Raises ``InputError`` where there is no such window, or no row of it.
+        Raises ``InputError`` if there is no such window, or no row of it.
         """
         from xarray import Dataset, load_dataset
 
@@ -238,7 +237,7 @@ class RunDirectory:
         return load_dataset(BytesIO(content), engine="scipy").set_coords(["x", "y", "z", "zeta"])
 
     def broken(self) -> "xarray.Dataset":
-        """Return the surface from which a run could not go on, over point.
+        """Return the last surface of a run that broke down, over point.
 
         x, y (of a basin) [m], elevation [m], slope [-], velocity [m/s]. Raises ``InputError`` where there is none.
         """

@@ -42,7 +42,7 @@ from wavetank.output.columns import (
 )
 from wavetank.output.files import FIELDS, flush_to_disk, open_regular, write_atomically
 from wavetank.output.netcdf import NUMBER, AppendNetCDF
-from wavetank.output.tables import INDEX, AppendFile, Extent, TableWriter, append_until_failure, unusable
+from wavetank.output.tables import INDEX, Extent, IndexFile, TableWriter, append_until_failure, unusable
 
 if TYPE_CHECKING:
     import xarray
@@ -73,15 +73,13 @@ class SurfaceWriter(AppendNetCDF):
 
     def __init__(self, path: Path, attributes: Mapping[str, str]):
         super().__init__(path, attributes)
-        self._index = AppendFile(path.with_suffix(INDEX))
+        self._index = IndexFile(path.with_suffix(INDEX), HEAD, TAIL)
         self._points = 0
 
     def open(self) -> None:
         """Create both files, or open them to append; raises ``RecordError``."""
         super().open()
         self._index.open()
-        if self._records:
-            self._index.write(TAIL, over=len(TAIL))  # the next snapshot had been written over it
 
     def sync(self) -> None:
         """Flush both files to the disk; raises ``OSError``."""
@@ -127,9 +125,8 @@ class SurfaceWriter(AppendNetCDF):
         finally:
             times = rows[: self._records - before, 0]
             if times.size:
-                entries = b"".join([b"" if before else HEAD, *self._index_entries(times, before), TAIL])
                 try:
-                    self._index.write(entries, over=len(TAIL) if before else 0)
+                    self._index.append(b"".join(self._index_entries(times, before)))
                 except RecordError:
                     self._records = before
                     self.shorten(size)
@@ -334,7 +331,7 @@ class VtuSeries:
 
     def __init__(self, run: Path, name: str, *, comm: "MPI.Comm"):
         self._run, self._name, self._comm = run, name, comm
-        self._snapshots, self._index = 0, AppendFile(index_file(run, name))
+        self._snapshots, self._index = 0, IndexFile(index_file(run, name), _index_head(), INDEX_END)
         self._folder: os.stat_result | None = None  # once a snapshot has been written to it
         self._new: list[Path] = []  # files of this rank that a power cut may still take
 
@@ -387,10 +384,9 @@ class VtuSeries:
     def _append_to_index(self, t: float, file: str) -> None:
         """Append a snapshot to the index file."""
         entry = ElementTree.Element("DataSet", timestep=repr(float(t)), part="0", file=file)
-        head, over = (b"", len(INDEX_END)) if self._snapshots else (_index_head(), 0)
         self._index.open()
         try:
-            self._index.write(head + ElementTree.tostring(entry) + b"\n" + INDEX_END, over=over)
+            self._index.append(ElementTree.tostring(entry) + b"\n")
         finally:
             self._index.close()
         self._index.resume_at(self._index.extent())

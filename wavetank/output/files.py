@@ -1,7 +1,7 @@
 """Files of a run directory: regular files, atomic writes, the lock, the path of a new directory, and the log.
 
-The lock is the system's (flock) on the file ``.lock``, whose content names the process that holds it. On a file system
-without such locks that process is looked up: on this host by its number and start time, which no later process shares.
+The lock is the system's (flock) on the file ``.lock``, whose content names the process that has it. On a file system
+without such locks that process decides: on this host it is identified by its number and start time.
 """
 
 import errno
@@ -26,15 +26,15 @@ FIELDS = "fields"  # the folder of a run directory
 
 
 def open_regular(path: Path, mode: str = "rb", **options: Any) -> Any:
-    """Return a file, opened as by ``open``; raise ``OSError`` for a link, a pipe or a device.
+    """Return a file opened as by ``open``; raise ``OSError`` for a link, a pipe or a device.
 
-    And for one with several names where it is to be written: a hard link may be a file of another folder.
+    A file to be written must have one name: a hard link may be a file of another folder.
     """
     return open(path, mode, opener=open_descriptor, **options)
 
 
 def open_descriptor(path: str | Path, flags: int) -> int:
-    """Return the descriptor of a regular file; raises as ``open_regular``, and before anything is truncated."""
+    """Return the descriptor of a regular file; raises as ``open_regular``, before the file is truncated."""
     try:
         number = os.open(path, flags & ~os.O_TRUNC | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
     except OSError as error:
@@ -60,7 +60,7 @@ def open_descriptor(path: str | Path, flags: int) -> int:
 def check_entries(run: Path, *, written: bool = False) -> None:
     """Raise ``InputError`` for a link, pipe or device in a run directory or in its folder of fields.
 
-    And for a file with several names in one that is to be ``written``.
+    In a directory that will be ``written``, also for a file with several names.
     """
     for folder in (run, run / FIELDS):
         with suppress(FileNotFoundError, NotADirectoryError), os.scandir(folder) as entries:
@@ -85,7 +85,7 @@ def write_atomically(path: Path, *content: bytes | memoryview, durable: bool = F
 def atomic_file(path: Path, *, durable: bool = False) -> Iterator[BinaryIO]:
     """Yield a temporary file that replaces the file at ``path`` at the end of the block, and is deleted on any error.
 
-    The block may also write the temporary file by its ``name``. Arguments and errors as of ``replace``.
+    The block may also write the temporary file by its ``name``. Raises ``OSError``.
     """
     temporary = temporary_path(path)
     try:
@@ -120,7 +120,7 @@ def flush_to_disk(path: Path) -> None:
 
 
 LOCK = ".lock"
-ASKING, PAUSE = 0.5, 0.05  # s: a reader that asks who holds the lock has it for a moment
+TIMEOUT, PAUSE = 0.5, 0.05  # s: a reader that tests the lock has it for a short time
 
 
 class Holder(NamedTuple):
@@ -174,14 +174,16 @@ class RunLock:
 
     def _locked(self) -> IO[bytes]:
         """Return the file, locked."""
-        give_up = time.monotonic() + ASKING
+        deadline = time.monotonic() + TIMEOUT
         while True:
-            file = os.fdopen(open_descriptor(self._path, os.O_RDWR | os.O_CREAT), "r+b")  # another's stays as it is
+            file = os.fdopen(
+                open_descriptor(self._path, os.O_RDWR | os.O_CREAT), "r+b"
+            )  # not truncated: it may be of another process
             if _try_lock(file, fcntl.LOCK_EX) and _has_path(file, self._path):
                 return file
             holder = _holder(file)
             file.close()
-            if time.monotonic() > give_up:
+            if time.monotonic() > deadline:
                 who = f"process {holder.pid} on {holder.host}" if holder else "another process"
                 if holder and holder.has_ended is None:
                     who = f"{who} (if that has ended, delete {self._path})"
@@ -240,16 +242,16 @@ def _start_time(pid: int) -> str:
 
 @dataclass(frozen=True)
 class OutputPath:
-    """A folder to write to.
+    """The path of an output directory.
 
     Attributes
     ----------
     path
-        The folder.
+        The directory.
     numbered
-        Whether path-2, path-3, ... will do where it is taken: a default of which nobody has asked for that very one.
+        Whether path-2, path-3, ... are tried if it exists, as for a default path.
     overwrite
-        Whether what is there may be replaced.
+        Whether an existing directory may be replaced.
     """
 
     path: Path
@@ -258,18 +260,18 @@ class OutputPath:
 
     @classmethod
     def of(cls, out: Path | None, default: Path, *, overwrite: bool) -> "OutputPath":
-        """Return the place that is asked for, or a default, numbered unless it may be overwritten."""
+        """Return the requested path, or a default, numbered unless it may be overwritten."""
         return cls(out or default, numbered=out is None and not overwrite, overwrite=overwrite)
 
     @property
     def candidates(self) -> Iterator[Path]:
-        """The path, and where it may be numbered all that follow."""
+        """The path, and if it is numbered all that follow."""
         yield self.path
         if self.numbered:
             yield from (self.path.with_name(f"{self.path.name}-{n}") for n in count(2))
 
     def folder(self) -> Path:
-        """Return the folder, made if missing; raise ``InputError`` if it has files that must not be replaced."""
+        """Return the directory, created if missing; raise ``InputError`` if it has files that must not be replaced."""
         for path in self.candidates:
             with write_errors(path):
                 path.mkdir(parents=True, exist_ok=True)
@@ -279,16 +281,16 @@ class OutputPath:
 
 
 def check_new(*files: Path, overwrite: bool) -> None:
-    """Raise ``InputError`` for a file that is there and must not be replaced."""
+    """Raise ``InputError`` for an existing file that must not be replaced."""
     for file in files:
         if file.exists() and not overwrite:
             raise InputError(f"{file}: is there already; give another name, or --overwrite.")
 
 
 class RunLog:
-    """Lines for the console and, from its opening on, a file that has the earlier ones, too; on rank 0 alone.
+    """A log on the console and, after ``open``, in a file that begins with the earlier lines; on rank 0 only.
 
-    A file that cannot be written loses its lines, and nothing else: the run's records tell of it.
+    Errors of the file are ignored: those of the records end the run.
 
     Attributes
     ----------
@@ -302,24 +304,24 @@ class RunLog:
         self._file: TextIO | None = None
 
     def open(self, path: Path, *, going_on: bool = False) -> None:
-        """Begin the file, or go on with what is in it, with the lines so far."""
+        """Open the file, to append if the run is resumed, and write the lines so far."""
         with suppress(OSError):
             self._file = open_regular(path, "a" if going_on else "w", encoding="utf-8")
         self._write("".join(self._lines))
 
     def say(self, line: str, *, style: str | None = None) -> None:
-        """Print a line, and keep it."""
+        """Print a line and write it to the file."""
         self.console.print(line, style=style, markup=False, highlight=False)
         self.note(line)
 
     def note(self, line: str) -> None:
-        """Keep a line in the file alone."""
+        """Write a line to the file only."""
         if self._file is None:
             self._lines.append(f"{line}\n")
         self._write(f"{line}\n")
 
     def close(self) -> None:
-        """End the file."""
+        """Close the file."""
         if self._file is not None:
             with suppress(OSError):
                 self._file.close()

@@ -1,7 +1,8 @@
 """NetCDF in the classic 64-bit format, which every NetCDF library reads, by the CF conventions 1.8.
 
 Records can be appended to a file. The number of records is in four bytes of the header, which are rewritten after each;
-a record that is incomplete is not counted.
+incomplete records are not counted. The netCDF library itself cannot truncate a file to the records of a checkpoint, nor
+remove a record that a full disk has cut.
 """
 
 import shlex
@@ -130,8 +131,8 @@ class AppendNetCDF(AppendFile):
     def append_records(self, rows: NDArray[np.float64], first: Callable[[], dict[str, Variable]]) -> None:
         """Append records, (K, numbers) in the order of the variables, time first; ``first`` are those of the first one.
 
-        Raises ``RunError`` for a number that is not finite, before anything of its record is written, but those before;
-        and for a file that cannot be written, which has none of them then.
+        Raises ``RunError`` for a number that is not finite, after the records before it are written; ``RecordError``
+        for a file that cannot be written, which then has none of them.
         """
         finite = rows if np.isfinite(np.vdot(rows, rows)) else _finite_rows(rows)
         content = memoryview(finite.astype(NUMBER).ravel().view(np.uint8))

@@ -140,10 +140,10 @@ class AppendFile:
             raise RunError(f"t = {row[0]:.6g} s: {message}", t=float(row[0]))
 
     def write(self, content: bytes | memoryview, *, at: int | None = None, over: int = 0) -> None:
-        """Pass bytes to the operating system at once: that costs microseconds, and a kill loses nothing.
+        """Write bytes over the last ``over`` bytes, or ``at`` an offset, and pass them to the operating system at once.
 
-        They follow what is there but for its last ``over`` bytes, or replace some ``at`` a place of what has just been
-        written. Of those that follow all are there, or, where they cannot be written, none.
+        That takes microseconds, and a kill loses nothing. Appended bytes are written completely or, if that fails, not
+        at all. Raises ``RecordError``.
         """
         last = b""
         try:
@@ -172,6 +172,31 @@ class AppendFile:
         """Close the file; nothing is buffered."""
         with suppress(OSError, AttributeError):  # a full disk has been reported by the write that met it
             self._file.close()
+
+
+class IndexFile(AppendFile):
+    """An XML file whose last lines close its elements: entries are written over them, with new ones.
+
+    Parameters
+    ----------
+    head, tail
+        The first and the last bytes of the file.
+    """
+
+    def __init__(self, path: Path, head: bytes, tail: bytes):
+        super().__init__(path)
+        self._head, self._tail = head, tail
+
+    def open(self) -> None:
+        """Create the file, or open it to append; raises ``RecordError``."""
+        super().open()
+        if self._size:
+            self.write(self._tail, over=len(self._tail))  # a later entry had replaced it
+
+    def append(self, entries: bytes) -> None:
+        """Append entries; raises ``RecordError``."""
+        head, over = (b"", len(self._tail)) if self._size else (self._head, 0)
+        self.write(head + entries + self._tail, over=over)
 
 
 class TableWriter(AppendFile):
@@ -230,8 +255,8 @@ class TableWriter(AppendFile):
     def extend(self, rows: Rows) -> None:
         """Append rows, time [s] first, a value for each column or None, which leaves it empty.
 
-        Raises ``RunError`` for a number that is not finite, before anything of its row is written, but those before;
-        and for a file that cannot be written; ``ValueError`` for a row of another length.
+        Raises ``RunError`` for a number that is not finite, after the rows before it are written; ``RecordError`` for a
+        file that cannot be written; ``ValueError`` for a row of another length.
         """
         for length in {rows.shape[1]} if isinstance(rows, np.ndarray) else set(map(len, rows)):
             if length != len(self._columns):

@@ -45,44 +45,44 @@ R = TypeVar("R", bound=AppendFile)
 
 
 class RunWriter:
-    """Writes a run directory; on rank 0 alone.
+    """A writer of a run directory, on rank 0 only.
 
-    Made, it holds the directory, alone, and has changed nothing in it; ``begin`` does. As a context manager it begins,
-    closes the files at the end, and an error that leaves the block makes it a failed run.
+    The constructor locks the directory and changes no file in it; ``begin`` does. As a context manager it begins the
+    run, closes the files at the end, and records an error that leaves the block as the cause of a failed run.
 
     Parameters
     ----------
-    place
-        The directory; made if missing. Raises ``InputError`` if it holds anything but a run that may be overwritten,
-        if another process writes it, or if it cannot be written.
+    path
+        The directory; created if missing. Raises ``InputError`` if it contains anything but a run that may be
+        overwritten, if another process writes to it, or if it cannot be written.
     manifest
-        What is known at the start; ``status`` is added.
+        The first content of the manifest; ``status`` is added.
     resume
-        Whether a run that is there is to go on: nothing of it is replaced. Raises ``InputError`` if there is none.
+        Whether an existing run is continued: nothing of it is replaced. Raises ``InputError`` if there is none.
     """
 
-    def __init__(self, place: OutputPath | Path, manifest: dict[str, Any], *, resume: bool = False):
+    def __init__(self, path: OutputPath | Path, manifest: dict[str, Any], *, resume: bool = False):
         self._records: list[AppendFile] = []
         self._started = self._discard_newest = self._wrote_checkpoint = False
         self._reserved = 0  # bytes kept for the manifest's last word
-        place = place if isinstance(place, OutputPath) else OutputPath(place)
+        output = path if isinstance(path, OutputPath) else OutputPath(path)
         self._resume = resume
         identity: str | None = uuid4().hex
         if resume:
-            place = OutputPath(place.path, overwrite=True)
-            identity = RunDirectory(place.path).manifest.get("id")
+            output = OutputPath(output.path, overwrite=True)
+            identity = RunDirectory(output.path).manifest.get("id")
         self._manifest: dict[str, Any] = {"status": "running", "id": identity, **manifest}
-        with write_errors(place.path):
-            self.path, self._lock, self._made = _claimed(place)
+        with write_errors(output.path):
+            self.path, self._lock, self._created = _locked_directory(output)
 
     def begin(self, more: dict[str, Any] | None = None) -> Self:
-        """Write the manifest, with what is known by now, and replace what an earlier run has left.
+        """Write the manifest with further figures, delete the files of an earlier run and open the records.
 
-        Of one that goes on that is only what has been made of its records so far, which will be others.
-        Raises ``InputError`` or ``RecordError`` if they cannot be written, ``RunError`` for a number in it that is not
-        finite, and where the directory is another's by now.
+        Of a resumed run only files derived from its records are deleted. Raises ``InputError`` or ``RecordError`` if
+        a file cannot be written, ``RunError`` for a figure that is not finite, ``RecordError`` if the directory has
+        been replaced.
         """
-        self._check_held()
+        self._check_owned()
         self._manifest |= more or {}
         self._reserved = FINAL_MANIFEST_SIZE + len(self._text(self._manifest))
         with write_errors(self.path):
@@ -104,14 +104,14 @@ class RunWriter:
 
     @property
     def holds(self) -> bool:
-        """Whether the directory is still this run's: it may have been removed, or belong to another run."""
+        """Whether the directory still belongs to this run; it may have been deleted or replaced."""
         return self._lock.holds
 
     def release(self) -> None:
-        """Release the lock; a directory that was created and never begun is removed."""
+        """Release the lock; delete a directory that was created and is still empty."""
         self._close()
         self._lock.release()
-        if self._made and not self._started:
+        if self._created and not self._started:
             with suppress(OSError):
                 self.path.rmdir()
 
@@ -130,7 +130,7 @@ class RunWriter:
     def fail(self, error: BaseException) -> None:
         """Close all files and write the final manifest with the error as the cause."""
         status = error.status if isinstance(error, RunError) else "failed"
-        with suppress(WavetankError):  # where the directory is no more, the error that told so is the cause
+        with suppress(WavetankError):  # of a directory that has been deleted
             self.finish(status, {"cause": worded(error)})
 
     def write_manifest(self) -> None:
@@ -150,7 +150,7 @@ class RunWriter:
     def window(
         self, name: str, *, form: str, places: Vector, levels: int, dimensions: int
     ) -> Callable[[float, Vector, Vector, Vector], None]:
-        """Return what appends to a window's record, NetCDF or CSV by its ``form``; see ``fields.py``."""
+        """Return the function that appends to a window's record, ``form`` netcdf or csv; see ``fields.py``."""
         path = self.path / window_file(name, form)
         if form == "csv":
             return self._add_record(WindowTable(path, places=places, dimensions=dimensions)).append_columns
@@ -164,7 +164,7 @@ class RunWriter:
         return self._add_record(SurfaceWriter(self.path / SURFACE, conventions(self._manifest)))
 
     def _add_record(self, record: R) -> R:
-        """Add a record, which is opened when the run begins and closed when it ends, and return it."""
+        """Add a record, which is open from the beginning of the run to its end, and return it."""
         self._records.append(record)
         if self._started:
             record.open()
@@ -175,9 +175,9 @@ class RunWriter:
         return {record.name: record.extent() for record in self._records}
 
     def resume_at(self, extents: Mapping[str, Extent]) -> None:
-        """Continue the records from these extents once the run begins, and begin those that are new.
+        """Continue the records from these extents when the run begins; others are new.
 
-        Raises ``InputError`` for a record that would not go on.
+        Raises ``InputError`` for an extent of no record.
         """
         names = {record.name for record in self._records}
         if not extents.keys() <= names:
@@ -187,21 +187,20 @@ class RunWriter:
                 record.resume_at(extents[record.name])
 
     def checkpoint(self, checkpoint: Checkpoint, *, last_size: int = 0, at_any_price: bool = False) -> int:
-        """Write a checkpoint, which is told whose it is; return its size in bytes.
+        """Flush the records to the disk and write a checkpoint; return its size in bytes.
 
-        The records are forced to the disk before. Raises ``RunError`` if it cannot be written, ``RecordError`` where
-        the directory is another's by now.
+        Raises ``RunError`` if it cannot be written, ``RecordError`` if the directory has been replaced.
 
         Parameters
         ----------
         checkpoint
-            What the run holds.
+            The state of the run.
         last_size
-            Bytes that are kept for the last one until there are two, of which it may take the place of the older.
+            Bytes to reserve for the last checkpoint until there are two, the older of which it may replace.
         at_any_price
             Whether this is the last one; see ``write_checkpoint``.
         """
-        self._check_held()
+        self._check_owned()
         of = {"id": self._manifest["id"], "git": self._manifest.get("git")}
         identified = checkpoint._replace(about=checkpoint.about | of)
         with write_errors(self.path / CHECKPOINT, RunError):
@@ -217,7 +216,7 @@ class RunWriter:
         return size
 
     def last_checkpoint(self, at: float | None = None) -> tuple[Checkpoint, list[str]]:
-        """Return the newest one to go on from, or that of a time [s], and a sentence for each that cannot be used.
+        """Return the newest usable checkpoint, or that of a time [s], and a sentence for each unusable one.
 
         Raises ``InputError`` if there is none.
         """
@@ -254,14 +253,13 @@ class RunWriter:
         self._manifest |= figures
 
     def finish(self, status: str, figures: dict[str, Any]) -> None:
-        """Close all files and write the manifest's last word, ``"finished"``, or another with its cause.
+        """Close all files, copy gauges and probes to CF-NetCDF, and write the final manifest.
 
-        Gauges and probes are written as CF-NetCDF, too; where that is not possible the manifest's ``warnings`` say so:
-        their tables have them. Raises ``RunError`` if the manifest cannot be written, for a figure that is not finite,
-        and where the directory is another's by now: then it stays.
+        A copy that cannot be written is a warning in the manifest. Raises ``RunError`` if the manifest cannot be
+        written and for a figure that is not finite, ``RecordError`` if the directory has been replaced.
         """
         self._close()
-        self._check_held()
+        self._check_owned()
         for one in self._records:
             if one.name in COPIES and isinstance(one, TableWriter) and one.has_values:
                 self._copy(one.name)
@@ -280,8 +278,8 @@ class RunWriter:
             failed = RunWarning("copy-failed", key=COPIES[name], details={"reason": why, "table": name})
             self._manifest.setdefault("warnings", []).append(failed)
 
-    def _check_held(self) -> None:
-        """Raise ``RecordError`` where the directory has been removed, and may be another run's."""
+    def _check_owned(self) -> None:
+        """Raise ``RecordError`` if the directory has been deleted or replaced."""
         if not self.holds:
             raise RecordError(f"{self.path}: is no longer this run's; moved or deleted during the run.")
 
@@ -292,7 +290,7 @@ class RunWriter:
     def _text(self, manifest: dict[str, Any]) -> bytes:
         try:
             return json.dumps(manifest, indent=2, allow_nan=False, default=RunWarning.as_json).encode() + b"\n"
-        except ValueError:  # JSON has no word for it
+        except ValueError:  # of a number that is not finite
             raise RunError(f"{self.path / MANIFEST}: a value for it is not a finite number.") from None
 
     def _write_manifest(self, manifest: dict[str, Any], *, durable: bool = False) -> None:
@@ -302,25 +300,25 @@ class RunWriter:
         self._manifest = manifest
 
 
-def _claimed(place: OutputPath) -> tuple[Path, RunLock, bool]:
+def _locked_directory(output: OutputPath) -> tuple[Path, RunLock, bool]:
     """Return the first candidate directory that may be written, its lock, and whether it was created."""
-    for path in place.candidates:
-        made = not path.exists()
+    for path in output.candidates:
+        created = not path.exists()
         try:
             path.mkdir(parents=True, exist_ok=True)
-            written = is_locked(path) and not place.numbered  # as the lock will say
-            _check_free(path, overwrite=place.overwrite or written)
+            busy = is_locked(path) and not output.numbered  # RunLock then names the process
+            _check_free(path, overwrite=output.overwrite or busy)
             lock = RunLock(path)
-            _check_free(path, overwrite=place.overwrite)  # another run may have come and gone before the lock
-            return path, lock, made
+            _check_free(path, overwrite=output.overwrite)  # another run may have ended before the lock
+            return path, lock, created
         except (InputError, FileExistsError):
-            if not place.numbered:
+            if not output.numbered:
                 raise
-    raise AssertionError("there are more numbers")
+    raise AssertionError("the candidates are infinite")
 
 
 def _check_free(path: Path, *, overwrite: bool) -> None:
-    """Raise ``InputError`` if a directory holds what a run must not be written over."""
+    """Raise ``InputError`` if a directory contains files that a run must not replace."""
     check_entries(path, written=True)
     there = set(os.listdir(path)) - {LOCK, temporary_path(path / MANIFEST).name}
     if there and MANIFEST not in there:
