@@ -39,7 +39,7 @@ def make_waves(cells: int) -> NonlinearWaves:
 
 
 class Stepper:
-    """Steps a tank full of waves of k d = 3, k a = 0.1, and counts what a step costs."""
+    """Steps a tank full of waves of k d = 3, k a = 0.1, and measures the cost of a step."""
 
     def __init__(self, waves: NonlinearWaves, scheme: str = "simpson-4"):
         x = waves.plane.x
@@ -93,7 +93,7 @@ def against_the_mesh(steps: int) -> None:
 
 
 def where_the_time_goes(steps: int) -> None:
-    """Profile the steps and group the time by what is done."""
+    """Profile the steps and group the time by operation."""
     stepper = Stepper(make_waves(500))
     stepper.advance(10)
     profile = cProfile.Profile()
@@ -126,7 +126,7 @@ GROUPS = {
 
 
 def main() -> None:
-    """Run the benchmarks asked for."""
+    """Run the selected benchmarks."""
     benchmarks: dict[str, Callable[[argparse.Namespace], None]] = {
         "baseline": lambda asked: against_the_baseline(asked.steps),
         "mesh": lambda asked: against_the_mesh(asked.steps),

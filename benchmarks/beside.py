@@ -23,7 +23,7 @@ WARM = ("run.duration=0.2",)
 
 
 def report(other: Path, console: Console, *, cases: list[str] | None = None) -> None:
-    """Print what the steps and the whole process of each case take in both checkouts."""
+    """Print the CPU time of steps and process of each case in both checkouts."""
     table = Table("case", "checkout", "CPU s of the steps", "of the process", "ratio of both", title=f"beside {other}")
     for case in cases or CASES:
         for checkout in (other, HERE):
@@ -36,7 +36,7 @@ def report(other: Path, console: Console, *, cases: list[str] | None = None) -> 
 
 
 def spent(checkout: Path, case: str, settings: Sequence[str]) -> tuple[float, float]:
-    """Return the CPU seconds that the steps of a case and its whole process take there, without pictures."""
+    """Return CPU seconds of the steps of a case and of its process, without pictures."""
     changes = [part for setting in settings for part in ("--set", setting)]
     surroundings = {name: value for name, value in os.environ.items() if name not in {"WAVETANK_INSIDE", "PYTHONPATH"}}
     with tempfile.TemporaryDirectory() as folder:

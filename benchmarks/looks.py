@@ -33,7 +33,7 @@ GROUP, BEFORE, PASSES = 10, 100, 8  # steps of a group, and before the first; an
 
 
 def built(case: str, folder: Path) -> Run:
-    """Return the run of a case, with all that looks at it."""
+    """Return the run of a case with all diagnostics."""
     scene = read_case(HERE / "cases" / f"{case}.toml", [f"run.duration={CASES[case]}"])
     run, waves = build_run(scene, MPI.COMM_SELF)
     surface = SurfaceWriter(folder / "surface.nc", {})
@@ -48,7 +48,7 @@ def built(case: str, folder: Path) -> Run:
 
 
 def in_turn(run: Run) -> Vector:
-    """Return the µs a step of groups, taken with nothing and with all; shape (groups, 2)."""
+    """Return µs per step of groups of steps, without and with diagnostics; shape (groups, 2)."""
     clock, flow, waves = run.clock, flow_of(run.system), run.system
     assert isinstance(waves, NonlinearWaves) and isinstance(waves.surface, SurfaceFlow)
     water: Any = {"start": (run.state.q, run.state.p), "clock": clock}
@@ -78,14 +78,14 @@ def in_turn(run: Run) -> Vector:
 
 
 def middle(values: Vector) -> tuple[float, float]:
-    """Return the mean of the middle four fifths, and what it is known to."""
+    """Return the mean of the middle four fifths, and its standard error."""
     ordered, n = np.sort(values), len(values)
     spread = (ordered[int(0.84 * n)] - ordered[int(0.16 * n)]) / 2
     return float(ordered[n // 10 : n - n // 10].mean()), float(1.1 * spread / np.sqrt(n))
 
 
 def report(console: Console) -> None:
-    """Print what looks at the steps of some cases, in µs a step and as a part of the step."""
+    """Print the cost of diagnostics for some cases, in µs per step and relative to the step."""
     for case in CASES:
         with TemporaryDirectory() as folder:
             passes = [in_turn(built(case, Path(folder))) for _ in range(PASSES)]

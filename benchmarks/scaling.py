@@ -39,7 +39,7 @@ def algebraic(basin: NonlinearWaves) -> Krylov:
 
 
 class Cost(NamedTuple):
-    """What the solves of one basin cost.
+    """Cost of the solves of one basin.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Cost(NamedTuple):
     seconds, set_up
         Of a solve and of setting up the preconditioner [s].
     memory
-        Of all ranks, beyond what they take before there is a basin [bytes].
+        Of all ranks, without that before the basin is made [bytes].
     """
 
     unknowns: int
@@ -96,7 +96,7 @@ def measure(*, cells: int, n: int, baseline: bool, solves: int) -> Cost:
 
 
 def on_ranks(ranks: int, *, cells: int, n: int = 8, baseline: bool = False, solves: int = 3) -> Cost:
-    """Return the cost on so many ranks, in processes of their own."""
+    """Return the cost on a number of ranks, in separate processes."""
     asked = json.dumps({"cells": cells, "n": n, "baseline": baseline, "solves": solves})
     command = ["mpirun", "-n", str(ranks), sys.executable, "-m", "benchmarks.scaling", asked]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
@@ -159,7 +159,7 @@ def against_the_ranks() -> None:
 
 
 def report(*, largest: bool, cells: int | None = None) -> None:
-    """Print all tables, or what one mesh of cells² cells costs.
+    """Print all tables, or the cost of one mesh of cells² cells.
 
     ``largest`` goes to 10^7 unknowns, which takes a minute and 2 GB; 1054 cells to 10^8, minutes and 20 GB.
     """

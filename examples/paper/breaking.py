@@ -36,7 +36,7 @@ class BreakingCase(NamedTuple):
 
 
 class Row(NamedTuple):
-    """What ``run.on_breaking = "stop"`` did with a case.
+    """Result of a case with ``run.on_breaking = "stop"``.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class Row(NamedTuple):
 
 
 class Dissipated(NamedTuple):
-    """What ``run.on_breaking = "dissipate"`` took of a case.
+    """Energy dissipated in a case with ``run.on_breaking = "dissipate"``.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class Dissipated(NamedTuple):
     alarm, alarms
         When the first began [s], and how many there were.
     viscosity, penalty
-        The energy that the eddy viscosity and the edge penalty took [m^4/s²].
+        Energy removed by eddy viscosity and gradient-jump penalty [m^4/s²].
     """
 
     name: str
@@ -107,7 +107,7 @@ def dissipated(case: BreakingCase) -> Dissipated:
 
 
 class BreakingMeasure(BreakingWatch):
-    """Also keeps the largest B and the largest outrun part.
+    """Breaking monitor that records the largest B and the largest part with u > c.
 
     Attributes
     ----------
@@ -318,7 +318,7 @@ def _kd(deep: float) -> float:
 
 
 def piston_solitary(height: float, folder: Path) -> Case:
-    """Return a solitary wave from a piston whose motion, Goring's, stands in a file."""
+    """Return a solitary wave from a piston with Goring's motion from a file."""
     wave = solitary_wave(height, depth=1.0)
 
     def speed(t: float, position: Any) -> Any:
@@ -422,7 +422,7 @@ def beach(height: float, *, duration: float) -> Case:
 
 
 def over_steep(steepness: float) -> Case:
-    """Return a sine round a ring, ka above what any steady wave has, that travels as linear theory says."""
+    """Return a sine in a ring, steeper than any steady wave, with the speed of linear theory."""
     omega = np.sqrt(9.81 * np.tanh(1.0 * np.pi) * np.pi)
     a = steepness / np.pi
     initial = {

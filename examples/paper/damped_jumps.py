@@ -102,9 +102,9 @@ Settle = Callable[[Sequence[Vector], Vector, int], Vector]  # jumps, smooth jump
 
 @dataclass(frozen=True)
 class SideBySide(Simpson4):
-    """(23) in mean and jump with other rules for the jumps: as many equal parts of the orbits, each with its own.
+    """(23) in mean and jump with other rules for the jumps, one rule for each of equal parts of the orbits.
 
-    A rule sees jumps of shape (2, orbits).
+    Jumps have the shape (2, orbits).
     """
 
     rules: tuple[Settle, ...] = (lambda jumps, smooth, n: jumps[0],)
@@ -126,7 +126,7 @@ class SideBySide(Simpson4):
 
 
 def difference(kappa: float, m: int) -> Settle:
-    """Return the rule that takes kappa of what alternates, by the difference of order m <= 3."""
+    """Return the rule that removes kappa of the alternating part, by the difference of order m <= 3."""
 
     def rule(jumps: Sequence[Vector], smooth: Vector, n: int) -> Vector:
         signs = ((-1) ** k * comb(m, k) * jump for k, jump in enumerate(list(jumps)[: m + 1]))
@@ -156,7 +156,7 @@ def beyond(factor: float) -> Settle:
 
 
 def of_slopes(kappa: float) -> Settle:
-    """Return the rule that takes kappa of what alternates in the slopes' part of the jump, by its third difference."""
+    """Return the rule that removes kappa of the alternating part of the slopes in the jump, by third differences."""
     parts: deque[Vector] = deque(maxlen=4)
 
     def rule(jumps: Sequence[Vector], smooth: Vector, n: int) -> Vector:
@@ -167,7 +167,7 @@ def of_slopes(kappa: float) -> Settle:
 
 
 def rules() -> dict[str, Settle]:
-    """Return what is compared, by name."""
+    """Return the compared rules by name."""
     return {
         "(23), mean": difference(0.0, 3),
         **{f"third difference, κ = {kappa:g}": difference(kappa, 3) for kappa in (0.02, 0.05, 0.1, 0.2)},
@@ -189,7 +189,7 @@ class FixedPoint:
     """Solves stages of many oscillators at once by iteration to round-off."""
 
     def solve(self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector, *, near: Any = None) -> Vector:
-        """Return z with residual(z) = 0, shape (n,); an orbit that has left all bounds is left alone."""
+        """Return z with residual(z) = 0, shape (n,); an unbounded orbit is skipped."""
         z = start
         for _ in range(60):
             step = residual(z)
@@ -200,14 +200,14 @@ class FixedPoint:
 
 
 class Orbits(OnOneRank):
-    """Orbits of H = (q² + 1)(p² + 1) / 2 side by side, each in its own time: a step lasts 1.
+    """Orbits of H = (q² + 1)(p² + 1) / 2 as one vector, each with its time scale: a step lasts 1.
 
     Parameters
     ----------
     starts
         (q, p) of each.
     steps
-        How many a period, of all or of each.
+        Steps a period, of all or of each.
     """
 
     def __init__(self, starts: Sequence[tuple[float, float]], steps: int | Sequence[int]):
@@ -217,11 +217,11 @@ class Orbits(OnOneRank):
         self.stages = OscillatorStages(pair=FixedPoint())
 
     def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
-        """Return q (p² + 1) in the orbits' own times."""
+        """Return q (p² + 1) in the time scale of each orbit."""
         return np.asarray(self._rate * self._system.H_q(q, p, t))
 
     def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
-        """Return p (q² + 1) in the orbits' own times."""
+        """Return p (q² + 1) in the time scale of each orbit."""
         return np.asarray(self._rate * self._system.H_p(q, p, t))
 
     def energy(self, q: Vector, p: Vector, t: float) -> float:

@@ -55,11 +55,11 @@ class Treatment(NamedTuple):
     Attributes
     ----------
     label
-        What tables and pictures call it.
+        Name in tables and pictures.
     matrix
         (gamma, dt) -> M, shape (width, width).
     q, p
-        Where the reported q and p stand in z.
+        Indices of the reported q and p in z.
     symplectic
         Whether areas shrink at the exact rate.
     """
@@ -168,7 +168,7 @@ def write(report: Report) -> None:
 
 
 def largest_swings(t: Array, energy: Array) -> tuple[Array, Array]:
-    """Return the middles of whole periods of 2 pi, and how far the energy is from its start in each, at most."""
+    """Return the middles of periods of 2 pi, and the largest energy difference from the start in each."""
     period = (t // (2 * np.pi)).astype(int)
     whole = np.arange(period[-1])
     off = np.abs(energy / energy[0] - 1)

@@ -36,7 +36,7 @@ class Focus:
     Attributes
     ----------
     motion
-        What the case says of the motion.
+        Motion model of the case.
     x, y
         Of the degrees of freedom [m], shape (N,).
     t
@@ -95,7 +95,7 @@ def _motion(scene: Case) -> ReflectedFocusMotion:
 
 
 class FocusRow(NamedTuple):
-    """What meets at the focus, over A, and the misfit of the elevation up to the sponge."""
+    """Crest at the focus over A, and misfit of the elevation up to the sponge."""
 
     amplitude_m: float
     crest: float

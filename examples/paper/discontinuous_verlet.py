@@ -81,7 +81,7 @@ class JumpInP(NamedTuple):
 
 
 class _Discontinuous:
-    """What both variants have in common: they are Störmer-Verlet."""
+    """Common part of both variants, with the properties of Störmer-Verlet."""
 
     order: ClassVar[int] = 2
     stability_limit: ClassVar[float] = 2.0

@@ -133,7 +133,7 @@ class StartRow(NamedTuple):
 
 
 def starts(dt: float) -> dict[str, Array]:
-    """Return starts (q⁻, q⁺, p⁻, p⁺): without jumps, with the smooth solution's own jump, and a wrong one of 10 %."""
+    """Return starts (q⁻, q⁺, p⁻, p⁺): without jumps, with the smooth jump, and with a wrong jump of 10 %."""
     third = np.array([0.0, 1.0])  # q''' and p''' of (cos t, -sin t) at t = 0
     jump = dt**3 / 24 * third
     return {
@@ -152,7 +152,7 @@ def start_path(z: Array, dt: float) -> Array:
 
 
 def start_rows() -> list[StartRow]:
-    """Return what each start does at three steps."""
+    """Return the errors of each start at three steps."""
     rows = []
     for dt in (0.4, 0.2, 0.1):
         values, modes = np.linalg.eig(amplification(third_order(), Harmonic(), dt))

@@ -101,7 +101,7 @@ class Focus(NamedTuple):
         return self.steepness / (2 * np.pi * PEAK / LENGTH)
 
     def missed(self) -> Array:
-        """Return what each order misses of the tank's elevation, root mean square over A, shape (3,)."""
+        """Return the error of each order in the elevation, root mean square over A, shape (3,)."""
         return np.array([rms(self.tank - one) / self.crest for one in self.theory])
 
 
@@ -113,7 +113,7 @@ def focus(steepness: float) -> Focus:
 
 
 class GroupRow(NamedTuple):
-    """Highest crests over the linear one, and what is missed over it."""
+    """Highest crests and errors, relative to the linear crest."""
 
     steepness: float
     tank: float
@@ -132,7 +132,7 @@ def row(one: Focus) -> GroupRow:
 
 
 def slopes(found: Sequence[Focus]) -> list[float]:
-    """Return the powers of k_p A in what the orders miss over A, of the lowest groups."""
+    """Return the powers of k_p A in the errors of the orders, for the lowest groups."""
     logs = np.log([one.steepness for one in found[:LOW]])
     return [float(np.polyfit(logs, np.log([one.missed()[n] for one in found[:LOW]]), 1)[0]) for n in range(ORDERS)]
 

@@ -30,7 +30,7 @@ Times = Mapping[float, float]
 
 @dataclass(frozen=True)
 class _Moved(OnOneRank):
-    """A system seen through another clock: H at t + c dt is H at t + times[c] dt."""
+    """A system with another clock: H at t + c dt is H at t + times[c] dt."""
 
     system: HamiltonianSystem
     times: Times

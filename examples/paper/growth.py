@@ -71,7 +71,7 @@ def row(setting: Setting) -> Row:
 
 
 def penalty(waves: NonlinearWaves, flow: SurfaceFlow, cell_size: float) -> NDArray[Any]:
-    """Return what the penalty does to (Q, psi), in the scaled unknowns, in unit time, as a dense matrix."""
+    """Return the rate matrix of the penalty for (Q, psi) in scaled unknowns, dense."""
     generator = EdgePenalty(waves, flow, cell_size=cell_size, dt=1.0, strength=STRENGTH).generator()
     column, _ = scales(waves)
     on_q = generator.T * column / column[:, None]  # Q = M h: S M^-1, the generator's transpose

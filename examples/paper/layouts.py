@@ -26,7 +26,7 @@ LOOKS: dict[str, dict[str, Any]] = {  # of the groups, what is drawn first first
 
 
 class Measure(NamedTuple):
-    """What a key measures: from where to where (x, y) [m]."""
+    """Dimension line of a key: both ends (x, y) [m]."""
 
     key: str
     start: tuple[float, float]
@@ -34,7 +34,7 @@ class Measure(NamedTuple):
 
 
 class Example(NamedTuple):
-    """A layout, its exact area [m²], and what its keys measure."""
+    """A layout, its exact area [m²], and the dimension lines of its keys."""
 
     name: str
     layout: DrawnLayout
@@ -181,7 +181,7 @@ def _draw_measure(axes: Axes, measure: Measure, box: Box) -> None:
 
 
 def draw_keys(report: Report, example: Example) -> None:
-    """Draw an example with what its keys measure."""
+    """Draw an example with dimension lines of its keys."""
     with report.figure(f"layout-{example.kind}", 7.0, 4.6) as figure:
         axes = figure.subplots()
         _draw_layout(axes, example.layout)

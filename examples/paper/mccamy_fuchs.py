@@ -42,7 +42,7 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True)
 class CylinderDiffraction(Wave):
-    """Regular waves that travel to theta = 0, the x axis, and what a vertical circular cylinder at x = y = 0 scatters.
+    """Regular waves to theta = 0, the x axis, and their scattering by a vertical circular cylinder at x = y = 0.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class CylinderDiffraction(Wave):
 
     @property
     def _scattered(self) -> Complex:
-        """What each H_m(k r) cos(m theta) is taken off F with, shape (orders,)."""
+        """Coefficients of H_m(k r) cos(m theta) in the scattered part of F, shape (orders,)."""
         return np.asarray(
             self._weights() * scipy.special.jvp(self._orders, self.ka) / scipy.special.h1vp(self._orders, self.ka)
         )

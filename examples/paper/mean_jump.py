@@ -37,7 +37,7 @@ POINT = {q: sympy.Rational(1, 3), p: sympy.Rational(-2, 5), t: sympy.Rational(1,
 
 # ---------------------------------------------------------------- the form
 def form_defects() -> list[Any]:
-    """Return what is left of (20) less its form in means and jumps, for every alpha; all zero if the form is right.
+    """Return the residual of (20) in means and jumps for every alpha; zero if the form is correct.
 
     With beta = 1 - alpha, the mean q = alpha q⁺ + beta q⁻ and the jump d = q⁺ - q⁻, and p with the weights swapped:
 
@@ -89,7 +89,7 @@ def truncated(vector: sympy.Matrix, order: int) -> sympy.Matrix:
 
 
 class Step(NamedTuple):
-    """The mean and the jump after a step, polynomials in h (and in what the jump before it had)."""
+    """Mean and jump after a step, polynomials in h and in the previous jump."""
 
     mean: sympy.Matrix
     jump: sympy.Matrix
@@ -136,7 +136,7 @@ def modified_term() -> sympy.Matrix:
 
 
 def alternating_part() -> Step:
-    """Return what a small alternating part e of the jump does in a step: in the mean to h², in the jump to h.
+    """Return the effect of a small alternating part e of the jump in a step: in the mean to h², in the jump to h.
 
     Both less what they should be, (0 and the parasitic equation's -(1 - h/2 f_z) e): zero if theory is right.
     """

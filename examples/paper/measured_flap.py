@@ -89,7 +89,7 @@ class Waves(NamedTuple):
             )
 
     def _window(self, x: float) -> tuple[tuple[float, float], bool]:
-        """Return from when to when waves at x are steady [s], four periods at least; whether the beach is not seen."""
+        """Return the interval of steady waves at x [s], at least four periods; whether it ends before reflections."""
         k = wave_number(2 * np.pi / self.period, DEPTH, GRAVITY)
         speed = float(group_velocity(k, DEPTH, GRAVITY))
         begin = BEGIN + RAMPED[0] + (RAMPED[1] - 1.5) * self.period + x / speed
@@ -110,7 +110,7 @@ def _sines(t: Array, period: float, harmonics: int) -> Array:
 
 
 def _period(t: Array, signal: Array, near: float) -> float:
-    """Return the period [s] of what a flap does."""
+    """Return the period [s] of a flap motion."""
     steady = (t > 15.0) & (t < 40.0)
 
     def left(period: float) -> float:

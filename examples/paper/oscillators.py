@@ -118,12 +118,12 @@ class NonSeparable(OnOneRank):
 
 @dataclass
 class Counted(OnOneRank):
-    """A system that counts its evaluations as the tank pays for them: H_q and H_p at one (q, p, t) in a row are one.
+    """A system that counts evaluations; successive H_q and H_p at one (q, p, t) count as one.
 
     Attributes
     ----------
     system
-        What is evaluated.
+        The system.
     evaluations
         Points evaluated so far.
     """
@@ -134,7 +134,7 @@ class Counted(OnOneRank):
 
     @property
     def stages(self) -> Stages:
-        """The system's own."""
+        """Stages of the system."""
         return self.system.stages
 
     def _count(self, q: Vector, p: Vector, t: float) -> None:

@@ -55,7 +55,7 @@ def scheme_rows() -> list[SchemeRow]:
 
 
 class JumpRow(NamedTuple):
-    """A discontinuous scheme beside the classical one on the non-separable system, and a jump's factor a step."""
+    """A discontinuous and the classical scheme on the non-separable system, and the factor of the jump per step."""
 
     scheme: str
     largest_difference: float
@@ -75,7 +75,7 @@ def jump_rows(*, steps: int = 200, dt: float = 0.1) -> list[JumpRow]:
 
 
 def jump_factor(scheme: Scheme) -> float:
-    """Return the eigenvalue of a step of no length that is not 1: what multiplies a jump."""
+    """Return the eigenvalue other than 1 of a step of zero length, the factor of a jump."""
     eigenvalues = np.linalg.eigvals(amplification(scheme, Harmonic(), 0.0))
     return float(eigenvalues[np.argmax(np.abs(eigenvalues - 1))].real)
 
@@ -83,7 +83,7 @@ def jump_factor(scheme: Scheme) -> float:
 def slabs(scheme: Scheme, *, omega_dt: float, steps: int) -> NDArray[Any]:
     """Return q and p at the beginning, middle and end of each slab on the harmonic oscillator, shape (2, steps, 3).
 
-    The middle of a quadratic is found from (20c)-(20d), that of a straight line as the mean.
+    The middle of a quadratic follows from (20c)-(20d), that of a straight line is the mean.
     """
     system, (q_minus, q_plus, p_minus, p_plus) = Harmonic(), scheme.traces
     rows = []

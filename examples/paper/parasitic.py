@@ -34,7 +34,7 @@ SCHEMES = {"(23)": UNDAMPED, "Simpson 4": Simpson4()}
 
 
 class Row(NamedTuple):
-    """An orbit of H = (q² + 1)(p² + 1) / 2: by what factor alternating jumps grow a period, predicted and measured."""
+    """An orbit of H = (q² + 1)(p² + 1) / 2: growth factor of alternating jumps per period, predicted and measured."""
 
     q: float
     p: float
@@ -59,7 +59,7 @@ def floquet_multiplier(q: float, p: float) -> float:
 
 
 def alternating_jumps(orbits: Orbits, *, steps: int, scheme: Simpson4 = UNDAMPED) -> Array:
-    """Return the size of what alternates of the jumps, from their second differences, shape (steps - 2, orbits)."""
+    """Return the size of alternating jumps by second differences, shape (steps - 2, orbits)."""
 
     def both(state: MeanAndJumps, step: int) -> Array:
         return state.jump
@@ -69,7 +69,7 @@ def alternating_jumps(orbits: Orbits, *, steps: int, scheme: Simpson4 = UNDAMPED
 
 
 def growth(jumps: Array, *, steps: int) -> Array:
-    """Return by what the largest alternating jump grows from the second to the third period of ``steps``, per orbit."""
+    """Return the growth of the largest alternating jump from the second to the third period of ``steps``, per orbit."""
     second, third = jumps[steps - 2 : 2 * steps - 2], jumps[2 * steps - 2 : 3 * steps - 2]
     return np.asarray(third.max(axis=0) / second.max(axis=0))
 

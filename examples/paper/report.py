@@ -22,9 +22,9 @@ class Report:
     Attributes
     ----------
     folder
-        Where they go.
+        The folder.
     console
-        Where the name of each file is said as soon as it is there.
+        Prints the name of each written file.
     """
 
     folder: Path

@@ -45,9 +45,9 @@ class RestingWave(Wave):
     Attributes
     ----------
     period
-        In which it comes back [s].
+        Period [s].
     residual
-        What is left of the cosines that should have gone after a quarter of it, in wave numbers' inverse.
+        Largest cosine coefficient that should vanish after a quarter of the period, times 1/k.
     cosines
         Of y at rest, in wave numbers' inverse, shape (modes,).
     k, depth, gravity
@@ -185,21 +185,21 @@ def _shot(wave: Array, height: float, depth: float) -> tuple[Array, float]:
 
 
 def _corrections(jacobian: Array, left: Array) -> Array:
-    """Return Newton's corrections in the directions that move what is left most, shape (CUTS, modes + 1)."""
+    """Return Newton's corrections, truncated to the largest singular directions, shape (CUTS, modes + 1)."""
     u, moved, directions = np.linalg.svd(jacobian, full_matrices=False)
     parts = u.T @ left / moved
     return np.array([np.where(moved > cut * moved[0], parts, 0.0) @ directions for cut in CUTS])
 
 
 def _first_nearer(waves: Array, residual: float, *, height: float, depth: float) -> Array:
-    """Return the first of some waves of which less is left than the residual, or that of which least is."""
+    """Return the first wave with a smaller residual, or the one with the smallest."""
     with np.errstate(over="ignore", invalid="ignore"):
         left = np.nan_to_num(np.abs(_left(waves, height, depth)).max(axis=1), nan=np.inf)
     return np.asarray(waves[np.argmin(np.where(left < residual, -1.0, left))])
 
 
 def _left(waves: Array, height: float, depth: float) -> Array:
-    """Return what should be zero of each wave, shape (waves, equations): cosines after a quarter, height."""
+    """Return the residuals of each wave, shape (waves, equations): cosines after a quarter period, height."""
     modes = waves.shape[1] - 1
     flow = _Flow(scipy.fft.next_fast_len(6 * modes, real=True), depth)
     y = _surface(waves[:, :-1], flow.points, depth)

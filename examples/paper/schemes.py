@@ -36,7 +36,7 @@ class Scheme:
     Attributes
     ----------
     label
-        What pictures and tables call it.
+        Name in pictures and tables.
     integrator
         The integrator.
     width
@@ -44,7 +44,7 @@ class Scheme:
     state
         Makes a state of that many arrays of shape (1,).
     form
-        The two-form that a step keeps, shape (width, width): M' form M = form for the step's derivative M.
+        The two-form that a step preserves, shape (width, width): M' form M = form for the step's derivative M.
     reverse
         Turns time round: z -> reverse z, shape (width, width).
     traces

@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 
 def steepness(kd: float, share: float) -> float:
-    """Return k a of a Stokes wave whose second harmonic is a share of the first."""
+    """Return k a of a Stokes wave by the ratio of its second to its first harmonic."""
     sigma = np.tanh(kd)
     return float(share * 4.0 * sigma**3 / (3.0 - sigma**2))
 
@@ -46,7 +46,7 @@ class Tank:
     kd
         Of the waves.
     share
-        Of their bound second harmonic in the first.
+        Ratio of the bound second to the first harmonic.
     hinge
         Of the flap that makes them, above the bed [m]; None: a piston does.
     """
@@ -133,7 +133,7 @@ class FreeRow(NamedTuple):
 
 
 def row(kd: float, share: float, generation: str, hinge: float | None = None) -> tuple[FreeRow, Harmonics]:
-    """Return what is free and bound of the second harmonic."""
+    """Return free and bound second harmonics."""
     tank = Tank(kd, share, hinge)
     found = tank.harmonics(generation)
     first, bound, free = found.fit_waves()
@@ -143,7 +143,7 @@ def row(kd: float, share: float, generation: str, hinge: float | None = None) ->
 
 
 def rows() -> Iterator[FreeRow]:
-    """Yield all depths and shares, by both generations."""
+    """Yield all depths and ratios, with both generations."""
     for share in SHARES:
         for kd in DEPTHS:
             for generation in GENERATIONS:

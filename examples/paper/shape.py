@@ -28,7 +28,7 @@ ASPECTS = (1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3)  # cell size over depth
 
 
 class Row(NamedTuple):
-    """One wave length of kd on a ring of cells of order 3, the cell size over the depth, and what was found."""
+    """One wave length of kd on a ring of cells of order 3, the cell size over the depth, and the results."""
 
     kd: float
     cells: int
@@ -40,7 +40,7 @@ class Row(NamedTuple):
 
 
 def row(kd: float, *, cells: int, n: int) -> Row:
-    """Return what a depth of 1 m gives."""
+    """Return the results for a depth of 1 m."""
     length = 2 * np.pi / kd
     footprint = Ring(length, cells, comm=MPI.COMM_SELF)
     plane = Plane(footprint.mesh, 3, footprint.chart)

@@ -54,13 +54,13 @@ class Beach:
     Parameters
     ----------
     kd
-        Of the wave that the sponge is made for.
+        k d of the design wave.
     lengths
         Length of the sponge over that of the wave.
     cells
         A wave length.
     least
-        Depth at the end, to which the bed rises beneath the sponge [m].
+        Depth at the end of the bed that rises below the sponge [m].
     share
         Strength over the default.
     """
@@ -86,7 +86,7 @@ class Beach:
         return LinearWaves(self.plane, depth=self.depth, wall=wall, vertical_order=self.vertical_order)
 
     def nonlinear(self, motion: Motion) -> NonlinearWaves:
-        """Return nonlinear waves of a piston, whose mapping ends before the waves are looked at."""
+        """Return nonlinear waves of a piston; its mapping ends before the evaluated range."""
         wall = Piston(motion, plane=self.plane, reach=QUIET, side=self.footprint.side())
         tolerances = Tolerances(stage=1e-7, interior=1e-8)
         return NonlinearWaves(

@@ -35,7 +35,7 @@ VERTICAL_ORDER, PERIODS = 10, 10
 
 
 class Row(NamedTuple):
-    """A wave of H / L, how it differs from itself after the periods, what the penalty took of it, what steps cost.
+    """A wave of H / L: errors after the periods, energy removed by the penalty, cost of steps.
 
     Its least and largest height are those of the moments of rest, twice a period, over the length.
     """
@@ -77,7 +77,7 @@ def at_rest(height: float) -> RestingWave:
 
 
 def released(height: float, integrator: str, *, periods: int = PERIODS) -> Released:
-    """Return how the wave goes on from rest; raises ``RunError`` where it breaks down."""
+    """Return the wave released from rest; raises ``RunError`` at a breakdown."""
     cells, steps = RESOLUTION[height]
     wave = at_rest(height)
     built, waves = build_run(_scene(height, wave.period, integrator, periods=periods), MPI.COMM_SELF)

@@ -42,10 +42,10 @@ SCHEMES = ((SIMPSON, 1), (SIMPSON, 2), (GAUSS, 1))  # and of how many of the ste
 
 
 class Row(NamedTuple):
-    """A wave of kd and a part of the maximum height, and how it differs from itself after the periods it ran.
+    """A wave of kd and a part of the maximum height, with its errors after the computed periods.
 
-    Crest, energies and mass are relative to those at the start; ``dissipated`` is what the penalty took, and
-    ``cpu_seconds`` what the steps cost; ``broke_down`` says why it did, if so.
+    Crest, energies and mass are relative to those at the start; ``dissipated`` is the energy removed by the
+    penalty, ``cpu_seconds`` the cost of the steps, ``broke_down`` the cause of a breakdown.
     """
 
     kd: float
@@ -118,7 +118,7 @@ def scene(kd: float, steepness: float, *, periods: float, integrator: str = SIMP
 
 
 def row(kd: float, steepness: float, *, periods: float, integrator: str = SIMPSON, longer: int = 1) -> Row:
-    """Return how the wave has changed; a wave that breaks down is a row of what was before."""
+    """Return the changes of the wave; after a breakdown those until then."""
     case = scene(kd, steepness, periods=periods, integrator=integrator, longer=longer)
     (cells, steps), length = resolution(kd, steepness), case.tank.length
     run, waves = build_run(case, MPI.COMM_SELF)
@@ -135,7 +135,7 @@ def row(kd: float, steepness: float, *, periods: float, integrator: str = SIMPSO
 
 
 def _changes(rows: list[tuple[float, ...]], filters: Any) -> tuple[float, float, float, float, float, float]:
-    """Return periods, phase error and the changes of crest and energy, what the penalty took, and that of mass."""
+    """Return periods, phase error, changes of crest, energy and mass, and energy removed by the penalty."""
     _, phase, crest, energy, mass = np.array(rows).T
     error = float((phase[-1] - phase[0] + np.pi) % (2 * np.pi) - np.pi)
     of_crest, of_energy, of_mass = (float(values[-1] / values[0] - 1) for values in (crest, energy, mass))

@@ -20,7 +20,7 @@ ALPHA = sympy.Symbol("alpha", positive=True)
 
 
 def exact(expressions: Any) -> sympy.Matrix:
-    """Return expressions as a column, floating-point numbers as a + b sqrt(3) with the fractions they stand for."""
+    """Return expressions as a column, floating-point numbers as a + b sqrt(3) with rational a, b."""
 
     def number(value: sympy.Float) -> Any:
         return sympy.nsimplify(value, [sympy.sqrt(3)], tolerance=1e-13)

@@ -19,7 +19,7 @@ from wavetank.integrators.states import Point
 
 
 class _Euler:
-    """What both variants have in common: first order, symplectic, not reversible, stable for omega dt < 2."""
+    """Common part of both variants: first order, symplectic, not reversible, stable for omega dt < 2."""
 
     order: ClassVar[int] = 1
     stability_limit: ClassVar[float] = 2.0

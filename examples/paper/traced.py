@@ -38,7 +38,7 @@ void run(long periods, int steps, double dt, double *state, double *energies)
 
 
 class Traced:
-    """A number that is known when the code runs; what is done to it is a line of C.
+    """A symbolic number; each operation on it appends a line of C.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ class Watch(Generic[T]):
     Attributes
     ----------
     found
-        What has been found, in the order of the steps.
+        Results in the order of the steps.
     """
 
     def __init__(self, run: Run, look: Look[T]):
@@ -42,7 +42,7 @@ def watched(
     dt: float,
     steps: int,
 ) -> list[T]:
-    """Return what a look finds at the start and after each of the steps of dt [s]; collective if the system is."""
+    """Return the results of a function at the start and after each step of dt [s]; collective if the system is."""
     run = Run(system, integrator, [], start=start, clock=Clock(dt, steps))
     watch = Watch(run, look)
     run.diagnostics.append(watch)
