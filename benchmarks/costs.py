@@ -6,7 +6,8 @@ Measure them on a quiet machine and replace the built-in values when the code ha
 import numpy as np
 from rich.console import Console
 
-from wavetank.planning.cost import BUILT_IN, calibrate, timed
+from wavetank.planning.cost import BUILT_IN
+from wavetank.planning.timing import calibrate, timed
 
 
 def report(console: Console) -> None:
@@ -15,7 +16,9 @@ def report(console: Console) -> None:
         steps = timed(key.split()[1])
         rounded = [float(f"{constant:.2g}") for constant in fitted]
         ratios = (steps @ rounded) / (steps @ np.array(BUILT_IN.constants[key]))
-        told = ", ".join(f"{constant:.2g}".replace("e-0", "e-") for constant in rounded)
+        constants = ", ".join(f"{constant:.2g}".replace("e-0", "e-") for constant in rounded)
         console.print(
-            f'"{key}": ({told}),  # {ratios.min():.2f} to {ratios.max():.2f} times', soft_wrap=True, highlight=False
+            f'"{key}": ({constants}),  # {ratios.min():.2f} to {ratios.max():.2f} times',
+            soft_wrap=True,
+            highlight=False,
         )

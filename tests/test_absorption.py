@@ -472,7 +472,7 @@ def test_what_a_paddle_absorbs_is_told_over_a_bed(tmp_path, monkeypatch, capsys)
         "[wall]\ntype = 'flap'\nabsorb = {type = 'active'}\nmotion = {type = 'regular', height = 0.05, period = 1.8}\n"
     )
     output_cost = SimpleNamespace(description=lambda part: "")
-    steps = dict.fromkeys(("step", "solves", "duration", "memory", "watching"), 1.0)
+    steps = dict.fromkeys(("step", "solves", "duration", "memory", "output"), 1.0)
     seen = SimpleNamespace(summary="", output_cost=output_cost, clock=None, waves=None, **steps)
     monkeypatch.setattr("wavetank.planning.report.trial", lambda *of: seen)
     monkeypatch.setattr("wavetank.planning.report.run_warnings", lambda *of, **more: [])
@@ -490,7 +490,7 @@ def test_what_absorbing_costs_is_counted_for_each_paddle_once():
         costs.append(needs_of(Case.model_validate(parts | dict(zip(("wall", "far_wall"), walls, strict=True)))))
     plain, one, both, spring = (cost.cpu for cost in costs)
     assert both - one == pytest.approx(one - plain) and spring > both and one > 1.1 * plain
-    assert all(cost.watching == 0.0 and cost.memory == costs[0].memory for cost in costs)
+    assert all(cost.output == 0.0 and cost.memory == costs[0].memory for cost in costs)
 
 
 # ---------------------------------------------------------------- a spring and a damper

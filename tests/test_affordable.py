@@ -86,12 +86,12 @@ def test_what_looks_below_the_surface_is_counted(name):
         "window": 20 * output_cost.rows,
         "table": 20 * output_cost.rows,
     }[name]
-    assert output_cost.tabled + output_cost.filed == pytest.approx(points) and (output_cost.tabled == points) == (
-        name != "window"
-    )
+    assert output_cost.csv_points + output_cost.netcdf_points == pytest.approx(points) and (
+        output_cost.csv_points == points
+    ) == (name != "window")
     without, needs = needs_of(bare), needs_of(watched)
-    assert needs.cpu - without.cpu == pytest.approx(needs.watching) and needs.watching > 2e-3 * output_cost.rows
-    assert needs.memory > without.memory and without.watching == 0.0
+    assert needs.cpu - without.cpu == pytest.approx(needs.output) and needs.output > 2e-3 * output_cost.rows
+    assert needs.memory > without.memory and without.output == 0.0
 
 
 def test_a_run_that_days_of_rows_make_too_long_is_refused_for_them(tmp_path, capsys):

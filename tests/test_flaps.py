@@ -15,9 +15,8 @@ from wavetank.motion import FlapAngle, Sinusoid
 from wavetank.motion.motion import frequency_shift
 from wavetank.output.columns import energy_columns
 from wavetank.planning.checks import run_warnings
-from wavetank.planning.cost import BUILT_IN
+from wavetank.planning.cost import BUILT_IN, kind_of
 from wavetank.planning.plan import make_plan
-from wavetank.planning.requirements import kind_of
 from wavetank.planning.resolution import DEFAULT, Settings
 from wavetank.simulation.build import build_clock, build_run
 from wavetank.simulation.clock import EverySteps

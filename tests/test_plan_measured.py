@@ -21,9 +21,10 @@ from wavetank import data
 from wavetank.case import Case
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError, WavetankError
-from wavetank.planning.cost import CostModel, calibrate
+from wavetank.planning.cost import CostModel
 from wavetank.planning.plan import Plan, make_plan
 from wavetank.planning.resolution import Settings, resolved
+from wavetank.planning.timing import calibrate
 from wavetank.simulation.build import build_observers, build_run
 from wavetank.simulation.diagnostics import HighestCrest
 from wavetank.simulation.records import Memory, Records

@@ -120,7 +120,7 @@ def test_bound_harmonics_between_walls_are_those_of_one_direction():
     """A wall doubles the crest, not the waves of either direction (their harmonics were predicted 0.8 of the first)."""
     motion = {"type": "sinusoid", "paddle_amplitude": 0.01, "period": 1.2, "ramp": 2.0}
     found = requirements(tank(20.0, motion=motion, water={"type": "nonlinear"}), 1e-2)
-    assert found.harmonics[1] == pytest.approx(stokes(found.steepness / 2, found.k * found.depth).second)
+    assert found.harmonics[1] == pytest.approx(stokes(found.steepness / 2, found.k * found.tank.depth).second)
 
 
 def test_harmonics_of_steep_standing_waves_decay_as_measured():

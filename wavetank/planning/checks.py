@@ -356,7 +356,7 @@ def predicted(scene: Case) -> Iterator[RunWarning]:
     if error <= INACCURATE:
         return
     required = requirements(scene, DEFAULT)
-    kd = required.k * required.depth
+    kd = required.k * required.tank.depth
     deep = relative_frequency_error(kd, HIGHEST_VERTICAL_ORDER) >= MISSED
     code = "inaccurate-deep-waves" if deep else "inaccurate"
     yield RunWarning(code, key="numerics", value=error, limit=INACCURATE, details={"kd": kd})

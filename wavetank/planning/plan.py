@@ -1,7 +1,7 @@
 """The plan of a scene: the cheapest of all discretisations that are accurate enough, with the reasons.
 
 Searched are p in {2, 3, 4, 5}, n from 2 to 16, cells on a geometric grid, and for each of these meshes the largest
-step of the default scheme that accuracy and stability allow: others take as much time or more, and are less accurate
+step of the default scheme that accuracy and stability allow: other schemes cost as much or more, and are less accurate
 (docs/plan.md). Errors of space and time add up (``resolution.py``), so the step follows from what the mesh leaves of
 the accuracy. It must resolve a measured motion, too (``OF_MOTION``): steps of a few rows of the record are among those
 searched, as they do best. What a case names beside an accuracy is not searched.
@@ -23,9 +23,9 @@ from wavetank.case import Case, LinearWater, NonlinearWater, Physics
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
 from wavetank.motion import Motion
-from wavetank.planning.cost import BUILT_IN, Cost, CostModel, OutputCost
+from wavetank.planning.cost import BUILT_IN, Cost, CostModel, OutputCost, entries_of, kind_of
 from wavetank.planning.dispersion import Mesh
-from wavetank.planning.requirements import Requirements, entries_of, requirements
+from wavetank.planning.requirements import Requirements, requirements
 from wavetank.planning.resolution import ErrorModel, ErrorPart, Settings, solved_to, stroke_missed
 from wavetank.simulation.build import ANSWERED, build_clock
 from wavetank.simulation.clock import ROUNDING, Clock
@@ -150,7 +150,7 @@ class _Search:
     def __init__(self, scene: Case, accuracy: float, *, given: dict[str, Any] | None = None):
         self._scene, self._required = scene, requirements(scene, accuracy)  # first: it refuses what cannot be planned
         self._given, self._shift = named_numerics(scene) if given is None else given, scene.frequency_shift
-        self._errors = ErrorModel(self._required)
+        self._errors, self._kind = ErrorModel(self._required), kind_of(scene, self._required.physics)
         self._scheme = self._given.get("integrator", SCHEME)
         self._steps = _Steps(self._errors, self._required, scheme=self._scheme, given=self._given.get("dt"))
 
@@ -163,10 +163,10 @@ class _Search:
             return ORDERS
         if name == "vertical_order":
             return [n for n in VERTICAL_ORDERS if not self._scene.absorbing or n >= LEAST_ABSORBING]
-        waves, fewest = self._required.length * self._required.k / (2 * np.pi), self._scene.tank.fewest_cells
+        waves, fewest = self._required.tank.length * self._required.k / (2 * np.pi), self._scene.tank.fewest_cells
         counts = waves * PER_WAVE
         if (run_up := self._required.run_up) is not None:
-            finer = self._required.length / run_up.width * PER_PEAK
+            finer = self._required.tank.length / run_up.width * PER_PEAK
             counts = np.concatenate([counts, finer[finer > counts[-1]]])
         return sorted({max(fewest, ceil(one)) for one in counts})
 
@@ -183,7 +183,7 @@ class _Search:
             if self._errors.total(space) > AIM * self._required.accuracy:
                 continue
             if (dt := self._steps.largest(self._longest_step(mesh), space)) is not None:
-                p, cells, n = mesh.cells.order, round(self._required.length / mesh.cells.size), mesh.vertical_order
+                p, cells, n = mesh.cells.order, round(self._required.tank.length / mesh.cells.size), mesh.vertical_order
                 yield Settings(order=p, cells=cells, vertical_order=n, dt=dt, integrator=self._scheme)
 
     def _without(self, name: str) -> list[Settings]:
@@ -195,18 +195,18 @@ class _Search:
 
     def step_problem(self) -> Problem | None:
         """Return that the given step is too long, with the longest that is not; None if another is not enough."""
-        if not (others := self._without("dt")):
+        if not (candidates := self._without("dt")):
             return None
-        longest, accuracy = max(settings.dt for settings in others), self._required.accuracy
+        longest, accuracy = max(settings.dt for settings in candidates), self._required.accuracy
         allowed = f"must be at most {longest:.4g} s, the longest that is stable and accurate to {accuracy:g}"
         return Problem(("numerics", "dt"), self._scene.numerics.dt, allowed)
 
     def cells_problem(self) -> Problem | None:
-        """Return that the given cells are too large, with so many that are not; None if others are not enough."""
-        if not (others := self._without("cells")):
+        """Return that the given cells are too large, with so many that are not; None if candidates are not enough."""
+        if not (candidates := self._without("cells")):
             return None
         numerics, accuracy = self._scene.numerics, f"for an accuracy of {self._required.accuracy:g}"
-        fewest = min(settings.cells for settings in others)
+        fewest = min(settings.cells for settings in candidates)
         if numerics.cells is not None:
             return Problem(("numerics", "cells"), numerics.cells, f"must be more {accuracy}: {fewest} would do")
         would = f"{self._scene.tank.length / fewest:.4g} m would do"
@@ -234,7 +234,7 @@ class _Search:
     def _current(self, mesh: Mesh) -> float:
         """Return u² k_grid / g; 0 for linear waves, which have no current."""
         required = self._required
-        return 0.0 if required.physics == "linear" else required.velocity**2 * _k_grid(mesh) / required.gravity
+        return 0.0 if required.physics == "linear" else required.velocity**2 * _k_grid(mesh) / required.tank.gravity
 
     # ------------------------------------------------------------------------------------------ prediction
     def own(self) -> Settings:
@@ -256,7 +256,7 @@ class _Search:
     def cost(self, settings: Settings, costs: CostModel) -> Cost:
         """Return the cost of a run."""
         return costs.run(
-            self._required.kind,
+            self._kind,
             settings,
             duration=self._required.duration,
             dt_omega_max=settings.dt * self._mesh(settings).largest_frequency,
@@ -278,7 +278,7 @@ class _Search:
             settings=settings,
             accuracy=required.accuracy,
             error=self._errors.predict(settings),
-            kind=required.kind,
+            kind=self._kind,
             steepness=required.highest,
             cost=cost,
             steps=Clock.covering(required.duration, settings.dt).steps,

@@ -13,11 +13,12 @@ from wavetank.case.reading import located, read_case
 from wavetank.console import console, format_duration
 from wavetank.errors import InputError
 from wavetank.planning.checks import run_warnings
-from wavetank.planning.cost import BUILT_IN, CostModel, check_affordable, machine_costs, measured_costs, trial
+from wavetank.planning.cost import BUILT_IN, CostModel, check_affordable, machine_costs
 from wavetank.planning.default_plan import check_resolvable, default_plan, planned
 from wavetank.planning.plan import Plan, make_plan, own_plan
 from wavetank.planning.requirements import absorption, unplanned
 from wavetank.planning.resolution import DEFAULT, resolved, shortest_wave
+from wavetank.planning.timing import measured_costs, trial
 from wavetank.run_warning import RunWarning
 from wavetank.simulation.build import build_run
 from wavetank.simulation.construction import told_energy, told_of_sponge
@@ -62,7 +63,7 @@ def _report_trial(case: Case, why: str, terminal: Console) -> None:
     lines = (
         str(shortest_wave(case)),
         f"a step: {result.step:.2g} CPU s on {ranks}, {result.solves:.1f} interior solves",
-        result.output_cost.description(result.watching / result.duration),
+        result.output_cost.description(result.output / result.duration),
         f"the run: {format_duration(result.duration)}, on as many free cores",
         f"memory: {result.memory / 1e6:.0f} MB",
         *(f"paddle of {view.key}: {absorbs}" for view in scene.paddles if (absorbs := absorption(view))),

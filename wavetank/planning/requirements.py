@@ -1,9 +1,25 @@
-"""Requirements of a case: its waves, their propagation, run-up and reflection by absorbing paddles.
+"""Requirements of a case: its waves, how long they travel, their steepness, run-up and absorption.
 
-The run-up of a solitary wave at a vertical wall: what a mesh misses of its peak.
+**The waves of a paddle** are those of linear wavemaker theory: a_j = c(k_j) |X_j|, with X_j the Fourier coefficients of
+its motion over the run (of a short run, and beyond it: ``WINDOW``) and c the paddle's transfer function
+(``waves/wavemaker.py``). Each component is followed from the paddle to the farthest gauge that its group reaches within
+the run, with all later passages after reflections at both ends (``travel.py``); if there is no gauge, or most of the
+energy has not arrived, to the far wall. The energy that a gauge records weights its error. A standing wave is followed
+for the complete run.
 
-The peak at the wall is narrower than the wave. With R the run-up, d the depth and h = H / d the relative wave height,
-its curvature at the wall is -R / l², and
+**Steepness** counts in Stokes' expansion at k of the highest crest of the waves of one direction, s = k a,
+sigma = tanh(k d):
+
+    a_2 / a_1 = s (3 - sigma²) / (4 sigma³),     a_3 / a_1 = s² (27 - 9 sigma² + 9 sigma⁴ - 3 sigma⁶) / (64 sigma⁶),
+    omega / omega_linear - 1 = s² (9 - 10 sigma² + 9 sigma⁴) / (16 sigma⁴).
+
+Waves of permanent form are exact: their harmonics, speed and velocity are those of the wave itself. A solitary wave is
+one whose period is a window around its crest. Standing waves have the crest, harmonics and frequency of their own
+expansion (``waves/standing_wave.py``). They start without bound harmonics, and the free ones that compensate for these
+at the start beat: with k a = 0.3, k d = pi / 2 the crest reaches 1.45 a, that of a travelling wave 1.15 a.
+
+**The run-up of a solitary wave** at a vertical wall has a peak narrower than the wave. With R the run-up, d the depth
+and h = H / d the relative wave height, its curvature at the wall is -R / l², and
 
     l / d = (2 / (3 h))^(1/2) (1 - (3 h / 2)²),     R / d = 2 h + h² / 2 + 3 h³ / 4.
 
@@ -14,37 +30,15 @@ The first factor of l is the sech² profile's. The second is fitted to converged
 
 e_n being the relative error of the linear frequency by the vertical order alone. The first term is fitted to p = 2 to 5
 with e = 0.1 to 5 %: it is 0.7 to 2 times the measured error for h = 0.5 and 0.6, and 2 to 6 times for lower waves. The
-second is 0.9 to 2 times the measured error, where that is above 0.1 % (docs/plan.md). The step needs no term: a stable
-step misses less than 0.1 %.
+second is 0.9 to 2 times the measured error if that is above 0.1 % (docs/plan.md). The step needs no term: a stable step
+misses less than 0.1 %.
 
-Source: R by C. H. Su and R. M. Mirie, "On head-on collisions between two solitary waves", J. Fluid Mech. 98, 1980.
+**Paddles that absorb waves by their elevation** extrapolate it within a step. That changes the reflection by
+C c^(-3/2) (omega dt)^(7/2), with c the transfer function of the paddle and C from runs of regular waves between a
+paddle and one that absorbs (``ABSORPTION``).
 
-The error of paddles that absorb waves by their elevation: within a step they know it from the steps before only.
-
-The extrapolation changes the reflection by C c^(-3/2) (omega dt)^(7/2), with c the transfer function of the paddle
-(``waves/wavemaker.py``) and C from runs of regular waves between a paddle and one that absorbs (``CHANGED``).
-
-What a scene asks for: which waves there are, how far they travel, how steep they get, and the objects that follow.
-
-A paddle's waves are those of linear wavemaker theory: a_j = c(k_j) |X_j|, with X_j the Fourier coefficients of its
-motion over the run (of a short one, and beyond it: ``WINDOW``) and c the paddle's transfer function
-(``waves/wavemaker.py``). Each component is followed from the paddle to the farthest gauge that its group reaches
-within the run, with all later passages after reflections at both ends (``travel.py``); where there is no gauge, or most
-of the energy has not arrived, to the far wall. The energy that a gauge records weights its error. Those of a far wall
-are found alike, as seen from it. A standing wave is followed for the whole run.
-
-Steepness counts in Stokes' expansion at k of the highest crest, of the waves of one direction, s = k a,
-sigma = tanh(k d):
-
-    a_2 / a_1 = s (3 - sigma²) / (4 sigma³),     a_3 / a_1 = s² (27 - 9 sigma² + 9 sigma⁴ - 3 sigma⁶) / (64 sigma⁶),
-    omega / omega_linear - 1 = s² (9 - 10 sigma² + 9 sigma⁴) / (16 sigma⁴).
-
-Waves of permanent form are exact: their harmonics, speed and velocity are those of the wave itself. A solitary wave is
-one whose period is a window around its crest. Standing waves have the crest, harmonics and frequency of their own
-expansion (``waves/standing_wave.py``). Theirs begin without bound harmonics; the free ones that make up for them
-at the start come and go: with k a = 0.3, k d = pi / 2 the crest gets 1.45 a high, where a travelling wave's has 1.15 a.
-
-Source: G. B. Whitham, Linear and Nonlinear Waves, 1974, section 13.13; R. G. Dean and R. A. Dalrymple 1991, chapter 11.
+Sources: G. B. Whitham, Linear and Nonlinear Waves, 1974, section 13.13; R. G. Dean and R. A. Dalrymple 1991, chapter
+11; R by C. H. Su and R. M. Mirie, "On head-on collisions between two solitary waves", J. Fluid Mech. 98, 1980.
 """
 
 from collections.abc import Callable, Iterable
@@ -57,13 +51,13 @@ from numpy.typing import NDArray
 from wavetank import case as nouns
 from wavetank.arrays import Vector
 from wavetank.case import Case, EndWall, Physics
-from wavetank.case.wall import HingedWall, ShapedWall
+from wavetank.case.tank import AnyTank
 from wavetank.errors import InputError
 from wavetank.motion import Motion
 from wavetank.motion.motion import values
 from wavetank.planning import travel
 from wavetank.planning.dispersion import Mesh, relative_frequency_error
-from wavetank.values.case_model import CaseError, CaseModel, Problem
+from wavetank.values.case_model import CaseError, Problem
 from wavetank.waves import airy, standing_wave
 from wavetank.waves.conformal import SteadyWave
 from wavetank.waves.second_order import Strokes, second_order
@@ -113,77 +107,45 @@ class RunUp:
         return CELLS * (nodes / self.width) ** 4 + abs(relative_frequency_error(kd, mesh.vertical_order))
 
 
-# paddles, over a piston: flaps hinged at the bed or below it; other shapes, of one or both walls
-DEARER = {"leaning": 1.3, "bent": 1.5, "both bent": 2.1}
-
-
-def kind_of(scene: Case, physics: Physics) -> str:
-    """Return the kind of waves by what a step costs: "linear", "nonlinear", or of "driven" ones a ``DEARER`` one.
-
-    A second paddle costs nothing but where both are bent.
-    """
-    kinds = [_of_paddle(seen.wall) for seen in scene.paddles]
-    if physics == "linear" or not kinds:
-        return physics
-    return "both bent" if kinds == ["bent", "bent"] else max(kinds, key=lambda kind: DEARER.get(kind, 1.0))
-
-
-def _of_paddle(wall: CaseModel) -> str:
-    if isinstance(wall, ShapedWall):
-        return "leaning" if isinstance(wall, HingedWall) and wall.hinge <= 0.0 else "bent"
-    return "driven"
-
-
-def undearer(kind: str) -> tuple[str, float]:
-    """Return the kind that costs are fitted of, and what this one costs over it."""
-    return ("driven", DEARER[kind]) if kind in DEARER else (kind, 1.0)
-
-
-def entries_of(order: int, cells: int, vertical_order: int) -> int:
-    """Return E, how many entries the operator of a slice or ring has."""
-    return (order * cells + 1) * (vertical_order + 1) * (order + 2)
-
-
-CHANGED = 2.5  # measured 1.6 to 3.5: pistons at k d = 0.7, 1.5, 2.5, flaps at 0.7, 1.5, 28 and 40 steps a period
+ABSORPTION = 2.5  # measured 1.6 to 3.5: pistons at k d = 0.7, 1.5, 2.5, flaps at 0.7, 1.5, 28 and 40 steps a period
 ABSORPTION_POWER = 3.5  # measured 3.2 to 3.9
 
 
 def absorption_error(scene: Case, k: Vector) -> Vector:
     """Return the error of waves of wave numbers k [rad/m] over (omega dt)^(7/2), shape (N,).
 
-    It counts from when waves are back at the farthest gauge. Of several paddles that absorb the largest counts.
+    It counts from the time at which waves have returned to the farthest gauge. Of several paddles the largest counts.
     """
     if not scene.absorbing:
         return np.zeros_like(k)
     depth, length = scene.tank.depth, scene.tank.length
     path = 2 * length - max((gauge.x for gauge in scene.all_gauges), default=length)
     back = path / airy.group_velocity(k, depth, scene.tank.gravity)
-    makers = [scene.paddles[n].wall.wavemaker for n in scene.absorbing]
-    least = np.min([wavemaker.transfer(k, depth) for wavemaker in makers], axis=0)
-    return np.asarray(CHANGED * least**-1.5 * np.sqrt(np.maximum(0.0, 1.0 - back / scene.run.duration)))
+    least = np.min([scene.paddles[n].wall.wavemaker.transfer(k, depth) for n in scene.absorbing], axis=0)
+    return np.asarray(ABSORPTION * least**-1.5 * np.sqrt(np.maximum(0.0, 1.0 - back / scene.run.duration)))
 
 
-LEFT = 0.05  # of the free second harmonic: what second-order generation leaves of it, in steep waves
+REMAINING = 0.05  # of the free second harmonic after second-order generation, in steep waves
 MOST_COMPONENTS = 40
-MOST_TIMES = 2**16  # at which a motion is looked at: an hour of it in a tank 0.5 m deep
-DEEPEST = 40.0  # k d of the highest frequency that is looked for in a motion
-TAPER = 0.25  # share of a motion that is tapered at its end, lest it look like a jump: its waves do not get far
+MOST_TIMES = 2**16  # at which a motion is sampled: an hour of it in a tank 0.5 m deep
+DEEPEST = 40.0  # k d of the highest frequency of a motion
+TAPER = 0.25  # fraction of a motion that is tapered at its end, or its spectrum is that of a jump
 TRIED = 4001  # times beyond a short run's end
-WINDOW = 36.0  # (d / g)^(1/2): what of a motion is looked at, at least; a piece of a period looks like short waves
+WINDOW = 36.0  # (d / g)^(1/2): least analysed duration of a motion; part of a period has the spectrum of short waves
 NOISE = 1 / 30  # of a measured motion's strongest lines: what is shorter and weaker is the instrument's
 POINTS = 1024  # along a wave of permanent form
-TAIL, FARTHEST = 1e-3, 60.0  # of a solitary wave: where it ends, relative to its height, and depths looked at
+TAIL, FARTHEST = 1e-3, 60.0  # of a solitary wave: where it ends, relative to its height, and depths searched
 BEYOND = 4  # harmonics of a standing wave beyond those of its expansion
 DECAY = 1.85  # r_(m+1) / r_m of these over r_3 / r_2; 1.83 to 1.95 in runs of k a = 0.15 to 0.3 (docs/plan.md)
 NEGLIGIBLE = 1e-5  # of its first harmonic
 RETURNING = 0.1  # of the recorded energy: where less is reflected, the crest is that of waves that travel away
 REACHED = 0.9  # of the energy: of a run that ends before it gets to a gauge all that is in the tank counts
-PLACES = 33  # at which the highest crest is looked for
+PLACES = 33  # at which the highest crest is searched
 AROUND = 4  # groups of lines on either side: of fewer the envelope has no place in time
 TIMES = 512  # at which an envelope is sampled
 
 
-class Components(NamedTuple):
+class WaveComponents(NamedTuple):
     """The waves of a scene, shape (N,) each.
 
     Attributes
@@ -201,24 +163,24 @@ class Components(NamedTuple):
     amplitude: Vector
     age: Vector
 
-    def selected(self, which: NDArray[np.bool_]) -> "Components":
+    def selected(self, which: NDArray[np.bool_]) -> "WaveComponents":
         """Return some of them, shape (N,)."""
-        return Components(*(part[which] for part in self))
+        return WaveComponents(*(part[which] for part in self))
 
 
 class CaseWaves(NamedTuple):
-    """Components, the highest crest they make together by linear theory [m], and the exact wave if they are one.
+    """Components, the highest crest of their sum by linear theory [m], and the exact wave if they are one.
 
-    ``lasting`` is for how long they are about as high [s]; ``run_up`` is that of a solitary wave that meets a wall,
+    ``steep_time`` is the time for which they are about as high [s]; ``run_up`` is that of a solitary wave at a wall,
     ``free`` are the free second harmonics of a paddle, ``progressive`` is the crest of the waves of one direction [m].
     """
 
-    components: Components
+    components: WaveComponents
     crest: float
     form: "Form | None" = None
-    lasting: float = np.inf
+    steep_time: float = np.inf
     run_up: RunUp | None = None
-    free: Components = Components(*4 * [np.empty(0)])
+    free: WaveComponents = WaveComponents(*4 * [np.empty(0)])
     progressive: float = 0.0
 
 
@@ -243,7 +205,7 @@ class Form(NamedTuple):
     crest: float
 
 
-class Harmonics(NamedTuple):
+class StokesHarmonics(NamedTuple):
     """Stokes' bound harmonics: amplitudes relative to the first, and the relative change of frequency."""
 
     second: float
@@ -256,10 +218,10 @@ class Harmonics(NamedTuple):
         return np.minimum([1.0, self.second, self.third, self.third**2 / self.second], 1.0)
 
 
-def stokes(steepness: float, kd: float) -> Harmonics:
+def stokes(steepness: float, kd: float) -> StokesHarmonics:
     """Return Stokes' harmonics of a wave of steepness k a in depth k d; see the module's formulae."""
     s, sigma = steepness, np.tanh(kd)
-    return Harmonics(
+    return StokesHarmonics(
         float(s * (3 - sigma**2) / (4 * sigma**3)),
         float(s**2 * (27 - 9 * sigma**2 + 9 * sigma**4 - 3 * sigma**6) / (64 * sigma**6)),
         float(s**2 * (9 - 10 * sigma**2 + 9 * sigma**4) / (16 * sigma**4)),
@@ -274,8 +236,8 @@ class Requirements:
     ----------
     accuracy
         Largest relative error of the elevation.
-    length, depth, gravity, duration
-        Of the tank and the run [m, m, m/s², s].
+    tank, duration
+        The tank, and the duration of the run [s].
     waves
         The components.
     k
@@ -290,8 +252,6 @@ class Requirements:
         The highest run-up of a solitary wave at a wall; None where there is none.
     absorption_error
         Of each component: its error by paddles that absorb, over (omega dt)^(7/2), shape (N,).
-    kind
-        Of waves by what a step costs (``kind_of``).
     measured
         Motions of paddles that were measured: steps must hold them, noise and all.
     physics
@@ -301,20 +261,17 @@ class Requirements:
     """
 
     accuracy: float
-    length: float
-    depth: float
-    gravity: float
+    tank: AnyTank
     duration: float
-    waves: Components
+    waves: WaveComponents
     k: float
     steepness: float
     highest: float
-    lasting: float
+    steep_time: float
     velocity: float
     harmonics: Vector
     run_up: RunUp | None
     absorption_error: Vector
-    kind: str
     measured: tuple[Motion, ...]
     physics: Physics
     reasons: tuple[str, ...]
@@ -335,14 +292,14 @@ def unplanned(scene: Case) -> str | None:
 def requirements(scene: Case, accuracy: float) -> Requirements:
     """Return what a scene requires for a relative error of the elevation of ``accuracy``; its water stays if it is set.
 
-    Raises ``InputError`` for a scene in which nothing moves, or whose tank or initial state is not known here.
+    Raises ``InputError`` for a scene in which nothing moves, or whose tank or initial state is not planned for.
     """
     tank = scene.tank
     if why := unplanned(scene):
         allowed = f"must be left out, then cells and vertical order follow a rule: {why}"
         raise CaseError([Problem(("numerics", "accuracy"), scene.numerics.accuracy, allowed)])
-    waves, crest, form, lasting, run_up, free, progressive = _all_waves(scene, accuracy)
-    motions = [seen.motion() for seen in scene.paddles]
+    waves, crest, form, steep_time, run_up, free, progressive = _all_waves(scene, accuracy)
+    motions = [end.motion() for end in scene.paddles]
     energy = waves.amplitude**2
     k = float(energy @ waves.k / energy.sum())
     harmonics = stokes(k * progressive, k * tank.depth)
@@ -350,23 +307,20 @@ def requirements(scene: Case, accuracy: float) -> Requirements:
     phase = float(excess * (energy @ (waves.omega * waves.age)) / energy.sum())
     second = float(ratios[1])
     physics = _enough(accuracy, second, phase) if _is_free(scene) else scene.physics
-    waves = _together([waves, free]) if physics == "nonlinear" else waves
+    waves = _joined([waves, free]) if physics == "nonlinear" else waves
     return Requirements(
         accuracy=accuracy,
-        length=tank.length,
-        depth=tank.depth,
-        gravity=tank.gravity,
+        tank=tank,
         duration=scene.run.duration,
         waves=waves,
         k=k,
         steepness=k * crest,
         highest=k * (form.crest if form else crest),
-        lasting=lasting,
+        steep_time=steep_time,
         velocity=form.velocity if form else _crest_velocity(k, crest, scene),
         harmonics=ratios if physics == "nonlinear" else np.ones(1),
         run_up=run_up,
         absorption_error=absorption_error(scene, waves.k),
-        kind=kind_of(scene, physics),
         measured=tuple(one for one in motions if one.interval is not None),
         physics=physics,
         reasons=(
@@ -412,25 +366,23 @@ def _wall_reason(scene: Case) -> str:
     return f"wall at x = 0: {_paddle_reason(scene.ends[0])}"
 
 
-def _paddle_reason(seen: EndWall) -> str:
+def _paddle_reason(end: EndWall) -> str:
     """Return a description of a paddle."""
-    paddle, absorbs = f"a {seen.wall.type}", absorption(seen)
-    end = f"; {absorbs}." if absorbs else "."
-    if seen.motion().interval is not None:
-        return f"{paddle} with a measured motion; short waves below {NOISE:.1%} count as its noise{end}"
-    if not seen.motion().moves:
-        return f"{paddle} that is not driven{end}"
-    made, reason = seen.generation
-    by = f" by {made} generation" if made else ""
-    return f"{paddle}, the waves come from its motion{by}{f', as {reason}' if reason else ''}{end}"
+    paddle, absorbs = f"a {end.wall.type}", absorption(end)
+    close = f"; {absorbs}." if absorbs else "."
+    if end.motion().interval is not None:
+        return f"{paddle} with a measured motion; short waves below {NOISE:.1%} count as its noise{close}"
+    if not end.motion().moves:
+        return f"{paddle} that is not driven{close}"
+    order, reason = end.generation
+    by = f" by {order} generation" if order else ""
+    return f"{paddle}, the waves come from its motion{by}{f', as {reason}' if reason else ''}{close}"
 
 
-def absorption(seen: EndWall) -> str:
-    """Return a description of a paddle's absorption; empty where it does not absorb."""
-    absorb = getattr(seen.wall, "absorb", None)
-    return (
-        "" if absorb is None else absorb.description(seen.tank, seen.wall.wavemaker, paddles=seen.case.paddle_periods)
-    )
+def absorption(end: EndWall) -> str:
+    """Return a description of a paddle's absorption; empty if it does not absorb."""
+    absorb, periods = getattr(end.wall, "absorb", None), end.case.paddle_periods
+    return "" if absorb is None else absorb.description(end.tank, end.wall.wavemaker, paddles=periods)
 
 
 def _run_up_reason(run_up: RunUp | None) -> tuple[str, ...]:
@@ -440,7 +392,7 @@ def _run_up_reason(run_up: RunUp | None) -> tuple[str, ...]:
     return (f"run-up: the solitary wave meets a wall; {peak} decides on cells and vertical order beside the wave.",)
 
 
-def _end_reason(scene: Case, waves: Components) -> str:
+def _end_reason(scene: Case, waves: WaveComponents) -> str:
     if isinstance(scene.tank, nouns.RingTank):
         return "far end: none, a ring needs no sponge."
     if scene.sponge is not None:
@@ -458,22 +410,22 @@ def _end_reason(scene: Case, waves: Components) -> str:
 # ---------------------------------------------------------------- the waves
 def _all_waves(scene: Case, accuracy: float) -> CaseWaves:
     result = STARTS[type(scene.initial)](scene.initial, scene)
-    for seen in scene.paddles:
-        if (motion := seen.motion()).moves:
-            result.append(_paddle_waves(seen, motion, accuracy))
+    for end in scene.paddles:
+        if (motion := end.motion()).moves:
+            result.append(_paddle_waves(end, motion, accuracy))
     if not result or not max(waves.crest for waves in result) > 0.0:
         raise InputError("the scene: nothing moves in it; a plan needs a wave or a paddle that moves.")
     form = next((waves.form for waves in result), None)
-    crest, lasting = sum(waves.crest for waves in result), max(waves.lasting for waves in result)
+    crest, steep_time = sum(waves.crest for waves in result), max(waves.steep_time for waves in result)
     run_ups = [waves.run_up for waves in result if waves.run_up is not None]
     highest = max(run_ups, key=lambda one: one.height, default=None)
-    components, free = (_together(parts) for parts in zip(*((one.components, one.free) for one in result), strict=True))
+    components, free = (_joined(parts) for parts in zip(*((one.components, one.free) for one in result), strict=True))
     progressive = sum(waves.progressive for waves in result)
-    return CaseWaves(components, crest, form, lasting, highest, free, progressive)
+    return CaseWaves(components, crest, form, steep_time, highest, free, progressive)
 
 
-def _together(several: Iterable[Components]) -> Components:
-    return Components(*(np.concatenate(part) for part in zip(*several, strict=True)))
+def _joined(several: Iterable[WaveComponents]) -> WaveComponents:
+    return WaveComponents(*(np.concatenate(part) for part in zip(*several, strict=True)))
 
 
 def _standing_wave(wave: nouns.StandingWave, scene: Case) -> list[CaseWaves]:
@@ -487,7 +439,7 @@ def _standing_wave(wave: nouns.StandingWave, scene: Case) -> list[CaseWaves]:
     ratios = np.append(ratios, ratios[-1] * beyond)
     k = wave.mode * np.pi / tank.length * np.arange(1, 3)  # of the second harmonic, that which is free
     omega, age = airy.angular_frequency(k, tank.depth, tank.gravity), np.full(2, scene.run.duration)
-    components = Components(np.asarray(k), omega, wave.wave_amplitude * ratios[:2], age)
+    components = WaveComponents(np.asarray(k), omega, wave.wave_amplitude * ratios[:2], age)
     excess = exact.frequency_shift * wave.wave_amplitude**2 / exact.linear_frequency
     crest = 2 * float(exact.elevation_coefficients.sum()) - wave.wave_amplitude
     form = Form(ratios, _crest_velocity(float(k[0]), wave.wave_amplitude, scene), excess, crest)
@@ -515,12 +467,6 @@ def _followed(
     return waves._replace(run_up=RunUp(height / scene.tank.depth, scene.tank.depth))
 
 
-def _solitary_motion(end: EndWall) -> nouns.SolitaryWaveMotion | None:
-    """Return the motion of a wall if that makes a solitary wave."""
-    motion = getattr(end.wall, "motion", None)
-    return motion if isinstance(motion, nouns.SolitaryWaveMotion) else None
-
-
 def _steady_waves(exact: SteadyWave, length: float, scene: Case) -> CaseWaves:
     """Return a wave of permanent form by its harmonics in a window of a length [m] around its crest."""
     tank, k = scene.tank, np.array([2 * np.pi / length])
@@ -530,7 +476,7 @@ def _steady_waves(exact: SteadyWave, length: float, scene: Case) -> CaseWaves:
     selected = 1 + int(np.flatnonzero(amplitudes > NEGLIGIBLE * amplitudes[0])[-1])
     velocity = float(psi[1] * POINTS / length)  # the surface is level at the crest, and psi is odd
     excess = exact.speed * float(k[0] / airy.angular_frequency(k, tank.depth, tank.gravity)[0]) - 1.0
-    components = Components(k, exact.speed * k, amplitudes[:1], np.array([scene.run.duration]))
+    components = WaveComponents(k, exact.speed * k, amplitudes[:1], np.array([scene.run.duration]))
     form = Form(amplitudes[: max(selected, 2)] / amplitudes[0], velocity, excess, float(eta.max()))
     return CaseWaves(components, form.crest, form)
 
@@ -555,7 +501,7 @@ class _Lines(NamedTuple):
 
 
 def _paddle_waves(end: EndWall, motion: Motion, accuracy: float) -> CaseWaves:
-    if (solitary := _solitary_motion(end)) is not None:
+    if isinstance(solitary := getattr(end.wall, "motion", None), nouns.SolitaryWaveMotion):
         exact = solitary_wave(solitary.height, depth=end.tank.depth, gravity=end.tank.gravity)
         begin = solitary.crest_time_in(end.tank)
         return _followed(exact, solitary.height, end.case, distance=end.tank.length, begin=begin, wall=end.opposite)
@@ -570,16 +516,16 @@ def _paddle_waves(end: EndWall, motion: Motion, accuracy: float) -> CaseWaves:
     age, fraction, reflected = _travel(end, *each)
     returning = bool(reflected[:-1] @ energy > RETURNING * (fraction[:-1] @ energy))
 
-    result = Components(k, omega, amplitude * np.sqrt(fraction[:-1]), age[:-1])
+    result = WaveComponents(k, omega, amplitude * np.sqrt(fraction[:-1]), age[:-1])
     freed = free._replace(amplitude=free.amplitude * np.sqrt(energy.sum() * fraction[-1:]), age=age[-1:])
     crest, mean_square = _crest(end, lines, returning)
-    lasting = 4 * lines.duration * mean_square / max(crest, 1e-300) ** 2
+    steep_time = 4 * lines.duration * mean_square / max(crest, 1e-300) ** 2
     free = freed.selected(fraction[-1:] > 0.0)
-    one_way = max(crest / 2, _crest(end, lines, False)[0])  # at a wall that reflects both directions add up
-    return CaseWaves(result.selected(fraction[:-1] > 0.0), crest, None, lasting, None, free, one_way)
+    progressive = max(crest / 2, _crest(end, lines, False)[0])  # at a wall that reflects both directions add up
+    return CaseWaves(result.selected(fraction[:-1] > 0.0), crest, None, steep_time, None, free, progressive)
 
 
-def _free_harmonic(end: EndWall, k: float, lines: _Lines) -> tuple[Components, Vector]:
+def _free_harmonic(end: EndWall, k: float, lines: _Lines) -> tuple[WaveComponents, Vector]:
     """Return the free waves of twice the frequency that a paddle makes, over the waves of wave number k [rad/m].
 
     Their amplitude is that of a regular wave as high (``waves/second_order.py``), at most that itself. They grow with
@@ -593,12 +539,12 @@ def _free_harmonic(end: EndWall, k: float, lines: _Lines) -> tuple[Components, V
     stroke = Strokes(omega / 2, np.array([size / complex(wavemaker.transfer(k, depth))]))
     made_up = second_order(stroke, wavemaker, depth=depth, gravity=g).b[:1]
     ratio = np.minimum(1.0, np.abs(made_up) * wavemaker.transfer(free, depth) / max(size, 1e-300))
-    taken = end.generation[0] == "second-order"
-    return Components(free, omega, LEFT * ratio if taken else ratio, np.zeros(1)), squares
+    remaining = REMAINING if end.generation[0] == "second-order" else 1.0
+    return WaveComponents(free, omega, remaining * ratio, np.zeros(1)), squares
 
 
 def highest_frequency(end: EndWall, accuracy: float) -> float:
-    """Return the frequency [rad/s] above which a measured paddle makes but noise; ``inf`` of any other."""
+    """Return the frequency [rad/s] above which a measured motion is noise; ``inf`` of any other."""
     motion = end.motion()
     return np.inf if motion.interval is None else _highest(motion, _lines(end, motion), accuracy)
 
@@ -611,7 +557,7 @@ def _highest(motion: Motion, lines: _Lines, accuracy: float) -> float:
 
 
 def _lines(end: EndWall, motion: Motion) -> _Lines:
-    """Return the spectral lines of the paddle's waves, from 1 / ``looked_at`` to the k d of ``DEEPEST``.
+    """Return the spectral lines of the paddle's waves, from 1 / duration to the k d of ``DEEPEST``.
 
     Of a motion of more than ``MOST_TIMES``, those of its first part.
     """
@@ -633,17 +579,17 @@ def analysed_duration(end: EndWall, motion: Motion) -> float:
     A user's motion need not be finite after the run: it is evaluated there first.
     """
     least = WINDOW * float(np.sqrt(end.tank.depth / end.tank.gravity))
-    whole, until = end.duration, min(least, motion.duration)
-    if until > whole:
+    until = min(least, motion.duration)
+    if until > end.duration:
         try:
-            end.function("velocity", motion)(np.linspace(whole, until, TRIED, dtype=np.float64))
+            end.function("velocity", motion)(np.linspace(end.duration, until, TRIED, dtype=np.float64))
         except InputError:
-            return whole
-    return float(max(whole, until))
+            return end.duration
+    return float(max(end.duration, until))
 
 
 def tapered(part: Vector) -> Vector:
-    """Return the taper at shares of what is looked at, shape (N,)."""
+    """Return the taper at fractions of the analysed duration, shape (N,)."""
     return np.asarray(np.cos(np.pi / 2 * np.maximum(0.0, (part - 1.0) / TAPER + 1.0)) ** 4)
 
 
@@ -667,7 +613,7 @@ def _crest(end: EndWall, lines: _Lines, returning: bool) -> tuple[float, float]:
 
 
 def _groups(lines: _Lines, highest: float, lost: float) -> list[NDArray[np.int_]]:
-    """Return the lines in few groups, up to a frequency [rad/s], without ends with a share ``lost`` of the energy."""
+    """Return the lines in few groups, up to a frequency [rad/s], without ends of a fraction ``lost`` of the energy."""
     energy = np.abs(lines.elevation[lines.omega <= highest]) ** 2
     fraction = np.cumsum(energy) / np.sum(energy)
     selected = np.flatnonzero((fraction > lost) & (np.concatenate([[0.0], fraction[:-1]]) < 1 - lost))
@@ -682,7 +628,7 @@ def _gathered(lines: _Lines, groups: list[NDArray[np.int_]]) -> tuple[Vector, Ve
     return mean, np.sqrt(energy)
 
 
-def _travel(end: EndWall, k: Vector, energy: Vector, squares: Vector) -> travel.Travel:
+def _travel(end: EndWall, k: Vector, energy: Vector, squares: Vector) -> travel.Propagation:
     """Return the travel of components to the farthest gauge they reach, of energies generated at rates, shape (N, M).
 
     The fraction is 0 of those that reach none; where gauges are reached by less than ``REACHED`` of the energy, the
@@ -705,7 +651,7 @@ def _travel(end: EndWall, k: Vector, energy: Vector, squares: Vector) -> travel.
     return result._replace(fraction=np.where(np.any(reached, axis=0), result.fraction, 0.0))
 
 
-STARTS: dict[type[Any], Callable[[Any, Case], list[CaseWaves]]] = {  # that a plan knows, and their waves
+STARTS: dict[type[Any], Callable[[Any, Case], list[CaseWaves]]] = {  # initial states of plans, and their waves
     nouns.StillWater: lambda initial, scene: [],
     nouns.StandingWave: _standing_wave,
     nouns.StreamFunctionWave: _periodic_waves,

@@ -422,7 +422,7 @@ class ErrorModel:
         self._radians = waves.omega * waves.age
         self._energy = waves.amplitude**2 / np.sum(waves.amplitude**2)
         self._k = np.multiply.outer(waves.k, self._m)
-        self._exact = airy.angular_frequency(self._k, required.depth, required.gravity)
+        self._exact = airy.angular_frequency(self._k, required.tank.depth, required.tank.gravity)
         self._cells_of: dict[tuple[int, int], UniformCells] = {}
         self._meshes: dict[tuple[int, int, int], Mesh] = {}
         self._waves: dict[UniformCells, BlochWaves] = {}
@@ -439,13 +439,13 @@ class ErrorModel:
         if key not in self._meshes:
             along = self._cells(order, cells)
             self._meshes[key] = Mesh(
-                cells=along, vertical_order=vertical_order, depth=required.depth, gravity=required.gravity
+                cells=along, vertical_order=vertical_order, depth=required.tank.depth, gravity=required.tank.gravity
             )
         return self._meshes[key]
 
     def _cells(self, order: int, cells: int) -> UniformCells:
         if (order, cells) not in self._cells_of:
-            along = UniformCells(order, self._required.length / cells)
+            along = UniformCells(order, self._required.tank.length / cells)
             self._cells_of[order, cells] = along
             self._waves[along] = along.waves(self._k)
             self._products[along] = self._of_products(along)
@@ -453,7 +453,7 @@ class ErrorModel:
 
     def _of_products(self, cells: UniformCells) -> Vector:
         missing = np.sqrt(cells.truncation_error(self._k[:, 1:]) ** 2 @ self._ratios[1:] ** 2)
-        steep = self._required.waves.omega * np.minimum(self._required.waves.age, self._required.lasting)
+        steep = self._required.waves.omega * np.minimum(self._required.waves.age, self._required.steep_time)
         return np.asarray(PRODUCTS * np.sqrt(self._required.steepness * steep) * missing)
 
     def space(self, mesh: Mesh) -> ErrorPart:

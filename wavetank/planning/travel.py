@@ -51,7 +51,7 @@ class Generation(NamedTuple):
         return np.array([np.interp(one, self.t, by) for one, by in zip(t, self.by, strict=True)])
 
 
-class Travel(NamedTuple):
+class Propagation(NamedTuple):
     """The travel of components to a gauge, shape (N,) each.
 
     Attributes
@@ -83,18 +83,18 @@ def _reflection(wall: Any, case: Case, omega: Vector) -> Vector:
     return np.asarray(absorb.reflection(2 * np.pi / omega, case.tank, wall.wavemaker, paddles=case.paddle_periods))
 
 
-def travel(x: Vector, speed: Vector, *, length: float, at: Ends, generated: Generation, duration: float) -> Travel:
+def travel(x: Vector, speed: Vector, *, length: float, at: Ends, generated: Generation, duration: float) -> Propagation:
     """Return the travel of components of group velocities [m/s] to gauges at distances x [m], shape (N,) each."""
     trips, number = _trips(1 + int(duration * speed.max() / (2 * length)) if at.reflect else 1)
     there = np.add.outer(x, 2 * length * trips)
     back = np.add.outer(2 * length - x, 2 * length * trips)
-    left = np.power((at.paddle * at.opposite)[:, None], 2 * trips)
-    energy = np.concatenate([left, at.opposite[:, None] ** 2 * left], axis=1)
+    remaining = np.power((at.paddle * at.opposite)[:, None], 2 * trips)
+    energy = np.concatenate([remaining, at.opposite[:, None] ** 2 * remaining], axis=1)
     age = np.concatenate([there, back], axis=1) / speed[:, None]
     energy = energy * np.tile(number, 2) * generated.until(duration - age)
     fraction = energy.sum(axis=1)
     reflected = fraction - energy[:, 0]
-    return Travel(np.sqrt((energy * age**2).sum(axis=1) / np.maximum(fraction, 1e-300)), fraction, reflected)
+    return Propagation(np.sqrt((energy * age**2).sum(axis=1) / np.maximum(fraction, 1e-300)), fraction, reflected)
 
 
 def _trips(most: int) -> tuple[Vector, Vector]:

@@ -1,0 +1,207 @@
+"""Cost of steps, measured: some steps of a case, and the constants of the cost model on this machine."""
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy
+from mpi4py import MPI
+
+from wavetank.arrays import Vector
+from wavetank.cache import writable
+from wavetank.case import Case
+from wavetank.integrators import INTEGRATORS
+from wavetank.planning.cost import FILE, KINDS, CostModel, OutputCost, entries_of, features, machine, step_costs
+from wavetank.planning.resolution import LOOSEST
+from wavetank.simulation.build import build_filters, build_observers, build_run, initial_state, summary
+from wavetank.simulation.clock import Clock, EverySteps
+from wavetank.simulation.construction import AnyWaves, build_waves
+from wavetank.simulation.energy import Sink
+from wavetank.simulation.memory import peak_memory
+from wavetank.simulation.records import Memory, Records
+from wavetank.simulation.run import Run
+from wavetank.tank.seen import Block
+from wavetank.waves import airy
+
+CELLS_PER_WAVE = 5.0
+ROUNDS = 3  # of all timings
+TANKS = tuple(product((40, 280), ((2, 3), (3, 8), (4, 14))))  # cells, (p, n): few (p, n), each compiles forms
+STEEPEST = 0.2  # k a, and a over the depth: steeper waves may break
+TIMES = 1001  # at which the paddle motion is sampled in the second half of the run
+WARM_UP, STEPS = 5, 8  # steps before the timed ones, for the initial guesses of solves, and timed steps
+
+
+class Trial(NamedTuple):
+    """Cost of some steps of a case.
+
+    Attributes
+    ----------
+    summary
+        Summary of the run in a line.
+    clock, waves
+        Of the complete run.
+    step
+        CPU time of a step, of the rank that takes longest, without snapshots [s].
+    solves
+        Interior solves a step.
+    memory
+        Of all ranks together, so far [bytes].
+    output_cost
+        Rows below the surface in the complete run; the timed steps have none.
+    output
+        CPU time of these [s].
+    """
+
+    summary: str
+    clock: Clock
+    waves: AnyWaves
+    step: float
+    solves: float
+    memory: float
+    output_cost: OutputCost
+    output: float
+
+    @property
+    def duration(self) -> float:
+        """CPU time of the complete run on each rank, if all its steps cost the same [s]."""
+        return self.clock.steps * self.step + self.output
+
+
+class PerStep(NamedTuple):
+    """Wall time and this rank's CPU time [s] of a step, and its interior solves."""
+
+    wall: float
+    cpu: float
+    solves: float
+
+
+class Stopwatch:
+    """Diagnostic: wall time, this rank's CPU time [s] and number of solves at the end of each block."""
+
+    def __init__(self, solves: Callable[[], int] = lambda: 0) -> None:
+        self.schedule, self._solves = EverySteps(), solves
+        self.notes: list[tuple[int, float, float, int]] = []  # number of the step, and the three
+
+    def record(self, block: Block) -> None:
+        """Record the times."""
+        self.notes.append((int(block.step[-1]), time.monotonic(), time.process_time(), self._solves()))
+
+    def per_step(self, *, after: int) -> PerStep:
+        """Return the mean of the steps after so many, or of those of the last block."""
+        *before, (last, *end) = self.notes
+        first, *begin = next((note for note in before if note[0] >= after), before[-1])
+        return PerStep(*((b - a) / (last - first) for a, b in zip(begin, end, strict=True)))
+
+
+def trial(scene: Case, comm: MPI.Comm) -> Trial:
+    """Return the cost of some steps of a run, with its waves in the tank; collective. Raises the errors of a run."""
+    continuing = scene.model_copy(update={"run": scene.run.model_copy(update={"on_breaking": "dissipate"})})
+    run, waves = build_run(continuing, comm)
+    clock, line = run.clock, summary(scene, run, waves)
+    watch = Stopwatch(lambda: waves.potential.counters.solves)
+    records = Records(Memory(), Memory(), None)
+    run.diagnostics += [*build_observers(scene, waves, records, sinks=run.sinks), watch]
+    run.clock = Clock(clock.dt, min(clock.steps, WARM_UP + STEPS))
+    _fill(run, scene, waves)
+    run.execute()
+    each = watch.per_step(after=WARM_UP)
+    step, output_cost = comm.allreduce(each.cpu, op=MPI.MAX), OutputCost.of(scene, clock.dt)
+    entries = entries_of(waves.plane.order, waves.plane.cells, waves.vertical.n)
+    output = output_cost.in_basin(step) if waves.plane.mesh.topology.dim == 2 else output_cost.in_slice(entries)
+    return Trial(line, clock, waves, step, each.solves, comm.allreduce(peak_memory()), output_cost, output)
+
+
+def _fill(run: Run, scene: Case, waves: AnyWaves) -> None:
+    """Start with regular waves of the paddle's period at a time at which it moves fast; collective.
+
+    They are linear, on the mean depth, and at most as steep as ``STEEPEST``. Without a moving paddle the start stays.
+    """
+    end = next((paddle for paddle in scene.paddles if paddle.motion().moves), scene.ends[0])
+    period = end.period
+    if period is None:
+        return
+    t = np.linspace(0.5, 1.0, TIMES, dtype=np.float64) * (scene.run.duration - run.clock.end)
+    velocity = end.function("velocity")(t).reshape(TIMES, -1)
+    omega, g = 2 * np.pi / period, scene.tank.gravity
+    k = float(airy.wave_number(omega, waves.depth, g))
+    amplitude = float(end.wall.wavemaker.transfer(k, waves.depth)) * np.sqrt(2 * np.mean(velocity**2)) / omega
+    amplitude = min(amplitude, STEEPEST / k, STEEPEST * waves.depth)
+    phase = k * waves.plane.x
+    run.clock = replace(run.clock, begin=float(t[np.argmax(velocity.mean(axis=1))]))
+    start = waves.state(amplitude * np.cos(phase), g * amplitude / omega * np.sin(phase), run.clock.begin)
+    run.state = run.integrator.start(*start)
+
+
+def measured_costs() -> CostModel:
+    """Return this machine's constants, measured now, and write them to the cache."""
+    model = calibrate()
+    (writable(private=True) / FILE).write_text(json.dumps(asdict(model), indent=1))
+    return model
+
+
+def calibrate() -> CostModel:
+    """Return constants from a few timed steps, the least of ``ROUNDS`` times, after the compilation of forms."""
+    times = _times()
+    for _ in range(ROUNDS - 1):  # one after the other: other load of a machine varies slowly
+        times = {key: np.minimum(spent, times[key]) for key, spent in _times().items()}
+    return CostModel(machine(), {key: _fit(timed(key.split()[1]), spent) for key, spent in times.items()})
+
+
+def _times() -> dict[str, Vector]:
+    """Return the CPU seconds of a step in each tank, by kind and scheme, as ``timed`` has them."""
+    times: dict[str, list[float]] = {}
+    for (cells, (order, n)), kind in product(TANKS, KINDS):
+        scene = _scene(kind, cells, order, n)
+        waves = build_waves(scene, MPI.COMM_SELF)
+        for name in INTEGRATORS:
+            spent = [_time_a_step(scene, waves, name, x) for x in step_costs(name).products]
+            times.setdefault(f"{kind} {name}", []).extend(spent)
+    return {key: np.array(spent) for key, spent in times.items()}
+
+
+def timed(name: str) -> Vector:
+    """Return the factors of the constants of a scheme in the cost of the timed steps, shape (N, 6)."""
+    return np.array([features(order, cells, n, x) for cells, (order, n) in TANKS for x in step_costs(name).products])
+
+
+def _fit(rows: Vector, spent: Vector) -> tuple[float, ...]:
+    """Return non-negative constants of least relative error."""
+    return tuple(map(float, scipy.optimize.nnls(rows / spent[:, None], np.ones(spent.size))[0]))
+
+
+def _scene(kind: str, cells: int, order: int, n: int) -> Case:
+    """Return standing waves of k a = 0.1, k d = 2, with gauges, and with a paddle for waves 2/3 as high.
+
+    Its ramp is two periods: short waves of a faster start need additional iterations.
+    """
+    physics, driven = KINDS[kind]
+    halves = round(2 * cells / CELLS_PER_WAVE)
+    length = halves * np.pi / 2
+    motion = {"type": "sinusoid", "paddle_amplitude": 0.02, "period": 1.44, "ramp": 2.88}
+    return Case.model_validate(
+        {
+            "tank": {"length": length, "depth": 1.0},
+            "wall": {"type": "piston", "motion": motion} if driven else {"type": "fixed"},
+            "water": {"type": physics},
+            "initial": {"type": "standing-wave", "wave_amplitude": 0.05, "mode": halves},
+            "gauges": [0.3 * length, 0.6 * length],
+            "run": {"duration": 100.0},
+            "numerics": {"cells": cells, "order": order, "vertical_order": n, "tolerance": LOOSEST},
+        }
+    )
+
+
+def _time_a_step(scene: Case, waves: AnyWaves, name: str, dt_omega_max: float) -> float:
+    """Return the CPU seconds of a step, after some for the initial guesses of solves."""
+    dt, watch = dt_omega_max / waves.largest_frequency, Stopwatch()
+    filters, records = build_filters(scene, waves, dt), Records(Memory(), Memory(), None)
+    sinks = [one for one in filters if isinstance(one, Sink)]
+    observers = [*build_observers(scene, waves, records, sinks=sinks), watch]
+    scheme: Any = INTEGRATORS[name]()
+    start = initial_state(scene, waves)
+    Run(waves, scheme, observers, start=start, clock=Clock(dt, WARM_UP + STEPS), filters=filters).execute()
+    return watch.per_step(after=WARM_UP).cpu
