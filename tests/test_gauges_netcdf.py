@@ -8,8 +8,9 @@ import pytest
 
 from wavetank.errors import RunError
 from wavetank.output.columns import parse_gauge_column
-from wavetank.output.directory import BLOCK, RunDirectory
+from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath
+from wavetank.output.tables import BLOCK
 from wavetank.output.writer import RunWriter
 
 xarray = pytest.importorskip("xarray")

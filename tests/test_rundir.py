@@ -219,7 +219,7 @@ def test_a_missing_or_unreadable_manifest_is_bad_input(tmp_path, content):
 @pytest.mark.parametrize("command", [["analyse", "RUN"], ["compare", "RUN", "--with", "RUN"]])
 def test_times_of_a_table_that_do_not_ascend_are_bad_input(complete_run, time, block, command, capsys, monkeypatch):
     """In one block of rows, and with a block for each row."""
-    monkeypatch.setattr("wavetank.output.directory.BLOCK", block)
+    monkeypatch.setattr("wavetank.output.tables.BLOCK", block)
     with (complete_run / "gauges.csv").open("a") as table:
         table.write(f"{time},1.0,2.0,3.0\n")
     assert main([str(complete_run) if word == "RUN" else word for word in command]) == 2

@@ -27,13 +27,11 @@ of tables in blocks of about a second. A killed run loses the rows of that block
 on some of its ranks; a resumed run computes them again. Incomplete records are not read. Every number is finite.
 """
 
-import csv
 import os
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from io import BytesIO
-from itertools import chain
 from pathlib import Path
 from socket import gethostname
 from typing import TYPE_CHECKING, BinaryIO
@@ -48,6 +46,7 @@ from wavetank.output.fields import INDEX_END, index_file, read_snapshots, window
 from wavetank.output.files import FIELDS, check_entries, is_locked, open_regular
 from wavetank.output.manifest import read_manifest
 from wavetank.output.netcdf import complete_records, conventions, write_records
+from wavetank.output.tables import read_blocks
 from wavetank.run_warning import RunWarning, run_warning
 
 if TYPE_CHECKING:
@@ -70,7 +69,6 @@ SERIES, LOG = ("surface", "velocity"), "run.log"
 REST_POSITION = "rest position"  # (x, y) [m] in the reference tank, of the points of a surface
 PICTURES = "surface.png", "gauges.png", "energy.png", "probes.png", "loads.png", "view.png", "view.mp4", "view.gif"
 ANALYSES = "compare.png", "compare.csv", "compare-harmonics.*", "analysis-*.png", "analysis-*.csv"
-BLOCK = 2**16  # bytes of a table that are read together
 LINES = 2**12  # bytes, more than a row of energies has
 FINAL_MANIFEST_SIZE = 2**14  # bytes kept for the manifest's last word on a full disk, beside what it has already
 
@@ -256,11 +254,9 @@ class RunDirectory:
 
         The memory needed does not depend on the number of rows. Raises ``InputError`` where there is none.
         """
-        header, blocks = self._blocks(table)
-        if (first := next(blocks, None)) is None:
+        blocks = (self._described(table, header, rows) for header, rows in self._blocks(table) if rows.size)
+        if not write_records(file, blocks, conventions(self.manifest) | {"featureType": "timeSeries"}):
             raise InputError(f"{table} has no row")
-        described = (self._described(table, header, rows) for rows in chain([first], blocks))
-        write_records(file, described, conventions(self.manifest) | {"featureType": "timeSeries"})
 
     def _described(self, table: str, header: Sequence[str], rows: NDArray[np.float64]) -> dict[str, Variable]:
         """Return rows of one of ``COPIES`` as variables with the attributes of CF, time first."""
@@ -330,50 +326,16 @@ class RunDirectory:
 
     def _table(self, file: str) -> tuple[list[str], NDArray[np.float64]]:
         """Return column names and complete rows, shape (rows, columns)."""
-        header, blocks = self._blocks(file)
-        return header, np.concatenate([np.empty((0, len(header))), *blocks])
+        (header, *_), blocks = zip(*self._blocks(file), strict=True)
+        return header, np.concatenate(blocks)
 
-    def _blocks(self, file: str) -> tuple[list[str], Iterator[NDArray[np.float64]]]:
-        """Return column names and an iterator of the complete rows in blocks, each of shape (rows, columns)."""
-        lines = self._lines(file)
-        header = next(csv.reader(next(lines, [])), ["t"])
-        blocks = (self._numbers(file, header, block) for block in lines)
-        return header, self._ascending(file, blocks) if file in TABLES else blocks
-
-    def _ascending(self, file: str, blocks: Iterator[NDArray[np.float64]]) -> Iterator[NDArray[np.float64]]:
-        """Yield blocks of rows; raise ``InputError`` where the time, the first column, does not ascend."""
-        line, last = 2, -np.inf
-        for rows in blocks:
-            times = np.array([last, *rows[:, 0]])
-            if not (ascends := np.diff(times) > 0.0).all():
-                n = int(ascends.argmin())
-                where = f"{self.path / file}, line {line + n}"
-                raise InputError(f"{where}: time {times[n + 1]:g} s follows {times[n]:g} s; times must ascend.")
-            yield rows
-            line, last = line + len(rows), times[-1]
-
-    def _lines(self, file: str) -> Iterator[list[str]]:
-        """Yield the complete lines of a table: the header, then the others in blocks."""
+    def _blocks(self, file: str) -> Iterator[tuple[list[str], NDArray[np.float64]]]:
+        """Yield column names and complete rows in blocks, each of shape (rows, columns); the first has no row."""
         try:
             with open_regular(self.path / file) as table:
-                size = 1  # byte: a block ends with the line in which it has this size
-                while lines := table.readlines(size):
-                    if not lines[-1].endswith(b"\n"):  # cut by a kill
-                        lines.pop()
-                    if lines:
-                        yield [line.decode(errors="replace") for line in lines]
-                    size = BLOCK
+                yield from read_blocks(table, self.path / file, ascending=file in TABLES)
         except OSError as error:
             raise self._unreadable(file, error) from None
-
-    def _numbers(self, file: str, header: Sequence[str], lines: Sequence[str]) -> NDArray[np.float64]:
-        """Return the numbers of lines, shape (lines, columns); not a number where a cell is empty."""
-        try:
-            values = [[float(value or "nan") for value in row] for row in csv.reader(lines)]
-            return np.array(values).reshape(len(lines), len(header))
-        except ValueError:
-            where = self.path / file
-            raise InputError(f"{where}: rows of {len(header)} numbers must follow the header; some do not.") from None
 
     def _read(self, file: str) -> bytes:
         try:

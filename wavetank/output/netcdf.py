@@ -62,15 +62,15 @@ def netcdf(variables: Mapping[str, Variable], attributes: Mapping[str, str], *, 
         return content.getvalue()
 
 
-def write_records(file: BinaryIO, blocks: Iterable[Mapping[str, Variable]], attributes: Mapping[str, str]) -> None:
-    """Write a file of variables whose times come in blocks; the memory needed is that of one block.
+def write_records(file: BinaryIO, blocks: Iterable[Mapping[str, Variable]], attributes: Mapping[str, str]) -> int:
+    """Write a file of variables whose times come in blocks; return their number. It needs the memory of one block.
 
     Parameters
     ----------
     file
         Where it is written, from the first byte.
     blocks
-        One or more, each with all variables. Those over ``time``, which is their first and an unlimited dimension, have
+        Each with all variables. Those over ``time``, which is their first and an unlimited dimension, have
         rows that follow those of the block before; the others are those of the first block.
     attributes
         Of the file.
@@ -87,8 +87,10 @@ def write_records(file: BinaryIO, blocks: Iterable[Mapping[str, Variable]], attr
             file.write(netcdf(one_time, attributes, unlimited="time")[: -rows[0].nbytes])
         file.write(rows.tobytes())
         count += len(rows)
-    file.seek(COUNT.start)
-    file.write(count.to_bytes(4, "big"))
+    if count:
+        file.seek(COUNT.start)
+        file.write(count.to_bytes(4, "big"))
+    return count
 
 
 def _set_attributes(named: Any, attributes: Mapping[str, str | np.float64]) -> None:

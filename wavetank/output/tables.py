@@ -6,18 +6,18 @@ Appended bytes are passed to the operating system at once, so that a killed run 
 import csv
 import errno
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from io import StringIO
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.errors import RecordError, RunError, write_errors
+from wavetank.errors import InputError, RecordError, RunError, write_errors
 from wavetank.output.files import atomic_file, open_regular
 
 
@@ -26,6 +26,7 @@ def csv_table(columns: Mapping[str, NDArray[np.float64]]) -> bytes:
     return _csv_line(columns) + csv_lines(np.array([*columns.values()], dtype=np.float64).T)
 
 
+BLOCK = 2**16  # bytes of a table that are read together
 Extent = dict[str, Any]  # of a record in a checkpoint, as JSON has it
 Rows = NDArray[np.float64] | Sequence[Sequence[float | None]]
 INDEX = ".xdmf"  # of a file that has one
@@ -50,6 +51,33 @@ def csv_lines(rows: Rows) -> bytes:
 
 def _identity(file: os.stat_result) -> tuple[int, int]:
     return file.st_dev, file.st_ino
+
+
+def read_blocks(file: BinaryIO, path: Path, *, ascending: bool) -> Iterator[tuple[list[str], NDArray[np.float64]]]:
+    """Yield column names and complete rows of a table in blocks, shape (rows, columns); NaN where a cell is empty.
+
+    The first block has no row. Raises ``InputError`` that names ``path`` for a cell that is no number, for rows of
+    another length, and for times that do not ascend, if they have to.
+    """
+    line = file.readline()
+    header = next(csv.reader([line.decode(errors="replace")] if line.endswith(b"\n") else []), ["t"])
+    yield header, np.empty((0, len(header)))
+    number, last = 2, -np.inf  # of the next line, and the time before it
+    while lines := file.readlines(BLOCK):
+        if not lines[-1].endswith(b"\n"):  # cut by a kill
+            lines.pop()
+        try:
+            cells = csv.reader(line.decode(errors="replace") for line in lines)
+            rows = np.array([[float(cell or "nan") for cell in row] for row in cells]).reshape(len(lines), len(header))
+        except ValueError:
+            raise InputError(f"{path}: rows of {len(header)} numbers must follow the header; some do not.") from None
+        times = np.array([last, *rows[:, 0]])
+        if ascending and not (ascends := np.diff(times) > 0.0).all():
+            n = int(ascends.argmin())
+            message = f"time {times[n + 1]:g} s follows {times[n]:g} s; times must ascend."
+            raise InputError(f"{path}, line {number + n}: {message}")
+        yield header, rows
+        number, last = number + len(rows), times[-1]
 
 
 def unusable(path: Path, extent: Extent, t: float) -> str:
