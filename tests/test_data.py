@@ -13,7 +13,7 @@ from conftest import commanded, needs_marin
 from wavetank import data
 from wavetank.data import DATASET
 from wavetank.data.description import read_dataset
-from wavetank.data.places import KNOWN
+from wavetank.data.places import BUILT_IN
 from wavetank.errors import InputError, WavetankError
 
 ROWS = [(0.001 * n, 0.01 * np.sin(0.003 * n)) for n in range(101)]
@@ -22,7 +22,7 @@ SOURCE = "".join(f"{t:.6g}\t{eta:.6g}\n" for t, eta in ROWS)
 THINNED = "".join(f"{float(f'{t:.6g}'):.3f} {float(f'{eta:.6g}'):.6e}\n" for t, eta in ROWS[::20])
 
 
-NAMES = [path.name for path in KNOWN.iterdir()]
+NAMES = [path.name for path in BUILT_IN.iterdir()]
 
 
 def sha256(content):
@@ -155,12 +155,12 @@ def test_what_is_here_is_listed_with_its_origin_and_terms(places):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_registered_data_set_is_consistent(name):
-    dataset = read_dataset(KNOWN / name)
+    dataset = read_dataset(BUILT_IN / name)
     files = [file.name for file in dataset.files]
     assert dataset.name == name
     assert len(set(files)) == len(files)
     assert dataset.citation and dataset.licence and dataset.urls and set(dataset.parts()) <= set(files)
-    assert {path.name for path in (KNOWN / name).iterdir()} == {DATASET}  # no data
+    assert {path.name for path in (BUILT_IN / name).iterdir()} == {DATASET}  # no data
 
 
 def test_marin_as_its_readme_describes_it():

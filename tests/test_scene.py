@@ -14,17 +14,20 @@ from wavetank import motion as motions
 from wavetank.case import (
     Case,
     CaseError,
+    CaseModel,
+    EndSponge,
     FixedWall,
     Gauge,
     Numerics,
     Physics,
     PistonWall,
-    RunNoun,
+    RunControl,
     SegmentedFlapWall,
     SegmentedPistonWall,
     SinusoidMotion,
     SliceTank,
     Sponge,
+    StillWater,
     Tank,
     Wall,
     paddle,
@@ -38,6 +41,7 @@ from wavetank.motion.recorded import read_record
 from wavetank.planning.cost import BUILT_IN, KINDS
 from wavetank.plots.figures import ORIGINS
 from wavetank.simulation.construction import FOOTPRINTS, SPONGES, WALLS, WATERS
+from wavetank.values.case_model import entry
 
 CASES = Path(__file__).resolve().parents[1] / "cases"
 
@@ -100,7 +104,7 @@ def test_a_case_file_is_the_same_scene_as_python(case):
         gauges=(Gauge(name="1", x=1.0), Gauge(name="2", x=2.0), Gauge(name="end", x=5.0)),
         tank=SliceTank(length=5.0, depth=0.5),
         wall=PistonWall(motion=SinusoidMotion(paddle_amplitude=0.01, period=1.5)),
-        run=RunNoun(duration=3.0),
+        run=RunControl(duration=3.0),
         numerics=Numerics(cell_size=0.25, integrator="stormer-verlet"),
     )
     assert read_case(case(text)) == built
@@ -121,10 +125,10 @@ def test_every_case_is_read_and_its_dump_is_the_same_scene(path):
 
 
 def test_defaults_are_resolved_in_properties():
-    scene = Case(tank=SliceTank(length=20.0, depth=1.0), run=RunNoun(duration=40.0))
+    scene = Case(tank=SliceTank(length=20.0, depth=1.0), run=RunControl(duration=40.0))
     assert (scene.cells, scene.ends[0].reach) == (100, np.inf)
     assert scene.surface_every == pytest.approx(0.5 * 9.81**-0.5)  # short against any wave period
-    assert scene.model_copy(update={"run": RunNoun(duration=10.0)}).surface_every == 0.05  # 200 of them at least
+    assert scene.model_copy(update={"run": RunControl(duration=10.0)}).surface_every == 0.05  # 200 of them at least
     assert (scene.wall.type, scene.initial.type, scene.tank.type, scene.tank.gravity) == (
         "fixed",
         "still-water",
@@ -223,7 +227,7 @@ def test_a_record_is_read_once_and_anew_where_the_scene_it_stands_in_is_another(
     other = scene.model_copy(update={"numerics": Numerics(dt=0.1)})
     assert other.motion() is scene.motion() and other.paddle_periods == scene.paddle_periods and len(read) == 1
     assert other == Case.model_validate(other.model_dump(mode="json"))
-    longer = scene.model_copy(update={"run": RunNoun(duration=31.0)})
+    longer = scene.model_copy(update={"run": RunControl(duration=31.0)})
     with pytest.raises(CaseError, match=r"must be at most 30 s, where the recorded motion ends"):
         longer.motion()
 
@@ -239,14 +243,15 @@ def test_every_integrator_of_a_case_is_registered_with_what_plans_need():
     assert registered(scheme) == {"simpson-4": scheme}
 
 
-def test_what_needs_dolfinx_has_a_row_for_every_noun_in_its_table():
-    def nouns(union):
+def test_tables_of_the_solver_have_an_entry_for_every_model():
+    def models(union):
         return set(get_args(get_args(union)[0]))
 
-    assert set(FOOTPRINTS) == nouns(Tank) and set(SPONGES) == nouns(Sponge) and set(WATERS) == set(get_args(Physics))
-    moving, segmented = nouns(Wall) - {FixedWall}, {SegmentedPistonWall, SegmentedFlapWall}
-    assert set(WALLS["nonlinear"]) == moving == {*WALLS["linear"], *segmented}  # refused by linear water
-    along = {wall.model_fields["type"].default for wall in nouns(Wall) - segmented}
+    assert set(FOOTPRINTS) == models(Tank) and set(SPONGES) == models(Sponge) and set(WATERS) == set(get_args(Physics))
+    assert set(WALLS) == set(WATERS)
+    for wall in models(Wall) - {FixedWall}:
+        assert all(WALLS[water].keys() & {*wall.__mro__} for water in WALLS)
+    along = {wall.model_fields["type"].default for wall in models(Wall) - {SegmentedPistonWall, SegmentedFlapWall}}
     assert along | {"ring"} == set(ORIGINS)
 
 
@@ -275,7 +280,7 @@ def test_overrides_are_toml_values_or_bare_text_at_any_depth(case):
 
 
 def test_a_scene_is_frozen():
-    scene = Case(tank=SliceTank(length=20.0, depth=1.0), run=RunNoun(duration=40.0))
+    scene = Case(tank=SliceTank(length=20.0, depth=1.0), run=RunControl(duration=40.0))
     with pytest.raises(ValidationError, match="frozen"):
         scene.tank.length = 3.0
 
@@ -512,3 +517,10 @@ def test_whatever_is_overridden_gives_a_scene_or_an_input_error(tmp_path_factory
     except InputError:
         return
     assert isinstance(scene, Case)
+
+
+def test_a_model_without_an_entry_is_one_sentence_that_names_the_table():
+    with pytest.raises(TypeError, match=r"^StillWater has no entry in SPONGES of case.py; add it there\.$"):
+        entry({EndSponge: None}, StillWater(), "SPONGES of case.py")
+    assert entry({CaseModel: 1, EndSponge: 2}, EndSponge(length=1.0), "") == 2
+    assert entry({CaseModel: 1, EndSponge: 2}, StillWater(), "") == 1

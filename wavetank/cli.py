@@ -197,7 +197,7 @@ def list_data() -> None:
 
     terminal = console()
     for name in data.names():
-        terminal.print(data.told(name), highlight=False)
+        terminal.print(data.summary(name), highlight=False)
 
 
 @data_app.command(epilog=example("data fetch marin-202002"))

@@ -15,10 +15,10 @@ from wavetank.case.tank import AnyTank, BasinTank, Context, RingTank, SliceTank
 from wavetank.case.waves import GaussianSpectrum, JonswapSpectrum, PiersonMoskowitzSpectrum, TmaSpectrum
 from wavetank.errors import InputError
 from wavetank.mesh import Rectangle
-from wavetank.values.case_model import CaseModel, FilePath, FormulaNoun, FormulaText, Problem, about, one_of
+from wavetank.values.case_model import CaseModel, FilePath, FormulaModel, FormulaText, Problem, about, one_of
 from wavetank.values.columns import check_ascending, read_columns
 from wavetank.values.formula import Array
-from wavetank.values.quantities import Coordinate, Count, Frequency, Height, Share, metres
+from wavetank.values.quantities import Coordinate, Count, Fraction, Frequency, Height, metres
 from wavetank.waves.airy import angular_frequency, group_velocity
 from wavetank.waves.conformal import SteadyWave
 from wavetank.waves.plane_waves import PlaneWaves
@@ -103,7 +103,7 @@ def _over(path: Path, at: motions.Array, values: motions.Array) -> Any:
 
 
 # ---------------------------------------------------------------- a surface by formulae
-class FormulaSurface(FormulaNoun):
+class FormulaSurface(FormulaModel):
     """eta(x, y) and psi(x, y) as given; released from rest without psi."""
 
     type: Literal["formula"] = "formula"
@@ -345,7 +345,7 @@ class StreamFunctionWave(TheoreticalWave):
 
     type: Literal["stream-function"] = "stream-function"
     height: Height | None = Field(default=None, description="height, crest above trough [m]; default: by steepness")
-    steepness: Share | None = Field(
+    steepness: Fraction | None = Field(
         default=None, description="height over that of the highest wave [-]; default: by height"
     )
     waves: Count = Field(default=1, description="number of waves around the ring")

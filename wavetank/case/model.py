@@ -13,7 +13,7 @@ from pydantic_core import PydanticCustomError
 from wavetank import motion as motions
 from wavetank.case.ends import EndWall, MeasuringPoint
 from wavetank.case.initial import Initial, StillWater
-from wavetank.case.numerics import Numerics, RunNoun
+from wavetank.case.numerics import Numerics, RunControl
 from wavetank.case.output import ENDS, PADDLE, Gauge, GaugeLine, Output, Probe, Target, WallLoad, Window, named
 from wavetank.case.tank import BasinTank, Depth, Sponge, Tank
 from wavetank.case.wall import FarWall, FixedWall, Wall
@@ -67,7 +67,7 @@ class Case(CaseModel):
     windows: Annotated[tuple[Window, ...], Strict(False)] = Field(
         default=(), description="columns of water recorded for other programs"
     )
-    run: RunNoun = Field(description="how long is computed")
+    run: RunControl = Field(description="how long is computed")
     numerics: Numerics = Field(default=Numerics(), description="how it is computed")
     output: Output = Field(default=Output(), description="what is recorded, and how often")
 
@@ -95,8 +95,8 @@ class Case(CaseModel):
         """The walls at x = 0 and at the far end, fixed or moving."""
         given: dict[str, Any] = {"tank": self.tank, "physics": self.physics}
         given |= {"duration": self.run.duration, "case": self}
-        near = EndWall(key="wall", wall=self.wall, opposite=self.far_wall, **given)
-        return near, EndWall(key="far_wall", wall=self.far_wall, opposite=self.wall, **given)
+        first = EndWall(key="wall", wall=self.wall, opposite=self.far_wall, **given)
+        return first, EndWall(key="far_wall", wall=self.far_wall, opposite=self.wall, **given)
 
     @property
     def paddles(self) -> tuple[EndWall, ...]:
@@ -222,7 +222,7 @@ class Case(CaseModel):
 
     def _far_problems(self) -> Iterator[Problem]:
         """Yield a far wall that the tank does not allow, overlapping reaches, and the problems of any wall."""
-        near, far = self.ends
+        first, far = self.ends
         kind = ("far_wall", "type")
         if not far.wall.moves:
             return
@@ -234,9 +234,9 @@ class Case(CaseModel):
             yield Problem(kind, far.wall.type, "must be fixed or left out: there is a sponge before it (sponge.type)")
             return
         yield from (problem.at("wall", "far_wall") for problem in far.wall.problems(far))
-        if not near.wall.moves:
+        if not first.wall.moves:
             return
-        length, own, other = self.tank.length, near.reach, far.reach
+        length, own, other = self.tank.length, first.reach, far.reach
         if own + other > length * (1 + 1e-9) and max(own, other) <= length:
             allowed = f"must be at most {metres(length - own)} m, not to overlap with wall.reach = {metres(own)} m"
             yield Problem(("far_wall", "reach"), other, f"{allowed} in a tank of {metres(length)} m")

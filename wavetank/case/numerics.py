@@ -7,10 +7,10 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from wavetank.case.tank import AnyTank, BasinTank, Context, RingTank, SliceTank
 from wavetank.values.case_model import CaseModel, Problem, one_of
-from wavetank.values.quantities import Count, Duration, Length, Share
+from wavetank.values.quantities import Count, Duration, Fraction, Length
 
 
-class RunNoun(CaseModel):
+class RunControl(CaseModel):
     """How long is computed."""
 
     duration: Duration = Field(description="simulated time [s]")
@@ -42,7 +42,7 @@ class Numerics(CaseModel):
     order is then 4 along a slice over a bed if no cells are named, otherwise 3.
     """
 
-    accuracy: Share | None = Field(
+    accuracy: Fraction | None = Field(
         default=None,
         description="relative error of the elevation to plan for; default: 0.01 if nothing is set and a plan is made",
     )

@@ -17,13 +17,13 @@ from wavetank.values.quantities import (
     Coordinate,
     Count,
     Duration,
+    Fraction,
     Frequency,
     Height,
     Label,
     Length,
     Pair,
     Ramp,
-    Share,
     Triple,
     metres,
 )
@@ -186,7 +186,7 @@ class CrestTarget(_Placed):
     type: Literal["crest"] = "crest"
     height: Height = Field(description="height above still water [m]")
     time: Duration = Field(description="when [s]")
-    tolerance: Share = Field(
+    tolerance: Fraction = Field(
         default=0.01,
         description="of the height; of a wave length the place may miss twice as much, of a period the time",
     )
@@ -203,7 +203,7 @@ class ComponentsTarget(_Placed):
     """The components of `wall.motion` at a position: amplitudes and phases of the linear part of the waves."""
 
     type: Literal["components"] = "components"
-    tolerance: Share = Field(default=0.02, description="of their elevation's root mean square")
+    tolerance: Fraction = Field(default=0.02, description="of their elevation's root mean square")
 
 
 class RecordTarget(_Placed):
@@ -221,7 +221,7 @@ class RecordTarget(_Placed):
     highest_frequency: Frequency | None = Field(
         default=None, description="of waves that are made [Hz]; default four times their mean"
     )
-    tolerance: Share = Field(
+    tolerance: Fraction = Field(
         default=0.02, description="of the record's root mean square, both without other frequencies"
     )
 

@@ -18,7 +18,7 @@ from pydantic_core import ErrorDetails
 from wavetank import data
 from wavetank.case import Case
 from wavetank.case.new import cases_at_hand
-from wavetank.case.schema import homes, homes_of_type, nouns, table_at, tag
+from wavetank.case.schema import homes, homes_of_type, models, table_at, tag
 from wavetank.errors import InputError, choice
 from wavetank.values.case_model import CaseError, CaseModel, Located, Problem
 from wavetank.values.files import regular
@@ -200,16 +200,16 @@ class _Place(NamedTuple):
     """A place in the case: its key, the tables allowed there, and its description."""
 
     key: Key
-    nouns: list[type[BaseModel]]
+    models: list[type[BaseModel]]
     meaning: str
 
     @property
     def tags(self) -> list[str]:
-        return [tag(noun) for noun in self.nouns]
+        return [tag(model) for model in self.models]
 
     @property
     def fields(self) -> list[str]:
-        return sorted({field for noun in self.nouns for field in noun.model_fields})
+        return sorted({field for model in self.models for field in model.model_fields})
 
     def meant(self, key: str) -> str:
         """Return the key here that a mistyped one resembles; empty if the key is one of the case, or resembles none."""
@@ -222,11 +222,11 @@ def _place(location: Key) -> _Place:
     """Return the place of pydantic's location, which names the type of each union it passes as well."""
     place = _Place((), [Case], "")
     for part in location:
-        fields = [noun.model_fields[part] for noun in place.nouns if part in noun.model_fields]
+        fields = [model.model_fields[part] for model in place.models if part in model.model_fields]
         if fields:
-            place = _Place((*place.key, part), list(nouns(fields[0].annotation)), fields[0].description or "")
-        elif len(place.nouns) > 1 and part in place.tags:
-            place = place._replace(nouns=[place.nouns[place.tags.index(str(part))]])
+            place = _Place((*place.key, part), list(models(fields[0].annotation)), fields[0].description or "")
+        elif len(place.models) > 1 and part in place.tags:
+            place = place._replace(models=[place.models[place.tags.index(str(part))]])
         else:
             place = place._replace(key=(*place.key, part))
     return place
@@ -273,7 +273,9 @@ def _with_full_table(problem: Problem, overridden: Sequence[Key], details: Error
     name, holder = ".".join(map(str, table)), _place(details["loc"][:-1])
     if not changed or not any(holder.tags) or any(problem.key[: len(key)] == key for key in overridden):
         return problem
-    more = ", ..." if any(field.is_required() for noun in holder.nouns for field in noun.model_fields.values()) else ""
+    more = (
+        ", ..." if any(field.is_required() for model in holder.models for field in model.model_fields.values()) else ""
+    )
     full_table = f'{name}={{type="{holder.tags[0]}"{more}}}'
     return problem._replace(
         allowed=f"{problem.allowed}; set the whole table, {full_table}, to drop what is of another type"
@@ -301,11 +303,11 @@ def _with_full_keys(
     return problems
 
 
-def _keys(noun: CaseModel) -> Iterator[str]:
-    """Yield the dotted keys of all that a noun may hold, and of the nouns in it."""
-    for name in type(noun).model_fields:
+def _keys(model: CaseModel) -> Iterator[str]:
+    """Yield the dotted keys of all that a model may hold, and of the models in it."""
+    for name in type(model).model_fields:
         yield name
-        if isinstance(inside := getattr(noun, name), CaseModel):
+        if isinstance(inside := getattr(model, name), CaseModel):
             yield from (f"{name}.{key}" for key in _keys(inside))
 
 
@@ -372,9 +374,9 @@ def contents(case: CaseModel) -> dict[str, str]:
     return checksums
 
 
-def named_files(noun: CaseModel, *keys: str) -> Iterator[tuple[str, str]]:
+def named_files(model: CaseModel, *keys: str) -> Iterator[tuple[str, str]]:
     """Yield dotted key and path of each file that a table, at ``keys``, and those in it name."""
-    for name, value in noun:
+    for name, value in model:
         if isinstance(value, Located):
             yield ".".join((*keys, name)), value
         elif isinstance(value, CaseModel):

@@ -31,30 +31,30 @@ def reference() -> str:
 def _sections(table: Table, document: dict[str, Any]) -> Iterator[str]:
     """Yield the sections of a table: one for each of its types."""
     yield f"## {'Before all tables' if not table.path else f'`{table.header}`'}\n"
-    for noun in table.nouns:
-        own = document if noun is Case else document["$defs"][noun.__name__]
+    for model in table.models:
+        own = document if model is Case else document["$defs"][model.__name__]
         if table.path:
-            yield f"{_title(noun)}{own['description'].replace('``', '`')}\n"
-        if rows := list(_rows(table, noun, own)):
+            yield f"{_title(model)}{own['description'].replace('``', '`')}\n"
+        if rows := list(_rows(table, model, own)):
             yield HEAD + "\n".join(rows) + "\n"
 
 
-def _title(noun: type[BaseModel]) -> str:
+def _title(model: type[BaseModel]) -> str:
     """Return the heading of a type, where there are several."""
-    return f'### `type = "{tag(noun)}"`\n\n' if tag(noun) else ""
+    return f'### `type = "{tag(model)}"`\n\n' if tag(model) else ""
 
 
-def _rows(table: Table, noun: type[BaseModel], own: dict[str, Any]) -> Iterator[str]:
+def _rows(table: Table, model: type[BaseModel], own: dict[str, Any]) -> Iterator[str]:
     for key, what in own["properties"].items():
         if key != "type" and what.get("type") != "null":
-            inside = table_at((*table.path, key), noun.model_fields[key])
+            inside = table_at((*table.path, key), model.model_fields[key])
             allowed = f"[`{inside.header}`](#{_anchor(inside)})" if inside else _allowed(what)
             meaning, unit, default = _described(what["description"], measured="text" not in allowed)
             if key in own.get("required", ()):
                 default = "**needed**"
             elif "default" in what:
                 default = f"`{_toml(what['default'])}`" if inside is None else "none"
-            elif isinstance(usual := noun.model_fields[key].default, BaseModel):
+            elif isinstance(usual := model.model_fields[key].default, BaseModel):
                 default = f"`{tag(type(usual))}`" if tag(type(usual)) else "as there"
             yield f"| `{key}` | {meaning} | {unit} | {allowed} | {default} |"
 

@@ -14,20 +14,20 @@ from wavetank.case.tank import SliceTank
 
 # ---------------------------------------------------------------- tables
 class Table(NamedTuple):
-    """A table of a case, with all nouns that can stand there.
+    """A table of a case, with all models that can stand there.
 
     Attributes
     ----------
     path
         Its key; empty for what stands before all tables.
-    nouns
+    models
         One a type.
     listed
         Whether there may be several of it.
     """
 
     path: tuple[str, ...]
-    nouns: tuple[type[BaseModel], ...]
+    models: tuple[type[BaseModel], ...]
     listed: bool = False
 
     @property
@@ -38,32 +38,32 @@ class Table(NamedTuple):
 
     def with_key(self, key: str) -> str:
         """Return where a key of it belongs, in words; empty if it has none of that name."""
-        return self._of([noun for noun in self.nouns if key in noun.model_fields])
+        return self._of([model for model in self.models if key in model.model_fields])
 
     def with_type(self, key: str, name: str) -> str:
         """Return where a key of it may be of a type, in words; empty if it may nowhere."""
-        fields = {noun: noun.model_fields[key] for noun in self.nouns if key in noun.model_fields}
-        return self._of([noun for noun, field in fields.items() if name in map(tag, nouns(field.annotation))])
+        fields = {model: model.model_fields[key] for model in self.models if key in model.model_fields}
+        return self._of([model for model, field in fields.items() if name in map(tag, models(field.annotation))])
 
     def _of(self, having: list[type[BaseModel]]) -> str:
-        """Return which it is, in words, where only some of its nouns are meant; empty if none is."""
+        """Return which it is, in words, where only some of its models are meant; empty if none is."""
         if not having or not self.path:
             return "the top of the case, before all tables" if having else ""
-        some = f" of type {' or '.join(dict.fromkeys(map(tag, having)))}" if len(having) < len(self.nouns) else ""
+        some = f" of type {' or '.join(dict.fromkeys(map(tag, having)))}" if len(having) < len(self.models) else ""
         return f"{self.header}{some}"
 
 
-def nouns(annotation: Any) -> Iterator[type[BaseModel]]:
-    """Yield the nouns that an annotation allows."""
+def models(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Yield the models that an annotation allows."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for argument in get_args(annotation):
-        yield from nouns(argument)
+        yield from models(argument)
 
 
-def tag(noun: type[BaseModel]) -> str:
+def tag(model: type[BaseModel]) -> str:
     """Return the type by which a case names a table's class; empty where there is only one."""
-    return str(noun.model_fields["type"].default) if "type" in noun.model_fields else ""
+    return str(model.model_fields["type"].default) if "type" in model.model_fields else ""
 
 
 @cache
@@ -75,20 +75,20 @@ def tables() -> tuple[Table, ...]:
 def _tables(table: Table) -> Iterator[Table]:
     yield table
     inside: dict[str, Table] = {}
-    for name, field in ((name, field) for noun in table.nouns for name, field in noun.model_fields.items()):
-        if types := tuple(nouns(field.annotation)):
-            earlier = inside.get(name, Table((), ())).nouns
+    for name, field in ((name, field) for model in table.models for name, field in model.model_fields.items()):
+        if types := tuple(models(field.annotation)):
+            earlier = inside.get(name, Table((), ())).models
             inside[name] = Table((*table.path, name), tuple(dict.fromkeys((*earlier, *types))), _listed(field))
     first = dict[tuple[type[BaseModel], ...], Table]()
     for one in inside.values():
-        if first.setdefault(one.nouns, one) is one:  # the far wall is told of with the wall
+        if first.setdefault(one.models, one) is one:  # the far wall is told of with the wall
             yield from _tables(one)
 
 
 def table_at(path: tuple[str, ...], field: FieldInfo) -> Table | None:
     """Return the table of a key, or one of the same content that is documented instead; None for a value."""
-    types = tuple(nouns(field.annotation))
-    same = [one for one in tables() if one.path == path or (types and one.nouns == types)]
+    types = tuple(models(field.annotation))
+    same = [one for one in tables() if one.path == path or (types and one.models == types)]
     return max(same, key=lambda one: one.path == path, default=None)
 
 
@@ -122,11 +122,11 @@ def schema() -> dict[str, Any]:
     document: dict[str, Any] = {"$schema": DRAFT, **_plain(Case.model_json_schema())}
     document["title"] = "a case of wavetank"
     definitions = document["$defs"]
-    for noun in {noun for table in tables() for noun in table.nouns if tag(noun) and noun is not SliceTank}:
-        definitions[noun.__name__].setdefault("required", []).insert(0, "type")
-    for noun in (definitions[one.__name__] for one in (Gauge, Probe)):
-        noun["required"].remove("name")
-        noun["properties"]["name"]["description"] += "; default: its number"
+    for model in {model for table in tables() for model in table.models if tag(model) and model is not SliceTank}:
+        definitions[model.__name__].setdefault("required", []).insert(0, "type")
+    for model in (definitions[one.__name__] for one in (Gauge, Probe)):
+        model["required"].remove("name")
+        model["properties"]["name"]["description"] += "; default: its number"
     gauges = document["properties"]["gauges"]
     gauges["items"] = {"anyOf": [gauges["items"], definitions[Gauge.__name__]["properties"]["x"]]}
     return document

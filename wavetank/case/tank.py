@@ -22,7 +22,7 @@ from wavetank.mesh import Layout
 from wavetank.mesh.layouts import Box
 from wavetank.motion import Array
 from wavetank.motion.motion import values
-from wavetank.values.case_model import CaseError, CaseModel, FilePath, FormulaNoun, FormulaText, Problem
+from wavetank.values.case_model import CaseError, CaseModel, FilePath, FormulaModel, FormulaText, Problem
 from wavetank.values.formula import Formula
 from wavetank.values.python_file import load
 from wavetank.values.quantities import Coordinate, Density, Duration, Gravity, Length, Rate, metres
@@ -34,7 +34,7 @@ Slope = Annotated[float, Field(ge=1e-6, le=10)]
 Depth = Callable[[Array, Array], Array]  # places x, y [m], each of shape (N,), to d [m], shape (N,)
 
 
-class BedNoun(CaseModel):
+class VaryingBedModel(CaseModel):
     """What all beds that vary have."""
 
     minimum_depth: Length | None = Field(
@@ -54,7 +54,7 @@ class BedNoun(CaseModel):
         raise NotImplementedError
 
 
-class BeachBed(BedNoun):
+class BeachBed(VaryingBedModel):
     """A beach: flat at the tank's depth up to x = start, from there on a slope, up to the minimum depth."""
 
     type: Literal["beach"] = "beach"
@@ -76,7 +76,7 @@ class BeachBed(BedNoun):
             yield Problem(("tank", "bed", "slope"), self.slope, allowed)
 
 
-class FormulaBed(BedNoun, FormulaNoun):
+class FormulaBed(VaryingBedModel, FormulaModel):
     """d(x, y) as given."""
 
     type: Literal["formula"] = "formula"
@@ -87,7 +87,7 @@ class FormulaBed(BedNoun, FormulaNoun):
         return self.formula(self.depth)
 
 
-class PythonBed(BedNoun):
+class PythonBed(VaryingBedModel):
     """d(x, y) by a function in a Python file, which is executed only with `--trust`."""
 
     type: Literal["python"] = "python"
@@ -100,7 +100,7 @@ class PythonBed(BedNoun):
         return lambda x, y: function.at({"x": x, "y": y})
 
 
-class GriddedBed(BedNoun):
+class GriddedBed(VaryingBedModel):
     """d interpolated in data along x, or over x and y, on a grid or not; these must reach wherever there is water."""
 
     type: Literal["gridded"] = "gridded"
@@ -296,7 +296,7 @@ class GroupSponge(_Profiled):
             yield Problem(("sponge", "type"), self.type, "needs a basin (tank.type), whose mesh has groups of cells")
 
 
-class FormulaSponge(FormulaNoun):
+class FormulaSponge(FormulaModel):
     """Damping rate gamma(x, y)."""
 
     type: Literal["formula"] = "formula"

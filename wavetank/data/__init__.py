@@ -6,5 +6,5 @@ benchmarks come with this package (``known/``): facts, addresses and checksums, 
 
 from wavetank.data.description import DATASET, DataFile, Dataset, Section, WaveHeights
 from wavetank.data.downloading import download, fetch
-from wavetank.data.places import dataset, find, folders, names, opened, resolve, told, units_note
+from wavetank.data.places import dataset, find, folders, names, opened, resolve, summary, units_note
 from wavetank.data.series import HeightSeries, gauge_records, height_series

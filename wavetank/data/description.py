@@ -155,8 +155,8 @@ class WaveHeights(CaseModel):
 
     def lost_sections(self) -> list[str]:
         """Return the names of sections that have heights and are not described."""
-        known = {section.name for section in self.sections}
-        return [one.section for records in self.records for one in records.columns if one.section not in known]
+        described = {section.name for section in self.sections}
+        return [one.section for records in self.records for one in records.columns if one.section not in described]
 
 
 class Dataset(CaseModel):
@@ -176,7 +176,7 @@ class Dataset(CaseModel):
     folder: Path = Field(default=Path(), description="where its description was read")
 
     @model_validator(mode="after")
-    def _fits_together(self) -> Self:
+    def _consistent(self) -> Self:
         names, number = Counter(gauge.name for gauge in self.gauges), len(self.gauges)
         if twice := [name for name, count in names.items() if count > 1]:
             raise ValueError(f"gauges: {twice[0]!r} is the name of several; each must have its own")
@@ -218,10 +218,10 @@ def read_dataset(folder: Path) -> Dataset:
 
 def refused(path: Path, error: ValidationError) -> InputError:
     """Return what is wrong with a description or a table, a line for each mistake."""
-    return InputError("\n".join(f"{path}: {_said(one)}." for one in error.errors(include_url=False)))
+    return InputError("\n".join(f"{path}: {_sentence(one)}." for one in error.errors(include_url=False)))
 
 
-def _said(details: ErrorDetails) -> str:
+def _sentence(details: ErrorDetails) -> str:
     """Return what one of pydantic's errors means."""
     if not details["loc"]:
         return str(details["ctx"]["error"])

@@ -13,15 +13,15 @@ from wavetank.values.columns import read_columns
 
 PART = "data"  # of the cache
 HERE = Path(__file__).resolve().parent
-KNOWN = HERE / "known"
+BUILT_IN = HERE / "known"
 UNITS = ("", "s", "m")  # of a table without a description
 
 
 def folders() -> list[Path]:
     """Return the folders in which data sets are looked for, in that order."""
     chosen = os.environ.get("WAVETANK_DATA")
-    beside = HERE.parents[2] / "shared" / "data"
-    return [*([Path(chosen)] if chosen else []), beside, *places(PART)]
+    shared = HERE.parents[2] / "shared" / "data"
+    return [*([Path(chosen)] if chosen else []), shared, *places(PART)]
 
 
 def names() -> list[str]:
@@ -31,7 +31,7 @@ def names() -> list[str]:
 
 def _described() -> list[Path]:
     """Return where descriptions are looked for, in that order."""
-    return [*folders(), KNOWN]
+    return [*folders(), BUILT_IN]
 
 
 def dataset(name: str) -> Dataset:
@@ -48,9 +48,9 @@ def opened(reference: str) -> Dataset:
     Of several records in it ``NAME:SOURCE`` are those from that source alone. Raises ``InputError`` for what is none of
     these.
     """
-    path, (whole, chosen, source) = Path(reference), reference.rpartition(":")
-    if chosen and not path.exists():
-        return _from(opened(whole), source)
+    path, (name, colon, source) = Path(reference), reference.rpartition(":")
+    if colon and not path.exists():
+        return _from(opened(name), source)
     if reference in names():
         return dataset(reference)
     if path.name == DATASET:
@@ -59,10 +59,10 @@ def opened(reference: str) -> Dataset:
         return read_dataset(path)
     if path.is_file():
         return plain(path)
-    known = ", ".join(names())
+    available = ", ".join(names())
     raise InputError(
         f"{reference}: is no run directory, no folder with a {DATASET}, no CSV file, and no data set; "
-        f"known data sets are: {known}."
+        f"known data sets are: {available}."
     )
 
 
@@ -84,10 +84,10 @@ def plain(path: Path) -> Dataset:
     columns = read_columns(path).names
     if len(columns) < 2:
         raise InputError(f"{path}: its first line must name the columns: the time [s], then the gauges [m].")
-    plain_names = [_unit_taken_off(path, name) for name in columns[1:]]
+    plain_names = [_without_unit(path, name) for name in columns[1:]]
     gauges = [_gauge(name) for name in plain_names]
     numbers = tuple(range(2, len(columns) + 1))
-    _unit_taken_off(path, columns[0])
+    _without_unit(path, columns[0])
     records = Records(files=(path.name,), columns=numbers, source=path.stem)
     try:
         return Dataset(name=path.stem, folder=path.parent, gauges=tuple(gauges), records=(records,))
@@ -103,15 +103,15 @@ def units_note(reference: str) -> str:
     path = Path(reference)
     if reference in names() or path.name == DATASET or not path.is_file():
         return ""
-    time, *others = read_columns(path).names
-    silent = [name for name in others if "[" not in name and "@" not in name]
+    time, *columns = read_columns(path).names
+    silent = [name for name in columns if "[" not in name and "@" not in name]
     if not silent:
         return ""
     units = f"{', '.join(silent)} in m{'' if '[' in time else f' and {time} in s'}"
     return f"{path}: {units}, as its first line says no units; a {DATASET} beside it says others"
 
 
-def _unit_taken_off(path: Path, column: str) -> str:
+def _without_unit(path: Path, column: str) -> str:
     name, _, unit = column.removesuffix("]").partition("[")
     if unit not in UNITS:
         raise InputError(f"{path}: column {column!r} received; a table is in s and m, or has a {DATASET} beside it.")
@@ -128,23 +128,23 @@ def _gauge(column: str) -> Gauge:
 
 def find(name: str, file: str) -> Path:
     """Return the path of a data set's file; raise ``InputError`` that says where it was looked for."""
-    looked = [folder / name / file for folder in folders()]
-    for path in looked:
+    searched = [folder / name / file for folder in folders()]
+    for path in searched:
         if os.path.isfile(path):  # Path.is_file fails where a folder cannot be entered
             return path
-    raise InputError(f"data:{name}/{file} is not in any of: {', '.join(map(str, looked))}; {_remedy(name, file)}.")
+    raise InputError(f"data:{name}/{file} is not in any of: {', '.join(map(str, searched))}; {_remedy(name, file)}.")
 
 
 def located(data: Dataset, file: str) -> Path:
     """Return the path of a file of a data set: beside its description, or where data are found."""
-    beside = data.folder / file
-    if os.path.isfile(beside) or data.folder.parent not in _described():
-        return beside
+    own = data.folder / file
+    if os.path.isfile(own) or data.folder.parent not in _described():
+        return own
     return find(data.name, file)
 
 
-def told(name: str) -> str:
-    """Return what a known data set is, where it is, whose, and on what terms: a line each."""
+def summary(name: str) -> str:
+    """Return title, folders, citation and licence of a data set, a line each."""
     try:
         data = dataset(name)
         places, missing = _here(data)
@@ -161,7 +161,7 @@ def told(name: str) -> str:
 def _here(data: Dataset) -> tuple[list[Path], list[str]]:
     """Return the folders that a data set's files are in, and the names of those that are nowhere."""
     result, missing = dict[Path, None](), list[str]()
-    for file in dict.fromkeys([*(known.name for known in data.files), *data.parts()]):
+    for file in dict.fromkeys([*(one.name for one in data.files), *data.parts()]):
         try:
             path = located(data, file)
         except InputError:
@@ -176,7 +176,7 @@ def _here(data: Dataset) -> tuple[list[Path], list[str]]:
 def _remedy(name: str, file: str) -> str:
     if name not in names():
         return f"set WAVETANK_DATA to the folder that holds {name!r} (known data sets: {', '.join(names())})"
-    files = [known.name for known in dataset(name).files]
+    files = [one.name for one in dataset(name).files]
     if file not in files:
         return f"the files of {name} are: {', '.join(files)}"
     return f"'wavetank data fetch {name}' downloads it"

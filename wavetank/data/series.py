@@ -38,8 +38,8 @@ def gauge_records(data: Dataset) -> "list[DataArray]":
     if not data.records:
         there = ", ".join(file.name for file in data.files) or "nothing"
         raise InputError(f"{data.name}: has no records of gauges over time, which are compared; its files are {there}.")
-    first, *others = data.records
-    return [_records(data, one) for one in (first, *(one for one in others if _present(data, one)))]
+    first, *published = data.records
+    return [_records(data, one) for one in (first, *(one for one in published if _present(data, one)))]
 
 
 def _present(data: Dataset, records: Records) -> bool:

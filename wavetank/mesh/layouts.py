@@ -187,7 +187,7 @@ class DrawnLayout(CaseModel):
 
     def draw(self, cell_size: float) -> None:
         """Draw and mesh the layout into gmsh's current model, cells of about ``cell_size`` [m]."""
-        import gmsh  # a scene can be validated without it
+        import gmsh  # a case can be validated without it
 
         self.outline(gmsh, cell_size)
         if self.cells == "quadrilaterals":

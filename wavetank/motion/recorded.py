@@ -82,10 +82,10 @@ def hermite(t: Array, X: Array, velocity: Array, acceleration: Array) -> Pieces:
     """
     h = np.diff(t).reshape(-1, *(1,) * (X.ndim - 1))
     v, a = velocity * np.ones_like(X), acceleration
-    moved, v0, v1, a0, a1 = np.diff(X, axis=0), h * v[:-1], h * v[1:], h**2 * a[:-1], h**2 * a[1:]
-    c3 = (20 * moved - 8 * v1 - 12 * v0 - 3 * a0 + a1) / (2 * h**3)
-    c4 = (-30 * moved + 14 * v1 + 16 * v0 + 3 * a0 - 2 * a1) / (2 * h**4)
-    c5 = (12 * moved - 6 * v1 - 6 * v0 - a0 + a1) / (2 * h**5)
+    step, v0, v1, a0, a1 = np.diff(X, axis=0), h * v[:-1], h * v[1:], h**2 * a[:-1], h**2 * a[1:]
+    c3 = (20 * step - 8 * v1 - 12 * v0 - 3 * a0 + a1) / (2 * h**3)
+    c4 = (-30 * step + 14 * v1 + 16 * v0 + 3 * a0 - 2 * a1) / (2 * h**4)
+    c5 = (12 * step - 6 * v1 - 6 * v0 - a0 + a1) / (2 * h**5)
     return Pieces(np.stack([c5, c4, c3, a[:-1] / 2, v[:-1], X[:-1]]), t)
 
 

@@ -13,15 +13,11 @@ from wavetank.case import (
     BasinTank,
     Case,
     EndWall,
-    FlapWall,
     Physics,
     PistonWall,
-    ProfileWall,
     PythonBed,
     RingTank,
     RunState,
-    SegmentedFlapWall,
-    SegmentedPistonWall,
     SliceTank,
 )
 from wavetank.case.initial import FileSurface, FormulaSurface
@@ -51,14 +47,14 @@ from wavetank.tank.kinematics import LinearRates, MovingWater, NonlinearRates
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.walls import BothEnds, LinearEnds, LinearPaddle, Piston, Placed, Polynomial, Shaped, Side, StillWall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
-from wavetank.values.case_model import CaseError, CaseModel, Problem, about, renamed
+from wavetank.values.case_model import CaseError, CaseModel, Problem, about, entry, renamed
 
 Footprint = Slice | Ring | Basin
 
 
 def build_footprint(scene: Case, comm: MPI.Comm) -> Footprint:
     """Return the tank seen from above; collective. Raises ``InputError`` for a mesh that cannot be used."""
-    return FOOTPRINTS[type(scene.tank)](scene, scene.tank, comm)
+    return entry(FOOTPRINTS, scene.tank, f"FOOTPRINTS of {__file__}")(scene, scene.tank, comm)
 
 
 def _slice(scene: Case, tank: SliceTank, comm: MPI.Comm) -> Slice:
@@ -116,13 +112,17 @@ def build_wall(scene: Case, footprint: Footprint, plane: Plane) -> Any:
 
 def kinds_of(scene: Case) -> list[type[Placed]]:
     """Return the classes of what moves of the scene's walls, or that of one that stands still."""
-    return [WALLS[scene.physics][type(seen.wall)].wall for seen in scene.paddles] or [StillWall]
+    return [_kind(seen).wall for seen in scene.paddles] or [StillWall]
+
+
+def _kind(end: EndWall) -> Kind:
+    return entry(WALLS[end.case.physics], end.wall, f"WALLS of {__file__}")
 
 
 def _built(end: EndWall, footprint: Footprint, plane: Plane) -> Any:
     """Return the wall at an end of the tank; collective."""
     with renamed("wall", end.key):
-        return WALLS[end.case.physics][type(end.wall)].build(end, end.wall, footprint, plane)
+        return _kind(end).build(end, end.wall, footprint, plane)
 
 
 def _both(scene: Case, near: Piston, far: Piston, *, plane: Plane) -> BothEnds:
@@ -215,19 +215,9 @@ def _reach(end: EndWall, noun: MovingWall, footprint: Slice | Basin, side: Side)
     return min(free, asked)
 
 
-WALLS: dict[Physics, dict[type[CaseModel], Kind]] = {
-    "nonlinear": {
-        PistonWall: Kind(Piston, _piston),
-        FlapWall: Kind(Shaped, _shaped),
-        ProfileWall: Kind(Shaped, _shaped),
-        SegmentedPistonWall: Kind(Piston, _piston),
-        SegmentedFlapWall: Kind(Shaped, _shaped),
-    },
-    "linear": {
-        PistonWall: Kind(LinearPaddle, _linear_piston),
-        FlapWall: Kind(LinearPaddle, _linear_shaped),
-        ProfileWall: Kind(LinearPaddle, _linear_shaped),
-    },
+WALLS: dict[Physics, dict[type[CaseModel], Kind]] = {  # by the nearest base class of a wall's table
+    "nonlinear": {MovingWall: Kind(Piston, _piston), ShapedWall: Kind(Shaped, _shaped)},
+    "linear": {MovingWall: Kind(LinearPaddle, _linear_piston), ShapedWall: Kind(LinearPaddle, _linear_shaped)},
 }
 
 
@@ -361,7 +351,7 @@ WATERS: dict[Physics, Water] = {
 
 def build_sponge(scene: Case, sponge: AnySponge, footprint: Footprint, waves: AnyWaves) -> Vector:
     """Return gamma at the owned degrees of freedom [1/s], shape (owned,); collective."""
-    return SPONGES[type(sponge)](scene, sponge, footprint, waves)
+    return entry(SPONGES, sponge, f"SPONGES of {__file__}")(scene, sponge, footprint, waves)
 
 
 def told_of_sponge(scene: Case, waves: AnyWaves) -> str:
@@ -412,7 +402,7 @@ def build_answers(scene: Case, waves: AnyWaves) -> list[AnsweringPaddle]:
         seen = scene.paddles[number]
         wall: Any = seen.wall
         paddle: Any = waves.wall.paddles[number]
-        equation, look = ANSWERS[type(wall.absorb)](scene, number, waves)
+        equation, look = entry(ANSWERS, wall.absorb, f"ANSWERS of {__file__}")(scene, number, waves)
         shares = wall.mode_shape(seen.tank)
         result.append(AnsweringPaddle(paddle, equation, look, shares=shares, key=seen.key))
     return result

@@ -1,1 +1,1 @@
-"""What the nouns of a case are made of: validated values with their ranges, formulae, files."""
+"""Values of a case: validated types with ranges, formulae, files."""

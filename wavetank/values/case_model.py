@@ -1,27 +1,28 @@
-"""What every part of a scene is: frozen and validated data that can say what does not fit."""
+"""The base class of case models, frozen and validated data, and the problems that they report."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, model_validator
 
 from wavetank.errors import InputError, printable
 from wavetank.values.formula import Formula, Helper
 
+T = TypeVar("T")
 KEY_SHOWN = 200  # characters of a key in a message
 
 
 class Problem(NamedTuple):
-    """What does not fit together in a scene whose values are each allowed.
+    """An inconsistency of a case whose single values are allowed.
 
     Attributes
     ----------
     key
-        The place in the scene, e.g. ``("gauges", 0, "x")``.
+        Its key in the case, e.g. ``("gauges", 0, "x")``.
     received, allowed
         The value there, and what it may be.
     """
@@ -42,7 +43,7 @@ class Problem(NamedTuple):
 
 
 def _shown(received: Any) -> str:
-    """Return the beginning of a value, as JSON has it."""
+    """Return the beginning of a value in JSON."""
     try:
         return json.dumps(received, default=str)[:80]
     except (ValueError, RecursionError):  # a number of too many digits, lists in lists in lists
@@ -50,7 +51,7 @@ def _shown(received: Any) -> str:
 
 
 class CaseError(InputError):
-    """A scene that is refused, with its problems."""
+    """An invalid case, with its problems."""
 
     def __init__(self, problems: Sequence[Problem]):
         super().__init__(problems)
@@ -81,7 +82,7 @@ def renamed(key: str, name: str) -> Iterator[None]:
 
 
 class CaseModel(BaseModel):
-    """A part of the scene: frozen, unknown keys refused, numbers finite."""
+    """A part of the case: frozen, unknown keys refused, numbers finite."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
@@ -90,25 +91,36 @@ class CaseModel(BaseModel):
         yield from ()
 
 
-def one_of(*keys: str, needed: bool = True) -> Any:
-    """Return a check of a noun: that it has exactly one of these keys, or where none is ``needed`` at most one."""
+def entry(table: Mapping[type[CaseModel], T], model: CaseModel, name: str) -> T:
+    """Return the entry of a table for a model's class or its nearest base; raises ``TypeError`` if there is none.
 
-    def check(noun: CaseModel) -> CaseModel:
-        given = sum(getattr(noun, key) is not None for key in keys)
+    ``name`` is the name of the table and its file.
+    """
+    for cls in type(model).__mro__:
+        if cls in table:
+            return table[cls]
+    raise TypeError(f"{type(model).__name__} has no entry in {name}; add it there.")
+
+
+def one_of(*keys: str, needed: bool = True) -> Any:
+    """Return a validator of a model: exactly one of these keys is given, or at most one if none is ``needed``."""
+
+    def check(model: CaseModel) -> CaseModel:
+        given = sum(getattr(model, key) is not None for key in keys)
         if given > 1 or (needed and not given):
             names = " and ".join(map(repr, keys))
             raise ValueError(f"must have {'exactly' if needed else 'at most'} one of the keys {names}")
-        return noun
+        return model
 
     return model_validator(mode="after")(check)
 
 
 class Located(str):
-    """A path that a noun names, absolute, or data:NAME/FILE."""
+    """A path that a model names, absolute, or data:NAME/FILE."""
 
 
 def _located(reference: str, info: ValidationInfo) -> Located:
-    """Return a path made absolute from the case file's folder; data:NAME/FILE is kept, it is looked up when read."""
+    """Return a path made absolute from the case file's folder; data:NAME/FILE stays, it is resolved when read."""
     folder = (info.context or {}).get("folder", Path())
     return Located(reference if reference.startswith("data:") else (folder / reference).resolve())
 
@@ -117,8 +129,8 @@ FilePath = Annotated[str, Field(min_length=1), AfterValidator(_located)]
 
 
 # ---------------------------------------------------------------- formulae
-def _parses(text: str, info: ValidationInfo, *, variables: Sequence[str]) -> str:
-    """Return a formula's text if it parses with its helpers; helpers that do not have an error of their own."""
+def _valid_formula(text: str, info: ValidationInfo, *, variables: Sequence[str]) -> str:
+    """Return a formula's text if it parses with its helpers; invalid helpers have their own error."""
     if "where" in info.data:
         _parse(text, info.data["where"], variables)
     return text
@@ -140,15 +152,15 @@ def _checked_by(check: Any, *variables: str) -> AfterValidator:
     return AfterValidator(partial(check, variables=variables))
 
 
-FormulaText = Annotated[str, Field(min_length=1), _checked_by(_parses, "x", "y")]
-TimeFormulaText = Annotated[str, Field(min_length=1), _checked_by(_parses, "t")]
-HeightFormulaText = Annotated[str, Field(min_length=1), _checked_by(_parses, "z")]
+FormulaText = Annotated[str, Field(min_length=1), _checked_by(_valid_formula, "x", "y")]
+TimeFormulaText = Annotated[str, Field(min_length=1), _checked_by(_valid_formula, "t")]
+HeightFormulaText = Annotated[str, Field(min_length=1), _checked_by(_valid_formula, "z")]
 HeightHelpers = Annotated[dict[str, Helper], _checked_by(_parse_alone, "z")]
 TimeHelpers = Annotated[dict[str, Helper], _checked_by(_parse_alone, "t")]
 
 
-class FormulaNoun(CaseModel):
-    """A noun whose ``FormulaText`` fields share named parts: these stand first, for a field is checked with them."""
+class FormulaModel(CaseModel):
+    """A model whose ``FormulaText`` fields share named parts, defined first, as fields are checked with them."""
 
     where: Annotated[dict[str, Helper], _checked_by(_parse_alone, "x", "y")] = Field(
         default={}, description="parts of the formula by name, numbers or formulae; default: none"

@@ -105,30 +105,30 @@ class Formula:
         """Return the values, float64 of the coordinates' common shape; raise ``InputError`` where one is not finite."""
         arrays = np.broadcast_arrays(*(np.asarray(one, dtype=np.float64) for one in coordinates))
         places = dict(zip(self._variables, arrays, strict=True))
-        return self._checked(self._found(places), places)
+        return self._checked(self._evaluate(places), places)
 
     def derivative(self, order: int, coordinate: ArrayLike) -> Array:
         """Return the derivative of order 0 to 2 of a formula of one variable, exact; raise as a call does."""
         return self.derivatives(coordinate, order)[0]
 
     def derivatives(self, coordinate: ArrayLike, *orders: int) -> list[Array]:
-        """Return those of several orders, found as one."""
+        """Return derivatives of several orders in one evaluation."""
         array = np.asarray(coordinate, dtype=np.float64)
         (variable,) = self._variables
-        result = self._found({variable: Jet(array, np.ones_like(array), np.zeros_like(array))})
-        whole = result if isinstance(result, Jet) else Jet(result, 0.0, 0.0)
-        return [self._checked(whole[order], {variable: array}) for order in orders]
+        result = self._evaluate({variable: Jet(array, np.ones_like(array), np.zeros_like(array))})
+        jet = result if isinstance(result, Jet) else Jet(result, 0.0, 0.0)
+        return [self._checked(jet[order], {variable: array}) for order in orders]
 
-    def _found(self, variables: Mapping[str, Any]) -> Any:
+    def _evaluate(self, variables: Mapping[str, Any]) -> Any:
         values: Values = {**CONSTANTS, **variables}
         with np.errstate(all="ignore"):  # a branch of where() that is not taken may be anything
             for name, helper in self._helpers.items():
                 values[name] = helper.value(values)
             return self._part.value(values)
 
-    def _checked(self, found: Any, places: Mapping[str, Array]) -> Array:
+    def _checked(self, values: Any, places: Mapping[str, Array]) -> Array:
         shape = next(iter(places.values())).shape
-        return finite(np.full(shape, found, dtype=np.float64), places, source=f"formula {self.text!r}")
+        return finite(np.full(shape, values, dtype=np.float64), places, source=f"formula {self.text!r}")
 
 
 def finite(values: Array, places: Mapping[str, Array], *, source: str) -> Array:

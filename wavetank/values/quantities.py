@@ -1,7 +1,6 @@
-"""What numbers of a scene may be: physical quantities in SI units, each with the range in which it makes sense.
+"""Types of numbers in a case: physical quantities in SI units, each with its range.
 
-The ranges are wide, from a drop to an ocean; they keep out what no one means, such as 1e-300 m, and the arithmetic that
-it would break. A case file's schema tells them.
+The ranges are wide, from a drop to an ocean. They exclude values such as 1e-300 m that would break arithmetic.
 """
 
 import unicodedata
@@ -11,21 +10,21 @@ from pydantic import AfterValidator, Field, Strict
 
 
 def _one_line(text: str) -> str:
-    """Return a text; raise ``ValueError`` for one that would break the line, or the terminal, that it is shown in."""
+    """Return a text; raise ``ValueError`` for one with line breaks or control characters."""
     if any(unicodedata.category(letter) in ("Cc", "Zl", "Zp") for letter in text):
         raise ValueError("must be one line, without control characters")
     return text
 
 
-def _none_or_some(time: float) -> float:
-    """Return a time [s]; raise ``ValueError`` for one that is so short that its square is none."""
+def _zero_or_long_enough(time: float) -> float:
+    """Return a time [s]; raise ``ValueError`` for a positive one below ``SHORTEST``."""
     if 0.0 < time < SHORTEST:
         raise ValueError(f"must be 0, which is none, or at least {SHORTEST:g} s")
     return time
 
 
 def metres(length: float) -> str:
-    """Return a length [m] with as many digits as it has: one that is just beyond it is seen to be."""
+    """Return a length [m] with all its digits, so that a slightly larger one differs."""
     return f"{float(length)!r}".removesuffix(".0")
 
 
@@ -37,7 +36,7 @@ Length = Annotated[float, Field(ge=1e-6, le=1e6)]  # m, of tanks, walls, cells
 Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]  # m
 Height = Annotated[float, Field(ge=1e-12, le=1e6)]  # m, of waves and strokes: as small as linear theory is asked for
 Duration = Annotated[float, Field(ge=SHORTEST, le=1e9)]  # s, of runs, periods and steps
-Ramp = Annotated[float, Field(ge=0, le=1e9), AfterValidator(_none_or_some)]  # s
+Ramp = Annotated[float, Field(ge=0, le=1e9), AfterValidator(_zero_or_long_enough)]  # s
 Frequency = Annotated[float, Field(ge=1e-6, le=1e6)]  # Hz
 Rate = Annotated[float, Field(ge=1e-9, le=1e6)]  # 1/s
 Speed = Annotated[float, Field(ge=1e-12, le=1e6)]  # m/s
@@ -48,7 +47,7 @@ Stiffness = Annotated[float, Field(ge=0, le=1e9)]  # N/m² of the same
 Damping = Annotated[float, Field(ge=0, le=1e9)]  # N s/m² of the same
 Gravity = Annotated[float, Field(ge=1e-3, le=1e3)]  # m/s^2
 Count = Annotated[int, Field(ge=1, le=10**9)]
-Share = Annotated[float, Field(ge=1e-9, lt=1)]  # of a whole
+Fraction = Annotated[float, Field(ge=1e-9, lt=1)]  # of one
 
 Triple = Annotated[tuple[Coordinate, Coordinate, Coordinate], Strict(False)]  # x, y and z [m]; a list of three
 Pair = Annotated[tuple[Coordinate, Coordinate], Strict(False)]  # x and y, or from where to where [m]; a list of two

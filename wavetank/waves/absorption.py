@@ -133,8 +133,8 @@ class PassiveFilter:
             below = np.polymul(below, [1.0 / w**2, 2.0 * z / w, 1.0])
         above = np.zeros(1)
         for w, z, c, e in self.sections:
-            others, _ = np.polydiv(below, [1.0 / w**2, 2.0 * z / w, 1.0])
-            above = np.polyadd(above, self.gain * np.polymul([c / w, e], others))
+            quotient, _ = np.polydiv(below, [1.0 / w**2, 2.0 * z / w, 1.0])
+            above = np.polyadd(above, self.gain * np.polymul([c / w, e], quotient))
         return above[:-1] / below[0], below / below[0]
 
     @classmethod

@@ -65,15 +65,15 @@ class Image:
 
     def of(self, zeta: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Return x + i z [m] at places of the strip [m], shape (N,), and its derivative."""
-        left, right = self._exponentials(zeta)
-        there = (1.0 + self.stretch) * zeta + 1j * self.mean + 1j * (left - right) @ self._over(self.cosines)
-        return there, 1.0 + self.stretch + (left + right) @ self._over(self.k * self.cosines)
+        backward, forward = self._exponentials(zeta)
+        there = (1.0 + self.stretch) * zeta + 1j * self.mean + 1j * (backward - forward) @ self._over(self.cosines)
+        return there, 1.0 + self.stretch + (backward + forward) @ self._over(self.k * self.cosines)
 
     def even(self, zeta: NDArray[np.complex128], cosines: Array) -> tuple[NDArray[np.complex128], ...]:
         """Return sum c_k cos(k (zeta + i D)) / cosh(k D), of the cosines c_k on the surface, and its derivative."""
-        left, right = self._exponentials(zeta)
+        backward, forward = self._exponentials(zeta)
         weights = cosines / (1.0 + np.exp(-2.0 * self.k * self.depth))
-        return (left + right) @ weights, -1j * (left - right) @ (self.k * weights)
+        return (backward + forward) @ weights, -1j * (backward - forward) @ (self.k * weights)
 
     def _exponentials(self, zeta: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], ...]:
         """Return exp(-i k zeta) and exp(i k zeta - 2 k D), shape (N, M): neither overflows in the strip."""
@@ -117,9 +117,9 @@ class Image:
     def _folded(self, x: Array) -> tuple[Array, Array]:
         """Return places within the wave, and about where in the strip they are."""
         x = self.within(x)
-        whole = 2 * self.x[-1] * np.round(x / (2 * self.x[-1])) * (not self.stretch)
-        rest = x - whole
-        return x, whole + np.sign(rest) * np.interp(np.abs(rest), self.x, self.xi)
+        shift = 2 * self.x[-1] * np.round(x / (2 * self.x[-1])) * (not self.stretch)
+        rest = x - shift
+        return x, shift + np.sign(rest) * np.interp(np.abs(rest), self.x, self.xi)
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +131,7 @@ class SteadyWave(Wave):
     speed
         c [m/s].
     residual
-        Bernoulli residual: how much the right c^2 varies along the surface, also between the points at which the wave
+        Bernoulli residual: how much the forward c^2 varies along the surface, also between the points at which the wave
         was solved for, relative to its mean.
     shape
         Elevation [m] and surface potential [m²/s] at places x [m] from the crest, in a last axis of 2.

@@ -84,9 +84,9 @@ def second_order(
     distinct = n > m
     total, difference = first.omega[n] + first.omega[m], (first.omega[n] - first.omega[m])[distinct]
     halved = np.where(distinct, 1.0, 0.5)  # with itself it is one pair, two with another
-    left = halved * (_interpolated(water, first.omega)[n, m] if many else water.left(first.omega))
-    sums = left * first.b[n] * first.b[m]
-    differences = (difference_water.left(first.omega, -1.0) * first.b[n] * first.b[m].conj())[distinct]
+    residuals = halved * (_interpolated(water, first.omega)[n, m] if many else water.residuals(first.omega))
+    sums = residuals * first.b[n] * first.b[m]
+    differences = (difference_water.residuals(first.omega, -1.0) * first.b[n] * first.b[m].conj())[distinct]
     return Strokes(
         np.concatenate([total, difference]),
         np.concatenate([water.motion(sums, total), water.motion(differences, difference)]),
@@ -94,11 +94,11 @@ def second_order(
 
 
 def _interpolated(water: "_Water", omega: Array) -> Complex:
-    """Return ``_Water.left`` of the sums of many frequencies from that of few: it is a smooth function of both."""
+    """Return ``_Water.residuals`` of the sums of many frequencies from that of few: it is a smooth function of both."""
     middle, half = 0.5 * (omega.max() + omega.min()), 0.5 * (omega.max() - omega.min())
     nodes = [chebyshev.chebpts1(count) for count in (FEW, FEW + 1)]
     first, second = (_cardinal((omega - middle) / half, one) for one in nodes)
-    return np.asarray(first @ water.left_between(*(middle + half * one for one in nodes)) @ second.T)
+    return np.asarray(first @ water.residuals_between(*(middle + half * one for one in nodes)) @ second.T)
 
 
 def _cardinal(x: Array, nodes: Array) -> Array:
@@ -116,13 +116,13 @@ class _Water:
     def __init__(self, wavemaker: Wavemaker, depth: float, gravity: float, evanescent: int):
         self._wavemaker, self._depth, self._g, self._evanescent = wavemaker, depth, gravity, evanescent
 
-    def motion(self, left: Complex, omega: Array) -> Complex:
-        """Return b of X_2 [m] of frequencies [rad/s] from what is left of them [m²/s²], all of shape (N,)."""
+    def motion(self, residual: Complex, omega: Array) -> Complex:
+        """Return b of X_2 [m] of frequencies [rad/s] from their residuals [m²/s²], all of shape (N,)."""
         K = airy.wave_number(omega, self._depth, self._g)
-        return np.asarray(left / (-1j * omega * self._wavemaker.moment(K, self._depth)))
+        return np.asarray(residual / (-1j * omega * self._wavemaker.moment(K, self._depth)))
 
-    def left(self, omega: Array, sign: float = 1.0) -> Complex:
-        """Return what is to be made up for, of b = 1 of both, at omega_n + sign omega_m, in the order of tril_indices.
+    def residuals(self, omega: Array, sign: float = 1.0) -> Complex:
+        """Return the residuals that X_2 cancels, of b = 1, at omega_n + sign omega_m, in the order of tril_indices.
 
         Of the differences of a frequency with itself there is none.
         """
@@ -131,9 +131,9 @@ class _Water:
         rows = (self._of_pairs(one.of(slice(n, n + 1)), other.of(slice(n + 1))) for n in range(omega.size))
         return np.concatenate([*rows])
 
-    def left_between(self, omega: Array, others: Array) -> Complex:
-        """Return the same at the sums of frequencies and others, shape (N, M)."""
-        one, other = self._modes(omega), self._modes(others)
+    def residuals_between(self, omega: Array, second: Array) -> Complex:
+        """Return the same at the sums of frequencies and second ones, shape (N, M)."""
+        one, other = self._modes(omega), self._modes(second)
         return np.stack([self._of_pairs(one.of(slice(n, n + 1)), other) for n in range(omega.size)])
 
     def _modes(self, omega: Array) -> _Modes:
@@ -144,16 +144,16 @@ class _Water:
         P = -omega[:, None] * self._wavemaker.moment(k, self._depth) / (k * norm(k, self._depth))
         return _Modes(omega, np.ones_like(omega, dtype=np.complex128), k, P)
 
-    def _of_pairs(self, one: _Modes, others: _Modes) -> Complex:
-        """Return what is left at the sums of one frequency and others, shape (others,); 0 where the sum is 0."""
-        total = one.omega + others.omega
+    def _of_pairs(self, one: _Modes, other: _Modes) -> Complex:
+        """Return the residuals at the sums of one frequency and others, shape (N,); 0 where the sum is 0."""
+        total = one.omega + other.omega
         moving = total != 0.0
         K = airy.wave_number(np.where(moving, np.abs(total), 1.0), self._depth, self._g)
-        seen = one.b * self._seen(others, K) + others.b * self._seen(one, K)
-        return np.asarray(np.where(moving, 0.5 * (self._bound(one, others, K) + seen), 0.0))
+        displaced = one.b * self._displaced(other, K) + other.b * self._displaced(one, K)
+        return np.asarray(np.where(moving, 0.5 * (self._bound(one, other, K) + displaced), 0.0))
 
-    def _seen(self, of: _Modes, K: Array) -> Complex:
-        """Return what the paddle sees of modes where it is not at rest."""
+    def _displaced(self, of: _Modes, K: Array) -> Complex:
+        """Return the flux of modes through the displaced paddle."""
         return np.asarray((of.P * self._wavemaker.displaced(of.k, K[:, None], self._depth)).sum(axis=1))
 
     def _bound(self, u: _Modes, v: _Modes, K: Array) -> Complex:
@@ -173,5 +173,5 @@ class _Water:
     @staticmethod
     def _slow(u: _Modes, v: _Modes, at_top: float) -> Complex:
         """Return the sum over modes that converges slowly, and its end."""
-        known = (v.k * v.P).sum(axis=1) + v.omega * v.b * at_top
-        return np.asarray(u.omega * u.P.sum(axis=1) * known)
+        factor = (v.k * v.P).sum(axis=1) + v.omega * v.b * at_top
+        return np.asarray(u.omega * u.P.sum(axis=1) * factor)

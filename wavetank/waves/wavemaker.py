@@ -29,8 +29,8 @@ from wavetank.waves.wave import Array
 
 Complex = NDArray[np.complex128]
 
-NEAR = 1e-6  # of k²: wave numbers as near are the same
-CLOSE = 1e-2  # of q d: below, series in it of fourth order are nearer than differences
+EQUAL = 1e-6  # of k²: wave numbers that differ by less are equal
+CLOSE = 1e-2  # of q d: below it, series of fourth order are more accurate than differences
 POINTS = 200  # of Gauss' rule over the depth
 
 
@@ -89,9 +89,9 @@ class Piston(Wavemaker):
         """Return -k² int cosh cosh dz, by the dispersion relation of both; of k = K it is -k² N."""
         k, K = np.asarray(k), np.asarray(K)
         difference = K**2 - k**2
-        near = np.abs(difference) < NEAR * np.abs(k) ** 2
-        product = (K * np.tanh(_limited(K, depth)) - k * np.tanh(_limited(k, depth))) / np.where(near, 1.0, difference)
-        return -(k**2) * (np.where(near, norm(k, depth), product) if near.any() else product)
+        small = np.abs(difference) < EQUAL * np.abs(k) ** 2
+        product = (K * np.tanh(_limited(K, depth)) - k * np.tanh(_limited(k, depth))) / np.where(small, 1.0, difference)
+        return -(k**2) * (np.where(small, norm(k, depth), product) if small.any() else product)
 
 
 PISTON = Piston()
@@ -144,15 +144,15 @@ class Flap(Wavemaker):
         flat: Any = 0.0
         for sign in (1.0, -1.0):
             q = K + sign * k
-            near = np.abs(q) * depth < CLOSE
-            safe = np.where(near, 1.0, q)
+            small = np.abs(q) * depth < CLOSE
+            safe = np.where(small, 1.0, q)
             least = (1.0 + sign * tanh_k * tanh_K) / (1.0 + np.square(q * depth) / 2.0)  # 1 / cosh cosh, q near 0
-            sinh = np.where(near, depth * (1.0 + (q * depth) ** 2 / 6.0) * least, (tanh_K + sign * tanh_k) / safe)
+            sinh = np.where(small, depth * (1.0 + (q * depth) ** 2 / 6.0) * least, (tanh_K + sign * tanh_k) / safe)
             cosh = (1.0 + sign * tanh_k * tanh_K) - (low_k * low_K + sign * rise_k * rise_K)
             squares, fourths = depth**2 - self._lowest**2, depth**4 - self._lowest**4
-            second = np.where(near, (squares / 2.0 + q**2 * fourths / 24.0) * least, cosh / safe**2)
+            second = np.where(small, (squares / 2.0 + q**2 * fourths / 24.0) * least, cosh / safe**2)
             both = both + 0.5 * ((depth - self.hinge) * sinh - second)
-            flat = flat + 0.5 * sign * np.where(near, q * second, cosh / safe)
+            flat = flat + 0.5 * sign * np.where(small, q * second, cosh / safe)
         return -(k**2 * both + k * flat) / self.arm(depth)
 
 

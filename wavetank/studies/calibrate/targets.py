@@ -15,7 +15,7 @@ from wavetank.case.wall import PaddleWall
 from wavetank.studies.calibrate.attempts import Elevation, scale
 from wavetank.studies.calibrate.crest import CrestAim
 from wavetank.studies.calibrate.record import RecordAim, eased
-from wavetank.values.case_model import CaseError, Problem, about
+from wavetank.values.case_model import CaseError, Problem, about, entry
 from wavetank.waves import airy
 from wavetank.waves.measured import WishedSurface, wished_surface
 from wavetank.waves.plane_waves import PlaneWaves, waves_along
@@ -46,7 +46,7 @@ def aim_of(scene: Case) -> Aim:
     if scene.far_wall.moves and not scene.motion().moves:
         raise CaseError([Problem(("wall", "motion", "type"), scene.wall.motion.type, OWN)])
     target = implied_target(scene) if scene.target is None else scene.target
-    return AIMS[type(target)](target, scene)
+    return entry(AIMS, target, f"AIMS of {__file__}")(target, scene)
 
 
 def implied_target(scene: Case) -> Target:
