@@ -126,13 +126,11 @@ class _FanOfWaves(FocusingWaves, SegmentedWaves):
         waves = self.components * self.directions * self.terms_per_component(context)
         if waves > TERMS:
             allowed = f"must be fewer: with the directions, at all places of the paddle, there are {waves:.2g}"
-            yield Problem(
-                (*MOTION_KEY, "components"), self.components, f"{allowed}, and at most {TERMS:.2g} are allowed"
-            )
+            yield self.problem("components", f"{allowed}, and at most {TERMS:.2g} are allowed")
             return
         yield from super().problems(context)
         if not low <= self.focus_y <= high:
-            yield Problem((*MOTION_KEY, "focus_y"), self.focus_y, f"must be before the paddle, {low:g} to {high:g} m")
+            yield self.problem("focus_y", f"must be before the paddle, {low:g} to {high:g} m")
 
 
 class DirectionalFocusMotion(_FanOfWaves):
@@ -151,7 +149,7 @@ class DirectionalFocusMotion(_FanOfWaves):
                 f"must be at most {widest:.4g} deg: waves from further aside would have to come from beyond the "
                 "paddle's ends (type reflected-focus sends them by way of the side walls)"
             )
-            yield Problem((*MOTION_KEY, "largest_angle"), self.largest_angle, allowed)
+            yield self.problem("largest_angle", allowed)
 
 
 class ReflectedFocusMotion(_FanOfWaves):
@@ -216,7 +214,7 @@ class DirectionalIrregularMotion(SpectralWaves, SegmentedWaves):
         terms = self.components * self.terms_per_component(context)
         if terms > TERMS:
             allowed = f"must be fewer: at all places of the paddle they are {terms:.2g}, {TERMS:.2g} allowed"
-            yield Problem((*MOTION_KEY, "components"), self.components, allowed)
+            yield self.problem("components", allowed)
             return
         yield from super().problems(context)
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,6 +143,7 @@ STEEPEST = 0.14  # height over length of the highest waves, in depth times tanh 
 class SpectralSurface(CaseModel):
     """Linear waves of a spectrum."""
 
+    location: ClassVar[tuple[str, ...]] = ("initial",)
     spectrum: Shape
     highest_frequency: Frequency | None = Field(default=None, description="last component [Hz]; default 3 fp")
 
@@ -185,7 +186,7 @@ class SpectralSurface(CaseModel):
         if not first < highest < last:
             low, high = first / (2 * np.pi), last / (2 * np.pi)
             allowed = f"must be from {low:.4g} Hz, of a wave as long as the tank, to {high:.4g} Hz"
-            yield Problem(("initial", "highest_frequency"), self.highest_frequency, allowed)
+            yield self.problem("highest_frequency", allowed)
             return
         k, variances = self._along(tank)
         if not variances.sum() > 0.0:
@@ -216,17 +217,14 @@ class IrregularSurface(SpectralSurface):
     def problems(self, context: Context) -> Iterator[Problem]:
         """Yield as any, a slice, whose walls reflect such waves, and a sea too high."""
         if not isinstance(context.tank, RingTank):
-            yield Problem(("initial", "type"), self.type, "needs a ring (tank.type): walls reflect such waves")
+            yield self.problem("type", "needs a ring (tank.type): walls reflect such waves")
             return
         problems = list(super().problems(context))
         yield from problems
         highest = STEEPEST * context.tank.length
         if not problems and self.significant_height > min(highest, context.tank.depth):
-            yield Problem(
-                ("initial", "significant_height"),
-                self.significant_height,
-                f"must be at most {min(highest, context.tank.depth):.4g} m, of waves in that depth and tank",
-            )
+            allowed = f"must be at most {min(highest, context.tank.depth):.4g} m, of waves in that depth and tank"
+            yield self.problem("significant_height", allowed)
 
 
 class FocusedSurface(SpectralSurface):
@@ -256,10 +254,10 @@ class FocusedSurface(SpectralSurface):
         if problems:
             return
         if not 0.0 <= self.x <= context.tank.length:
-            yield Problem(("initial", "x"), self.x, f"must be inside the tank, 0 to {metres(context.tank.length)} m")
+            yield self.problem("x", f"must be inside the tank, 0 to {metres(context.tank.length)} m")
         if abs(self.linear_crest) >= context.tank.depth:
             allowed = f"must be less than the still-water depth, {context.tank.depth:g} m, either way"
-            yield Problem(("initial", "linear_crest"), self.linear_crest, allowed)
+            yield self.problem("linear_crest", allowed)
 
 
 # ---------------------------------------------------------------- still water and steady or standing waves
@@ -285,6 +283,8 @@ class StillWater(CaseModel):
 
 class TheoreticalWave(CaseModel):
     """A wave of a theory at t = 0."""
+
+    location: ClassVar[tuple[str, ...]] = ("initial",)
 
     def wave(self, tank: AnyTank) -> Wave:
         """Return the wave."""
@@ -320,24 +320,21 @@ class StandingWave(TheoreticalWave):
     def problems(self, context: Context) -> Iterator[Problem]:
         """Yield an amplitude that lays the bed dry, half a wave too many for a ring, and a basin of another shape."""
         if isinstance(context.tank, BasinTank) and not isinstance(context.tank.layout, Rectangle):
-            yield Problem(("initial", "type"), self.type, "needs a rectangle (tank.layout.type)")
+            yield self.problem("type", "needs a rectangle (tank.layout.type)")
         if self.mode_across and not isinstance(context.tank, BasinTank):
-            yield Problem(
-                ("initial", "mode_across"), self.mode_across, f"must be 0: a {context.tank.type} has no width"
-            )
+            yield self.problem("mode_across", f"must be 0: a {context.tank.type} has no width")
         depth, (x_min, y_min, x_max, y_max) = context.tank.depth, _box(context.tank)
         k = float(np.hypot(self.mode / (x_max - x_min), self.mode_across / (y_max - y_min))) * np.pi
         if context.physics == "linear":
             if self.wave_amplitude >= depth:
-                allowed = f"must be below the still-water depth, {depth:g} m"
-                yield Problem(("initial", "wave_amplitude"), self.wave_amplitude, allowed)
+                yield self.problem("wave_amplitude", f"must be below the still-water depth, {depth:g} m")
         elif self.wave_amplitude > (highest := BREAKING * float(np.tanh(k * depth)) / k):
             allowed = (
                 f"must be at most {highest:.4g} m, where standing waves of this length break in {depth:g} m of water"
             )
-            yield Problem(("initial", "wave_amplitude"), self.wave_amplitude, allowed)
+            yield self.problem("wave_amplitude", allowed)
         if isinstance(context.tank, RingTank) and self.mode % 2:
-            yield Problem(("initial", "mode"), self.mode, "must be even: whole waves, two halves each, fit a ring")
+            yield self.problem("mode", "must be even: whole waves, two halves each, fit a ring")
 
 
 class StreamFunctionWave(TheoreticalWave):
@@ -362,12 +359,11 @@ class StreamFunctionWave(TheoreticalWave):
     def problems(self, context: Context) -> Iterator[Problem]:
         """Yield a tank that is no ring, and a height that no wave has."""
         if not isinstance(context.tank, RingTank):
-            yield Problem(("initial", "type"), self.type, "needs a ring (tank.type): walls reflect such waves")
+            yield self.problem("type", "needs a ring (tank.type): walls reflect such waves")
             return
         highest = maximum_height(context.tank.length / self.waves, context.tank.depth)
         if self.height is not None and self.height >= highest:
-            allowed = f"must be below that of the highest wave of this length, {highest:.4g} m"
-            yield Problem(("initial", "height"), self.height, allowed)
+            yield self.problem("height", f"must be below that of the highest wave of this length, {highest:.4g} m")
 
 
 class SolitaryWave(TheoreticalWave):
@@ -388,12 +384,12 @@ class SolitaryWave(TheoreticalWave):
     def problems(self, context: Context) -> Iterator[Problem]:
         """Yield a tank without ends, a crest outside and a wave too high."""
         if isinstance(context.tank, RingTank):
-            yield Problem(("initial", "type"), self.type, "needs a slice (tank.type): its potential is not periodic")
+            yield self.problem("type", "needs a slice (tank.type): its potential is not periodic")
         if not isinstance(context.tank, BasinTank) and not 0 <= self.x <= context.tank.length:
-            yield Problem(("initial", "x"), self.x, f"must be inside the tank, 0 to {metres(context.tank.length)} m")
+            yield self.problem("x", f"must be inside the tank, 0 to {metres(context.tank.length)} m")
         if self.height > HIGHEST_SOLITARY * context.tank.depth:
             allowed = f"must be at most {HIGHEST_SOLITARY:g} depths, {HIGHEST_SOLITARY * context.tank.depth:.4g} m"
-            yield Problem(("initial", "height"), self.height, allowed)
+            yield self.problem("height", allowed)
 
 
 Initial = Annotated[

@@ -1,7 +1,7 @@
 """How it is computed, for how long, and what is recorded."""
 
 from collections.abc import Iterator, Set
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
@@ -42,6 +42,7 @@ class Numerics(CaseModel):
     order is then 4 along a slice over a bed if no cells are named, otherwise 3.
     """
 
+    location: ClassVar[tuple[str, ...]] = ("numerics",)
     accuracy: Fraction | None = Field(
         default=None,
         description="relative error of the elevation to plan for; default: 0.01 if nothing is set and a plan is made",
@@ -90,10 +91,10 @@ class Numerics(CaseModel):
         """Yield too few cells for the tank, or a number of them for a basin."""
         fewest = context.tank.fewest_cells
         if self.cells is not None and isinstance(context.tank, BasinTank):
-            yield Problem(("numerics", "cells"), self.cells, "must be left out: numerics.cell_size is a basin's key")
+            yield self.problem("cells", "must be left out: numerics.cell_size is a basin's key")
             return
         if self.cells is not None and self.cells < fewest:
-            yield Problem(("numerics", "cells"), self.cells, f"must be at least {fewest} in a {context.tank.type}")
+            yield self.problem("cells", f"must be at least {fewest} in a {context.tank.type}")
 
     def cell_size_in(self, tank: AnyTank) -> float:
         """Return the size of a cell to aim at [m]; where none is given, a part of the depth."""

@@ -171,13 +171,13 @@ Time = Annotated[float, Field(ge=-1e9, le=1e9)]
 class _Placed(CaseModel):
     """A target at a place."""
 
+    location: ClassVar[tuple[str, ...]] = ("target",)
     x: Length = Field(description="where [m]")
 
     def problems(self, context: Context) -> Iterator[Problem]:
         """Yield a place outside the tank."""
         if not self.x < context.tank.length:
-            allowed = f"must be inside the tank, below {metres(context.tank.length)} m"
-            yield Problem((TARGET_KEY, "x"), self.x, allowed)
+            yield self.problem("x", f"must be inside the tank, below {metres(context.tank.length)} m")
 
 
 class CrestTarget(_Placed):
@@ -195,8 +195,7 @@ class CrestTarget(_Placed):
         """Yield a place outside the tank, and a time after the run."""
         yield from super().problems(context)
         if not self.time < context.duration:
-            allowed = f"must be before the run ends, below {context.duration:g} s"
-            yield Problem((TARGET_KEY, "time"), self.time, allowed)
+            yield self.problem("time", f"must be before the run ends, below {context.duration:g} s")
 
 
 class ComponentsTarget(_Placed):
@@ -253,6 +252,7 @@ Target = Annotated[
 class Output(CaseModel):
     """What is recorded, and how often."""
 
+    location: ClassVar[tuple[str, ...]] = ("output",)
     energy_every: Count = Field(default=1, description="steps between rows of the energy budget")
     gauges_every: Count = Field(default=1, description="steps between rows of the gauges' record")
     probes_every: Count = Field(default=1, description="steps between rows of the probes' and loads' records")
@@ -266,4 +266,4 @@ class Output(CaseModel):
     def problems(self, context: Context) -> Iterator[Problem]:
         """Yield velocities of linear water, which keeps no potential below the surface."""
         if self.velocity_every is not None and context.physics == "linear":
-            yield Problem(("output", "velocity_every"), self.velocity_every, "must be left out with linear water")
+            yield self.problem("velocity_every", "must be left out with linear water")

@@ -101,13 +101,12 @@ class MadeWaves(GeneratingMotion):
         target = self.target(context.tank)
         if target.omega.size > MOST_PAIRS:
             allowed = f"must be linear: there are {target.omega.size} components, and it is for at most {MOST_PAIRS}"
-            yield Problem((*MOTION_KEY, "generation"), self.generation, allowed)
+            yield self.problem("generation", allowed)
         elif target.k_x.min() * context.tank.depth < SHALLOWEST:
-            allowed = f"must be linear: its theory needs waves of k d of {SHALLOWEST:g} or more"
-            yield Problem((*MOTION_KEY, "generation"), self.generation, allowed)
+            yield self.problem("generation", f"must be linear: its theory needs waves of k d of {SHALLOWEST:g} or more")
         elif (second := bound_harmonic(target)) >= 1.0:
             allowed = f"must be linear: the theory ends far below a second harmonic of {second:.3g} of the wave"
-            yield Problem((*MOTION_KEY, "generation"), self.generation, allowed)
+            yield self.problem("generation", allowed)
 
     def warnings(self, tank: AnyTank, wavemaker: Wavemaker) -> Iterator[RunWarning]:
         """Yield a warning if second-order generation is beyond its theory."""
@@ -307,13 +306,12 @@ class SolitaryWaveMotion(MotionModel):
         """Yield a wave too high, and one too early."""
         if self.height > HIGHEST_SOLITARY * context.tank.depth:
             allowed = f"must be at most {HIGHEST_SOLITARY:g} depths, {HIGHEST_SOLITARY * context.tank.depth:.4g} m"
-            yield Problem((*MOTION_KEY, "height"), self.height, allowed)
+            yield self.problem("height", allowed)
         elif self.height < LOWEST_SOLITARY * context.tank.depth:
             allowed = f"must be at least {LOWEST_SOLITARY:g} depths: the wave is hundreds of depths long"
-            yield Problem((*MOTION_KEY, "height"), self.height, allowed)
+            yield self.problem("height", allowed)
         elif self.crest_time is not None and self.crest_time < (lead := self._pushed(context.tank).lead):
-            allowed = f"must be at least {lead:.4g} s: the paddle begins to move as long before"
-            yield Problem((*MOTION_KEY, "crest_time"), self.crest_time, allowed)
+            yield self.problem("crest_time", f"must be at least {lead:.4g} s: the paddle begins to move as long before")
 
 
 # ---------------------------------------------------------------- motions by their position

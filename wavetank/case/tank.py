@@ -37,6 +37,7 @@ Depth = Callable[[Array, Array], Array]  # places x, y [m], each of shape (N,), 
 class VaryingBedModel(CaseModel):
     """What all beds that vary have."""
 
+    location: ClassVar[tuple[str, ...]] = ("tank", "bed")
     minimum_depth: Length | None = Field(
         default=None, description="minimum depth: a bed that is shallower or dry is lowered to it [m]; default: nowhere"
     )
@@ -69,11 +70,11 @@ class BeachBed(VaryingBedModel):
         """Yield a slope that comes out of the water, or does not begin in the tank."""
         length, depth = context.tank.length, context.tank.depth
         if self.start >= length:
-            yield Problem(("tank", "bed", "start"), self.start, f"must be below the tank's length, {metres(length)} m")
+            yield self.problem("start", f"must be below the tank's length, {metres(length)} m")
         elif self.minimum_depth is None and np.isfinite(length) and depth <= self.slope * (length - self.start):
             wet = depth / (length - self.start)
             allowed = f"must be below {wet:.4g} for a tank that is wet to its end, or have a tank.bed.minimum_depth"
-            yield Problem(("tank", "bed", "slope"), self.slope, allowed)
+            yield self.problem("slope", allowed)
 
 
 class FormulaBed(VaryingBedModel, FormulaModel):
@@ -233,6 +234,7 @@ STEP = 0.1  # of (d / g)^(1/2): at which a paddle's motion is looked at; no padd
 class _Profiled(CaseModel):
     """A sponge whose damping grows with the distance from its inner edge, up to a strength."""
 
+    location: ClassVar[tuple[str, ...]] = ("sponge",)
     type: str
     strength: Rate | None = Field(
         default=None, description="largest damping rate gamma_0 [1/s]; default: of least reflection of the period"
@@ -267,7 +269,7 @@ class _Profiled(CaseModel):
         """Yield a ring, which has no end, and a period without use."""
         yield from _ring_problems(self.type, context)
         if self.strength is not None and self.period is not None:
-            yield Problem(("sponge", "period"), self.period, "must be left out: sponge.strength is given")
+            yield self.problem("period", "must be left out: sponge.strength is given")
 
 
 class EndSponge(_Profiled):
@@ -280,8 +282,7 @@ class EndSponge(_Profiled):
         """Yield as any sponge, and one longer than the tank."""
         yield from super().problems(context)
         if self.length >= context.tank.length:
-            allowed = f"must be below the tank's length, {context.tank.length:g} m"
-            yield Problem(("sponge", "length"), self.length, allowed)
+            yield self.problem("length", f"must be below the tank's length, {context.tank.length:g} m")
 
 
 class GroupSponge(_Profiled):
@@ -293,7 +294,7 @@ class GroupSponge(_Profiled):
         """Yield as any sponge, and a tank whose mesh has no groups."""
         yield from super().problems(context)
         if isinstance(context.tank, SliceTank):
-            yield Problem(("sponge", "type"), self.type, "needs a basin (tank.type), whose mesh has groups of cells")
+            yield self.problem("type", "needs a basin (tank.type), whose mesh has groups of cells")
 
 
 class FormulaSponge(FormulaModel):

@@ -41,6 +41,7 @@ NARROWEST = 1.05  # the longest period over the shortest
 class ActiveAbsorption(CaseModel):
     """The paddle generates and absorbs at the same time, by the elevation at its face."""
 
+    location: ClassVar[tuple[str, ...]] = ("wall", "absorb")
     type: Literal["active"] = "active"
     shortest: Duration | None = Field(
         default=None,
@@ -92,12 +93,13 @@ class ActiveAbsorption(CaseModel):
                 yield Problem(("wall", "absorb", name), period, allowed)
         if self.shortest is not None and self.longest is not None and self.longest < NARROWEST * self.shortest:
             allowed = f"must be at least {NARROWEST * self.shortest:.4g} s, {NARROWEST:g} times the shortest"
-            yield Problem(("wall", "absorb", "longest"), self.longest, allowed)
+            yield self.problem("longest", allowed)
 
 
 class SpringDamper(CaseModel):
     """The paddle, which is not driven, is a mass on a spring and a damper (of a flap: at its stroke height)."""
 
+    location: ClassVar[tuple[str, ...]] = ("wall", "absorb")
     type: Literal["spring-damper"] = "spring-damper"
     period: Duration | None = Field(
         default=None, description="period that it is tuned to [s]; default: that of the paddle opposite, or of k d = 1"
@@ -156,10 +158,9 @@ class SpringDamper(CaseModel):
         least, most = _periods(context.tank, POSSIBLE)
         if self.period is not None and not least <= self.period <= most:
             allowed = f"must be from {least:.4g} to {most:.4g} s, k d = {POSSIBLE[1]:g} to {POSSIBLE[0]:g}"
-            yield Problem(("wall", "absorb", "period"), self.period, allowed)
+            yield self.problem("period", allowed)
         elif self.period is not None and self.stiffness is not None and self.damping is not None:
-            allowed = "must be left out: stiffness and damping are given"
-            yield Problem(("wall", "absorb", "period"), self.period, allowed)
+            yield self.problem("period", "must be left out: stiffness and damping are given")
 
 
 Absorption = Annotated[
@@ -199,6 +200,7 @@ class Limits(CaseModel):
 class BaseWall(CaseModel):
     """A wall at an end of the tank: by itself a vertical one at rest."""
 
+    location: ClassVar[tuple[str, ...]] = ("wall",)
     moves: ClassVar[bool] = False
 
     @property
@@ -269,7 +271,7 @@ class MovingWall(BaseWall):
             return
         if self.reach is not None and needed < available:
             allowed = f"must be more than {needed:.4g} m, 4/3 of the paddle's largest distance from rest"
-            yield Problem(("wall", "reach"), self.reach, allowed)
+            yield self.problem("reach", allowed)
             return
         size = next((key for key in SIZES if getattr(motion, key, None) is not None), None)
         least = f"{reach:.4g} m{'' if self.reach else ' by default'}, at most the tank's length"
@@ -318,7 +320,7 @@ class HingedWall(ShapedWall):
         """Yield a hinge above still water, a stroke height not above the hinge, and problems of any paddle."""
         depth, height = context.tank.depth, self.stroke_height
         if self.hinge >= depth:
-            yield Problem(("wall", "hinge"), self.hinge, f"must be below still water, less than {metres(depth)} m")
+            yield self.problem("hinge", f"must be below still water, less than {metres(depth)} m")
         elif height is not None and height <= self.hinge:
             allowed = f"must be above the hinge, more than {metres(self.hinge)} m"
             yield Problem(("wall", "stroke_height"), height, allowed)
@@ -361,7 +363,7 @@ class SegmentedWall(MovingWall):
         low, high = span(context.tank)
         if self.segment is not None and high - low > SEGMENTS * self.segment:
             least = (high - low) / SEGMENTS
-            yield Problem(("wall", "segment"), self.segment, f"must be at least {least:.4g} m, for {SEGMENTS} segments")
+            yield self.problem("segment", f"must be at least {least:.4g} m, for {SEGMENTS} segments")
             return
         yield from () if self.reads_file else self.motion_problems(context)
 
@@ -373,7 +375,7 @@ class SegmentedWall(MovingWall):
                 f"must be at most {widest:.4g} m, the shortest wave's length over 1 + sin of its angle: wider segments "
                 "make spurious waves in other directions"
             )
-            yield Problem(("wall", "segment"), self.segment, allowed)
+            yield self.problem("segment", allowed)
         yield from super().motion_problems(context)
 
 
@@ -465,7 +467,7 @@ class FlapWall(HingedWall, PaddleWall):
             yield from problems
         elif self.motion.generates:
             allowed = f"must be left out: a motion of type {self.motion.type} is found for its waves, not told"
-            yield Problem(("wall", "motion_as"), self.motion_as, allowed)
+            yield self.problem("motion_as", allowed)
         elif (angle := super().amplitude(context.tank)) >= UPSET:
             yield Problem(("wall", "motion", "paddle_amplitude"), angle, ANGLES)
 
@@ -490,10 +492,10 @@ class ProfileWall(ShapedWall, PaddleWall):
         try:
             values = self.wavemaker.mode_shape(z, context.tank.depth)
         except InputError as error:
-            yield Problem(("wall", "shape"), self.shape, str(error).removesuffix("."))
+            yield self.problem("shape", str(error).removesuffix("."))
             return
         if not np.abs(values).max() > 0.0:
-            yield Problem(("wall", "shape"), self.shape, "must not be 0 at all heights")
+            yield self.problem("shape", "must not be 0 at all heights")
             return
         yield from super().problems(context)
 

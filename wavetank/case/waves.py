@@ -20,8 +20,10 @@ from wavetank.waves.measured import Components, WishedSurface, read_components, 
 from wavetank.waves.plane_waves import PlaneWaves, waves_along
 from wavetank.waves.wavemaker import Wavemaker
 
-
 # ---------------------------------------------------------------- motions
+MOTION_KEY = ("wall", "motion")
+
+
 class MotionModel(CaseModel):
     """A motion of a paddle.
 
@@ -35,6 +37,7 @@ class MotionModel(CaseModel):
         Whether the header of its file has units of positions [m] or velocities [m/s].
     """
 
+    location: ClassVar[tuple[str, ...]] = MOTION_KEY
     generates: ClassVar[bool] = False
 
     @property
@@ -162,7 +165,6 @@ Spectrum = Annotated[
 
 
 # ---------------------------------------------------------------- waves of a spectrum
-MOTION_KEY = ("wall", "motion")
 MAX_COMPONENTS = 10_000  # components
 MISSED = 1e-6  # of its peak: of so little there are no waves
 
@@ -206,7 +208,7 @@ class SpectralWaves(GeneratingMotion):
         total = spectrum.density(self.frequencies(context.tank)).sum()
         if not total > MISSED * float(spectrum.density(np.array([peak]))[0]):
             allowed = "must be more: none of their frequencies is where the spectrum has its waves"
-            yield Problem((*MOTION_KEY, "components"), self.components, allowed)
+            yield self.problem("components", allowed)
             return
         timing = list(self.timing_problems(context))
         yield from timing
@@ -220,7 +222,7 @@ class SpectralWaves(GeneratingMotion):
                 yield Problem(("run", "duration"), context.duration, allowed)
                 return
             allowed = f"must be {least} or more: so few repeat the waves every {repetition:.4g} s, within the run"
-            yield Problem((*MOTION_KEY, "components"), self.components, allowed)
+            yield self.problem("components", allowed)
         elif not timing:
             yield from super().problems(context)
 
@@ -276,13 +278,12 @@ class FocusingWaves(SpectralWaves):
             allowed = (
                 f"must be at least {earliest:.4g} s: the short waves need that long from the ramp's end to focus_x"
             )
-            yield Problem((*MOTION_KEY, "focus_time"), self.focus_time, allowed)
+            yield self.problem("focus_time", allowed)
 
     def problems(self, context: Context) -> Iterator[Problem]:
         """Yield as any waves of a spectrum, and a focus outside the tank."""
         if not self.focus_x < context.tank.length:
-            allowed = f"must be inside the tank, below {metres(context.tank.length)} m"
-            yield Problem((*MOTION_KEY, "focus_x"), self.focus_x, allowed)
+            yield self.problem("focus_x", f"must be inside the tank, below {metres(context.tank.length)} m")
         yield from super().problems(context)
 
 
@@ -389,8 +390,7 @@ class SurfaceFile(WaveFile):
     def problems(self, context: Context) -> Iterator[Problem]:
         """Yield a place outside the tank, and waves that come too late."""
         if not self.x < context.tank.length:
-            allowed = f"must be inside the tank, below {metres(context.tank.length)} m"
-            yield Problem((*MOTION_KEY, "x"), self.x, allowed)
+            yield self.problem("x", f"must be inside the tank, below {metres(context.tank.length)} m")
             return
         surface, ramp = self.wished(), self.ramp_in(context.tank)
         k = airy.wave_number(2.0 * np.pi * surface.mean_frequency, context.tank.depth, context.tank.gravity)
@@ -398,13 +398,12 @@ class SurfaceFile(WaveFile):
         if surface.begin < ramp + travel:
             least = self.delay + ramp + travel - surface.begin
             ramped = f"after a ramp of {ramp:.4g} s{', the default,' if self.ramp is None else ''}"
-            allowed = f"must be at least {least:.4g} s: {ramped} its waves need {travel:.4g} s to x"
-            yield Problem((*MOTION_KEY, "delay"), self.delay, allowed)
+            yield self.problem("delay", f"must be at least {least:.4g} s: {ramped} its waves need {travel:.4g} s to x")
         elif surface.begin > travel + surface.length:
             allowed = (
                 f"must be at most {self.delay + travel + surface.length - surface.begin:.4g} s: a copy comes before"
             )
-            yield Problem((*MOTION_KEY, "delay"), self.delay, allowed)
+            yield self.problem("delay", allowed)
         elif context.duration > (again := surface.begin + 2.0 * surface.length):
             allowed = f"must be at most {again:.4g} s, when the record's waves come again"
             yield Problem(("run", "duration"), context.duration, allowed)

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, TypeVar
+from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, model_validator
 
@@ -85,6 +85,12 @@ class CaseModel(BaseModel):
     """A part of the case: frozen, unknown keys refused, numbers finite."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    location: ClassVar[tuple[str, ...]] = ()  # its key in a case
+
+    def problem(self, field: str, allowed: str) -> Problem:
+        """Return a problem of a field: its value, and what is allowed."""
+        return Problem((*self.location, field), getattr(self, field), allowed)
 
     def problems(self, context: Any) -> Iterator[Problem]:
         """Yield what does not fit the rest of the case, its ``Context``; by default nothing."""
