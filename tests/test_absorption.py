@@ -263,12 +263,12 @@ def reflection(wall, *, kd, height, periods, steps, **more):
     run.diagnostics.append(Looking())
     run.execute()
     found = reflected(np.mean(rows, axis=0), waves.plane.x[seen], kd, within=0.03)
-    scene = Case.model_validate(
+    case = Case.model_validate(
         {"tank": {"length": length, "depth": 1.0}, "wall": far, "run": {"duration": 1.0}, "numerics": {"cells": 4}}
     )
     omega = np.array([2 * np.pi / T])
-    Z = face(scene.wall.wavemaker, omega, 1.0, GRAVITY)
-    expected = ActiveAbsorption().build(scene.tank, scene.wall.wavemaker, paddles=[T]).reflection(Z, omega)
+    Z = face(case.wall.wavemaker, omega, 1.0, GRAVITY)
+    expected = ActiveAbsorption().build(case.tank, case.wall.wavemaker, paddles=[T]).reflection(Z, omega)
     return found.coefficient, float(np.abs(expected)[0])
 
 
@@ -288,9 +288,9 @@ def test_also_of_waves_of_the_other_paddle_that_are_longer_than_its_own_band():
 def test_a_band_is_told_with_the_waves_of_the_other_paddle():
     wave = {"type": "regular", "height": 0.01, "period": period(0.1)}
     parts = {"tank": {"length": 70.0, "depth": 1.0}, "far_wall": {"type": "piston", "motion": REST, "absorb": ACTIVE}}
-    scene = Case.model_validate({**parts, "wall": {"type": "piston", "motion": wave}, "run": {"duration": 200.0}})
+    case = Case.model_validate({**parts, "wall": {"type": "piston", "motion": wave}, "run": {"duration": 200.0}})
     told = f"% of small waves from {period(3.0):.3g} to {period(0.1):.3g} s at short steps."
-    assert any(line.endswith(told) for line in requirements(scene, 0.02).reasons)
+    assert any(line.endswith(told) for line in requirements(case, 0.02).reasons)
 
 
 @pytest.mark.slow
@@ -455,10 +455,10 @@ def test_a_plan_keeps_to_steps_at_which_paddles_answer_in_time():
     wall = {"type": "flap", "motion": {"type": "regular", "height": 0.05, "period": 1.8}, "absorb": ACTIVE}
     parts = {"tank": {"length": 8.0, "depth": 1.0}, "wall": wall, "run": {"duration": 2.0}}
     far = {"type": "piston", "motion": REST, "absorb": {"type": "spring-damper"}}
-    scene = Case.model_validate({**parts, "far_wall": far, "numerics": {"accuracy": 0.02}})
-    run, waves = build_run(planned(scene, MPI.COMM_SELF).scene, MPI.COMM_SELF)
+    case = Case.model_validate({**parts, "far_wall": far, "numerics": {"accuracy": 0.02}})
+    run, waves = build_run(planned(case, MPI.COMM_SELF).scene, MPI.COMM_SELF)
     assert run.clock.dt * waves.largest_frequency < ANSWERED
-    reasons = "\n".join(requirements(scene, 0.02).reasons)
+    reasons = "\n".join(requirements(case, 0.02).reasons)
     flap = "a flap, the waves come from its motion by second-order generation"
     assert f"{flap}; it absorbs what comes to it, all but 4.7 % of small" in reasons
     assert " s at short steps" in reasons
@@ -499,7 +499,7 @@ SPRING = {"type": "spring-damper", "mass": 200.0, "period": period(1.0)}
 
 def test_a_paddle_on_a_spring_that_is_tuned_sends_nothing_back_of_its_period():
     """By the series of theory, with b = r and k = omega² (M + mu); it does of others."""
-    scene = Case.model_validate(
+    case = Case.model_validate(
         {
             "tank": {"length": 9.0, "depth": 1.0},
             "wall": {"type": "piston", "motion": REST, "absorb": SPRING},
@@ -507,7 +507,7 @@ def test_a_paddle_on_a_spring_that_is_tuned_sends_nothing_back_of_its_period():
             "numerics": {"cells": 4},
         }
     )
-    mass, stiffness, damping = scene.wall.absorb.resolved(scene.tank, PISTON)
+    mass, stiffness, damping = case.wall.absorb.resolved(case.tank, PISTON)
     omega = 2 * np.pi / np.array([period(1.0), period(2.0)])
     r, mu = radiation(PISTON, omega, 1.0, GRAVITY)
     X = omega * (mass + mu) - stiffness / omega
@@ -522,8 +522,8 @@ def test_by_default_it_is_tuned_to_what_the_paddle_opposite_makes(kd, tuned):
     motion = REST if kd is None else {"type": "regular", "height": 0.01, "period": period(kd)}
     far = {"type": "piston", "motion": REST, "absorb": {"type": "spring-damper"}}
     parts = {"tank": {"length": 9.0, "depth": 1.0}, "wall": {"type": "piston", "motion": motion}, "far_wall": far}
-    scene = Case.model_validate({**parts, "run": {"duration": 1.0}, "numerics": {"cells": 4, "dt": 0.02}})
-    equation, _ = ANSWERS[SpringDamper](scene, 1, build_run(scene, MPI.COMM_SELF)[1])
+    case = Case.model_validate({**parts, "run": {"duration": 1.0}, "numerics": {"cells": 4, "dt": 0.02}})
+    equation, _ = ANSWERS[SpringDamper](case, 1, build_run(case, MPI.COMM_SELF)[1])
     omega = 2 * np.pi / np.array([period(tuned)])
     (r,), (mu,) = radiation(PISTON, omega, 1.0, GRAVITY)
     expected = StateSpaceFilter.of_spring(sudden_mass(PISTON, 1.0), float(omega[0] ** 2 * mu), float(r))

@@ -1,4 +1,4 @@
-"""Bad input: whatever a case says, it is a scene or a sentence; never another error, never for long."""
+"""Bad input: whatever a case says, it is a case or a sentence; never another error, never for long."""
 
 import math
 import pickle
@@ -52,7 +52,7 @@ def kinds_of(error):
 
 
 @pytest.mark.parametrize("kind", sorted(kinds_of(WavetankError), key=lambda kind: kind.__name__))
-def test_what_one_rank_raises_all_can_raise(kind):
+def test_errors_survive_pickling(kind):
     """An error goes from rank to rank pickled: its own class, text and attributes come out."""
     met = {
         CaseError: lambda: CaseError([Problem(("tank", "depth"), -1, "must be positive")]),
@@ -78,11 +78,11 @@ def test_errors_of_the_plan_are_among_them():
     ],
     ids=["nested", "digits", "hexadecimal", "spaces", "byte-order mark"],
 )
-def test_what_no_one_would_write_is_a_sentence(tmp_path, text, said):
+def test_absurd_toml_is_refused_in_one_sentence(tmp_path, text, said):
     assert said in refused(tmp_path, text)
 
 
-def test_a_byte_order_mark_is_no_mistake(tmp_path):
+def test_byte_order_mark_is_accepted(tmp_path):
     (tmp_path / "case.toml").write_text(TANK, encoding="utf-8-sig")
     assert read_case(tmp_path / "case.toml").tank.length == 8.0
 
@@ -107,7 +107,7 @@ def test_control_characters_are_refused_and_shown_escaped(tmp_path, text, said, 
 
 @pytest.mark.parametrize("position", ["sqrt(t)", "log(t - 1)", "t**1.5"])
 @pytest.mark.parametrize("wall", ["wall", "far_wall"])
-def test_a_motion_that_is_not_finite_is_told_by_its_key(tmp_path, wall, position, capsys):
+def test_non_finite_motion_names_its_key(tmp_path, wall, position, capsys):
     """Its acceleration is a column of paddle.csv."""
     motion = f"[{wall}]\ntype = 'piston'\n[{wall}.motion]\ntype = 'formula'\nposition = '{position}'\n"
     (tmp_path / "case.toml").write_text(TANK + motion)
@@ -119,7 +119,7 @@ def test_a_motion_that_is_not_finite_is_told_by_its_key(tmp_path, wall, position
 
 
 @pytest.mark.parametrize(("position", "code"), [("1e-4*sqrt((t-0.25)**2-1e-9)", 2), ("1e-4*abs(t-0.25)**1.5", 1)])
-def test_a_motion_that_is_not_finite_at_a_time_that_was_not_tried_is_told_by_its_key(tmp_path, position, code, capsys):
+def test_non_finite_motion_at_unchecked_time_names_its_key(tmp_path, position, code, capsys):
     """Before the run, whose steps are tried; of the second it is the acceleration, which is found on the way."""
     motion = f"[wall]\ntype = 'piston'\nmotion = {{ type = 'formula', position = '{position}' }}\n"
     (tmp_path / "case.toml").write_text(TANK + motion)
@@ -131,25 +131,25 @@ def test_a_motion_that_is_not_finite_at_a_time_that_was_not_tried_is_told_by_its
     assert capsys.readouterr().err == told and (tmp_path / "run").exists() == (code == 1)
 
 
-def test_a_motion_need_be_no_number_beyond_the_run_unless_its_last_step_ends_there(tmp_path):
+def test_motion_may_be_nan_after_the_last_step(tmp_path):
     """Of a short run's it is looked beyond the end, where it can be."""
     formula = "type = 'formula'\nposition = '1e-4*sin(t)**2*sqrt(1.001 - t)'\n"
     (tmp_path / "case.toml").write_text(f"{TANK}[wall]\ntype = 'piston'\n[wall.motion]\n{formula}")
-    scene = read_case(tmp_path / "case.toml")
-    motion = scene.motion()
-    assert analysed_duration(scene.ends[0], motion) == 1.0
+    case = read_case(tmp_path / "case.toml")
+    motion = case.motion()
+    assert analysed_duration(case.ends[0], motion) == 1.0
     known = read_case(tmp_path / "case.toml", ['wall.motion.position="1e-4*sin(t)"'])
     assert analysed_duration(known.ends[0], known.motion()) > 10.0
     with pytest.raises(CaseError, match=r"nan at t = 1\.02; .*: the last step ends beyond run.duration = 1 s"):
         motion.velocity(np.array([0.96, 0.99, 1.02]))
 
 
-def test_the_end_of_the_tank_is_told_with_all_its_digits(tmp_path):
+def test_length_in_message_has_all_digits(tmp_path):
     said = "gauges.0.x = 10.472: must be inside the tank, 0 to 10.471976 m"
     assert said in refused(tmp_path, TANK.replace("8.0", "10.471976") + "[[gauges]]\nx = 10.472\n")
 
 
-def test_thousands_of_mistakes_are_told_by_the_first_of_them(tmp_path):
+def test_many_errors_are_listed_by_the_first(tmp_path):
     gauges = "".join(f"[[gauges]]\nx = {n}.5\n" for n in range(8, 3008))
     lines = refused(tmp_path, TANK + gauges).splitlines()
     assert len(lines) == SHOWN + 1
@@ -167,13 +167,13 @@ def test_thousands_of_mistakes_are_told_by_the_first_of_them(tmp_path):
         (f"gauges.{5000 * '9'}.x=1", "gauges"),
     ],
 )
-def test_an_override_is_one_value(tmp_path, override, said):
+def test_override_of_several_values_is_refused(tmp_path, override, said):
     assert said in refused(tmp_path, TANK + "[[gauges]]\nx = 1.0\n", override)
 
 
 # ---------------------------------------------------------------- what a case refers to
 @pytest.mark.parametrize("file", ["../../../etc/passwd", "/etc/passwd", "a/../../x", "./x", "a//x", "x\0", ""])
-def test_a_file_of_a_data_set_is_in_its_folder(tmp_path, monkeypatch, file):
+def test_data_reference_outside_its_folder_is_refused(tmp_path, monkeypatch, file):
     monkeypatch.setenv("WAVETANK_DATA", str(tmp_path))
     for name in ("marin-202002", "..", "."):
         with pytest.raises(InputError, match=r"allowed is data:NAME/FILE"):
@@ -181,7 +181,7 @@ def test_a_file_of_a_data_set_is_in_its_folder(tmp_path, monkeypatch, file):
 
 
 @pytest.mark.parametrize(("where", "line"), [("", 1), ("def depth(x, y):\n    ", 2)], ids=["file", "function"])
-def test_a_bed_that_ends_the_program_is_an_error_of_the_bed(tmp_path, where, line):
+def test_bed_that_exits_is_an_input_error(tmp_path, where, line):
     (tmp_path / "bed.py").write_text(f"{where}import sys; sys.exit(0)\n")
     text = TANK.replace("depth = 1.0", "depth = 1.0\nbed = {type = 'python', file = 'bed.py'}")
     if where:
@@ -206,7 +206,7 @@ READERS = pytest.mark.parametrize(
 
 
 @READERS
-def test_a_file_that_need_not_end_is_not_read(tmp_path, read, name):
+def test_endless_file_is_refused(tmp_path, read, name):
     """The device gives zeros for ever."""
     (tmp_path / name).symlink_to("/dev/zero")
     with pytest.raises(InputError, match=rf"{name}: cannot be read \(not a regular file\)"):
@@ -214,7 +214,7 @@ def test_a_file_that_need_not_end_is_not_read(tmp_path, read, name):
 
 
 @READERS
-def test_a_file_of_gigabytes_is_not_read(tmp_path, read, name):
+def test_file_of_gigabytes_is_refused(tmp_path, read, name):
     """One that takes no room on the disk."""
     with (tmp_path / name).open("wb") as file:
         file.truncate(3 * 10**9)
@@ -273,7 +273,7 @@ RECORDS = {
         ("noise", (1.0, 1.0), 5.0),
     ],
 )
-def test_whatever_a_record_holds_is_analysed_or_refused_in_a_sentence(name, x, y):
+def test_any_record_is_analysed_or_refused_in_one_sentence(name, x, y):
     """No other error, and no warning, which would be one here."""
     t = np.arange(0, 20, 0.1)
     gauges = [gauge(f"{n}", at, t, RECORDS[name](n + 1, t), "made", n * y) for n, at in enumerate(x)]
@@ -295,7 +295,7 @@ RECTANGLE = BASIN + "type = 'rectangle'\nlength = 20.0\nwidth = 10.0\nsponge_len
 FOCUS = "linear_crest = 0.05\nfocus_x = 8.0\nfocus_time = 19.5\nspectrum = {type = 'jonswap', peak_frequency = 0.6}\n"
 SEGMENTS = "[wall]\ntype = 'segmented-piston'\nsegment = 0.5\n[wall.motion]\n"
 IRREGULAR = "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'irregular'\nsignificant_height = 0.05\ncomponents = 40\n"
-EVERY = {  # cases that have each noun of a scene somewhere
+EVERY = {  # cases that have each model of a case somewhere
     "slice": SLICE + "bed = {type = 'formula', depth = '1 - x*s', where = {s = 0.02}}\n"
     "[initial]\ntype = 'formula'\neta = '0.01*cos(x)'\n[sponge]\ntype = 'end'\nlength = 4.0\n"
     "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'sinusoid'\npaddle_amplitude = 0.01\nperiod = 2.0\n" + RUN,
@@ -380,15 +380,15 @@ class Entry(NamedTuple):
     """A key that a case may have, and the field it is."""
 
     key: str
-    noun: type[BaseModel]
+    model: type[BaseModel]
     field: str
 
 
-def entries(scene: BaseModel, key: str = "") -> Iterator[Entry]:
-    """Yield all keys that a scene could have with the nouns that are in it."""
-    for name in type(scene).model_fields:
-        value, own = getattr(scene, name), f"{key}{name}"
-        yield Entry(own, type(scene), name)
+def entries(table: BaseModel, key: str = "") -> Iterator[Entry]:
+    """Yield all keys that a case could have with the models that are in it."""
+    for name in type(table).model_fields:
+        value, own = getattr(table, name), f"{key}{name}"
+        yield Entry(own, type(table), name)
         for part, at in (
             [(value, own)]
             if isinstance(value, BaseModel)
@@ -415,23 +415,23 @@ def every(tmp_path_factory):
     return {name: folder / f"{name}.toml" for name in EVERY}
 
 
-def nouns(annotation: object) -> set[type[BaseModel]]:
-    """Return all nouns that can stand in a place, and in theirs."""
+def models(annotation: object) -> set[type[BaseModel]]:
+    """Return all models that can stand in a place, and in theirs."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        inside = (nouns(field.annotation) for field in annotation.model_fields.values())
+        inside = (models(field.annotation) for field in annotation.model_fields.values())
         return {annotation}.union(*inside)
-    return set().union(*(nouns(one) for one in get_args(annotation)))
+    return set().union(*(models(one) for one in get_args(annotation)))
 
 
 def test_the_cases_have_every_noun(every):
-    """A noun that is new needs a case here, so that its keys are tried with nonsense, too."""
-    assert nouns(Case) == {entry.noun for path in every.values() for entry in entries(read_case(path))}
+    """A model that is new needs a case here, so that its keys are tried with nonsense, too."""
+    assert models(Case) == {entry.model for path in every.values() for entry in entries(read_case(path))}
 
 
 @cache
 def limits(entry: Entry) -> list[tuple[float, float]]:
     """Return from where to where a number may be there, by the schema; nothing where no number stands."""
-    field = entry.noun.model_fields[entry.field]
+    field = entry.model.model_fields[entry.field]
     schema = TypeAdapter(Annotated[field.annotation, field]).json_schema()
     numbers = [one for one in schema.get("anyOf", [schema]) if one.get("type") in ("number", "integer")]
     numbers = [one for one in numbers if "enum" not in one]
@@ -442,29 +442,29 @@ def limits(entry: Entry) -> list[tuple[float, float]]:
 
 @pytest.fixture(scope="module")
 def first(every):
-    """Return the first case that has each key of each noun."""
+    """Return the first case that has each key of each model."""
     return {entry: name for name in reversed(every) for entry in entries(read_case(every[name]))}
 
 
 def tried(path: Path, entry: Entry, texts: list[str]) -> None:
-    """Override a key of a case by each text: a scene comes of it, or a sentence that names the key."""
+    """Override a key of a case by each text: a case comes of it, or a sentence that names the key."""
     sentence = re.compile(rf"{re.escape(str(path))}, (overridden|line \d+): [\w.\-]+( = .*)?: ?.*\.")
     allowed = limits(entry)
     assert all(math.isfinite(low) and math.isfinite(high) for low, high in allowed), f"{entry} has no range"
     for text in texts:
         try:
-            scene = read_case(path, [f"{entry.key}={text}"])
+            case = read_case(path, [f"{entry.key}={text}"])
         except InputError as error:
             assert all(sentence.fullmatch(line) for line in str(error).splitlines()), str(error)
             continue
-        assert isinstance(scene, Case)
+        assert isinstance(case, Case)
         if allowed:
             number = float(text)  # nothing else may stand there
             assert any(low <= number <= high for low, high in allowed), f"{entry.key} = {text} is accepted"
 
 
 @pytest.mark.parametrize("name", EVERY)
-def test_every_key_with_every_kind_of_nonsense_is_a_scene_or_a_sentence_that_names_it(every, first, name):
+def test_nonsense_for_any_key_gives_a_case_or_names_the_key(every, first, name):
     """Each in the first case that has it: what is of no right kind is so whatever else is in a case.
 
     Where no number may be, any two stand for all.
@@ -476,7 +476,7 @@ def test_every_key_with_every_kind_of_nonsense_is_a_scene_or_a_sentence_that_nam
 
 @pytest.mark.slow  # some of these, and other numbers, are tried below
 @pytest.mark.parametrize("name", EVERY)
-def test_numbers_that_may_not_go_together_are_a_scene_or_a_sentence_in_every_case(every, first, name):
+def test_extreme_numbers_give_a_case_or_a_sentence_in_every_case(every, first, name):
     for entry in entries(read_case(every[name])):
         if first[entry] != name and limits(entry):
             tried(every[name], entry, EXTREME)
@@ -503,11 +503,11 @@ def changes(draw, every):
 
 @settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
-def test_whatever_numbers_a_case_has_it_is_a_scene_or_a_sentence(every, data):
+def test_random_numbers_give_a_case_or_a_sentence(every, data):
     path, changed = data.draw(changes(every))
     try:
-        scene = read_case(path, changed)
+        case = read_case(path, changed)
     except InputError as error:
         assert all(line.startswith(str(path)) and line.endswith(".") for line in str(error).splitlines())
         return
-    assert np.isfinite(scene.ends[0].max_displacement)
+    assert np.isfinite(case.ends[0].max_displacement)

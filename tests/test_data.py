@@ -75,7 +75,7 @@ def put(folder, text="0 0\n1 1\n2 2\n3 3\n"):
     return folder / "a.dat"
 
 
-def test_find_looks_in_the_chosen_folder_then_beside_the_checkout_then_in_the_cache(places):
+def test_find_searches_chosen_folder_checkout_and_cache_in_order(places):
     cached = put(places / "cache/wavetank/data/set")
     assert data.find("set", "a.dat") == cached
     beside = put(places / "beside" / "shared" / "data" / "set")
@@ -84,7 +84,7 @@ def test_find_looks_in_the_chosen_folder_then_beside_the_checkout_then_in_the_ca
     assert data.find("set", "a.dat") == chosen
 
 
-def test_what_is_not_found_says_where_it_looked_and_what_to_do(places):
+def test_missing_file_names_searched_folders_and_remedy(places):
     with pytest.raises(InputError) as error:
         data.find("marin-202002", "WAVE_1.dat")
     for place in ("chosen", "beside/shared/data", "cache/wavetank/data"):
@@ -141,7 +141,7 @@ def test_a_published_computation_that_is_missing_is_left_out(places):
     assert [one.source for one in data.gauge_records(known)] == ["measured"]
 
 
-def test_what_is_here_is_listed_with_its_origin_and_terms(places):
+def test_list_names_folder_citation_and_licence(places):
     """Where its files are, or how they come here; whose; which licence; what cannot be read of it."""
     small(places)
     (places / "chosen" / "small" / "WAVE_1.dat").write_text(PLAIN)

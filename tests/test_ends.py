@@ -28,7 +28,7 @@ FLAP = {"type": "flap", "motion": MOTION}
 WALLS = pytest.param(PISTON, marks=pytest.mark.slow, id="piston"), pytest.param(FLAP, id="flap")
 
 
-def scene(wall=None, far_wall=None, *, length=4.0, cells=4, n=5, duration=0.4, dt=0.02, tolerance=1e-11, **more):
+def case_of(wall=None, far_wall=None, *, length=4.0, cells=4, n=5, duration=0.4, dt=0.02, tolerance=1e-11, **more):
     walls = {"wall": wall, "far_wall": far_wall}
     parts = {
         "tank": {"length": length, "depth": 1.0},
@@ -43,7 +43,7 @@ def scene(wall=None, far_wall=None, *, length=4.0, cells=4, n=5, duration=0.4, d
 
 def ended(*walls, comm=MPI.COMM_SELF, **more):
     """Return surface (eta, psi) at the end of a run, its places x, and the energy budget, a row a step; collective."""
-    run, waves = build_run(scene(*walls, **more), comm)
+    run, waves = build_run(case_of(*walls, **more), comm)
     budget = Memory()
     run.diagnostics.append(EnergyBudget(waves, record=budget, every=1))
     run.execute()
@@ -93,7 +93,7 @@ def test_a_tank_that_drives_through_still_water_takes_it_along():
 @pytest.mark.parametrize("water", ["nonlinear", "linear"])
 def test_the_rows_of_each_paddle_are_its_own_motion_at_their_times(water):
     """Oracle: the motion itself, with its derivatives, positive into the water."""
-    tank, rows = scene(PISTON, moved("0.1 * t**3"), duration=0.06, water={"type": water}), (Memory(), Memory())
+    tank, rows = case_of(PISTON, moved("0.1 * t**3"), duration=0.06, water={"type": water}), (Memory(), Memory())
     run, waves = build_run(tank, MPI.COMM_SELF)
     run.diagnostics += build_observers(tank, waves, Records(Memory(), Memory(), None, paddles=rows))
     run.execute()
@@ -107,7 +107,7 @@ def test_the_rows_of_each_paddle_are_its_own_motion_at_their_times(water):
 @pytest.fixture(scope="module")
 def steep():
     """Return a small tank with a flap and a piston at its ends and a steep state in it."""
-    _, waves = build_run(scene(FLAP, {**PISTON, "reach": 1.0}, length=2.0, tolerance=1e-12), MPI.COMM_SELF)
+    _, waves = build_run(case_of(FLAP, {**PISTON, "reach": 1.0}, length=2.0, tolerance=1e-12), MPI.COMM_SELF)
     x, t = waves.plane.x * np.pi / 2.0, 3.3
     q, p = waves.state(0.12 * np.cos(x) + 0.02 * np.cos(3 * x), 0.2 * np.cos(2 * x) + 0.1 * np.sin(x), t)
     return waves, q, p, t
@@ -144,7 +144,9 @@ def test_the_velocity_of_the_walls_is_that_of_the_nearer_paddle(make_tank):
 @pytest.mark.parametrize("ends", [(1, 0), (0, 1), (1, 1)], ids=["near", "far", "both"])
 def test_a_plane_surface_has_one_slope_wherever_its_walls_stand(ends):
     """In the reference tank it is no plane, but a field of the elements: slope and velocity are one to round-off."""
-    _, waves = build_run(scene(*({**PISTON, "reach": 1.0} if end else None for end in ends), length=2.0), MPI.COMM_SELF)
+    _, waves = build_run(
+        case_of(*({**PISTON, "reach": 1.0} if end else None for end in ends), length=2.0), MPI.COMM_SELF
+    )
     flow, t = waves.surface, 3.3
     waves.set_time(t)
     x = waves.wall.to_physical(waves.plane.places)[:, 0]
@@ -157,7 +159,7 @@ def test_a_plane_surface_has_one_slope_wherever_its_walls_stand(ends):
 
 def test_the_surface_moves_beside_walls_as_its_expressions_say():
     """A flap and a piston, which carry it by their shapes. Oracle: slope and velocity in UFL, evaluated by dolfinx."""
-    _, waves = build_run(scene(FLAP, {**PISTON, "reach": 1.0}, cells=9, n=2), MPI.COMM_SELF)
+    _, waves = build_run(case_of(FLAP, {**PISTON, "reach": 1.0}, cells=9, n=2), MPI.COMM_SELF)
     x, t = waves.plane.x, 3.3
     flow, other = (kind(waves) for kind in (SurfaceFlow, SurfaceVelocity))
     for one in (flow, other):
@@ -177,7 +179,7 @@ def test_the_power_of_two_paddles_is_the_rate_of_the_energy(wall, bed):
     """At fixed Q and psi, by differences in time whose error falls with the fourth power of the step, to 1e-9 of it."""
     tank = {"length": 2.0, "depth": 1.0, **bed}
     walls = {**wall, "reach": 1.0}, {"type": "piston", "reach": 1.0, "motion": {**MOTION, "period": 1.3}}
-    _, waves = build_run(scene(*walls, tank=tank, tolerance=1e-12), MPI.COMM_SELF)
+    _, waves = build_run(case_of(*walls, tank=tank, tolerance=1e-12), MPI.COMM_SELF)
     x, t, e = waves.plane.x * np.pi / 2.0, 3.3, 4e-3
     q, p = waves.state(0.12 * np.cos(x) + 0.02 * np.cos(3 * x), 0.2 * np.cos(2 * x) + 0.1 * np.sin(x), t)
     energy = {n: waves.energy(q, p, t + n * e) for n in (-2, -1, 1, 2)}
@@ -190,7 +192,7 @@ def test_the_power_of_two_paddles_is_the_rate_of_the_energy(wall, bed):
 def test_what_is_compiled_as_a_whole_is_what_its_parts_make_one_after_the_other(wall):
     """To the solves' tolerance, of both walls together."""
     ends = {**wall, "reach": 1.0}, {**PISTON, "reach": 1.0}
-    tank, parts = (build_run(scene(*ends, length=2.0, tolerance=1e-12), MPI.COMM_SELF)[1] for _ in range(2))
+    tank, parts = (build_run(case_of(*ends, length=2.0, tolerance=1e-12), MPI.COMM_SELF)[1] for _ in range(2))
     assert tank._whole is not None
     parts._whole = None
     for step in range(4):
@@ -344,9 +346,9 @@ LINE = {"name": "A", "start": [3.0, 0.0], "end": [3.97, 0.0], "count": 2}
 def test_what_is_looked_at_where_a_paddle_comes_is_refused_before_the_run(looked_at, said):
     """Unless the water is linear, where nothing travels, or it answers the water: then it is seen in the run."""
     with pytest.raises(CaseError, match=said):
-        build_run(scene(REACHED, REACHED, **looked_at), MPI.COMM_SELF)
+        build_run(case_of(REACHED, REACHED, **looked_at), MPI.COMM_SELF)
     free = REACHED | {"absorb": {"type": "active"}}
-    for other in (scene(free, free, **looked_at), scene(REACHED, REACHED, water={"type": "linear"}, **looked_at)):
+    for other in (case_of(free, free, **looked_at), case_of(REACHED, REACHED, water={"type": "linear"}, **looked_at)):
         assert [seen.max_displacement > 0.03 for seen in other.paddles] == [True, True]
 
 
@@ -355,11 +357,11 @@ def test_what_stands_where_a_paddle_that_absorbs_may_come_is_told_before_the_run
     free = {"type": "piston", "motion": {"type": "at-rest"}, "absorb": {"type": "active"}}
     own = REACHED | {"absorb": {"type": "active"}}
     rows = [
-        (scene(REACHED, free, gauges=[3.95]), []),
-        (scene(REACHED, free, gauges=[3.965]), [("gauges.0", pytest.approx(0.035), "far_wall")]),
-        (scene(own, gauges=[0.075]), [("gauges.0", pytest.approx(0.075), "wall")]),
-        (scene(own, free, gauges=[0.075]), []),
-        (scene(REACHED, free, gauges=[3.965], water={"type": "linear"}), []),
+        (case_of(REACHED, free, gauges=[3.95]), []),
+        (case_of(REACHED, free, gauges=[3.965]), [("gauges.0", pytest.approx(0.035), "far_wall")]),
+        (case_of(own, gauges=[0.075]), [("gauges.0", pytest.approx(0.075), "wall")]),
+        (case_of(own, free, gauges=[0.075]), []),
+        (case_of(REACHED, free, gauges=[3.965], water={"type": "linear"}), []),
     ]
     for one, said in rows:
         assert [(warning.key, warning.limit, warning.details["wall"]) for warning in sensors_in_reach(one)] == said
@@ -368,12 +370,12 @@ def test_what_stands_where_a_paddle_that_absorbs_may_come_is_told_before_the_run
 
 
 def test_a_window_is_in_no_paddles_way_that_comes_there_before_or_after_it():
-    assert build_run(scene(REACHED, REACHED, windows=[{**INLET, "begin": 0.1, "until": 0.2}]), MPI.COMM_SELF)
+    assert build_run(case_of(REACHED, REACHED, windows=[{**INLET, "begin": 0.1, "until": 0.2}]), MPI.COMM_SELF)
 
 
 def basin(left, *walls, **more):
     layout = {"type": "rectangle", "length": 4.0, "width": 1.0, "origin": [left, 0.0]}
-    return scene(*walls, tank={"type": "basin", "depth": 1.0, "layout": layout}, numerics={"cell_size": 1.0}, **more)
+    return case_of(*walls, tank={"type": "basin", "depth": 1.0, "layout": layout}, numerics={"cell_size": 1.0}, **more)
 
 
 def test_distances_count_from_either_wall_wherever_the_tank_begins():
@@ -420,7 +422,7 @@ def test_energy_is_the_work_of_both_to_the_schemes_order(wall, depth):
 @pytest.mark.slow
 def test_time_goes_back():
     """Forward and back returns to the start, with a scheme whose jumps are not damped."""
-    _, waves = build_run(scene(FLAP, {**PISTON, "reach": 1.0}, length=2.0, tolerance=1e-12), MPI.COMM_SELF)
+    _, waves = build_run(case_of(FLAP, {**PISTON, "reach": 1.0}, length=2.0, tolerance=1e-12), MPI.COMM_SELF)
     assert missed_by_going_back(waves) < 1e-9
 
 
@@ -461,7 +463,7 @@ def test_both_walls_across_a_basin_are_those_of_a_slice():
 
 def on_these_ranks():
     """Return the surface, by x, and the energy budget of a flap and a piston; the first rank's of all; collective."""
-    run, waves = build_run(scene(FLAP, PISTON, cells=6), MPI.COMM_WORLD)
+    run, waves = build_run(case_of(FLAP, PISTON, cells=6), MPI.COMM_WORLD)
     budget = Memory()
     run.diagnostics.append(EnergyBudget(waves, record=budget, every=1))
     run.execute()

@@ -18,13 +18,13 @@ from wavetank.waves.airy import angular_frequency
 JONSWAP = {"type": "jonswap", "peak_period": 1.6}
 
 
-def scene(initial, *, kind="ring", length=12.0, **more):
+def case_of(initial, *, kind="ring", length=12.0, **more):
     tank = {"type": kind, "length": length, "depth": 0.8}
     return Case.model_validate({"tank": tank, "initial": initial, "run": {"duration": 0.5}, **more})
 
 
-def on(scene, x):
-    return scene.initial.surface(scene.tank, x, 0 * x)
+def on(case, x):
+    return case.initial.surface(case.tank, x, 0 * x)
 
 
 SEA = {"type": "irregular", "significant_height": 0.04, "spectrum": JONSWAP, "seed": 7}
@@ -33,10 +33,10 @@ SEA = {"type": "irregular", "significant_height": 0.04, "spectrum": JONSWAP, "se
 def test_a_sea_around_a_ring_has_its_height_and_goes_round():
     """Oracle: m0 = (Hm0 / 4)², exact over a ring; another seed is another sea; there is no seam."""
     x = np.linspace(0.0, 12.0, 600, endpoint=False)
-    eta, psi = on(scene(SEA), x)
+    eta, psi = on(case_of(SEA), x)
     assert np.mean(eta**2) == pytest.approx((0.04 / 4) ** 2, rel=1e-12) and abs(np.mean(psi)) < 1e-15
-    assert on(scene(SEA), x + 12.0)[0] == pytest.approx(eta, abs=1e-14)
-    assert np.corrcoef(eta, on(scene(SEA | {"seed": 8}), x)[0])[0, 1] < 0.9
+    assert on(case_of(SEA), x + 12.0)[0] == pytest.approx(eta, abs=1e-14)
+    assert np.corrcoef(eta, on(case_of(SEA | {"seed": 8}), x)[0])[0, 1] < 0.9
 
 
 @pytest.mark.slow
@@ -44,7 +44,7 @@ def test_a_linear_tank_carries_the_sea_on_as_its_theory_does(tmp_path):
     """Oracle: the sum of plane waves half a second later, at gauges; the waves go to +x."""
     numerics = {"cell_size": 0.4, "order": 4, "vertical_order": 8, "dt": 0.01}
     gauges = [{"name": str(n), "x": 2.5 * n} for n in range(4)]
-    sea = scene(SEA, water={"type": "linear"}, numerics=numerics, gauges=gauges)
+    sea = case_of(SEA, water={"type": "linear"}, numerics=numerics, gauges=gauges)
     record_run(sea, tmp_path / "run", comm=MPI.COMM_SELF, console=Console(quiet=True))
     found = RunDirectory(tmp_path / "run").gauges[:, -1]
     exact = sea.initial.waves(sea.tank).elevation(found.x.values, float(found.time))
@@ -54,14 +54,14 @@ def test_a_linear_tank_carries_the_sea_on_as_its_theory_does(tmp_path):
 
 def test_a_group_meets_in_its_crest_and_a_trough_is_one_upside_down():
     """Oracle: sum a = the crest; surface velocity omega a cosh / sinh of each, all in phase there."""
-    group = scene({"type": "focused", "linear_crest": 0.05, "x": 4.0, "spectrum": JONSWAP}, kind="slice")
+    group = case_of({"type": "focused", "linear_crest": 0.05, "x": 4.0, "spectrum": JONSWAP}, kind="slice")
     x = np.linspace(3.0, 5.0, 201)
     eta, psi = on(group, x)
     assert eta.max() == pytest.approx(0.05, rel=1e-12) and x[eta.argmax()] == pytest.approx(4.0)
     waves = group.initial.waves(group.tank)
     velocity = np.sum(9.81 * waves.k_x / angular_frequency(waves.k_x, 0.8, 9.81) * np.abs(waves.amplitudes))
     assert np.gradient(psi, x)[100] == pytest.approx(velocity, rel=1e-2)
-    trough = scene({"type": "focused", "linear_crest": -0.05, "x": 4.0, "spectrum": JONSWAP}, kind="slice")
+    trough = case_of({"type": "focused", "linear_crest": -0.05, "x": 4.0, "spectrum": JONSWAP}, kind="slice")
     assert on(trough, x)[0] == pytest.approx(-eta)
 
 
@@ -79,9 +79,9 @@ def test_a_group_meets_in_its_crest_and_a_trough_is_one_upside_down():
         ({"type": "focused", "linear_crest": 0.9, "x": 4.0, "spectrum": JONSWAP}, "ring", "less than the still-water"),
     ],
 )
-def test_what_does_not_fit_the_tank_is_refused(initial, kind, said):
+def test_initial_surface_that_does_not_fit_the_tank_is_refused(initial, kind, said):
     with pytest.raises(ValueError, match=said):
-        scene(initial, kind=kind)
+        case_of(initial, kind=kind)
 
 
 # ---------------------------------------------------------------- files
@@ -96,7 +96,7 @@ def test_a_file_is_followed_between_its_points(tmp_path):
     places = np.linspace(0.03, 11.97, 50)
     for kind, points in (("slice", x), ("ring", x[:-1]), ("ring", x)):
         start = written(tmp_path / "start.txt", points, 0.02 * np.cos(3 * k * points), 0.1 * np.sin(k * points))
-        tank = scene(SEA).tank if kind == "ring" else slice_of(12.0)
+        tank = case_of(SEA).tank if kind == "ring" else slice_of(12.0)
         eta, psi = start.surface(tank, places, 0 * places)
         assert eta == pytest.approx(0.02 * np.cos(3 * k * places), abs=2e-6)
         assert psi == pytest.approx(0.1 * np.sin(k * places), abs=2e-6)
@@ -105,7 +105,7 @@ def test_a_file_is_followed_between_its_points(tmp_path):
 
 
 def slice_of(length):
-    return scene({"type": "still-water"}, kind="slice", length=length).tank
+    return case_of({"type": "still-water"}, kind="slice", length=length).tank
 
 
 def test_a_basin_s_file_may_have_its_points_anywhere(tmp_path):
@@ -126,14 +126,14 @@ def test_a_file_goes_all_round_a_ring_or_is_refused(tmp_path):
     x = np.linspace(0.0, 6.0, 61)
     half = written(tmp_path / "start.txt", x, 0.02 * np.cos(np.pi * x / 3))
     with pytest.raises(InputError, match=r"x from 0 to 6 m received, 0\.1 m apart at the most; 6 m of a ring of 12 m"):
-        half.surface(scene(SEA).tank, x, 0 * x)
+        half.surface(case_of(SEA).tank, x, 0 * x)
 
 
 @pytest.mark.parametrize(("mean", "told"), [(0.02, True), (0.0, False)])
 def test_a_start_tells_where_its_mean_is(mean, told):
     """Oracle: the mean that was added to a wave of whole lengths."""
     start = {"type": "formula", "eta": f"{mean} + 0.01 * cos(pi * x)"}
-    one = scene(start, kind="slice", length=4.0, numerics={"cells": 8, "order": 3, "vertical_order": 2})
+    one = case_of(start, kind="slice", length=4.0, numerics={"cells": 8, "order": 3, "vertical_order": 2})
     run, waves = build_run(one, MPI.COMM_SELF)
     said = told_of_start(one, waves, run.state.q)
     assert ("has a mean of +0.02 m: at rest" in said) if told else said == ""

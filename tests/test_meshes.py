@@ -146,12 +146,12 @@ def test_a_slanting_paddle_is_found_where_it_is(tmp_path):
         (Harbour, {**BY, "sponge_length": 1.5}, "sponge_length below the arm's length, 1.5 m"),
     ],
 )
-def test_plans_that_cannot_be_drawn_say_why(kind, keys, sentence):
+def test_invalid_layout_is_refused_with_reason(kind, keys, sentence):
     with pytest.raises(ValueError, match=re.escape(sentence)):
         kind(**keys)
 
 
-def test_what_gmsh_cannot_mesh_is_said():
+def test_layout_that_gmsh_cannot_mesh_is_refused():
     def draw():
         raise Exception("Wrong topology of boundary mesh")
 
@@ -330,7 +330,7 @@ def test_a_paddle_that_cannot_move_is_one_sentence(name, tmp_path):
         layout.paddle_line()
 
 
-def test_groups_that_are_missing_are_said_with_those_there_are(tmp_path):
+def test_missing_group_is_refused_with_existing_groups(tmp_path):
     layout = drawn("rectangle")
     with pytest.raises(InputError, match="the layout: has no group of curves named 'quay'; .*: paddle, wall"):
         layout.facets_of("quay")
@@ -353,7 +353,7 @@ def test_groups_that_are_missing_are_said_with_those_there_are(tmp_path):
         ("notes.txt", "Dear reader", "meshio cannot read it"),
     ],
 )
-def test_a_file_that_is_no_mesh_is_one_sentence(file, content, sentence, tmp_path, capfd):
+def test_file_without_mesh_is_refused_in_one_sentence(file, content, sentence, tmp_path, capfd):
     path = tmp_path / file
     if content is not None:
         path.write_text(content)

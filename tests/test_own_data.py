@@ -214,7 +214,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("old", "new", "said"), WRONG.values(), ids=WRONG.keys())
-def test_what_does_not_fit_is_a_sentence(run, folder, tmp_path, old, new, said):
+def test_inconsistent_description_is_refused(run, folder, tmp_path, old, new, said):
     path = folder("[-5.0, 0]")
     text = (path / data.DATASET).read_text()
     assert old in text
@@ -235,13 +235,13 @@ def test_what_does_not_fit_is_a_sentence(run, folder, tmp_path, old, new, said):
         ("t,1\n0.0,1.0\n0.0,2.0\n", "line 3: time 0 received after 0; times must ascend"),
     ],
 )
-def test_a_table_that_is_none_is_said(tmp_path, text, said):
+def test_invalid_table_is_refused(tmp_path, text, said):
     (tmp_path / "mine.csv").write_text(text)
     with pytest.raises(InputError, match=said):
         data.gauge_records(data.opened(str(tmp_path / "mine.csv")))
 
 
-def test_a_name_that_the_run_does_not_have_is_said(run, tmp_path):
+def test_unknown_gauge_name_is_refused(run, tmp_path):
     (tmp_path / "mine.csv").write_text("t,left\n" + rows(T, T))
     said = commanded("compare", str(run), "--with", str(tmp_path / "mine.csv"))
     assert said.returncode == 2 and "the run has '1' at x = 2 m, '5' at x = 7.5 m; the reference 'left'" in said.stderr

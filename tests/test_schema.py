@@ -83,13 +83,13 @@ def test_the_schema_refuses_what_the_reader_refuses_of_a_value_by_itself():
         case = tomllib.loads(text)
         assert conforms(case, WHOLE)
         for entry in entries(Case.model_validate(case)):
-            key, noun, field = entry
+            key, model, field = entry
             values = (*NONSENSE, *(EXTREME if limits(entry) else EXTREME[:2]))
-            for value in () if (noun, field) in tried else values:
+            for value in () if (model, field) in tried else values:
                 content = deepcopy(case)
                 set_key(content, f"{key}={value}")
                 assert conforms(content, WHOLE) == (not refused_by_itself(content)), f"{key} = {value}"
-            tried.add((noun, field))
+            tried.add((model, field))
 
 
 def refused_by_itself(content: dict[str, Any]) -> bool:
@@ -106,10 +106,10 @@ def test_the_reference_tells_of_every_key_what_it_means_and_what_it_is_by_defaul
     for section, table in zip(sections, tables(), strict=True):
         assert section.startswith(f"`{table.header}`" if table.path else "Before all tables")
         rows = [row.strip("| ").split(" | ") for row in section.splitlines() if row.startswith("| `")]
-        keys = [key for noun in table.nouns for key, field in noun.model_fields.items() if key != "type"]
+        keys = [key for model in table.models for key, field in model.model_fields.items() if key != "type"]
         assert {row[0].strip("`") for row in rows} == {*keys}
         assert all(len(row) == 5 and row[1].strip() and row[4].strip() for row in rows)
         assert re.findall(r'^### `type = "(.*)"`', section, flags=re.MULTILINE) == [
-            *filter(None, map(tag, table.nouns))
+            *filter(None, map(tag, table.models))
         ]
     assert "| `dt` | time step | s | 1e-6 to 1e9 | from accuracy and stability |" in PAGE.read_text()

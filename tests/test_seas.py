@@ -51,7 +51,7 @@ TANK = {"length": 20.0, "depth": DEPTH}
 TANK_NOUN = SliceTank(**TANK)
 
 
-def scene(motion, *, duration=20.0, limits=None, tank=TANK, **more):
+def case_of(motion, *, duration=20.0, limits=None, tank=TANK, **more):
     wall = {"type": "piston", "motion": motion} | ({} if limits is None else {"limits": limits})
     return Case.model_validate({"tank": tank, "wall": wall, "run": {"duration": duration}} | more)
 
@@ -68,7 +68,7 @@ def seen(case, *, start):
 
 def waves(motion):
     """Return the linear waves that a noun means."""
-    case = scene(motion)
+    case = case_of(motion)
     return case.wall.motion.target(case.tank)
 
 
@@ -80,7 +80,7 @@ def sea(count=300, seed=3):
     return HarmonicSum(target.omega, 1j * target.amplitudes / PISTON.transfer(target.k_x, DEPTH))
 
 
-def test_a_table_misses_no_more_than_birkhoff_and_priver_say():
+def test_table_error_is_within_birkhoff_and_priver_bounds():
     """Their bounds for the two-point polynomials of degree 5, with the largest sixth derivative there can be."""
     lines = sea()
     table, h = lines.tabulated(), lines.step
@@ -94,7 +94,7 @@ def test_a_table_misses_no_more_than_birkhoff_and_priver_say():
         assert missed < 1e-6 * size  # 30 intervals in the shortest period
 
 
-def test_a_table_is_the_same_in_whatever_order_it_is_asked():
+def test_table_does_not_depend_on_order_of_evaluation():
     t = np.array([900.0, 0.1, 433.3, 77.0, 0.1, 900.0, 1500.0] * 100)
     together = sea().tabulated().position(t)
     table = sea().tabulated()
@@ -104,7 +104,7 @@ def test_a_table_is_the_same_in_whatever_order_it_is_asked():
     np.testing.assert_array_equal(table.position(far_apart), sea().position(far_apart))  # summed
 
 
-def test_the_table_of_a_run_is_made_once(monkeypatch):
+def test_table_blocks_are_computed_once(monkeypatch):
     made = []
     monkeypatch.setattr("wavetank.motion.harmonic.hermite", lambda t, *values: made.append(t[0]) or hermite(t, *values))
     table, t = sea().tabulated(), np.linspace(0.0, 400.0, 1000)
@@ -113,7 +113,7 @@ def test_the_table_of_a_run_is_made_once(monkeypatch):
     assert len(made) == len({*made}) > 4
 
 
-def test_the_table_of_places_is_the_table_of_each():
+def test_table_of_places_equals_tables_of_each_place():
     lines = sea(40)
     several = HarmonicSum(lines.omega, np.outer(lines.b, [1.0, 2.0j])).tabulated()
     t = np.linspace(0.0, 30.0, 50)
@@ -166,7 +166,7 @@ def test_a_table_s_spectrum_is_straight_between_its_rows(tmp_path):
     (tmp_path / "S.txt").write_text("# f S\n0.4 0.0\n0.5, 2.0\n1.0 0.0\n")
     table = {"type": "table", "file": str(tmp_path / "S.txt")}
     motion = {"type": "irregular", "significant_height": 0.1, "spectrum": table}
-    case = scene(motion, duration=10.0)
+    case = case_of(motion, duration=10.0)
     spectrum = case.wall.motion.spectrum.build(case.tank)
     assert spectrum.peak_frequency == 0.5
     np.testing.assert_array_equal(spectrum.density(np.array([0.3, 0.45, 0.75, 1.2])), [0.0, 1.0, 1.0, 0.0])
@@ -182,7 +182,7 @@ def test_a_table_s_spectrum_is_straight_between_its_rows(tmp_path):
         ("0.5 x\n0.6 0\n", "line 1: '0.5 x' received; allowed are two finite numbers"),
     ],
 )
-def test_a_bad_spectrum_is_a_sentence(tmp_path, text, said):
+def test_invalid_spectrum_file_is_refused_with_line(tmp_path, text, said):
     (tmp_path / "S.txt").write_text(text)
     case = tmp_path / "case.toml"
     case.write_text(
@@ -195,7 +195,7 @@ def test_a_bad_spectrum_is_a_sentence(tmp_path, text, said):
 
 
 # ---------------------------------------------------------------- seas
-def test_a_seed_is_the_same_sea_on_any_machine():
+def test_random_numbers_of_a_seed_are_fixed():
     """The numbers are PCG64's of numpy 1.17 to 2.x."""
     assert uniform(1, 3).tolist() == [0.5118216247002567, 0.9504636963259353, 0.14415961271963373]
     assert uniform(2**40, 1).tolist() != uniform(2**40 + 1, 1).tolist()
@@ -231,7 +231,7 @@ FREQUENCY = float(airy.angular_frequency(K, DEPTH, GRAVITY)) / (2 * np.pi)
 
 def test_regular_waves_by_period_frequency_or_length_are_the_same():
     ways = ({"period": 1 / FREQUENCY}, {"frequency": FREQUENCY}, {"wave_length": 3.0})
-    motions = [scene(REGULAR | LINEAR | way).motion() for way in ways]
+    motions = [case_of(REGULAR | LINEAR | way).motion() for way in ways]
     t = np.linspace(0.0, 20.0, 40)
     for motion in motions:
         assert motion.ramp == pytest.approx(2 / FREQUENCY)
@@ -245,10 +245,10 @@ def test_regular_waves_by_period_frequency_or_length_are_the_same():
 def test_two_waves_are_the_sum_of_each():
     pair = {"type": "bichromatic", "heights": [0.04, 0.03], "ramp": 2.0} | LINEAR
     by_periods, t = {"periods": [2.0, 1.6]}, np.linspace(0.0, 20.0, 40)
-    both = scene(pair | by_periods).motion()
-    np.testing.assert_allclose(scene(pair | {"frequencies": [0.5, 0.625]}).motion().position(t), both.position(t))
+    both = case_of(pair | by_periods).motion()
+    np.testing.assert_allclose(case_of(pair | {"frequencies": [0.5, 0.625]}).motion().position(t), both.position(t))
     each = [{"type": "regular", "height": H, "period": T, "ramp": 2.0} | LINEAR for H, T in ((0.04, 2.0), (0.03, 1.6))]
-    np.testing.assert_allclose(both.position(t), sum(scene(one).motion().position(t) for one in each), atol=1e-15)
+    np.testing.assert_allclose(both.position(t), sum(case_of(one).motion().position(t) for one in each), atol=1e-15)
 
 
 FOCUSED = {
@@ -331,7 +331,7 @@ def test_derivatives_of_formulae_are_those_of_sympy(text):
 
 
 def test_a_formula_moves_the_paddle():
-    motion = scene({"type": "formula", "where": {"w": 3.0}, "position": "0.02*sin(w*t)", "ramp": 2.0}).motion()
+    motion = case_of({"type": "formula", "where": {"w": 3.0}, "position": "0.02*sin(w*t)", "ramp": 2.0}).motion()
     t = np.linspace(2.0, 9.0, 8)
     for order in range(3):
         expected = 0.02 * 3.0**order * np.sin(3.0 * t + order * np.pi / 2)
@@ -368,7 +368,7 @@ def test_a_solitary_wave_of_the_tank_is_the_exact_one(generation, crest, missed,
     """H/d = 0.3, 28 depths on: crest, root mean square within 5 depths of it, the largest 8 depths behind, over H."""
     height, place = 0.3, 28.0
     motion = {"type": "solitary-wave", "height": height, "generation": generation}
-    _, surfaces = seen(scene(motion, duration=14.0, tank=TANK | {"length": 45.0}), start=11.0)
+    _, surfaces = seen(case_of(motion, duration=14.0, tank=TANK | {"length": 45.0}), start=11.0)
     x = np.linspace(0.0, 45.0, 4501)
     eta = min((surface(x) for surface in surfaces), key=lambda one: abs(x[one.argmax()] - place))
     from_crest = x - x[eta.argmax()]
@@ -380,11 +380,11 @@ def test_a_solitary_wave_of_the_tank_is_the_exact_one(generation, crest, missed,
 
 def test_a_solitary_wave_begins_when_it_is_wanted():
     wave = {"type": "solitary-wave", "height": 0.2, "crest_time": 9.0}
-    motion, early = (scene(one).motion() for one in (wave, {**wave, "crest_time": None}))
+    motion, early = (case_of(one).motion() for one in (wave, {**wave, "crest_time": None}))
     assert motion.start == pytest.approx(9.0 - early.lead) and motion.position(0.0) == motion.velocity(0.0) == 0.0
     assert motion.position(9.0) == pytest.approx(early.position(early.lead))
     with pytest.raises(ValueError, match=r"wall\.motion\.crest_time = 2\.0: must be at least 6\.\d+ s"):
-        scene(wave | {"crest_time": 2.0})
+        case_of(wave | {"crest_time": 2.0})
 
 
 def test_the_paddle_for_a_wished_surface_makes_it_there(tmp_path):
@@ -397,15 +397,15 @@ def test_the_paddle_for_a_wished_surface_makes_it_there(tmp_path):
     seen = (t > 3.0) & (t < 21.0)
     wanted = target.elevation(3.0, t[seen])
     assert np.abs(made.elevation(3.0, t[seen] + 15.0) - wanted).max() < 0.01 * np.abs(wanted).max()
-    motion = scene(wish, duration=30.0).motion()
-    group = scene(FOCUSED | LINEAR).motion().motion
+    motion = case_of(wish, duration=30.0).motion()
+    group = case_of(FOCUSED | LINEAR).motion().motion
     paddle = group.position(t[seen])
     assert np.abs(motion.position(t[seen] + 15.0) - paddle).max() < 0.02 * np.abs(paddle).max()
     late = r"wall\.motion\.delay = 1\.0: must be at least 5\.\d+ s: after a ramp of 3 s its waves need 2\.\d+ s to x"
     with pytest.raises(CaseError, match=late):
-        scene(wish | {"delay": 1.0}).motion()
+        case_of(wish | {"delay": 1.0}).motion()
     with pytest.raises(CaseError, match=r"after a ramp of \d\.\d+ s, the default, its waves need"):
-        scene({**wish, "ramp": None, "delay": 1.0}).motion()
+        case_of({**wish, "ramp": None, "delay": 1.0}).motion()
 
 
 # ---------------------------------------------------------------- what is refused
@@ -444,9 +444,9 @@ SEA = {"type": "irregular", "significant_height": 0.05, "spectrum": {"type": "tm
         (FOCUSED | {"spectrum": {"type": "jonswap"}}, None, "one of the keys 'peak_frequency' and 'peak_period'"),
     ],
 )
-def test_what_cannot_be_is_a_sentence(motion, limits, said):
+def test_inconsistent_motion_is_refused(motion, limits, said):
     with pytest.raises(Exception, match=".") as error:
-        scene(motion, limits=limits).motion()
+        case_of(motion, limits=limits).motion()
     assert said in str(error.value)
 
 
@@ -487,9 +487,9 @@ def test_a_file_for_a_wave_board_ends_at_rest_within_what_the_motion_needs(wall,
     said, names = capsys.readouterr().out, out.read_text().splitlines()[0].split(",")
     table = np.loadtxt(out, delimiter=",", skiprows=1)
     t, *rates = table.T[:4]
-    scene, run = read_case(case), t <= end
+    built, run = read_case(case), t <= end
     for order, values in enumerate(rates):
-        np.testing.assert_allclose(values[run], scene.motion().derivative(t[run], order), atol=1e-9)
+        np.testing.assert_allclose(values[run], built.motion().derivative(t[run], order), atol=1e-9)
         assert values[-1] == pytest.approx(0.0, abs=1e-9)
         assert np.abs(values).max() < 1.3 * np.abs(values[run]).max()
     for order, values in enumerate(rates[:2]):  # each rate is the derivative of the one before it
@@ -525,7 +525,7 @@ def test_a_ramp_down_beyond_the_limits_of_the_drive_is_refused(tmp_path, capsys)
     assert main(["motion", str(case), "--out", str(out), "--no-ramp-down"]) == 0
 
 
-def test_no_motion_is_a_sentence(capsys):
+def test_motion_file_without_paddle_is_refused(capsys):
     assert main(["motion", "cases/standing-wave.toml"]) == 2
     assert "no paddle moves in it" in capsys.readouterr().err
 
@@ -553,7 +553,7 @@ def test_a_record_that_is_read_back_gives_the_same_run(tmp_path):
         ("t [s],depth [m]\n0,1\n1,1\n", r"columns t \[s\], depth \[m\] received; allowed are 't \[s\]' and 'position"),
     ],
 )
-def test_a_record_of_other_columns_is_a_sentence(tmp_path, text, said):
+def test_record_of_other_columns_is_refused(tmp_path, text, said):
     (tmp_path / "bad.csv").write_text(text)
     with pytest.raises(InputError, match=said):
         read_record(tmp_path / "bad.csv")
@@ -599,7 +599,7 @@ def test_a_wave_in_two_parts_is_the_wave(kd):
 
 
 @pytest.mark.parametrize("kd", [0.6, 1.5, 3.0])
-def test_more_modes_that_die_out_change_nothing(kd):
+def test_more_evanescent_modes_change_nothing(kd):
     omega, b = paddle(kd)
     more, fewer = added([omega, 1.3 * omega], [b, 0.3 * b], evanescent=120), added([omega, 1.3 * omega], [b, 0.3 * b])
     np.testing.assert_allclose(fewer.b, more.b, atol=2e-3 * np.abs(more.b).max())
@@ -625,7 +625,7 @@ def test_a_frequency_and_its_double_meet_where_modes_are_alike():
 def test_second_order_generation_gathers_equal_frequencies():
     motion = {"type": "irregular", "significant_height": 0.05, "components": 60, "highest_frequency": 1.5}
     motion |= {"spectrum": {"type": "jonswap", "peak_frequency": 0.6}, "generation": "second-order"}
-    case = scene(motion)
+    case = case_of(motion)
     wave = first_order_motion(case.wall.motion.target(case.tank), PISTON)
     lines = second_order_motion(case.wall.motion.target(case.tank), PISTON)
     assert lines.omega.size == 60 + 59 + 119 and np.all(np.diff(lines.omega) > 0)  # the lines, 59 differences, 119 sums
@@ -655,13 +655,13 @@ def test_second_order_is_the_same_to_the_last_bit_whenever_it_is_found():
         np.testing.assert_array_equal(added(*shifted, evanescent=1).b, first.b)
 
 
-def test_what_makes_second_order_is_found_once(monkeypatch):
+def test_second_order_pairs_are_computed_once(monkeypatch):
     """Each pair of frequencies in one of its two orders, and all of it once from the case to the run."""
     pairs, of_pairs = [], _Water._of_pairs
     monkeypatch.setattr(_Water, "_of_pairs", lambda self, *both: pairs.append(of_pairs(self, *both)) or pairs[-1])
     motion = {"type": "irregular", "significant_height": 0.01, "components": 20, "highest_frequency": 1.5}
     motion |= {"spectrum": {"type": "jonswap", "peak_frequency": 0.6}, "generation": "second-order"}
-    case = scene(motion, duration=10.0, numerics={"cell_size": 0.5})
+    case = case_of(motion, duration=10.0, numerics={"cell_size": 0.5})
     chosen, before = case.motion(), np.concatenate(pairs).size
     assert before == 2 * (20 * 21 / 2)
     assert planned(case, MPI.COMM_SELF).scene.motion() is chosen and np.concatenate(pairs).size == before
@@ -696,7 +696,7 @@ def test_a_low_sea_in_the_tank_is_the_one_that_is_wanted():
         "highest_frequency": 1.2,
         "generation": "second-order",
     }
-    case = scene(motion, duration=40.0, sponge={"type": "end", "length": 8.0})
+    case = case_of(motion, duration=40.0, sponge={"type": "end", "length": 8.0})
     t, surfaces = seen(case, start=15.0)
     for x in (3.0, 8.0):
         wanted = waves(motion).elevation(x, t)
@@ -707,7 +707,7 @@ def test_a_low_sea_in_the_tank_is_the_one_that_is_wanted():
 def test_a_plan_takes_the_second_harmonic_of_the_paddle_for_what_it_is():
     """It makes up for a free wave, none to be resolved besides: the same cells, the same step and n or the next."""
     wave = REGULAR | {"period": 1.4443, "height": 0.08}
-    linear, second = (make_plan(scene(wave | {"generation": one}), 0.01).settings for one in GENERATIONS)
+    linear, second = (make_plan(case_of(wave | {"generation": one}), 0.01).settings for one in GENERATIONS)
     assert replace(second, dt=linear.dt, vertical_order=linear.vertical_order) == linear
     assert second.vertical_order - linear.vertical_order in (0, 1)
     assert second.dt == pytest.approx(linear.dt, rel=STEP_RATIO - 1.0)
@@ -734,24 +734,24 @@ LONG = REGULAR | {"wave_length": 18.0, "height": 0.12}  # H L² / d³ = 39
 )
 def test_waves_are_generated_to_second_order_where_its_theory_holds(motion, more, same_as, reason):
     """Oracle: the motion with the key. Where the theory does not hold a line says why, in nonlinear water only."""
-    one, other = (scene(each, **more) for each in (motion, motion | same_as))
+    one, other = (case_of(each, **more) for each in (motion, motion | same_as))
     t = np.linspace(0.0, 20.0, 50)
     assert np.array_equal(one.motion().position(t), other.motion().position(t))
     assert len(one.linear_generation) == bool(reason)
     assert not reason or f"generation of wall.motion: linear, as {reason}" in one.linear_generation[0]
     if same_as == SECOND:
-        assert not np.allclose(one.motion().position(t), scene(motion | LINEAR, **more).motion().position(t))
+        assert not np.allclose(one.motion().position(t), case_of(motion | LINEAR, **more).motion().position(t))
 
 
 def test_water_that_a_plan_makes_linear_changes_the_generation():
     """Oracle: the motion with the key."""
-    low = scene(REGULAR | {"period": 2.0, "height": 1e-4})
+    low = case_of(REGULAR | {"period": 2.0, "height": 1e-4})
     assert low.ends[0].generation[0] == "second-order" and low.motion().position(9.0)
     found = planned(low, MPI.COMM_SELF).scene
     assert found.physics == "linear"
-    assert found.motion().position(9.0) == scene(REGULAR | LINEAR | {"period": 2.0, "height": 1e-4}).motion().position(
-        9.0
-    )
+    assert found.motion().position(9.0) == case_of(
+        REGULAR | LINEAR | {"period": 2.0, "height": 1e-4}
+    ).motion().position(9.0)
 
 
 def test_many_components_of_uneven_frequencies_are_generated_linearly(tmp_path):
@@ -760,7 +760,7 @@ def test_many_components_of_uneven_frequencies_are_generated_linearly(tmp_path):
     for name, f in (("uneven", uneven), ("even", np.linspace(0.3, 1.2, 201))):
         np.savetxt(tmp_path / f"{name}.csv", np.column_stack([f, np.full(201, 1e-4), 0 * f]), delimiter=",")
     file = {"type": "components", "columns": ["frequency", "amplitude", "phase"]}
-    said = [scene(file | {"file": f"{tmp_path}/{name}.csv"}).linear_generation for name in ("uneven", "even")]
+    said = [case_of(file | {"file": f"{tmp_path}/{name}.csv"}).linear_generation for name in ("uneven", "even")]
     assert said[0] == ["generation of wall.motion: linear, as 201 components of uneven frequencies are more than 200"]
     assert not said[1]
 
@@ -774,11 +774,11 @@ def test_a_run_and_a_plan_print_why_the_generation_is_linear(tmp_path):
     )
     said = commanded("run", str(tmp_path / "case.toml"), "--no-plots", "--out", str(tmp_path / "run")).stdout
     assert "generation of wall.motion: linear, as the bound second harmonic is 0.4" in said.replace("\n", " ")
-    reasons = " ".join(requirements(scene(LONG), 1e-2).reasons)
+    reasons = " ".join(requirements(case_of(LONG), 1e-2).reasons)
     assert "by linear generation, as the bound second harmonic is 0.4" in reasons
     np.savetxt(tmp_path / "eta.csv", np.column_stack([np.arange(20.0), 1e-3 * np.sin(np.arange(20.0))]), delimiter=",")
     wish = {"type": "surface", "file": str(tmp_path / "eta.csv"), "x": 3.0, "delay": 15.0}
-    assert "has its bound waves already" in scene(wish, duration=30.0).linear_generation[0]
+    assert "has its bound waves already" in case_of(wish, duration=30.0).linear_generation[0]
     basin = {"type": "basin", "depth": 1.0, "layout": {"type": "rectangle", "length": 4.0, "width": 2.0}}
     wave = {"type": "oblique-wave", "wave_amplitude": 0.01, "period": 1.5, "angle": 10.0}
     wall = {"type": "segmented-piston", "motion": wave}
@@ -788,11 +788,11 @@ def test_a_run_and_a_plan_print_why_the_generation_is_linear(tmp_path):
     ]
 
 
-def test_beyond_its_theory_second_order_generation_is_doubted():
+def test_second_order_generation_beyond_its_theory_is_warned_of():
     """H L² / d³ of 26 in shallow water: here 18 m² / 1 m at H = 0.09 m."""
     doubts = [
         list(
-            scene(REGULAR | {"wave_length": 18.0, "height": H, "generation": "second-order"}).wall.motion.warnings(
+            case_of(REGULAR | {"wave_length": 18.0, "height": H, "generation": "second-order"}).wall.motion.warnings(
                 TANK_NOUN, PISTON
             )
         )

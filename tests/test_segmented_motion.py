@@ -314,7 +314,7 @@ FOCUS = {
 OBLIQUE = {"type": "oblique-wave", "wave_amplitude": 0.02, "period": 1.3, "angle": 30.0}
 
 
-def scene(motion, *, tank=None, duration=24.0, **wall):
+def case_of(motion, *, tank=None, duration=24.0, **wall):
     return Case.model_validate(
         {
             "tank": tank or BASIN,
@@ -324,8 +324,8 @@ def scene(motion, *, tank=None, duration=24.0, **wall):
     )
 
 
-def test_the_nouns_build_their_motions():
-    case = scene(OBLIQUE, segment=0.5)
+def test_models_build_their_motions():
+    case = case_of(OBLIQUE, segment=0.5)
     assert HIGH - LOW == 10.0
     motion = case.motion()
     assert isinstance(motion, PiecewiseLinear) and isinstance(motion.motion, Ramped)
@@ -334,10 +334,10 @@ def test_the_nouns_build_their_motions():
     expected = Oblique(angle=np.radians(30.0)).position(7.0, motion.joints)
     np.testing.assert_allclose(motion.position(7.0, motion.joints), expected, rtol=1e-12)
     assert case.ends[0].reach == 5.0  # ten depths
-    waves = scene({**FOCUS, "ramp": 0}).motion()
+    waves = case_of({**FOCUS, "ramp": 0}).motion()
     assert isinstance(waves, SnakeMotion) and waves.waves.omega.size == 48 * 21
     assert waves.waves.elevation(6.0, 20.0, y=FOCUS["focus_y"]) == pytest.approx(0.05)
-    walls = scene(
+    walls = case_of(
         {**FOCUS, "type": "reflected-focus", "largest_angle": 60.0, "ramp": 0, "focus_time": 30.0}, duration=35.0
     )
     reflected = walls.wall.motion.focused(walls.tank)
@@ -361,9 +361,9 @@ def test_the_nouns_build_their_motions():
         ({**FOCUS, "type": "reflected-focus", "focus_time": 13.0}, {}, r"focus_time = 13\.0: must be at least"),
     ],
 )
-def test_what_does_not_fit_is_one_sentence(motion, changes, message):
+def test_inconsistent_segments_are_refused_in_one_sentence(motion, changes, message):
     with pytest.raises(ValidationError, match=message):
-        scene(motion, **changes)
+        case_of(motion, **changes)
 
 
 SEA = {
@@ -399,9 +399,9 @@ def test_a_directional_sea_has_its_height_and_its_spreading(spread):
 
 
 def test_a_directional_sea_moves_hinged_segments():
-    motion = scene(SEA, segment=0.5, duration=20.0).motion()
+    motion = case_of(SEA, segment=0.5, duration=20.0).motion()
     assert isinstance(motion, PiecewiseLinear) and motion.motion.motion.position(3.0, motion.joints).shape == (21,)
     for order in range(3):
         assert np.all(motion.derivative(0.0, order, Y) == 0.0)
     with pytest.raises(ValidationError, match="exactly one of the keys 'spreading' and 'deviation'"):
-        scene(SEA | {"spreading": 3.0})
+        case_of(SEA | {"spreading": 3.0})

@@ -32,7 +32,7 @@ MASS = energy_columns(1).index("mass [m^2]")
 Y = np.linspace(0.0, WIDTH, 9)
 
 
-def scene(motion=OBLIQUE, *, duration=20.0, size=0.5, n=5, **wall):
+def case_of(motion=OBLIQUE, *, duration=20.0, size=0.5, n=5, **wall):
     layout = {"type": "rectangle", "length": LENGTH, "width": WIDTH}
     numerics = {"cell_size": size, "order": 3, "vertical_order": n, "dt": 0.04, "tolerance": 1e-10}
     parts = {"tank": {"type": "basin", "depth": DEPTH, "layout": layout}, "run": {"duration": duration}}
@@ -43,17 +43,17 @@ def scene(motion=OBLIQUE, *, duration=20.0, size=0.5, n=5, **wall):
 # ---------------------------------------------------------------- motions
 def test_a_snake_of_flaps_moves_by_their_transfer_function():
     """Along x a flap's own; at an angle that of pistons by the ratio of heights over strokes; hinged segments."""
-    flap = scene({**OBLIQUE, "angle": 0.0}, hinge=0.2).motion()
+    flap = case_of({**OBLIQUE, "angle": 0.0}, hinge=0.2).motion()
     regular = RegularMotion(height=0.04, period=1.3).build(SliceTank(length=9.0, depth=DEPTH), Flap(0.2), "linear")
     t = np.linspace(0.0, 9.0, 40)
     np.testing.assert_allclose(flap.position(t, Y), np.multiply.outer(regular.position(t), 1 + 0 * Y), atol=1e-9)
-    flap, piston = scene(hinge=0.2).motion(), scene(type="segmented-piston").motion()
+    flap, piston = case_of(hinge=0.2).motion(), case_of(type="segmented-piston").motion()
     k = piston.motion.waves.k_x[0] / np.cos(np.radians(OBLIQUE["angle"]))
     ratio = 2 * np.sinh(k) / (np.sinh(2 * k) / (2 * k) + 1) / k  # Biesel's, over an arm of 0.8 m
     ratio *= np.sinh(k) - (np.cosh(k) - np.cosh(0.2 * k)) / (0.8 * k)
     ratio /= 2 * (np.cosh(2 * k) - 1) / (np.sinh(2 * k) + 2 * k)
     np.testing.assert_allclose(flap.position(7.3, Y) * ratio, piston.position(7.3, Y), rtol=1e-9)
-    segments = scene(hinge=0.2, segment=0.5).motion()
+    segments = case_of(hinge=0.2, segment=0.5).motion()
     assert isinstance(segments, PiecewiseLinear)
     np.testing.assert_allclose(segments.position(7.3, Y[::2]), flap.position(7.3, Y[::2]), rtol=1e-12)
     middles = segments.position(7.3, Y[1::2]) - 0.5 * (flap.position(7.3, Y[:-1:2]) + flap.position(7.3, Y[2::2]))
@@ -66,7 +66,7 @@ def test_components_of_a_file_go_their_own_ways(tmp_path):
     np.savetxt(tmp_path / "waves.txt", rows)
     told = {"columns": ["frequency", "amplitude", "phase", "direction"], "x": 1.5, "y": 0.7, "time": 4.0}
     motion = {"type": "components", "file": str(tmp_path / "waves.txt"), "ramp": 0, **told}
-    found, t, total = scene(motion, hinge=-0.5).motion(), 7.3, 0.0
+    found, t, total = case_of(motion, hinge=-0.5).motion(), 7.3, 0.0
     for f, a, phase, angle in rows:
         one = Oblique(amplitude=a, period=1 / f, angle=np.radians(angle), shape=Flap(-0.5), depth=DEPTH)
         later = (one.k * (np.cos(one.angle) * 1.5 + np.sin(one.angle) * 0.7) + phase) / one.omega
@@ -82,7 +82,7 @@ def test_components_of_a_file_go_their_own_ways(tmp_path):
     rows[1, 3] = 90.0
     np.savetxt(tmp_path / "waves.txt", rows)
     with pytest.raises(InputError, match="line 2: a direction of 90 deg received"):
-        scene(motion).motion()
+        case_of(motion).motion()
 
 
 def test_a_surface_that_is_wished_for_comes_at_an_angle(tmp_path):
@@ -91,20 +91,20 @@ def test_a_surface_that_is_wished_for_comes_at_an_angle(tmp_path):
     eta = 0.01 * np.cos(2 * np.pi * 0.8 * t) * np.exp(-(((t - 20.0) / 5.0) ** 2))
     np.savetxt(tmp_path / "eta.txt", np.column_stack([t, eta]))
     motion = {"type": "surface", "file": str(tmp_path / "eta.txt"), "x": 2.0, "y": 0.7, "delay": 10.0}
-    found = scene({**motion, "angle": 35.0, "ramp": 0}, duration=60.0, segment=0.5).motion().motion
+    found = case_of({**motion, "angle": 35.0, "ramp": 0}, duration=60.0, segment=0.5).motion().motion
     np.testing.assert_allclose(found.waves.elevation(2.0, t + 10.0, y=0.7), eta, atol=2e-5)
     assert np.degrees(np.arctan2(found.waves.k_y, found.waves.k_x)) == pytest.approx(35.0)
-    straight = scene(motion, duration=60.0, segment=0.5).motion().position(31.0, Y)
+    straight = case_of(motion, duration=60.0, segment=0.5).motion().position(31.0, Y)
     assert np.ptp(straight) < 1e-9 < 1e-4 < np.abs(straight).max()
     with pytest.raises(InputError, match=r"delay = -20\.0: must be at least"):
-        scene({**motion, "delay": -20}, duration=60.0, segment=0.5).motion()
+        case_of({**motion, "delay": -20}, duration=60.0, segment=0.5).motion()
 
 
 def test_segments_too_wide_for_what_a_flap_makes_are_a_sentence():
     with pytest.raises(ValidationError, match=r"wall\.segment = 2\.0: must be at most 1\.\d+ m, the shortest wave's"):
-        scene(segment=2.0)
+        case_of(segment=2.0)
     with pytest.raises(ValidationError, match=r"wall\.hinge = 1\.5: must be below still water"):
-        scene(hinge=1.5)
+        case_of(hinge=1.5)
 
 
 # ---------------------------------------------------------------- water
@@ -135,7 +135,7 @@ def closed(wavemaker, omega, x, k_y):
 def test_a_snake_of_flaps_makes_biesels_oblique_waves(hinge):
     """The limit of small strokes in a closed basin, dying modes and all: response at rest against the series."""
     kd, k_y, wavemaker = 3.0, np.pi / WIDTH, Flap(hinge)
-    case = scene(hinge=hinge, n=8)
+    case = case_of(hinge=hinge, n=8)
     footprint = build_footprint(case, MPI.COMM_SELF)
     plane = Plane(footprint.mesh, 3, footprint.chart, walls=footprint.facets_of)
     shape = Polynomial.near(lambda z: wavemaker.mode_shape(z, DEPTH), DEPTH, plane.mesh, kinks=wavemaker.kinks(DEPTH))
@@ -160,7 +160,7 @@ def test_a_snake_of_flaps_makes_biesels_oblique_waves(hinge):
 
 def bent(steps=10):
     """Return a run of hinged flaps in segments of which each moves otherwise, with its water; collective."""
-    case = scene({**OBLIQUE, "ramp": 0.5}, hinge=0.3, segment=0.5, duration=0.4)
+    case = case_of({**OBLIQUE, "ramp": 0.5}, hinge=0.3, segment=0.5, duration=0.4)
     numerics = case.numerics.model_copy(update={"dt": 0.4 / steps})
     return build_run(case.model_copy(update={"numerics": numerics}), MPI.COMM_WORLD)
 
@@ -232,15 +232,15 @@ def far(tmp_path_factory):
     return path
 
 
-def both(scene):
-    """Return a scene whose wall moves as its far wall."""
-    return scene.model_copy(update={"wall": scene.far_wall})
+def both(case):
+    """Return a case whose wall moves as its far wall."""
+    return case.model_copy(update={"wall": case.far_wall})
 
 
-def driven(scene, *, dt=0.04):
-    """Return (eta, psi) at the end, places, and the energy budget, a row a step, of a scene; collective."""
-    numerics = scene.numerics.model_copy(update={"dt": dt})
-    run, waves = build_run(scene.model_copy(update={"numerics": numerics}), MPI.COMM_WORLD)
+def driven(case, *, dt=0.04):
+    """Return (eta, psi) at the end, places, and the energy budget, a row a step, of a case; collective."""
+    numerics = case.numerics.model_copy(update={"dt": dt})
+    run, waves = build_run(case.model_copy(update={"numerics": numerics}), MPI.COMM_WORLD)
     record = Memory()
     run.diagnostics = [EnergyBudget(waves, record=record, every=1)]
     run.execute()
@@ -259,9 +259,9 @@ def in_order(surface, places, *, mirrored=False):
 
 def mirror(far, *changes):
     """Return how far a basin driven from the far end is from the mirror of one driven from x = 0, or from both."""
-    scene = read_case(far, [*changes])
-    near = scene.model_copy(update={"wall": scene.far_wall, "far_wall": type(scene.wall)()})
-    (surface, places, budget), (other, there, its), (all_of, where, mass) = map(driven, (near, scene, both(scene)))
+    case = read_case(far, [*changes])
+    near = case.model_copy(update={"wall": case.far_wall, "far_wall": type(case.wall)()})
+    (surface, places, budget), (other, there, its), (all_of, where, mass) = map(driven, (near, case, both(case)))
     assert np.abs(surface).max() > 1e-3
     assert np.ptp(mass[:, MASS]) < 1e-14 * mass[0, MASS]
     yield in_order(surface, places) - in_order(other, there, mirrored=True)
@@ -299,8 +299,8 @@ def test_flaps_in_segments_at_the_far_end_are_mirrored_too(far):
 @pytest.mark.slow
 def test_the_energy_of_snakes_at_both_ends_is_the_work_of_both(far):
     """To the scheme's order in time; mass is exact."""
-    scene, steps = both(read_case(far, [*HINGED, "run.duration=0.6", "numerics.cell_size=0.5"])), np.array([0.06, 0.03])
-    budgets = [driven(scene, dt=dt)[2] for dt in steps]
+    case, steps = both(read_case(far, [*HINGED, "run.duration=0.6", "numerics.cell_size=0.5"])), np.array([0.06, 0.03])
+    budgets = [driven(case, dt=dt)[2] for dt in steps]
     errors = [np.abs(budget[:, BALANCE]).max() for budget in budgets]
     assert fitted_slope(steps, errors) == pytest.approx(4.0, abs=0.5)
     assert max(np.ptp(budget[:, MASS]) for budget in budgets) < 1e-13 * budgets[0][0, MASS]

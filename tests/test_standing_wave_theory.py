@@ -107,6 +107,6 @@ def test_first_order_is_airy_s_and_higher_orders_keep_its_meaning(t, m, n):
         ({"order": 4}, "order = 4: must be"),
     ],
 )
-def test_what_is_no_standing_wave_is_refused(changes, message):
+def test_invalid_standing_wave_is_refused(changes, message):
     with pytest.raises(InputError, match=message):
         wave(**changes)

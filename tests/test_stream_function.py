@@ -111,6 +111,6 @@ def test_the_maximum_height_has_the_limits_of_deep_and_shallow_water():
         (0.65, 63.0, r"height = 0\.65 m: no wave of length 63 m in a depth of 1 m could be computed; a lower one may"),
     ],
 )
-def test_a_wave_that_cannot_be_had_is_refused(height, length, said):
+def test_wave_above_the_maximum_height_is_refused(height, length, said):
     with pytest.raises(InputError, match=said):
         stream_function_wave(height, length, depth=1.0)

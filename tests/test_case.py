@@ -1,4 +1,4 @@
-"""The scene: what a case file may say, its defaults, and the sentence for everything it may not say."""
+"""Case files: allowed values, defaults, and messages for everything else."""
 
 import pickle
 from pathlib import Path
@@ -73,7 +73,7 @@ duration = 24.0
 
 
 @pytest.fixture
-def case(tmp_path):
+def write_case(tmp_path):
     """Write a case and return its path."""
 
     def write(text=GROUP):
@@ -92,7 +92,7 @@ def refused(path, *overrides):
 
 
 # ---------------------------------------------------------------- what is allowed
-def test_a_case_file_is_the_same_scene_as_python(case):
+def test_case_file_equals_case_built_in_python(write_case):
     text = """
         gauges = [1.0, {x = 2.0}, {name = "end", x = 5.0}]
         tank = {length = 5.0, depth = 0.5}
@@ -107,38 +107,38 @@ def test_a_case_file_is_the_same_scene_as_python(case):
         run=RunControl(duration=3.0),
         numerics=Numerics(cell_size=0.25, integrator="stormer-verlet"),
     )
-    assert read_case(case(text)) == built
+    assert read_case(write_case(text)) == built
 
 
 @pytest.mark.parametrize("path", sorted(CASES.glob("*.toml")), ids=lambda path: path.stem)
-def test_every_case_is_read_and_its_dump_is_the_same_scene(path):
+def test_every_case_equals_its_dump(path):
     try:
-        scene = read_case(path)
+        case = read_case(path)
     except InputError as missing:
         if "wavetank data fetch" not in str(missing) and "set WAVETANK_DATA" not in str(missing):
             raise
         pytest.skip(str(missing))
-    assert Case.model_validate(scene.model_dump(mode="json")) == scene
-    assert Case.model_validate_json(scene.model_dump_json()) == scene
-    assert scene.title
+    assert Case.model_validate(case.model_dump(mode="json")) == case
+    assert Case.model_validate_json(case.model_dump_json()) == case
+    assert case.title
     assert f"[`{path.name}`]({path.name})" in (CASES / "README.md").read_text(encoding="utf-8")
 
 
 def test_defaults_are_resolved_in_properties():
-    scene = Case(tank=SliceTank(length=20.0, depth=1.0), run=RunControl(duration=40.0))
-    assert (scene.cells, scene.ends[0].reach) == (100, np.inf)
-    assert scene.surface_every == pytest.approx(0.5 * 9.81**-0.5)  # short against any wave period
-    assert scene.model_copy(update={"run": RunControl(duration=10.0)}).surface_every == 0.05  # 200 of them at least
-    assert (scene.wall.type, scene.initial.type, scene.tank.type, scene.tank.gravity) == (
+    case = Case(tank=SliceTank(length=20.0, depth=1.0), run=RunControl(duration=40.0))
+    assert (case.cells, case.ends[0].reach) == (100, np.inf)
+    assert case.surface_every == pytest.approx(0.5 * 9.81**-0.5)  # short against any wave period
+    assert case.model_copy(update={"run": RunControl(duration=10.0)}).surface_every == 0.05  # 200 of them at least
+    assert (case.wall.type, case.initial.type, case.tank.type, case.tank.gravity) == (
         "fixed",
         "still-water",
         "slice",
         9.81,
     )
-    assert isinstance(scene.motion(), motions.AtRest)
+    assert isinstance(case.motion(), motions.AtRest)
     piston = PistonWall(motion=SinusoidMotion(paddle_amplitude=0.01, period=1.0))
-    assert Case(tank=scene.tank, run=scene.run, wall=piston).ends[0].reach == 10.0
-    assert Case(tank=SliceTank(length=3.0, depth=1.0), run=scene.run, wall=piston).ends[0].reach == 3.0
+    assert Case(tank=case.tank, run=case.run, wall=piston).ends[0].reach == 10.0
+    assert Case(tank=SliceTank(length=3.0, depth=1.0), run=case.run, wall=piston).ends[0].reach == 3.0
 
 
 @given(st.floats(0.1, 100.0), st.floats(0.1, 10.0), st.floats(0.01, 10.0))
@@ -152,48 +152,52 @@ def test_cells_divide_the_length(length, depth, size):
         assert cells == 1 or abs(length / wanted - cells) <= 0.5 * (1 + 1e-12)
 
 
-def test_the_motion_of_the_group_is_the_case_file_s(case):
-    motion = read_case(case(), ['wall.motion.generation="linear"']).motion()
+def test_group_motion_has_the_values_of_the_case_file(write_case):
+    motion = read_case(write_case(), ['wall.motion.generation="linear"']).motion()
     assert isinstance(motion, motions.Ramped)
     assert motion.ramp == pytest.approx(2 / 0.65)
     assert isinstance(motion.motion, motions.Tabulated)
-    group = read_case(case()).wall.motion.group(read_case(case()).tank)
+    group = read_case(write_case()).wall.motion.group(read_case(write_case()).tank)
     assert (group.frequencies[0], group.frequencies[-1], group.spectrum.gamma) == (0.325, 1.2, 3.3)
     assert group.target.elevation(10.0, 20.0) == pytest.approx(0.1)
     assert (group.depth, group.gravity) == (1.0, 9.81)
 
 
 @pytest.mark.parametrize("key", ["position", "velocity"])
-def test_a_recorded_motion_is_read_relative_to_the_case(case, tmp_path, key):
+def test_record_path_is_relative_to_the_case(write_case, tmp_path, key):
     t = np.linspace(0.0, 30.0, 301)
     np.savetxt(tmp_path / "paddle.dat", np.column_stack([t, 0.01 * np.sin(t)]), fmt="%.17g")
-    path = case(GROUP.replace("[wall.motion]", f'[wall.motion]\ntype = "recorded"\n{key} = "paddle.dat"\n[group]'))
+    path = write_case(
+        GROUP.replace("[wall.motion]", f'[wall.motion]\ntype = "recorded"\n{key} = "paddle.dat"\n[group]')
+    )
     text = path.read_text()
     path.write_text(text[: text.index("[group]")] + text[text.index("[run]") :])
-    scene = read_case(path)
+    case = read_case(path)
     # the integral of 0.01 sin t is 0.01 (1 - cos t); the spline's error is of the order of (0.1)^4 / 384
     expected = {"position": 0.01 * np.sin(7.77), "velocity": 0.01 * (1 - np.cos(7.77))}[key]
-    assert scene.motion().position(7.77) == pytest.approx(expected, abs=1e-8)
-    assert Case.model_validate(scene.model_dump(mode="json")).motion().position(7.77) == scene.motion().position(7.77)
+    assert case.motion().position(7.77) == pytest.approx(expected, abs=1e-8)
+    assert Case.model_validate(case.model_dump(mode="json")).motion().position(7.77) == case.motion().position(7.77)
     said = refused(path, "run.duration=31")
     assert said == f"{path}, overridden: run.duration = 31.0: must be at most 30 s, where the recorded motion ends."
 
 
-def test_a_recorded_motion_is_one_column_of_a_file_with_its_gain(case, tmp_path):
+def test_recorded_motion_reads_a_named_column_with_gain(write_case, tmp_path):
     t = np.linspace(0.0, 30.0, 301)
     (tmp_path / "paddle.csv").write_text("t,flap,gauge\n" + "".join(f"{one},{0.01 * one},7\n" for one in t))
     motion = 'wall.motion={type="recorded", position="paddle.csv", gain=-2.0, column='
-    assert read_case(case(), [f'{motion}"flap"}}', "run.duration=20"]).motion().position(7.77) == pytest.approx(-0.1554)
-    slow = read_case(case(), [f'{motion}"flap", highest_frequency=1.9}}', "run.duration=20"]).motion()
+    assert read_case(write_case(), [f'{motion}"flap"}}', "run.duration=20"]).motion().position(7.77) == pytest.approx(
+        -0.1554
+    )
+    slow = read_case(write_case(), [f'{motion}"flap", highest_frequency=1.9}}', "run.duration=20"]).motion()
     assert slow.velocity(np.linspace(1.0, 29.0, 9)) == pytest.approx(-0.02, rel=1e-9)
     with pytest.raises(InputError, match=r"2.4 Hz received; must be at most 1.9.* Hz, a fifth"):
-        read_case(case(), [f'{motion}"flap", highest_frequency=2.4}}', "run.duration=20"])
+        read_case(write_case(), [f'{motion}"flap", highest_frequency=2.4}}', "run.duration=20"])
     with pytest.raises(InputError, match=r'motion.column = "piston": .*has no such column; allowed are flap, gauge'):
-        read_case(case(), [f'{motion}"piston"}}', "run.duration=20"])
+        read_case(write_case(), [f'{motion}"piston"}}', "run.duration=20"])
 
 
 @pytest.mark.parametrize("key", ["position", "velocity"])
-def test_a_gap_in_a_recorded_motion_is_refused_before_the_run(case, tmp_path, key, capsys):
+def test_gap_in_recorded_motion_is_refused(write_case, tmp_path, key, capsys):
     """Of a period of 2 s, rows every 0.01 s: a gap of a quarter period and random times are allowed, 4 s are not."""
     t = np.arange(3001) / 100
     random = np.random.default_rng(7).uniform(size=t.size) < 0.2
@@ -205,29 +209,29 @@ def test_a_gap_in_a_recorded_motion_is_refused_before_the_run(case, tmp_path, ke
         return 'wall.motion={type="recorded", ' + f'{key}="paddle.dat"' + "}"
 
     for without in ((t > 10) & (t < 10.49), ~random):
-        assert read_case(case(), [write(without), "run.duration=20"]).motion().duration == 30.0
+        assert read_case(write_case(), [write(without), "run.duration=20"]).motion().duration == 30.0
     gap = write((t > 10) & (t < 14))
-    assert main(["plan", str(case()), "--set", gap, "--set", "run.duration=20"]) == 2
+    assert main(["plan", str(write_case()), "--set", gap, "--set", "run.duration=20"]) == 2
     said = " ".join(capsys.readouterr().err.split())
     assert "paddle.dat, line 1002: gap of 4 s after t = 10 s; allowed are 0.5 s" in said
     assert f"wall.motion.{key} = " in said and said.endswith("(median interval 0.01 s, period about 2 s): add rows.")
 
 
-def test_other_ranks_are_told_a_scene_that_has_looked_at_its_paddle(case):
+def test_case_with_cached_motion_is_picklable(write_case):
     """A formula's motion is made of functions, which none can be sent."""
-    scene = read_case(case(), ['wall.motion={type="formula", position="0.01*sin(t)"}'])
-    assert scene.motion().position(1.0) == pickle.loads(pickle.dumps(scene)).motion().position(1.0)
+    case = read_case(write_case(), ['wall.motion={type="formula", position="0.01*sin(t)"}'])
+    assert case.motion().position(1.0) == pickle.loads(pickle.dumps(case)).motion().position(1.0)
 
 
-def test_a_record_is_read_once_and_anew_where_the_scene_it_stands_in_is_another(case, tmp_path, monkeypatch):
+def test_record_is_read_again_only_if_wall_or_run_change(write_case, tmp_path, monkeypatch):
     t, read = np.linspace(0.0, 30.0, 301), []
     np.savetxt(tmp_path / "paddle.dat", np.column_stack([t, 0.01 * np.sin(t)]))
     monkeypatch.setattr(paddle, "read_record", lambda path, **how: read.append(path) or read_record(path, **how))
-    scene = read_case(case(), ['wall.motion={type="recorded", position="paddle.dat"}', "run.duration=20"])
-    other = scene.model_copy(update={"numerics": Numerics(dt=0.1)})
-    assert other.motion() is scene.motion() and other.paddle_periods == scene.paddle_periods and len(read) == 1
+    case = read_case(write_case(), ['wall.motion={type="recorded", position="paddle.dat"}', "run.duration=20"])
+    other = case.model_copy(update={"numerics": Numerics(dt=0.1)})
+    assert other.motion() is case.motion() and other.paddle_periods == case.paddle_periods and len(read) == 1
     assert other == Case.model_validate(other.model_dump(mode="json"))
-    longer = scene.model_copy(update={"run": RunControl(duration=31.0)})
+    longer = case.model_copy(update={"run": RunControl(duration=31.0)})
     with pytest.raises(CaseError, match=r"must be at most 30 s, where the recorded motion ends"):
         longer.motion()
 
@@ -255,16 +259,16 @@ def test_tables_of_the_solver_have_an_entry_for_every_model():
     assert along | {"ring"} == set(ORIGINS)
 
 
-def test_data_references_are_kept_in_the_dump(case, tmp_path, monkeypatch):
+def test_dump_contains_data_references(write_case, tmp_path, monkeypatch):
     monkeypatch.setenv("WAVETANK_DATA", str(tmp_path))
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "x.dat").write_text("".join(f"{t} 0.0\n" for t in range(40)))
-    scene = read_case(case(), ['wall.motion={type="recorded", position="data:mine/x.dat"}'])
-    assert scene.model_dump(mode="json")["wall"]["motion"]["position"] == "data:mine/x.dat"
-    assert scene.motion().position(3.0) == 0.0
+    case = read_case(write_case(), ['wall.motion={type="recorded", position="data:mine/x.dat"}'])
+    assert case.model_dump(mode="json")["wall"]["motion"]["position"] == "data:mine/x.dat"
+    assert case.motion().position(3.0) == 0.0
 
 
-def test_overrides_are_toml_values_or_bare_text_at_any_depth(case):
+def test_overrides_accept_toml_values_and_bare_text_at_any_depth(write_case):
     overrides = [
         "numerics.dt=0.01",
         "numerics.integrator=stormer-verlet",
@@ -272,17 +276,19 @@ def test_overrides_are_toml_values_or_bare_text_at_any_depth(case):
         "title=two words",
         "tank.length=30.0",
     ]
-    scene = read_case(case(), [*overrides, 'wall.motion.spectrum={type="gaussian", peak_frequency=0.6, bandwidth=0.1}'])
-    assert (scene.numerics.dt, scene.numerics.integrator, scene.title) == (0.01, "stormer-verlet", "two words")
-    assert scene.gauges == (Gauge(name="1", x=4.0), Gauge(name="focus", x=12.0))
-    assert scene.tank.length == 30.0
-    assert scene.wall.motion.spectrum.bandwidth == 0.1
+    case = read_case(
+        write_case(), [*overrides, 'wall.motion.spectrum={type="gaussian", peak_frequency=0.6, bandwidth=0.1}']
+    )
+    assert (case.numerics.dt, case.numerics.integrator, case.title) == (0.01, "stormer-verlet", "two words")
+    assert case.gauges == (Gauge(name="1", x=4.0), Gauge(name="focus", x=12.0))
+    assert case.tank.length == 30.0
+    assert case.wall.motion.spectrum.bandwidth == 0.1
 
 
-def test_a_scene_is_frozen():
-    scene = Case(tank=SliceTank(length=20.0, depth=1.0), run=RunControl(duration=40.0))
+def test_case_is_frozen():
+    case = Case(tank=SliceTank(length=20.0, depth=1.0), run=RunControl(duration=40.0))
     with pytest.raises(ValidationError, match="frozen"):
-        scene.tank.length = 3.0
+        case.tank.length = 3.0
 
 
 # ---------------------------------------------------------------- what is not
@@ -393,57 +399,59 @@ def test_a_scene_is_frozen():
         ("output.gauges_every=0", "output.gauges_every = 0: must be greater than or equal to 1"),
     ],
 )
-def test_a_refusal_says_file_key_value_and_what_is_allowed(case, override, said):
-    path = case()
+def test_refusal_names_file_key_value_and_allowed_values(write_case, override, said):
+    path = write_case()
     message = refused(path, override)
     assert said in message
     assert all(line.startswith(f"{path}, ") and line.endswith(".") for line in message.splitlines())
 
 
-def test_a_needed_key_that_is_mistyped_is_one_mistake(case):
-    (said,) = refused(case(), 'wall.motion={type="sinusoid", paddle_amplitud=0.1, period=2.0}').splitlines()
+def test_mistyped_required_key_is_one_error(write_case):
+    (said,) = refused(write_case(), 'wall.motion={type="sinusoid", paddle_amplitud=0.1, period=2.0}').splitlines()
     assert "wall.motion.paddle_amplitud = 0.1: is an unknown key; did you mean 'paddle_amplitude'?" in said
     text = 'wall.motion={type="sinusoid", paddle_amplitud=0.1}'  # and another that is missing
-    assert ["period: is missing" in line for line in refused(case(), text).splitlines()].count(True) == 1
+    assert ["period: is missing" in line for line in refused(write_case(), text).splitlines()].count(True) == 1
 
 
-def test_a_paddle_that_goes_too_far_later_is_refused_in_a_short_run(case):
-    scene = ['wall.motion={type="sinusoid", paddle_amplitude=10, period=2}', "tank.length=4", "gauges=[1.0]"]
+def test_stroke_beyond_the_reach_after_the_run_is_refused(write_case):
+    case = ['wall.motion={type="sinusoid", paddle_amplitude=10, period=2}', "tank.length=4", "gauges=[1.0]"]
     said = "takes the paddle 10 m from rest; it must stay below 3 m, 3/4 of its reach, which is 4 m by default"
     for duration in (0.3, 40.0):
         with pytest.raises(InputError, match=rf"wall\.motion\.paddle_amplitude = 10\.0: {said}, at most the tank's"):
-            read_case(case(), [*scene, f"run.duration={duration}"])
+            read_case(write_case(), [*case, f"run.duration={duration}"])
 
 
-def test_a_refusal_says_the_line_of_the_file(case):
-    said = refused(case(GROUP.replace("focus_x = 10.0", "focus_x = 30.0").replace("{x = 4.0}", "{x = -4.0}")))
-    path = case()
+def test_refusal_names_the_line(write_case):
+    said = refused(write_case(GROUP.replace("focus_x = 10.0", "focus_x = 30.0").replace("{x = 4.0}", "{x = -4.0}")))
+    path = write_case()
     assert said.splitlines()[:2] == [
         f"{path}, line 2: gauges.0.x = -4.0: must be inside the tank, 0 to 24 m.",
         f"{path}, line 17: wall.motion.focus_x = 30.0: must be inside the tank, below 24 m.",
     ]
     assert f"{path}, line 7: tank.depth: is missing; needed is still-water depth" in refused(
-        case(GROUP.replace("depth", "#"))
+        write_case(GROUP.replace("depth", "#"))
     )
     assert f"{path}, line 10: gauges.1.x = " in refused(
-        case('[tank]\nlength = 3\ndepth = 1\n[run]\nduration = 1\n[[gauges]]\nx = 2\n[[gauges]]\nname = "b"\nx = 9\n')
+        write_case(
+            '[tank]\nlength = 3\ndepth = 1\n[run]\nduration = 1\n[[gauges]]\nx = 2\n[[gauges]]\nname = "b"\nx = 9\n'
+        )
     )
 
 
-def test_all_that_is_wrong_is_listed_one_line_each(case):
-    said = refused(case(), "tank.depth=0", "run.duration=0", "numerics.dt=-1", "colour=blue")
+def test_all_errors_are_listed(write_case):
+    said = refused(write_case(), "tank.depth=0", "run.duration=0", "numerics.dt=-1", "colour=blue")
     assert len(said.splitlines()) == 4
 
 
-def test_toml_errors_say_line_and_column(case):
-    path = case("title = 3\n[tank\n")
+def test_toml_error_names_line_and_column(write_case):
+    path = write_case("title = 3\n[tank\n")
     said = refused(path)
     assert said.startswith(f"{path}: not valid TOML: ")
     assert "line 2, column 6" in said
 
 
 @pytest.mark.parametrize("content", [None, b"\xff\xfe"])
-def test_a_case_that_cannot_be_read_says_so(tmp_path, content):
+def test_unreadable_case_is_refused(tmp_path, content):
     path = tmp_path / "case.toml"
     if content is not None:
         path.write_bytes(content)
@@ -460,8 +468,8 @@ def test_a_case_that_cannot_be_read_says_so(tmp_path, content):
         ("title.x=3", "override 'title.x=3' received; 'x' is asked of 'a group', which has no keys."),
     ],
 )
-def test_an_override_that_has_no_place_says_so(case, override, said):
-    assert refused(case(), override) == said
+def test_override_of_no_key_is_refused(write_case, override, said):
+    assert refused(write_case(), override) == said
 
 
 KEYS = st.sampled_from(
@@ -509,17 +517,17 @@ VALUES = st.one_of(
 
 @settings(max_examples=80)
 @given(st.lists(KEYS, min_size=1, max_size=4).map(".".join), VALUES)
-def test_whatever_is_overridden_gives_a_scene_or_an_input_error(tmp_path_factory, key, value):
+def test_any_override_gives_a_case_or_an_input_error(tmp_path_factory, key, value):
     path = tmp_path_factory.getbasetemp() / "case.toml"
     path.write_text(GROUP)
     try:
-        scene = read_case(path, [f"{key}={value}"])
+        case = read_case(path, [f"{key}={value}"])
     except InputError:
         return
-    assert isinstance(scene, Case)
+    assert isinstance(case, Case)
 
 
-def test_a_model_without_an_entry_is_one_sentence_that_names_the_table():
+def test_missing_table_entry_names_the_table():
     with pytest.raises(TypeError, match=r"^StillWater has no entry in SPONGES of case.py; add it there\.$"):
         entry({EndSponge: None}, StillWater(), "SPONGES of case.py")
     assert entry({CaseModel: 1, EndSponge: 2}, EndSponge(length=1.0), "") == 2
