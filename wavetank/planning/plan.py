@@ -13,6 +13,7 @@ water's inverse, converge to larger or smaller steps: ``solvable`` of the integr
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
+from functools import cache
 from itertools import product
 from math import ceil
 from typing import Any
@@ -316,8 +317,7 @@ class _Steps:
         divided = required.duration / np.unique(np.maximum(1, np.ceil(counts)))
         self._given, self._measured = given is not None, required.measured
         self._dt = np.sort([*divided, *self._of_rows()])[::-1] if given is None else np.array([given])
-        self._parts: dict[int, ErrorPart] = {}
-        self._missed: dict[tuple[float, int], float] = {}
+        self._part, self._missed = cache(self._time_error), cache(self._missed_motion)
 
     def _of_rows(self) -> list[float]:
         """Return steps of some rows of each record that end within all."""
@@ -337,23 +337,18 @@ class _Steps:
         """
         limit = OF_MOTION * self._required.accuracy
         return self._given or all(
-            (dt <= ROWS[0] * row * (1 + ROUNDING) or self._misses(BETWEEN * row, motion) <= limit)
-            and self._misses(dt, motion) <= limit
+            (dt <= ROWS[0] * row * (1 + ROUNDING) or self._missed(BETWEEN * row, motion) <= limit)
+            and self._missed(dt, motion) <= limit
             for motion in self._measured
             if (row := motion.interval) is not None
         )
 
-    def _misses(self, dt: float, motion: Motion) -> float:
-        key = dt, id(motion)
-        if key not in self._missed:
-            nodes, steps = INTEGRATORS[self._scheme].nodes, max(1, int(self._required.duration / dt))
-            self._missed[key] = stroke_missed(motion.position, motion.velocity, dt=dt, steps=steps, nodes=nodes)
-        return self._missed[key]
+    def _missed_motion(self, dt: float, motion: Motion) -> float:
+        nodes, steps = INTEGRATORS[self._scheme].nodes, max(1, int(self._required.duration / dt))
+        return stroke_missed(motion.position, motion.velocity, dt=dt, steps=steps, nodes=nodes)
 
-    def _part(self, i: int) -> ErrorPart:
-        if i not in self._parts:
-            self._parts[i] = self._errors.time(self._scheme, float(self._dt[i]))
-        return self._parts[i]
+    def _time_error(self, i: int) -> ErrorPart:
+        return self._errors.time(self._scheme, float(self._dt[i]))
 
     def largest(self, limit: float, space: ErrorPart) -> float | None:
         """Return the largest step below ``limit`` [s] that is accurate and resolves the motion; None if none is."""

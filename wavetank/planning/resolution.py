@@ -49,6 +49,7 @@ with the run (``travel.py``). Paddles that absorb add an error of the step (``re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -423,47 +424,38 @@ class ErrorModel:
         self._energy = waves.amplitude**2 / np.sum(waves.amplitude**2)
         self._k = np.multiply.outer(waves.k, self._m)
         self._exact = airy.angular_frequency(self._k, required.tank.depth, required.tank.gravity)
-        self._cells_of: dict[tuple[int, int], UniformCells] = {}
-        self._meshes: dict[tuple[int, int, int], Mesh] = {}
-        self._waves: dict[UniformCells, BlochWaves] = {}
-        self._products: dict[UniformCells, Vector] = {}
+        self.mesh, self._cells = cache(self._new_mesh), cache(self._new_cells)
+        self._waves, self._products = cache(self._bloch_waves), cache(self._product_error)
 
     def _part(self, frequency: Vector, bounded: Vector) -> ErrorPart:
         """Return the part of relative errors per component and harmonic, shape (N, M); ``nan`` is a wave lost."""
         frequency = np.fmin(np.abs(frequency), 1.0)  # what is nan among it, too
         return ErrorPart(self._radians * (frequency @ self._weights), np.sqrt(bounded**2 @ self._ratios**2))
 
-    def mesh(self, order: int, cells: int, vertical_order: int) -> Mesh:
-        """Return the mesh of the tank, one object however often."""
-        key, required = (order, cells, vertical_order), self._required
-        if key not in self._meshes:
-            along = self._cells(order, cells)
-            self._meshes[key] = Mesh(
-                cells=along, vertical_order=vertical_order, depth=required.tank.depth, gravity=required.tank.gravity
-            )
-        return self._meshes[key]
+    def _new_mesh(self, order: int, cells: int, vertical_order: int) -> Mesh:
+        tank = self._required.tank
+        along = self._cells(order, cells)
+        return Mesh(cells=along, vertical_order=vertical_order, depth=tank.depth, gravity=tank.gravity)
 
-    def _cells(self, order: int, cells: int) -> UniformCells:
-        if (order, cells) not in self._cells_of:
-            along = UniformCells(order, self._required.tank.length / cells)
-            self._cells_of[order, cells] = along
-            self._waves[along] = along.waves(self._k)
-            self._products[along] = self._of_products(along)
-        return self._cells_of[order, cells]
+    def _new_cells(self, order: int, cells: int) -> UniformCells:
+        return UniformCells(order, self._required.tank.length / cells)
 
-    def _of_products(self, cells: UniformCells) -> Vector:
+    def _bloch_waves(self, cells: UniformCells) -> BlochWaves:
+        return cells.waves(self._k)
+
+    def _product_error(self, cells: UniformCells) -> Vector:
         missing = np.sqrt(cells.truncation_error(self._k[:, 1:]) ** 2 @ self._ratios[1:] ** 2)
         steep = self._required.waves.omega * np.minimum(self._required.waves.age, self._required.steep_time)
         return np.asarray(PRODUCTS * np.sqrt(self._required.steepness * steep) * missing)
 
     def space(self, mesh: Mesh) -> ErrorPart:
         """Return what a mesh of this model contributes."""
-        _, mu, profile = self._waves[mesh.cells]
+        _, mu, profile = self._waves(mesh.cells)
         part = self._part(mesh.surface_frequency(mu) / self._exact - 1.0, profile)
         # Bound harmonics are forced, not free: of them the cells miss what the products have, not a mix of branches.
         run_up = self._required.run_up
         return part._replace(
-            bounded=np.hypot(profile[:, 0], self._products[mesh.cells]),
+            bounded=np.hypot(profile[:, 0], self._products(mesh.cells)),
             run_up=0.0 if run_up is None else run_up.error(mesh),
         )
 
