@@ -20,7 +20,7 @@ from wavetank.analysis.reflection import (
 )
 from wavetank.analysis.results import KINDS, reflection_coefficient
 from wavetank.analysis.signals import (
-    WHOLE,
+    ENTIRE,
     along,
     between,
     chosen,
@@ -156,7 +156,7 @@ def test_moments_of_a_sea_are_those_of_its_components():
     t = np.arange(4000) * 0.05
     eta = recorded(sea(f, a), t=t)
     m = {n: np.sum(f**n * a**2 / 2) for n in (-1, 0, 1, 2)}
-    state = sea_state(spectrum(eta, segment=WHOLE))
+    state = sea_state(spectrum(eta, segment=ENTIRE))
     assert float(state.hm0[0]) == pytest.approx(4 * np.sqrt(m[0]), rel=1e-9)
     assert float(state.tm01[0]) == pytest.approx(m[0] / m[1], rel=1e-9)
     assert float(state.tm02[0]) == pytest.approx(np.sqrt(m[0] / m[2]), rel=1e-9)

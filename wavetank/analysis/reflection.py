@@ -26,16 +26,16 @@ Array = NDArray[np.float64]
 
 
 class WaveFit(NamedTuple):
-    """Waves told apart.
+    """Waves fitted by least squares.
 
     Attributes
     ----------
     amplitudes
         a_j, shape (waves,), as those of A.
     rest
-        Root mean square of what they leave of A, a number.
+        Root mean square of the residual of A.
     condition
-        How much more an error of A can be in the amplitudes: the condition number of the least squares.
+        Amplification of an error of A in the amplitudes: the condition number of the least squares.
     """
 
     amplitudes: Complex
@@ -45,8 +45,8 @@ class WaveFit(NamedTuple):
 
 def fit_waves(components: ArrayLike, x: ArrayLike, wave_numbers: ArrayLike) -> WaveFit:
     """Return the waves of some wave numbers [rad/m] in components A of shape (gauges,) at x [m] of that shape."""
-    A, places, numbers = np.asarray(components, dtype=complex), np.asarray(x, float), np.asarray(wave_numbers, float)
-    waves = np.exp(1j * np.outer(places, numbers))
+    A = np.asarray(components, dtype=complex)
+    waves = np.exp(1j * np.outer(np.asarray(x, float), np.asarray(wave_numbers, float)))
     amplitudes = np.linalg.lstsq(waves, A, rcond=None)[0]
     rest = np.sqrt(np.mean(np.abs(A - waves @ amplitudes) ** 2))
     return WaveFit(amplitudes, float(rest), float(np.linalg.cond(waves)))
@@ -56,7 +56,7 @@ def fit_waves(components: ArrayLike, x: ArrayLike, wave_numbers: ArrayLike) -> W
 def bound_and_free(
     component: DataArray, frequency: float, *, depth: float, gravity: float = 9.81, returning: bool = False
 ) -> WaveFit:
-    """Return the bound and the free wave of the second harmonic, and the free one that goes back where asked for.
+    """Return the bound and the free wave of the second harmonic, and, if ``returning``, the free one to -x.
 
     ``component`` are complex amplitudes [m] of that harmonic over gauge, as ``harmonics`` returns them, of two gauges
     at least, or three; the frequency [Hz] is the first harmonic's, the depth [m] that of the still water at all gauges,
@@ -79,16 +79,16 @@ def beat_length(frequency: float, *, depth: float, gravity: float = 9.81) -> flo
 
 # ---------------------------------------------------------------- incident and reflected waves
 WORST = 6.3  # condition at which Goda and Suzuki's two gauges end: 0.05 and 0.45 wave lengths apart
-ENERGETIC = 0.02  # of the largest incident density: of less, no reflection is told
+ENERGETIC = 0.02  # of the largest density: frequencies of less have no reflection
 FREE = 1.5  # of the peak's frequency: harmonics above are bound to the waves
 STEADY = 0.7, 1.4  # Hm0 in Hann windows over that of a record: 0.74 to 1.26 of seas of 18 periods, less of cut groups
 MIN_PERIODS = 10  # peak periods of a piece of a sea: of less the coefficient differs by a factor of two
 
 
 class Reflection(NamedTuple):
-    """Complex amplitudes at x = 0 of the waves that come and go back, their wave number k [rad/m], what they leave.
+    """Complex amplitudes at x = 0 of incident and reflected wave, their wave number k [rad/m], and the residual.
 
-    ``condition`` is how much more an error at the gauges can be in the amplitudes, at most 6 where gauges stand well.
+    ``condition`` is the amplification of an error at the gauges in the amplitudes, at most 6 of well-placed gauges.
     """
 
     incident: complex
@@ -106,8 +106,8 @@ class Reflection(NamedTuple):
 def reflected(components: ArrayLike, x: ArrayLike, k: float, *, within: float = 0.0) -> Reflection:
     """Return the waves of one frequency in complex amplitudes at gauges, shape (gauges,), at x [m] of that shape.
 
-    The wave number is k [rad/m], or the one that leaves least ``within`` this part of it: nonlinear least squares, for
-    which steep waves are longer, and which needs three gauges.
+    The wave number is k [rad/m], or the one of least residual ``within`` this part of it: steep waves are longer. This
+    nonlinear least squares needs three gauges.
     """
 
     def at(k: float) -> Reflection:
@@ -127,7 +127,7 @@ def regular_reflection(
     """Return the incident and reflected wave of a harmonic, as ``harmonics`` returns it, of this frequency [Hz].
 
     The depth is in m; ``within`` as in ``reflected``. Raises ``InputError`` for fewer than two gauges, or three where
-    the wave number is looked for.
+    the wave number is fitted.
     """
     x = places(component)
     _check(x.size, 3 if within else 2)
@@ -144,26 +144,26 @@ def reflected_spectra(eta: DataArray, *, depth: float, gravity: float = 9.81, se
     cannot resolve both waves (``condition`` above 6.3).
 
     ``counted`` are energetic frequencies that the gauges resolve, up to 1.5 times the peak's: harmonics above are bound
-    to the waves, and linear theory takes a part of them for reflected. The attributes: ``coefficient``, of the counted
-    frequencies, ``fit_waves``, their part of the variance, ``hm0_incident`` and ``hm0_reflected`` [m], of all
+    to the waves, and linear theory attributes a part of them to reflection. The attributes: ``coefficient``, of the
+    counted frequencies, ``told_apart``, their part of the variance, ``hm0_incident`` and ``hm0_reflected`` [m], of all
     frequencies in the ratio of the coefficient, ``highest_frequency`` [Hz], the limit, and ``one_window``, whether the
     record is one Hann window. Raises ``InputError`` for fewer than two gauges, where they resolve no frequency of the
     waves, and for waves that pass for a part of the record and are cut at its ends.
     """
     x, dt = places(eta), time_step(eta)
     _check(x.size, 2)
-    known = spectrum(eta, segment=segment).mean("gauge")
-    variance, peak = float(moment(known, 0)), float(peak_frequency(known))
+    mean = spectrum(eta, segment=segment).mean("gauge")
+    variance, peak = float(moment(mean, 0)), float(peak_frequency(mean))
     low = ends_low(eta.transpose("gauge", "time").values, round(1 / (peak * dt)))
     size = samples(eta, segment)
-    whole = size == eta.time.size
-    if low and whole:
+    single = size == eta.time.size
+    if low and single:
         result = _cross_spectra(eta, np.zeros(x.size, dtype=np.intp), size, "boxcar")
     else:
         delays = _delays(x, dt, peak, depth=depth, gravity=gravity, most=eta.time.size // 2)
         result = _cross_spectra(eta, delays, size, "hann")
         steady = STEADY[0] < np.sqrt(result.variance / variance) < STEADY[1]
-        if not steady or whole and size * dt * peak < MIN_PERIODS:
+        if not steady or single and size * dt * peak < MIN_PERIODS:
             first, last = eta.time.values[[0, -1]]
             advice = "--start and --end must leave low waves at both ends, or a longer part of a sea"
             raise InputError(f"the record from {first:.4g} to {last:.4g} s cuts the waves; {advice}.")
@@ -175,29 +175,29 @@ def reflected_spectra(eta: DataArray, *, depth: float, gravity: float = 9.81, se
     condition = np.linalg.cond(waves)
     usable = condition < WORST
     inverse = np.linalg.pinv(waves)
-    told = np.einsum("fag,fgh,fah->fa", inverse.conj(), cross, inverse).real
-    incident, back = np.where(usable, np.maximum(told.T, 0.0), np.nan)
-    there = usable & (density > ENERGETIC * density.max()) & (f < FREE * peak)
-    if not there.any():
+    densities = np.einsum("fag,fgh,fah->fa", inverse.conj(), cross, inverse).real
+    incident, back = np.where(usable, np.maximum(densities.T, 0.0), np.nan)
+    counted = usable & (density > ENERGETIC * density.max()) & (f < FREE * peak)
+    if not counted.any():
         raise InputError("the gauges stand where incident and reflected waves cannot be told apart.")
-    coefficient = float(np.sqrt(back[there].sum() / max(incident[there].sum(), np.finfo(float).tiny)))
-    others = density[~there].sum() / (1 + coefficient**2)
-    hm0 = 4 * float(np.sqrt((incident[there].sum() + others) * f[0]))
+    coefficient = float(np.sqrt(back[counted].sum() / max(incident[counted].sum(), np.finfo(float).tiny)))
+    remainder = density[~counted].sum() / (1 + coefficient**2)
+    hm0 = 4 * float(np.sqrt((incident[counted].sum() + remainder) * f[0]))
     return Dataset(
         {
             "incident": ("frequency", incident, {"units": "m2 Hz-1"}),
             "reflected": ("frequency", back, {"units": "m2 Hz-1"}),
             "condition": ("frequency", condition, {"units": "1"}),
-            "counted": ("frequency", there),
+            "counted": ("frequency", counted),
         },
         {"frequency": ("frequency", f, {"units": "Hz"})},
         {
             "hm0_incident": hm0,
             "hm0_reflected": coefficient * hm0,
             "coefficient": coefficient,
-            "told_apart": float(density[there].sum() / density.sum()),
+            "told_apart": float(density[counted].sum() / density.sum()),
             "highest_frequency": FREE * peak,
-            "one_window": whole and not low,
+            "one_window": single and not low,
         },
     )
 

@@ -5,10 +5,11 @@ and appendix C). Harmonics are eta(t) = mean + Σ Re(A_n e^(-i n ω t)) + rest, 
 is ambiguous by whole turns; the wave number nearest to that of linear waves is taken.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Hashable, Iterable, Sequence
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import signal
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
@@ -23,7 +24,7 @@ from wavetank.waves.wave import Array
 # ---------------------------------------------------------------- records
 MIN_SAMPLES = 8  # times of a record
 SMALLEST, LARGEST = 1e-9, 1e4  # m; between them are the heights of waves
-BEGIN, HIGH, GROWN = 0.25, 0.5, 0.9  # of their later height: waves that begin, that stay, and that are there
+BEGIN, HIGH, GROWN = 0.25, 0.5, 0.9  # of the final height: below it waves begin, above them they stay, are grown
 EVEN = 1e-3  # of a step: times that differ by less are equally spaced
 
 
@@ -80,15 +81,15 @@ def along(surface: Dataset, places: Array) -> DataArray:
 
 
 def between(eta: DataArray, start: float | None = None, end: float | None = None) -> DataArray:
-    """Return what is recorded from one time to another [s], default: from the first to the last.
+    """Return the part of a record from one time to another [s], default: from the first to the last.
 
-    Raises ``InputError`` where fewer than eight times are left.
+    Raises ``InputError`` where fewer than eight times remain.
     """
     part = eta.sel(time=slice(start, end))
     if part.time.size < MIN_SAMPLES:
         first, last = eta.time.values[[0, -1]]
-        asked = f"from {first if start is None else start:g} to {last if end is None else end:g} s"
-        raise InputError(f"{asked}: {part.time.size} times there; the record is from {first:g} to {last:g} s.")
+        interval = f"from {first if start is None else start:g} to {last if end is None else end:g} s"
+        raise InputError(f"{interval}: {part.time.size} times there; the record is from {first:g} to {last:g} s.")
     return part
 
 
@@ -109,7 +110,7 @@ def time_step(eta: DataArray) -> float:
 
 
 def waving(eta: DataArray) -> DataArray:
-    """Return a record that has waves at every gauge; raise ``InputError`` for one that has none that make sense."""
+    """Return a record; raise ``InputError`` for a gauge whose elevation varies by too little or too much for waves."""
     for gauge, size in zip(np.atleast_1d(eta.gauge.values), np.atleast_1d(np.ptp(eta.values, axis=-1)), strict=True):
         if not SMALLEST < size < LARGEST:
             t = eta.time.values[[0, -1]]
@@ -119,9 +120,9 @@ def waving(eta: DataArray) -> DataArray:
 
 
 def waves_begin(eta: DataArray, period: float) -> float | None:
-    """Return from when on a record has its waves at every gauge [s]; None where it has from its first time on.
+    """Return the time [s] from which a record has its waves at every gauge; None if it has from its first time on.
 
-    Or where they do not stay, as a group's. They are looked at over times as long as a period [s], or some.
+    None, too, if they do not stay, as those of a group. Their height is the root mean square over one period [s].
     """
     steps = round(period / time_step(eta))
     if not 1 < steps < eta.time.size / 4:
@@ -129,16 +130,16 @@ def waves_begin(eta: DataArray, period: float) -> float | None:
     values = eta.transpose("gauge", "time").values
     squares = np.cumsum((values - values.mean(axis=1, keepdims=True)) ** 2, axis=1)
     heights = np.sqrt((squares[:, steps:] - squares[:, :-steps]) / steps)
-    whole = np.median(heights[:, heights.shape[1] // 2 :], axis=1, keepdims=True)
-    there = int((heights >= GROWN * whole).argmax(axis=1).max())
-    begins, stay = (heights[:, 0] < BEGIN * whole[:, 0]).any(), (heights[:, there:] > HIGH * whole).all()
-    return float(eta.time.values[there + 1]) if begins and stay and (heights < whole / HIGH).all() else None
+    final = np.median(heights[:, heights.shape[1] // 2 :], axis=1, keepdims=True)
+    grown = int((heights >= GROWN * final).argmax(axis=1).max())
+    begins, stay = (heights[:, 0] < BEGIN * final[:, 0]).any(), (heights[:, grown:] > HIGH * final).all()
+    return float(eta.time.values[grown + 1]) if begins and stay and (heights < final / HIGH).all() else None
 
 
-def places(eta: DataArray) -> NDArray[np.float64]:
-    """Return where the gauges stand, x [m].
+def places(eta: DataArray) -> Array:
+    """Return the gauges' places x [m].
 
-    Raises ``InputError`` where that is not known, where two stand at one place, and for gauges beside one another.
+    Raises ``InputError`` where one is not known, where two are equal, and for gauges at several y.
     """
     x = np.asarray(eta.x.values, dtype=float)
     if np.ptp(eta.y.values):
@@ -152,7 +153,7 @@ def places(eta: DataArray) -> NDArray[np.float64]:
 
 # ---------------------------------------------------------------- spectra
 PERIODS = 32  # mean periods in a segment
-WHOLE = np.inf  # s; a segment that is all of a record
+ENTIRE = np.inf  # s; a segment that is all of a record
 LOW = 0.25  # of the highest: where waves at the ends of a record are lower, no window is needed
 PEAKED = 4  # power of S by which the peak's frequency is weighted: I. R. Young, Ocean Eng. 22, 1995
 
@@ -174,24 +175,28 @@ def spectrum(eta: DataArray, *, segment: float | None = None) -> DataArray:
     """Return the variance density S [m²/Hz] over gauge and frequency f [Hz].
 
     Welch's method: segments of so many seconds (default: 32 mean periods) that overlap by half, each without its mean
-    and in a Hann window. A record of less than two is taken as it is, so that the sum of S times the step of f is its
-    variance exactly. Its attributes tell the number of ``segments``; with n of them S is known to about 1.2 / √n.
+    and in a Hann window. A record of less than two is one segment without a window, so that the sum of S times the step
+    of f is its variance exactly. The attribute ``segments`` is their number; n of them give S within about 1.2 / √n.
     """
     rate, size = 1 / time_step(eta), samples(eta, segment)
-    whole = size == eta.time.size
-    f, S = signal.welch(eta.values, rate, "boxcar" if whole else "hann", nperseg=size, detrend="constant")
-    others = {name: at for name, at in eta.coords.items() if "time" not in at.dims}
+    window = "boxcar" if size == eta.time.size else "hann"
+    f, S = signal.welch(eta.values, rate, window, nperseg=size, detrend="constant")
     return DataArray(
         S,
-        {**others, "frequency": ("frequency", f, {"units": "Hz"})},
+        {**_stations(eta), "frequency": ("frequency", f, {"units": "Hz"})},
         (*eta.dims[:-1], "frequency"),
         name="spectrum",
         attrs={"long_name": "variance density", "units": "m2 Hz-1", "segments": 2 * eta.time.size // size - 1},
     )
 
 
-def ends_low(values: NDArray[np.float64], period: int) -> bool:
-    """Return whether the first and last waves of records, in that many samples, are low beside their highest."""
+def _stations(eta: DataArray) -> dict[Hashable, DataArray]:
+    """Return the coordinates that do not depend on time."""
+    return {name: at for name, at in eta.coords.items() if "time" not in at.dims}
+
+
+def ends_low(values: Array, period: int) -> bool:
+    """Return whether the first and last waves of records, in that many samples, are low compared with the highest."""
     high = np.abs(values - values.mean(axis=1, keepdims=True))
     return bool(max(high[:, :period].max(), high[:, -period:].max()) < LOW * high.max())
 
@@ -227,8 +232,8 @@ def sea_state(S: DataArray) -> Dataset:
 
 
 # ---------------------------------------------------------------- harmonics
-NUMBER = 4  # harmonics that are looked for
-NEAR = 0.1  # of the peak's frequency: within which the waves' own is looked for
+NUMBER = 4  # harmonics at most
+SEARCH = 0.1  # of the peak frequency: range in which the waves' frequency is sought
 
 
 def harmonics(eta: DataArray, frequency: float, *, number: int = NUMBER) -> Dataset:
@@ -255,15 +260,14 @@ def harmonics(eta: DataArray, frequency: float, *, number: int = NUMBER) -> Data
     result = np.linalg.lstsq(columns, eta.transpose("time", ...).values, rcond=None)[0]
     rest = eta.transpose("time", ...).values - columns @ result
     cosines, sines = result[1::2], result[2::2]
-    others = {name: at for name, at in eta.coords.items() if "time" not in at.dims}
-    whose = tuple(dim for dim in eta.dims if dim != "time")
+    gauges = tuple(dim for dim in eta.dims if dim != "time")
     return Dataset(
         {
-            "component": ((*whose, "harmonic"), np.moveaxis(cosines + 1j * sines, 0, -1), {"units": "m"}),
-            "level": (whose, result[0], {"units": "m"}),
-            "rest": (whose, np.sqrt(np.mean(rest**2, axis=0)), {"units": "m"}),
+            "component": ((*gauges, "harmonic"), np.moveaxis(cosines + 1j * sines, 0, -1), {"units": "m"}),
+            "level": (gauges, result[0], {"units": "m"}),
+            "rest": (gauges, np.sqrt(np.mean(rest**2, axis=0)), {"units": "m"}),
         },
-        {**others, "harmonic": 1 + np.arange(number)},
+        {**_stations(eta), "harmonic": 1 + np.arange(number)},
         {"frequency": frequency},
     )
 
@@ -274,35 +278,35 @@ def resolved(eta: DataArray, frequency: float) -> int:
     return max(1, min(NUMBER, int(0.49 / (frequency * step))))
 
 
-def _columns(t: NDArray[np.float64], frequency: float, number: int) -> NDArray[np.float64]:
+def _columns(t: Array, frequency: float, number: int) -> Array:
     """Return 1, cos ωt, sin ωt, cos 2ωt ... at times of shape (N,), shape (N, 1 + 2 number)."""
     phases = 2 * np.pi * frequency * np.outer(t, 1 + np.arange(number))
     return np.column_stack([np.ones(t.size), np.stack([np.cos(phases), np.sin(phases)], axis=2).reshape(t.size, -1)])
 
 
 def fundamental(eta: DataArray) -> float:
-    """Return the frequency [Hz], near the spectrum's peak, whose harmonics leave the least of all gauges."""
-    S = spectrum(eta, segment=WHOLE)
+    """Return the frequency [Hz], around the spectrum's peak, whose harmonics leave the least residual of all gauges."""
+    S = spectrum(eta, segment=ENTIRE)
     S = S.mean([dim for dim in S.dims if dim != "frequency"])
-    near, length = float(peak_frequency(S)), float(eta.time[-1] - eta.time[0])
+    peak, length = float(peak_frequency(S)), float(eta.time[-1] - eta.time[0])
     t, values = eta.time.values, eta.transpose("time", ...).values.reshape(eta.time.size, -1)
-    most = resolved(eta, near * (1 + NEAR))
+    most = resolved(eta, peak * (1 + SEARCH))
 
-    def left(frequency: float) -> float:
+    def residual(frequency: float) -> float:
         columns = _columns(t, frequency, most)
         return float(np.sum((values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]) ** 2))
 
-    scan = np.linspace((1 - NEAR) * near, (1 + NEAR) * near, 1 + 2 * max(4, round(4 * NEAR * near * length)))
-    best, step = float(min(scan, key=left)), float(scan[1] - scan[0])
-    refined = minimize_scalar(left, bounds=(best - step, best + step), method="bounded", options={"xatol": 1e-9 * near})
-    return float(refined.x)
+    scan = np.linspace((1 - SEARCH) * peak, (1 + SEARCH) * peak, 1 + 2 * max(4, round(4 * SEARCH * peak * length)))
+    best, step = float(min(scan, key=residual)), float(scan[1] - scan[0])
+    options = {"xatol": 1e-9 * peak}
+    return float(minimize_scalar(residual, bounds=(best - step, best + step), method="bounded", options=options).x)
 
 
 # ---------------------------------------------------------------- groups
 def envelope(eta: DataArray) -> DataArray:
     """Return the envelope [m] of a record about its mean: the size of its analytic signal (Hilbert's transform).
 
-    It is that of a periodic signal: within a few periods of its ends that of a record which is not is off.
+    It is that of a periodic signal: of other records it is inaccurate within a few periods of the ends.
     """
     values = np.abs(hilbert((eta - eta.mean("time")).values, axis=eta.dims.index("time")))
     return eta.copy(data=values).rename("envelope").assign_attrs(long_name="envelope of the elevation", units="m")
@@ -324,7 +328,7 @@ def surface_similarity(one: ArrayLike, other: ArrayLike) -> float:
     """Return the surface similarity parameter of two records at the same times, of one shape: 0 alike, 1 opposite.
 
     The norm of the difference of their spectra over the sum of their norms, which by Parseval's theorem is that of the
-    records themselves; 0 where both are nothing. Source: M. Perlin and M. D. Bustamante, "A robust quantitative
+    records themselves; 0 where both are zero. Source: M. Perlin and M. D. Bustamante, "A robust quantitative
     comparison criterion of two signals based on the Sobolev norm of their difference", J. Eng. Math. 101, 2016.
     """
     a, b = np.asarray(one, dtype=float), np.asarray(other, dtype=float)
@@ -334,44 +338,44 @@ def surface_similarity(one: ArrayLike, other: ArrayLike) -> float:
 
 # ---------------------------------------------------------------- speed between gauges
 AROUND = 6  # samples on either side of the best delay, through which a spline goes
-STILL = 1e-6  # rad; of less turn between two gauges no speed is told
+STILL = 1e-6  # rad; a smaller phase between two gauges has no speed
 FINER = 200  # places on it between two samples
 RIVAL = 0.95  # of the largest coefficient: as large a mean period away, and delays are as likely
 CLEARLY = 0.5  # of the mean cosine of phases: by which waves that go to -x fit better
-TRIED = 32  # delays in a mean period at which that is looked at
+TRIED = 32  # delays in a mean period at which that is evaluated
 
 
 def delay(one: DataArray, other: DataArray) -> float:
-    """Return by how much [s] a record at one gauge is behind another's: where their cross-correlation is largest.
+    """Return the delay [s] of a second record of equal length: where their cross-correlation is largest.
 
-    From the largest of the whole records it climbs to the nearest largest coefficient of what they have in common, read
-    between samples by a cubic spline. Regular waves without a front are as alike a period later: of their delays it is
-    the one of the largest overlap.
+    From the maximum over the entire records it climbs to the next maximum of the coefficient over their overlap, which
+    a cubic spline interpolates between samples. Regular waves without a front are as similar a period later: of their
+    delays it is the one of the largest overlap.
     """
     a, b = ((record - record.mean("time")).values for record in (one, other))
     furthest, best = a.size - MIN_SAMPLES, int(np.argmax(signal.correlate(b, a, method="fft"))) - (a.size - 1)
 
-    def near(lag: int) -> list[int]:
+    def around(lag: int) -> list[int]:
         return [n for n in range(lag - AROUND, lag + AROUND + 1) if abs(n) <= furthest]
 
-    while (climbed := max(near(best), key=lambda lag: _alike(a, b, lag), default=best)) != best:
+    while (climbed := max(around(best), key=lambda lag: _correlation(a, b, lag), default=best)) != best:
         best = climbed
-    lags = near(best)
+    lags = around(best)
     fine = np.linspace(lags[0], lags[-1], FINER * (len(lags) - 1) + 1)
-    alike = CubicSpline(lags, [_alike(a, b, lag) for lag in lags])
-    return float(fine[np.argmax(alike(fine))] * time_step(one))
+    correlation = CubicSpline(lags, [_correlation(a, b, lag) for lag in lags])
+    return float(fine[np.argmax(correlation(fine))] * time_step(one))
 
 
-def whole_periods_certain(one: DataArray, other: DataArray, late: float) -> bool:
+def is_unambiguous(one: DataArray, other: DataArray, late: float) -> bool:
     """Return whether a delay [s] fits two records better than any a mean period earlier or later."""
     a, b = (record.values for record in (one, other))
     best, period = round(late / time_step(one)), mean_period(one) / time_step(one)
-    away = np.rint(period * np.linspace(0.5, 1.5, TRIED + 1)).astype(int)
-    lags = [lag for lag in (*(best - away), *(best + away)) if abs(lag) <= a.size - MIN_SAMPLES]
-    return max((_alike(a, b, lag) for lag in lags), default=0.0) < RIVAL * _alike(a, b, best)
+    shifts = np.rint(period * np.linspace(0.5, 1.5, TRIED + 1)).astype(int)
+    lags = [lag for lag in (*(best - shifts), *(best + shifts)) if abs(lag) <= a.size - MIN_SAMPLES]
+    return max((_correlation(a, b, lag) for lag in lags), default=0.0) < RIVAL * _correlation(a, b, best)
 
 
-def _alike(a: Array, b: Array, lag: int) -> float:
+def _correlation(a: Array, b: Array, lag: int) -> float:
     """Return the correlation coefficient of b with a as many samples earlier, over those that both have."""
     earlier, later = (a[: a.size - lag], b[lag:]) if lag >= 0 else (a[-lag:], b[: b.size + lag])
     earlier, later = earlier - earlier.mean(), later - later.mean()
@@ -381,13 +385,13 @@ def _alike(a: Array, b: Array, lag: int) -> float:
 def travel(eta: DataArray) -> Dataset:
     """Return ``distance`` [m], ``delay`` [s] and ``speed`` [m/s] from each gauge to the next along x, over ``pair``.
 
-    ``certain`` tells delays that fit better than those a mean period earlier or later. Without a delay the speed is not
-    a number. Raises ``InputError`` for fewer than two gauges.
+    ``certain`` is true of delays that fit better than those a mean period earlier or later. Without a delay the speed
+    is not a number. Raises ``InputError`` for fewer than two gauges.
     """
     ordered = _ordered(eta)
     pairs = [(ordered[n], ordered[n + 1]) for n in range(ordered.gauge.size - 1)]
     delays = np.array([delay(*pair) for pair in pairs])
-    certain = [whole_periods_certain(*pair, late) for pair, late in zip(pairs, delays, strict=True)]
+    certain = [is_unambiguous(*pair, late) for pair, late in zip(pairs, delays, strict=True)]
     return _from_gauge_to_gauge(ordered, delays).assign(certain=("pair", certain))
 
 
@@ -395,18 +399,18 @@ def regular_speed(component: DataArray, frequency: float, *, depth: float, gravi
     """Return ``distance`` [m], ``delay`` [s] and phase ``speed`` [m/s] of regular waves, over ``pair`` as ``travel``.
 
     ``component`` is the first harmonic over gauge, as ``harmonics`` returns it, of this frequency [Hz]; the depth is in
-    m. Waves go to -x, at a negative speed, where linear ones that do fit the phases clearly better. ``certain`` tells
-    phases that are within a quarter of a turn of linear waves'.
+    m. Waves go to -x, at a negative speed, where linear ones that do fit the phases clearly better. ``certain`` is
+    true of phases within a quarter of a turn of those of linear waves.
     """
     ordered = _ordered(component)
     omega = 2 * np.pi * frequency
     linear = float(wave_number(omega, depth, gravity)) * np.diff(places(ordered))
-    turned = np.angle(ordered.values[1:] * ordered.values[:-1].conj())
-    forth, back = (float(np.mean(np.cos(turned - way * linear))) for way in (1, -1))
-    linear *= -1 if back > forth + CLEARLY else 1
-    turned = _whole_turns_added(turned, linear)
-    certain = np.abs(turned - linear) < np.pi / 2
-    return _from_gauge_to_gauge(ordered, np.asarray(turned / omega, dtype=np.float64)).assign(certain=("pair", certain))
+    phase = np.angle(ordered.values[1:] * ordered.values[:-1].conj())
+    forward, backward = (float(np.mean(np.cos(phase - sign * linear))) for sign in (1, -1))
+    linear *= -1 if backward > forward + CLEARLY else 1
+    phase = _nearest_phase(phase, linear)
+    certain = np.abs(phase - linear) < np.pi / 2
+    return _from_gauge_to_gauge(ordered, np.asarray(phase / omega, dtype=np.float64)).assign(certain=("pair", certain))
 
 
 def _from_gauge_to_gauge(ordered: DataArray, delays: Array) -> Dataset:
@@ -423,38 +427,37 @@ def _pairs(ordered: DataArray) -> list[str]:
     return [f"{one}-{other}" for one, other in zip(names, names[1:], strict=False)]
 
 
-def _whole_turns_added(turned: Array, linear: Array) -> Array:
-    """Return phases [rad] with as many whole turns as bring them nearest to those of linear waves."""
-    return turned + 2 * np.pi * np.round((linear - turned) / (2 * np.pi))
+def _nearest_phase(phase: Array, linear: Array) -> Array:
+    """Return phases [rad] with the multiples of 2π that bring them nearest to those of linear waves."""
+    return phase + 2 * np.pi * np.round((linear - phase) / (2 * np.pi))
 
 
 def phase_speed(eta: DataArray, *, depth: float, gravity: float = 9.81, segment: float | None = None) -> Dataset:
     """Return the ``speed`` [m/s] of each frequency [Hz] from each gauge to the next along x, over ``pair`` and f.
 
     By the phase of their cross spectrum (Welch's, segments of ``spectrum`` in Hann windows; a single segment has none
-    where its waves are low at either end), to which as many whole turns are added as bring the wave number nearest to
-    the dispersion relation's in that depth [m]; ``coherence`` tells how far the two gauges have that frequency in
-    common (1 where there is a single segment), ``density`` [m²/Hz] how much of it, and ``own`` where it is no less than
-    at the frequencies beside it: what is less may be leakage of these, with their phase, but in a record that is whole.
+    where its waves are low at either end), with the multiple of 2π that brings the wave number nearest to that of the
+    dispersion relation in that depth [m]. Further variables are the ``coherence`` of the two gauges (1 of a single
+    segment), the ``density`` [m²/Hz] of the cross spectrum, and ``own``, whether that is a local maximum: smaller
+    values may be leakage from there, with its phase, but not in a single segment without a window.
     """
     ordered = _ordered(eta)
     x, values = places(ordered), ordered.transpose("gauge", "time").values
     size = samples(eta, segment)
-    whole = size == eta.time.size and ends_low(values, round(mean_period(eta) / time_step(eta)))
-    how = (1 / time_step(eta), "boxcar" if whole else "hann")
-    f, cross = signal.csd(values[:-1], values[1:], *how, nperseg=size, detrend="constant")
-    _, each = signal.welch(values, *how, nperseg=size, detrend="constant")
+    single = size == eta.time.size and ends_low(values, round(mean_period(eta) / time_step(eta)))
+    welch: dict[str, Any] = {"window": "boxcar" if single else "hann", "nperseg": size, "detrend": "constant"}
+    f, cross = signal.csd(values[:-1], values[1:], 1 / time_step(eta), **welch)
+    _, each = signal.welch(values, 1 / time_step(eta), **welch)
     f, cross, each = f[1:], cross[:, 1:], each[:, 1:]
     k = wave_number(2 * np.pi * f, depth, gravity)
     distance = np.diff(x)[:, None]
-    turned = _whole_turns_added(-np.angle(cross), k * distance)
-    moved = np.abs(turned) > STILL
-    speed = np.divide(2 * np.pi * f * distance, turned, out=np.full(turned.shape, np.nan), where=moved)
+    phase = _nearest_phase(-np.angle(cross), k * distance)
+    speed = np.where(np.abs(phase) > STILL, 2 * np.pi * f * distance / np.where(phase == 0.0, 1.0, phase), np.nan)
     both = each[:-1] * each[1:]
     coherence = np.divide(np.abs(cross) ** 2, both, out=np.zeros(both.shape), where=both > 0)
     density = np.abs(cross)
-    beside = np.pad(density, ((0, 0), (1, 1)))
-    own = np.full(density.shape, True) if whole else density >= np.maximum(beside[:, :-2], beside[:, 2:])
+    padded = np.pad(density, ((0, 0), (1, 1)))
+    own = single | (density >= np.maximum(padded[:, :-2], padded[:, 2:]))
     result = {"speed": (speed, "m s-1"), "coherence": (coherence, "1"), "density": (density, "m2 Hz-1")}
     return Dataset(
         {name: (("pair", "frequency"), values, {"units": unit}) for name, (values, unit) in result.items()}
@@ -464,7 +467,7 @@ def phase_speed(eta: DataArray, *, depth: float, gravity: float = 9.81, segment:
 
 
 def _ordered(eta: DataArray) -> DataArray:
-    """Return the gauges along x; raise ``InputError`` for fewer than two."""
+    """Return the gauges in the order of x; raise ``InputError`` for fewer than two."""
     if eta.sizes.get("gauge", 1) < 2:
         raise InputError("1 gauge received; at least 2 are needed for a speed between them.")
     return eta.isel(gauge=np.argsort(places(eta)))

@@ -7,7 +7,7 @@ Sources: M. S. Longuet-Higgins, J. Marine Res. 11, 1952 (Rayleigh); G. Z. Forris
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 from xarray import DataArray, Dataset
 
@@ -16,32 +16,24 @@ from wavetank.waves.airy import wave_number
 from wavetank.waves.wave import Array
 
 # ---------------------------------------------------------------- zero up-crossing waves
-MIN_WAVES = 3  # waves; of fewer, no mean height is told
-
-
-def waves(t: NDArray[np.float64], eta: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return begin [s], period [s], crest [m] and trough [m] above the mean level of each whole wave, shape (4, waves).
-
-    A wave goes from one up-crossing of the mean level to the next; crossings, crests and troughs are those of a cubic
-    spline through eta [m] at t [s], both of shape (N,).
-    """
-    if t.size < 4 or not np.ptp(eta):
-        return np.zeros((4, 0))
-    spline = CubicSpline(t, eta - eta.mean())
-    crossings, turns = spline.roots(extrapolate=False), spline.derivative().roots(extrapolate=False)
-    ups, extremes = crossings[spline(crossings, 1) > 0], spline(turns)
-    first = np.searchsorted(turns, ups)
-    inside = (extremes[begin:end] for begin, end in pairwise(first))
-    crests = [(wave.max(), wave.min()) for wave in inside]
-    return np.vstack([ups[:-1], np.diff(ups), np.array(crests).reshape(-1, 2).T]) if ups.size > 1 else np.zeros((4, 0))
+MIN_WAVES = 3  # waves that a mean height needs
 
 
 def zero_crossing_waves(eta: DataArray) -> Dataset:
-    """Return ``period`` [s], ``crest``, ``trough``, ``height`` [m] of each whole wave at one gauge, over ``begin`` [s].
+    """Return ``period`` [s], ``crest``, ``trough``, ``height`` [m] of each complete wave at one gauge, over ``begin``.
 
-    Heights of crest and trough are above the mean level; a trough's is negative.
+    A wave is from one up-crossing of the mean level [s] to the next; crossings, crests and troughs are those of a cubic
+    spline. Crests and troughs are above the mean level; a trough is negative.
     """
-    begin, period, crest, trough = waves(eta.time.values, eta.values)
+    t, values = eta.time.values, eta.values
+    ups, extremes = np.zeros(0), list[tuple[float, float]]()
+    if t.size >= 4 and np.ptp(values):
+        spline = CubicSpline(t, values - values.mean())
+        crossings, turns = spline.roots(extrapolate=False), spline.derivative().roots(extrapolate=False)
+        ups, heights = crossings[spline(crossings, 1) > 0], spline(turns)
+        waves = (heights[begin:end] for begin, end in pairwise(np.searchsorted(turns, ups)))
+        extremes = [(wave.max(), wave.min()) for wave in waves]
+    begin, period, (crest, trough) = ups[:-1], np.diff(ups), np.array(extremes).reshape(-1, 2).T
     result = {"period": (period, "s"), "crest": (crest, "m"), "trough": (trough, "m"), "height": (crest - trough, "m")}
     return Dataset(
         {name: ("begin", values, {"units": unit}) for name, (values, unit) in result.items()},
@@ -49,15 +41,15 @@ def zero_crossing_waves(eta: DataArray) -> Dataset:
     )
 
 
-def height_statistics(found: Dataset) -> dict[str, float]:
-    """Return what is told of a record's waves: ``waves``, how many, and by name heights [m] and periods [s].
+def height_statistics(waves: Dataset) -> dict[str, float]:
+    """Return statistics of a record's waves: their number ``waves``, and by name heights [m] and periods [s].
 
     ``h_mean``, ``h_1_3`` and ``h_1_10`` (means of the highest third and tenth), ``h_max``, ``crest``, ``trough``,
     ``t_mean``, ``t_1_3`` (of the highest third). Raises ``InputError`` for fewer than three waves.
     """
-    heights = found.height.values
+    heights = waves.height.values
     if heights.size < MIN_WAVES:
-        gauge = str(found.gauge.values)
+        gauge = str(waves.gauge.values)
         raise InputError(f"gauge {gauge}: {heights.size} whole waves in the record; at least {MIN_WAVES} are needed.")
     highest = np.argsort(heights)[::-1]
     third, tenth = (highest[: -(-heights.size // n)] for n in (3, 10))
@@ -67,10 +59,10 @@ def height_statistics(found: Dataset) -> dict[str, float]:
         "h_1_3": float(heights[third].mean()),
         "h_1_10": float(heights[tenth].mean()),
         "h_max": float(heights.max()),
-        "crest": float(found.crest.max()),
-        "trough": float(found.trough.min()),
-        "t_mean": float(found.period.mean()),
-        "t_1_3": float(found.period.values[third].mean()),
+        "crest": float(waves.crest.max()),
+        "trough": float(waves.trough.min()),
+        "t_mean": float(waves.period.mean()),
+        "t_1_3": float(waves.period.values[third].mean()),
     }
 
 
