@@ -14,7 +14,7 @@ from records import gauge, gauges
 from rich.console import Console
 
 from wavetank import data
-from wavetank.analysis.compare import GAUGE_COLUMNS, compare, compare_harmonics, matched
+from wavetank.analysis.compare import UNITS, compare, compare_harmonics, matched
 from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
@@ -81,9 +81,10 @@ def test_the_table_is_written(tmp_path: Path):
     t = np.arange(0, 60, 0.02)
     one = gauges(gauge("5", 50.0, t, group(t, 30.0)))
     compared = compare(one, one, clock_offset=-1.5)
-    write_dataset(tmp_path / "compare.csv", compared, GAUGE_COLUMNS)
+    write_dataset(tmp_path / "compare.csv", compared)
     (row,) = csv.DictReader((tmp_path / "compare.csv").read_text().splitlines())
-    assert [*row] == [f"{name} [{unit}]" if unit else name for name, unit in GAUGE_COLUMNS.items()]
+    units = {name: f" [{unit}]" for name, unit in UNITS.items()}
+    assert [*row] == ["gauge", *(f"{name}{units.get(name, '')}" for name in compared)] and len(row) == 18
     assert (row["gauge"], row["x [m]"], row["clock_offset [s]"], row["similarity"]) == ("5", "50", "-1.5", "0")
     assert comparison_table(compared).row_count == 1
 

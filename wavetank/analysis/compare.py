@@ -48,14 +48,9 @@ ARRIVED = 0.1  # of the reference's largest elevation: where waves have come
 FLANK = 0.25  # of a mean period, from still water to a crest: a level is crossed within it, whatever the amplitude
 MATCH = 1e-3  # m; two gauges nearer than that are at one place
 
-GAUGE_COLUMNS = {  # quantities of a comparison, in the order of the CSV file, and their units
-    "gauge": "",
+UNITS = {
     "x": "m",
-    "nrms": "",
-    "nrms_fitted": "",
-    "gain": "",
     "shift": "s",
-    "correlation": "",
     "crest_computed": "m",
     "t_crest_computed": "s",
     "crest_reference": "m",
@@ -63,10 +58,7 @@ GAUGE_COLUMNS = {  # quantities of a comparison, in the order of the CSV file, a
     "clock_offset": "s",
     "trough_computed": "m",
     "trough_reference": "m",
-    "crest_error": "",
-    "trough_error": "",
     "arrival_error": "s",
-    "similarity": "",
 }
 
 
@@ -162,23 +154,21 @@ def _spline(record: DataArray) -> CubicSpline:
 
 
 def compare(computed: DataArray, reference: DataArray, *, clock_offset: float = 0.0) -> Dataset:
-    """Return the quantities of ``GAUGE_COLUMNS`` over the gauges that both have, in the reference's order.
+    """Return the quantities of ``compare.csv`` over the gauges that both have, in the reference's order.
 
     ``clock_offset`` is what has been added to the reference's times [s]. Raises ``InputError`` if they have no gauge in
     common, or as ``compare_gauge`` does.
     """
     pairs = matched(computed, reference)
-    rows = [compare_gauge(*pair) | {"clock_offset": clock_offset} for pair in pairs]
-    names = [other.gauge.item() for _, other in pairs]
-    quantities = {name: units for name, units in GAUGE_COLUMNS.items() if name != "gauge"}
-    return Dataset(
-        {name: ("gauge", [row[name] for row in rows], {"units": units}) for name, units in quantities.items()},
-        {"gauge": names},
-    )
+    rows = [compare_gauge(*pair, clock_offset=clock_offset) for pair in pairs]
+    result = Dataset({name: ("gauge", [row[name] for row in rows]) for name in rows[0]})
+    for name, unit in UNITS.items():
+        result[name].attrs["units"] = unit
+    return result.assign_coords(gauge=[other.gauge.item() for _, other in pairs])
 
 
-def compare_gauge(computed: DataArray, reference: DataArray) -> dict[str, float]:
-    """Return the quantities of ``GAUGE_COLUMNS`` at one gauge, but for its name and the clock offset.
+def compare_gauge(computed: DataArray, reference: DataArray, *, clock_offset: float = 0.0) -> dict[str, float]:
+    """Return the quantities of ``compare.csv`` at one gauge.
 
     Raises ``InputError`` if the records share fewer than 4 of the reference's times, or if the reference is zero there.
     """
@@ -205,6 +195,7 @@ def compare_gauge(computed: DataArray, reference: DataArray) -> dict[str, float]
         "t_crest_computed": float(fine[crest]),
         "crest_reference": float(expected[peak]),
         "t_crest_reference": float(fine[peak]),
+        "clock_offset": clock_offset,
         "trough_computed": float(curve.min()),
         "trough_reference": float(expected.min()),
         "crest_error": _relative_error(curve.max(), expected.max()),
@@ -276,15 +267,6 @@ def _correlation(one: Array, other: Array) -> float:
 # ---------------------------------------------------------------- harmonics
 NUMBER = 3  # harmonics compared
 LEAST = 0.01  # of the first harmonic in the reference: smaller ones have neither an error nor a phase
-HARMONIC_COLUMNS = {
-    "gauge": "",
-    "x": "m",
-    "harmonic": "",
-    "computed": "m",
-    "reference": "m",
-    "error": "",
-    "ahead": "rad",
-}
 
 
 def compare_harmonics(
@@ -303,30 +285,16 @@ def compare_harmonics(
     counted = (np.abs(B) > LEAST * np.abs(B[:, :1])) & (A != 0)
     ratio = np.divide(A, B, out=np.full(A.shape, nan, dtype=complex), where=counted)
     result = {"computed": np.abs(A), "reference": np.abs(B), "error": np.abs(ratio) - 1, "ahead": -np.angle(ratio)}
-    return Dataset(
-        {name: (("gauge", "harmonic"), values) for name, values in result.items()},
-        {
-            "gauge": [other.gauge.item() for _, other in pairs],
-            "x": ("gauge", [float(other.x) for _, other in pairs]),
-            "harmonic": 1 + np.arange(NUMBER),
-        },
-    )
+    units = {"computed": {"units": "m"}, "reference": {"units": "m"}, "ahead": {"units": "rad"}}
+    quantities = {name: (("gauge", "harmonic"), values, units.get(name, {})) for name, values in result.items()}
+    places = {"x": ("gauge", [float(other.x) for _, other in pairs], {"units": "m"})}
+    names = [other.gauge.item() for _, other in pairs]
+    return Dataset(quantities | places, {"gauge": names, "harmonic": 1 + np.arange(NUMBER)})
 
 
 # ---------------------------------------------------------------- wave heights along sections
 FEWEST = 4  # gauges along a section: a cubic's
 ALL = "all"  # name of the row over all sections
-SECTION_COLUMNS = (  # of the CSV file
-    "section",
-    "line",
-    "measured",
-    "points",
-    "nrms",
-    "bias",
-    "nrms_incident",
-    "largest_computed",
-    "largest_measured",
-)
 
 
 class SectionProfile(NamedTuple):
@@ -396,7 +364,7 @@ def compare_heights(
 ) -> list[dict[str, Any]]:
     """Return a row for each measured section that has gauges, and for each origin one of all its sections.
 
-    Rows have the keys ``SECTION_COLUMNS``: ``section``, its ``line``, the origin ``measured``, how many ``points``, the
+    Rows have the keys of ``compare.csv``: ``section``, its ``line``, the origin ``measured``, how many ``points``, the
     misfits ``nrms``, ``bias``, ``nrms_incident`` (None without a computed incident height), and the largest ratios
     H / H0 ``largest_computed`` and ``largest_measured``. ``incident`` is the experiment's incident height H0 [m].
     """

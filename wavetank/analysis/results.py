@@ -1,7 +1,7 @@
 """The analyses of ``wavetank analyse``: of a record a table, notes, and the arguments of its figure."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -55,23 +55,24 @@ UNSTEADY_SECOND = 0.1  # of the largest: a bound or free wave that changes by mo
 STEEP = 0.05  # of the wave number: range in which that of regular waves is fitted, where gauges allow
 BADLY = "gauges stand badly"
 
-Value = str | float
-
 
 class Result(NamedTuple):
-    """A table, its columns' names with units, notes below it, and its figure's name and arguments."""
+    """A table, its columns of one length by their names with units, notes below it, and its figure's arguments."""
 
-    columns: Sequence[str]
-    rows: Sequence[Sequence[Value]]
+    columns: Mapping[str, ArrayLike]
     notes: str
     figure: str
     arguments: dict[str, Any]
 
+    @property
+    def rows(self) -> list[tuple[str | float, ...]]:
+        """The rows of the table."""
+        return [*zip(*(np.asarray(values).tolist() for values in self.columns.values()), strict=True)]
 
-def _rows(record: WaveRecord, *columns: ArrayLike) -> list[tuple[Value, ...]]:
-    """Return a row for each gauge: its name, its x [m], and its values in columns of shape (gauges,) or (gauges, N)."""
-    values = np.column_stack([record.eta.x, *(np.asarray(column, dtype=float) for column in columns)])
-    return [(str(name), *map(float, row)) for name, row in zip(record.eta.gauge.values, values, strict=True)]
+
+def _gauges(record: WaveRecord) -> dict[str, ArrayLike]:
+    """Return the first columns of a table over gauges."""
+    return {"gauge": record.eta.gauge.values.astype(str), "x [m]": record.eta.x}
 
 
 def _notes(*notes: str) -> str:
@@ -83,12 +84,12 @@ def spectra(record: WaveRecord) -> Result:
     """Spectra, with Hm0 and the periods that follow from their moments."""
     S = spectrum(record.eta)
     state = sea_state(S)
-    rows = _rows(record, *(state[name] for name in ("hm0", "tp", "tm01", "tm02", "tm_10")))
+    names = {"Hm0 [m]": "hm0", "Tp [s]": "tp", "Tm01 [s]": "tm01", "Tm02 [s]": "tm02", "Tm-10 [s]": "tm_10"}
+    columns = _gauges(record) | {column: state[name] for column, name in names.items()}
     count = S.attrs["segments"]
     segments = f"{count} segments" if count > 1 else "the whole record as one segment"
     text = f"{segments}, {float(S.frequency[1] - S.frequency[0]):.3g} Hz apart"
-    columns = ("gauge", "x [m]", "Hm0 [m]", "Tp [s]", "Tm01 [s]", "Tm02 [s]", "Tm-10 [s]")
-    return Result(columns, rows, text, "spectrum", {"S": S, "title": record.title})
+    return Result(columns, text, "spectrum", {"S": S, "title": record.title})
 
 
 def heights(record: WaveRecord) -> Result:
@@ -97,8 +98,7 @@ def heights(record: WaveRecord) -> Result:
     statistics = [height_statistics(result) for _, result in waves]
     states = sea_state(spectrum(record.eta))
     units = {"waves": "-", "t_mean": "s", "t_1_3": "s"}
-    columns = ("gauge", "x [m]", *(f"{name} [{units.get(name, 'm')}]" for name in statistics[0]), "Hm0 [m]")
-    rows = _rows(record, [[*one.values()] for one in statistics], states.hm0)
+    columns = {f"{name} [{units.get(name, 'm')}]": [one[name] for one in statistics] for name in statistics[0]}
     hm0, tm01, depth = float(states.hm0.mean()), float(states.tm01.mean()), record.optional_depth
 
     def crests(relative: Array) -> Array:
@@ -110,15 +110,16 @@ def heights(record: WaveRecord) -> Result:
     except InputError as error:
         text = f"they are left out; {error}"
     arguments = {"waves": waves, "states": states, "second": None if text else crests, "title": record.title}
-    return Result(columns, rows, text, "heights", arguments)
+    return Result(_gauges(record) | columns | {"Hm0 [m]": states.hm0}, text, "heights", arguments)
 
 
 def groups(record: WaveRecord) -> Result:
     """The waves' envelope, and how much it varies."""
     around, factor = envelope(record.eta), groupiness(record.eta)
+    largest, mean = around.max("time"), around.mean("time")
+    columns = {"largest envelope [m]": largest, "mean envelope [m]": mean, "groupiness [-]": factor}
     return Result(
-        ("gauge", "x [m]", "largest envelope [m]", "mean envelope [m]", "groupiness [-]"),
-        _rows(record, around.max("time"), around.mean("time"), factor),
+        _gauges(record) | columns,
         "groupiness: 0 of regular waves, 1 of a linear random sea",
         "groups",
         {"eta": record.eta, "envelope": around, "groupiness": factor, "title": record.title},
@@ -131,7 +132,8 @@ def harmonic(record: WaveRecord) -> Result:
     f, number = record.frequency, resolved(record.eta, record.frequency)
     result = harmonics(record.eta, f, number=number)
     A, numbers = result.component.values, result.harmonic.values
-    columns = ["gauge", "x [m]", *(f"a{n} [m]" for n in numbers), *(f"phase{n} [rad]" for n in numbers), "rest [m]"]
+    columns = {f"a{n} [m]": a for n, a in zip(numbers, np.abs(A).T, strict=True)}
+    columns |= {f"phase{n} [rad]": phase for n, phase in zip(numbers, np.angle(A).T, strict=True)}
     beginning = _beginning_note(record, 1 / f) or _unsteady_note(
         record,
         lambda eta: np.abs(harmonics(eta, f, number=number).component.values),
@@ -139,8 +141,7 @@ def harmonic(record: WaveRecord) -> Result:
         [[f"harmonic {n} at gauge {gauge}" for n in numbers] for gauge in record.eta.gauge.values],
     )
     return Result(
-        columns,
-        _rows(record, np.abs(A), np.angle(A), result.rest),
+        _gauges(record) | columns | {"rest [m]": result.rest},
         _notes(_period_note(record), _other_waves_note(record), beginning),
         "harmonics",
         {"result": result, "title": record.title},
@@ -160,7 +161,6 @@ def bound_free(record: WaveRecord) -> Result:
     component, result = second(record.eta)
     k, free = (float(one) for one in wave_number(2 * np.pi * f * np.array([1, 2]), depth, g))
     numbers = [2 * k, free, -free][: len(names)]
-    rows = [(name, q, abs(a), float(np.angle(a))) for name, q, a in zip(names, numbers, result.amplitudes, strict=True)]
     condition, unsteady = f"condition {result.condition:.3g}", ""
     if result.condition > WORST:
         condition += f": {BADLY}, which should be apart by parts of the beat, not by all of it (--gauges, --along)"
@@ -182,8 +182,14 @@ def bound_free(record: WaveRecord) -> Result:
     )
     title = f"{record.title}: second harmonic, T = {1 / f:.4g} s"
     arguments = {"component": component, "wave_numbers": numbers, "names": names, "fit": result, "title": title}
-    columns = ("wave", "k [rad/m]", "amplitude [m]", "phase at x = 0 [rad]")
-    return Result(columns, rows, notes, "bound-free", arguments)
+    a, phase = np.abs(result.amplitudes), np.angle(result.amplitudes)
+    columns: dict[str, ArrayLike] = {
+        "wave": names,
+        "k [rad/m]": numbers,
+        "amplitude [m]": a,
+        "phase at x = 0 [rad]": phase,
+    }
+    return Result(columns, notes, "bound-free", arguments)
 
 
 def _unsteady_note(
@@ -319,13 +325,15 @@ def _regular_reflection(record: WaveRecord) -> Result:
         uncertainty,
         record.direction_note,
     )
-    return Result(
-        ("period [s]", "k [rad/m]", "incident [m]", "reflected [m]", "reflection [-]"),
-        [(1 / record.frequency, result.k, abs(result.incident), abs(result.reflected), result.coefficient)],
-        notes,
-        "regular-reflection",
-        {"component": component[:, 0], "result": result, "title": record.title},
-    )
+    columns = {
+        "period [s]": [1 / record.frequency],
+        "k [rad/m]": [result.k],
+        "incident [m]": [abs(result.incident)],
+        "reflected [m]": [abs(result.reflected)],
+        "reflection [-]": [result.coefficient],
+    }
+    arguments = {"component": component[:, 0], "result": result, "title": record.title}
+    return Result(columns, notes, "regular-reflection", arguments)
 
 
 def _uncertainty_note(record: WaveRecord, component: DataArray, result: Reflection) -> str:
@@ -353,7 +361,6 @@ def _uncertainty_note(record: WaveRecord, component: DataArray, result: Reflecti
 
 def _sea_reflection(record: WaveRecord) -> Result:
     result = reflected_spectra(record.forward, depth=record.depth, gravity=record.gravity)
-    attributes = ("hm0_incident", "hm0_reflected", "coefficient", "told_apart")
     enough = f"{2 * PERIODS * mean_period(record.eta):.3g} s"
     one = f"the record is one window, whose middle counts most: of {enough} it would be several"
     notes = _notes(
@@ -366,9 +373,13 @@ def _sea_reflection(record: WaveRecord) -> Result:
         record.direction_note,
         _beginning_note(record, SEVERAL * mean_period(record.eta)),
     )
-    columns = ("Hm0 incident [m]", "Hm0 reflected [m]", "reflection [-]", "variance told apart [-]")
-    rows = [tuple(float(result.attrs[name]) for name in attributes)]
-    return Result(columns, rows, notes, "reflection", {"result": result, "title": record.title})
+    columns = {
+        "Hm0 incident [m]": [result.attrs["hm0_incident"]],
+        "Hm0 reflected [m]": [result.attrs["hm0_reflected"]],
+        "reflection [-]": [result.attrs["coefficient"]],
+        "variance told apart [-]": [result.attrs["told_apart"]],
+    }
+    return Result(columns, notes, "reflection", {"result": result, "title": record.title})
 
 
 # ---------------------------------------------------------------- speed
@@ -399,7 +410,9 @@ def _regular_wave_speed(record: WaveRecord) -> Result:
     component = harmonics(record.forward, f, number=resolved(record.eta, f)).component[:, 0]
     result = regular_speed(component, f, depth=record.depth, gravity=record.gravity)
     linear = 2 * np.pi * f / float(wave_number(2 * np.pi * f, record.depth, record.gravity))
-    pairs, distance, delay, c = (result[name].values for name in ("pair", "distance", "delay", "speed"))
+    c, pairs = result.speed.values, result.pair.values
+    columns = {"gauges": pairs, "distance [m]": result.distance, "delay [s]": result.delay}
+    columns |= {"phase speed [m/s]": c, "linear [m/s]": np.full_like(c, linear)}
     notes = _notes(
         _period_note(record),
         "of delays that differ by whole periods the one nearest to linear waves' is told",
@@ -408,13 +421,7 @@ def _regular_wave_speed(record: WaveRecord) -> Result:
         _beginning_note(record, 1 / f),
         record.direction_note,
     )
-    return Result(
-        ("gauges", "distance [m]", "delay [s]", "phase speed [m/s]", "linear [m/s]"),
-        [(str(pair), *map(float, row), linear) for pair, *row in zip(pairs, distance, delay, c, strict=True)],
-        notes,
-        "speed",
-        _speed_arguments(record, c[:, None], pairs, np.array([f])),
-    )
+    return Result(columns, notes, "speed", _speed_arguments(record, c[:, None], pairs, np.array([f])))
 
 
 def _speed_arguments(record: WaveRecord, c: Array, pairs: Array, frequencies: Array) -> dict[str, Any]:
@@ -434,21 +441,16 @@ def _sea_speed(record: WaveRecord) -> Result:
     peak = np.argmax(np.where(counted, density, 0.0), axis=1)
     f, c = frequencies[peak], result.speed.values[np.arange(peak.size), peak]
     linear = 2 * np.pi * f / wave_number(2 * np.pi * f, record.depth, record.gravity)
-    columns = ("gauges", "distance [m]", "delay [s]", "speed [m/s]", "peak [Hz]", "phase speed there [m/s]")
-    numbers = np.column_stack([between.distance, between.delay, between.speed, f, c, linear])
+    columns = {"gauges": between.pair, "distance [m]": between.distance, "delay [s]": between.delay}
+    columns |= {"speed [m/s]": between.speed, "peak [Hz]": f, "phase speed there [m/s]": c, "linear [m/s]": linear}
     notes = _notes(
         "delay and speed are those of the largest cross-correlation",
         _uncertain_note(between, "a period earlier or later the records are as alike"),
         f"frequencies are {frequencies[0]:.3g} Hz apart",
         record.direction_note,
     )
-    return Result(
-        (*columns, "linear [m/s]"),
-        [(str(pair), *map(float, row)) for pair, row in zip(between.pair.values, numbers, strict=True)],
-        notes,
-        "speed",
-        _speed_arguments(record, result.speed.where(counted).values, result.pair.values, frequencies),
-    )
+    arguments = _speed_arguments(record, result.speed.where(counted).values, result.pair.values, frequencies)
+    return Result(columns, notes, "speed", arguments)
 
 
 def _uncertain_note(result: Dataset, why: str) -> str:

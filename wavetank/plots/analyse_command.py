@@ -89,13 +89,13 @@ def analyse(
     if units := data.units_note(source):
         terminal.print(units, highlight=False)
     for kind, result in results.items():
-        more = f"and {len(result.rows) - MOST} more rows, in the file" if len(result.rows) > MOST else None
-        cells = (map(_cell, row) for row in result.rows[:MOST])
-        terminal.print(terminal_table(result.columns, cells, caption=more))
+        columns, rows = [*result.columns], result.rows
+        more = f"and {len(rows) - MOST} more rows, in the file" if len(rows) > MOST else None
+        terminal.print(terminal_table(columns, (map(_cell, row) for row in rows[:MOST]), caption=more))
         if result.notes:
             terminal.print(result.notes, highlight=False)
         replaced = ", in place of what was there (--out: elsewhere)" if files[kind].exists() else ""
-        write_rows(files[kind], result.columns, result.rows)
+        write_rows(files[kind], columns, rows)
         picture = result_figure(result, files[kind].with_suffix(".png"))
         terminal.print(f"wrote {files[kind]} and {picture}{replaced}", highlight=False)
     if refused:

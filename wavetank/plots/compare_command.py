@@ -48,10 +48,10 @@ def compare(
         lines = list[str]()
     else:
         if given:
-            first, *others = data.gauge_records(given)
+            first, *published = data.gauge_records(given)
         else:
-            first, others = RunDirectory(reference).gauges.assign_attrs(source=Path(reference).name), []
-        references = [first.assign_attrs(clock_offset=_clock(clock)) if clock is not None else first, *others]
+            first, published = RunDirectory(reference).gauges.assign_attrs(source=Path(reference).name), []
+        references = [first.assign_attrs(clock_offset=_clock(clock)) if clock is not None else first, *published]
         tables, lines = _compare_gauges(_computed(run), references, folder=folder, period=period, start=start)
     terminal = console()
     for table in tables:
@@ -104,23 +104,23 @@ def _compare_gauges(
     computed: "DataArray", references: "list[DataArray]", *, folder: Path, period: float | None, start: float | None
 ) -> tuple[list[Table], list[str]]:
     """Compare with the first of the references, and draw them all; return tables and lines on the clocks."""
-    from wavetank.analysis.compare import GAUGE_COLUMNS, HARMONIC_COLUMNS, compare_harmonics, synchronised
     from wavetank.analysis.compare import compare as compare_gauges
+    from wavetank.analysis.compare import compare_harmonics, synchronised
     from wavetank.plots import tables
     from wavetank.plots.compare_figures import harmonics_figure
     from wavetank.plots.figures import gauges_figure
 
-    (measured, offset), *published = (synchronised(computed, one) for one in references)
+    (measured, offset), *rest = (synchronised(computed, one) for one in references)
     compared = compare_gauges(computed, measured, clock_offset=offset)
     harmonic = compare_harmonics(computed, measured, period=period, start=start) if period else None
     folder.mkdir(parents=True, exist_ok=True)
-    tables.write_dataset(folder / "compare.csv", compared, GAUGE_COLUMNS)
+    tables.write_dataset(folder / "compare.csv", compared)
     result = [tables.comparison_table(compared), tables.extremes_table(compared)]
     if harmonic is not None:
-        tables.write_dataset(folder / "compare-harmonics.csv", harmonic, HARMONIC_COLUMNS)
+        tables.write_dataset(folder / "compare-harmonics.csv", harmonic, tables.HARMONICS)
         harmonics_figure(folder / "compare-harmonics.png", harmonic)
         result.append(tables.harmonics_table(harmonic))
-    gauges_figure(measured, computed, [one for one, _ in published], folder / "compare.png")
+    gauges_figure(measured, computed, [one for one, _ in rest], folder / "compare.png")
     return result, [tables.clock_line(offset), tables.clock_note(computed, measured, compared)]
 
 
@@ -128,7 +128,7 @@ def _compare_heights(
     run: RunDirectory, reference: "data.WaveHeights", measured: "list[data.HeightSeries]", *, folder: Path
 ) -> Table:
     """Compare wave heights along sections, and draw them; return the table."""
-    from wavetank.analysis.compare import SECTION_COLUMNS, compare_heights, computed_heights
+    from wavetank.analysis.compare import compare_heights, computed_heights
     from wavetank.plots.compare_figures import bathymetry, sections_figure
     from wavetank.plots.tables import heights_table, write_rows
 
@@ -136,7 +136,7 @@ def _compare_heights(
     computed = computed_heights(gauges, reference)
     rows = compare_heights(computed, measured, incident=incident)
     folder.mkdir(parents=True, exist_ok=True)
-    write_rows(folder / "compare.csv", SECTION_COLUMNS, ([*row.values()] for row in rows))
+    write_rows(folder / "compare.csv", [*rows[0]], ([*row.values()] for row in rows))
     bed = bathymetry(run, gauges)
     sections_figure(computed, measured, rows, folder / "compare.png", incident=incident, bed=bed, title=run.title)
     return heights_table(rows)

@@ -16,6 +16,8 @@ from wavetank.analysis.compare import LARGEST_SHIFT, compare
 from wavetank.errors import InputError, write_errors
 from wavetank.output.files import write_atomically
 
+HARMONICS = ("gauge", "x", "harmonic", "computed", "reference", "error", "ahead")  # columns
+
 
 def write_rows(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
     """Write a table as CSV, numbers with six digits; raises ``InputError`` where it cannot be written."""
@@ -27,15 +29,19 @@ def write_rows(path: Path, columns: Sequence[str], rows: Iterable[Sequence[objec
         write_atomically(path, text.getvalue().encode())
 
 
-def write_dataset(path: Path, data: Dataset, columns: Mapping[str, str]) -> None:
-    """Write quantities of a data set, given with their units, as CSV: a row for each combination of its dimensions."""
-    names = [f"{name} [{unit}]" if unit else name for name, unit in columns.items()]
-    write_rows(path, names, _rows(data, [*columns]))
+def write_dataset(path: Path, data: Dataset, names: Sequence[str] = ()) -> None:
+    """Write a data set as CSV, all quantities or those named: a row for each combination of its dimensions."""
+    columns, rows = table_rows(data, names)
+    write_rows(path, columns, rows)
 
 
-def _rows(data: Dataset, names: Sequence[str]) -> Iterable[tuple[Any, ...]]:
+def table_rows(data: Dataset, names: Sequence[str] = ()) -> tuple[list[str], list[tuple[Any, ...]]]:
+    """Return the columns of a data set, with their units, and its rows."""
     frame = data.to_dataframe().reset_index()
-    return [*frame[[*names]].itertuples(index=False, name=None)]
+    frame = frame[[*names]] if names else frame
+    units = [data[name].attrs.get("units") for name in frame]
+    columns = [f"{name} [{unit}]" if unit else str(name) for name, unit in zip(frame, units, strict=True)]
+    return columns, [*frame.itertuples(index=False, name=None)]
 
 
 def terminal_table(columns: Sequence[str], rows: Iterable[Iterable[str]], *, caption: str | None = None) -> Table:
@@ -74,7 +80,7 @@ def comparison_table(compared: Dataset) -> Table:
     """Return the misfits as a table for the terminal."""
     names = ("gauge", "x", "nrms", "nrms_fitted", "gain", "shift", "correlation", "similarity")
     heads = ("gauge", "x [m]", "nrms", "fitted", "gain", "shift [s]", "correlation", "similarity")
-    rows = _rows(compared, names)
+    _, rows = table_rows(compared, names)
     return terminal_table(heads, ([gauge, f"{x:g}", *(f"{one:.3f}" for one in numbers)] for gauge, x, *numbers in rows))
 
 
@@ -83,7 +89,7 @@ def extremes_table(compared: Dataset) -> Table:
     heads = ["gauge", "crest [m]", "reference", "error", "trough [m]", "reference", "error", "arrival [s]"]
     extremes = [(f"{name}_computed", f"{name}_reference", f"{name}_error") for name in ("crest", "trough")]
     rows = []
-    for gauge, *numbers, arrival in _rows(compared, ["gauge", *extremes[0], *extremes[1], "arrival_error"]):
+    for gauge, *numbers, arrival in table_rows(compared, ["gauge", *extremes[0], *extremes[1], "arrival_error"])[1]:
         cells = [_percent(one) if n in (2, 5) else f"{one:.4g}" for n, one in enumerate(numbers)]
         rows.append([gauge, *cells, "" if isnan(arrival) else f"{arrival:+.3f}"])
     number = len(heads) - bool(np.isnan(compared.arrival_error).all())
@@ -98,8 +104,7 @@ def harmonics_table(compared: Dataset) -> Table:
     """Return the harmonics as a table for the terminal, amplitudes in mm."""
     heads = ("gauge", "x [m]", "harmonic", "computed [mm]", "reference", "error", "ahead [rad]")
     rows = []
-    names = ("gauge", "x", "harmonic", "computed", "reference", "error", "ahead")
-    for gauge, x, harmonic, computed, reference, error, ahead in _rows(compared, names):
+    for gauge, x, harmonic, computed, reference, error, ahead in table_rows(compared, HARMONICS)[1]:
         errors = ("", "") if isnan(error) else (f"{100 * error:+.1f} %", f"{ahead:+.3f}")
         rows.append([gauge, f"{x:g}", f"{harmonic}", f"{1e3 * computed:.4g}", f"{1e3 * reference:.4g}", *errors])
     return terminal_table(heads, rows)
