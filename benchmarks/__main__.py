@@ -114,14 +114,24 @@ def where_the_time_goes(steps: int) -> None:
 
 
 GROUPS = {
-    "potentials along a slice as a whole, with all that is below": ("method whole.", "whole.py"),
-    "interior potentials: residuals": ("method layers.product",),
-    "corrections to them": ("method layers.correct",),
-    "a state's second derivatives, the column's derivative": ("method layers.take", "method layers.derivative"),
-    "stages' preconditioner": ("method carried.", "layers.respond", "method points.", "_water.py", "carried_waves.py"),
-    "the mass matrix": ("method mass.", "mass.py"),
+    "potentials along a slice as a whole, with all that is below": (
+        *(f"method tank.{name}" for name in ("find", "attempt", "look", "see", "begin_stage")),
+        "whole.py",
+    ),
+    "interior potentials: residuals": ("method tank.layers_product",),
+    "corrections to them": ("method tank.single_correct",),
+    "a state's second derivatives, the column's derivative": (
+        "method tank.layers_take",
+        "method tank.layers_derivative",
+    ),
+    "stages' preconditioner": (
+        *(f"method tank.{name}" for name in ("precondition", "set_velocity", "layers_respond", "velocity_")),
+        "_water.py",
+        "carried_waves.py",
+    ),
+    "the mass matrix": ("method tank.mass_", "mass.py"),
     "forms of the wall": ("fem/assemble.py", "forms.py"),
-    "start values": ("method recall.", "method combination.", "recall.py", "combination.py", "start_values.py"),
+    "start values": ("method tank.history_", "method history.", "recall.py", "combination.py", "start_values.py"),
 }
 
 

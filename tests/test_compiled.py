@@ -18,9 +18,8 @@ from mpi4py import MPI
 from ranks import begun, on
 
 from wavetank.errors import WavetankError
-from wavetank.fem import compiled, kernels
-from wavetank.fem.combination import POINTS
-from wavetank.fem.kernels import source
+from wavetank.fem import codegen, compiled
+from wavetank.fem.codegen import Buffer, Unit, source
 
 FORM = """
 import ufl
@@ -32,9 +31,9 @@ print(ScalarForm(fem.Constant(line, 1.0) * ufl.dx, MPI.COMM_WORLD).assemble())
 """
 KERNEL = """
 from mpi4py import MPI
-from wavetank.fem.kernels import Kernel
-kernel = Kernel("one", "double one(void);", key="double one(void) { return 1.0; }", comm=MPI.COMM_WORLD)
-print(kernel.call.one())
+from wavetank.fem.codegen import Unit
+code = "static double one(void)\\n{ return 1.0; }"
+print(Unit(MPI.COMM_WORLD).add("unit", code, exports=["one"]).function("one")())
 """
 KINDS = [pytest.param(FORM, id="form", marks=pytest.mark.slow), pytest.param(KERNEL, id="kernel")]  # kept alike
 CODE = pytest.mark.parametrize("code", KINDS)
@@ -173,7 +172,7 @@ def test_code_for_this_processor_is_not_another_s(tmp_path, monkeypatch):
 
 def unkept(cache: str) -> list[str]:
     """What ranks say where one of them alone can keep nothing, and where one cannot load what is kept; collective."""
-    comm, said, code = MPI.COMM_WORLD, [], "double two(void) { return 2.0; }"
+    comm, said, code = MPI.COMM_WORLD, [], "static double two(void)\n{ return 2.0; }"
     last = comm.rank == comm.size - 1
 
     def full(**names):
@@ -184,26 +183,51 @@ def unkept(cache: str) -> list[str]:
 
     with pytest.MonkeyPatch.context() as patched:
         patched.setenv("XDG_CACHE_HOME", f"{cache}/{comm.rank}")  # each its own
-        for module, name, fails in ((compiled, "mkdtemp", full), (kernels, "_module", barred)):
+        for module, name, fails in ((compiled, "mkdtemp", full), (codegen, "_module", barred)):
             with patched.context() as there:
                 if last:
                     there.setattr(module, name, fails)
                 with pytest.raises(WavetankError) as error:
-                    kernels.Kernel("two", "double two(void);", key=code, comm=comm)
+                    Unit(comm).add("unit", code, exports=["two"]).function("two")()
             said.append(str(error.value))
     return said
 
 
-def test_what_a_struct_points_to_lives_as_long_as_it_does():
+ROWS = """
+typedef struct {
+    int count;
+    const double **rows;
+} Rows;
+
+static double total(const Rows *r, const double *weights)
+{
+    double sum = 0.0;
+    for (int k = 0; k < r->count; ++k)
+        sum += weights[k] * r->rows[k][0];
+    return sum;
+}
+"""
+
+
+def test_a_struct_keeps_its_arrays_alive():
     """On two ranks paddles' lengths were let go of, and looking at the surface crashed."""
-    rows = "typedef struct { const double **rows; } Rows;"
-    kernel = kernels.Kernel("rows", rows, key=f"{rows} int none;", comm=MPI.COMM_SELF)
-    pointers = kernel.pointers([np.ones(2)])
-    struct, there = kernel.struct("Rows", {"rows": pointers}), weakref.ref(pointers)
-    del pointers
+    instance = Unit(MPI.COMM_SELF, "rows").add("rows", ROWS, exports=["total"])
+    rows = [np.ones(2), np.arange(3)]  # the latter is copied as doubles
+    struct, there = instance.struct("Rows", count=2, rows=rows), weakref.ref(rows[0])
+    total = instance.function("total", struct, Buffer(2))
+    assert total(np.array([2.0, 3.0])) == 2.0
+    del rows
     assert there() is not None
-    del struct
+    del struct, total
     assert there() is None
+
+
+@pytest.mark.parametrize("given", [np.zeros(3), np.zeros(2, dtype=np.float32)], ids=["size", "type"])
+def test_functions_refuse_arrays_of_another_size_or_type(given):
+    instance = Unit(MPI.COMM_SELF, "rows").add("rows", ROWS, exports=["total"])
+    total = instance.function("total", instance.struct("Rows", count=0, rows=[]), Buffer(2))
+    with pytest.raises(TypeError, match="rows_total: an array of"):
+        total(given)
 
 
 def test_what_one_rank_alone_cannot_keep_or_load_ends_all_with_one_sentence(on_ranks, tmp_path):
@@ -216,12 +240,15 @@ def test_what_one_rank_alone_cannot_keep_or_load_ends_all_with_one_sentence(on_r
 ZERO = """
 int main(void)
 {
-    double gram[1] = {0}, products[2] = {0}, answer[1] = {0}, y[1] = {1};
+    double gram[1] = {0}, products[2] = {0}, solution[1] = {0}, y[1] = {1};
     float steps[1] = {0};
     nearest(0, 0, gram, products, 1e-13, gram);
-    const int began = start(1, 1, 1, 0, 0, gram, products, 1e-13, answer, steps, y);
-    start(1, 0, 1, 0, 0, gram, products, 1e-13, answer, steps, y);
-    Points none = {.size = 0, .most = 0, .gram = gram, .products = products};
+    Guesses one = {.rows = 1, .numbers = 1, .shortest = 1e-13, .gram = gram, .products = products, .solution = solution,
+                   .solution_steps = steps};
+    const int began = guess(&one, 0, 1, y);
+    one.numbers = 0;
+    guess(&one, 0, 1, y);
+    Mixing none = {.size = 0, .most = 0, .gram = gram, .products = products};
     combine(&none, 0, 0.0, gram, products);
     return !(began && y[0] == 0);
 }
@@ -230,9 +257,7 @@ int main(void)
 
 def test_kernels_of_start_values_take_arrays_of_length_zero(tmp_path):
     """A rank may own no degree of freedom, and nothing is recorded at first. Oracle: the sanitizer of array bounds."""
-    recall, combination = (source(f"{name}.c").replace("aim(", f"{name}_aim(") for name in ("recall", "combination"))
-    combination = combination.replace("#define FEW", "#undef FEW\n#define FEW")
-    code = "\n".join([POINTS, source("nearest.c"), recall, combination, ZERO])
+    code = "\n".join([source("tank.h").replace("REAL", "double"), source("projection.c"), ZERO])
     (tmp_path / "zero.c").write_text(code)
     compiler = sysconfig.get_config_var("CC").split()
     options = ["-w", "-fsanitize=undefined", "-fsanitize-undefined-trap-on-error", "zero.c", "-lm", "-o", "zero"]

@@ -13,16 +13,15 @@ from mpi4py import MPI
 
 from examples.paper.oscillators import NonSeparable, OscillatorStages
 from wavetank.arrays import Vector
-from wavetank.fem.kernels import Kernel
+from wavetank.fem.codegen import Unit
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.hamiltonian import Stage
 from wavetank.integrators.states import like, rows
 
 ITERATIONS = 20
 FLAGS = ["-O2", "-march=native", "-Wno-unused-variable"]
-DECLARATION = "void run(long periods, int steps, double dt, double *state, double *energies);"
 SOURCE = """
-void run(long periods, int steps, double dt, double *state, double *energies)
+static void run(long periods, int steps, double dt, double *state, double *energies)
 {
 %(begin)s
     for (long period = 0; period < periods; ++period) {
@@ -121,7 +120,7 @@ def energies(integrator: Integrator[Any], *, q: float, p: float, steps: int, per
     """Return the mean energy over each period of the orbit through (q, p), shape (periods,)."""
     state = rows(integrator.start(np.array([q]), np.array([p])))
     found, code = np.empty(periods), source(integrator)
-    orbit = Kernel("orbit", DECLARATION, key=code, comm=MPI.COMM_SELF, flags=FLAGS)
+    orbit = Unit(MPI.COMM_SELF, "orbit", flags=FLAGS).add("orbit", code, exports=["run"])
     dt = NonSeparable().period(q, p) / steps
-    orbit.call.run(periods, steps, dt, orbit.pointer(state), orbit.pointer(found))
+    orbit.function("run", periods, steps, dt, state, found)()
     return found

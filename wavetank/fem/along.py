@@ -2,21 +2,20 @@
 
 Only what couples the vertical modes, the slope of the surface, is left out of the preconditioner (docs/method.md,
 section 4). A residual is of double precision; what is added to the potential for it is found in single precision, all
-of it compiled as one (``along.c``), and takes the error down by up to five digits. Then there is a new residual.
+of it compiled as one (``modes.c``), and takes the error down by up to five digits. Then there is a new residual.
 """
 
 from math import isfinite
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
 from wavetank.fem.cells import lanes
-from wavetank.fem.chain import CHAIN, chain, followed
+from wavetank.fem.chain import chain, followed
+from wavetank.fem.codegen import Buffer, Function, Unit, source
 from wavetank.fem.conjugate_gradients import condition_number
-from wavetank.fem.kernels import defined, source
 from wavetank.fem.layers import LayerEnergy, LayerOperator
 from wavetank.fem.plane import Field, Plane
 from wavetank.fem.vertical import VerticalBasis
@@ -24,36 +23,42 @@ from wavetank.fem.vertical import VerticalBasis
 MOST = 200  # iterations
 ABREAST = 8  # modes in a vector, at most
 NO_MINIMUM = "the interior potential has no minimum: the water column is not positive everywhere"
-DECLARATIONS = """
-void decouple(const Cells *, const Layers *, const REAL *fields, const REAL *lambda, const Chain *);
-void respond(const Chain *, const REAL *s, const double *r, double *x, REAL *work);
-"""
-CORRECTION = """
-typedef struct {
-    double kinetic, residual;
-} Found;
-int correct(const Cells *, const Layers *, const REAL *state, const Chain *, const double *wall, int stride,
-            double *phi, double *image, double tolerance, int most, double *steps, Found *, REAL *work);
-"""
 
 
-def along(energy: LayerEnergy, plane: Plane, vertical: VerticalBasis, *, column: Field) -> LayerOperator:
+def along(
+    energy: LayerEnergy, plane: Plane, vertical: VerticalBasis, *, column: Field, unit: Unit | None = None
+) -> LayerOperator:
     """Return the operator of a slice or ring, with its modes where layers are averaged; see ``LayerOperator``."""
-    more = _code(plane, vertical.n + 1, "double", ordered=False), CHAIN + DECLARATIONS
-    return LayerOperator(energy, plane, vertical, column=column, more=more)
+    more = source("matrices.c", "banded") + source("modes.c", "slice")
+    sizes, exports = _sizes(plane, vertical.n + 1, "double", ordered=False), ("decouple", "respond")
+    return LayerOperator(
+        energy, plane, vertical, column=column, more=more, exports=exports, more_sizes=sizes, unit=unit
+    )
 
 
-def _single(energy: LayerEnergy, plane: Plane, vertical: VerticalBasis, *, column: Field) -> LayerOperator:
+def _single(
+    energy: LayerEnergy, plane: Plane, vertical: VerticalBasis, *, column: Field, unit: Unit | None
+) -> LayerOperator:
     """Return the same in single precision, its rows as places follow each other, with what is compiled for solves."""
-    more = _code(plane, vertical.n, "float", ordered=True) + source("along.c"), CHAIN + DECLARATIONS + CORRECTION
-    order = followed(plane)
-    return LayerOperator(energy, plane, vertical, column=column, more=more, real="float", order=order, stored=True)
+    return LayerOperator(
+        energy,
+        plane,
+        vertical,
+        column=column,
+        more=source("matrices.c", "banded") + source("modes.c", "slice", "correction"),
+        exports=("decouple", "correct"),
+        more_sizes=_sizes(plane, vertical.n, "float", ordered=True),
+        unit=unit,
+        prefix="single",
+        real="float",
+        order=followed(plane),
+        stored=True,
+    )
 
 
-def _code(plane: Plane, modes: int, real: str, *, ordered: bool) -> str:
-    sizes = {"MODES": modes, "BAND": plane.order, "ABREAST": _abreast(real), "ORDERED": int(ordered)}
-    sizes["GROUPS"] = _room(modes, real) // sizes["ABREAST"]
-    return defined(sizes) + source("chain.c") + source("decoupled.c")
+def _sizes(plane: Plane, modes: int, real: str, *, ordered: bool) -> dict[str, object]:
+    abreast, groups = _abreast(real), _room(modes, real) // _abreast(real)
+    return {"MODES": modes, "BAND": plane.order, "ABREAST": abreast, "ORDERED": int(ordered), "GROUPS": groups}
 
 
 def _abreast(real: str) -> int:
@@ -101,28 +106,29 @@ class AveragedModes:
     """
 
     def __init__(self, operator: LayerOperator, plane: Plane, eigenvalues: Vector, *, room: int):
-        self._operator, real = operator, operator.kernel.real
-        self._eigenvalues = np.pad(eigenvalues, (0, room - eigenvalues.size), mode="edge").astype(real)
-        self._work, self._shares = np.empty((plane.size, room), dtype=real), np.zeros(room, dtype=real)
-        self._at_work, self._at_shares = map(operator.kernel.pointer, (self._work, self._shares))
-        self.chain = chain(operator.kernel, plane, systems=room)
-
-    def take(self, averages: NDArray[Any]) -> None:
-        """Take over the operator with these fields."""
-        kernel, operator, at = self._operator.kernel, self._operator, self._operator.kernel.pointer
-        kernel.call.decouple(operator.cells, operator.layers, at(averages), at(self._eigenvalues), self.chain)
+        instance, real, size = operator.instance, operator.instance.dtype, plane.size
+        eigenvalues = np.pad(eigenvalues, (0, room - eigenvalues.size), mode="edge").astype(real)
+        self._work, self._shares = np.empty((size, room), dtype=real), np.zeros(room, dtype=real)
+        self.chain, fields = chain(instance, plane, systems=room), Buffer(operator.rows.size, real)
+        of = operator.cells, operator.layers
+        self.take = instance.function("decouple", *of, fields, eigenvalues, self.chain)
+        self._respond: Function | None = None
+        if real == np.float64:
+            self._respond = instance.function(
+                "respond", self.chain, self._shares, Buffer(size), Buffer(size), self._work
+            )
 
     def compiled(self, shares: Vector) -> dict[str, Any]:
-        """Return what responses of these shares are called with, for another kernel; there are to be no others."""
+        """Return the parts of an ``Advection`` for responses of these shares; there are to be no others."""
         self._shares[: shares.size] = shares
-        address, room = self._operator.kernel.address, {"shares": self._shares, "modes_work": self._work}
-        return {"respond": address("respond"), "modes": address(self.chain), **room}
+        return {"modes": self.chain, "shares": self._shares, "modes_work": self._work}
 
     def respond(self, shares: Vector, right: Vector, *, cycles: int = 1) -> Vector:
         """See ``Modes``; exactly."""
-        kernel, result, at = self._operator.kernel, np.empty_like(right), self._operator.kernel.pointer
+        result = np.empty_like(right)
         self._shares[: shares.size] = shares
-        kernel.call.respond(self.chain, self._at_shares, at(np.ascontiguousarray(right)), at(result), self._at_work)
+        assert self._respond is not None
+        self._respond(np.ascontiguousarray(right), result)
         return result
 
 
@@ -159,18 +165,26 @@ class Minimum:
         *,
         column: Field,
         tolerance: float,
+        unit: Unit | None = None,
     ):
         self._operator, self._tolerance = operator, tolerance
-        self._single = single = _single(energy, plane, vertical, column=column)
+        self._single = single = _single(energy, plane, vertical, column=column, unit=unit)
         self._modes = AveragedModes(single, plane, vertical.eigenvalues, room=_room(vertical.n, "float"))
         row = _room(vertical.n, "float")
         self._work = np.empty((plane.size, 5 * row + 2), dtype=np.float32)
         self._steps, self.last = np.empty((MOST + 1, 2)), 0
-        kernel = single.kernel
-        self._found = kernel.struct("Found", {"kinetic": 0.0, "residual": 0.0})
-        self._of = single.cells, single.layers, kernel.pointer(single.state), self._modes.chain
+        self._correction = np.zeros(2)  # phi A phi, and the residual's energy over that wanted
+        layered = Buffer(plane.size * (vertical.n + 1))
+        self._correct = {
+            stride: single.instance.function(
+                "correct",
+                *(single.cells, single.layers, single.state, self._modes.chain),
+                *(Buffer(plane.size * stride if stride else vertical.n + 1), stride, layered, layered, tolerance, int),
+                *(self._steps, self._correction, self._work),
+            )
+            for stride in (0, vertical.n + 1)
+        }
         self._image = np.zeros((plane.size, vertical.n + 1))
-        self._room = kernel.pointer(self._steps), self._found, kernel.pointer(self._work)
         self.flow: Vector = np.zeros(plane.size)
         self.kinetic = 0.0
 
@@ -185,40 +199,38 @@ class Minimum:
         ``wall`` is what the wall adds, broadcastable to that shape. Raises ``ConvergenceError``.
         """
         self._single.follow(self._operator)
-        iterations, call, kernel = 0, self._single.kernel.call, self._single.kernel
-        by_wall = kernel.pointer(np.ascontiguousarray(wall)), wall.shape[1] if len(wall) > 1 else 0
-        corrected = kernel.known(phi), kernel.known(self._image), self._tolerance
+        iterations, correct = 0, self._correct[wall.shape[1] if len(wall) > 1 else 0]
+        wall = np.ascontiguousarray(wall)
         while True:
             self._operator.apply_to(phi, self._image)
-            taken = call.correct(*self._of, *by_wall, *corrected, MOST - iterations, *self._room)
+            taken = correct(wall, phi, self._image, MOST - iterations)
             self.last = max(0, taken)
             iterations += self.last
             if taken == -1:
                 raise ConvergenceError(f"the interior potential did not converge in {MOST} iterations")
             self.flow = self._image[:, -1].copy()
-            if taken < 0 or not self._operator.least > 0.0 or not isfinite(self._found.kinetic):
+            kinetic, left = map(float, self._correction)
+            if taken < 0 or not self._operator.least > 0.0 or not isfinite(kinetic):
                 raise ConvergenceError(NO_MINIMUM)
-            if self._found.residual <= 1.0:
-                self.kinetic = self._found.kinetic
+            if left <= 1.0:
+                self.kinetic = kinetic
                 return iterations
 
     @property
     def compiled(self) -> dict[str, Any]:
-        """What corrections are called with, for ``whole.c``."""
-        single, address = self._single, self._single.kernel.address
-        called = {"take_single": "take", "correct": "correct"}
+        """The parts of a ``Tank`` that it finds minima with."""
+        single = self._single
         return {
-            **{name: address(function) for name, function in called.items()},
-            "single_cells": address(single.cells),
-            "single_layers": address(single.layers),
-            "single_rows": single.rows,
-            "single_state": single.state,
+            "float_cells": single.cells,
+            "float_layers": single.layers,
+            "float_rows": single.rows,
+            "float_state": single.state,
             "order": single.order,
-            "modes": address(self._modes.chain),
+            "modes": self._modes.chain,
             "tolerance": self._tolerance,
-            "iterations": MOST,
-            "lengths": self._steps,
-            "found": address(self._found),
+            "most_iterations": MOST,
+            "steps": self._steps,
+            "correction": self._correction,
             "work": self._work,
         }
 

@@ -3,25 +3,21 @@
 On quadrilaterals, where nodes and points are pairs of those of an edge, kernels go edge by edge (``cells.c``).
 """
 
+from typing import Any
+
 import basix
 import numpy as np
 from mpi4py import MPI
-from numpy.typing import DTypeLike
+from numpy.typing import DTypeLike, NDArray
 
 from wavetank.arrays import Vector
 from wavetank.fem.compiled import processor, vector_size
 from wavetank.fem.halo import Halo
 from wavetank.fem.plane import Plane
 
+Indices = NDArray[np.integer[Any]]
 BYTES = {"double": 8, "float": 4}
 SAME = 1e-12  # relative: so alike are the Jacobians of a cell whose geometry is the same everywhere
-DECLARATION = """
-typedef struct {
-    int batches;
-    const int *dofs;
-    const REAL *values, *slopes, *squares, *weights, *inverse, *measure;
-} Cells;
-"""
 
 
 def lanes(real: str) -> int:
@@ -38,6 +34,8 @@ class Cells:
         Up to which quadrature is exact.
     real
         What is calculated with: "double" or "float".
+    only
+        These alone, in a mesh whose ranks have all of them; None: all that the rank owns.
 
     Attributes
     ----------
@@ -51,7 +49,8 @@ class Cells:
         As ``cells.c`` has them.
     """
 
-    def __init__(self, plane: Plane, degree: int, *, real: str = "double"):
+    def __init__(self, plane: Plane, degree: int, *, real: str = "double", only: Indices | None = None):
+        self._only = only
         element, self.lanes = plane.V.element.basix_element, lanes(real)
         dim = plane.mesh.topology.dim
         if element.cell_type == basix.CellType.quadrilateral:
@@ -101,12 +100,14 @@ class Cells:
     def _geometry(self, plane: Plane) -> dict[str, Vector]:
         """Return degrees of freedom, inverse Jacobians and their determinants, the last two at a point or at all."""
         mesh = plane.mesh
-        cells = mesh.topology.index_map(mesh.topology.dim).size_local
-        self._numbering, self._reached = plane.V.dofmap.index_map, plane.V.dofmap.list[:cells]
+        owned = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local)
+        chosen = owned if self._only is None else self._only
+        cells = len(chosen)
+        self._numbering, self._reached = plane.V.dofmap.index_map, plane.V.dofmap.list[chosen]
         batches = -(-cells // self.lanes)
         number = np.arange(batches * self.lanes).reshape(batches, self.lanes)  # near each other, and to one paddle
-        chosen, there = np.minimum(number, cells - 1), number < cells
-        corners = mesh.geometry.x[mesh.geometry.dofmap][:, :, : mesh.geometry.dim]
+        there, number = number < cells, np.minimum(number, cells - 1)
+        corners = mesh.geometry.x[mesh.geometry.dofmap[chosen]][:, :, : mesh.geometry.dim]
         slopes = mesh.ufl_domain().ufl_coordinate_element().basix_element.tabulate(1, self.points)[1:, :, :, 0]
         bent = (slopes[:, q] - slopes[:, 0] for q in range(len(self.points)))
         most = max(float(np.abs(np.einsum("ai,cik->cka", one, corners)).max(initial=0.0)) for one in bent)
@@ -117,7 +118,7 @@ class Cells:
         inverse = np.einsum("cqka,cqab->cqkb", jacobians, np.linalg.inv(square))
         measure = np.sqrt(np.linalg.det(square))
         return {
-            "dofs": plane.V.dofmap.list[:, self._order][chosen].transpose(0, 2, 1),
-            "inverse": np.moveaxis(inverse[chosen], 1, -1),
-            "measure": np.moveaxis(np.where(there[..., None], measure[chosen], 0.0), 1, -1),
+            "dofs": self._reached[:, self._order][number].transpose(0, 2, 1),
+            "inverse": np.moveaxis(inverse[number], 1, -1),
+            "measure": np.moveaxis(np.where(there[..., None], measure[number], 0.0), 1, -1),
         }

@@ -1,20 +1,10 @@
-"""Banded matrices along a slice or ring, for compiled kernels (``chain.c``)."""
-
-from typing import Any
+"""Banded matrices along a slice or ring, for compiled kernels (``matrices.c``)."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.fem.kernels import Kernel
+from wavetank.fem.codegen import Instance, Struct
 from wavetank.fem.plane import Plane
-
-CHAIN = """
-typedef struct {
-    int dofs, cut;
-    const int *row;
-    REAL *L, *column, *reduced, *corner;
-} Chain;
-"""
 
 
 def followed(plane: Plane) -> NDArray[np.intp]:
@@ -22,7 +12,9 @@ def followed(plane: Plane) -> NDArray[np.intp]:
     return np.roll(np.argsort(plane.x, kind="stable"), -1 if _closed(plane) else 0)  # at a vertex
 
 
-def chain(kernel: Kernel, plane: Plane, *, systems: int, band: int | None = None, backwards: bool = False) -> Any:
+def chain(
+    instance: Instance, plane: Plane, *, systems: int, band: int | None = None, backwards: bool = False
+) -> Struct:
     """Return a struct with room for matrices, by default of an element's bandwidth, so many that are treated at once.
 
     The rows of a slice begin at its near end, or, ``backwards``, end there.
@@ -30,17 +22,15 @@ def chain(kernel: Kernel, plane: Plane, *, systems: int, band: int | None = None
     cut, band = int(_closed(plane)), plane.order if band is None else band
     order = followed(plane)[:: -1 if backwards and not cut else 1]
     rows, border = plane.size - cut, (cut * (plane.size - cut), systems)
-    return kernel.struct(
+    return instance.struct(
         "Chain",
-        {
-            "dofs": plane.size,
-            "cut": cut,
-            "row": np.argsort(order),
-            "L": np.zeros((rows + band, band + 1, systems)),
-            "column": np.zeros(border),
-            "reduced": np.zeros(border),
-            "corner": np.zeros(systems),
-        },
+        dofs=plane.size,
+        cut=cut,
+        row=np.argsort(order),
+        L=np.zeros((rows + band, band + 1, systems)),
+        column=np.zeros(border),
+        reduced=np.zeros(border),
+        corner=np.zeros(systems),
     )
 
 

@@ -1,4 +1,4 @@
-"""Points combined as their images come closest to what is asked for, distributed over ranks (``combination.c``)."""
+"""Points combined as their images come closest to what is asked for, distributed over ranks (``projection.c``)."""
 
 from math import sqrt
 from typing import Any, NamedTuple
@@ -7,24 +7,10 @@ import numpy as np
 from mpi4py import MPI
 
 from wavetank.arrays import Vector, summed
-from wavetank.fem.kernels import Kernel, source
+from wavetank.fem.codegen import HISTORY, Buffer, Unit, source
 from wavetank.stateful import Held, count
 
 SHORTEST = 1e-13  # squared, of directions against the longest
-POINTS = """
-typedef struct {
-    long size;
-    int most;
-    double shortest;
-    const double *scale;
-    double *newest, *image, *ways, *differences, *gram, *products, *away;
-} Points;
-"""
-DECLARATIONS = f"""{POINTS}
-void add(const Points *, int known, int place, const double *z, const double *image);
-void aim(const Points *, int known, const double *c);
-void combine(const Points *, int known, double wrong, double *z, double *missed);
-"""
 
 
 class Guess(NamedTuple):
@@ -66,19 +52,39 @@ class Combination:
     """
 
     def __init__(
-        self, comm: MPI.Comm, scale: Vector, shape: tuple[int, ...], *, most: int = 12, shortest: float = SHORTEST
+        self,
+        comm: MPI.Comm,
+        scale: Vector,
+        shape: tuple[int, ...],
+        *,
+        most: int = 12,
+        shortest: float = SHORTEST,
+        unit: Unit | None = None,
     ):
         self._comm, self._shape = comm, shape
-        code = POINTS + source("nearest.c") + source("combination.c")
-        self._kernel = Kernel("combination", DECLARATIONS, key=code, comm=comm)
         self._points, self._images = np.zeros((2, most, scale.size))  # the newest, and differences to it and before
         self._gram: Vector = np.zeros((most - 1, most - 1))  # of the images' differences
         self._products, self.recorded, self._weight = np.zeros(most), 0, np.nan
         self._scale = np.ascontiguousarray(scale)
-        parts = {"size": scale.size, "most": most - 1, "shortest": shortest, "scale": self._scale}
-        parts |= {"newest": self._points[0], "ways": self._points[1:], "image": self._images[0]}
-        parts |= {"differences": self._images[1:], "gram": self._gram, "products": self._products}
-        self._kept = self._kernel.shared("Points", {**parts, "away": np.zeros(scale.size)})
+        self._room = {
+            "size": scale.size,
+            "most": most - 1,
+            "shortest": shortest,
+            "scale": self._scale,
+            "point": self._points[0],
+            "point_steps": self._points[1:],
+            "image": self._images[0],
+            "image_steps": self._images[1:],
+            "gram": self._gram,
+            "products": self._products,
+            "distance": np.zeros(scale.size),
+        }
+        unit = Unit(comm, "history") if unit is None else unit
+        instance = unit.add("history", source("projection.c"), exports=HISTORY)
+        self._struct, n = instance.struct("Mixing", **self._room), Buffer(scale.size)
+        self._add = instance.function("add", self._struct, int, int, n, n)
+        self._aim = instance.function("aim", self._struct, int, n)
+        self._combine = instance.function("combine", self._struct, int, float, n, n)
 
     def begin(self, weight: float) -> None:
         """Forget what is known for another factor than this: images depend on it."""
@@ -92,29 +98,27 @@ class Combination:
 
     def add(self, z: Vector, image: Vector) -> None:
         """Take over a point and its image; collective."""
-        at, most = self._kernel.doubles, len(self._gram)
+        most = len(self._gram)
         place, known = (self.recorded - 1) % most, min(self.recorded, most)
-        self._kernel.call.add(self._kept, known, place, at(z), at(image))
+        self._add(known, place, z, image)
         if self._comm.size > 1:
             self._gram[place, :known] = self._gram[:known, place] = summed(self._comm, self._products[:known])
         self.recorded += 1
 
     def guess(self, c: Vector, *, wrong: float = 0.0) -> Guess:
         """Return the combination for c, of images that are wrong by so much, a root of squares, scaled; collective."""
-        at, call, known = self._kernel.doubles, self._kernel.call, min(self.recorded - 1, len(self._gram))
-        call.aim(self._kept, known, at(c))
+        known = min(self.recorded - 1, len(self._gram))
+        self._aim(known, c)
         if self._comm.size > 1:
             self._products[: known + 1] = summed(self._comm, self._products[: known + 1])
         z, missed = np.empty_like(c), np.empty_like(c)
-        call.combine(self._kept, known, wrong**2, at(z), at(missed))
+        self._combine(known, wrong**2, z, missed)
         return Guess(z, missed, sqrt(self._products[known]))
 
     @property
     def compiled(self) -> dict[str, Any]:
-        """What points are added and combined with, for ``whole.c``."""
-        address = self._kernel.address
-        kept = {"products": self._products, "scale": self._scale, "most_mixed": len(self._gram)}
-        return {**{name: address(name) for name in ("add", "aim", "combine")}, "points": address(self._kept), **kept}
+        """The parts of a ``Mixing`` of another unit."""
+        return self._room
 
     def held(self) -> Held:
         """Return the newest point and the differences, where they stand in the arrays, and the products of these."""

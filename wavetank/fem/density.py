@@ -1,5 +1,6 @@
 """Densities at points, in UFL, for compiled kernels: what they depend on, and C code of what is made of them."""
 
+import re
 from collections.abc import Callable, Mapping
 from itertools import chain
 from typing import Any
@@ -15,6 +16,7 @@ from wavetank.fem.plane import Plane
 
 Statements = dict[str, Any]  # what is set, to expressions of SymPy's
 Makes = Callable[[Any], Statements]  # of the density, as one
+LITERAL = re.compile(r"(?<![\w.])((?:\d+\.\d*|\.\d+)(?:[eE][-+]?\d+)?|\d+[eE][-+]?\d+)(?![\w.])")  # of C, a double
 
 
 class Density:
@@ -70,20 +72,25 @@ class Density:
         """Return the constants as they are; at least one number."""
         return np.array([float(number) for number in self._numbers] or [0.0])
 
-    def put_in(self, code: str, made: Mapping[str, Makes]) -> str:
+    def index(self, field: Any) -> int:
+        """Return the number of a field."""
+        return self._fields.index(field)
+
+    def put_in(self, code: str, made: Mapping[str, Makes], *, real: str = "double") -> str:
         """Return C code where each name, a line of its own, is what is ``made`` of the density at that point.
 
         The code has vectors ``v f[field][value, slopes ...]`` there, in one array, and REAL ``constants``; it knows
-        ``nothing``, whether some vectors are zero.
+        ``nothing``, whether some vectors are zero. ``real`` is what REAL is.
         """
         from wavetank.fem.pointwise import branches, symbols  # SymPy takes half a second to load
 
         density, width = symbols(self._e, self._names), 1 + self._plane.mesh.geometry.dim
         of_fields = [[f"f{n}", *(f"f{n}_{i}" for i in range(width - 1))] for n in range(self.fields)]
         constants = [f"c{n}" for n in range(len(self._constants))]
-        inputs = [f"const v {one} = f[{n}];" for n, one in enumerate(chain.from_iterable(of_fields))]
-        inputs += [f"const REAL {one} = constants[{n}];" for n, one in enumerate(constants)]
+        inputs = [f"UNUSED const v {one} = f[{n}];" for n, one in enumerate(chain.from_iterable(of_fields))]
+        inputs += [f"UNUSED const REAL {one} = constants[{n}];" for n, one in enumerate(constants)]
         for name, makes in made.items():
-            lines = [*inputs, branches(density, makes, fields=of_fields, constants=constants)]
+            made_of_it = branches(density, makes, fields=of_fields, constants=constants)
+            lines = [*inputs, LITERAL.sub(r"\1f", made_of_it) if real == "float" else made_of_it]
             code = code.replace(f" {name}\n", " {\n" + "\n".join(lines) + "\n}\n")
         return code

@@ -1,40 +1,21 @@
 """What takes kinks between cells out of a field along a slice on one rank: N = strength sum of [[du/dx]] [[dv/dx]].
 
 N has an entry where two degrees of freedom are of neighbouring cells, so M_J + N has twice the bandwidth of M_J, and
-its factors are kept as those of M_J are (``kinks.c``).
+its factors are kept as those of M_J are (``matrices.c``).
 """
+
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.fem.cell_places import tabulate
-from wavetank.fem.cells import DECLARATION, Cells
-from wavetank.fem.chain import CHAIN, chain
-from wavetank.fem.kernels import Kernel, defined, source
+from wavetank.fem.cells import Cells
+from wavetank.fem.chain import chain
+from wavetank.fem.codegen import Buffer, Unit, source
 from wavetank.fem.mass import BandedMass
 from wavetank.fem.plane import Plane
-
-KINKS = """
-typedef struct {
-    int facets;
-    double strength;
-    const int *dofs;
-    const double *slopes, *shift;
-    double *jumps;
-} Kinks;
-typedef struct {
-    void *multiply, *mass_cells;
-    const double *weights;
-    double *resting, *eta, *work;
-} Mass;
-"""
-DECLARATIONS = f"""{DECLARATION}{CHAIN}{KINKS}
-void kinks_of(const Kinks *, int dofs, const double *x, double *y);
-void factor_kinks(const Kinks *, const Cells *, const double *weights, double *kept, const Chain *);
-void smooth(const Kinks *, const Chain *, const Mass *, const double *still, int points, const double *pairs,
-            double *found);
-"""
 
 
 class KinkSmoothing:
@@ -50,38 +31,47 @@ class KinkSmoothing:
     """
 
     def __init__(self, plane: Plane, mass: BandedMass, *, strength: float, shift: Vector | None):
-        cells, band = Cells(plane, plane.degree), 2 * plane.order
-        sizes = {"REAL": "double", **cells.sizes, "MOST": 1, "BAND": band, "ABREAST": 1, "GROUPS": 1}
-        files = ("cells.c", "chain.c", "banded_mass.c", "kinks.c")
-        code = defined(sizes) + "".join(map(source, files))
-        self._kernel = Kernel("kinks", DECLARATIONS, key=code, source=lambda: code, comm=plane.comm)
+        cells, band, size = Cells(plane, plane.degree), 2 * plane.order, plane.size
+        self.instance = instance = Unit(plane.comm, "jumps").add(
+            "jumps",
+            source("cells.c") + source("matrices.c", "banded", "factors"),
+            exports=("jumps_of", "factor_jumps", "smooth"),
+            sizes={**cells.sizes, "MOST": 1, "BAND": band, "ABREAST": 1, "GROUPS": 1, "JUMPS": 1},
+        )
         dofs, slopes = _at_facets(plane)
-        parts = {"facets": len(dofs), "strength": strength, "dofs": dofs, "slopes": slopes, "jumps": 0.0 * slopes}
-        self._cells, self._kinks = self._kernel.struct("Cells", cells.parts), self._kernel.struct("Kinks", parts)
-        if shift is not None:
-            self._kinks.shift = self._kernel.known(shift)
-        self._factors = chain(self._kernel, plane, systems=1, band=band, backwards=True)
-        given = mass.weights, np.zeros_like(mass.weights)  # those that the factors are of
-        self._at_weights, self._at_kept = map(self._kernel.known, given)
-        room = {name: np.empty(sides * plane.size) for name, sides in (("resting", 1), ("eta", 1), ("work", 2))}
-        self._mass = self._kernel.shared("Mass", {**mass.compiled_product, **room})
+        self._mass = mass
+        struct = instance.struct(
+            "Jumps",
+            facets=len(dofs),
+            strength=strength,
+            dofs=dofs,
+            slopes=slopes,
+            shift=shift,
+            jumps=0.0 * slopes,
+            mass=instance.struct("Mass", cells=instance.struct("Cells", **cells.parts), weights=mass.weights),
+            factors=chain(instance, plane, systems=1, band=band, backwards=True),
+            factored=np.zeros_like(mass.weights),
+            eta=np.empty(size),
+            work=np.empty(2 * size),
+        )
+        n, function = Buffer(size), instance.function
+        self.update: Callable[[], None] = function("factor_jumps", struct)  # takes over M_J and N as the wall stands
+        self._apply = function("jumps_of", struct, n, n)
+        self._smooth = {m: function("smooth", struct, n, m, *2 * [Buffer(2 * m * size)]) for m in (1, 2)}
+        mass.make_ready()
         self.update()
-
-    def update(self) -> None:
-        """Take over M_J as it is, and N as the wall stands."""
-        self._kernel.call.factor_kinks(self._kinks, self._cells, self._at_weights, self._at_kept, self._factors)
 
     def apply(self, values: Vector) -> Vector:
         """Return N v, shape (dofs,)."""
-        result, at = np.empty_like(values), self._kernel.pointer
-        self._kernel.call.kinks_of(self._kinks, values.size, at(np.ascontiguousarray(values)), at(result))
+        result = np.empty_like(values)
+        self._apply(np.ascontiguousarray(values), result)
         return result
 
     def smoothed(self, pairs: Vector, still: Vector | float) -> Vector:
         """Return Q - N eta' and psi' of points [Q, psi], shape (m, 2, dofs), over columns of still water [m]."""
-        result, at = np.empty_like(pairs), self._kernel.doubles
-        of = self._kernel.spread(still, pairs.shape[2]), len(pairs), at(np.ascontiguousarray(pairs)), at(result)
-        self._kernel.call.smooth(self._kinks, self._factors, self._mass, *of)
+        result = np.empty_like(pairs)
+        resting = self._mass.apply(np.broadcast_to(still, pairs.shape[2]))
+        self._smooth[len(pairs)](resting, np.ascontiguousarray(pairs), result)
         return result
 
 

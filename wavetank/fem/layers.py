@@ -8,7 +8,7 @@ derivatives there, and go back (``layers.c``). Nothing is assembled: each produc
 fields at the points, unless there are to be many with the same fields, and room for them (``stored``).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -17,9 +17,9 @@ from dolfinx import fem
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
-from wavetank.fem.cells import DECLARATION, Cells
+from wavetank.fem.cells import Cells
+from wavetank.fem.codegen import Buffer, Unit, source
 from wavetank.fem.density import Density, Statements
-from wavetank.fem.kernels import FLAGS, Kernel, defined, source
 from wavetank.fem.plane import Field, Plane
 from wavetank.fem.vertical import VerticalBasis
 
@@ -27,17 +27,7 @@ LayerEnergy = Callable[[Any, Any, Any], Any]  # (u, w, zeta) -> energy density
 Indices = NDArray[np.intp]
 Array = NDArray[Any]  # of the operator's precision
 
-LAYERS = """
-typedef struct {
-    const REAL *zeta, *weights, *P, *dP, *constants;
-} Layers;
-"""
-DECLARATIONS = """
-REAL take(const Cells *, const Layers *, const REAL *fields, REAL *state);
-void product(const Cells *, const Layers *, const REAL *state, const REAL *x, REAL *y);
-void interior_product(const Cells *, const Layers *, const REAL *state, const REAL *x, REAL *y);
-void derivative(const Cells *, const Layers *, const REAL *fields, const REAL *x, REAL *y);
-"""
+FUNCTIONS = "take", "product", "interior_product", "derivative"
 
 
 class LayerDensity(Density):
@@ -88,8 +78,10 @@ class LayerOperator:
         e(u, w, zeta), in UFL.
     column
         The field by which derivatives are taken.
-    more
-        C code, and its declarations, that is compiled with the operator's.
+    more, exports, more_sizes
+        C code that is compiled with the operator's, the functions of it that Python calls, and its sizes.
+    unit, prefix
+        The translation unit that its functions belong to, and their prefix there; default: one of its own.
     real
         What it calculates with: "double" or "float".
     order
@@ -103,8 +95,8 @@ class LayerOperator:
         The energy at a point.
     numbers
         Of a degree of freedom: n + 1.
-    kernel, cells, layers, state
-        The compiled functions, and what they are called with; the state is the fields, or what is kept of them.
+    instance, cells, layers, state
+        Its functions, and what they are called with; the state is the fields, or what is kept of them.
     rows
         The fields as they were taken over, [degree of freedom][field], as arrays stand here.
     least
@@ -118,7 +110,11 @@ class LayerOperator:
         vertical: VerticalBasis,
         *,
         column: Field,
-        more: tuple[str, str] = ("", ""),
+        more: str = "",
+        exports: Sequence[str] = (),
+        more_sizes: Mapping[str, object] | None = None,
+        unit: Unit | None = None,
+        prefix: str = "layers",
         real: str = "double",
         order: Indices | None = None,
         stored: bool = False,
@@ -138,28 +134,33 @@ class LayerOperator:
             "MOST": vertical.n + 1 + self.density.fields,
             "STORED": int(stored),
         }
-        code = defined(sizes) + source("cells.c") + source("layer.c") + source("layers.c") + more[0]
-        made = {"HESSIAN": self.density.second, "DERIVATIVE": self.density.first}
-        self.kernel = Kernel(
-            "layers",
-            DECLARATION + LAYERS + DECLARATIONS + more[1],
-            key=f"{self.density.signature(cells.points)} {code} {source('pointwise.py')} {source('density.py')}",
-            source=lambda: self.density.put_in(code, made),
-            comm=plane.comm,
+        self.instance = instance = (unit or Unit(plane.comm)).add(
+            prefix,
+            source("cells.c") + source("layers.c", "layer", "operator") + more,
+            exports=(*FUNCTIONS, *exports),
+            sizes={**sizes, **(more_sizes or {})},
             real=real,
-            flags=FLAGS if real == "double" else [*FLAGS, "-fsingle-precision-constant"],
+            density=self.density,
+            made={"HESSIAN": self.density.second, "DERIVATIVE": self.density.first},
+            points=cells.points,
         )
-        self.cells = self.kernel.struct("Cells", cells.parts)
+        self.cells = instance.struct("Cells", **cells.parts)
         parts = {"zeta": vertical.zeta, "weights": vertical.weights, "P": vertical.values, "dP": vertical.slopes}
-        self._constants = self.density.constants().astype(self.kernel.real)
-        self.layers = self.kernel.struct("Layers", {**parts, "constants": self._constants})
+        self._constants = self.density.constants().astype(instance.dtype)
+        self.layers = instance.struct("Layers", **parts, constants=self._constants)
         kept = (cells.parts["batches"], len(cells.points), len(vertical.zeta) * sizes["HESSIANS"], cells.lanes)
         rows = self.density.rows()
-        self.rows, self.least = np.empty(rows.shape, dtype=self.kernel.real), np.inf
-        self.state = np.empty(kept, dtype=self.kernel.real) if stored else self.rows
-        self._at_rows, self._at_state = self.kernel.pointer(self.rows), self.kernel.pointer(self.state)
-        self._of = self.cells, self.layers
-        self._halos = {count: cells.halo(count, self.kernel.real) for count in (1, self.numbers)}
+        self.rows, self.least = np.empty(rows.shape, dtype=instance.dtype), np.inf
+        self.state = np.empty(kept, dtype=instance.dtype) if stored else self.rows
+        self._halos = {count: cells.halo(count, instance.dtype) for count in (1, self.numbers)}
+        size = self._halos[1].size
+        one, layered = (Buffer(size * count, instance.dtype) for count in (1, self.numbers))
+        of, function = (self.cells, self.layers), instance.function
+        self._take_fields = function("take", *of, self.rows, self.state)
+        self._product, self._interior_product = (
+            function(name, *of, self.state, layered, layered) for name in ("product", "interior_product")
+        )
+        self._derivative = function("derivative", *of, self.rows, layered, one)
 
     def update(self) -> None:
         """Take over the fields as they are, ghosts included."""
@@ -173,23 +174,16 @@ class LayerOperator:
 
     def _take(self, rows: Array) -> None:
         self.rows[:] = rows if self.order is None else rows[self.order]
-        self.least = self.kernel.call.take(*self._of, self._at_rows, self._at_state)
+        self.least = self._take_fields()
 
     def apply(self, rows: Array) -> Array:
         """Return A x, shape (owned, n+1), for the owned rows of x or more; collective."""
-        return self._applied(self.kernel.call.product, rows, self._nothing())
-
-    @property
-    def compiled(self) -> dict[str, Any]:
-        """What products are called with, for ``whole.c``."""
-        address = self.kernel.address
-        called = {name: address(name) for name in ("take", "product", "derivative")}
-        return {**called, "cells": address(self.cells), "layers": address(self.layers), "rows": self.rows}
+        return self._applied(self._product, rows, self._nothing())
 
     def apply_to(self, rows: Array, image: Array) -> None:
-        """Set A x, shape (dofs, n+1), for x of that shape, all of it on this rank; both live as long as this does."""
+        """Set A x, shape (dofs, n+1), for x of that shape, all of it on this rank."""
         image[:] = 0.0
-        self.kernel.call.product(*self._of, self._at_state, self.kernel.known(rows), self.kernel.known(image))
+        self._product(rows, image)
 
     def apply_to_interior(self, rows: Array) -> Array:
         """Return A x, shape (owned, n+1), for an x of that shape whose last column is zero; collective.
@@ -197,23 +191,23 @@ class LayerOperator:
         The array is reused by the next call.
         """
         self._image[:] = 0.0
-        return self._applied(self.kernel.call.interior_product, rows, self._image)
+        return self._applied(self._interior_product, rows, self._image)
 
     @cached_property
     def _image(self) -> Array:
         return self._nothing()
 
     def _nothing(self) -> Array:
-        return np.zeros((self._halos[self.numbers].size, self.numbers), dtype=self.kernel.real)
+        return np.zeros((self._halos[self.numbers].size, self.numbers), dtype=self.instance.dtype)
 
     def _applied(self, product: Any, rows: Array, y: Array) -> Array:
-        halo, at = self._halos[self.numbers], self.kernel.pointer
-        product(*self._of, self._at_state, at(halo.fetch(rows[: self._owned])), at(y))
+        halo = self._halos[self.numbers]
+        product(halo.fetch(rows[: self._owned]), y)
         return halo.collect(y)
 
     def derivative(self, rows: Vector) -> Vector:
         """Return the derivative of 1/2 x A x by the water column, shape (owned,), for x of (owned, n+1); collective."""
-        halo, at = self._halos[1], self.kernel.pointer
+        halo = self._halos[1]
         x, y = self._halos[self.numbers].fetch(rows[: self._owned]), np.zeros((halo.size, 1))
-        self.kernel.call.derivative(*self._of, self._at_rows, at(x), at(y))
+        self._derivative(x, y)
         return halo.collect(y)[:, 0]

@@ -1,23 +1,13 @@
-"""Values at places along a slice on one rank, compiled: of many times at once, each as of that time alone."""
+"""Values at places along a slice on one rank: of many times at once, each as of that time alone."""
 
 import numpy as np
 from numpy.polynomial import legendre
+from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.fem.cell_places import tabulate
-from wavetank.fem.kernels import Kernel, defined, source
 from wavetank.fem.plane import Field, Plane
 from wavetank.fem.points import PADDING, Points, refuse
-
-DECLARATIONS = """
-typedef struct {
-    int cells, rows;
-    const double *edges, *start, *along;
-    const int *dofs;
-    const double *legendre;
-} Line;
-void values_along(const Line *, long fields, long places, int same, const double *x, const double *, double *found);
-"""
 
 
 def points_in(plane: Plane, points: Vector) -> "Points | LinePoints":
@@ -37,20 +27,8 @@ class LinePoints:
             legendre.legvander(2.0 * places - 1.0, plane.order), tabulate(element, 0, places[:, None])[0]
         )
         self._edges = np.append(ends.min(axis=1)[order], ends.max())
-        code = defined({"FUNCTIONS": functions}) + source("line_points.c")
-        self._kernel = Kernel("line_points", DECLARATIONS, key=code, comm=plane.comm)
-        self._line = self._kernel.struct(
-            "Line",
-            {
-                "cells": len(order),
-                "rows": plane.owned,
-                "edges": self._edges,
-                "start": ends[order, 0],
-                "along": (ends[:, 1] - ends[:, 0])[order],
-                "dofs": plane.V.dofmap.list[order],
-                "legendre": by_legendre.T,
-            },
-        )
+        self._start, self._along = ends[order, 0], (ends[:, 1] - ends[:, 0])[order]
+        self._dofs, self._by_legendre = plane.V.dofmap.list[order], by_legendre
         self.move(points)
 
     def move(self, points: Vector) -> None:
@@ -66,13 +44,25 @@ class LinePoints:
 
     def each(self, values: Vector) -> Vector:
         """See ``Points``."""
-        return self._found(values, len(self._x) // len(values), same=False).ravel()
+        dofs, weights = self._functions()
+        field = np.arange(len(self._x)) // max(1, len(self._x) // len(values))
+        return self._summed(weights, values[field[:, None], dofs])
 
     def of_all(self, values: Vector) -> Vector:
         """See ``Points``."""
-        return self._found(values, len(self._x), same=True)
+        dofs, weights = self._functions()
+        return self._summed(weights, values[:, dofs])
 
-    def _found(self, values: Vector, places: int, *, same: bool) -> Vector:
-        values, result, at = np.ascontiguousarray(values), np.empty((len(values), places)), self._kernel.pointer
-        self._kernel.call.values_along(self._line, *result.shape, same, at(self._x), at(values), at(result))
-        return result
+    def _functions(self) -> tuple[NDArray[np.int32], Vector]:
+        """Return degrees of freedom of the cells in which the points are, and the basis there, shape (N, p + 1)."""
+        cells = np.clip(np.searchsorted(self._edges, self._x, side="right") - 1, 0, len(self._start) - 1)
+        x = 2.0 * np.clip((self._x - self._start[cells]) / self._along[cells], 0.0, 1.0) - 1.0
+        polynomials = legendre.legvander(x, len(self._by_legendre) - 1)
+        return self._dofs[cells], self._summed(polynomials[:, :, None], self._by_legendre)
+
+    @staticmethod
+    def _summed(weights: Vector, values: Vector) -> Vector:
+        """Return the sums of products over functions, one after the other: of each point as of it alone."""
+        axis = 1 if weights.ndim == 3 else -1
+        products = np.moveaxis(weights * values, axis, 0)
+        return np.asarray(sum(products[1:], start=products[0]))

@@ -1,12 +1,12 @@
 """Matrices on the horizontal space and their inverses, above all the mass matrix M_J.
 
-It is neither assembled nor stored: a product goes through the quadrature points (``mass.c``), which in a basin takes a
-tenth of the time of a sparse matrix at p = 4, and of its memory. Along a slice on one rank its factors are, banded.
+It is neither assembled nor stored: a product goes through the quadrature points (``matrices.c``), which in a basin
+takes a tenth of the time of a sparse matrix at p = 4, and of its memory. Along a slice on one rank its factors are,
+banded.
 """
 
 from collections.abc import Callable
 from copy import copy
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,29 +16,17 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from wavetank.arrays import Vector, summed
-from wavetank.fem.cells import DECLARATION, Cells
-from wavetank.fem.chain import CHAIN, chain
+from wavetank.fem.cells import Cells
+from wavetank.fem.chain import chain
+from wavetank.fem.codegen import Buffer, Instance, Unit, source
 from wavetank.fem.conjugate_gradients import conjugate_gradients
 from wavetank.fem.density import Density
 from wavetank.fem.forms import compile_form, owned_rows, part_of
-from wavetank.fem.kernels import Kernel, defined, source
 from wavetank.fem.plane import Plane
 from wavetank.fem.sparse_rows import SparseRows
 
 ROUND_OFF, EIGHT_DIGITS = 1e-15, 1e-8  # of a solution, in its energy
-DECLARATIONS = """
-void weigh(const Cells *, const double *constants, const double *fields, double *weights);
-void multiply(const Cells *, const double *weights, const double *x, double *y);
-double square(const Cells *, const double *weights, const double *x);
-void diagonal(const Cells *, const double *weights, double *y);
-void cellwise(const Cells *, const double *K, const double *scale, const double *x, double *y);
-"""
-ALONG = f"""{CHAIN}
-void factor_mass(const Cells *, const double *weights, double *kept, const Chain *);
-void solve_mass(const Chain *, const double *b, double *x, double *work);
-void solve_both(const Chain *, const double *b, const double *d, double *x, double *y, double *work);
-"""
-
+FUNCTIONS = "weigh", "multiply", "diagonal", "cellwise"
 
 Bilinear = Callable[[Any, Any], ufl.Form]  # of trial and test function
 
@@ -197,10 +185,10 @@ class RaisedSmoothing:
         return self._other.apply(values - taken)
 
 
-def mass_matrix(plane: Plane, J: Any) -> "MassMatrix":
+def mass_matrix(plane: Plane, J: Any, unit: Unit | None = None) -> "MassMatrix":
     """Return M_J for the Jacobian of the wall's mapping, in UFL; collective."""
     kind = BandedMass if plane.mesh.topology.dim == 1 and plane.comm.size == 1 else MassMatrix
-    return kind(plane, J)
+    return kind(plane, J, unit=unit)
 
 
 class MassMatrix:
@@ -213,58 +201,93 @@ class MassMatrix:
     with J and the Jacobian's determinant in M_c at their mean. The condition number is 1.5 at p = 2 and falls with p;
     with the diagonal alone it is 4.5 to 6.
 
+    Parameters
+    ----------
+    unit, prefix
+        The translation unit that its functions belong to, and their prefix there; default: one of its own.
+
     Attributes
     ----------
     weights
-        Of quadrature, times J and the size of cells, as ``mass.c`` has them.
+        Of quadrature, times J and the size of cells, as ``matrices.c`` has them.
+    struct
+        The matrix as C functions of the unit have it.
     """
 
     most = 200  # iterations
-    more = "", ""  # C code, and its declarations
 
-    def __init__(self, plane: Plane, J: Any):
-        cells = Cells(plane, plane.degree)
+    def __init__(self, plane: Plane, J: Any, *, unit: Unit | None = None, prefix: str = "mass"):
+        self.cells = cells = Cells(plane, plane.degree)
         self._density = Density(ufl.as_ufl(J), plane)
         self._comm, self._halo = plane.comm, cells.halo(1)
-        sizes = {"REAL": "double", **cells.sizes, "FIELDS": self._density.fields}
-        code, declarations = self.more
-        code = defined({**sizes, "MOST": max(1, self._density.fields)}) + source("cells.c") + source("mass.c") + code
-        self._kernel = Kernel(
-            "mass",
-            DECLARATION + DECLARATIONS + declarations,
-            key=f"{self._density.signature(cells.points)} {code} {source('pointwise.py')} {source('density.py')}",
-            source=lambda: self._density.put_in(code, {"DENSITY": lambda density: {"density": density}}),
-            comm=plane.comm,
+        fields, more, functions = self._density.fields, *self._factoring(plane)
+        instance = (unit or Unit(plane.comm)).add(
+            prefix,
+            source("cells.c") + source("matrices.c", "mass") + more,
+            exports=(*FUNCTIONS, *functions),
+            sizes={**cells.sizes, "FIELDS": fields, "MOST": max(1, fields), **self._sizes(plane)},
+            density=self._density,
+            made={"DENSITY": lambda density: {"density": density}},
+            points=cells.points,
         )
-        self._cells = self._kernel.struct("Cells", cells.parts)
         self.weights = np.empty((cells.parts["batches"], len(cells.points), cells.lanes))
-        self._constants, at = self._density.constants(), self._kernel.pointer
-        self._at_weights, self._at_constants = at(self.weights), at(self._constants)
+        self._constants, rows = self._density.constants(), self._density.rows()
+        self._instance, self._parts = (
+            instance,
+            {
+                "cells": instance.struct("Cells", **cells.parts),
+                "dofs": len(rows),
+                "width": fields,
+                "fields": self._density.values,
+                "constants": self._constants,
+                "rows": rows,
+                "weights": self.weights,
+                **self._factors(instance, plane),
+            },
+        )
         of_cell = cells.values.T @ (cells.weights[:, None] * cells.values)
         self._of_cells = np.diag(of_cell)[:, None] * np.linalg.inv(of_cell) * np.diag(of_cell)
         self._size = float(np.sum(cells.parts["weights"]))
-        self.update()
+        self._ready: bool | None = None
+        self._set_up()
+
+    def _set_up(self) -> None:
+        self.struct, size = self._instance.struct("Mass", **self._parts), self._halo.size
+        function = self._instance.function
+        self._weigh = function("weigh", self.struct)
+        self._multiply = function("multiply", self.struct, Buffer(size), Buffer(size))
+        self._add_diagonal = function("diagonal", self.struct, Buffer(size))
+        batches = Buffer(self.weights[:, 0].size)
+        self._cellwise = function("cellwise", self.struct, self._of_cells, batches, Buffer(size), Buffer(size))
+
+    def _factoring(self, plane: Plane) -> tuple[str, tuple[str, ...]]:
+        """Return C code and functions of factors."""
+        return "", ()
+
+    def _sizes(self, plane: Plane) -> dict[str, object]:
+        return {}
+
+    def _factors(self, instance: Instance, plane: Plane) -> dict[str, Any]:
+        """Return the factors as the struct has them."""
+        return {}
 
     def product(self) -> "MassMatrix":
         """Return it as it is now, for products alone."""
-        kept = copy(self)
-        kept.weights = self.weights.copy()
-        kept._at_weights = self._kernel.pointer(kept.weights)
-        return kept
+        self._update_if_new()
+        result = copy(self)
+        result.weights = self.weights.copy()
+        result._parts = {**self._parts, "weights": result.weights}
+        result._set_up()
+        return result
 
     def update(self) -> None:
         """Take over the fields that J depends on as they are; a paddle's shape stays what it was."""
-        alone = self._density.values[0] if self._density.fields == 1 else self._density.rows()
-        self._kernel.call.weigh(self._cells, self._at_constants, self._kernel.known(alone), self._at_weights)
+        self._weigh()
         self._ready = False
 
-    @property
-    def weighing(self) -> dict[str, Any]:
-        """What updates and products are called with, for ``whole.c``."""
-        address, density = self._kernel.address, self._density
-        called = {name: address(name) for name in ("weigh", "multiply")}
-        arrays = {"constants": self._constants, "rows": density.rows(), "weights": self.weights}
-        return {**called, **arrays, "cells": address(self._cells), "fields": density.values, "width": density.fields}
+    def _update_if_new(self) -> None:
+        if self._ready is None:
+            self.update()
 
     def _prepare(self) -> None:
         """Make ready for solves."""
@@ -273,22 +296,25 @@ class MassMatrix:
     def make_ready(self) -> None:
         """Prepare what solves need, if it is not there: products do without."""
         if not self._ready:
+            self._update_if_new()
             self._prepare()
             self._ready = True
 
     def _of_diagonal(self) -> Vector:
+        self._update_if_new()
         diagonal = np.zeros((self._halo.size, 1))
-        self._kernel.call.diagonal(self._cells, self._at_weights, self._kernel.pointer(diagonal))
+        self._add_diagonal(diagonal)
         return self._halo.collect(diagonal)
 
     def _product(self, x: Vector) -> Vector:
-        at, y = self._kernel.pointer, np.zeros((self._halo.size, 1))
-        self._kernel.call.multiply(self._cells, self._at_weights, at(self._halo.fetch(x)), at(y))
+        self._update_if_new()
+        y = np.zeros((self._halo.size, 1))
+        self._multiply(self._halo.fetch(x), y)
         return self._halo.collect(y)
 
     def _precondition(self, r: Vector) -> Vector:
-        at, x, y = self._kernel.pointer, self._halo.fetch(r / self._diagonal), np.zeros((self._halo.size, 1))
-        self._kernel.call.cellwise(self._cells, at(self._of_cells), at(self._means), at(x), at(y))
+        x, y = self._halo.fetch(r / self._diagonal), np.zeros((self._halo.size, 1))
+        self._cellwise(self._means, x, y)
         return np.asarray(self._halo.collect(y) / self._diagonal)
 
     def apply(self, values: Vector) -> Vector:
@@ -321,65 +347,41 @@ class BandedMass(MassMatrix):
     So a paddle at the near end changes few of them.
     """
 
-    def __init__(self, plane: Plane, J: Any):
-        self.more = (
-            f"#define BAND {plane.order}\n#define ABREAST 1\n#define GROUPS 1\n"
-            + source("chain.c")
-            + source("banded_mass.c"),
-            ALONG,
+    def _factoring(self, plane: Plane) -> tuple[str, tuple[str, ...]]:
+        return source("matrices.c", "banded", "factors"), ("factor", "solve", "solve_both", "square")
+
+    def _sizes(self, plane: Plane) -> dict[str, object]:
+        return {"BAND": plane.order, "ABREAST": 1, "GROUPS": 1, "JUMPS": 0}
+
+    def _factors(self, instance: Instance, plane: Plane) -> dict[str, Any]:
+        return {
+            "factors": chain(instance, plane, systems=1, backwards=True),
+            "factored": np.full_like(self.weights, np.nan),
+            "work": np.empty(2 * plane.size),
+        }
+
+    def _set_up(self) -> None:
+        super()._set_up()
+        n = Buffer(self._halo.size)
+        self._factor, self._solve = (
+            self._instance.function("factor", self.struct),
+            self._instance.function("solve", self.struct, n, n),
         )
-        self._plane, self._work = plane, np.empty(2 * plane.size)
-        super().__init__(plane, J)
-
-    @cached_property
-    def _at_work(self) -> Any:
-        return self._kernel.pointer(self._work)
-
-    @cached_property
-    def _factors(self) -> Any:
-        return chain(self._kernel, self._plane, systems=1, backwards=True)
-
-    @cached_property
-    def _kept(self) -> Vector:
-        """The weights that the factors are of."""
-        return np.full_like(self.weights, np.nan)
-
-    @property
-    def compiled(self) -> dict[str, Any]:
-        """What solves are called with, for other kernels."""
-        address = self._kernel.address
-        return {"solve_mass": address("solve_mass"), "mass": address(self._factors), "mass_work": self._work}
-
-    @property
-    def factoring(self) -> dict[str, Any]:
-        """What makes its factors, for ``whole.c``."""
-        return {"factor_mass": self._kernel.address("factor_mass"), "kept": self._kept}
-
-    @property
-    def compiled_product(self) -> dict[str, Any]:
-        """What products are called with, for other kernels."""
-        address = self._kernel.address
-        return {"multiply": address("multiply"), "mass_cells": address(self._cells), "weights": self.weights}
-
-    @property
-    def compiled_beside(self) -> dict[str, Any]:
-        """What two solves at once and squares are called with, for ``whole.c``."""
-        address = self._kernel.address
-        called = {name: address(name) for name in ("solve_both", "square")}
-        return {**called, "mass_cells": address(self._cells), "weights": self.weights}
+        self.solve_both = self._instance.function("solve_both", self.struct, n, n, n, n)
 
     def apply(self, values: Vector) -> Vector:
         """Return the product with owned values x, shape (owned,)."""
-        result, at = np.zeros(values.shape), self._kernel.pointer
-        self._kernel.call.multiply(self._cells, self._at_weights, at(np.ascontiguousarray(values)), at(result))
+        self._update_if_new()
+        result = np.zeros(values.shape)
+        self._multiply(np.ascontiguousarray(values), result)
         return result
 
     def _prepare(self) -> None:
-        self._kernel.call.factor_mass(self._cells, self._at_weights, self._kernel.known(self._kept), self._factors)
+        self._factor()
 
     def solve(self, right: Vector, *, within: float = ROUND_OFF) -> Vector:
         """Return the solution for owned values r, shape (owned,), to round-off."""
         self.make_ready()
-        result, at = np.empty_like(right), self._kernel.pointer
-        self._kernel.call.solve_mass(self._factors, at(np.ascontiguousarray(right)), at(result), self._at_work)
+        result = np.empty_like(right)
+        self._solve(np.ascontiguousarray(right), result)
         return result

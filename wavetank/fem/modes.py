@@ -9,6 +9,7 @@ over what has p² times fewer unknowns, and few entries in a row.
 from typing import Any, Protocol
 
 from wavetank.arrays import Vector
+from wavetank.fem.codegen import Unit
 from wavetank.fem.decoupled import LayerMatrices
 from wavetank.fem.layers import Array, LayerDensity, LayerEnergy
 from wavetank.fem.order_multigrid import LayerMeans
@@ -52,8 +53,8 @@ class SolvableLayer(Layer, Protocol):
         """Return the decoupled problems of modes with these Lambda_j, shape (m,); collective."""
 
 
-def layer_of(energy: LayerEnergy, plane: Plane, *, column: Field, vertical_order: int) -> SolvableLayer:
+def layer_of(energy: LayerEnergy, plane: Plane, *, column: Field, vertical_order: int, unit: Unit) -> SolvableLayer:
     """Return a layer's averages: as matrices on slices and on elements of order 1, else at the quadrature points."""
     if plane.mesh.topology.dim == 1 or plane.order == 1:
         return LayerMatrices(energy, plane)
-    return LayerMeans(energy, LayerDensity(energy, plane, column), plane, vertical_order=vertical_order)
+    return LayerMeans(energy, LayerDensity(energy, plane, column), plane, vertical_order=vertical_order, unit=unit)

@@ -12,12 +12,12 @@ from dolfinx.fem.petsc import interpolation_matrix
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector, summed
-from wavetank.fem.cells import DECLARATION, Cells
+from wavetank.fem.cells import Cells
+from wavetank.fem.codegen import Buffer, Unit, source
 from wavetank.fem.conjugate_gradients import dot
 from wavetank.fem.decoupled import LEVELS, Averages, LayerMatrices, Responding
 from wavetank.fem.halo import Halo
-from wavetank.fem.kernels import FLAGS, Kernel, defined, source
-from wavetank.fem.layers import LAYERS, Array, LayerDensity, LayerEnergy
+from wavetank.fem.layers import Array, LayerDensity, LayerEnergy
 from wavetank.fem.plane import Plane
 
 Singles = NDArray[np.float32]
@@ -25,18 +25,7 @@ Singles = NDArray[np.float32]
 FEW = 4  # modes at a time
 NOTHING, NONE = 1e-30, 1e-3  # of single precision; of the largest eigenvalue: as small is as bad
 LEAVES = 0.12  # of an error: what a cycle of multigrid does, and smoothing alone has to where it is all that is done
-DECLARATIONS = """
-void average(const Cells *, const Layers *, const float *fields, float *out);
-void multiply(const Cells *, const float *averages, const float *lambda, int many, int stride, const float *x,
-              float *y);
-void diagonals(const Cells *, const float *averages, float *y);
-void smooth(long rows, const float *diagonals, const float *lambda, const float *keep, const float *take, int many,
-            const float *Ad, float *r, float *d, float *x);
-void interpolate(long rows, const int *pointers, const int *columns, const float *entries, int many, int stride,
-                 const float *x, float *y);
-void restrict_to(long rows, const int *pointers, const int *columns, const float *entries, int many, int stride,
-                 const float *x, float *y);
-"""
+FUNCTIONS = "average", "multiply", "diagonals", "smooth", "interpolate", "restrict_to"
 
 
 class LayerMeans:
@@ -50,7 +39,15 @@ class LayerMeans:
         n: there are to be n modes, or one more.
     """
 
-    def __init__(self, energy: LayerEnergy, density: LayerDensity, plane: Plane, *, vertical_order: int):
+    def __init__(
+        self,
+        energy: LayerEnergy,
+        density: LayerDensity,
+        plane: Plane,
+        *,
+        vertical_order: int,
+        unit: Unit | None = None,
+    ):
         self.plane, self._density = plane, density
         self.linear = LayerMatrices(energy, Plane(plane.mesh, 1))
         cells = Cells(plane, 2 * plane.order + 1, real="float")
@@ -64,23 +61,26 @@ class LayerMeans:
             "FEW": FEW,
             "NOTHING": f"{NOTHING}f",
         }
-        code = defined(sizes) + source("cells.c") + source("layer.c") + source("modes.c")
-        self.kernel = Kernel(
+        self.instance = (unit or Unit(plane.comm)).add(
             "modes",
-            DECLARATION + LAYERS + DECLARATIONS,
-            key=f"{density.signature(cells.points)} {code} {source('pointwise.py')} {source('density.py')}",
-            source=lambda: density.put_in(code, {"HESSIAN": density.second}),
-            comm=plane.comm,
+            source("cells.c") + source("layers.c", "layer") + source("modes.c", "basin"),
+            exports=FUNCTIONS,
+            sizes=sizes,
             real="float",
-            flags=[*FLAGS, "-fsingle-precision-constant"],
+            density=density,
+            made={"HESSIAN": density.second},
+            points=cells.points,
         )
-        self.cells, self.halo = self.kernel.struct("Cells", cells.parts), cells.halo
+        self.cells, self.halo = self.instance.struct("Cells", **cells.parts), cells.halo
         self._constants = density.constants().astype(np.float32)
         levels = {"zeta": np.array(LEVELS), "weights": np.full(len(LEVELS), 1 / len(LEVELS))}
-        self._layers = self.kernel.struct("Layers", {**levels, "constants": self._constants})
+        layers = self.instance.struct("Layers", **levels, constants=self._constants)
+        self._shape = cells.parts["batches"], len(cells.points), density.sizes["MEANS"], cells.lanes
+        self.averages_size = int(np.prod(self._shape))
+        fields, averages = Buffer(density.rows().size, np.float32), Buffer(self.averages_size, np.float32)
+        self._average = self.instance.function("average", self.cells, layers, fields, averages)
         numbering = plane.V.dofmap.index_map
         self._work = np.zeros((2, (numbering.size_local + numbering.num_ghosts) * (vertical_order + 1)), np.float32)
-        self._shape = cells.parts["batches"], len(cells.points), density.sizes["MEANS"], cells.lanes
 
     def assemble(self) -> "Means":
         """See ``Layer``."""
@@ -89,8 +89,8 @@ class LayerMeans:
     def averages(self) -> Singles:
         """Return the second derivatives by u and by w alone at the points, averaged over the depth."""
         self._constants[:] = self._density.constants()
-        out, at = np.empty(self._shape, dtype=np.float32), self.kernel.pointer
-        self.kernel.call.average(self.cells, self._layers, at(self._density.rows().astype(np.float32)), at(out))
+        out = np.empty(self._shape, dtype=np.float32)
+        self._average(self._density.rows().astype(np.float32), out)
         return out
 
     def modes(self, eigenvalues: Vector) -> "OrderMultigrid":
@@ -127,19 +127,26 @@ class OrderMultigrid(Responding):
     margin = 1.1  # over what they see, and below
 
     def __init__(self, layer: LayerMeans, eigenvalues: Vector):
-        self._plane, self._kernel, self._cells, self._layer = layer.plane, layer.kernel, layer.cells, layer
+        self._plane, self._layer = layer.plane, layer
         self._eigenvalues, p = eigenvalues.astype(np.float32), layer.plane.order
         self.steps, self.spread, self.low = max(2, (p + 1) // 2), max(8.0, p**2 / 2), eigenvalues.size
         self._halo, self._one = (layer.halo(many, np.float32) for many in (eigenvalues.size, 2))
         self._image, direction = layer.work(self._halo.size, eigenvalues.size)
         self._direction = direction[: layer.plane.owned]
         self._of_low = dict[int, LinearModes]()
+        function, owned, modes = layer.instance.function, layer.plane.owned, self._eigenvalues
+        size, averages, both = self._halo.size, Buffer(layer.averages_size, np.float32), Buffer(2 * owned, np.float32)
+        self._diagonals = function("diagonals", layer.cells, averages, Buffer(2 * size, np.float32))
+        layered, rows = (Buffer(count * modes.size, np.float32) for count in (size, owned))
+        self._multiply = function("multiply", layer.cells, averages, modes, int, modes.size, layered, layered)
+        lengths, many = Buffer(modes.size, np.float32), modes.size
+        self._smooth_rows = function("smooth", owned, both, modes, lengths, lengths, many, *4 * [rows])
 
     def take(self, averages: Means) -> None:
         """See ``Modes``."""
         self._averages, linear = averages
-        at, y = self._kernel.pointer, np.zeros((self._one.size, 2), dtype=np.float32)
-        self._kernel.call.diagonals(self._cells, at(self._averages), at(y))
+        y = np.zeros((self._one.size, 2), dtype=np.float32)
+        self._diagonals(self._averages, y)
         self.diagonals = self._one.collect(y)
         smallest, largest = self._ends_of_spectra()
         tops = self.margin * largest
@@ -147,7 +154,9 @@ class OrderMultigrid(Responding):
         left = 1 / np.cosh((self.steps + 1) * np.arccosh((tops + bottoms) / (tops - bottoms)))
         self.low = low = 1 + max(map(int, np.flatnonzero(left > LEAVES)), default=0)
         if low not in self._of_low:
-            self._of_low[low] = LinearModes(self._layer, self._eigenvalues[:low].astype(np.float64))
+            self._of_low[low] = LinearModes(
+                self._layer, self._eigenvalues[:low].astype(np.float64), modes=self._eigenvalues.size
+            )
         self._coarse = self._of_low[low]
         self._coarse.take(linear)
         tops[:low] = tops.max()
@@ -186,9 +195,9 @@ class OrderMultigrid(Responding):
 
         That is of the first modes, ``many``, or of all. The array is reused by the next call.
         """
-        size, at, y = self._eigenvalues.size, self._kernel.pointer, self._image
-        x, y[:], many = self._halo.fetch(x), 0.0, size if many is None else many
-        self._kernel.call.multiply(self._cells, at(self._averages), at(self._eigenvalues), many, size, at(x), at(y))
+        y, many = self._image, self._eigenvalues.size if many is None else many
+        x, y[:] = self._halo.fetch(x), 0.0
+        self._multiply(self._averages, many, x, y)
         return self._halo.collect(y)
 
     def _smooth(self, lengths: Singles, image: Singles, r: Singles, x: Singles) -> Singles:
@@ -197,9 +206,7 @@ class OrderMultigrid(Responding):
         Saad, Iterative Methods for Sparse Linear Systems (2003), algorithm 12.1. ``image``, the product with the last
         change of x, is taken from r before.
         """
-        at, (rows, many) = self._kernel.pointer, r.shape
-        matrices = rows, at(self.diagonals), at(self._eigenvalues), at(lengths[0]), at(lengths[1]), many
-        self._kernel.call.smooth(*matrices, at(image), at(r), at(self._direction), at(x))
+        self._smooth_rows(self.diagonals, *lengths, image, r, self._direction, x)
         return self._direction
 
     def _cycle(self, r: Singles) -> Singles:
@@ -246,15 +253,19 @@ class LinearModes:
     Nothing of PETSc's is made twice: what Python lets go of there is kept, on several ranks, until all of them collect.
     """
 
-    def __init__(self, layer: LayerMeans, eigenvalues: Vector):
-        linear, fine, self._kernel = layer.linear, layer.plane, layer.kernel
+    def __init__(self, layer: LayerMeans, eigenvalues: Vector, *, modes: int):
+        linear, fine = layer.linear, layer.plane
         numbering = linear.plane.V.dofmap.index_map
         interpolation = interpolation_matrix(linear.plane.V, fine.V)
         interpolation.assemble()
         pointers, columns, weights = interpolation.getValuesCSR()
         here = numbering.global_to_local(columns.astype(np.int64))
         self._halo, self._many = Halo(numbering, eigenvalues.size, np.float32, reached=here), eigenvalues.size
-        self._rows, self._interpolation = fine.owned, (pointers, here, weights.astype(np.float32))
+        rows, few, many = fine.owned, eigenvalues.size, modes
+        interpolation = rows, pointers.astype(np.int32), here.astype(np.int32), weights.astype(np.float32), few, many
+        coarse, all_of_fine = Buffer(self._halo.size * few, np.float32), Buffer(rows * many, np.float32)
+        self._restrict = layer.instance.function("restrict_to", *interpolation, all_of_fine, coarse)
+        self._interpolate = layer.instance.function("interpolate", *interpolation, coarse, all_of_fine)
         self._modes = linear.modes(eigenvalues)
 
     def take(self, averages: Averages) -> None:
@@ -263,12 +274,10 @@ class LinearModes:
 
     def correction(self, residual: Singles) -> Singles:
         """Return what they make of a residual, of other modes nothing, both of shape (owned, m); collective."""
-        at, call, sizes = self._kernel.pointer, self._kernel.call, (self._many, residual.shape[1])
-        interpolation = self._rows, *map(at, self._interpolation), *sizes
         right, fine = np.zeros((self._halo.size, self._many), dtype=np.float32), np.zeros_like(residual)
-        call.restrict_to(*interpolation, at(residual), at(right))
+        self._restrict(residual, right)
         coarse = self._halo.fetch(self._modes.solve(self._halo.collect(right)).astype(np.float32))
-        call.interpolate(*interpolation, at(coarse), at(fine))
+        self._interpolate(coarse, fine)
         return fine
 
 

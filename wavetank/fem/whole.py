@@ -1,4 +1,4 @@
-"""Potentials along a slice or ring, all of it on this rank, found as a whole (``whole.c``).
+"""Potentials along a slice or ring, all of it on this rank, found as a whole (``slice.c``).
 
 A solve is a dozen calls of compiled functions, and what Python takes between these is as much as what they take. Here
 they follow each other in C, on the arrays of the objects that they are of. What is not as usual is left to these: the
@@ -6,96 +6,41 @@ first solve, a new preconditioner, water that is none.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.fem.along import Minimum
+from wavetank.fem.codegen import Buffer, Function, Struct, Unit, source
 from wavetank.fem.combination import Combination
-from wavetank.fem.kernels import Kernel, defined, source
 from wavetank.fem.layers import LayerOperator
 from wavetank.fem.mass import BandedMass, MassMatrix
 from wavetank.fem.plane import Field, LayeredField, Plane
 from wavetank.fem.recall import Recall
 
-WHOLE = """
-typedef struct {
-    double kinetic, residual;
-} Found;
-typedef struct {
-    int width;
-    void *weigh, *multiply, *cells;
-    const double *constants;
-    const double **fields;
-    double *rows, *weights;
-} Weighed;
-typedef struct Paddle {
-    const double *moves;
-    void *by_potential, *by_column, *paddle, *paddle_by_column, *hold, *push, *strip;
-    double *wall, *by_wall;
-    struct Paddle *next;
-} Paddle;
-typedef struct {
-    int dofs, carries, iterations, most, last_iterations, trials;
-    double celerity, tolerance, shortest, round_off;
-    Paddle *paddles;
-    Weighed *mean, *weighed, *moment;
-    double *mean_column, *before, *change, *kept;
-    void *factor_mass, *solve_mass, *solve_both, *mass, *square, *mass_cells;
-    void *take, *cells, *layers, *product, *derivative, *take_single, *single_cells, *single_layers, *correct, *modes;
-    void *aim, *start, *keep, *largest, *lines;
-    const int *order, *carried;
-    const double *damping;
-    const double **fields;
-    double *column, *phi, *rows, *image, *inputs, *mass_work, *weights, *lengths, *wall;
-    double *last, *away, *products, *answer, *gram;
-    float *single_rows, *single_state, *work, *ways, *steps;
-    Found *found;
-} Whole;
-typedef struct {
-    Whole *whole;
-    int most_mixed;
-    void *precondition, *inverse, *add, *aim, *combine, *points;
-    double *residual, *image, *nothing, *missed, *products;
-    const double *scale;
-    double away, length;
-} Attempt;
-typedef struct {
-    int paddles, speeds;
-    double *eta, *rise, *psi, *numbers, *rates, *velocities;
-} Sight;
-"""
 ROWS = "eta", "rise", "psi", "numbers", "rates", "velocities"
-DECLARATIONS = f"""{WHOLE}
-int find(Whole *, const double *q, const double *p, const double *still, int recorded, double *flow, double *told);
-void ask(Whole *, uintptr_t largest, uintptr_t lines);
-void begin_stage(const Attempt *, const double *z, const double *slope, const double *c, double a, int carried,
-                 int mixed, double wrong, double *start);
-int attempt(Attempt *, const double *z, const double *c, double a, int carried, const double *still, int recorded,
-            int mixed, double *found, double *told, double *next);
-double push(const Whole *, const double *point, int between, double *of_walls);
-void see(Whole *, const double *q, const double *p, const double *point, double kinetic, double gravity,
-         const Sight *into, long row);
-double energy_near(const Whole *, const double *state, const double *point, double kinetic, double gravity);
-int look(Whole *, const double *state, const double *to, const double *at, const double *still, int recorded,
-         double gravity, double *found, double *told, const Sight *into, long row);
-"""
+EXPORTS = "find", "begin_stage", "attempt", "push", "see", "energy_near", "look", "precondition", "set_velocity"
 
 
-class Along(Protocol):
-    """A wall's part of the energy, that at 1 m/s times X_p'."""
+class WallStruct(Protocol):
+    """A wall's part of the energy of a slice, compiled.
 
-    @property
-    def compiled(self) -> dict[str, Any]:
-        """What derivatives by potential and column are called with, and its power if it can be, for ``whole.c``.
+    Attributes
+    ----------
+    prefix, struct
+        Of its functions in the unit, and what they are called with.
+    by_potential
+        dW/dphi, as its function sets it, shape (dofs, n+1).
+    """
 
-        And X_p, X_p' and X_p'' [m, m/s, m/s²] as they are.
-        """
+    prefix: str
+    struct: Struct
+    by_potential_rows: Vector
 
     def follow(self) -> None:
-        """See to it that its power is that of the bed as it is."""
+        """Take over the bed as it is."""
 
 
 class Inverse(Protocol):
@@ -103,13 +48,13 @@ class Inverse(Protocol):
 
     Attributes
     ----------
-    compiled
-        What it is called with.
+    struct
+        The ``Advection`` that it is called with.
     carried
         Whether it takes account of the current.
     """
 
-    compiled: dict[str, Any]
+    struct: Struct
     carried: bool
 
 
@@ -167,19 +112,6 @@ class Leaning(Protocol):
     round_off: float
 
 
-class Glance(NamedTuple):
-    """What finds a surface's largest velocity [m/s] and slope [-].
-
-    Attributes
-    ----------
-    function, lines
-        Where the function is, and the struct that it is called with.
-    """
-
-    function: int
-    lines: Any
-
-
 class Solution:
     """What has been found.
 
@@ -212,6 +144,8 @@ class Whole:
 
     Parameters
     ----------
+    unit
+        That of all components; no instance is added to it after this one.
     mass, operator, minimum, recall
         What is called.
     column, phi
@@ -223,16 +157,12 @@ class Whole:
     inputs
         Numbers by which start values are found: elevation, potential over ``celerity`` [m/s], which are set here, and
         what tells how walls move.
-
-    Attributes
-    ----------
-    pushes
-        Whether the power of all walls is there.
     """
 
     def __init__(
         self,
         plane: Plane,
+        unit: Unit,
         *,
         mass: BandedMass,
         operator: LayerOperator,
@@ -240,60 +170,72 @@ class Whole:
         recall: Recall,
         column: Field,
         phi: LayeredField,
-        walls: Sequence[Along],
+        walls: Sequence[WallStruct],
         carried: NDArray[np.int32],
         leaning: Leaning | None,
         inputs: Vector,
         celerity: float,
     ):
         self._mass, self._minimum, self._recall, self._walls = mass, minimum, recall, walls
-        sizes = {"NUMBERS": phi.rows.shape[1], "FIELDS": operator.density.fields}
-        code = defined(sizes) + WHOLE + source("whole.c")
-        self._kernel = Kernel("whole", DECLARATIONS, key=code, source=lambda: code, comm=plane.comm)
-        fields = self._kernel.pointers(operator.density.values)
-        image, flat = np.zeros(phi.rows.shape), np.zeros((1, phi.rows.shape[1]))
-        paddles = None  # each knows the one before it
-        for wall in walls:
-            paddles = self._kernel.shared("Paddle", {**wall.compiled, "next": paddles})
-        self.pushes = all("push" in wall.compiled for wall in walls)
-        of_walls = [wall.compiled["wall"] for wall in walls] or [flat]
-        parts = {
-            "dofs": plane.size,
-            "celerity": celerity,
-            "paddles": paddles,
-            "wall": of_walls[0] if len(of_walls) == 1 else np.zeros(phi.rows.shape),
-            "carries": len(carried),
-            "carried": carried,
-            "fields": fields,
-            "column": column.rows,
-            "phi": phi.rows,
-            "image": image,
-            "inputs": inputs,
-            "damping": None,
-            **mass.compiled,
-            **mass.compiled_beside,
-            **operator.compiled,
-            **minimum.compiled,
-            **recall.compiled,
-            **(self._leaning(leaning) if leaning else {"mean": None, "moment": None}),
-        }
-        self._struct = self._kernel.shared("Whole", parts)
-        self._told = np.zeros(5)
-        self._at_told = self._kernel.pointer(self._told)
-        self._last: tuple[Vector | None, Any] = None, None  # what ``find`` found last, and where that is
-        self._followed: Vector | float | None = None  # the column of still water that walls know
-        self._rooms = dict[int, tuple[Rows, Any]]()  # rows by their ids, which they keep, and where they are
-        self._trials: dict[tuple[Inverse, Combination], Any] = {}
-
-    def _leaning(self, leaning: Leaning) -> dict[str, Any]:
-        """Return what finds columns, and their potential energy, beside a paddle that leans."""
-        mean, moment, weighed = (
-            self._kernel.shared("Weighed", {**one, "fields": self._kernel.pointers(one["fields"])})
-            for one in (leaning.mean.weighing, leaning.moment.weighing, self._mass.weighing)
+        self._n, numbers = plane.size, phi.rows.shape[1]
+        self.instance = unit.add(
+            "",
+            source("slice.c"),
+            exports=EXPORTS,
+            sizes={
+                "NUMBERS": numbers,
+                "FIELDS": operator.density.fields,
+                "LEANS": int(leaning is not None),
+                "EACH_WALL(f)": " ".join(f"f({wall.prefix}, {k})" for k, wall in enumerate(walls)),
+            },
         )
-        room = {"mean_column": leaning.column, **{name: np.empty_like(leaning.column) for name in ("before", "change")}}
-        found_to = {"trials": leaning.trials, "round_off": leaning.round_off}
-        return {"mean": mean, "moment": moment, "weighed": weighed, **found_to, **room, **self._mass.factoring}
+        shape, of_walls = phi.rows.shape, [wall.by_potential_rows for wall in walls] or [np.zeros((1, numbers))]
+        lean: dict[str, Any] = {}
+        if leaning:
+            lean = {"mean": leaning.mean.struct, "moment": leaning.moment.struct, "mean_column": leaning.column}
+            lean |= {name: np.empty_like(leaning.column) for name in ("before", "change")}
+            lean |= {"trials": leaning.trials, "round_off": leaning.round_off}
+        self._tank = self.instance.struct(
+            "Tank",
+            dofs=plane.size,
+            celerity=celerity,
+            mass=mass.struct,
+            cells=operator.cells,
+            layers=operator.layers,
+            rows=operator.rows,
+            guesses=recall.struct,
+            walls_moving=len(walls),
+            walls=[wall.struct for wall in walls],
+            wall=of_walls[0] if len(of_walls) == 1 else np.zeros(shape),
+            carries=len(carried),
+            carried=carried,
+            fields=operator.density.values,
+            column=column.rows,
+            phi=phi.rows,
+            image=np.zeros(shape),
+            inputs=inputs,
+            held_phi=np.zeros(shape),
+            held_column=np.zeros(plane.size),
+            held_mu=np.zeros(plane.size),
+            **minimum.compiled,
+            **lean,
+        )
+        self._told = np.zeros(5)
+        n, result, function = Buffer(plane.size), Buffer(5 * plane.size), self.instance.function
+        self._find = function("find", self._tank, n, n, n, int, result, self._told)
+        self._push = function("push", self._tank, result, 0, np.zeros(1))
+        self._energy_near = function("energy_near", self._tank, Buffer(2 * plane.size), result, float, float)
+        self._last: Vector | None = None  # what ``find`` found last
+        self._followed: Vector | float | None = None  # the column of still water that walls know
+        self._still: tuple[Vector | float, Vector] = np.nan, np.empty(0)  # that, spread
+        self._seeing = dict[int, tuple[Rows, Function, Function]]()  # by the rows' ids
+        self._trials: dict[tuple[Inverse, Combination], tuple[Any, Function, Function]] = {}
+
+    def _spread(self, still: Vector | float) -> Vector:
+        """Return the column of still water at all degrees of freedom."""
+        if still is not self._still[0]:
+            self._still = still, np.broadcast_to(still, self._n).astype(np.float64)
+        return self._still[1]
 
     def find(self, q: Vector, p: Vector, still: Vector | float) -> Solution | None:
         """Return what belongs to masses q and surface potential p, (dofs,) each, or None of what is not as usual.
@@ -303,20 +245,18 @@ class Whole:
         recorded = self._ready()
         if not recorded:
             return None
-        at, result = self._kernel.doubles, np.empty((5, p.size))
-        surface, into = (at(q), at(p), self._kernel.spread(still, p.size)), at(result)
-        self._last = result, into
-        return self._solution(self._kernel.call.find(self._struct, *surface, recorded, into, self._at_told), result)
+        result = np.empty((5, p.size))
+        self._last = result
+        return self._solution(self._find(q, p, self._spread(still), recorded, result), result)
 
-    def ask(self, glance: Glance | None) -> None:
-        """Let ``find`` tell the surface's largest velocity and slope, too, by what was asked last; None: no more."""
-        self._glance = glance
-        function, lines = glance or (0, 0)
-        self._kernel.call.ask(self._struct, function, self._kernel.address(lines))
+    def ask(self, lines: Struct | None) -> None:
+        """Let ``find`` tell the largest velocity and slope of the surface at these points, too; None: no more."""
+        self._lines = lines
+        self._tank.set(lines=lines)
 
     def damp(self, rate: Vector) -> None:
         """Let what is seen of states tell what a damping of surface potentials takes, of rate [1/s], shape (dofs,)."""
-        self._struct.damping = self._kernel.known(rate)
+        self._tank.set(damping=rate)
 
     def attempt(
         self, z: Vector, known: Vector, still: Vector | float, *, weight: float, inverse: Inverse, mixing: Combination
@@ -329,15 +269,14 @@ class Whole:
         recorded, mixed, size = self._ready(), mixing.recorded, z.size // 2
         if not recorded:
             return None
-        at, result, following = self._kernel.doubles, np.empty((5, size)), np.empty_like(z)
-        trial = self._trial(inverse, mixing, size)
-        how = weight, inverse.carried, self._kernel.spread(still, size), recorded, mixed
-        into = at(result), self._at_told, at(following)
-        solution = self._solution(self._kernel.call.attempt(trial, at(z), at(known), *how, *into), result)
+        result, following = np.empty((5, size)), np.empty_like(z)
+        trial, attempt, _ = self._trial(inverse, mixing)
+        iterations = attempt(z, known, weight, inverse.carried, self._spread(still), recorded, mixed, result, following)
+        solution = self._solution(iterations, result)
         if solution is None:
             return None
         mixing.recorded += 1
-        return solution, (following, trial.away, trial.length)
+        return solution, (following, trial.c.away, trial.c.length)
 
     def begin_stage(self, near: Near, *, weight: float, wrong: float, inverse: Inverse, among: Combination) -> Vector:
         """Return where to begin a stage z = c + a f(z), from what is known near its solution.
@@ -346,9 +285,9 @@ class Whole:
         is missed of c; a point that is near takes part from now on.
         """
         self._mass.make_ready()
-        at, start, mixed = self._kernel.doubles, np.empty_like(near.z), among.recorded
-        trial, given = self._trial(inverse, among, near.z.size // 2), (at(near.z), at(near.slope), at(near.known))
-        self._kernel.call.begin_stage(trial, *given, weight, inverse.carried, mixed, wrong, at(start))
+        start = np.empty_like(near.z)
+        *_, begin = self._trial(inverse, among)
+        begin(near.z, near.slope, near.known, weight, inverse.carried, among.recorded, wrong, start)
         among.recorded += 1
         return start
 
@@ -362,22 +301,27 @@ class Whole:
         if iterations < 0:
             return None
         self._recall.recorded += 1
-        self._minimum.last = self._struct.last_iterations
+        self._minimum.last = self._tank.c.iterations
         return Solution(iterations, found, self._told.tolist())
 
-    def _trial(self, inverse: Inverse, mixing: Combination, size: int) -> Any:
+    def _trial(self, inverse: Inverse, mixing: Combination) -> tuple[Struct, Function, Function]:
         """Return what attempts are made with, made once for an inverse and a mixing, which live as long as this."""
         trial = self._trials.get((inverse, mixing))
         if trial is None:
-            room = {name: np.zeros(2 * size) for name in ("residual", "image", "nothing", "missed")}
-            parts = {"whole": self._struct, **inverse.compiled, **mixing.compiled, **room}
-            self._trials[inverse, mixing] = trial = self._kernel.shared("Attempt", parts)
+            struct, function = self.instance.struct, self.instance.function
+            room = {name: np.zeros(2 * self._n) for name in ("residual", "image", "nothing", "missed")}
+            mixed = struct("Mixing", **mixing.compiled)
+            stage = struct("Stage", tank=self._tank, advection=inverse.struct, mixing=mixed, **room)
+            n, z, result = Buffer(self._n), Buffer(2 * self._n), Buffer(5 * self._n)
+            attempt = function("attempt", stage, z, z, float, int, n, int, int, result, self._told, z)
+            begin = function("begin_stage", stage, z, z, z, float, int, int, float, z)
+            self._trials[inverse, mixing] = trial = stage, attempt, begin
         return trial
 
     def push(self, point: Vector, still: Vector | float) -> float:
         """Return dH/dt at fixed (Q, psi) of the point last found, whose rows are as a ``Solution`` has them."""
         self._follow(still)
-        power: float = self._kernel.call.push(self._struct, self._kernel.pointer(point), 0, self._at_told)
+        power: float = self._push(point)
         return power
 
     def see(
@@ -398,13 +342,12 @@ class Whole:
         q, p = state
         self._mass.make_ready()
         self._follow(still)
-        at = self._kernel.doubles
-        self._kernel.call.see(self._struct, at(q), at(p), at(point), kinetic, gravity, self._room(into), row)
+        see, _ = self._functions(into)
+        see(q, p, point, kinetic, gravity, row)
 
     def energy_near(self, state: Vector, point: Vector, kinetic: float, gravity: float) -> float:
         """Return H of masses and surface potential, [q, p], from the point last found, as ``see`` does."""
-        at = self._kernel.doubles
-        energy: float = self._kernel.call.energy_near(self._struct, at(state), at(point), kinetic, gravity)
+        energy: float = self._energy_near(state, point, kinetic, gravity)
         return energy
 
     def look(
@@ -420,12 +363,9 @@ class Whole:
             return None
         if still is not self._followed:
             self._follow(still)
-        at, result = self._kernel.doubles, np.empty_like(point)
-        last, at_last = self._last
-        first = at_last if point is last else at(point)
-        given = at(state), at(to), first, self._kernel.spread(still, point.shape[1])
-        room = at(result), self._at_told, self._room(into), row
-        return self._solution(self._kernel.call.look(self._struct, *given, recorded, gravity, *room), result)
+        result = np.empty_like(point)
+        _, look = self._functions(into)
+        return self._solution(look(state, to, point, self._spread(still), recorded, gravity, result, row), result)
 
     def _follow(self, still: Vector | float) -> None:
         """See to it that walls know the bed as it is."""
@@ -433,11 +373,14 @@ class Whole:
         for wall in self._walls:
             wall.follow()
 
-    def _room(self, into: Rows) -> Any:
-        """Return where rows are, found once."""
-        room = self._rooms.get(id(into))
-        if room is None:
+    def _functions(self, into: Rows) -> tuple[Function, Function]:
+        """Return what sees states into rows, and what finds points and does so; made once."""
+        made = self._seeing.get(id(into))
+        if made is None:
             sizes = {"paddles": into.rates.shape[1], "speeds": into.velocities.shape[1]}
-            rows = {name: getattr(into, name) for name in ROWS}
-            self._rooms[id(into)] = room = into, self._kernel.shared("Sight", {**sizes, **rows})
-        return room[1]
+            sight = self.instance.struct("Sight", **sizes, **{name: getattr(into, name) for name in ROWS})
+            n, z, result, function = Buffer(self._n), Buffer(2 * self._n), Buffer(5 * self._n), self.instance.function
+            see = function("see", self._tank, n, n, result, float, float, sight, int)
+            look = function("look", self._tank, z, z, result, n, int, float, result, self._told, sight, int)
+            self._seeing[id(into)] = made = into, see, look
+        return made[1], made[2]

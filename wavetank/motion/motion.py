@@ -290,6 +290,11 @@ def _inside(r: Array) -> Array:
     return np.asarray((1.0 - r) * (1.0 - r) * (1.0 + r))
 
 
+def share_slope(r: Array) -> Array:
+    """Return ds/dr for 0 <= r <= 1, of any shape."""
+    return np.asarray(-(1.0 - r) * (1.0 + 3.0 * r))
+
+
 class Tangent(Motion):
     """The tangent to a motion at one time, for numerical rates at that time.
 

@@ -13,48 +13,33 @@ F = dx/dX, and d Q'/dt = |F| G chi - div(c Q'), d chi/dt = .. - c . grad chi for
 |F| times how fast the surface rises at a fixed x is dQ/dt - div(s X_p' R), columns that are squeezed are no water that
 rises; and where the wall leans, so that xi goes with eta, B is more by V d(xi)/dz. Nothing of all that
 needs more than some digits, so mass matrices are inverted roughly. Along a slice on one rank all of it is one compiled
-call (``carried_waves.c``).
+call (``slice.c``).
 """
 
-from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.fem.along import AveragedModes
-from wavetank.fem.kernels import Kernel, source
-from wavetank.fem.mass import BandedMass
+from wavetank.fem.codegen import Buffer, Instance, Struct, Unit
+from wavetank.fem.plane import Plane
 from wavetank.fem.surface_points import SurfacePoints
 from wavetank.integrators.hamiltonian import Stage
 from wavetank.tank.still_water import ROUGHLY, StillWaterWaves, WavesOverStillWater
 from wavetank.tank.walls import Wall
 
 LEAST, LARGEST = 0.03, 0.5  # a V k, k = pi p / l of the mesh, that counts, and up to which the series serves
-INVERSE = """
-typedef struct {
-    int dofs, fields;
-    double gravity, of_metre;
-    void *solve_mass, *mass, *multiply, *mass_cells, *respond, *modes, *carry, *move, *cells;
-    double *mass_work, *weights, *shares, *modes_work, *velocity, *vertical, *uniform, *axis, *at_rest, *room;
-} Inverse;
-"""
-DECLARATIONS = f"""{INVERSE}
-double look(const Inverse *, double most, const double *eta, const double *psi, const double *rate,
-            const double *walls);
-void precondition(const Inverse *, double a, int carried, const double *residual, double *found);
-"""
-SOURCE = INVERSE + source("carried_waves.c", __package__)
 
 
-@dataclass(eq=False)
 class Compiled:
-    """An inverse along a slice on one rank: how it is called here, and by ``fem/whole.c``."""
+    """An inverse along a slice on one rank: how it is called here, and by ``fem/whole.py``."""
 
-    kernel: Kernel
-    inverse: Any
-    compiled: dict[str, Any]
-    carried: bool = False
+    def __init__(self, instance: Instance, struct: Struct, *, dofs: int, fields: int):
+        self.struct, self.carried = struct, False
+        n, z = Buffer(dofs), Buffer(2 * dofs)
+        self.precondition = instance.function("precondition", struct, float, int, z, z)
+        self.set_velocity = instance.function("set_velocity", struct, float, n, n, n, Buffer((fields - 3) * dofs))
 
 
 class Surface(NamedTuple):
@@ -76,8 +61,25 @@ class Waves(WavesOverStillWater, Protocol):
     def wall(self) -> Wall:
         """The wall that can move."""
 
+    @property
+    def unit(self) -> Unit:
+        """The translation unit of its compiled functions."""
+
+    @property
+    def slice_functions(self) -> Instance | None:
+        """Those of a slice on one rank, of the unit; None elsewhere."""
+
     def last_surface(self) -> Surface | None:
         """Return the surface of the point last evaluated, if that is known."""
+
+
+def surface_points(plane: Plane, wall: Wall, unit: Unit) -> SurfacePoints:
+    """Return the quadrature points of the velocities at the surface beside a wall; collective."""
+    axis = None
+    if wall.moves:
+        side = wall.paddles[0].side
+        axis = side.sign * side.normal[: plane.mesh.geometry.dim]
+    return SurfacePoints(plane, axis, unit=unit)
 
 
 class CarriedWaves:
@@ -90,11 +92,7 @@ class CarriedWaves:
     """
 
     def __init__(self, waves: Waves, still: StillWaterWaves):
-        axis = None
-        if waves.wall.moves:
-            side = waves.wall.paddles[0].side
-            axis = side.sign * side.normal[: waves.plane.mesh.geometry.dim]
-        self._waves, self._still, self._points = waves, still, SurfacePoints(waves.plane, axis)
+        self._waves, self._still, self._points = waves, still, surface_points(waves.plane, waves.wall, waves.unit)
         self._shortest = waves.plane.cell_size / (np.pi * waves.plane.order)
         self._t = np.nan  # of the stage for which the velocities were found
         self._B: Vector = np.zeros(waves.plane.owned)
@@ -106,9 +104,8 @@ class CarriedWaves:
         compiled = self.along(stage)
         self._waves.mass.make_ready()
         if compiled is not None:
-            kernel, result = compiled.kernel, np.empty_like(residual)
-            given, wanted = kernel.doubles(residual), kernel.doubles(result)
-            kernel.call.precondition(compiled.inverse, stage.weight, self._known, given, wanted)
+            result = np.empty_like(residual)
+            compiled.precondition(stage.weight, self._known, residual, result)
             return result
         if not self._known:
             return self._still(stage, residual)
@@ -139,17 +136,25 @@ class CarriedWaves:
 
     def _along(self, weight: float) -> Compiled | None:
         waves, (modes, shares) = self._waves, self._still.solver(weight)
-        if not isinstance(waves.mass, BandedMass) or not isinstance(modes, AveragedModes):
+        instance = waves.slice_functions
+        if instance is None or not isinstance(modes, AveragedModes):
             return None
-        kernel = Kernel("carried", DECLARATIONS, key=SOURCE, comm=waves.plane.comm)
-        fields, dofs = self._points.fields, waves.plane.size
-        numbers = {"dofs": dofs, "fields": fields, "gravity": waves.gravity, "of_metre": self._still.of_metre}
-        arrays = {"vertical": self._B, "uniform": self._still.uniform, "room": np.empty((fields, dofs))}
-        arrays["at_rest"] = self._still.mass.weights if self._still.mass else waves.mass.weights
-        called = waves.mass.compiled | waves.mass.compiled_product | modes.compiled(shares) | self._points.compiled
-        inverse = kernel.shared("Inverse", numbers | arrays | called)
-        address = kernel.address
-        return Compiled(kernel, inverse, {"precondition": address("precondition"), "inverse": address(inverse)})
+        fields, dofs, still = self._points.fields, waves.plane.size, self._still
+        struct = instance.struct(
+            "Advection",
+            dofs=dofs,
+            fields=fields,
+            gravity=waves.gravity,
+            of_metre=still.of_metre,
+            mass=waves.mass.struct,
+            still=(still.mass or waves.mass).struct,
+            vertical=self._B,
+            uniform=still.uniform,
+            room=np.empty((fields, dofs)),
+            **modes.compiled(shares),
+            **self._points.compiled,
+        )
+        return Compiled(instance, struct, dofs=dofs, fields=fields)
 
     def _solved(self, right: Vector) -> Vector:
         """Return what the mass matrix makes of that, roughly; collective."""
@@ -162,8 +167,7 @@ class CarriedWaves:
         if surface is None:
             return
         if compiled is not None:
-            kernel = compiled.kernel
-            fastest = kernel.call.look(compiled.inverse, most, *map(kernel.doubles, surface))
+            fastest = compiled.set_velocity(most, *surface)
         else:
             moved = [surface.eta, surface.psi, self._solved(surface.rate), *surface.wall]
             vertical, fastest = self._points.move(moved, most=most)

@@ -16,32 +16,14 @@ it is none under a periodic wave (whose mean is none), none under a lone one (wh
 the plateau for a ripple on it.
 """
 
-from functools import cache
-from importlib.resources import files
 from typing import NamedTuple
 
 import numpy as np
-from mpi4py import MPI
 
 from wavetank.arrays import Vector
-from wavetank.fem.kernels import Kernel
 
 LEAST = 0.05  # of all that lies between the lowest and the highest surface: less is a ripple, neither crest nor trough
 SAME = 1e-9  # of that: so little apart is one height, computed twice, where cells meet
-DECLARATIONS = """
-typedef struct {
-    int places;
-    const double *x, *height, *slope, *velocity;
-} Surface;
-typedef struct {
-    double x, height, velocity, current, speed, front, coherence, outrun;
-} Crest;
-typedef struct {
-    double time, front, cell, least, same;
-} Asked;
-int steep_crests(const Surface *before, const Surface *after, const Asked *, double *found);
-"""
-SOURCE = DECLARATIONS.partition("int steep")[0] + files(__package__).joinpath("crests.c").read_text(encoding="utf-8")
 
 
 class Profile(NamedTuple):
@@ -124,14 +106,77 @@ def steep_crests(before: Profile, after: Profile, *, time: float, front: float, 
 
     What is narrower than a ``cell`` [m] in its upper half is the mesh's, not the water's.
     """
-    kernel = _kernel()
-    result, at = np.empty((len(after.x) // 2 + 1, len(SteepCrest._fields) - 1)), kernel.doubles
-    surfaces = ([(len(one.x), *map(at, one))] for one in (before, after))
-    count = kernel.call.steep_crests(*surfaces, [(time, front, cell, LEAST, SAME)], at(result))
-    return [SteepCrest(*map(float, crest)) for crest in result[:count]]
+    if not np.abs(after.slope).max(initial=0.0) > front:
+        return []
+    height, ripple = after.height, LEAST * float(np.ptp(after.height))
+    differ = np.abs(np.diff(height)) > SAME * ripple
+    places = np.concatenate([[0], 1 + np.flatnonzero(differ)])  # one of each two where cells meet
+    rises = np.sign(np.diff(height[places]))
+    turns = [0, *(1 + np.flatnonzero(rises[:-1] != rises[1:])), len(places) - 1]
+    extrema = [(int(places[n]), float(height[places[n]])) for n in turns]
+    result = list[SteepCrest]()
+    for n in range(1, len(extrema) - 1):
+        peak, top = extrema[n]
+        if top > extrema[n - 1][1] and top > extrema[n + 1][1]:
+            left, right = (_trough(top, side, ripple) for side in (extrema[:n][::-1], extrema[n + 1 :]))
+            if not np.abs(after.slope[left : right + 1]).max() > front:
+                continue
+            crest = _crest(before, after, time, (left, peak, right), ripple, cell)
+            if crest is not None and crest.front > front:
+                result.append(crest)
+    return result
 
 
-@cache
-def _kernel() -> Kernel:
-    """Return what is compiled, the same for all surfaces."""
-    return Kernel("crests", DECLARATIONS, key=SOURCE, source=lambda: SOURCE, comm=MPI.COMM_SELF)
+def _trough(peak: float, extrema: list[tuple[int, float]], ripple: float) -> int:
+    """Return the trough beside a peak: behind it the surface rises again by a ripple, or is higher than the peak."""
+    lowest = extrema[0]
+    for place, height in extrema:
+        if height < lowest[1]:
+            lowest = place, height
+        elif height > peak * (1.0 + SAME) or (height > lowest[1] + ripple and lowest[1] < peak - ripple):
+            break
+    return lowest[0]
+
+
+def _crest(
+    before: Profile, after: Profile, time: float, at: tuple[int, int, int], ripple: float, cell: float
+) -> SteepCrest | None:
+    """Return the crest at a peak between troughs, ``at`` these places; None of a ripple, and of a narrow one."""
+    left, peak, right = at
+    x, height, slope, _ = after
+    foot = max(float(height[left]), float(height[right]))
+    if height[peak] - foot < ripple:
+        return None
+    low = np.flatnonzero(height[left : right + 1] <= 0.5 * (height[peak] + foot)) + left
+    first, last = int(low[low < peak].max(initial=left)), int(low[low > peak].min(initial=right))
+    if x[last] - x[first] <= cell:
+        return None
+    upper, current = slice(first, last + 1), _current(after, left, right)
+    there = x[upper]
+    rate = (height[upper] - np.interp(there, before.x, before.height)) / time
+    mean_slope = 0.5 * (slope[upper] + np.interp(there, before.x, before.slope))
+    psi_x = 0.5 * (after.velocity[upper] + np.interp(there, before.x, before.velocity))
+    water = (psi_x - rate * mean_slope) / (1.0 + mean_slope**2)
+    rates, moved, squares = (np.trapezoid(one, there) for one in (rate**2, rate * mean_slope, mean_slope**2))
+    speed = float(-moved / squares) if squares > 0.0 else np.nan
+    ahead = speed > current
+    side = slice(peak, right + 1) if ahead else slice(left, peak + 1)
+    faster = water > speed if ahead else water < speed
+    return SteepCrest(
+        x=float(x[peak]),
+        height=float(height[peak] - foot),
+        velocity=float(water.max() if ahead else water.min()),
+        current=current,
+        speed=speed,
+        front=float(np.abs(slope[side]).max()),
+        coherence=float(moved**2 / (rates * squares)) if rates > 0.0 else 0.0,
+        outrun=float(np.trapezoid(faster.astype(np.float64), there) / (there[-1] - there[0])),
+    )
+
+
+def _current(surface: Profile, left: int, right: int) -> float:
+    """Return the current from trough to trough: within the velocities of both and the mean, the nearest to rest."""
+    between = slice(left, right + 1)
+    velocity, x = surface.velocity[between], surface.x[between]
+    bounds = velocity[0], velocity[-1], np.trapezoid(velocity, x) / (x[-1] - x[0])
+    return float(min(max(min(bounds), 0.0), max(bounds)))

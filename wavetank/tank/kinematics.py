@@ -279,7 +279,9 @@ class LinearRates:
         g = fem.Constant(self.plane.mesh, waves.gravity)
         self.densities = WaterEnergy(h=self.h.function, d=self.bed.d, gravity=g, mapping=waves.wall.mapping)
         column = self.densities.column
-        self._minimum = interior_of(column, self.plane, self.vertical, column=self.h, tolerance=tolerance).minimum
+        interior = interior_of(column, self.plane, self.vertical, column=self.h, tolerance=tolerance)
+        interior.operator.update()
+        self._minimum = interior.minimum
         self._minimum.factor()
         self._paddles = [(paddle.motion, waves.flux(paddle, self.densities)) for paddle in waves.wall.paddles]
 

@@ -28,6 +28,7 @@ import ufl
 from dolfinx import fem
 
 from wavetank.arrays import Vector
+from wavetank.fem.codegen import Unit
 from wavetank.fem.decoupled import LayerMatrices
 from wavetank.fem.forms import ScalarForm, VectorForm
 from wavetank.fem.mass import mass_matrix
@@ -94,7 +95,8 @@ class LinearWaves:
             WaterEnergy(h=self.h.function, d=d, gravity=g, mapping=wall.mapping).potential() * plane.dx, plane.comm
         )
         still = WaterEnergy(h=d, d=d, gravity=g, mapping=wall.mapping)
-        self.mass = mass_matrix(plane, wall.mapping.J(0.0))
+        self.unit = Unit(plane.comm)
+        self.mass = mass_matrix(plane, wall.mapping.J(0.0), self.unit)
         self.layer: Layer
         self.potential, self.layer, self.still = self._interior(still, tolerance)
         direct = isinstance(self.potential, DirectPotential)
@@ -111,7 +113,9 @@ class LinearWaves:
         if plane.mesh.topology.dim == 1 and isinstance(self.bed, FlatBed):
             matrices = LayerMatrices(still.layer, plane)
             return DirectPotential(matrices, vertical), matrices, matrices.assemble()
-        operator, layer, minimum = interior_of(still.layer, plane, vertical, column=self.h, tolerance=0.1 * tolerance)
+        operator, layer, minimum = interior_of(
+            still.layer, plane, vertical, column=self.h, tolerance=0.1 * tolerance, unit=self.unit
+        )
         with self.bed.levelled():
             averages = layer.assemble()
         operator.update()

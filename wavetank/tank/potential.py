@@ -14,6 +14,7 @@ import numpy as np
 from wavetank.arrays import Vector, summed
 from wavetank.errors import ConvergenceError
 from wavetank.fem.along import NO_MINIMUM, Averaged, Minimum, along
+from wavetank.fem.codegen import Unit
 from wavetank.fem.conjugate_gradients import Array, Steps, condition_number, corrected, dot
 from wavetank.fem.layers import LayerEnergy, LayerOperator
 from wavetank.fem.modes import Layer, SolvableLayer, layer_of
@@ -81,10 +82,10 @@ class InteriorPotential:
         What start values are found among.
     """
 
-    def __init__(self, minimiser: Minimiser, phi: LayeredField, *, inputs: int, plane: Plane):
+    def __init__(self, minimiser: Minimiser, phi: LayeredField, *, inputs: int, plane: Plane, unit: Unit | None = None):
         self.counters = SolveCounters()
         self.minimiser, self._phi, self._plane = minimiser, phi, plane
-        self.recall = Recall(inputs, phi.owned.shape[1] - 1, owned=plane.owned, comm=plane.comm)
+        self.recall = Recall(inputs, phi.owned.shape[1] - 1, owned=plane.owned, comm=plane.comm, unit=unit)
         self._fresh_iterations: int | None = None
 
     def solve(self, wall: Vector, inputs: Vector | None) -> Vector:
@@ -232,16 +233,21 @@ class Interior(NamedTuple):
 
 
 def interior_of(
-    energy: LayerEnergy, plane: Plane, vertical: VerticalBasis, *, column: Field, tolerance: float
+    energy: LayerEnergy,
+    plane: Plane,
+    vertical: VerticalBasis,
+    *,
+    column: Field,
+    tolerance: float,
+    unit: Unit | None = None,
 ) -> Interior:
-    """Return what a layer's energy makes, the fields being as they are; on slices of one rank compiled as a whole."""
+    """Return what a layer's energy makes, with functions of a unit; on slices of one rank compiled as a whole."""
+    unit = unit or Unit(plane.comm)
     if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
-        operator = along(energy, plane, vertical, column=column)
-        operator.update()
-        minimum = Minimum(operator, energy, plane, vertical, column=column, tolerance=tolerance)
+        operator = along(energy, plane, vertical, column=column, unit=unit)
+        minimum = Minimum(operator, energy, plane, vertical, column=column, tolerance=tolerance, unit=unit)
         return Interior(operator, Averaged(operator, plane), minimum)
-    operator = LayerOperator(energy, plane, vertical, column=column)
-    operator.update()
-    single = LayerOperator(energy, plane, vertical, column=column, real="float")
-    layer = layer_of(energy, plane, column=column, vertical_order=vertical.n)
+    operator = LayerOperator(energy, plane, vertical, column=column, unit=unit)
+    single = LayerOperator(energy, plane, vertical, column=column, unit=unit, prefix="single", real="float")
+    layer = layer_of(energy, plane, column=column, vertical_order=vertical.n, unit=unit)
     return Interior(operator, layer, Krylov(operator, single, layer, plane, vertical, tolerance=tolerance))

@@ -3,9 +3,8 @@
 Where the surface is level, the surface potential's derivative is the water's horizontal velocity: psi_x = u + w eta_x.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
-from importlib.resources import files
 from typing import NamedTuple, Protocol
 
 import basix
@@ -18,27 +17,13 @@ from numpy.typing import NDArray
 from wavetank.arrays import Vector, largest
 from wavetank.fem.cell_places import tabulate
 from wavetank.fem.cells import lanes
+from wavetank.fem.codegen import Buffer, Instance, Struct, Unit, source
 from wavetank.fem.forms import compile_expression
-from wavetank.fem.kernels import Kernel, defined
 from wavetank.fem.plane import Field, Plane
-from wavetank.fem.whole import Glance
 from wavetank.tank.crests import Profile
 from wavetank.tank.seen import State
 from wavetank.tank.walls import Wall, one_time
 
-SOURCE = files(__package__).joinpath("surface_flow.c").read_text(encoding="utf-8")
-LINES = """
-typedef struct {
-    int batches, cells, paddles;
-    const int *dofs, *carried;
-    const double *values, *slopes, *per_metre, *places, *powers, *per_unit;
-    const double **lengths;
-} Lines;
-"""
-DECLARATIONS = f"""{LINES}
-void surface(const Lines *, const double *eta, const double *psi, double *found);
-void largest(const Lines *, const double *eta, const double *psi, double *found);
-"""
 AMONG = {1: 2, 2: 1}  # so many times as close as nodes are points: as close in a basin, a look took 3 to 4 % of a step
 
 
@@ -67,12 +52,15 @@ class Water(Protocol):
     ----------
     plane, wall
         The horizontal space, and the wall at x = 0.
+    unit
+        The translation unit of its compiled functions.
     """
 
     plane: Plane
     wall: Wall
+    unit: Unit
 
-    def ask(self, glance: Glance | None) -> None:
+    def ask(self, lines: Struct | None) -> None:
         """Let the surface be looked at where its point is found, by what was asked last; None: no more."""
 
     def told(self, state: State, t: float) -> Sequence[float] | None:
@@ -175,6 +163,14 @@ class SurfaceVelocity:
         return self._slopes
 
 
+def surface_functions(plane: Plane, wall: Wall, unit: Unit) -> Instance:
+    """Return what is compiled for the surface of a tank of one horizontal dimension, in the unit of its waves."""
+    degree = max((shape.degree for _, shape in wall.shifts), default=0)
+    points = AMONG[1] * plane.order + 1
+    sizes = {"NODES": plane.order + 1, "POINTS": points, "DEGREE": degree, "LANES": lanes("double")}
+    return unit.add("surface", source("surface.c", "profile"), exports=("surface", "largest"), sizes=sizes)
+
+
 class SurfaceFlow(SurfaceVelocity):
     """Slopes and velocities of the surface of a tank of one horizontal dimension; collective throughout.
 
@@ -182,8 +178,8 @@ class SurfaceFlow(SurfaceVelocity):
     ----------
     cell
         The size of the largest cell [m].
-    glance
-        What finds its largest velocity and slope with a potential.
+    lines
+        The points at which its largest velocity and slope are found with a potential.
     """
 
     _found: Vector | None = None
@@ -215,11 +211,9 @@ class SurfaceFlow(SurfaceVelocity):
     def _compile(self, tables: Vector, dofs: NDArray[np.int32], carries: NDArray[np.bool_]) -> None:
         """Compile what finds the surface at the points of cells, given values and slopes of the basis there."""
         values, slopes = tables
-        points, nodes = values.shape
         shifts, cells, width = self._waves.wall.shifts, self._cells.size, lanes("double")
         degree = max((shape.degree for _, shape in shifts), default=0)
-        code = defined({"NODES": nodes, "POINTS": points, "DEGREE": degree, "LANES": width}) + LINES + SOURCE
-        self._kernel = Kernel("surface_flow", DECLARATIONS, key=code, source=lambda: code, comm=self._comm)
+        instance = surface_functions(self._waves.plane, self._waves.wall, self._waves.unit)
         powers = np.zeros((len(shifts), degree + 1))
         for row, (_, shape) in zip(powers, shifts, strict=True):
             row[: shape.degree + 1] = shape.powers[0]
@@ -236,11 +230,12 @@ class SurfaceFlow(SurfaceVelocity):
             "places": self._places,
             "powers": powers,
             "per_unit": np.array([-1.0 / shape.powers[1] for _, shape in shifts]),
-            "lengths": self._kernel.pointers([length for length, _ in shifts]),
+            "lengths": [length for length, _ in shifts],
         }
-        self._lines = self._kernel.struct("Lines", parts)
-        self.glance = Glance(self._kernel.address("largest"), self._lines)
-        self._waves.ask(self.glance)
+        self.lines, rows = instance.struct("Lines", **parts), Buffer(self._eta.rows.size)
+        self._largest = instance.function("largest", self.lines, rows, rows, Buffer(2))
+        self._surface = instance.function("surface", self.lines, rows, rows, Buffer(4 * self._places.size))
+        self._waves.ask(self.lines)
 
     def near(self, state: State, t: float) -> None:
         """See ``SurfaceVelocity``; elevation and surface potential are set when they are asked for, if they can be."""
@@ -268,12 +263,9 @@ class SurfaceFlow(SurfaceVelocity):
         return super().elevation
 
     def _largest_here(self) -> Vector:
-        return self._looked(self._kernel.call.largest, np.zeros(2), self._eta.rows, self._psi.rows)
-
-    def _looked(self, look: Callable[..., None], found: Vector, eta: Vector, psi: Vector) -> Vector:
-        at = self._kernel.doubles
-        look(self._lines, at(eta), at(psi), at(found))
-        return found
+        result = np.zeros(2)
+        self._largest(self._eta.rows, self._psi.rows, result)
+        return result
 
     def _find(self) -> Vector:
         """Return place, height, slope and d psi / dx at this rank's points in the order of x, found when asked for.
@@ -287,7 +279,8 @@ class SurfaceFlow(SurfaceVelocity):
                 if not np.isnan(self.t):
                     self._waves.set_time(self.t)
                 fields = self._eta.rows, self._psi.rows
-            self._found = self._looked(self._kernel.call.surface, np.empty((4, *self._places.shape)), *fields)
+            self._found = np.empty((4, *self._places.shape))
+            self._surface(*fields, self._found)
         return self._found
 
     @property

@@ -22,21 +22,22 @@ from mpi4py import MPI
 from wavetank.arrays import Vector, read_only, summed
 from wavetank.errors import BreakdownError, ConvergenceError, RunError
 from wavetank.fem.along import Minimum
+from wavetank.fem.codegen import Instance, Struct, Unit
 from wavetank.fem.combination import Combination
 from wavetank.fem.mass import BandedMass, mass_matrix
 from wavetank.fem.plane import Plane
 from wavetank.fem.vertical import VerticalBasis
-from wavetank.fem.whole import Glance, Solution, Whole
+from wavetank.fem.whole import Solution, Whole
 from wavetank.integrators.hamiltonian import BetweenTwo, Near, Stage
 from wavetank.integrators.stage_solver import AndersonStageSolver, IteratedStages, Led, Together
 from wavetank.stateful import Held
 from wavetank.tank.bed import Depth, bed_of
-from wavetank.tank.carried_waves import CarriedWaves, Surface
+from wavetank.tank.carried_waves import CarriedWaves, Surface, surface_points
 from wavetank.tank.energy import KINETIC, POTENTIAL, Energies, Part, WaterEnergy
 from wavetank.tank.potential import InteriorPotential, Minimiser, interior_of
 from wavetank.tank.seen import Block, State, see, see_from
 from wavetank.tank.still_water import StillWaterWaves, largest_frequency, scales
-from wavetank.tank.surface_flow import SurfaceVelocity, surface_of
+from wavetank.tank.surface_flow import SurfaceVelocity, surface_functions, surface_of
 from wavetank.tank.walls import Wall, one_time
 from wavetank.tank.walls.shaped import ShapedColumns
 
@@ -161,17 +162,16 @@ class NonlinearWaves:
         self.h.function.x.array[:] = self.depth
         g = fem.Constant(plane.mesh, gravity)
         self.densities = energy = WaterEnergy(h=self.h.function, d=self.bed.d, gravity=g, mapping=wall.mapping)
-        self.mass = mass_matrix(plane, wall.mapping.J(energy.eta))
-        self.columns = wall.columns(energy, self.mass)
+        self.unit = Unit(plane.comm)
+        self.mass = mass_matrix(plane, wall.mapping.J(energy.eta), self.unit)
+        self.columns = wall.columns(energy, self.mass, self.unit)
         self._leaning = self.columns if isinstance(self.columns, ShapedColumns) else None
         self.operator, self.layer, minimum = interior_of(
-            energy.column, plane, self.vertical, column=self.h, tolerance=tolerances.interior
+            energy.column, plane, self.vertical, column=self.h, tolerance=tolerances.interior, unit=self.unit
         )
-        with self.bed.levelled():
-            self.still = self.layer.assemble()
         self._rows = np.zeros((3 if wall.moves else 2, plane.owned))
         self._row = self._rows.reshape(-1)
-        self.potential = InteriorPotential(minimum, self.phi, inputs=len(self._rows), plane=plane)
+        self.potential = InteriorPotential(minimum, self.phi, inputs=len(self._rows), plane=plane, unit=self.unit)
         self._compile(energy)
         self._point: Vector = np.full((5, plane.owned), np.nan)  # last evaluated, as of ``Solution``
         self._t = np.nan
@@ -190,13 +190,15 @@ class NonlinearWaves:
         self._pair: tuple[Vector | None, Vector | None] = None, None  # the point last evaluated, as ``_array``
         self._energies: Energies | None = None  # of the point last evaluated, found when they are asked for
         self._whole = self._compiled(minimum)
-        self._seeing = self._whole if self._whole and self._whole.pushes else None
+        self._seeing = self._whole
+        with self.bed.levelled():
+            self.still = self.layer.assemble()
         self._several = len(wall.paddles) > 1
         self._set_up_stages(tolerances)
 
     # ------------------------------------------------------------------------------------------ forms
     def _compile(self, energy: WaterEnergy) -> None:
-        self._wall_terms = self.wall.terms(energy, self.phi, bed=self.bed, vertical=self.vertical)
+        self._wall_terms = self.wall.terms(energy, self.phi, bed=self.bed, vertical=self.vertical, unit=self.unit)
 
     @cached_property
     def hamiltonian(self) -> dict[Part, ufl.Form]:
@@ -260,10 +262,13 @@ class NonlinearWaves:
     def _compiled(self, minimum: Minimiser) -> Whole | None:
         """Return what finds potentials as a whole, along a slice on one rank, or None."""
         walls = self._wall_terms.along
+        surface_points(self.plane, self.wall, self.unit)  # adds their functions to the unit
         if not isinstance(minimum, Minimum) or not isinstance(self.mass, BandedMass) or walls is None:
             return None
+        surface_functions(self.plane, self.wall, self.unit)
         return Whole(
             self.plane,
+            self.unit,
             mass=self.mass,
             operator=self.operator,
             minimum=minimum,
@@ -483,11 +488,16 @@ class NonlinearWaves:
         self.set_time(t)
         return self.columns.apply(self.bed.still + eta), np.array(psi, dtype=float)
 
-    def ask(self, glance: Glance | None) -> None:
+    @property
+    def slice_functions(self) -> Instance | None:
+        """The compiled functions of a slice on one rank; None elsewhere."""
+        return self._whole.instance if self._whole is not None else None
+
+    def ask(self, lines: Struct | None) -> None:
         """Let the surface be looked at where its point is found, along a slice on one rank; by what was asked last."""
         if self._whole is not None:
-            self._whole.ask(glance)
-            self._glances = glance is not None
+            self._whole.ask(lines)
+            self._glances = lines is not None
 
     def told(self, state: State, t: float) -> Sequence[float] | None:
         """Return the surface's largest velocity [m/s] and slope where the step to a state has ended; collective.

@@ -10,6 +10,7 @@ import ufl
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
+from wavetank.fem.codegen import Unit
 from wavetank.fem.mass import MassMatrix
 from wavetank.fem.plane import LayeredField, Plane
 from wavetank.fem.vertical import VerticalBasis
@@ -128,13 +129,15 @@ class BothEnds:
         near, far = (paddle.mesh_velocities(places) for paddle in self.paddles)
         return np.asarray(near + far)
 
-    def columns(self, energy: WaterEnergy, mass: MassMatrix) -> Columns:
+    def columns(self, energy: WaterEnergy, mass: MassMatrix, unit: Unit) -> Columns:
         """Return the mass matrix, or beside a paddle that leans what finds columns by Newton's method."""
-        return ShapedColumns(self, energy, mass, plane=self._plane) if self.leans else mass
+        return ShapedColumns(self, energy, mass, plane=self._plane, unit=unit) if self.leans else mass
 
-    def terms(self, energy: WaterEnergy, phi: LayeredField, *, bed: Bed, vertical: VerticalBasis) -> "BothTerms":
+    def terms(
+        self, energy: WaterEnergy, phi: LayeredField, *, bed: Bed, vertical: VerticalBasis, unit: Unit
+    ) -> "BothTerms":
         """Return what both add to the Hamiltonian."""
-        near, far = (paddle.terms(energy, phi, bed=bed, vertical=vertical) for paddle in self.paddles)
+        near, far = (paddle.terms(energy, phi, bed=bed, vertical=vertical, unit=unit) for paddle in self.paddles)
         return BothTerms(near, far)
 
 

@@ -1,63 +1,72 @@
-"""Places that a paddle carries (``wavetank.motion.motion``), and back: each is found as if alone."""
-
-from collections.abc import Sequence
-from functools import cache
+"""The mapping of places by a vertical paddle (``wavetank.motion.motion``), and its inverse: each place as if alone."""
 
 import numpy as np
-from mpi4py import MPI
 
 from wavetank.arrays import Vector
-from wavetank.fem.kernels import EXACT, FLAGS, Kernel, source
+from wavetank.motion.motion import share, share_slope
 from wavetank.tank.walls.side import Side
 
-CARRIED = """
-void carried(long times, long count, long further, const double *paddle, const double *places, const double *moved,
-             double *found, uintptr_t take_back);
-"""
-UNMAPPED = "void take_back(long count, const double *r, const double *moved, double *found);"
+LITTLE = 0.1  # of the reach
+SETTLED = 1e-8  # of the reach; the square is round-off
+MOST = 100  # iterations
 
 
 class Carrier:
-    """How a paddle carries places.
+    """How a paddle displaces places.
 
     Parameters
     ----------
     side
         Where it stands.
     reach
-        Up to where it carries them [m].
+        Up to where it displaces them [m].
     """
 
     def __init__(self, side: Side, reach: float):
-        self._paddle = np.array([reach, *side.point, *side.normal])
+        self._side, self._reach = side, reach
 
     def there(self, places: Vector, moved: Vector) -> Vector:
         """Return where places (x, y) are carried that move by so much at the paddle, (N, 2) and (N,), or of K times.
 
         Those are (K, N, 2), or (N, 2) if the same at all times, and (K, N). In metres.
         """
-        return self._carried(places, moved, back=False)
+        distance = self._side.distances(places)
+        return self._displaced(
+            places, np.where(distance < self._reach, share(np.asarray(distance / self._reach)) * moved, 0.0)
+        )
 
     def back(self, places: Vector, moved: Vector) -> Vector:
         """Return the places that are carried to others, in the same way, for moved < 3/4 of the reach."""
-        return self._carried(places, moved, back=True)
+        distance = np.broadcast_to(self._side.distances(places), moved.shape)
+        inside = distance < self._reach
+        found = np.zeros(moved.shape)
+        found[inside] = self._reach * unmapped(
+            np.asarray(distance[inside] / self._reach), np.asarray(moved[inside] / self._reach)
+        )
+        return self._displaced(places, np.where(inside, found - distance, 0.0))
 
-    def _carried(self, places: Vector, moved: Vector, *, back: bool) -> Vector:
-        kernel, take_back = _compiled()
-        places, moved = (np.ascontiguousarray(one, dtype=np.float64) for one in (places, moved))
-        result, count = np.empty((*moved.shape, 2)), moved.shape[-1]
-        sizes = moved.size // max(count, 1), count, 2 * count if places.ndim > 2 else 0
-        at = kernel.pointer
-        kernel.call.carried(*sizes, at(self._paddle), at(places), at(moved), at(result), back * take_back)
-        return result
-
-
-@cache
-def _compiled() -> tuple[Kernel, int]:
-    """Return what carries places, and where the function is that takes them back, the same for all paddles."""
-    carried, unmapped = _kernel("carried", CARRIED, EXACT), _kernel("unmapped", UNMAPPED, FLAGS)
-    return carried, int(unmapped.address("take_back"))
+    def _displaced(self, places: Vector, shift: Vector) -> Vector:
+        return np.asarray(places + shift[..., None] * self._side.normal)
 
 
-def _kernel(name: str, declarations: str, flags: Sequence[str]) -> Kernel:
-    return Kernel(name, declarations, key=source(f"{name}.c", __package__), comm=MPI.COMM_SELF, flags=flags)
+def unmapped(r: Vector, moved: Vector) -> Vector:
+    """Return R with R + s(R) moved = r, in reaches, for r < 1 and moved < 3/4, shape (N,).
+
+    By Newton's method, started where it converges from one side: at an end where the map is flattest inside, at
+    r = 1/3, or at that place where it is steepest there. Where little is moved it converges from anywhere, and starts
+    where what is moved is taken back once. Behind the paddle s = 1 - R.
+    """
+    inside = np.clip(r, moved, 1.0)
+    third = 1.0 / 3.0
+    steep = np.where(inside > third + share(np.array(third)) * moved, 1.0, 0.0)
+    R = np.where(np.abs(moved) < LITTLE, inside - share(inside) * moved, np.where(moved <= 0.0, third, steep))
+    going = np.arange(R.size)
+    for _ in range(MOST):
+        at, by = R[going], moved[going]
+        change = (at + share(at) * by - inside[going]) / (1.0 + share_slope(at) * by)
+        R[going] = np.clip(at - change, 0.0, 1.0)
+        going = going[np.abs(change) >= SETTLED]
+        if not going.size:
+            break
+    before = (r - moved) / (1.0 - moved)
+    return np.where(before < 0.0, before, R)

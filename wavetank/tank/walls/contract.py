@@ -16,10 +16,11 @@ import ufl
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
+from wavetank.fem.codegen import Unit
 from wavetank.fem.mass import MassMatrix
 from wavetank.fem.plane import LayeredField, Plane
 from wavetank.fem.vertical import VerticalBasis
-from wavetank.fem.whole import Along
+from wavetank.fem.whole import WallStruct
 from wavetank.motion import Motion
 from wavetank.motion.motion import Tangent
 from wavetank.tank.bed import Bed
@@ -56,7 +57,7 @@ class WallTerms(Protocol):
     hamiltonian: dict[Part, ufl.Form]
 
     @property
-    def along(self) -> tuple[Along, ...] | None:
+    def along(self) -> tuple[WallStruct, ...] | None:
         """See above."""
 
     def vector(self) -> Vector:
@@ -196,10 +197,15 @@ class Wall(Placed, Protocol):
     def set_time(self, t: float) -> bool:
         """Move to where the wall stands at t [s]; return whether the mapping has changed; collective."""
 
-    def columns(self, energy: WaterEnergy, mass: MassMatrix) -> Columns:
-        """Return what finds columns from masses; of a mapping that is the same at all heights, the mass matrix M_J."""
+    def columns(self, energy: WaterEnergy, mass: MassMatrix, unit: Unit) -> Columns:
+        """Return what finds columns from masses; of a mapping that is the same at all heights, the mass matrix M_J.
 
-    def terms(self, energy: WaterEnergy, phi: LayeredField, *, bed: Bed, vertical: VerticalBasis) -> WallTerms:
+        ``unit`` is the translation unit that compiled functions are added to, here and below.
+        """
+
+    def terms(
+        self, energy: WaterEnergy, phi: LayeredField, *, bed: Bed, vertical: VerticalBasis, unit: Unit
+    ) -> WallTerms:
         """Return what the wall adds to the Hamiltonian, for the energy of the water with potential phi."""
 
 

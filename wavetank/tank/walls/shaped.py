@@ -13,6 +13,7 @@ import ufl
 
 from wavetank.arrays import Vector, summed
 from wavetank.errors import ConvergenceError
+from wavetank.fem.codegen import Unit
 from wavetank.fem.mass import MassMatrix
 from wavetank.fem.plane import Plane
 from wavetank.tank.energy import Part, WaterEnergy
@@ -45,9 +46,9 @@ class Shaped(Piston):
         np.multiply(far, slope, out=moved[3])
         return moved
 
-    def columns(self, energy: WaterEnergy, mass: MassMatrix) -> Columns:
+    def columns(self, energy: WaterEnergy, mass: MassMatrix, unit: Unit) -> Columns:
         """Return what finds columns by Newton's method."""
-        return ShapedColumns(self, energy, mass, plane=self._plane)
+        return ShapedColumns(self, energy, mass, plane=self._plane, unit=unit)
 
 
 class Stretching(Protocol):
@@ -69,7 +70,7 @@ class ShapedColumns:
         As ``fem/whole.py`` has them.
     """
 
-    def __init__(self, wall: Stretching, energy: WaterEnergy, mass: MassMatrix, *, plane: Plane):
+    def __init__(self, wall: Stretching, energy: WaterEnergy, mass: MassMatrix, *, plane: Plane, unit: Unit):
         self._mass, self._plane = mass, plane
         self._start: Vector = energy.h.x.array[: plane.owned]
         self._h = plane.function("columns")
@@ -77,8 +78,11 @@ class ShapedColumns:
         h = self._h.function
         self.column: Vector = h.x.array
         self.trials, self.round_off = MOST, ROUND_OFF
-        self.mean = MassMatrix(plane, 1 + wall.mapping.stretching(lambda shape: shape.column(h, energy.d)) / h)
-        self.moment = MassMatrix(plane, 1 + wall.mapping.stretching(lambda shape: shape.mean(energy.eta)))
+        stretching = wall.mapping.stretching
+        mean = 1 + stretching(lambda shape: shape.column(h, energy.d)) / h
+        self.mean = MassMatrix(plane, mean, unit=unit, prefix="mean")
+        moment = 1 + stretching(lambda shape: shape.mean(energy.eta))
+        self.moment = MassMatrix(plane, moment, unit=unit, prefix="moment")
 
     def apply(self, h: Vector) -> Vector:
         """Return the masses of columns [m]; collective."""

@@ -8,10 +8,11 @@ import ufl
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
+from wavetank.fem.codegen import Unit
 from wavetank.fem.mass import MassMatrix
 from wavetank.fem.plane import LayeredField, Plane
 from wavetank.fem.vertical import VerticalBasis
-from wavetank.fem.whole import Along
+from wavetank.fem.whole import WallStruct
 from wavetank.motion.motion import Tangent
 from wavetank.tank.bed import Bed
 from wavetank.tank.energy import Part, WaterEnergy
@@ -71,11 +72,13 @@ class StillWall:
         """Return zeros."""
         return np.zeros_like(places)
 
-    def columns(self, energy: WaterEnergy, mass: MassMatrix) -> Columns:
+    def columns(self, energy: WaterEnergy, mass: MassMatrix, unit: Unit) -> Columns:
         """Return the mass matrix."""
         return mass
 
-    def terms(self, energy: WaterEnergy, phi: LayeredField, *, bed: Bed, vertical: VerticalBasis) -> "NoTerms":
+    def terms(
+        self, energy: WaterEnergy, phi: LayeredField, *, bed: Bed, vertical: VerticalBasis, unit: Unit
+    ) -> "NoTerms":
         """Return nothing."""
         return NoTerms(vertical)
 
@@ -85,7 +88,7 @@ class NoTerms:
 
     def __init__(self, vertical: VerticalBasis):
         self.hamiltonian: dict[Part, ufl.Form] = {}
-        self.along: tuple[Along, ...] | None = ()
+        self.along: tuple[WallStruct, ...] | None = ()
         self._zero = np.zeros((1, vertical.n + 1))
 
     def vector(self) -> Vector:

@@ -11,21 +11,6 @@ typedef REAL stored __attribute__((vector_size(sizeof(REAL) * LANES), aligned(si
 
 static const v zero = {0};
 
-typedef struct {
-    int batches;
-    const int *dofs;        /* [batch][node][lane] */
-    const REAL *values;     /* [point][node], or [point of an edge][node of an edge] */
-    const REAL *slopes;     /* [axis][point][node] in the cell's own coordinates, or [point of an edge][node] */
-    const REAL *squares;    /* [product of slopes ..., of values][point][node] */
-    const REAL *weights;    /* [point] */
-    const REAL *inverse;    /* [batch][place][axis of space][axis of cell][lane] */
-    const REAL *measure;    /* [batch][place][lane] */
-} Cells;
-
-#define EACH(i, most) for (int i = 0; i < (most); ++i)
-#define INLINE static inline __attribute__((always_inline))
-#define ROLLED _Pragma("GCC unroll 1") /* else much is kept for later, in memory, where registers are few */
-
 /* Whether some vectors are zero. */
 INLINE int nothing(const v *a, int count)
 {
@@ -41,7 +26,6 @@ INLINE int nothing(const v *a, int count)
 /* Rows of numbers are read and written some at a time, those of as many lanes, as the transpose of such a square. */
 #define ROWS (LANES % 4 ? 2 : 4)
 typedef REAL piece __attribute__((vector_size(sizeof(REAL) * ROWS), aligned(sizeof(REAL)), may_alias));
-#define PICK __builtin_shufflevector
 
 _Static_assert(LANES % ROWS == 0, "LANES must be even.");
 

@@ -1,0 +1,422 @@
+/* ==== layer ==== */
+/* The energy of a horizontal layer at a point; cells.c stands before.
+
+NUMBERS         of a degree of freedom: vertical functions, the last one's the surface potential
+LEVELS          heights of layers
+FIELDS          that the density depends on
+OF_FIELDS       of them at a point: values, slopes in space
+HESSIANS        second derivatives by (u_0 ..., w) in the cell's own coordinates: DIM (DIM + 1) / 2 + DIM + 1 */
+#define OF_FIELDS ((1 + GDIM) * FIELDS)
+
+/* The energy's second derivatives at a level, times all weights: k[uu ..., uw ..., ww]. */
+INLINE void second(const Cells *c, const Layers *layers, long b, int q, int z, const v *f, v *k)
+{
+    const stored *inverse = inverse_at(c, b, q);
+    const v weight = measure_at(c, b, q) * layers->weights[z];
+    UNUSED UNUSED const REAL *constants = layers->constants, zeta = layers->zeta[z];
+    v uu[GDIM][GDIM], uw[GDIM], ww;
+    HESSIAN
+    EACH(a, DIM)
+        EACH(d, a + 1) {
+            v sum = zero;
+            EACH(i, GDIM)
+                EACH(j, GDIM)
+                    sum += inverse[i * DIM + a] * uu[i][j] * inverse[j * DIM + d];
+            *k++ = weight * sum;
+        }
+    EACH(a, DIM) {
+        v sum = zero;
+        EACH(i, GDIM)
+            sum += inverse[i * DIM + a] * uw[i];
+        *k++ = weight * sum;
+    }
+    *k = weight * ww;
+}
+
+/* ==== operator ==== */
+/* The operator of wavetank/fem/layers.py; the layer stands before.
+
+STORED          whether second derivatives are kept from state to state of the fields, state[batch][point][level][...][lane],
+                or found anew in every product, of the fields themselves, state[dof][field] */
+#define MANY ((REAL)1e30)
+#define BESIDE (STORED ? 0 : FIELDS) /* numbers that go to the points beside the potential's */
+#define SOME PART(LEVELS) /* levels at a time */
+
+typedef struct {
+    const Layers *layers;
+    stored *state;
+    REAL *least;
+} Fields;
+
+INLINE void take_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
+{
+    const Fields *fields = what;
+    EACH(l, LANES)
+        *fields->least = u[0][l] < *fields->least ? u[0][l] : *fields->least;
+    if (STORED) {
+        v f[OF_FIELDS];
+        in_space(c, b, q, FIELDS, u, FIELDS, f);
+        EACH(z, LEVELS) {
+            v k[HESSIANS];
+            second(c, fields->layers, b, q, z, f, k);
+            EACH(i, HESSIANS)
+                fields->state[((b * POINTS + q) * LEVELS + z) * HESSIANS + i] = k[i];
+        }
+    }
+}
+
+/* Keep what is to be kept of the fields, [dof][field]. Returns the first field's least value. */
+SHARED REAL take(const Cells *c, const Layers *layers, const REAL *fields, REAL *state)
+{
+    REAL least = MANY;
+    const Fields what = {layers, (stored *)state, &least};
+    EACH(b, c->batches) {
+        v X[NODES * FIELDS];
+        gather(c, b, STORED ? FIELDS : 1, fields, FIELDS, X);
+        through(c, b, STORED ? DIM : 0, STORED ? FIELDS : 1, X, 0, X, take_at, &what);
+    }
+    return least;
+}
+
+typedef struct {
+    const Layers *layers;
+    const REAL *state;
+} Multiplied;
+
+/* The slopes and vertical derivatives at some levels, from z on, of the first numbers of ``width``, ``given``. */
+INLINE void at_levels(const Layers *layers, int z, int some, int given, int width, const v *u, v (*s)[SOME], v *w)
+{
+    const REAL *P = layers->P + z * NUMBERS, *dP = layers->dP + z * NUMBERS;
+    EACH(i, some) {
+        w[i] = zero;
+        EACH(a, DIM)
+            s[a][i] = zero;
+    }
+    ROLLED
+    EACH(j, given)
+        EACH(i, some) {
+            w[i] += dP[i * NUMBERS + j] * u[j];
+            EACH(a, DIM)
+                s[a][i] += P[i * NUMBERS + j] * u[(1 + a) * width + j];
+        }
+}
+
+/* r += the products at a point, of these levels. */
+INLINE void multiply_levels(const Multiplied *m, const Cells *c, long b, int q, int z, int some, int given, int first,
+                            const v *u, const v *f, v *r)
+{
+    const Layers *layers = m->layers;
+    const REAL *P = layers->P + z * NUMBERS + first, *dP = layers->dP + z * NUMBERS + first;
+    const int wanted = NUMBERS - first;
+    v s[DIM][SOME], w[SOME], by_s[DIM][SOME], by_w[SOME];
+    at_levels(layers, z, some, given, given + BESIDE, u, s, w);
+    EACH(i, some) {
+        v k[HESSIANS];
+        if (STORED)
+            EACH(h, HESSIANS)
+                k[h] = ((const stored *)m->state)[((b * POINTS + q) * LEVELS + z + i) * HESSIANS + h];
+        else
+            second(c, layers, b, q, z + i, f, k);
+        const v *uu = k, *uw = k + DIM * (DIM + 1) / 2;
+        by_w[i] = uw[DIM] * w[i];
+        EACH(a, DIM) {
+            by_s[a][i] = uw[a] * w[i];
+            by_w[i] += uw[a] * s[a][i];
+            EACH(d, a + 1) {
+                by_s[a][i] += *uu * s[d][i];
+                if (d < a)
+                    by_s[d][i] += *uu * s[a][i];
+                ++uu;
+            }
+        }
+    }
+    ROLLED
+    EACH(j, wanted)
+        EACH(i, some) {
+            r[j] += dP[i * NUMBERS + j] * by_w[i];
+            EACH(a, DIM)
+                r[(1 + a) * wanted + j] += P[i * NUMBERS + j] * by_s[a][i];
+        }
+}
+
+/* The first numbers are ``given``, and then there may be fields; the others are nothing. Those from ``first`` on are wanted. */
+INLINE void multiply(const Multiplied *m, const Cells *c, long b, int q, int given, int first, const v *u, v *r)
+{
+    v f[OF_FIELDS];
+    if (!STORED)
+        in_space(c, b, q, FIELDS, u + given, given + BESIDE, f);
+    clear((1 + DIM) * (NUMBERS - first), r);
+    EACH(z, LEVELS / SOME)
+        multiply_levels(m, c, b, q, z * SOME, SOME, given, first, u, f, r);
+    multiply_levels(m, c, b, q, LEVELS - LEVELS % SOME, LEVELS % SOME, given, first, u, f, r);
+}
+
+INLINE void multiply_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
+{
+    multiply(what, c, b, q, NUMBERS, 0, u, r);
+}
+
+INLINE void within_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
+{
+    multiply(what, c, b, q, NUMBERS - 1, 0, u, r);
+}
+
+INLINE void product_of(const Cells *c, const Layers *layers, const REAL *state, int given, Point at, const REAL *x, REAL *y)
+{
+    const Multiplied what = {layers, state};
+    const int width = given + BESIDE;
+    EACH(b, c->batches) {
+        v X[NODES * MOST], Y[NODES * NUMBERS];
+        gather_among(c, b, given, x, NUMBERS, X, width);
+        if (!STORED)
+            gather_among(c, b, FIELDS, state, FIELDS, X + given, width);
+        clear(NODES * NUMBERS, Y);
+        through(c, b, DIM, width, X, NUMBERS, Y, at, &what);
+        scatter(c, b, NUMBERS, Y, y, NUMBERS);
+    }
+}
+
+/* y += A x, [dof][number]. */
+SHARED void product(const Cells *c, const Layers *layers, const REAL *state, const REAL *x, REAL *y)
+{
+    product_of(c, layers, state, NUMBERS, multiply_at, x, y);
+}
+
+/* The same of x whose last number is nothing. */
+SHARED void interior_product(const Cells *c, const Layers *layers, const REAL *state, const REAL *x, REAL *y)
+{
+    product_of(c, layers, state, NUMBERS - 1, within_at, x, y);
+}
+
+INLINE void derive_levels(const Layers *layers, const Cells *c, long b, int q, int z, int some, const v *x, const v *f, v *r)
+{
+    const stored *inverse = inverse_at(c, b, q);
+    UNUSED const REAL *constants = layers->constants;
+    v s[DIM][SOME], ws[SOME];
+    at_levels(layers, z, some, NUMBERS, MOST, x, s, ws);
+    EACH(k, some) {
+        UNUSED const REAL zeta = layers->zeta[z + k];
+        const v weight = measure_at(c, b, q) * layers->weights[z + k];
+        UNUSED const v w = ws[k];
+        v u[GDIM], by, by_slope[GDIM];
+        EACH(i, GDIM) {
+            u[i] = zero;
+            EACH(a, DIM)
+                u[i] += inverse[i * DIM + a] * s[a][k];
+        }
+        DERIVATIVE
+        r[0] += weight * by;
+        EACH(a, DIM)
+            EACH(i, GDIM)
+                r[1 + a] += weight * inverse[i * DIM + a] * by_slope[i];
+    }
+}
+
+/* The derivative of the energy by the first field; x has the potential's numbers and the fields. */
+INLINE void derive_at(const void *what, const Cells *c, long b, int q, const v *x, v *r)
+{
+    v f[OF_FIELDS];
+    in_space(c, b, q, FIELDS, x + NUMBERS, MOST, f);
+    clear(1 + DIM, r);
+    EACH(z, LEVELS / SOME)
+        derive_levels(what, c, b, q, z * SOME, SOME, x, f, r);
+    derive_levels(what, c, b, q, LEVELS - LEVELS % SOME, LEVELS % SOME, x, f, r);
+}
+
+/* y += the derivative of the energy of x by the first field, [dof]. */
+SHARED void derivative(const Cells *c, const Layers *layers, const REAL *fields, const REAL *x, REAL *y)
+{
+    EACH(b, c->batches) {
+        v X[NODES * MOST], Y[NODES];
+        gather_among(c, b, NUMBERS, x, NUMBERS, X, MOST);
+        gather_among(c, b, FIELDS, fields, FIELDS, X + NUMBERS, MOST);
+        clear(NODES, Y);
+        through(c, b, DIM, MOST, X, 1, Y, derive_at, layers);
+        scatter(c, b, 1, Y, y, 1);
+    }
+}
+
+/* ==== wall ==== */
+/* A wall of a slice that moves: derivatives of its part W of the energy, and its power; cells.c stands before.
+
+All densities are put in from UFL: of W at 1 m/s, FLUX by cells and END by levels at the wall itself, and of dH/dt at
+fixed (Q, psi) as the wall goes on at its velocity, RATE by layers.
+
+NUMBERS, LEVELS, ENDS       of a potential; levels of the water and of the rule at the wall
+FIELDS, MU                  that densities depend on, the first of which is the column; which one is M_J^-1 H_h */
+#define OF_FIELDS (2 * FIELDS)
+
+typedef struct {
+    const Wall *wall;
+    double speed;
+    v going, sped;
+} Terms;
+
+/* The density of W per unit of speed at a point, and its derivatives by the slope of psi and by the column. */
+INLINE v flux(const Wall *wall, const v *f, v psi_0, v *by_slope, v *by)
+{
+    UNUSED const double *constants = wall->layers->constants;
+    v value, by_psi_0, by_h;
+    FLUX
+    *by_slope = by_psi_0, *by = by_h;
+    return value;
+}
+
+/* The same at a level at the wall, by the potential u less psi there and by the column. */
+INLINE double end(const Wall *wall, const v *f, int z, double u_z, double *by_u, double *by)
+{
+    UNUSED const double *constants = wall->layers->constants;
+    UNUSED const v u = zero + u_z, zeta = zero + wall->end->zeta[z];
+    v value, by_value, by_h;
+    END
+    *by_u = by_value[0], *by = by_h[0];
+    return value[0];
+}
+
+/* dH/dt at a point of a layer of slope u_0 and vertical derivative w. */
+INLINE v rate(const Wall *wall, const v *f, v u_0, v w, double zeta_z)
+{
+    UNUSED const double *constants = wall->layers->constants;
+    UNUSED const v zeta = zero + zeta_z;
+    v value;
+    RATE
+    return value;
+}
+
+static void take_over(const Wall *wall, const double *column, const double *mu)
+{
+    EACH(k, wall->count) {
+        double *row = wall->rows + (long)wall->dofs[k] * FIELDS;
+        EACH(f, FIELDS)
+            row[f] = (f == 0 ? column : f == MU ? mu : wall->fields[f])[wall->dofs[k]];
+    }
+}
+
+/* Fields at the wall itself, without slopes. */
+INLINE void at_wall(const Wall *wall, v *f)
+{
+    EACH(n, FIELDS)
+        f[2 * n] = zero + wall->rows[(long)wall->node * FIELDS + n], f[2 * n + 1] = zero;
+}
+
+/* The potential less psi at a level at the wall. */
+INLINE double above(const Wall *wall, int z, const double *phi)
+{
+    double sum = 0.0;
+    EACH(j, NUMBERS - 1)
+        sum += wall->end->P[z * NUMBERS + j] * phi[(long)wall->node * NUMBERS + j];
+    return sum;
+}
+
+INLINE void by_slope_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
+{
+    const Terms *terms = what;
+    v f[OF_FIELDS], by;
+    in_space(c, b, q, FIELDS, u, FIELDS, f);
+    flux(terms->wall, f, zero, r + 1, &by);
+    r[0] = zero, r[1] *= terms->speed * measure_at(c, b, q) * inverse_at(c, b, q)[0];
+}
+
+/* Set dW/dphi of a column in the rows where it is not zero. */
+SHARED void by_potential(const Wall *wall, const double *column)
+{
+    const Cells *c = wall->cells;
+    const Terms terms = {wall, wall->moves[1], zero, zero};
+    double *y = wall->by_potential;
+    v f[OF_FIELDS];
+    take_over(wall, column, column);
+    EACH(k, wall->count)
+        y[(long)wall->dofs[k] * NUMBERS + NUMBERS - 1] = 0.0;
+    EACH(b, c->batches) {
+        v X[NODES * FIELDS], Y[NODES];
+        gather(c, b, FIELDS, wall->rows, FIELDS, X);
+        clear(NODES, Y);
+        through(c, b, 1, FIELDS, X, 1, Y, by_slope_at, &terms);
+        scatter(c, b, 1, Y, y + NUMBERS - 1, NUMBERS);
+    }
+    at_wall(wall, f);
+    y += (long)wall->node * NUMBERS;
+    EACH(j, NUMBERS - 1)
+        y[j] = 0.0;
+    EACH(z, ENDS) {
+        double by_u, by;
+        end(wall, f, z, 1.0, &by_u, &by);
+        EACH(j, NUMBERS - 1)
+            y[j] += terms.speed * wall->end->weights[z] * by_u * wall->end->P[z * NUMBERS + j];
+    }
+}
+
+INLINE void by_column_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
+{
+    const Terms *terms = what;
+    v f[OF_FIELDS], by_slope;
+    in_space(c, b, q, FIELDS, u, FIELDS + 1, f);
+    flux(terms->wall, f, inverse_at(c, b, q)[0] * u[FIELDS + 1 + FIELDS], &by_slope, r);
+    r[0] *= terms->speed * measure_at(c, b, q), r[1] = zero;
+}
+
+/* Set dW/dh of a column and a potential in the rows where it is not zero. */
+SHARED void by_column(const Wall *wall, const double *column, const double *phi)
+{
+    const Cells *c = wall->cells;
+    const Terms terms = {wall, wall->moves[1], zero, zero};
+    double *y = wall->by_column;
+    v f[OF_FIELDS];
+    take_over(wall, column, column);
+    EACH(k, wall->count)
+        y[wall->dofs[k]] = 0.0;
+    EACH(b, c->batches) {
+        v X[NODES * (FIELDS + 1)], Y[NODES];
+        gather_among(c, b, FIELDS, wall->rows, FIELDS, X, FIELDS + 1);
+        gather_among(c, b, 1, phi + NUMBERS - 1, NUMBERS, X + FIELDS, FIELDS + 1);
+        clear(NODES, Y);
+        through(c, b, 1, FIELDS + 1, X, 1, Y, by_column_at, &terms);
+        scatter(c, b, 1, Y, y, 1);
+    }
+    at_wall(wall, f);
+    EACH(z, ENDS) {
+        double by_u, by;
+        end(wall, f, z, above(wall, z, phi), &by_u, &by);
+        y[wall->node] += terms.speed * wall->end->weights[z] * by;
+    }
+}
+
+INLINE void power_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
+{
+    Terms *terms = (Terms *)what;
+    const Layers *layers = terms->wall->layers;
+    const v measure = measure_at(c, b, q), inverse = inverse_at(c, b, q)[0];
+    v f[OF_FIELDS], by_slope, by, sum = zero;
+    in_space(c, b, q, FIELDS, u + NUMBERS, MOST, f);
+    EACH(z, LEVELS) {
+        v slope = zero, w = zero;
+        EACH(j, NUMBERS)
+            slope += layers->P[z * NUMBERS + j] * u[MOST + j], w += layers->dP[z * NUMBERS + j] * u[j];
+        sum += layers->weights[z] * rate(terms->wall, f, inverse * slope, w, layers->zeta[z]);
+    }
+    terms->going += measure * sum;
+    terms->sped += measure * flux(terms->wall, f, inverse * u[MOST + NUMBERS - 1], &by_slope, &by);
+}
+
+/* dH/dt at fixed (Q, psi) as the wall goes on at its velocity, and dH/dX_p', of a column, a potential and M_J^-1 H_h. */
+SHARED void power(const Wall *wall, const double *column, const double *phi, const double *mu, double *found)
+{
+    const Cells *c = wall->cells;
+    Terms terms = {wall, 0.0, zero, zero};
+    v f[OF_FIELDS];
+    take_over(wall, column, mu);
+    EACH(b, c->batches) {
+        v X[NODES * MOST];
+        gather_among(c, b, NUMBERS, phi, NUMBERS, X, MOST);
+        gather_among(c, b, FIELDS, wall->rows, FIELDS, X + NUMBERS, MOST);
+        through(c, b, 1, MOST, X, 0, X, power_at, &terms);
+    }
+    found[0] = found[1] = 0.0;
+    EACH(l, LANES)
+        found[0] += terms.going[l], found[1] += terms.sped[l];
+    at_wall(wall, f);
+    EACH(z, ENDS) {
+        double by_u, by;
+        found[1] += wall->end->weights[z] * end(wall, f, z, above(wall, z, phi), &by_u, &by);
+    }
+}

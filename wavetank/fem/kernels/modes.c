@@ -1,0 +1,386 @@
+/* ==== slice ==== */
+/* The decoupled modes of layers along a slice or ring, of wavetank/fem/along.py; layers.c and banded systems stand before.
+
+ORDERED         whether degrees of freedom are numbered as they follow each other */
+#define ROW_OF(c, dof) (ORDERED ? (dof) : (c)->row[dof])
+
+typedef struct {
+    const Layers *layers;
+    v along[POINTS], up[POINTS];    /* second derivatives by u and by w, averaged over the depth */
+} Averages;
+
+INLINE void average_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
+{
+    Averages *averages = (Averages *)what;
+    v f[OF_FIELDS], k[HESSIANS];
+    in_space(c, b, q, FIELDS, u, FIELDS, f);
+    averages->along[q] = averages->up[q] = zero;
+    EACH(z, LEVELS) {
+        second(c, averages->layers, b, q, z, f, k);
+        averages->along[q] += k[0], averages->up[q] += k[HESSIANS - 1];
+    }
+}
+
+/* Take over the modes of layers that are averaged over the depth, of the fields, [dof][field]; lambda[group][mode]. */
+SHARED void decouple(const Cells *cells, const Layers *layers, const REAL *fields, const REAL *lambda, const Chain *c)
+{
+    Averages averages = {.layers = layers};
+    clear_chain(c, 0);
+    EACH(b, cells->batches) {
+        v X[NODES * FIELDS], A[NODES][NODES] = {{{0.0}}}, B[NODES][NODES] = {{{0.0}}};
+        gather(cells, b, FIELDS, fields, FIELDS, X);
+        through(cells, b, DIM, FIELDS, X, 0, X, average_at, &averages);
+        EACH(q, POINTS)
+            EACH(i, NODES)
+                EACH(j, NODES) {
+                    A[i][j] += cells->slopes[q * NODES + i] * cells->slopes[q * NODES + j] * averages.along[q];
+                    B[i][j] += cells->values[q * NODES + i] * cells->values[q * NODES + j] * averages.up[q];
+                }
+        EACH(i, NODES)
+            EACH(j, NODES)
+                EACH(l, LANES) {
+                    const long row = ROW_OF(c, cells->dofs[(b * NODES + i) * LANES + l]);
+                    const long other = ROW_OF(c, cells->dofs[(b * NODES + j) * LANES + l]);
+                    if (other > row)
+                        continue;
+                    EACH(g, GROUPS)
+                        entry(c, row, other)[g] += A[i][j][l] + ((const abreast *)lambda)[g] * B[i][j][l];
+                }
+    }
+    factorise(c, 0);
+}
+
+/* x <- the sum over modes j of s_j times the inverse of mode j of s_j r, all [degree of freedom]; s[group][mode]. */
+SHARED void respond(const Chain *c, const REAL *s, const double *r, double *x, REAL *work)
+{
+    abreast *rows = (abreast *)work;
+    const abreast *shares = (const abreast *)s;
+    EACH(i, c->dofs)
+        EACH(g, GROUPS)
+            rows[(long)c->row[i] * GROUPS + g] = shares[g] * (REAL)r[i];
+    solve_chain(c, rows, rows);
+    EACH(i, c->dofs) {
+        abreast parts = {0.0};
+        EACH(g, GROUPS)
+            parts += shares[g] * rows[(long)c->row[i] * GROUPS + g];
+        x[i] = 0.0;
+        EACH(j, ABREAST)
+            x[i] += parts[j];
+    }
+}
+
+/* ==== correction ==== */
+/* Interior potentials along a slice or ring, of wavetank/fem/along.py; layers.c and the modes of a slice stand before.
+
+MODES           vertical modes; a chain is a matrix for each of them
+
+All is of single precision: a correction to a potential, whose residual is of double precision. */
+#define ROW (GROUPS * ABREAST)  /* a row's modes, and what fills the last group */
+#define ENOUGH 1e-10            /* of a residual's energy: then it is found anew */
+#define ROUND_OFF 1e-13         /* of it: so much of single precision is left */
+#define FEW 256                 /* products whose sum is of single precision */
+#define CLOSING 8.0             /* what a correction by the preconditioner alone leaves, over what an iteration does */
+
+/* y += A x of interior x, [row][mode]; by_surface, [row], is the surface potential's share. */
+SHARED void product_within(const Cells *c, const Layers *layers, const REAL *state, const REAL *x, REAL *y,
+                           REAL *by_surface)
+{
+    const Multiplied what = {layers, state};
+    EACH(b, c->batches) {
+        v X[NODES * MODES], Y[NODES * NUMBERS];
+        gather(c, b, MODES, x, ROW, X);
+        clear(NODES * NUMBERS, Y);
+        through(c, b, DIM, MODES, X, NUMBERS, Y, within_at, &what);
+        scatter_among(c, b, MODES, Y, NUMBERS, y, ROW);
+        scatter_among(c, b, 1, Y + MODES, NUMBERS, by_surface, 1);
+    }
+}
+
+INLINE void surface_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
+{
+    multiply(what, c, b, q, MODES, MODES, u, r);
+}
+
+/* The same, of the surface potential's share alone. */
+SHARED void surface_within(const Cells *c, const Layers *layers, const REAL *state, const REAL *x, REAL *by_surface)
+{
+    const Multiplied what = {layers, state};
+    EACH(b, c->batches) {
+        v X[NODES * MODES], Y[NODES];
+        gather(c, b, MODES, x, ROW, X);
+        clear(NODES, Y);
+        through(c, b, DIM, MODES, X, 1, Y, surface_at, &what);
+        scatter(c, b, 1, Y, by_surface, 1);
+    }
+}
+
+SHARED double inner(long size, const REAL *restrict a, const REAL *restrict b)
+{
+    double sum = 0.0;
+    for (long begin = 0; begin < size; begin += FEW) {
+        const long end = begin + FEW < size ? begin + FEW : size;
+        REAL part = 0.0;
+        for (long i = begin; i < end; ++i)
+            part += a[i] * b[i];
+        sum += part;
+    }
+    return sum;
+}
+
+/* Conjugate gradients: correct the interior part of phi, [degree of freedom][number], for its last column, the surface
+   potential, and what the wall adds, [degree of freedom] of that stride [number]. ``image`` is A phi, and becomes that of
+   the new phi in its last column. The residual's energy is to fall below tolerance² that of phi, or to ENOUGH of what it
+   was, when a new residual is needed. Where what the preconditioner makes of the last residual will do, that is added, and
+   needs no product but its surface's. Returns the iterations, -1 where ``most`` are not enough, -2 where A or the modes
+   are not positive; ``steps`` has the length of each and how much of its direction the next keeps, ``found`` phi A phi and the residual's
+   energy over that wanted. */
+SHARED int correct(const Cells *cells, const Layers *layers, const REAL *state, const Chain *c, const double *wall,
+                   int stride, double *restrict phi, double *restrict image, double tolerance, int most, double *steps,
+                   double *found, REAL *work)
+{
+    const long size = (long)c->dofs * ROW;
+    REAL *restrict r = work, *restrict p = r + size, *restrict x = p + size, *restrict flow = x + size;
+    REAL *restrict by_surface = flow + c->dofs, *restrict Ap = by_surface + c->dofs, *restrict z = Ap + size;
+    double kinetic = 0.0, length = 0.0;
+    for (long i = 0; i < (long)c->dofs * NUMBERS; ++i)
+        kinetic += phi[i] * image[i];
+    memset(work, 0, sizeof(REAL) * (3 * size + c->dofs));    /* r, p, x, flow */
+    for (long i = 0; i < c->dofs; ++i)
+        EACH(j, MODES)
+            r[(long)c->row[i] * ROW + j] = -(image[i * NUMBERS + j] + wall[i * stride + j]);
+    for (long i = 0; i < size; ++i)
+        length += (double)r[i] * r[i];
+    found[0] = kinetic, found[1] = 0.0;
+    if (length == 0.0)
+        return 0;
+    const double scale = 1.0 / sqrt(length), back = sqrt(length);
+    for (long i = 0; i < size; ++i)
+        r[i] = (REAL)(scale * r[i]);    /* of single precision alone 1 / 1e-39 is infinite */
+    double target = 0.0, before = 0.0, first = 0.0, rz, left;
+    int iterations = 0, closes = 0;
+    for (;; ++iterations) {
+        solve_chain(c, (const abreast *)r, (abreast *)z);
+        rz = left = inner(size, r, z);
+        const double beta = iterations ? rz / before : 0.0;
+        if (rz < 0.0)
+            return -2;
+        if (iterations) {
+            steps[2 * iterations - 1] = beta;
+            closes = rz > target && CLOSING * beta * rz <= target;
+            left = closes ? CLOSING * beta * rz : rz;
+        } else
+            first = rz, target = tolerance * tolerance * (kinetic * scale * scale + rz);
+        if (closes || !(rz > target && rz > ENOUGH * first))
+            break;
+        if (iterations == most)
+            return -1;
+        for (long i = 0; i < size; ++i)
+            p[i] = z[i] + (REAL)beta * p[i];
+        memset(Ap, 0, sizeof(REAL) * size);
+        memset(by_surface, 0, sizeof(REAL) * c->dofs);
+        product_within(cells, layers, state, p, Ap, by_surface);
+        const double bend = inner(size, p, Ap), alpha = rz / bend;
+        if (!(bend > 0.0))
+            return -2;
+        for (long i = 0; i < size; ++i)
+            x[i] += (REAL)alpha * p[i], r[i] -= (REAL)alpha * Ap[i];
+        for (long i = 0; i < c->dofs; ++i)
+            flow[i] += (REAL)alpha * by_surface[i];
+        steps[2 * iterations] = alpha, before = rz;
+    }
+    memset(by_surface, 0, sizeof(REAL) * c->dofs);
+    if (closes)
+        surface_within(cells, layers, state, z, by_surface);
+    const double closing = closes ? back : 0.0;
+    double by_mode[MODES] = {0.0};
+    kinetic = closing * closing * rz;   /* z A z, as z is nearly the inverse of A times r */
+    for (long i = 0; i < c->dofs; ++i) {
+        const long row = c->row[i];
+        const double before_closing = image[i * NUMBERS + MODES] + back * flow[row];
+        EACH(j, MODES) {
+            const double x_now = phi[i * NUMBERS + j] + back * x[row * ROW + j], more = closing * z[row * ROW + j];
+            by_mode[j] += (x_now + 2.0 * more) * (back * r[row * ROW + j] + wall[i * stride + j]);
+            phi[i * NUMBERS + j] = x_now + more;
+        }
+        kinetic += phi[i * NUMBERS + MODES] * before_closing;
+        image[i * NUMBERS + MODES] = before_closing + closing * by_surface[row];
+    }
+    EACH(j, MODES)
+        kinetic -= by_mode[j];
+    const double floor = iterations ? ROUND_OFF * first : 0.0;
+    found[0] = kinetic, found[1] = (left > floor ? left : floor) / target;
+    return iterations;
+}
+
+/* ==== basin ==== */
+/* The decoupled modes of wavetank/fem/order_multigrid.py; the layer stands before.
+
+MEANS           second derivatives that do not couple u and w: DIM (DIM + 1) / 2 + 1
+FEW             modes that are in work at a time */
+INLINE void average_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
+{
+    const void *const *both = what;
+    const Layers *layers = both[0];
+    stored *mean = (stored *)both[1] + (b * POINTS + q) * MEANS;
+    v f[OF_FIELDS], sum[MEANS];
+    in_space(c, b, q, FIELDS, u, FIELDS, f);
+    clear(MEANS, sum);
+    EACH(z, LEVELS) {
+        v k[HESSIANS];
+        second(c, layers, b, q, z, f, k);
+        EACH(i, MEANS - 1)
+            sum[i] += k[i];
+        sum[MEANS - 1] += k[HESSIANS - 1];
+    }
+    EACH(i, MEANS)
+        mean[i] = sum[i];
+}
+
+/* The second derivatives averaged over the depth, without those that couple u and w: out[batch][point][uu ..., ww][lane]. */
+SHARED void average(const Cells *c, const Layers *layers, const REAL *fields, REAL *out)
+{
+    const void *what[] = {layers, out};
+    EACH(b, c->batches) {
+        v X[NODES * FIELDS];
+        gather(c, b, FIELDS, fields, FIELDS, X);
+        through(c, b, DIM, FIELDS, X, 0, X, average_at, what);
+    }
+}
+
+typedef struct {
+    const stored *averages;
+    const REAL *lambda;
+    int few;
+} Modes;
+
+INLINE void mode_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
+{
+    const Modes *m = what;
+    const stored *mean = m->averages + (b * POINTS + q) * MEANS;
+    const int few = m->few;
+    EACH(j, few) {
+        const stored *uu = mean;
+        EACH(a, DIM) {
+            r[(1 + a) * few + j] = zero;
+            EACH(d, a + 1) {
+                r[(1 + a) * few + j] += *uu * u[(1 + d) * few + j];
+                if (d < a)
+                    r[(1 + d) * few + j] += *uu * u[(1 + a) * few + j];
+                ++uu;
+            }
+        }
+        r[j] = m->lambda[j] * mean[MEANS - 1] * u[j];
+    }
+}
+
+/* f with a number of modes that the compiler knows, where they are few; of none nothing. */
+#define OF_FEW(many, f, ...) \
+    ((many) == 1 ? f(1, __VA_ARGS__) : (many) == 2 ? f(2, __VA_ARGS__) : (many) == 3 ? f(3, __VA_ARGS__) : (void)0)
+
+INLINE void some_modes(int few, const Cells *c, long b, const REAL *averages, const REAL *lambda, int stride,
+                       const REAL *x, REAL *y)
+{
+    const Modes what = {(const stored *)averages, lambda, few};
+    v X[NODES * FEW], Y[NODES * FEW];
+    gather(c, b, few, x, stride, X);
+    clear(NODES * few, Y);
+    through(c, b, DIM, few, X, few, Y, mode_at, &what);
+    scatter(c, b, few, Y, y, stride);
+}
+
+/* y += (S_u + lambda_j S_w) x_j, [dof][mode] with ``stride`` numbers of a row, for the first modes j, ``many``. */
+SHARED void multiply(const Cells *c, const REAL *averages, const REAL *lambda, int many, int stride, const REAL *x, REAL *y)
+{
+    EACH(b, c->batches) {
+        int j = 0;
+        for (; j + FEW <= many; j += FEW)
+            some_modes(FEW, c, b, averages, lambda + j, stride, x + j, y + j);
+        OF_FEW(many - j, some_modes, c, b, averages, lambda + j, stride, x + j, y + j);
+    }
+}
+
+/* y += the diagonals of S_u and S_w, [dof][2]. */
+SHARED void diagonals(const Cells *c, const REAL *averages, REAL *y)
+{
+    EACH(b, c->batches) {
+        v Y[NODES * 2];
+        clear(NODES * 2, Y);
+        EACH(q, POINTS)
+            EACH(k, MEANS) {
+                const v mean = ((const stored *)averages)[((long)b * POINTS + q) * MEANS + k];
+                EACH(i, NODES)
+                    Y[i * 2 + (k == MEANS - 1)] += c->squares[(k * POINTS + q) * NODES + i] * mean;
+            }
+        scatter(c, b, 2, Y, y, 2);
+    }
+}
+
+/* r -= Ad, d = keep d + take r / D, x += d, all [dof][mode], keep[mode] and take[mode], D = diagonals[dof][2] of S_u and
+   S_w. What is next to nothing is nothing: such numbers are slow. */
+INLINE void smooth_rows(long rows, const REAL *restrict diagonals, const REAL *lambda, const REAL *keep, const REAL *take,
+                        int many, const REAL *restrict Ad, REAL *restrict r, REAL *restrict d, REAL *restrict x)
+{
+    for (long i = 0; i < rows; ++i)
+        EACH(j, many) {
+            const long k = i * many + j;
+            const REAL residual = r[k] - Ad[k];
+            r[k] = residual > NOTHING || residual < -NOTHING ? residual : 0;
+            d[k] = keep[j] * d[k] + take[j] * r[k] / (diagonals[2 * i] + lambda[j] * diagonals[2 * i + 1]);
+            x[k] += d[k];
+        }
+}
+
+SHARED void smooth(long rows, const REAL *diagonals, const REAL *lambda, const REAL *keep, const REAL *take, int many,
+                   const REAL *Ad, REAL *r, REAL *d, REAL *x)
+{
+    if (many == NUMBERS)
+        smooth_rows(rows, diagonals, lambda, keep, take, NUMBERS, Ad, r, d, x);
+    else
+        smooth_rows(rows, diagonals, lambda, keep, take, NUMBERS - 1, Ad, r, d, x);
+}
+
+INLINE void interpolate_rows(int many, long rows, const int *pointers, const int *columns, const REAL *entries, int stride,
+                             const REAL *restrict x, REAL *restrict y)
+{
+    for (long i = 0; i < rows; ++i) {
+        REAL sum[NUMBERS > FEW ? NUMBERS : FEW] = {0};
+        for (int k = pointers[i]; k < pointers[i + 1]; ++k)
+            EACH(j, many)
+                sum[j] += entries[k] * x[(long)columns[k] * many + j];
+        EACH(j, many)
+            y[i * stride + j] = sum[j];
+    }
+}
+
+INLINE void restrict_rows(int many, long rows, const int *pointers, const int *columns, const REAL *entries, int stride,
+                          const REAL *restrict x, REAL *restrict y)
+{
+    for (long i = 0; i < rows; ++i)
+        for (int k = pointers[i]; k < pointers[i + 1]; ++k)
+            EACH(j, many)
+                y[(long)columns[k] * many + j] += entries[k] * x[i * stride + j];
+}
+
+/* y = P x, P of sparse rows, x[row][mode] of the first modes, y of ``stride`` numbers of a row. */
+SHARED void interpolate(long rows, const int *pointers, const int *columns, const REAL *entries, int many, int stride,
+                        const REAL *x, REAL *y)
+{
+    if (many < FEW)
+        OF_FEW(many, interpolate_rows, rows, pointers, columns, entries, stride, x, y);
+    else if (many == FEW)
+        interpolate_rows(FEW, rows, pointers, columns, entries, stride, x, y);
+    else
+        interpolate_rows(many, rows, pointers, columns, entries, stride, x, y);
+}
+
+/* y += P' x, of the same. */
+SHARED void restrict_to(long rows, const int *pointers, const int *columns, const REAL *entries, int many, int stride,
+                        const REAL *x, REAL *y)
+{
+    if (many < FEW)
+        OF_FEW(many, restrict_rows, rows, pointers, columns, entries, stride, x, y);
+    else if (many == FEW)
+        restrict_rows(FEW, rows, pointers, columns, entries, stride, x, y);
+    else
+        restrict_rows(many, rows, pointers, columns, entries, stride, x, y);
+}
