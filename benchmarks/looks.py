@@ -57,11 +57,11 @@ def in_turn(run: Run) -> Vector:
         kind.clock = replace(clock, steps=0 if kind is not run else BEFORE)
         kind.execute()
         kind.clock = clock
-    taken, ended = list[list[float]](), run.held()
+    taken, ended = list[list[float]](), run.tree()
     while run.step + GROUP < clock.steps:
-        held, start, spent = run.held(), (run.state, run.step), dict[Run, float]()
+        held, start, spent = run.tree(), (run.state, run.step), dict[Run, float]()
         for kind in kinds if len(taken) % 2 else kinds[::-1]:  # the second finds more of what it needs at hand
-            run.take(held)
+            run.resume(held)
             kind.state, kind.step = start
             waves.ask(waves.surface.glance if kind.filters else None)
             for steps in (1, GROUP):  # the first brings back to hand what they work on
@@ -71,8 +71,8 @@ def in_turn(run: Run) -> Vector:
                 kind.flush()
                 flow(np.concatenate(kind.state.known[-1]), kind.t)
                 spent[kind] = (time.process_time_ns() - began) / 1e3 / steps
-            ended = run.held() if kind is run else ended
-        run.take(ended)
+            ended = run.tree() if kind is run else ended
+        run.resume(ended)
         taken.append([spent[kind] for kind in kinds])
     return np.array(taken)
 

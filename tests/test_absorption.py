@@ -13,7 +13,7 @@ import pytest
 from conftest import CHECKOUT, fitted_slope
 from mpi4py import MPI
 from test_checkpoint import record, record_until, same
-from test_stateful import SLICE
+from test_state import SLICE
 
 from wavetank.analysis.reflection import reflected
 from wavetank.case import Case
@@ -37,7 +37,7 @@ from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.construction import ANSWERS
 from wavetank.simulation.energy import EnergyBudget
 from wavetank.simulation.records import Memory
-from wavetank.simulation.supply import AnsweredWork
+from wavetank.simulation.supply import PaddleWork
 from wavetank.tank.answering import AnsweringPaddle, Excess
 from wavetank.tank.walls import Piston
 from wavetank.waves.absorption import PassiveFilter, face, radiation, sudden_mass
@@ -183,7 +183,7 @@ def test_a_motion_that_is_steered_is_smooth_and_known_up_to_the_end_of_its_step(
     motion.keep(0.15, "somebody")
     kept = motion.position(0.15)
     again = FeedbackMotion(Sinusoid(0.1, 2.0))
-    again.take(motion.held())
+    again.state = motion.state
     assert np.array_equal(again.position(t), motion.position(t))
     motion.go_on(0.2, 0.1, 0.0, 0.0)  # another way, from an earlier time
     assert [motion.added(t, 0) for t in (0.3, 0.5)] == pytest.approx([0.0, 0.0], abs=1e-14)
@@ -325,7 +325,7 @@ def test_a_flap_in_a_coarse_tank_absorbs_at_the_longest_step_that_is_allowed():
 def counted(run, waves, masses):
     """Return the record of the energy budget of a run that is to be; its paddles answer the water."""
     budget, motions = Memory(), [paddle.motion for paddle in waves.wall.paddles]
-    run.paddle_work = AnsweredWork(motions, np.array(masses))
+    run.paddle_work = PaddleWork(motions, np.array(masses))
     run.diagnostics.append(EnergyBudget(waves, record=budget))
     return budget
 
@@ -357,7 +357,7 @@ def test_work_is_counted_of_paddles_that_go_unevenly():
     told, mass, steps, errors = Sinusoid(0.4, 3.0), 0.7, np.array([0.2, 0.1, 0.05]), []
     for dt in steps:
         motion = FeedbackMotion(told)
-        work = AnsweredWork([motion], np.array([mass]))
+        work = PaddleWork([motion], np.array([mass]))
 
         def slopes(q, p, t, motion=motion):
             return [(np.cos(1.3 * t), np.sin(0.9 * t + 1.0) - mass * motion.velocity(t))]

@@ -12,7 +12,7 @@ from mpi4py import MPI
 from rich.console import Console
 from test_checkpoint import same, scene
 from test_faults import forked
-from test_stateful import BASIN, FLAP, SLICE, Observed, differing
+from test_state import BASIN, FLAP, SLICE, Observed, differing
 
 from wavetank.case import Case, EndWall
 from wavetank.errors import BreakdownError, PaddleError, StoppedError
@@ -20,12 +20,14 @@ from wavetank.integrators.states import Point
 from wavetank.motion import Ramped, Sinusoid
 from wavetank.output.directory import ENERGY, GAUGES, PADDLE, RunDirectory
 from wavetank.recording import record_run
-from wavetank.simulation import checkpoints
+from wavetank.simulation import checkpoints, stability
 from wavetank.simulation import run as running
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.diagnostics import Called, Gauges
 from wavetank.simulation.records import Memory
 from wavetank.simulation.stability import IN_ELEVATION, StabilityWatch, largest_differences
+from wavetank.simulation.surviving import restore_surviving
+from wavetank.state import state_of
 from wavetank.tank.surface_flow import surface_of
 
 BESIDE = {"gauges": [0.4, 1.0, 1.5, 2.5]}  # within the paddle's reach, two of them where cells meet
@@ -38,7 +40,7 @@ def in_blocks(parts: dict, steps: int) -> tuple[list[list[float]], list[list[flo
         one = Observed(Case.model_validate(parts), MPI.COMM_WORLD)
         one.run.longest_block = steps
         one.run.execute()
-    return one.gauges.rows, one.energy.rows, one.run.held()
+    return one.gauges.rows, one.energy.rows, one.run.tree()
 
 
 def differences(parts: dict) -> list[str]:
@@ -122,7 +124,7 @@ def test_a_stability_watch_warns_of_the_same_time_and_place_in_blocks_of_any_len
     assert warning.startswith(f"t = {watch.since:.6g} s: ") and watch.since == pytest.approx(0.48)
     assert f"most at x = {motion.position(watch.since):.4g} m" in warning
     other = StabilityWatch(tank, surface_of(tank), dt=0.01, limit=2.0, warn=warnings.append, look=IN_ELEVATION)
-    other.carry(watch.held())
+    restore_surviving({"StabilityWatch": other}, {"StabilityWatch": state_of(watch)})
     assert other.since == watch.since and other.noise == 0.0  # it may warn again: the state was not sound before
 
 
@@ -133,11 +135,12 @@ def test_the_largest_frequency_is_not_that_of_an_alternating_surface(make_tank, 
     tank = make_tank(length=2.0, cells=4, n=2)
     watch = StabilityWatch(tank, surface_of(tank), dt=0.02, limit=2.0, warn=lambda _: None, look=IN_ELEVATION)
     frequencies = {3: 1e3, 11: 2e3, 19: 4e3, 35: 8e3}
+    monkeypatch.setattr(stability, "OFTEN", 1)
     monkeypatch.setattr(watch, "_largest_frequency", lambda block: frequencies.get(int(block.step[-1]), 0.0))
     block = alternating(tank, 0.2 * part)
     for first in range(0, 48, steps):
         watch.record(block.at(slice(first, first + steps)))
-    assert watch.held()["_frequency"] == 2e3
+    assert watch.state.frequency == 2e3
 
 
 def test_largest_differences_keep_alternating_values_and_propagate_nan():

@@ -57,17 +57,14 @@ def test_crests_of_an_oblique_wave_have_its_speed_and_its_waters(angle, kind):
     assert min(apart, default=1.0) >= 0.07  # a cell: each crest once
 
 
-def test_a_watch_that_takes_back_what_it_held_goes_on_alike():
-    """Of another mesh it takes the alarms alone: its first look has nothing to compare with."""
+def test_a_watch_with_the_state_of_another_continues_alike():
     watch, (first, second), _ = exact_waves(0.4)
     watch.look(first, 0.0)
-    held = watch.held()
+    state = watch.state
     found = watch.look(second, TIME)
     other = exact_waves(0.4)[0]
-    other.take(held)
+    other.state = state
     assert other.look(second, TIME) == found and other.crests == watch.crests
-    other.take(held | {"size": 1})
-    assert other.last is None
 
 
 def test_sections_of_one_crest_dissipate_as_one_section():

@@ -18,7 +18,7 @@ import pytest
 from blocks import at
 from mpi4py import MPI
 from ranks import begun
-from test_stateful import BASIN, RING, SLICE
+from test_state import BASIN, RING, SLICE
 
 from examples.paper.breaking import over_steep
 from wavetank.case import Case
@@ -236,7 +236,10 @@ def test_another_scene_does_not_go_on_and_nothing_is_touched(tmp_path):
     ):
         with pytest.raises(InputError, match=said):
             record(parts, tmp_path, run, resume=True)
-    with pytest.raises(InputError, match=r"what was held by .* cannot be taken back by .*, HighestCrest 2"):
+    with pytest.raises(
+        InputError,
+        match=r"the state of .* cannot be that of .*, HighestCrest 2: a resumed run",
+    ):
         own = {"observers": [HighestCrest], "resume": True}
         record_run(scene(SLICE), tmp_path, comm=MPI.COMM_SELF, console=console(), **own)
     with pytest.raises(InputError, match="stepped by integrator 'simpson-4', and would be by 'third-order': must be"):
@@ -362,3 +365,47 @@ def copy(run: Path, other: Path) -> None:
 def resume(parts: dict, out: Path) -> None:
     """Go on with a run; collective."""
     record(parts, out, {}, resume=True)
+
+
+# ---------------------------------------------------------------- edited checkpoints
+def paths(tree, path=()):
+    """Yield the paths of all values of a tree of JSON, and the values."""
+    items = tree.items() if isinstance(tree, dict) else enumerate(tree) if isinstance(tree, list) else ()
+    for key, value in items:
+        yield (*path, key), value
+        yield from paths(value, (*path, key))
+
+
+def edited(tree, path, value):
+    """Return JSON of a tree with another value at a path."""
+    tree = json.loads(tree)
+    *parents, last = path
+    table = tree
+    for key in parents:
+        table = table[key]
+    table[last] = value
+    return json.dumps(tree)
+
+
+@pytest.fixture(scope="module")
+def part(tmp_path_factory):
+    """Return the directory of a run with a checkpoint at its fourth step."""
+    out = tmp_path_factory.mktemp("edited")
+    record_until(SLICE, out, {}, 4, 5)
+    return out
+
+
+@pytest.mark.parametrize("value", ["x", None, [1], {"a": 1}], ids=["text", "null", "list", "table"])
+@pytest.mark.parametrize("stride", [61, pytest.param(7, marks=pytest.mark.slow)], ids=["some", "many"])
+def test_an_edited_checkpoint_ends_in_one_sentence_or_resumes(part, value, stride):
+    """Of values of another type, in the description and in the state, one at a time."""
+    kept, _ = read_checkpoint(part)
+    for tree, field in ((json.dumps(kept.about), "about"), (kept.held, "held")):
+        for path, before in [*paths(json.loads(tree))][::stride]:
+            solver = path[:3] in (("run", "parts", "system"), ("run", "parts", "stages"))  # no dataclasses yet
+            if solver or path[0] in ("id", "git") or type(before) is type(value):
+                continue
+            new = edited(tree, path, value)
+            write_checkpoint(part, kept._replace(**{field: json.loads(new) if field == "about" else new}))
+            with suppress(InputError, RunError):
+                record(SLICE, part, {"duration": 0.25}, resume=True)

@@ -19,7 +19,7 @@ from mpi4py import MPI
 from ranks import begun, members
 from rich.console import Console
 from test_checkpoint import OUTPUT, same, scene
-from test_stateful import BASIN, SLICE
+from test_state import BASIN, SLICE
 
 from wavetank.case import Case
 from wavetank.errors import BreakdownError, InputError

@@ -423,7 +423,7 @@ def test_checkpoint_whose_files_overlap_is_refused(run, capfd):
     assert "its files are compressed or overlap" in refusal(capfd, *RESUME, run)
 
 
-@pytest.mark.parametrize(("key", "value"), [("recorded", -1), ("recorded", 2**40), ("sum", [0.0])])
+@pytest.mark.parametrize(("key", "value"), [("recorded", -1), ("recorded", 2**40), ("value", [0.0])])
 def test_checkpoint_by_which_compiled_code_leaves_its_arrays_is_refused(key, value, run, capfd):
     """Of a count and of a list of numbers: the process was aborted, as its memory was overwritten."""
     path = run / "checkpoint.zip"

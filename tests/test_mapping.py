@@ -225,7 +225,7 @@ def test_the_highest_crest_is_located_in_the_laboratory(make_tank):
     crest = HighestCrest(tank)
     crest.record(block_of(tank, (0, 1.0, Point(*tank.state(eta, 0 * eta, 1.0)))))
     x = tank.wall.to_physical(place)[0, 0]
-    assert crest.highest().x == pytest.approx(x) and x > place[0, 0] + 0.3
+    assert crest.state.x == pytest.approx(x) and x > place[0, 0] + 0.3
 
 
 def test_a_penalty_is_that_of_where_the_paddle_has_gone(make_tank):

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from test_stateful import BASIN, FLAP, RING, SLICE
+from test_state import BASIN, FLAP, RING, SLICE
 
 import wavetank as wt
 from wavetank.case import Case

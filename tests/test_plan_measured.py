@@ -343,7 +343,7 @@ def highest(scene: Case, settings: dict) -> float:
     running, waves = build_run(with_numerics(scene, settings), MPI.COMM_SELF)
     running.diagnostics += [crest := HighestCrest(waves)]
     running.execute()
-    return crest.highest().height
+    return crest.state.height
 
 
 def with_numerics(scene: Case, settings: dict) -> Case:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from test_checkpoint import ending, record, record_until, same, scene
-from test_stateful import SLICE
+from test_state import SLICE
 
 import wavetank as wt
 from wavetank.case import Case
@@ -270,7 +270,7 @@ def test_a_surface_is_carried_to_another_mesh_where_it_is_in_the_laboratory():
         values.append((np.cos(k * x), np.sin(k * x)))
     assert x[0] > 0.02
     places = build_waves(coarse, MPI.COMM_SELF).plane.coordinates()
-    found = KeptSurface(coarse, t, 1.0, values=values[0], places=places, scheme={}).on(waves)
+    found = KeptSurface(coarse, t, 1.0, values=values[0], places=places, parts={}).on(waves)
     for mine, exact in zip(found, values[1], strict=True):
         assert np.abs(mine - exact).max() < 1e-4
 

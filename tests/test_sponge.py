@@ -240,7 +240,7 @@ def test_a_run_that_goes_on_has_the_rate_that_it_had(make_tank, inner):
     start, found = waves.state(0.1 * np.cos(np.pi * waves.plane.x / 2), 0.3 * waves.plane.x), []
     state, sight = ends(waves, other, start, steps=1, dt=0.05), empty_block(waves, 2)
     waves.damp(gammas[1])
-    other.take(one.held())
+    other.damping.state = one.damping.state
     for row, scheme in enumerate((one, other)):
         found.append(scheme.step(waves, state, 0.05, 0.05))
         waves.see(found[row], 0.1, sight, row)
@@ -256,12 +256,12 @@ def test_what_a_sponge_takes_is_counted_on_with_other_numerics(make_tank):
     start = waves.state(0.1 * np.cos(np.pi * waves.plane.x / 2), 0 * waves.plane.x)
     state, budget, rows = watched(waves, Simpson4(), start, gamma=gamma, steps=9, dt=0.05)
     after = EnergyBudget(waves, record=Memory())
-    after.carry(budget.held())
+    after.change_numerics(budget.state, renewed=True)
     block = block_of(waves, (10, 0.5, sponged(Simpson4(), gamma).step(waves, state, 0.45, 0.05)))
     for one in (budget, after):
         one.record(block)
-    assert after.held()["dissipated"] == pytest.approx(budget.held()["dissipated"], rel=1e-12)
-    assert after.held()["dissipated"] > 1.1 * rows[-1, TAKEN] > 0.01 * rows[0, TOTAL]
+    assert after.state.dissipated == pytest.approx(budget.state.dissipated, rel=1e-12)
+    assert after.state.dissipated > 1.1 * rows[-1, TAKEN] > 0.01 * rows[0, TOTAL]
 
 
 @pytest.mark.parametrize(("threshold", "order"), [(0.0, 3), (np.inf, 4)], ids=["penalty", "alone"])

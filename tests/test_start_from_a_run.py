@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from test_checkpoint import record
-from test_stateful import BASIN, RING, SLICE
+from test_state import BASIN, RING, SLICE
 
 from wavetank.case import Case
 from wavetank.cli import main

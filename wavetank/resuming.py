@@ -17,7 +17,7 @@ from wavetank.case.reading import changed_case, contents, named_files
 from wavetank.errors import InputError, RecordError, RunError
 from wavetank.fem.by_place import found, gathered
 from wavetank.mpi import on_first, raise_on_all_ranks
-from wavetank.output.checkpoint import Checkpoint
+from wavetank.output.checkpoint import Checkpoint, checked_tree
 from wavetank.output.directory import RunDirectory
 from wavetank.output.fields import VtuSeries
 from wavetank.output.manifest import MANIFEST
@@ -28,11 +28,10 @@ from wavetank.run_warning import RunWarning, run_warning
 from wavetank.simulation.build import Beginning
 from wavetank.simulation.checkpoints import Checkpoints
 from wavetank.simulation.clock import Clock
-from wavetank.simulation.construction import AnyWaves, KeptSurface, held_by_scheme
-from wavetank.simulation.energy import EnergyBudget
+from wavetank.simulation.construction import AnyWaves, KeptSurface
 from wavetank.simulation.run import Run
 from wavetank.simulation.summary import Parts
-from wavetank.stateful import Held, deserialize, serialize
+from wavetank.state import Held, check_like, deserialize, serialize
 from wavetank.values.case_model import CaseError, Problem
 
 FREE = {("title",), ("run", "duration"), ("run", "checkpoint_every"), ("run", "on_breaking")}
@@ -116,7 +115,7 @@ class Checkpointer:
         run, fields = self._run, {name: series.extent() for name, series in self._fields.items()}
         records = {} if self._writer is None else self._writer.extents()
         self._reached = CompletedStep(
-            run.step, run.t, run.state.q, run.state.p, run.held_without_solves(), records, fields
+            run.step, run.t, run.state.q, run.state.p, run.tree(with_solves=False), records, fields
         )
 
     def write(self) -> None:
@@ -175,7 +174,7 @@ class Checkpointer:
         if not waves.plane.comm.allreduce(bool(np.isfinite([reached.q, reached.p]).all()), op=MPI.LAND):
             return  # nothing could go on from there, as the run will say
         surface = self._surface(reached)
-        text, arrays = serialize({"surface": surface, "run": self._run.held() if with_history else reached.held})
+        text, arrays = serialize({"surface": surface, "run": self._run.tree() if with_history else reached.held})
         least = len(serialize({"surface": surface, "run": reached.held})[1])
         values, places = gathered(waves.plane, arrays)
         about = {
@@ -252,17 +251,19 @@ class Restart:
         self.about, self._text, self._count = comm.bcast(parts)
         self.anew = False
         try:
+            self._tree = checked_tree(self.about, self._text, [np.zeros(0)] * self._count)
             self._before, self._chosen = (Case.model_validate(self.about[name]) for name in ("scene", "chosen"))
             self._has_history = bool(self.about["whole"])
-        except (KeyError, ValidationError) as error:
-            raise self._foreign() from error
+        except (LookupError, ValueError, ValidationError) as error:
+            raise self._foreign(error) from error
 
-    def _foreign(self) -> InputError:
+    def _foreign(self, error: Exception) -> InputError:
         """Return the error for a checkpoint with other content than expected."""
-        by = f" ({self.about['git']})" if self.about.get("git") else ""
+        by = f" ({self.about['git']})" if isinstance(self.about, dict) and self.about.get("git") else ""
+        reason = f"; {error}" if isinstance(error, ValueError) and not isinstance(error, ValidationError) else ""
         return InputError(
             f"the checkpoint was written by another version of this program{by}, or of an integrator or observer of "
-            "your own: only that one can go on from it."
+            f"your own, or has been edited: only the version that wrote it can resume it{reason}."
         )
 
     def _read(self) -> Checkpoint:
@@ -371,13 +372,7 @@ class Restart:
         """Where a run with other numerics begins; None of one that goes on as it was."""
         if not self.anew:
             return None
-        return Beginning(self.about["t"], self.about["step"], held_by_scheme(self._held), self._surface.on)
-
-    @property
-    def _held(self) -> Held:
-        """What the run has held, but for its arrays, which are empty."""
-        held: Held = deserialize(self._text, [np.zeros(0)] * self._count)["run"]
-        return held
+        return Beginning(self.about["t"], self.about["step"], self._tree["run"]["parts"], self._surface.on)
 
     @property
     def _surface(self) -> KeptSurface:
@@ -386,8 +381,9 @@ class Restart:
         if self._checkpoint is not None:
             surface = deserialize(self._text, self._checkpoint.arrays)["surface"]
             values, places = (surface["elevation"], surface["potential"]), self._checkpoint.places
-        scheme = held_by_scheme(self._held)
-        return KeptSurface(self._chosen, self.about["t"], self.about["mass"], values, places, scheme=scheme)
+        return KeptSurface(
+            self._chosen, self.about["t"], self.about["mass"], values, places, parts=self._tree["run"]["parts"]
+        )
 
     def take(self, run: Run, waves: AnyWaves, *, scene: Case, fields: Mapping[str, VtuSeries]) -> str:
         """Let a run take what was held, and its records go on; return what there is to say; collective.
@@ -399,12 +395,13 @@ class Restart:
             raise InputError(f"the run was stepped by integrator {its!r}, and would be by {mine!r}: must be the same.")
         try:
             message = self._take_surface(run, waves, scene) if self.anew else self._take(run, waves, scene)
+            for name, series in fields.items():
+                if name in self.about["fields"]:
+                    check_like(series.extent(), self.about["fields"][name], f"about.fields.{name}")
+                    series.resume_at(self.about["fields"][name])
+            raise_on_all_ranks(self._comm, self._take_records)
         except (AttributeError, LookupError, OverflowError, TypeError, ValueError) as error:
-            raise self._foreign() from error
-        for name, series in fields.items():
-            if name in self.about["fields"]:
-                series.resume_at(self.about["fields"][name])
-        raise_on_all_ranks(self._comm, self._take_records)
+            raise self._foreign(error) from error
         return message
 
     def warn_of_missing_observers(self, observers: Sequence[str]) -> None:
@@ -414,7 +411,9 @@ class Restart:
 
     def _take_records(self) -> None:
         if self._writer is not None:
-            self._writer.resume_at(self.about["records"])
+            mine, its = self._writer.extents(), self.about["records"]
+            check_like({name: one for name, one in mine.items() if name in its}, its, "about.records")
+            self._writer.resume_at(its)
 
     def _take(self, run: Run, waves: AnyWaves, scene: Case) -> str:
         """Take all of it: the run is the one that wrote it."""
@@ -423,14 +422,13 @@ class Restart:
         run.clock = Clock.covering(left, clock["dt"], until=until).after(clock["begin"], clock["first"])
         last = self._checkpoint
         arrays, places = (last.arrays, last.places) if last else ([], np.zeros((0, 3)))
-        run.take(deserialize(self._text, found(waves.plane, arrays, places))["run"], whole=self._has_history)
+        tree = deserialize(self._text, found(waves.plane, arrays, places))["run"]
+        run.resume(tree, with_solves=self._has_history)
         return f"going on from t = {run.t:.6g} s"
 
     def _take_surface(self, run: Run, waves: AnyWaves, scene: Case) -> str:
         """Take what outlives other numerics: the run has begun with the surface."""
-        run.carry(self._held)
-        for budget in (one for one in run.diagnostics if isinstance(one, EnergyBudget)):
-            budget.renewed()
+        run.change_numerics(self._tree["run"])
         mass = waves.total_mass(run.state.q) / self.about["mass"] - 1.0
         former, now = (one.model_dump(mode="json", include={"numerics", "run"}) for one in (self._chosen, scene))
         former["numerics"]["dt"] = self.about["clock"]["dt"]

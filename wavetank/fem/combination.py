@@ -8,7 +8,7 @@ from mpi4py import MPI
 
 from wavetank.arrays import Vector, summed
 from wavetank.fem.codegen import HISTORY, Buffer, Unit, source
-from wavetank.stateful import Held, count
+from wavetank.state import Held, count
 
 SHORTEST = 1e-13  # squared, of directions against the longest
 

@@ -8,7 +8,7 @@ import numpy as np
 from wavetank.arrays import Vector
 from wavetank.integrators.hamiltonian import Near, Stage, StageSolver
 from wavetank.integrators.stage_solver import Preconditioner, StageCounters, identity
-from wavetank.stateful import Held
+from wavetank.state import Held
 
 
 class DirectStage:

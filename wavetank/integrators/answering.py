@@ -12,13 +12,12 @@ from wavetank.integrators.contract import Integrator, S
 from wavetank.integrators.flow import flow
 from wavetank.integrators.hamiltonian import HamiltonianSystem
 from wavetank.integrators.wrapper import Wrapper
-from wavetank.stateful import Carrying, Held, Stateful, carry_over, give_back, held_by
 
 ONCE_A_STEP = 2.0
 EARLIER = 0.1  # of the first step
 
 
-class AnsweringPaddle(Stateful, Carrying, Protocol):
+class AnsweringPaddle(Protocol):
     """A paddle that answers."""
 
     @property
@@ -60,21 +59,3 @@ class Answering(Wrapper[S]):
                 paddle.begin(state.q - earlier * dq, state.p - earlier * dp, t - earlier)
             paddle.go_on(state.q, state.p, t, dt)
         return self.scheme.step(system, state, t, dt)
-
-    @property
-    def _named(self) -> dict[str, AnsweringPaddle]:
-        return {f"paddle {n}": paddle for n, paddle in enumerate(self.paddles)}
-
-    def held(self) -> Held:
-        """Return what scheme and paddles remember."""
-        return super().held() | held_by(self._named)
-
-    def take(self, held: Held) -> None:
-        """Take back what has been held."""
-        super().take(held)
-        give_back(self._named, {name: one for name, one in held.items() if name in self._named})
-
-    def carry(self, held: Held) -> None:
-        """Take all but the inner scheme's: what the paddles have seen and where they stand outlives any numerics."""
-        super().carry(held)
-        carry_over(self._named, held)

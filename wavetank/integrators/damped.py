@@ -23,9 +23,15 @@ from wavetank.arrays import Vector
 from wavetank.integrators.contract import Integrator, S
 from wavetank.integrators.hamiltonian import BetweenTwo, HamiltonianSystem, Near, Stage, Stages, StageSolver
 from wavetank.integrators.wrapper import Wrapper
-from wavetank.stateful import Held
 
 MOST = 2.0  # gamma dt, within a step
+
+
+@dataclass(frozen=True)
+class DampingState:
+    """The rate of damping [1/s], shape (1,) or one per unknown, (n,)."""
+
+    gamma: Vector
 
 
 class Damping:
@@ -57,13 +63,14 @@ class Damping:
             self._factors[time,] = _of_pairs(self.factor(time), size)
         return self._factors[time,]
 
-    def held(self) -> Held:
-        """Return the rate, which may have been made for the waves of a shorter run."""
-        return {"gamma": self.gamma.copy()}
+    @property
+    def state(self) -> DampingState:
+        """The rate, which may have been made for the waves of a shorter run; the array of all who use it."""
+        return DampingState(self.gamma.copy())
 
-    def take(self, held: Held) -> None:
-        """Take back what has been held, for all who know the rate."""
-        self.gamma[:] = held["gamma"]
+    @state.setter
+    def state(self, state: DampingState) -> None:
+        self.gamma[:] = state.gamma
         self._factors.clear()
 
 
@@ -165,15 +172,6 @@ class Damped(Wrapper[S]):
         left = _of_pairs(self.damping.at_node(dt, most=np.inf), after.p.size).reshape(2, -1)
         mapped = after.mapped(lambda pairs: np.asarray(left * pairs))
         return mapped.ended(left * after.known[0]) if isinstance(mapped, BetweenTwo) else mapped
-
-    def held(self) -> Held:
-        """Return what the scheme remembers, and the rate."""
-        return super().held() | {"damping": self.damping.held()}
-
-    def take(self, held: Held) -> None:
-        """Take back what has been held."""
-        super().take(held)
-        self.damping.take(held["damping"])
 
 
 def damped(scheme: Integrator[Any], damping: Damping) -> Integrator[Any]:

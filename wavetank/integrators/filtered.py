@@ -2,17 +2,24 @@
 
 import itertools
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 from wavetank.arrays import Vector
 from wavetank.integrators.contract import Evaluated, Integrator, S, State
 from wavetank.integrators.hamiltonian import HamiltonianSystem, Seeing
 from wavetank.integrators.wrapper import Wrapper
-from wavetank.stateful import Held, Undoing, carry_over, give_back, held_by, named
 
 
 class Filter(Protocol):
-    """What takes something out of a state."""
+    """What takes something out of a state.
+
+    Attributes
+    ----------
+    state
+        Plain data that is replaced, never changed, as the filter acts.
+    """
+
+    state: Any
 
     def needed(self, state: State, t: float) -> bool:
         """Return whether there is anything to do where a step has ended, at the first of the points known of a state.
@@ -53,12 +60,13 @@ class Filtered(Wrapper[S]):
     def step(self, system: HamiltonianSystem, state: S, t: float, dt: float) -> S:
         """Return the state at t + dt; collective."""
         state, t = self.scheme.step(system, state, t, dt), t + dt
-        acting = [one for one in self.filters if one.needed(state, t)]
+        before = [one.state for one in self.filters]
         try:
+            acting = [one for one in self.filters if one.needed(state, t)]
             return self._filtered(system, state, t, acting) if acting else state
         except Exception:
-            for one in (one for one in self.filters if isinstance(one, Undoing)):
-                one.undo()
+            for one, its in zip(self.filters, before, strict=True):  # a resumed run takes the step again
+                one.state = its
             raise
 
     def _filtered(self, system: HamiltonianSystem, state: S, t: float, acting: Sequence[Filter]) -> S:
@@ -78,20 +86,6 @@ class Filtered(Wrapper[S]):
         for one, part in zip(acting, taken, strict=True):
             one.account(part, of=energy)
         return after
-
-    def held(self) -> Held:
-        """Return what scheme and filters remember."""
-        return super().held() | held_by(named(self.filters))
-
-    def take(self, held: Held) -> None:
-        """Take back what has been held."""
-        super().take(held)
-        give_back(named(self.filters), {name: one for name, one in held.items() if name != "scheme"})
-
-    def carry(self, held: Held) -> None:
-        """Take what of scheme and filters outlives a change of numerics."""
-        super().carry(held)
-        carry_over(named(self.filters), held)
 
 
 Way = tuple[Vector, Vector]

@@ -31,7 +31,6 @@ from wavetank.integrators.contract import Evaluated, Map, StepCosts
 from wavetank.integrators.damped import Damping
 from wavetank.integrators.flow import flow_of
 from wavetank.integrators.hamiltonian import BetweenTwo, HamiltonianSystem, Near, Stage
-from wavetank.stateful import Held
 
 KAPPA = 0.1
 
@@ -177,11 +176,3 @@ class DampedSimpson4(Simpson4):
     def left(self, dt: float, size: int) -> Vector:
         """Return h, shape (2 size,)."""
         return self.damping.of_pairs(dt / 2, size)
-
-    def held(self) -> Held:
-        """Return the rate."""
-        return self.damping.held()
-
-    def take(self, held: Held) -> None:
-        """Take back what has been held."""
-        self.damping.take(held)

@@ -26,7 +26,7 @@ from wavetank.errors import ConvergenceError, WavetankError
 from wavetank.fem.combination import Combination
 from wavetank.integrators.hamiltonian import Near, Stage
 from wavetank.integrators.start_values import Extrapolation
-from wavetank.stateful import Held, give_back, held_by
+from wavetank.state import Held, restore_all, states_of
 
 Preconditioner = Callable[[Stage, Vector], Vector]
 Size = Callable[[], float]
@@ -305,8 +305,8 @@ class AndersonStageSolver:
             "counters": asdict(self._counters),
             "sizes": dict(self._sizes),
             "left": {stage: list(known) for stage, known in self._left.items()},
-            "earlier": held_by(self._extrapolations),
-            "among": held_by(self._combinations),
+            "earlier": states_of(self._extrapolations),
+            "among": states_of(self._combinations),
             "coupled": {str(copies): one.held() for copies, one in self._coupled.items()},
         }
 
@@ -315,9 +315,9 @@ class AndersonStageSolver:
         self._counters, self._sizes = StageCounters(**held["counters"]), dict(held["sizes"])
         self._left = {stage: (left, age) for stage, (left, age) in held["left"].items()}
         self._extrapolations.clear()
-        give_back({stage: self._earlier(stage) for stage in held["earlier"]}, held["earlier"])
+        restore_all({stage: self._earlier(stage) for stage in held["earlier"]}, held["earlier"])
         self._combinations.clear()
-        give_back({stage: self._among(stage) for stage in held["among"]}, held["among"])
+        restore_all({stage: self._among(stage) for stage in held["among"]}, held["among"])
         self._coupled.clear()
         for copies, one in held["coupled"].items():
             self.coupled(int(copies)).take(one)
@@ -351,8 +351,8 @@ class IteratedStages:
 
     def held(self) -> Held:
         """Return what all of them remember."""
-        return held_by(vars(self))
+        return states_of(vars(self))
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
-        give_back(vars(self), held)
+        restore_all(vars(self), held)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.stateful import Held
+from wavetank.state import Held
 
 
 class Extrapolation:

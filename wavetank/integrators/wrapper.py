@@ -4,7 +4,6 @@ from typing import Generic
 
 from wavetank.arrays import Vector
 from wavetank.integrators.contract import Integrator, S
-from wavetank.stateful import Carrying, Held, Stateful
 
 
 class Wrapper(Generic[S]):
@@ -47,17 +46,3 @@ class Wrapper(Generic[S]):
     def start(self, q: Vector, p: Vector) -> S:
         """Return the state of a smooth start."""
         return self.scheme.start(q, p)
-
-    def held(self) -> Held:
-        """Return what the inner scheme remembers."""
-        return {"scheme": self.scheme.held()} if isinstance(self.scheme, Stateful) else {}
-
-    def take(self, held: Held) -> None:
-        """Take back what has been held."""
-        if isinstance(self.scheme, Stateful):
-            self.scheme.take(held["scheme"])
-
-    def carry(self, held: Held) -> None:
-        """Take what of the inner scheme outlives a change of numerics."""
-        if isinstance(self.scheme, Carrying):
-            self.scheme.carry(held["scheme"])

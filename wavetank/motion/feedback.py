@@ -14,8 +14,8 @@ summation do not depend on the duration of the run, so an extended run has ident
 """
 
 from bisect import bisect_left
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import lru_cache
 from math import perm
 from typing import Any
@@ -24,6 +24,7 @@ import numpy as np
 import scipy
 
 from wavetank.motion.motion import Array, Motion, MotionWrapper
+from wavetank.state import Replicated
 from wavetank.waves.absorption import face
 from wavetank.waves.airy import angular_frequency
 from wavetank.waves.wavemaker import Wavemaker
@@ -43,9 +44,9 @@ class FilterState:
         Times [s] of the last inputs, ``HISTORY`` at most, and the inputs, each of shape (m,).
     """
 
-    x: Array | None = None
+    x: Replicated | None = None
     times: tuple[float, ...] = ()
-    inputs: tuple[Array, ...] = ()
+    inputs: tuple[Replicated, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,6 +147,26 @@ KNOTS = 8  # of the spline, stored
 SEVENTH = np.array([[44, -20, 3], [-150, 74, -12], [228, -114, 19], [-168, 84, -14], [48, -24, 4]]) / 2
 
 
+Knot = tuple[float, float, float]  # position [m], velocity [m/s], acceleration [m/s²]
+
+
+@dataclass(frozen=True)
+class FeedbackState:
+    """State of a feedback motion.
+
+    Attributes
+    ----------
+    times, knots
+        Times of the last knots [s], and the knots.
+    retained
+        By owner: a time, and position, velocity and acceleration then.
+    """
+
+    times: list[float]
+    knots: list[Knot]
+    retained: dict[str, list[float]] = field(default_factory=dict)
+
+
 class FeedbackMotion(MotionWrapper):
     """A motion plus a feedback part: a spline of degree 7 through position, velocity and acceleration at knots.
 
@@ -164,8 +185,17 @@ class FeedbackMotion(MotionWrapper):
     def __init__(self, motion: Motion):
         self.motion = motion
         self._times: list[float] = []
-        self._knots: list[tuple[float, float, float]] = []
+        self._knots: list[Knot] = []
         self._retained: dict[str, list[float]] = {}  # by owner: a time, and position, velocity and acceleration then
+
+    @property
+    def state(self) -> FeedbackState:
+        """The feedback part, as plain data."""
+        return FeedbackState([*self._times], [*self._knots], {**self._retained})
+
+    @state.setter
+    def state(self, state: FeedbackState) -> None:
+        self._times, self._knots, self._retained = [*state.times], [*state.knots], {**state.retained}
 
     @property
     def start(self) -> float:
@@ -226,19 +256,6 @@ class FeedbackMotion(MotionWrapper):
     def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
         """Return the derivatives of the sum."""
         return [rate + self.added(t, order) for order, rate in enumerate(self.motion.rates(t, y, up_to=up_to))]
-
-    def held(self) -> dict[str, Any]:
-        """Return the state, as JSON has it."""
-        return {"times": [*self._times], "knots": [[*one] for one in self._knots], "kept": {**self._retained}}
-
-    def take(self, held: Mapping[str, Any]) -> None:
-        """Restore a state."""
-        self.carry(held)
-        self._retained = {**held["kept"]}
-
-    def carry(self, held: Mapping[str, Any]) -> None:
-        """Restore the knots of a state, but not the retained times."""
-        self._times, self._knots = list(held["times"]), [tuple(one) for one in held["knots"]]
 
 
 STEP = 0.02  # of (d / g)^(1/2)

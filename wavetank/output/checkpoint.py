@@ -7,7 +7,7 @@ Each is a zip archive of files that are not compressed, every one with its check
 
     about.json    the run's id and the program's revision, as in its manifest; its scene and parts, where it stands, how
                   far its records had grown; ``whole``: whether all is held that the run remembers
-    held.json     the surface, and what the run holds (``wavetank/stateful.py``), {"array": n} in the place of its n-th
+    held.json     the surface, and what the run holds (``wavetank/state.py``), {"array": n} in the place of its n-th
                   array
     places.npy    coordinates in the mesh of all degrees of freedom [m], shape (N, 3), in the order of ...
     0.npy ...     ... the last axis of each array: so values belong to places, whatever ranks had them
@@ -21,6 +21,7 @@ import json
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -29,9 +30,12 @@ from zipfile import ZIP_STORED, BadZipFile, ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from wavetank.arrays import Vector
 from wavetank.errors import InputError
 from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, RunDirectory
 from wavetank.output.files import flush_to_disk, open_regular, temporary_path
+from wavetank.run_warning import RunWarning
+from wavetank.state import check_fields, deserialize, typed
 
 CHECKPOINT_FILES = CHECKPOINT, CHECKPOINT_BEFORE  # the newest first
 UNREADABLE = (
@@ -45,6 +49,104 @@ UNREADABLE = (
     RecursionError,
 )  # what zip may meet
 FULL = errno.ENOSPC, errno.EDQUOT
+
+
+@dataclass(frozen=True)
+class StepClock:
+    """Time step [s], and time [s] and number of the first step, of a run that is resumed with others."""
+
+    dt: float
+    begin: float
+    first: int
+
+
+@dataclass(frozen=True)
+class PartCosts:
+    """Costs of a part of a run, as ``parts`` of the manifest has them."""
+
+    steps: int
+    ranks: int
+    numerics: dict[str, Any]
+    counters: dict[str, int]
+    timings: dict[str, float]
+    memory: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Description:
+    """The types of what about.json tells of a checkpoint.
+
+    Attributes
+    ----------
+    id, git
+        The id of the run, and the program's revision.
+    t, step, clock, mass
+        Time [s], number of the step, the clock of the run, the water's volume.
+    whole
+        Whether the state has the history of the solvers.
+    scene, chosen, files, observers
+        The case as requested and with planned numerics, checksums of its files, names of a user's observers.
+    parts, warnings
+        Parts of the run, and its warnings.
+    records, fields
+        The extents of tables and of fields.
+    """
+
+    id: str | None
+    git: str | None
+    t: float
+    step: int
+    clock: StepClock
+    whole: bool
+    mass: float
+    scene: dict[str, Any]
+    chosen: dict[str, Any]
+    files: dict[str, Any]
+    observers: list[str]
+    parts: list[dict[str, Any]]
+    warnings: list[dict[str, Any]]
+    records: dict[str, Any]
+    fields: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class RunTree:
+    """State of a run: steps, whether its start is recorded, state of the scheme and of all parts by name."""
+
+    step: int
+    begun: bool
+    state: dict[str, Any]
+    parts: dict[str, dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class SurfaceTree:
+    """The surface in the laboratory: x, y [m], elevation [m] and potential [m²/s], shape (N,) each."""
+
+    x: Vector
+    y: Vector
+    elevation: Vector
+    potential: Vector
+
+
+@dataclass(frozen=True)
+class CheckpointTree:
+    """The tree of held.json."""
+
+    surface: SurfaceTree
+    run: RunTree
+
+
+def checked_tree(about: dict[str, Any], held: str, arrays: Sequence[Vector]) -> dict[str, Any]:
+    """Return the tree of a checkpoint; raises ``ValueError`` for values of other types in it or its description."""
+    description = typed(Description, about, "about")
+    for n, part in enumerate(description.parts):
+        check_fields(PartCosts, part, f"about.parts[{n}]")
+    for n, warning in enumerate(description.warnings):
+        check_fields(RunWarning, warning, f"about.warnings[{n}]")
+    tree = deserialize(held, arrays)
+    typed(CheckpointTree, tree, "held")
+    return tree
 
 
 class Checkpoint(NamedTuple):
@@ -152,10 +254,16 @@ def read_checkpoint(
         result = read_checkpoint_file(run / name)
         if isinstance(result, Checkpoint) and at is not None and not is_at(result.about, at):
             times.append(f"{result.about['t']:.6g} s")
-        elif isinstance(result, Checkpoint) and not (why := why_not(result.about)):
-            return result, useless
+        elif isinstance(result, Checkpoint):
+            try:
+                why = why_not(result.about)
+            except UNREADABLE as error:  # of an edited one
+                why = f"its description has a value of another type: {error}"
+            if not why:
+                return result, useless
+            useless.append(f"{run / name} cannot be used ({why})")
         elif result is not None:
-            useless.append(f"{run / name} cannot be used ({why if isinstance(result, Checkpoint) else result})")
+            useless.append(f"{run / name} cannot be used ({result})")
     none = "holds no checkpoint to go on from" if at is None else f"holds no checkpoint of t = {at:g} s"
     those = f"; there is one of {' and of '.join(times)}" if times else ""
     raise InputError(f"{run}: {none}{those}{''.join(f'; {one}' for one in useless)}.")
@@ -223,6 +331,7 @@ def _metadata(archive: ZipFile, run: Path) -> dict[str, Any]:
         mine = RunDirectory(run).manifest.get("id")
     if about.get("id") != mine:
         raise ValueError("it is of another run")
+    typed(float, about["t"], "about.t")
     return about
 
 

@@ -54,7 +54,8 @@ from wavetank.simulation.own import check_states, own_scheme
 from wavetank.simulation.records import Record, Records, WindowRecord
 from wavetank.simulation.run import Run
 from wavetank.simulation.stability import IN_ELEVATION, IN_JUMP, StabilityWatch
-from wavetank.stateful import Held
+from wavetank.simulation.surviving import restore_surviving
+from wavetank.state import Held
 from wavetank.tank.breakdown import FARTHEST, ShortWaves
 from wavetank.tank.breaking import BasinBreakingWatch, BreakingAlarm, BreakingDissipation, BreakingWatch, StopAtBreaking
 from wavetank.tank.dissipation import EdgePenalty
@@ -76,15 +77,15 @@ class Beginning(NamedTuple):
     ----------
     t, step
         The time [s], and the number of steps that it took.
-    scheme
-        What their integrator held.
+    parts
+        State of the parts of the run.
     surface
         Returns (elevation [m], surface potential [m²/s]) at the degrees of freedom of waves; collective.
     """
 
     t: float
     step: int
-    scheme: Held
+    parts: Held
     surface: Callable[[AnyWaves], tuple[Vector, Vector]]
 
 
@@ -159,7 +160,8 @@ def build_run(
     if answers:
         integrator = Answering(integrator, answers)
         if beginning is not None:
-            integrator.carry(beginning.scheme)  # so that the paddles stand where they stood
+            paddles = {f"paddle {n}": paddle for n, paddle in enumerate(answers)}
+            restore_surviving(paddles, beginning.parts)  # so that the paddles stand where they stood
     largest = waves.largest_frequency  # of a wall at rest
     t, step = (beginning.t, beginning.step) if beginning else (0.0, 0)
     waves.set_time(t)

@@ -1,6 +1,7 @@
 """From a case to the tank: footprint, walls, water, sponge, absorbing paddles and initial state."""
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -32,13 +33,13 @@ from wavetank.fem.plane import Plane
 from wavetank.fem.points import Points
 from wavetank.mesh import MeshFile, Rectangle
 from wavetank.motion import Motion
-from wavetank.motion.feedback import FeedbackMotion, StateSpaceFilter, elevation_at_face
+from wavetank.motion.feedback import FeedbackMotion, FeedbackState, StateSpaceFilter, elevation_at_face
 from wavetank.motion.motion import STEEPEST, Tangent
 from wavetank.mpi import from_first, raise_on_all_ranks
-from wavetank.output.checkpoint import Checkpoint, is_at, read_checkpoint_file, readable_checkpoints
+from wavetank.output.checkpoint import Checkpoint, checked_tree, is_at, read_checkpoint_file, readable_checkpoints
 from wavetank.output.directory import RunDirectory
-from wavetank.simulation.supply import AnsweredWork
-from wavetank.stateful import Held, deserialize
+from wavetank.simulation.supply import PaddleWork
+from wavetank.state import Held, deserialize, typed
 from wavetank.tank.answering import AnsweringPaddle, Excess, Look, Push
 from wavetank.tank.bed import FlatBed, VaryingBed
 from wavetank.tank.dissipation import checked, distance_from_edge, profile, width_of
@@ -408,20 +409,21 @@ def build_answers(scene: Case, waves: AnyWaves) -> list[AnsweringPaddle]:
     return result
 
 
-def build_paddle_work(scene: Case, waves: AnyWaves) -> AnsweredWork | None:
+def build_paddle_work(scene: Case, waves: AnyWaves) -> PaddleWork | None:
     """Return what counts the work of a scene's paddles, where some of them absorb."""
     if not scene.absorbing:
         return None
     walls: list[Any] = [seen.wall for seen in scene.paddles]
     masses = np.array([wall.added_mass(scene.tank) for wall in walls])
-    return AnsweredWork([paddle.motion for paddle in waves.wall.paddles], masses)
+    return PaddleWork([paddle.motion for paddle in waves.wall.paddles], masses)
 
 
-def went_on(scene: Case, motions: Iterable[Any], scheme: Held) -> None:
-    """Let motions of a scene's paddles, those that absorb among them, stand where a run's scheme has held them."""
+def went_on(scene: Case, motions: Iterable[Any], parts: Held) -> None:
+    """Move paddles with feedback to where the parts of a run have them, among the motions of all paddles."""
     paddles = [*motions]
     for n, number in enumerate(scene.absorbing):
-        paddles[number].carry(scheme[f"paddle {n}"]["motion"])
+        state = typed(FeedbackState, parts[f"paddle {n}"]["motion"], f"paddle {n}.motion")
+        paddles[number].state = replace(state, retained={})
 
 
 def _active(scene: Case, number: int, waves: AnyWaves) -> Answered:
@@ -473,8 +475,8 @@ class KeptSurface(NamedTuple):
         Elevation [m] and surface potential [m²/s], shape (N,) each; used of the first rank alone.
     places
         Of the degrees of freedom in its mesh [m], shape (N, 3); used of the first rank alone.
-    scheme
-        What its integrator has held: where absorbing has taken its paddles.
+    parts
+        State of the parts of the run, paddles with feedback among them.
     """
 
     scene: Case
@@ -482,7 +484,7 @@ class KeptSurface(NamedTuple):
     mass: float
     values: tuple[Vector, Vector]
     places: Vector
-    scheme: Held
+    parts: Held
 
     def on(self, waves: AnyWaves) -> tuple[Vector, Vector]:
         """Return both at the degrees of freedom of waves, whose wall stands as it will, shape (owned,); collective.
@@ -495,7 +497,7 @@ class KeptSurface(NamedTuple):
         comm, footprint = waves.plane.comm, build_footprint(self.scene, waves.plane.comm)
         plane = Plane(footprint.mesh, self.scene.numerics.order, footprint.chart)
         wall: Any = build_wall(self.scene, footprint, plane)
-        went_on(self.scene, (paddle.motion for paddle in wall.paddles), self.scheme)
+        went_on(self.scene, (paddle.motion for paddle in wall.paddles), self.parts)
         if wall.moves:
             wall.set_time(self.t)
         fields = [plane.function("kept") for _ in self.values]
@@ -514,12 +516,6 @@ class KeptSurface(NamedTuple):
         begin = sum(comm.allgather(waves.plane.owned)[: comm.rank])
         mine = slice(begin, begin + waves.plane.owned)
         return z[mine], points.evaluate(fields[1])[mine]
-
-
-def held_by_scheme(run: Held) -> Held:
-    """Return what its integrator has held, of what a run has."""
-    held: Held = run["parts"]["scheme"].get("scheme", {})
-    return held
 
 
 def _on_all(comm: MPI.Comm, rows: Vector) -> Vector:
@@ -554,7 +550,11 @@ def kept_surface(scene: Case, initial: RunState, waves: AnyWaves) -> KeptSurface
         before, checkpoint = _its_scene(initial, about), read_checkpoint_file(path)
         if not isinstance(checkpoint, Checkpoint):
             raise InputError(f"{path}: cannot be used ({checkpoint or 'it is no longer there'}).")
-        scheme = held_by_scheme(deserialize(checkpoint.held, [np.zeros(0)] * len(checkpoint.arrays))["run"])
+        try:
+            tree = checked_tree(checkpoint.about, checkpoint.held, [np.zeros(0)] * len(checkpoint.arrays))
+        except ValueError as error:
+            raise InputError(f"{path}: cannot be used ({error}).") from None
+        scheme = tree["run"]["parts"]
         _check(scene, before, about["t"], scheme)
         result.append(checkpoint)
         return about, before, scheme
@@ -565,7 +565,7 @@ def kept_surface(scene: Case, initial: RunState, waves: AnyWaves) -> KeptSurface
     if result:
         surface = deserialize(result[0].held, result[0].arrays)["surface"]
         values, places = (surface["elevation"], surface["potential"]), result[0].places
-    return KeptSurface(before, about["t"], about["mass"], values, places, scheme=scheme)
+    return KeptSurface(before, about["t"], about["mass"], values, places, parts=scheme)
 
 
 def with_its_numerics(scene: Case, initial: RunState) -> Case:

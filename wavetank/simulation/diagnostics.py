@@ -1,12 +1,13 @@
 """Diagnostics that record: gauges, probes, loads, paddle, surface, windows, velocity fields and the highest crest."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector
+from wavetank.arrays import Vector, largest
 from wavetank.errors import ConvergenceError, InputError, OutsideError, PaddleError, RunError
 from wavetank.fem.by_place import SAME
 from wavetank.fem.lattice import Lattice
@@ -19,7 +20,7 @@ from wavetank.output.fields import VtkCells
 from wavetank.simulation.clock import EverySteps, Schedule
 from wavetank.simulation.contract import Diagnostic, Waves, displacement, displacements, due_steps
 from wavetank.simulation.records import FieldRecord, Record, WindowRecord
-from wavetank.stateful import Held, Stateful, carry_over, give_back, held_by, named
+from wavetank.state import Replicated
 from wavetank.tank.kinematics import MovingWater, Sounding, Velocity
 from wavetank.tank.seen import Block
 from wavetank.tank.surface_points import SurfacePoints
@@ -66,7 +67,8 @@ class Passing:
         return PaddleError(f"t = {t:.6g} s: {who}: it must stand farther from the wall", t=t)
 
 
-class Crest(NamedTuple):
+@dataclass(frozen=True)
+class Crest:
     """A crest: its height above still water [m], its place x, y [m] and its time [s]."""
 
     height: float = -np.inf
@@ -80,34 +82,21 @@ class HighestCrest:
 
     def __init__(self, waves: Waves):
         self.schedule = EverySteps()
-        self._waves, self._own = waves, Crest()
+        self._waves, self.state = waves, Crest()
 
     def record(self, block: Block) -> None:
         """Update the highest crest; collective."""
         heights = np.fmax(block.highest, -np.inf)  # of a surface that is no longer a number
-        first = int(heights.argmax())
-        if heights[first] > self._own.height:
-            highest, wall = int(block.eta[first].argmax()), self._waves.wall
+        first, wall, comm = int(heights.argmax()), self._waves.wall, self._waves.plane.comm
+        if largest(comm, float(heights[first])) <= self.state.height:
+            return
+        own = Crest()
+        if np.isfinite(heights[first]):  # a rank may own nothing
+            highest = int(block.eta[first].argmax())
             place, height = self._waves.plane.places[[highest]], block.eta[first, [highest]]
             ((x, y),) = wall.to_physical(place, height, displacement(block, first, wall, place))
-            self._own = Crest(float(height[0]), float(x), float(y), float(block.t[first]))
-
-    def highest(self) -> Crest:
-        """Return the highest crest on all ranks; collective."""
-        comm = self._waves.plane.comm
-        result = np.empty((comm.size, len(self._own)))
-        comm.Allgather(np.array(self._own), result)
-        return max(Crest(*map(float, one)) for one in result)
-
-    def held(self) -> Held:
-        """Return the highest crest so far; collective."""
-        return self.highest()._asdict()
-
-    def take(self, held: Held) -> None:
-        """Take back what has been held."""
-        self._own = Crest(**held)
-
-    carry = take
+            own = Crest(float(height[0]), float(x), float(y), float(block.t[first]))
+        self.state = max(comm.allgather(own), key=lambda crest: crest.height)
 
 
 class Gauges:
@@ -263,6 +252,14 @@ class PaddleMotion:
         self._record.extend(np.hstack(columns))
 
 
+@dataclass(frozen=True)
+class Extremes:
+    """The lowest and the highest position, velocity and acceleration of a paddle so far."""
+
+    lowest: list[float] = field(default_factory=lambda: [np.inf] * len(RATES))
+    highest: list[float] = field(default_factory=lambda: [-np.inf] * len(RATES))
+
+
 class PaddleLimits:
     """Whether an absorbing paddle stays within the limits of its drive, which is known afterwards only.
 
@@ -278,17 +275,20 @@ class PaddleLimits:
 
     def __init__(self, rates: PaddleRates, limits: Mapping[str, float], *, key: str):
         self.schedule, self._rates, self._limits, self._key = EverySteps(), rates, limits, key
-        self._least, self._most = [np.inf] * len(RATES), [-np.inf] * len(RATES)
+        self.state = Extremes()
 
     def record(self, block: Block) -> None:
         """Update the extremes of the rates."""
         rates = self._rates(block)
-        self._least = np.minimum(self._least, rates.min(axis=0)).tolist()
-        self._most = np.maximum(self._most, rates.max(axis=0)).tolist()
+        lowest, highest = (
+            np.minimum(self.state.lowest, rates.min(axis=0)),
+            np.maximum(self.state.highest, rates.max(axis=0)),
+        )
+        self.state = Extremes(lowest.tolist(), highest.tolist())
 
     def verdict(self) -> list[str]:
         """Return a sentence for each limit that it has been beyond."""
-        (least, most), *ends = zip(self._least, self._most, strict=True)
+        (least, most), *ends = zip(self.state.lowest, self.state.highest, strict=True)
         sizes = (most - least, *(max(map(abs, of_rate)) for of_rate in ends))
         return [
             f"absorbing took the paddle of {self._key} to a {name} of {size:.4g} {unit}; {self._key}.limits.{name} "
@@ -297,15 +297,12 @@ class PaddleLimits:
             if size > self._limits.get(name, np.inf)
         ]
 
-    def held(self) -> Held:
-        """Return the ends of its ways."""
-        return {"least": self._least, "most": self._most}
 
-    def take(self, held: Held) -> None:
-        """Take them back."""
-        self._least, self._most = held["least"], held["most"]
+@dataclass(frozen=True)
+class ProbeState:
+    """Whether there has been water at a probe, by its place."""
 
-    carry = take
+    wet: dict[str, bool] = field(default_factory=dict)
 
 
 class Probes:
@@ -321,8 +318,6 @@ class Probes:
         What they and the paddles are called in a case.
     """
 
-    added = True
-
     def __init__(
         self,
         water: MovingWater,
@@ -337,7 +332,7 @@ class Probes:
         self._points = [f"x = {x:g}, y = {y:g}, z = {z:g} m" for x, y, z in sounding.points]
         self._passing = Passing(water.wall, self._places, called or Called.unnamed(water.wall, "probe", self._places))
         self._axes = axes_of(water)
-        self._wet: dict[str, bool] = {}  # by a probe's place: whether there has been water
+        self.state = ProbeState()
 
     def record(self, block: Block) -> None:
         """Append a row for each step; raises ``PaddleError`` if a paddle has passed a probe; collective."""
@@ -351,8 +346,9 @@ class Probes:
             result = self._sounding.take()
         except OutsideError as error:
             raise self._passing.error(t, error.index, self._water.wall.stand(self._places)) from None
-        for name, dry in zip(self._points, result.dry, strict=True):
-            self._wet[name] = self._wet.get(name, False) or not bool(dry)
+        wet = {name: not bool(dry) for name, dry in zip(self._points, result.dry, strict=True)}
+        before = self.state.wet
+        self.state = ProbeState(before | {name: one or before.get(name, False) for name, one in wet.items()})
         vectors = (vector[:, self._axes] for vector in (result.velocity, result.local, result.acceleration))
         each = np.column_stack([*vectors, result.pressure])
         rows = ([None] * len(row) if dry else row for row, dry in zip(each, result.dry, strict=True))
@@ -360,18 +356,8 @@ class Probes:
 
     def verdict(self) -> list[str]:
         """Return a sentence for probes without water at any time."""
-        dry = [point for point, wet in self._wet.items() if not wet]
+        dry = [point for point, wet in self.state.wet.items() if not wet]
         return [f"probes without water at any time, their columns are empty: {'; '.join(dry)}"] if dry else []
-
-    def held(self) -> Held:
-        """Return at which places there has been water."""
-        return dict(self._wet)
-
-    def take(self, held: Held) -> None:
-        """Take that back."""
-        self._wet = dict(held)
-
-    carry = take
 
 
 def axes_of(water: MovingWater) -> list[int]:
@@ -385,15 +371,13 @@ class BelowSurface:
     Parameters
     ----------
     water
-        The water, whose start values are part of the state of the run.
+        The water, whose start values are part of the state of the run, as the states of the diagnostics are.
     diagnostics
         Probes, loads, windows, velocity fields and paddles with loads.
     """
 
-    added = True
-
     def __init__(self, water: object, diagnostics: Sequence[Diagnostic]):
-        self.schedule, self._water, self.diagnostics = EverySteps(), water, diagnostics
+        self.schedule, self.water, self.diagnostics = EverySteps(), water, diagnostics
 
     def record(self, block: Block) -> None:
         """Let them record step by step; collective."""
@@ -407,20 +391,12 @@ class BelowSurface:
         """Return a sentence for probes without water at any time."""
         return [sentence for one in self.diagnostics if isinstance(one, Probes) for sentence in one.verdict()]
 
-    def held(self) -> Held:
-        """Return the state of the water and of the diagnostics."""
-        own = {"water": self._water.held()} if isinstance(self._water, Stateful) else {}
-        return own | held_by(named(self.diagnostics))
 
-    def take(self, held: Held) -> None:
-        """Take back what has been held; collective."""
-        if isinstance(self._water, Stateful) and "water" in held:
-            self._water.take(held["water"])
-        give_back(named(self.diagnostics), {name: one for name, one in held.items() if name != "water"})
+@dataclass(frozen=True)
+class SnapshotPlaces:
+    """Places of snapshots of the surface in the mesh on which the run began: x [m], shape (N,)."""
 
-    def carry(self, held: Held) -> None:
-        """Take what outlives other numerics."""
-        carry_over(named(self.diagnostics), held)
+    x: Replicated
 
 
 class SurfaceSnapshots:
@@ -476,20 +452,19 @@ class SurfaceSnapshots:
             result.append(self._points.evaluate(self._field))
         return np.array(result)
 
-    def held(self) -> Held:
-        """Return the places in the mesh [m]."""
-        return {"x": self._reference.tolist()}
+    @property
+    def state(self) -> SnapshotPlaces:
+        """The places of the snapshots."""
+        return SnapshotPlaces(self._reference)
 
-    def take(self, held: Held) -> None:
-        """Look at these places; collective."""
-        plane, x = self._waves.plane, np.array(held["x"])
+    @state.setter
+    def state(self, state: SnapshotPlaces) -> None:
+        plane, x = self._waves.plane, state.x
         if x.shape == self._reference.shape and np.allclose(x, self._reference, rtol=0.0, atol=SAME * plane.cell_size):
             return
         self._look_at(x)
         self._field = plane.function("on the surface")
         self._points, self._order = Points(plane, plane.chart.place(self._places)), np.arange(x.size)
-
-    carry = take
 
 
 class WindowObserver:

@@ -12,7 +12,8 @@ the mean of theirs, and H of the mean is that of the plus trace and its derivati
 trace before and the plus trace after.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -22,7 +23,6 @@ from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.contract import Waves
 from wavetank.simulation.records import Record
 from wavetank.simulation.supply import Integral
-from wavetank.stateful import Held
 from wavetank.tank.seen import Block
 
 ROUNDING = 1e-12  # of g d² of the whole tank: less energy is round-off
@@ -30,13 +30,6 @@ TRUE = 0.01  # of the energy, what has gone included: a balance that is farther 
 GIVEN = 1e-3  # of the energy: of what should take, giving more than that is told
 BLAMED = 0.2  # of what the balance is off: one that should take and has given more than that is why
 LOST = 0.01  # of the energy, half of that of the waves' height: losing more to numerics is told
-
-# what a budget remembers:
-SUMS = (
-    *("total", "wall", "mass"),
-    *("energy", "off", "lost", "nothing", "dissipated", "earlier", "balance", "jumped"),
-)
-
 
 SPONGE = "the sponge"
 GIVES = (
@@ -61,6 +54,45 @@ def _most(before: float, values: Vector) -> float:
     return float(np.fmax.reduce(values, initial=before))
 
 
+@dataclass(frozen=True)
+class EnergyTotals:
+    """State of the energy budget.
+
+    Attributes
+    ----------
+    total, wall, mass
+        Energy, the wall's term W and mass at the start.
+    energy, off, nothing
+        The largest energy so far, the largest error of the balance, and what counts as no energy.
+    lost
+        The largest change of the mass.
+    dissipated, earlier
+        Energy dissipated so far, and the part of it before the numerics changed.
+    balance, jumped
+        The last balance, and the sum of its changes where numerics changed.
+    most, given
+        By sink: the most energy taken; the most given back of it, and when [s].
+    supplied, damped
+        Energy put in by paddles without feedback, and taken by the sponge.
+    """
+
+    total: float = 0.0
+    wall: float = 0.0
+    mass: float = 0.0
+    energy: float = 0.0
+    off: float = 0.0
+    nothing: float = 0.0
+    lost: float = 0.0
+    dissipated: float = 0.0
+    earlier: float = 0.0
+    balance: float = 0.0
+    jumped: float = 0.0
+    most: dict[str, float] = field(default_factory=dict)
+    given: dict[str, tuple[float, float]] = field(default_factory=dict)
+    supplied: Integral = field(default_factory=Integral)
+    damped: Integral = field(default_factory=Integral)
+
+
 class EnergyBudget:
     """Kinetic, potential and total energy, paddle work, dissipation, balance and mass; see ``energy_columns``.
 
@@ -83,71 +115,67 @@ class EnergyBudget:
         sinks: Sequence[Sink] = (),
     ):
         self.schedule, self._every = EverySteps(), every
-        self._waves, self._record, self._supplied = waves, record, Integral()
+        self._waves, self._record = waves, record
         self._sinks = {type(sink).__name__: sink for sink in sinks}
         usual = {"called": "what damps them", "gives": "it should take", "cure": ""}
         of_sinks = {name: tuple(getattr(one, *pair) for pair in usual.items()) for name, one in self._sinks.items()}
         self._called = {SPONGE: (SPONGE, GIVES, "")} | of_sinks
-        self._damped = Integral()  # what the sponge takes
-        self._total = self._wall = self._mass = 0.0  # at the start
-        self.cause = ""  # of a balance that is off, and what helps, if another part of the run knows it
-        self._energy = self._off = self._nothing = 0.0  # the largest there was of both, and what counts as none
-        self._lost = 0.0  # of the mass, or won, at the most
-        self._dissipated = self._earlier = 0.0  # in all, and by what took it before the numerics changed
-        self._balance = self._jumped = 0.0  # the last, and what it changed by where numerics did
-        self._renewed = False  # whether they have, since it was last looked at
-        self._most = dict[str, float]()  # that each sink had taken
-        self._given = dict[str, tuple[float, float]]()  # the most that came back of that, and until when [s]
+        self.cause = ""  # why the balance is off, and what helps, if another part of the run knows it
+        self.state = EnergyTotals()
+        self._renewed = False  # whether the numerics have changed since the last block
 
     def record(self, block: Block) -> None:
         """Update the balance, and append the rows that are due."""
-        t, first = block.t, int(block.step[0])
+        t, first, state = block.t, int(block.step[0]), self.state
         kinetic, potential, wall, mass = block.kinetic, block.potential, block.wall_energy, block.mass
-        supplied, absorbed = block.work.T
-        if np.isnan(supplied[0]):  # no paddle has feedback
-            supplied, absorbed = self._supplied.advance(t, block.power), None
         if first == 0:
-            self._total, self._wall, self._mass = float(kinetic[0] + potential[0]), float(wall[0]), float(mass[0])
-            self._nothing = ROUNDING * self._waves.gravity * self._waves.depth * self._mass
-        rows = np.empty((8 if absorbed is None else 9, len(t)))
+            nothing = ROUNDING * self._waves.gravity * self._waves.depth * float(mass[0])
+            start = float(kinetic[0] + potential[0])
+            state = replace(state, total=start, wall=float(wall[0]), mass=float(mass[0]), nothing=nothing)
+        put_in, absorbed = block.work.T
+        has_feedback = not np.isnan(put_in[0])
+        supplied, by_power = state.supplied.advance(t, block.power)
+        damped, by_sponge = state.damped.advance(t, block.damped)
+        by_sinks = zip(self._sinks, block.dissipated.T, strict=False)  # without sinks none is counted
+        taken = {SPONGE: by_sponge} | dict(by_sinks)
+        rows = np.empty((9 if has_feedback else 8, len(t)))
         total, work, dissipated, balance = rows[3:7]
         rows[0], rows[1], rows[2], rows[7] = t, kinetic, potential, mass
         total[:] = kinetic + potential
-        work[:] = supplied - (wall - self._wall)
-        by_sinks = zip(self._sinks, block.dissipated.T, strict=False)  # without sinks none is counted
-        taken = {SPONGE: self._damped.advance(t, block.damped)} | dict(by_sinks)
-        self._judge(t, taken)
-        dissipated[:] = self._earlier + sum(taken.values())
-        balance[:] = total - self._total - work + dissipated
-        if self._renewed:
-            self._jumped, self._renewed = self._jumped + abs(float(balance[0]) - self._balance), False
-        self._balance = float(balance[-1])
+        work[:] = (put_in if has_feedback else by_power) - (wall - state.wall)
+        dissipated[:] = state.earlier + sum(taken.values())
+        balance[:] = total - state.total - work + dissipated
         energy = total + dissipated
-        if absorbed is not None:
+        if has_feedback:
             rows[8], energy = absorbed, energy + np.fmax(absorbed, 0.0)
-        self._dissipated = float(dissipated[-1])
-        self._energy, self._off = _most(self._energy, energy), _most(self._off, np.abs(balance))
+        jumped = abs(float(balance[0]) - state.balance) if self._renewed else 0.0
         due = rows[:, -first % self._every :: self._every]
-        self._lost = _most(self._lost, np.abs(due[7] - self._mass))
+        most, given = _largest_taken(state, t, taken)
+        self._renewed = False
+        self.state = replace(
+            state,
+            energy=_most(state.energy, energy),
+            off=_most(state.off, np.abs(balance)),
+            lost=_most(state.lost, np.abs(due[7] - state.mass)),
+            dissipated=float(dissipated[-1]),
+            balance=float(balance[-1]),
+            jumped=state.jumped + jumped,
+            most=most,
+            given=given,
+            supplied=supplied,
+            damped=damped,
+        )
         self._record.extend(due.T)
 
-    def _judge(self, t: Vector, of_all: dict[str, Vector]) -> None:
-        """Take note of the most that each had taken, and of what it has given back of it."""
-        for name, taken in of_all.items():
-            most = np.fmax(np.fmax.accumulate(taken), self._most.get(name, taken[0]))
-            given = np.fmax(most - taken, 0.0)
-            worst, self._most[name] = int(np.argmax(given)), float(most[-1])
-            if given[worst] > self._given.get(name, (0.0, 0.0))[0]:
-                self._given[name] = float(given[worst]), float(t[worst])
-
-    @property
-    def _by_sinks(self) -> float:
-        return sum(sink.energy_taken for sink in self._sinks.values())
+    def change_numerics(self, before: EnergyTotals, *, renewed: bool) -> None:
+        """Continue the totals of a run; with ``renewed`` numerics its surface may have another energy."""
+        earlier = before.dissipated - before.damped.value - sum(sink.energy_taken for sink in self._sinks.values())
+        self.state, self._renewed = replace(before, earlier=earlier, most={}), renewed
 
     @property
     def mass_error(self) -> float:
         """The largest change of the mass in what is recorded, over the mass."""
-        return self._lost / self._mass if self._mass else 0.0
+        return self.state.lost / self.state.mass if self.state.mass else 0.0
 
     @property
     def energy_error(self) -> float:
@@ -155,7 +183,7 @@ class EnergyBudget:
 
         What has gone is what was dissipated or absorbed: waves may come and go for long where few are at a time.
         """
-        return self._off / self._energy if self._energy > self._nothing else 0.0
+        return self.state.off / self.state.energy if self.state.energy > self.state.nothing else 0.0
 
     def verdict(self) -> list[str]:
         """Return a sentence if the balance was ever off by more than ``TRUE`` of the energy, and what that came by.
@@ -165,42 +193,33 @@ class EnergyBudget:
         """
         sentences, most, giver = list[str](), 0.0, ""
         for name, (called, gives, cure) in self._called.items():
-            given, t = self._given.get(name, (0.0, 0.0))
-            if given > max(GIVEN * self._energy, self._nothing):
-                part = f"has given the waves {given / self._energy:.2g} of the energy by t = {t:.4g} s"
+            given, t = self.state.given.get(name, (0.0, 0.0))
+            if given > max(GIVEN * self.state.energy, self.state.nothing):
+                part = f"has given the waves {given / self.state.energy:.2g} of the energy by t = {t:.4g} s"
                 sentences.append(f"{called} {part}: {gives}")
                 most, giver = max((most, giver), (given, called))
-            if cure and (taken := self._most.get(name, 0.0)) > max(LOST * self._energy, self._nothing):
-                sentences.append(f"{called} has taken {taken / self._energy:.2g} of the energy: {cure}")
-        if self._off > (least := max(TRUE * self._energy, self._nothing)):
+            if cure and (taken := self.state.most.get(name, 0.0)) > max(LOST * self.state.energy, self.state.nothing):
+                sentences.append(f"{called} has taken {taken / self.state.energy:.2g} of the energy: {cure}")
+        if self.state.off > (least := max(TRUE * self.state.energy, self.state.nothing)):
             what, place = self.cause or "a shorter step or a tighter tolerance is needed", 0
-            if self._off - self._jumped <= least:
+            if self.state.off - self.state.jumped <= least:
                 what = "with the numerics that the run went on with its surface had another energy"
-            elif most > BLAMED * self._off:
+            elif most > BLAMED * self.state.off:
                 what, place = f"see first to what {giver} has given", len(sentences)
-            off = f"the energy balance is off by {self._off / self._energy:.2g} of the energy"
+            off = f"the energy balance is off by {self.state.off / self.state.energy:.2g} of the energy"
             sentences.insert(place, f"{off}: {what}")
         return sentences
 
-    def held(self) -> Held:
-        """Return the sums so far, and what the balance is judged by."""
-        of_sinks = {"most": {**self._most}, "given": {**self._given}}
-        sums = {name: getattr(self, f"_{name}") for name in SUMS}
-        return sums | of_sinks | {"supply": self._supplied.held(), "damped": self._damped.held()}
 
-    def take(self, held: Held) -> None:
-        """Take back what has been held."""
-        for name in SUMS:
-            setattr(self, f"_{name}", held[name])
-        self._supplied.take(held["supply"])
-        self._damped.take(held["damped"])
-        self._most, self._given = {**held["most"]}, {name: (given, t) for name, (given, t) in held["given"].items()}
-
-    def carry(self, held: Held) -> None:
-        """Take the sums; what was dissipated stays so, whatever dissipates now."""
-        self.take(held)
-        self._earlier, self._most = self._dissipated - self._damped.value - self._by_sinks, {}
-
-    def renewed(self) -> None:
-        """Know that the next step is the first with other numerics, which may have another energy of the surface."""
-        self._renewed = True
+def _largest_taken(
+    state: EnergyTotals, t: Vector, of_all: Mapping[str, Vector]
+) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
+    """Return the most energy that each sink has taken, and the most given back of it, with its time [s]."""
+    most, given = {**state.most}, {**state.given}
+    for name, taken in of_all.items():
+        highest = np.fmax(np.fmax.accumulate(taken), most.get(name, taken[0]))
+        back = np.fmax(highest - taken, 0.0)
+        worst, most[name] = int(np.argmax(back)), float(highest[-1])
+        if back[worst] > given.get(name, (0.0, 0.0))[0]:
+            given[name] = float(back[worst]), float(t[worst])
+    return most, given

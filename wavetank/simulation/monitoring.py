@@ -13,7 +13,6 @@ from wavetank.arrays import largest
 from wavetank.errors import StoppedError
 from wavetank.output.files import RunLog
 from wavetank.simulation.clock import EverySteps
-from wavetank.stateful import Held
 from wavetank.tank.breaking import BreakingDissipation
 from wavetank.tank.seen import Block
 
@@ -31,23 +30,13 @@ class BreakingNews:
 
     def __init__(self, breaking: BreakingDissipation, say: Callable[[str], None]):
         self.schedule = EverySteps()
-        self._breaking, self._say, self._said = breaking, say, False
+        self._breaking, self._say = breaking, say
 
     def record(self, block: Block) -> None:
-        """Report the first alarm, once."""
-        if self._breaking.watch.alarms and not self._said:
-            self._said = True
-            self._say(f"{self._breaking.watch.first}: a wave breaks; an eddy viscosity acts on it until it is gentle")
-
-    def held(self) -> Held:
-        """Return whether it has been said."""
-        return {"said": self._said}
-
-    def take(self, held: Held) -> None:
-        """Take back what has been held."""
-        self._said = held["said"]
-
-    carry = take
+        """Report the first alarm where it begins."""
+        watch = self._breaking.watch
+        if watch.alarms and block.t[0] <= watch.alarms[0].t <= block.t[-1]:
+            self._say(f"{watch.first}: a wave breaks; an eddy viscosity acts on it until it is gentle")
 
 
 class Interruption:

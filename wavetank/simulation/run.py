@@ -1,9 +1,9 @@
 """The time loop, the only one."""
 
+import itertools
 import time
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,8 +17,9 @@ from wavetank.integrators.hamiltonian import HamiltonianSystem
 from wavetank.simulation.clock import Clock
 from wavetank.simulation.contract import Control, Diagnostic, due_steps
 from wavetank.simulation.energy import Sink
-from wavetank.simulation.supply import AnsweredWork
-from wavetank.stateful import Carrying, Held, Stateful, carry_over, give_back, held_by, named
+from wavetank.simulation.supply import PaddleWork
+from wavetank.simulation.surviving import MAY_BE_NEW, restore_surviving, survives
+from wavetank.state import Held, Stateful, has_state, named, restore, restore_all, state_of, states_of, typed
 from wavetank.tank.seen import Block
 
 LONGEST, NUMBERS = 64, 3.6e5  # steps of a block, and unknowns of all of them
@@ -43,7 +44,7 @@ class Rows:
     """
 
     def __init__(
-        self, system: Any, size: int, most: int, *, sinks: Sequence[Sink] = (), work: AnsweredWork | None = None
+        self, system: Any, size: int, most: int, *, sinks: Sequence[Sink] = (), work: PaddleWork | None = None
     ):
         self._system, self._sinks, self._work, self._waves = system, sinks, work, hasattr(system, "see")
         wall = {}
@@ -138,7 +139,7 @@ class Run:
         self.system, self.integrator, self.diagnostics = system, integrator, list(diagnostics)
         self.controls, self.user_diagnostics = list[Control](), list[Diagnostic]()
         self.clock, self.longest_block = clock, longest_block or LONGEST
-        self.paddle_work: AnsweredWork | None = None
+        self.paddle_work: PaddleWork | None = None
         self._stepper = Filtered(integrator, filters, seen=self._energy)
         self.step = clock.first
         self.state = integrator.start(*start)
@@ -239,62 +240,64 @@ class Run:
         """Let a diagnostic record a block; one of a user's leaves the system as it was; collective."""
         by_user = any(diagnostic is one for one in self.user_diagnostics)
         system: Any = self.system
-        before = system.held() if by_user and isinstance(system, Stateful) else None
+        before = state_of(system) if by_user and isinstance(system, Stateful) else None
         diagnostic.record(block)
         if before is not None:
-            system.take(before)
-
-    @cached_property
-    def _carrying(self) -> dict[str, Stateful]:
-        """What remembers something that outlives other numerics, once all of it is there."""
-        return {name: part for name, part in self._parts.items() if isinstance(part, Carrying)}
+            restore(system, before, "system")
 
     @property
-    def _parts(self) -> dict[str, Stateful]:
-        """What remembers something, by name."""
-        own = {"scheme": self._stepper, "system": self.system, "stages": self.system.stages}  # paddles are moved first
-        if self.paddle_work is not None:
-            own["paddle work"] = self.paddle_work
-        parts = {name: part for name, part in own.items() if isinstance(part, Stateful)}
-        return parts | named(self.diagnostics)
+    def parts(self) -> dict[str, Any]:
+        """Objects whose state belongs to the run, by name, in the order in which it is restored.
 
-    def held(self) -> Held:
-        """Return where the run stands, and all that its system, scheme, filters and diagnostics remember; collective.
-
-        Raises ``TypeError`` for a scheme's state that is neither a named tuple nor a dataclass.
+        Paddles with feedback are the first: the water is restored where they stand.
         """
-        return self._stands() | {"parts": held_by(self._parts)}
+        schemes: list[Any] = [self.integrator]
+        while (inner := getattr(schemes[-1], "scheme", None)) is not None:
+            schemes.append(inner)
+        own = {"scheme": schemes[-1], "system": self.system, "stages": self.system.stages}
+        own["paddle work"] = self.paddle_work
+        for scheme in schemes:
+            own = {f"paddle {n}": one for n, one in enumerate(getattr(scheme, "paddles", ()))} | own
+            own |= {"damping": scheme.damping} if hasattr(scheme, "damping") else {}
+        parts = {name: part for name, part in own.items() if has_state(part)}
+        for diagnostic in self.diagnostics:
+            if has_state(getattr(diagnostic, "water", None)):
+                parts["water below"] = diagnostic.water  # type: ignore[attr-defined]
+        inner_diagnostics = (getattr(one, "diagnostics", ()) for one in self.diagnostics)
+        return parts | named(itertools.chain(self.filters, self.diagnostics, *inner_diagnostics))
 
-    def held_without_solves(self) -> Held:
-        """Return the same but for what only start values come of: what also outlives other numerics; collective."""
-        return self._stands() | {"parts": held_by(self._carrying)}
+    def tree(self, *, with_solves: bool = True) -> Held:
+        """Return the state of the run as a plain tree; collective.
 
-    def _stands(self) -> Held:
-        return {"step": self.step, "begun": self._begun, "state": _values(self.state)}
-
-    def take(self, held: Held, *, whole: bool = True) -> None:
-        """Go on, at the next ``execute``, where another run of the same scene was; collective.
-
-        If not ``whole`` that has been held without solves.
+        Without solves it has only what survives a change of numerics. Raises ``TypeError`` for a state of the scheme
+        that is neither a named tuple nor a dataclass.
         """
-        self.step, self._begun = held["step"], held["begun"]
+        parts = self.parts if with_solves else {name: part for name, part in self.parts.items() if survives(name)}
+        return {"step": self.step, "begun": self._begun, "state": _values(self.state), "parts": states_of(parts)}
+
+    def resume(self, tree: Held, *, with_solves: bool = True) -> None:
+        """Continue, at the next ``execute``, an equal run from its state; collective.
+
+        Raises ``ValueError`` for a tree that is none, and ``InputError`` for one of other diagnostics.
+        """
+        self.step, self._begun = typed(int, tree["step"], "step"), typed(bool, tree["begun"], "begun")
         for name, mine in _values(self.state).items():
-            if isinstance(mine, np.ndarray) and np.shape(held["state"][name]) != mine.shape:
+            if isinstance(mine, np.ndarray) and np.shape(tree["state"][name]) != mine.shape:
                 raise ValueError(f"the state's {name} has another shape")
-        self.state = type(self.state)(**held["state"])
-        (give_back if whole else carry_over)(self._parts, held["parts"])
+        self.state = type(self.state)(**tree["state"])
+        if with_solves:
+            restore_all(self.parts, tree["parts"], may_be_new=MAY_BE_NEW)
+        else:
+            restore_surviving(self.parts, tree["parts"])
 
-    def carry(self, held: Held) -> None:
-        """Go on, at the next ``execute``, from the start, which is a step that another run has held, and recorded.
-
-        What outlives a change of numerics is taken of it.
-        """
+    def change_numerics(self, tree: Held) -> None:
+        """Continue, at the next ``execute``, from the start, the end of a run with other numerics; collective."""
         self._begun = True
-        carry_over(self._parts, held["parts"])
+        restore_surviving(self.parts, tree["parts"], renewed=True)
 
 
 def _values(state: Any) -> Held:
-    """Return what a scheme's state consists of, by name."""
+    """Return the fields of a scheme's state, by name."""
     if isinstance(state, tuple) and hasattr(state, "_asdict"):
         return dict(state._asdict())
     if not is_dataclass(state):

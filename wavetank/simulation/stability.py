@@ -17,14 +17,14 @@ behind that it has made grow, and the edge penalty takes them. It only tells wha
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from wavetank.arrays import Vector, largest
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.contract import displacement
-from wavetank.stateful import Held
 from wavetank.tank.breakdown import FARTHEST, ShortWaves
 from wavetank.tank.seen import Block
 from wavetank.tank.surface_flow import SurfaceVelocity
@@ -34,8 +34,6 @@ SHORT = 0.5  # the higher difference over the lower: more of what has fewer than
 IN_A_ROW = 10  # steps in a row: one jolt is in several differences
 OFTEN = 64  # steps between looks at what would help
 CALM = 1e-6  # of the depth: lower waves are not looked at
-# what a watch remembers beside the last steps:
-SEEN = "noise", "since", "_driven", "_highest", "_steps", "_frequency"
 
 
 @dataclass(frozen=True)
@@ -91,6 +89,38 @@ def _so_far(before: float, values: Vector) -> Vector:
     return np.maximum.accumulate(np.append(before, values))
 
 
+@dataclass(frozen=True)
+class StabilityState:
+    """State of a stability watch.
+
+    Attributes
+    ----------
+    rows
+        The quantity at the last steps, shape (K, owned).
+    wall
+        Velocity of the wall there [m/s], shape (K, owned); one number a step where it moves as one.
+    highest
+        The highest elevation so far [m].
+    frequency
+        The largest frequency of the moving surface so far [rad/s].
+    driven
+        The highest alternating waves that a paddle makes so far [m].
+    steps
+        Steps in a row with noise.
+    noise, since
+        See ``StabilityWatch``.
+    """
+
+    rows: Vector
+    wall: Vector | list[float]
+    highest: float
+    frequency: float
+    driven: float = 0.0
+    steps: int = 0
+    noise: float = 0.0
+    since: float | None = None
+
+
 class StabilityWatch:
     """Warns, once, when short waves grow that alternate from step to step.
 
@@ -109,12 +139,6 @@ class StabilityWatch:
     warn
         Takes the sentence.
 
-    Attributes
-    ----------
-    noise
-        The largest part of what alternates so far, of the highest elevation [-].
-    since
-        From when on the run is not to be trusted [s]; None: no warning so far.
     """
 
     def __init__(
@@ -131,77 +155,75 @@ class StabilityWatch:
         self._waves, self._flow, self._dt, self._limit, self._warn = waves, flow, dt, limit, warn
         self._short = ShortWaves(waves)
         self._look = look
-        self._last: Vector = np.zeros((0, waves.plane.owned))  # the quantity at the steps before
-        self._wall: Vector = np.zeros((0, waves.wall.velocities.size))  # and the wall's velocity [m/s]
-        self._driven: float = 0.0  # the highest waves that alternate and are a paddle's [m]
-        self._highest: float = CALM * waves.depth
-        self._steps, self._frequency = 0, waves.largest_frequency
-        self.noise = 0.0
-        self.since: float | None = None
+        rows, wall = np.zeros((0, waves.plane.owned)), waves.wall.velocities
+        self.state = StabilityState(
+            rows, list[float]() if wall.size == 1 else rows, CALM * waves.depth, waves.largest_frequency
+        )
+
+    @property
+    def noise(self) -> float:
+        """The largest part of what alternates so far, of the highest elevation [-]."""
+        return self.state.noise
+
+    @property
+    def since(self) -> float | None:
+        """From when on the run is not to be trusted [s]; None: no warning so far."""
+        return self.state.since
 
     def record(self, block: Block) -> None:
         """Warn if what alternates has grown; collective."""
         look, comm, count = self._look, self._waves.plane.comm, len(block)
-        rows = np.concatenate([self._last, getattr(block, look.quantity)])
-        wall = np.concatenate([self._wall, block.velocities])
-        self._last, self._wall = rows[-look.before :].copy(), wall[-look.before :].copy()
+        state = self.state
+        rows = np.concatenate([state.rows, getattr(block, look.quantity)])
+        wall = np.concatenate([np.reshape(state.wall, (-1, block.velocities.shape[1])), block.velocities])
+        last: Any = wall[-look.before :]
         heights, lower, driven = (largest(comm, each) for each in (block.largest, look.lower(rows), look.lower(wall)))
         first = count - len(lower)  # the first step with enough steps before
-        highest = _so_far(self._highest, heights)
-        driven = _so_far(self._driven, look.driven * self._dt * driven)
-        self._highest, self._driven = float(highest[-1]), float(driven[-1])
+        highest = _so_far(state.highest, heights)
+        driven = _so_far(state.driven, look.driven * self._dt * driven)
         noise, calm = np.zeros(count), look.noise / 10
         noise[first:] = np.maximum(0.0, look.scale * lower - driven[1:])
         noise /= highest[1:]
         if not noise.max() < calm:
             higher = largest(comm, look.higher(rows))
             noise[first:] = np.where(higher > SHORT * lower, noise[first:], 0.0)
-        frequency = self._largest_frequency(block)
+        last = last[:, 0].tolist() if isinstance(state.wall, list) else last.copy()
+        frequency = self._largest_frequency(block) if block.step[-1] % OFTEN == 0 else 0.0  # where blocks end
+        self.state = replace(
+            state,
+            rows=rows[-look.before :].copy(),
+            wall=last,
+            highest=float(highest[-1]),
+            driven=float(driven[-1]),
+        )
         for n, one in enumerate(noise.tolist()):
             if self._warns(float(block.t[n]), one):
                 heights = np.abs(np.diff(rows[n - first :][1 : look.order + 2], look.order, axis=0)[0])
                 self._warn(self._sentence(float(block.t[n]), one, self._place(block, n, heights)))
         if noise[-1] < calm:  # elsewhere the motion is not that of the water
-            self._frequency = max(self._frequency, frequency)
+            self.state = replace(self.state, frequency=max(state.frequency, frequency))
 
     def _largest_frequency(self, block: Block) -> float:
-        """Return the largest frequency on the surface at every 64th step [rad/s], where blocks end; else 0."""
-        if block.step[-1] % OFTEN != 0:
-            return 0.0
+        """Return the largest frequency on the surface at the last step of a block [rad/s]; collective."""
         self._flow.near(block.state, float(block.t[-1]))
-        return self._short.largest_frequency(self._flow, least=self._frequency)
+        return self._short.largest_frequency(self._flow, least=self.state.frequency)
 
     def _warns(self, t: float, noise: float) -> bool:
         """Return whether to warn of the noise at a step."""
-        self._steps = self._steps + 1 if noise > self._look.noise else 0
-        warns = self._steps == IN_A_ROW and self.noise <= self._look.noise
-        if warns and self.since is None:
-            self.since = t
-        if self._steps >= IN_A_ROW:
-            self.noise = max(self.noise, noise)
+        before, limit = self.state, self._look.noise
+        steps = before.steps + 1 if noise > limit else 0
+        warns = steps == IN_A_ROW and before.noise <= limit
+        since = t if warns and before.since is None else before.since
+        most = max(before.noise, noise) if steps >= IN_A_ROW else before.noise
+        self.state = replace(before, steps=steps, since=since, noise=most)
         return warns
 
     @property
     def longest(self) -> float | None:
         """The step that would have done until short waves grew [s]; None: none did, or no step was too long."""
-        if self.since is None or self._dt * self._frequency <= self._limit:
+        if self.since is None or self._dt * self.state.frequency <= self._limit:
             return None
-        return FARTHEST * self._limit / self._frequency
-
-    def held(self) -> Held:
-        """Return the last steps' values, and the largest of what has been seen."""
-        wall = [velocity.tolist() if velocity.size == 1 else velocity for velocity in self._wall]
-        return {"last": self._last, "wall": wall} | {name: getattr(self, name) for name in SEEN}
-
-    def take(self, held: Held) -> None:
-        """Take back what has been held."""
-        self._last, self._wall = held["last"], np.array(held["wall"]).reshape(-1, self._wall.shape[1])
-        for name in SEEN:
-            setattr(self, name, held[name])
-
-    def carry(self, held: Held) -> None:
-        """Take over from when on the state is not to be trusted: other numerics do not mend it."""
-        self.since = held["since"]
+        return FARTHEST * self._limit / self.state.frequency
 
     def _place(self, block: Block, number: int, heights: Vector) -> str:
         """Return in words where heights were largest at a step of a block; collective."""
@@ -216,7 +238,7 @@ class StabilityWatch:
     def _sentence(self, t: float, noise: float, place: str) -> str:
         cure = "half the step, or finer cells, may do"
         if self.longest is not None:
-            product = self._dt * self._frequency
+            product = self._dt * self.state.frequency
             cure = f"under the crests dt omega_max = {product:.3g}, for a scheme stable below {self._limit:.4g}"
             cure = f"{cure}: a step of {self.longest:.2g} s would have done so far"
         return (

@@ -3,6 +3,7 @@
 import shlex
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict, astuple
 from math import isfinite
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -152,14 +153,14 @@ class Outcome(NamedTuple):
         untrue = next((one.since for one in run.diagnostics if isinstance(one, StabilityWatch)), None)
         waves = run.system
         follows = isinstance(waves, LinearWaves) and bool(waves.wall.paddles)
-        return cls(crest.highest(), budget.mass_error, budget.energy_error, untrue, follows)
+        return cls(crest.state, budget.mass_error, budget.energy_error, untrue, follows)
 
     @property
     def figures(self) -> dict[str, Any]:
         """The same for a manifest; nothing of a run that nobody has looked at, or that has left the numbers."""
-        if not all(map(isfinite, (*self.crest, self.mass, self.energy))):
+        if not all(map(isfinite, (*astuple(self.crest), self.mass, self.energy))):
             return {}
-        return {"highest_crest": self.crest._asdict(), "errors": {"mass": self.mass, "energy_balance": self.energy}}
+        return {"highest_crest": asdict(self.crest), "errors": {"mass": self.mass, "energy_balance": self.energy}}
 
 
 def closing(

@@ -12,13 +12,14 @@ what a ``FeedbackMotion`` motion adds.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.stateful import Held
+from wavetank.state import Replicated
 from wavetank.tank.seen import State
 
 KNOWN = 4  # values that a cubic goes through
@@ -55,47 +56,66 @@ class Moving(Protocol):
         """Return the derivative of that order of what is added to it on the way, in m/s^order, at t [s]."""
 
 
+@dataclass(frozen=True)
 class Integral:
     """The integral of a rate known at the ends of steps, by the Adams-Moulton rule of order 4.
 
     The order falls to 2 where the length of steps changes. Of the first two steps of one length it is Simpson's rule.
+
+    Attributes
+    ----------
+    value
+        The integral up to the last step.
+    t, dt
+        Its time and length [s].
+    count
+        Rates that the rule takes.
+    rates
+        The last of them, the newest first.
     """
 
-    def __init__(self) -> None:
-        self._sum: Vector = np.zeros(4 + KNOWN)  # it, when, in what step, by how many rates and which
+    value: float = 0.0
+    t: float = 0.0
+    dt: float = 0.0
+    count: int = 0
+    rates: list[float] = field(default_factory=lambda: [0.0] * KNOWN)
 
-    @property
-    def value(self) -> float:
-        """What it is by the last moment."""
-        return float(self._sum[0])
-
-    def advance(self, times: Vector, rates: Vector) -> Vector:
-        """Return the integral up to each of the next K times, for the rates there, shape (K,)."""
+    def advance(self, times: Vector, rates: Vector) -> tuple["Integral", Vector]:
+        """Return the integral up to the last of K times, for the rates there, and its values, shape (K,)."""
         values: list[float] = []
-        state = [float(one) for one in self._sum]
-        (total, last, last_dt, count), newest = state[:4], state[4:]
+        total, last, last_dt, count, newest = self.value, self.t, self.dt, self.count, self.rates
         for t, rate in zip(map(float, times), map(float, rates), strict=True):
             dt, newest = t - last, [rate, *newest[:-1]]
             equal = abs(dt - last_dt) <= SAME_STEP * max(abs(dt), abs(last_dt))
             count = min(count + 1, KNOWN if equal else 2)
             mean = (newest[2] - 2 * newest[1] + newest[0]) * -1.0 / 12 if count == 3 else 0.0
-            for weight, one in zip(ADAMS_MOULTON[int(count) - 1], newest, strict=False):
+            for weight, one in zip(ADAMS_MOULTON[count - 1], newest, strict=False):
                 mean += weight * one
             total, last, last_dt = total + dt * mean, t, dt
             values.append(total)
-        self._sum = np.array([total, last, last_dt, count, *newest])
-        return np.array(values)
-
-    def held(self) -> Held:
-        """Return the sum, and the rates at the last moments."""
-        return {"sum": self._sum.tolist()}
-
-    def take(self, held: Held) -> None:
-        """Take back what has been held."""
-        self._sum = np.array(held["sum"], dtype=np.float64).reshape(self._sum.shape)
+        return Integral(total, last, last_dt, count, newest), np.array(values)
 
 
-class AnsweredWork:
+@dataclass(frozen=True)
+class PaddleWorkState:
+    """State of the work of paddles with feedback.
+
+    Attributes
+    ----------
+    times
+        Of the last steps [s].
+    known
+        dH/dX, dH/dX' and both velocities u then, shape (K, 4, paddles).
+    done
+        The work by both u so far, shape (2,).
+    """
+
+    times: list[float]
+    known: Replicated
+    done: Replicated
+
+
+class PaddleWork:
     """Of paddles of which some answer the water, by the slopes of H.
 
     Parameters
@@ -108,55 +128,38 @@ class AnsweredWork:
 
     def __init__(self, motions: Sequence[Moving], masses: Vector):
         self._motions, self._masses = motions, masses
-        self._times: list[float] = []
-        self._known: list[Vector] = []  # dH/dX, dH/dX' and both u then, shape (4, paddles)
-        self._done: Vector = np.zeros(2)  # by both u
-        self._by_speed: Vector = np.zeros(len(motions))  # dH/dX' at the point last seen
-
-    def _look(self, water: Pushed, q: Vector, p: Vector, t: float) -> Vector:
-        """Return dH/dX and dH/dX', shape (2, paddles); collective."""
-        slopes = np.array(water.slopes(q, p, t), dtype=np.float64).T
-        self._by_speed = slopes[1]
-        return slopes
+        self.state = PaddleWorkState([], np.zeros((0, 4, len(motions))), np.zeros(2))
 
     def advance(self, water: Pushed, state: State, t: float) -> tuple[float, float]:
         """Return the energy put in up to a state at t [s], and what was absorbed of it, less its part of W; collective.
 
         The first call is for the start. The state's known points are evaluated in order, which costs no solve.
         """
-        seen = [self._look(water, *point, t) for point in state.known]
-        self._go_on(t, np.mean(seen, axis=0))
-        put_in, absorbed = self._done
-        return float(put_in), float(self._known[-1][3] @ self._by_speed - absorbed)
+        slopes = np.array([water.slopes(*point, t) for point in state.known], dtype=np.float64).swapaxes(1, 2)
+        before = self.state
+        times = [*before.times[1 - KNOWN :], t]
+        newest = np.vstack([slopes.mean(axis=0), self._speeds(t)])
+        known = np.concatenate([before.known[1 - KNOWN :], newest[None]])
+        done = before.done if len(times) < 2 else before.done + self._work(times, known)
+        self.state = PaddleWorkState(times, known, done)
+        return float(done[0]), float(newest[3] @ slopes[-1][1] - done[1])
 
-    def _go_on(self, t: float, seen: Vector) -> None:
-        self._times = [*self._times[1 - KNOWN :], t]
-        self._known = [*self._known[1 - KNOWN :], np.vstack([seen, self._speeds(t)])]
-        if len(self._times) < 2:
-            return
-        dt, known = t - self._times[-2], np.array(self._known)
-        values, rates = _through(tuple(round((time - self._times[-2]) / dt, EQUAL) for time in self._times))
+    def _work(self, times: list[float], known: Vector) -> Vector:
+        """Return the work of the last step by both u, shape (2,)."""
+        dt = times[-1] - times[-2]
+        values, rates = _through(tuple(round((time - times[-2]) / dt, EQUAL) for time in times))
         by_place, u = known[:, 0], known[:, 2:]
         K = known[:, 1:2] + self._masses * u
         push = (values @ by_place)[:, None] - (rates / dt @ K.reshape(len(K), -1)).reshape(-1, *u[0].shape)
-        within = np.array([u[-2], self._speeds(t - 0.5 * dt), u[-1]])
+        within = np.array([u[-2], self._speeds(times[-1] - 0.5 * dt), u[-1]])
         ends = (K[-2:] - 0.5 * self._masses * u[-2:]) * u[-2:]
-        self._done = self._done + (dt * (push * within * SIMPSON).sum(axis=0) + ends[1] - ends[0]).sum(axis=1)
+        work: Vector = (dt * (push * within * SIMPSON).sum(axis=0) + ends[1] - ends[0]).sum(axis=1)
+        return work
 
     def _speeds(self, t: float) -> Vector:
         """Return velocities, and what absorbing adds to them, at t [m/s], shape (2, paddles)."""
         rates = [(motion.velocity(t), motion.added(t, 1)) for motion in self._motions]
         return np.array(rates, dtype=np.float64).T
-
-    def held(self) -> Held:
-        """Return what was put in, and what is known of the last moments."""
-        arrays = {"known": np.array(self._known), "done": self._done, "by_speed": self._by_speed}
-        return {"times": list(self._times)} | {name: one.tolist() for name, one in arrays.items()}
-
-    def take(self, held: Held) -> None:
-        """Take back what has been held."""
-        self._times, self._known = list(held["times"]), [np.array(one) for one in held["known"]]
-        self._done, self._by_speed = np.array(held["done"]), np.array(held["by_speed"])
 
 
 @lru_cache(maxsize=16)

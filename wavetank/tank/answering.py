@@ -1,6 +1,7 @@
 """Paddles that answer what the water does: what they look at, and how they go on (docs/absorption.md)."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -8,8 +9,7 @@ import numpy as np
 from wavetank.arrays import Vector
 from wavetank.errors import PaddleError
 from wavetank.fem.plane import Plane
-from wavetank.motion.feedback import FilterState, StateSpaceFilter
-from wavetank.stateful import Held
+from wavetank.motion.feedback import FeedbackState, FilterState, StateSpaceFilter
 from wavetank.tank.walls.side import Side
 
 BRIEF = 1e-4  # (d / g)^(1/2), before t = 0: still water at the face rises as fast as it begins to
@@ -55,6 +55,14 @@ Look = Callable[[Vector, Vector, float], Vector]
 """Returns what is measured of a state (q, p) at t [s], the same on all ranks; collective."""
 
 
+@dataclass(frozen=True)
+class PaddleState:
+    """State of a paddle with feedback: of its motion and of its filter."""
+
+    motion: FeedbackState
+    filter: FilterState
+
+
 class AnsweringPaddle:
     """A paddle whose motion goes on by what is measured of the water.
 
@@ -74,25 +82,25 @@ class AnsweringPaddle:
 
     def __init__(self, paddle: Answered, response: StateSpaceFilter, look: Look, *, shares: Vector, key: str):
         self._paddle, self._motion, self._filter, self._look = paddle, paddle.motion, response, look
-        self.state = FilterState()
+        self._filter_state = FilterState()
         self._shares, self._key = (float(shares.min()), float(shares.max())), key
 
     @property
     def begins(self) -> bool:
         """Whether it has yet to begin."""
-        return self.state.x is None
+        return self._filter_state.x is None
 
     def begin(self, q: Vector, p: Vector, t: float) -> None:
         """Look at the water at t, a little before it begins; collective."""
-        self.state = FilterState(None, (t,), (self._look(q, p, t),))
+        self._filter_state = FilterState(None, (t,), (self._look(q, p, t),))
 
     def go_on(self, q: Vector, p: Vector, t: float, dt: float) -> None:
         """Look at the water at t, and go on to t + dt; collective.
 
         Raises ``PaddleError`` where the paddle goes so far into the water that the mapping folds.
         """
-        self.state = self._filter.update(self.state, t, self._look(q, p, t))
-        self._motion.go_on(t, dt, *self._filter.output(self.state, dt))
+        self._filter_state = self._filter.update(self._filter_state, t, self._look(q, p, t))
+        self._motion.go_on(t, dt, *self._filter.output(self._filter_state, dt))
         where, most = self._motion.position(t + dt), self._paddle.largest_stroke
         farthest = max(share * where for share in self._shares)
         if farthest >= most:
@@ -100,25 +108,14 @@ class AnsweringPaddle:
             fold = f"its mapping folds at {most:.4g} m, 3/4 of what {self._key}.reach is on this mesh"
             raise PaddleError(f"t = {t:.6g} s: {what}; {fold}: it must be longer")
 
-    def held(self) -> Held:
-        """Return how the paddle has moved, and what it answers by."""
-        x, times, inputs = self.state.x, self.state.times, self.state.inputs
-        of_filter = {"x": None if x is None else x.tolist(), "times": [*times], "inputs": [u.tolist() for u in inputs]}
-        return {"motion": self._motion.held(), "filter": of_filter}
+    @property
+    def state(self) -> PaddleState:
+        """The state of its motion and of its filter."""
+        return PaddleState(self._motion.state, self._filter_state)
 
-    def take(self, held: Held) -> None:
-        """Take back what has been held."""
-        self._motion.take(held["motion"])
-        self._take_filter(held["filter"])
-
-    def carry(self, held: Held) -> None:
-        """Take what outlives other numerics: all but the times that the water before asked to be kept."""
-        self._motion.carry(held["motion"])
-        self._take_filter(held["filter"])
-
-    def _take_filter(self, held: Held) -> None:
-        x = None if held["x"] is None else np.array(held["x"])
-        self.state = FilterState(x, tuple(held["times"]), tuple(np.array(u) for u in held["inputs"]))
+    @state.setter
+    def state(self, state: PaddleState) -> None:
+        self._motion.state, self._filter_state = state.motion, state.filter
 
 
 class Pushed(Protocol):

@@ -34,6 +34,7 @@ the jumps of derivatives between cells.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -43,9 +44,8 @@ from numpy.typing import NDArray
 from wavetank.arrays import Vector
 from wavetank.errors import RunError
 from wavetank.fem.points import PADDING, Found, Points
-from wavetank.stateful import Held
 from wavetank.tank.crests import Profile, SteepCrest, steep_crests
-from wavetank.tank.dissipation import Smoothing
+from wavetank.tank.dissipation import Smoothing, SmoothingState
 from wavetank.tank.seen import State
 from wavetank.tank.surface_flow import SurfaceVelocity
 from wavetank.tank.waves import NonlinearWaves
@@ -89,6 +89,40 @@ class Alarm(NamedTuple):
     outrun: float = 0.0
 
 
+class Surface(NamedTuple):
+    """The surface of a basin: physical places (x, y) [m], elevation [m] and potential [m²/s], shape (owned,) each."""
+
+    x: Vector
+    y: Vector
+    elevation: Vector
+    potential: Vector
+
+
+@dataclass(frozen=True)
+class WatchState:
+    """State of the search for breaking crests.
+
+    Attributes
+    ----------
+    t, surface
+        Time [s] and surface of the last search, where the next one compares with it.
+    rests, fast
+        Steps to come without a search, and the velocity of the surface that ends them [m/s].
+    alarms
+        All so far, by time.
+    active
+        Indices of those that last, and their crests when examined last: one that is missed is awaited for an eighth of
+        a period.
+    """
+
+    t: float = 0.0
+    surface: Profile | Surface | None = None
+    rests: int = 0
+    fast: float = 0.0
+    alarms: tuple[Alarm, ...] = ()
+    active: tuple[tuple[int, SteepCrest], ...] = ()
+
+
 class BreakingWatch:
     """Examines the crests of the surface after each step, and keeps the alarms.
 
@@ -106,47 +140,49 @@ class BreakingWatch:
 
     Attributes
     ----------
-    last
-        Time and profile of the last look, if the next one is to compare with it.
+    state
+        Its state.
     crests
-        The steep ones of the last look, coherent or not.
-    alarms
-        All so far, by time.
-    active
-        Which of them last, and their crests when examined last: one that is missed is waited for an eighth of a period.
+        The steep ones of the last search, coherent or not.
     recorded
-        All so far, with those of the step that ended the run.
+        All alarms so far, with those of the step that ended the run.
     """
 
     def __init__(self, waves: NonlinearWaves, flow: SurfaceVelocity, *, length: float | None):
         self._waves, self._length = waves, length
         self._flow: Any = flow
-        self.last: tuple[float, Any] | None = None
-        self._rests, self._fast = 0, 0.0  # steps to come without a look, and the velocity that ends them [m/s]
         self.crests: list[SteepCrest] = []
-        self.alarms: tuple[Alarm, ...] = ()
-        self.active: tuple[tuple[int, SteepCrest], ...] = ()
         self.recorded: tuple[Alarm, ...] = ()
-        self._before = self._state()
+        self.state = WatchState()
+
+    @property
+    def alarms(self) -> tuple[Alarm, ...]:
+        """All alarms so far, by time."""
+        return self.state.alarms
+
+    @property
+    def active(self) -> tuple[tuple[int, SteepCrest], ...]:
+        """Indices of the alarms that last, and their crests when examined last."""
+        return self.state.active
 
     def look(self, state: State, t: float) -> list[SteepCrest]:
         """Return the crests during their alarms where the step to a state has ended; collective. The first is none."""
-        flow, front = self._flow, GENTLE if self.active else STEEP
+        flow, front, before = self._flow, GENTLE if self.active else STEEP, self.state
         flow.near(state, t)
-        self._before = last, *_ = self._state()
-        self.last = None
         if flow.largest_slope < front:
+            self.state = replace(before, surface=None)
             return self.follow([], t)
-        if self._rests and flow.largest_velocity < self._fast:
-            self._rests -= 1
+        if before.rests and flow.largest_velocity < before.fast:
+            self.state = replace(before, surface=None, rests=before.rests - 1)
             return []
-        self.last, self._rests = (t, self._surface()), 0
-        if last is None:
+        surface = self._surface()
+        self.state = replace(before, t=t, surface=surface, rests=0)
+        if before.surface is None:
             return []
-        self.crests = self._steep(last, self.last, front)
+        self.crests = self._steep((before.t, before.surface), (t, surface), front)
         coherent = [crest for crest in self.crests if crest.coherence > COHERENT]
         if all(crest.overtaking < ENDED for crest in coherent):
-            self.last, self._rests, self._fast = None, RESTS, FASTER * flow.largest_velocity
+            self.state = replace(self.state, surface=None, rests=RESTS, fast=FASTER * flow.largest_velocity)
         return self.follow(coherent, t)
 
     def follow(self, crests: Sequence[SteepCrest], t: float) -> list[SteepCrest]:
@@ -170,8 +206,8 @@ class BreakingWatch:
                 active.append((index, crest))
         missed = [(index, crest) for index, crest in self.active if index not in matched]
         missed = [one for one in missed if t - alarms[one[0]].end < SUSTAINED * self._period(one[1])]
-        self.alarms = self.recorded = tuple(alarms)
-        self.active = (*active, *missed)
+        self.recorded = tuple(alarms)
+        self.state = replace(self.state, alarms=self.recorded, active=(*active, *missed))
         return [crest for _, crest in active]
 
     def _period(self, crest: SteepCrest) -> float:
@@ -222,16 +258,8 @@ class BreakingWatch:
         return {"alarms": [alarm._asdict() for alarm in self.recorded]}
 
     def _surface(self) -> Any:
-        """Return what crests of the next look are compared with; collective."""
+        """Return the surface that the next search compares with; collective."""
         return self._flow.profile
-
-    def _said(self, surface: Any) -> Any:
-        """Return that surface as JSON or arrays have it."""
-        return [values.tolist() for values in surface]
-
-    def _heard(self, surface: Any) -> Any:
-        """Return the surface of what has been said; collective."""
-        return Profile(*map(np.array, surface))
 
     def _steep(self, last: tuple[float, Any], now: tuple[float, Any], front: float) -> list[SteepCrest]:
         """Return the crests between the walls that have a steeper front, of two looks."""
@@ -244,36 +272,18 @@ class BreakingWatch:
         crests = steep_crests(before, profile, time=t - before_t, front=front, cell=self._flow.cell)
         return [crest for crest in crests if first <= crest.x < end]
 
-    def _state(self) -> tuple[Any, ...]:
-        return self.last, self._rests, self._fast, self.alarms, self.active
-
-    def undo(self) -> None:
-        """Forget the last look, and the alarms that began then."""
-        self.last, self._rests, self._fast, self.alarms, self.active = self._before
-        self.recorded = self.alarms
-
-    def held(self) -> Held:
-        """Return the surface of the last look, if it is to be judged by, when it is looked again, and the alarms."""
-        return {
-            "last": self.last and {"t": self.last[0], "profile": self._said(self.last[1])},
-            "rests": self._rests,
-            "fast": self._fast,
-            "alarms": [list(alarm) for alarm in self.alarms],
-            "active": [[index, list(crest)] for index, crest in self.active],
-        }
-
-    def take(self, held: Held) -> None:
-        """Take back what has been held."""
-        last = held["last"]
-        self.last = last and (last["t"], self._heard(last["profile"]))
-        self._rests, self._fast = held["rests"], held["fast"]
-        self.alarms = self.recorded = tuple(Alarm(*alarm) for alarm in held["alarms"])
-        self.active = tuple((index, SteepCrest(*crest)) for index, crest in held["active"])
-
 
 def breaks(crest: SteepCrest) -> bool:
     """Return whether the alarm of a coherent crest begins."""
     return crest.front > STEEP and crest.overtaking > ONSET
+
+
+@dataclass(frozen=True)
+class BreakingState:
+    """State of a filter of breaking: of its search, and the energy taken."""
+
+    watch: WatchState
+    energy: SmoothingState
 
 
 class BreakingAlarm:
@@ -285,10 +295,20 @@ class BreakingAlarm:
         What looks for them.
     """
 
-    follows: tuple[str, ...] = ("StopAtBreaking", "BreakingDissipation")  # whose record it continues in a resumed run
+    state_name = "Breaking"  # whichever filter of breaking a resumed run has
 
     def __init__(self, watch: BreakingWatch):
-        self.watch = watch
+        self.watch, self._energy = watch, SmoothingState()
+
+    @property
+    def state(self) -> BreakingState:
+        """The state of the search, and the energy taken by another filter before."""
+        return BreakingState(self.watch.state, self._energy)
+
+    @state.setter
+    def state(self, state: BreakingState) -> None:
+        self.watch.state, self._energy = state.watch, state.energy
+        self.watch.recorded = state.watch.alarms
 
     def needed(self, state: State, t: float) -> bool:
         """Look at the crests where a step has ended, and return False; collective."""
@@ -302,20 +322,6 @@ class BreakingAlarm:
     def account(self, taken: float, *, of: float) -> None:
         """Do nothing: nothing is taken."""
 
-    def undo(self) -> None:
-        """Forget the last look: a resumed run looks at that step again."""
-        self.watch.undo()
-
-    def held(self) -> Held:
-        """Return what the watch holds."""
-        return {"watch": self.watch.held()}
-
-    def take(self, held: Held) -> None:
-        """Take back what this filter, or another of breaking, has held."""
-        self.watch.take(held["watch"])
-
-    carry = take
-
     @property
     def figures(self) -> dict[str, Any]:
         """The alarms."""
@@ -325,17 +331,12 @@ class BreakingAlarm:
 class StopAtBreaking(BreakingAlarm):
     """Also ends a run in the step in which a crest overturns."""
 
-    follows = ("BreakingAlarm", "BreakingDissipation")
-
     def needed(self, state: State, t: float) -> bool:
         """Return False, or raise ``RunError`` if a wave overturns; collective."""
         self.watch.look(state, t)
         for index, crest in self.watch.active:
             periods = self.watch.alarms[index].outrun
             if crest.outrun > OVERTURNS or periods > SUSTAINED:
-                recorded = self.watch.recorded
-                self.undo()
-                self.watch.recorded = recorded
                 raise RunError(
                     f"t = {t:.6g} s, {self.watch.place(crest)}: a wave breaks: the water outruns the crest for "
                     f"{periods:.2g} periods (limit {SUSTAINED:g}), in {100 * crest.outrun:.0f} % of its upper half "
@@ -358,18 +359,17 @@ class BreakingDissipation(Smoothing):
 
     Attributes
     ----------
-    watch
+    watch, state
         See above.
     """
 
     called = "the eddy viscosity of breaking waves"
-    follows = ("StopAtBreaking", "BreakingAlarm")
+    state_name = "Breaking"
 
     def __init__(self, waves: NonlinearWaves, watch: BreakingWatch, *, dt: float):
         plane = waves.plane
         self.watch, self._dt = watch, abs(dt)
         self._nu = plane.function("dt nu")
-        self._had = 0.0  # the largest energy so far, of those it was taken from [m^4/s²]
         mapping, eta, nu = waves.wall.mapping, waves.densities.eta, self._nu.function
 
         def viscous(u: Any, v: Any) -> ufl.Form:
@@ -384,31 +384,15 @@ class BreakingDissipation(Smoothing):
             self.place(breaking)
         return bool(breaking)
 
-    def undo(self) -> None:
-        """Forget the last look, and what began to break then: it begins again."""
-        self.watch.undo()
+    @property
+    def state(self) -> BreakingState:
+        """The state of the search, and the energy taken."""
+        return BreakingState(self.watch.state, self._energy)
 
-    def account(self, taken: float, *, of: float) -> None:
-        """Add what has been taken."""
-        self._had = max(self._had, of)
-        super().account(taken, of=of)
-
-    def held(self) -> Held:
-        """Return what has been taken and of how much, and what the watch holds."""
-        return super().held() | {"had": self._had, "watch": self.watch.held()}
-
-    def take(self, held: Held) -> None:
-        """Take back what has been held."""
-        super().take(held)
-        self._had = held["had"]
-        self.watch.take(held["watch"])
-
-    def carry(self, held: Held) -> None:
-        """Take all of it, crests know nothing of the mesh, or of a filter that takes no energy its alarms."""
-        if held.keys() == {"watch"}:
-            self.watch.take(held["watch"])
-        else:
-            self.take(held)
+    @state.setter
+    def state(self, state: BreakingState) -> None:
+        self.watch.state, self._energy = state.watch, state.energy
+        self.watch.recorded = state.watch.alarms
 
     @property
     def figures(self) -> dict[str, Any]:
@@ -419,7 +403,7 @@ class BreakingDissipation(Smoothing):
     @property
     def part_taken(self) -> float:
         """What has been taken so far, of the energy there was [-]."""
-        return self.energy_taken / self._had if self._had else 0.0
+        return self.energy_taken / self._energy.largest if self._energy.largest else 0.0
 
     def place(self, breaking: Sequence[SteepCrest]) -> None:
         """Put the viscosity of breaking crests where they are; collective."""
@@ -437,8 +421,6 @@ HALF = 15.0, 3.0  # of the length of a section: the larger of so many cells and 
 POINTS = 2  # of a section in a node's distance
 MOST = 200  # sections
 DIGITS = 3  # of slopes that are compared: equal ones of a long crest differ by round-off
-
-SurfaceSample = tuple[float, Vector]  # time [s]; x, y, elevation [m] and potential [m²/s], (4, degrees of freedom)
 
 
 class InsidePoints(Points):
@@ -476,24 +458,23 @@ class BasinBreakingWatch(BreakingWatch):
     def __init__(self, waves: NonlinearWaves, flow: SurfaceVelocity):
         super().__init__(waves, flow, length=None)
         plane = waves.plane
-        self._cell, self._fields = plane.cell_size, [plane.function(f"section {n}") for n in range(4)]
+        self._cell, self._field = plane.cell_size, plane.function("section")
         half = max(HALF[0] * self._cell, HALF[1] * waves.depth)
         count = int(np.ceil(half * POINTS * plane.order / self._cell))
         self._along = half / count * np.arange(-count, count + 1)
         self._points = InsidePoints(plane, np.zeros((0, 3)))
 
     # ------------------------------------------------------------------------------------------ the surface
-    def _surface(self) -> Vector:
-        """Return physical places, elevation and potential at all degrees of freedom of this rank, shape (4, rows)."""
+    def _surface(self) -> Surface:
+        """Return the surface at the degrees of freedom of this rank; collective."""
         plane, flow = self._waves.plane, self._flow
         eta, psi = flow.fields
         self._waves.set_time(flow.t)
-        places = plane.chart.places(plane.V.tabulate_dof_coordinates())
-        x, y = self._waves.wall.to_physical(places, eta.rows[:, 0]).T
-        return np.array([x, y, eta.rows[:, 0], psi.rows[:, 0]])
+        x, y = self._waves.wall.to_physical(plane.places, eta.owned).T
+        return Surface(x, y, eta.owned.copy(), psi.owned.copy())
 
-    def _steep(self, last: SurfaceSample, now: SurfaceSample, front: float) -> list[SteepCrest]:
-        """Return the crests that have a steeper front, of two looks, each once; collective."""
+    def _steep(self, last: tuple[float, Any], now: tuple[float, Any], front: float) -> list[SteepCrest]:
+        """Return the crests that have a steeper front, of two surfaces, each once; collective."""
         (before_t, before), (t, surface) = last, now
         seeds, directions = self._seeds(front)
         if not len(seeds):
@@ -502,7 +483,8 @@ class BasinBreakingWatch(BreakingWatch):
         points = np.zeros((lines[..., 0].size, 3))
         points[:, :2] = lines.reshape(-1, 2)
         self._points.move(points)
-        result = self._points.of_all(np.concatenate([before, surface])).reshape(8, *lines.shape[:2])
+        rows = [self._rows(values) for values in (*before, *surface)]
+        result = self._points.of_all(np.array(rows)).reshape(8, *lines.shape[:2])
         inside = self._points.inside.reshape(lines.shape[:2])
         crests = list[SteepCrest]()
         for n, direction in enumerate(directions):
@@ -572,21 +554,10 @@ class BasinBreakingWatch(BreakingWatch):
         t, x, *others = super().columns.items()
         return dict([t, x, ("y [m]", np.array([alarm.y for alarm in self.recorded])), *others])
 
-    def _said(self, surface: Any) -> Any:
-        return surface[:, : self._waves.plane.owned]
-
-    def _heard(self, surface: Any) -> Any:
-        for field, values in zip(self._fields, surface, strict=True):
-            field.set(values)
-        return np.array([field.rows[:, 0] for field in self._fields])
-
-    def held(self) -> Held:
-        """See ``BreakingWatch``; and for how many degrees of freedom."""
-        return super().held() | {"size": self._waves.plane.size}
-
-    def take(self, held: Held) -> None:
-        """See ``BreakingWatch``; of another mesh the surface is left out."""
-        super().take(held if held["size"] == self._waves.plane.size else held | {"last": None})
+    def _rows(self, owned: Vector) -> Vector:
+        """Return values at the degrees of freedom of this rank and its ghosts; collective."""
+        self._field.set(owned)
+        return self._field.rows[:, 0].copy()
 
 
 def _profile(found: Vector, direction: Vector) -> Profile:

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavetank.arrays import Vector
+from wavetank.state import Replicated
 
 LEAST = 0.05  # of all that lies between the lowest and the highest surface: less is a ripple, neither crest nor trough
 SAME = 1e-9  # of that: so little apart is one height, computed twice, where cells meet
@@ -37,10 +37,10 @@ class Profile(NamedTuple):
         d psi / dx [m/s]: where the surface is level, the water's horizontal velocity.
     """
 
-    x: Vector
-    height: Vector
-    slope: Vector
-    velocity: Vector
+    x: Replicated
+    height: Replicated
+    slope: Replicated
+    velocity: Replicated
 
     def continuous(self) -> "Profile":
         """Return the surface with one slope and velocity, the mean of both sides, where two cells meet.

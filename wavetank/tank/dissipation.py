@@ -23,6 +23,7 @@ kd = 0.5 to 8, and 12 to 128 cells a wave.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -38,7 +39,6 @@ from wavetank.errors import InputError
 from wavetank.fem.kinks import KinkSmoothing
 from wavetank.fem.mass import BandedMass, FactoredMatrix, FactoredSmoothing, HorizontalMatrix, RaisedSmoothing
 from wavetank.fem.plane import Plane
-from wavetank.stateful import Held
 from wavetank.tank.seen import State
 from wavetank.tank.surface_flow import SurfaceVelocity
 from wavetank.tank.walls.contract import Columns
@@ -151,6 +151,18 @@ class OneByOne:
         return result
 
 
+@dataclass(frozen=True)
+class SmoothingState:
+    """Energy taken so far, and the largest energy before that [m^4/s²]."""
+
+    energy_taken: float = 0.0
+    largest: float = 0.0
+
+    def after(self, taken: float, *, of: float) -> "SmoothingState":
+        """Return the state after more was taken, of the energy before."""
+        return SmoothingState(self.energy_taken + taken, max(self.largest, of))
+
+
 class Smoothing:
     """v' = (M_J + N)^-1 M_J v for the elevation eta and the surface potential psi, N symmetric with zero row sums.
 
@@ -167,8 +179,6 @@ class Smoothing:
 
     Attributes
     ----------
-    energy_taken
-        So far [m^4/s²].
     called, gives
         In words, what it is, and what makes it give energy instead.
     """
@@ -178,7 +188,21 @@ class Smoothing:
 
     def __init__(self, waves: NonlinearWaves, form: Callable[[Any, Any], ufl.Form], *, by_wall: bool = False):
         self._waves, self._of, self._by_wall = waves, form, by_wall
-        self.energy_taken = 0.0
+        self._energy = SmoothingState()
+
+    @property
+    def energy_taken(self) -> float:
+        """Energy taken so far [m^4/s²]."""
+        return self._energy.energy_taken
+
+    @property
+    def state(self) -> Any:
+        """Energy taken so far, and what else a later step depends on, as plain data."""
+        return self._energy
+
+    @state.setter
+    def state(self, state: Any) -> None:
+        self._energy = state
 
     @cached_property
     def _smoother(self) -> Smoother:
@@ -204,16 +228,8 @@ class Smoothing:
         return self._smoother.smoothed(pairs, self._waves.bed.still)
 
     def account(self, taken: float, *, of: float) -> None:
-        """Add what has been taken."""
-        self.energy_taken += taken
-
-    def held(self) -> Held:
-        """Return what has been taken."""
-        return {"energy_taken": self.energy_taken}
-
-    def take(self, held: Held) -> None:
-        """Take back what has been held."""
-        self.energy_taken = held["energy_taken"]
+        """Add the energy taken, of the energy before."""
+        self._energy = self._energy.after(taken, of=of)
 
 
 NEEDED = 1.5  # u² k_g / g; growth was found from 2.1 on, none below

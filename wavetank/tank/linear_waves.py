@@ -37,7 +37,7 @@ from wavetank.fem.plane import Plane
 from wavetank.fem.vertical import VerticalBasis
 from wavetank.integrators.affine_stages import DirectStage
 from wavetank.integrators.stage_solver import AndersonStageSolver, StageCounters
-from wavetank.stateful import Held, Stateful, give_back, held_by
+from wavetank.state import Held, Stateful, restore_all, states_of
 from wavetank.tank.bed import Depth, FlatBed, bed_of
 from wavetank.tank.energy import POTENTIAL, Energies, Part, WaterEnergy
 from wavetank.tank.potential import InteriorPotential, Minimiser, SolveCounters, interior_of
@@ -394,8 +394,8 @@ class LinearStages:
 
     def held(self) -> Held:
         """Return what all of them remember."""
-        return held_by(self._solvers)
+        return states_of(self._solvers)
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
-        give_back(self._solvers, held)
+        restore_all(self._solvers, held)

@@ -21,7 +21,7 @@ from wavetank.fem.modes import Layer, SolvableLayer, layer_of
 from wavetank.fem.plane import Field, LayeredField, Plane
 from wavetank.fem.recall import Recall
 from wavetank.fem.vertical import VerticalBasis
-from wavetank.stateful import Held
+from wavetank.state import Held
 
 
 @dataclass

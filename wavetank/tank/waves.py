@@ -30,7 +30,7 @@ from wavetank.fem.vertical import VerticalBasis
 from wavetank.fem.whole import Solution, Whole
 from wavetank.integrators.hamiltonian import BetweenTwo, Near, Stage
 from wavetank.integrators.stage_solver import AndersonStageSolver, IteratedStages, Led, Together
-from wavetank.stateful import Held
+from wavetank.state import Held
 from wavetank.tank.bed import Depth, bed_of
 from wavetank.tank.carried_waves import CarriedWaves, Surface, surface_points
 from wavetank.tank.energy import KINETIC, POTENTIAL, Energies, Part, WaterEnergy

@@ -5,7 +5,7 @@ which a later step could differ. What is held goes through JSON, its arrays apar
 """
 
 import json
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 import pytest
@@ -14,6 +14,7 @@ from ranks import Crew
 
 from examples.paper.breaking import over_steep
 from examples.paper.oscillators import NonSeparable
+from wavetank.arrays import Vector
 from wavetank.case import Case
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS, Damped, Damping, GaussLegendre4
@@ -22,7 +23,7 @@ from wavetank.simulation.build import build_observers, build_run, build_watch
 from wavetank.simulation.clock import Clock
 from wavetank.simulation.records import Memory, Records
 from wavetank.simulation.run import Run
-from wavetank.stateful import deserialize, give_back, named, serialize
+from wavetank.state import deserialize, named, plain, restore_all, serialize, typed
 from wavetank.tank.breaking import BreakingDissipation
 from wavetank.tank.dissipation import EdgePenalty
 
@@ -91,7 +92,7 @@ class Keeping:
 
     def record(self, block):
         if block.step[-1] == self._step:
-            self.held = through_a_file(self._run.held())
+            self.held = through_a_file(self._run.tree())
 
 
 def through_a_file(held: dict) -> dict:
@@ -132,13 +133,13 @@ def resumed(scene: Case, comm: MPI.Comm, *, after: int) -> tuple[Observed, dict]
     keeping = Keeping(whole.run, after)
     whole.run.controls.append(keeping)
     whole.run.execute()
-    rest.run.take(keeping.held)
-    assert not differing(keeping.held, rest.run.held())
+    rest.run.resume(keeping.held)
+    assert not differing(keeping.held, rest.run.tree())
     rest.run.execute()
     for one, other in ((whole.gauges, rest.gauges), (whole.energy, rest.energy)):
         np.testing.assert_array_equal(one.array()[after + 1 :], other.array())
     assert whole.counters() == rest.counters()
-    assert not differing(whole.run.held(), rest.run.held())
+    assert not differing(whole.run.tree(), rest.run.tree())
     return rest, keeping.held
 
 
@@ -149,7 +150,7 @@ def test_a_slice_with_all_that_remembers_goes_on_bit_for_bit(scheme):
     before = {name.split("/")[-2]: value for name, value in leaves(held).items() if name.endswith("energy_taken")}
     breaking, penalty = (one.energy_taken for one in rest.run.sinks)
     assert penalty != before["EdgePenalty"] != 0.0 and breaking == 0.0
-    sponge = [one["parts"]["EnergyBudget"]["damped"]["sum"][0] for one in (held, rest.run.held())]
+    sponge = [one["parts"]["EnergyBudget"]["damped"]["value"] for one in (held, rest.run.tree())]
     assert sponge[1] != sponge[0] != 0.0
 
 
@@ -158,7 +159,7 @@ def test_what_is_held_are_fields_of_this_rank_and_numbers():
     one = Observed(changed(SLICE), MPI.COMM_SELF)
     one.run.clock = replace(one.run.clock, steps=4)
     one.run.execute()
-    fields = {name: value for name, value in leaves(one.run.held()).items() if isinstance(value, np.ndarray)}
+    fields = {name: value for name, value in leaves(one.run.tree()).items() if isinstance(value, np.ndarray)}
     assert {value.shape[-1] for value in fields.values()} == {one.waves.plane.owned}
     assert {value.ndim for value in fields.values()} == {1, 2, 3}
     assert fields["/parts/system/interior"].shape == (one.waves.vertical.n, one.waves.plane.owned)
@@ -170,10 +171,10 @@ def test_a_run_that_takes_back_what_it_held_earlier_goes_there_again():
     keeping = Keeping(one.run, 5)
     one.run.controls.append(keeping)
     one.run.execute()
-    before, rows = one.run.held(), one.gauges.array()[6:]
-    one.run.take(keeping.held)
+    before, rows = one.run.tree(), one.gauges.array()[6:]
+    one.run.resume(keeping.held)
     one.run.execute()
-    assert not differing(before, one.run.held())
+    assert not differing(before, one.run.tree())
     np.testing.assert_array_equal(one.gauges.array()[-len(rows) :], rows)
 
 
@@ -190,23 +191,47 @@ def test_an_oscillator_goes_on_bit_for_bit(scheme):
     whole, first, rest = run(20), run(9), run(20)
     whole.execute()
     first.execute()
-    rest.take(through_a_file(first.held()))
+    rest.resume(through_a_file(first.tree()))
     rest.execute()
-    assert not differing(whole.held(), rest.held())
+    assert not differing(whole.tree(), rest.tree())
 
 
-def test_what_another_run_has_held_is_not_taken_back():
-    class Counting:
-        def held(self):
-            return {}
+@dataclass
+class Counted:
+    steps: int = 0
+    rows: Vector | None = None
+    mean: tuple[float, ...] = ()
 
-        def take(self, held):
-            raise AssertionError
 
+class Counting:
+    """A part with state."""
+
+    def __init__(self):
+        self.state = Counted()
+
+
+def test_states_of_other_parts_are_refused_by_name():
     parts = named([Counting(), object(), Counting()])
     assert list(parts) == ["Counting", "Counting 2"]
-    with pytest.raises(InputError, match="held by Counting cannot be taken back by Counting, Counting 2"):
-        give_back(parts, {"Counting": {}})
+    with pytest.raises(InputError, match="the state of Counting cannot be that of Counting, Counting 2"):
+        restore_all(parts, {"Counting": {}})
+
+
+@pytest.mark.parametrize(
+    ("tree", "message"),
+    [
+        ({"steps": 1.5}, "part.steps = 1.5: must be of type int"),
+        ({"steps": True}, "part.steps = true: must be of type int"),
+        ({"rows": [1.0]}, r"part.rows = \[1.0\]: must be of type None"),
+        ({"mean": [1.0, "x"]}, r'part.mean\[1\] = "x": must be of type float'),
+        ({"more": 1}, "part = .*: must be of type Counted"),
+    ],
+)
+def test_a_tree_of_another_type_is_refused_with_its_path(tree, message):
+    with pytest.raises(ValueError, match=f"^{message}"):
+        typed(Counted, {"steps": 1, "rows": None, "mean": []} | tree, "part")
+    right = {"steps": 1, "rows": np.ones(3), "mean": [1, 2.0]}
+    assert plain(typed(Counted, right, "part")) == {"steps": 1, "rows": right["rows"], "mean": [1.0, 2.0]}
 
 
 # ---------------------------------------------------------------- broad
@@ -223,9 +248,9 @@ def test_a_wave_that_breaks_goes_on_breaking():
     scene = over_steep(0.6)
     scene = scene.model_copy(update={"run": scene.run.model_copy(update={"on_breaking": "dissipate", "duration": 0.4})})
     rest, held = resumed(scene, MPI.COMM_SELF, after=65)
-    dissipation = held["parts"]["scheme"]["BreakingDissipation"]
+    breaking = held["parts"]["Breaking"]
     (sink,) = (one for one in rest.run.filters if isinstance(one, BreakingDissipation))
-    assert dissipation["breaking"] and sink.energy_taken > dissipation["energy_taken"] > 0.0
+    assert breaking["watch"]["active"] and sink.energy_taken > breaking["energy"]["energy_taken"] > 0.0
 
 
 def first_half(scene: dict, after: int, numerics: dict) -> tuple:
@@ -234,15 +259,15 @@ def first_half(scene: dict, after: int, numerics: dict) -> tuple:
     keeping = Keeping(one.run, after)
     one.run.controls.append(keeping)
     one.run.execute()
-    return keeping.held, one.run.held(), one.gauges.array(), one.counters()
+    return keeping.held, one.run.tree(), one.gauges.array(), one.counters()
 
 
 def second_half(scene: dict, held: list, numerics: dict) -> tuple:
     """Return what there is at the end of a run that goes on from what was held by each rank; collective."""
     one = Observed(changed(scene, **numerics), MPI.COMM_WORLD)
-    one.run.take(held[MPI.COMM_WORLD.rank])
+    one.run.resume(held[MPI.COMM_WORLD.rank])
     one.run.execute()
-    return one.run.held(), one.gauges.array(), one.counters()
+    return one.run.tree(), one.gauges.array(), one.counters()
 
 
 def in_new_processes(function, *arguments) -> list:

@@ -1,0 +1,208 @@
+"""State of a run as a tree of plain data, written as JSON and arrays, and read back.
+
+A tree consists of dataclasses, named tuples, dictionaries, lists, numbers, strings, None and arrays. The last axis of
+an array runs over the degrees of freedom of this rank, so that a checkpoint orders its values by location.
+``Replicated`` arrays are the same on all ranks, and lists in JSON. An object whose state belongs to the run has one
+dataclass ``state``, which is replaced on resume: the resumed run equals the uninterrupted one bit for bit.
+"""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from types import UnionType
+from typing import Annotated, Any, Protocol, Union, get_args, get_origin, get_type_hints, runtime_checkable
+
+import numpy as np
+
+from wavetank.arrays import Vector
+from wavetank.errors import InputError
+
+Replicated = Annotated[Vector, "the same on all ranks"]
+_HINTS = dict[type, dict[str, Any]]()  # of the types of states so far
+Held = dict[str, Any]  # a tree without dataclasses
+
+
+@runtime_checkable
+class Stateful(Protocol):
+    """An object that converts its state to a plain tree itself."""
+
+    def held(self) -> Held:
+        """Return the tree, none of which changes later; collective."""
+
+    def take(self, held: Held) -> None:
+        """Replace the state by that of a tree; collective."""
+
+
+def has_state(part: object) -> bool:
+    """Return whether an object has state that belongs to the run."""
+    return is_dataclass(getattr(part, "state", None)) or isinstance(part, Stateful)
+
+
+def state_of(part: Any) -> Held:
+    """Return the state of an object as a plain tree; collective."""
+    tree: Held = plain(part.state) if is_dataclass(getattr(part, "state", None)) else part.held()
+    return tree
+
+
+def states_of(parts: Mapping[str, Any]) -> Held:
+    """Return the states of objects by their names; collective."""
+    return {name: state_of(part) for name, part in parts.items()}
+
+
+def restore(part: Any, tree: Any, where: str) -> None:
+    """Replace the state of an object; collective. Raises ``ValueError`` for a tree of another type."""
+    if is_dataclass(state := getattr(part, "state", None)):
+        part.state = typed(type(state), tree, where)
+    else:
+        check_like(part.held(), tree, where)
+        part.take(tree)
+
+
+def check_like(example: Any, tree: Any, where: str) -> None:
+    """Raise ``ValueError`` for a plain tree whose values have other types than those of an example; None has any."""
+    kinds: Any = (int, float) if isinstance(example, int | float) else type(example)
+    if example is None or tree is None:
+        return
+    if not isinstance(tree, kinds) or isinstance(tree, bool) is not isinstance(example, bool):
+        raise ValueError(f"{where} = {tree!r}: must be of type {type(example).__name__}")
+    if isinstance(example, dict):
+        for name in example.keys() & tree.keys():
+            check_like(example[name], tree[name], f"{where}.{name}")
+    if isinstance(example, list) and example:
+        for n, one in enumerate(tree):
+            check_like(example[0], one, f"{where}[{n}]")
+
+
+def named(parts: Iterable[object]) -> dict[str, Any]:
+    """Return objects with state by the names of their classes, the second of a class as "Class 2".
+
+    Classes that replace each other in a resumed run have one ``state_name``.
+    """
+    result: dict[str, Any] = {}
+    for part in parts:
+        if has_state(part):
+            name = getattr(part, "state_name", type(part).__name__)
+            before = sum(getattr(other, "state_name", type(other).__name__) == name for other in result.values())
+            result[f"{name} {before + 1}" if before else name] = part
+    return result
+
+
+def restore_all(parts: Mapping[str, Any], trees: Mapping[str, Any], *, may_be_new: Sequence[str] = ()) -> None:
+    """Replace the states of objects; collective.
+
+    Raises ``InputError`` unless the trees have the same names; those that ``may_be_new`` keep their states where they
+    have no tree.
+    """
+    mine = {name: part for name, part in parts.items() if name in trees or name.partition(" ")[0] not in may_be_new}
+    if mine.keys() != trees.keys():
+        its, ours = (", ".join(names) or "nothing" for names in (trees, mine))
+        raise InputError(f"the state of {its} cannot be that of {ours}: a resumed run needs the same diagnostics.")
+    for name, part in mine.items():
+        restore(part, trees[name], name)
+
+
+def count(value: object) -> int:
+    """Return a count, by which compiled code addresses arrays; raises ``ValueError`` for anything else."""
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 2**31:
+        raise ValueError(f"{value!r} is no count")
+    return value
+
+
+def _hints(kind: Any) -> dict[str, Any]:
+    """Return the types of the fields of a dataclass or named tuple."""
+    if kind not in _HINTS:
+        names = [one.name for one in fields(kind)] if is_dataclass(kind) else kind._fields
+        hints = get_type_hints(kind, include_extras=True)
+        _HINTS[kind] = {name: hints[name] for name in names}
+    return _HINTS[kind]
+
+
+def _has_fields(kind: Any) -> bool:
+    return isinstance(kind, type) and (is_dataclass(kind) or (issubclass(kind, tuple) and hasattr(kind, "_fields")))
+
+
+def plain(tree: Any, kind: Any = Any) -> Any:
+    """Return a tree with dictionaries for dataclasses and named tuples, and lists for replicated arrays."""
+    if _has_fields(type(tree)):
+        return {name: plain(getattr(tree, name), hint) for name, hint in _hints(type(tree)).items()}
+    if isinstance(tree, np.ndarray):
+        return tree.tolist() if Replicated in (kind, *get_args(kind)) else tree
+    if isinstance(tree, list | tuple):
+        return [plain(one, next(iter(get_args(kind)), Any)) for one in tree]
+    return {name: plain(one) for name, one in tree.items()} if isinstance(tree, dict) else tree
+
+
+def typed(kind: Any, tree: Any, where: str) -> Any:
+    """Return the value of a type that ``plain`` has made a tree.
+
+    Raises ``ValueError`` for a tree of another type, which names its path ``where``.
+    """
+    origin, arguments = get_origin(kind), get_args(kind)
+    if kind is Any:
+        return tree
+    if origin in (Union, UnionType):
+        return _of_union(arguments, tree, where)
+    if _has_fields(kind) and isinstance(tree, dict) and tree.keys() == _hints(kind).keys():
+        return kind(**{name: typed(hint, tree[name], f"{where}.{name}") for name, hint in _hints(kind).items()})
+    if origin is np.ndarray and isinstance(tree, np.ndarray) and tree.dtype == np.float64:
+        return tree
+    if origin is Annotated and isinstance(tree, list):
+        return np.array(tree, dtype=np.float64)
+    if origin is list and isinstance(tree, list):
+        return [typed(arguments[0], one, f"{where}[{n}]") for n, one in enumerate(tree)]
+    if origin is tuple and isinstance(tree, list):
+        kinds = arguments[:1] * len(tree) if arguments[1:] == (...,) else arguments
+        return tuple(typed(one, value, f"{where}[{n}]") for n, (one, value) in enumerate(zip(kinds, tree, strict=True)))
+    if origin in (dict, Mapping) and isinstance(tree, dict):
+        return {name: typed(arguments[1], one, f"{where}.{name}") for name, one in tree.items()}
+    if kind is float and isinstance(tree, int | float) and not isinstance(tree, bool):
+        return float(tree)
+    if isinstance(kind, type) and not _has_fields(kind) and type(tree) is kind:
+        return tree
+    shown = "an array" if isinstance(tree, np.ndarray) else json.dumps(tree, default=lambda _: "an array")[:60]
+    raise ValueError(f"{where} = {shown}: must be of type {getattr(kind, '__name__', kind)}")
+
+
+def _of_union(kinds: Sequence[Any], tree: Any, where: str) -> Any:
+    """Return the value of the first of some types that a tree has."""
+    for kind in kinds[:-1]:
+        try:
+            return typed(kind, tree, where)
+        except ValueError:
+            continue
+    return typed(kinds[-1], tree, where)
+
+
+def check_fields(kind: Any, tree: dict[str, Any], where: str) -> None:
+    """Raise ``ValueError`` for a value of another type than that of a field of a dataclass; others may be missing."""
+    for name, hint in _hints(kind).items():
+        if name in tree:
+            typed(hint, tree[name], f"{where}.{name}")
+
+
+def serialize(tree: Any) -> tuple[str, list[Vector]]:
+    """Return a tree as JSON, {"array": n} in the place of its n-th array, and the arrays."""
+    arrays: list[Vector] = []
+
+    def number(value: object) -> dict[str, int]:
+        if not isinstance(value, np.ndarray):
+            raise TypeError(f"{value!r} is part of a state: neither an array nor a type of JSON")
+        arrays.append(value)
+        return {"array": len(arrays) - 1}
+
+    return json.dumps(plain(tree), default=number), arrays
+
+
+def deserialize(text: str, arrays: Sequence[Vector]) -> Held:
+    """Return the plain tree from its JSON text and arrays, the inverse of ``serialize``; raises ``ValueError``."""
+
+    def value(table: dict[str, Any]) -> Any:
+        if table.keys() != {"array"}:
+            return table
+        number = table["array"]
+        if type(number) is not int or not 0 <= number < len(arrays):
+            raise ValueError(f"array = {number!r}: must be the number of one of {len(arrays)} arrays")
+        return arrays[number]
+
+    tree: Held = json.loads(text, object_hook=value)
+    return tree
