@@ -300,3 +300,64 @@ def test_kernels_of_a_basin_of_low_vertical_order_compile_without_a_warning(vert
     ) as process:
         out, err = process.communicate()
     assert "exit code 0" in out and err == ""
+
+
+SANITIZED = """
+import sys
+from pathlib import Path
+from wavetank.cli import main
+from wavetank.fem.codegen import FLAGS, Unit
+checks = ["-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=undefined", "-Wno-error"]
+Unit.__init__.__kwdefaults__["flags"] = [*FLAGS, *checks]
+Path("case.toml").write_text(sys.argv[1])
+print("exit code", main(["run", "case.toml", "--no-plots", "--out", "run"]))
+"""
+NUMERICS = """
+[numerics]
+cell_size = 0.5
+vertical_order = 2
+dt = 0.03
+[run]
+duration = 0.3
+"""
+MOVED = """
+[tank]
+length = 4.0
+depth = 0.5
+{basin}
+[wall]
+type = "{wall}"
+{hinge}
+motion = {{ type = "sinusoid", paddle_amplitude = 0.02, period = 1.5, ramp = 1.0 }}
+"""
+SLICE = MOVED.format(basin="", wall="piston", hinge="") + NUMERICS
+FLAP = MOVED.format(basin="", wall="flap", hinge="hinge = 0.0") + NUMERICS
+BOX = 'type = "basin"\nlayout = { type = "rectangle", length = 4.0, width = 1.0 }'
+BOX = MOVED.format(basin=BOX, wall="piston", hinge="")
+BOX = BOX.replace("length = 4.0\ndepth", "depth", 1) + NUMERICS
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", [SLICE, FLAP, BOX], ids=["slice", "flap", "basin"])
+def test_kernels_read_and_write_within_their_arrays(case, tmp_path):
+    """Oracle: the address and undefined-behaviour sanitizers."""
+    libraries = [
+        subprocess.run(["gcc", f"-print-file-name={name}"], capture_output=True, text=True, check=True).stdout.strip()
+        for name in ("libasan.so", "libubsan.so")
+    ]
+    options = {
+        "LD_PRELOAD": ":".join(libraries),
+        "ASAN_OPTIONS": "detect_leaks=0:detect_stack_use_after_return=0",  # whose stack is not aligned to vectors
+        "PETSC_OPTIONS": "-no_signal_handler",
+        "XDG_CACHE_HOME": str(tmp_path),
+        "PYTHONPATH": str(Path.cwd()),
+    }
+    with begun(
+        [sys.executable, "-c", SANITIZED, case],
+        env={**os.environ, **options},
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as process:
+        out, err = process.communicate()
+    assert "exit code 0" in out and "ERROR" not in err and "runtime error" not in err, err

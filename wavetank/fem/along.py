@@ -30,7 +30,10 @@ def along(
 ) -> LayerOperator:
     """Return the operator of a slice or ring, with its modes where layers are averaged; see ``LayerOperator``."""
     more = source("matrices.c", "banded") + source("modes.c", "slice")
-    sizes, exports = _sizes(plane, vertical.n + 1, "double", ordered=False), ("decouple", "respond")
+    sizes, exports = (
+        _sizes(plane, vertical.n + 1, "double", ordered=False),
+        ("take", "product", "derivative", "decouple", "respond"),
+    )
     return LayerOperator(
         energy, plane, vertical, column=column, more=more, exports=exports, more_sizes=sizes, unit=unit
     )
@@ -46,7 +49,7 @@ def _single(
         vertical,
         column=column,
         more=source("matrices.c", "banded") + source("modes.c", "slice", "correction"),
-        exports=("decouple", "correct"),
+        exports=("take", "decouple", "correct"),
         more_sizes=_sizes(plane, vertical.n, "float", ordered=True),
         unit=unit,
         prefix="single",

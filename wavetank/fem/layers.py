@@ -79,7 +79,7 @@ class LayerOperator:
     column
         The field by which derivatives are taken.
     more, exports, more_sizes
-        C code that is compiled with the operator's, the functions of it that Python calls, and its sizes.
+        C code that is compiled with the operator's, all functions that Python calls, and sizes of the code.
     unit, prefix
         The translation unit that its functions belong to, and their prefix there; default: one of its own.
     real
@@ -111,7 +111,7 @@ class LayerOperator:
         *,
         column: Field,
         more: str = "",
-        exports: Sequence[str] = (),
+        exports: Sequence[str] = FUNCTIONS,
         more_sizes: Mapping[str, object] | None = None,
         unit: Unit | None = None,
         prefix: str = "layers",
@@ -137,7 +137,7 @@ class LayerOperator:
         self.instance = instance = (unit or Unit(plane.comm)).add(
             prefix,
             source("cells.c") + source("layers.c", "layer", "operator") + more,
-            exports=(*FUNCTIONS, *exports),
+            exports=exports,
             sizes={**sizes, **(more_sizes or {})},
             real=real,
             density=self.density,

@@ -5,7 +5,7 @@ takes a tenth of the time of a sparse matrix at p = 4, and of its memory. Along 
 banded.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from copy import copy
 from typing import Any
 
@@ -26,7 +26,7 @@ from wavetank.fem.plane import Plane
 from wavetank.fem.sparse_rows import SparseRows
 
 ROUND_OFF, EIGHT_DIGITS = 1e-15, 1e-8  # of a solution, in its energy
-FUNCTIONS = "weigh", "multiply", "diagonal", "cellwise"
+PRODUCTS = "weigh", "multiply"  # functions of a matrix that is not inverted
 
 Bilinear = Callable[[Any, Any], ufl.Form]  # of trial and test function
 
@@ -205,6 +205,8 @@ class MassMatrix:
     ----------
     unit, prefix
         The translation unit that its functions belong to, and their prefix there; default: one of its own.
+    functions
+        What is compiled of them; default: all.
 
     Attributes
     ----------
@@ -215,16 +217,20 @@ class MassMatrix:
     """
 
     most = 200  # iterations
+    sections: tuple[str, ...] = ("mass",)  # of the C code
+    functions: tuple[str, ...] = ("weigh", "multiply", "diagonal", "cellwise")  # that Python calls
 
-    def __init__(self, plane: Plane, J: Any, *, unit: Unit | None = None, prefix: str = "mass"):
+    def __init__(
+        self, plane: Plane, J: Any, *, unit: Unit | None = None, prefix: str = "mass", functions: Sequence[str] = ()
+    ):
         self.cells = cells = Cells(plane, plane.degree)
         self._density = Density(ufl.as_ufl(J), plane)
         self._comm, self._halo = plane.comm, cells.halo(1)
-        fields, more, functions = self._density.fields, *self._factoring(plane)
+        fields = self._density.fields
         instance = (unit or Unit(plane.comm)).add(
             prefix,
-            source("cells.c") + source("matrices.c", "mass") + more,
-            exports=(*FUNCTIONS, *functions),
+            source("cells.c") + source("matrices.c", *self.sections),
+            exports=functions or self.functions,
             sizes={**cells.sizes, "FIELDS": fields, "MOST": max(1, fields), **self._sizes(plane)},
             density=self._density,
             made={"DENSITY": lambda density: {"density": density}},
@@ -254,15 +260,11 @@ class MassMatrix:
     def _set_up(self) -> None:
         self.struct, size = self._instance.struct("Mass", **self._parts), self._halo.size
         function = self._instance.function
-        self._weigh = function("weigh", self.struct)
+        self._weigh, self._total = function("weigh", self.struct), function("total", self.struct)
         self._multiply = function("multiply", self.struct, Buffer(size), Buffer(size))
         self._add_diagonal = function("diagonal", self.struct, Buffer(size))
         batches = Buffer(self.weights[:, 0].size)
         self._cellwise = function("cellwise", self.struct, self._of_cells, batches, Buffer(size), Buffer(size))
-
-    def _factoring(self, plane: Plane) -> tuple[str, tuple[str, ...]]:
-        """Return C code and functions of factors."""
-        return "", ()
 
     def _sizes(self, plane: Plane) -> dict[str, object]:
         return {}
@@ -270,6 +272,11 @@ class MassMatrix:
     def _factors(self, instance: Instance, plane: Plane) -> dict[str, Any]:
         """Return the factors as the struct has them."""
         return {}
+
+    def total(self) -> float:
+        """Return int J dX over this rank's cells, for the fields as they are."""
+        total: float = self._total()
+        return total
 
     def product(self) -> "MassMatrix":
         """Return it as it is now, for products alone."""
@@ -347,8 +354,8 @@ class BandedMass(MassMatrix):
     So a paddle at the near end changes few of them.
     """
 
-    def _factoring(self, plane: Plane) -> tuple[str, tuple[str, ...]]:
-        return source("matrices.c", "banded", "factors"), ("factor", "solve", "solve_both", "square")
+    sections = "mass", "banded", "factors"
+    functions = "weigh", "multiply", "diagonal", "factor", "solve", "solve_both"
 
     def _sizes(self, plane: Plane) -> dict[str, object]:
         return {"BAND": plane.order, "ABREAST": 1, "GROUPS": 1, "JUMPS": 0}

@@ -98,15 +98,11 @@ class Leaning(Protocol):
     ----------
     mean, column
         The mass matrix with the mean of J over the column, and that column, shape (dofs,) [m].
-    moment
-        M of the potential energy 1/2 g eta M eta: with the mean of J between eta and still water, by the moment of
-        heights, of the water's own column.
     trials, round_off
         How many there are at most, and of the columns what they are found to.
     """
 
     mean: MassMatrix
-    moment: MassMatrix
     column: Vector
     trials: int
     round_off: float
@@ -148,6 +144,8 @@ class Whole:
         That of all components; no instance is added to it after this one.
     mass, operator, minimum, recall
         What is called.
+    potential
+        The density of potential energy.
     column, phi
         Where column and potential are found.
     walls, leaning
@@ -165,6 +163,7 @@ class Whole:
         unit: Unit,
         *,
         mass: BandedMass,
+        potential: MassMatrix,
         operator: LayerOperator,
         minimum: Minimum,
         recall: Recall,
@@ -192,7 +191,7 @@ class Whole:
         shape, of_walls = phi.rows.shape, [wall.by_potential_rows for wall in walls] or [np.zeros((1, numbers))]
         lean: dict[str, Any] = {}
         if leaning:
-            lean = {"mean": leaning.mean.struct, "moment": leaning.moment.struct, "mean_column": leaning.column}
+            lean = {"mean": leaning.mean.struct, "mean_column": leaning.column}
             lean |= {name: np.empty_like(leaning.column) for name in ("before", "change")}
             lean |= {"trials": leaning.trials, "round_off": leaning.round_off}
         self._tank = self.instance.struct(
@@ -200,6 +199,7 @@ class Whole:
             dofs=plane.size,
             celerity=celerity,
             mass=mass.struct,
+            potential=potential.struct,
             cells=operator.cells,
             layers=operator.layers,
             rows=operator.rows,
@@ -224,7 +224,7 @@ class Whole:
         n, result, function = Buffer(plane.size), Buffer(5 * plane.size), self.instance.function
         self._find = function("find", self._tank, n, n, n, int, result, self._told)
         self._push = function("push", self._tank, result, 0, np.zeros(1))
-        self._energy_near = function("energy_near", self._tank, Buffer(2 * plane.size), result, float, float)
+        self._energy_near = function("energy_near", self._tank, Buffer(2 * plane.size), result, float)
         self._last: Vector | None = None  # what ``find`` found last
         self._followed: Vector | float | None = None  # the column of still water that walls know
         self._still: tuple[Vector | float, Vector] = np.nan, np.empty(0)  # that, spread
@@ -345,9 +345,9 @@ class Whole:
         see, _ = self._functions(into)
         see(q, p, point, kinetic, gravity, row)
 
-    def energy_near(self, state: Vector, point: Vector, kinetic: float, gravity: float) -> float:
+    def energy_near(self, state: Vector, point: Vector, kinetic: float) -> float:
         """Return H of masses and surface potential, [q, p], from the point last found, as ``see`` does."""
-        energy: float = self._energy_near(state, point, kinetic, gravity)
+        energy: float = self._energy_near(state, point, kinetic)
         return energy
 
     def look(

@@ -24,7 +24,7 @@ from wavetank.errors import BreakdownError, ConvergenceError, RunError
 from wavetank.fem.along import Minimum
 from wavetank.fem.codegen import Instance, Struct, Unit
 from wavetank.fem.combination import Combination
-from wavetank.fem.mass import BandedMass, mass_matrix
+from wavetank.fem.mass import BandedMass, MassMatrix, mass_matrix
 from wavetank.fem.plane import Plane
 from wavetank.fem.vertical import VerticalBasis
 from wavetank.fem.whole import Solution, Whole
@@ -165,6 +165,9 @@ class NonlinearWaves:
         self.unit = Unit(plane.comm)
         self.mass = mass_matrix(plane, wall.mapping.J(energy.eta), self.unit)
         self.columns = wall.columns(energy, self.mass, self.unit)
+        self._potential = MassMatrix(
+            plane, energy.potential(), unit=self.unit, prefix="potential", functions=("total",)
+        )
         self._leaning = self.columns if isinstance(self.columns, ShapedColumns) else None
         self.operator, self.layer, minimum = interior_of(
             energy.column, plane, self.vertical, column=self.h, tolerance=tolerances.interior, unit=self.unit
@@ -211,12 +214,8 @@ class NonlinearWaves:
         }
 
     def _potential_energy(self) -> float:
-        """Return 1/2 g eta M eta, of J beside a paddle that leans its mean between eta and still water; collective."""
-        eta, mass = self.h.owned - self.bed.still, self.mass
-        if self._leaning:
-            mass = self._leaning.moment
-            mass.update()
-        return 0.5 * self.gravity * self.inner(eta, mass.apply(eta))
+        """Return the potential energy of the column as it is; collective."""
+        return summed(self.plane.comm, self._potential.total())
 
     # ------------------------------------------------------------------------------------------ the state's flow
     def evaluate(self, q: Vector, p: Vector, t: float) -> None:
@@ -270,6 +269,7 @@ class NonlinearWaves:
             self.plane,
             self.unit,
             mass=self.mass,
+            potential=self._potential,
             operator=self.operator,
             minimum=minimum,
             recall=self.potential.recall,
@@ -460,7 +460,7 @@ class NonlinearWaves:
         """Return H from where the step to a state has ended, if that is the point last evaluated; see ``Seeing``."""
         if self._seeing is None or not isinstance(state, BetweenTwo) or not self._at_end(state, t):
             return None
-        return self._seeing.energy_near(state.mean, self._derived(), self._kinetic, self.gravity)
+        return self._seeing.energy_near(state.mean, self._derived(), self._kinetic)
 
     def energy(self, q: Vector, p: Vector, t: float) -> float:
         """Return H(Q, psi, t), the wall's terms included; collective."""

@@ -51,31 +51,17 @@ SHARED void multiply(const Mass *m, const double *x, double *y)
     }
 }
 
-typedef struct {
-    const double *weights;
-    v sum;
-} Squares;
-
-INLINE void square_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
+/* The integral of the density of the fields as they are. */
+SHARED double total(const Mass *m)
 {
-    Squares *squares = (Squares *)what;
-    squares->sum += ((const stored *)squares->weights)[b * POINTS + q] * (u[0] * u[0]);
-}
-
-/* x M x. */
-SHARED double square(const Mass *m, const double *x)
-{
-    const Cells *c = m->cells;
-    Squares squares = {m->weights, zero};
-    double sum = 0.0;
-    EACH(b, c->batches) {
-        v X[NODES];
-        gather(c, b, 1, x, 1, X);
-        through(c, b, 0, 1, X, 0, X, square_at, &squares);
-    }
+    v sum = zero;
+    double result = 0.0;
+    weigh(m);
+    EACH(k, m->cells->batches * POINTS)
+        sum += ((const stored *)m->weights)[k];
     EACH(l, LANES)
-        sum += squares.sum[l];
-    return sum;
+        result += sum[l];
+    return result;
 }
 
 /* y += the diagonal of M. */

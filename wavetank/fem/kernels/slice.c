@@ -9,7 +9,8 @@ enum { KINETIC, POTENTIAL, WALL, MASS, POWER, DAMPED, HIGHEST, LARGEST, OF_A_ROW
 typedef struct {
     int dofs, carries, most_iterations, iterations, trials, walls_moving;
     double celerity, tolerance, round_off;
-    const Mass *mass, *mean, *moment;   /* of J at the surface, its mean over the column, and by the moment of heights */
+    const Mass *mass, *mean;            /* of J at the surface, and its mean over the column */
+    const Mass *potential;              /* the density of potential energy */
     double *mean_column, *before, *change;
     const Cells *cells;
     const float_Cells *float_cells;
@@ -385,26 +386,15 @@ static double of_walls(const Tank *w)
     return sum;
 }
 
-/* g eta M eta of the point that was found last, over g. */
-static double moment_of(const Tank *w)
-{
-#if LEANS
-    moment_weigh(w->moment);
-    return moment_square(w->moment, w->inputs);
-#else
-    return mass_square(w->mass, w->inputs);
-#endif
-}
-
 /* H of a state [q, p] from the point near it that was found last, whose kinetic energy is told. */
-static double energy_near(const Tank *w, const double *state, const double *point, double kinetic, double gravity)
+static double energy_near(const Tank *w, const double *state, const double *point, double kinetic)
 {
     const long n = w->dofs;
     double change = 0.0;
 #pragma omp simd reduction(+ : change)
     EACH(i, n)
         change += point[2 * n + i] * (state[i] - point[3 * n + i]) + point[i] * (state[n + i] - point[4 * n + i]);
-    return kinetic + change + 0.5 * gravity * moment_of(w) + of_walls(w);
+    return kinetic + change + potential_total(w->potential) + of_walls(w);
 }
 
 /* See masses q and surface potential p from the point near them that was found last, whose kinetic energy is told, and whose
@@ -426,7 +416,7 @@ static void see_from(Tank *w, const double *q, const double *p, const double *po
         eta[i] = at_point[i] - rise[i], psi[i] = p[i];
     }
     heights(eta, n, numbers + HIGHEST, numbers + LARGEST);
-    numbers[KINETIC] = kinetic + change - gravity * lift, numbers[POTENTIAL] = gravity * (0.5 * moment_of(w) + lift);
+    numbers[KINETIC] = kinetic + change - gravity * lift, numbers[POTENTIAL] = potential_total(w->potential) + gravity * lift;
     numbers[MASS] = mass;
     EACH(k, w->walls_moving) {
         memcpy(into->rates + 3 * (row * into->paddles + k), w->walls[k]->moves, 3 * sizeof(double));

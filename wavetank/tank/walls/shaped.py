@@ -14,7 +14,7 @@ import ufl
 from wavetank.arrays import Vector, summed
 from wavetank.errors import ConvergenceError
 from wavetank.fem.codegen import Unit
-from wavetank.fem.mass import MassMatrix
+from wavetank.fem.mass import PRODUCTS, MassMatrix
 from wavetank.fem.plane import Plane
 from wavetank.tank.energy import Part, WaterEnergy
 from wavetank.tank.walls.contract import Columns
@@ -66,7 +66,7 @@ class ShapedColumns:
 
     Attributes
     ----------
-    mean, moment, column, trials, round_off
+    mean, column, trials, round_off
         As ``fem/whole.py`` has them.
     """
 
@@ -80,9 +80,7 @@ class ShapedColumns:
         self.trials, self.round_off = MOST, ROUND_OFF
         stretching = wall.mapping.stretching
         mean = 1 + stretching(lambda shape: shape.column(h, energy.d)) / h
-        self.mean = MassMatrix(plane, mean, unit=unit, prefix="mean")
-        moment = 1 + stretching(lambda shape: shape.mean(energy.eta))
-        self.moment = MassMatrix(plane, moment, unit=unit, prefix="moment")
+        self.mean = MassMatrix(plane, mean, unit=unit, prefix="mean", functions=PRODUCTS)
 
     def apply(self, h: Vector) -> Vector:
         """Return the masses of columns [m]; collective."""
