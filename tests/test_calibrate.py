@@ -412,7 +412,7 @@ def test_a_run_that_fails_for_another_reason_ends_the_calibration(tiny, monkeypa
 @pytest.mark.parametrize(
     ("case", "changes", "sentence"),
     [
-        ("standing-wave", [], 'wall.type = "fixed": must be a paddle that moves as a whole: its'),
+        ("standing-wave", [], 'wall.type = "fixed": must be a paddle in one piece: its'),
         ("directional-focus", [], 'tank.type = "basin": must be a slice: the target is at one place along it'),
         ("wavemaker", [], "target: is missing: only a focused crest"),
         ("wavemaker", ["target={type='crest', height=0.1, x=2.0, time=9.0}"], 'wall.motion.type = "sinusoid": must'),

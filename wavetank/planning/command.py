@@ -28,11 +28,11 @@ def plan(
         bool, typer.Option("--calibrate", help="measure first, about a minute, what a step costs on this machine")
     ] = False,
 ) -> None:
-    """Say what a case requires, and propose numerics for an accuracy.
+    """Print the requirements of a case, and numerics for an accuracy at least cost.
 
-    They reach it at least cost. Where numerics.accuracy stands in the case, what is set beside it is kept; else the
-    case's own numerics are judged beside the proposed ones. A case that names none is run with the plan. Of basins,
-    tanks over a bed and starts by formula no plan is made: some steps are run, also under mpirun, and timed.
+    Numerics that a case names beside numerics.accuracy are not replaced; without numerics.accuracy the case's own
+    numerics are compared with the proposed ones. A case that names none is run with the plan. For basins, tanks over a
+    bed and starts by formula no plan is made: some steps are run, also under mpirun, and timed.
     """
     from wavetank.planning.report import report
 
@@ -58,10 +58,10 @@ def motion(
     ] = True,
     overrides: Overrides = None,
 ) -> None:
-    """Write the paddle's motion as a wave board reads it.
+    """Write the paddle motion as a file for a wave board.
 
-    A case of type "recorded" reads the file back, as its position, and runs the same. Of a flap the CSV file has its
-    angle, too, and the height above the bed of which the position is.
+    A motion of type "recorded" reads the file as its position, and the run is the same. For a flap the CSV file also
+    has its angle, and the height above the bed at which the position is.
     """
     from wavetank.planning.motion_file import write_motion
 

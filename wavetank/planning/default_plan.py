@@ -30,7 +30,7 @@ class PlannedCase(NamedTuple):
 def planned(scene: Case, comm: MPI.Comm) -> PlannedCase:
     """Return the scene with the water and numerics that its accuracy, or the default one, requires.
 
-    Where no plan can be made, or some numerics are named, its shortest wave decides on the others. Made on the first
+    If no plan can be made, or some numerics are named, the rest follows its shortest wave. Made on the first
     rank; collective. Raises ``InputError`` on all ranks if an accuracy is named that cannot be planned for.
     """
     return from_first(comm, lambda: _planned(scene))
@@ -40,7 +40,8 @@ def _planned(scene: Case) -> PlannedCase:
     if isinstance(scene.initial, RunState) and scene.numerics.accuracy is None:
         with about("initial"):
             return PlannedCase(with_its_numerics(scene, scene.initial))
-    if scene.numerics.open or not _cells_are_named(scene):
+    on_file = isinstance(scene.tank, BasinTank) and isinstance(scene.tank.layout, MeshFile)
+    if scene.numerics.open or not (on_file or scene.numerics.model_fields_set & {"cells", "cell_size"}):
         check_resolvable(scene)
     if scene.numerics.accuracy is not None:
         return PlannedCase(make_plan(scene, scene.numerics.accuracy).applied_to(scene))
@@ -56,15 +57,9 @@ def _planned(scene: Case) -> PlannedCase:
     return PlannedCase(plan.applied_to(scene), (warning,))
 
 
-def _cells_are_named(scene: Case) -> bool:
-    """Return whether none are chosen for a scene that names some numerics."""
-    from_file = isinstance(scene.tank, BasinTank) and isinstance(scene.tank.layout, MeshFile)
-    return from_file or bool(scene.numerics.model_fields_set & {"cells", "cell_size"})
-
-
 def check_resolvable(scene: Case) -> None:
     """Raise ``CaseError`` if no numerics resolve a paddle's waves."""
-    named = "; cells that the case names are taken as they are"
+    named = "; cells that the case names are not replaced"
     if problems := [one._replace(allowed=one.allowed + named) for one in too_short(scene)]:
         raise CaseError(problems)
 
@@ -112,7 +107,7 @@ def mesh_in_errors(requested: Case, scene: Case) -> Iterator[None]:
 
 
 def _origin(requested: Case, scene: Case) -> str:
-    """Return where the cells come from, and what names others."""
+    """Return the origin of the cells, and the key that changes them."""
     numerics, cells = requested.numerics, f"its cells of {scene.cell_size:.3g} m"
     if isinstance(requested.tank, BasinTank) and isinstance(requested.tank.layout, MeshFile):
         return "its cells are those of the file that tank.layout names"

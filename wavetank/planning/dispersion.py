@@ -139,7 +139,7 @@ class BlochWaves(NamedTuple):
         Of it and that of the branch that faces it at the next end, by their shares in exp(i k x): there it has no jump,
         and farther away it is mu.
     profile_error
-        How far nodal values of exp(i k x) are from the discrete wave, relative, in the norm of M. What is left belongs
+        How far nodal values of exp(i k x) are from the discrete wave, relative, in the norm of M. The rest belongs
         to other branches: a bounded error, while that in the frequency grows with time. Of a branch of nearly the same
         frequency, as two have that face each other, it is as small as they differ.
     """
@@ -201,7 +201,7 @@ def _vertical(n: int) -> tuple[Vector, Vector]:
 # ---------------------------------------------------------------------------------------------------- time
 @dataclass(frozen=True)
 class _Oscillators(OnOneRank):
-    """H = sum x (p² + q²) / 2: oscillators of the frequencies x, all stepped together."""
+    """H = sum x (p² + q²) / 2: oscillators of the frequencies x, stepped at once."""
 
     x: Vector
     stages: Any = field(init=False)

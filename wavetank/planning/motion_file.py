@@ -35,7 +35,9 @@ def write_motion(
         file = path.with_stem(f"{path.stem}-far") if n else path
         signal = _signal(view, rate, ramp_down=ramp_down)
         needs = [_largest(view, signal), *_reference(view)]
-        lines = [*needs, *_of_ramp(signal), *_of_rate(view, rate)]
+        lines = [*needs, *_of_rate(view, rate)]
+        if signal.down:
+            lines.insert(len(needs), f"ramp-down to rest within {signal.down:.4g} s after the run")
         on_first(MPI.COMM_WORLD, partial(_write, file, view, signal, form, "; ".join(needs)))
         absorbs = getattr(view.wall, "absorb", None) is not None
         lines[0] += " (without what absorbing adds, which only a run knows)" if absorbs else ""
@@ -129,10 +131,6 @@ def _reference(end: EndWall) -> list[str]:
     return [f"position {heights[0]:.4g} m above the bed, {heights[1]:.4g} m above the hinge"] if heights else []
 
 
-def _of_ramp(signal: _Signal) -> list[str]:
-    return [f"ramp-down to rest within {signal.down:.4g} s after the run"] if signal.down else []
-
-
 def _of_rate(end: EndWall, rate: float) -> list[str]:
     """Return a warning for a rate that gives the shortest period of the motion few rows.
 
@@ -150,7 +148,7 @@ def _of_rate(end: EndWall, rate: float) -> list[str]:
 
 
 def _times(end: EndWall, rate: float) -> Array:
-    """Return times that cover the run [s], shape (T,), as far as the motion is known."""
+    """Return times that cover the run [s], shape (T,), as far as the motion is defined."""
     rows = int(np.ceil(end.duration * rate * (1 - 1e-12))) + 1
     if rows > MOST:
         raise InputError(f"--rate {rate:g}: must be at most {MOST / end.duration:.4g}, for {MOST} rows.")

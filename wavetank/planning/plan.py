@@ -101,7 +101,7 @@ class Plan:
         )
 
     def applied_to(self, scene: Case) -> Case:
-        """Return the scene with the plan's water and numerics, nothing left to be planned."""
+        """Return the scene with the plan's water and numerics, all of them named."""
         changes: dict[str, Any] = {"accuracy": None, "cell_size": None, **asdict(self.settings)}
         changes |= solved_to(self.accuracy, scene)
         water = LinearWater() if self.physics == "linear" else NonlinearWater()
@@ -119,7 +119,7 @@ def named_numerics(scene: Case) -> dict[str, Any]:
 
 
 class UnreachableError(InputError):
-    """No discretisation searched is as accurate as asked."""
+    """No discretisation searched is as accurate as required."""
 
 
 def make_plan(scene: Case, accuracy: float, *, costs: CostModel = BUILT_IN) -> Plan:

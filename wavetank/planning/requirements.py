@@ -185,7 +185,7 @@ class CaseWaves(NamedTuple):
 
 
 class Form(NamedTuple):
-    """A wave whose form is known: one of permanent form, or a standing one.
+    """A wave of permanent form, or a standing one.
 
     Attributes
     ----------
@@ -308,6 +308,18 @@ def requirements(scene: Case, accuracy: float) -> Requirements:
     second = float(ratios[1])
     physics = _enough(accuracy, second, phase) if _is_free(scene) else scene.physics
     waves = _joined([waves, free]) if physics == "nonlinear" else waves
+    reasons = [
+        f"footprint: a {tank.type}, the scene has one horizontal dimension.",
+        f"bed: flat, the depth is {tank.depth:g} m everywhere; k d = {k * tank.depth:.3g}.",
+        _physics_reason(scene, accuracy, k * crest, second, phase),
+        _wall_reason(scene),
+        _end_reason(scene, waves),
+    ]
+    if run_up is not None:
+        peak = f"about {run_up.elevation:.3g} m with a peak of length {run_up.width:.3g} m"
+        reasons.append(
+            f"run-up: the solitary wave meets a wall; {peak} decides on cells and vertical order beside the wave."
+        )
     return Requirements(
         accuracy=accuracy,
         tank=tank,
@@ -323,14 +335,7 @@ def requirements(scene: Case, accuracy: float) -> Requirements:
         absorption_error=absorption_error(scene, waves.k),
         measured=tuple(one for one in motions if one.interval is not None),
         physics=physics,
-        reasons=(
-            f"footprint: a {tank.type}, the scene has one horizontal dimension.",
-            f"bed: flat, the depth is {tank.depth:g} m everywhere; k d = {k * tank.depth:.3g}.",
-            _physics_reason(scene, accuracy, k * crest, second, phase),
-            _wall_reason(scene),
-            _end_reason(scene, waves),
-            *_run_up_reason(run_up),
-        ),
+        reasons=tuple(reasons),
     )
 
 
@@ -385,13 +390,6 @@ def absorption(end: EndWall) -> str:
     return "" if absorb is None else absorb.description(end.tank, end.wall.wavemaker, paddles=periods)
 
 
-def _run_up_reason(run_up: RunUp | None) -> tuple[str, ...]:
-    if run_up is None:
-        return ()
-    peak = f"about {run_up.elevation:.3g} m with a peak of length {run_up.width:.3g} m"
-    return (f"run-up: the solitary wave meets a wall; {peak} decides on cells and vertical order beside the wave.",)
-
-
 def _end_reason(scene: Case, waves: WaveComponents) -> str:
     if isinstance(scene.tank, nouns.RingTank):
         return "far end: none, a ring needs no sponge."
@@ -444,14 +442,6 @@ def _standing_wave(wave: nouns.StandingWave, scene: Case) -> list[CaseWaves]:
     crest = 2 * float(exact.elevation_coefficients.sum()) - wave.wave_amplitude
     form = Form(ratios, _crest_velocity(float(k[0]), wave.wave_amplitude, scene), excess, crest)
     return [CaseWaves(components, wave.wave_amplitude, form)]
-
-
-def _periodic_waves(wave: nouns.StreamFunctionWave, scene: Case) -> list[CaseWaves]:
-    return [_steady_waves(wave.wave(scene.tank), scene.tank.length / wave.waves, scene)]
-
-
-def _solitary_wave(wave: nouns.SolitaryWave, scene: Case) -> list[CaseWaves]:
-    return [_followed(wave.wave(scene.tank), wave.height, scene, distance=scene.tank.length - wave.x)]
 
 
 def _followed(
@@ -654,6 +644,10 @@ def _travel(end: EndWall, k: Vector, energy: Vector, squares: Vector) -> travel.
 STARTS: dict[type[Any], Callable[[Any, Case], list[CaseWaves]]] = {  # initial states of plans, and their waves
     nouns.StillWater: lambda initial, scene: [],
     nouns.StandingWave: _standing_wave,
-    nouns.StreamFunctionWave: _periodic_waves,
-    nouns.SolitaryWave: _solitary_wave,
+    nouns.StreamFunctionWave: lambda wave, scene: [
+        _steady_waves(wave.wave(scene.tank), scene.tank.length / wave.waves, scene)
+    ],
+    nouns.SolitaryWave: lambda wave, scene: [
+        _followed(wave.wave(scene.tank), wave.height, scene, distance=scene.tank.length - wave.x)
+    ],
 }

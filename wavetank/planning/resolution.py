@@ -65,7 +65,7 @@ from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
 from wavetank.mpi import on_first
-from wavetank.planning.dispersion import BlochWaves, Mesh, UniformCells, relative_frequency_error, step_errors
+from wavetank.planning.dispersion import Mesh, UniformCells, relative_frequency_error, step_errors
 from wavetank.planning.requirements import (
     ABSORPTION_POWER,
     Requirements,
@@ -80,15 +80,15 @@ from wavetank.waves import airy
 from wavetank.waves.airy import wave_number
 
 DEFAULT = 1e-2  # relative error of the elevation that a case gets which does not ask for another
-POWER = 0.99  # share of it that counts
+POWER = 0.99  # fraction of the power that counts
 PER_WAVE = {1: 60.0, 2: 7.0}  # cells of an order in the shortest wave: its frequency is right to 2e-4
 OF_HIGHER_ORDER = 3.0  # so it is by order 3
 BED_ORDER, COARSER = 4, 5 / 3  # along a slice over a bed: the order, and its cells over those of order 3
-ROUGH = 0.01  # of the depth: what is less of a bed need not be held
+ROUGH = 0.01  # of the depth: smaller variations of a bed need not be resolved
 VERTICAL = 1e-4  # largest relative error of its frequency by the vertical order
 SOLVED, LOOSEST = 1e-3, 1e-5  # of the accuracy, and at most: tolerances of a step's solves
 LEAST = 1e-9  # wave number [rad/m] and frequency [rad/s] that stand for none
-POINTS, LINES = 8192, 5  # at which surface and bed are looked at, along each of so many lines
+POINTS, LINES = 8192, 5  # at which surface and bed are sampled, along each of so many lines
 
 
 class BedShape(NamedTuple):
@@ -132,7 +132,7 @@ def resolved(scene: Case) -> Case:
         changes["vertical_order"] = max(scene.numerics.vertical_order, vertical_order_for(kd))
     if scene.numerics.open:
         changes |= solved_to(DEFAULT, scene)
-        changes.setdefault("order", scene.numerics.order)  # none is left to be planned
+        changes.setdefault("order", scene.numerics.order)  # the case then names all
     elif all(getattr(scene.numerics, key) == value for key, value in changes.items()):
         return scene
     return scene.model_copy(update={"numerics": scene.numerics.model_copy(update=changes)})
@@ -216,14 +216,11 @@ def start_spectrum(scene: Case) -> StartSpectrum:
         power = np.sum(np.abs(waves) ** 2, axis=0)
         shortest, mean = _shortest(k, power, missing=1 - POWER), float(k @ power / max(power.sum(), 1e-300))
         amplitude = float(np.abs(np.fft.irfft(np.insert(waves, 0, 0.0, axis=-1))).max())
-        bound = 0 if scene.physics == "linear" else _bound_harmonics(mean * amplitude, mean * depth)
+        steep = scene.physics != "linear" and mean * amplitude > 0.0
+        ratios = stokes(mean * amplitude, mean * depth).ratios[1:] if steep else np.zeros(1)
+        bound = int(np.sum(ratios > DEFAULT))  # bound harmonics that count
         result.append(StartSpectrum(shortest, shortest + bound * mean))
     return StartSpectrum(*map(max, zip(*result, strict=True)))
-
-
-def _bound_harmonics(steepness: float, kd: float) -> int:
-    """Return the number of Stokes' bound harmonics above ``DEFAULT`` of the first, itself not counted."""
-    return int(np.sum(stokes(steepness, kd).ratios[1:] > DEFAULT)) if steepness > 0.0 else 0
 
 
 def bed_shape(scene: Case) -> BedShape:
@@ -239,16 +236,16 @@ def bed_shape(scene: Case) -> BedShape:
 
 
 def _of_variation(depths: Vector) -> float:
-    """Return the share of the power of a bed's variation that is small against the depth, or against all of it."""
+    """Return the fraction of the power of a bed's variation that is small against the depth or the variation."""
     variance = float(np.var(depths))
     return max(1 - POWER, (ROUGH * float(depths.mean())) ** 2 / variance) if variance > 0.0 else 1.0
 
 
 def _lines(scene: Case, function: Callable[[Vector, Vector], Vector]) -> list[tuple[Vector, Vector]]:
-    """Return places [m] along lines through the tank, and a function at them, of those lines on which it is known."""
+    """Return places [m] along lines through the tank, and a function at them, of lines on which it is defined."""
     result = []
     for along, x, y in _through(scene):
-        with suppress(InputError):  # beyond the walls of a basin nothing need be known
+        with suppress(InputError):  # it may be undefined beyond the walls of a basin
             result.append((along, np.asarray(function(x, y), dtype=np.float64)))
     return [(along, values) for along, values in result if np.isfinite(values).all()]
 
@@ -281,7 +278,7 @@ def _spectrum(values: Vector, x: Vector, *, periodic: bool = False) -> tuple[Vec
 
 
 def _shortest(k: Vector, power: Vector, *, missing: float) -> float:
-    """Return the wave number of k [rad/m] beyond which a share of the power lies; 0 without power."""
+    """Return the wave number of k [rad/m] beyond which a fraction of the power lies; 0 without power."""
     if missing >= 1.0 or not power.sum() > 0.0:
         return 0.0
     return float(k[np.searchsorted(np.cumsum(power), (1 - missing) * power.sum())])
@@ -424,8 +421,9 @@ class ErrorModel:
         self._energy = waves.amplitude**2 / np.sum(waves.amplitude**2)
         self._k = np.multiply.outer(waves.k, self._m)
         self._exact = airy.angular_frequency(self._k, required.tank.depth, required.tank.gravity)
-        self.mesh, self._cells = cache(self._new_mesh), cache(self._new_cells)
-        self._waves, self._products = cache(self._bloch_waves), cache(self._product_error)
+        self.mesh, self._products = cache(self._new_mesh), cache(self._product_error)
+        self._cells = cache(lambda order, cells: UniformCells(order, required.tank.length / cells))
+        self._waves = cache(lambda cells: cells.waves(self._k))
 
     def _part(self, frequency: Vector, bounded: Vector) -> ErrorPart:
         """Return the part of relative errors per component and harmonic, shape (N, M); ``nan`` is a wave lost."""
@@ -436,12 +434,6 @@ class ErrorModel:
         tank = self._required.tank
         along = self._cells(order, cells)
         return Mesh(cells=along, vertical_order=vertical_order, depth=tank.depth, gravity=tank.gravity)
-
-    def _new_cells(self, order: int, cells: int) -> UniformCells:
-        return UniformCells(order, self._required.tank.length / cells)
-
-    def _bloch_waves(self, cells: UniformCells) -> BlochWaves:
-        return cells.waves(self._k)
 
     def _product_error(self, cells: UniformCells) -> Vector:
         missing = np.sqrt(cells.truncation_error(self._k[:, 1:]) ** 2 @ self._ratios[1:] ** 2)

@@ -85,7 +85,7 @@ def calibrate(
 
     The target is the case's [target]: a crest, components at a place, or a record there; without one the crest of
     focused waves, or the record of a surface, of its motion by linear theory. Each run is corrected by the results of
-    those before; all are kept: the same command continues.
+    those before; none is deleted: the same command continues.
     """
     from mpi4py import MPI
 

@@ -88,7 +88,7 @@ ExactSolution = LinearStandingWave | TravellingWave
 
 
 def exact_solution(scene: Case) -> ExactSolution:
-    """Return the exact solution of a scene; raises ``InputError`` if none is known."""
+    """Return the exact solution of a scene; raises ``InputError`` if there is none."""
     tank, initial = scene.tank, scene.initial
     for paddle in scene.paddles:
         what = f"{paddle.key}.type = {paddle.wall.type!r}"
@@ -171,7 +171,7 @@ def snapshots(surface: Dataset, *, period: float | None) -> Iterator[Snapshot]:
 
 
 class ExactReference:
-    """Judges by the exact solution of a scene; raises ``InputError`` if none is known."""
+    """Errors against the exact solution of a scene; raises ``InputError`` if there is none."""
 
     def __init__(self, scene: Case):
         self._solution: ExactSolution = exact_solution(scene)
@@ -191,7 +191,7 @@ class ExactReference:
 
 
 class RunReference:
-    """Judges by another run of the same tank, gauges by their waves below a frequency [Hz], if one is given.
+    """Errors against another run of the same tank, of gauges below a frequency [Hz] if one is given.
 
     Raises ``InputError`` if that has no snapshots; of a basin, if it has no gauges.
     """

@@ -23,7 +23,7 @@ from wavetank.waves.wave import Array
 
 Aim = CrestAim | RecordAim
 
-PADDLE = "must be a paddle that moves as a whole: its motion is calibrated, not a far wall's"
+PADDLE = "must be a paddle in one piece: its motion is calibrated, not a far wall's"
 OWN = "must make the waves: calibration changes wall.motion alone, far_wall.motion stays as it is"
 SLICE = "must be a slice: the target is at one place along it"
 MADE = "regular, bichromatic, irregular, focused, components or surface"
