@@ -31,7 +31,7 @@ from wavetank.tank.energy import WaterEnergy
 from wavetank.tank.footprint import Slice
 from wavetank.tank.surface_flow import SurfaceFlow
 from wavetank.tank.walls import Piston, Side
-from wavetank.tank.walls.carried import Carrier
+from wavetank.tank.walls.place_mapping import PlaceMapping
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 
 TIGHT = Tolerances(stage=1e-12, interior=1e-13)
@@ -50,9 +50,9 @@ def test_the_inverse_of_the_shape_is_its_inverse(r, moved):
     side = Side(None, np.array([3.0, 1.0]), np.array([0.6, 0.8]))
     place, moves = np.array([[3.0, 1.0]]), np.array([moved])
     place += r * np.array([side.normal])
-    there = Carrier(side, 1.0).there(place, moves)
+    there = PlaceMapping(side, 1.0).to_physical(place, moves)
     assert there == pytest.approx(place + float(share(np.array([r]))[0]) * moved * np.array([side.normal]), abs=1e-12)
-    assert Carrier(side, 1.0).back(there, moves) == pytest.approx(place, abs=1e-12)
+    assert PlaceMapping(side, 1.0).to_reference(there, moves) == pytest.approx(place, abs=1e-12)
 
 
 def test_the_shape_is_1_at_the_wall_and_ends_without_a_kink_and_stretches_by_no_more_than_it_says():

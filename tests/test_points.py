@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 from mpi4py import MPI
 
 from wavetank.errors import OutsideError
-from wavetank.fem.line_points import LinePoints
 from wavetank.fem.plane import Plane
-from wavetank.fem.points import Points
+from wavetank.fem.points import LinePoints, Points
 from wavetank.motion import Ramped, Sinusoid
 from wavetank.tank.footprint import Slice
 from wavetank.tank.walls import Piston

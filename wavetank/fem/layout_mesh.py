@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.errors import InputError
-from wavetank.fem.partition import cell_partitioner
 from wavetank.mesh.gmsh_model import CURVE, FLAT, SURFACE, Groups, empty_model, open_mesh, prepare_model
 from wavetank.mpi import from_first
 
@@ -25,6 +24,15 @@ except ImportError:  # its name up to dolfinx 0.9
     from dolfinx.io.gmshio import model_to_mesh
 
 Entities = NDArray[np.int32]
+
+
+def cell_partitioner() -> Any:
+    """Return dolfinx's partitioner that gives each rank its cells and their neighbours across facets."""
+    mode = mesh.GhostMode.shared_facet
+    try:
+        return mesh.create_cell_partitioner(mode, max_facet_to_cell_links=2)
+    except TypeError:  # up to dolfinx 0.10
+        return mesh.create_cell_partitioner(mode)
 
 
 class LayoutMesh(NamedTuple):

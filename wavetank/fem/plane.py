@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 import ufl
-from dolfinx import fem, mesh
+from dolfinx import fem, la, mesh
 from mpi4py import MPI
 from numpy.typing import NDArray
 
@@ -127,6 +127,26 @@ class Plane:
     def around(self, dofs: NDArray[np.intp]) -> NDArray[np.int32]:
         """Return this rank's cells that have any of some degrees of freedom, ghosts among them."""
         return np.flatnonzero(np.isin(self.V.dofmap.list, dofs).any(axis=1)).astype(np.int32)
+
+    def neighbourhood(self, cells: NDArray[np.int32], *, rings: int) -> NDArray[np.int32]:
+        """Return which of this rank's own cells are among all ranks' ``cells``, or that many rings around; collective.
+
+        A ring is all cells that share a degree of freedom with what is within it.
+        """
+        marks, dofs = self.function("in the neighbourhood"), self.V.dofmap.list
+        owned = dofs[: self.mesh.topology.index_map(self.mesh.topology.dim).size_local]
+        for _ in range(rings):
+            marks.rows[:] = 0.0
+            marks.rows[dofs[cells].ravel()] = 1.0
+            marks.function.x.scatter_reverse(la.InsertMode.add)
+            marks.fetch()
+            cells = np.flatnonzero((marks.rows[owned, 0] > 0.0).any(axis=1)).astype(np.int32)
+        return cells
+
+    def rms(self, values: Vector) -> float:
+        """Return the root mean square of values over all ranks; collective."""
+        count = self.comm.allreduce(values.size)
+        return float(np.sqrt(self.sum(values**2) / max(1, count)))
 
     def sum(self, values: Vector) -> float:
         """Return the sum of owned values over all ranks; collective."""

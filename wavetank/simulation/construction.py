@@ -28,7 +28,6 @@ from wavetank.case.wall import ActiveAbsorption, MovingWall, ShapedWall, SpringD
 from wavetank.errors import InputError
 from wavetank.fem.by_place import at_the_same, found, gathered
 from wavetank.fem.layout_mesh import draw_layout, read_layout
-from wavetank.fem.misfit import rms
 from wavetank.fem.plane import Plane
 from wavetank.fem.points import Points
 from wavetank.mesh import MeshFile, Rectangle
@@ -594,7 +593,7 @@ def _told_of_mean(waves: AnyWaves, q: Vector) -> str:
     """Return where the mean of an initial surface is, unless that is at still water; collective."""
     still, higher = (waves.total_mass(waves.state(np.full_like(q, eta), 0 * q)[0]) for eta in (0.0, waves.depth))
     mean = (waves.total_mass(q) - still) / (higher - still) * waves.depth
-    if abs(mean) < SEEN * rms(waves.plane, waves.elevation(q, 0 * q, 0.0)):
+    if abs(mean) < SEEN * waves.plane.rms(waves.elevation(q, 0 * q, 0.0)):
         return ""
     return f"the initial surface has a mean of {mean:+.3g} m: at rest the water would stand there, not at z = 0"
 

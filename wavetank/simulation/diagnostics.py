@@ -11,9 +11,8 @@ from wavetank.arrays import Vector, largest
 from wavetank.errors import ConvergenceError, InputError, OutsideError, PaddleError, RunError
 from wavetank.fem.by_place import SAME
 from wavetank.fem.lattice import Lattice
-from wavetank.fem.line_points import points_in
 from wavetank.fem.plane import Field
-from wavetank.fem.points import Points
+from wavetank.fem.points import Points, points_in
 from wavetank.output.columns import RATES as RATES
 from wavetank.output.directory import REST_POSITION
 from wavetank.output.fields import VtkCells

@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.errors import InputError
-from wavetank.fem.kinks import KinkSmoothing
+from wavetank.fem.gradient_jumps import GradientJumpPenalty
 from wavetank.fem.mass import BandedMass, FactoredMatrix, FactoredSmoothing, HorizontalMatrix, RaisedSmoothing
 from wavetank.fem.plane import Plane
 from wavetank.tank.seen import State
@@ -287,7 +287,7 @@ class EdgePenalty(Smoothing):
         if not isinstance(mass, BandedMass) or plane.mesh.geometry.dim > 1 or wall.leans:
             return super()._made()
         shift = next((far for far, _ in wall.shifts), None)
-        return KinkSmoothing(plane, mass, strength=self._kappa, shift=shift)
+        return GradientJumpPenalty(plane, mass, strength=self._kappa, shift=shift)
 
     def needed(self, state: State, t: float) -> bool:
         """Return whether the current overtakes the shortest waves by so much; never with p = 1; collective."""

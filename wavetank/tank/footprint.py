@@ -10,8 +10,7 @@ from mpi4py import MPI
 
 from wavetank.errors import InputError
 from wavetank.fem.charts import Polygon, Straight
-from wavetank.fem.layout_mesh import LayoutMesh
-from wavetank.fem.partition import cell_partitioner
+from wavetank.fem.layout_mesh import LayoutMesh, cell_partitioner
 from wavetank.fem.plane import usual_size
 from wavetank.tank.walls import Side
 

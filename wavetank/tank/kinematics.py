@@ -41,9 +41,8 @@ from numpy.typing import NDArray
 
 from wavetank.arrays import Vector, summed
 from wavetank.fem.forms import compile_expression
-from wavetank.fem.patch import Cells, patch
 from wavetank.fem.plane import Field, LayeredField, Plane
-from wavetank.fem.points import Points
+from wavetank.fem.points import Cells, Points
 from wavetank.fem.vertical import VerticalBasis
 from wavetank.motion.motion import Tangent
 from wavetank.tank.bed import Bed
@@ -444,7 +443,7 @@ class Sounding:
         return self._water.plane.chart.place(self._water.wall.to_reference(self._at[:, :2], self._at[:, 2]))
 
     def _patch(self) -> Cells:
-        return patch(self._water.plane, self._cells, rings=RINGS)
+        return self._water.plane.neighbourhood(self._cells, rings=RINGS)
 
     def take(self, points: Vector | None = None) -> Sounded:
         """Return what the water does there, its rates having been found; other points may be given, as many.

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
-from wavetank.fem.line_points import points_in
 from wavetank.fem.plane import Field, Plane
+from wavetank.fem.points import points_in
 from wavetank.tank.walls.contract import Heights, Stood
 
 MOST = 50  # repetitions

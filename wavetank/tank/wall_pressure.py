@@ -17,8 +17,8 @@ from ufl.constantvalue import Zero
 
 from wavetank.arrays import Vector
 from wavetank.fem.forms import ScalarForm
-from wavetank.fem.patch import Cells, patch
 from wavetank.fem.plane import Plane
+from wavetank.fem.points import Cells
 from wavetank.tank.kinematics import Kinematics, MovingWater
 from wavetank.tank.walls.contract import Paddle
 from wavetank.tank.walls.shape import Shape
@@ -60,7 +60,7 @@ class WallPressure:
     def __init__(self, water: MovingWater, walls: Sequence[mesh.MeshTags], *, density: float):
         self._water, self._density, self.plane = water, density, water.plane
         plane = water.plane
-        self._kinematics = Kinematics(water, patch(plane, _cells_at(plane, walls), rings=RINGS))
+        self._kinematics = Kinematics(water, plane.neighbourhood(_cells_at(plane, walls), rings=RINGS))
         self._spread = plane.layered_function(water.vertical.n + 1, "pressure at the levels")
         self._forces = [self._forms(facets) for facets in walls]
         self._pressure: Vector = np.zeros(0)

@@ -268,8 +268,8 @@ SHARED void factorise(const Chain *c, long first)
 }
 
 /* ==== factors ==== */
-/* Factors of a mass matrix along a slice or ring, of wavetank/fem/mass.py and kinks.py; cells.c and banded systems stand
-before.
+/* Factors of a mass matrix along a slice or ring, of wavetank/fem/mass.py and gradient_jumps.py; cells.c and banded
+systems stand before.
 
 JUMPS           whether this is the matrix M_J + N of the gradient-jump penalty, of the bandwidth of two cells */
 

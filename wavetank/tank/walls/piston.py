@@ -37,9 +37,9 @@ from wavetank.motion import Motion
 from wavetank.motion.motion import Tangent, largest_stroke, share
 from wavetank.tank.bed import Bed
 from wavetank.tank.energy import Part, WaterEnergy
-from wavetank.tank.walls.carried import Carrier
 from wavetank.tank.walls.contract import Columns, Heights, Stood
 from wavetank.tank.walls.mapping import Shift
+from wavetank.tank.walls.place_mapping import PlaceMapping
 from wavetank.tank.walls.shape import UPRIGHT, Shape
 from wavetank.tank.walls.side import Side
 from wavetank.tank.walls.travel import Travel
@@ -70,7 +70,7 @@ class Piston:
         self.side, self._plane, self.shape = side, plane, shape
         vertices = fem.functionspace(plane.mesh, ("Lagrange", 1)).tabulate_dof_coordinates()
         self.reach = self._last(side.distances(plane.chart.places(vertices)), reach)
-        self._carrier = Carrier(side, self.reach)
+        self._places = PlaceMapping(side, self.reach)
         self._at_surface = np.zeros((4, plane.owned))
         s = plane.function("s")
         s.set(self._share(side.distances(plane.places)))
@@ -206,11 +206,11 @@ class Piston:
 
     def to_reference(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
         """Return X with X + a f s(X) X_p = x, places of shape (N, 2) [m]."""
-        return self._carrier.back(places, self._moved(places, z, stand))
+        return self._places.to_reference(places, self._moved(places, z, stand))
 
     def to_physical(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
         """Return X + a f s(X) X_p, places of shape (N, 2) [m]."""
-        return self._carrier.there(places, self._moved(places, z, stand))
+        return self._places.to_physical(places, self._moved(places, z, stand))
 
     def _moved(self, places: Vector, z: Heights, stand: Vector | None) -> Vector:
         """Return f X_p beside places [m]."""

@@ -1,4 +1,4 @@
-"""What takes kinks between cells out of a field along a slice on one rank: N = strength sum of [[du/dx]] [[dv/dx]].
+"""The gradient-jump penalty along a slice on one rank: N = strength sum of [[du/dx]] [[dv/dx]] over facets.
 
 N has an entry where two degrees of freedom are of neighbouring cells, so M_J + N has twice the bandwidth of M_J, and
 its factors are kept as those of M_J are (``matrices.c``).
@@ -18,15 +18,15 @@ from wavetank.fem.mass import BandedMass
 from wavetank.fem.plane import Plane
 
 
-class KinkSmoothing:
-    """N of v' = (M_J + N)^-1 M_J v, and what it does.
+class GradientJumpPenalty:
+    """N of v' = (M_J + N)^-1 M_J v, and that map.
 
     Parameters
     ----------
     strength
         As above.
     shift
-        How far the wall has carried the degrees of freedom [m], shape (dofs,): derivatives are by x = X + shift; None
+        Displacement of the degrees of freedom by the wall [m], shape (dofs,): derivatives are by x = X + shift; None
         where it stands still.
     """
 
