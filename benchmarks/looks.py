@@ -22,7 +22,8 @@ from wavetank.integrators.flow import flow_of
 from wavetank.output.columns import RATES, energy_columns
 from wavetank.output.fields import SurfaceWriter
 from wavetank.output.tables import TableWriter
-from wavetank.simulation.build import build_observers, build_run, build_watch
+from wavetank.simulation.build import build_run
+from wavetank.simulation.case_diagnostics import build_observers, build_watch
 from wavetank.simulation.records import Records
 from wavetank.simulation.run import Run
 from wavetank.tank.surface_flow import SurfaceFlow

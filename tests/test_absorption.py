@@ -34,8 +34,8 @@ from wavetank.planning.default_plan import planned
 from wavetank.planning.requirements import requirements
 from wavetank.simulation.build import ANSWERED, build_run
 from wavetank.simulation.clock import EverySteps
-from wavetank.simulation.construction import ANSWERS
 from wavetank.simulation.energy import EnergyBudget
+from wavetank.simulation.feedback import ANSWERS
 from wavetank.simulation.records import Memory
 from wavetank.simulation.supply import PaddleWork
 from wavetank.tank.answering import AnsweringPaddle, Excess

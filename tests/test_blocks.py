@@ -11,7 +11,6 @@ from blocks import at, block_of
 from mpi4py import MPI
 from rich.console import Console
 from test_checkpoint import same, scene
-from test_faults import forked
 from test_state import BASIN, FLAP, SLICE, Observed, differing
 
 from wavetank.case import Case, EndWall
@@ -243,15 +242,6 @@ def test_nothing_is_recorded_after_a_paddle_has_reached_a_gauge(tmp_path, monkey
     with pytest.raises(PaddleError, match=r"t = 0.25 s: the paddle of wall has reached gauges.0, x = 0.1 m"):
         record_run(driven, tmp_path, comm=MPI.COMM_SELF, console=Console(file=io.StringIO()))
     assert rows(tmp_path) == [5, 6, 6] and RunDirectory(tmp_path).manifest["t"] == pytest.approx(0.25)
-
-
-@pytest.mark.usefixtures("paced")
-def test_a_killed_run_keeps_the_rows_of_all_blocks_before_and_resumes(whole, tmp_path):
-    out = tmp_path / "run"
-    assert forked(lambda: record(out, end=lambda: os.kill(os.getpid(), signal.SIGKILL))) == -signal.SIGKILL
-    assert RunDirectory(out).status == "killed" and min(rows(out)) >= 4
-    record(out, resume=True)
-    same(whole, out)
 
 
 @pytest.mark.parametrize("seconds", [1e-4, 0.01, 2.0])

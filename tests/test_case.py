@@ -40,7 +40,8 @@ from wavetank.integrators import INTEGRATORS, Simpson4, registered
 from wavetank.motion.recorded import read_record
 from wavetank.planning.cost import BUILT_IN, KINDS
 from wavetank.plots.figures import ORIGINS
-from wavetank.simulation.construction import FOOTPRINTS, SPONGES, WALLS, WATERS
+from wavetank.simulation.construction import FOOTPRINTS, SPONGES, WATERS
+from wavetank.simulation.walls import WALLS
 from wavetank.values.case_model import entry
 
 CASES = Path(__file__).resolve().parents[1] / "cases"

@@ -29,7 +29,7 @@ from wavetank.output import checkpoint
 from wavetank.output.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, ENERGY, GAUGES, PADDLE, RunDirectory
 from wavetank.recording import record_run
-from wavetank.resuming import differences
+from wavetank.recording.restart import differences
 from wavetank.simulation import run as running
 from wavetank.simulation.checkpoints import Checkpoints
 from wavetank.simulation.clock import EverySteps

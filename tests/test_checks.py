@@ -23,9 +23,11 @@ from wavetank.planning.default_plan import planned, rule_summary
 from wavetank.planning.dispersion import Mesh, UniformCells
 from wavetank.planning.requirements import requirements
 from wavetank.planning.resolution import resolved
-from wavetank.recording import Warnings, record_run
+from wavetank.recording import record_run
+from wavetank.recording.log import Warnings
 from wavetank.simulation import stability
-from wavetank.simulation.build import build_observers, build_run, build_watch
+from wavetank.simulation.build import build_run
+from wavetank.simulation.case_diagnostics import build_observers, build_watch
 from wavetank.simulation.energy import EnergyBudget
 from wavetank.simulation.records import Memory, Records
 from wavetank.waves import stream_function

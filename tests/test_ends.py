@@ -14,7 +14,8 @@ from wavetank.output.columns import energy_columns
 from wavetank.output.directory import RunDirectory
 from wavetank.planning.checks import run_warnings, sensors_in_reach
 from wavetank.planning.requirements import requirements
-from wavetank.simulation.build import build_observers, build_run
+from wavetank.simulation.build import build_run
+from wavetank.simulation.case_diagnostics import build_observers
 from wavetank.simulation.energy import EnergyBudget
 from wavetank.simulation.records import Memory, Records
 from wavetank.tank.surface_flow import SurfaceFlow, SurfaceVelocity

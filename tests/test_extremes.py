@@ -28,7 +28,8 @@ from wavetank.integrators.states import Point, Traces
 from wavetank.motion import Sinusoid
 from wavetank.output.directory import RunDirectory
 from wavetank.planning.dispersion import elements
-from wavetank.simulation.build import build_run, build_watch
+from wavetank.simulation.build import build_run
+from wavetank.simulation.case_diagnostics import build_watch
 from wavetank.simulation.clock import Clock, EverySteps
 from wavetank.simulation.diagnostics import Gauges
 from wavetank.simulation.records import Memory

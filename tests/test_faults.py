@@ -126,6 +126,7 @@ DIVIDING = """
 import sys
 import wavetank as wt
 from wavetank import recording
+from wavetank.recording import ending
 from wavetank.simulation import run
 from wavetank.errors import RunError
 from wavetank.simulation import run as running
@@ -139,7 +140,7 @@ class Divides:
         if 10 in block.step and self.fails:
             raise {"mistake": ZeroDivisionError, "run": RunError, "exit": SystemExit}[sys.argv[3]]("failed")
 
-recording.ALIKE = recording.LATEST = 2.0
+ending.ALIKE = recording.LATEST = 2.0
 run.LONGEST = 1
 wt.run(wt.read_case(sys.argv[1]), "run", observers=[Divides], quiet=True)
 """

@@ -23,8 +23,9 @@ from wavetank.output.fields import VtkCells, VtuSeries
 from wavetank.output.files import OutputPath
 from wavetank.output.writer import RunWriter
 from wavetank.recording import record_run
+from wavetank.simulation.below_surface import VelocityFields
 from wavetank.simulation.clock import EverySteps
-from wavetank.simulation.diagnostics import SurfaceFields, VelocityFields
+from wavetank.simulation.diagnostics import SurfaceFields
 from wavetank.tank.bed import VaryingBed
 from wavetank.tank.energy import WaterEnergy
 from wavetank.tank.footprint import Ring, Slice

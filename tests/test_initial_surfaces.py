@@ -12,7 +12,7 @@ from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run
 from wavetank.simulation.build import build_run
-from wavetank.simulation.construction import told_of_start
+from wavetank.simulation.initial import told_of_start
 from wavetank.waves.airy import angular_frequency
 
 JONSWAP = {"type": "jonswap", "peak_period": 1.6}

@@ -12,7 +12,8 @@ from wavetank.fem.plane import Plane
 from wavetank.integrators import INTEGRATORS, ThirdOrder
 from wavetank.motion import AtRest, Ramped, Sinusoid
 from wavetank.output.columns import energy_columns
-from wavetank.simulation.build import build_observers, build_run
+from wavetank.simulation.build import build_run
+from wavetank.simulation.case_diagnostics import build_observers
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.diagnostics import Gauges
 from wavetank.simulation.energy import EnergyBudget

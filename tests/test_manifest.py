@@ -14,7 +14,7 @@ from wavetank.output.directory import RunDirectory
 from wavetank.output.manifest import MANIFEST
 from wavetank.output.writer import RunWriter
 from wavetank.plots.compare_command import tank_note
-from wavetank.resuming import stored_scene
+from wavetank.recording.restart import stored_scene
 from wavetank.status import line, run_status
 
 SCENE = {

@@ -27,7 +27,8 @@ from wavetank.planning.dispersion import Mesh, UniformCells, step_errors
 from wavetank.planning.plan import AIM, UnreachableError, make_plan, named_numerics, own_plan
 from wavetank.planning.requirements import requirements, stokes
 from wavetank.planning.resolution import LOOSEST, ErrorModel, Settings, solved_to
-from wavetank.simulation.build import build_observers, build_run
+from wavetank.simulation.build import build_run
+from wavetank.simulation.case_diagnostics import build_observers
 from wavetank.simulation.clock import Clock
 from wavetank.simulation.construction import build_waves, told_energy
 from wavetank.simulation.records import Memory, Records

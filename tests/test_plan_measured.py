@@ -25,7 +25,8 @@ from wavetank.planning.cost import CostModel
 from wavetank.planning.plan import Plan, make_plan
 from wavetank.planning.resolution import Settings, resolved
 from wavetank.planning.timing import calibrate
-from wavetank.simulation.build import build_observers, build_run
+from wavetank.simulation.build import build_run
+from wavetank.simulation.case_diagnostics import build_observers
 from wavetank.simulation.diagnostics import HighestCrest
 from wavetank.simulation.records import Memory, Records
 from wavetank.waves.airy import angular_frequency

@@ -16,8 +16,8 @@ from wavetank.motion import AtRest, Sinusoid
 from wavetank.motion.motion import Tangent
 from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run, resume_run
+from wavetank.simulation.below_surface import Probes
 from wavetank.simulation.clock import EverySteps
-from wavetank.simulation.diagnostics import Probes
 from wavetank.simulation.records import Memory
 from wavetank.tank.footprint import Ring, Slice
 from wavetank.tank.kinematics import NonlinearRates, Sounding

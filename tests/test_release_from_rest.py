@@ -9,7 +9,8 @@ from conftest import fitted_slope
 from mpi4py import MPI
 
 from wavetank.case import Case
-from wavetank.simulation.build import build_observers, build_run
+from wavetank.simulation.build import build_run
+from wavetank.simulation.case_diagnostics import build_observers
 from wavetank.simulation.records import Memory, Records
 
 REFERENCE = Path(__file__).resolve().parents[2] / "shared" / "data" / "release_from_rest_reference"

@@ -29,7 +29,8 @@ from wavetank.run_warning import RunWarning
 from wavetank.simulation import energy
 from wavetank.simulation import run as running
 from wavetank.simulation.clock import EverySteps
-from wavetank.simulation.construction import KeptSurface, build_waves
+from wavetank.simulation.construction import build_waves
+from wavetank.simulation.initial import KeptSurface
 
 pytestmark = pytest.mark.usefixtures("trusted")
 

@@ -13,7 +13,8 @@ from wavetank.errors import InputError
 from wavetank.fem.charts import Polygon
 from wavetank.integrators import Simpson4
 from wavetank.output.columns import energy_columns
-from wavetank.simulation.build import build_observers, build_run
+from wavetank.simulation.build import build_run
+from wavetank.simulation.case_diagnostics import build_observers
 from wavetank.simulation.records import Memory, Records
 from wavetank.tank.footprint import Ring
 from wavetank.waves.airy import angular_frequency

@@ -14,7 +14,8 @@ from mpi4py import MPI
 from wavetank import data
 from wavetank.case.reading import read_case
 from wavetank.output.columns import energy_columns
-from wavetank.simulation.build import build_observers, build_run
+from wavetank.simulation.build import build_run
+from wavetank.simulation.case_diagnostics import build_observers
 from wavetank.simulation.records import Memory, Records
 
 CASE = Path(__file__).resolve().parents[1] / "cases" / "shoaling-release.toml"

@@ -10,7 +10,8 @@ from mpi4py import MPI
 
 from wavetank.case import Case
 from wavetank.case.reading import read_case
-from wavetank.simulation.build import build_observers, build_run, build_watch
+from wavetank.simulation.build import build_run
+from wavetank.simulation.case_diagnostics import build_observers, build_watch
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.diagnostics import Gauges
 from wavetank.simulation.records import Memory, Records

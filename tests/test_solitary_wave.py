@@ -12,7 +12,8 @@ from wavetank.case import Case
 from wavetank.errors import InputError
 from wavetank.planning.checks import cut_starts, jets
 from wavetank.planning.default_plan import planned
-from wavetank.simulation.build import build_observers, build_run
+from wavetank.simulation.build import build_run
+from wavetank.simulation.case_diagnostics import build_observers
 from wavetank.simulation.records import Memory, Records
 from wavetank.waves.solitary_wave import solitary_wave
 

@@ -19,7 +19,8 @@ from wavetank.case import Case
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS, Damped, Damping, GaussLegendre4
 from wavetank.integrators.filtered import Filtered
-from wavetank.simulation.build import build_observers, build_run, build_watch
+from wavetank.simulation.build import build_run
+from wavetank.simulation.case_diagnostics import build_observers, build_watch
 from wavetank.simulation.clock import Clock
 from wavetank.simulation.records import Memory, Records
 from wavetank.simulation.run import Run
@@ -163,19 +164,6 @@ def test_what_is_held_are_fields_of_this_rank_and_numbers():
     assert {value.shape[-1] for value in fields.values()} == {one.waves.plane.owned}
     assert {value.ndim for value in fields.values()} == {1, 2, 3}
     assert fields["/parts/system/interior"].shape == (one.waves.vertical.n, one.waves.plane.owned)
-
-
-def test_a_run_that_takes_back_what_it_held_earlier_goes_there_again():
-    """In the same objects, too, whatever they have remembered since."""
-    one = Observed(changed(SLICE), MPI.COMM_SELF)
-    keeping = Keeping(one.run, 5)
-    one.run.controls.append(keeping)
-    one.run.execute()
-    before, rows = one.run.tree(), one.gauges.array()[6:]
-    one.run.resume(keeping.held)
-    one.run.execute()
-    assert not differing(before, one.run.tree())
-    np.testing.assert_array_equal(one.gauges.array()[-len(rows) :], rows)
 
 
 @pytest.mark.parametrize(

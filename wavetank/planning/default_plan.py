@@ -14,7 +14,7 @@ from wavetank.planning.plan import Plan, UnreachableError, make_plan
 from wavetank.planning.requirements import unplanned
 from wavetank.planning.resolution import DEFAULT, resolved, shortest_wave, too_short
 from wavetank.run_warning import RunWarning
-from wavetank.simulation.construction import with_its_numerics
+from wavetank.simulation.initial import with_its_numerics
 from wavetank.values.case_model import CaseError, Problem, about
 
 LESS = (0.03, 0.1)  # accuracies that are tried if the default one cannot be reached

@@ -17,10 +17,12 @@ from wavetank.case import Case
 from wavetank.integrators import INTEGRATORS
 from wavetank.planning.cost import FILE, KINDS, CostModel, OutputCost, entries_of, features, machine, step_costs
 from wavetank.planning.resolution import LOOSEST
-from wavetank.simulation.build import build_filters, build_observers, build_run, initial_state, summary
+from wavetank.simulation.build import build_run, initial_state, summary
+from wavetank.simulation.case_diagnostics import build_observers
 from wavetank.simulation.clock import Clock, EverySteps
 from wavetank.simulation.construction import AnyWaves, build_waves
 from wavetank.simulation.energy import Sink
+from wavetank.simulation.filters import build_filters
 from wavetank.simulation.memory import peak_memory
 from wavetank.simulation.records import Memory, Records
 from wavetank.simulation.run import Run

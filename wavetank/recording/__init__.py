@@ -1,0 +1,174 @@
+"""A run recorded in a run directory, from the case to the manifest's last word; the same on any number of ranks."""
+
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+from rich.console import Console
+
+from wavetank.case import Case
+from wavetank.case.reading import contents
+from wavetank.errors import InputError
+from wavetank.integrators.contract import Integrator
+from wavetank.mpi import abort_unless_all_fail, from_first, on_first, raise_on_all_ranks
+from wavetank.output.directory import RunDirectory
+from wavetank.output.files import OutputPath, RunLog
+from wavetank.output.manifest import environment
+from wavetank.output.writer import RunWriter
+from wavetank.recording.checkpointer import Checkpointer
+from wavetank.recording.diagnostics import Observers, add_diagnostics
+from wavetank.recording.ending import EndReport, execute_run
+from wavetank.recording.log import (
+    Draw,
+    Warnings,
+    begin_directory,
+    log_outcome,
+    opening_lines,
+    planned_content,
+    progress_of,
+    record_failure,
+    scene_content,
+)
+from wavetank.recording.preparing import prepared
+from wavetank.recording.restart import Restart, stored_scene
+from wavetank.simulation.monitoring import Interruption
+from wavetank.simulation.own import called
+from wavetank.simulation.summary import Parts
+from wavetank.values.case_model import CaseError
+
+LATEST = 60.0  # s after an error in which the first rank has drawn pictures
+
+
+def record_run(
+    scene: Case,
+    place: OutputPath | Path,
+    *,
+    comm: MPI.Comm,
+    console: Console,
+    draw: Draw | None = None,
+    unasked: bool = True,
+    observers: Observers = (),
+    integrator: Integrator[Any] | None = None,
+    resume: bool = False,
+    at: float | None = None,
+) -> None:
+    """Run a scene into a directory; collective.
+
+    What can be refused is refused before anything is changed there. Raises ``RunError`` where the run breaks down;
+    everything up to then is in the directory, the cause in its manifest.
+
+    Parameters
+    ----------
+    scene
+        What is run.
+    comm
+        The ranks.
+    console
+        Where its messages go; they are kept in the directory, too.
+    place
+        The directory, which is taken for this run alone.
+    draw
+        Draws pictures of the run into its directory once it has ended, however it has, and gives their paths. What it
+        raises is said, and nothing more: the records are there.
+    unasked
+        Whether a run that takes days, or more memory than there is, begins; otherwise it is refused.
+    observers
+        Further observers: functions of the waves that return an observer.
+    integrator
+        In place of the scene's.
+    resume
+        Whether the run that is there goes on, from a checkpoint.
+    at
+        The time of that [s]; default: of the last.
+    """
+    start, log = time.monotonic(), RunLog(console)
+    warnings = Warnings(log)
+    if integrator is not None:
+        scene = scene.model_copy(update={"numerics": scene.numerics.without_integrator()})
+    known = {"scene": scene_content(scene, integrator), "files": contents(scene), "ranks": comm.size, **environment()}
+    known["warnings"] = warnings.records  # found until its end
+    writer = on_first(comm, lambda: RunWriter(place, known, resume=resume))
+    with abort_unless_all_fail(comm, LATEST), ExitStack() as at_the_end:
+        if writer is not None:
+            at_the_end.callback(writer.release)
+        restart = Restart(writer, comm, warn=warnings.add, at=at) if resume else None
+        with console.status("preparing the run"):
+            requested, scene, run, waves = prepared(
+                scene, comm, warnings=warnings, integrator=integrator, restart=restart, unasked=unasked
+            )
+        series = add_diagnostics(run, scene, waves, writer, warnings=warnings, log=log, observers=observers)
+        if restart:
+            log.say(restart.take(run, waves, scene=scene, fields=series))
+            restart.warn_of_missing_observers(called(observers))
+        earlier, counting_on = (restart.about["parts"], restart.counting_on) if restart else ([], False)
+        parts = Parts(run, waves, began=start, earlier=earlier, counting_on=counting_on)
+        checkpointer = Checkpointer(
+            requested,
+            scene,
+            run=run,
+            waves=waves,
+            fields=series,
+            parts=parts,
+            writer=writer,
+            warnings=warnings.records,
+            observers=called(observers),
+        )
+
+        report = EndReport(run, waves, parts, warnings, log, writer, known, drawn=draw is not None)
+        with Interruption(comm) as interruption:  # from now on SIGTERM is written down
+            figures = {"parts": parts.so_far()} | planned_content(requested, scene, integrator)
+            begin_directory(writer, log, figures, scene=scene, waves=waves, resumed=resume)
+            if writer is not None:
+                at_the_end.enter_context(log_outcome(writer, log, draw=draw))
+            at_the_end.callback(warnings.show)
+            for line in opening_lines(requested, scene, run, waves, resumed=resume):
+                log.say(line)
+            warnings.show()
+            with record_failure(writer), progress_of(run, waves, log, writer) as progress:
+                interruption.before = checkpointer.write_last
+                run.controls += [checkpointer.control(scene.run.checkpoint_every), *progress, interruption]
+                execute_run(report, scene=scene, checkpointer=checkpointer)
+                if writer is not None:
+                    writer.finish("finished", {})
+
+
+def resume_run(
+    directory: Path | str,
+    changes: Sequence[str] = (),
+    *,
+    extend: float | None = None,
+    at: float | None = None,
+    comm: MPI.Comm,
+    console: Console,
+    **options: Any,
+) -> None:
+    """Go on with the run in a directory, which keeps its scene; collective. A finished one is left as it is.
+
+    Raises as ``record_run``, which takes the other options, and ``stored_scene``.
+
+    Parameters
+    ----------
+    directory
+        The run directory.
+    changes
+        ``KEY=VALUE``, such as ``"numerics.dt=0.01"``.
+    extend
+        How much longer it is to be [s]; then a finished one goes on, too.
+    at
+        The time of the checkpoint to go on from [s], one of the two that are kept; default: of the last.
+    comm, console, options
+        As ``record_run`` takes them.
+    """
+    path = Path(directory)
+    scene = raise_on_all_ranks(comm, lambda: stored_scene(path, changes, extend=extend))
+    unchanged = not changes and extend is None and at is None
+    if unchanged and from_first(comm, lambda: RunDirectory(path).status) == "finished":
+        console.print(f"{path} has finished; --extend SECONDS goes on with it", markup=False, highlight=False)
+        return
+    try:
+        record_run(scene, path, comm=comm, console=console, resume=True, at=at, **options)
+    except CaseError as error:
+        raise InputError("\n".join(f"{path}: {problem}." for problem in error.problems)) from error

@@ -1,0 +1,196 @@
+"""Checkpoints of a run and its records, written at intervals and where it ends."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from mpi4py import MPI
+
+from wavetank.arrays import Vector
+from wavetank.case import Case
+from wavetank.case.reading import contents
+from wavetank.errors import RecordError, RunError
+from wavetank.fem.by_place import gathered
+from wavetank.mpi import on_first, raise_on_all_ranks
+from wavetank.output.checkpoint import Checkpoint
+from wavetank.output.fields import VtuSeries
+from wavetank.output.writer import RunWriter
+from wavetank.run_warning import RunWarning
+from wavetank.simulation.checkpoints import Checkpoints
+from wavetank.simulation.construction import AnyWaves
+from wavetank.simulation.run import Run
+from wavetank.simulation.summary import Parts
+from wavetank.state import Held, serialize
+
+
+class CompletedStep(NamedTuple):
+    """The end of a step that all observers have recorded: a restart without the history of the solvers.
+
+    Attributes
+    ----------
+    step, t
+        Its number and time [s].
+    q, p
+        Coordinates and momenta; later steps have others.
+    held
+        By the run, without its solves.
+    records
+        How far the tables and snapshots of the first rank had grown; nothing on others.
+    fields
+        How far the series had that all ranks write, by their names.
+    """
+
+    step: int
+    t: float
+    q: Vector
+    p: Vector
+    held: Held
+    records: Held
+    fields: dict[str, Held]
+
+
+class Checkpointer:
+    """Writes checkpoints of a run and its records; all methods are collective.
+
+    Parameters
+    ----------
+    requested, computed
+        The scene as requested, and with the planned numerics.
+    fields
+        The series that all ranks write, by their names.
+    parts
+        Of the run, so far.
+    writer
+        Of the run directory; None on all ranks but the first.
+    warnings
+        For whoever reads the results, so far: one may be added.
+    observers
+        What a user's own are called.
+    """
+
+    def __init__(
+        self,
+        requested: Case,
+        computed: Case,
+        *,
+        run: Run,
+        waves: AnyWaves,
+        fields: Mapping[str, VtuSeries],
+        parts: Parts,
+        writer: RunWriter | None,
+        warnings: list[RunWarning],
+        observers: Sequence[str] = (),
+    ):
+        self._scene, self._chosen = (one.model_dump(mode="json") for one in (requested, computed))
+        self._files = contents(requested)
+        self._run, self._waves, self._fields, self._parts = run, waves, fields, parts
+        self._writer, self._warnings, self._observers = writer, warnings, list(observers)
+        self._written = -1  # the last step of which there is one
+        self._reached: CompletedStep | None = None
+        self._missed: RunWarning | None = None  # that the last one could not be written, and why
+
+    def control(self, every: float | None) -> Checkpoints:
+        """Return the control that writes checkpoints."""
+        return Checkpoints(self._waves.plane.comm, self.write, note=self._note, every=every)
+
+    def _note(self) -> None:
+        """Store the present step, which all observers have recorded; collective."""
+        run, fields = self._run, {name: series.extent() for name, series in self._fields.items()}
+        records = {} if self._writer is None else self._writer.extents()
+        self._reached = CompletedStep(
+            run.step, run.t, run.state.q, run.state.p, run.tree(with_solves=False), records, fields
+        )
+
+    def write(self) -> None:
+        """Write one of all that the run holds, if there is none of this step; collective.
+
+        One that cannot be written is warned of: the records are there.
+        """
+        self._note()
+        self._update_warning(self._failure(with_history=True))
+
+    def write_last(self) -> None:
+        """The same at the last step, or before a signal makes it the last; collective.
+
+        Where that cannot be written it is what ``save`` writes.
+        """
+        self._note()
+        failure = self._failure(with_history=True)
+        self._update_warning(self._failure(with_history=False) if isinstance(failure, RunError) else failure)
+
+    def save(self) -> None:
+        """Write one where a run fails, if there is none; collective.
+
+        That is the step before, or, where observers fail, who have seen some of a step, the last that was noted. A step
+        that fails leaves solves with memories of it: only the surface and the sums are held, which need little room,
+        and where there is none they take that of the checkpoint before the last.
+        """
+        if self._run.recorded:
+            self._note()
+        self._update_warning(self._failure(with_history=False))
+
+    def _update_warning(self, failure: Exception | None) -> None:
+        """Warn of a checkpoint that is missing now, and of no earlier one."""
+        if self._missed in self._warnings:
+            self._warnings.remove(self._missed)
+        self._missed = None
+        if failure is not None:
+            self._missed = RunWarning("not-resumable", details={"reason": str(failure).removesuffix(".")})
+            self._warnings.append(self._missed)
+
+    def _failure(self, *, with_history: bool) -> Exception | None:
+        """Write one, and return why that cannot be; nothing where it is written, or nothing is to be."""
+        reached = self._reached
+        if reached is None or reached.step == self._written:
+            return None
+        try:
+            self._write(reached, with_history=with_history)
+        except RecordError:
+            return None  # the directory is another's, by which the run ends
+        except (RunError, TypeError) as error:  # the latter: what somebody's own part holds
+            return error
+        self._written = reached.step
+        return None
+
+    def _write(self, reached: CompletedStep, *, with_history: bool) -> None:
+        waves, clock = self._waves, self._run.clock
+        if not waves.plane.comm.allreduce(bool(np.isfinite([reached.q, reached.p]).all()), op=MPI.LAND):
+            return  # nothing could go on from there, as the run will say
+        surface = self._surface(reached)
+        text, arrays = serialize({"surface": surface, "run": self._run.tree() if with_history else reached.held})
+        least = len(serialize({"surface": surface, "run": reached.held})[1])
+        values, places = gathered(waves.plane, arrays)
+        about = {
+            "t": reached.t,
+            "step": reached.step,
+            "clock": {"dt": clock.dt, "begin": clock.begin, "first": clock.first},
+            "whole": with_history,
+            "mass": waves.total_mass(reached.q),
+            "scene": self._scene,
+            "chosen": self._chosen,
+            "files": self._files,
+            "observers": self._observers,
+            "parts": self._parts.so_far(reached.step),
+            "warnings": [one.as_json() for one in self._warnings if one != self._missed],
+            "records": reached.records,
+            "fields": reached.fields,
+        }
+
+        def put() -> None:
+            if self._writer is not None:
+                checkpoint = Checkpoint(about, text, values, places)
+                self._writer.checkpoint(
+                    checkpoint, last_size=(least + 3) * places.nbytes // 3, at_any_price=not with_history
+                )
+
+        for series in self._fields.values():
+            raise_on_all_ranks(waves.plane.comm, series.sync)
+        on_first(waves.plane.comm, put)
+
+    def _surface(self, reached: CompletedStep) -> dict[str, Any]:
+        """Return elevation [m] and potential [m²/s] of the surface, and where that is in the laboratory [m]."""
+        waves = self._waves
+        waves.set_time(reached.t)
+        elevation = waves.elevation(reached.q, reached.p, reached.t)
+        x, y = np.ascontiguousarray(waves.wall.to_physical(waves.plane.places, elevation).T)
+        return {"x": x, "y": y, "elevation": elevation, "potential": np.array(reached.p)}

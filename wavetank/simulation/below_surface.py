@@ -1,0 +1,232 @@
+"""Diagnostics below the surface: probes, loads, windows and velocity fields."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wavetank.arrays import Vector
+from wavetank.errors import InputError, OutsideError, PaddleError
+from wavetank.output.columns import RATES as RATES
+from wavetank.output.fields import VtkCells
+from wavetank.simulation.clock import EverySteps, Schedule
+from wavetank.simulation.contract import Diagnostic, displacement, due_steps
+from wavetank.simulation.diagnostics import Called, LatticePlaces, Passing
+from wavetank.simulation.records import FieldRecord, Record, WindowRecord
+from wavetank.tank.kinematics import MovingWater, Sounding, Velocity
+from wavetank.tank.seen import Block
+from wavetank.tank.surface_points import SurfacePoints
+from wavetank.tank.wall_pressure import WallPressure
+from wavetank.tank.waves import NonlinearWaves
+
+
+class Loads:
+    """Force and moment on walls.
+
+    Parameters
+    ----------
+    about
+        The point of each wall that its moments are taken about, (x, y, z) [m].
+    record
+        Where rows go, in the order of ``load_columns``.
+    """
+
+    def __init__(self, pressure: WallPressure, about: Sequence[Vector], *, record: Record, schedule: Schedule):
+        self._pressure, self._about, self._record, self.schedule = pressure, about, record, schedule
+        basin = pressure.plane.mesh.topology.dim == 2
+        self._shown = [0, 1, 2, 3, 4, 5] if basin else [0, 2, 4]
+
+    def record(self, block: Block) -> None:
+        """Append a row for each step; collective."""
+        for q, psi, t in block.states():
+            self._pressure.find(q, psi, t)
+            loads = [self._pressure.load(wall, point) for wall, point in enumerate(self._about)]
+            self._record.extend([[t, *np.concatenate([np.concatenate(load)[self._shown] for load in loads])]])
+
+
+@dataclass(frozen=True)
+class ProbeState:
+    """Whether there has been water at a probe, by its place."""
+
+    wet: dict[str, bool] = field(default_factory=dict)
+
+
+class Probes:
+    """What the water does at points: see ``records.probe_table`` for the columns; empty where there is none.
+
+    Parameters
+    ----------
+    sounding
+        The points.
+    record
+        Where rows go.
+    called
+        What they and the paddles are called in a case.
+    """
+
+    def __init__(
+        self,
+        water: MovingWater,
+        sounding: Sounding,
+        *,
+        record: Record,
+        schedule: Schedule,
+        called: Called | None = None,
+    ):
+        self._water, self._sounding, self._record, self.schedule = water, sounding, record, schedule
+        self._places = sounding.places
+        self._points = [f"x = {x:g}, y = {y:g}, z = {z:g} m" for x, y, z in sounding.points]
+        self._passing = Passing(water.wall, self._places, called or Called.unnamed(water.wall, "probe", self._places))
+        self._axes = axes_of(water)
+        self.state = ProbeState()
+
+    def record(self, block: Block) -> None:
+        """Append a row for each step; raises ``PaddleError`` if a paddle has passed a probe; collective."""
+        for q, psi, t in block.states():
+            self._append(q, psi, t)
+
+    def _append(self, q: Vector, psi: Vector, t: float) -> None:
+        """Append one row; raises as ``record``; collective."""
+        self._water.find_rates(q, psi, t)
+        try:
+            result = self._sounding.take()
+        except OutsideError as error:
+            raise self._passing.error(t, error.index, self._water.wall.stand(self._places)) from None
+        wet = {name: not bool(dry) for name, dry in zip(self._points, result.dry, strict=True)}
+        before = self.state.wet
+        self.state = ProbeState(before | {name: one or before.get(name, False) for name, one in wet.items()})
+        vectors = (vector[:, self._axes] for vector in (result.velocity, result.local, result.acceleration))
+        each = np.column_stack([*vectors, result.pressure])
+        rows = ([None] * len(row) if dry else row for row, dry in zip(each, result.dry, strict=True))
+        self._record.extend([[t, *(value for row in rows for value in row)]])
+
+    def verdict(self) -> list[str]:
+        """Return a sentence for probes without water at any time."""
+        dry = [point for point, wet in self.state.wet.items() if not wet]
+        return [f"probes without water at any time, their columns are empty: {'; '.join(dry)}"] if dry else []
+
+
+def axes_of(water: MovingWater) -> list[int]:
+    """Return which of x, y and z vectors have components along."""
+    return [0, 1, 2] if water.plane.mesh.topology.dim == 2 else [0, 2]
+
+
+class BelowSurface:
+    """Diagnostics that share water of their own, which each step is evaluated in once for all of them.
+
+    Parameters
+    ----------
+    water
+        The water, whose start values are part of the state of the run, as the states of the diagnostics are.
+    diagnostics
+        Probes, loads, windows, velocity fields and paddles with loads.
+    """
+
+    def __init__(self, water: object, diagnostics: Sequence[Diagnostic]):
+        self.schedule, self.water, self.diagnostics = EverySteps(), water, diagnostics
+
+    def record(self, block: Block) -> None:
+        """Let them record step by step; collective."""
+        for number in range(len(block)):
+            step = block.at([number])
+            for diagnostic in self.diagnostics:
+                if len(due := due_steps(diagnostic.schedule, step)):
+                    diagnostic.record(due)
+
+    def verdict(self) -> list[str]:
+        """Return a sentence for probes without water at any time."""
+        return [sentence for one in self.diagnostics if isinstance(one, Probes) for sentence in one.verdict()]
+
+
+class WindowObserver:
+    """The motion of columns of water.
+
+    Parameters
+    ----------
+    places
+        (x, y) of each column [m], shape (N, 2).
+    levels
+        Points in each.
+    density
+        Of the water [kg/m³].
+    """
+
+    def __init__(
+        self,
+        water: MovingWater,
+        places: Vector,
+        *,
+        levels: int,
+        density: float,
+        record: WindowRecord,
+        schedule: Schedule,
+    ):
+        self._water, self._record, self.schedule = water, record, schedule
+        self._places, self._zeta, self._axes = places, np.linspace(0.0, 1.0, levels, dtype=np.float64), axes_of(water)
+        self._surface = SurfacePoints(water.plane, water.wall, places)
+        self._elevation, self._depth = water.plane.function("elevation"), water.plane.function("depth")
+        points = np.column_stack([places, np.zeros(len(places))])
+        self._sounding = Sounding(water, np.repeat(points, levels, axis=0), density=density)
+
+    def record(self, block: Block) -> None:
+        """Append the motion of the columns; raises ``PaddleError`` if the paddle has passed one; collective."""
+        for state, eta in zip(block.states(), block.eta, strict=True):
+            self._append(*state, eta)
+
+    def _append(self, q: Vector, psi: Vector, t: float, elevation: Vector) -> None:
+        """Append the motion at one step; raises as ``record``; collective."""
+        self._water.find_rates(q, psi, t)
+        self._elevation.set(elevation)
+        self._depth.set(np.zeros(self._water.plane.owned) + self._water.bed.still)
+        try:
+            eta = self._surface.elevations(self._elevation)
+            d, h = (self._surface.points.evaluate(field) for field in (self._depth, self._water.h))
+            z = np.outer(h, self._zeta) - d[:, None]
+            points = np.column_stack([np.repeat(self._places, self._zeta.size, axis=0), z.ravel()])
+            result = self._sounding.take(points)
+        except InputError as error:
+            raise PaddleError(f"t = {t:.6g} s: the paddle has reached a column of a window: {error}", t=t) from None
+        vectors = (vector[:, self._axes].T for vector in (result.velocity, result.local, result.acceleration))
+        moved = np.vstack([*vectors, result.pressure]).reshape(-1, *z.shape)
+        self._record.append(t, z, eta, moved)
+
+
+class VelocityFields:
+    """The water below the surface: ``velocity`` (along x, y and z) [m/s] and ``potential`` [m²/s].
+
+    In single precision: they are n+1 times as large as the surface, and looked at.
+
+    Parameters
+    ----------
+    levels
+        Heights zeta, ascending in [0, 1] from the bed to the surface; the n+1 Gauss-Lobatto nodes, if not given.
+    """
+
+    def __init__(self, waves: NonlinearWaves, series: FieldRecord, *, schedule: Schedule, levels: Vector | None = None):
+        self._waves, self._series, self.schedule = waves, series, schedule
+        self._levels = waves.vertical.nodes if levels is None else levels
+        self._places, self._velocity = LatticePlaces(waves), Velocity(waves)
+        lattice = self._places.lattice
+        self._cells = VtkCells.layered(lattice.pieces, points=len(lattice.dofs), levels=len(self._levels))
+
+    def record(self, block: Block) -> None:
+        """Write a snapshot for each step; raises ``RunError``, on all ranks, if one cannot be written; collective."""
+        for number in range(len(block)):
+            self._append(block, number)
+
+    def _append(self, block: Block, number: int) -> None:
+        """Write the snapshot of one step; raises as ``record``; collective."""
+        t = float(block.t[number])
+        self._waves.evaluate(block.q[number], block.psi[number], t)
+        h, d, dofs = self._places.at(self._waves.h), self._places.depths(block, number), self._places.lattice.dofs
+        shift = displacement(block, number, self._waves.wall, self._places.lattice.places)
+        points = [self._places.points(zeta * h - d, shift) for zeta in self._levels]
+        velocity = [self._velocity.at(zeta)[dofs] for zeta in self._levels]
+        potential = [self._velocity.potential(zeta)[dofs] for zeta in self._levels]
+        arrays = {"velocity": _single(velocity), "potential": _single(potential)}
+        self._series.append(t, _single(points), cells=self._cells, arrays=arrays)
+
+
+def _single(layers: list[Vector]) -> Vector:
+    """Return the layers one after another, in single precision."""
+    return np.concatenate([layer.astype(np.float32) for layer in layers])

@@ -1,0 +1,186 @@
+"""Diagnostics that a case asks for."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from dolfinx.mesh import MeshTags
+
+from wavetank.case import Case
+from wavetank.case.output import Window
+from wavetank.errors import OutsideError
+from wavetank.simulation.below_surface import BelowSurface, Loads, Probes, VelocityFields, WindowObserver
+from wavetank.simulation.clock import Clock, EverySteps, EveryTime, EveryTimeBetween
+from wavetank.simulation.construction import AnyWaves, moving_water
+from wavetank.simulation.contract import Diagnostic
+from wavetank.simulation.diagnostics import (
+    Called,
+    Gauges,
+    HighestCrest,
+    PaddleLimits,
+    PaddleMotion,
+    PaddleRates,
+    Pushing,
+    SurfaceFields,
+    SurfaceSnapshots,
+    rates_of_motion,
+    rates_of_water,
+)
+from wavetank.simulation.energy import EnergyBudget, Sink
+from wavetank.simulation.records import Record, Records, WindowRecord
+from wavetank.simulation.run import Run
+from wavetank.simulation.stability import IN_ELEVATION, IN_JUMP, StabilityWatch
+from wavetank.tank.kinematics import MovingWater, Sounding
+from wavetank.tank.linear_waves import LinearWaves
+from wavetank.tank.wall_pressure import PaddlePush, WallPressure
+from wavetank.tank.waves import NonlinearWaves
+from wavetank.values.case_model import CaseError, Problem, about
+
+
+def build_watch(scene: Case, run: Run, waves: AnyWaves, warn: Callable[[str], None]) -> list[Diagnostic]:
+    """Return what watches the step of nonlinear waves and warns; collective."""
+    if isinstance(waves, LinearWaves):
+        return []  # the limit is known before the run, and kept
+    limit, look = run.integrator.stability_limit, IN_ELEVATION if run.state.q_jump is None else IN_JUMP
+    return [StabilityWatch(waves, waves.surface, dt=run.clock.dt, limit=limit, warn=warn, look=look)]
+
+
+def build_observers(scene: Case, waves: AnyWaves, records: Records, *, sinks: Sequence[Sink] = ()) -> list[Diagnostic]:
+    """Return a scene's gauges, energy budget (of what its sinks take, too), highest crest and snapshots; collective."""
+    output = scene.output
+    diagnostics: list[Diagnostic] = [_gauges(scene, waves, records.gauges)] if scene.all_gauges else []
+    diagnostics += _below_surface(scene, waves, records)  # first: where a paddle passes them the others end, too
+    diagnostics.append(EnergyBudget(waves, record=records.energy, every=output.energy_every, sinks=sinks))
+    diagnostics.append(HighestCrest(waves))
+    if waves.plane.mesh.topology.dim == 1:
+        snapshots = SurfaceSnapshots(waves, record=records.surface, schedule=EveryTime(scene.surface_every))
+        diagnostics.append(snapshots)
+    diagnostics += _surface_fields(scene, waves, records)
+    loaded = {load.on for load in scene.loads} if records.loads is not None else set()
+    for number, view in enumerate(scene.paddles):
+        limits: Any = getattr(view.wall, "limits", None)
+        if limits is not None and number in scene.absorbing:
+            most = limits.model_dump(exclude_none=True)
+            diagnostics.append(PaddleLimits(_rates(scene, waves, number), most, key=view.key))
+        if number < len(records.paddles) and view.side not in loaded:  # a trial has no records of paddles
+            diagnostics.append(_paddle(scene, waves, number, records.paddles[number]))
+    return diagnostics
+
+
+def _gauges(scene: Case, waves: AnyWaves, record: Record) -> Gauges:
+    """Return what records the gauges; collective. Raises ``CaseError`` for one outside the mesh."""
+    places = np.array([(gauge.x, gauge.y) for gauge in scene.all_gauges])
+    try:
+        called = _called(scene, [scene.gauge_key(n) for n in range(len(places))])
+        schedule = EverySteps(scene.output.gauges_every)
+        return Gauges(waves, places, record=record, schedule=schedule, called=called)
+    except OutsideError as error:
+        raise CaseError([Problem(scene.gauge_key(error.index), None, str(error))]) from None
+
+
+def _called(scene: Case, keys: Sequence[tuple[str | int, ...]]) -> Called:
+    """Return what places are called that stand in a scene, and its paddles."""
+    return Called([".".join(map(str, key)) for key in keys], [seen.key for seen in scene.paddles])
+
+
+def _below_surface(scene: Case, waves: AnyWaves, records: Records) -> list[Diagnostic]:
+    """Return what records probes, windows, velocity fields, loads and paddles with loads; collective.
+
+    Raises ``CaseError`` for a probe or wall that does not exist.
+    """
+    every = scene.output.velocity_every
+    velocity = records.fields if every is not None and isinstance(waves, NonlinearWaves) else None
+    if records.probes is None and records.loads is None and velocity is None and not records.windows:
+        return []
+    water, schedule = moving_water(scene, waves), EverySteps(scene.output.probes_every)
+    result = list[Diagnostic]()
+    if velocity is not None and every is not None and isinstance(water, NonlinearWaves):
+        result.append(VelocityFields(water, velocity("velocity"), schedule=EveryTime(every)))
+    if records.probes is not None:
+        result.append(_probes(scene, water, records.probes, schedule))
+    result += [_window(scene, water, n, record) for n, record in enumerate(records.windows)]
+    if records.loads is not None:
+        walls = [_wall(scene, waves, n) for n in range(len(scene.loads))]
+        pressure = WallPressure(water, walls, density=scene.tank.density)
+        points = [np.array(load.point(scene.tank.depth)) for load in scene.loads]
+        result.append(Loads(pressure, points, record=records.loads, schedule=schedule))
+        loaded = {load.on: n for n, load in enumerate(scene.loads)}
+        for number, view in enumerate(scene.paddles):
+            if view.side in loaded and number < len(records.paddles):
+                paddle = waves.wall.paddles[number]
+                push = Pushing(PaddlePush(pressure, loaded[view.side], paddle), paddle.motion.velocity)
+                result.append(_paddle(scene, waves, number, records.paddles[number], push=push))
+    return [BelowSurface(water, result)]
+
+
+def _rates(scene: Case, waves: AnyWaves, number: int) -> PaddleRates:
+    """Return the rates of a paddle."""
+    view, paddle = scene.paddles[number], waves.wall.paddles[number]
+    travel = getattr(paddle, "travel", None)  # a paddle of linear water has none
+    if travel is not None and travel.whole is not None:
+        return rates_of_water(number)
+    return rates_of_motion(partial(paddle.motion.rates, y=view.wall.places(view.tank)))
+
+
+def _paddle(scene: Case, waves: AnyWaves, number: int, record: Record, *, push: Pushing | None = None) -> PaddleMotion:
+    """Return what records the motion of a paddle, and its force and power."""
+    schedule = EverySteps(scene.output.gauges_every)
+    return PaddleMotion(_rates(scene, waves, number), record=record, schedule=schedule, push=push)
+
+
+def _probes(scene: Case, water: MovingWater, record: Record, schedule: EverySteps) -> Probes:
+    """Return what records the probes; collective. Raises ``CaseError`` for one outside the mesh."""
+    points = np.array([(probe.x, probe.y, probe.z) for probe in scene.probes])
+    try:
+        sounding = Sounding(water, points, density=scene.tank.density)
+        called = _called(scene, [("probes", n) for n in range(len(points))])
+        return Probes(water, sounding, record=record, schedule=schedule, called=called)
+    except OutsideError as error:
+        raise CaseError([Problem(("probes", error.index), None, str(error))]) from None
+
+
+def _window(scene: Case, water: MovingWater, n: int, record: WindowRecord) -> WindowObserver:
+    """Return what records a window; collective. Raises ``CaseError`` for a column outside the mesh."""
+    window = scene.windows[n]
+    with about("windows", n):
+        return WindowObserver(
+            water,
+            np.array(window.places),
+            levels=window.levels,
+            density=scene.tank.density,
+            record=record,
+            schedule=_rows(window),
+        )
+
+
+def _rows(window: Window) -> EveryTimeBetween:
+    """Return when a window has rows."""
+    return EveryTimeBetween(window.every, window.begin, np.inf if window.until is None else window.until)
+
+
+def told_of_windows(scene: Case, clock: Clock) -> list[str]:
+    """Return what there is to say of windows whose rows are not as far apart as was asked, or end early."""
+    told = list[str]()
+    for window in scene.windows:
+        apart, sentence = _rows(window).spacing(clock.dt), ""
+        if abs(apart - window.every) > 1e-6 * window.every:
+            sentence = f"a row every {apart:.5g} s, in whole steps of {clock.dt:.5g} s"
+        if window.until is not None and clock.end + 1e-6 * apart < window.until:
+            sentence += f"{'; ' if sentence else ''}the run ends at {clock.end:.6g} s, before its until"
+        told += [f"window {window.name}: {sentence}"] if sentence else []
+    return told
+
+
+def _wall(scene: Case, waves: AnyWaves, n: int) -> MeshTags:
+    """Return the facets of a load's wall; collective. Raises ``CaseError`` if there is none of that name."""
+    with about("loads", n, "on"):
+        return waves.plane.wall(scene.loads[n].on)
+
+
+def _surface_fields(scene: Case, waves: AnyWaves, records: Records) -> list[Diagnostic]:
+    """Return what writes a basin's surface and sponge; collective."""
+    if records.fields is None or waves.plane.mesh.topology.dim == 1:
+        return []
+    schedule = EveryTime(scene.surface_every)
+    return [SurfaceFields(waves, records.fields("surface"), schedule=schedule, damping=waves.damping)]

@@ -1,0 +1,244 @@
+"""Initial surface of a case: a formula, a file, or the state of another run."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from mpi4py import MPI
+from pydantic import ValidationError
+
+from wavetank.arrays import Vector
+from wavetank.case import (
+    Case,
+    RunState,
+)
+from wavetank.case.initial import FileSurface, FormulaSurface
+from wavetank.errors import InputError
+from wavetank.fem.by_place import at_the_same, found
+from wavetank.fem.plane import Plane
+from wavetank.fem.points import Points
+from wavetank.motion import Motion
+from wavetank.mpi import from_first, raise_on_all_ranks
+from wavetank.output.checkpoint import Checkpoint, checked_tree, is_at, read_checkpoint_file, readable_checkpoints
+from wavetank.output.directory import RunDirectory
+from wavetank.simulation.construction import AnyWaves, build_footprint
+from wavetank.simulation.feedback import went_on
+from wavetank.simulation.walls import build_wall, motion_of
+from wavetank.state import Held, deserialize
+from wavetank.values.case_model import CaseError
+
+TRIALS = 6  # each ten times as near: the slopes of surface and paddle are a few tenths at most
+
+
+class KeptSurface(NamedTuple):
+    """The surface of a run, by place.
+
+    Attributes
+    ----------
+    scene
+        What was computed, with its numerics.
+    t
+        The time [s].
+    mass
+        Of the water [m³, m²].
+    values
+        Elevation [m] and surface potential [m²/s], shape (N,) each; used of the first rank alone.
+    places
+        Of the degrees of freedom in its mesh [m], shape (N, 3); used of the first rank alone.
+    parts
+        State of the parts of the run, paddles with feedback among them.
+    """
+
+    scene: Case
+    t: float
+    mass: float
+    values: tuple[Vector, Vector]
+    places: Vector
+    parts: Held
+
+    def on(self, waves: AnyWaves) -> tuple[Vector, Vector]:
+        """Return both at the degrees of freedom of waves, whose wall stands as it will, shape (owned,); collective.
+
+        On a mesh with others than those they are what the elements say there.
+        """
+        if at_the_same(waves.plane, self.places):
+            elevation, potential = found(waves.plane, self.values, self.places)
+            return elevation, potential
+        comm, footprint = waves.plane.comm, build_footprint(self.scene, waves.plane.comm)
+        plane = Plane(footprint.mesh, self.scene.numerics.order, footprint.chart)
+        wall: Any = build_wall(self.scene, footprint, plane)
+        went_on(self.scene, (paddle.motion for paddle in wall.paddles), self.parts)
+        if wall.moves:
+            wall.set_time(self.t)
+        fields = [plane.function("kept") for _ in self.values]
+        for field, values in zip(fields, found(plane, self.values, self.places), strict=True):
+            field.set(values)
+        reference = _on_all(comm, waves.plane.places)
+
+        def coordinates(z: Vector) -> Vector:
+            return plane.chart.place(wall.to_reference(waves.wall.to_physical(reference, z), z))
+
+        z: Vector = np.zeros(len(reference))
+        points = Points(plane, coordinates(z))
+        for _ in range(TRIALS if wall.leans or waves.wall.leans else 1):  # where the surface is depends on its height
+            points.move(coordinates(z))
+            z = points.evaluate(fields[0])
+        begin = sum(comm.allgather(waves.plane.owned)[: comm.rank])
+        mine = slice(begin, begin + waves.plane.owned)
+        return z[mine], points.evaluate(fields[1])[mine]
+
+
+def _on_all(comm: MPI.Comm, rows: Vector) -> Vector:
+    """Return all ranks' rows, one rank's after another's; collective."""
+    return np.concatenate(comm.allgather(rows))
+
+
+SEEN = 0.01  # of its rms: a mean elevation that is told
+
+
+APART = 1e-3  # of the depth: so far may the wall stand from where it stood
+
+
+MESHED = {"cells", "geometry", "sponge_length", "factor", "refine", "file"}  # of a layout: its mesh, not its walls
+
+
+def initial_surface(scene: Case, waves: AnyWaves) -> tuple[Vector, Vector]:
+    """Return eta [m] and psi [m²/s] at the degrees of freedom, shape (owned,); collective.
+
+    Raises ``InputError`` where they cannot be had.
+    """
+    comm, initial = waves.plane.comm, scene.initial
+    if isinstance(initial, RunState):
+        return kept_surface(scene, initial, waves).on(waves)
+    x, y = waves.plane.places.T
+    return raise_on_all_ranks(comm, lambda: initial.surface(scene.tank, x, y))
+
+
+def kept_surface(scene: Case, initial: RunState, waves: AnyWaves) -> KeptSurface:
+    """Return what was kept, values on the first rank alone; collective. Raises ``InputError``, on all ranks."""
+    comm = waves.plane.comm
+    result: list[Checkpoint] = []
+
+    def read() -> tuple[dict[str, Any], Case, Held]:
+        path, about = _chosen(initial)
+        before, checkpoint = _its_scene(initial, about), read_checkpoint_file(path)
+        if not isinstance(checkpoint, Checkpoint):
+            raise InputError(f"{path}: cannot be used ({checkpoint or 'it is no longer there'}).")
+        try:
+            tree = checked_tree(checkpoint.about, checkpoint.held, [np.zeros(0)] * len(checkpoint.arrays))
+        except ValueError as error:
+            raise InputError(f"{path}: cannot be used ({error}).") from None
+        scheme = tree["run"]["parts"]
+        _check(scene, before, about["t"], scheme)
+        result.append(checkpoint)
+        return about, before, scheme
+
+    about, before, scheme = from_first(comm, read)
+    values: tuple[Vector, Vector] = np.zeros(0), np.zeros(0)
+    places: Vector = np.zeros((0, 3))
+    if result:
+        surface = deserialize(result[0].held, result[0].arrays)["surface"]
+        values, places = (surface["elevation"], surface["potential"]), result[0].places
+    return KeptSurface(before, about["t"], about["mass"], values, places, parts=scheme)
+
+
+def with_its_numerics(scene: Case, initial: RunState) -> Case:
+    """Return the scene with that run's numerics where it names none; or ``InputError``, also if they do not fit."""
+    before = _its_scene(initial, _chosen(initial)[1])
+    numerics = scene.numerics.over(before.numerics, named=scene.numerics.model_fields_set)
+    result = scene.model_copy(update={"numerics": numerics})
+    if problems := [*numerics.problems(result.ends[0])]:
+        raise CaseError(problems)
+    return result
+
+
+def told_of_start(scene: Case, waves: AnyWaves, q: Vector) -> str:
+    """Return what a start costs of the mass, of a file where its mean is, or nothing of others; collective."""
+    initial = scene.initial
+    if isinstance(initial, FileSurface | FormulaSurface):
+        return _told_of_mean(waves, q)
+    if not isinstance(initial, RunState):
+        return ""
+    about = from_first(waves.plane.comm, lambda: _chosen(initial)[1])
+    mass = waves.total_mass(q) / about["mass"] - 1.0
+    return f"begins with {initial.directory} at t = {about['t']:.6g} s; the mass changes by {mass:.1g} of it"
+
+
+def _told_of_mean(waves: AnyWaves, q: Vector) -> str:
+    """Return where the mean of an initial surface is, unless that is at still water; collective."""
+    still, higher = (waves.total_mass(waves.state(np.full_like(q, eta), 0 * q)[0]) for eta in (0.0, waves.depth))
+    mean = (waves.total_mass(q) - still) / (higher - still) * waves.depth
+    if abs(mean) < SEEN * waves.plane.rms(waves.elevation(q, 0 * q, 0.0)):
+        return ""
+    return f"the initial surface has a mean of {mean:+.3g} m: at rest the water would stand there, not at z = 0"
+
+
+def _chosen(initial: RunState) -> tuple[Path, dict[str, Any]]:
+    """Return the file of the checkpoint that is asked for, and what is told of it; raises ``InputError``."""
+    directory = RunDirectory(initial.directory)
+    result = list(readable_checkpoints(directory.path))
+    if not result:
+        raise InputError(f"directory = {initial.directory}: holds no checkpoint to begin with.")
+    if initial.t is None:
+        return result[0]
+    at = initial.t
+    for path, description in result:
+        if is_at(description, at):
+            return path, description
+    times = " and ".join(f"{about['t']:.6g} s" for _, about in result)
+    raise InputError(f"t = {at:g}: must be a time that is kept, which are {times}; a run keeps its end.")
+
+
+def _its_scene(initial: RunState, about: dict[str, Any]) -> Case:
+    try:
+        return Case.model_validate(about["chosen"])
+    except (KeyError, ValidationError):
+        raise InputError(f"directory = {initial.directory}: was written by another version of this program.") from None
+
+
+def _check(scene: Case, before: Case, t: float, scheme: Held) -> None:
+    """Raise ``InputError`` unless the tanks are one, and the walls stand in one place."""
+    mine, its = (_walls(one) for one in (scene, before))
+    for key in sorted(mine.keys() | its.keys()):
+        if mine.get(key) != its.get(key):
+            raise InputError(f"tank.{key} = {mine.get(key)!r}: must be {its.get(key)!r}, as in the run to begin with.")
+    moved, moves = _motions(before, scheme), _motions(scene)
+    for name, was, now in zip(("wall", "far wall"), before.ends, scene.ends, strict=True):
+        places = [y for y in (one.wall.places(one.tank) for one in (was, now)) if y is not None]
+        along = np.unique(np.concatenate(places)) if places else None
+        stood, stands = _position(moved.get(was.key), t, along), _position(moves.get(now.key), 0.0, along)
+        apart = stands - stood
+        if np.abs(apart).max() > APART * scene.tank.depth:
+            most = int(np.abs(apart).argmax())
+            there, here = (np.broadcast_to(one, apart.shape).flat[most] for one in (stood, stands))
+            where = f"the {name} stood at {there:.4g} m when t = {t:.6g} s, and begins at {here:.4g} m"
+            raise InputError(f"{where}: must be as near as {APART:g} of the depth; it may wait until it is at rest.")
+
+
+def _walls(scene: Case) -> dict[str, Any]:
+    """Return what there is to say of a tank, without its mesh, by keys."""
+    return dict(_leaves(scene.tank.model_dump(mode="json")))
+
+
+def _leaves(tables: dict[str, Any], name: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in tables.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{name}{key}.")
+        elif not (name.startswith("layout.") and key in MESHED):
+            yield f"{name}{key}", value
+
+
+def _motions(scene: Case, scheme: Held | None = None) -> dict[str, Motion]:
+    """Return what moves the walls, as the water has it, by their keys; ``scheme``: where absorbing has taken them."""
+    if scene.physics == "linear":
+        return {}
+    motions = [motion_of(seen) for seen in scene.paddles]
+    if scheme is not None:
+        went_on(scene, motions, scheme)
+    return {seen.key: motion for seen, motion in zip(scene.paddles, motions, strict=True)}
+
+
+def _position(motion: Motion | None, t: float, y: Vector | None) -> Vector:
+    """Return where a motion is [m], at places along it or, as a whole, at one; without one at rest."""
+    return np.zeros(1) if motion is None else np.atleast_1d(motion.position(t, y)).ravel()
