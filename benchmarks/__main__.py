@@ -13,7 +13,7 @@ from mpi4py import MPI
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import beside, costs, looks, scaling
+from benchmarks import beside, costs, scaling
 from benchmarks.direct import DirectMinimum
 from wavetank.fem.plane import Plane
 from wavetank.integrators import INTEGRATORS
@@ -131,7 +131,7 @@ GROUPS = {
     ),
     "the mass matrix": ("method tank.mass_", "mass.py"),
     "forms of the wall": ("fem/assemble.py", "forms.py"),
-    "start values": ("method tank.history_", "method history.", "recall.py", "combination.py", "start_values.py"),
+    "start values": ("method tank.history_", "method history.", "recall.py", "combination.py"),
 }
 
 
@@ -143,7 +143,6 @@ def main() -> None:
         "profile": lambda asked: where_the_time_goes(asked.steps),
         "scaling": lambda asked: scaling.report(largest=asked.largest, cells=asked.cells),
         "beside": lambda asked: asked.other and beside.report(asked.other, CONSOLE),
-        "looks": lambda _: looks.report(CONSOLE),
         "costs": lambda _: costs.report(CONSOLE),
     }
     parser = argparse.ArgumentParser(description=__doc__)

@@ -11,7 +11,7 @@ def block_of(system: Any, *states: tuple[int, float, Any], sinks: Any = (), work
     size = states[0][2].q.size
     rows = Rows(system, size, len(states), sinks=sinks, work=work)
     for step, t, state in states:
-        rows.end(state, step, t)
+        rows.write(state, step, t)
     block = rows.take(states[-1][2], 1.0)
     assert block is not None
     return block

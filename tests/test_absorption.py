@@ -362,12 +362,12 @@ def test_work_is_counted_of_paddles_that_go_unevenly():
         def slopes(q, p, t, motion=motion):
             return [(np.cos(1.3 * t), np.sin(0.9 * t + 1.0) - mass * motion.velocity(t))]
 
-        water = SimpleNamespace(slopes=slopes)
         for n in range(round(4.0 / dt) + 1):
             t = n * dt
             if n > 0:
                 motion.go_on(t - dt, dt, np.sin(t), (1.0 + 8.0 * dt**2) * np.cos(t))
-            done, absorbed = work.advance(water, Point(None, None), t)
+            evaluation = SimpleNamespace(slopes=slopes(None, None, t))
+            done, absorbed = work.advance(Point(None, None, evaluation=evaluation), t)
             found = np.array([done, motion.added(t, 1) * slopes(None, None, t)[0][1] - absorbed])
             if n < 3:
                 exact = found
@@ -556,9 +556,9 @@ def test_what_a_spring_holds_and_a_damper_takes_is_the_work_of_the_water(monkeyp
         assert rows[-1, WORK] < -0.1 * rows[0, TOTAL]
         missing.append(abs(rows[-1, WORK] + kept) / rows[0, TOTAL])
         off.append(np.abs(rows[:, BALANCE]).max() / rows[0, TOTAL])
-        ((by_position, by_velocity),) = waves.slopes(*run.state.known[-1], run.t)
+        ((by_position, by_velocity),) = run.state.evaluations[-1].slopes
         rate = motion.velocity(run.t) * by_position + motion.acceleration(run.t) * by_velocity
-        assert waves.explicit_rate(*run.state.known[-1], run.t) == pytest.approx(rate, rel=1e-12)
+        assert run.state.evaluations[-1].power == pytest.approx(rate, rel=1e-12)
     assert missing[1] < 1e-4 and off[0] < 1e-6
     assert missing[0] / missing[1] > 5.6 and off[0] / off[1] > 4.0
 

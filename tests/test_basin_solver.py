@@ -11,8 +11,6 @@ from mpi4py import MPI
 
 from wavetank.fem.conjugate_gradients import condition_number, conjugate_gradients, corrected
 from wavetank.fem.plane import Plane
-from wavetank.integrators.flow import flow
-from wavetank.integrators.hamiltonian import Stage
 from wavetank.tank.carried_waves import CarriedWaves
 from wavetank.tank.still_water import StillWaterWaves, scales
 from wavetank.tank.walls import StillWall
@@ -48,7 +46,7 @@ def flux_error(basin) -> float:
     psi = standing(*basin.plane.places.T)
     q, p = basin.state(0 * psi, psi)
     k = float(np.hypot(*K))
-    quotient = basin.plane.sum(p * basin.H_p(q, p, 0.0)) / basin.plane.sum(p * basin.mass.apply(p))
+    quotient = basin.plane.sum(p * basin.evaluate(q, p, 0.0).dq) / basin.plane.sum(p * basin.mass.apply(p))
     return abs(quotient / (k * np.tanh(k * DEPTH)) - 1)
 
 
@@ -81,7 +79,7 @@ def first_solve(basin) -> dict:
     x, y = basin.plane.places.T
     k = 2 * np.pi / 1.5
     eta = 0.3 / k * basin.bed.still * np.cos(k * x) * np.cos(k * y / 2)
-    flux = basin.H_p(*basin.state(eta, standing(x, y)), 0.0)
+    flux = basin.evaluate(*basin.state(eta, standing(x, y)), 0.0).dq
     sums = [basin.plane.sum(flux * weight) for weight in (x * y**2, standing(x, y))]
     return {"iterations": basin.potential.counters.iterations, "sums": sums}
 
@@ -126,7 +124,7 @@ def grown_by_renewals(basin) -> float:
     basin.potential.minimiser.patience = -1000  # every second solve renews it
     held = []
     for renewal in range(30):
-        basin.H_p(*basin.state(0.01 * np.cos(renewal + basin.plane.places[:, 0]), basin.plane.places[:, 1]), 0.0)
+        basin.evaluate(*basin.state(0.01 * np.cos(renewal + basin.plane.places[:, 0]), basin.plane.places[:, 1]), 0.0)
         if renewal in (9, 29):
             held.append(1024 * int(re.search(r"VmRSS:\s*(\d+)", Path("/proc/self/status").read_text())[1]))
     assert basin.potential.counters.factorisations >= 15
@@ -145,14 +143,12 @@ def test_what_solves_stages_approximately_knows_bed_and_current():
     z = np.array(basin.state(0.12 * np.cos(phase), 0.2 * np.sin(phase)))
     eta, psi = (part * np.cos(4 * K[0] * x + lag) * np.cos(4 * K[1] * y) for part, lag in ((0.01, 0.0), (0.03, 1.0)))
     change, scale = np.array([basin.mass.apply(eta), psi]), np.array(scales(basin))
-    ahead, behind, _ = (np.array(flow(basin, *(z + part * change), 0.0)) for part in (1e-3, -1e-3, 0.0))
-    residual, stage = change - a * (ahead - behind) / 2e-3, Stage("any", 0.0, 4 * a, a)
-    still = StillWaterWaves(basin)
+    ahead, behind, now = (basin.evaluate(*(z + part * change), 0.0) for part in (1e-3, -1e-3, 0.0))
+    residual, still = change - a * (ahead.flow - behind.flow) / 2e-3, StillWaterWaves(basin)
+    with_current = CarriedWaves(basin, still)
+    with_current.at(a, now)
     of_still, carried = np.array(
-        [
-            np.linalg.norm((inverse(stage, residual.ravel()).reshape(2, -1) - change) / scale)
-            for inverse in (still, CarriedWaves(basin, still))
-        ]
+        [np.linalg.norm((inverse(a, residual) - change) / scale) for inverse in (still, with_current)]
     ) / np.linalg.norm(change / scale)
     assert carried < 0.035 and carried < 0.7 * of_still
 

@@ -45,7 +45,7 @@ def derivatives(tank):
     x = tank.plane.x
     q, p = tank.state(0.08 * np.cos(np.pi * x / 4.0), 0.2 * np.sin(0.5 * np.pi * x), T)
     dq, dp = tank.mass.apply(np.cos(0.7 * x)), np.cos(1.3 * x)
-    exact = [tank.H_q(q, p, T) @ dq, tank.H_p(q, p, T) @ dp, tank.explicit_rate(q, p, T)]
+    exact = [tank.H_q(q, p, T) @ dq, tank.H_p(q, p, T) @ dp, tank.evaluate(q, p, T).power]
     ways = (STEP * dq, 0.0 * p, 0.0), (0.0 * q, STEP * dp, 0.0), (0.0 * q, 0.0 * p, STEP)
     after, before = ([tank.energy(q + s * a, p + s * b, T + s * t) for a, b, t in ways] for s in (1.0, -1.0))
     return np.array(exact), (np.array(after) - before) / (2.0 * STEP)

@@ -284,9 +284,9 @@ def test_a_steep_wave_that_a_long_step_leaves_sound_is_not_cried_at():
     assert waves.elevation(run.state.q, run.state.p, run.t).max() == pytest.approx(0.5, rel=2e-3)
 
 
-def test_the_surface_of_each_step_is_told_where_its_potential_is_found(monkeypatch):
-    """And taken once for all who ask, the penalty, breaking and the watch. Oracle: what is found of each point anew."""
-    told, looks, near = list[tuple[float, float]](), list[float](), SurfaceFlow.near
+def test_the_surface_of_each_step_is_taken_once_for_all_who_ask(monkeypatch):
+    """The penalty, breaking and the watch. Oracle: what is found of each evaluation anew."""
+    found, taken, near, take = list[tuple[float, float]](), list[float](), SurfaceFlow.near, SurfaceFlow._take
     profiles = list[bool]()
     scene = ring_scene(initial_steepness=0.2, run_duration=0.2)  # the penalty has nothing to take
     run, waves = build_run(scene, MPI.COMM_SELF)
@@ -295,22 +295,18 @@ def test_the_surface_of_each_step_is_told_where_its_potential_is_found(monkeypat
 
     def compared(one, state, t):
         near(one, state, t)
-        q, p = state.known[0]
-        if len(told) % 4 == 1:  # others find another point before the profile is asked for
-            waves.evaluate(q, 1.1 * p, t)
-        profile = one.profile
-        other.update(q, p, t)
-        anew.update(q, p, t)
-        profiles.append(np.array_equal(profile, anew.profile))
-        told.append((one.largest_velocity / other.largest_velocity, one.largest_slope / other.largest_slope))
+        at = state.evaluations[0]
+        for fresh in (other, anew):
+            fresh._take(at.eta, at.p, at.t)
+        profiles.append(np.array_equal(one.profile, anew.profile))
+        found.append((one.largest_velocity / other.largest_velocity, one.largest_slope / other.largest_slope))
 
     monkeypatch.setattr(SurfaceFlow, "near", compared)
-    monkeypatch.setattr(flow, "update", lambda q, p, t: looks.append(t) or SurfaceFlow.update(flow, q, p, t))
+    monkeypatch.setattr(flow, "_take", lambda eta, psi, t: taken.append(t) or take(flow, eta, psi, t))
     run.execute()
-    flow.near(run.state.mapped(lambda pairs: 2 * pairs), run.t)  # where no step has ended
-    assert len(told) == 2 * run.clock.steps + 2 and np.array(told) == pytest.approx(1.0, rel=1e-12)
+    assert len(found) == 2 * run.clock.steps + 1 and np.array(found) == pytest.approx(1.0, rel=1e-12)
     assert all(profiles)
-    assert looks == [0.0, run.t]  # of the start, by the watch, and of that
+    assert len(taken) == run.clock.steps + 1
 
 
 def test_waves_of_six_steps_a_period_are_not_taken_for_what_alternates():

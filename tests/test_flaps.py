@@ -324,7 +324,7 @@ def test_derivatives_are_those_of_the_energy(steep):
     waves, q, p, t = steep
     smooth = np.cos(np.outer(waves.plane.x, [1.3, 2.1]))
     dq, dp = waves.mass.apply(smooth[:, 0]), smooth[:, 1]
-    exact = np.array([waves.H_q(q, p, t) @ dq, waves.H_p(q, p, t) @ dp, waves.explicit_rate(q, p, t)])
+    exact = np.array([waves.H_q(q, p, t) @ dq, waves.H_p(q, p, t) @ dp, waves.evaluate(q, p, t).power])
     steps, errors = np.array([2e-2, 1e-2]), []
     for e in steps:
         ends = [(waves.energy(q + s * dq, p, t), waves.energy(q, p + s * dp, t)) for s in (e, -e)]

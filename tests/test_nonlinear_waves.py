@@ -1,7 +1,5 @@
 """Nonlinear waves: the discrete gradient, invariants, reversal, and the energy balance with a moving paddle."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 from blocks import block_of, empty_block
@@ -12,18 +10,15 @@ from wavetank.case import Case
 from wavetank.errors import RunError
 from wavetank.fem.forms import ScalarForm
 from wavetank.integrators import INTEGRATORS, Simpson4
-from wavetank.integrators.hamiltonian import Stage
 from wavetank.integrators.simpson import MeanAndJumps
-from wavetank.integrators.stage_solver import AndersonStageSolver
-from wavetank.integrators.states import Point
-from wavetank.integrators.third_order import Traces
+from wavetank.integrators.states import Traces, rows
 from wavetank.motion import Ramped, Sinusoid
 from wavetank.output.columns import energy_columns
 from wavetank.simulation.build import build_run
 from wavetank.simulation.energy import EnergyBudget
 from wavetank.simulation.records import Memory
 from wavetank.tank.carried_waves import CarriedWaves
-from wavetank.tank.seen import DAMPED, HIGHEST, POWER, see_from
+from wavetank.tank.seen import DAMPED, HIGHEST, POWER
 from wavetank.tank.still_water import StillWaterWaves, scales
 from wavetank.tank.walls.contract import stood
 
@@ -66,21 +61,21 @@ def test_a_stage_s_preconditioner_knows_the_current(make_tank):
     """Short waves on water of 0.3 m/s: linear waves on still water alone take twice the evaluations, 16 of 8."""
     tank, a = make_tank(length=2.0, cells=24, n=5, tolerance=1e-5), 0.01
     x = np.pi * tank.plane.x
-    known = np.concatenate(tank.state(0.05 * np.cos(3 * x), 0.05 * np.cos(2.5 * x) - 0.6 / np.pi * np.cos(x / 2)))
-
-    def residual(z):
-        q, p = z.reshape(2, -1)
-        return z - known - a * np.concatenate([tank.H_p(q, p, 0.0), -tank.H_q(q, p, 0.0)])
-
-    size, still = np.stack(scales(tank)), StillWaterWaves(tank)
-    slow = AndersonStageSolver(tank.plane.comm, size, tolerance=1e-5, size=tank.size, precondition=still)
-    for solver in (tank.stages.pair, slow):
-        solver.solve(Stage("q, p", 0.0, 4 * a, a), residual, known)
-    assert tank.stages.pair.counters.evaluations < 0.7 * slow.counters.evaluations
-    stage, of_parts = Stage("q, p", 0.0, 4 * a, a), CarriedWaves(tank, still)
+    known = np.array(tank.state(0.05 * np.cos(3 * x), 0.05 * np.cos(2.5 * x) - 0.6 / np.pi * np.cos(x / 2)))
+    guess, still, costs = tank.evaluate(*known, 0.0), StillWaterWaves(tank), []
+    for own in (True, False):
+        if not own:
+            tank.begin_stage, tank.precondition = lambda *stage: None, still
+        before = tank.stages.counters.evaluations
+        tank.solve_stage(f"q, p {own}", known, a, 0.0, guess)
+        costs.append(tank.stages.counters.evaluations - before)
+    assert costs[0] < 0.7 * costs[1]
+    size, residual, of_parts = np.stack(scales(tank)), -a * guess.flow, CarriedWaves(tank, still)
     of_parts._compiled[a] = None  # one call after the other
-    inverses = CarriedWaves(tank, still), of_parts, still
-    whole, parts, uncarried = (inverse(stage, residual(known)).reshape(2, -1) / size for inverse in inverses)
+    inverses = CarriedWaves(tank, still), of_parts
+    for inverse in inverses:
+        inverse.at(a, guess)
+    whole, parts, uncarried = (inverse(a, residual) / size for inverse in (*inverses, still))
     assert np.abs(whole - parts).max() < 1e-12 * np.abs(parts).max()
     assert np.abs(uncarried - parts).max() > 1e-3 * np.abs(parts).max()
 
@@ -98,18 +93,17 @@ def test_a_stage_s_preconditioner_tells_a_paddle_s_mapping_from_a_current(make_t
     z = np.array(tank.state(0.05 * np.cos(2 * x), 0.5 * x * (1 - x / 8), t))
 
     def flow(z):
-        return np.array([tank.H_p(*z, t), -tank.H_q(*z, t)])
+        return tank.evaluate(*z, t).flow
 
     near, size = np.exp(-x), np.array(scales(tank))
     change = np.array([tank.mass.apply(0.01 * np.cos(12 * x) * near), 0.03 * np.sin(12 * x + 1) * near])
     residual = change - a * (flow(z + 1e-3 * change) - flow(z - 1e-3 * change)) / 2e-3
-    flow(z)
-    stage, whole, of_parts = Stage("any", t, 4 * a, a), CarriedWaves(tank, still), CarriedWaves(tank, still)
+    guess, whole, of_parts = tank.evaluate(*z, t), CarriedWaves(tank, still), CarriedWaves(tank, still)
     of_parts._compiled[a] = None  # one call after the other
-    left = [
-        np.linalg.norm((inverse(stage, residual.ravel()).reshape(2, -1) - change) / size)
-        for inverse in (whole, of_parts, still)
-    ] / np.linalg.norm(change / size)
+    for inverse in (whole, of_parts):
+        inverse.at(a, guess)
+    left = [np.linalg.norm((inverse(a, residual) - change) / size) for inverse in (whole, of_parts, still)]
+    left /= np.linalg.norm(change / size)
     assert left[0] == pytest.approx(left[1], rel=1e-6)
     assert left[0] < most and left[0] < of_still * left[2]
 
@@ -118,17 +112,14 @@ def test_a_stage_s_preconditioner_tells_a_paddle_s_mapping_from_a_current(make_t
 def test_a_stage_is_as_one_what_its_parts_make_one_after_the_other(make_tank, amplitude):
     """Of steps beside a piston, with the current and without: the same states, in as many evaluations."""
     tank, parts = (make_tank(length=2.0, cells=8, n=5, motion=piston(), tolerance=1e-10) for _ in range(2))
-    parts._whole = None
-    ended, made, attempt = [], [], tank.stages.pair._together.attempt
-    tank.stages.pair._together.attempt = lambda *stage: made.append(attempt(*stage)) or made[-1]
+    parts.history.compiled, ended = None, []
     for water in (tank, parts):
         scheme, state = Simpson4(), Simpson4().start(*steep_state(water, amplitude))
         for n in range(4):
             state = scheme.step(water, state, 0.02 * n, 0.02)
-        ended.append(np.array(state))
+        ended.append(rows(state))
     assert np.abs(ended[0] - ended[1]).max() < 1e-10 * np.abs(ended[1]).max()
     assert tank.stages.counters == parts.stages.counters
-    assert len(made) == tank.stages.counters.evaluations and sum(one is None for one in made) < 2
 
 
 def test_the_paddles_part_of_the_hamiltonian_is_its_form(make_tank):
@@ -153,48 +144,51 @@ BESIDE = {"piston": {}, "flap": {"hinge": -1.0}, "both": {"hinge": -1.0, "far": 
 
 
 @pytest.mark.parametrize("walls", BESIDE.values(), ids=BESIDE)
-def test_energies_seen_from_a_point_are_right_to_the_square_of_what_lies_between(make_tank, walls):
+def test_energies_expanded_about_an_evaluation_are_right_to_the_square_of_what_lies_between(make_tank, walls):
     """Oracle: H and the potential energy of the state, evaluated there, at three distances.
 
-    So are power and what damping takes, those of the mean of two points where the first was evaluated last, else those
-    at the last.
-    What is compiled of all that is what its formulae give; beside a paddle that leans the surface to that square.
+    So are power and what damping takes, those of the mean of two points; beside a paddle that leans the surface is
+    right to that square.
     """
     tank, t = make_tank(length=2.0, cells=8, n=5, motion=piston(), **walls), 3.3
     mean = np.array(steep_state(tank))
     q, p = mean
     tank.damp(1.0 + tank.plane.x)
-    taken = tank.inner(tank.damping * p, tank.H_p(q, p, t))
+    exact = tank.evaluate(q, p, t)
+    taken = tank.inner(tank.damping * p, exact.dq)
     bump, errors, sizes = np.cos(2 * np.pi * tank.plane.x), [], [4e-3, 2e-3, 1e-3]
     for size in sizes:
         away = np.array([size * tank.mass.apply(bump), size * bump])
-        state = MeanAndJumps(mean, 2 * away, away, away, mean - away)
-        before, at = state.known
-        found, told, close = empty_block(tank, 2), empty_block(tank, 1), 1e-14 + 0.02 * tank.wall.leans * size**2
+        before, after = (tank.evaluate(*(mean + sign * away), t) for sign in (-1, 1))
+        state = MeanAndJumps(mean, 2 * away, away, away, before, evaluation=after)
+        found, close = empty_block(tank, 1), 1e-12 + 0.02 * tank.wall.leans * size**2
         tank.see(state, t, found, 0)
-        state.points[0].setflags(write=False)
-        tank.flow(state.points[0], t)  # as a step ends
-        ended = tank.energy_near(state, t)
-        tank.see(state, t, found, 1)
-        assert tank.energy_near(state, t) is None  # another point is known by now
-        see_from(tank, at, state, t, told, 0)
-        for row in range(2):
-            for name, scale in (("eta", close), ("rise", close), ("psi", 0.0), ("rates", 0.0), ("velocities", 0.0)):
-                assert np.abs(getattr(found, name)[row] - getattr(told, name)[0]).max() <= scale, name
-            assert found.numbers[row, :4] == pytest.approx(told.numbers[0, :4], rel=1e-12, abs=1e-13)
-            assert [*found.numbers[row, HIGHEST:]] == [found.eta[row].max(), np.abs(found.eta[row]).max()]
-        powers = [tank._wall_terms.explicit_rate(partial(tank.H_q, *point, t)) for point in (before, at)]
-        assert found.numbers[0, POWER:HIGHEST] == pytest.approx(told.numbers[0, POWER:HIGHEST], rel=1e-9)
-        assert found.numbers[0, POWER] == pytest.approx(powers[1], rel=1e-9)
+        assert [*found.numbers[0, HIGHEST:]] == [found.eta[0].max(), np.abs(found.eta[0]).max()]
         assert stood(t, found.rates[0, :, 0]) == tank.wall.stood
-        assert found.rise[0] == pytest.approx(size * bump, abs=1e-12 + 2 * close)
-        H, potential = found.numbers[0, :3].sum(), found.numbers[0, 1]
-        off = H - tank.energy(q, p, t), potential - tank.energies(q, p, t).potential
-        off += found.numbers[1, POWER] - np.mean(powers), found.numbers[1, DAMPED] - taken, ended - tank.energy(q, p, t)
+        assert found.rise[0] == pytest.approx(size * bump, abs=2 * close)
+        assert found.eta[0] == pytest.approx(exact.eta, abs=close) and np.array_equal(found.psi[0], p)
+        off = found.numbers[0, :3].sum() - exact.energy, found.numbers[0, 1] - exact.potential
+        off += found.numbers[0, POWER] - exact.power, found.numbers[0, DAMPED] - taken
         errors.append([*map(abs, off)])
-        tank.see_from(at, Point(np.where(q > q.min(), q, np.nan), p), t, told, 0)
-        assert np.isnan(told.numbers[0, HIGHEST:]).all()
-    assert [fitted_slope(sizes, one) for one in np.transpose(errors)] == pytest.approx([2.0] * 5, abs=0.1)
+    assert [fitted_slope(sizes, one) for one in np.transpose(errors)] == pytest.approx([2.0] * 4, abs=0.1)
+
+
+@pytest.mark.parametrize("walls", BESIDE.values(), ids=BESIDE)
+@pytest.mark.parametrize("name", ["simpson-4", "stormer-verlet", "gauss-legendre-4"])
+def test_evaluations_at_other_points_leave_the_steps_bits_as_they_are(make_tank, name, walls):
+    """Between steps, at other times and states, with a history of their own; each of them is the same value again."""
+    ended, scheme, dt = [], INTEGRATORS[name](), 0.02
+    for probes in (0, 3):
+        tank = make_tank(length=2.0, cells=8, n=5, motion=piston(), **walls)
+        history = tank.new_history("probes")
+        state = scheme.start(*steep_state(tank))
+        for step in range(6):
+            state = scheme.step(tank, state, step * dt, dt).evaluated(tank, (step + 1) * dt)
+            for number in range(probes):
+                tank.evaluate(state.q + 0.01 * number, -state.p, 3.0 + 0.7 * number, history=history)
+                tank.elevation(state.q, state.p, 1.0 + number)
+        ended.append(np.concatenate([rows(state), state.evaluation.flow]))
+    assert np.array_equal(*ended)
 
 
 @pytest.mark.parametrize("name", [name for name in SCHEMES if name != "simpson-4"])

@@ -190,11 +190,11 @@ class Steady:
     depth, gravity = 1.0, 9.81
     wall = SimpleNamespace(rates=np.zeros((0, 3)), velocities=np.zeros(1))
 
-    def explicit_rate(self, q, p, t):
+    def power(self, t):
         return 8.9
 
     def see(self, state, t, into, row):
-        into.numbers[row, :5] = 0.5, 0.5, 0.0, 1.0, self.explicit_rate(state.q, state.p, t)
+        into.numbers[row, :5] = 0.5, 0.5, 0.0, 1.0, self.power(t)
 
 
 def still(step, *, sinks=(), water=None, work=None):
@@ -255,7 +255,7 @@ def test_a_balance_that_is_off_by_what_was_given_is_not_cured_by_a_shorter_step(
     """0.3 J were given of 0.3 J that do not add up, and of 3.7 J."""
     beach, more = SimpleNamespace(energy_taken=0.0, called="the beach", gives="it is none"), Unnamed()
     water = Steady()
-    water.explicit_rate = lambda *_: 0.0
+    water.power = lambda t: 0.0
     budget = EnergyBudget(water, record=Memory(), sinks=[beach, more])
     for n in range(3):
         beach.energy_taken, more.energy_taken = -0.3 * (n > 0), other * (n > 0)
@@ -282,7 +282,7 @@ def test_numerics_that_took_energy_are_told_by_name_and_what_should_take_it_is_n
 def test_the_paddle_s_work_is_integrated_to_fourth_order():
     """Oracle: power 3 t² has put in t³; of the first step alone the trapezoidal rule has half of dt³ more."""
     water, record = Steady(), Memory()
-    water.explicit_rate = lambda q, p, t: 3 * t**2
+    water.power = lambda t: 3 * t**2
     budget = EnergyBudget(water, record=record)
     for step in range(6):
         budget.record(still(step, water=water))

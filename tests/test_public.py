@@ -104,7 +104,10 @@ class Watch:
         ({"integrator": "stormer-verlet"}, "integrator = 'stormer-verlet': a name received; needed is a scheme"),
         ({"integrator": Euler}, "integrator = Euler: a class received; needed is one of its objects, such as Euler()."),
         ({"integrator": Euler()}, "integrator: Euler has no order, stability_limit, frequency_error, nodes,"),
-        ({"integrator": Pairs()}, "integrator: what stormer-verlet.start returns has no q, p, known, q_jump, mapped;"),
+        (
+            {"integrator": Pairs()},
+            "integrator: what stormer-verlet.start returns has no q, p, evaluations, evaluated, q_jump, mapped;",
+        ),
         ({"observers": Watch}, "observers = Watch: must be a list of functions of the waves, such as classes."),
         ({"observers": [Watch(None)]}, "observers[0]: a Watch received; needed is a function of the waves that"),
         ({"observers": [Watch]}, "observers[0]: what Watch returns has no schedule; needed are schedule, record"),

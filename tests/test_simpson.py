@@ -11,11 +11,10 @@ from mpi4py import MPI
 from wavetank.case import Case
 from wavetank.case.reading import read_case
 from wavetank.simulation.build import build_run
-from wavetank.simulation.case_diagnostics import build_observers, build_watch
+from wavetank.simulation.case_diagnostics import build_observers
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.diagnostics import Gauges
 from wavetank.simulation.records import Memory, Records
-from wavetank.tank.surface_flow import SurfaceFlow
 
 SINUSOID = {"type": "sinusoid", "paddle_amplitude": 0.03, "period": 1.6, "ramp": 1.6}
 SLICE = {
@@ -107,49 +106,6 @@ def test_what_is_recorded_costs_no_solve():
     bare, waves = built(SLICE, integrator="simpson-4", dt=0.04)
     bare.execute()
     assert Recorded("simpson-4", 0.04).solves <= waves.potential.counters.solves + 2  # of the first and last states
-
-
-def test_watch_gauges_and_snapshots_solve_for_nothing_besides_the_energies(monkeypatch):
-    """Oracle: one solve at most of the last state, where the flow is looked at, and none of its jump."""
-    scene = Case.model_validate({**SLICE, "run": {"duration": 0.2}})
-    run, waves = build_run(scene, MPI.COMM_WORLD)
-    records = Records(Memory(), Memory(), Memory())
-    run.diagnostics += build_watch(scene, run, waves, pytest.fail) + build_observers(scene, waves, records)
-    for observer in run.diagnostics:
-        observer.schedule = EverySteps()
-    solve, solved = waves.mass.solve, []
-    monkeypatch.setattr(waves.mass, "solve", lambda right, **how: solved.append(right) or solve(right, **how))
-    run.execute()
-    asked = [run.state.q, run.state.q_jump]
-    assert [sum(np.array_equal(right, one) for right in solved) for one in asked] in ([0, 0], [1, 0])
-    q = run.state.q.copy()
-    eta = waves.elevation(q, run.state.p, run.t)
-    eta += 1.0  # nobody else's
-    q += waves.mass.apply(np.full(waves.plane.owned, 0.1))  # the same array, another surface
-    solved.clear()
-    higher = waves.elevation(q, run.state.p, run.t)
-    assert len(solved) == 1 and np.abs(higher - eta + 0.9).max() < 1e-12
-    waves.elevation(q, run.state.p, run.t + 0.1)  # the paddle has moved on
-    assert len(solved) == 2
-
-
-def test_a_point_is_known_by_its_array_only_while_nobody_can_write_into_that():
-    """Oracle: another system's flow at what the array is by then; a step's own points cannot be written into."""
-    run, waves = built(SLICE, integrator="simpson-4", dt=0.04)
-    _, other = built(SLICE, integrator="simpson-4", dt=0.04)
-    run.clock = replace(run.clock, steps=3)
-    run.execute()
-    for point in run.state.points:
-        with pytest.raises(ValueError, match="read-only"):
-            point += 0.0
-    z = run.state.points[-1].copy()
-    waves.flow(z, run.t)
-    z[z.size // 2 :] *= 2.0
-    there = waves.flow(z, run.t)
-    np.testing.assert_allclose(there, other.flow(z.copy(), run.t), rtol=0.0, atol=1e-8 * np.abs(there).max())
-    assert isinstance(waves.surface, SurfaceFlow)  # which asks how it moves
-    waves.flow(run.state.points[0], run.t)
-    assert waves.told(run.state, run.t) and waves.told(run.state, run.t + 0.1) is None
 
 
 def test_a_run_goes_on_from_its_pickled_state_in_a_new_tank():

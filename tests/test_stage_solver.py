@@ -1,50 +1,87 @@
 """Implicit stages: against closed solutions, where the fixed-point iteration diverges, and where there is none."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from mpi4py import MPI
 
 from wavetank.errors import ConvergenceError, RunError
 from wavetank.fem.combination import Combination
-from wavetank.integrators.hamiltonian import Near, Stage
-from wavetank.integrators.stage_solver import AndersonStageSolver, IteratedStages, Together
-from wavetank.integrators.start_values import Extrapolation
+from wavetank.integrators.stage_solver import StageHistories, StageSolver
+from wavetank.integrators.stages import CoupledStages, PairStage
 
 
-def stage(t=0.0, dt=0.1):
-    return Stage("z", t, dt, dt)
+class System:
+    """A system with dz/dt = f(z), which is not preconditioned."""
+
+    def __init__(self, f):
+        self._f = f
+
+    def begin_stage(self, weight, t, guess, history):
+        return None
+
+    def precondition(self, weight, residual):
+        return residual
+
+    def flow(self, z, t, history):
+        return self._f(z), float(np.sqrt(np.mean(z**2)))
+
+
+class Stages:
+    """The solver of stages z = c + f(z) of pairs of n numbers, with its history."""
+
+    def __init__(self, n, *, tolerance=1e-12):
+        self.histories = StageHistories()
+        self.solver = StageSolver(MPI.COMM_SELF, np.ones((2, n)), tolerance=tolerance, floor=1e-6)
+
+    def solve(self, f, c, *, t=0.0, guess=None):
+        return self.solver.solve(PairStage(System(f), None, "z", c, 1.0, t, guess), self.histories)
 
 
 def test_a_linear_stage_is_solved_exactly():
-    matrix = np.array([[0.0, 1.0], [-1.0, 0.0]])
-    known = np.array([1.0, 2.0])
-    z = IteratedStages.serial(1).pair.solve(stage(), lambda z: z - known - 0.4 * matrix @ z, known)
-    assert np.allclose(z, np.linalg.solve(np.eye(2) - 0.4 * matrix, known), rtol=1e-13)
+    matrix, c = np.array([[0.0, 1.0], [-1.0, 0.0]]), np.array([[1.0], [2.0]])
+    z = Stages(1, tolerance=1e-14).solve(lambda z: 0.4 * matrix @ z, c)
+    assert np.allclose(z, np.linalg.solve(np.eye(2) - 0.4 * matrix, c), rtol=1e-13)
 
 
 def test_newton_takes_over_where_the_accelerated_iteration_does_not_converge():
     size = 40
-    stiff = np.diag(np.linspace(-3.0, 60.0, size)) + 0.3
-    known = np.ones(size)
-    solver = AndersonStageSolver(MPI.COMM_SELF, np.ones(size), tolerance=1e-12)
-    z = solver.solve(stage(), lambda z: z - known + stiff @ z + 0.1 * z**3, known)
-    assert np.abs(z - known + stiff @ z + 0.1 * z**3).max() < 1e-9
-    assert solver.counters.newton_solves == 1
+    stiff, c, stages = np.diag(np.linspace(-3.0, 60.0, size)) + 0.3, np.ones((2, size // 2)), Stages(size // 2)
+
+    def f(z):
+        return -(stiff @ z.ravel()).reshape(z.shape) - 0.1 * z**3
+
+    z = stages.solve(f, c)
+    assert np.abs(z - c - f(z)).max() < 1e-9
+    assert stages.histories.counters.newton_solves == 1
 
 
 def test_coupled_stages_are_solved_to_the_tolerance_of_the_same_stage_alone():
-    """A pair's solver, coupled, against one for both pairs at once: as many evaluations, fewer than to round-off."""
-    known = np.array([1.0, 2.0, 3.0, 4.0])
-    pair, both = (AndersonStageSolver(MPI.COMM_SELF, np.ones(size), tolerance=1e-3) for size in (2, 4))
-    for solver in (coupled := pair.coupled(2), both):
-        solver.solve(stage(), lambda z: z - known - 1e-3 * np.sin(z), known)
-    assert coupled.counters.evaluations == both.counters.evaluations
+    """Two pairs that do not depend on each other against one of them alone: as many evaluations."""
+    c, alone, both = np.array([[1.0], [2.0]]), Stages(1, tolerance=1e-3), Stages(1, tolerance=1e-3)
+
+    def f(z):
+        return 1e-3 * np.sin(z)
+
+    z = alone.solve(f, c)
+    weights = np.array([np.eye(2), np.eye(2)])
+    stage = CoupledStages(System(f), None, "z", c, weights, [0.0, 0.0], None, 1.0)
+    assert both.solver.solve(stage, both.histories) == pytest.approx(np.array([z, z]), rel=1e-6)
+    assert both.histories.counters.evaluations == alone.histories.counters.evaluations
+
+
+def test_a_weight_of_zero_leaves_its_part_as_it_is():
+    """Q = c + H_p(q, p) for a given p, which is solved for q alone; oracle: the closed solution."""
+    c, stages = np.array([[1.0], [2.0]]), Stages(1)
+    stage = PairStage(System(lambda z: 0.1 * z[::-1] + 0.2 * z), None, "q", c, (0.5, 0.0), 0.0, None)
+    z = stages.solver.solve(stage, stages.histories)
+    assert z == pytest.approx(np.array([[(1.0 + 0.5 * 0.1 * 2.0) / (1 - 0.5 * 0.2)], [2.0]]), rel=1e-11)
 
 
 def test_failure_names_time_stage_and_residual():
-    solver = AndersonStageSolver(MPI.COMM_SELF, np.ones(1), tolerance=1e-12)
     with pytest.raises(ConvergenceError, match=r"t = 2\.5 s: the stage 'z' did not converge: residual .* wanted .*"):
-        solver.solve(stage(t=2.5), lambda z: z**2 + 1.0, np.ones(1))
+        Stages(1).solve(lambda z: z - z**2 - 2.0, np.ones((2, 1)), t=2.5)
 
 
 def test_an_error_within_the_residual_reaches_the_caller():
@@ -52,19 +89,7 @@ def test_an_error_within_the_residual_reaches_the_caller():
         raise RunError("the surface reaches the bed")
 
     with pytest.raises(RunError, match="reaches the bed"):
-        IteratedStages.serial(1).coordinate.solve(stage(), breaks, np.ones(1))
-
-
-def test_extrapolation_is_exact_for_polynomials_and_starts_anew_after_a_gap():
-    earlier, zero = Extrapolation(lambda rows: np.abs(rows).max(axis=1), (2,)), np.zeros(2)
-    for step in range(8):
-        predicted = earlier.predict(0.1 * step, 0.1, start=zero)
-        earlier.record(0.1 * step, np.array([1.0 + step, step**3]))
-    assert np.abs(predicted - [8.0, 7**3]).max() < 1e-9
-    for t, dt in ((5.0, 0.1), (4.9, -0.1)):
-        start = np.full(2, t)
-        assert np.array_equal(earlier.predict(t, dt, start=start), start)
-        earlier.record(t, zero)
+        Stages(1).solve(breaks, np.ones((2, 1)))
 
 
 def points(matrix, weight, count):
@@ -99,48 +124,39 @@ def test_a_combination_of_points_is_exact_where_the_flow_is_linear_and_their_ima
 
 
 def test_what_an_iteration_leaves_is_measured_once_in_a_while_and_saves_evaluations_between():
-    """Against the closed solution; of the linear stage an iteration leaves 3e-4 of the error."""
-    solver, known = AndersonStageSolver(MPI.COMM_SELF, np.ones(2), tolerance=1e-5), np.array([1.0, 2.0])
-    costs = []
+    """Against the closed solution; of the stage an iteration leaves 3e-4 of the error."""
+    stages, known, costs = Stages(1, tolerance=1e-5), np.array([[1.0], [2.0]]), []
     for step in range(20):
-        before = solver.counters.evaluations
-        moment, right = stage(t=0.1 * step), known * np.exp(step)
-        z = solver.solve(moment, lambda z, right=right: 1.0003 * z - right, right)
-        costs.append(solver.counters.evaluations - before)
-        assert np.allclose(z, right / 1.0003, rtol=1e-5)
-    assert costs[0] == 2 and set(costs[1:]) == {1, 2} and costs.count(2) <= 4
+        before, c = stages.histories.counters.evaluations, known * np.exp(step)
+        z = stages.solve(lambda z: -0.0003 * z, c, t=0.1 * step)
+        costs.append(stages.histories.counters.evaluations - before)
+        assert np.allclose(z, c / 1.0003, rtol=1e-5)
+    assert costs[0] == 2 and set(costs[1:]) <= {1, 2} and costs.count(2) <= 4
 
 
 def test_an_iterate_that_is_not_confirmed_is_thirty_times_as_accurate_as_asked():
     """Against the solution by fixed-point iteration. What an iteration leaves, 0.02, is known of an earlier stage."""
-    tolerance, known = 1e-3, np.array([1.0, 2.0])
-    solver, errors = AndersonStageSolver(MPI.COMM_SELF, np.ones(2), tolerance=tolerance), []
+    tolerance, known, errors = 1e-3, np.array([[1.0], [2.0]]), []
+    stages = Stages(1, tolerance=tolerance)
     for step in range(12):
-        right = known * (1.0 + 0.02 * step)
-        z = solver.solve(stage(t=0.1 * step), lambda z, right=right: z - right + 0.02 * np.sin(3 * z), right)
-        exact = z
+        c = known * (1.0 + 0.02 * step)
+        z = exact = stages.solve(lambda z: -0.02 * np.sin(3 * z), c, t=0.1 * step)
         for _ in range(50):
-            exact = right - 0.02 * np.sin(3 * exact)
+            exact = c - 0.02 * np.sin(3 * exact)
         errors.append(float(np.sqrt(np.mean((z - exact) ** 2) / np.mean(exact**2))))
     assert max(errors) < tolerance / 30
 
 
-class Watching(Together):
-    """Records how far the points may be wrong that start values are combined of."""
-
-    wrong = 0.0
-
-    def begin_stage(self, stage, near, among, *, wrong):
-        self.wrong = wrong
-        return super().begin_stage(stage, near, among, wrong=wrong)
-
-
 def test_start_values_are_combined_of_points_that_are_wrong_by_ten_times_the_tolerance():
     """Root of squares of n unknowns: 10 n^(1/2) tolerance size, with the size of the last solution."""
-    watching, size = Watching(), 4
-    solver = AndersonStageSolver(MPI.COMM_SELF, np.ones(size), tolerance=1e-3, together=watching)
-    moment = stage()
+    stages, uncertainties, c = Stages(2, tolerance=1e-3), [], np.ones((2, 2))
+
+    class Recorded(PairStage):
+        def begin(self, among, uncertainty):
+            uncertainties.append(uncertainty)
+            return super().begin(among, uncertainty)
+
+    guess = SimpleNamespace(z=c, flow=0 * c)
     for _ in range(2):
-        near = Near(np.ones(size), np.ones(size), np.zeros(size))
-        z = solver.solve(moment, lambda z: z - np.ones(size), np.ones(size), near=near)
-    assert watching.wrong == pytest.approx(10 * np.sqrt(size) * 1e-3 * np.sqrt(np.mean(z**2)))
+        z = stages.solver.solve(Recorded(System(lambda z: 0 * z), None, "z", c, 1.0, 0.0, guess), stages.histories)
+    assert uncertainties == pytest.approx([0.0, 10 * 2 * 1e-3 * np.sqrt(np.mean(z**2))])

@@ -163,7 +163,7 @@ def test_what_is_held_are_fields_of_this_rank_and_numbers():
     fields = {name: value for name, value in leaves(one.run.tree()).items() if isinstance(value, np.ndarray)}
     assert {value.shape[-1] for value in fields.values()} == {one.waves.plane.owned}
     assert {value.ndim for value in fields.values()} == {1, 2, 3}
-    assert fields["/parts/system/interior"].shape == (one.waves.vertical.n, one.waves.plane.owned)
+    assert fields["/parts/system/interior/recall/answer"].shape == (one.waves.vertical.n, one.waves.plane.owned)
 
 
 @pytest.mark.parametrize(

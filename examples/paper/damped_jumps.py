@@ -14,13 +14,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from examples.paper.oscillators import NonSeparable, OnOneRank, OscillatorStages
+from examples.paper.oscillators import NonSeparable
 from examples.paper.report import Report
 from examples.paper.watched import watched
 from wavetank.arrays import Vector
 from wavetank.integrators import GaussLegendre4, Simpson4, ThirdOrder
 from wavetank.integrators.contract import Integrator, State
-from wavetank.integrators.hamiltonian import Stage
+from wavetank.integrators.oscillators import Oscillators
 
 ORBITS = ((0.5, 0.25), (1.0, 0.5), (1.2, 0.5), (1.5, 0.5))
 STEPS = (24, 48)  # a period
@@ -102,31 +102,24 @@ Settle = Callable[[Sequence[Vector], Vector, int], Vector]  # jumps, smooth jump
 
 @dataclass(frozen=True)
 class SideBySide(Simpson4):
-    """(23) in mean and jump with other rules for the jumps, one rule for each of equal parts of the orbits.
+    """(23) in mean and jump with other rules for the jumps: as many equal parts of the orbits, each with its own.
 
-    Jumps have the shape (2, orbits).
+    A rule sees jumps of shape (2, orbits).
     """
 
     rules: tuple[Settle, ...] = (lambda jumps, smooth, n: jumps[0],)
     _count: list[int] = field(default_factory=list, compare=False)
 
-    def ended(self, *vectors: Vector, dt: float) -> Sequence[Vector]:
-        """Return new mean, jumps by the rules, and plus trace."""
-        z, d, d_1, d_2, z_half, known, f_0, f_1 = vectors
-        moved = 4 * (z_half - known)
-        smooth = dt / 6 * (f_0 + f_1) - moved / 3
-        mean, jump = z + moved + smooth, self._settled((2 * smooth - d, d, d_1, d_2), smooth)
-        return mean, jump, mean + jump / 2
-
-    def _settled(self, jumps: Sequence[Vector], smooth: Vector) -> Vector:
+    def damped_jump(self, jumps: tuple[Vector, Vector, Vector, Vector], smooth: Vector) -> Vector:
+        """Return the newest jump by the rules."""
         self._count.append(0)
-        parts = [np.split(one.reshape(2, -1), len(self.rules), axis=1) for one in (smooth, *jumps)]
+        parts = [np.split(one, len(self.rules), axis=1) for one in (smooth, *jumps)]
         new = [rule(own, smooth, len(self._count)) for rule, smooth, *own in zip(self.rules, *parts, strict=True)]
-        return np.asarray(np.concatenate(new, axis=1).ravel())
+        return np.concatenate(new, axis=1)
 
 
 def difference(kappa: float, m: int) -> Settle:
-    """Return the rule that removes kappa of the alternating part, by the difference of order m <= 3."""
+    """Return the rule that takes kappa of what alternates, by the difference of order m <= 3."""
 
     def rule(jumps: Sequence[Vector], smooth: Vector, n: int) -> Vector:
         signs = ((-1) ** k * comb(m, k) * jump for k, jump in enumerate(list(jumps)[: m + 1]))
@@ -156,7 +149,7 @@ def beyond(factor: float) -> Settle:
 
 
 def of_slopes(kappa: float) -> Settle:
-    """Return the rule that removes kappa of the alternating part of the slopes in the jump, by third differences."""
+    """Return the rule that takes kappa of what alternates in the slopes' part of the jump, by its third difference."""
     parts: deque[Vector] = deque(maxlen=4)
 
     def rule(jumps: Sequence[Vector], smooth: Vector, n: int) -> Vector:
@@ -167,7 +160,7 @@ def of_slopes(kappa: float) -> Settle:
 
 
 def rules() -> dict[str, Settle]:
-    """Return the compared rules by name."""
+    """Return what is compared, by name."""
     return {
         "(23), mean": difference(0.0, 3),
         **{f"third difference, κ = {kappa:g}": difference(kappa, 3) for kappa in (0.02, 0.05, 0.1, 0.2)},
@@ -185,48 +178,43 @@ def rules() -> dict[str, Settle]:
 OTHERS: dict[str, Integrator[Any]] = {"(23), plus trace": ThirdOrder(), "Gauss-Legendre 4": GaussLegendre4()}
 
 
-class FixedPoint:
-    """Solves stages of many oscillators at once by iteration to round-off."""
-
-    def solve(self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector, *, near: Any = None) -> Vector:
-        """Return z with residual(z) = 0, shape (n,); an unbounded orbit is skipped."""
-        z = start
-        for _ in range(60):
-            step = residual(z)
-            z = z - step
-            if not np.nanmax(np.abs(step) / (1 + np.abs(z))) > 1e-15:
-                break
-        return z
-
-
-class Orbits(OnOneRank):
-    """Orbits of H = (q² + 1)(p² + 1) / 2 as one vector, each with its time scale: a step lasts 1.
+class Orbits(Oscillators):
+    """Orbits of H = (q² + 1)(p² + 1) / 2 side by side, each in its own time: a step lasts 1.
 
     Parameters
     ----------
     starts
         (q, p) of each.
     steps
-        Steps a period, of all or of each.
+        How many a period, of all or of each.
     """
 
     def __init__(self, starts: Sequence[tuple[float, float]], steps: int | Sequence[int]):
         self._system = NonSeparable()
         self.q, self.p = (np.array(values) for values in zip(*starts, strict=True))
         self._rate: Vector = np.array([self._system.period(q, p) for q, p in starts]) / np.array(steps)
-        self.stages = OscillatorStages(pair=FixedPoint())
 
     def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
-        """Return q (p² + 1) in the time scale of each orbit."""
+        """Return q (p² + 1) in the orbits' own times."""
         return np.asarray(self._rate * self._system.H_q(q, p, t))
 
     def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
-        """Return p (q² + 1) in the time scale of each orbit."""
+        """Return p (q² + 1) in the orbits' own times."""
         return np.asarray(self._rate * self._system.H_p(q, p, t))
 
     def energy(self, q: Vector, p: Vector, t: float) -> float:
         """Return the sum of the energies."""
         return float(self.energies(q, p).sum())
+
+    def fixed_point(self, image: Callable[[Vector], Vector], start: Vector) -> Vector:
+        """Return z = image(z) by iteration to round-off; an orbit that has left all bounds is left alone."""
+        z = start
+        for _ in range(60):
+            new = image(z)
+            step, z = new - z, new
+            if not np.nanmax(np.abs(step) / (1 + np.abs(z))) > 1e-15:
+                break
+        return z
 
     def energies(self, q: Vector, p: Vector) -> Vector:
         """Return each orbit's H."""

@@ -13,16 +13,17 @@ multiplied by beta / alpha a step: hence alpha in [1/2, 1]. In (15)-(16) p and q
 """
 
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple, Self
+from typing import ClassVar, Self
 
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.integrators.contract import Evaluated, Map
-from wavetank.integrators.hamiltonian import HamiltonianSystem, Stage
+from wavetank.integrators.hamiltonian import HamiltonianSystem
+from wavetank.integrators.states import Map, State
 
 
-class JumpInQ(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class JumpInQ(State):
     """A jump in q, none in p."""
 
     q_minus: Vector
@@ -36,11 +37,6 @@ class JumpInQ(NamedTuple):
         return self.alpha * self.q_plus + (1 - self.alpha) * self.q_minus
 
     @property
-    def known(self) -> tuple[Evaluated, ...]:
-        """The point that is reported."""
-        return (Evaluated(self.q, self.p),)
-
-    @property
     def q_jump(self) -> Vector:
         """The jump of the coordinates."""
         return self.q_plus - self.q_minus
@@ -51,7 +47,8 @@ class JumpInQ(NamedTuple):
         return type(self)(q_minus, q_plus, p, self.alpha)
 
 
-class JumpInP(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class JumpInP(State):
     """A jump in p, none in q."""
 
     q: Vector
@@ -63,16 +60,6 @@ class JumpInP(NamedTuple):
     def p(self) -> Vector:
         """The weighted mean of the traces, which is the momentum of the classical scheme."""
         return self.alpha * self.p_minus + (1 - self.alpha) * self.p_plus
-
-    @property
-    def known(self) -> tuple[Evaluated, ...]:
-        """The point that is reported."""
-        return (Evaluated(self.q, self.p),)
-
-    @property
-    def q_jump(self) -> None:
-        """There is none."""
-        return
 
     def mapped(self, of: Map) -> Self:
         """Return the state with all three traces mapped."""
@@ -103,17 +90,11 @@ class DiscontinuousVerlet(_Discontinuous):
     def step(self, system: HamiltonianSystem, state: JumpInQ, t: float, dt: float) -> JumpInQ:
         """Return the state at t + dt; collective."""
         mean, p, beta = state.q, state.p, 1 - self.alpha
-        q_half = system.stages.coordinate.solve(
-            Stage("q at 1/2", t, dt, dt / 2), lambda z: z - mean - dt / 2 * system.H_p(z, p, t), mean
-        )
-        half_way = p - dt / 2 * system.H_q(q_half, p, t)
-        p_new = system.stages.momentum.solve(
-            Stage("p at 1", t + dt, dt, dt / 2),
-            lambda z: z - half_way + dt / 2 * system.H_q(q_half, z, t + dt),
-            2 * half_way - p,
-        )
+        q_half, _ = system.solve_stage("q at 1/2", np.array([mean, p]), (dt / 2, 0.0), t, state.evaluation)
+        half = system.evaluate(q_half, p, t)
+        _, p_new = system.solve_stage("p at 1", np.array([q_half, p + dt / 2 * half.dp]), (0.0, dt / 2), t + dt, half)
         q_minus = 2 * q_half - state.q_plus
-        q_plus = 1 / self.alpha * (q_half + dt / 2 * system.H_p(q_half, p_new, t + dt) - beta * q_minus)
+        q_plus = 1 / self.alpha * (q_half + dt / 2 * system.evaluate(q_half, p_new, t + dt).dq - beta * q_minus)
         return JumpInQ(q_minus, q_plus, p_new, self.alpha)
 
 
@@ -131,15 +112,9 @@ class DiscontinuousVerletAdjoint(_Discontinuous):
     def step(self, system: HamiltonianSystem, state: JumpInP, t: float, dt: float) -> JumpInP:
         """Return the state at t + dt; collective."""
         q, mean, beta = state.q, state.p, 1 - self.alpha
-        p_half = system.stages.momentum.solve(
-            Stage("p at 1/2", t, dt, dt / 2), lambda z: z - mean + dt / 2 * system.H_q(q, z, t), mean
-        )
-        half_way = q + dt / 2 * system.H_p(q, p_half, t)
-        q_new = system.stages.coordinate.solve(
-            Stage("q at 1", t + dt, dt, dt / 2),
-            lambda z: z - half_way - dt / 2 * system.H_p(z, p_half, t + dt),
-            2 * half_way - q,
-        )
+        _, p_half = system.solve_stage("p at 1/2", np.array([q, mean]), (0.0, dt / 2), t, state.evaluation)
+        half = system.evaluate(q, p_half, t)
+        q_new, _ = system.solve_stage("q at 1", np.array([q + dt / 2 * half.dq, p_half]), (dt / 2, 0.0), t + dt, half)
         p_minus = 2 * p_half - state.p_plus
-        p_plus = 1 / beta * (p_half - dt / 2 * system.H_q(q_new, p_half, t + dt) - self.alpha * p_minus)
+        p_plus = 1 / beta * (p_half + dt / 2 * system.evaluate(q_new, p_half, t + dt).dp - self.alpha * p_minus)
         return JumpInP(q_new, p_minus, p_plus, self.alpha)

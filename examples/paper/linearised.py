@@ -30,7 +30,7 @@ class LinearisedFlow:
 
     def _flow(self, state: Vector) -> Vector:
         q, p = np.split(state, 2)
-        return np.concatenate([self._waves.H_p(q, p, self._t), -self._waves.H_q(q, p, self._t)])
+        return self._waves.evaluate(q, p, self._t).flow.ravel()
 
     def __call__(self, z: Vector) -> Vector:
         """Return A z, shape (2 owned,)."""

@@ -14,8 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.integrators.flow import flow
-from wavetank.integrators.hamiltonian import HamiltonianSystem, Stage
+from wavetank.integrators.hamiltonian import HamiltonianSystem
 from wavetank.integrators.states import Point
 
 C = (0.0, 0.5, 1.0)
@@ -44,25 +43,8 @@ class P2N3Q4Lob:
 
     def step(self, system: HamiltonianSystem, state: Point, t: float, dt: float) -> Point:
         """Return the state at t + dt; collective."""
-        q, p = state
-
-        def flows(z: Vector) -> tuple[list[Vector], list[Vector]]:
-            values = np.split(z, 6)
-            points = zip(values[::2], values[1::2], C, strict=True)
-            dq, dp = zip(*(flow(system, Q_i, P_i, t + c * dt) for Q_i, P_i, c in points), strict=True)
-            return list(dq), list(dp)
-
-        def residual(z: Vector) -> Vector:
-            dq, dp = flows(z)
-            rows = zip(A, A_PRIME, strict=True)
-            wanted = [value for a, b in rows for value in (q + dt * combine(a, dq), p + dt * combine(b, dp))]
-            return z - np.concatenate(wanted)
-
-        stage = Stage("all of the step", t, dt, dt / 3)
-        dq, dp = flows(system.stages.coupled(3).solve(stage, residual, np.concatenate([q, p] * 3)))
-        return Point(q + dt * combine(B, dq), p + dt * combine(B, dp))
-
-
-def combine(weights: tuple[float, ...], values: list[Vector]) -> Vector:
-    """Return sum_j weights_j values_j."""
-    return np.asarray(sum(weight * value for weight, value in zip(weights, values, strict=True)))
+        now, times = np.array([state.q, state.p]), [t + c * dt for c in C]
+        stages = system.solve_stages("all of the step", now, dt * np.array([A, A_PRIME]), times, state.evaluation)
+        flows = [system.evaluate(one[0], one[1], at).flow for one, at in zip(stages, times, strict=True)]
+        q, p = now + dt * sum(weight * flow for weight, flow in zip(B, flows, strict=True))
+        return Point(q, p)

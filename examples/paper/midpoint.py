@@ -13,8 +13,7 @@ from typing import ClassVar
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.integrators.flow import flow
-from wavetank.integrators.hamiltonian import HamiltonianSystem, Stage
+from wavetank.integrators.hamiltonian import HamiltonianSystem
 from wavetank.integrators.states import Point
 
 
@@ -34,15 +33,7 @@ class ModifiedMidpoint:
 
     def step(self, system: HamiltonianSystem, state: Point, t: float, dt: float) -> Point:
         """Return the state at t + dt; collective."""
-        q, p = state
-
-        def residual(z: Vector) -> Vector:
-            q_half, p_half = z.reshape(2, -1)
-            dq, dp = flow(system, q_half, p_half, t + dt / 2)
-            return np.concatenate([q_half - q - dt / 2 * dq, p_half - p - dt / 2 * dp])
-
-        stage = Stage("(q, p) at 1/2", t + dt / 2, dt, dt / 2)
-        half = system.stages.pair.solve(stage, residual, np.concatenate([q, p]))
-        q_half, p_half = half.reshape(2, -1)
-        dq, dp = flow(system, q_half, p_half, t + dt / 2)
-        return Point(q + dt * dq, p + dt * dp)
+        now = np.array([state.q, state.p])
+        half = system.solve_stage("(q, p) at 1/2", now, dt / 2, t + dt / 2, state.evaluation)
+        q, p = now + dt * system.evaluate(half[0], half[1], t + dt / 2).flow
+        return Point(q, p)

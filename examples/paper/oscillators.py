@@ -3,27 +3,25 @@
 All are Hamiltonian systems with vectors of shape (1,); [G16] is Gagarina et al. 2016.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy
+from mpi4py import MPI
 
 from wavetank.arrays import Vector
-from wavetank.integrators.affine_stages import OnOneRank, OscillatorStages
-from wavetank.integrators.hamiltonian import HamiltonianSystem, Stages
-from wavetank.integrators.stage_solver import IteratedStages
-
-
-def _stages() -> IteratedStages:
-    return IteratedStages.serial(1)
+from wavetank.integrators.hamiltonian import Weights
+from wavetank.integrators.oscillators import Oscillators
+from wavetank.integrators.stage_solver import StageHistories, StageSolver
+from wavetank.integrators.stages import CoupledStages, PairStage
 
 
 @dataclass(frozen=True)
-class Harmonic(OnOneRank):
+class Harmonic(Oscillators):
     """H = (p² + omega² q²) / 2, the linear oscillator of [G16], section 4."""
 
     omega: float = 1.0
-    stages: Stages = field(default_factory=OscillatorStages, compare=False)
 
     def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return omega² q."""
@@ -48,11 +46,10 @@ class Harmonic(OnOneRank):
 
 
 @dataclass(frozen=True)
-class Forced(OnOneRank):
+class Forced(Oscillators):
     """dp/dt = -q + slope t, dq/dt = p: the forced oscillator (50)-(51) of [G16], H = (p² + q²) / 2 - slope t q."""
 
     slope: float = 1.0
-    stages: Stages = field(default_factory=OscillatorStages, compare=False)
 
     def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return q - slope t."""
@@ -78,10 +75,8 @@ class Forced(OnOneRank):
 
 
 @dataclass(frozen=True)
-class NonSeparable(OnOneRank):
+class NonSeparable(Oscillators):
     """H = (q² + 1)(p² + 1) / 2: nonlinear, and q and p do not separate, as in the water."""
-
-    stages: Stages = field(default_factory=_stages, compare=False)
 
     def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return q (p² + 1)."""
@@ -116,42 +111,70 @@ class NonSeparable(OnOneRank):
         return float(np.sqrt(1 + square)), square / (1 + square), float(np.sqrt(square))
 
 
-@dataclass
-class Counted(OnOneRank):
-    """A system that counts evaluations; successive H_q and H_p at one (q, p, t) count as one.
+class Iterated:
+    """An oscillator whose stages are iterated as those of the tank are, without a preconditioner."""
+
+    def __init__(self, system: Oscillators, *, tolerance: float = 1e-14):
+        self.system, self.stages, self.evaluation_type = system, StageHistories(), system.evaluation_type
+        self._solver = StageSolver(MPI.COMM_SELF, np.ones((2, 1)), tolerance=tolerance, floor=1e-6)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.system, name)
+
+    def begin_stage(self, *stage: Any) -> None:
+        """See ``StagedSystem``."""
+
+    def precondition(self, weight: float, residual: Vector) -> Vector:
+        """See ``StagedSystem``."""
+        return residual
+
+    def flow(self, z: Vector, t: float, history: Any) -> tuple[Vector, float]:
+        """See ``StagedSystem``."""
+        return self.system.flow(z, t), float(np.linalg.norm(z) / np.sqrt(2))
+
+    def solve_stage(self, name: str, c: Vector, a: Weights, t: float, guess: Any = None) -> Vector:
+        """See ``HamiltonianSystem``."""
+        return self._solver.solve(PairStage(self, None, name, c, a, t, guess), self.stages)
+
+    def solve_stages(self, name: str, c: Vector, a: Vector, times: Any, guess: Any = None, scale: Any = 1.0) -> Vector:
+        """See ``HamiltonianSystem``."""
+        return self._solver.solve(CoupledStages(self, None, name, c, a, times, guess, scale), self.stages)
+
+
+class Counted:
+    """A system that counts its evaluations: those of steps, and those within implicit stages.
 
     Attributes
     ----------
     system
-        The system.
+        What is evaluated.
     evaluations
         Points evaluated so far.
     """
 
-    system: HamiltonianSystem
-    evaluations: int = 0
-    _last: tuple[bytes, bytes, float] | None = None
+    def __init__(self, system: Any):
+        self.system, self.evaluations = system, 0
+        self.evaluation_type = system.evaluation_type
 
-    @property
-    def stages(self) -> Stages:
-        """Stages of the system."""
-        return self.system.stages
-
-    def _count(self, q: Vector, p: Vector, t: float) -> None:
-        point = (q.tobytes(), p.tobytes(), t)
-        self.evaluations += point != self._last
-        self._last = point
-
-    def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
+    def evaluate(self, q: Vector, p: Vector, t: float, guess: Any = None) -> Any:
         """Return the system's."""
-        self._count(q, p, t)
-        return self.system.H_q(q, p, t)
+        self.evaluations += 1
+        return self.system.evaluate(q, p, t, guess)
 
-    def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
+    def _stages(self, solve: str, *stage: Any) -> Vector:
+        before = self.system.stages.counters.evaluations
+        z: Vector = getattr(self.system, solve)(*stage)
+        self.evaluations += self.system.stages.counters.evaluations - before
+        return z
+
+    def solve_stage(self, name: str, c: Vector, a: Weights, t: float, guess: Any = None) -> Vector:
         """Return the system's."""
-        self._count(q, p, t)
-        return self.system.H_p(q, p, t)
+        return self._stages("solve_stage", name, c, a, t, guess)
 
-    def energy(self, q: Vector, p: Vector, t: float) -> float:
-        """Return the system's; not counted."""
-        return self.system.energy(q, p, t)
+    def solve_stages(self, name: str, c: Vector, a: Vector, times: Any, guess: Any = None, scale: Any = 1.0) -> Vector:
+        """Return the system's; each evaluation of it is one of the derivatives at all times."""
+        return self._stages("solve_stages", name, c, a, times, guess, scale)
+
+    def inner(self, a: Vector, b: Vector) -> float:
+        """Return the system's."""
+        return self.system.inner(a, b)

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from examples.paper.oscillators import Counted, Harmonic, NonSeparable
+from examples.paper.oscillators import Counted, Harmonic, Iterated, NonSeparable
 from examples.paper.report import Report
 from examples.paper.schemes import (
     Scheme,
@@ -47,7 +47,7 @@ def scheme_rows() -> list[SchemeRow]:
     """Return all schemes with their measured orders, and their cost on the non-separable system at dt = 0.1."""
     rows = []
     for scheme in (*all_schemes(), simpson()):
-        counted = Counted(NonSeparable())
+        counted = Counted(Iterated(NonSeparable()))
         trajectory(scheme, counted, q=0.3, p=0.1, dt=0.1, steps=80)
         found = order(scheme, Harmonic(1.3)), order(scheme, NonSeparable())
         rows.append(SchemeRow(scheme.label, scheme.integrator.order, *found, counted.evaluations / 80))

@@ -65,7 +65,7 @@ class Scheme:
 
     def vector(self, state: Any) -> Vector:
         """Return a state as a vector, shape (width,)."""
-        return rows(state[: self.width]).ravel()[: self.width]
+        return rows(state).ravel()[: self.width]
 
     def step(self, system: HamiltonianSystem, z: Vector, t: float, dt: float) -> Vector:
         """Return the vector of the state at t + dt."""
@@ -139,7 +139,7 @@ def simpson(integrator: Simpson4 | None = None) -> Scheme:
 
     def state(*values: Vector) -> MeanAndJumps:
         pairs = np.reshape(values, (4, 2, 1))
-        return MeanAndJumps._make([*pairs, pairs[0]])
+        return MeanAndJumps(*pairs)
 
     form, reverse = two_form(8, (0, 1, 1.0), (2, 3, -0.25)), np.diag([1.0, -1.0, -1.0, 1.0] + 4 * [0.0])
     scheme = integrator or Simpson4()

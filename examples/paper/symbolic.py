@@ -12,7 +12,7 @@ import sympy
 from sympy.polys.matrices import DomainMatrix
 
 from examples.paper.schemes import Scheme
-from wavetank.integrators.hamiltonian import Stage
+from wavetank.integrators.oscillators import Oscillators
 
 THETA = sympy.Symbol("theta", positive=True)
 LAMBDA = sympy.Symbol("lambda")
@@ -29,35 +29,8 @@ def exact(expressions: Any) -> sympy.Matrix:
     return column.xreplace({value: number(value) for value in column.atoms(sympy.Float)}).applyfunc(sympy.expand)
 
 
-class SymbolicStage:
-    """Solves z = c + A z exactly, in symbols."""
-
-    def solve(self, stage: Stage, residual: Callable[[Any], Any], start: Any, *, near: Any = None) -> Any:
-        """Return z with residual(z) = 0, an array of expressions, shape (n,)."""
-        zero = np.array([sympy.Integer(0)] * len(start))
-        constant = exact(residual(zero))
-        units = [np.array(unit) for unit in sympy.eye(len(start)).tolist()]
-        columns = [exact(residual(unit)) - constant for unit in units]
-        system, right = (
-            DomainMatrix.from_Matrix(m, extension=True) for m in (sympy.Matrix.hstack(*columns), -constant)
-        )
-        system, right = system.unify(right, fmt="dense")
-        return np.array(list(system.to_field().lu_solve(right.to_field()).to_Matrix()))
-
-
-class SymbolicOscillator:
-    """H = (p² + q²) / 2 for arrays of expressions."""
-
-    coordinate = momentum = pair = SymbolicStage()
-
-    def coupled(self, pairs: int) -> SymbolicStage:
-        """Return the one solver there is."""
-        return self.pair
-
-    @property
-    def stages(self) -> "SymbolicOscillator":
-        """Itself: it has the solvers."""
-        return self
+class SymbolicOscillator(Oscillators):
+    """H = (p² + q²) / 2 for arrays of expressions; its stages z = c + A z are solved exactly."""
 
     def H_q(self, q: Any, p: Any, t: Any) -> Any:
         """Return q."""
@@ -66,6 +39,20 @@ class SymbolicOscillator:
     def H_p(self, q: Any, p: Any, t: Any) -> Any:
         """Return p."""
         return p
+
+    def energy(self, q: Any, p: Any, t: Any) -> float:
+        """Return nan: nobody asks for it."""
+        return np.nan
+
+    def fixed_point(self, image: Callable[[Any], Any], start: Any) -> Any:
+        """Return z = image(z), an array of expressions of the shape of the start."""
+        zero = np.full(start.shape, sympy.Integer(0))
+        constant = exact(image(zero).ravel())
+        units = [np.array(unit).reshape(start.shape) for unit in sympy.eye(start.size).tolist()]
+        columns = [exact((unit - image(unit)).ravel()) + constant for unit in units]
+        system, right = (DomainMatrix.from_Matrix(m, extension=True) for m in (sympy.Matrix.hstack(*columns), constant))
+        system, right = system.unify(right, fmt="dense")
+        return np.array(list(system.to_field().lu_solve(right.to_field()).to_Matrix())).reshape(start.shape)
 
 
 def amplification(scheme: Scheme) -> sympy.Matrix:

@@ -13,8 +13,10 @@ give Störmer-Verlet (14).
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from wavetank.arrays import Vector
-from wavetank.integrators.hamiltonian import HamiltonianSystem, Stage
+from wavetank.integrators.hamiltonian import HamiltonianSystem
 from wavetank.integrators.states import Point
 
 
@@ -39,11 +41,8 @@ class SymplecticEuler(_Euler):
 
     def step(self, system: HamiltonianSystem, state: Point, t: float, dt: float) -> Point:
         """Return the state at t + dt; collective."""
-        q, p = state
-        p_new = system.stages.momentum.solve(
-            Stage("p at 1", t + dt, dt, dt), lambda z: z - p + dt * system.H_q(q, z, t + dt), p
-        )
-        return Point(q + dt * system.H_p(q, p_new, t + dt), p_new)
+        q, p = system.solve_stage("p at 1", np.array([state.q, state.p]), (0.0, dt), t + dt, state.evaluation)
+        return Point(q + dt * system.evaluate(q, p, t + dt).dq, p)
 
 
 @dataclass(frozen=True)
@@ -55,9 +54,6 @@ class SymplecticEulerAdjoint(_Euler):
 
     def step(self, system: HamiltonianSystem, state: Point, t: float, dt: float) -> Point:
         """Return the state at t + dt; collective."""
-        q, p = state
-        q_new = system.stages.coordinate.solve(
-            Stage("q at 1", t, dt, dt), lambda z: z - q - dt * system.H_p(z, p, t), q
-        )
-        p_new = p - dt * system.H_q(q_new, p, t)
-        return Point(q + dt * system.H_p(q_new, p, t), p_new)  # keeps what the flow keeps, e.g. mass, exactly
+        q, p = system.solve_stage("q at 1", np.array([state.q, state.p]), (dt, 0.0), t, state.evaluation)
+        end = system.evaluate(q, p, t)
+        return Point(state.q + dt * end.dq, p + dt * end.dp)  # keeps what the flow keeps, e.g. mass, exactly

@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from examples.paper.oscillators import NonSeparable, OscillatorStages
+from examples.paper.oscillators import NonSeparable
 from wavetank.arrays import Vector
 from wavetank.fem.codegen import Unit
 from wavetank.integrators.contract import Integrator
-from wavetank.integrators.hamiltonian import Stage
 from wavetank.integrators.states import like, rows
 
 ITERATIONS = 20
@@ -87,14 +86,18 @@ class Traced:
         return self if power == 1 else self * self ** (power - 1)
 
 
-class Unrolled:
-    """Solves a stage by a number of rounds of fixed-point iteration."""
+class Unrolled(NonSeparable):
+    """The system with its stages solved by a number of rounds of fixed-point iteration."""
 
-    def solve(self, stage: Stage, residual: Callable[[Any], Any], start: Any, *, near: Any = None) -> Any:
-        """Return z with residual(z) = 0 to round-off, shape (n,)."""
+    def energy(self, q: Any, p: Any, t: float) -> float:
+        """Return nan: it is traced once a step alone."""
+        return np.nan
+
+    def fixed_point(self, image: Callable[[Any], Any], start: Any) -> Any:
+        """Return z = image(z) to round-off, of the shape of the start."""
         z = start
         for _ in range(ITERATIONS):
-            z = z - residual(z)
+            z = image(z)
         return z
 
 
@@ -106,7 +109,7 @@ def source(integrator: Integrator[Any]) -> str:
     lines += [f"const double before_{name} = {name};" for name in names]
     state = like(start, np.array([[Traced(f"before_{name}", lines)] for name in names]))
     dt: Any = np.array([Traced("dt", lines)])
-    new = integrator.step(NonSeparable(OscillatorStages(pair=Unrolled())), state, 0.0, dt)
+    new = integrator.step(Unrolled(), state, 0.0, dt)
     energy = 0.5 * (new.q[0] ** 2 + 1) * (new.p[0] ** 2 + 1)
     after = [f"{name} = {value[0]};" for name, value in zip(names, rows(new), strict=True)]
     return SOURCE % {

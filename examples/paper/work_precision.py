@@ -8,13 +8,12 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from mpi4py import MPI
 
-from examples.paper.oscillators import Counted, Harmonic, NonSeparable
+from examples.paper.oscillators import Counted, Harmonic, Iterated, NonSeparable
 from examples.paper.report import Report
 from examples.paper.schemes import Scheme, all_schemes, amplification, simpson, trajectory
 from wavetank.arrays import Vector
 from wavetank.fem.plane import Plane
 from wavetank.integrators import GaussLegendre4
-from wavetank.integrators.stage_solver import IteratedStages
 from wavetank.simulation.clock import Clock
 from wavetank.simulation.run import Run
 from wavetank.tank.footprint import Slice
@@ -65,14 +64,14 @@ def run_linear(system: Any, scheme: Scheme, steps: int) -> Row:
 
 def oscillator_rows() -> list[Row]:
     """Return both oscillators with every scheme at four steps; implicit stages are iterated on both, to 1e-10."""
-    linear = Harmonic(stages=IteratedStages.serial(1, tolerance=1e-10))
+    linear = Iterated(Harmonic(), tolerance=1e-10)
     rows = []
     for scheme in (*all_schemes(), simpson()):
         for factor in FACTORS:
             steps = round(factor * COARSEST[scheme.integrator.order])
             rows.append(run_linear(linear, scheme, steps))
             if scheme.integrator.order > 1:  # Euler is nowhere near the others
-                rows.append(run_nonseparable(NonSeparable(IteratedStages.serial(1, tolerance=1e-10)), scheme, steps))
+                rows.append(run_nonseparable(Iterated(NonSeparable(), tolerance=1e-10), scheme, steps))
     return rows
 
 

@@ -223,7 +223,8 @@ class Whole:
         self._told = np.zeros(5)
         n, result, function = Buffer(plane.size), Buffer(5 * plane.size), self.instance.function
         self._find = function("find", self._tank, n, n, n, int, result, self._told)
-        self._push = function("push", self._tank, result, 0, np.zeros(1))
+        self._wall_energy = np.zeros(1)
+        self._push = function("push", self._tank, result, 0, self._wall_energy)
         self._energy_near = function("energy_near", self._tank, Buffer(2 * plane.size), result, float)
         self._last: Vector | None = None  # what ``find`` found last
         self._followed: Vector | float | None = None  # the column of still water that walls know
@@ -318,11 +319,11 @@ class Whole:
             self._trials[inverse, mixing] = trial = stage, attempt, begin
         return trial
 
-    def push(self, point: Vector, still: Vector | float) -> float:
-        """Return dH/dt at fixed (Q, psi) of the point last found, whose rows are as a ``Solution`` has them."""
+    def push(self, point: Vector, still: Vector | float) -> tuple[float, float]:
+        """Return dH/dt at fixed (Q, psi) of the point last found, whose rows are as a ``Solution`` has them, and W."""
         self._follow(still)
         power: float = self._push(point)
-        return power
+        return power, float(self._wall_energy[0])
 
     def see(
         self,

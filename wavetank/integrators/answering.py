@@ -9,7 +9,6 @@ from typing import Protocol
 
 from wavetank.arrays import Vector
 from wavetank.integrators.contract import Integrator, S
-from wavetank.integrators.flow import flow
 from wavetank.integrators.hamiltonian import HamiltonianSystem
 from wavetank.integrators.wrapper import Wrapper
 
@@ -55,7 +54,7 @@ class Answering(Wrapper[S]):
         """Return the state at t + dt; collective."""
         for paddle in self.paddles:
             if paddle.begins:
-                earlier, (dq, dp) = EARLIER * dt, flow(system, state.q, state.p, t)
-                paddle.begin(state.q - earlier * dq, state.p - earlier * dp, t - earlier)
+                earlier, now = EARLIER * dt, system.evaluate(state.q, state.p, t)
+                paddle.begin(state.q - earlier * now.dq, state.p - earlier * now.dp, t - earlier)
             paddle.go_on(state.q, state.p, t, dt)
         return self.scheme.step(system, state, t, dt)

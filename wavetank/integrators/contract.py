@@ -1,54 +1,12 @@
 """The contract of a time integrator: one step, written as in the paper."""
 
-from collections.abc import Callable
-from typing import NamedTuple, Protocol, Self, TypeVar
+from typing import NamedTuple, Protocol
 
 from wavetank.arrays import Vector
 from wavetank.integrators.hamiltonian import HamiltonianSystem
+from wavetank.integrators.states import Map, S, State
 
-Map = Callable[[Vector], Vector]
-"""What acts on points of a state alike, of pairs [q, p], shape (m, 2, n), and makes such of them."""
-
-
-class Evaluated(NamedTuple):
-    """A point at which a scheme evaluates the system anyway.
-
-    Attributes
-    ----------
-    q, p
-        Coordinates and momenta there.
-    """
-
-    q: Vector
-    p: Vector
-
-
-class State(Protocol):
-    """What a scheme carries from step to step; q and p are the values it reports."""
-
-    @property
-    def q(self) -> Vector:
-        """The coordinates at the state's time."""
-
-    @property
-    def p(self) -> Vector:
-        """The momenta at the state's time."""
-
-    @property
-    def known(self) -> tuple[Evaluated, ...]:
-        """The points next to (q, p), at its time, that the scheme evaluates anyway.
-
-        A step ends at the first and the next one begins at the last.
-
-        Their mean is (q, p), or nearly so.
-        """
-
-    @property
-    def q_jump(self) -> Vector | None:
-        """The jump of the coordinates at the state's time; None of a scheme that lets them have none."""
-
-    def mapped(self, of: Map) -> Self:
-        """Return the state with its points mapped."""
+__all__ = ["CaseIntegrator", "Integrator", "Map", "S", "State", "StepCosts"]
 
 
 class StepCosts(NamedTuple):
@@ -66,9 +24,6 @@ class StepCosts(NamedTuple):
     linear: tuple[float, ...]
     nonlinear: tuple[float, ...]
     driven: tuple[float, ...]
-
-
-S = TypeVar("S", bound=State)
 
 
 class Integrator(Protocol[S]):

@@ -12,19 +12,19 @@ of stronger damping a step has ``MOST``, and the rest comes after it. What dampi
 is seen with each moment.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.integrators.contract import Integrator, S
-from wavetank.integrators.hamiltonian import BetweenTwo, HamiltonianSystem, Near, Stage, Stages, StageSolver
+from wavetank.integrators.hamiltonian import Evaluation, HamiltonianSystem, Weights
 from wavetank.integrators.wrapper import Wrapper
 
 MOST = 2.0  # gamma dt, within a step
+DIGITS = 10  # of nodes, so that factors are found once for all steps
 
 
 @dataclass(frozen=True)
@@ -51,17 +51,11 @@ class Damping:
         """Return e^(-gamma t), what is left of momenta after a time [s], of rates up to ``most``, shape as gamma."""
         return np.asarray(np.exp(-np.minimum(self.gamma, most) * time), dtype=np.float64)
 
-    def at_node(self, time: float, *, most: float) -> Vector:
-        """Return the same, found once: of times that come in each step."""
+    def of_pairs(self, time: float, size: int, *, most: float = np.inf) -> Vector:
+        """Return the same for pairs [q, p], shape (2, size), found once: 1 for the coordinates."""
         if (time, most) not in self._factors:
-            self._factors[time, most] = self.factor(time, most=most)
+            self._factors[time, most] = np.array([np.ones(size), np.ones(size) * self.factor(time, most=most)])
         return self._factors[time, most]
-
-    def of_pairs(self, time: float, size: int) -> Vector:
-        """Return the same for pairs [q, p], one behind the other, shape (2 size,): 1 for the coordinates."""
-        if (time,) not in self._factors:
-            self._factors[time,] = _of_pairs(self.factor(time), size)
-        return self._factors[time,]
 
     @property
     def state(self) -> DampingState:
@@ -74,89 +68,50 @@ class Damping:
         self._factors.clear()
 
 
-def _of_pairs(factor: Any, size: int) -> Vector:
-    """Return 1 for coordinates and a factor for momenta, shape (2 size,)."""
-    return np.concatenate([np.ones(size), np.ones(size) * factor])
-
-
 @dataclass(frozen=True)
 class _Growing:
-    """The system in (q, P), P = e^(gamma (t - t_0)) p."""
+    """The system in (q, P), P = e^(gamma (t - t_0)) p: a stage of it is one of the system in (q, p)."""
 
     system: HamiltonianSystem
     damping: Damping
     t_0: float
     dt: float
-    nodes: tuple[float, ...]
 
     @property
-    def stages(self) -> "_Stages":
-        return _Stages(self)
+    def evaluation_type(self) -> type[Any]:
+        return self.system.evaluation_type
 
-    @cached_property
-    def _left(self) -> dict[float, Any]:
-        times, most = [node * self.dt for node in self.nodes if node], MOST / abs(self.dt)
-        return {self.t_0: 1.0} | {self.t_0 + time: self.damping.at_node(time, most=most) for time in times}
+    def factor(self, t: float, size: int) -> Any:
+        """Return what is left of coordinates and momenta at t, shape (2, size); 1 at the beginning of the step."""
+        node = round((t - self.t_0) / self.dt, DIGITS)
+        return self.damping.of_pairs(node * self.dt, size, most=MOST / abs(self.dt)) if node else 1.0
 
-    def factor(self, t: float) -> Any:
-        """Return what is left of momenta at t; 1 at the beginning of the step."""
-        left = self._left.get(t)
-        return self.damping.factor(t - self.t_0, most=MOST / abs(self.dt)) if left is None else left
+    def evaluate(self, q: Vector, p: Vector, t: float, guess: Any = None) -> Evaluation:
+        left = self.factor(t, q.size)
+        q, p = left * np.array([q, p])
+        at: Evaluation = self.system.evaluate(q, p, t, self._within(guess))
+        return replace(at, z=at.z / left, flow=at.flow / left)
 
-    def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
-        left = self.factor(t)
-        return np.asarray(self.system.H_q(q, left * p, t) / left)
+    def _within(self, guess: Any) -> Any:
+        """Return an evaluation in (q, P) as one of the system."""
+        if guess is None:
+            return None
+        left = self.factor(guess.t, guess.q.size)
+        return replace(guess, z=left * guess.z, flow=left * guess.flow)
 
-    def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
-        return self.system.H_p(q, self.factor(t) * p, t)
+    def solve_stage(self, name: str, c: Vector, a: Weights, t: float, guess: Any = None) -> Vector:
+        left = self.factor(t, c.shape[-1])
+        return np.asarray(self.system.solve_stage(name, left * c, a, t, self._within(guess)) / left)
 
-    def energy(self, q: Vector, p: Vector, t: float) -> float:
-        return self.system.energy(q, self.factor(t) * p, t)
+    def solve_stages(
+        self, name: str, c: Vector, a: Vector, times: Sequence[float], guess: Any = None, scale: Any = 1.0
+    ) -> Vector:
+        left = np.array([self.factor(t, c.shape[-1]) * np.ones_like(c) for t in times])
+        stages = self.system.solve_stages(name, left * c, a, times, self._within(guess), left * scale)
+        return np.asarray(stages / left)
 
     def inner(self, a: Vector, b: Vector) -> float:
         return self.system.inner(a, b)
-
-
-class _Stages:
-    """The solvers of a system's stages, which find p = e^(-gamma (t - t_0)) P: a stage of that is one of the system."""
-
-    def __init__(self, growing: _Growing):
-        self._growing = growing
-        self._stages: Stages = growing.system.stages
-
-    @property
-    def coordinate(self) -> StageSolver:
-        return self._stages.coordinate
-
-    @property
-    def momentum(self) -> StageSolver:
-        return _Solver(self._stages.momentum, lambda stage, size: self._growing.factor(stage.t))
-
-    @property
-    def pair(self) -> StageSolver:
-        return _Solver(self._stages.pair, lambda stage, size: _of_pairs(self._growing.factor(stage.t), size // 2))
-
-    def coupled(self, pairs: int) -> StageSolver:
-        def factors(stage: Stage, size: int) -> Vector:
-            times = [self._growing.t_0 + node * stage.dt for node in self._growing.nodes]
-            return np.concatenate([_of_pairs(self._growing.factor(t), size // 2 // pairs) for t in times])
-
-        return _Solver(self._stages.coupled(pairs), factors)
-
-
-@dataclass(frozen=True)
-class _Solver:
-    """A stage solver that finds what is left of its unknowns by factors, of stage and size."""
-
-    solver: StageSolver
-    factors: Callable[[Stage, int], Any]
-
-    def solve(
-        self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector, *, near: Near | None = None
-    ) -> Vector:
-        left = self.factors(stage, start.size)
-        near = near and near._replace(known=left * near.known)
-        return np.asarray(self.solver.solve(stage, lambda z: left * residual(z / left), left * start, near=near) / left)
 
 
 class Damped(Wrapper[S]):
@@ -168,10 +123,8 @@ class Damped(Wrapper[S]):
 
     def step(self, system: HamiltonianSystem, state: S, t: float, dt: float) -> S:
         """Return the state at t + dt; collective."""
-        after = self.scheme.step(_Growing(system, self.damping, t, dt, self.nodes), state, t, dt)
-        left = _of_pairs(self.damping.at_node(dt, most=np.inf), after.p.size).reshape(2, -1)
-        mapped = after.mapped(lambda pairs: np.asarray(left * pairs))
-        return mapped.ended(left * after.known[0]) if isinstance(mapped, BetweenTwo) else mapped
+        after = self.scheme.step(_Growing(system, self.damping, t, dt), state, t, dt)
+        return after.mapped(lambda pairs: np.asarray(self.damping.of_pairs(dt, after.q.size) * pairs))
 
 
 def damped(scheme: Integrator[Any], damping: Damping) -> Integrator[Any]:

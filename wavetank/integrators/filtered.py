@@ -1,12 +1,15 @@
 """A scheme with what acts on the state between its steps, where it is needed: breaking, or a penalty."""
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, Protocol
 
+import numpy as np
+
 from wavetank.arrays import Vector
-from wavetank.integrators.contract import Evaluated, Integrator, S, State
-from wavetank.integrators.hamiltonian import HamiltonianSystem, Seeing
+from wavetank.integrators.contract import Integrator, S
+from wavetank.integrators.hamiltonian import Evaluation, HamiltonianSystem, energy_change
+from wavetank.integrators.states import State
 from wavetank.integrators.wrapper import Wrapper
 
 
@@ -22,7 +25,7 @@ class Filter(Protocol):
     state: Any
 
     def needed(self, state: State, t: float) -> bool:
-        """Return whether there is anything to do where a step has ended, at the first of the points known of a state.
+        """Return whether there is anything to do where a step has ended, at the first of a state's evaluations.
 
         Collective, the same on all ranks.
         """
@@ -37,33 +40,24 @@ class Filter(Protocol):
 class Filtered(Wrapper[S]):
     """A scheme, and after each step those filters that are needed then, one after the other.
 
-    Filters cost no evaluation: the energy before them all is seen from where the step has ended, the energy after them
-    from where the next one begins. What each has taken of that is told by the derivatives there, to the cube of what it
-    changes; the little that is left to the whole is that of the one which has taken most.
-
-    Parameters
-    ----------
-    seen
-        What sees the state that they leave, as observers do, and returns its energy, or None; collective.
+    Filters cost no evaluation: the energy before them all is expanded about the evaluation where the step has ended,
+    the energy after them about that where the next one begins. What each has taken of that is told by the derivatives
+    there, to the cube of what it changes; the little that is left to the whole is that of the one which has taken most.
     """
 
-    def __init__(
-        self,
-        scheme: Integrator[S],
-        filters: Sequence[Filter],
-        *,
-        seen: Callable[[S], float | None] = lambda state: None,
-    ):
+    def __init__(self, scheme: Integrator[S], filters: Sequence[Filter]):
         super().__init__(scheme)
-        self.filters, self._seen = filters, seen
+        self.filters = filters
 
     def step(self, system: HamiltonianSystem, state: S, t: float, dt: float) -> S:
-        """Return the state at t + dt; collective."""
+        """Return the state at t + dt, evaluated where the next step begins; collective."""
         state, t = self.scheme.step(system, state, t, dt), t + dt
         before = [one.state for one in self.filters]
         try:
+            if self.filters and state.evaluations[0] is None:
+                state = state.evaluated(system, t)
             acting = [one for one in self.filters if one.needed(state, t)]
-            return self._filtered(system, state, t, acting) if acting else state
+            return self._filtered(system, state, t, acting) if acting else state.evaluated(system, t)
         except Exception:
             for one, its in zip(self.filters, before, strict=True):  # a resumed run takes the step again
                 one.state = its
@@ -72,35 +66,23 @@ class Filtered(Wrapper[S]):
     def _filtered(self, system: HamiltonianSystem, state: S, t: float, acting: Sequence[Filter]) -> S:
         """Return the state at t after the filters that act then, one at least; collective."""
         passed = list(itertools.accumulate(acting, lambda before, one: before.mapped(one.passed), initial=state))
-        ways = [_way(*pair) for pair in itertools.pairwise(passed)] if len(acting) > 1 else []
-        first, after = state.known[0], passed[-1]
-        energy = system.energy_near(state, t) if isinstance(system, Seeing) else None
-        energy = _energy(system, state, first, t) if energy is None else energy
-        begin = [_change(system, first, way, t) for way in ways]
-        left = self._seen(after)
-        left = _energy(system, after, after.known[-1], t) if left is None else left
-        end = [_change(system, after.known[-1], way, t) for way in ways]
-        taken = [-(a + b) / 2 for a, b in zip(begin, end, strict=True)] or [0.0]
+        ways = [_between(*pair) for pair in itertools.pairwise(passed)] if len(acting) > 1 else []
+        begin, after = state.evaluations[0], passed[-1].evaluated(system, t)
+        end = after.evaluations[-1]
+        energy, remaining = (_energy(system, at, one) for at, one in ((begin, state), (end, after)))
+        taken = [-(energy_change(system, begin, way) + energy_change(system, end, way)) / 2 for way in ways] or [0.0]
         most = max(range(len(taken)), key=lambda n: abs(taken[n]))
-        taken[most] += energy - left - sum(taken)
+        taken[most] += energy - remaining - sum(taken)
         for one, part in zip(acting, taken, strict=True):
             one.account(part, of=energy)
         return after
 
 
-Way = tuple[Vector, Vector]
+def _between(start: State, end: State) -> Vector:
+    """Return what coordinates and momenta change by from a state to another, shape (2, n)."""
+    return np.array([end.q - start.q, end.p - start.p])
 
 
-def _way(start: State | Evaluated, end: State) -> Way:
-    """Return what coordinates and momenta change by from a point to a state."""
-    return end.q - start.q, end.p - start.p
-
-
-def _energy(system: HamiltonianSystem, state: State, at: Evaluated, t: float) -> float:
-    """Return the energy of a state to the square of what lies between its (q, p) and a point; collective."""
-    return system.energy(*at, t) + _change(system, at, _way(at, state), t)
-
-
-def _change(system: HamiltonianSystem, at: Evaluated, way: Way, t: float) -> float:
-    """Return what the energy changes by on a way, as seen from a point; collective."""
-    return system.inner(system.H_q(*at, t), way[0]) + system.inner(system.H_p(*at, t), way[1])
+def _energy(system: HamiltonianSystem, at: Evaluation, state: State) -> float:
+    """Return the energy of a state to the square of what lies between its (q, p) and an evaluation; collective."""
+    return at.energy + energy_change(system, at, np.array([state.q - at.q, state.p - at.p]))

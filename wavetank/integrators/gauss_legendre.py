@@ -11,8 +11,7 @@ import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.integrators.contract import StepCosts
-from wavetank.integrators.flow import flow
-from wavetank.integrators.hamiltonian import HamiltonianSystem, Stage
+from wavetank.integrators.hamiltonian import HamiltonianSystem
 from wavetank.integrators.states import Point
 
 ROOT = 3**0.5 / 6
@@ -48,18 +47,9 @@ class GaussLegendre4:
 
     def step(self, system: HamiltonianSystem, state: Point, t: float, dt: float) -> Point:
         """Return the state at t + dt; collective."""
-        now = np.concatenate(state)
-
-        def flows(z: Vector) -> Vector:
-            q_1, p_1, q_2, p_2 = z.reshape(4, -1)
-            first, second = flow(system, q_1, p_1, t + C[0] * dt), flow(system, q_2, p_2, t + C[1] * dt)
-            return np.array([np.concatenate(first), np.concatenate(second)])
-
-        def residual(z: Vector) -> Vector:
-            return z - (now + dt * A @ flows(z)).ravel()
-
-        stage = Stage("all of the step", t, dt, dt / 4)
-        stages = system.stages.coupled(2).solve(stage, residual, np.concatenate([now, now]))
-        slopes = INVERSE @ (stages.reshape(2, -1) - now) / dt
-        q, p = np.split(now + dt / 2 * (slopes[0] + slopes[1]), 2)
+        now = np.array([state.q, state.p])
+        times = [t + c * dt for c in C]
+        stages = system.solve_stages("all of the step", now, dt * np.array([A, A]), times, state.evaluation)
+        slopes = np.tensordot(INVERSE, stages - now, 1) / dt
+        q, p = now + dt / 2 * (slopes[0] + slopes[1])
         return Point(q, p)

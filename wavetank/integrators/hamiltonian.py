@@ -9,137 +9,106 @@ values this rank owns (shape (1,) for an oscillator), so that an integrator's ar
 and costs nothing; whatever couples the ranks (norms, ghosts, solves) happens inside the system.
 """
 
-from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol, Self, runtime_checkable
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
 
 from wavetank.arrays import Vector
 
+Weights = float | tuple[float, float]
+"""The factor a of a stage z = c + a f(z), or two: of the coordinates and of the momenta. One that is 0 leaves its part
+as it is, so that q = c + a H_p(q, p) for a given p has the weights (a, 0)."""
 
-class Stage(NamedTuple):
-    """Which implicit stage is being solved: for start values, preconditioning and messages.
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evaluation:
+    """A Hamiltonian system at (q, p, t): its derivatives and its energy.
 
     Attributes
     ----------
-    name
-        The stage's own name, as in the paper, e.g. ``"p at 1/2"``; one name per implicit stage of a scheme.
     t
-        The time the stage belongs to [s].
-    dt
-        The step [s].
-    weight
-        The factor a of the implicit derivative: the stage reads z = c + a f(z), in seconds.
+        The time [s].
+    z
+        Coordinates and momenta [q, p], shape (2, n).
+    flow
+        Their rates f(z, t) = [dH/dp, -dH/dq], shape (2, n).
+    energy
+        H.
     """
 
-    name: str
     t: float
-    dt: float
-    weight: float
-
-
-class Near(NamedTuple):
-    """What a scheme knows next to a stage z = c + a f(z).
-
-    Attributes
-    ----------
-    known
-        c.
-    z, slope
-        A point next to the stage's solution, and f there.
-    """
-
-    known: Vector
     z: Vector
-    slope: Vector
-
-
-class StageSolver(Protocol):
-    """Solves the implicit stages in which one set of unknowns takes part."""
-
-    def solve(
-        self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector, *, near: Near | None = None
-    ) -> Vector:
-        """Return z with ``residual(z) = 0``; collective.
-
-        ``start`` is the integrator's own start value; the solver may replace it by a better one found among earlier
-        steps, and of what is known ``near`` the solution. The residual is written so that its derivative is close to
-        the identity: z - c - a f(z).
-        Raises ``ConvergenceError`` naming time, stage and residual.
-        """
-
-
-class Stages(Protocol):
-    """The solvers for each kind of implicit stage: q alone, p alone, both stacked as [q, p], or several such pairs."""
+    flow: Vector
+    energy: float
 
     @property
-    def coordinate(self) -> StageSolver:
-        """For q alone."""
+    def q(self) -> Vector:
+        """The coordinates, shape (n,)."""
+        q: Vector = self.z[0]
+        return q
 
     @property
-    def momentum(self) -> StageSolver:
-        """For p alone."""
+    def p(self) -> Vector:
+        """The momenta, shape (n,)."""
+        p: Vector = self.z[1]
+        return p
 
     @property
-    def pair(self) -> StageSolver:
-        """For both, stacked as [q, p]."""
+    def dq(self) -> Vector:
+        """dq/dt = dH/dp, shape (n,)."""
+        dq: Vector = self.flow[0]
+        return dq
 
-    def coupled(self, pairs: int) -> StageSolver:
-        """For that many of both at once, stacked as [q_1, p_1, q_2, p_2, ...]."""
+    @property
+    def dp(self) -> Vector:
+        """dp/dt = -dH/dq, shape (n,)."""
+        dp: Vector = self.flow[1]
+        return dp
 
 
 class HamiltonianSystem(Protocol):
     """What an integrator may ask of a system. All methods are collective."""
 
     @property
-    def stages(self) -> Stages:
-        """The solvers of implicit stages."""
+    def evaluation_type(self) -> type[Any]:
+        """The class of its evaluations."""
 
-    def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
-        """Return dH/dq, so that dp/dt = -H_q."""
+    def evaluate(self, q: Vector, p: Vector, t: float, guess: Any = None) -> Any:
+        """Return the ``Evaluation`` at a point; ``guess`` is one near it, which affects cost and round-off only."""
 
-    def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
-        """Return dH/dp, so that dq/dt = H_p."""
+    def solve_stage(self, name: str, c: Vector, a: Weights, t: float, guess: Any = None) -> Vector:
+        """Return z = c + a f(z, t), shape (2, n), of a scheme's stage of that name.
 
-    def energy(self, q: Vector, p: Vector, t: float) -> float:
-        """Return H(q, p, t)."""
+        ``guess`` is an evaluation near z, if there is one. Raises ``ConvergenceError`` naming time, stage and residual.
+        """
+
+    def solve_stages(
+        self, name: str, c: Vector, a: Vector, times: Sequence[float], guess: Any = None, scale: Any = 1.0
+    ) -> Vector:
+        """Return the coupled stages z_i = c + s_i sum_j a_ij f(z_j, t_j) / s_j, shape (stages, 2, n).
+
+        ``a`` has the coefficients of the coordinates and those of the momenta [s], shape (2, stages, stages), and
+        ``scale`` s, broadcastable to the shape of the result.
+        """
 
     def inner(self, a: Vector, b: Vector) -> float:
         """Return the sum of a b over the unknowns of all ranks: what H changes by along b, a being its derivative."""
 
 
-class Flowing(Protocol):
-    """A system that tells both derivatives of a point as one."""
-
-    def flow(self, z: Vector, t: float) -> Vector:
-        """Return dz/dt of z = [q, p], one behind the other, in the same way; collective."""
-
-
-class BetweenTwo:
-    """A state between two points at which its system is evaluated anyway.
-
-    Attributes
-    ----------
-    mean
-        The state, (q, p), shape (2, n).
-    """
-
-    mean: Vector
-
-    @property
-    def points(self) -> tuple[Vector, Vector]:
-        """The points before and after it, where a step has ended and where the next one begins.
-
-        They are as ``flow`` is asked of them: [q, p], one behind the other, shape (2n,) each.
-        """
-        raise NotImplementedError
-
-    def ended(self, at: Vector) -> Self:
-        """Return it with another point where its step has ended, (q, p), shape (2, n)."""
-        raise NotImplementedError
+def energy_change(system: HamiltonianSystem, at: Evaluation, dz: Vector) -> float:
+    """Return dH/dz dz at an evaluation, for a change of coordinates and momenta dz, shape (2, n); collective."""
+    dq, dp = dz
+    return system.inner(at.dq, dp) - system.inner(at.dp, dq)
 
 
-@runtime_checkable
-class Seeing(Protocol):
-    """A system that can tell the energy of a state in less than from the derivatives at the first of its points."""
+def pair(a: Weights) -> tuple[Any, Any]:
+    """Return the factors of the coordinates and of the momenta."""
+    return a if isinstance(a, tuple) else (a, a)
 
-    def energy_near(self, state: Any, t: float) -> float | None:
-        """Return H from there, to the square of what lies between; None where it cannot; collective."""
+
+def coupled(c: Vector, a: Vector, flows: Vector, scale: Any = 1.0) -> Vector:
+    """Return c + s_i sum_j a_ij f_j / s_j; see ``HamiltonianSystem.solve_stages``."""
+    scaled = flows / scale
+    return np.asarray(c + scale * np.stack([a[part] @ scaled[:, part] for part in (0, 1)], axis=1))

@@ -20,84 +20,69 @@ Damping dp/dt = -H_q - gamma p, [G16] (38), comes in by h = e^(-gamma dt/2) of m
 ``damped.py`` has it of any scheme, written in p instead of P: f½ is of the middle of the step, f₀ of its beginning.
 """
 
-from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Any, ClassVar, NamedTuple, Self
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.integrators.contract import Evaluated, Map, StepCosts
+from wavetank.integrators.contract import StepCosts
 from wavetank.integrators.damped import Damping
-from wavetank.integrators.flow import flow_of
-from wavetank.integrators.hamiltonian import BetweenTwo, HamiltonianSystem, Near, Stage
+from wavetank.integrators.hamiltonian import HamiltonianSystem
+from wavetank.integrators.states import Map, State
 
 KAPPA = 0.1
 
 
-class Pairs(NamedTuple):
-    """Pairs (q, p), shape (2, n) each: the mean of the traces at t; their jumps there and after the two steps before.
+@dataclass(frozen=True, eq=False)
+class MeanAndJumps(State):
+    """The mean of the traces at t, and the jumps there and after the two steps before; pairs [q, p], shape (2, n) each.
 
     Attributes
     ----------
-    minus
-        The minus trace as the step found it, whatever filters have made of the state since.
+    end
+        The evaluation at the minus trace as the step found it, whatever filters have made of the state since; None at
+        a start.
     """
 
     mean: Vector
     jump: Vector
     jump_1: Vector
     jump_2: Vector
-    minus: Vector
+    end: Any = None
 
-
-class MeanAndJumps(Pairs, BetweenTwo):
-    """The state, with what is asked of it, found once: who asks again knows by the array that it is the same."""
-
-    @cached_property
+    @property
     def q(self) -> Vector:
         """The mean of the coordinates."""
         q: Vector = self.mean[0]
         return q
 
-    @cached_property
+    @property
     def p(self) -> Vector:
         """The mean of the momenta."""
         p: Vector = self.mean[1]
         return p
 
-    @cached_property
+    @property
     def q_jump(self) -> Vector:
         """The jump of the coordinates."""
         jump: Vector = self.jump[0]
         return jump
 
-    @cached_property
-    def points(self) -> tuple[Vector, Vector]:
-        """Both traces, that before the jump as it was evaluated last, and that after it."""
-        return self.minus.ravel(), (self.mean + self.jump / 2).ravel()
+    @property
+    def next_point(self) -> Vector:
+        """The plus trace."""
+        return self.mean + self.jump / 2
 
-    @cached_property
-    def known(self) -> tuple[Evaluated, ...]:
-        """The same."""
-        before, after = self.points
-        last = Evaluated(*after.reshape(2, -1))
-        return last if before is after else Evaluated(*before.reshape(2, -1)), last
-
-    def ended(self, at: Vector) -> Self:
-        """See ``BetweenTwo``."""
-        return self._replace(minus=at)
+    @property
+    def evaluations(self) -> tuple[Any, ...]:
+        """At both traces: that before the jump as the step found it, and that after it."""
+        return (self.evaluation,) if self.end is None else (self.end, self.evaluation)
 
     def mapped(self, of: Map) -> Self:
         """Return the state with mean and plus trace mapped; the jumps of earlier steps are what they were."""
-        mean, plus = of(np.array([self.mean, self.points[-1].reshape(2, -1)]))
-        jump = 2 * (plus - mean)
-        plus = mean + jump / 2
-        for pair in (mean, jump, plus):
-            pair.setflags(write=False)
-        after = type(self)(mean, jump, self.jump_1, self.jump_2, self.minus)
-        after.__dict__["points"] = self.points[0], plus.ravel()
-        return after
+        mean, plus = of(np.array([self.mean, self.next_point]))
+        return replace(self, mean=mean, jump=2 * (plus - mean), evaluation=None)
 
 
 @dataclass(frozen=True)
@@ -126,45 +111,34 @@ class Simpson4:
         """Return it with damping of the momenta."""
         return DampedSimpson4(self.kappa, damping=damping)
 
-    def left(self, dt: float, size: int) -> Any:
+    def remaining(self, dt: float, size: int) -> Any:
         """Return h."""
         return 1.0
 
     def start(self, q: Vector, p: Vector) -> MeanAndJumps:
         """Return the state of a start without jumps."""
-        pair = np.stack([q, p])
-        none = 0 * pair
-        return MeanAndJumps(pair, none, none, none, pair)
+        z = np.array([q, p])
+        return MeanAndJumps(z, 0 * z, 0 * z, 0 * z)
 
     def step(self, system: HamiltonianSystem, state: MeanAndJumps, t: float, dt: float) -> MeanAndJumps:
         """Return the state at t + dt; collective."""
-        f = flow_of(system)
-        z, d, d_1, d_2 = [pair.ravel() for pair in state[:-1]]
-        plus, h = state.points[-1], self.left(dt, len(state.q))
-        f_0 = f(plus, t)
-        known: Vector = h * (z - d / 4 + dt / 4 * f_0)
-
-        def residual(z_half: Vector) -> Vector:
-            return z_half - known - dt / 4 * f(z_half, t + dt / 2)
-
-        stage = Stage("(q, p) at 1/2", t + dt / 2, dt, dt / 4)
-        z_half = system.stages.pair.solve(stage, residual, plus, near=Near(known, plus, f_0))
+        z, d, d_1, d_2 = state.mean, state.jump, state.jump_1, state.jump_2
+        h, begin = self.remaining(dt, z.shape[1]), state.evaluated(system, t).evaluation
+        plus, f_0 = begin.z, begin.flow
+        known = h * (z - d / 4 + dt / 4 * f_0)
+        z_half = system.solve_stage("(q, p) at 1/2", known, dt / 4, t + dt / 2, begin)
         moved = 4 * (z_half - known)  # dt f½
-        minus = h * (h * plus + moved)
-        minus.setflags(write=False)
-        f_1 = f(minus, t + dt)
-        smooth = dt / 6 * (h * h * f_0 + f_1) - h * moved / 3
-        mean = h * (h * z + moved) + smooth
+        q_minus, p_minus = h * (h * plus + moved)
+        end = system.evaluate(q_minus, p_minus, t + dt, begin)
+        smooth = dt / 6 * (h * h * f_0 + end.flow) - h * moved / 3
         newest = 2 * smooth - h * h * d
-        jump = newest - self.kappa / 8 * (newest - 3 * d + 3 * d_1 - d_2)
-        plus = mean + jump / 2
-        for pair in (mean, jump, plus):  # nobody can change what the system knows by the array
-            pair.setflags(write=False)
-        points = minus, plus
-        mean, jump, minus = [pair.reshape(2, -1) for pair in (mean, jump, minus)]
-        after = MeanAndJumps(mean, jump, state.jump, state.jump_1, minus)
-        after.__dict__["points"] = points  # which are found already
-        return after
+        jump = self.damped_jump((newest, d, d_1, d_2), smooth)
+        return MeanAndJumps(h * (h * z + moved) + smooth, jump, d, d_1, end)
+
+    def damped_jump(self, jumps: tuple[Vector, Vector, Vector, Vector], smooth: Vector) -> Vector:
+        """Return the newest of four jumps with its alternating part damped; ``smooth`` is its smooth part."""
+        newest, d, d_1, d_2 = jumps
+        return newest - self.kappa / 8 * (newest - 3 * d + 3 * d_1 - d_2)
 
 
 @dataclass(frozen=True)
@@ -173,6 +147,6 @@ class DampedSimpson4(Simpson4):
 
     damping: Damping = field(kw_only=True)
 
-    def left(self, dt: float, size: int) -> Vector:
-        """Return h, shape (2 size,)."""
+    def remaining(self, dt: float, size: int) -> Vector:
+        """Return h, shape (2, size)."""
         return self.damping.of_pairs(dt / 2, size)

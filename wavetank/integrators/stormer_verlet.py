@@ -14,9 +14,11 @@ that belong to the values of the trapezoidal rule.
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from wavetank.arrays import Vector
 from wavetank.integrators.contract import StepCosts
-from wavetank.integrators.hamiltonian import HamiltonianSystem, Stage
+from wavetank.integrators.hamiltonian import HamiltonianSystem
 from wavetank.integrators.states import Point
 
 
@@ -48,20 +50,14 @@ class StormerVerlet(_Verlet):
 
     def step(self, system: HamiltonianSystem, state: Point, t: float, dt: float) -> Point:
         """Return the state at t + dt; collective."""
-        q, p = state
-        q_half = system.stages.coordinate.solve(
-            Stage("q at 1/2", t, dt, dt / 2),
-            lambda z: z - q - dt / 2 * system.H_p(z, p, t),
-            q,
-        )
-        half_way = p - dt / 2 * system.H_q(q_half, p, t)
-        q_half = q + dt / 2 * system.H_p(q_half, p, t)  # keeps what the flow keeps, e.g. mass, exactly
-        p_new = system.stages.momentum.solve(
-            Stage("p at 1", t + dt, dt, dt / 2),
-            lambda z: z - half_way + dt / 2 * system.H_q(q_half, z, t + dt),
-            2 * half_way - p,
-        )
-        return Point(q_half + dt / 2 * system.H_p(q_half, p_new, t + dt), p_new)
+        q, p, now = state.q, state.p, state.evaluation
+        q_half, _ = system.solve_stage("q at 1/2", np.array([q, p]), (dt / 2, 0.0), t, now)
+        half = system.evaluate(q_half, p, t, now)
+        q_half = q + dt / 2 * half.dq  # keeps what the flow keeps, e.g. mass, exactly
+        half_way = p + dt / 2 * half.dp
+        _, p_new = system.solve_stage("p at 1", np.array([q_half, half_way]), (0.0, dt / 2), t + dt, half)
+        end = system.evaluate(q_half, p_new, t + dt, half)
+        return Point(q_half + dt / 2 * end.dq, p_new)
 
 
 @dataclass(frozen=True)
@@ -79,19 +75,10 @@ class StormerVerletAdjoint(_Verlet):
 
     def step(self, system: HamiltonianSystem, state: Point, t: float, dt: float) -> Point:
         """Return the state at t + dt; collective."""
-        q, p = state
-        p_half = system.stages.momentum.solve(
-            Stage("p at 1/2", t, dt, dt / 2),
-            lambda z: z - p + dt / 2 * system.H_q(q, z, t),
-            p,
-        )
-        half_way = q + dt / 2 * system.H_p(q, p_half, t)
-        q_new = system.stages.coordinate.solve(
-            Stage("q at 1", t + dt, dt, dt / 2),
-            lambda z: z - half_way - dt / 2 * system.H_p(z, p_half, t + dt),
-            2 * half_way - q,
-        )
-        return Point(  # q once more from its flow: keeps what the flow keeps, e.g. mass, exactly
-            half_way + dt / 2 * system.H_p(q_new, p_half, t + dt),
-            p_half - dt / 2 * system.H_q(q_new, p_half, t + dt),
-        )
+        q, p, now = state.q, state.p, state.evaluation
+        _, p_half = system.solve_stage("p at 1/2", np.array([q, p]), (0.0, dt / 2), t, now)
+        half = system.evaluate(q, p_half, t, now)
+        half_way = q + dt / 2 * half.dq
+        q_new, _ = system.solve_stage("q at 1", np.array([half_way, p_half]), (dt / 2, 0.0), t + dt, half)
+        end = system.evaluate(q_new, p_half, t + dt, half)
+        return Point(half_way + dt / 2 * end.dq, p_half + dt / 2 * end.dp)  # q keeps what the flow keeps, e.g. mass

@@ -19,8 +19,7 @@ import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.integrators.contract import StepCosts
-from wavetank.integrators.flow import flow
-from wavetank.integrators.hamiltonian import HamiltonianSystem, Near, Stage
+from wavetank.integrators.hamiltonian import HamiltonianSystem
 from wavetank.integrators.states import Traces
 
 
@@ -55,24 +54,15 @@ class ThirdOrder:
     def step(self, system: HamiltonianSystem, state: Traces, t: float, dt: float) -> Traces:
         """Return the state at t + dt; collective."""
         alpha, beta = self.alpha, 1 - self.alpha
-        q_minus, q_plus, p_minus, p_plus = state
-        dq, dp = flow(system, q_plus, p_plus, t)
-        q_known = (1 - 3 / 2 * beta) * q_plus + 3 / 2 * beta * q_minus + dt / 4 * dq
-        p_known = (1 - 3 / 2 * alpha) * p_plus + 3 / 2 * alpha * p_minus + dt / 4 * dp
-
-        def residual(z: Vector) -> Vector:
-            q, p = z.reshape(2, -1)
-            dq_half, dp_half = flow(system, q, p, t + dt / 2)
-            return np.concatenate([q - q_known - dt / 4 * dq_half, p - p_known - dt / 4 * dp_half])
-
-        stage, plus, slope = Stage("(q, p) at 1/2", t + dt / 2, dt, dt / 4), [q_plus, p_plus], [dq, dp]
-        near = Near(*map(np.concatenate, ([q_known, p_known], plus, slope)))
-        half = system.stages.pair.solve(stage, residual, near.z + dt / 2 * near.slope, near=near)
-        q_half, p_half = half.reshape(2, -1)
-        dq, dp = flow(system, q_half, p_half, t + dt / 2)
-        q_half, p_half = q_known + dt / 4 * dq, p_known + dt / 4 * dp  # keeps what the flow keeps, e.g. mass, exactly
-        q_minus_new, p_minus_new = q_plus + dt * dq, p_plus + dt * dp
-        dq, dp = flow(system, q_minus_new, p_minus_new, t + dt)
-        alpha_q_plus = 2 / 3 * q_half - 1 / 6 * q_plus + (alpha - 1 / 2) * q_minus_new + dt / 6 * dq
-        beta_p_plus = 2 / 3 * p_half - 1 / 6 * p_plus + (beta - 1 / 2) * p_minus_new + dt / 6 * dp
-        return Traces(q_minus_new, 1 / alpha * alpha_q_plus, p_minus_new, 1 / beta * beta_p_plus)
+        weights = np.array([[beta], [alpha]])  # of q and p
+        minus, plus = np.array([state.q_minus, state.p_minus]), np.array([state.q_plus, state.p_plus])
+        begin = state.evaluated(system, t).evaluation
+        known = (1 - 3 / 2 * weights) * plus + 3 / 2 * weights * minus + dt / 4 * begin.flow
+        half = system.solve_stage("(q, p) at 1/2", known, dt / 4, t + dt / 2, begin)
+        f_half = system.evaluate(half[0], half[1], t + dt / 2, begin).flow
+        half = known + dt / 4 * f_half  # keeps what the flow keeps, e.g. mass, exactly
+        new = plus + dt * f_half
+        f_1 = system.evaluate(new[0], new[1], t + dt, begin).flow
+        scaled = 2 / 3 * half - 1 / 6 * plus + (weights[::-1] - 1 / 2) * new + dt / 6 * f_1
+        plus = 1 / weights[::-1] * scaled
+        return Traces(new[0], plus[0], new[1], plus[1])

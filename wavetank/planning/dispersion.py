@@ -17,7 +17,7 @@ of its principal eigenvalue, (25)-(31) of Gagarina et al. 2016, is omega_num dt;
 2 asin(omega dt / 2).
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any, NamedTuple
 
@@ -27,8 +27,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from wavetank.arrays import Vector
 from wavetank.fem.vertical import VerticalBasis, gauss_legendre, gauss_lobatto_legendre
-from wavetank.integrators.affine_stages import AffineStage, OnOneRank, OscillatorStages
 from wavetank.integrators.contract import Integrator
+from wavetank.integrators.oscillators import Oscillators
 from wavetank.integrators.states import like, rows
 from wavetank.waves import airy
 
@@ -200,14 +200,10 @@ def _vertical(n: int) -> tuple[Vector, Vector]:
 
 # ---------------------------------------------------------------------------------------------------- time
 @dataclass(frozen=True)
-class _Oscillators(OnOneRank):
+class _Harmonics(Oscillators):
     """H = sum x (p² + q²) / 2: oscillators of the frequencies x, stepped at once."""
 
     x: Vector
-    stages: Any = field(init=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "stages", OscillatorStages(*3 * [AffineStage(self.x.size)]))
 
     def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
         return self.x * q
@@ -224,7 +220,7 @@ def amplification(scheme: Integrator[Any], x: Vector) -> Vector:
     start = scheme.start(np.zeros_like(x), np.zeros_like(x))
     size = len(rows(start))
     units = like(start, np.repeat(np.eye(size), x.size, axis=1))  # one after the other, each of all oscillators
-    columns = rows(scheme.step(_Oscillators(np.tile(x, size)), units, 0.0, 1.0))
+    columns = rows(scheme.step(_Harmonics(np.tile(x, size)), units, 0.0, 1.0))
     return columns.reshape(size, size, x.size).transpose(2, 0, 1)
 
 

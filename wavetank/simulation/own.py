@@ -10,7 +10,7 @@ from wavetank.simulation.contract import Diagnostic
 from wavetank.simulation.run import Run
 
 SCHEME = ("name", "order", "stability_limit", "frequency_error", "nodes", "start", "step")
-STATE = ("q", "p", "known", "q_jump", "mapped")
+STATE = ("q", "p", "evaluations", "evaluated", "q_jump", "mapped")
 DIAGNOSTIC = ("schedule", "record")
 PAGE = "docs/extend.md"
 

@@ -3,7 +3,6 @@
 import itertools
 import time
 from collections.abc import Sequence
-from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -14,12 +13,13 @@ from wavetank.errors import RunError, locate
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.filtered import Filter, Filtered
 from wavetank.integrators.hamiltonian import HamiltonianSystem
+from wavetank.integrators.states import vectors
 from wavetank.simulation.clock import Clock
 from wavetank.simulation.contract import Control, Diagnostic, due_steps
 from wavetank.simulation.energy import Sink
 from wavetank.simulation.supply import PaddleWork
 from wavetank.simulation.surviving import MAY_BE_NEW, restore_surviving, survives
-from wavetank.state import Held, Stateful, has_state, named, restore, restore_all, state_of, states_of, typed
+from wavetank.state import Held, has_state, named, plain, restore_all, states_of, typed
 from wavetank.tank.seen import Block
 
 LONGEST, NUMBERS = 64, 3.6e5  # steps of a block, and unknowns of all of them
@@ -51,29 +51,22 @@ class Rows:
         if self._waves:
             wall = {"paddles": len(system.wall.rates), "velocities": system.wall.velocities.size}
         self._block = Block.empty(most, owned=size, sinks=len(sinks), **wall)
-        self._count, self._written = 0, -1
+        self._count = 0
 
-    def write(self, state: Any, step: int, t: float) -> float | None:
-        """Write the row of a state, unless it has been written; return the energy of waves; collective."""
+    def write(self, state: Any, step: int, t: float) -> None:
+        """Write the row of a state; collective."""
         block, row = self._block, self._count
-        if self._written != step:
-            block.step[row], block.t[row], block.q[row], block.psi[row] = step, t, state.q, state.p
-            if self._work is not None:
-                block.work[row] = self._work.advance(self._system, state, t)
-            if self._waves:
-                self._system.see(state, t, block, row)
-            self._written = step
-        return float(block.numbers[row, :3].sum()) if self._waves else None
-
-    def end(self, state: Any, step: int, t: float) -> None:
-        """End the row of a state: filters have acted; collective."""
-        self.write(state, step, t)
-        self._block.dissipated[self._count] = [sink.energy_taken for sink in self._sinks]
-        self._count, self._written = self._count + 1, -1
+        block.step[row], block.t[row], block.q[row], block.psi[row] = step, t, state.q, state.p
+        if self._work is not None:
+            block.work[row] = self._work.advance(state, t)
+        if self._waves:
+            self._system.see(state, t, block, row)
+        block.dissipated[row] = [sink.energy_taken for sink in self._sinks]
+        self._count += 1
 
     def take(self, state: Any, dt: float) -> Block | None:
         """Return the block of the rows so far, with the state of the last, and begin another; None without rows."""
-        count, self._count, self._written = self._count, 0, -1
+        count, self._count = self._count, 0
         return self._block.read_only(count, dt=dt, state=state) if count else None
 
 
@@ -140,7 +133,7 @@ class Run:
         self.controls, self.user_diagnostics = list[Control](), list[Diagnostic]()
         self.clock, self.longest_block = clock, longest_block or LONGEST
         self.paddle_work: PaddleWork | None = None
-        self._stepper = Filtered(integrator, filters, seen=self._energy)
+        self._stepper = Filtered(integrator, filters)
         self.step = clock.first
         self.state = integrator.start(*start)
         self.recorded = False
@@ -174,7 +167,7 @@ class Run:
         self._rows = Rows(self.system, self.state.q.size, most, sinks=self.sinks, work=self.paddle_work)
         pace = Pace(comm, most)
         if not self._begun:
-            self._begun = True
+            self._begun, self.state = True, self.state.evaluated(self.system, self.t)
             self._end_step()
             self._end_block()
         while self.step < self.clock.steps:
@@ -201,16 +194,10 @@ class Run:
         self.step += 1
         self._end_step()
 
-    def _energy(self, state: Any) -> float | None:
-        """Return the energy of what filters leave as a step ends, if the system is waves with diagnostics."""
-        if self._rows is None or not self.diagnostics:
-            return None
-        return self._rows.write(state, self.step + 1, self.clock.time(self.step + 1))
-
     def _end_step(self) -> None:
         self.recorded = False
         if self._rows is not None and self.diagnostics:
-            self._rows.end(self.state, self.step, self.t)
+            self._rows.write(self.state, self.step, self.t)
 
     def flush(self) -> Block | None:
         """Let diagnostics record the block so far, and return it; raises the first error in time; collective."""
@@ -222,7 +209,7 @@ class Run:
             due = due_steps(diagnostic.schedule, block)
             try:
                 if len(due):
-                    self._record(diagnostic, due)
+                    diagnostic.record(due)
             except RunError as error:
                 failure = error if failure is None or error.t < failure.t else failure
                 block = block.until(failure.t)
@@ -236,15 +223,6 @@ class Run:
         self.recorded = True
         return block
 
-    def _record(self, diagnostic: Diagnostic, block: Block) -> None:
-        """Let a diagnostic record a block; one of a user's leaves the system as it was; collective."""
-        by_user = any(diagnostic is one for one in self.user_diagnostics)
-        system: Any = self.system
-        before = state_of(system) if by_user and isinstance(system, Stateful) else None
-        diagnostic.record(block)
-        if before is not None:
-            restore(system, before, "system")
-
     @property
     def parts(self) -> dict[str, Any]:
         """Objects whose state belongs to the run, by name, in the order in which it is restored.
@@ -254,7 +232,7 @@ class Run:
         schemes: list[Any] = [self.integrator]
         while (inner := getattr(schemes[-1], "scheme", None)) is not None:
             schemes.append(inner)
-        own = {"scheme": schemes[-1], "system": self.system, "stages": self.system.stages}
+        own = {"scheme": schemes[-1], "system": self.system}
         own["paddle work"] = self.paddle_work
         for scheme in schemes:
             own = {f"paddle {n}": one for n, one in enumerate(getattr(scheme, "paddles", ()))} | own
@@ -270,10 +248,10 @@ class Run:
         """Return the state of the run as a plain tree; collective.
 
         Without solves it has only what survives a change of numerics. Raises ``TypeError`` for a state of the scheme
-        that is neither a named tuple nor a dataclass.
+        that is not a dataclass.
         """
         parts = self.parts if with_solves else {name: part for name, part in self.parts.items() if survives(name)}
-        return {"step": self.step, "begun": self._begun, "state": _values(self.state), "parts": states_of(parts)}
+        return {"step": self.step, "begun": self._begun, "state": plain(self.state), "parts": states_of(parts)}
 
     def resume(self, tree: Held, *, with_solves: bool = True) -> None:
         """Continue, at the next ``execute``, an equal run from its state; collective.
@@ -281,10 +259,15 @@ class Run:
         Raises ``ValueError`` for a tree that is none, and ``InputError`` for one of other diagnostics.
         """
         self.step, self._begun = typed(int, tree["step"], "step"), typed(bool, tree["begun"], "begun")
-        for name, mine in _values(self.state).items():
-            if isinstance(mine, np.ndarray) and np.shape(tree["state"][name]) != mine.shape:
+        for name, mine in vectors(self.state).items():
+            if np.shape(tree["state"][name]) != mine.shape:
                 raise ValueError(f"the state's {name} has another shape")
-        self.state = type(self.state)(**tree["state"])
+        kind = self.system.evaluation_type
+        values = {
+            name: typed(kind, one, f"state.{name}") if isinstance(one, dict) else one
+            for name, one in tree["state"].items()
+        }
+        self.state = type(self.state)(**values)
         if with_solves:
             restore_all(self.parts, tree["parts"], may_be_new=MAY_BE_NEW)
         else:
@@ -294,12 +277,3 @@ class Run:
         """Continue, at the next ``execute``, from the start, the end of a run with other numerics; collective."""
         self._begun = True
         restore_surviving(self.parts, tree["parts"], renewed=True)
-
-
-def _values(state: Any) -> Held:
-    """Return the fields of a scheme's state, by name."""
-    if isinstance(state, tuple) and hasattr(state, "_asdict"):
-        return dict(state._asdict())
-    if not is_dataclass(state):
-        raise TypeError(f"{type(state).__name__} is neither a named tuple nor a dataclass")
-    return {one.name: getattr(state, one.name) for one in fields(state)}

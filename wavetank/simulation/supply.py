@@ -19,8 +19,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from wavetank.arrays import Vector
+from wavetank.integrators.states import State
 from wavetank.state import Replicated
-from wavetank.tank.seen import State
 
 KNOWN = 4  # values that a cubic goes through
 SAME_STEP = 1e-6  # largest relative difference of two steps of one length
@@ -34,16 +34,6 @@ ADAMS_MOULTON = (  # weights of the rates at the newest, second newest, ... time
 NODES = np.array([0.0, 0.5, 1.0])  # of Simpson's rule, of a step
 SIMPSON = np.array([1.0, 4.0, 1.0]).reshape(-1, 1, 1) / 6
 EQUAL = 6  # digits: the same
-
-
-class Pushed(Protocol):
-    """Water that paddles push; both methods are collective."""
-
-    def explicit_rate(self, q: Vector, p: Vector, t: float) -> float:
-        """Return dH/dt at fixed (Q, psi), in energy a second."""
-
-    def slopes(self, q: Vector, p: Vector, t: float) -> list[tuple[float, float]]:
-        """Return dH/dX and dH/dX' of each paddle at fixed (Q, psi)."""
 
 
 class Moving(Protocol):
@@ -130,12 +120,12 @@ class PaddleWork:
         self._motions, self._masses = motions, masses
         self.state = PaddleWorkState([], np.zeros((0, 4, len(motions))), np.zeros(2))
 
-    def advance(self, water: Pushed, state: State, t: float) -> tuple[float, float]:
-        """Return the energy put in up to a state at t [s], and what was absorbed of it, less its part of W; collective.
+    def advance(self, state: State, t: float) -> tuple[float, float]:
+        """Return the energy put in up to a state at t [s], and what was absorbed of it, less its part of W.
 
-        The first call is for the start. The state's known points are evaluated in order, which costs no solve.
+        The first call is for the start. States are evaluated, with the slopes of H.
         """
-        slopes = np.array([water.slopes(*point, t) for point in state.known], dtype=np.float64).swapaxes(1, 2)
+        slopes = np.array([at.slopes for at in state.evaluations], dtype=np.float64).swapaxes(1, 2)
         before = self.state
         times = [*before.times[1 - KNOWN :], t]
         newest = np.vstack([slopes.mean(axis=0), self._speeds(t)])

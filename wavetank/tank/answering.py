@@ -26,8 +26,8 @@ class Elevated(Protocol):
     def state(self, eta: Vector, psi: Vector, t: float = 0.0) -> tuple[Vector, Vector]:
         """Return (q, p) for elevation [m] and surface potential [m²/s] at the degrees of freedom; collective."""
 
-    def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
-        """Return dq/dt, shape (owned,); collective."""
+    def evaluate(self, q: Vector, p: Vector, t: float) -> Any:
+        """Return the ``WaterEvaluation`` at a state; collective."""
 
     def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
@@ -118,13 +118,6 @@ class AnsweringPaddle:
         self._motion.state, self._filter_state = state.motion, state.filter
 
 
-class Pushed(Protocol):
-    """Waves that push paddles."""
-
-    def slopes(self, q: Vector, p: Vector, t: float) -> list[tuple[float, float]]:
-        """Return dH/dX_p and dH/dX_p' of each paddle at fixed (Q, psi); collective."""
-
-
 class Push:
     """What the water does to a paddle on a spring: J = dH/dX' + c X', and dH/dX.
 
@@ -138,12 +131,12 @@ class Push:
         c, its added mass of a sudden motion [m²].
     """
 
-    def __init__(self, waves: Pushed, number: int, paddle: Answered, *, mass: float):
+    def __init__(self, waves: Elevated, number: int, paddle: Answered, *, mass: float):
         self._waves, self._number, self._motion, self._mass = waves, number, paddle.motion, mass
 
     def __call__(self, q: Vector, p: Vector, t: float) -> Vector:
         """See ``Look``; shape (2,), in m³/s and m³/s²."""
-        by_position, by_velocity = self._waves.slopes(q, p, t)[self._number]
+        by_position, by_velocity = self._waves.evaluate(q, p, t).slopes[self._number]
         return np.array([by_velocity + self._mass * self._motion.velocity(t), by_position])
 
 
@@ -176,7 +169,7 @@ class Excess:
             motion.forget()
             motion.go_on(t - 1.0, 1.0, 0.0, added)
             q, p = waves.state(np.zeros(waves.plane.owned), np.zeros(waves.plane.owned), t)
-            before = waves.elevation(q - brief * waves.H_p(q, p, t), p, t - brief)
+            before = waves.elevation(q - brief * waves.evaluate(q, p, t).dq, p, t - brief)
             rates.append(-self._mean(before) / brief)
             speeds.append(motion.velocity(t))  # asked before it is forgotten, which times that are kept are not
         motion.forget()

@@ -44,9 +44,9 @@ from numpy.typing import NDArray
 from wavetank.arrays import Vector
 from wavetank.errors import RunError
 from wavetank.fem.points import PADDING, Found, Points
+from wavetank.integrators.states import State
 from wavetank.tank.crests import Profile, SteepCrest, steep_crests
 from wavetank.tank.dissipation import Smoothing, SmoothingState
-from wavetank.tank.seen import State
 from wavetank.tank.surface_flow import SurfaceVelocity
 from wavetank.tank.waves import NonlinearWaves
 

@@ -16,7 +16,7 @@ needs more than some digits, so mass matrices are inverted roughly. Along a slic
 call (``slice.c``).
 """
 
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from wavetank.fem.along import AveragedModes
 from wavetank.fem.codegen import Buffer, Instance, Struct, Unit
 from wavetank.fem.plane import Plane
 from wavetank.fem.surface_points import SurfacePoints
-from wavetank.integrators.hamiltonian import Stage
+from wavetank.tank.evaluation import WaterEvaluation
 from wavetank.tank.still_water import ROUGHLY, StillWaterWaves, WavesOverStillWater
 from wavetank.tank.walls import Wall
 
@@ -42,18 +42,6 @@ class Compiled:
         self.set_velocity = instance.function("set_velocity", struct, float, n, n, n, Buffer((fields - 3) * dofs))
 
 
-class Surface(NamedTuple):
-    """The surface of a state: elevation [m], potential [m²/s] and dQ/dt, shape (owned,) each.
-
-    And what the wall does there; see ``Wall.at_surface``.
-    """
-
-    eta: Vector
-    psi: Vector
-    rate: Vector
-    wall: Vector
-
-
 class Waves(WavesOverStillWater, Protocol):
     """What is asked of waves beyond their space and matrices."""
 
@@ -68,9 +56,6 @@ class Waves(WavesOverStillWater, Protocol):
     @property
     def slice_functions(self) -> Instance | None:
         """Those of a slice on one rank, of the unit; None elsewhere."""
-
-    def last_surface(self) -> Surface | None:
-        """Return the surface of the point last evaluated, if that is known."""
 
 
 def surface_points(plane: Plane, wall: Wall, unit: Unit) -> SurfacePoints:
@@ -94,36 +79,37 @@ class CarriedWaves:
     def __init__(self, waves: Waves, still: StillWaterWaves):
         self._waves, self._still, self._points = waves, still, surface_points(waves.plane, waves.wall, waves.unit)
         self._shortest = waves.plane.cell_size / (np.pi * waves.plane.order)
-        self._t = np.nan  # of the stage for which the velocities were found
         self._B: Vector = np.zeros(waves.plane.owned)
-        self._known = False  # both
+        self._known = False  # whether the velocities at the surface are
         self._compiled: dict[float, Compiled | None] = {}  # by weights
 
-    def __call__(self, stage: Stage, residual: Vector) -> Vector:
-        """Return the preconditioned residual, shape (2 owned,); collective."""
-        compiled = self.along(stage)
+    def __call__(self, weight: float, residual: Vector) -> Vector:
+        """Return the preconditioned residual of a stage of that weight [s], shape (2, owned); collective."""
+        compiled = self._of_weight(weight)
         self._waves.mass.make_ready()
         if compiled is not None:
             result = np.empty_like(residual)
-            compiled.precondition(stage.weight, self._known, residual, result)
+            compiled.precondition(weight, self._known, residual, result)
             return result
         if not self._known:
-            return self._still(stage, residual)
-        mass, a, at, solve = self._waves.mass, stage.weight, self._points, self._solved
-        q, psi = residual.reshape(2, -1)
-        eta, chi = self._still.surface(stage, q, psi - self._B * solve(q))
-        carried = a * at.carried(eta, along=False)
-        chi -= a * solve(at.carried(chi, along=True))
+            return self._still(weight, residual)
+        mass, at, solve, (q, psi) = self._waves.mass, self._points, self._solved, residual
+        eta, chi = self._still.surface(weight, q, psi - self._B * solve(q))
+        carried = weight * at.carried(eta, along=False)
+        chi -= weight * solve(at.carried(chi, along=True))
         kept = self._still.keeping(q, mass.apply(eta) + carried)
-        return np.concatenate([kept, chi + self._B * (eta + solve(carried))])
+        return np.array([kept, chi + self._B * (eta + solve(carried))])
 
-    def along(self, stage: Stage) -> Compiled | None:
-        """Return what is compiled for a stage, whose current is known then; None where nothing is; collective."""
-        compiled = self._of_weight(stage.weight)
-        if stage.t != self._t:
-            self._t = stage.t
+    def at(self, weight: float, evaluation: WaterEvaluation | None) -> Compiled | None:
+        """Take the velocities at the surface of an evaluation for stages of a weight [s]; collective.
+
+        The wall and the mass matrix are those of the evaluation. Returns what is compiled for such stages, along a
+        slice on one rank; None where nothing is.
+        """
+        compiled, self._known = self._of_weight(weight), False
+        if evaluation is not None:
             self._waves.mass.make_ready()
-            self._look(compiled, LARGEST * self._shortest / abs(stage.weight))
+            self._look(compiled, evaluation, LARGEST * self._shortest / abs(weight))
         if compiled is not None:
             compiled.carried = self._known
         return compiled
@@ -160,17 +146,13 @@ class CarriedWaves:
         """Return what the mass matrix makes of that, roughly; collective."""
         return self._waves.mass.solve(right, within=ROUGHLY)
 
-    def _look(self, compiled: Compiled | None, most: float) -> None:
-        """Find the velocities at the surface of the point last evaluated, cut off at so much [m/s]; collective."""
-        surface = self._waves.last_surface()
-        self._known = surface is not None
-        if surface is None:
-            return
+    def _look(self, compiled: Compiled | None, at: WaterEvaluation, most: float) -> None:
+        """Find the velocities at the surface of an evaluation, cut off at so much [m/s]; collective."""
+        walls = self._waves.wall.at_surface(at.eta, self._waves.bed.still)
         if compiled is not None:
-            fastest = compiled.set_velocity(most, *surface)
+            fastest = compiled.set_velocity(most, at.eta, at.p, at.dq, walls)
         else:
-            moved = [surface.eta, surface.psi, self._solved(surface.rate), *surface.wall]
-            vertical, fastest = self._points.move(moved, most=most)
+            vertical, fastest = self._points.move([at.eta, at.p, self._solved(at.dq), *walls], most=most)
         self._known = fastest * LARGEST > LEAST * most
         if self._known and compiled is None:
             self._B[:] = np.minimum(np.maximum(self._solved(vertical), -most), most)

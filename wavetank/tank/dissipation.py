@@ -39,7 +39,7 @@ from wavetank.errors import InputError
 from wavetank.fem.gradient_jumps import GradientJumpPenalty
 from wavetank.fem.mass import BandedMass, FactoredMatrix, FactoredSmoothing, HorizontalMatrix, RaisedSmoothing
 from wavetank.fem.plane import Plane
-from wavetank.tank.seen import State
+from wavetank.integrators.states import State
 from wavetank.tank.surface_flow import SurfaceVelocity
 from wavetank.tank.walls.contract import Columns
 from wavetank.tank.waves import NonlinearWaves

@@ -44,9 +44,12 @@ from wavetank.fem.forms import compile_expression
 from wavetank.fem.plane import Field, LayeredField, Plane
 from wavetank.fem.points import Cells, Points
 from wavetank.fem.vertical import VerticalBasis
+from wavetank.fem.whole import Solution
 from wavetank.motion.motion import Tangent
 from wavetank.tank.bed import Bed
 from wavetank.tank.energy import WaterEnergy
+from wavetank.tank.evaluation import WaterEvaluation
+from wavetank.tank.history import SolverHistory
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.potential import interior_of
 from wavetank.tank.walls import Placed
@@ -195,7 +198,8 @@ class NonlinearRates(NonlinearWaves):
     """
 
     def __init__(self, plane: Plane, *, tangents: Sequence[Tangent], **parts: object):
-        self._tangents, self._has_rates = tangents, False
+        self._tangents = tangents
+        self._rates_of: WaterEvaluation | None = None  # whose rates the fields are
         super().__init__(plane, **parts)  # type: ignore[arg-type]
         self._places, self._d = _places(plane), plane.function("depth")
         self.nodes: Vector = np.zeros((self.vertical.n + 1, len(self._places), 3))
@@ -205,26 +209,35 @@ class NonlinearRates(NonlinearWaves):
 
     def find_rates(self, q: Vector, p: Vector, t: float) -> None:
         """See ``MovingWater``."""
-        if self._has_rates and self.knows(q, p, t):
+        last = self._rates_of
+        if last is not None and self._same(last, q, p, t):
             return
-        q_rate, p_rate = self.H_p(q, p, t), -self.H_q(q, p, t)
-        column, step = self.h.owned.copy(), self._step(q_rate)
+        at = self.evaluate(q, p, t)
+        column, step = self.h.owned.copy(), self._step(at.dq)
         residual_rate, self.carried = np.zeros_like(self.phi.owned), np.zeros_like(self.carried)
         for steps, weight in STENCIL.items():
-            super()._stand(t + steps * step)
-            self.h.set(self.columns.solve(q + steps * step * q_rate))
+            super()._move(t + steps * step)
+            self.h.set(self.columns.solve(q + steps * step * at.dq))
             self.operator.update()
             residual_rate += weight / step * (self.operator.apply(self.phi.rows) + self._wall_terms.vector())
             self.carried += weight / step * self._nodes()
-        self._begin(q, p, t, column)
+        self._move(t)
+        self.h.set(column)
+        if self.wall.leans:
+            self.mass.update()
+        self.operator.update()
         self.nodes = self._nodes()
-        self.level_rate = self.plane.sum(p_rate) / self.plane.size
+        self.level_rate = self.plane.sum(at.dp) / self.plane.size
         self.phi_rate.owned[:] = 0.0
-        self.phi_rate.owned[:, -1] = p_rate - self.level_rate
+        self.phi_rate.owned[:, -1] = at.dp - self.level_rate
         self.potential.minimiser.find(self.phi_rate.owned, residual_rate)
         self.phi_rate.fetch()
-        self._know(self._point, t)
-        self._has_rates = True
+        self._rates_of = at
+
+    def _same(self, at: WaterEvaluation, q: Vector, p: Vector, t: float) -> bool:
+        """Return whether an evaluation is at that point; collective."""
+        here = t == at.t and np.array_equal(q, at.q) and np.array_equal(p, at.p)
+        return summed(self.plane.comm, float(not here)) == 0.0
 
     def _nodes(self) -> Vector:
         """Return where the Gauss nodes of the columns are in the laboratory [m], as ``carried``; collective."""
@@ -232,15 +245,15 @@ class NonlinearRates(NonlinearWaves):
         heights = self.vertical.zeta[:, None] * self.h.rows[:, 0] - self._d.rows[:, 0]
         return _standing(self.wall, self._places, heights)
 
-    def _stand(self, t: float) -> None:
+    def _move(self, t: float) -> None:
         """Move the wall to where its motion is touched; collective."""
         for tangent in self._tangents:
             tangent.at = t
-        super()._stand(t)
+        super()._move(t)
 
-    def _know(self, point: Vector, t: float) -> None:
-        super()._know(point, t)
-        self._has_rates = False
+    def _solve(self, q: Vector, p: Vector, t: float, history: SolverHistory) -> Solution:
+        self._rates_of = None  # the fields are another state's from now on
+        return super()._solve(q, p, t, history)
 
     def _step(self, q_rate: Vector) -> float:
         """Return for how long the state goes on [s]; collective."""
@@ -252,9 +265,6 @@ class NonlinearRates(NonlinearWaves):
     def head(self, velocity: Vector) -> Vector:
         """See ``MovingWater``."""
         return np.asarray(0.5 * (velocity**2).sum(axis=-1))
-
-    def _set_up_stages(self, tolerances: object) -> None:
-        """Set up nothing: these waves are not stepped."""
 
 
 class LinearRates:
@@ -279,8 +289,8 @@ class LinearRates:
         self.densities = WaterEnergy(h=self.h.function, d=self.bed.d, gravity=g, mapping=waves.wall.mapping)
         column = self.densities.column
         interior = interior_of(column, self.plane, self.vertical, column=self.h, tolerance=tolerance)
+        self._minimum = interior.minimum()
         interior.operator.update()
-        self._minimum = interior.minimum
         self._minimum.factor()
         self._paddles = [(paddle.motion, waves.flux(paddle, self.densities)) for paddle in waves.wall.paddles]
 
@@ -288,7 +298,7 @@ class LinearRates:
         """See ``MovingWater``."""
         speeds, accelerations = ([motion.derivative(t, order) for motion, _ in self._paddles] for order in (1, 2))
         self.level = self._solve(self.phi, p, speeds)
-        self.level_rate = self._solve(self.phi_rate, -self._waves.H_q(q, p, t), accelerations)
+        self.level_rate = self._solve(self.phi_rate, -self.gravity * self._waves.elevation(q, p, t), accelerations)
 
     def _solve(self, field: LayeredField, surface: Vector, speeds: Sequence[float]) -> float:
         """Set a field to the potential below a surface's, less its mean there, which is returned; collective."""

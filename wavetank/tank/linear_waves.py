@@ -17,8 +17,9 @@ The wall stays at x = 0 and lets water through: in linear theory the volume of w
 the paddle takes of the tank beyond. Apart from that flux mass is conserved to round-off.
 """
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Sequence
+from copy import copy
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -27,21 +28,24 @@ import scipy
 import ufl
 from dolfinx import fem
 
-from wavetank.arrays import Vector
+from wavetank.arrays import Vector, summed
 from wavetank.fem.codegen import Unit
 from wavetank.fem.decoupled import LayerMatrices
-from wavetank.fem.forms import ScalarForm, VectorForm
+from wavetank.fem.forms import VectorForm
 from wavetank.fem.mass import mass_matrix
 from wavetank.fem.modes import Layer
 from wavetank.fem.plane import Plane
 from wavetank.fem.vertical import VerticalBasis
-from wavetank.integrators.affine_stages import DirectStage
-from wavetank.integrators.stage_solver import AndersonStageSolver, StageCounters
-from wavetank.state import Held, Stateful, restore_all, states_of
+from wavetank.integrators.hamiltonian import Weights, pair
+from wavetank.integrators.stage_solver import StageHistories, StageSolver
+from wavetank.integrators.stages import CoupledStages, PairStage
+from wavetank.integrators.states import State
+from wavetank.state import Held, Stateful
 from wavetank.tank.bed import Depth, FlatBed, bed_of
-from wavetank.tank.energy import POTENTIAL, Energies, Part, WaterEnergy
+from wavetank.tank.energy import POTENTIAL, Part, WaterEnergy
+from wavetank.tank.evaluation import Water, WaterEvaluation, distance_from_rest
 from wavetank.tank.potential import InteriorPotential, Minimiser, SolveCounters, interior_of
-from wavetank.tank.seen import Block, State, see, see_from
+from wavetank.tank.seen import Block, see
 from wavetank.tank.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.tank.walls import LinearWall
 from wavetank.tank.walls.contract import LinearOpening
@@ -49,7 +53,7 @@ from wavetank.tank.walls.contract import LinearOpening
 COUPLED_TOLERANCE = 1e-12  # of stages that are solved together; all others are solved exactly
 
 
-class LinearWaves:
+class LinearWaves(Water):
     """The tank with its water, linearised about still water: a ``HamiltonianSystem`` with q = Q = M h and p = psi.
 
     Parameters
@@ -68,7 +72,6 @@ class LinearWaves:
         Relative tolerance of what is solved iteratively.
     """
 
-    damping: Vector | None = None
     parts = (  # and the wall's
         Part("kinetic", "½ ∫∫ d |v|² dζ dX,  v = (∇φ + (1 - ζ)∇d φ_ζ/d, φ_ζ/d)"),
         POTENTIAL,
@@ -91,35 +94,54 @@ class LinearWaves:
         self.h = plane.function("water column")
         self.h.set(np.zeros(plane.owned) + self.bed.still)
         d, g = self.bed.d, fem.Constant(plane.mesh, gravity)
-        self._gravity_energy = ScalarForm(
-            WaterEnergy(h=self.h.function, d=d, gravity=g, mapping=wall.mapping).potential() * plane.dx, plane.comm
-        )
         still = WaterEnergy(h=d, d=d, gravity=g, mapping=wall.mapping)
         self.unit = Unit(plane.comm)
         self.mass = mass_matrix(plane, wall.mapping.J(0.0), self.unit)
-        self.layer: Layer
-        self.potential, self.layer, self.still = self._interior(still, tolerance)
-        direct = isinstance(self.potential, DirectPotential)
-        self.stages = LinearStages.of(self, tolerance=COUPLED_TOLERANCE if direct else tolerance, direct=direct)
+        self.layer, self._make_potential, self.still = self._interior(still, tolerance)
+        self._tolerance = tolerance
         self._motions = [paddle.motion for paddle in wall.paddles]
         self._inflow, self._recoil = self._responses([self.flux(paddle, still) for paddle in wall.paddles])
-        self._q: Vector = np.full(plane.owned, np.nan)
-        self._p: Vector = self._q
-        self._G_psi: Vector = self._q
 
-    def _interior(self, still: WaterEnergy, tolerance: float) -> tuple["StillPotential", Layer, Any]:
-        """Return the interior potential, the layer over the depth, and its averages for the mean depth."""
+    @property
+    def potential(self) -> "StillPotential":
+        """The interior solver of the steps."""
+        potential: StillPotential = self.history.interior
+        return potential
+
+    @property
+    def stages(self) -> StageHistories:
+        """The history of the stages of the steps."""
+        stages: StageHistories = self.history.stages
+        return stages
+
+    def new_history(self, owner: str) -> "LinearHistory":
+        """Return a history of solves without any; collective."""
+        return self._history_of(self._make_potential())
+
+    def _history_of(self, potential: "StillPotential") -> "LinearHistory":
+        nothing = np.full(self.plane.owned, np.nan)
+        return LinearHistory(potential, nothing, nothing)
+
+    def _interior(self, still: WaterEnergy, tolerance: float) -> tuple[Layer, Callable[[], "StillPotential"], Any]:
+        """Return the layer over the depth, what makes a solver for the interior, and averages for the mean depth."""
         plane, vertical = self.plane, self.vertical
         if plane.mesh.topology.dim == 1 and isinstance(self.bed, FlatBed):
             matrices = LayerMatrices(still.layer, plane)
-            return DirectPotential(matrices, vertical), matrices, matrices.assemble()
+            direct = DirectPotential(matrices, vertical)
+            self.history = self._history_of(direct)
+            return matrices, direct.counted_apart, matrices.assemble()
         operator, layer, minimum = interior_of(
             still.layer, plane, vertical, column=self.h, tolerance=0.1 * tolerance, unit=self.unit
         )
+
+        def potential() -> IterativePotential:
+            return IterativePotential(minimum(), plane=plane, components=vertical.n + 1)
+
+        self.history = self._history_of(potential())  # before anything that is compiled with it is called
         with self.bed.levelled():
             averages = layer.assemble()
         operator.update()
-        return IterativePotential(minimum, plane=plane, components=vertical.n + 1), layer, averages
+        return layer, potential, averages
 
     def flux(self, paddle: LinearOpening, still: WaterEnergy) -> Vector:
         """Return dF/dphi of a paddle for the energy of still water, shape (owned, n+1)."""
@@ -143,80 +165,43 @@ class LinearWaves:
         """Return a derivative of the paddles' motions, shape (paddles,)."""
         return np.array([motion.derivative(t, order) for motion in self._motions], dtype=np.float64)
 
-    # ------------------------------------------------------------------------------------------ the state's flow
+    # ------------------------------------------------------------------------------------------ evaluations
     def set_time(self, t: float) -> None:
         """Nothing moves: at any time the wall stands where it does."""
 
-    def evaluate(self, q: Vector, p: Vector, t: float) -> None:
-        """Set the water column h of a state and find G psi, each unless it is the one last found; collective."""
-        self._set_column(q)
-        self._set_potential(p)
+    def evaluate(
+        self,
+        q: Vector,
+        p: Vector,
+        t: float,
+        guess: WaterEvaluation | None = None,
+        *,
+        history: "LinearHistory | None" = None,
+    ) -> WaterEvaluation:
+        """Return the evaluation at (q, p, t); collective."""
+        eta, G_psi, speeds = self.elevation(q, p, t), self._G_psi(p, history or self.history), self._rates(t, 1)
+        through = np.array([self.plane.sum(w * p) for w in self._inflow], dtype=np.float64) - self._recoil @ speeds
+        kinetic = 0.5 * self.plane.sum(p * G_psi) + 0.5 * float(speeds @ self._recoil @ speeds)
+        potential, wall = 0.5 * self.gravity * self.inner(eta, self.mass.apply(eta)), float(speeds @ through)
+        return WaterEvaluation(
+            t,
+            np.array([q, p]),
+            np.array([G_psi + speeds @ self._inflow, -self.gravity * eta]),
+            kinetic + potential + wall,
+            eta,
+            kinetic,
+            potential,
+            wall,
+            float(self._rates(t, 2) @ through),
+            [(0.0, float(F)) for F in through],
+        )
 
-    def _agree(self, known: bool) -> bool:
-        return bool(self.plane.comm.allreduce(int(not known)) == 0)
-
-    def _set_column(self, q: Vector) -> None:
-        if not self._agree(np.array_equal(q, self._q)):
-            self.h.set(self.mass.solve(q))
-            self._q = q.copy()
-
-    def _set_potential(self, p: Vector) -> None:
-        if not self.knows(self._q, p, 0.0):
-            self._G_psi = self.potential.dirichlet_neumann(p)
-            self._p = p.copy()
-
-    def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
-        """Return dH/dpsi = dQ/dt, shape (owned,); collective."""
-        self._set_potential(p)
-        return np.asarray(self._G_psi + self._rates(t, 1) @ self._inflow)
-
-    def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
-        """Return dH/dQ = -dpsi/dt = g eta, shape (owned,); collective."""
-        return self.gravity * self.elevation(q, p, t)
-
-    def energies(self, q: Vector, p: Vector, t: float) -> Energies:
-        """Return kinetic and potential energy and the wall's term [m^4/s²]; collective."""
-        self.evaluate(q, p, t)
-        speeds = self._rates(t, 1)
-        kinetic = 0.5 * self.plane.sum(p * self._G_psi) + 0.5 * float(speeds @ self._recoil @ speeds)
-        return Energies(kinetic, self._gravity_energy.assemble(), float(speeds @ self._through_walls(p, speeds)))
-
-    def _through_walls(self, p: Vector, speeds: Vector) -> Vector:
-        """Return F of each paddle at the interior potential [m^4/s], shape (paddles,); collective."""
-        return np.array([self.plane.sum(w * p) for w in self._inflow], dtype=np.float64) - self._recoil @ speeds
-
-    def damp(self, rate: Vector) -> None:
-        """Tell what a damping of the momenta takes, of rate [1/s], shape (owned,), with what is seen of moments."""
-        self.damping = rate
-
-    def see(self, state: State, t: float, into: Block, row: int) -> None:
-        """See a state at t [s] from the last of its known points, into a row; collective."""
-        see(self, state, t, into, row)
-
-    def see_from(self, at: tuple[Vector, Vector], state: State, t: float, into: Block, row: int) -> None:
-        """See a state at t [s] from a point near it, into a row; collective."""
-        see_from(self, at, state, t, into, row)
-
-    def knows(self, q: Vector, p: Vector, t: float) -> bool:
-        """Return whether G psi of a point is known; collective."""
-        return self._agree(np.array_equal(p, self._p))
-
-    def energy(self, q: Vector, p: Vector, t: float) -> float:
-        """Return H(Q, psi, t), the wall's term included; collective."""
-        parts = self.energies(q, p, t)
-        return parts.total + parts.wall
-
-    def inner(self, a: Vector, b: Vector) -> float:
-        """Return the sum of a b over the degrees of freedom of all ranks; collective."""
-        return self.plane.sum(a * b)
-
-    def slopes(self, q: Vector, p: Vector, t: float) -> list[tuple[float, float]]:
-        """Return dH/dX_p = 0 and dH/dX_p' = F [m^3/s] of each paddle at fixed (Q, psi); collective."""
-        return [(0.0, float(F)) for F in self._through_walls(p, self._rates(t, 1))]
-
-    def explicit_rate(self, q: Vector, p: Vector, t: float) -> float:
-        """Return dH/dt at fixed (Q, psi), X_p'' F [m^4/s³]: what the paddle does; collective."""
-        return float(self._rates(t, 2) @ self._through_walls(p, self._rates(t, 1)))
+    def _G_psi(self, p: Vector, history: "LinearHistory") -> Vector:
+        """Return G psi, found once for the psi that the history has last; collective."""
+        known = np.array_equal(p, history.psi)
+        if summed(self.plane.comm, float(not known)) > 0.0:
+            history.psi, history.G_psi = p.copy(), history.interior.dirichlet_neumann(p)
+        return history.G_psi
 
     # ------------------------------------------------------------------------------------------ states
     def state(self, eta: Vector, psi: Vector, t: float = 0.0) -> tuple[Vector, Vector]:
@@ -225,17 +210,15 @@ class LinearWaves:
 
     def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
-        self._set_column(q)
-        return np.asarray(self.h.owned - self.bed.still)
+        return np.asarray(self.mass.solve(q) - self.bed.still)
 
-    def size(self) -> float:
-        """Return how far from rest the point last evaluated is: the root mean square of eta and psi [m]; collective."""
-        eta, psi = self.h.owned - self.bed.still, self._p / np.sqrt(self.gravity * self.depth)
-        return float(np.sqrt(self.plane.sum(eta**2 + psi**2) / (2 * self.plane.size)))
+    def elevation_change(self, at: WaterEvaluation, dq: Vector) -> Vector:
+        """Return by how much eta changes with the masses [m]; collective."""
+        return self.mass.solve(dq)
 
-    def total_mass(self, q: Vector) -> float:
-        """Return the water's volume beyond the paddle's rest position [m³, m²], which follows X_p; collective."""
-        return self.plane.sum(q)
+    def see(self, state: State, t: float, into: Block, row: int) -> None:
+        """See a state at t [s] into a row; collective."""
+        see(self, state, t, into, row)
 
     @cached_property
     def largest_frequency(self) -> float:
@@ -243,14 +226,103 @@ class LinearWaves:
         return largest_frequency(self)
 
     def held(self) -> Held:
-        """Return what was evaluated last, and what solves remember."""
-        return {"q": self._q, "p": self._p, "G psi": self._G_psi, "potential": self.potential.held()}
+        """Return the history of the solves of steps."""
+        last = {"psi": self.history.psi, "G psi": self.history.G_psi}
+        return {"interior": self.potential.held(), "stages": self.stages.held(), **last}
 
     def take(self, held: Held) -> None:
         """Take back what has been held; collective."""
-        self._set_column(held["q"])
-        self._p, self._G_psi = held["p"], held["G psi"]
-        self.potential.take(held["potential"])
+        self.potential.take(held["interior"])
+        self.history.psi, self.history.G_psi = held["psi"], held["G psi"]
+        self.stages.take(held["stages"], self._stage_solver.points)
+
+    # ------------------------------------------------------------------------------------------ stages
+    @cached_property
+    def _is_direct(self) -> bool:
+        """Whether stages of pairs are solved at once, exactly."""
+        return isinstance(self.potential, DirectPotential)
+
+    @cached_property
+    def _stage_solver(self) -> StageSolver:
+        tolerance = COUPLED_TOLERANCE if self._is_direct else self._tolerance
+        return StageSolver(self.plane.comm, np.array(scales(self)), tolerance=tolerance, floor=self.depth)
+
+    @cached_property
+    def _inverse(self) -> StillWaterWaves:
+        return StillWaterWaves(self)
+
+    def solve_stage(
+        self,
+        name: str,
+        c: Vector,
+        a: Weights,
+        t: float,
+        guess: WaterEvaluation | None = None,
+        *,
+        history: "LinearHistory | None" = None,
+    ) -> Vector:
+        """Return z = c + a f(z, t), shape (2, owned), of one evaluation if it is explicit or direct; collective."""
+        history = history or self.history
+        if not isinstance(a, tuple) and not self._is_direct:
+            return self._stage_solver.solve(PairStage(self, history, name, c, a, t, guess), history.stages)
+        history.stages.counters.solves += 1
+        history.stages.counters.evaluations += 1
+        a_q, a_p = pair(a)
+        q, p = start = c if guess is None or isinstance(a, tuple) else guess.z
+        dq = self._dq(p, t, history) if a_q else 0.0
+        dp = -self.gravity * self.elevation(q, p, t) if a_p else 0.0
+        image = c + np.array([a_q * dq * np.ones_like(q), a_p * dp * np.ones_like(p)])
+        return image if isinstance(a, tuple) else start - self._inverse(a, start - image)
+
+    def solve_stages(
+        self,
+        name: str,
+        c: Vector,
+        a: Vector,
+        times: Sequence[float],
+        guess: WaterEvaluation | None = None,
+        scale: Any = 1.0,
+        *,
+        history: "LinearHistory | None" = None,
+    ) -> Vector:
+        """Return coupled stages, shape (stages, 2, owned); see ``HamiltonianSystem``."""
+        history = history or self.history
+        stage = CoupledStages(self, history, name, c, a, times, guess, scale)
+        return self._stage_solver.solve(stage, history.stages)
+
+    def begin_stage(self, weight: float | None, t: float, guess: Any, history: Any) -> None:
+        """Do nothing; see ``StagedSystem``."""
+
+    def precondition(self, weight: float, residual: Vector) -> Vector:
+        """See ``StagedSystem``."""
+        return self._inverse(weight, residual)
+
+    def flow(self, z: Vector, t: float, history: "LinearHistory") -> tuple[Vector, float]:
+        """See ``StagedSystem``."""
+        q, p = z
+        eta, speed = self.elevation(q, p, t), np.sqrt(self.gravity * self.depth)
+        flow = np.array([self._dq(p, t, history), -self.gravity * eta])
+        return flow, distance_from_rest(eta, p / speed, self.plane)
+
+    def _dq(self, p: Vector, t: float, history: "LinearHistory") -> Vector:
+        """Return dH/dpsi, shape (owned,); collective."""
+        return np.asarray(self._G_psi(p, history) + self._rates(t, 1) @ self._inflow)
+
+
+@dataclass(eq=False)
+class LinearHistory:
+    """Earlier solves of linear waves; see ``SolverHistory``.
+
+    Attributes
+    ----------
+    psi, G_psi
+        The last surface potential and G psi, shape (owned,).
+    """
+
+    interior: "StillPotential"
+    psi: Vector
+    G_psi: Vector
+    stages: StageHistories = field(default_factory=StageHistories)
 
 
 class StillPotential(Stateful, Protocol):
@@ -323,6 +395,12 @@ class DirectPotential:
         size = (plane.owned, self._field.rows.shape[0])
         self._S_u = scipy.sparse.csr_matrix((still[0], matrices.columns, matrices.row_pointers), shape=size)
 
+    def counted_apart(self) -> "DirectPotential":
+        """Return the same solver with counters of its own."""
+        other = copy(self)
+        other.counters = SolveCounters(factorisations=1)
+        return other
+
     def _stiffness(self, values: Vector) -> Vector:
         self._field.set(values)
         return np.asarray(self._S_u @ self._field.rows[:, 0])
@@ -349,53 +427,3 @@ class DirectPotential:
     def take(self, held: Held) -> None:
         """Take back what has been held."""
         vars(self.counters).update(held)
-
-
-@dataclass(frozen=True)
-class LinearStages:
-    """The stage solvers of linear waves; see ``wavetank.integrators.hamiltonian.Stages``.
-
-    Attributes
-    ----------
-    iterative
-        That of pairs, one or several that depend on each other; of one in ``pair`` where that is not direct.
-    """
-
-    coordinate: DirectStage
-    momentum: DirectStage
-    pair: DirectStage | AndersonStageSolver
-    iterative: AndersonStageSolver
-
-    @classmethod
-    def of(cls, waves: LinearWaves, *, tolerance: float, direct: bool) -> "LinearStages":
-        """Return the solvers of waves: of one stage explicit, or direct where the inverse is; of the others iterative.
-
-        ``tolerance`` is that of the latter.
-        """
-        inverse, sizes = StillWaterWaves(waves), np.stack(scales(waves))
-        iterative = AndersonStageSolver(
-            waves.plane.comm, sizes, tolerance=tolerance, size=waves.size, floor=waves.depth, precondition=inverse
-        )
-        return cls(DirectStage(), DirectStage(), DirectStage(inverse) if direct else iterative, iterative)
-
-    def coupled(self, pairs: int) -> AndersonStageSolver:
-        """Return the solver for that many pairs at once, as Gauss-Legendre's scheme has them; made when first asked."""
-        return self.iterative.coupled(pairs)
-
-    @property
-    def counters(self) -> StageCounters:
-        """What all of them have cost so far."""
-        return sum((solver.counters for solver in self._solvers.values()), StageCounters())
-
-    @property
-    def _solvers(self) -> dict[str, DirectStage | AndersonStageSolver]:
-        """All of them, by their names, once each."""
-        return {name: one for name, one in vars(self).items() if name != "pair" or one is not self.iterative}
-
-    def held(self) -> Held:
-        """Return what all of them remember."""
-        return states_of(self._solvers)
-
-    def take(self, held: Held) -> None:
-        """Take back what has been held."""
-        restore_all(self._solvers, held)

@@ -6,6 +6,7 @@ by conjugate gradients, preconditioned by the vertical modes: only terms with th
 the preconditioner, so a few iterations suffice (docs/solver.md).
 """
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import NamedTuple, Protocol
 
@@ -100,14 +101,14 @@ class InteriorPotential:
         if self.renews:
             self.minimiser.factor()
             self.counters.factorisations += 1
-        self.took(self.minimiser.find(self._phi.owned, wall))
+        self.count(self.minimiser.find(self._phi.owned, wall))
         self._phi.fetch()
         if inputs is not None:
             self.recall.record(self._phi.owned)
         flow = self.minimiser.flow
         return flow - self._plane.sum(flow) / self._plane.size  # moves no mass, where single precision has a share, too
 
-    def took(self, iterations: int) -> None:
+    def count(self, iterations: int) -> None:
         """Take note of what a solve has taken, and so whether the preconditioner still serves."""
         self.counters.solves += 1
         self.counters.iterations += iterations
@@ -225,11 +226,11 @@ class Krylov:
 
 
 class Interior(NamedTuple):
-    """The operator of a layer's energy, the layer averaged, and what finds the minimum."""
+    """The operator of a layer's energy, the layer averaged, and what makes a solver for its minimum."""
 
     operator: LayerOperator
     layer: Layer
-    minimum: Minimiser
+    minimum: Callable[[], Minimiser]
 
 
 def interior_of(
@@ -245,9 +246,12 @@ def interior_of(
     unit = unit or Unit(plane.comm)
     if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
         operator = along(energy, plane, vertical, column=column, unit=unit)
-        minimum = Minimum(operator, energy, plane, vertical, column=column, tolerance=tolerance, unit=unit)
-        return Interior(operator, Averaged(operator, plane), minimum)
+        return Interior(
+            operator,
+            Averaged(operator, plane),
+            lambda: Minimum(operator, energy, plane, vertical, column=column, tolerance=tolerance, unit=unit),
+        )
     operator = LayerOperator(energy, plane, vertical, column=column, unit=unit)
     single = LayerOperator(energy, plane, vertical, column=column, unit=unit, prefix="single", real="float")
     layer = layer_of(energy, plane, column=column, vertical_order=vertical.n, unit=unit)
-    return Interior(operator, layer, Krylov(operator, single, layer, plane, vertical, tolerance=tolerance))
+    return Interior(operator, layer, lambda: Krylov(operator, single, layer, plane, vertical, tolerance=tolerance))

@@ -4,15 +4,18 @@ A scheme that reports the mean of two traces evaluates these traces, not their m
 trace. Of any other scheme the reported state is evaluated itself. States of consecutive steps are rows of a ``Block``.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector
-from wavetank.tank.energy import Energies
+from wavetank.arrays import Vector, summed
+from wavetank.fem.plane import Plane
+from wavetank.integrators.hamiltonian import HamiltonianSystem
+from wavetank.integrators.states import State
+from wavetank.tank.evaluation import WaterEvaluation
 
 NUMBERS = KINETIC, POTENTIAL, WALL, MASS, POWER, DAMPED, HIGHEST, LARGEST = range(8)  # in a row
 
@@ -135,28 +138,8 @@ class Block:
     largest = property(lambda self: self.numbers[:, LARGEST], doc="Largest magnitude of the elevation there [m].")
 
 
-class State(Protocol):
-    """A scheme's state."""
-
-    @property
-    def q(self) -> Vector:
-        """Column masses."""
-
-    @property
-    def p(self) -> Vector:
-        """Surface potential."""
-
-    @property
-    def known(self) -> Sequence[tuple[Vector, Vector]]:
-        """Points next to them, of which the last is evaluated anyway."""
-
-    @property
-    def q_jump(self) -> Vector | None:
-        """The jump of the column masses; None where the scheme lets them have none."""
-
-
-class Evaluable(Protocol):
-    """Water of which points can be evaluated; all methods are collective.
+class SeenWater(HamiltonianSystem, Protocol):
+    """Water whose states are seen; all methods are collective.
 
     Attributes
     ----------
@@ -166,6 +149,7 @@ class Evaluable(Protocol):
         The rate at which momenta are damped [1/s], shape (owned,); None where they are not.
     """
 
+    plane: Plane
     gravity: float
     damping: Vector | None
 
@@ -173,66 +157,35 @@ class Evaluable(Protocol):
     def wall(self) -> SeenWall:
         """The wall."""
 
-    def knows(self, q: Vector, p: Vector, t: float) -> bool:
-        """Return whether that point was evaluated last."""
+    def set_time(self, t: float) -> None:
+        """Move the wall to where it stands at t [s]."""
 
-    def see_from(self, at: tuple[Vector, Vector], state: State, t: float, into: Block, row: int) -> None:
-        """See a state at t [s] from a point near it, into a row."""
-
-    def energies(self, q: Vector, p: Vector, t: float) -> Energies:
-        """Return kinetic and potential energy and the wall's term."""
-
-    def total_mass(self, q: Vector) -> float:
-        """Return the water's volume, of a slice per width [m³, m²]."""
-
-    def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
-        """Return eta at the owned degrees of freedom [m], shape (owned,)."""
-
-    def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
-        """Return dH/dQ, shape (owned,)."""
-
-    def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
-        """Return dH/dpsi, shape (owned,)."""
-
-    def explicit_rate(self, q: Vector, p: Vector, t: float) -> float:
-        """Return dH/dt at fixed (Q, psi), in energy a second."""
-
-    def inner(self, a: Vector, b: Vector) -> float:
-        """Return the sum of a b over the degrees of freedom of all ranks."""
+    def elevation_change(self, at: WaterEvaluation, dq: Vector) -> Vector:
+        """Return by how much eta changes with the masses at an evaluation, to first order [m]."""
 
 
-def see(water: Evaluable, state: State, t: float, into: Block, row: int) -> None:
-    """Write energies, elevation and kinematics of a state at t [s] into a row of a block; collective.
+def see(water: SeenWater, state: State, t: float, into: Block, row: int) -> None:
+    """See a state at t [s] into a row, by first-order expansion about the last of its evaluations; collective.
 
-    The expansion is about the last of its known points. Power and damping are means of the first and the last of these,
-    unless the first would cost a solve.
+    Power, and what damping takes, are the means of those at the first and the last.
     """
-    first, last = state.known[0], state.known[-1]
-    before = _rates(water, state.p, first, t) if first is not last and water.knows(*first, t) else None
-    water.see_from(last, state, t, into, row)
-    if before is not None:
-        into.numbers[row, POWER:HIGHEST] = (before + into.numbers[row, POWER:HIGHEST]) / 2
-
-
-def _rates(water: Evaluable, p: Vector, at: tuple[Vector, Vector], t: float) -> Vector:
-    """Return the power at a point, and what damping takes of momenta p as seen from there, shape (2,); collective."""
-    taken = 0.0 if water.damping is None else water.inner(water.damping * p, water.H_p(*at, t))
-    return np.array([water.explicit_rate(*at, t), taken])
-
-
-def see_from(water: Evaluable, at: tuple[Vector, Vector], state: State, t: float, into: Block, row: int) -> None:
-    """See a state at t [s] from a point near it, into a row; collective."""
-    wall, q, p = water.wall, state.q, state.p
-    energies, eta, here, change, lift = water.energies(*at, t), water.elevation(*at, t), None, 0.0, 0.0
-    if at[0] is not q or at[1] is not p:
-        away = q - at[0]
-        change = water.inner(water.H_q(*at, t), away) + water.inner(water.H_p(*at, t), p - at[1])
-        lift, here = water.gravity * water.inner(eta, away), water.elevation(q, p, t)
-    into.rise[row] = 0.0 if here is None else eta - here  # of the two sides of a jump it is half of what is between
-    into.eta[row] = eta = eta if here is None else here
-    moved = energies.kinetic + change - lift, energies.potential + lift, energies.wall, water.total_mass(q)
-    into.numbers[row, :POWER] = moved
-    into.numbers[row, POWER:HIGHEST] = _rates(water, p, at, t)
-    into.numbers[row, HIGHEST:] = eta.max(initial=-np.inf), np.abs(eta).max(initial=0.0)
-    into.psi[row], into.rates[row] = p, wall.rates
-    into.velocities[row] = wall.velocities
+    state = state.evaluated(water, t)
+    before, after = state.evaluations[0], state.evaluations[-1]
+    dq, dp = state.q - after.q, state.p - after.p
+    damped = 0.0 if water.damping is None else 0.5 * (before.dq + after.dq) @ (water.damping * state.p)
+    change, lift = after.dq @ dp - after.dp @ dq, water.gravity * (after.eta @ dq)
+    sums = np.array([change, lift, state.q.sum(), damped, dq @ dq])
+    change, lift, mass, damped, distance = summed(water.plane.comm, sums)
+    eta, rise = after.eta, np.zeros_like(after.eta)
+    if distance > 0.0:
+        rise = -water.elevation_change(after, dq)
+        eta = eta - rise
+    elif state.q_jump is not None:
+        rise = 0.5 * water.elevation_change(after, state.q_jump)
+    power = 0.5 * (before.power + after.power)
+    energies = after.kinetic + change - lift, after.potential + lift, after.wall
+    heights = eta.max(initial=-np.inf), np.abs(eta).max(initial=0.0)
+    into.numbers[row] = *energies, mass, power, damped, *heights
+    into.eta[row], into.psi[row], into.rise[row] = eta, state.p, rise
+    water.set_time(after.t)
+    into.rates[row], into.velocities[row] = water.wall.rates, water.wall.velocities

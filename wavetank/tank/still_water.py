@@ -13,8 +13,8 @@ from wavetank.fem.mass import MassMatrix
 from wavetank.fem.modes import Layer, Modes
 from wavetank.fem.plane import Plane
 from wavetank.fem.vertical import VerticalBasis
-from wavetank.integrators.hamiltonian import Stage
 from wavetank.tank.bed import Bed
+from wavetank.tank.evaluation import WaterEvaluation
 from wavetank.tank.walls import Placed
 
 ROUGHLY = 1e-3  # of what mass matrices are inverted for
@@ -32,21 +32,44 @@ class WavesOverStillWater(Protocol):
         Averaged over the depth; its averages for the mean depth.
     """
 
-    plane: Plane
-    mass: MassMatrix
-    layer: Layer
-    vertical: VerticalBasis
-    bed: Bed
-    depth: float
-    gravity: float
-    still: Any
+    @property
+    def plane(self) -> Plane:
+        """The horizontal space."""
+
+    @property
+    def mass(self) -> MassMatrix:
+        """M_J."""
+
+    @property
+    def layer(self) -> Layer:
+        """See above."""
+
+    @property
+    def still(self) -> Any:
+        """See above."""
+
+    @property
+    def vertical(self) -> VerticalBasis:
+        """The vertical space."""
+
+    @property
+    def bed(self) -> Bed:
+        """See above."""
+
+    @property
+    def depth(self) -> float:
+        """See above."""
+
+    @property
+    def gravity(self) -> float:
+        """In m/s²."""
 
     @property
     def wall(self) -> Placed:
         """The wall that can move."""
 
-    def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
-        """Return dH/dpsi, shape (owned,); collective."""
+    def evaluate(self, q: Vector, p: Vector, t: float) -> WaterEvaluation:
+        """Return the evaluation at a state; collective."""
 
     def state(self, eta: Vector, psi: Vector, t: float = 0.0) -> tuple[Vector, Vector]:
         """Return (Q, psi) for elevation [m] and surface potential [m²/s]; collective."""
@@ -85,15 +108,15 @@ class StillWaterWaves:
             self._solvers[key] = solver, modes[-1]
         return self._solvers[key]
 
-    def __call__(self, stage: Stage, residual: Vector) -> Vector:
-        """Return the preconditioned residual, shape (2 owned,); collective."""
-        r_q, r_psi = residual.reshape(2, -1)
-        eta, psi = self.surface(stage, r_q, r_psi)
-        return np.concatenate([self.keeping(r_q, self._waves.mass.apply(eta)), psi])
+    def __call__(self, weight: float, residual: Vector) -> Vector:
+        """Return the preconditioned residual of a stage of that weight [s], shape (2, owned); collective."""
+        r_q, r_psi = residual
+        eta, psi = self.surface(weight, r_q, r_psi)
+        return np.array([self.keeping(r_q, self._waves.mass.apply(eta)), psi])
 
-    def surface(self, stage: Stage, r_q: Vector, r_psi: Vector) -> tuple[Vector, Vector]:
+    def surface(self, weight: float, r_q: Vector, r_psi: Vector) -> tuple[Vector, Vector]:
         """Return the same as elevation and potential, shape (owned,) each, but for the elevation's mean; collective."""
-        a, g = stage.weight, self._waves.gravity
+        a, g = weight, self._waves.gravity
         solver, surface = self.solver(a)
         if self.mass is None:
             right = self._waves.mass.apply(r_psi) / (a**2 * g) - r_q / a
@@ -118,10 +141,10 @@ def scales(waves: WavesOverStillWater) -> tuple[Vector, Vector]:
 def largest_frequency(waves: WavesOverStillWater, t: float = 0.0) -> float:
     """Return the largest angular frequency the mesh carries [rad/s], its walls as at t [s], by Lanczos; collective."""
     still, nothing = waves.state(np.zeros(waves.plane.owned), np.zeros(waves.plane.owned), t)
-    rest = waves.H_p(still, nothing, t)
+    rest = waves.evaluate(still, nothing, t).dq
 
     def surface_operator(psi: Vector) -> Vector:
-        return waves.mass.solve(waves.H_p(still, psi, t) - rest)
+        return waves.mass.solve(waves.evaluate(still, psi, t).dq - rest)
 
     def inner(rows: Vector, image: Vector) -> Vector:
         return np.asarray(waves.plane.comm.allreduce(rows @ waves.mass.apply(image)))

@@ -3,7 +3,6 @@
 Where the surface is level, the surface potential's derivative is the water's horizontal velocity: psi_x = u + w eta_x.
 """
 
-from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple, Protocol
 
@@ -17,12 +16,13 @@ from numpy.typing import NDArray
 from wavetank.arrays import Vector, largest
 from wavetank.fem.cell_places import tabulate
 from wavetank.fem.cells import lanes
-from wavetank.fem.codegen import Buffer, Instance, Struct, Unit, source
+from wavetank.fem.codegen import Buffer, Instance, Unit, source
 from wavetank.fem.forms import compile_expression
 from wavetank.fem.plane import Field, Plane
+from wavetank.integrators.states import State
 from wavetank.tank.crests import Profile
-from wavetank.tank.seen import State
-from wavetank.tank.walls import Wall, one_time
+from wavetank.tank.evaluation import WaterEvaluation
+from wavetank.tank.walls import Wall
 
 AMONG = {1: 2, 2: 1}  # so many times as close as nodes are points: as close in a basin, a look took 3 to 4 % of a step
 
@@ -45,7 +45,7 @@ class Crest(NamedTuple):
     velocity: float
 
 
-class Water(Protocol):
+class MovingSurface(Protocol):
     """The water that has the surface.
 
     Attributes
@@ -59,15 +59,6 @@ class Water(Protocol):
     plane: Plane
     wall: Wall
     unit: Unit
-
-    def ask(self, lines: Struct | None) -> None:
-        """Let the surface be looked at where its point is found, by what was asked last; None: no more."""
-
-    def told(self, state: State, t: float) -> Sequence[float] | None:
-        """Return the surface's largest velocity and slope where the step to a state has ended, if that told them."""
-
-    def ended(self, state: State, t: float) -> tuple[Vector, Vector] | None:
-        """Return eta and psi where the step to a state has ended, shape (owned,), if nothing was found since."""
 
     def set_time(self, t: float) -> None:
         """Move the wall to where it stands at t [s]; collective."""
@@ -87,7 +78,7 @@ class SurfaceVelocity:
         When that is [s]; NaN before any has been taken.
     """
 
-    def __init__(self, waves: Water):
+    def __init__(self, waves: MovingSurface):
         plane = waves.plane
         self._waves, self._comm, dim = waves, plane.comm, plane.mesh.topology.dim
         self._eta, self._psi = plane.function("elevation"), plane.function("surface potential")
@@ -95,7 +86,7 @@ class SurfaceVelocity:
         self._points = basix.create_lattice(cell, AMONG[dim] * plane.order, basix.LatticeType.equispaced, True)
         self._cells = np.arange(plane.mesh.topology.index_map(dim).size_local, dtype=np.int32)
         self._set_up()
-        self._state: State | None = None
+        self._at: WaterEvaluation | None = None  # the evaluation last taken
         self.t = np.nan
         self._speeds = self._slopes = np.zeros(self._cells.size)
         self.largest_velocity = self.largest_slope = 0.0
@@ -108,21 +99,25 @@ class SurfaceVelocity:
         self._expression = compile_expression(ufl.as_vector([speed, ufl.sqrt(square)]), self._points, self._comm)
 
     def update(self, q: Vector, p: Vector, t: float) -> None:
-        """Take the surface of a point at t [s], known to round-off."""
-        self._state, self.t = None, t
-        self._set(q, p)
-        self.largest_velocity, self.largest_slope = map(float, largest(self._comm, self._largest_here()))
+        """Take the surface of a point at t [s]."""
+        self._take(self._waves.elevation(q, p, t), p, t)
 
     def near(self, state: State, t: float) -> None:
-        """Take the surface where the step to a state has ended, at t [s]; nothing to do for the state last taken."""
-        if state is not self._state or not one_time(t, self.t):
-            self.update(*state.known[0], t)
-            self._state = state
+        """Take the surface where the step to a state has ended, at t [s]; nothing to do for the one last taken."""
+        at = state.evaluations[0]
+        if at is None:
+            self.update(state.q, state.p, t)
+        elif at is not self._at:
+            self._take(at.eta, at.p, at.t)
+        self._at = at
 
-    def _set(self, q: Vector, p: Vector) -> None:
-        """Set elevation and surface potential."""
-        self._eta.set(self._waves.elevation(q, p, self.t))
-        self._psi.set(p)
+    def _take(self, eta: Vector, psi: Vector, t: float) -> None:
+        """Take elevation and surface potential at t [s]."""
+        self._at, self.t = None, t
+        self._waves.set_time(t)
+        self._eta.set(eta)
+        self._psi.set(psi)
+        self.largest_velocity, self.largest_slope = map(float, largest(self._comm, self._largest_here()))
 
     def _largest_here(self) -> Vector:
         """Return the largest velocity and slope of this rank, shape (2,)."""
@@ -178,12 +173,9 @@ class SurfaceFlow(SurfaceVelocity):
     ----------
     cell
         The size of the largest cell [m].
-    lines
-        The points at which its largest velocity and slope are found with a potential.
     """
 
     _found: Vector | None = None
-    _is_set = True  # whether elevation and surface potential are
 
     def _set_up(self) -> None:
         plane = self._waves.plane
@@ -232,38 +224,12 @@ class SurfaceFlow(SurfaceVelocity):
             "per_unit": np.array([-1.0 / shape.powers[1] for _, shape in shifts]),
             "lengths": [length for length, _ in shifts],
         }
-        self.lines, rows = instance.struct("Lines", **parts), Buffer(self._eta.rows.size)
-        self._largest = instance.function("largest", self.lines, rows, rows, Buffer(2))
-        self._surface = instance.function("surface", self.lines, rows, rows, Buffer(4 * self._places.size))
-        self._waves.ask(self.lines)
-
-    def near(self, state: State, t: float) -> None:
-        """See ``SurfaceVelocity``; elevation and surface potential are set when they are asked for, if they can be."""
-        if state is self._state and (t == self.t or one_time(t, self.t)):
-            return
-        told = self._waves.told(state, t)
-        if told is None:
-            super().near(state, t)
-            return
-        self._state, self.t, self._is_set, self._found = state, t, False, None
-        self.largest_velocity, self.largest_slope = told
-
-    def _set(self, q: Vector, p: Vector) -> None:
-        super()._set(q, p)
-        self._is_set, self._found = True, None
-
-    def _make_set(self) -> None:
-        if self._state is not None and not self._is_set:
-            self._set(*self._state.known[0])
-
-    @property
-    def elevation(self) -> Vector:
-        """See ``SurfaceVelocity``."""
-        self._make_set()
-        return super().elevation
+        lines, rows = instance.struct("Lines", **parts), Buffer(self._eta.rows.size)
+        self._largest = instance.function("largest", lines, rows, rows, Buffer(2))
+        self._surface = instance.function("surface", lines, rows, rows, Buffer(4 * self._places.size))
 
     def _largest_here(self) -> Vector:
-        result = np.zeros(2)
+        self._found, result = None, np.zeros(2)
         self._largest(self._eta.rows, self._psi.rows, result)
         return result
 
@@ -273,14 +239,10 @@ class SurfaceFlow(SurfaceVelocity):
         Shape (4, cells, points).
         """
         if self._found is None:
-            fields = self._waves.ended(self._state, self.t) if self._state is not None and not self._is_set else None
-            if fields is None:
-                self._make_set()
-                if not np.isnan(self.t):
-                    self._waves.set_time(self.t)
-                fields = self._eta.rows, self._psi.rows
+            if not np.isnan(self.t):
+                self._waves.set_time(self.t)
             self._found = np.empty((4, *self._places.shape))
-            self._surface(*fields, self._found)
+            self._surface(self._eta.rows, self._psi.rows, self._found)
         return self._found
 
     @property
@@ -322,6 +284,6 @@ class SurfaceFlow(SurfaceVelocity):
         return sorted(crests)
 
 
-def surface_of(waves: Water) -> SurfaceVelocity:
+def surface_of(waves: MovingSurface) -> SurfaceVelocity:
     """Return the surface of waves, with its crests where the tank has one horizontal dimension; collective."""
     return SurfaceFlow(waves) if waves.plane.mesh.topology.dim == 1 else SurfaceVelocity(waves)

@@ -7,8 +7,7 @@ that fulfils ``Wall``, a noun (``case/wall.py``) and a row in the table of ``sim
 """
 
 from collections.abc import Callable, Sequence
-from functools import partial
-from math import isclose, isnan
+from math import isnan
 from typing import Protocol
 
 import numpy as np
@@ -29,7 +28,6 @@ from wavetank.tank.walls.shape import Shape
 from wavetank.tank.walls.side import Side
 
 Heights = Vector | float  # of places, shape (N,) or at K times (K, N), or all alike [m]
-one_time = partial(isclose, rel_tol=1e-12)  # of two times, but for their last bits, as t_n + dt and t_n+1 are
 Stood = tuple[tuple[float, float | None], ...]  # of each paddle, when [s], and how far from rest [m] if all of it is so
 
 

@@ -9,7 +9,6 @@ import numpy as np
 from wavetank.arrays import Vector, summed
 from wavetank.fem.plane import Field, Plane
 from wavetank.motion import Motion
-from wavetank.tank.walls.contract import one_time
 from wavetank.tank.walls.side import Side
 
 
@@ -107,7 +106,7 @@ class Travel:
 
     def rates(self, t: float, y: Vector | None) -> list[Any]:
         """Return X_p, X_p' and X_p'' at t [s] and places y along the paddle; what is known is not found again."""
-        if self.offsets.ndim or not one_time(t, self.t):
+        if self.offsets.ndim or t != self.t:
             return self._motion.rates(t, y)
         return [*map(float, self.moves)]
 

@@ -1,0 +1,118 @@
+"""Implicit stages z = c + a f(z): what the stage solver evaluates, how it is preconditioned, and where it begins."""
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from wavetank.arrays import Vector
+from wavetank.fem.combination import Combination
+from wavetank.integrators.hamiltonian import Weights, coupled, pair
+from wavetank.integrators.stage_solver import Iterate, Start
+
+
+class StagedSystem(Protocol):
+    """A system whose stages are iterated; all methods are collective."""
+
+    def begin_stage(self, weight: float | None, t: float, guess: Any, history: Any) -> Any:
+        """Prepare for stages at t near a guess; return what is compiled of such a stage, or None.
+
+        They are preconditioned for a weight [s], unless that is None.
+        """
+
+    def precondition(self, weight: float, residual: Vector) -> Vector:
+        """Return the approximate inverse of a stage's derivative times a residual, shape (2, n)."""
+
+    def flow(self, z: Vector, t: float, history: Any) -> tuple[Vector, float]:
+        """Return f(z, t), shape (2, n), and how far from rest z is, as a root mean square in scaled units."""
+
+
+class PairStage:
+    """A stage z = c + a f(z, t) of pairs z = [q, p]; see ``wavetank.integrators.stage_solver.Stage``.
+
+    Parameters
+    ----------
+    history
+        Of the system's solves.
+    guess
+        An evaluation near the solution.
+    """
+
+    def __init__(self, system: StagedSystem, history: Any, name: str, c: Vector, a: Weights, t: float, guess: Any):
+        self._system, self._history, self._guess = system, history, guess
+        self.name, self.c, self.key, self.t = name, c, c, t
+        self._both = not isinstance(a, tuple)
+        self._a: Any = a if self._both else np.array([[one] for one in pair(a)])
+        self.weight = float(np.sum(self._a))
+        self._compiled = system.begin_stage(self.weight if self._both else None, t, guess, history)
+
+    def image(self, z: Vector) -> tuple[Vector, float]:
+        """Return c + a f(z, t), and how far from rest z is; collective."""
+        flow, size = self._system.flow(z, self.t, self._history)
+        return self.c + self._a * flow, size
+
+    def precondition(self, residual: Vector) -> Vector:
+        """Return the residual, preconditioned where coordinates and momenta are unknown; collective."""
+        return self._system.precondition(self.weight, residual) if self._both else residual
+
+    def begin(self, among: Combination, uncertainty: float) -> Vector:
+        """Return the start value from points of earlier solves and the guess; collective."""
+        guess = self._guess
+        if guess is not None and self._compiled is not None:
+            start: Vector = self._compiled.start(Start(self.c, guess.z, guess.flow), among, uncertainty)
+            return start
+        if guess is not None:
+            among.add(guess.z, guess.z - self._a * guess.flow)
+        if not among.recorded:
+            return self.c
+        found = among.guess(self.c, wrong=uncertainty)
+        return found.z + self.precondition(found.missed)
+
+    def iterate(self, z: Vector, mixing: Combination) -> Iterate | None:
+        """Return an iterate as one compiled call; None where that cannot be; collective."""
+        iterate: Iterate | None = self._compiled and self._compiled.iterate(z, self.c, mixing)
+        return iterate
+
+
+class CoupledStages:
+    """Stages z_i = c + s_i sum_j a_ij f(z_j, t_j) / s_j; see ``wavetank.integrators.stage_solver.Stage``."""
+
+    def __init__(
+        self,
+        system: StagedSystem,
+        history: Any,
+        name: str,
+        c: Vector,
+        a: Vector,
+        times: Sequence[float],
+        guess: Any,
+        scale: Any,
+    ):
+        self._system, self._history, self._times, self._a, self._scale = system, history, times, a, scale
+        stages = len(times)
+        self.name, self.t, self.c = name, times[0], np.broadcast_to(c, (stages, *c.shape[-2:])).copy()
+        self.weight, self._guess = float(np.trace(a[0])) / stages, guess
+        steps = a[0].sum(axis=1)[:, None, None]  # from the guess to the stages
+        self.key = self.c if guess is None else self.c + steps * guess.flow
+        system.begin_stage(self.weight, times[0], guess, history)
+
+    def image(self, z: Vector) -> tuple[Vector, float]:
+        """Return the right-hand sides, and how far from rest the last stage is; collective."""
+        flows, size = np.empty_like(z), 0.0
+        for n, t in enumerate(self._times):
+            flows[n], size = self._system.flow(z[n], t, self._history)
+        return coupled(self.c, self._a, flows, self._scale), size
+
+    def precondition(self, residual: Vector) -> Vector:
+        """Return the residuals of all pairs, each preconditioned alone; collective."""
+        return np.array([self._system.precondition(self.weight, one) for one in residual])
+
+    def begin(self, among: Combination, uncertainty: float) -> Vector:
+        """Return the start value: earlier solutions combined as what explicit steps from the guess make; collective."""
+        if self._guess is None or not among.recorded:
+            return self.key
+        found = among.guess(self.key, wrong=uncertainty)
+        return found.z + found.missed
+
+    def iterate(self, z: Vector, mixing: Combination) -> None:
+        """Return None: coupled stages are not compiled."""

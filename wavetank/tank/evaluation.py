@@ -1,0 +1,112 @@
+"""The tank at a state: one interior solve, and the derivatives and energies that follow from it."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from wavetank.arrays import Vector, read_only, summed
+from wavetank.fem.plane import Plane
+from wavetank.integrators.hamiltonian import Evaluation
+from wavetank.tank.energy import Energies
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WaterEvaluation(Evaluation):
+    """The tank at (q, p, t): column masses and surface potential [m²/s].
+
+    Attributes
+    ----------
+    eta
+        The elevation at the degrees of freedom of this rank [m], shape (owned,).
+    kinetic, potential, wall
+        The parts of H, per unit of density [m^5/s²], of a slice per width [m^4/s²].
+    power
+        dH/dt at fixed (q, p): the power of moving walls.
+    slopes
+        dH/dX_p [m^4/s²] and dH/dX_p' [m^4/s] of each paddle at fixed (q, p); None unless asked for.
+    interior
+        The potential at the degrees of freedom of this rank, less the mean at the surface [m²/s], shape (owned, n+1);
+        None unless asked for.
+    """
+
+    eta: Vector
+    kinetic: float
+    potential: float
+    wall: float
+    power: float
+    slopes: list[tuple[float, float]] | None = None
+    interior: Vector | None = None
+
+
+class Water(ABC):
+    """Linear or nonlinear waves in a tank: a ``HamiltonianSystem``. All methods are collective.
+
+    Attributes
+    ----------
+    history
+        That of the solves of steps.
+    damping
+        The rate at which momenta are damped [1/s], shape (owned,); None where they are not.
+    """
+
+    plane: Plane
+    history: Any
+    damping: Vector | None = None
+    evaluation_type: type[WaterEvaluation] = WaterEvaluation
+
+    @abstractmethod
+    def evaluate(self, q: Vector, p: Vector, t: float, guess: Any = None, *, history: Any = None) -> WaterEvaluation:
+        """Return the evaluation at (q, p, t); ``guess`` and ``history`` affect cost and round-off only."""
+
+    @abstractmethod
+    def new_history(self, owner: str) -> Any:
+        """Return a history of solves without any; the owner gives it to evaluations."""
+
+    @cached_property
+    def aside(self) -> Any:
+        """The history of the solves for all the methods below, which leave steps as they are."""
+        return self.new_history("aside")
+
+    def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Return dH/dq, shape (owned,), to be read."""
+        return read_only(-self.evaluate(q, p, t, history=self.aside).dp)
+
+    def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Return dH/dp, shape (owned,), to be read."""
+        return read_only(self.evaluate(q, p, t, history=self.aside).dq)
+
+    def energies(self, q: Vector, p: Vector, t: float) -> Energies:
+        """Return kinetic and potential energy and the wall's term."""
+        at = self.evaluate(q, p, t, history=self.aside)
+        return Energies(at.kinetic, at.potential, at.wall)
+
+    def energy(self, q: Vector, p: Vector, t: float) -> float:
+        """Return H(q, p, t), the wall's terms included."""
+        return self.evaluate(q, p, t, history=self.aside).energy
+
+    def inner(self, a: Vector, b: Vector) -> float:
+        """Return the sum of a b over the degrees of freedom of all ranks."""
+        return summed(self.plane.comm, float(a @ b))
+
+    def total_mass(self, q: Vector) -> float:
+        """Return the water's volume, of linear waves beyond the paddle's rest position [m³, m²]."""
+        return self.plane.sum(q)
+
+    def damp(self, rate: Vector) -> None:
+        """Let ``see`` tell what a damping of the momenta takes, of rate [1/s], shape (owned,)."""
+        self.damping = rate
+
+
+def frozen(rows: Vector) -> tuple[Vector, Vector]:
+    """Return z and its flow, read-only, of the rows that a solve makes: dq, dp, -dp, q and p."""
+    rows.setflags(write=False)
+    return rows[3:], rows[:2]
+
+
+def distance_from_rest(eta: Vector, psi: Vector, plane: Plane) -> float:
+    """Return the root mean square of elevation and scaled surface potential [m]; collective."""
+    square = summed(plane.comm, float(eta @ eta) + float(psi @ psi))
+    return float(np.sqrt(square / (2 * plane.size)))
