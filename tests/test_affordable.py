@@ -38,7 +38,7 @@ def scene(tank, **more):
 
 
 @pytest.mark.parametrize("name", TANKS)
-def test_unknowns_and_steps_are_those_of_the_run_as_it_is_built(name):
+def test_unknowns_and_steps_are_those_of_the_built_run(name):
     """To a factor of 1.6 and of 3, without a mesh: in basins the largest frequency depends on its worst cell."""
     asked = scene(TANKS[name], **({} if name in ("slice", "ring") else {"cell_size": 0.4}))
     run, waves = build_run(asked, MPI.COMM_SELF)
@@ -47,7 +47,7 @@ def test_unknowns_and_steps_are_those_of_the_run_as_it_is_built(name):
     assert 1 / 3 < needs.steps / run.clock.steps < 3
 
 
-def test_memory_and_time_of_a_large_basin_are_those_measured():
+def test_memory_and_time_of_a_large_basin_are_the_measured_ones():
     """docs/scaling.md: 192 bytes an unknown of order 3, n = 8, start values kept; docs/peers.md: 0.96 us a step."""
     layout = RECTANGLE | {"length": 166.0, "width": 166.0}
     tank = {"type": "basin", "depth": 0.5, "layout": layout}
@@ -67,7 +67,7 @@ RECORDS = {
 
 
 @pytest.mark.parametrize("name", RECORDS)
-def test_what_looks_below_the_surface_is_counted(name):
+def test_rows_below_the_surface_are_counted(name):
     """As often as the schedules of its observers are due; the CPU time says so, and memory has a second water."""
     dt, asked = 0.02, {"tank": TANKS["slice"], "run": {"duration": 5.0}, "numerics": {"cells": 9, "dt": 0.02}}
     bare, watched = (Case.model_validate(asked | more) for more in ({}, RECORDS[name]))
@@ -94,7 +94,7 @@ def test_what_looks_below_the_surface_is_counted(name):
     assert needs.memory > without.memory and without.output == 0.0
 
 
-def test_a_run_that_days_of_rows_make_too_long_is_refused_for_them(tmp_path, capsys):
+def test_run_with_days_of_rows_is_refused(tmp_path, capsys):
     case = tmp_path / "case.toml"
     case.write_text("[tank]\nlength = 20.0\ndepth = 1.0\n[run]\nduration = 3e5\n[numerics]\ncells = 9\ndt = 0.05\n")
     window = 'windows=[{name="a", start=[1.0, 0.0], end=[2.0, 0.0], columns=99, levels=50, every=0.05, format="csv"}]'
@@ -126,7 +126,7 @@ HUGE = [
 
 
 @pytest.mark.parametrize("changes", HUGE, ids=["; ".join(changes)[:50] for changes in HUGE])
-def test_what_takes_days_or_more_memory_than_there_is_is_refused_before_it_is_taken(changes, tmp_path, capsys):
+def test_run_of_days_or_too_much_memory_is_refused_before_it_is_built(changes, tmp_path, capsys):
     case = tmp_path / "case.toml"
     case.write_text("[tank]\nlength = 20.0\ndepth = 1.0\n[run]\nduration = 1.0\n[numerics]\norder = 2\n")
     changed = [word for change in changes for word in ("--set", change)]
@@ -136,7 +136,7 @@ def test_what_takes_days_or_more_memory_than_there_is_is_refused_before_it_is_ta
     assert not (tmp_path / "run").exists()
 
 
-def test_yes_runs_it_all_the_same(tmp_path, monkeypatch, capsys):
+def test_yes_runs_what_is_refused_otherwise(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(cost, "available_memory", lambda comm: 1e6)
     case = tmp_path / "case.toml"
     case.write_text("[tank]\nlength = 2.0\ndepth = 1.0\n[run]\nduration = 0.1\n[numerics]\norder = 1\ncells = 3\n")
@@ -161,5 +161,5 @@ def available_on_hosts():
         return memory.available_memory(Hosts(MPI.COMM_WORLD))
 
 
-def test_ranks_have_equal_shares_of_the_memory_of_their_hosts(on_ranks):
+def test_ranks_have_equal_parts_of_the_memory_of_their_hosts(on_ranks):
     assert on_ranks(available_on_hosts) == [12e9] * 3

@@ -45,7 +45,7 @@ CASES = [CHECKOUT / "cases" / f"{name}.toml" for name in ("focusing", "berkhoff-
 
 # ---------------------------------------------------------------- TOML
 @pytest.mark.parametrize("path", CASES, ids=[path.stem for path in CASES])
-def test_a_case_that_is_written_is_read_as_the_same(path):
+def test_written_case_is_read_unchanged(path):
     """Oracle: tomllib."""
     scene = Case.model_validate(tomllib.loads(path.read_text()), context={"folder": path.parent})
     said = scene.model_dump(mode="json", exclude_unset=True, exclude_none=True)
@@ -53,7 +53,7 @@ def test_a_case_that_is_written_is_read_as_the_same(path):
     assert Case.model_validate(tomllib.loads(toml(said))) == scene
 
 
-def test_toml_holds_what_is_awkward():
+def test_toml_preserves_awkward_values():
     said = {"a b": 'x "y" \\ ü', "list": [1, 2.5e-7, True, {"in": [1e22]}], "table": {"deep": {"é": -0.0}}, "none": {}}
     assert tomllib.loads(toml(said)) == said
 
@@ -66,13 +66,13 @@ def waves():
     return scene.wall.motion.target(scene.tank)
 
 
-def test_waves_that_are_moved_are_the_same_elsewhere(waves):
+def test_shifted_waves_are_the_same_elsewhere(waves):
     x, t = np.array([7.0, 10.0]), np.array([18.0, 20.0])
     farther = shifted(waves, 0.3, 0.7, factor=1.1).elevation(x + 0.3, t + 0.7)
     np.testing.assert_allclose(farther, 1.1 * waves.elevation(x, t), rtol=1e-12)
 
 
-def test_waves_that_are_written_are_read_as_components(waves, tmp_path):
+def test_components_table_is_read_as_the_same_waves(waves, tmp_path):
     (tmp_path / "waves.csv").write_text(components_table(waves))
     motion = f"wall.motion={{type='components', file='{tmp_path / 'waves.csv'}'}}"
     scene = read_case(FOCUSING, [motion])
@@ -83,7 +83,7 @@ def test_waves_that_are_written_are_read_as_components(waves, tmp_path):
 
 
 @pytest.mark.parametrize("spacing", [0.01, 0.2], ids=["closer than the record tells apart", "far apart"])
-def test_lines_of_a_record_are_the_waves_in_it(spacing):
+def test_lines_of_a_record_reconstruct_it(spacing):
     """A group that is over within the record, and regular waves: what is made of the lines is the record."""
     t, omega = np.linspace(0.0, 60.0, 1201), 2 * np.pi * np.arange(0.4, 1.2, spacing)
     amplitudes = np.exp(-(((omega / 5.0 - 1) / 0.2) ** 2) + 1j * omega * 30.0)
@@ -94,7 +94,7 @@ def test_lines_of_a_record_are_the_waves_in_it(spacing):
     assert np.abs(lines.part(np.cos(2 * np.pi * 2.5 * t))).max() < 0.02  # of other waves there is nothing
 
 
-def test_the_highest_crest_is_found_between_snapshots_and_points():
+def test_highest_crest_is_interpolated_between_snapshots_and_points():
     """Oracle: a crest by formula, at a mesh that the paddle moves."""
     t = np.arange(18.0, 22.0, 0.08)
     x = np.linspace(0.05 * np.sin(t), 24.0, 150, axis=1)
@@ -104,7 +104,7 @@ def test_the_highest_crest_is_found_between_snapshots_and_points():
 
 
 @pytest.mark.parametrize("phase", [0.0, 2.0, 4.0])
-def test_ripples_of_cells_move_a_crest_hardly(phase):
+def test_ripples_of_cells_hardly_shift_a_crest(phase):
     """Oracle: a group by formula, in its crest at 10.03 m, 20.013 s; with ripples of 1 % the highest is 0.07 m off."""
     t, x = np.arange(19.0, 21.0, 0.025), np.tile(np.arange(5.0, 15.0, 0.05), (80, 1))
     along, later = x - 10.03, t[:, None] - 20.013
@@ -116,7 +116,7 @@ def test_ripples_of_cells_move_a_crest_hardly(phase):
 
 
 @pytest.mark.parametrize(("later", "height", "place"), [(-0.2, 0.1, 9.2), (0.2, 0.1008, 10.8)])
-def test_of_two_crests_that_are_alike_it_is_the_nearer_and_the_other_is_told(waves, later, height, place):
+def test_nearest_of_two_similar_crests_is_the_result(waves, later, height, place):
     """Oracle: a group by formula, whose crests are at 9.2 m, 19 s and, 0.8 % higher, at 10.8 m, 21 s."""
     t, x = np.arange(17.0, 23.0, 0.04), np.tile(np.arange(6.0, 14.0, 0.05), (150, 1))
     along, after = x - 10.0, t[:, None] - 20.0
@@ -127,15 +127,15 @@ def test_of_two_crests_that_are_alike_it_is_the_nearer_and_the_other_is_told(wav
     found = CrestAim(CrestTarget(height=0.1, x=10.0 + 0.8 * later, time=20.0 + later), one).evaluate([run])
     assert (found.crest, found.x) == pytest.approx((height, place), rel=2e-3)
     assert found.rival is not None and found.rival.x == pytest.approx(20.0 - place, rel=2e-3)
-    assert f"; another of {found.rival.height:.4g} m at {found.rival.x:.4g} m" in describe(tried(None, None, found))
+    assert f"; another of {found.rival.height:.4g} m at {found.rival.x:.4g} m" in describe(attempt(None, None, found))
 
 
 # ---------------------------------------------------------------- tanks whose answer is known
-def tried(aim, setting, found, number=1):
+def attempt(aim, setting, found, number=1):
     return Attempt(number, number, "the case's", setting, Path(), 0.0, result=found)
 
 
-def test_a_crest_that_is_off_as_linear_waves_are_is_right_at_the_second_run():
+def test_linear_crest_is_right_at_the_second_run():
     """A tank that makes all waves 13 % too high, 0.46 m too far and 0.18 s too late."""
     aim = aim_of(read_case(FOCUSING))
     sizes = scale(aim.waves(aim.start))
@@ -145,12 +145,12 @@ def test_a_crest_that_is_off_as_linear_waves_are_is_right_at_the_second_run():
         off = 0.113 * np.exp(higher), 10.46 + along * sizes.length, 20.18 + later * sizes.period
         return AttemptResult(*off, misfit=np.nan, elevation=Elevation(np.zeros(1), np.zeros(1)))
 
-    second = aim.next_setting([tried(aim, aim.start, tank(aim.start))])
+    second = aim.next_setting([attempt(aim, aim.start, tank(aim.start))])
     found = tank(second)
     assert (found.crest, found.x, found.t) == pytest.approx((0.1, 10.0, 20.0), rel=1e-12)
 
 
-def test_a_crest_that_answers_otherwise_is_right_after_some_runs():
+def test_broyden_finds_the_crest_of_a_tank_with_another_jacobian():
     """A tank in which higher waves go farther, and half as much again: Broyden's method learns that."""
     aim = aim_of(read_case(FOCUSING))
     answer = np.array([[1.5, 0.1, 0.0], [0.6, 0.8, -0.3], [0.2, 0.1, 1.0]])
@@ -160,18 +160,18 @@ def test_a_crest_that_answers_otherwise_is_right_after_some_runs():
         off = np.array([0.12, 0.14, 0.1]) + answer @ setting
         crest, x, t = 0.1 * np.exp(off[0]), 10.0 + off[1] * sizes.length, 20.0 + off[2] * sizes.period
         found = AttemptResult(crest, x, t, np.abs(off).max(), Elevation(np.zeros(1), np.zeros(1)))
-        history.append(tried(aim, setting, found, number))
+        history.append(attempt(aim, setting, found, number))
         setting = aim.next_setting(history)
     assert history[-1].result.misfit < 1e-3 < history[1].result.misfit
 
 
-def test_a_crest_goes_on_from_the_best_attempt():
+def test_next_setting_starts_from_the_best_attempt():
     """Oracle: a step of the size that is left there; from the last, far off, it would be as long as one may be."""
     aim = aim_of(read_case(FOCUSING))
     nothing = Elevation(np.zeros(1), np.zeros(1))
     good, bad = AttemptResult(0.1, 10.1, 20.05, 2.0, nothing), AttemptResult(0.104, 12.4, 21.2, 40.0, nothing)
     settings = np.zeros(3), np.array([0.02, 0.8, 0.8])
-    following = aim.next_setting([tried(aim, settings[0], good), tried(aim, settings[1], bad, 2)])
+    following = aim.next_setting([attempt(aim, settings[0], good), attempt(aim, settings[1], bad, 2)])
     assert np.abs(following).max() < 0.06
 
 
@@ -201,14 +201,14 @@ def in_linear_tank(aim, folder, setting, *, transfer, turned=True):
     return aim.evaluate(runs)
 
 
-def test_of_a_linear_tank_one_correction_does(wanted, tmp_path):
+def test_record_of_a_linear_tank_is_right_after_one_correction(wanted, tmp_path):
     """A tank whose waves are 10 % too low and 0.1 s late; what is even in it is no answer of the paddle's."""
 
     def transfer(omega):
         return 0.9 * np.exp(0.1j * omega)
 
     first = in_linear_tank(wanted, tmp_path, wanted.start, transfer=transfer)
-    second = wanted.next_setting([tried(wanted, wanted.start, first)])
+    second = wanted.next_setting([attempt(wanted, wanted.start, first)])
     found = in_linear_tank(wanted, tmp_path, second, transfer=transfer)
     assert first.nrms > 0.3 and found.nrms < 0.02
     told, expected = wanted.waves(second), wanted.start / transfer(wanted.waves(second).omega)
@@ -216,7 +216,7 @@ def test_of_a_linear_tank_one_correction_does(wanted, tmp_path):
     assert np.abs(told.amplitudes / expected - 1)[strong].max() < 0.05
 
 
-def test_what_is_not_coherent_with_what_the_paddle_is_told_is_hardly_corrected(wanted, tmp_path):
+def test_incoherent_waves_are_hardly_corrected(wanted, tmp_path):
     """A tank that answers to waves above 0.9 Hz with others, of their size and of any phase."""
     turned = np.exp(2j * np.pi * np.random.default_rng(1).random(wanted.start.size))
 
@@ -225,12 +225,12 @@ def test_what_is_not_coherent_with_what_the_paddle_is_told_is_hardly_corrected(w
 
     first = in_linear_tank(wanted, tmp_path, wanted.start, transfer=transfer)
     omega = wanted.waves(wanted.start).omega
-    short, change = omega > 2 * np.pi * 1.0, wanted.next_setting([tried(wanted, wanted.start, first)]) - wanted.start
+    short, change = omega > 2 * np.pi * 1.0, wanted.next_setting([attempt(wanted, wanted.start, first)]) - wanted.start
     missing = wanted.start * (1 - transfer(omega))
     assert np.linalg.norm(change[short]) < 0.2 * np.linalg.norm(missing[short])
 
 
-def test_mixing_solves_a_linear_problem_in_as_many_steps_as_it_has_parts():
+def test_mixing_solves_a_linear_problem_in_as_many_steps_as_unknowns():
     """Oracle: numpy's solution. Without mixing, this one would diverge."""
     matrix, right = np.array([[1.0, 0.9j, 0.0], [0.4, 2.6, 0.3], [0.0, -0.5, 0.3]]), np.array([1.0, 2.0, -1.0 + 0.5j])
     settings = [np.zeros(3, dtype=complex)]
@@ -305,10 +305,10 @@ def rows(folder):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Leave the pictures empty."""
-    monkeypatch.setattr(module, "draw", lambda tried, aim, path, shown, title: path.write_text(f"{shown.number}"))
+    monkeypatch.setattr(module, "draw", lambda attempts, aim, path, shown, title: path.write_text(f"{shown.number}"))
 
 
-def test_a_calibrated_case_runs_as_it_is_and_the_command_goes_on(tiny, tmp_path):
+def test_calibration_is_continued_and_its_case_runs(tiny, tmp_path):
     """In a linear tank, where one correction does."""
     out = tmp_path / "out"
     first = tiny("--most", "1")
@@ -328,19 +328,21 @@ def test_a_calibrated_case_runs_as_it_is_and_the_command_goes_on(tiny, tmp_path)
     assert {PADDLE, WAVES, PICTURE, "attempt-1.png"} <= {path.name for path in out.iterdir()}
 
 
-def test_the_picture_of_what_is_not_reached_is_of_the_best(tiny, undrawn, monkeypatch, tmp_path):
+def test_figure_of_a_failed_calibration_shows_the_best_attempt(tiny, undrawn, monkeypatch, tmp_path):
     """Oracle: in a linear tank waves that are made much lower than wanted are."""
-    monkeypatch.setattr(CrestAim, "next_setting", lambda aim, tried: tried[-1].setting - np.array([1.0, 0.0, 0.0]))
+    monkeypatch.setattr(
+        CrestAim, "next_setting", lambda aim, attempts: attempts[-1].setting - np.array([1.0, 0.0, 0.0])
+    )
     assert tiny("--most", "2").returncode == 1
     first, second = (float(row["misfit over allowed"]) for row in rows(tmp_path / "out"))
     assert first < second and (tmp_path / "out" / PICTURE).read_text() == "1"
 
 
-def test_a_picture_tells_where_the_crest_is_and_which_attempts_broke_down(monkeypatch, tmp_path):
+def test_figure_shows_the_crest_and_attempts_that_broke_down(monkeypatch, tmp_path):
     figure, aim = Figure(), aim_of(read_case(FOCUSING))
     monkeypatch.setattr(drawing, "picture", lambda *_: nullcontext(figure))
     found = AttemptResult(0.1, 10.285, 20.0, 194.2, Elevation(np.linspace(0.0, 24.0, 9), np.zeros(9)))
-    one = tried(aim, aim.start, found)
+    one = attempt(aim, aim.start, found)
     drawing.draw([one, replace(one, number=2, result=NO_RESULT, cause="it broke.")], aim, tmp_path, shown=one, title="")
     records, _, misfits = figure.axes
     assert records.get_title() == "at x = 10 m; the highest crest is at 10.29 m"
@@ -350,13 +352,13 @@ def test_a_picture_tells_where_the_crest_is_and_which_attempts_broke_down(monkey
     assert list(broken.get_xdata()) == [2] and "misfit 194 of" in describe(one)
 
 
-def test_what_the_paddle_cannot_do_is_said_before_the_first_run(tiny, tmp_path):
+def test_stroke_beyond_its_limit_is_refused_before_the_first_run(tiny, tmp_path):
     said = tiny(crest=0.3)
     assert said.returncode == 2 and "wall.limits.stroke = 0.2: is too little" in said.stderr
     assert not list((tmp_path / "out").glob("runs/*"))
 
 
-def test_what_the_drive_cannot_do_is_said_of_the_run_that_needs_it(tiny, undrawn, tmp_path):
+def test_stroke_beyond_its_limit_ends_the_calibration_at_that_attempt(tiny, undrawn, tmp_path):
     """A higher crest than the first is wanted: it takes a longer stroke, of which linear theory tells how much."""
     scene = read_case_of(tmp_path, TINY.format(crest=0.05))
     stroke = scene.ends[0].extent.stroke
@@ -379,7 +381,7 @@ def ended(status, cause):
     return run
 
 
-def test_waves_that_break_are_given_up_in_a_sentence(tiny, undrawn, monkeypatch, tmp_path):
+def test_calibration_ends_after_three_runs_that_break_down(tiny, undrawn, monkeypatch, tmp_path):
     monkeypatch.setattr(Runner, "run", ended("broke down", "it broke."))
     said = tiny()
     assert said.returncode == 1 and len(said.stderr.splitlines()) == 1
@@ -389,7 +391,7 @@ def test_waves_that_break_are_given_up_in_a_sentence(tiny, undrawn, monkeypatch,
     assert [row["cause"] for row in rows(tmp_path / "out")] == ["it broke."] * 3
 
 
-def test_a_calibration_of_another_target_is_not_replaced_unless_told(tiny, undrawn, monkeypatch, tmp_path):
+def test_calibration_of_another_target_is_replaced_with_overwrite_only(tiny, undrawn, monkeypatch, tmp_path):
     out, other = tmp_path / "out", ("--most", "1", "--set", "target.height=0.05")
     monkeypatch.setattr(Runner, "run", ended("broke down", "it broke."))
     assert tiny().returncode == 1 and len(rows(out)) == 3
@@ -403,7 +405,7 @@ def test_a_calibration_of_another_target_is_not_replaced_unless_told(tiny, undra
     assert {path.name for path in (out / "runs").iterdir()} == {"1", "2", "3", "1-2"}
 
 
-def test_a_run_that_fails_for_another_reason_ends_the_calibration(tiny, monkeypatch):
+def test_run_that_fails_ends_the_calibration(tiny, monkeypatch):
     monkeypatch.setattr(Runner, "run", ended("failed", "the disk is full."))
     said = tiny()
     assert said.returncode == 1 and said.stderr == "wavetank: the disk is full.\n"
@@ -428,7 +430,7 @@ def test_a_run_that_fails_for_another_reason_ends_the_calibration(tiny, monkeypa
         ("focusing", ["wall.motion.components=5000", "target={type='components', x=3.0}"], "target: is too long"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_calibrated_is_refused_in_a_sentence(tmp_path, case, changes, sentence):
+def test_case_that_cannot_be_calibrated_is_refused(tmp_path, case, changes, sentence):
     t = np.arange(0.0, 6.0, 0.1)
     np.savetxt(tmp_path / "eta.txt", np.column_stack([t, np.sin(5.0 * t)]))
     changes = [word for one in changes for word in ("--set", one.replace("ETA", str(tmp_path / "eta.txt")))]
@@ -437,7 +439,7 @@ def test_what_cannot_be_calibrated_is_refused_in_a_sentence(tmp_path, case, chan
     assert not (tmp_path / "out").exists()
 
 
-def test_what_a_far_wall_makes_is_not_calibrated():
+def test_far_wall_is_not_calibrated():
     """With a target or without; a wall that makes waves of its own is, whatever the other does."""
     far = "far_wall={type='piston', motion={type='regular', height=0.02, period=1.6}}"
     at_rest, target = "wall.motion={type='at-rest'}", "target={type='crest', height=0.1, x=3.0, time=9.0}"
@@ -447,7 +449,7 @@ def test_what_a_far_wall_makes_is_not_calibrated():
     assert aim_of(read_case(FOCUSING, [target, far, "sponge={type='formula', gamma='0'}"])).x == 3.0
 
 
-def test_the_part_of_a_target_that_cannot_arrive_is_the_misfit_that_remains():
+def test_late_part_of_a_target_is_the_remaining_misfit():
     """Oracle: calibrations in linear water, which stall at nrms 0.0999 (x = 4 m) and 0.313 (12 m), 0.010 at a focus."""
     sea, group = read_case(FOCUSING.with_name("irregular.toml"), ["run.duration=40"]), read_case(FOCUSING)
     for scene, x, part in ((sea, 4.0, 0.0999), (sea, 12.0, 0.313), (group, 10.0, 0.010)):
@@ -459,7 +461,7 @@ def test_the_part_of_a_target_that_cannot_arrive_is_the_misfit_that_remains():
         assert started(waves, x, early[200:]) == pytest.approx(started(waves, x, early)[200:], abs=1e-12)
 
 
-def test_bound_waves_of_a_record_need_not_arrive_in_time_as_free_ones(tmp_path):
+def test_small_bound_waves_of_a_record_may_be_late(tmp_path):
     """A group of 0.8 Hz is at x = 10 m at t = 16 s; free waves of its harmonic's 1.6 Hz start at t = 0, arrive at 20 s.
 
     The harmonic has a share of the record's rms: 8 % pass, though beyond the target's tolerance of 2 %; 30 % do not.
@@ -475,7 +477,7 @@ def test_bound_waves_of_a_record_need_not_arrive_in_time_as_free_ones(tmp_path):
             assert 0.06 < aim_of(scene).late().part < 0.09
 
 
-def test_a_surface_that_is_wished_for_is_the_record_that_is_wanted(tmp_path):
+def test_motion_of_type_surface_implies_its_record_as_target(tmp_path):
     """Without a target; its first waves are those of the motion itself, but for what comes too late."""
     t = np.arange(0.0, 30.0, 0.05)
     np.savetxt(tmp_path / "eta.txt", np.column_stack([t, np.exp(-(((t - 16) / 3) ** 2)) * np.cos(5.0 * t)]))
@@ -486,7 +488,7 @@ def test_a_surface_that_is_wished_for_is_the_record_that_is_wanted(tmp_path):
     np.testing.assert_allclose(aim.waves(aim.start).elevation(4.0, times), meant.elevation(4.0, times), atol=0.02)
 
 
-def test_nothing_of_others_is_replaced(tmp_path):
+def test_calibration_replaces_no_other_files(tmp_path):
     case, file = tmp_path / "case.toml", tmp_path / "file"
     case.write_text(TINY.format(crest=0.05))
     file.touch()
@@ -501,7 +503,7 @@ def test_nothing_of_others_is_replaced(tmp_path):
     assert sorted(tmp_path.iterdir()) == [case, file] and case.read_text() == TINY.format(crest=0.05)
 
 
-def test_a_gauge_that_is_not_in_a_table_is_refused_by_its_name(tmp_path):
+def test_gauge_missing_in_the_target_table_is_refused(tmp_path):
     (tmp_path / "gauges.csv").write_text("t,4@x=10\n" + "".join(f"{t},0.0\n" for t in range(9)))
     target = f"target={{type='record', file='{tmp_path / 'gauges.csv'}', gauge='5', x=10.0}}"
     said = commanded("calibrate", "cases/focusing.toml", "--out", str(tmp_path / "out"), "--set", target)
@@ -511,12 +513,12 @@ def test_a_gauge_that_is_not_in_a_table_is_refused_by_its_name(tmp_path):
 @pytest.mark.parametrize(
     ("misfits", "done"), [([15.0], False), ([15.0, 5.0], False), ([15.0, 5.0, 4.9], True), ([15.0, 3.9], True)]
 )
-def test_cheap_numerics_are_left_near_the_target_and_where_they_bring_it_no_nearer(misfits, done):
+def test_cheap_numerics_are_exhausted_close_to_the_target_or_without_progress(misfits, done):
     assert exhausted(misfits) is done
 
 
 @pytest.mark.slow
-def test_cheap_numerics_are_taken_where_they_are_worth_it():
+def test_cheap_numerics_are_used_if_they_save_time():
     """Fine numerics of a case are not needed at first; its own water is kept."""
     fine = read_case(FOCUSING, ["numerics.cell_size=0.05", "numerics.dt=0.01", "water.type=nonlinear"])
     rough = cheaper(fine)
@@ -527,7 +529,7 @@ def test_cheap_numerics_are_taken_where_they_are_worth_it():
 
 # ---------------------------------------------------------------- the nonlinear tank
 @pytest.mark.slow
-def test_a_focused_crest_is_where_it_is_wanted_in_the_nonlinear_tank(tmp_path):
+def test_calibrated_crest_reaches_its_target_in_the_nonlinear_tank(tmp_path):
     """Oracle: the calibrated case run anew, its gauge at the target; by linear theory it is 13 % too high, 0.5 m off.
 
     The height along the path of a crest varies by 0.05 % within 0.1 m: the highest sample may be a cell away.
@@ -546,7 +548,7 @@ def test_a_focused_crest_is_where_it_is_wanted_in_the_nonlinear_tank(tmp_path):
 
 
 @pytest.mark.slow
-def test_components_at_the_focus_are_those_that_are_meant(tmp_path):
+def test_calibrated_components_reach_their_target(tmp_path):
     """Nrms of what is linear at the focus: 25 % by linear theory, 2 % at most after less than ten runs."""
     changes = ("--set", "target={type='components', x=10.0}", "--set", "run.duration=27.0")
     said = commanded("calibrate", str(FOCUSING), "--out", str(tmp_path), *changes)
@@ -556,7 +558,7 @@ def test_components_at_the_focus_are_those_that_are_meant(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_paddle_of_a_record_is_found_again(tmp_path):
+def test_calibration_recovers_the_paddle_motion_of_a_record(tmp_path):
     """Round trip: a known paddle's record is the target; the velocity found is the known one.
 
     The position is not: 40 % of it is slow motion of second order below 0.1 Hz, which makes nearly no elevation.

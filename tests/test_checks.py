@@ -57,7 +57,7 @@ def warnings_of(one):
     return run_warnings(one, run.clock, waves)
 
 
-def test_where_a_rule_stands_for_a_plan_the_run_says_so(tmp_path):
+def test_run_reports_the_rule_if_no_plan_is_made(tmp_path):
     """With the reason; and the manifest has the cells that came of it."""
     bed, start = {"type": "formula", "depth": "1 - 0.01 * x"}, {"initial": standing()}
     said = "no accuracy is predicted, cells and vertical order follow a rule (docs/plan.md): tank.bed.type = "
@@ -310,7 +310,7 @@ def test_cells_too_large_for_the_shortest_waves_are_warned_of():
     [({"integrator": "stormer-verlet", "dt": 0.08}, True), ({}, False), (None, False)],
     ids=["long steps", "usual", "still water"],
 )
-def test_an_energy_balance_that_is_off_is_said(numerics, off):
+def test_energy_balance_is_warned_of_by_its_largest_difference(numerics, off):
     """However few rows of it are recorded."""
     initial = {} if numerics is None else {"initial": {"type": "standing-wave", "wave_amplitude": 0.1}}
     chosen = {"cells": 2, "vertical_order": 3, **(numerics or {})}
@@ -328,7 +328,7 @@ def test_an_energy_balance_that_is_off_is_said(numerics, off):
         assert float(said[0].split()[6]) == pytest.approx(balance / total, rel=0.05)  # of two digits
 
 
-def test_a_warning_is_printed_once():
+def test_warning_is_printed_once():
     """Those that come as the run goes on then, and first in the manifest; the others at its end, as they were found."""
     said = StringIO()
     warnings = Warnings(RunLog(Console(file=said, width=200)))
@@ -339,7 +339,7 @@ def test_a_warning_is_printed_once():
     assert [*map(str, warnings.records)] == ["now", "at the end"]
 
 
-def test_a_run_says_so_before_it_at_its_end_and_in_its_manifest(wavetank, tmp_path):
+def test_warnings_are_printed_before_and_after_the_run_and_in_its_manifest(wavetank, tmp_path):
     case, out = tmp_path / "case.toml", tmp_path / "run"
     case.write_text(
         "[tank]\nlength = 2.0\ndepth = 1.0\n[initial]\ntype = 'standing-wave'\nwave_amplitude = 0.1\n"
@@ -357,7 +357,7 @@ def test_a_run_says_so_before_it_at_its_end_and_in_its_manifest(wavetank, tmp_pa
 
 
 # ------------------------------------------------------------------------------------------------ what is not named
-def test_a_case_without_numerics_gets_the_plan_for_one_per_cent():
+def test_case_without_numerics_has_the_plan_for_one_per_cent():
     parts = {"tank": {"length": 8.0, "depth": 1.0}, "wall": piston(0.67), "duration": 6.0}
     plain, asking = scene(**parts), scene(**parts, numerics={"accuracy": 1e-2})
     chosen = planned(plain, MPI.COMM_SELF).scene
@@ -367,19 +367,19 @@ def test_a_case_without_numerics_gets_the_plan_for_one_per_cent():
     assert again == plain and again.numerics.open
 
 
-def test_water_whose_velocities_are_recorded_is_nonlinear():
+def test_water_with_recorded_velocities_is_nonlinear():
     """Linear water, which would do, has none."""
     for output, physics in (({}, "linear"), ({"velocity_every": 1.0}, "nonlinear")):
         assert requirements(scene(wall=piston(2.0), output=output), 1e-2).physics == physics
 
 
-def test_what_is_named_is_kept():
+def test_named_numerics_are_not_replaced():
     one = scene(wall=piston(0.67), duration=10.0, numerics={"cells": 50, "vertical_order": 4})
     assert planned(one, MPI.COMM_SELF).scene == one
 
 
 @pytest.mark.parametrize("period", [0.5, 0.67, 3.0])
-def test_in_a_basin_cells_follow_the_shortest_wave(period):
+def test_cells_of_a_basin_follow_the_shortest_wave(period):
     """Three in a wave length of linear theory, but none larger than half a depth."""
     chosen = resolved(scene(tank=BASIN, wall=piston(period), duration=20.0))
     length = 2 * np.pi / float(wave_number(2 * np.pi / period, 1.0, 9.81))
@@ -388,7 +388,7 @@ def test_in_a_basin_cells_follow_the_shortest_wave(period):
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
-def test_cells_follow_the_order_that_is_named(order):
+def test_cells_follow_the_named_order(order):
     """The frequency of the paddle's waves on them, against that on very fine ones, by the discrete dispersion."""
     chosen = resolved(scene(wall=piston(0.5), duration=20.0, numerics={"order": order}))
     k = float(wave_number(4 * np.pi, 1.0, 9.81))
@@ -471,7 +471,7 @@ def by_simpson(motion, dt, steps):
 
 
 @pytest.mark.parametrize("duration", [pytest.param(15.0, marks=pytest.mark.slow), 14.987])
-def test_a_planned_step_holds_a_measured_motion(tmp_path, duration):
+def test_planned_step_resolves_a_measured_motion(tmp_path, duration):
     """Of a record with noise a long step takes that of single rows for motion that lasts."""
     one = scene(tank={"length": 25.0, "depth": 1.0}, wall=noisy(tmp_path), duration=duration)
     dt = planned(one, MPI.COMM_SELF).scene.numerics.dt
@@ -481,7 +481,7 @@ def test_a_planned_step_holds_a_measured_motion(tmp_path, duration):
 
 
 @pytest.mark.slow
-def test_a_planned_step_holds_the_waves_of_a_noisy_record(tmp_path):
+def test_planned_step_resolves_the_waves_of_a_noisy_record(tmp_path):
     """Against a quarter of the step, on the same cells: by less than the 1 % asked, noise and all."""
     named = scene(tank={"length": 8.0, "depth": 1.0}, wall=noisy(tmp_path), duration=12.0, gauges=[2.0, 4.0])
     chosen, records = planned(named, MPI.COMM_SELF).scene, list[np.ndarray]()
@@ -498,7 +498,7 @@ def test_a_planned_step_holds_the_waves_of_a_noisy_record(tmp_path):
     assert missed.max() < 0.01
 
 
-def test_what_a_step_misses_of_a_measured_motion_is_said(tmp_path):
+def test_step_that_misses_a_measured_motion_is_warned_of(tmp_path):
     coarse = {"cells": 10, "vertical_order": 4}
     for dt, off in ((0.125, True), (0.04, False)):
         one = scene(wall=noisy(tmp_path), duration=15.0, numerics={**coarse, "dt": dt})
@@ -509,7 +509,7 @@ def test_what_a_step_misses_of_a_measured_motion_is_said(tmp_path):
 
 
 @pytest.mark.parametrize(("integrator", "place"), [("simpson-4", "IN_JUMP"), ("gauss-legendre-4", "IN_ELEVATION")])
-def test_a_measured_paddle_s_own_noise_is_no_growth(tmp_path, monkeypatch, integrator, place):
+def test_noise_of_a_measured_paddle_is_not_growth(tmp_path, monkeypatch, integrator, place):
     """A record of 1 µm of noise: its short waves are the highest there are; counted as growth, they would warn."""
     t = 0.02 * np.arange(201)
     x = 1e-6 * np.random.default_rng(3).standard_normal(t.size) + 2e-5 * t**2
@@ -529,7 +529,7 @@ def test_a_measured_paddle_s_own_noise_is_no_growth(tmp_path, monkeypatch, integ
     assert [len(sentences) for sentences in said.values()] == [0, 1]
 
 
-def test_the_exact_wave_of_a_start_is_computed_once(monkeypatch):
+def test_exact_wave_of_a_start_is_computed_once(monkeypatch):
     """However often plan, start and warnings ask for it."""
     begun, begin = list[float](), stream_function._cnoidal_wave
     monkeypatch.setattr(stream_function, "_cnoidal_wave", lambda *of: (begun.append(of[0]), begin(*of))[1])

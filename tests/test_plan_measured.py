@@ -208,7 +208,7 @@ def needs_data(name: str) -> None:
 @pytest.mark.parametrize(
     "name", [*(pytest.param(name, marks=pytest.mark.slow) for name in ("linear", "steep", "deep")), "shallow"]
 )
-def test_the_error_of_a_plan_is_as_predicted(name):
+def test_error_of_a_plan_is_the_predicted_one(name):
     """Within a factor of three, and what is promised; settings are those for the rounded costs of one machine."""
     trial = Trial(name, COSTS)
     error, _ = trial.measure(trial.plan.settings)
@@ -272,7 +272,7 @@ NAMED_NOTHING = {  # scenes that plans once missed by 1.2 to 1.9 times, in close
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMED_NOTHING)
-def test_a_case_that_names_no_numerics_is_right_to_a_percent(name, monkeypatch):
+def test_default_numerics_are_accurate_to_a_percent(name, monkeypatch):
     """Against refined runs."""
     monkeypatch.setitem(SCENES, name, (NAMED_NOTHING[name], 1e-2))
     trial = Trial(name, COSTS)
@@ -283,7 +283,7 @@ def test_a_case_that_names_no_numerics_is_right_to_a_percent(name, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
-def test_error_and_cost_are_as_predicted_and_little_is_cheaper(name):
+def test_error_and_cost_are_the_predicted_ones_and_hardly_anything_is_cheaper(name):
     """Errors within a factor of three, CPU seconds of two; nothing found as accurate is 1.5 times as cheap.
 
     A plan aims at a third of the accuracy. What is found within the whole of it may have steps 3^(1/4) as long and

@@ -61,7 +61,7 @@ RING = CHECKOUT / "cases" / "ring-50-percent.toml"
 
 
 # ---------------------------------------------------------------- sweeps
-def test_a_sweep_is_parsed_and_short_names_are_keys_of_the_case():
+def test_short_names_of_sweeps_are_keys_of_the_case():
     assert parse_axis("dt=0.02, 0.04") == Axis("numerics.dt", ("0.02", "0.04"))
     assert parse_axis("initial.wave_amplitude=0.1") == Axis("initial.wave_amplitude", ("0.1",))
     assert parse_axis("p=3").label == "p" and parse_axis("numerics.dt=1").label == "dt [s]"
@@ -86,14 +86,14 @@ def test_a_sweep_is_parsed_and_short_names_are_keys_of_the_case():
         (["mode=1,2"], [], "overridden: mode = 1: is an unknown key; the whole key is initial.mode."),
     ],
 )
-def test_a_bad_sweep_is_refused_in_one_sentence_before_anything_runs(tmp_path, sweeps, overrides, sentence):
+def test_bad_sweep_is_refused_before_anything_runs(tmp_path, sweeps, overrides, sentence):
     with pytest.raises(InputError) as error:
         Study(CASE, sweeps, overrides=overrides, out=tmp_path / "out", console=Console(file=io.StringIO()))
     assert sentence in str(error.value) and len(str(error.value).splitlines()) == 1
     assert not (tmp_path / "out").exists()
 
 
-def test_a_folder_that_cannot_be_made_is_refused_once_before_anything_runs(tmp_path, monkeypatch):
+def test_folder_that_cannot_be_made_is_refused_before_anything_runs(tmp_path, monkeypatch):
     monkeypatch.setattr(Runner, "_execute", lambda *of: pytest.fail("a run has begun"))
     (tmp_path / "file").touch()
     study = Study(CASE, ["dt=0.02,0.04"], out=tmp_path / "file" / "out", console=Console(file=io.StringIO()))
@@ -115,7 +115,7 @@ VALUES = {
         {}, optional={name: st.lists(v, min_size=1, max_size=3, unique=True) for name, v in VALUES.items()}
     )
 )
-def test_the_product_holds_every_combination_once(swept):
+def test_combinations_are_the_product_of_the_values(swept):
     """Oracle: itertools.product of the values themselves."""
     if not swept:
         return
@@ -130,13 +130,13 @@ def test_the_product_holds_every_combination_once(swept):
             assert scene[table][key] == float(value)
 
 
-def test_a_folder_has_a_harmless_name():
+def test_folder_names_are_escaped():
     axes = [Axis("title", ("a/b c",))]
     assert combinations(CASE, axes)[0].name == "title=a%2Fb%20c"
 
 
 # ---------------------------------------------------------------- references
-def test_the_reference_is_the_finest_combination_refined_once_more():
+def test_reference_is_the_finest_combination_refined():
     axes = parse_axes(["dt=0.02,0.04", "n=4,16", "cells=8,16", "integrator=stormer-verlet,third-order"])
     coarse = finest(combinations(CASE, axes))
     assert coarse.values == {"dt": "0.02", "n": "16", "cells": "16", "integrator": "third-order"}
@@ -145,7 +145,7 @@ def test_the_reference_is_the_finest_combination_refined_once_more():
     assert (numerics.integrator, numerics.tolerance) == ("third-order", pytest.approx(1e-7))
 
 
-def test_cells_given_by_their_size_are_refined_too():
+def test_cells_named_by_size_are_refined():
     (coarse,) = combinations(CHECKOUT / "cases" / "wavemaker.toml", [Axis("numerics.cell_size", ("0.5",))])
     fine = refined(CHECKOUT / "cases" / "wavemaker.toml", coarse, dt=0.1, name="reference")
     assert fine.scene.cells == 2 * coarse.scene.cells
@@ -192,7 +192,7 @@ def test_study_compares_runs_of_a_basin_at_gauges(tmp_path):
         ("[0.5]", "exact", "reference 'exact' received; of a basin it must be fine, none or a run directory."),
     ],
 )
-def test_study_refuses_a_basin_that_it_cannot_compare_before_its_runs(gauges, reference, sentence, tmp_path):
+def test_basin_that_cannot_be_compared_is_refused_before_its_runs(gauges, reference, sentence, tmp_path):
     case = tmp_path / "case.toml"
     case.write_text(f"gauges = {gauges}\n{BASIN}")
     said = commanded("study", str(case), "--sweep", "dt=0.05,0.025", "--reference", reference, "--out", str(tmp_path))
@@ -208,7 +208,7 @@ def test_refined_raises_the_order_on_a_mesh_file(tmp_path):
     assert refined(case, coarse, dt=0.1, name="reference").scene.numerics.order == 4
 
 
-def test_scenes_that_differ_in_more_than_numerics_have_references_of_their_own():
+def test_cases_that_differ_in_more_than_numerics_have_separate_references():
     axes = parse_axes(["initial.wave_amplitude=0.01,0.02", "dt=0.02,0.04"])
     groups = same_but_numerics(combinations(CASE, axes))
     assert [{one.scene.initial.wave_amplitude for one in group} for group in groups] == [{0.01}, {0.02}]
@@ -222,13 +222,13 @@ def test_scenes_that_differ_in_more_than_numerics_have_references_of_their_own()
         (CHECKOUT / "cases" / "wavemaker.toml", [], "wall.type = 'piston' received; the walls must be fixed"),
     ],
 )
-def test_no_exact_solution_is_said_so(case, changes, sentence):
+def test_case_without_an_exact_solution_is_refused(case, changes, sentence):
     with pytest.raises(InputError, match="reference exact") as error:
         exact_solution(read_case(case, changes))
     assert sentence in str(error.value)
 
 
-def test_a_reference_that_is_none_is_refused(tmp_path):
+def test_reference_that_cannot_be_used_is_refused(tmp_path):
     def study(reference: str, **more) -> Study:
         return Study(CASE, ["dt=0.02"], reference=reference, out=tmp_path, console=Console(file=io.StringIO()), **more)
 
@@ -244,7 +244,7 @@ def test_a_reference_that_is_none_is_refused(tmp_path):
         study(str(tmp_path / "other"))
 
 
-def test_a_run_of_another_scene_is_left_where_it_is(tmp_path):
+def test_run_of_another_case_is_not_replaced(tmp_path):
     """A study that goes on runs its own unfinished ones again, and gives a number where the folder is another's.
 
     So it is where a file that the scene names had another content.
@@ -277,7 +277,7 @@ def write_run(path: Path, scene: Case, x, eta, psi=lambda x, t: 0 * x, *, times=
     return RunDirectory(path)
 
 
-def test_errors_of_a_standing_wave_are_found_as_they_were_made(tmp_path):
+def test_errors_of_a_standing_wave_are_the_imposed_ones(tmp_path):
     """Oracle: Airy's standing wave, 2 % too high and 0.7 rad a second too fast: beyond pi after 5 s."""
     scene, rate, high = read_case(CASE, ["initial.wave_amplitude=1e-5"]), 0.7, 1.02
     k, a = np.pi / 2, 1e-5 * high
@@ -298,7 +298,7 @@ def test_errors_of_a_standing_wave_are_found_as_they_were_made(tmp_path):
     assert errors[SURFACE_ERROR] == pytest.approx(expected, rel=1e-5)
 
 
-def test_errors_of_a_travelling_wave_are_found_as_they_were_made(tmp_path):
+def test_errors_of_a_travelling_wave_are_the_imposed_ones(tmp_path):
     """Oracle: the very wave, 3 % too high and 0.2 rad a second too slow, on points that are not equidistant."""
     scene = read_case(RING, [])
     wave, length = scene.initial.wave(scene.tank), scene.tank.length
@@ -310,7 +310,7 @@ def test_errors_of_a_travelling_wave_are_found_as_they_were_made(tmp_path):
 
 
 @pytest.mark.parametrize("case", [CASE, RING])
-def test_a_run_is_compared_with_another_at_other_times_and_places(tmp_path, case):
+def test_error_against_a_run_with_other_times_and_places_is_the_imposed_one(tmp_path, case):
     """Oracle: a wave that is 1 % higher is wrong by 1 %; the other one's steps and points are no multiples."""
     scene = read_case(case, [])
     k = 2 * np.pi / scene.tank.length
@@ -328,7 +328,7 @@ def test_a_run_is_compared_with_another_at_other_times_and_places(tmp_path, case
     assert errors[GAUGE_ERROR] == pytest.approx(0.01, rel=1e-4)
 
 
-def test_of_gauges_what_is_below_a_frequency_is_compared_alone(tmp_path):
+def test_gauge_error_below_a_frequency_excludes_higher_frequencies(tmp_path):
     """Oracle: a wave of 0.4 Hz that is 1 % higher, under one of 2 Hz that is not there; whole periods."""
     scene, x, times = read_case(CASE, []), np.linspace(0, 2, 20), np.linspace(0, 5, 100, endpoint=False)
 
@@ -344,7 +344,7 @@ def test_of_gauges_what_is_below_a_frequency_is_compared_alone(tmp_path):
     assert RunReference(other.path).errors(run)[GAUGE_ERROR] == pytest.approx(0.1, rel=0.02)
 
 
-def test_without_a_gauge_in_common_surfaces_are_compared(tmp_path):
+def test_runs_without_common_gauges_have_a_surface_error_only(tmp_path):
     scene, x = read_case(CASE, []), np.linspace(0, 2, 20)
     run = write_run(tmp_path / "run", scene, x, lambda x, t: np.cos(x + t), gauges=False)
     other = write_run(tmp_path / "other", scene, x, lambda x, t: np.cos(x + t))
@@ -397,7 +397,7 @@ def test_phase_errors_are_those_of_the_schemes(linear_study):
     assert default[SURFACE_ERROR] < 0.05 * verlet[SURFACE_ERROR]
 
 
-def test_the_table_says_settings_errors_costs_and_status(linear_study):
+def test_table_has_settings_errors_costs_and_status(linear_study):
     out, rows = linear_study
     with (out / "study.csv").open() as file:
         table = list(csv.DictReader(file))
@@ -413,7 +413,7 @@ def test_the_table_says_settings_errors_costs_and_status(linear_study):
     assert (out / "study.png").stat().st_size > 10_000
 
 
-def test_warnings_of_runs_and_waves_that_broke_are_told(linear_study, tmp_path, monkeypatch):
+def test_warnings_and_broken_waves_of_runs_are_printed_and_tabulated(linear_study, tmp_path, monkeypatch):
     monkeypatch.setattr("wavetank.studies.study.draw_trade", lambda rows, axes, path, **more: path)
     out, rows = linear_study
     shutil.copytree(out, tmp_path / "study")
@@ -429,7 +429,7 @@ def test_warnings_of_runs_and_waves_that_broke_are_told(linear_study, tmp_path, 
     assert re.search(r" broke +CPU ", said) and "broke" not in (out / "study.csv").read_text()
 
 
-def test_what_has_finished_is_not_run_again(linear_study, monkeypatch):
+def test_finished_runs_are_not_run_again(linear_study, monkeypatch):
     monkeypatch.setattr("wavetank.studies.study.draw_trade", lambda rows, axes, path, **more: path)
     out, rows = linear_study
     before = {path: path.stat().st_mtime_ns for path in out.glob("*/*")}
@@ -440,7 +440,7 @@ def test_what_has_finished_is_not_run_again(linear_study, monkeypatch):
     assert [row.costs for row in again] == [row.costs for row in rows]
 
 
-def test_a_broken_combination_is_a_row_and_a_marked_one_is_judged_too(tmp_path):
+def test_broken_and_marked_combinations_are_rows(tmp_path):
     """A wave of k a = 0.61 breaks within its period; the other, and twice its order, are judged by a refined run."""
     overrides = ["run.duration=1.6", "numerics.cells=8", "numerics.vertical_order=3"]
     sweeps = ["initial.wave_amplitude=0.02,0.39", "dt=0.04"]
@@ -463,7 +463,7 @@ def test_a_broken_combination_is_a_row_and_a_marked_one_is_judged_too(tmp_path):
     assert float(table[0]["deepest trough [m]"]) == pytest.approx(float(surface.elevation.min()), rel=1e-6)
 
 
-def test_what_has_not_finished_is_counted_in_words():
+def test_unfinished_runs_are_counted_in_words():
     (one,) = combinations(CASE, parse_axes(["dt=0.02"]))
     rows = {status: Row(one, Outcome(status)) for status in ("finished", "broke down", "refused")}
     finished, broken, refused = rows.values()
@@ -473,7 +473,7 @@ def test_what_has_not_finished_is_counted_in_words():
 
 
 @pytest.mark.slow
-def test_a_run_that_was_killed_goes_on_in_a_study_from_its_checkpoint_and_costs_what_all_of_it_did(tmp_path):
+def test_killed_run_is_resumed_with_the_cost_of_all_its_parts(tmp_path):
     """Oracle: the same combination where nothing has ended it, but for the time it took."""
     sweeps, changes = ["dt=0.04"], [*LINEAR, "run.checkpoint_every=1e-6"]
     rows, _ = run_study(tmp_path / "whole", sweeps, changes, reference="exact")
@@ -494,7 +494,7 @@ def test_a_run_that_was_killed_goes_on_in_a_study_from_its_checkpoint_and_costs_
 
 
 @pytest.mark.slow
-def test_a_run_ends_with_the_study_that_is_killed(tmp_path):
+def test_runs_stop_when_their_study_is_killed(tmp_path):
     """Between two steps, with a checkpoint; none is left that would be computed on for nobody."""
     command = ["study", str(CASE), "--sweep", "initial.wave_amplitude=0.02,0.03", "--at-once", "2"]
     changes = _set(["run.duration=100.0", "numerics.cells=16", "numerics.dt=0.04"])
@@ -514,7 +514,7 @@ def _set(changes) -> list[str]:
 
 
 @pytest.mark.slow
-def test_a_checkpoint_that_cannot_be_gone_on_from_does_not_hold_a_study_up(tmp_path):
+def test_run_with_an_unusable_checkpoint_starts_again(tmp_path):
     """It is of another program's version, say."""
     sweeps = ["dt=0.04"]
     (one,) = combinations(CASE, parse_axes(sweeps, LINEAR), LINEAR)
@@ -530,7 +530,7 @@ def test_a_checkpoint_that_cannot_be_gone_on_from_does_not_hold_a_study_up(tmp_p
     [(StoppedError("t = 1 s: interrupted"), ["--resume", "--overwrite"]), (RunError("it breaks"), ["--overwrite"])],
     ids=["stopped", "broke down"],
 )
-def test_what_has_not_finished_goes_on_or_where_that_is_refused_or_vain_begins_anew(tmp_path, monkeypatch, error, ways):
+def test_unfinished_run_is_resumed_or_starts_again(tmp_path, monkeypatch, error, ways):
     (one,) = combinations(CASE, parse_axes(["dt=0.04"], LINEAR), LINEAR)
     with RunWriter(tmp_path / one.name, {"scene": one.scene.model_dump(mode="json")}) as writer:
         writer.checkpoint(Checkpoint({"t": 1.0}, "{}", [], np.zeros((1, 3))))
@@ -546,7 +546,7 @@ def test_what_has_not_finished_goes_on_or_where_that_is_refused_or_vain_begins_a
     assert outcomes == [(one, Outcome("finished"))] and asked == ways
 
 
-def test_a_process_that_dies_ends_its_run_alone(tmp_path, monkeypatch):
+def test_process_that_dies_ends_one_run_only(tmp_path, monkeypatch):
     """The second process is killed by a signal, the third ends with an error."""
     scripts = cycle(["print('[0, \"\"]')", "import os; os.kill(os.getpid(), 11)", "exit('it broke')"])
 
@@ -567,7 +567,7 @@ def test_process_of_a_refused_run_prints_its_cause():
     assert process.returncode == code == 2 and cause.startswith("this.toml: cannot be read")
 
 
-def test_the_table_of_a_study_is_never_half_written(tmp_path, monkeypatch):
+def test_table_is_written_completely_or_not_at_all(tmp_path, monkeypatch):
     """A kill, or a full disk, meets the old one or the new."""
     path = tmp_path / "study.csv"
     path.write_text("before")
@@ -577,7 +577,7 @@ def test_the_table_of_a_study_is_never_half_written(tmp_path, monkeypatch):
     assert path.read_text() == "before" and os.listdir(tmp_path) == ["study.csv"]
 
 
-def test_values_that_are_refused_are_rows_as_runs_that_break_down_are(tmp_path, monkeypatch):
+def test_refused_values_are_rows(tmp_path, monkeypatch):
     """In their places; the others are run."""
     monkeypatch.setattr(Runner, "run", lambda _, found: ((one, Outcome("failed", "it broke")) for one in found))
     with pytest.raises(RunError, match=r"nothing could be measured: .*must be greater than or equal to .*; it broke$"):
@@ -588,7 +588,7 @@ def test_values_that_are_refused_are_rows_as_runs_that_break_down_are(tmp_path, 
     assert "numerics.dt = 1e-09: must be" in rows[0][2] and rows[1][2] == "it broke"
 
 
-def test_a_study_without_a_finished_run_still_has_its_table(tmp_path, monkeypatch):
+def test_study_without_a_finished_run_writes_its_table(tmp_path, monkeypatch):
     monkeypatch.setattr(Runner, "_execute", lambda *of: Outcome("refused", "numerics.dt = 0.5: must be below."))
     console = Console(file=io.StringIO(), width=300)
     study = Study(CASE, ["dt=0.5,0.4"], overrides=LINEAR, out=tmp_path, console=console, at_once=1, reference="fine")
@@ -600,7 +600,7 @@ def test_a_study_without_a_finished_run_still_has_its_table(tmp_path, monkeypatc
 
 # ---------------------------------------------------------------- the picture
 @pytest.mark.parametrize("limits", [(5.6e-4, 5.67e-4), (5.6e-4, 9e-4), (2e-5, 3e-3)])
-def test_ticks_of_errors_that_are_alike_differ(limits):
+def test_tick_labels_of_similar_errors_differ(limits):
     axis = Figure().subplots(subplot_kw={"yscale": "log", "ylim": limits}).yaxis
     number_logarithms(axis)
     ticks = [tick for tick in axis.get_majorticklocs() if limits[0] <= tick <= limits[1]]
@@ -608,7 +608,7 @@ def test_ticks_of_errors_that_are_alike_differ(limits):
 
 
 @given(st.lists(st.tuples(st.integers(1, 20), st.integers(1, 20)), min_size=1))
-def test_no_point_beats_the_pareto_front(points):
+def test_no_point_dominates_the_pareto_front(points):
     """Oracle: the definition, pair by pair."""
     front = [points[i] for i in pareto_front(points)]
 
@@ -629,7 +629,7 @@ def made_rows() -> tuple[list[Row], list[Axis]]:
     return [*rows, Row(plan, Outcome("finished"), rows[0].errors, {"CPU [s]": 2.0}, "plan")], axes
 
 
-def test_the_picture_names_axes_units_settings_front_and_plan(tmp_path):
+def test_figure_names_axes_units_settings_front_and_plan(tmp_path):
     rows, axes = made_rows()
     text = draw_trade(rows, axes, tmp_path / "study.svg", title="Title").read_text()
     words = set(part.split("-->")[0].strip() for part in text.split("<!--")[1:])
@@ -639,7 +639,7 @@ def test_the_picture_names_axes_units_settings_front_and_plan(tmp_path):
     assert any(word.startswith("Pareto front (dt [s], n)") for word in words)
 
 
-def test_a_single_axis_is_drawn_too(tmp_path):
+def test_single_axis_is_drawn(tmp_path):
     axes = parse_axes(["integrator=third-order,stormer-verlet"])
     rows = [
         Row(one, Outcome("finished"), {SURFACE_ERROR: 0.1 / n}, {"CPU [s]": n})

@@ -100,20 +100,20 @@ def test_formulae_name_their_columns():
         ("hm0@9", "there is no gauge '9'; there are 1, 2, 3"),
     ],
 )
-def test_responses_that_are_none_are_refused_before_anything_runs(tmp_path, text, said):
+def test_bad_response_is_refused_before_anything_runs(tmp_path, text, said):
     with pytest.raises(InputError) as error:
         Study(CASE, ["tank.depth=1,2"], requested=[text], out=tmp_path / "out", console=Console(file=io.StringIO()))
     assert said in str(error.value) and len(str(error.value).splitlines()) == 1
     assert not (tmp_path / "out").exists()
 
 
-def test_what_a_run_does_not_tell_is_said(run):
+def test_response_that_a_run_does_not_contain_is_nan_with_a_cause(run):
     told, causes = responses(run, [Response("h_max@1"), Response("crest")], start=23.5)
     assert list(told) == ["h_max@1 [m]", "crest [m]"] and np.isnan(told["h_max@1 [m]"]) and len(causes) == 1
     assert causes[0].startswith("h_max@1 [m]: gauge 1: 0 whole waves")
 
 
-def test_what_no_run_tells_is_an_empty_column(tmp_path):
+def test_response_of_no_run_is_an_empty_column(tmp_path):
     (one,) = combinations(CASE, parse_axes(["tank.depth=1.0"]))
     row = Row(one, Outcome("finished"), responses={"h_mean@2 [m]": np.nan, "crest [m]": 0.1})
     write_table(tmp_path / "study.csv", [row], parse_axes(["tank.depth=1.0"]))
@@ -123,7 +123,7 @@ def test_what_no_run_tells_is_an_empty_column(tmp_path):
 
 
 # ---------------------------------------------------------------- what is swept
-def test_seeds_are_counted():
+def test_ranges_of_seeds_are_expanded():
     assert parse_axis("wall.motion.seed=1..4,9") == Axis("wall.motion.seed", ("1", "2", "3", "4", "9"))
     assert Axis.of("wall.motion.seed").seeds and not Axis.of("tank.depth").seeds
     for text in ("a.seed=4..1", "a.seed=1..99999", "a.seed=1..3,2"):
@@ -131,7 +131,7 @@ def test_seeds_are_counted():
             parse_axis(text)
 
 
-def test_without_numerics_there_is_no_reference_unless_asked_for(tmp_path):
+def test_sweep_without_numerics_has_no_reference_by_default(tmp_path):
     def study(*sweeps, **others):
         return Study(CASE, sweeps, out=tmp_path, console=Console(file=io.StringIO()), **others)
 
@@ -151,7 +151,7 @@ def made(seeds: int, settings: dict[str, list[str]], response) -> tuple[list[Row
     return rows, [*axes, Axis("wall.motion.seed", tuple(map(str, range(seeds))))]
 
 
-def test_an_ensemble_has_its_mean_confidence_and_quantiles(tmp_path):
+def test_ensemble_has_mean_confidence_and_quantiles(tmp_path):
     """Oracle: scipy.stats' t interval, numpy's quantiles; settings apart, failed and marked runs left out."""
     rng = np.random.default_rng(1)
     rows, axes = made(9, {"tank.depth": ["1", "2"]}, lambda named: float(named["tank.depth"]) + rng.normal())
@@ -172,7 +172,7 @@ def test_an_ensemble_has_its_mean_confidence_and_quantiles(tmp_path):
     assert ensemble_table(found).row_count == 4
 
 
-def test_one_run_has_no_confidence(tmp_path):
+def test_ensemble_of_one_run_has_no_confidence(tmp_path):
     alone = Ensemble({}, "crest [m]", np.array([0.3]))
     assert np.isnan(alone.half_width) and alone.quantiles == (0.3, 0.3, 0.3)
     write_ensembles(tmp_path / "ensemble.csv", [alone])

@@ -31,7 +31,7 @@ def mean_age(scene):
     return float(np.sqrt(energy @ waves.age**2 / energy.sum())), waves
 
 
-def test_a_packet_between_walls_is_as_old_as_the_run():
+def test_age_of_a_packet_between_walls_is_that_of_the_run():
     """Recorded at all ages from 0 to T - 3 s alike: their root mean square is (T - 3 s) / 3^(1/2)."""
     assert mean_age(tank(120.0))[0] == pytest.approx(117.0 / np.sqrt(3), rel=0.03)
 
@@ -65,7 +65,7 @@ def test_free_harmonics_are_generated_as_the_squared_envelope():
     assert energy[1] / energy[0] == pytest.approx(16 / 17, rel=0.03)
 
 
-def test_a_paddle_that_absorbs_ends_the_travel():
+def test_absorbing_paddle_ends_the_propagation():
     """The age is that of the first passage but for what the filter reflects, a few per cent."""
     far = {"type": "piston", "motion": {"type": "at-rest"}, "absorb": {"type": "active"}}
     age, waves = mean_age(tank(120.0, far_wall=far, water={"type": "linear"}))
@@ -86,7 +86,7 @@ def test_each_reflection_multiplies_the_energy_by_its_square():
     assert found.age == pytest.approx(np.sqrt(energy @ ages**2 / energy.sum()))
 
 
-def test_the_recorded_energy_is_relative_to_that_of_the_run():
+def test_recorded_energy_is_relative_to_that_of_the_run():
     """A constant rate for 8 s, of which the run has 4 s: a gauge at 1 s of travel records 3/4."""
     generated = travel.Generation.of(np.ones((1, 8)), duration=8.0, until=4.0)
     at = travel.Ends(np.zeros(1), np.zeros(1))
@@ -94,7 +94,7 @@ def test_the_recorded_energy_is_relative_to_that_of_the_run():
     assert found.fraction == pytest.approx(0.75)
 
 
-def test_the_response_is_the_sum_of_all_mirror_images():
+def test_response_is_the_sum_of_all_mirror_images():
     length, duration, k = 3.0, 40.0, np.array([1.1, 2.3, 4.0])
     speed = airy.group_velocity(k, 1.0, GRAVITY)
     at = travel.Ends(np.array([1.0, 0.9, 0.5]), np.array([1.0, 0.7, 0.2]))
@@ -109,7 +109,7 @@ def test_the_response_is_the_sum_of_all_mirror_images():
     assert np.allclose(found, expected, atol=1e-6)
 
 
-def test_a_longer_run_of_a_closed_tank_needs_finer_numerics():
+def test_longer_run_of_a_closed_tank_has_a_larger_error():
     """The plan of a single passage misses such a run by 9 % (docs/plan.md)."""
     coarse = Settings(order=3, cells=6, vertical_order=5, dt=0.066, integrator="simpson-4")
     short, long = (requirements(tank(T), 1e-2) for T in (6.0, 120.0))
@@ -148,7 +148,7 @@ def test_absorption_once_a_step_is_part_of_the_error(wall, kd, measured):
     assert 0.5 < model.total(model.time("simpson-4", period / 28)) / measured < 2.0
 
 
-def test_absorption_is_in_the_error_as_long_as_its_waves_are_at_the_farthest_gauge():
+def test_error_of_absorption_counts_while_its_waves_are_at_the_farthest_gauge():
     """Of two paddles that absorb the one counts whose error is larger, a flap's."""
     motion = {"motion": {"type": "at-rest"}, "absorb": {"type": "active"}}
     driven = {"type": "piston", "motion": {"type": "sinusoid", "paddle_amplitude": 0.01, "period": 2.0}}
@@ -168,7 +168,7 @@ def test_absorption_is_in_the_error_as_long_as_its_waves_are_at_the_farthest_gau
     assert found[3] < found[0]
 
 
-def test_a_paddle_that_absorbs_has_a_vertical_order_for_its_evanescent_modes():
+def test_absorbing_paddle_has_a_vertical_order_for_evanescent_modes():
     """A flap of k d = 0.7 misses 1.1 % with n = 2, which the waves alone need, 0.24 % with n = 4 (docs/plan.md)."""
     flap, k = {"type": "flap", "hinge": 0.0}, 0.7
     moving = {**flap, "motion": {"type": "sinusoid", "paddle_amplitude": 0.01, "period": 3.08}}
