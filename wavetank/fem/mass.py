@@ -83,16 +83,38 @@ class HorizontalMatrix:
         return np.array(self._out.array_r)
 
 
-class FactoredMatrix(HorizontalMatrix):
-    """One that is inverted by its factors, along a slice or ring on one rank."""
+class FactoredSum(HorizontalMatrix):
+    """M_J + N, factored; along a slice or ring on one rank.
 
-    def __init__(self, plane: Plane, form: Bilinear, *, changing: NDArray[np.int32] | None = None):
-        super().__init__(plane, form, changing=changing)
-        self._ksp = PETSc.KSP().create(plane.comm)
+    Parameters
+    ----------
+    mass, J
+        M_J, and J in UFL.
+    penalty
+        The bilinear form of N in UFL, given trial and test function.
+    changing
+        As of ``HorizontalMatrix``.
+    """
+
+    def __init__(
+        self,
+        plane: Plane,
+        mass: "MassMatrix",
+        J: Any,
+        penalty: Bilinear,
+        *,
+        changing: NDArray[np.int32] | None = None,
+    ):
+        super().__init__(plane, lambda u, v: J * u * v * plane.dx + penalty(u, v), changing=changing)
+        self._mass, self._ksp = mass, PETSc.KSP().create(plane.comm)
         self._ksp.setOperators(self._rows.matrix)
         self._ksp.setType("preonly")
         self._ksp.getPC().setType("lu")
         self._ksp.getPC().setFactorOrdering("natural")
+
+    def penalty(self, values: Vector) -> Vector:
+        """Return N v for owned values, shape (owned,)."""
+        return self.apply(values) - self._mass.apply(values)
 
     def solve(self, right: Vector, start: Vector) -> Vector:
         """Return the solution for owned values r, shape (owned,); it needs no start value."""
@@ -101,45 +123,32 @@ class FactoredMatrix(HorizontalMatrix):
         return np.array(self._out.array_r)
 
 
-class FactoredSmoothing:
-    """N of v' = (M_J + N)^-1 M_J v where M_J + N is factored; all of it is collective."""
+class IterativeSum:
+    """M_J + N, which is not made; all of it is collective.
 
-    def __init__(self, whole: FactoredMatrix, mass: "MassMatrix"):
-        self.whole, self._mass = whole, mass
+    It is inverted by conjugate gradients with its diagonal: N's largest eigenvalues in M_J are some tens, so that three
+    iterations find a digit.
 
-    def update(self) -> None:
-        """Assemble M_J + N for the present values of what its form depends on."""
-        self.whole.update()
-
-    def apply(self, values: Vector) -> Vector:
-        """Return N v, shape (owned,)."""
-        return self.whole.apply(values) - self._mass.apply(values)
-
-    def taken(self, values: Vector, start: Vector) -> Vector:
-        """Return v - v', shape (owned,); it needs no start value."""
-        return values - self.whole.solve(self._mass.apply(values), start)
-
-    def moved(self, values: Vector, taken: Vector) -> Vector:
-        """Return N v' = M_J (v - v') of what is taken of v, shape (owned,); its sum is 0 to round-off."""
-        return self._mass.apply(taken)
-
-
-class RaisedMass:
-    """A mass matrix and another matrix together, M_J + N; all of it is collective.
-
-    It is inverted by conjugate gradients with its diagonal, and is not made: N's largest eigenvalues in M_J are some
-    tens, so that three iterations find a digit.
+    Parameters
+    ----------
+    penalty
+        The bilinear form of N in UFL, given trial and test function.
     """
 
     most = 500  # iterations
 
-    def __init__(self, mass: "MassMatrix", other: HorizontalMatrix, plane: Plane):
-        self._mass, self._other, self._comm = mass, other, plane.comm
-        self.update()
+    def __init__(self, plane: Plane, mass: "MassMatrix", penalty: Bilinear):
+        self._mass, self._other, self._comm = mass, HorizontalMatrix(plane, penalty), plane.comm
+        self.penalty = self._other.apply
+        self._find_diagonal()
+
+    def _find_diagonal(self) -> None:
+        self._diagonal = (self._mass.diagonal() + self._other.diagonal())[:, None]
 
     def update(self) -> None:
-        """Take over both as they are."""
-        self._diagonal = (self._mass.diagonal() + self._other.diagonal())[:, None]
+        """Assemble N for the present values of what its form depends on, and take over M_J as it is."""
+        self._other.update()
+        self._find_diagonal()
 
     def apply(self, values: Vector) -> Vector:
         """Return the product with owned values x, shape (owned,)."""
@@ -159,30 +168,6 @@ class RaisedMass:
             most=self.most,
         )
         return result[:, 0]
-
-
-class RaisedSmoothing:
-    """N of v' = (M_J + N)^-1 M_J v where M_J + N is not made; all of it is collective."""
-
-    def __init__(self, mass: "MassMatrix", other: HorizontalMatrix, plane: Plane):
-        self._other, self._raised = other, RaisedMass(mass, other, plane)
-
-    def update(self) -> None:
-        """Assemble N for the present values of what its form depends on, and take over M_J as it is."""
-        self._other.update()
-        self._raised.update()
-
-    def apply(self, values: Vector) -> Vector:
-        """Return N v, shape (owned,)."""
-        return self._other.apply(values)
-
-    def taken(self, values: Vector, start: Vector) -> Vector:
-        """Return v - v' = (M_J + N)^-1 N v, shape (owned,), from a start value."""
-        return self._raised.solve(self._other.apply(values), start)
-
-    def moved(self, values: Vector, taken: Vector) -> Vector:
-        """Return N v' of what is taken of v, shape (owned,); its sum is 0 however well that is known."""
-        return self._other.apply(values - taken)
 
 
 def mass_matrix(plane: Plane, J: Any, unit: Unit | None = None) -> "MassMatrix":

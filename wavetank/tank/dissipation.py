@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 from wavetank.arrays import Vector
 from wavetank.errors import InputError
 from wavetank.fem.gradient_jumps import GradientJumpPenalty
-from wavetank.fem.mass import BandedMass, FactoredMatrix, FactoredSmoothing, HorizontalMatrix, RaisedSmoothing
+from wavetank.fem.mass import BandedMass, FactoredSum, IterativeSum
 from wavetank.fem.plane import Plane
 from wavetank.integrators.states import State
 from wavetank.tank.surface_flow import SurfaceVelocity
@@ -114,40 +114,29 @@ class Smoother(Protocol):
         """Return Q - N eta' and psi' of points [Q, psi], shape (m, 2, owned), over columns of still water [m]."""
 
 
-class Solved(Protocol):
-    """N, and what (M_J + N)^-1 finds; values are owned, shape (owned,), and all of it is collective."""
-
-    def update(self) -> None:
-        """Take over M_J and N as they are."""
-
-    def apply(self, values: Vector) -> Vector:
-        """Return N v."""
-
-    def taken(self, values: Vector, start: Vector) -> Vector:
-        """Return v - v', found from a start value."""
-
-    def moved(self, values: Vector, taken: Vector) -> Vector:
-        """Return N v' of what is taken of v; its sum is 0 to round-off."""
-
-
-class OneByOne:
-    """A smoother that finds what it takes of each field of a point by itself, from what it has taken of the last.
+class FieldSmoother:
+    """A smoother of each field of a point by itself, whose start value is the change of the last point's field.
 
     The points of a state are close to each other.
+
+    Parameters
+    ----------
+    matrix
+        M_J + N.
     """
 
-    def __init__(self, solved: Solved, columns: Columns):
-        self._solved, self._columns = solved, columns
-        self.update, self.apply = solved.update, solved.apply
+    def __init__(self, matrix: FactoredSum | IterativeSum, columns: Columns):
+        self._matrix, self._columns = matrix, columns
+        self.update, self.apply = matrix.update, matrix.penalty
 
     def smoothed(self, pairs: Vector, still: Vector | float) -> Vector:
         """See ``Smoother``."""
-        result, solved = np.empty_like(pairs), self._solved
-        of_eta = of_psi = np.zeros(pairs.shape[2:])
+        result, N, solve = np.empty_like(pairs), self._matrix.penalty, self._matrix.solve
+        by_eta = by_psi = np.zeros(pairs.shape[2:])  # v - v' = (M_J + N)^-1 N v
         for (q, psi), after in zip(pairs, result, strict=True):
             eta = self._columns.solve(q) - still
-            of_eta, of_psi = solved.taken(eta, of_eta), solved.taken(psi, of_psi)
-            after[:] = q - solved.moved(eta, of_eta), psi - of_psi
+            by_eta, by_psi = solve(N(eta), by_eta), solve(N(psi), by_psi)
+            after[:] = q - N(eta - by_eta), psi - by_psi
         return result
 
 
@@ -215,9 +204,8 @@ class Smoothing:
         if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
             wall = self._waves.wall
             changing = plane.around(wall.carries) if self._by_wall and wall.moves else None
-            whole = FactoredMatrix(plane, lambda u, v: J * u * v * plane.dx + self._of(u, v), changing=changing)
-            return OneByOne(FactoredSmoothing(whole, mass), self._waves.columns)
-        return OneByOne(RaisedSmoothing(mass, HorizontalMatrix(plane, self._of), plane), self._waves.columns)
+            return FieldSmoother(FactoredSum(plane, mass, J, self._of, changing=changing), self._waves.columns)
+        return FieldSmoother(IterativeSum(plane, mass, self._of), self._waves.columns)
 
     def update(self) -> None:
         """Assemble N for the present values of what its form depends on, the wall among them; collective."""
