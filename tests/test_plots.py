@@ -177,13 +177,11 @@ def test_a_varying_bed_is_drawn_at_its_depth(tmp_path):
     def shoal(x, y):
         return 1.0 - 0.5 * np.exp(-((x - 12.0) ** 2)) + y
 
-    text = words(lambda path: surface_figure(group(), path, depth=shoal), tmp_path)
-    assert ">bed [m]<" in text
-    axes = Figure().add_subplot()
-    x = np.linspace(0.0, 24.0, 241)
+    assert ">bed [m]<" in words(lambda path: surface_figure(group(), path, depth=shoal), tmp_path)
+    axes, x = Figure().add_subplot(), np.linspace(0.0, 24.0, 241)
     figures._draw_bed(axes, x, shoal(x, 0 * x))
     water, sand = (np.concatenate([path.vertices for path in one.get_paths()]) for one in axes.collections)
-    assert water[:, 1].min() == pytest.approx(-1.0) and water[:, 1].max() == 0.0
+    assert (water[:, 1].min(), water[:, 1].max()) == (pytest.approx(-1.0), 0.0)
     assert sand[:, 1].max() == pytest.approx(-0.5)
 
 

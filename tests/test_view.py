@@ -262,27 +262,21 @@ def test_the_paddle_moves_with_the_water(tmp_path):
     assert "paddle" not in tank_scene.tank_view(record(tmp_path / "still")).at(0.5)
 
 
-def test_the_water_reaches_from_bed_to_surface(run):
-    tank = tank_scene.tank_view(run)
-    meshes = tank.at(0.0)
-    low, high = meshes["sides"].bounds[4:]
-    assert (low, high) == pytest.approx((-DEPTH, HEIGHT / 2))
-    assert tank.fixed()["bed"].bounds[5] == pytest.approx(-DEPTH)
-
-
-def test_a_slices_water_reaches_down_to_its_bed(tmp_path):
-    bed = {"type": "formula", "depth": "1.2 - 0.1 * x"}
+@pytest.mark.parametrize(("bed", "slope"), [(None, 0.0), ({"type": "formula", "depth": "1.2 - 0.1 * x"}, 0.1)])
+def test_a_slices_water_reaches_from_its_bed_to_the_surface(tmp_path, bed, slope):
+    """Oracle: the depth d - slope x, beyond the tank's ends as at them."""
+    deepest = 1.2 if bed else DEPTH
     tank = tank_scene.tank_view(record(tmp_path / "run", {**TANK, "bed": bed}, paddle=0.2))
-    assert tank.depth == pytest.approx(1.2)
-    assert tank.fixed()["glass"].bounds[4] == pytest.approx(-0.4)  # the far wall stands on the bed
+    assert tank.depth == pytest.approx(deepest)
+    assert tank.fixed()["glass"].bounds[4] == pytest.approx(slope * LENGTH - deepest)  # the far wall stands on the bed
     sides = tank.at(0.5)["sides"].points
     foot = sides[sides[:, 2] < -0.1]
-    assert foot[:, 2] == pytest.approx(-(1.2 - 0.1 * foot[:, 0].clip(0.0)), abs=1e-6)
-    ground = tank.fixed()["bed"]
-    x, _, z = ground.points.T
-    top, slab = z[z > -1.25], z[z <= -1.25]
-    assert top == pytest.approx(-(1.2 - 0.1 * x[z > -1.25].clip(0.0, LENGTH)), abs=1e-6)
-    assert slab == pytest.approx(-1.2 * (1 + tank_scene.SLAB))
+    assert foot[:, 2] == pytest.approx(slope * foot[:, 0].clip(0.0) - deepest, abs=1e-6)
+    assert sides[:, 2].max() == pytest.approx(HEIGHT / 2, rel=0.01)
+    x, _, z = tank.fixed()["bed"].points.T
+    top = z > -deepest - 0.05
+    assert z[top] == pytest.approx(slope * x[top].clip(0.0, LENGTH) - deepest, abs=1e-6)
+    assert z[~top] == pytest.approx(-deepest * (1 + tank_scene.SLAB))
 
 
 def test_a_ring_is_bent_to_a_closed_circle(tmp_path):
@@ -298,10 +292,10 @@ def test_a_ring_is_bent_to_a_closed_circle(tmp_path):
     assert [*tank.fixed()] == ["bed"] and "paddle" not in tank.at(0.0)
 
 
-def test_a_ring_and_a_single_snapshot_make_stills(tmp_path):
-    for name, tank in (("ring", {**TANK, "type": "ring"}), ("slice", TANK)):
-        run = record(tmp_path / name, tank, times=[0.5])
-        assert imread(view.still(run, tmp_path / f"{name}.png", size=SMALL))[..., :3].std() > 0.1
+@pytest.mark.parametrize("kind", ["slice", "ring"])
+def test_a_single_snapshot_makes_a_still(tmp_path, kind):
+    run = record(tmp_path / "run", {**TANK, "type": kind}, times=[0.5])
+    assert imread(view.still(run, tmp_path / "still.png", size=SMALL))[..., :3].std() > 0.1
 
 
 # ---------------------------------------------------------------- films

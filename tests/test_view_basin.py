@@ -4,18 +4,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import typer
+from conftest import commanded
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 from records import gauge, gauges
-from typer.testing import CliRunner
 
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.fields import VtkCells, VtuSeries
 from wavetank.output.writer import RunWriter
-from wavetank.plots import basin, view, view_command
+from wavetank.plots import basin, view
 from wavetank.plots.basin import BasinSurface, Extremes, history
 from wavetank.plots.figures import draw_run
 from wavetank.plots.style import mark_places, remove_overlaps
@@ -278,18 +277,6 @@ def test_crest_trough_island_and_paddle_have_their_colours_in_the_picture(tmp_pa
     picture.close()
 
 
-def test_two_ranks_give_the_same_picture(tmp_path):
-    pictures = []
-    for ranks in (1, 2):
-        run = record(tmp_path / str(ranks), paddle=swinging, depth=shoal, ranks=ranks, times=TIMES[:6])
-        picture = view.View(BasinView(run), "", size=SIZE)
-        pictures.append(picture.pixels(0.2).astype(int))
-        picture.close()
-    # another order of points may change roundings of colours at single pixels, but no seam is seen
-    assert np.abs(pictures[0] - pictures[1]).max() <= 12
-    assert np.abs(pictures[0] - pictures[1]).mean() < 0.01
-
-
 @pytest.mark.parametrize(
     "kept, x, side", [(around, ["x = 0 m", *"12345678"], "right"), (l_shaped, ["x = 2 m", *"345678"], "left")]
 )
@@ -384,19 +371,14 @@ def test_quadrilaterals_are_drawn_as_the_triangles_they_are_made_of():
 
 
 # ---------------------------------------------------------------- the commands
-def command(*arguments):
-    app = typer.Typer()
-    app.command()(view_command.view)
-    return CliRunner().invoke(app, list(map(str, arguments)))
-
-
 def test_a_basin_is_drawn_after_its_run_and_viewed_like_a_slice(tmp_path, monkeypatch):
     monkeypatch.setitem(FORMATS, ".gif", FORMATS[".gif"]._replace(rate=2.0))  # a film of few frames
     run = record(tmp_path / "run", paddle=swinging, times=TIMES[:4])
     assert [picture.name for picture in draw_run(run)] == ["surface.png"]  # gauges and energy have one row
     (run.path / "surface.png").unlink()
-    done = command(run.path, "--diagram", "--time", 0.1, "--film", tmp_path / "film.gif", "--size", "320x180")
-    assert done.exit_code == 0, done.output
+    words = ("--diagram", "--time", "0.1", "--film", str(tmp_path / "film.gif"), "--size", "320x180")
+    done = commanded("view", str(run.path), *words)
+    assert done.returncode == 0, done
     assert imread(run.path / "view.png").shape[:2] == (180, 320)
     assert imread(run.path / "surface.png")[..., :3].std() > 0.05
     assert (tmp_path / "film.gif").stat().st_size > 10_000

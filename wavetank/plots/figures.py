@@ -73,13 +73,13 @@ def surface_figure(
     """
     t, x, eta = surface.time.values, surface.x.values, surface.elevation.values
     crest = int(eta.max(axis=1).argmax())
-    near, far = (bool(np.ptp(x[:, node])) for node in (0, -1))
+    paddle, far = (bool(np.ptp(x[:, node])) for node in (0, -1))
     d = depth(x[crest], 0 * x[crest]) if callable(depth) else np.full_like(x[crest], depth)
-    heights, widths = (1, 0.3, 1.5) if callable(depth) else (1, 1.5), (1, 11, 1)[1 - near : 2 + far]
+    heights, widths = (1, 0.3, 1.5) if callable(depth) else (1, 1.5), (1, 11, 1)[1 - paddle : 2 + far]
     with picture(path, 11, 9.6 if callable(depth) else 8.6, title=title or "Surface elevation") as figure:
         grid = figure.add_gridspec(len(heights), len(widths), height_ratios=heights, width_ratios=widths)
-        diagram = figure.add_subplot(grid[-1, int(near)], xlabel=f"distance {origin}, x [m]", ylabel="time [s]")
-        profile = figure.add_subplot(grid[0, int(near)], sharex=diagram)
+        diagram = figure.add_subplot(grid[-1, int(paddle)], xlabel=f"distance {origin}, x [m]", ylabel="time [s]")
+        profile = figure.add_subplot(grid[0, int(paddle)], sharex=diagram)
         _draw_diagram(figure, diagram, t, x, eta)
         if gauges is not None:
             mark_along(diagram, gauges, top=float(t[-1]))
@@ -88,8 +88,8 @@ def surface_figure(
             mark_sponge(diagram, (sum(sponge) / 2, 0.03), xycoords=diagram.get_xaxis_transform())
         _draw_profile(profile, t, x, eta, float(d.max()))
         if callable(depth):
-            _draw_bed(figure.add_subplot(grid[1, int(near)], sharex=diagram), x[crest], d)
-        if near:
+            _draw_bed(figure.add_subplot(grid[1, int(paddle)], sharex=diagram), x[crest], d)
+        if paddle:
             diagram.tick_params(labelleft=False)
             diagram.set_ylabel("")
             _draw_wall(figure.add_subplot(grid[-1, 0], sharey=diagram, ylabel="time [s]"), diagram, t, x[:, 0], 0.0)
@@ -247,11 +247,11 @@ def gauges_figure(measured: DataArray, computed: DataArray, published: Sequence[
     ``InputError`` as ``compare`` does.
     """
     pairs = matched(computed, measured)
-    others = [one for records in published for one in records]
+    computations = [one for records in published for one in records]
     with picture(path, 14, 1.1 + 1.6 * len(pairs)) as figure:
         axes = figure.subplots(len(pairs), 2, width_ratios=(2, 1), sharey="row", squeeze=False)
         for (one, reference), (full, zoom) in zip(pairs, axes, strict=True):
-            same_place = [other.dropna("time") for other in others if abs(other.x - reference.x) < MATCH]
+            same_place = [other.dropna("time") for other in computations if abs(other.x - reference.x) < MATCH]
             _draw_gauge(full, zoom, reference, [*same_place, one])
         for panel in axes[-1]:
             panel.set_xlabel("time [s]")
@@ -386,8 +386,8 @@ def _draw_broken_slice(
 def _draw_broken_basin(panels: NDArray[Any], surface: Dataset, steepest: dict[str, float]) -> None:
     """Draw the cells in plan view, all of them and those around the steepest."""
     half = AROUND * max(float(np.ptp(surface.x.values)), float(np.ptp(surface.y.values)))
-    near_x, near_y = (np.abs(surface[axis] - steepest[axis]) <= half for axis in "xy")
-    zoom = surface.where(near_x & near_y, drop=True)
+    inside = (np.abs(surface.x - steepest["x"]) <= half) & (np.abs(surface.y - steepest["y"]) <= half)
+    zoom = surface.where(inside, drop=True)
     for row, (name, label) in zip(panels, LABELS.items(), strict=True):
         limits = {"vmin": float(surface[name].min()), "vmax": float(surface[name].max())}
         for axes, part in zip(row, (surface, zoom), strict=True):

@@ -359,7 +359,8 @@ class View:
         waves = self.tank.waves
         highest = CM * max(waves.high, -waves.low)
         beyond = f", largest {highest:.2g}" * (highest > 1.05 * self._limit)
-        self._write("bar", ELEVATION + beyond, (0.03, 0.16), size=12)
+        line = min(self._line, 0.11)  # above the note, and below the tank in small pictures
+        self._write("bar", ELEVATION + beyond, (0.03, 0.035 + 1.92 * line), size=12)
         self.plotter.add_scalar_bar(
             "",
             mapper=self.plotter.actors["surface"].mapper,
@@ -367,9 +368,9 @@ class View:
             fmt="%g",
             color=INK,
             width=0.23,
-            height=0.06,
+            height=0.92 * line,
             position_x=0.03,
-            position_y=0.095,
+            position_y=0.035 + 0.92 * line,
             label_font_size=round(17 * self._pixel),
         )
         numbers = self.plotter.scalar_bar.GetLabelTextProperty()
@@ -437,8 +438,8 @@ class View:
         """Return the upper corner with more space above the tank: its x over the picture's width, and its side."""
         width, _ = self.plotter.window_size
         columns, rows = self.place(self._outline()).T
-        left, right = (rows[side].min(initial=np.inf) for side in (columns < 0.35 * width, columns > 0.65 * width))
-        return (0.03, "left") if left > right else (0.97, "right")
+        tops = [rows[side].min(initial=np.inf) for side in (columns < 0.35 * width, columns > 0.65 * width)]
+        return (0.03, "left") if tops[0] > tops[1] else (0.97, "right")
 
 
 def fitted(points: Array, ahead: Array, *, tangents: tuple[float, float]) -> tuple[Array, Array]:
