@@ -221,7 +221,7 @@ def test_waves_that_go_through_a_tank_are_energy_that_a_balance_is_judged_by(uns
         pulled.advance = lambda *_, step=step: (0.5 * step * unseen, 0.5 * step * 9.0)
         budget.record(still(step, work=pulled))
     assert budget.energy_error == pytest.approx(100 * abs(unseen) / 901, rel=1e-9)
-    assert len(budget.verdict()) == told
+    assert len(budget.warnings()) == told
 
 
 def test_work_over_unequal_steps_is_that_of_trapezia_and_of_equal_steps_of_order_four():
@@ -245,9 +245,8 @@ def test_what_gives_energy_is_told_by_its_name_whatever_the_other_takes(which, c
     for step, given in enumerate((-0.2, -0.1, 0.1, -0.1)):
         sinks[which].energy_taken, sinks[1 - which].energy_taken = -given, 4.0 * (step > 0)
         budget.record(still(step, sinks=sinks))
-    told = [sentence for sentence in budget.verdict() if "given" in sentence]
-    assert len(told) == 1 and told[0].startswith(f"{called} has given the waves")
-    assert "by t = 1 s" in told[0]
+    (warning,) = (one for one in budget.warnings() if one.code == "energy-gained")
+    assert str(warning).startswith(f"{called} has given the waves") and warning.t == 1.0
 
 
 @pytest.mark.parametrize(("other", "cured"), [(0.0, False), (4.0, True)])
@@ -260,11 +259,12 @@ def test_a_balance_that_is_off_by_what_was_given_is_not_cured_by_a_shorter_step(
     for n in range(3):
         beach.energy_taken, more.energy_taken = -0.3 * (n > 0), other * (n > 0)
         budget.record(still(n, sinks=[beach, more], water=water))
-    given, off = sorted(budget.verdict(), key=lambda said: "balance" in said)
-    assert budget.verdict() == ([off, given] if cured else [given, off])
-    assert off.endswith(": a shorter step or a tighter tolerance is needed" if cured else "to what the beach has given")
+    given, off = sorted(budget.warnings(), key=lambda one: one.code == "energy-balance")
+    assert budget.warnings() == ([off, given] if cured else [given, off])
+    reason = "a shorter step or a tighter tolerance is needed" if cured else "see first to what the beach has given"
+    assert off.details["reason"] == reason
     budget.cause = "a wave breaks"
-    assert any(said.endswith(": a wave breaks") for said in budget.verdict()) == cured
+    assert any(one.details.get("reason") == "a wave breaks" for one in budget.warnings()) == cured
 
 
 @pytest.mark.parametrize(("taken", "told"), [(0.02, True), (0.008, False)])
@@ -275,7 +275,7 @@ def test_numerics_that_took_energy_are_told_by_name_and_what_should_take_it_is_n
     for step in range(3):
         penalty.energy_taken = beach.energy_taken = 0.5 * step * taken
         budget.record(still(step, sinks=[penalty, beach]))
-    said = [sentence for sentence in budget.verdict() if "taken" in sentence]
+    said = [str(one) for one in budget.warnings() if one.code == "energy-lost"]
     assert said == ["the edge penalty has taken 0.019 of the energy: finer cells lose less, unless waves break"] * told
 
 

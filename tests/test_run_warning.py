@@ -17,8 +17,9 @@ SENTENCE = "gauges.nc could not be written (no space); gauges.csv has the same"
 
 def test_every_code_has_a_sentence_and_every_sentence_a_producer():
     package = Path(__file__).resolve().parents[1] / "wavetank"
-    source = "".join(file.read_text() for file in package.rglob("*.py"))
-    assert {TEXT, *re.findall(r'RunWarning\(\s*"([^"]+)"', source)} == set(MESSAGES)
+    source = "".join(file.read_text() for file in package.rglob("*.py") if file.name != "run_warning.py")
+    assert {*re.findall(r'RunWarning\(\s*"([^"]+)"', source)} <= set(MESSAGES)
+    assert all(f'"{code}"' in source for code in MESSAGES if code != TEXT)
     for template in MESSAGES.values():
         [*Formatter().parse(template)]  # raises ValueError for a template that cannot be formatted
 

@@ -16,6 +16,23 @@ MESSAGES = {
     "missing-observers": (
         "the run's own observers do not look from t = {t:.6g} s on: {names}; wt.resume(..., observers=...) gives them"
     ),
+    "short-waves": (
+        "t = {t:.6g} s: short waves that alternate from step to step have grown to {value:.2g} % of the highest "
+        "elevation, most at {place}: from here on the run is not accurate; half the step, or finer cells, may help"
+    ),
+    "unstable-step": (
+        "t = {t:.6g} s: short waves that alternate from step to step have grown to {value:.2g} % of the highest "
+        "elevation, most at {place}: from here on the run is not accurate; under the crests dt omega_max = "
+        "{product:.3g}, for a scheme stable below {stable:.4g}: a step of {longest:.2g} s would have been stable so far"
+    ),
+    "energy-gained": "{part} has given the waves {value:.2g} of the energy by t = {t:.4g} s: {meaning}",
+    "energy-lost": "{part} has taken {value:.2g} of the energy: {cure}",
+    "energy-balance": "the energy balance is off by {value:.2g} of the energy: {reason}",
+    "paddle-limit": (
+        "absorption moved the paddle of {key} to a {name} of {value:.4g} {unit}; {key}.limits.{name} allows "
+        "{limit:.4g} {unit}, which is the most of its drive"
+    ),
+    "dry-probes": "probes without water at any time, their columns are empty: {points}",
     "not-resumable": "the run cannot be resumed from here on: {reason}",
     "second-order-limit": (
         "second-order generation is beyond its theory: a second harmonic of {value:.2g} of the wave, where {limit:g} "

@@ -66,7 +66,7 @@ class EndReport:
         for diagnostic in self.run.diagnostics:
             if isinstance(diagnostic, EnergyBudget):
                 diagnostic.cause = next((one.watch.cause for one in breaking), "")
-            for warning in getattr(diagnostic, "verdict", list)():
+            for warning in getattr(diagnostic, "warnings", list)():
                 self.warnings.add(warning)
         for one in breaking:
             dissipated = ""

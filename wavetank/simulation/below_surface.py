@@ -9,6 +9,7 @@ from wavetank.arrays import Vector
 from wavetank.errors import InputError, OutsideError, PaddleError
 from wavetank.output.columns import RATES as RATES
 from wavetank.output.fields import VtkCells
+from wavetank.run_warning import RunWarning
 from wavetank.simulation.clock import EverySteps, Schedule
 from wavetank.simulation.contract import Diagnostic, displacement, due_steps
 from wavetank.simulation.diagnostics import Called, LatticePlaces, Passing
@@ -100,10 +101,10 @@ class Probes:
         rows = ([None] * len(row) if dry else row for row, dry in zip(each, result.dry, strict=True))
         self._record.extend([[t, *(value for row in rows for value in row)]])
 
-    def verdict(self) -> list[str]:
-        """Return a sentence for probes without water at any time."""
+    def warnings(self) -> list[RunWarning]:
+        """Return a warning of probes without water at any time."""
         dry = [point for point, wet in self.state.wet.items() if not wet]
-        return [f"probes without water at any time, their columns are empty: {'; '.join(dry)}"] if dry else []
+        return [RunWarning("dry-probes", details={"points": "; ".join(dry)})] if dry else []
 
 
 def axes_of(water: MovingWater) -> list[int]:
@@ -133,9 +134,9 @@ class BelowSurface:
                 if len(due := due_steps(diagnostic.schedule, step)):
                     diagnostic.record(due)
 
-    def verdict(self) -> list[str]:
-        """Return a sentence for probes without water at any time."""
-        return [sentence for one in self.diagnostics if isinstance(one, Probes) for sentence in one.verdict()]
+    def warnings(self) -> list[RunWarning]:
+        """Return a warning of probes without water at any time."""
+        return [warning for one in self.diagnostics if isinstance(one, Probes) for warning in one.warnings()]
 
 
 class WindowObserver:

@@ -10,6 +10,7 @@ from dolfinx.mesh import MeshTags
 from wavetank.case import Case
 from wavetank.case.output import Window
 from wavetank.errors import OutsideError
+from wavetank.run_warning import RunWarning
 from wavetank.simulation.below_surface import BelowSurface, Loads, Probes, VelocityFields, WindowObserver
 from wavetank.simulation.clock import Clock, EverySteps, EveryTime, EveryTimeBetween
 from wavetank.simulation.construction import AnyWaves, moving_water
@@ -38,7 +39,7 @@ from wavetank.tank.waves import NonlinearWaves
 from wavetank.values.case_model import CaseError, Problem, about
 
 
-def build_watch(scene: Case, run: Run, waves: AnyWaves, warn: Callable[[str], None]) -> list[Diagnostic]:
+def build_watch(scene: Case, run: Run, waves: AnyWaves, warn: Callable[[RunWarning], None]) -> list[Diagnostic]:
     """Return what watches the step of nonlinear waves and warns; collective."""
     if isinstance(waves, LinearWaves):
         return []  # the limit is known before the run, and kept

@@ -16,6 +16,7 @@ from wavetank.fem.points import Points, points_in
 from wavetank.output.columns import RATES as RATES
 from wavetank.output.directory import REST_POSITION
 from wavetank.output.fields import VtkCells
+from wavetank.run_warning import RunWarning
 from wavetank.simulation.clock import EverySteps, Schedule
 from wavetank.simulation.contract import Waves, displacement, displacements
 from wavetank.simulation.records import FieldRecord, Record
@@ -259,13 +260,12 @@ class PaddleLimits:
         )
         self.state = Extremes(lowest.tolist(), highest.tolist())
 
-    def verdict(self) -> list[str]:
-        """Return a sentence for each limit that it has been beyond."""
+    def warnings(self) -> list[RunWarning]:
+        """Return a warning for each limit that was exceeded."""
         (least, most), *ends = zip(self.state.lowest, self.state.highest, strict=True)
         sizes = (most - least, *(max(map(abs, of_rate)) for of_rate in ends))
         return [
-            f"absorbing took the paddle of {self._key} to a {name} of {size:.4g} {unit}; {self._key}.limits.{name} "
-            f"allows {self._limits[name]:.4g} {unit}: no such drive does that"
+            RunWarning("paddle-limit", self._key, size, self._limits[name], details={"name": name, "unit": unit})
             for name, size, unit in zip(LIMITED, sizes, RATES.values(), strict=True)
             if size > self._limits.get(name, np.inf)
         ]

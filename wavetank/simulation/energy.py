@@ -19,6 +19,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from wavetank.arrays import Vector
+from wavetank.run_warning import RunWarning
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.contract import Waves
 from wavetank.simulation.records import Record
@@ -185,30 +186,31 @@ class EnergyBudget:
         """
         return self.state.off / self.state.energy if self.state.energy > self.state.nothing else 0.0
 
-    def verdict(self) -> list[str]:
-        """Return a sentence if the balance was ever off by more than ``TRUE`` of the energy, and what that came by.
+    def warnings(self) -> list[RunWarning]:
+        """Return warnings of a balance that was off by more than ``TRUE`` of the energy, and of its causes.
 
-        And one for each that should take energy and has given back more than ``GIVEN`` of it, and for numerics that
-        have taken more than ``LOST`` of it. What the balance is off by comes first, but after what it is blamed on.
+        Each part that should take energy and has given back more than ``GIVEN`` of it, and numerics that have taken
+        more than ``LOST`` of it, have one. That of the balance is first, but after its cause.
         """
-        sentences, most, giver = list[str](), 0.0, ""
-        for name, (called, gives, cure) in self._called.items():
-            given, t = self.state.given.get(name, (0.0, 0.0))
-            if given > max(GIVEN * self.state.energy, self.state.nothing):
-                part = f"has given the waves {given / self.state.energy:.2g} of the energy by t = {t:.4g} s"
-                sentences.append(f"{called} {part}: {gives}")
-                most, giver = max((most, giver), (given, called))
-            if cure and (taken := self.state.most.get(name, 0.0)) > max(LOST * self.state.energy, self.state.nothing):
-                sentences.append(f"{called} has taken {taken / self.state.energy:.2g} of the energy: {cure}")
-        if self.state.off > (least := max(TRUE * self.state.energy, self.state.nothing)):
-            what, place = self.cause or "a shorter step or a tighter tolerance is needed", 0
-            if self.state.off - self.state.jumped <= least:
-                what = "with the numerics that the run went on with its surface had another energy"
-            elif most > BLAMED * self.state.off:
-                what, place = f"see first to what {giver} has given", len(sentences)
-            off = f"the energy balance is off by {self.state.off / self.state.energy:.2g} of the energy"
-            sentences.insert(place, f"{off}: {what}")
-        return sentences
+        state, result, most, giver = self.state, list[RunWarning](), 0.0, ""
+        for name, (part, meaning, cure) in self._called.items():
+            given, t = state.given.get(name, (0.0, 0.0))
+            if given > max(GIVEN * state.energy, state.nothing):
+                details = {"part": part, "meaning": meaning}
+                result.append(RunWarning("energy-gained", "", given / state.energy, GIVEN, t, details=details))
+                most, giver = max((most, giver), (given, part))
+            if cure and (taken := state.most.get(name, 0.0)) > max(LOST * state.energy, state.nothing):
+                details = {"part": part, "cure": cure}
+                result.append(RunWarning("energy-lost", value=taken / state.energy, limit=LOST, details=details))
+        if state.off > (least := max(TRUE * state.energy, state.nothing)):
+            reason, number = self.cause or "a shorter step or a tighter tolerance is needed", 0
+            if state.off - state.jumped <= least:
+                reason = "with the numerics of the resumed run its surface had another energy"
+            elif most > BLAMED * state.off:
+                reason, number = f"see first to what {giver} has given", len(result)
+            off = RunWarning("energy-balance", value=state.off / state.energy, limit=TRUE, details={"reason": reason})
+            result.insert(number, off)
+        return result
 
 
 def _largest_taken(

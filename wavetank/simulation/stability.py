@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from wavetank.arrays import Vector, largest
+from wavetank.run_warning import RunWarning
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.contract import displacement
 from wavetank.tank.breakdown import FARTHEST, ShortWaves
@@ -148,7 +149,7 @@ class StabilityWatch:
         *,
         dt: float,
         limit: float,
-        warn: Callable[[str], None],
+        warn: Callable[[RunWarning], None],
         look: Alternating,
     ):
         self.schedule = EverySteps()
@@ -199,7 +200,7 @@ class StabilityWatch:
         for n, one in enumerate(noise.tolist()):
             if self._warns(float(block.t[n]), one):
                 heights = np.abs(np.diff(rows[n - first :][1 : look.order + 2], look.order, axis=0)[0])
-                self._warn(self._sentence(float(block.t[n]), one, self._place(block, n, heights)))
+                self._warn(self._warning(float(block.t[n]), one, *self._place(block, n, heights)))
         if noise[-1] < calm:  # elsewhere the motion is not that of the water
             self.state = replace(self.state, frequency=max(state.frequency, frequency))
 
@@ -225,23 +226,20 @@ class StabilityWatch:
             return None
         return FARTHEST * self._limit / self.state.frequency
 
-    def _place(self, block: Block, number: int, heights: Vector) -> str:
-        """Return in words where heights were largest at a step of a block; collective."""
+    def _place(self, block: Block, number: int, heights: Vector) -> tuple[float, float | None]:
+        """Return x and, in basins, y [m] of the largest of the heights at a step of a block; collective."""
         places, wall = self._waves.plane.places, self._waves.wall
         places = wall.to_physical(places, block.eta[number], displacement(block, number, wall, places))
         own = max(
             ((float(height), *map(float, at)) for height, at in zip(heights, places, strict=True)), default=(0.0,)
         )
         _, x, y = max(self._waves.plane.comm.allgather(own))
-        return f"x = {x:.4g} m" if self._waves.plane.mesh.topology.dim == 1 else f"x = {x:.4g} m, y = {y:.4g} m"
+        return x, y if self._waves.plane.mesh.topology.dim == 2 else None
 
-    def _sentence(self, t: float, noise: float, place: str) -> str:
-        cure = "half the step, or finer cells, may do"
+    def _warning(self, t: float, noise: float, x: float, y: float | None) -> RunWarning:
+        """Return the warning at a time [s] and place [m], with a stable step if there is one."""
+        code, details = "short-waves", dict[str, float | str]()
         if self.longest is not None:
-            product = self._dt * self.state.frequency
-            cure = f"under the crests dt omega_max = {product:.3g}, for a scheme stable below {self._limit:.4g}"
-            cure = f"{cure}: a step of {self.longest:.2g} s would have done so far"
-        return (
-            f"t = {t:.6g} s: short waves that alternate from step to step have grown to {100 * noise:.2g} % of the "
-            f"highest elevation, most at {place}: from here on the run is not to be trusted; {cure}"
-        )
+            code, product = "unstable-step", self._dt * self.state.frequency
+            details = {"product": product, "stable": self._limit, "longest": self.longest}
+        return RunWarning(code, "numerics.dt", 100 * noise, 100 * self._look.noise, t, x, y, details=details)
