@@ -10,7 +10,6 @@ import pytest
 from conftest import fitted_slope, recorded
 from mpi4py import MPI
 
-from wavetank import recording
 from wavetank.case import Case
 from wavetank.case.reading import read_case
 from wavetank.cli import main
@@ -608,7 +607,7 @@ def test_case_that_cannot_be_planned_or_is_unstable_is_refused_before_its_mesh(
     case, changes, commands, message, capsys, monkeypatch, tmp_path
 ):
     """The frequency of the unstable mesh took 100 s of iterations: the oracle of a shallow tank's limit."""
-    monkeypatch.setattr(recording, "build_run", lambda *_, **__: pytest.fail("it was built"))
+    monkeypatch.setattr("wavetank.recording.preparing.build_run", lambda *_, **__: pytest.fail("it was built"))
     if isinstance(case, str):
         (tmp_path / "case.toml").write_text(case)
         case = tmp_path / "case.toml"
