@@ -37,6 +37,16 @@ def few_pixels() -> None:
 
 
 @pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[object]:
+    """Return the figures that would have been saved."""
+    from matplotlib.figure import Figure
+
+    figures: list[object] = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, path, **_: figures.append(figure))
+    return figures
+
+
+@pytest.fixture
 def trusted() -> Iterator[None]:
     """Trust the Python files that cases name."""
     from wavetank.values.python_file import trusting

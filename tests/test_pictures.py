@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from pictures import faults
 from rich.console import Console
 
@@ -23,14 +22,6 @@ from wavetank.studies.sweep import Refused, combinations, parse_axes
 from wavetank.studies.table import Row
 
 CASES = Path(__file__).resolve().parents[1] / "cases"
-
-
-@pytest.fixture
-def drawn(monkeypatch):
-    """Return the figures that would have been saved."""
-    figures = []
-    monkeypatch.setattr(Figure, "savefig", lambda figure, path, **_: figures.append(figure))
-    return figures
 
 
 @pytest.fixture
