@@ -217,7 +217,7 @@ def _ends(eta: DataArray, times: int) -> list[DataArray]:
 def _halves_of_full_periods(record: WaveRecord) -> list[DataArray]:
     """Return the first, all, and the last of a record, of as many full periods as a half has; all if these are few.
 
-    Over a part of a period what is above the highest harmonic counts as others.
+    Over a part of a period, waves above the highest harmonic would count as lower ones.
     """
     step, period = time_step(record.eta), 1 / record.frequency
     periods = int((record.eta.time.size - 1) * step / period / 2)

@@ -218,7 +218,7 @@ def peak_frequency(S: DataArray) -> DataArray:
 def sea_state(S: DataArray) -> Dataset:
     """Return Hm0 = 4 √m0 [m] and the periods [s] of a spectrum: Tp = 1/f_p, Tm01 = m0/m1, Tm02 = √(m0/m2), Tm-10.
 
-    Tm02 depends on what is at high frequencies, Tm-10 (the energy period) on what is at low ones.
+    Tm02 depends on the density at high frequencies, Tm-10 (the energy period) on that at low ones.
     """
     m = {n: moment(S, n) for n in (-1, 0, 1, 2)}
     result = {
@@ -246,7 +246,7 @@ def harmonics(eta: DataArray, frequency: float, *, number: int = NUMBER) -> Data
     ``level``
         The mean level [m] over gauge.
     ``rest``
-        Root mean square [m] of what is not harmonic, over gauge.
+        Root mean square [m] of the residual, over gauge.
 
     The record need not be whole periods. Raises ``InputError`` for one shorter than a period, or whose steps are too
     long for the highest harmonic.

@@ -15,7 +15,7 @@ from wavetank.output.manifest import MANIFEST
 from wavetank.run_warning import summarise_warnings
 
 KINDS = ("spectrum", "heights", "harmonics", "bound-free", "groups", "reflection", "speed")
-WIDTH = 120  # characters a table may need, on whatever terminal
+WIDTH = 120  # characters that a table may need, on any terminal
 MOST = 24  # rows of a table on the terminal
 REFLECTION = "reflection"  # of regular waves, or of a sea
 REGULAR = ("harmonics", "bound-free", REFLECTION, "speed")  # that take a period
@@ -103,7 +103,7 @@ def analyse(
 
 
 def own_folder(source: str) -> Path:
-    """Return where what is made of a run goes, into it, or of a table or data set, below ``runs``."""
+    """Return the folder for results of a run, which is its own, or of a table or data set, one below ``runs``."""
     path = Path(source)
     if (path / MANIFEST).is_file():
         return path

@@ -343,7 +343,7 @@ class Map(NamedTuple):
     limits
         The values at which the colours end [m].
     colours, ink
-        The name of matplotlib's colour map, and the colour of what is drawn upon it.
+        The name of matplotlib's colour map, and the colour of marks upon it.
     """
 
     title: str

@@ -76,7 +76,7 @@ def tank_note(run: str, reference: str) -> str:
 
 
 def _clock(text: str) -> tuple[float, float]:
-    """Return the bounds [s] of what is added to a reference's times, as a ``dataset.toml`` tells them."""
+    """Return the bounds [s] of the offset added to a reference's times, given as in a ``dataset.toml``."""
     from pydantic import TypeAdapter
 
     from wavetank.data.description import Clock

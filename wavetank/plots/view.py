@@ -135,7 +135,7 @@ STYLES: dict[str, dict[str, Any]] = {  # of meshes, by the first word of their n
 HIGHEST, DEEPEST, STEEPEST = 0.12, 0.22, 2.0  # waves' height and depth as drawn over the extent, and slope, at most
 
 
-# ---------------------------------------------------------------- what is made
+# ---------------------------------------------------------------- files and windows
 def still(run: RunDirectory, path: Path, *, t: float | None = None, size: Size = STILL) -> Path:
     """Draw a run at t [s], by default when its highest crest is there, as a PNG of ``size`` pixels; return ``path``.
 
@@ -423,7 +423,7 @@ class View:
         return np.concatenate([bed, bed * (1, 1, 0) + (0, 0, self.tank.waves.high)])
 
     def _aim(self) -> None:
-        """Put the camera where the tank just fits into the picture, whatever the waves do."""
+        """Put the camera where the tank just fits into the picture at all times."""
         marks, ruler, rods = self.tank.marks().places, self.tank.ruler().reach, rods_of(self.tank).points
         corners = np.concatenate([self._outline(), marks, ruler, rods])
         azimuth, altitude, half = np.radians([*self.tank.eye, VIEW_ANGLE / 2])

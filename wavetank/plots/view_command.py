@@ -1,4 +1,4 @@
-"""``wavetank view RUN``: what is asked for on the command line, made one after the other."""
+"""``wavetank view RUN``: the pictures, films and windows of the command line, one after the other."""
 
 import re
 from collections.abc import Iterator
