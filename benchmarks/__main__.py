@@ -116,7 +116,7 @@ def where_the_time_goes(steps: int) -> None:
 GROUPS = {
     "potentials along a slice as a whole, with all that is below": (
         *(f"method tank.{name}" for name in ("find", "attempt", "look", "see", "begin_stage")),
-        "whole.py",
+        "slice.py",
     ),
     "interior potentials: residuals": ("method tank.layers_product",),
     "corrections to them": ("method tank.single_correct",),
@@ -131,7 +131,7 @@ GROUPS = {
     ),
     "the mass matrix": ("method tank.mass_", "mass.py"),
     "forms of the wall": ("fem/assemble.py", "forms.py"),
-    "start values": ("method tank.history_", "method history.", "recall.py", "combination.py"),
+    "start values": ("method tank.history_", "method history.", "initial_guess.py", "anderson.py"),
 }
 
 

@@ -7,7 +7,7 @@ import pytest
 from mpi4py import MPI
 
 from wavetank.errors import ConvergenceError, RunError
-from wavetank.fem.combination import Combination
+from wavetank.fem.anderson import AndersonMixing
 from wavetank.integrators.stage_solver import StageHistories, StageSolver
 from wavetank.integrators.stages import CoupledStages, PairStage
 
@@ -106,7 +106,7 @@ def test_a_combination_of_points_is_exact_where_the_flow_is_linear_and_their_ima
     """
     rng, weight = np.random.default_rng(1), 0.1
     matrix, scale = rng.normal(size=(12, 12)), 1.0 + rng.random(12)
-    among = Combination(MPI.COMM_SELF, scale, (2, 6))
+    among = AndersonMixing(MPI.COMM_SELF, scale, (2, 6))
     among.begin(weight)
     given = list(points(matrix, weight, 21))
     for point in given[:-1]:

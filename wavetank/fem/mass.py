@@ -340,7 +340,7 @@ class BandedMass(MassMatrix):
     """
 
     sections = "mass", "banded", "factors"
-    functions = "weigh", "multiply", "diagonal", "factor", "solve", "solve_both"
+    functions = "weigh", "multiply", "diagonal", "factor", "solve"
 
     def _sizes(self, plane: Plane) -> dict[str, object]:
         return {"BAND": plane.order, "ABREAST": 1, "GROUPS": 1, "JUMPS": 0}
@@ -359,7 +359,6 @@ class BandedMass(MassMatrix):
             self._instance.function("factor", self.struct),
             self._instance.function("solve", self.struct, n, n),
         )
-        self.solve_both = self._instance.function("solve_both", self.struct, n, n, n, n)
 
     def apply(self, values: Vector) -> Vector:
         """Return the product with owned values x, shape (owned,)."""

@@ -23,7 +23,7 @@ from petsc4py import PETSc
 
 from wavetank.arrays import Vector, summed
 from wavetank.errors import ConvergenceError, WavetankError
-from wavetank.fem.combination import Combination
+from wavetank.fem.anderson import AndersonMixing
 from wavetank.state import Held
 
 ITERATES = 2.0  # dt omega at which any implicit stage still does, of schemes that are stable at any step too
@@ -100,10 +100,10 @@ class Stage(Protocol):
     def precondition(self, residual: Vector) -> Vector:
         """Return the approximate inverse of the stage's derivative times a residual; collective."""
 
-    def begin(self, among: Combination, uncertainty: float) -> Vector:
+    def begin(self, among: AndersonMixing, uncertainty: float) -> Vector:
         """Return the start value from points of earlier solves; collective."""
 
-    def iterate(self, z: Vector, mixing: Combination) -> Iterate | None:
+    def iterate(self, z: Vector, mixing: AndersonMixing) -> Iterate | None:
         """Return what ``StageSolver`` finds of an iterate as one compiled call; None where there is none."""
 
 
@@ -126,7 +126,7 @@ class StageHistory:
     """
 
     pairs: int
-    points: Combination
+    points: AndersonMixing
     size: float | None = None
     contraction: float = np.inf
     age: int = 0
@@ -162,7 +162,7 @@ class StageHistories:
             "stages": {name: one.held() for name, one in self.stages.items()},
         }
 
-    def take(self, held: Held, points: Callable[[int], Combination]) -> None:
+    def take(self, held: Held, points: Callable[[int], AndersonMixing]) -> None:
         """Take back what has been held; ``points`` makes the memory for points of so many pairs."""
         vars(self.counters).update(held["counters"])
         self.stages.clear()
@@ -188,16 +188,16 @@ class StageSolver:
 
     def __init__(self, comm: MPI.Comm, scale: Vector, *, tolerance: float, floor: float):
         self._comm, self._scale, self._tolerance, self._floor = comm, scale, tolerance, floor
-        self._mixings = dict[int, Combination]()  # by the number of pairs
+        self._mixings = dict[int, AndersonMixing]()  # by the number of pairs
         self._size = comm.allreduce(scale.size)
 
-    def points(self, pairs: int) -> Combination:
+    def points(self, pairs: int) -> AndersonMixing:
         """Return the memory for points of so many pairs."""
         return self._combination(pairs, most=12)
 
-    def _combination(self, pairs: int, **how: Any) -> Combination:
+    def _combination(self, pairs: int, **how: Any) -> AndersonMixing:
         scale = np.concatenate(pairs * [self._scale])
-        return Combination(self._comm, scale.ravel(), scale.shape, **how)
+        return AndersonMixing(self._comm, scale.ravel(), scale.shape, **how)
 
     def solve(self, stage: Stage, histories: StageHistories) -> Vector:
         """Return z with z = g(z), of the shape of the stage's c; collective.
@@ -248,7 +248,7 @@ class StageSolver:
                 return z, one.size
         return None, np.nan
 
-    def _iterate(self, stage: Stage, z: Vector, mixing: Combination) -> Iterate:
+    def _iterate(self, stage: Stage, z: Vector, mixing: AndersonMixing) -> Iterate:
         """Return what iterates so far and z make; collective."""
         image, size = stage.image(z)
         residual = stage.precondition(z - image)
@@ -261,7 +261,7 @@ class StageSolver:
         scaled = (z / self._scale).ravel()
         return sqrt(summed(self._comm, float(scaled @ scaled)))
 
-    def _mixing(self, pairs: int) -> Combination:
+    def _mixing(self, pairs: int) -> AndersonMixing:
         """Return Anderson's memory of iterates z - r(z), combined as their residuals r come closest to zero."""
         if pairs not in self._mixings:
             self._mixings[pairs] = self._combination(pairs, most=1 + MIXED, shortest=SHORTEST)

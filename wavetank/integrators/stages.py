@@ -6,7 +6,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.fem.combination import Combination
+from wavetank.fem.anderson import AndersonMixing
 from wavetank.integrators.hamiltonian import Weights, coupled, pair
 from wavetank.integrators.stage_solver import Iterate, Start
 
@@ -55,7 +55,7 @@ class PairStage:
         """Return the residual, preconditioned where coordinates and momenta are unknown; collective."""
         return self._system.precondition(self.weight, residual) if self._both else residual
 
-    def begin(self, among: Combination, uncertainty: float) -> Vector:
+    def begin(self, among: AndersonMixing, uncertainty: float) -> Vector:
         """Return the start value from points of earlier solves and the guess; collective."""
         guess = self._guess
         if guess is not None and self._compiled is not None:
@@ -68,7 +68,7 @@ class PairStage:
         found = among.guess(self.c, wrong=uncertainty)
         return found.z + self.precondition(found.missed)
 
-    def iterate(self, z: Vector, mixing: Combination) -> Iterate | None:
+    def iterate(self, z: Vector, mixing: AndersonMixing) -> Iterate | None:
         """Return an iterate as one compiled call; None where that cannot be; collective."""
         iterate: Iterate | None = self._compiled and self._compiled.iterate(z, self.c, mixing)
         return iterate
@@ -107,12 +107,12 @@ class CoupledStages:
         """Return the residuals of all pairs, each preconditioned alone; collective."""
         return np.array([self._system.precondition(self.weight, one) for one in residual])
 
-    def begin(self, among: Combination, uncertainty: float) -> Vector:
+    def begin(self, among: AndersonMixing, uncertainty: float) -> Vector:
         """Return the start value: earlier solutions combined as what explicit steps from the guess make; collective."""
         if self._guess is None or not among.recorded:
             return self.key
         found = among.guess(self.key, wrong=uncertainty)
         return found.z + found.missed
 
-    def iterate(self, z: Vector, mixing: Combination) -> None:
+    def iterate(self, z: Vector, mixing: AndersonMixing) -> None:
         """Return None: coupled stages are not compiled."""

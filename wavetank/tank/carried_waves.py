@@ -33,7 +33,7 @@ LEAST, LARGEST = 0.03, 0.5  # a V k, k = pi p / l of the mesh, that counts, and 
 
 
 class Compiled:
-    """An inverse along a slice on one rank: how it is called here, and by ``fem/whole.py``."""
+    """An inverse along a slice on one rank: how it is called here, and by ``fem/slice.py``."""
 
     def __init__(self, instance: Instance, struct: Struct, *, dofs: int, fields: int):
         self.struct, self.carried = struct, False

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.fem.whole import Whole
+from wavetank.fem.slice import SliceSolver
 from wavetank.integrators.stage_solver import StageHistories
 from wavetank.state import Held
 from wavetank.tank.potential import InteriorPotential
@@ -35,7 +35,7 @@ class SolverHistory:
     stages: StageHistories = field(default_factory=StageHistories)
     preconditioner_t: float = 0.0
     preconditioner_column: Vector = field(default_factory=lambda: np.zeros(0))
-    compiled: Whole | None = None
+    compiled: SliceSolver | None = None
 
     def held(self) -> Held:
         """Return it as plain data."""

@@ -43,8 +43,8 @@ from wavetank.arrays import Vector, summed
 from wavetank.fem.forms import compile_expression
 from wavetank.fem.plane import Field, LayeredField, Plane
 from wavetank.fem.points import Cells, Points
+from wavetank.fem.slice import Solution
 from wavetank.fem.vertical import VerticalBasis
-from wavetank.fem.whole import Solution
 from wavetank.motion.motion import Tangent
 from wavetank.tank.bed import Bed
 from wavetank.tank.energy import WaterEnergy

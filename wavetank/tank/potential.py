@@ -17,10 +17,10 @@ from wavetank.errors import ConvergenceError
 from wavetank.fem.along import NO_MINIMUM, Averaged, Minimum, along
 from wavetank.fem.codegen import Unit
 from wavetank.fem.conjugate_gradients import Array, Steps, condition_number, corrected, dot
+from wavetank.fem.initial_guess import InitialGuessProjection
 from wavetank.fem.layers import LayerEnergy, LayerOperator
 from wavetank.fem.modes import Layer, SolvableLayer, layer_of
 from wavetank.fem.plane import Field, LayeredField, Plane
-from wavetank.fem.recall import Recall
 from wavetank.fem.vertical import VerticalBasis
 from wavetank.state import Held
 
@@ -86,7 +86,9 @@ class InteriorPotential:
     def __init__(self, minimiser: Minimiser, phi: LayeredField, *, inputs: int, plane: Plane, unit: Unit | None = None):
         self.counters = SolveCounters()
         self.minimiser, self._phi, self._plane = minimiser, phi, plane
-        self.recall = Recall(inputs, phi.owned.shape[1] - 1, owned=plane.owned, comm=plane.comm, unit=unit)
+        self.recall = InitialGuessProjection(
+            inputs, phi.owned.shape[1] - 1, owned=plane.owned, comm=plane.comm, unit=unit
+        )
         self._fresh_iterations: int | None = None
 
     def solve(self, wall: Vector, inputs: Vector | None) -> Vector:

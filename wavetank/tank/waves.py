@@ -22,12 +22,12 @@ from mpi4py import MPI
 from wavetank.arrays import Vector, summed
 from wavetank.errors import BreakdownError, ConvergenceError, RunError
 from wavetank.fem.along import Minimum
+from wavetank.fem.anderson import AndersonMixing
 from wavetank.fem.codegen import Instance, Unit
-from wavetank.fem.combination import Combination
 from wavetank.fem.mass import BandedMass, MassMatrix, mass_matrix
 from wavetank.fem.plane import Plane
+from wavetank.fem.slice import SliceSolver, Solution
 from wavetank.fem.vertical import VerticalBasis
-from wavetank.fem.whole import Solution, Whole
 from wavetank.integrators.hamiltonian import Weights
 from wavetank.integrators.stage_solver import Iterate, StageHistories, StageSolver, Start
 from wavetank.integrators.stages import CoupledStages, PairStage
@@ -203,7 +203,7 @@ class NonlinearWaves(Water):
             by_paddles = self._wall_terms.slopes(lambda: rows[2])
         compiled = history.compiled
         if compiled is not None:
-            power, wall = compiled.push(rows, self.bed.still)
+            power, wall = compiled.power(rows)
         else:
             power, wall = self._wall_terms.explicit_rate(lambda: rows[2]), self._wall_terms.energy()
         potential = self._potential_energy()
@@ -257,8 +257,8 @@ class NonlinearWaves(Water):
         derivative = self.operator.derivative(self.phi.rows)  # the operator has all but the wall's
         by_q = self.mass.solve(derivative + self._wall_terms.by_column())
         square = summed(self.plane.comm, float(np.vdot(self._inputs[:2], self._inputs[:2])))
-        told = self.level, history.interior.minimiser.kinetic, square, np.nan, np.nan
-        return Solution(0, np.stack([dq, -by_q, by_q, q, p]), told)
+        numbers = self.level, history.interior.minimiser.kinetic, square
+        return Solution(0, np.stack([dq, -by_q, by_q, q, p]), numbers)
 
     def _set_surface(self, q: Vector, p: Vector, t: float) -> None:
         """Set the column, the potential at the surface and the operator; collective."""
@@ -316,14 +316,13 @@ class NonlinearWaves(Water):
         if not isinstance(minimum, Minimum) or not isinstance(self.mass, BandedMass) or walls is None:
             return history
         surface_functions(self.plane, self.wall, self.unit)
-        history.compiled = Whole(
+        history.compiled = SliceSolver(
             self.plane,
             self.unit,
             mass=self.mass,
             operator=self.operator,
             minimum=minimum,
             recall=interior.recall,
-            potential=self._potential,
             column=self.h,
             phi=self.phi,
             walls=walls,
@@ -460,11 +459,11 @@ class CompiledStage:
         self._waves, self._history, self._whole, self._t = waves, history, history.compiled, t
         self._stage: dict[str, Any] = {"weight": weight, "inverse": inverse}
 
-    def start(self, near: Start, among: Combination, uncertainty: float) -> Vector:
+    def start(self, near: Start, among: AndersonMixing, uncertainty: float) -> Vector:
         """Return the start value from points of earlier solves and one near."""
         return self._whole.begin_stage(near, wrong=uncertainty, among=among, **self._stage)
 
-    def iterate(self, z: Vector, c: Vector, mixing: Combination) -> Iterate | None:
+    def iterate(self, z: Vector, c: Vector, mixing: AndersonMixing) -> Iterate | None:
         """Return an iterate, mixed with earlier ones; None where the preconditioner is to be renewed."""
         waves, interior = self._waves, self._history.interior
         if interior.renews:

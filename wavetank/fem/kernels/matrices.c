@@ -364,12 +364,6 @@ SHARED void solve(const Mass *m, const double *b, double *x)
 {
     solve_one(m->factors, b, x, m->work);
 }
-
-/* The same of two right-hand sides. */
-SHARED void solve_both(const Mass *m, const double *b, const double *d, double *x, double *y)
-{
-    solve_two(m->factors, b, d, x, y, m->work);
-}
 #endif
 
 #if JUMPS

@@ -1,4 +1,4 @@
-/* Least squares among earlier points, of wavetank/fem/recall.py and combination.py. */
+/* Least squares among earlier points, of wavetank/fem/initial_guess.py and anderson.py. */
 #define ROWS_AT_A_TIME 64
 #define NUMBERS_AT_A_TIME 512
 

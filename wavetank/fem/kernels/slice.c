@@ -4,13 +4,11 @@ NUMBERS, FIELDS     of a degree of freedom: of the potential, of what the layer'
 LEANS               whether a wall leans, so that columns are found by Newton's method
 EACH_WALL(f)        f(prefix, number) of each wall that moves */
 enum { POSITION, SPEED, ACCELERATION };
-enum { KINETIC, POTENTIAL, WALL, MASS, POWER, DAMPED, HIGHEST, LARGEST, OF_A_ROW };   /* of tank/seen.py */
 
 typedef struct {
     int dofs, carries, most_iterations, iterations, trials, walls_moving;
     double celerity, tolerance, round_off;
     const Mass *mass, *mean;            /* of J at the surface, and its mean over the column */
-    const Mass *potential;              /* the density of potential energy */
     double *mean_column, *before, *change;
     const Cells *cells;
     const float_Cells *float_cells;
@@ -19,12 +17,9 @@ typedef struct {
     const float_Chain *modes;
     const Guesses *guesses;
     const Wall **walls;
-    const surface_Lines *lines;         /* of the surface, whose largest velocity and slope are found with a potential; or null */
     const int *order, *carried;
-    const double *damping;
     const double **fields;
     double *column, *phi, *rows, *image, *inputs, *steps, *wall, *correction;
-    double *held_phi, *held_column, *held_mu;
     float *float_rows, *float_state, *work;
 } Tank;
 
@@ -36,11 +31,6 @@ typedef struct {
     double *residual, *image, *nothing, *missed;
     double away, length;
 } Stage;
-
-typedef struct {
-    int paddles, speeds;
-    double *eta, *rise, *psi, *numbers, *rates, *velocities;
-} Sight;
 
 static void apply(const Mass *m, const double *x, double *y)
 {
@@ -156,26 +146,17 @@ static int lean(Tank *w, const double *q)
 
 #endif
 
-/* The column, the surface potential less its mean, and what start values are found by; 0 of what is no surface of water.
-   And how much higher it is than at masses ``near``, if there are any. */
-static int begin(Tank *w, const double *q, const double *p, const double *still, const double *near, double *rise,
-                 double *level, double *square)
+/* The column, the surface potential less its mean, and what start values are found by; 0 of what is no surface of water. */
+static int begin(Tank *w, const double *q, const double *p, const double *still, double *level, double *square)
 {
     const long n = w->dofs;
     double sum = 0.0, squares = 0.0;
     int positive = 1;
-    EACH(i, near ? n : 0)
-        rise[i] = q[i] - near[i];
 #if LEANS
     if (!lean(w, q))
         return 0;
-    if (near)
-        mass_solve(w->mass, rise, rise);
 #else
-    if (near)
-        mass_solve_both(w->mass, q, rise, w->column, rise);
-    else
-        mass_solve(w->mass, q, w->column);
+    mass_solve(w->mass, q, w->column);
 #endif
     EACH(i, n)
         sum += p[i], positive &= w->column[i] > 0.0;
@@ -206,18 +187,17 @@ static void by_walls(Tank *w)
                 w->wall[w->carried[k] * NUMBERS + j] += w->walls[one]->by_potential[w->carried[k] * NUMBERS + j];
 }
 
-/* Set the potential of masses q and surface potential p, as the walls move. What is found, one behind the other: its flow
-   less its mean, and the wall's; the negative of M^-1 of its energy's derivative by the column, and that; q and p.
-   ``recorded`` ones are known, ``near`` and ``rise`` are as of ``begin``. Told are the mean of p, phi A phi, and the square of
-   what it is found by. Returns the iterations, or -1 of what is not as usual. */
-static int set(Tank *w, const double *q, const double *p, const double *still, int recorded, const double *near, double *rise,
-               double *flow, double *told)
+/* Find the potential of masses q and surface potential p, as the walls move, with ``recorded`` earlier solutions. ``found``
+   becomes, one behind the other: its flow less its mean, and the wall's; the negative of M^-1 of its energy's derivative by
+   the column, and that; q and p. ``numbers`` become the mean of p, phi A phi, and the square of the input of the initial
+   guess. Returns the iterations, or -1 where Python has to find it: without a minimum or convergence. */
+static int find(Tank *w, const double *q, const double *p, const double *still, int recorded, double *found, double *numbers)
 {
     const int most = w->guesses->most, known = recorded - 1 < most ? recorded - 1 : most, place = (recorded - 1) % most;
     const long n = w->dofs;
-    double *by_column = flow + 2 * n;
+    double *by_column = found + 2 * n;
     int iterations = 0;
-    if (!begin(w, q, p, still, near, rise, told, told + 2))
+    if (!begin(w, q, p, still, numbers, numbers + 2))
         return -1;
     EACH(f, FIELDS)
         EACH(i, n)
@@ -247,9 +227,9 @@ static int set(Tank *w, const double *q, const double *p, const double *still, i
     EACH(i, n)
         mean += w->image[i * NUMBERS + NUMBERS - 1] / n;
     EACH(i, n)
-        flow[i] = w->image[i * NUMBERS + NUMBERS - 1] - mean;
+        found[i] = w->image[i * NUMBERS + NUMBERS - 1] - mean;
     EACH(k, w->carries)
-        flow[w->carried[k]] += w->wall[w->carried[k] * NUMBERS + NUMBERS - 1];
+        found[w->carried[k]] += w->wall[w->carried[k] * NUMBERS + NUMBERS - 1];
     memset(by_column, 0, sizeof(double) * n);
     layers_derivative(w->cells, w->layers, w->rows, w->phi, by_column);
 #define BY_COLUMN(wall, k)                                         \
@@ -259,19 +239,10 @@ static int set(Tank *w, const double *q, const double *p, const double *still, i
     EACH_WALL(BY_COLUMN)
     mass_solve(w->mass, by_column, by_column);
     EACH(i, n)
-        flow[n + i] = -by_column[i];
-    told[1] = w->correction[0];
-    memcpy(flow + 3 * n, q, sizeof(double) * n);
-    memcpy(flow + 4 * n, p, sizeof(double) * n);
-    return iterations;
-}
-
-/* The same, and where that has been asked for, the surface's largest velocity and slope are told, too. */
-static int find(Tank *w, const double *q, const double *p, const double *still, int recorded, double *flow, double *told)
-{
-    const int iterations = set(w, q, p, still, recorded, NULL, NULL, flow, told);
-    if (iterations >= 0 && w->lines)
-        surface_largest(w->lines, w->inputs, p, told + 3);
+        found[n + i] = -by_column[i];
+    numbers[1] = w->correction[0];
+    memcpy(found + 3 * n, q, sizeof(double) * n);
+    memcpy(found + 4 * n, p, sizeof(double) * n);
     return iterations;
 }
 
@@ -293,13 +264,13 @@ static void begin_stage(const Stage *s, const double *z, const double *slope, co
         start[i] += image[i];
 }
 
-/* Find the potential of a point z = [q, p] of the stage z = c + a f(z), as ``set`` does, and where it leads: by the residual
-   there, preconditioned, mixed with those of ``mixed`` points before. Returns the same as ``set``. */
+/* Find the potential of a point z = [q, p] of the stage z = c + a f(z), as ``find`` does, and where it leads: by the residual
+   there, preconditioned, mixed with those of ``mixed`` points before. Returns the same as ``find``. */
 static int attempt(Stage *s, const double *z, const double *c, double a, int carried, const double *still, int recorded,
-                   int mixed, double *found, double *told, double *next)
+                   int mixed, double *found, double *numbers, double *next)
 {
     const long n = s->tank->dofs;
-    const int iterations = set(s->tank, z, z + n, still, recorded, NULL, NULL, found, told);
+    const int iterations = find(s->tank, z, z + n, still, recorded, found, numbers);
     const int others = mixed < s->mixing->most ? mixed : s->mixing->most;
     double *residual = s->residual, *image = s->image, *point = s->residual;
     if (iterations < 0)
@@ -320,138 +291,18 @@ static int attempt(Stage *s, const double *z, const double *c, double a, int car
     return iterations;
 }
 
-/* The power of walls that move at the point that was found last, or at the mean of that and the one held; ``of_walls`` is
-   their part of H. */
-static double push(const Tank *w, const double *point, int between, double *of_walls)
+/* The power of walls that move at the point that was found last; ``of_walls`` is their part of H. */
+static double power_of_walls(const Tank *w, const double *point, double *of_walls)
 {
-    const double *phi = w->phi, *column = w->column, *mu = point + 2 * w->dofs;
     double power = 0.0;
-    if (between) {
-        EACH(i, w->dofs * NUMBERS)
-            w->held_phi[i] = 0.5 * (w->held_phi[i] + phi[i]);
-        EACH(i, w->dofs)
-            w->held_column[i] = 0.5 * (w->held_column[i] + column[i]), w->held_mu[i] = 0.5 * (w->held_mu[i] + mu[i]);
-        phi = w->held_phi, column = w->held_column, mu = w->held_mu;
-    }
     *of_walls = 0.0;
-#define PUSH(wall, k)                                                                                      \
+#define ADD_POWER(wall, k)                                                                                 \
     {                                                                                                      \
         const double *moves = w->walls[k]->moves;                                                          \
         double pushed[2];                                                                                  \
-        wall##_power(w->walls[k], column, phi, mu, pushed);                                                \
+        wall##_power(w->walls[k], w->column, w->phi, point + 2 * w->dofs, pushed);                         \
         power += pushed[0] + moves[ACCELERATION] * pushed[1], *of_walls += moves[SPEED] * pushed[1];       \
     }
-    EACH_WALL(PUSH)
+    EACH_WALL(ADD_POWER)
     return power;
-}
-
-/* Hold the point that was found last. */
-static void hold(const Tank *w, const double *point)
-{
-    memcpy(w->held_phi, w->phi, sizeof(double) * w->dofs * NUMBERS);
-    memcpy(w->held_column, w->column, sizeof(double) * w->dofs);
-    memcpy(w->held_mu, point + 2 * w->dofs, sizeof(double) * w->dofs);
-}
-
-/* The highest of numbers, and the largest magnitude, as their bits are ordered, which puts what is no number beyond all. */
-static void heights(const double *x, long n, double *highest, double *largest)
-{
-    int64_t most = INT64_MIN, size = 0;
-    EACH(i, n) {
-        int64_t bits;
-        memcpy(&bits, x + i, sizeof bits);
-        const int64_t rank = bits ^ (bits >> 63 & INT64_MAX), without_sign = bits & INT64_MAX;
-        most = rank > most ? rank : most, size = without_sign > size ? without_sign : size;
-    }
-    most ^= most >> 63 & INT64_MAX;
-    memcpy(largest, &size, sizeof size), memcpy(highest, *largest == *largest ? &most : &size, sizeof size);
-}
-
-/* What damping takes of surface potential p, as seen from a point; 0 where there is none. */
-static double damped(const Tank *w, const double *p, const double *point)
-{
-    double taken = 0.0;
-    EACH(i, w->damping ? w->dofs : 0)
-        taken += w->damping[i] * p[i] * point[i];
-    return taken;
-}
-
-/* W at the point that was found last, which is linear in phi. */
-static double of_walls(const Tank *w)
-{
-    double sum = 0.0;
-    EACH(k, w->carries)
-        EACH(j, NUMBERS)
-            sum += w->wall[w->carried[k] * NUMBERS + j] * w->phi[w->carried[k] * NUMBERS + j];
-    return sum;
-}
-
-/* H of a state [q, p] from the point near it that was found last, whose kinetic energy is told. */
-static double energy_near(const Tank *w, const double *state, const double *point, double kinetic)
-{
-    const long n = w->dofs;
-    double change = 0.0;
-#pragma omp simd reduction(+ : change)
-    EACH(i, n)
-        change += point[2 * n + i] * (state[i] - point[3 * n + i]) + point[i] * (state[n + i] - point[4 * n + i]);
-    return kinetic + change + potential_total(w->potential) + of_walls(w);
-}
-
-/* See masses q and surface potential p from the point near them that was found last, whose kinetic energy is told, and whose
-   rise from them stands there: into a row, all but W, power and what damping takes. */
-static void see_from(Tank *w, const double *q, const double *p, const double *point, double kinetic, double gravity,
-                     const Sight *into, long row)
-{
-    const long n = w->dofs;
-    const double *by_p = point, *by_q = point + 2 * n, *at_q = point + 3 * n, *at_p = point + 4 * n, *rise = into->rise + row * n;
-    const double *at_point = w->inputs; /* the elevation there */
-    double *eta = into->eta + row * n, *psi = into->psi + row * n;
-    double *numbers = into->numbers + row * OF_A_ROW, change = 0.0, lift = 0.0, mass = 0.0;
-#pragma omp simd reduction(+ : change, lift, mass)
-    EACH(i, n) {
-        const double away = at_q[i] - q[i];
-        mass += q[i];
-        change -= by_q[i] * away + by_p[i] * (at_p[i] - p[i]);
-        lift -= at_point[i] * away;
-        eta[i] = at_point[i] - rise[i], psi[i] = p[i];
-    }
-    heights(eta, n, numbers + HIGHEST, numbers + LARGEST);
-    numbers[KINETIC] = kinetic + change - gravity * lift, numbers[POTENTIAL] = potential_total(w->potential) + gravity * lift;
-    numbers[MASS] = mass;
-    EACH(k, w->walls_moving) {
-        memcpy(into->rates + 3 * (row * into->paddles + k), w->walls[k]->moves, 3 * sizeof(double));
-        if (into->speeds == into->paddles)
-            into->velocities[row * into->speeds + k] = w->walls[k]->moves[SPEED];
-    }
-}
-
-/* The same with all of it, at the point. */
-static void see(Tank *w, const double *q, const double *p, const double *point, double kinetic, double gravity,
-                const Sight *into, long row)
-{
-    double *numbers = into->numbers + row * OF_A_ROW, *rise = into->rise + row * w->dofs;
-    EACH(i, w->dofs)
-        rise[i] = point[3 * w->dofs + i] - q[i];
-    mass_solve(w->mass, rise, rise);
-    see_from(w, q, p, point, kinetic, gravity, into, row);
-    numbers[POWER] = push(w, point, 0, numbers + WALL), numbers[DAMPED] = damped(w, p, point);
-}
-
-/* The point ``to`` found, as ``set`` does, and a ``state`` between that ``at`` which is known and it seen from there, [q, p]
-   each, with the power of the mean of both, and the mean of what damping takes. Returns as ``set``; -1 too where both are one. */
-static int look(Tank *w, const double *state, const double *to, const double *at, const double *still, int recorded,
-                double gravity, double *found, double *told, const Sight *into, long row)
-{
-    const long n = w->dofs;
-    double *numbers = into->numbers + row * OF_A_ROW, of_mean;
-    if (!memcmp(at + 3 * n, to, 2 * sizeof(double) * n))
-        return -1;
-    hold(w, at);
-    const int iterations = set(w, to, to + n, still, recorded, state, into->rise + row * n, found, told);
-    if (iterations < 0)
-        return iterations;
-    see_from(w, state, state + n, found, 0.5 * told[1], gravity, into, row);
-    numbers[WALL] = of_walls(w), numbers[POWER] = push(w, found, 1, &of_mean);
-    numbers[DAMPED] = 0.5 * (damped(w, state + n, at) + damped(w, state + n, found));
-    return iterations;
 }

@@ -58,7 +58,7 @@ typedef struct {
     double *work;           /* [2][degree of freedom] */
 } Mass;
 
-/* Earlier inputs and solutions of a sequence of similar problems; see wavetank/fem/recall.py. */
+/* Earlier inputs and solutions of a sequence of similar problems; see wavetank/fem/initial_guess.py. */
 typedef struct {
     int inputs, rows, numbers, most;    /* numbers of an input; rows of a solution and numbers of a row; pairs, but the last */
     double shortest;
@@ -68,7 +68,7 @@ typedef struct {
     float *input_steps, *solution_steps;/* [most]: differences of pairs, each from the next */
 } Guesses;
 
-/* Points z with images g; see wavetank/fem/combination.py. */
+/* Points z with images g; see wavetank/fem/anderson.py. */
 typedef struct {
     int size, most;
     double shortest;

@@ -18,8 +18,8 @@ from wavetank.arrays import Vector
 from wavetank.fem.codegen import Unit
 from wavetank.fem.mass import MassMatrix
 from wavetank.fem.plane import LayeredField, Plane
+from wavetank.fem.slice import WallStruct
 from wavetank.fem.vertical import VerticalBasis
-from wavetank.fem.whole import WallStruct
 from wavetank.motion import Motion
 from wavetank.motion.motion import Tangent
 from wavetank.tank.bed import Bed

@@ -31,8 +31,8 @@ from wavetank.fem.density import Density, Statements
 from wavetank.fem.forms import ScalarForm, VectorForm, taylor_coefficients
 from wavetank.fem.mass import MassMatrix
 from wavetank.fem.plane import Field, LayeredField, Plane
+from wavetank.fem.slice import WallStruct
 from wavetank.fem.vertical import VerticalBasis, gauss_legendre
-from wavetank.fem.whole import WallStruct
 from wavetank.motion import Motion
 from wavetank.motion.motion import Tangent, largest_stroke, share
 from wavetank.tank.bed import Bed

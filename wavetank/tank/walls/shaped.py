@@ -67,7 +67,7 @@ class ShapedColumns:
     Attributes
     ----------
     mean, column, trials, round_off
-        As ``fem/whole.py`` has them.
+        As ``fem/slice.py`` has them.
     """
 
     def __init__(self, wall: Stretching, energy: WaterEnergy, mass: MassMatrix, *, plane: Plane, unit: Unit):

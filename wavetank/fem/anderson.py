@@ -27,7 +27,7 @@ class Guess(NamedTuple):
     away: float
 
 
-class Combination:
+class AndersonMixing:
     """Points z with images g, combined as their g come closest to what is asked for.
 
     Where g is affine in z and the images combine to it, the same combination of the points has it as image, whenever

@@ -13,15 +13,14 @@ from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.fem.along import Minimum
+from wavetank.fem.anderson import AndersonMixing
 from wavetank.fem.codegen import Buffer, Function, Struct, Unit, source
-from wavetank.fem.combination import Combination
+from wavetank.fem.initial_guess import InitialGuessProjection
 from wavetank.fem.layers import LayerOperator
 from wavetank.fem.mass import BandedMass, MassMatrix
 from wavetank.fem.plane import Field, LayeredField, Plane
-from wavetank.fem.recall import Recall
 
-ROWS = "eta", "rise", "psi", "numbers", "rates", "velocities"
-EXPORTS = "find", "begin_stage", "attempt", "push", "see", "energy_near", "look", "precondition", "set_velocity"
+EXPORTS = "find", "begin_stage", "attempt", "power_of_walls", "precondition", "set_velocity"
 
 
 class WallStruct(Protocol):
@@ -74,23 +73,6 @@ class Near(Protocol):
         """See above."""
 
 
-class Rows(Protocol):
-    """Rows of what is seen, as ``tank/seen.py`` has them.
-
-    Attributes
-    ----------
-    eta, rise, psi, numbers, rates, velocities
-        See there.
-    """
-
-    eta: Vector
-    rise: Vector
-    psi: Vector
-    numbers: Vector
-    rates: Vector
-    velocities: Vector
-
-
 class Leaning(Protocol):
     """What finds columns from masses, and their potential energy, beside a paddle that leans.
 
@@ -121,21 +103,19 @@ class Solution:
         phi A phi.
     square
         The sum of the squares of elevation, and of potential over celerity.
-    surface
-        Its largest velocity [m/s] and slope, where ``find`` was asked for them; what that told last else.
     rows
         (A phi)_n less its mean, and the wall's; the negative of M^-1 of the derivative of the energy by the column, the
         wall's included, and that; masses and surface potential that it is of: shape (5, dofs).
     """
 
-    __slots__ = "iterations", "kinetic", "level", "rows", "square", "surface"
+    __slots__ = "iterations", "kinetic", "level", "rows", "square"
 
-    def __init__(self, iterations: int, rows: Vector, told: Sequence[float]):
-        self.level, self.kinetic, self.square, *self.surface = told
+    def __init__(self, iterations: int, rows: Vector, numbers: Sequence[float]):
+        self.level, self.kinetic, self.square = numbers
         self.iterations, self.rows = iterations, rows
 
 
-class Whole:
+class SliceSolver:
     """Finds potentials of column masses and surface potentials.
 
     Parameters
@@ -144,8 +124,6 @@ class Whole:
         That of all components; no instance is added to it after this one.
     mass, operator, minimum, recall
         What is called.
-    potential
-        The density of potential energy.
     column, phi
         Where column and potential are found.
     walls, leaning
@@ -163,10 +141,9 @@ class Whole:
         unit: Unit,
         *,
         mass: BandedMass,
-        potential: MassMatrix,
         operator: LayerOperator,
         minimum: Minimum,
-        recall: Recall,
+        recall: InitialGuessProjection,
         column: Field,
         phi: LayeredField,
         walls: Sequence[WallStruct],
@@ -199,7 +176,6 @@ class Whole:
             dofs=plane.size,
             celerity=celerity,
             mass=mass.struct,
-            potential=potential.struct,
             cells=operator.cells,
             layers=operator.layers,
             rows=operator.rows,
@@ -214,23 +190,16 @@ class Whole:
             phi=phi.rows,
             image=np.zeros(shape),
             inputs=inputs,
-            held_phi=np.zeros(shape),
-            held_column=np.zeros(plane.size),
-            held_mu=np.zeros(plane.size),
             **minimum.compiled,
             **lean,
         )
-        self._told = np.zeros(5)
+        self._numbers = np.zeros(3)  # of a solution
         n, result, function = Buffer(plane.size), Buffer(5 * plane.size), self.instance.function
-        self._find = function("find", self._tank, n, n, n, int, result, self._told)
+        self._find = function("find", self._tank, n, n, n, int, result, self._numbers)
         self._wall_energy = np.zeros(1)
-        self._push = function("push", self._tank, result, 0, self._wall_energy)
-        self._energy_near = function("energy_near", self._tank, Buffer(2 * plane.size), result, float)
-        self._last: Vector | None = None  # what ``find`` found last
-        self._followed: Vector | float | None = None  # the column of still water that walls know
+        self._power = function("power_of_walls", self._tank, result, self._wall_energy)
         self._still: tuple[Vector | float, Vector] = np.nan, np.empty(0)  # that, spread
-        self._seeing = dict[int, tuple[Rows, Function, Function]]()  # by the rows' ids
-        self._trials: dict[tuple[Inverse, Combination], tuple[Any, Function, Function]] = {}
+        self._trials: dict[tuple[Inverse, AndersonMixing], tuple[Any, Function, Function]] = {}
 
     def _spread(self, still: Vector | float) -> Vector:
         """Return the column of still water at all degrees of freedom."""
@@ -247,20 +216,17 @@ class Whole:
         if not recorded:
             return None
         result = np.empty((5, p.size))
-        self._last = result
         return self._solution(self._find(q, p, self._spread(still), recorded, result), result)
 
-    def ask(self, lines: Struct | None) -> None:
-        """Let ``find`` tell the largest velocity and slope of the surface at these points, too; None: no more."""
-        self._lines = lines
-        self._tank.set(lines=lines)
-
-    def damp(self, rate: Vector) -> None:
-        """Let what is seen of states tell what a damping of surface potentials takes, of rate [1/s], shape (dofs,)."""
-        self._tank.set(damping=rate)
-
     def attempt(
-        self, z: Vector, known: Vector, still: Vector | float, *, weight: float, inverse: Inverse, mixing: Combination
+        self,
+        z: Vector,
+        known: Vector,
+        still: Vector | float,
+        *,
+        weight: float,
+        inverse: Inverse,
+        mixing: AndersonMixing,
     ) -> tuple[Solution, tuple[Vector, float, float]] | None:
         """Return what belongs to a point z = [q, p] of a stage z = c + a f(z), and where it leads; None as ``find``.
 
@@ -279,7 +245,9 @@ class Whole:
         mixing.recorded += 1
         return solution, (following, trial.c.away, trial.c.length)
 
-    def begin_stage(self, near: Near, *, weight: float, wrong: float, inverse: Inverse, among: Combination) -> Vector:
+    def begin_stage(
+        self, near: Near, *, weight: float, wrong: float, inverse: Inverse, among: AndersonMixing
+    ) -> Vector:
         """Return where to begin a stage z = c + a f(z), from what is known near its solution.
 
         That is where ``among`` combines points by their c, which are ``wrong`` by so much, with the ``inverse`` of what
@@ -303,9 +271,9 @@ class Whole:
             return None
         self._recall.recorded += 1
         self._minimum.last = self._tank.c.iterations
-        return Solution(iterations, found, self._told.tolist())
+        return Solution(iterations, found, self._numbers.tolist())
 
-    def _trial(self, inverse: Inverse, mixing: Combination) -> tuple[Struct, Function, Function]:
+    def _trial(self, inverse: Inverse, mixing: AndersonMixing) -> tuple[Struct, Function, Function]:
         """Return what attempts are made with, made once for an inverse and a mixing, which live as long as this."""
         trial = self._trials.get((inverse, mixing))
         if trial is None:
@@ -314,74 +282,14 @@ class Whole:
             mixed = struct("Mixing", **mixing.compiled)
             stage = struct("Stage", tank=self._tank, advection=inverse.struct, mixing=mixed, **room)
             n, z, result = Buffer(self._n), Buffer(2 * self._n), Buffer(5 * self._n)
-            attempt = function("attempt", stage, z, z, float, int, n, int, int, result, self._told, z)
+            attempt = function("attempt", stage, z, z, float, int, n, int, int, result, self._numbers, z)
             begin = function("begin_stage", stage, z, z, z, float, int, int, float, z)
             self._trials[inverse, mixing] = trial = stage, attempt, begin
         return trial
 
-    def push(self, point: Vector, still: Vector | float) -> tuple[float, float]:
+    def power(self, point: Vector) -> tuple[float, float]:
         """Return dH/dt at fixed (Q, psi) of the point last found, whose rows are as a ``Solution`` has them, and W."""
-        self._follow(still)
-        power: float = self._push(point)
-        return power, float(self._wall_energy[0])
-
-    def see(
-        self,
-        state: tuple[Vector, Vector],
-        point: Vector,
-        still: Vector | float,
-        kinetic: float,
-        gravity: float,
-        into: Rows,
-        row: int,
-    ) -> None:
-        """See masses and surface potential from the point last found, which is near, where all walls ``push``.
-
-        ``point`` and ``still`` are as of ``push`` and ``find``, ``kinetic`` the energy of the point. The power is
-        that at the point.
-        """
-        q, p = state
-        self._mass.make_ready()
-        self._follow(still)
-        see, _ = self._functions(into)
-        see(q, p, point, kinetic, gravity, row)
-
-    def energy_near(self, state: Vector, point: Vector, kinetic: float) -> float:
-        """Return H of masses and surface potential, [q, p], from the point last found, as ``see`` does."""
-        energy: float = self._energy_near(state, point, kinetic)
-        return energy
-
-    def look(
-        self, state: Vector, to: Vector, point: Vector, still: Vector | float, gravity: float, into: Rows, row: int
-    ) -> Solution | None:
-        """Find the second of two points, and see a state between them from there, as ``see``; None as ``find``.
-
-        State and second point are [q, p], one behind the other, and ``point`` is the first, the one last found, as
-        ``push`` takes it: None, too, if that is the second. The power is that of the mean of both.
-        """
-        recorded = self._ready()
-        if not recorded:
-            return None
-        if still is not self._followed:
-            self._follow(still)
-        result = np.empty_like(point)
-        _, look = self._functions(into)
-        return self._solution(look(state, to, point, self._spread(still), recorded, gravity, result, row), result)
-
-    def _follow(self, still: Vector | float) -> None:
-        """See to it that walls know the bed as it is."""
-        self._followed = still
         for wall in self._walls:
             wall.follow()
-
-    def _functions(self, into: Rows) -> tuple[Function, Function]:
-        """Return what sees states into rows, and what finds points and does so; made once."""
-        made = self._seeing.get(id(into))
-        if made is None:
-            sizes = {"paddles": into.rates.shape[1], "speeds": into.velocities.shape[1]}
-            sight = self.instance.struct("Sight", **sizes, **{name: getattr(into, name) for name in ROWS})
-            n, z, result, function = Buffer(self._n), Buffer(2 * self._n), Buffer(5 * self._n), self.instance.function
-            see = function("see", self._tank, n, n, result, float, float, sight, int)
-            look = function("look", self._tank, z, z, result, n, int, float, result, self._told, sight, int)
-            self._seeing[id(into)] = made = into, see, look
-        return made[1], made[2]
+        power: float = self._power(point)
+        return power, float(self._wall_energy[0])

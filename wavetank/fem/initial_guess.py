@@ -15,7 +15,7 @@ from wavetank.state import Held, count
 SHORTEST = 1e-13  # squared, of directions against the longest: shorter ones carry answers' errors rather than trends
 
 
-class Recall:
+class InitialGuessProjection:
     """The last (input, answer) pair, and the differences to it of those before, written round and round.
 
     Parameters
