@@ -32,7 +32,7 @@ from wavetank.waves.wavemaker import Wavemaker
 
 Spreading = Annotated[float, Field(ge=0, le=1000)]
 Deviation = Annotated[float, Field(ge=0.1, le=90)]
-PLACES = 101  # at which a paddle without segments is looked at
+PLACES = 101  # samples of a paddle without segments
 NARROW = 1e-3  # of the energy of a file's waves: of so little the segments may be too wide
 TERMS = 20_000_000  # of a motion's sum over components, directions and places, at most: 320 MB
 
@@ -54,7 +54,7 @@ class SegmentedWaves(GeneratingMotion):
         return motions.ramped(motion, self.ramp_in(tank))
 
     def power_period(self, tank: AnyTank, wavemaker: Wavemaker) -> float | None:
-        """Return the period that halves the power of the paddle's velocity [s]; None: that of all waves."""
+        """Return the period that halves the power of the paddle's velocity [s]; None: the sum of all waves decides."""
         return None
 
     def generation_in(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> tuple[None, str]:
@@ -112,7 +112,7 @@ class _FanOfWaves(FocusingWaves, SegmentedWaves):
         return self.directional(tank)
 
     def power_period(self, tank: AnyTank, wavemaker: Wavemaker) -> float:
-        """Return that of the group in one direction [s]."""
+        """Return the period of the group in one direction [s]."""
         return motions.first_order_motion(self.group(tank).target, wavemaker).power_period
 
     def widest_segment(self, tank: AnyTank) -> float:
@@ -121,7 +121,7 @@ class _FanOfWaves(FocusingWaves, SegmentedWaves):
         return widest_segment(float(group.k[-1]), float(group.fan.angles[-1]))
 
     def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield as any focusing waves, a focus beside the paddle, and too many waves to sum up."""
+        """Yield the problems of any focus, a focus outside the paddle's width, and too many waves to sum up."""
         low, high = span(context.tank)
         waves = self.components * self.directions * self.terms_per_component(context)
         if waves > TERMS:
@@ -139,7 +139,7 @@ class DirectionalFocusMotion(_FanOfWaves):
     type: Literal["directional-focus"] = "directional-focus"
 
     def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield as any focusing waves, and directions that miss the paddle."""
+        """Yield the problems of any focus, and directions that miss the paddle."""
         yield from super().problems(context)
         low, high = span(context.tank)
         first, last = self.directional(context.tank).sources
@@ -210,7 +210,7 @@ class DirectionalIrregularMotion(SpectralWaves, SegmentedWaves):
         return widest_segment(float(k), float(np.radians(self.largest_angle)))
 
     def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield as any waves of a spectrum, and too many to sum up."""
+        """Yield the problems of any spectrum, and too many waves to sum up."""
         terms = self.components * self.terms_per_component(context)
         if terms > TERMS:
             allowed = f"must be fewer: at all places of the paddle they are {terms:.2g}, {TERMS:.2g} allowed"

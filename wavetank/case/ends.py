@@ -1,4 +1,4 @@
-"""The walls at the ends of a tank, each with its motion and the side where it stands."""
+"""The walls at the ends of a tank: mode shape, motion and side."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -30,7 +30,7 @@ class MeasuringPoint(NamedTuple):
 
 @dataclass(frozen=True)
 class EndWall(Context):
-    """A wall at an end of the tank: mode shape and motion by its table, and the side where it stands.
+    """A wall at an end of the tank: the mode shape and motion of its table, and its side.
 
     Distances count from its rest position into the water. Two are equal if their motions are.
 
@@ -50,12 +50,12 @@ class EndWall(Context):
 
     @property
     def far(self) -> bool:
-        """Whether it stands at the far end."""
+        """Whether it is the far wall."""
         return self.key == "far_wall"
 
     @property
     def side(self) -> str:
-        """The side of the footprint where it stands, as loads name it."""
+        """The side of the footprint, by its name in loads."""
         return FAR if self.far else PADDLE
 
     def distance(self, x: Any) -> Any:
@@ -104,7 +104,7 @@ class EndWall(Context):
     def function(self, what: str, motion: motions.Motion | None = None) -> Callable[[motions.Array], motions.Array]:
         """Return position, velocity or acceleration as a function of times, at all sampled places along the wall.
 
-        It is that of the wall's motion, or of another one of its paddle.
+        The motion is the wall's own by default.
         """
         return partial(getattr(self.motion() if motion is None else motion, what), y=self.wall.places(self.tank))
 

@@ -175,7 +175,7 @@ class SpectralSurface(CaseModel):
         return PlaneWaves(amplitudes=amplitudes, k_x=k, k_y=0 * k, omega=omega, depth=tank.depth, gravity=tank.gravity)
 
     def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield a basin, and a spectrum whose waves do not fit the tank a whole number of times, or are too many."""
+        """Yield a basin, and a spectrum without waves of whole numbers along the tank, or with too many."""
         tank = context.tank
         if isinstance(tank, BasinTank):
             yield Problem(("initial", "type"), None, "needs a slice or ring (tank.type): waves go along it")
@@ -215,7 +215,7 @@ class IrregularSurface(SpectralSurface):
         return self._waves(tank, k, amplitudes * np.exp(2j * np.pi * uniform(self.seed, k.size)))
 
     def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield as any, a slice, whose walls reflect such waves, and a sea too high."""
+        """Yield the problems of any spectrum, a slice, whose walls reflect the waves, and a sea too high."""
         if not isinstance(context.tank, RingTank):
             yield self.problem("type", "needs a ring (tank.type): walls reflect such waves")
             return

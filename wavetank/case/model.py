@@ -125,7 +125,7 @@ class Case(CaseModel):
 
     @property
     def motions_end(self) -> float:
-        """Until when all motions are known [s]; ``inf`` where none ends."""
+        """When the first motion ends [s]; ``inf`` if none does."""
         return min((paddle.motion().duration for paddle in self.paddles), default=np.inf)
 
     @property

@@ -118,7 +118,7 @@ class WallLoad(CaseModel):
         return [self.called]
 
     def point(self, depth: float) -> tuple[float, float, float]:
-        """Return the point that moments are taken about [m], default resolved for a still-water depth [m]."""
+        """Return the reference point of moments [m], default resolved for a still-water depth [m]."""
         return (0.0, 0.0, -depth) if self.about is None else self.about
 
 

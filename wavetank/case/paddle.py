@@ -48,7 +48,7 @@ STOKES_ENDS = 0.25  # of the wave: with a second harmonic as high its trough has
 SHALLOWEST = 0.02  # k d: in less water bound and free waves go at one speed to second order
 LOWEST_SOLITARY = 1e-4  # depths
 MOST_PAIRS = 2000  # components: of so many there are 4 million pairs
-MOST_UNEVEN = 200  # components whose pairs have frequencies of their own: of so many the motion takes 1.4 CPU s
+MOST_UNEVEN = 200  # components of uneven frequencies: their pairs cost 1.4 CPU s
 UNEVEN = 1e-6  # of the mean spacing of frequencies
 
 Heights = Annotated[tuple[Height, Height], Strict(False)]
@@ -79,7 +79,7 @@ class MadeWaves(GeneratingMotion):
         return "linear" if physics == "linear" or reason else "second-order", reason
 
     def _linear_reason(self, tank: AnyTank, wavemaker: Wavemaker) -> str:
-        """Return where the theory of second order does not hold or costs too much; empty where it is taken."""
+        """Return why second-order generation is not the default: it does not hold or costs too much; else empty."""
         target = self.target(tank)
         count, shallowest = target.omega.size, float(target.k_x.min() * tank.depth)
         if count > MOST_PAIRS:

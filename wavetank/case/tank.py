@@ -224,11 +224,11 @@ class Context:
 
 # ---------------------------------------------------------------- sponges
 ABSORPTION = 15.0  # gamma_0 L / c_g of a sponge of one wave length
-UNSEEN = 0.1  # of the power beyond the share: what may look slower than it is
+ALIASED = 0.1  # of the power beyond the fraction, at most
 MAX_TIMES = 2**18  # times; of a longer motion the first part
-TIME_OFFSET, FINEST = 1e-3, 1e-3  # of a step: two times that tell how fast a motion is; of the first step, the last
-GOLDEN = (5**0.5 - 1) / 2  # whose multiples lie everywhere in a step
-STEP = 0.1  # of (d / g)^(1/2): at which a paddle's motion is looked at; no paddle makes waves as short
+TIME_OFFSET, FINEST = 1e-3, 1e-3  # of a step, between two times for an acceleration; last step over the first
+GOLDEN = (5**0.5 - 1) / 2  # its multiples fill a step evenly
+STEP = 0.1  # of (d / g)^(1/2): between samples of a motion; no paddle makes waves as short
 
 
 class _Profiled(CaseModel):
@@ -279,7 +279,7 @@ class EndSponge(_Profiled):
     length: Length = Field(description="length of the sponge, along x [m]: one wave length or more")
 
     def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield as any sponge, and one longer than the tank."""
+        """Yield the problems of any sponge, and one longer than the tank."""
         yield from super().problems(context)
         if self.length >= context.tank.length:
             yield self.problem("length", f"must be below the tank's length, {context.tank.length:g} m")
@@ -291,7 +291,7 @@ class GroupSponge(_Profiled):
     type: Literal["group"] = "group"
 
     def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield as any sponge, and a tank whose mesh has no groups."""
+        """Yield the problems of any sponge, and a tank without groups of cells."""
         yield from super().problems(context)
         if isinstance(context.tank, SliceTank):
             yield self.problem("type", "needs a basin (tank.type), whose mesh has groups of cells")
@@ -322,8 +322,8 @@ def paddle_period(
 ) -> float | None:
     """Return the period [s] beyond which a fraction of the power of a paddle's velocity lies; None if it does not move.
 
-    What has less than two of the times that it is looked at in a period looks slower. So it is looked at finer, while
-    the acceleration tells that some of what is beyond the share may be so (``UNSEEN``).
+    Frequencies above the Nyquist frequency are aliased. The sampling is therefore refined while the acceleration shows
+    that they may hold part of the power beyond the fraction (``ALIASED``).
 
     Parameters
     ----------
@@ -350,9 +350,9 @@ def paddle_period(
         soon = TIME_OFFSET * part / count
         between = np.minimum(t + part / count * np.modf(GOLDEN * times)[0], part - soon)
         change = (values(velocity, between + soon) - values(velocity, between)).reshape(count, -1) / soon
-        rate = (part / (2 * np.pi)) ** 2 * count / 2 * float((change**2).sum())  # as numbers of lines, squared
-        unseen = (rate - float(number**2 @ lines)) / lines.size**2
-        if unseen < UNSEEN * (1 - fraction) * power[-1] or step < FINEST * longest:
+        power_of_rates = (part / (2 * np.pi)) ** 2 * count / 2 * float((change**2).sum())  # in line numbers squared
+        aliased = (power_of_rates - float(number**2 @ lines)) / lines.size**2
+        if aliased < ALIASED * (1 - fraction) * power[-1] or step < FINEST * longest:
             return float(part / np.interp(fraction * power[-1], power, number + 0.5))  # the lines' upper edges
         step /= 2
 

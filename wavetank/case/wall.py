@@ -176,7 +176,7 @@ def _periods(tank: AnyTank, band: tuple[float, float]) -> tuple[float, float]:
 
 
 # ---------------------------------------------------------------- moving walls
-SIZES = (  # of a motion: keys by which the paddle goes far
+SIZES = (  # keys that set the size of a motion
     *("paddle_amplitude", "wave_amplitude", "linear_crest", "significant_height", "height", "heights"),
     *("position", "velocity", "file"),
 )
@@ -351,7 +351,7 @@ class SegmentedWall(MovingWall):
         return joints(low, high, segment=(high - low) / (PLACES - 1) if self.segment is None else self.segment)
 
     def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield a tank without a paddle of known width, too many segments, and problems of reach and motion."""
+        """Yield a tank without a paddle of given width, too many segments, and problems of reach and motion."""
         kind = getattr(self, "type", None)
         if not np.isfinite(span(context.tank)).all():
             allowed = "needs a basin (tank.type) whose layout says how wide it is: a recipe, not a file"

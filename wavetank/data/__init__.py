@@ -1,4 +1,4 @@
-"""Measured and published data: what is known of them, where they are, and the records they hold.
+"""Measured and published data: descriptions, folders and records.
 
 A set of data is a folder with a ``dataset.toml`` (``description.py``) that says what its files hold. Those of a few
 benchmarks come with this package (``known/``): facts, addresses and checksums, for the data are not part of it.

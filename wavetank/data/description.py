@@ -72,7 +72,7 @@ class DataFile(CaseModel):
 
 
 class Gauge(CaseModel):
-    """A place where the elevation is known."""
+    """A place with a record of the elevation."""
 
     name: Label = Field(description="what it is called")
     x: Coordinate | None = Field(default=None, description="distance from the paddle's rest position [m]")
@@ -108,7 +108,7 @@ class Records(CaseModel):
 
 
 class Section(CaseModel):
-    """A straight line through a tank, parallel to an axis, along which wave heights are known."""
+    """A straight line through a tank, parallel to an axis, with wave heights."""
 
     name: Label = Field(description="what it is called")
     along: Literal["x", "y"] = Field(description="the axis it runs along")
@@ -127,7 +127,7 @@ class Section(CaseModel):
 
 
 class HeightColumn(CaseModel):
-    """Where wave heights along a section stand: beside their places in a file."""
+    """The column of a file with the wave heights along a section."""
 
     section: Label = Field(description="the section's name")
     file: FileName = Field(description="the file; its first column is the place along the section's axis [m]")
@@ -160,7 +160,7 @@ class WaveHeights(CaseModel):
 
 
 class Dataset(CaseModel):
-    """A set of data, the first of whose records is what others are compared with."""
+    """A data set; its first records are the reference of comparisons."""
 
     name: Label = Field(default="", description="what it is called; default: as its folder")
     title: Label = Field(default="", description="one line on what it is")

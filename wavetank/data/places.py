@@ -1,4 +1,4 @@
-"""Where data are found: in ``$WAVETANK_DATA/NAME``, in ``../shared/data/NAME`` by the checkout, in the cache."""
+"""Folders of data sets: ``$WAVETANK_DATA/NAME``, ``../shared/data/NAME`` by the checkout, and the cache."""
 
 import os
 from pathlib import Path
@@ -18,7 +18,7 @@ UNITS = ("", "s", "m")  # of a table without a description
 
 
 def folders() -> list[Path]:
-    """Return the folders in which data sets are looked for, in that order."""
+    """Return the folders of data sets in the order of search."""
     chosen = os.environ.get("WAVETANK_DATA")
     shared = HERE.parents[2] / "shared" / "data"
     return [*([Path(chosen)] if chosen else []), shared, *places(PART)]
@@ -30,7 +30,7 @@ def names() -> list[str]:
 
 
 def _described() -> list[Path]:
-    """Return where descriptions are looked for, in that order."""
+    """Return the folders of descriptions in the order of search."""
     return [*folders(), BUILT_IN]
 
 
@@ -43,10 +43,9 @@ def dataset(name: str) -> Dataset:
 
 
 def opened(reference: str) -> Dataset:
-    """Return the data set that is meant: a known one by name, a folder with a ``dataset.toml``, or a plain CSV file.
+    """Return a data set by its name, its folder with a ``dataset.toml``, or a plain CSV file.
 
-    Of several records in it ``NAME:SOURCE`` are those from that source alone. Raises ``InputError`` for what is none of
-    these.
+    ``NAME:SOURCE`` selects the records of one source. Raises ``InputError`` for anything else.
     """
     path, (name, colon, source) = Path(reference), reference.rpartition(":")
     if colon and not path.exists():
@@ -96,7 +95,7 @@ def plain(path: Path) -> Dataset:
 
 
 def units_note(reference: str) -> str:
-    """Return in what units a table is read whose first line tells none, of elevations or of times; else nothing.
+    """Return the assumed units of a table whose first line names none; empty if it names them.
 
     A place in a name, as a run's own table has, says metres. Raises ``InputError`` as ``opened``.
     """
@@ -127,7 +126,7 @@ def _gauge(column: str) -> Gauge:
 
 
 def find(name: str, file: str) -> Path:
-    """Return the path of a data set's file; raise ``InputError`` that says where it was looked for."""
+    """Return the path of a data set's file; raise ``InputError`` with the searched folders."""
     searched = [folder / name / file for folder in folders()]
     for path in searched:
         if os.path.isfile(path):  # Path.is_file fails where a folder cannot be entered
@@ -136,7 +135,7 @@ def find(name: str, file: str) -> Path:
 
 
 def located(data: Dataset, file: str) -> Path:
-    """Return the path of a file of a data set: beside its description, or where data are found."""
+    """Return the path of a file of a data set: next to its description, or in a folder of data sets."""
     own = data.folder / file
     if os.path.isfile(own) or data.folder.parent not in _described():
         return own

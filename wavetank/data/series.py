@@ -1,4 +1,4 @@
-"""What data sets hold: elevations at gauges, wave heights along sections."""
+"""Records of data sets: elevations at gauges, wave heights along sections."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -71,7 +71,7 @@ def _records(data: Dataset, records: Records) -> "DataArray":
 
 
 def _usual(gauge: str, table: Columns, number: int) -> Column:
-    """Return the column that is a gauge's where none is told: that of its name, else of its number."""
+    """Return the default column of a gauge: by its name, else by its number."""
     alone = number == SECOND and len(table.names) == SECOND
     return gauge if table.names and (gauge in table.names or not alone) else number
 

@@ -87,7 +87,7 @@ class Gridded:
 
 
 def _extrapolated(d: Array, missing: Array) -> Array:
-    """Return depths, the missing ones from the nearest known one k and its mirror image m: 2 d_k - d_m, or d_k."""
+    """Return depths; missing ones follow from the nearest given one k and its mirror image m: 2 d_k - d_m, or d_k."""
     nearest_indices = scipy.ndimage.distance_transform_edt(missing, return_distances=False, return_indices=True)
     mirror = 2 * nearest_indices - np.indices(d.shape)
     beyond = [(place < 0) | (place >= count) for place, count in zip(mirror, d.shape, strict=True)]
@@ -110,7 +110,7 @@ INWARD = 1e-9  # of the way to the middle: from the survey's edge into its trian
 
 
 class Survey:
-    """Still-water depth interpolated between points; at their edge it goes on level for as far as they are apart.
+    """Still-water depth interpolated between points; beyond their edge it is constant over one spacing of the points.
 
     Parameters
     ----------

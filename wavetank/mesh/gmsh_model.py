@@ -190,7 +190,7 @@ def _read_by_meshio(path: Path) -> Any:
     try:
         with redirect_stdout(output), redirect_stderr(output):
             return meshio.read(path)
-    except (Exception, SystemExit) as error:  # meshio leaves the program where it knows no format
+    except (Exception, SystemExit) as error:  # meshio exits for an unknown format
         reason = " ".join(f"{output.getvalue()} {error}".split()).removesuffix(" 1")
         raise InputError(f"{path}: meshio cannot read it ({reason}).") from None
 

@@ -68,7 +68,7 @@ class Blocks:
         return self._points[place]
 
     def _side(self, start: Point, end: Point, cells: int, centre: Point | None) -> int:
-        """Return a side's signed tag, as gmsh has it: negative where the side is met backwards."""
+        """Return a side's signed tag for gmsh, negative for the opposite direction."""
         if (end, start) in self._sides:
             return -self._sides[end, start]
         if (start, end) not in self._sides:
@@ -311,7 +311,7 @@ class Cylinder(RectangularLayout):
         return x - x_min, y - y_min, x_max - self.sponge_length - x, y_max - y
 
     def _box_around(self, cell_size: float) -> Box:
-        """Return the box whose sides' cells are of a size if those at the cylinder are smaller by the factor."""
+        """Return the box on whose sides cells have a given size, those at the cylinder smaller by the factor."""
         (x, y), half = self.centre, 0.25 * np.pi * self.radius / self.factor
         to_x_min, down, to_x_max, up = (half if gap > half + 0.5 * cell_size else gap for gap in self._gaps())
         return x - to_x_min, y - down, x + to_x_max, y + up

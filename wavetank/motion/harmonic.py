@@ -96,13 +96,13 @@ class HarmonicSum(Motion):
         return (1920 * TABLE_ERROR * second / sixth) ** 0.25 if sixth > 0.0 else 1.0
 
     def tabulated(self) -> Motion:
-        """Return the same from a table; few sines as they are."""
+        """Return the motion from a table; that of few sines itself."""
         return self if self.omega.size <= FEW else Tabulated(self)
 
 
 @dataclass(frozen=True, eq=False)
 class Tabulated(Motion):
-    """A sum of sines from a table of blocks of time, of which the last few are kept.
+    """A sum of sines from a table of blocks of time, of which the last few are cached.
 
     Attributes
     ----------

@@ -178,7 +178,7 @@ class ByFormula(Motion):
         return self._formula.derivative(order, t)[()]
 
     def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
-        """Return the formula's derivatives, found as one; raises ``InputError`` where one is not finite."""
+        """Return the formula's derivatives from one evaluation; raises ``InputError`` where one is not finite."""
         return [values[()] for values in self._formula.derivatives(t, *range(up_to + 1))]
 
     def check(self, times: Array) -> None:
@@ -445,11 +445,11 @@ class ValidatedMotion(MotionWrapper):
         self.motion, self._key, self._run = motion, key, run
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
-        """Return that of the motion."""
+        """See ``Motion``."""
         return self._validated(t, lambda t: self.motion.derivative(t, order, y))
 
     def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
-        """Return those of the motion."""
+        """See ``Motion``."""
         result: list[Any] = self._validated(t, lambda t: self.motion.rates(t, y, up_to=up_to))
         return result
 

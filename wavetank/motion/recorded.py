@@ -1,8 +1,6 @@
-"""Motions by records: splines through measured positions or velocities.
+"""Motions by records: a cubic spline through measured positions or velocities.
 
-A measured motion: one cubic spline through a record of positions or of velocities, or one of degree 5 through both.
-
-The record that a run keeps of its paddle has positions, velocities and accelerations: the spline takes all of them.
+The ``paddle.csv`` of a run has positions, velocities and accelerations; a spline of degree 5 fits all of them.
 """
 
 from bisect import bisect_right
@@ -112,9 +110,8 @@ def in_metres(path: Path, *, named: str | None = None) -> bool:
 def read_record(path: Path, *, column: str = "position [m]", named: str | None = None) -> tuple[Array, ...]:
     """Return times [s] and values, shapes (N,), N >= 4, of a file of columns separated by blanks or commas.
 
-    There are two of them without names, or those of a run's ``paddle.csv``, which may be more: the first that goes by
-    ``column`` is taken, with the derivatives of a position if they are there. Otherwise the ``named`` one is, behind
-    the times in the first.
+    Without names there are two columns. With names the values are the first column ``column``, as in a run's
+    ``paddle.csv``, with the derivatives of a position if it has them, or the column ``named``, times being the first.
 
     Raises ``InputError`` naming the file and the line if it cannot be read, if a row is not as many finite numbers, if
     times do not ascend or have a gap (``check_gaps``), if there are fewer than four rows; ``ColumnError`` if it has no
@@ -175,7 +172,7 @@ class Programmed(Motion):
         return values if values.ndim else float(values)
 
     def check(self, times: Array) -> None:
-        """Raise ``InputError`` where a derivative is not that of the order below it, by differences at times [s]."""
+        """Raise ``InputError`` if a derivative differs from the difference quotient of the order below at times [s]."""
         for order in (1, 2):
             below, above = (self.derivative(times + step, order - 1) for step in (-DIFFERENCE_STEP, DIFFERENCE_STEP))
             given, differences = self.derivative(times, order), (above - below) / (2 * DIFFERENCE_STEP)
@@ -187,13 +184,13 @@ class Programmed(Motion):
                 raise InputError(f"its derivative of order {order} at {when} is {given[worst]:.6g}; {allowed}.")
 
 
-ROWS = 8  # of a record whose noise is known
+ROWS = 8  # of a record whose noise is estimated, at least
 DEGREE, PIECES = 5, 2.5  # of a spline of least squares; of it in the period of the fastest that it takes
 
 
 @dataclass(frozen=True, eq=False)
 class Recorded(Motion):
-    """X(t) from one spline; before the record starts the paddle stands still where the record starts.
+    """X(t) from one spline; before the record the paddle is at rest at its first position.
 
     Build it with ``of_positions``, ``of_velocities`` or ``of_states``. Asking for times beyond the record raises
     ``InputError``.

@@ -27,7 +27,7 @@ class Columns(NamedTuple):
     values
         Shape (rows, columns).
     lines
-        Where each row stands.
+        Line number of each row.
     """
 
     names: tuple[str, ...]

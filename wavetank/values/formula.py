@@ -121,7 +121,7 @@ class Formula:
 
     def _evaluate(self, variables: Mapping[str, Any]) -> Any:
         values: Values = {**CONSTANTS, **variables}
-        with np.errstate(all="ignore"):  # a branch of where() that is not taken may be anything
+        with np.errstate(all="ignore"):  # an unused branch of where() may be undefined
             for name, helper in self._helpers.items():
                 values[name] = helper.value(values)
             return self._part.value(values)
@@ -202,7 +202,7 @@ class _Translator(ast.NodeVisitor):
     text
         What the tree was parsed from.
     kinds
-        The names it may hold, and what they stand for.
+        The allowed names and their values.
     helped
         Whether others may be given in ``where``.
     """

@@ -53,7 +53,7 @@ def _check_trusted(path: Path) -> None:
 
 
 class PythonFunction:
-    """A function of a user's, checked wherever it is asked; sent to another rank, it is read there anew.
+    """A user's function, checked at each evaluation; sent to another rank, it is read there again.
 
     Parameters
     ----------

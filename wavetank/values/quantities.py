@@ -30,11 +30,11 @@ def metres(length: float) -> str:
 
 SHORTEST = 1e-6  # s
 
-Label = Annotated[str, AfterValidator(_one_line)]  # a title or name, which stands in tables, pictures and messages
+Label = Annotated[str, AfterValidator(_one_line)]  # a title or name in tables, pictures and messages
 
 Length = Annotated[float, Field(ge=1e-6, le=1e6)]  # m, of tanks, walls, cells
 Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]  # m
-Height = Annotated[float, Field(ge=1e-12, le=1e6)]  # m, of waves and strokes: as small as linear theory is asked for
+Height = Annotated[float, Field(ge=1e-12, le=1e6)]  # m, of waves and strokes, also very small ones for linear theory
 Duration = Annotated[float, Field(ge=SHORTEST, le=1e9)]  # s, of runs, periods and steps
 Ramp = Annotated[float, Field(ge=0, le=1e9), AfterValidator(_zero_or_long_enough)]  # s
 Frequency = Annotated[float, Field(ge=1e-6, le=1e6)]  # Hz

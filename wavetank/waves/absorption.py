@@ -71,7 +71,7 @@ def radiation(wavemaker: Wavemaker, omega: Array, depth: float, gravity: float) 
 
 
 def sudden_mass(wavemaker: Wavemaker, depth: float) -> float:
-    """Return the added mass of a sudden motion [m²], over the density and a metre's width: that of high frequencies."""
+    """Return the added mass at infinite frequency [m²], over the density and a metre's width."""
     kappa = (np.arange(MODES) + 0.5) * np.pi / depth
     x, weights = np.polynomial.legendre.leggauss(4 * MODES)
     z = 0.5 * depth * (x - 1.0)

@@ -1,4 +1,4 @@
-"""Linear waves as a sum of plane ones, each in its own direction: what paddles are to make."""
+"""Linear waves as a sum of plane waves, each in its own direction: the target of paddles."""
 
 from dataclasses import dataclass
 

@@ -94,7 +94,7 @@ def second_order(
 
 
 def _interpolated(water: "_Water", omega: Array) -> Complex:
-    """Return ``_Water.residuals`` of the sums of many frequencies from that of few: it is a smooth function of both."""
+    """Return ``_Water.residuals`` of the sums of many frequencies, interpolated from few, as they are smooth."""
     middle, half = 0.5 * (omega.max() + omega.min()), 0.5 * (omega.max() - omega.min())
     nodes = [chebyshev.chebpts1(count) for count in (FEW, FEW + 1)]
     first, second = (_cardinal((omega - middle) / half, one) for one in nodes)
@@ -157,7 +157,7 @@ class _Water:
         return np.asarray((of.P * self._wavemaker.displaced(of.k, K[:, None], self._depth)).sum(axis=1))
 
     def _bound(self, u: _Modes, v: _Modes, K: Array) -> Complex:
-        """Return what goes with the bound waves of pairs u, v and v, u: the sums of their T have one denominator."""
+        """Return the flux of the bound waves of pairs u, v and v, u; the sums of their T have one denominator."""
         g, total, at_top = self._g, u.omega + v.omega, self._wavemaker.mode_shape(0.0, self._depth)
         rise_u, rise_v = ((one.omega**2 / g)[:, None] for one in (u, v))  # phi_z / phi at z = 0
         of_u = v.omega[:, None] * (u.k**2 - rise_u**2) - 2.0 * total[:, None] * rise_u * rise_v

@@ -28,7 +28,7 @@ RESOLVED = 1e-10  # Bernoulli residual that is not refined further
 FEWEST, MOST = 1024, 16384  # intervals of half the wave
 
 
-@lru_cache(maxsize=16)  # a run asks for that of its start many times
+@lru_cache(maxsize=16)  # a run evaluates its start many times
 def solitary_wave(height: float, *, depth: float, gravity: float = 9.81) -> SteadyWave:
     """Return the solitary wave of a height above still water [m], in a depth [m]; gravity in m/s².
 

@@ -41,7 +41,7 @@ _HARMONICS = 4  # 0 to 3
 class ThirdOrderStandingWave(Wave):
     """A standing wave of small amplitude in a rectangle from its origin on, over [0, length] and [0, width].
 
-    Raises ``InputError`` if no half wave is asked for, or an order that is not known.
+    Raises ``InputError`` for no half wave, or an order that is not implemented.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class ThirdOrderStandingWave(Wave):
     modes
         (m, n): the numbers of half waves along x and y.
     order
-        How many orders of the expansion are taken, 1 to 3; errors are of the next.
+        Order of the expansion, 1 to 3; errors are of the next order.
     origin
         Where the rectangle begins (x, y) [m].
     """

@@ -35,7 +35,7 @@ def maximum_height(length: float, depth: float) -> float:
     return depth * rising / (1.0 + 0.0788340 * r + 0.0317567 * r**2 + 0.0093407 * r**3)
 
 
-@lru_cache(maxsize=16)  # a run asks for that of its start many times
+@lru_cache(maxsize=16)  # a run evaluates its start many times
 def stream_function_wave(height: float, length: float, *, depth: float, gravity: float = 9.81) -> SteadyWave:
     """Return the wave of a height, crest above trough [m], and length [m], without mean Eulerian current.
 
@@ -64,7 +64,7 @@ def _periodic(x: Array, values: Array) -> Shape:
 
 
 def _strip(length: float, eta: Array) -> Strip:
-    """Return the strip whose depth goes with an elevation."""
+    """Return the strip that belongs to an elevation."""
     intervals = eta.size - 1
     return Strip(length, 1.0 + float(_weights(intervals) @ eta), mean=0.0, intervals=intervals)
 
