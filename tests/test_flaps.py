@@ -32,7 +32,7 @@ from wavetank.tank.surface_points import SurfacePoints
 from wavetank.tank.walls import LinearPaddle, Polynomial
 from wavetank.tank.walls.shape import fitted
 from wavetank.waves import airy
-from wavetank.waves.wavemaker import PISTON, Flap, Profile, modes, norm
+from wavetank.waves.wavemaker import PISTON, Flap, ProfileShape, modes, norm
 
 GRAVITY = 9.81
 BALANCE, MASS = energy_columns(1).index("balance [m^4/s^2]"), energy_columns(1).index("mass [m^2]")
@@ -82,8 +82,8 @@ def test_shapes_by_quadrature_and_their_limits():
     """A formula's shape against the closed forms; a flap hinged far below is a piston, its wave Galvin's."""
     k, K, d = np.array([0.5, 2.0, 9.0]), np.array([0.7, 2.0, 3.0]), 1.3
     for profile, exact in (
-        (Profile(lambda z: 1 + 0 * z, lambda z: 0 * z), PISTON),
-        (Profile(lambda z: 1 + z / d, lambda z: 1 / d + 0 * z), Flap(0.0)),
+        (ProfileShape(lambda z: 1 + 0 * z, lambda z: 0 * z), PISTON),
+        (ProfileShape(lambda z: 1 + z / d, lambda z: 1 / d + 0 * z), Flap(0.0)),
     ):
         assert profile.moment(k, d) == pytest.approx(exact.moment(k, d), rel=1e-12)
         assert profile.displaced(k, K, d) == pytest.approx(exact.displaced(k, K, d), rel=1e-11)
@@ -97,7 +97,7 @@ def test_a_shape_with_a_kink_keeps_what_linear_theory_knows_of_it():
     for hinge in (0.1, 0.5):
         flap = Flap(hinge)
         powers = fitted(lambda z, flap=flap: flap.mode_shape(z, 1.0), 1.0, kinks=flap.kinks(1.0))
-        near = Profile(np.polynomial.Polynomial(powers), np.polynomial.Polynomial(powers).deriv())
+        near = ProfileShape(np.polynomial.Polynomial(powers), np.polynomial.Polynomial(powers).deriv())
         k = np.array([0.5, 2.0, 10.0])
         assert len(powers) == 17
         assert near.moment(k, 1.0) == pytest.approx(flap.moment(k, 1.0), rel=1e-5)

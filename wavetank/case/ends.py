@@ -10,7 +10,7 @@ import numpy as np
 from wavetank import motion as motions
 from wavetank.case.output import FAR, PADDLE
 from wavetank.case.tank import BasinTank, Context, paddle_period
-from wavetank.case.wall import BaseWall, MovingWall
+from wavetank.case.wall import BaseWall, MovingWallModel
 from wavetank.motion.motion import Extent, ValidatedMotion, extent, times, values
 from wavetank.values.case_model import CaseError, Problem, about, renamed
 
@@ -86,7 +86,7 @@ class EndWall(Context):
     @cached_property
     def _unchecked(self) -> motions.Motion:
         wall: BaseWall = self.wall
-        if isinstance(wall, MovingWall) and wall.reads_file and (problems := list(wall.motion_problems(self))):
+        if isinstance(wall, MovingWallModel) and wall.reads_file and (problems := list(wall.motion_problems(self))):
             raise CaseError(problems)
         return wall.paddle(self.tank, self.physics)
 
@@ -165,13 +165,13 @@ class EndWall(Context):
         if motion.start >= self.duration:
             allowed = f"must be more than {motion.start:g} s, where the recorded motion begins"
             yield Problem(("run", "duration"), self.duration, allowed)
-        if isinstance(self.wall, MovingWall):
+        if isinstance(self.wall, MovingWallModel):
             yield from self.wall.reach_problems(self.tank, self.available_reach, self.max_displacement)
             if self.wall.limits is not None:
                 yield from self.wall.limits.exceeded(self.extent)
             yield from self._reached_points(self.wall)
 
-    def _reached_points(self, wall: MovingWall) -> Iterator[Problem]:
+    def _reached_points(self, wall: MovingWallModel) -> Iterator[Problem]:
         """Yield the first gauge, probe or window that a paddle of prescribed motion reaches."""
         prescribed = self.physics == "nonlinear" and getattr(wall, "absorb", None) is None
         if not prescribed or (isinstance(self.tank, BasinTank) and self.tank.layout.type != "rectangle"):

@@ -30,7 +30,7 @@ from wavetank.values.quantities import (
 )
 from wavetank.waves.absorption import PassiveFilter, face, radiation, sudden_mass
 from wavetank.waves.airy import angular_frequency
-from wavetank.waves.wavemaker import PISTON, Flap, Profile, Wavemaker
+from wavetank.waves.wavemaker import PISTON, Flap, ProfileShape, Wavemaker
 
 # ---------------------------------------------------------------- absorption
 BAND = (0.5, 3.0)  # k d of the longest and the shortest waves, by default
@@ -217,7 +217,7 @@ class BaseWall(CaseModel):
         return None
 
 
-class MovingWall(BaseWall):
+class MovingWallModel(BaseWall):
     """A wall that moves, vertical or of another shape."""
 
     if TYPE_CHECKING:
@@ -296,7 +296,7 @@ class MovingWall(BaseWall):
             )
 
 
-class ShapedWall(MovingWall):
+class ShapedWall(MovingWallModel):
     """A wall that moves at some heights farther than at others."""
 
     shaped_by: ClassVar[str]  # the key that says its shape
@@ -332,7 +332,7 @@ class HingedWall(ShapedWall):
 SEGMENTS = 1000  # at most
 
 
-class SegmentedWall(MovingWall):
+class SegmentedWall(MovingWallModel):
     """A wall of many paddles in a row, with separate motions."""
 
     motion: SegmentedPaddleMotion
@@ -402,7 +402,7 @@ class FixedWall(BaseWall):
         return np.inf
 
 
-class PaddleWall(MovingWall):
+class PaddleWall(MovingWallModel):
     """A wall that moves as a whole."""
 
     motion: PaddleMotion
@@ -481,10 +481,10 @@ class ProfileWall(ShapedWall, PaddleWall):
     shape: HeightFormulaText = Field(description="f(z), z the height above still water [m]")
 
     @property
-    def wavemaker(self) -> Profile:
+    def wavemaker(self) -> ProfileShape:
         """Its shape, by which it makes waves."""
         formula = Formula(self.shape, where=self.where, variables=("z",))
-        return Profile(partial(formula.derivative, 0), partial(formula.derivative, 1))
+        return ProfileShape(partial(formula.derivative, 0), partial(formula.derivative, 1))
 
     def problems(self, context: Context) -> Iterator[Problem]:
         """Yield a shape that is not finite, or displaces no water, and problems of any paddle."""

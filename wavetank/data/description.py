@@ -71,7 +71,7 @@ class DataFile(CaseModel):
         return self.every > 1
 
 
-class Gauge(CaseModel):
+class GaugePosition(CaseModel):
     """A place with a record of the elevation."""
 
     name: Label = Field(description="what it is called")
@@ -86,7 +86,7 @@ class Units(CaseModel):
     elevation: Literal["m", "cm", "mm"] = "m"
 
 
-class Records(CaseModel):
+class RecordFiles(CaseModel):
     """Elevations at all gauges of a data set from one origin."""
 
     source: Label = Field(default=MEASURED, description="where they come from, for legends")
@@ -169,8 +169,8 @@ class Dataset(CaseModel):
     urls: Annotated[tuple[str, ...], Strict(False)] = Field(
         default=(), description="public addresses of the folder, tried in this order"
     )
-    gauges: Annotated[tuple[Gauge, ...], Strict(False)] = ()
-    records: Annotated[tuple[Records, ...], Strict(False)] = ()
+    gauges: Annotated[tuple[GaugePosition, ...], Strict(False)] = ()
+    records: Annotated[tuple[RecordFiles, ...], Strict(False)] = ()
     heights: WaveHeights | None = None
     files: Annotated[tuple[DataFile, ...], Strict(False)] = Field(default=(), description="what can be downloaded")
     folder: Path = Field(default=Path(), description="where its description was read")

@@ -6,7 +6,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from wavetank.cache import places
-from wavetank.data.description import DATASET, Dataset, Gauge, Records, read_dataset, refused
+from wavetank.data.description import DATASET, Dataset, GaugePosition, RecordFiles, read_dataset, refused
 from wavetank.errors import InputError
 from wavetank.output.columns import parse_gauge_column
 from wavetank.values.columns import read_columns
@@ -87,7 +87,7 @@ def plain(path: Path) -> Dataset:
     gauges = [_gauge(name) for name in plain_names]
     numbers = tuple(range(2, len(columns) + 1))
     _without_unit(path, columns[0])
-    records = Records(files=(path.name,), columns=numbers, source=path.stem)
+    records = RecordFiles(files=(path.name,), columns=numbers, source=path.stem)
     try:
         return Dataset(name=path.stem, folder=path.parent, gauges=tuple(gauges), records=(records,))
     except ValidationError as error:
@@ -117,12 +117,12 @@ def _without_unit(path: Path, column: str) -> str:
     return name.strip()
 
 
-def _gauge(column: str) -> Gauge:
+def _gauge(column: str) -> GaugePosition:
     try:
         name, x, y = parse_gauge_column(column)
-        return Gauge(name=name, x=x, y=y)
+        return GaugePosition(name=name, x=x, y=y)
     except ValueError:
-        return Gauge(name=column)
+        return GaugePosition(name=column)
 
 
 def find(name: str, file: str) -> Path:

@@ -1,4 +1,4 @@
-"""Records of data sets: elevations at gauges, wave heights along sections."""
+"""RecordFiles of data sets: elevations at gauges, wave heights along sections."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -6,11 +6,20 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.data.description import METRES, SECONDS, Column, Dataset, HeightColumn, HeightRecords, Records, Section
+from wavetank.data.description import (
+    METRES,
+    SECONDS,
+    Column,
+    Dataset,
+    HeightColumn,
+    HeightRecords,
+    RecordFiles,
+    Section,
+)
 from wavetank.data.places import located
 from wavetank.errors import InputError
 from wavetank.output.columns import gauge_array
-from wavetank.values.columns import Columns, check_ascending, read_columns
+from wavetank.values.columns import ColumnTable, check_ascending, read_columns
 
 if TYPE_CHECKING:
     from xarray import DataArray
@@ -42,14 +51,14 @@ def gauge_records(data: Dataset) -> "list[DataArray]":
     return [_records(data, one) for one in (first, *(one for one in published if _present(data, one)))]
 
 
-def _present(data: Dataset, records: Records) -> bool:
+def _present(data: Dataset, records: RecordFiles) -> bool:
     try:
         return all(located(data, file).exists() for file in records.files)
     except InputError:
         return False
 
 
-def _records(data: Dataset, records: Records) -> "DataArray":
+def _records(data: Dataset, records: RecordFiles) -> "DataArray":
     from xarray import concat
 
     number = len(data.gauges)
@@ -70,13 +79,13 @@ def _records(data: Dataset, records: Records) -> "DataArray":
     return result.assign_attrs(source=records.source, clock_offset=records.clock_offset)
 
 
-def _usual(gauge: str, table: Columns, number: int) -> Column:
+def _usual(gauge: str, table: ColumnTable, number: int) -> Column:
     """Return the default column of a gauge: by its name, else by its number."""
     alone = number == SECOND and len(table.names) == SECOND
     return gauge if table.names and (gauge in table.names or not alone) else number
 
 
-def _column(path: Path, table: Columns, column: Column) -> NDArray[np.float64]:
+def _column(path: Path, table: ColumnTable, column: Column) -> NDArray[np.float64]:
     """Return a column of a table; raise ``InputError`` if there is none."""
     if isinstance(column, str):
         if column not in table.names:

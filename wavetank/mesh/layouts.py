@@ -22,7 +22,7 @@ DIGITS = 12  # decimals of coordinates [m], to which equal points agree
 Point = tuple[float, float]  # x, y [m]
 
 
-class Part(NamedTuple):
+class Interval(NamedTuple):
     """A part of an axis, with a number of equal cells on it.
 
     Attributes
@@ -38,7 +38,7 @@ class Part(NamedTuple):
     cells: int
 
     @classmethod
-    def of(cls, start: float, end: float, cell_size: float) -> "Part":
+    def of(cls, start: float, end: float, cell_size: float) -> "Interval":
         """Return a part with cells of about a size [m], at least one."""
         return cls(start, end, divisions(end - start, cell_size))
 
@@ -112,11 +112,11 @@ class Blocks:
 
     def add_grid(
         self,
-        columns: Sequence[Part],
-        rows: Sequence[Part],
+        columns: Sequence[Interval],
+        rows: Sequence[Interval],
         *,
         group: str = "water",
-        but: Collection[tuple[Part, Part]] = (),
+        but: Collection[tuple[Interval, Interval]] = (),
     ) -> None:
         """Add a rectangle for each column along x and row along y, ``but`` some."""
         for column, row in ((column, row) for column in columns for row in rows if (column, row) not in but):
@@ -263,11 +263,11 @@ def _check_between(axis: str, fine: Pair | None, start: float, end: float) -> No
         raise ValueError(f"must have refine.{axis} = {received} ascending and in the layout, {allowed}")
 
 
-def _refined_parts(ends: list[float], fine: Pair | None, cell_size: float, *, factor: float) -> list[Part]:
+def _refined_parts(ends: list[float], fine: Pair | None, cell_size: float, *, factor: float) -> list[Interval]:
     """Return the parts between all ends, with cells smaller by a factor in the fine one."""
     start, end = fine or (0.0, 0.0)
     parts = pairwise(sorted({*ends, *(fine or ())}))
-    return [Part.of(a, b, cell_size * (factor if start <= a and b <= end else 1.0)) for a, b in parts]
+    return [Interval.of(a, b, cell_size * (factor if start <= a and b <= end else 1.0)) for a, b in parts]
 
 
 MIN_GAP = 0.3  # radii between the cylinder and walls or sponge
@@ -326,10 +326,10 @@ class Cylinder(RectangularLayout):
         blocks.add_grid(columns, rows, but=[(column, row)])
         self._add_ring(blocks, column, row, cell_size=cell_size)
         if self.sponge_length:
-            blocks.add_grid([Part.of(last, x_max, cell_size)], rows, group="sponge")
+            blocks.add_grid([Interval.of(last, x_max, cell_size)], rows, group="sponge")
         blocks.finish(paddle=x_min, arcs="cylinder")
 
-    def _add_ring(self, blocks: Blocks, column: Part, row: Part, *, cell_size: float) -> None:
+    def _add_ring(self, blocks: Blocks, column: Interval, row: Interval, *, cell_size: float) -> None:
         """Add the blocks between cylinder and box: four, or three around half a cylinder."""
         (x_min, x_max, along), (y_min, y_max, across) = column, row
         outer: list[Point] = [(x_min, y_min), (x_max, y_min), (x_max, y_max), (x_min, y_max)]
@@ -350,11 +350,11 @@ class Cylinder(RectangularLayout):
         return self.centre[0] + float(radius[0]), self.centre[1] + float(radius[1])
 
 
-def _parts_around_box(ends: set[float], start: float, end: float, cell_size: float) -> tuple[list[Part], Part]:
+def _parts_around_box(ends: set[float], start: float, end: float, cell_size: float) -> tuple[list[Interval], Interval]:
     """Return the parts of an axis between its ends and those of the box, and the box's own."""
-    parts = [Part.of(a, b, cell_size) for a, b in pairwise(sorted({*ends, start, end}))]
+    parts = [Interval.of(a, b, cell_size) for a, b in pairwise(sorted({*ends, start, end}))]
     n = next(n for n, part in enumerate(parts) if part.start == start)
-    parts[n] = Part(start, end, max(MIN_CELLS[0], parts[n].cells))
+    parts[n] = Interval(start, end, max(MIN_CELLS[0], parts[n].cells))
     return parts, parts[n]
 
 
@@ -450,14 +450,14 @@ class Harbour(DrawnLayout):
     def outline(self, geometry: Any, cell_size: float) -> None:
         """Draw rows of cells through fairway, corner and arm."""
         size, top = cell_size, self.width + self.arm_length
-        fairway = Part.of(0.0, self.length - self.arm_width, size)
-        arm, width = Part.of(fairway.end, self.length, size), Part.of(0.0, self.width, size)
+        fairway = Interval.of(0.0, self.length - self.arm_width, size)
+        arm, width = Interval.of(fairway.end, self.length, size), Interval.of(0.0, self.width, size)
         last = top - self.sponge_length
         blocks = Blocks(geometry, quadrilaterals=self.cells == "quadrilaterals")
         blocks.add_grid([fairway, arm], [width])
-        blocks.add_grid([arm], [Part.of(self.width, last, size)])
+        blocks.add_grid([arm], [Interval.of(self.width, last, size)])
         if self.sponge_length:
-            blocks.add_grid([arm], [Part.of(last, top, size)], group="sponge")
+            blocks.add_grid([arm], [Interval.of(last, top, size)], group="sponge")
         blocks.finish(paddle=0.0)
 
 

@@ -12,7 +12,7 @@ from wavetank.case import (
     Physics,
     PistonWall,
 )
-from wavetank.case.wall import MovingWall, ShapedWall
+from wavetank.case.wall import MovingWallModel, ShapedWall
 from wavetank.fem.plane import Plane
 from wavetank.motion import Motion
 from wavetank.motion.feedback import FeedbackMotion
@@ -135,13 +135,13 @@ def _check_flat(end: EndWall, noun: ShapedWall, wall: Piston, plane: Plane) -> N
         raise CaseError([Problem(("tank", "bed"), None, f"{flat}, {here}: {cure}")])
 
 
-def _piston(end: EndWall, noun: MovingWall, footprint: Slice | Basin, plane: Plane) -> Piston:
+def _piston(end: EndWall, noun: MovingWallModel, footprint: Slice | Basin, plane: Plane) -> Piston:
     side = footprint.side(end.side)
     wall = Piston(motion_of(end), plane=plane, reach=_reach(end, noun, footprint, side), side=side)
     return _checked(end, noun, wall)
 
 
-def _checked(end: EndWall, noun: MovingWall, wall: Piston) -> Piston:
+def _checked(end: EndWall, noun: MovingWallModel, wall: Piston) -> Piston:
     """Return the wall; raises ``CaseError`` where it goes farther than its mapping can."""
     excursion, allowed = noun.max_mode_shape(end.tank) * end.max_displacement, wall.largest_stroke
     if excursion >= allowed:
@@ -153,7 +153,7 @@ def _checked(end: EndWall, noun: MovingWall, wall: Piston) -> Piston:
     return wall
 
 
-def _reach(end: EndWall, noun: MovingWall, footprint: Slice | Basin, side: Side) -> float:
+def _reach(end: EndWall, noun: MovingWallModel, footprint: Slice | Basin, side: Side) -> float:
     """Return where the wall's mapping has died out [m], before any wall that must not move; collective."""
     free, asked = footprint.free_reach(side), end.reach
     if noun.reach is not None and asked > free * (1 + 1e-9):
@@ -163,6 +163,6 @@ def _reach(end: EndWall, noun: MovingWall, footprint: Slice | Basin, side: Side)
 
 
 WALLS: dict[Physics, dict[type[CaseModel], Kind]] = {  # by the nearest base class of a wall's table
-    "nonlinear": {MovingWall: Kind(Piston, _piston), ShapedWall: Kind(Shaped, _shaped)},
-    "linear": {MovingWall: Kind(LinearPaddle, _linear_piston), ShapedWall: Kind(LinearPaddle, _linear_shaped)},
+    "nonlinear": {MovingWallModel: Kind(Piston, _piston), ShapedWall: Kind(Shaped, _shaped)},
+    "linear": {MovingWallModel: Kind(LinearPaddle, _linear_piston), ShapedWall: Kind(LinearPaddle, _linear_shaped)},
 }

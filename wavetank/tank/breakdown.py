@@ -58,7 +58,7 @@ class ShortWaves:
 class Quickened:
     """How much faster the mesh's shortest waves are, at most, for where paddles stand.
 
-    As ``MovingWall.frequency_shift`` of a case.
+    As ``MovingWallModel.frequency_shift`` of a case.
     """
 
     def __init__(self, waves: NonlinearWaves):

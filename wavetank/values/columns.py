@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 CELL = re.compile(r"[-+]?\d*(,\d+)?([eE][-+]?\d+)?")  # a number with a decimal comma, or a whole number
 
 
-class Columns(NamedTuple):
+class ColumnTable(NamedTuple):
     """What a file holds.
 
     Attributes
@@ -37,7 +37,7 @@ class Columns(NamedTuple):
 
 def read_columns(
     path: Path, *, columns: int = 0, allowed: str = "allowed are finite numbers, as many in each row"
-) -> Columns:
+) -> ColumnTable:
     """Return the numbers in a file, which may be packed (``.gz``).
 
     Raises ``InputError`` naming the file and the line if it cannot be read, or if a row is not finite numbers, as many
@@ -60,7 +60,7 @@ def read_columns(
             rows.append(row)
             numbers.append(number)
         columns = columns or len(row or names)
-    return Columns(names, np.array(rows).reshape(len(rows), columns), tuple(numbers))
+    return ColumnTable(names, np.array(rows).reshape(len(rows), columns), tuple(numbers))
 
 
 def _has_decimal_commas(line: str) -> bool:

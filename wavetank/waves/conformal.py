@@ -240,18 +240,18 @@ def refined(f: Array, factor: int) -> Array:
 
 
 @dataclass(frozen=True)
-class Solution:
+class SteadySolution:
     """An elevation on its strip, and b; with d = g = 1."""
 
     strip: Strip
     eta: Array
     b: float
 
-    def refined(self, factor: int) -> "Solution":
+    def refined(self, factor: int) -> "SteadySolution":
         """Return the same on ``factor`` times as many intervals."""
         old = self.strip
         strip = Strip(old.length, old.depth, mean=old.mean, intervals=factor * old.intervals)
-        return Solution(strip, refined(self.eta, factor), self.b)
+        return SteadySolution(strip, refined(self.eta, factor), self.b)
 
     def babenko(self) -> Array:
         """Return the residual of Babenko's equation, shape (M + 1,)."""
@@ -299,13 +299,13 @@ class Solution:
 
 
 def corrected(
-    start: Solution,
+    start: SteadySolution,
     height: float,
     *,
     rise: Callable[[Array], float],
     strip: Callable[[Array], Strip],
-    jacobian: Callable[[Solution], "scipy.sparse.linalg.LinearOperator"],
-) -> Solution:
+    jacobian: Callable[[SteadySolution], "scipy.sparse.linalg.LinearOperator"],
+) -> SteadySolution:
     """Return the solution of Babenko's equation for eta and b together at a given height, by Newton's method.
 
     Parameters
@@ -323,7 +323,7 @@ def corrected(
     """
     b, eta = start.b, np.asarray(start.eta * height / rise(start.eta), dtype=np.float64)
     for _ in range(20):
-        now = Solution(strip(eta), eta, b)
+        now = SteadySolution(strip(eta), eta, b)
         error = np.append(now.babenko(), rise(eta) - height)
         correction, _ = scipy.sparse.linalg.gmres(
             jacobian(now), error, M=_principal(now), rtol=CORRECTED, restart=SPACE, maxiter=1
@@ -331,10 +331,10 @@ def corrected(
         eta, b = np.asarray(eta - correction[:-1], dtype=np.float64), b - float(correction[-1])
         if np.abs(correction).max() < SETTLED:
             break
-    return Solution(strip(eta), eta, b)
+    return SteadySolution(strip(eta), eta, b)
 
 
-def _principal(now: Solution) -> "scipy.sparse.linalg.LinearOperator":
+def _principal(now: SteadySolution) -> "scipy.sparse.linalg.LinearOperator":
     """Return what nearly inverts the derivatives for short waves, sqrt(b - 2 eta) (K + 1) sqrt(b - 2 eta)."""
     strip, root = now.strip, np.sqrt(np.maximum(now.b - 2 * now.eta, STAGNANT))
     inverse = np.reciprocal(strip.K + 1.0)

@@ -18,7 +18,7 @@ import numpy as np
 import scipy
 
 from wavetank.errors import InputError
-from wavetank.waves.conformal import SPLINE_DEGREE, Shape, Solution, SteadyWave, Strip, corrected
+from wavetank.waves.conformal import SPLINE_DEGREE, Shape, SteadySolution, SteadyWave, Strip, corrected
 from wavetank.waves.wave import Array
 
 HIGHEST_SOLITARY = 0.8  # relative to the depth; the highest wave has 0.833
@@ -54,7 +54,7 @@ def _still_beyond(x: Array, values: Array) -> Shape:
     return lambda place: np.asarray(spline(np.clip(place, x[0], x[-1])))
 
 
-def _of_height(height: float, intervals: int) -> Solution:
+def _of_height(height: float, intervals: int) -> SteadySolution:
     series = 1.0 + height - height**2 / 20, 1.0 + height - height**2 / 20 - 3 * height**3 / 70
     result = scipy.optimize.root_scalar(
         lambda square: _of_speed(square, intervals).eta[0] - height, x0=series[0], x1=series[1]
@@ -62,7 +62,7 @@ def _of_height(height: float, intervals: int) -> Solution:
     return _of_speed(result.root, intervals)
 
 
-def _of_speed(square: float, intervals: int) -> Solution:
+def _of_speed(square: float, intervals: int) -> SteadySolution:
     """Return the wave of a squared Froude number c^2 / (g d)."""
     decay = scipy.optimize.brentq(lambda k: np.tan(k) / k - square, 1e-6, np.pi / 2 - 1e-9)  # eta ~ exp(-decay |x|)
     strip = Strip(2 * DECAY / decay, 1.0, mean=1.0, intervals=intervals)
@@ -74,10 +74,10 @@ def _of_speed(square: float, intervals: int) -> Solution:
         last, eta = eta, factor**2 * strip.multiply(np.asarray(1.0 / linear), quadratic)
         if np.abs(eta - last).max() < 1e-15 * eta[0]:
             break
-    return Solution(strip, eta, square)
+    return SteadySolution(strip, eta, square)
 
 
-def _at_height(start: Solution, height: float) -> Solution:
+def _at_height(start: SteadySolution, height: float) -> SteadySolution:
     """Return the wave of another height, on as many points as it needs."""
     solution = _newton(start, height)
     while not solution.residual() < RESOLVED and solution.strip.intervals < MOST:
@@ -85,12 +85,12 @@ def _at_height(start: Solution, height: float) -> Solution:
     return solution
 
 
-def _newton(start: Solution, height: float) -> Solution:
+def _newton(start: SteadySolution, height: float) -> SteadySolution:
     """Solve Babenko's equation for eta and b together, at a given height."""
     return corrected(start, height, rise=lambda eta: float(eta[0]), strip=lambda eta: start.strip, jacobian=_jacobian)
 
 
-def _jacobian(now: Solution) -> "scipy.sparse.linalg.LinearOperator":
+def _jacobian(now: SteadySolution) -> "scipy.sparse.linalg.LinearOperator":
     """Return the derivatives of Babenko's equation, then of the height, by eta and by b."""
     strip, eta, b = now.strip, now.eta, now.b
     K_eta = strip.multiply(strip.K, eta)

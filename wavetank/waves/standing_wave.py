@@ -169,7 +169,7 @@ class ThirdOrderStandingWave(Wave):
 
     @cached_property
     def _expansion(self) -> "_Expansion":
-        return _expansion(_Water(self.wave_numbers, depth=self.depth, gravity=self.gravity))
+        return _expansion(_SurfaceExpansion(self.wave_numbers, depth=self.depth, gravity=self.gravity))
 
 
 class _Expansion(NamedTuple):
@@ -181,7 +181,7 @@ class _Expansion(NamedTuple):
     frequency_shift: float
 
 
-class _Water(DirichletNeumann):
+class _SurfaceExpansion(DirichletNeumann):
     """The linear operators on functions at the points, arrays of shape (8, 8, 8) along x, y and s."""
 
     def __init__(self, wave_numbers: tuple[float, float], *, depth: float, gravity: float):
@@ -209,7 +209,7 @@ class _Water(DirichletNeumann):
         return np.fft.ifftn(eta_hat).real, np.fft.ifftn(psi_hat).real
 
 
-def _expansion(water: _Water) -> _Expansion:
+def _expansion(water: _SurfaceExpansion) -> _Expansion:
     g, omega = water.gravity, water.omega
     eta_1, psi_1 = water.cosine, -g / omega * water.sine
     rise_1, slopes_1 = water.G_0(psi_1), water.slopes(psi_1)

@@ -18,7 +18,7 @@ import numpy as np
 import scipy
 
 from wavetank.errors import InputError
-from wavetank.waves.conformal import SPLINE_DEGREE, Shape, Solution, SteadyWave, Strip, corrected
+from wavetank.waves.conformal import SPLINE_DEGREE, Shape, SteadySolution, SteadyWave, Strip, corrected
 from wavetank.waves.wave import Array
 
 STEP = 0.1  # in height, relative to the maximum: so close, and closer as it comes near, waves keep to one crest
@@ -76,7 +76,7 @@ def _weights(intervals: int) -> Array:
     return weights
 
 
-def _cnoidal_wave(height: float, length: float) -> Solution:
+def _cnoidal_wave(height: float, length: float) -> SteadySolution:
     """Return H cn^2(2 K x / length), H length^2 = 16/3 m K(m)^2: the wave in shallow water, in deep water a cosine."""
 
     def excess(m: float) -> float:
@@ -86,12 +86,12 @@ def _cnoidal_wave(height: float, length: float) -> Solution:
     intervals = min(FEWEST * ceil(length / LONG), MOST)
     eta = height * scipy.special.ellipj(np.linspace(0.0, scipy.special.ellipk(m), intervals + 1), m)[1] ** 2
     eta -= _weights(intervals) @ eta
-    now = Solution(_strip(length, eta), eta, 0.0)
+    now = SteadySolution(_strip(length, eta), eta, 0.0)
     K_eta = now.strip.multiply(now.strip.K, eta)
     return replace(now, b=-float(K_eta @ now.babenko() / (K_eta @ K_eta)))  # the best in the mean square
 
 
-def _at_height(start: Solution, height: float) -> Solution:
+def _at_height(start: SteadySolution, height: float) -> SteadySolution:
     """Return the solution of another height, on as many points as it needs."""
     solution = _newton(start, height)
     while RESOLVED < solution.residual() < HOPELESS and solution.strip.intervals < MOST:
@@ -99,7 +99,7 @@ def _at_height(start: Solution, height: float) -> Solution:
     return solution
 
 
-def _newton(start: Solution, height: float) -> Solution:
+def _newton(start: SteadySolution, height: float) -> SteadySolution:
     """Solve Babenko's equation for eta and b together, at a given height."""
     length = start.strip.length
 
@@ -109,7 +109,7 @@ def _newton(start: Solution, height: float) -> Solution:
     return corrected(start, height, rise=rise, strip=lambda eta: _strip(length, eta), jacobian=_jacobian)
 
 
-def _jacobian(now: Solution) -> "scipy.sparse.linalg.LinearOperator":
+def _jacobian(now: SteadySolution) -> "scipy.sparse.linalg.LinearOperator":
     """Return the derivatives of Babenko's equation, then of the height, by eta and by b."""
     strip, eta, b = now.strip, now.eta, now.b
     K_eta, weights = strip.multiply(strip.K, eta), _weights(strip.intervals)

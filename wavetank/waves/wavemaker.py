@@ -70,7 +70,7 @@ class Wavemaker(ABC):
 
 
 @dataclass(frozen=True)
-class Piston(Wavemaker):
+class PistonShape(Wavemaker):
     """f = 1, for which c = 2 (cosh 2kd - 1) / (sinh 2kd + 2kd)."""
 
     def mode_shape(self, z: ArrayLike, depth: float) -> Any:
@@ -94,7 +94,7 @@ class Piston(Wavemaker):
         return -(k**2) * (np.where(small, norm(k, depth), product) if small.any() else product)
 
 
-PISTON = Piston()
+PISTON = PistonShape()
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ class Flap(Wavemaker):
 
 
 @dataclass(frozen=True)
-class Profile(Wavemaker):
+class ProfileShape(Wavemaker):
     """Any shape, its integrals by Gauss' rule.
 
     Attributes
