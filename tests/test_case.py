@@ -473,47 +473,10 @@ def test_override_of_no_key_is_refused(write_case, override, said):
     assert refused(write_case(), override) == said
 
 
-KEYS = st.sampled_from(
-    [
-        "tank",
-        "wall",
-        "motion",
-        "type",
-        "gauges",
-        "0",
-        "7",
-        "x",
-        "depth",
-        "run",
-        "duration",
-        "numerics",
-        "initial",
-        "",
-        "a b",
-    ]
-)
-VALUES = st.one_of(
-    st.sampled_from(
-        [
-            "1",
-            "-1",
-            "nan",
-            "true",
-            '"a"',
-            "[]",
-            "[1, 2]",
-            "{}",
-            "{type=1}",
-            "",
-            "a = b",
-            "1\n2",
-            "piston",
-            "[[",
-            "1e400",
-        ]
-    ),
-    st.text(max_size=8),
-)
+WORDS = "tank wall motion type gauges 0 7 x depth run duration numerics initial"
+TEXTS = '1 -1 nan true "a" [] {} {type=1} piston [[ 1e400'
+KEYS = st.sampled_from(["", "a b", *WORDS.split()])
+VALUES = st.one_of(st.sampled_from(["", "[1, 2]", "a = b", "1\n2", *TEXTS.split()]), st.text(max_size=8))
 
 
 @settings(max_examples=80)

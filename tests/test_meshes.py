@@ -314,20 +314,13 @@ def bad_file(folder, name):
     return path
 
 
-@pytest.mark.parametrize("name", BAD)
-def test_a_bad_mesh_is_one_sentence(name, tmp_path):
+@pytest.mark.parametrize("name", {**BAD, **NO_PADDLE})
+def test_unusable_mesh_or_paddle_is_refused_in_one_sentence(name, tmp_path):
     path = bad_file(tmp_path, name)
-    with pytest.raises(InputError, match=BAD[name][2]) as raised:
-        read_layout(path, MPI.COMM_SELF)
+    with pytest.raises(InputError, match={**BAD, **NO_PADDLE}[name][2]) as raised:
+        read_layout(path, MPI.COMM_SELF).paddle_line()
     assert str(raised.value).startswith(f"{path}: ") and str(raised.value).endswith(".")
     assert "\n" not in str(raised.value)
-
-
-@pytest.mark.parametrize("name", NO_PADDLE)
-def test_a_paddle_that_cannot_move_is_one_sentence(name, tmp_path):
-    layout = read_layout(bad_file(tmp_path, name), MPI.COMM_SELF)
-    with pytest.raises(InputError, match=NO_PADDLE[name][2]):
-        layout.paddle_line()
 
 
 def test_missing_group_is_refused_with_existing_groups(tmp_path):

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from test_segmented_motion import MOTIONS as SEGMENTED
+from test_segmented_motion import Y, bisected_wave_number
 
 from wavetank.errors import InputError
 from wavetank.motion import AtRest, HarmonicSum, Motion, Ramped, Recorded, Sinusoid, first_order_motion
@@ -84,32 +86,32 @@ def test_piston_transfer_against_the_formula_and_its_limits():
 
 
 # ---------------------------------------------------------------- derivatives
-@pytest.mark.parametrize("name", MOTIONS)
 @pytest.mark.parametrize("order", [0, 1])
+@pytest.mark.parametrize("name", [*MOTIONS, *SEGMENTED])
 def test_each_derivative_is_the_slope_of_the_one_below(name, order):
     """Central differences of step s err by s^2 f''' / 6: half the step, a quarter of the error, or round-off."""
-    motion = MOTIONS[name]
-    t = np.array([1.4567, 2.111, 4.4321, 7.7654])  # between the record's knots, where the spline is smooth
+    motion, y = (MOTIONS[name], None) if name in MOTIONS else (SEGMENTED[name], Y)
+    t = np.array([1.4567, 2.111, 4.4321, 7.7654])  # between knots of splines
 
     def error(step):
-        slope = (motion.derivative(t + step, order) - motion.derivative(t - step, order)) / (2 * step)
-        return np.abs(slope - motion.derivative(t, order + 1)).max()
+        slope = (motion.derivative(t + step, order, y) - motion.derivative(t - step, order, y)) / (2 * step)
+        return np.abs(slope - motion.derivative(t, order + 1, y)).max()
 
     coarse, fine = error(2e-3), error(1e-3)
     assert fine < 1e-10 or coarse / fine == pytest.approx(4.0, rel=0.02)
 
 
-@pytest.mark.parametrize("name", MOTIONS)
-def test_named_derivatives_and_shapes(name):
-    motion = MOTIONS[name]
-    t = np.linspace(0.0, 8.0, 6).reshape(2, 3)
+@pytest.mark.parametrize("name", [*MOTIONS, *SEGMENTED])
+def test_named_derivatives_have_the_shape_of_times_and_places(name):
+    motion, y = (MOTIONS[name], None) if name in MOTIONS else (SEGMENTED[name], Y)
+    t, places = np.linspace(0.0, 8.0, 6).reshape(2, 3), () if y is None else Y.shape
     for order, method in enumerate((motion.position, motion.velocity, motion.acceleration)):
-        assert isinstance(method(0.5), float)
-        assert method(t).shape == t.shape
-        np.testing.assert_array_equal(method(t), motion.derivative(t, order))
+        assert np.shape(method(0.5, y)) == places and method(t, y).shape == (2, 3, *places)
+        np.testing.assert_array_equal(method(t, y), motion.derivative(t, order, y))
         # one time and many are summed in different orders
-        for alone in (method(float(t[1, 2])), motion.rates(float(t[1, 2]))[order]):
-            np.testing.assert_allclose(method(t)[1, 2], alone, rtol=1e-12, atol=1e-15)
+        for alone in (method(float(t[1, 2]), y), motion.rates(float(t[1, 2]), y)[order]):
+            np.testing.assert_allclose(method(t, y)[1, 2], alone, rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(motion.kinematics(t[0], y)[1], motion.velocity(t[0], y))
 
 
 @given(st.floats(0.1, 10.0), st.floats(0.2, 5.0), st.floats(-1.0, 1.0))
@@ -239,10 +241,7 @@ def test_a_spectral_wavemaker_driven_by_the_ramped_motion_focuses_there_and_then
 
 
 def _independent_wavemaker(omega, depth=1.0):
-    low, high = omega / np.sqrt(GRAVITY * depth), omega**2 / GRAVITY + omega / np.sqrt(GRAVITY * depth)
-    for _ in range(60):
-        k = 0.5 * (low + high)
-        low, high = (low, k) if GRAVITY * k * np.tanh(k * depth) > omega**2 else (k, high)
+    k = bisected_wave_number(omega, depth)
     nodes, weights = np.polynomial.legendre.leggauss(60)
     profile = np.cosh(k * 0.5 * depth * (nodes + 1)) / np.cosh(k * depth)
     # u = A (g k / omega) profile has the piston's velocity omega X as its projection on the profile; c = A / X
