@@ -1,4 +1,4 @@
-"""Reads a case file into a ``Case``, and says in one line each what is wrong with it."""
+"""Reads a case file into a ``Case``; errors are listed in a line each."""
 
 import hashlib
 import re
@@ -18,7 +18,7 @@ from pydantic_core import ErrorDetails
 from wavetank import data
 from wavetank.case import Case
 from wavetank.case.new import cases_at_hand
-from wavetank.case.schema import homes, homes_of_type, models, table_at, tag
+from wavetank.case.schema import models, table_at, tables_with_key, tables_with_type, tag
 from wavetank.errors import InputError, choice
 from wavetank.values.case_model import CaseError, CaseModel, Located, Problem
 from wavetank.values.files import regular
@@ -211,9 +211,9 @@ class _Place(NamedTuple):
     def fields(self) -> list[str]:
         return sorted({field for model in self.models for field in model.model_fields})
 
-    def meant(self, key: str) -> str:
-        """Return the key here that a mistyped one resembles; empty if the key is one of the case, or resembles none."""
-        if key in self.fields or homes(key):
+    def similar(self, key: str) -> str:
+        """Return the key of this table similar to a mistyped one; empty for any key of the case, or without one."""
+        if key in self.fields or tables_with_key(key):
             return ""
         return next(iter(get_close_matches(key, self.fields, n=1)), "")
 
@@ -241,7 +241,7 @@ def _problems(details: ErrorDetails) -> Iterator[Problem]:
         case "inconsistent":
             yield from context["problems"]
         case "missing":
-            if isinstance(received, dict) and any(holder.meant(key) == place.key[-1] for key in received):
+            if isinstance(received, dict) and any(holder.similar(key) == place.key[-1] for key in received):
                 return  # it is there, mistyped
             yield Problem(place.key, None, f"is missing; needed is {place.meaning or 'a table'}")
         case "extra_forbidden":
@@ -249,7 +249,9 @@ def _problems(details: ErrorDetails) -> Iterator[Problem]:
         case "union_tag_not_found":
             unknown = sorted({*received} - {*place.fields} if isinstance(received, dict) else ())
             if not (
-                unknown and len(unknown) == len(received) and all(_table_of_words((*place.key, one)) for one in unknown)
+                unknown
+                and len(unknown) == len(received)
+                and all(_table_of_same_words((*place.key, one)) for one in unknown)
             ):
                 yield Problem((*place.key, "type"), None, f"is missing{choice('', place.tags)}")
             yield from (_unknown((*place.key, name), received[name], place) for name in unknown)
@@ -269,7 +271,11 @@ def _problems(details: ErrorDetails) -> Iterator[Problem]:
 def _with_full_table(problem: Problem, overridden: Sequence[Key], details: ErrorDetails) -> Problem:
     """Return a problem; for a key of the case's type that an override replaces, with how to set the full table."""
     table = problem.key[:-1]
-    changed = details["type"] == "extra_forbidden" and (*table, "type") in overridden and homes(str(problem.key[-1]))
+    changed = (
+        details["type"] == "extra_forbidden"
+        and (*table, "type") in overridden
+        and tables_with_key(str(problem.key[-1]))
+    )
     name, holder = ".".join(map(str, table)), _place(details["loc"][:-1])
     if not changed or not any(holder.tags) or any(problem.key[: len(key)] == key for key in overridden):
         return problem
@@ -313,7 +319,7 @@ def _keys(model: CaseModel) -> Iterator[str]:
 
 def _unknown_type(name: str, place: _Place) -> str:
     """Return the end of a sentence on a type that is not allowed, with the allowed ones."""
-    if where := homes_of_type(str(place.key[-1]), name):
+    if where := tables_with_type(str(place.key[-1]), name):
         return f"is none that may stand here, but in {where}; allowed are: {', '.join(place.tags)}"
     return f"is an unknown type{choice(name, place.tags)}"
 
@@ -321,15 +327,15 @@ def _unknown_type(name: str, place: _Place) -> str:
 def _unknown(key: Key, received: Any, holder: _Place) -> Problem:
     """Return the problem of an unknown key: the table it belongs to, or the key it resembles."""
     name = str(key[-1])
-    if header := _table_of_words(key) or (_table(name) if _holds_keys(received) else ""):
+    if header := _table_of_same_words(key) or (_table(name) if _is_table(received) else ""):
         return Problem(key, received, f"is an unknown key; the table is called {header}")
-    where = homes(name)
+    where = tables_with_key(name)
     if not where or (len(key) == 1 and get_close_matches(name, holder.fields)):
         return Problem(key, received, f"is an unknown key{choice(name, holder.fields)}")
     return Problem(key, received, f"is an unknown key; {name} belongs to {where}{_allowed_keys(holder)}")
 
 
-def _table_of_words(key: Key) -> str:
+def _table_of_same_words(key: Key) -> str:
     """Return the header of the table whose name has the words of a key in any order; empty if there is none."""
     words = sorted("_".join(map(str, key)).split("_"))
     return next((_table(name) for name in Case.model_fields if sorted(name.split("_")) == words), "")
@@ -342,7 +348,7 @@ def _table(name: str) -> str:
     return table._replace(path=(name,)).header if table else ""
 
 
-def _holds_keys(received: Any) -> bool:
+def _is_table(received: Any) -> bool:
     """Return whether what was received is a table, or several."""
     return isinstance(received, dict) or (isinstance(received, list) and any(isinstance(one, dict) for one in received))
 

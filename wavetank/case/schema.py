@@ -14,16 +14,16 @@ from wavetank.case.tank import SliceTank
 
 # ---------------------------------------------------------------- tables
 class Table(NamedTuple):
-    """A table of a case, with all models that can stand there.
+    """A table of a case, with its models.
 
     Attributes
     ----------
     path
-        Its key; empty for what stands before all tables.
+        Its key; empty for the keys before all tables.
     models
-        One a type.
+        One for each type.
     listed
-        Whether there may be several of it.
+        Whether it is an array of tables.
     """
 
     path: tuple[str, ...]
@@ -32,24 +32,24 @@ class Table(NamedTuple):
 
     @property
     def header(self) -> str:
-        """The line that begins it in a case."""
+        """Its header in a case file."""
         name = ".".join(self.path)
         return f"[[{name}]]" if self.listed else f"[{name}]"
 
     def with_key(self, key: str) -> str:
-        """Return where a key of it belongs, in words; empty if it has none of that name."""
+        """Return the header, with the types that have a key; empty if none has it."""
         return self._of([model for model in self.models if key in model.model_fields])
 
     def with_type(self, key: str, name: str) -> str:
-        """Return where a key of it may be of a type, in words; empty if it may nowhere."""
+        """Return the header, with the types in which a key may have a type; empty if there is none."""
         fields = {model: model.model_fields[key] for model in self.models if key in model.model_fields}
         return self._of([model for model, field in fields.items() if name in map(tag, models(field.annotation))])
 
-    def _of(self, having: list[type[BaseModel]]) -> str:
-        """Return which it is, in words, where only some of its models are meant; empty if none is."""
-        if not having or not self.path:
-            return "the top of the case, before all tables" if having else ""
-        some = f" of type {' or '.join(dict.fromkeys(map(tag, having)))}" if len(having) < len(self.models) else ""
+    def _of(self, matching: list[type[BaseModel]]) -> str:
+        """Return the header with the types of some of its models; empty without any."""
+        if not matching or not self.path:
+            return "the top of the case, before all tables" if matching else ""
+        some = f" of type {' or '.join(dict.fromkeys(map(tag, matching)))}" if len(matching) < len(self.models) else ""
         return f"{self.header}{some}"
 
 
@@ -81,12 +81,12 @@ def _tables(table: Table) -> Iterator[Table]:
             inside[name] = Table((*table.path, name), tuple(dict.fromkeys((*earlier, *types))), _listed(field))
     first = dict[tuple[type[BaseModel], ...], Table]()
     for one in inside.values():
-        if first.setdefault(one.models, one) is one:  # the far wall is told of with the wall
+        if first.setdefault(one.models, one) is one:  # the far wall is documented with the wall
             yield from _tables(one)
 
 
 def table_at(path: tuple[str, ...], field: FieldInfo) -> Table | None:
-    """Return the table of a key, or one of the same content that is documented instead; None for a value."""
+    """Return the table of a key, or the documented one of the same models; None for a value."""
     types = tuple(models(field.annotation))
     same = [one for one in tables() if one.path == path or (types and one.models == types)]
     return max(same, key=lambda one: one.path == path, default=None)
@@ -96,19 +96,19 @@ def _listed(field: FieldInfo) -> bool:
     return get_origin(field.annotation) is tuple
 
 
-def homes(key: str) -> str:
-    """Return in words where in a case a key belongs; empty if it belongs nowhere."""
+def tables_with_key(key: str) -> str:
+    """Return the headers of the tables that have a key, joined by "or"; empty if there are none."""
     if key == "type":
         return ""
-    return _either(where for table in tables() if (where := table.with_key(key)))
+    return _alternatives(where for table in tables() if (where := table.with_key(key)))
 
 
-def homes_of_type(key: str, name: str) -> str:
-    """Return in words where in a case a key may be of a type; empty if it may nowhere."""
-    return _either(where for table in tables() if (where := table.with_type(key, name)))
+def tables_with_type(key: str, name: str) -> str:
+    """Return the headers of the tables in which a key may have a type, joined by "or"; empty if there are none."""
+    return _alternatives(where for table in tables() if (where := table.with_type(key, name)))
 
 
-def _either(places: Iterable[str]) -> str:
+def _alternatives(places: Iterable[str]) -> str:
     parts = [*places]
     return " or ".join(filter(None, (", ".join(parts[:-1]), *parts[-1:])))
 
@@ -118,7 +118,7 @@ DRAFT = "http://json-schema.org/draft-07/schema#"
 
 
 def schema() -> dict[str, Any]:
-    """Return the schema: pydantic's, in what TOML has (no null), with what a case may leave out."""
+    """Return the JSON schema of a case file: that of pydantic without null, with optional keys."""
     document: dict[str, Any] = {"$schema": DRAFT, **_plain(Case.model_json_schema())}
     document["title"] = "a case of wavetank"
     definitions = document["$defs"]
@@ -133,7 +133,7 @@ def schema() -> dict[str, Any]:
 
 
 def _plain(part: Any) -> Any:
-    """Return a part of the schema without what only pydantic or Python needs."""
+    """Return a part of the schema without entries of pydantic and Python."""
     if isinstance(part, list):
         return [_plain(one) for one in part]
     if not isinstance(part, dict):
@@ -147,9 +147,9 @@ def _plain(part: Any) -> Any:
 
 
 def _is_python(key: str, value: Any) -> bool:
-    """Return whether a key of the schema is of no use to an editor: names of classes, tags, defaults that TOML has not.
+    """Return whether a key of the schema is useless in an editor: class names, tags, defaults that TOML does not have.
 
-    A key of a case that is called so has a table here.
+    A key of a case with such a name has a table as its value.
     """
     match key:
         case "title":
