@@ -47,11 +47,11 @@ def refused(tmp_path, text, *overrides):
 
 
 # ---------------------------------------------------------------- errors
-def kinds_of(error):
-    return {error, *(kind for one in error.__subclasses__() for kind in kinds_of(one))}
+def wall_classes(error):
+    return {error, *(kind for one in error.__subclasses__() for kind in wall_classes(one))}
 
 
-@pytest.mark.parametrize("kind", sorted(kinds_of(WavetankError), key=lambda kind: kind.__name__))
+@pytest.mark.parametrize("kind", sorted(wall_classes(WavetankError), key=lambda kind: kind.__name__))
 def test_errors_survive_pickling(kind):
     """An error goes from rank to rank pickled: its own class, text and attributes come out."""
     met = {
@@ -63,7 +63,7 @@ def test_errors_survive_pickling(kind):
 
 
 def test_errors_of_the_plan_are_among_them():
-    assert {CaseError, UnreachableError} <= kinds_of(WavetankError)
+    assert {CaseError, UnreachableError} <= wall_classes(WavetankError)
 
 
 # ---------------------------------------------------------------- what is no case

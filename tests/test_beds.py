@@ -222,7 +222,7 @@ def test_gaps_matter_only_where_there_is_water(across):
 
 @pytest.mark.parametrize("physics", ["nonlinear", "linear"])
 def test_a_minimum_depth_lowers_what_is_shallow_and_says_where(physics):
-    from wavetank.simulation.construction import build_waves, told_of_bed
+    from wavetank.simulation.construction import bed_message, build_waves
 
     bed = {"type": "formula", "depth": "1 - 0.4*x", "minimum_depth": 0.2}  # reached at x = 2, dry from x = 2.5
     content = {"tank": {"length": 8.0, "depth": 1.0, "bed": bed}, "run": {"duration": 1.0}}
@@ -230,7 +230,7 @@ def test_a_minimum_depth_lowers_what_is_shallow_and_says_where(physics):
     assert Case.model_validate(scene.model_dump(mode="json")) == scene
     waves = build_waves(scene, MPI.COMM_SELF)
     np.testing.assert_allclose(waves.bed.still, np.maximum(0.2, 1.0 - 0.4 * waves.plane.x), rtol=1e-12)
-    told = told_of_bed(scene, waves)
+    told = bed_message(scene, waves)
     assert told.startswith("tank.bed.minimum_depth = 0.2 m holds for ")
     assert float(told.split()[-5]) == pytest.approx(75, abs=3)  # the rest, to a third of a cell
     bed["minimum_depth"] = 0.0

@@ -521,7 +521,7 @@ def test_noise_of_a_measured_paddle_is_not_growth(tmp_path, monkeypatch, integra
     said = {}
     look = getattr(stability, place)
     for known in (look.driven, 0.0):
-        monkeypatch.setattr(f"wavetank.simulation.build.{place}", replace(look, driven=known))
+        monkeypatch.setattr(f"wavetank.simulation.case_diagnostics.{place}", replace(look, driven=known))
         run, waves = build_run(driven, MPI.COMM_WORLD)
         said[known] = []
         run.diagnostics += build_watch(driven, run, waves, said[known].append)

@@ -15,7 +15,7 @@ from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
 from wavetank.recording import record_run
-from wavetank.simulation.build import build_clock, build_run, told_of_end
+from wavetank.simulation.build import build_clock, build_run, end_message
 from wavetank.simulation.clock import Clock
 from wavetank.values.case_model import CaseError
 
@@ -45,8 +45,8 @@ def test_a_step_that_divides_the_duration_does_so_despite_rounding(steps, dt):
 def test_an_end_beyond_the_duration_is_told():
     scene = read_case(CHECKOUT / "cases" / "standing-wave.toml", ["run.duration=22.0"])
     said = "the run ends at 22.01 s, with a whole step of 0.03 s, not at 22 s"
-    assert told_of_end(scene, Clock(0.03, 1067, 20.0, 1000)) == said
-    assert told_of_end(scene, Clock.covering(22.0, 0.04)) == ""
+    assert end_message(scene, Clock(0.03, 1067, 20.0, 1000)) == said
+    assert end_message(scene, Clock.covering(22.0, 0.04)) == ""
 
 
 @pytest.mark.parametrize(("scheme", "most"), [("simpson-4", 1.4 * 1.6930043715), ("gauss-legendre-4", 2.8)])
@@ -88,7 +88,7 @@ def test_a_run_that_ends_before_its_duration_is_said_to(tmp_path, numerics, end)
     step = f"a whole step of {run.clock.dt:.4g} s"
     beyond = "one more step would end beyond the recorded motion"
     expected = f"the run ends at {end} s, with {step}, not at 10 s: {beyond}" if end else ""
-    assert told_of_end(scene, run.clock) == expected
+    assert end_message(scene, run.clock) == expected
 
 
 def test_a_step_beyond_the_whole_record_is_refused_before_the_run(tmp_path):

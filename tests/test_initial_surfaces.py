@@ -12,7 +12,7 @@ from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run
 from wavetank.simulation.build import build_run
-from wavetank.simulation.initial import told_of_start
+from wavetank.simulation.initial import start_message
 from wavetank.waves.airy import angular_frequency
 
 JONSWAP = {"type": "jonswap", "peak_period": 1.6}
@@ -135,7 +135,7 @@ def test_a_start_tells_where_its_mean_is(mean, told):
     start = {"type": "formula", "eta": f"{mean} + 0.01 * cos(pi * x)"}
     one = case_of(start, kind="slice", length=4.0, numerics={"cells": 8, "order": 3, "vertical_order": 2})
     run, waves = build_run(one, MPI.COMM_SELF)
-    said = told_of_start(one, waves, run.state.q)
+    said = start_message(one, waves, run.state.q)
     assert ("has a mean of +0.02 m: at rest" in said) if told else said == ""
 
 

@@ -29,7 +29,7 @@ from wavetank.planning.resolution import LOOSEST, ErrorModel, Settings, solved_t
 from wavetank.simulation.build import build_run
 from wavetank.simulation.case_diagnostics import build_observers
 from wavetank.simulation.clock import Clock
-from wavetank.simulation.construction import build_waves, told_energy
+from wavetank.simulation.construction import build_waves, describe_energy
 from wavetank.simulation.records import Memory, Records
 from wavetank.tank.footprint import Slice
 from wavetank.tank.linear_waves import LinearWaves
@@ -680,7 +680,7 @@ def test_printed_energy_is_the_computed_one():
     }
     scene = Case.model_validate(case)
     waves = build_waves(scene, MPI.COMM_SELF)
-    told = told_energy(scene)
+    told = describe_energy(scene)
     assert told[:3] == list(map(str, waves.hamiltonian)) and [part.name for part in waves.hamiltonian] == [
         "kinetic",
         "potential",
@@ -693,10 +693,10 @@ def test_printed_energy_is_the_computed_one():
         value = ScalarForm(form, MPI.COMM_SELF).assemble()
         assert abs(value) > 1e-5 and getattr(energies, part.name) == pytest.approx(value, rel=1e-12)
     still = Case.model_validate(case | {"tank": {"length": 2.0, "depth": 0.6}, "wall": {"type": "fixed"}})
-    assert told_energy(still.model_copy(update={"far_wall": scene.wall}))[2].startswith("far wall = ∫ ψ")
-    both = told_energy(still.model_copy(update={"wall": scene.wall, "far_wall": scene.wall}))
+    assert describe_energy(still.model_copy(update={"far_wall": scene.wall}))[2].startswith("far wall = ∫ ψ")
+    both = describe_energy(still.model_copy(update={"wall": scene.wall, "far_wall": scene.wall}))
     assert both[3] == "far wall = the same at the far paddle" and both[5].startswith("X_p: of each paddle its own")
-    assert told_energy(still)[2:] == [
+    assert describe_energy(still)[2:] == [
         "wall: none, nothing moves there",
         "x = X, F = J = 1: no wall moves",
         "∇d = 0: the bed is flat",

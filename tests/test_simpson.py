@@ -127,8 +127,8 @@ def test_a_run_goes_on_from_its_pickled_state_in_a_new_tank():
         again.execute()
         ends.append(waves.elevation(again.state.q, again.state.p, again.t))
     exact = waves.elevation(whole.state.q, whole.state.p, whole.t)
-    went_on, started_anew = (np.abs(end - exact).max() for end in ends)
-    assert went_on < 1e-9 and started_anew > 100 * went_on
+    restore_paddles, started_anew = (np.abs(end - exact).max() for end in ends)
+    assert restore_paddles < 1e-9 and started_anew > 100 * restore_paddles
 
 
 def rms_above(frequency, eta, dt):

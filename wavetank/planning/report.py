@@ -21,7 +21,7 @@ from wavetank.planning.resolution import DEFAULT, resolved, shortest_wave
 from wavetank.planning.timing import measured_costs, trial
 from wavetank.run_warning import RunWarning
 from wavetank.simulation.build import build_run
-from wavetank.simulation.construction import told_energy, told_of_sponge
+from wavetank.simulation.construction import describe_energy, sponge_message
 
 
 def report(path: Path, accuracy: float | None, overrides: Sequence[str], *, calibrate: bool) -> None:
@@ -67,7 +67,7 @@ def _report_trial(case: Case, why: str, terminal: Console) -> None:
         f"the run: {format_duration(result.duration)}, on as many free cores",
         f"memory: {result.memory / 1e6:.0f} MB",
         *(f"paddle of {view.key}: {absorbs}" for view in scene.paddles if (absorbs := absorption(view))),
-        told_of_sponge(scene, result.waves),
+        sponge_message(scene, result.waves),
         *scene.linear_generation,
         *_energy(scene),
     )
@@ -77,7 +77,7 @@ def _report_trial(case: Case, why: str, terminal: Console) -> None:
 
 def _energy(scene: Case) -> list[str]:
     """Return the parts of the energy, a line each."""
-    parts = (f"  {line}" for line in told_energy(scene))
+    parts = (f"  {line}" for line in describe_energy(scene))
     return ["energy: the sum of its parts, of which all else is a derivative", *parts]
 
 
@@ -107,7 +107,7 @@ def _report_plan(case: Case, name: str, accuracy: float | None, terminal: Consol
         scene, warnings, required_of_start = proposed.applied_to(case), (), required
     check_affordable(scene, comm, longest=inf)
     run, waves = build_run(scene, comm)  # raises the errors of a run
-    sponge = told_of_sponge(scene, waves)
+    sponge = sponge_message(scene, waves)
     warnings = *warnings, *run_warnings(scene, run.clock, waves, accuracy=required_of_start)
     _print(terminal, [sponge] if sponge else [], warnings)
 

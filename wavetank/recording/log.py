@@ -14,11 +14,11 @@ from wavetank.output.files import RunLog
 from wavetank.output.writer import RunWriter
 from wavetank.planning.default_plan import rule_summary
 from wavetank.run_warning import RunWarning, run_warning
-from wavetank.simulation.build import summary, told_of_end, told_of_ranks
-from wavetank.simulation.case_diagnostics import told_of_windows
-from wavetank.simulation.construction import AnyWaves, bed_by_code, told_of_bed, told_of_sponge
+from wavetank.simulation.build import end_message, ranks_message, summary
+from wavetank.simulation.case_diagnostics import window_messages
+from wavetank.simulation.construction import AnyWaves, bed_by_code, bed_message, sponge_message
 from wavetank.simulation.contract import Control
-from wavetank.simulation.initial import told_of_start
+from wavetank.simulation.initial import start_message
 from wavetank.simulation.monitoring import ProgressBar, ProgressReport
 from wavetank.simulation.run import Run
 
@@ -149,12 +149,12 @@ def opening_lines(requested: Case, scene: Case, run: Run, waves: AnyWaves, *, re
     lines = (
         summary(scene, run, waves),
         rule_summary(requested),
-        told_of_bed(scene, waves),
-        told_of_sponge(scene, waves),
+        bed_message(scene, waves),
+        sponge_message(scene, waves),
         *scene.linear_generation,
-        "" if resumed else told_of_start(scene, waves, run.state.q),
-        told_of_ranks(waves),
-        told_of_end(scene, run.clock),
-        *told_of_windows(scene, run.clock),
+        "" if resumed else start_message(scene, waves, run.state.q),
+        ranks_message(waves),
+        end_message(scene, run.clock),
+        *window_messages(scene, run.clock),
     )
     return [line for line in lines if line]

@@ -167,7 +167,7 @@ def summary(scene: Case, run: Run, waves: AnyWaves) -> str:
     )
 
 
-def told_of_end(scene: Case, clock: Clock) -> str:
+def end_message(scene: Case, clock: Clock) -> str:
     """Return that a run's last step ends before or beyond its duration; empty if it does not."""
     if abs(clock.end - scene.run.duration) <= ROUNDING * scene.run.duration:
         return ""
@@ -176,7 +176,7 @@ def told_of_end(scene: Case, clock: Clock) -> str:
     return f"the run ends at {clock.end:.6g} s, with {step}, not at {scene.run.duration:.6g} s{beyond}"
 
 
-def told_of_ranks(waves: AnyWaves) -> str:
+def ranks_message(waves: AnyWaves) -> str:
     """Return that one rank would do better than several; empty where it would not, and of one."""
     ranks, unknowns = waves.plane.comm.size, _unknowns(waves)
     if ranks > 1 and waves.plane.mesh.topology.dim == 1:

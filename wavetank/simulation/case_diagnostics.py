@@ -160,7 +160,7 @@ def _rows(window: Window) -> EveryTimeBetween:
     return EveryTimeBetween(window.every, window.begin, np.inf if window.until is None else window.until)
 
 
-def told_of_windows(scene: Case, clock: Clock) -> list[str]:
+def window_messages(scene: Case, clock: Clock) -> list[str]:
     """Return what there is to say of windows whose rows are not as far apart as was asked, or end early."""
     told = list[str]()
     for window in scene.windows:

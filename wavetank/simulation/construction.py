@@ -24,7 +24,7 @@ from wavetank.fem.plane import Plane
 from wavetank.mesh import MeshFile, Rectangle
 from wavetank.motion.motion import Tangent
 from wavetank.mpi import raise_on_all_ranks
-from wavetank.simulation.walls import Footprint, build_wall, kinds_of
+from wavetank.simulation.walls import Footprint, build_wall, wall_classes
 from wavetank.tank.bed import FlatBed, VaryingBed
 from wavetank.tank.dissipation import checked, distance_from_edge, profile, width_of
 from wavetank.tank.footprint import Basin, Ring, Slice
@@ -99,7 +99,7 @@ def check_depth(scene: Case, footprint: Footprint, plane: Plane) -> None:
             raise CaseError([Problem(("tank", "depth"), scene.tank.depth, allowed)])
 
 
-def told_of_bed(scene: Case, waves: AnyWaves) -> str:
+def bed_message(scene: Case, waves: AnyWaves) -> str:
     """Return how much of the tank the bed's minimum depth touches, or nothing if it has none; collective."""
     minimum = None if scene.tank.bed is None else scene.tank.bed.minimum_depth
     if minimum is None:
@@ -125,9 +125,9 @@ def bed_by_code(scene: Case, waves: AnyWaves) -> dict[str, Vector]:
     return dict(zip(columns, values, strict=False))
 
 
-def told_energy(scene: Case) -> list[str]:
+def describe_energy(scene: Case) -> list[str]:
     """Return a scene's Hamiltonian in words, a line each: its parts, the mapping, the bed; what vanishes, and why."""
-    parts, walls = WATERS[scene.physics].waves.parts, kinds_of(scene)
+    parts, walls = WATERS[scene.physics].waves.parts, wall_classes(scene)
     names = [seen.key.replace("_", " ") for seen in scene.paddles] or ["wall"]
     named = [wall.part._replace(name=name) for wall, name in zip(walls, names, strict=True)]
     if len(named) > 1 and named[0].formula == named[1].formula:
@@ -195,7 +195,7 @@ def build_sponge(scene: Case, sponge: AnySponge, footprint: Footprint, waves: An
     return entry(SPONGES, sponge, f"SPONGES of {__file__}")(scene, sponge, footprint, waves)
 
 
-def told_of_sponge(scene: Case, waves: AnyWaves) -> str:
+def sponge_message(scene: Case, waves: AnyWaves) -> str:
     """Return where the sponge is, and the largest rate that acts, or nothing if there is none; collective."""
     if scene.sponge is None or waves.damping is None:
         return ""

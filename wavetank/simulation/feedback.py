@@ -43,7 +43,7 @@ def build_paddle_work(scene: Case, waves: AnyWaves) -> PaddleWork | None:
     return PaddleWork([paddle.motion for paddle in waves.wall.paddles], masses)
 
 
-def went_on(scene: Case, motions: Iterable[Any], parts: Held) -> None:
+def restore_paddles(scene: Case, motions: Iterable[Any], parts: Held) -> None:
     """Move paddles with feedback to where the parts of a run have them, among the motions of all paddles."""
     paddles = [*motions]
     for n, number in enumerate(scene.absorbing):

@@ -23,7 +23,7 @@ from wavetank.mpi import from_first, raise_on_all_ranks
 from wavetank.output.checkpoint import Checkpoint, checked_tree, is_at, read_checkpoint_file, readable_checkpoints
 from wavetank.output.directory import RunDirectory
 from wavetank.simulation.construction import AnyWaves, build_footprint
-from wavetank.simulation.feedback import went_on
+from wavetank.simulation.feedback import restore_paddles
 from wavetank.simulation.walls import build_wall, motion_of
 from wavetank.state import Held, deserialize
 from wavetank.values.case_model import CaseError
@@ -68,7 +68,7 @@ class KeptSurface(NamedTuple):
         comm, footprint = waves.plane.comm, build_footprint(self.scene, waves.plane.comm)
         plane = Plane(footprint.mesh, self.scene.numerics.order, footprint.chart)
         wall: Any = build_wall(self.scene, footprint, plane)
-        went_on(self.scene, (paddle.motion for paddle in wall.paddles), self.parts)
+        restore_paddles(self.scene, (paddle.motion for paddle in wall.paddles), self.parts)
         if wall.moves:
             wall.set_time(self.t)
         fields = [plane.function("kept") for _ in self.values]
@@ -153,11 +153,11 @@ def with_its_numerics(scene: Case, initial: RunState) -> Case:
     return result
 
 
-def told_of_start(scene: Case, waves: AnyWaves, q: Vector) -> str:
+def start_message(scene: Case, waves: AnyWaves, q: Vector) -> str:
     """Return what a start costs of the mass, of a file where its mean is, or nothing of others; collective."""
     initial = scene.initial
     if isinstance(initial, FileSurface | FormulaSurface):
-        return _told_of_mean(waves, q)
+        return _mean_message(waves, q)
     if not isinstance(initial, RunState):
         return ""
     about = from_first(waves.plane.comm, lambda: _chosen(initial)[1])
@@ -165,7 +165,7 @@ def told_of_start(scene: Case, waves: AnyWaves, q: Vector) -> str:
     return f"begins with {initial.directory} at t = {about['t']:.6g} s; the mass changes by {mass:.1g} of it"
 
 
-def _told_of_mean(waves: AnyWaves, q: Vector) -> str:
+def _mean_message(waves: AnyWaves, q: Vector) -> str:
     """Return where the mean of an initial surface is, unless that is at still water; collective."""
     still, higher = (waves.total_mass(waves.state(np.full_like(q, eta), 0 * q)[0]) for eta in (0.0, waves.depth))
     mean = (waves.total_mass(q) - still) / (higher - still) * waves.depth
@@ -235,7 +235,7 @@ def _motions(scene: Case, scheme: Held | None = None) -> dict[str, Motion]:
         return {}
     motions = [motion_of(seen) for seen in scene.paddles]
     if scheme is not None:
-        went_on(scene, motions, scheme)
+        restore_paddles(scene, motions, scheme)
     return {seen.key: motion for seen, motion in zip(scene.paddles, motions, strict=True)}
 
 

@@ -57,7 +57,7 @@ def build_wall(scene: Case, footprint: Footprint, plane: Plane) -> Any:
     return LinearEnds(*walls) if scene.physics == "linear" else _both(scene, *walls, plane=plane)
 
 
-def kinds_of(scene: Case) -> list[type[Placed]]:
+def wall_classes(scene: Case) -> list[type[Placed]]:
     """Return the classes of what moves of the scene's walls, or that of one that stands still."""
     return [_kind(seen).wall for seen in scene.paddles] or [StillWall]
 
