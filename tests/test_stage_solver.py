@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from wavetank.case import Case
 from wavetank.errors import ConvergenceError, RunError
 from wavetank.fem.anderson import AndersonMixing
 from wavetank.integrators.stage_solver import StageHistories, StageSolver
 from wavetank.integrators.stages import CoupledStages, PairStage
+from wavetank.simulation.build import build_run
 
 
 class System:
@@ -160,3 +162,29 @@ def test_start_values_are_combined_of_points_that_are_wrong_by_ten_times_the_tol
     for _ in range(2):
         z = stages.solver.solve(Recorded(System(lambda z: 0 * z), None, "z", c, 1.0, 0.0, guess), stages.histories)
     assert uncertainties == pytest.approx([0.0, 10 * 2 * 1e-3 * np.sqrt(np.mean(z**2))])
+
+
+TANKS = {
+    "slice": {"tank": {"length": 4.0, "depth": 0.6}, "numerics": {"cells": 12}},
+    "basin": {
+        "tank": {"type": "basin", "depth": 0.6, "layout": {"type": "rectangle", "length": 2.0, "width": 1.0}},
+        "numerics": {"cell_size": 0.5, "order": 2},
+    },
+}
+
+
+@pytest.mark.parametrize("tank", TANKS.values(), ids=TANKS)
+def test_petsc_and_own_mixing_step_to_the_same_surface(tank):
+    """Of a piston's steep waves, to the tolerance of the stages."""
+    motion = {"type": "sinusoid", "paddle_amplitude": 0.05, "period": 1.2, "ramp": 0.3}
+    ended = []
+    for solver in ("mixing", "petsc"):
+        numerics = {"vertical_order": 3, "dt": 0.04, "tolerance": 1e-10, "stage_solver": solver, **tank["numerics"]}
+        parts = {"wall": {"type": "piston", "motion": motion}, "run": {"duration": 0.4}}
+        run, waves = build_run(
+            Case.model_validate({**parts, "tank": tank["tank"], "numerics": numerics}), MPI.COMM_SELF
+        )
+        run.execute()
+        ended.append(waves.elevation(run.state.q, run.state.p, run.t))
+    assert waves.stages.counters.newton_solves == 0
+    assert np.abs(ended[0] - ended[1]).max() < 1e-8 * np.abs(ended[0]).max()

@@ -62,6 +62,10 @@ class Numerics(CaseModel):
     tolerance: float = Field(
         default=1e-6, ge=1e-13, le=1e-4, description="tolerance of implicit stages, relative to the waves"
     )
+    stage_solver: Literal["mixing", "petsc"] = Field(
+        default="mixing",
+        description="solver of implicit stages: Anderson mixing of the program, or of PETSc's SNES",
+    )
     edge_penalty: float = Field(
         default=0.25, ge=0, le=10, description="strength of the penalty on kinks under steep crests [-]; 0 is none"
     )

@@ -184,10 +184,13 @@ class StageSolver:
         Largest root mean square of the preconditioned, scaled residual, relative to the size of the last solutions.
     floor
         What round-off is a part of even where the solution is zero [scaled units].
+    petsc
+        Whether the mixing is that of PETSc's SNES.
     """
 
-    def __init__(self, comm: MPI.Comm, scale: Vector, *, tolerance: float, floor: float):
+    def __init__(self, comm: MPI.Comm, scale: Vector, *, tolerance: float, floor: float, petsc: bool = False):
         self._comm, self._scale, self._tolerance, self._floor = comm, scale, tolerance, floor
+        self._petsc = petsc
         self._mixings = dict[int, AndersonMixing]()  # by the number of pairs
         self._size = comm.allreduce(scale.size)
 
@@ -213,13 +216,21 @@ class StageSolver:
         wanted = self._tolerance * (history.size or 0.0)
         begin = stage.begin(history.points, UNCERTAINTY * root * wanted)
         histories.counters.solves += 1
-        solution, size = self._iterated(stage, begin, history, histories.counters, root)
+        how = stage, begin, history, histories.counters, root
+        solution, size = self._mixed(*how) if self._petsc else self._iterated(*how)
         if solution is None:
             histories.counters.newton_solves += 1
-            solution, size = self._newton(stage, begin, history, histories.counters, root)
+            solution, size = self._snes("newtonls", *how)
         history.size = max(size, MEMORY * (history.size or 0.0))
         history.points.add(solution, stage.key)
         return solution
+
+    def _mixed(self, stage: Stage, *how: Any) -> tuple[Vector | None, float]:
+        """Return the solution by PETSc's Anderson mixing, or None where it does not converge; collective."""
+        try:
+            return self._snes("anderson", stage, *how)
+        except ConvergenceError:
+            return None, np.nan
 
     def _iterated(
         self, stage: Stage, z: Vector, history: StageHistory, counters: StageCounters, root: float
@@ -271,10 +282,16 @@ class StageSolver:
         """Return the root mean square to which a residual is to fall [scaled units], of an iterate of that norm."""
         return max(self._tolerance * (history.size or 0.0), ROUND_OFF * max(norm, self._floor))
 
-    def _newton(
-        self, stage: Stage, begin: Vector, history: StageHistory, counters: StageCounters, root: float
+    def _snes(
+        self,
+        kind: str,
+        stage: Stage,
+        begin: Vector,
+        history: StageHistory,
+        counters: StageCounters,
+        root: float,
     ) -> tuple[Vector, float]:
-        """Return the solution by PETSc's Newton-Krylov method, and its size; collective."""
+        """Return the solution by a nonlinear solver of PETSc's, and its size; collective."""
         target, error, size = self._target(history, self._length(begin) / root), list[WavetankError](), 0.0
         scale = np.broadcast_to(self._scale, begin.shape)
 
@@ -293,13 +310,19 @@ class StageSolver:
 
         x = PETSc.Vec().createMPI((begin.size, None), comm=self._comm)
         snes = PETSc.SNES().create(self._comm)
-        snes.setType("newtonls")
+        snes.setType(kind)
         snes.setFunction(evaluate, x.duplicate())
-        snes.setUseMF(True)
-        snes.getKSP().setType("gmres")
-        snes.getKSP().setTolerances(rtol=1e-3, max_it=60)
-        snes.getKSP().getPC().setType("none")
-        snes.setTolerances(rtol=self._tolerance, atol=target * root, stol=0.0, max_it=ITERATIONS)
+        if kind == "newtonls":
+            snes.setUseMF(True)
+            snes.getKSP().setType("gmres")
+            snes.getKSP().setTolerances(rtol=1e-3, max_it=60)
+            snes.getKSP().getPC().setType("none")
+        else:
+            PETSc.Options()["stage_snes_anderson_m"] = MIXED
+            snes.setOptionsPrefix("stage_")
+            snes.setFromOptions()
+        rtol = self._tolerance if kind == "newtonls" else 0.0
+        snes.setTolerances(rtol=rtol, atol=target * root, stol=0.0, max_it=ITERATIONS)
         x.array = (begin / scale).ravel()
         where = f"t = {stage.t:.6g} s: the stage '{stage.name}'"
         try:
@@ -309,6 +332,8 @@ class StageSolver:
         if not snes.getConvergedReason() > 0:
             result = snes.getFunctionNorm() / root
             raise ConvergenceError(f"{where} did not converge: residual {result:.3g}, wanted {target:.3g}")
+        if history.size is None:
+            history.size = size
         return np.asarray(x.array_r.reshape(begin.shape) * scale), size
 
 

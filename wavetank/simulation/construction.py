@@ -145,7 +145,11 @@ def _nonlinear(scene: Case, footprint: Footprint, plane: Plane) -> NonlinearWave
         gravity=scene.tank.gravity,
         wall=build_wall(scene, footprint, plane),
         vertical_order=numerics.vertical_order,
-        tolerances=Tolerances(stage=numerics.tolerance, interior=0.1 * numerics.tolerance),
+        tolerances=Tolerances(
+            stage=numerics.tolerance,
+            interior=0.1 * numerics.tolerance,
+            petsc=numerics.stage_solver == "petsc",
+        ),
     )
 
 

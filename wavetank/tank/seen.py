@@ -174,7 +174,7 @@ def see(water: SeenWater, state: State, t: float, into: Block, row: int) -> None
     dq, dp = state.q - after.q, state.p - after.p
     damped = 0.0 if water.damping is None else 0.5 * (before.dq + after.dq) @ (water.damping * state.p)
     change, lift = after.dq @ dp - after.dp @ dq, water.gravity * (after.eta @ dq)
-    sums = np.array([change, lift, state.q.sum(), damped, dq @ dq])
+    sums = np.array([change, lift, np.add.reduce(state.q), damped, dq @ dq])
     change, lift, mass, damped, distance = summed(water.plane.comm, sums)
     eta, rise = after.eta, np.zeros_like(after.eta)
     if distance > 0.0:
@@ -184,8 +184,9 @@ def see(water: SeenWater, state: State, t: float, into: Block, row: int) -> None
         rise = 0.5 * water.elevation_change(after, state.q_jump)
     power = 0.5 * (before.power + after.power)
     energies = after.kinetic + change - lift, after.potential + lift, after.wall
-    heights = eta.max(initial=-np.inf), np.abs(eta).max(initial=0.0)
-    into.numbers[row] = *energies, mass, power, damped, *heights
+    highest, lowest = np.maximum.reduce(eta, initial=-np.inf), np.minimum.reduce(eta, initial=np.inf)
+    largest = np.maximum(highest, -lowest) if eta.size else 0.0  # nan where any is
+    into.numbers[row] = *energies, mass, power, damped, highest, largest
     into.eta[row], into.psi[row], into.rise[row] = eta, state.p, rise
     water.set_time(after.t)
     into.rates[row], into.velocities[row] = water.wall.rates, water.wall.velocities

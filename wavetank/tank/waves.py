@@ -59,10 +59,13 @@ class Tolerances:
         Of an implicit stage: root mean square error relative to that of the waves, elevation and potential.
     interior
         Of an interior potential: residual in the energy norm, relative to the right-hand side.
+    petsc
+        Whether PETSc's SNES solves the stages.
     """
 
     stage: float = 1e-9
     interior: float = 1e-10
+    petsc: bool = False
 
 
 class NonlinearWaves(Water):
@@ -142,7 +145,13 @@ class NonlinearWaves(Water):
             self.still = self.layer.assemble()
         self._move(0.0)
         sizes = np.array(scales(self))
-        self._stage_solver = StageSolver(plane.comm, sizes, tolerance=self._tolerances.stage, floor=self.depth)
+        self._stage_solver = StageSolver(
+            plane.comm,
+            sizes,
+            tolerance=self._tolerances.stage,
+            floor=self.depth,
+            petsc=self._tolerances.petsc,
+        )
         self._over_still_water = StillWaterWaves(self)
 
     @property
