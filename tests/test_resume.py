@@ -357,7 +357,7 @@ def test_resumed_run_renews_the_warnings_that_depend_on_its_duration(tmp_path, m
     """The advice to dissipate is dropped if the run does; the predicted error of former numerics has an end."""
     breaks = RunWarning("text", details={"text": "breaks"})
     monkeypatch.setattr(checks, "own_plan", lambda one, _: SimpleNamespace(error=2 * one.run.duration))
-    for module in ("planning.checks", "resuming"):
+    for module in ("planning.checks", "recording.restart"):
         too_high = f"wavetank.{module}.too_high"
         monkeypatch.setattr(too_high, lambda one: [breaks] if one.run.on_breaking == "stop" else [])
     record(SLICE, tmp_path / "run", {"duration": 0.1, "on_breaking": "stop"})
