@@ -161,19 +161,19 @@ class Counted:
         self.evaluations += 1
         return self.system.evaluate(q, p, t, guess)
 
-    def _stages(self, solve: str, *stage: Any) -> Vector:
+    def _stages(self, solve: str, points: int, *stage: Any) -> Vector:
         before = self.system.stages.counters.evaluations
         z: Vector = getattr(self.system, solve)(*stage)
-        self.evaluations += self.system.stages.counters.evaluations - before
+        self.evaluations += points * (self.system.stages.counters.evaluations - before)
         return z
 
     def solve_stage(self, name: str, c: Vector, a: Weights, t: float, guess: Any = None) -> Vector:
         """Return the system's."""
-        return self._stages("solve_stage", name, c, a, t, guess)
+        return self._stages("solve_stage", 1, name, c, a, t, guess)
 
     def solve_stages(self, name: str, c: Vector, a: Vector, times: Any, guess: Any = None, scale: Any = 1.0) -> Vector:
-        """Return the system's; each evaluation of it is one of the derivatives at all times."""
-        return self._stages("solve_stages", name, c, a, times, guess, scale)
+        """Return the system's; each evaluation within it is one at each of the times."""
+        return self._stages("solve_stages", len(times), name, c, a, times, guess, scale)
 
     def inner(self, a: Vector, b: Vector) -> float:
         """Return the system's."""

@@ -64,12 +64,11 @@ def run_linear(system: Any, scheme: Scheme, steps: int) -> Row:
 
 def oscillator_rows() -> list[Row]:
     """Return both oscillators with every scheme at four steps; implicit stages are iterated on both, to 1e-10."""
-    linear = Iterated(Harmonic(), tolerance=1e-10)
     rows = []
     for scheme in (*all_schemes(), simpson()):
         for factor in FACTORS:
             steps = round(factor * COARSEST[scheme.integrator.order])
-            rows.append(run_linear(linear, scheme, steps))
+            rows.append(run_linear(Iterated(Harmonic(), tolerance=1e-10), scheme, steps))
             if scheme.integrator.order > 1:  # Euler is nowhere near the others
                 rows.append(run_nonseparable(Iterated(NonSeparable(), tolerance=1e-10), scheme, steps))
     return rows
