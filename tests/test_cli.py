@@ -162,25 +162,15 @@ def test_bad_input_is_one_sentence_on_two_ranks(wavetank):
 
 def test_a_run_that_breaks_down_keeps_everything_before_and_says_why(wavetank, tmp_path):
     """A standing wave of k a = 0.47 released from rest jets up at the walls and breaks."""
-    out = tmp_path / "run"
-    result = wavetank(
-        "run",
-        "cases/standing-wave.toml",
-        "--set",
-        "initial.wave_amplitude=0.3",
-        *COARSE,
-        "--no-plots",
-        "--out",
-        str(out),
-    )
+    out, wave = tmp_path / "run", ["--set", "initial.wave_amplitude=0.3"]
+    result = wavetank("run", "cases/standing-wave.toml", *wave, *COARSE, "--no-plots", "--out", str(out))
     assert result.returncode == 1
     assert re.search(r"wavetank: t = [\d.]+ s.*(steep|break)", result.stderr)
     manifest = json.loads((out / "manifest.json").read_text())
     assert manifest["status"] == "broke down" and manifest["cause"] in result.stderr
     gauges = RunDirectory(out).gauges
-    assert wavetank("status", str(out)).stdout.startswith(
-        f"{out}: broke down, t {float(gauges.time[-1]):.5g} of 16.8 s, speed "
-    )
+    status = f"{out}: broke down, t {float(gauges.time[-1]):.5g} of 16.8 s, speed "
+    assert wavetank("status", str(out)).stdout.startswith(status)
     assert gauges.time.size > 20 and np.all(np.isfinite(gauges))
 
 
@@ -223,15 +213,9 @@ def test_a_case_built_in_python_runs_without_a_directory():
     from wavetank.case import Case
     from wavetank.simulation.build import build_observers, build_run
 
-    scene = Case.model_validate(
-        {
-            "tank": {"length": 2.0, "depth": 1.0},
-            "initial": {"type": "standing-wave", "wave_amplitude": 0.01},
-            "gauges": [0.0],
-            "run": {"duration": 0.5},
-            "numerics": {"cells": 8},
-        }
-    )
+    wave = {"type": "standing-wave", "wave_amplitude": 0.01}
+    parts = {"initial": wave, "gauges": [0.0], "run": {"duration": 0.5}, "numerics": {"cells": 8}}
+    scene = Case.model_validate({"tank": {"length": 2.0, "depth": 1.0}} | parts)
     gauges, energy = Memory(), Memory()
     run, waves = build_run(scene, MPI.COMM_SELF)
     run.diagnostics += build_observers(scene, waves, Records(gauges, energy, None))

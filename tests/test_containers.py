@@ -31,22 +31,16 @@ def test_containers_install_this_package_and_name_no_private_place():
         text = recipe.read_text()
         assert f"--require-hashes -r /opt/source/{LOCK.name}" in text and "--no-build-isolation /opt/source" in text
         assert "wavetank" in commands
-        assert {path.split("/")[1] for path in re.findall(r"(?<![\w.:$}])/\w[\w/.-]*", text)} <= {
-            "opt",
-            "var",
-            "work",
-            "bin",
-        }
+        folders = {path.split("/")[1] for path in re.findall(r"(?<![\w.:$}])/\w[\w/.-]*", text)}
+        assert folders <= {"opt", "var", "work", "bin"}
         assert "http" not in text
 
 
 def test_the_users_environment_has_no_test_tools():
     project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
     tools = {re.split(r"\W", one)[0] for one in project["optional-dependencies"]["test"]}
-    listed = {
-        re.split(r"[^\w-]", one)[0]
-        for one in re.findall(r"^\s*- (\S+)", (CHECKOUT / "environment.yml").read_text(), re.M)
-    }
+    entries = re.findall(r"^\s*- (\S+)", (CHECKOUT / "environment.yml").read_text(), re.M)
+    listed = {re.split(r"[^\w-]", one)[0] for one in entries}
     assert not listed & tools
     needed = {re.split(r"[^\w-]", one)[0].lower() for one in project["dependencies"]}
     assert needed <= {one.lower() for one in listed}

@@ -376,11 +376,8 @@ def test_a_new_run_takes_the_fields_of_the_old_one_away_and_nothing_else(tmp_pat
     (tmp_path / "fields" / "mine.vtu").write_text("precious")
     with RunWriter(OutputPath(tmp_path, overwrite=True), {}):
         pass
-    assert sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*")) == [
-        "fields",
-        "fields/mine.vtu",
-        "manifest.json",
-    ]
+    left = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*"))
+    assert left == ["fields", "fields/mine.vtu", "manifest.json"]
 
 
 @pytest.mark.parametrize("content", ["", "<VTKFile>", '<VTKFile><DataSet timestep="soon" file="x"/></VTKFile>'])

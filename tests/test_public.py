@@ -101,6 +101,7 @@ class Watch:
 @pytest.mark.parametrize(
     ("own", "said"),
     [
+        ({"scene": "case.toml"}, "scene = 'case.toml': a str received; needed is what wt.read_case returns."),
         ({"integrator": "stormer-verlet"}, "integrator = 'stormer-verlet': a name received; needed is a scheme"),
         ({"integrator": Euler}, "integrator = Euler: a class received; needed is one of its objects, such as Euler()."),
         ({"integrator": Euler()}, "integrator: Euler has no order, stability_limit, frequency_error, nodes,"),
@@ -115,15 +116,10 @@ class Watch:
 )
 def test_what_is_no_integrator_or_observer_is_a_sentence_before_anything_is_written(folder, own, said):
     written(folder)
+    arguments = {"scene": wt.read_case("case.toml", trust=True), "out": "run"} | own
     with redirect_stdout(io.StringIO()), pytest.raises(InputError) as error:
-        wt.run(wt.read_case("case.toml", trust=True), "run", **own)
+        wt.run(**arguments)
     assert str(error.value).startswith(said) and "\n" not in str(error.value)
-    assert not (folder / "run").exists()
-
-
-def test_what_is_no_scene_is_a_sentence_before_anything_is_written(folder):
-    with pytest.raises(InputError, match="scene = 'case.toml': a str received; needed is what wt.read_case returns."):
-        wt.run("case.toml", "run")
     assert not (folder / "run").exists()
 
 
