@@ -28,7 +28,7 @@ def plan(
         bool, typer.Option("--calibrate", help="measure first, about a minute, what a step costs on this machine")
     ] = False,
 ) -> None:
-    """Print the requirements of a case, and numerics for an accuracy at least cost.
+    """Print what a case requires, and the cheapest numerics for it.
 
     Numerics that a case names beside numerics.accuracy are not replaced; without numerics.accuracy the case's own
     numerics are compared with the proposed ones. A case that names none is run with the plan. For basins, tanks over a
