@@ -211,7 +211,8 @@ def test_a_case_built_in_python_runs_without_a_directory():
     from mpi4py import MPI
 
     from wavetank.case import Case
-    from wavetank.simulation.build import build_observers, build_run
+    from wavetank.simulation.build import build_run
+    from wavetank.simulation.case_diagnostics import build_observers
 
     wave = {"type": "standing-wave", "wave_amplitude": 0.01}
     parts = {"initial": wave, "gauges": [0.0], "run": {"duration": 0.5}, "numerics": {"cells": 8}}
