@@ -112,8 +112,8 @@ def steep_crests(before: Profile, after: Profile, *, time: float, front: float, 
     differ = np.abs(np.diff(height)) > SAME * ripple
     places = np.concatenate([[0], 1 + np.flatnonzero(differ)])  # one of each two where cells meet
     rises = np.sign(np.diff(height[places]))
-    turns = [0, *(1 + np.flatnonzero(rises[:-1] != rises[1:])), len(places) - 1]
-    extrema = [(int(places[n]), float(height[places[n]])) for n in turns]
+    turns = places[np.concatenate([[0], 1 + np.flatnonzero(rises[:-1] != rises[1:]), [len(places) - 1]])]
+    extrema = list(zip(turns.tolist(), height[turns].tolist(), strict=True))
     result = list[SteepCrest]()
     for n in range(1, len(extrema) - 1):
         peak, top = extrema[n]
