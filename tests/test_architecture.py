@@ -175,3 +175,34 @@ assert not loaded(*late), loaded(*late)
     case = CHECKOUT / "cases" / "standing-wave.toml"
     done = launch([sys.executable, "-c", code, str(case), str(tmp_path / "run")])
     assert done.returncode == 0, done.stderr
+
+
+def walkthrough_entries():
+    """Return the files and names of the numbered lists of docs/architecture.md."""
+    lists = re.findall(r"(?:^\d+\. .*\n(?:   .*\n)*)+", PAGE.read_text(), flags=re.MULTILINE)
+    assert all(len(re.findall(r"^\d+\. ", one, flags=re.MULTILINE)) <= 12 for one in lists)
+    return sorted({entry for one in lists for entry in re.findall(r"`(wavetank/[\w/.]+\.\w+):([\w.]+)`", one)})
+
+
+def defined_names(path):
+    """Return the names of the functions, methods and classes of a Python module, methods with their class."""
+    tree = ast.parse(path.read_text())
+    definitions = ast.FunctionDef | ast.ClassDef
+    top = [one for one in tree.body if isinstance(one, definitions)]
+    inner = {
+        f"{one.name}.{part.name}" for one in top for part in getattr(one, "body", ()) if isinstance(part, definitions)
+    }
+    return {one.name for one in top} | inner
+
+
+def test_walkthroughs_have_entries():
+    assert len(walkthrough_entries()) >= 20
+
+
+@pytest.mark.parametrize(("file", "name"), walkthrough_entries())
+def test_walkthrough_names_a_definition_that_exists(file, name):
+    path = CHECKOUT / file
+    if path.suffix == ".py":
+        assert name in defined_names(path)
+    else:
+        assert re.search(rf"\b{name}\(", path.read_text())
