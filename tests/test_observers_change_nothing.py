@@ -36,6 +36,7 @@ class Evaluating:
         for q, psi, t in block.states():
             self._waves.elevation(q, psi, t)
             self._waves.energies(q, psi, t)
+            self._waves.evaluate(q, 1.1 * psi, t)
             for p in (psi, 0.9 * psi):
                 self._waves.H_p(q, p, t)
                 self._waves.H_q(q, p, t)

@@ -1,13 +1,16 @@
 """What users give of their own, an integrator or observers: held to its contract before a run begins."""
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Any
 
+from wavetank.arrays import Vector
 from wavetank.errors import InputError, locate
 from wavetank.integrators.contract import Integrator
 from wavetank.simulation.construction import AnyWaves
 from wavetank.simulation.contract import Diagnostic
 from wavetank.simulation.run import Run
+from wavetank.tank.evaluation import WaterEvaluation
 
 SCHEME = ("name", "order", "stability_limit", "frequency_error", "nodes", "start", "step")
 STATE = ("q", "p", "evaluations", "evaluated", "q_jump", "mapped")
@@ -35,6 +38,24 @@ def check_states(run: Run) -> None:
     _hold(run.state, STATE, "integrator", f"what {run.integrator.name}.start returns")
 
 
+class ObserverWaves:
+    """The waves for observers of a user: evaluations use a separate history of solves, so that the run is unchanged."""
+
+    def __init__(self, waves: AnyWaves):
+        self._waves = waves
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._waves, name)
+
+    @cached_property
+    def _history(self) -> Any:
+        return self._waves.new_history("observers")
+
+    def evaluate(self, q: Vector, p: Vector, t: float, guess: Any = None, **options: Any) -> WaterEvaluation:
+        """Return the evaluation at (q, p, t); collective."""
+        return self._waves.evaluate(q, p, t, guess, **{"history": self._history, **options})
+
+
 def own_observers(given: Sequence[Callable[[AnyWaves], Diagnostic]], waves: AnyWaves) -> list[Diagnostic]:
     """Return the observers that a user's functions make of the waves; raises ``InputError`` for what is none."""
     if isinstance(given, str) or not isinstance(given, Sequence):
@@ -43,7 +64,8 @@ def own_observers(given: Sequence[Callable[[AnyWaves], Diagnostic]], waves: AnyW
         if not callable(one):
             what = f"a {type(one).__name__} received; needed is a function of the waves that returns one, or its class"
             raise InputError(f"observers[{n}]: {what} ({PAGE}).")
-    return [_made(one, waves, f"observers[{n}]") for n, one in enumerate(given)]
+    own: Any = ObserverWaves(waves)
+    return [_made(one, own, f"observers[{n}]") for n, one in enumerate(given)]
 
 
 def called(given: Sequence[Callable[[AnyWaves], Diagnostic]]) -> list[str]:
