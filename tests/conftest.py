@@ -88,7 +88,7 @@ def make_tank() -> Callable[..., object]:
             wall = Piston(motion, plane=plane, reach=reach, side=side)
             if hinge is not None:
                 flap = Flap(hinge)
-                shape = Polynomial.near(lambda z: flap.mode_shape(z, depth), depth, plane.mesh, kinks=flap.kinks(depth))
+                shape = Polynomial.fit(lambda z: flap.mode_shape(z, depth), depth, plane.mesh, kinks=flap.kinks(depth))
                 wall = Shaped(motion, plane=plane, reach=reach, side=side, shape=shape)
         if far is not None:
             wall = BothEnds(wall, Piston(far, plane=plane, reach=reach, side=footprint.side("far wall")), plane=plane)

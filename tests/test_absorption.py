@@ -25,7 +25,7 @@ from wavetank.errors import InputError, RunError
 from wavetank.integrators.states import Point
 from wavetank.motion import Sinusoid, feedback
 from wavetank.motion.feedback import FeedbackMotion, FilterState, StateSpaceFilter, elevation_at_face
-from wavetank.motion.motion import largest_stroke, share
+from wavetank.motion.motion import blending, largest_stroke
 from wavetank.output.columns import energy_columns
 from wavetank.output.directory import PADDLE, RunDirectory
 from wavetank.planning.checks import free_second_harmonics, highest_wave, reflected_harmonics
@@ -35,10 +35,10 @@ from wavetank.planning.requirements import requirements
 from wavetank.simulation.build import ANSWERED, build_run
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.energy import EnergyBudget
-from wavetank.simulation.feedback import ANSWERS
+from wavetank.simulation.feedback import CONTROLLERS
 from wavetank.simulation.records import Memory
 from wavetank.simulation.supply import PaddleWork
-from wavetank.tank.answering import AnsweringPaddle, Excess
+from wavetank.tank.answering import Excess, PaddleController
 from wavetank.tank.walls import Piston
 from wavetank.waves.absorption import PassiveFilter, face, radiation, sudden_mass
 from wavetank.waves.airy import angular_frequency, group_velocity, wave_number
@@ -523,7 +523,7 @@ def test_by_default_it_is_tuned_to_what_the_paddle_opposite_makes(kd, tuned):
     far = {"type": "piston", "motion": REST, "absorb": {"type": "spring-damper"}}
     parts = {"tank": {"length": 9.0, "depth": 1.0}, "wall": {"type": "piston", "motion": motion}, "far_wall": far}
     case = Case.model_validate({**parts, "run": {"duration": 1.0}, "numerics": {"cells": 4, "dt": 0.02}})
-    equation, _ = ANSWERS[SpringDamper](case, 1, build_run(case, MPI.COMM_SELF)[1])
+    equation, _ = CONTROLLERS[SpringDamper](case, 1, build_run(case, MPI.COMM_SELF)[1])
     omega = 2 * np.pi / np.array([period(tuned)])
     (r,), (mu,) = radiation(PISTON, omega, 1.0, GRAVITY)
     expected = StateSpaceFilter.of_spring(sudden_mass(PISTON, 1.0), float(omega[0] ** 2 * mu), float(r))
@@ -566,13 +566,13 @@ def test_what_a_spring_holds_and_a_damper_takes_is_the_work_of_the_water(monkeyp
 # ---------------------------------------------------------------- what a paddle cannot do
 def test_absorbing_ends_where_the_mapping_folds_and_not_out_of_the_water():
     """J = 1 + s' f X with the least s' there is, and the largest f."""
-    motion, shares, r = FeedbackMotion(Sinusoid(1.0, 4.0)), np.array([0.0, 0.3, 1.4]), np.linspace(0.0, 1.0, 1001)
+    motion, mode_shape, r = FeedbackMotion(Sinusoid(1.0, 4.0)), np.array([0.0, 0.3, 1.4]), np.linspace(0.0, 1.0, 1001)
     paddle = SimpleNamespace(motion=motion, largest_stroke=largest_stroke(1.0))
     equation = StateSpaceFilter.of_transfer(np.ones(1), np.array([1.0, 3.0, 2.0]))
-    answering = AnsweringPaddle(paddle, equation, lambda q, p, t: np.zeros(1), shares=shares, key="far_wall")
+    answering = PaddleController(paddle, equation, lambda q, p, t: np.zeros(1), mode_shape=mode_shape, key="far_wall")
     folds = []
     for t in np.arange(0.05, 4.0, 0.1):
-        J = 1.0 + np.outer(np.gradient(share(r), r), shares) * motion.position(t)
+        J = 1.0 + np.outer(np.gradient(blending(r), r), mode_shape) * motion.position(t)
         try:
             answering.go_on(np.zeros(1), np.zeros(1), t - 0.1, 0.1)
         except RunError as error:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wavetank.simulation.diagnostics import Crest
-from wavetank.simulation.summary import Outcome, closing
+from wavetank.simulation.summary import RunOutcome, closing
 
 SHORT = ("run.duration=0.4", "numerics.cells=8", "numerics.vertical_order=4", "numerics.dt=0.02")
 SPENT = {
@@ -48,12 +48,12 @@ def test_a_run_ends_with_what_its_records_say_on_any_number_of_ranks(recorded_on
 @pytest.mark.parametrize(("ranks", "said"), [([2, 2], "2 ranks"), ([2, 1, 2], "2 and 1 ranks"), ([1, 1], "1 rank")])
 def test_the_cost_of_parts_is_of_the_ranks_of_all_of_them(tmp_path, ranks, said):
     spent = SPENT | {"parts": [{"ranks": n} for n in ranks]}
-    lines = closing(Outcome(Crest(0.1, 1.0, 0.0, 2.0), 0.0, 0.0), spent, warnings=[], path=tmp_path, flat=True)
+    lines = closing(RunOutcome(Crest(0.1, 1.0, 0.0, 2.0), 0.0, 0.0), spent, warnings=[], path=tmp_path, flat=True)
     assert lines[2].startswith(f"cost: 12 CPU s on {said}, ")
 
 
 def test_a_place_at_the_origin_is_told_as_that(tmp_path):
-    outcome = Outcome(Crest(0.1, 3.2e-7, -1.4e-17, 2.0), 0.0, 0.0)
+    outcome = RunOutcome(Crest(0.1, 3.2e-7, -1.4e-17, 2.0), 0.0, 0.0)
     line, *_ = closing(outcome, SPENT, warnings=[], path=tmp_path, flat=False)
     assert line == "highest crest: 0.1 m, at the node x = 0 m, y = 0 m, t = 2 s"
 
@@ -72,7 +72,7 @@ def test_a_place_at_the_origin_is_told_as_that(tmp_path):
     ],
 )
 def test_a_run_that_ends_early_is_resumed_where_it_can_be_and_gets_farther(tmp_path, ended, said):
-    outcome, spent = Outcome(Crest(0.1, 1.0, 0.0, 2.0), 0.0, 0.0), SPENT | {"t": 4.0} | ended
+    outcome, spent = RunOutcome(Crest(0.1, 1.0, 0.0, 2.0), 0.0, 0.0), SPENT | {"t": 4.0} | ended
     *_, last = closing(outcome, spent, warnings=[], path=tmp_path, flat=True)
     assert last == f"next: {said.format(tmp_path)}"
 
@@ -86,7 +86,7 @@ def test_a_run_that_ends_early_is_resumed_where_it_can_be_and_gets_farther(tmp_p
     ],
 )
 def test_the_closing_lines_say_what_is_to_be_known(tmp_path, warnings, said):
-    outcome = Outcome(Crest(0.1131, 10.46, -2.0, 20.18), 2e-15, 3.4e-5)
+    outcome = RunOutcome(Crest(0.1131, 10.46, -2.0, 20.18), 2e-15, 3.4e-5)
     path = tmp_path / "a run"
     assert closing(outcome, SPENT, warnings=warnings, path=path, flat=False) == [
         "highest crest: 0.1131 m, at the node x = 10.46 m, y = -2 m, t = 20.18 s",
@@ -99,7 +99,7 @@ def test_the_closing_lines_say_what_is_to_be_known(tmp_path, warnings, said):
 
 @pytest.mark.parametrize("drawn", [True, False])
 def test_a_picture_of_what_broke_is_named_where_it_is_drawn(tmp_path, drawn):
-    outcome = Outcome(Crest(0.1131, 10.46, -2.0, 20.18), 2e-15, 3.4e-5)
+    outcome = RunOutcome(Crest(0.1131, 10.46, -2.0, 20.18), 2e-15, 3.4e-5)
     spent = SPENT | {"broke_down": {"t": 1.0, "crests": []}, "checkpoints": []}
     lines = closing(outcome, spent, warnings=[], path=tmp_path, flat=True, drawn=drawn)
     assert str(tmp_path / "broken.csv") in lines[-2] and ("broken.png" in lines[-2]) == drawn
@@ -117,7 +117,7 @@ def test_a_picture_of_what_broke_is_named_where_it_is_drawn(tmp_path, drawn):
 )
 def test_what_has_broken_down_goes_on_from_before_it_was_warned_of(tmp_path, untrue, last, following):
     broken = SPENT | {"t": 9.9, "checkpoints": [9.0, 6.0], "broke_down": {"crests": []}}
-    outcome = Outcome(Crest(0.1131, 10.46, -2.0, 20.18), 2e-15, 3.4e-5, untrue)
+    outcome = RunOutcome(Crest(0.1131, 10.46, -2.0, 20.18), 2e-15, 3.4e-5, untrue)
     lines = closing(outcome, broken, warnings=[], path=tmp_path, flat=True)
     assert lines[-2].startswith(last) and lines[-2].endswith("; the one before, t = 6 s: --at 6")
     assert lines[-1].startswith("next: " + following.format(tmp_path))
@@ -129,7 +129,7 @@ def test_what_has_broken_down_goes_on_from_before_it_was_warned_of(tmp_path, unt
 def test_what_broke_down_of_a_breaking_wave_is_not_told_to_dissipate_what_it_dissipates(tmp_path, on_breaking, other):
     scene = SPENT["scene"] | {"run": SPENT["scene"]["run"] | {"on_breaking": on_breaking}}
     broken = SPENT | {"scene": scene, "checkpoints": [], "broke_down": {"crests": [{"speed_ratio": 0.9}]}}
-    outcome = Outcome(Crest(0.1131, 10.46, -2.0, 20.18), 2e-15, 3.4e-5)
+    outcome = RunOutcome(Crest(0.1131, 10.46, -2.0, 20.18), 2e-15, 3.4e-5)
     *_, last = closing(outcome, broken, warnings=[], path=tmp_path, flat=True)
     assert last == f"next: anew from the start with --set {other}: there is no checkpoint"
 
@@ -143,7 +143,7 @@ def test_what_broke_down_of_a_breaking_wave_is_not_told_to_dissipate_what_it_dis
 )
 def test_what_the_cause_names_is_what_is_told_to_be_set(tmp_path, ratio, cure, other):
     broken = SPENT | {"checkpoints": [], "broke_down": {"crests": [{"speed_ratio": ratio}]}, "cure": cure}
-    outcome = Outcome(Crest(0.1131, 10.46, -2.0, 20.18), 2e-15, 3.4e-5)
+    outcome = RunOutcome(Crest(0.1131, 10.46, -2.0, 20.18), 2e-15, 3.4e-5)
     *_, last = closing(outcome, broken, warnings=[], path=tmp_path, flat=True)
     assert last == f"next: anew from the start with --set {other}: there is no checkpoint"
 
@@ -151,11 +151,11 @@ def test_what_the_cause_names_is_what_is_told_to_be_set(tmp_path, ratio, cure, o
 def test_what_only_another_case_would_cure_is_not_resumed_though_it_broke_down(tmp_path):
     broken = SPENT | {"t": 9.9, "checkpoints": [9.0], "broke_down": {"crests": []}, "anew": True}
     *_, surface, kept, last = closing(
-        Outcome(Crest(0.1, 1.0, 0.0, 2.0), 0.0, 0.0), broken, warnings=[], path=tmp_path, flat=True
+        RunOutcome(Crest(0.1, 1.0, 0.0, 2.0), 0.0, 0.0), broken, warnings=[], path=tmp_path, flat=True
     )
     assert "broken.csv" in surface and kept.startswith("the last good checkpoint, t = 9 s")
     assert last == "next: anew from the start, as the case has to be another"
 
 
 def test_nothing_is_said_of_a_run_that_nobody_has_looked_at_or_that_has_left_the_numbers():
-    assert Outcome(Crest(), 0.0, 0.0).figures == Outcome(Crest(0.1), 0.0, float("inf")).figures == {}
+    assert RunOutcome(Crest(), 0.0, 0.0).figures == RunOutcome(Crest(0.1), 0.0, float("inf")).figures == {}

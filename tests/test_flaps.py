@@ -23,12 +23,12 @@ from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.diagnostics import Gauges
 from wavetank.simulation.energy import EnergyBudget
 from wavetank.simulation.records import Memory
-from wavetank.tank.breakdown import Quickened
+from wavetank.tank.breakdown import FrequencyShift
 from wavetank.tank.energy import POTENTIAL
 from wavetank.tank.footprint import Slice
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.still_water import largest_frequency
-from wavetank.tank.surface_points import SurfacePoints
+from wavetank.tank.surface_points import SurfaceOverPlaces
 from wavetank.tank.walls import LinearPaddle, Polynomial
 from wavetank.tank.walls.shape import fitted
 from wavetank.waves import airy
@@ -139,7 +139,7 @@ def misses(wavemaker, kd, *, exact, numerics=None):
         order, cells, n = numerics.order, numerics.cells, numerics.vertical_order
     footprint = Slice(length, cells, comm=MPI.COMM_SELF)
     plane = Plane(footprint.mesh, order, footprint.chart)
-    shape = Polynomial.near(lambda z: wavemaker.mode_shape(z, 1.0), 1.0, plane.mesh, kinks=wavemaker.kinks(1.0))
+    shape = Polynomial.fit(lambda z: wavemaker.mode_shape(z, 1.0), 1.0, plane.mesh, kinks=wavemaker.kinks(1.0))
     wall = LinearPaddle(Sinusoid(1.0, 2 * np.pi), plane=plane, side=footprint.side(), shape=shape)
     waves = LinearWaves(plane, depth=1.0, wall=wall, vertical_order=n)
     units = np.eye(plane.owned)
@@ -212,7 +212,7 @@ def test_the_step_knows_how_far_a_flap_leans(degrees):
     run, waves = build_run(case, MPI.COMM_SELF)
     leant = largest_frequency(waves, 1.0) / waves.largest_frequency
     assert 0.85 * case.frequency_shift < leant < case.frequency_shift
-    assert Quickened(waves).by() == pytest.approx(case.frequency_shift, rel=1e-3)
+    assert FrequencyShift(waves).by() == pytest.approx(case.frequency_shift, rel=1e-3)
     limit = run.integrator.stability_limit / waves.largest_frequency
     assert run.clock.dt == pytest.approx(limit * min(0.6, 0.8 / case.frequency_shift), rel=0.02)
     longer = scene(case.wall.model_dump(), length=6.0, cells=12, n=5, duration=4.0, dt=0.85 * limit)
@@ -228,7 +228,7 @@ def test_a_slight_lean_quickens_waves_whichever_way_and_however_long_the_reach(t
     _, waves = build_run(case, MPI.COMM_SELF)
     waves.set_time(t)
     bound = case.frequency_shift if t == 1.0 else frequency_shift(float(np.tan(np.radians(10.5))), 0.0)
-    assert Quickened(waves).by() == pytest.approx(bound, rel=1e-3) and bound > 1.01
+    assert FrequencyShift(waves).by() == pytest.approx(bound, rel=1e-3) and bound > 1.01
 
 
 def test_the_step_knows_how_far_a_piston_narrows_its_cells():
@@ -239,7 +239,7 @@ def test_the_step_knows_how_far_a_piston_narrows_its_cells():
     run, waves = build_run(case, MPI.COMM_SELF)
     assert case.frequency_shift == pytest.approx(1 / (1 - 1.2 / 1.5), rel=0.01)
     assert 0.85 * case.frequency_shift < largest_frequency(waves, 1.0) / waves.largest_frequency < case.frequency_shift
-    assert Quickened(waves).by() == pytest.approx(case.frequency_shift, rel=1e-3)
+    assert FrequencyShift(waves).by() == pytest.approx(case.frequency_shift, rel=1e-3)
     limit = run.integrator.stability_limit / waves.largest_frequency
     assert run.clock.dt == pytest.approx(limit * 0.8 / case.frequency_shift, rel=0.02)
 
@@ -344,7 +344,7 @@ def test_the_surface_over_a_place_stands_there(steep):
     field = waves.plane.function("elevation")
     field.set(waves.elevation(q, p, t))
     places = np.array([[0.3, 0.0], [1.0, 0.0]])
-    over = SurfacePoints(waves.plane, waves.wall, places)
+    over = SurfaceOverPlaces(waves.plane, waves.wall, places)
     eta = over.elevations(field)
     reference = waves.wall.to_reference(places, eta)
     assert waves.wall.to_physical(reference, eta) == pytest.approx(places, abs=1e-12)

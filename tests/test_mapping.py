@@ -19,7 +19,7 @@ from wavetank.fem.plane import Plane
 from wavetank.integrators import ThirdOrder
 from wavetank.integrators.states import Point
 from wavetank.motion import Ramped, SegmentedMotion, Sinusoid
-from wavetank.motion.motion import STEEPEST, frequency_shift, largest_stroke, share
+from wavetank.motion.motion import STEEPEST, blending, frequency_shift, largest_stroke
 from wavetank.simulation.clock import Clock, EverySteps
 from wavetank.simulation.diagnostics import Gauges, HighestCrest
 from wavetank.simulation.records import Memory
@@ -51,13 +51,15 @@ def test_the_inverse_of_the_shape_is_its_inverse(r, moved):
     place, moves = np.array([[3.0, 1.0]]), np.array([moved])
     place += r * np.array([side.normal])
     there = PlaceMapping(side, 1.0).to_physical(place, moves)
-    assert there == pytest.approx(place + float(share(np.array([r]))[0]) * moved * np.array([side.normal]), abs=1e-12)
+    assert there == pytest.approx(
+        place + float(blending(np.array([r]))[0]) * moved * np.array([side.normal]), abs=1e-12
+    )
     assert PlaceMapping(side, 1.0).to_reference(there, moves) == pytest.approx(place, abs=1e-12)
 
 
 def test_the_shape_is_1_at_the_wall_and_ends_without_a_kink_and_stretches_by_no_more_than_it_says():
     r = np.linspace(0.0, 1.2, 120_001)
-    s = share(r)
+    s = blending(r)
     slope = np.diff(s) / np.diff(r)
     assert s[0] == 1.0 and np.all(s[r >= 1.0] == 0.0)
     assert np.abs(np.diff(slope)).max() < 1e-4  # 1e-5 apart: no jump
@@ -123,7 +125,7 @@ def test_uniform_flow_has_its_kinetic_energy_under_a_mapping_that_leans():
     footprint, d, a, c = Slice(3.0, 6, comm=MPI.COMM_SELF), 0.7, 0.3, -0.2
     plane = Plane(footprint.mesh, 3, footprint.chart)
     s, column = plane.function("s"), plane.function("h")
-    s.set(share(plane.x / 2.0))
+    s.set(blending(plane.x / 2.0))
     column.set(d + 0.05 * np.cos(3 * plane.x))
     mapping, h = Leaning(s.function, 0.15, d), column.function
     energy = WaterEnergy(h=h, d=fem.Constant(footprint.mesh, d), gravity=9.81, mapping=mapping)

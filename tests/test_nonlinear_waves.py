@@ -20,7 +20,7 @@ from wavetank.simulation.records import Memory
 from wavetank.tank.carried_waves import CarriedWaves
 from wavetank.tank.seen import DAMPED, HIGHEST, POWER
 from wavetank.tank.still_water import StillWaterWaves, scales
-from wavetank.tank.walls.contract import stood
+from wavetank.tank.walls.contract import positions_at
 
 SCHEMES = sorted(INTEGRATORS)
 QUICK = ("simpson-4",)  # the others are alike, and their long runs slow
@@ -164,7 +164,7 @@ def test_energies_expanded_about_an_evaluation_are_right_to_the_square_of_what_l
         found, close = empty_block(tank, 1), 1e-12 + 0.02 * tank.wall.leans * size**2
         tank.see(state, t, found, 0)
         assert [*found.numbers[0, HIGHEST:]] == [found.eta[0].max(), np.abs(found.eta[0]).max()]
-        assert stood(t, found.rates[0, :, 0]) == tank.wall.stood
+        assert positions_at(t, found.rates[0, :, 0]) == tank.wall.paddle_positions
         assert found.rise[0] == pytest.approx(size * bump, abs=2 * close)
         assert found.eta[0] == pytest.approx(exact.eta, abs=close) and np.array_equal(found.psi[0], p)
         off = found.numbers[0, :3].sum() - exact.energy, found.numbers[0, 1] - exact.potential

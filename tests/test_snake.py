@@ -138,7 +138,7 @@ def test_a_snake_of_flaps_makes_biesels_oblique_waves(hinge):
     case = case_of(hinge=hinge, n=8)
     footprint = build_footprint(case, MPI.COMM_SELF)
     plane = Plane(footprint.mesh, 3, footprint.chart, walls=footprint.facets_of)
-    shape = Polynomial.near(lambda z: wavemaker.mode_shape(z, DEPTH), DEPTH, plane.mesh, kinks=wavemaker.kinks(DEPTH))
+    shape = Polynomial.fit(lambda z: wavemaker.mode_shape(z, DEPTH), DEPTH, plane.mesh, kinks=wavemaker.kinks(DEPTH))
     wall = Shaped(Standing(k_y), plane=plane, reach=LENGTH, side=footprint.side(), shape=shape)
     fine = Tolerances(stage=1e-9, interior=1e-10)
     waves = NonlinearWaves(plane, depth=DEPTH, wall=wall, vertical_order=8, tolerances=fine)

@@ -1,7 +1,7 @@
-"""Paddles that answer the water, around any scheme: before each step they look at the water, and say how they go on.
+"""Controlled paddles around any scheme: before each step a controller measures the water and extends the motion.
 
 Within a step a paddle then moves as any other does, by a function of time: the scheme, its order and what it conserves
-stay what they are. What the answer misses is that it is known at the beginning of a step only.
+stay what they are. The error of the control is that measurements are taken at the beginning of steps only.
 """
 
 from collections.abc import Sequence
@@ -16,38 +16,38 @@ ONCE_A_STEP = 2.0
 EARLIER = 0.1  # of the first step
 
 
-class AnsweringPaddle(Protocol):
-    """A paddle that answers."""
+class Controller(Protocol):
+    """A controller of a paddle, which measures the water before each step."""
 
     @property
     def begins(self) -> bool:
         """Whether it has yet to begin."""
 
     def begin(self, q: Vector, p: Vector, t: float) -> None:
-        """Look at the water at t, a little before it begins; collective."""
+        """Measure the water at t, a little before the first step; collective."""
 
     def go_on(self, q: Vector, p: Vector, t: float, dt: float) -> None:
-        """Look at the water at t, and go on to t + dt; collective."""
+        """Measure the water at t, and extend the motion to t + dt; collective."""
 
 
-class Answering(Wrapper[S]):
-    """A scheme with paddles that answer; it evaluates nothing but where the scheme begins.
+class ControlledPaddles(Wrapper[S]):
+    """A scheme with controlled paddles; it evaluates nothing but where the scheme begins.
 
     Parameters
     ----------
     scheme
         Any integrator.
     paddles
-        What answers.
+        Their controllers.
     """
 
-    def __init__(self, scheme: Integrator[S], paddles: Sequence[AnsweringPaddle]):
+    def __init__(self, scheme: Integrator[S], paddles: Sequence[Controller]):
         super().__init__(scheme)
         self.paddles = paddles
 
     @property
     def stability_limit(self) -> float:
-        """Largest omega dt on the oscillator: that of the inner scheme, at most that of looking once a step."""
+        """Largest omega dt on the oscillator: that of the inner scheme, at most that of one measurement a step."""
         return min(self.scheme.stability_limit, ONCE_A_STEP)
 
     def step(self, system: HamiltonianSystem, state: S, t: float, dt: float) -> S:

@@ -281,8 +281,8 @@ def frequency_shift(slope: float, displacement: float) -> float:
     return float((inverse_cosine / np.maximum(1.0 + gradient * displacement, NARROWEST)).max())
 
 
-def share(r: Array) -> Array:
-    """Return s(r), of any shape; for r < 0, behind the wall's rest position, its tangent at r = 0."""
+def blending(r: Array) -> Array:
+    """Return the blending function s(r), of any shape; for r < 0, behind the wall, its tangent at r = 0."""
     return np.where(r < 0.0, 1.0 - r, _inside(np.minimum(np.maximum(r, 0.0), 1.0)))
 
 
@@ -290,7 +290,7 @@ def _inside(r: Array) -> Array:
     return np.asarray((1.0 - r) * (1.0 - r) * (1.0 + r))
 
 
-def share_slope(r: Array) -> Array:
+def blending_slope(r: Array) -> Array:
     """Return ds/dr for 0 <= r <= 1, of any shape."""
     return np.asarray(-(1.0 - r) * (1.0 + 3.0 * r))
 

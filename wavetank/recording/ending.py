@@ -17,7 +17,7 @@ from wavetank.simulation.construction import AnyWaves
 from wavetank.simulation.energy import EnergyBudget
 from wavetank.simulation.run import Run
 from wavetank.simulation.stability import StabilityWatch
-from wavetank.simulation.summary import BrokenSurface, Outcome, Parts, closing
+from wavetank.simulation.summary import BrokenSurface, Parts, RunOutcome, closing
 from wavetank.tank.breakdown import cause, folds
 from wavetank.tank.breaking import BreakingAlarm, BreakingDissipation
 from wavetank.tank.waves import NonlinearWaves
@@ -75,7 +75,7 @@ class EndReport:
             self.log.say(f"{one.watch.story} ({BREAKING}){dissipated}")
             if self.writer is not None:
                 self.writer.write_table(BREAKING, one.watch.columns)
-        figures, outcome = self.parts.figures() | breaking_figures(self.run), Outcome.of(self.run)
+        figures, outcome = self.parts.figures() | breaking_figures(self.run), RunOutcome.of(self.run)
         if self.writer is None:
             return
         self.writer.note(figures | outcome.figures)
@@ -143,7 +143,7 @@ def _explained(error: BreakdownError, run: Run, waves: NonlinearWaves, scene: Ca
         dt=run.clock.dt,
         limit=run.integrator.stability_limit,
         tolerance=scene.numerics.tolerance,
-        quickened=scene.frequency_shift,
+        frequency_shift=scene.frequency_shift,
         warned=next(warned, None),
         noise=str(next(noise(scene), "")),
     )

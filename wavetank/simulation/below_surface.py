@@ -16,7 +16,7 @@ from wavetank.simulation.diagnostics import Called, LatticePlaces, Passing
 from wavetank.simulation.records import FieldRecord, Record, WindowRecord
 from wavetank.tank.kinematics import MovingWater, Sounding, Velocity
 from wavetank.tank.seen import Block
-from wavetank.tank.surface_points import SurfacePoints
+from wavetank.tank.surface_points import SurfaceOverPlaces
 from wavetank.tank.wall_pressure import WallPressure
 from wavetank.tank.waves import NonlinearWaves
 
@@ -92,7 +92,7 @@ class Probes:
         try:
             result = self._sounding.take()
         except OutsideError as error:
-            raise self._passing.error(t, error.index, self._water.wall.stand(self._places)) from None
+            raise self._passing.error(t, error.index, self._water.wall.paddle_displacements(self._places)) from None
         wet = {name: not bool(dry) for name, dry in zip(self._points, result.dry, strict=True)}
         before = self.state.wet
         self.state = ProbeState(before | {name: one or before.get(name, False) for name, one in wet.items()})
@@ -164,7 +164,7 @@ class WindowObserver:
     ):
         self._water, self._record, self.schedule = water, record, schedule
         self._places, self._zeta, self._axes = places, np.linspace(0.0, 1.0, levels, dtype=np.float64), axes_of(water)
-        self._surface = SurfacePoints(water.plane, water.wall, places)
+        self._surface = SurfaceOverPlaces(water.plane, water.wall, places)
         self._elevation, self._depth = water.plane.function("elevation"), water.plane.function("depth")
         points = np.column_stack([places, np.zeros(len(places))])
         self._sounding = Sounding(water, np.repeat(points, levels, axis=0), density=density)

@@ -11,13 +11,13 @@ from wavetank.arrays import Vector
 from wavetank.case import Case
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS, Damping, damped
-from wavetank.integrators.answering import Answering
+from wavetank.integrators.answering import ControlledPaddles
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.stage_solver import ITERATES
 from wavetank.mpi import raise_on_all_ranks
 from wavetank.simulation.clock import ROUNDING, Clock
 from wavetank.simulation.construction import AnyWaves, build_footprint, build_sponge, fill
-from wavetank.simulation.feedback import build_answers, build_paddle_work
+from wavetank.simulation.feedback import build_controllers, build_paddle_work
 from wavetank.simulation.filters import build_filters
 from wavetank.simulation.initial import initial_surface
 from wavetank.simulation.own import check_states, own_scheme
@@ -118,11 +118,11 @@ def build_run(
             damping = Damping(build_sponge(scene, scene.sponge, footprint, waves))
         integrator = damped(integrator, damping)
         waves.damp(damping.gamma)
-    answers = build_answers(scene, waves)
-    if answers:
-        integrator = Answering(integrator, answers)
+    controllers = build_controllers(scene, waves)
+    if controllers:
+        integrator = ControlledPaddles(integrator, controllers)
         if beginning is not None:
-            paddles = {f"paddle {n}": paddle for n, paddle in enumerate(answers)}
+            paddles = {f"paddle {n}": paddle for n, paddle in enumerate(controllers)}
             restore_surviving(paddles, beginning.parts)  # so that the paddles stand where they stood
     largest = waves.largest_frequency  # of a wall at rest
     t, step = (beginning.t, beginning.step) if beginning else (0.0, 0)
@@ -132,7 +132,7 @@ def build_run(
     clock = raise_on_all_ranks(
         comm, lambda: build_clock(scene, largest, integrator, moving=moving, begin=t).after(t, step)
     )
-    if answers and clock.dt * largest > ANSWERED:
+    if controllers and clock.dt * largest > ANSWERED:
         allowed = f"must be at most {ANSWERED / largest:.4g} s: a paddle that absorbs looks at the water once a step"
         raise CaseError([Problem(("numerics", "dt"), scene.numerics.dt, allowed)])
     filters = build_filters(scene, waves, clock.dt)

@@ -119,7 +119,7 @@ def _rates(scene: Case, waves: AnyWaves, number: int) -> PaddleRates:
     """Return the rates of a paddle."""
     view, paddle = scene.paddles[number], waves.wall.paddles[number]
     travel = getattr(paddle, "travel", None)  # a paddle of linear water has none
-    if travel is not None and travel.whole is not None:
+    if travel is not None and travel.rigid_position is not None:
         return rates_of_water(number)
     return rates_of_motion(partial(paddle.motion.rates, y=view.wall.places(view.tank)))
 

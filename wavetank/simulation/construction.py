@@ -134,7 +134,7 @@ def describe_energy(scene: Case) -> list[str]:
         named[1] = named[1]._replace(formula="the same at the far paddle")
     bed = FlatBed if scene.tank.bed is None else VaryingBed
     own = ["X_p: of each paddle its own, from its wall into the water"] if len(named) > 1 else []
-    return [*map(str, (*parts, *named)), *dict.fromkeys(wall.told for wall in walls), *own, bed.told]
+    return [*map(str, (*parts, *named)), *dict.fromkeys(wall.description for wall in walls), *own, bed.description]
 
 
 def _nonlinear(scene: Case, footprint: Footprint, plane: Plane) -> NonlinearWaves:
@@ -175,22 +175,22 @@ def moving_water(scene: Case, waves: AnyWaves) -> MovingWater:
         tangents=tangents,
         depth=scene.depths(),
         gravity=scene.tank.gravity,
-        wall=waves.wall.moved_by(tangents),
+        wall=waves.wall.with_motions(tangents),
         vertical_order=numerics.vertical_order,
         tolerances=Tolerances(stage=numerics.tolerance, interior=0.1 * numerics.tolerance),
     )
 
 
-class Water(NamedTuple):
-    """A kind of water: the class of its waves, and what builds them."""
+class WaveModel(NamedTuple):
+    """A wave theory: the class of its waves, and what builds them."""
 
     waves: type[NonlinearWaves] | type[LinearWaves]
     build: Callable[[Case, Footprint, Plane], AnyWaves]
 
 
-WATERS: dict[Physics, Water] = {
-    "nonlinear": Water(NonlinearWaves, _nonlinear),
-    "linear": Water(LinearWaves, _linear),
+WATERS: dict[Physics, WaveModel] = {
+    "nonlinear": WaveModel(NonlinearWaves, _nonlinear),
+    "linear": WaveModel(LinearWaves, _linear),
 }
 
 

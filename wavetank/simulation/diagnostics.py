@@ -22,7 +22,7 @@ from wavetank.simulation.contract import Waves, displacement, displacements
 from wavetank.simulation.records import FieldRecord, Record
 from wavetank.state import Replicated
 from wavetank.tank.seen import Block
-from wavetank.tank.surface_points import SurfacePoints
+from wavetank.tank.surface_points import SurfaceOverPlaces
 from wavetank.tank.wall_pressure import PaddlePush
 from wavetank.tank.walls.contract import Placed
 
@@ -126,7 +126,7 @@ class Gauges:
         self._points = points_in(waves.plane, waves.plane.chart.place(wall.to_reference(places)))  # far ones stay there
         reached = wall.reaches(places)
         self._near = np.flatnonzero(reached)
-        self._beside = SurfacePoints(waves.plane, wall, places[reached])
+        self._beside = SurfaceOverPlaces(waves.plane, wall, places[reached])
         called = called or Called.unnamed(wall, "gauge", places)
         names = [called.places[n] for n in self._near]
         self._passing = Passing(wall, places[reached], called._replace(places=names))
@@ -227,8 +227,8 @@ class PaddleMotion:
 
 
 @dataclass(frozen=True)
-class Extremes:
-    """The lowest and the highest position, velocity and acceleration of a paddle so far."""
+class RateExtremes:
+    """Extremes of the position, velocity and acceleration of a paddle so far."""
 
     lowest: list[float] = field(default_factory=lambda: [np.inf] * len(RATES))
     highest: list[float] = field(default_factory=lambda: [-np.inf] * len(RATES))
@@ -249,7 +249,7 @@ class PaddleLimits:
 
     def __init__(self, rates: PaddleRates, limits: Mapping[str, float], *, key: str):
         self.schedule, self._rates, self._limits, self._key = EverySteps(), rates, limits, key
-        self.state = Extremes()
+        self.state = RateExtremes()
 
     def record(self, block: Block) -> None:
         """Update the extremes of the rates."""
@@ -258,7 +258,7 @@ class PaddleLimits:
             np.minimum(self.state.lowest, rates.min(axis=0)),
             np.maximum(self.state.highest, rates.max(axis=0)),
         )
-        self.state = Extremes(lowest.tolist(), highest.tolist())
+        self.state = RateExtremes(lowest.tolist(), highest.tolist())
 
     def warnings(self) -> list[RunWarning]:
         """Return a warning for each limit that was exceeded."""
@@ -367,9 +367,9 @@ class LatticePlaces:
     def depths(self, block: Block, number: int) -> Vector:
         """Return the still-water depth d at one step of a block [m], shape (N,); collective."""
         wall, bed = self._waves.wall, self._waves.bed
-        depth, carried = np.zeros(self._waves.plane.owned) + bed.still, wall.carries
-        places = self._waves.plane.places[carried]
-        depth[carried] = bed.at(wall.to_physical(places, 0.0, displacement(block, number, wall, places)))
+        depth, dofs = np.zeros(self._waves.plane.owned) + bed.still, wall.displaced_dofs
+        places = self._waves.plane.places[dofs]
+        depth[dofs] = bed.at(wall.to_physical(places, 0.0, displacement(block, number, wall, places)))
         self._depth.set(depth)
         return self.at(self._depth)
 

@@ -15,22 +15,22 @@ from wavetank.mpi import from_first, raise_on_all_ranks
 from wavetank.simulation.construction import AnyWaves
 from wavetank.simulation.supply import PaddleWork
 from wavetank.state import Held, typed
-from wavetank.tank.answering import AnsweringPaddle, Excess, Look, Push
+from wavetank.tank.answering import Excess, Measurement, PaddleController, Push
 from wavetank.values.case_model import CaseModel, entry
 
-Answered = tuple[StateSpaceFilter, Look]
+Answered = tuple[StateSpaceFilter, Measurement]
 
 
-def build_answers(scene: Case, waves: AnyWaves) -> list[AnsweringPaddle]:
-    """Return what answers the water, of each paddle of a scene that absorbs; collective."""
-    result = list[AnsweringPaddle]()
+def build_controllers(scene: Case, waves: AnyWaves) -> list[PaddleController]:
+    """Return the controllers of the paddles of a scene that absorb; collective."""
+    result = list[PaddleController]()
     for number in scene.absorbing:
-        seen = scene.paddles[number]
-        wall: Any = seen.wall
+        end = scene.paddles[number]
+        wall: Any = end.wall
         paddle: Any = waves.wall.paddles[number]
-        equation, look = entry(ANSWERS, wall.absorb, f"ANSWERS of {__file__}")(scene, number, waves)
-        shares = wall.mode_shape(seen.tank)
-        result.append(AnsweringPaddle(paddle, equation, look, shares=shares, key=seen.key))
+        equation, measure = entry(CONTROLLERS, wall.absorb, f"CONTROLLERS of {__file__}")(scene, number, waves)
+        mode_shape = wall.mode_shape(end.tank)
+        result.append(PaddleController(paddle, equation, measure, mode_shape=mode_shape, key=end.key))
     return result
 
 
@@ -38,7 +38,7 @@ def build_paddle_work(scene: Case, waves: AnyWaves) -> PaddleWork | None:
     """Return what counts the work of a scene's paddles, where some of them absorb."""
     if not scene.absorbing:
         return None
-    walls: list[Any] = [seen.wall for seen in scene.paddles]
+    walls: list[Any] = [end.wall for end in scene.paddles]
     masses = np.array([wall.added_mass(scene.tank) for wall in walls])
     return PaddleWork([paddle.motion for paddle in waves.wall.paddles], masses)
 
@@ -52,15 +52,15 @@ def restore_paddles(scene: Case, motions: Iterable[Any], parts: Held) -> None:
 
 
 def _active(scene: Case, number: int, waves: AnyWaves) -> Answered:
-    seen, tank, comm = scene.paddles[number], scene.tank, waves.plane.comm
-    wall: Any = seen.wall
+    end, tank, comm = scene.paddles[number], scene.tank, waves.plane.comm
+    wall: Any = end.wall
     paddle: Any = waves.wall.paddles[number]
     result = from_first(comm, lambda: wall.absorb.build(tank, wall.wavemaker, paddles=scene.paddle_periods))
     above, below = result.over_s()
     made = raise_on_all_ranks(
         comm,
         lambda: elevation_at_face(
-            seen.motion(), wall.wavemaker, depth=tank.depth, gravity=tank.gravity, duration=scene.run.duration
+            end.motion(), wall.wavemaker, depth=tank.depth, gravity=tank.gravity, duration=scene.run.duration
         ),
     )
     excess = Excess(waves, paddle, made)
@@ -76,7 +76,7 @@ def _on_spring(scene: Case, number: int, waves: AnyWaves) -> Answered:
     return equation, Push(waves, number, paddle, mass=added)
 
 
-ANSWERS: dict[type[CaseModel], Callable[[Case, int, AnyWaves], Answered]] = {
+CONTROLLERS: dict[type[CaseModel], Callable[[Case, int, AnyWaves], Answered]] = {
     ActiveAbsorption: _active,
     SpringDamper: _on_spring,
 }

@@ -124,8 +124,8 @@ def _counters(waves: AnyWaves) -> dict[str, int]:
 ANEW = "anew from the start, as the case has to be another"
 
 
-class Outcome(NamedTuple):
-    """What the observers of a run know when it ends.
+class RunOutcome(NamedTuple):
+    """Highest crest and errors of a run that has ended.
 
     Attributes
     ----------
@@ -146,8 +146,8 @@ class Outcome(NamedTuple):
     follows: bool = False
 
     @classmethod
-    def of(cls, run: Run) -> "Outcome":
-        """Return what a run's observers know; collective."""
+    def of(cls, run: Run) -> "RunOutcome":
+        """Return them for a run, from its diagnostics; collective."""
         budget = next(one for one in run.diagnostics if isinstance(one, EnergyBudget))
         crest = next(one for one in run.diagnostics if isinstance(one, HighestCrest))
         untrue = next((one.since for one in run.diagnostics if isinstance(one, StabilityWatch)), None)
@@ -164,7 +164,7 @@ class Outcome(NamedTuple):
 
 
 def closing(
-    outcome: Outcome,
+    outcome: RunOutcome,
     spent: dict[str, Any],
     *,
     warnings: Sequence[RunWarning],

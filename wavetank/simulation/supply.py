@@ -36,7 +36,7 @@ SIMPSON = np.array([1.0, 4.0, 1.0]).reshape(-1, 1, 1) / 6
 EQUAL = 6  # digits: the same
 
 
-class Moving(Protocol):
+class FeedbackPaddleMotion(Protocol):
     """A paddle's motion."""
 
     def velocity(self, t: float) -> Any:
@@ -116,7 +116,7 @@ class PaddleWork:
         c of each [m²], shape (paddles,).
     """
 
-    def __init__(self, motions: Sequence[Moving], masses: Vector):
+    def __init__(self, motions: Sequence[FeedbackPaddleMotion], masses: Vector):
         self._motions, self._masses = motions, masses
         self.state = PaddleWorkState([], np.zeros((0, 4, len(motions))), np.zeros(2))
 

@@ -72,12 +72,12 @@ def _built(end: EndWall, footprint: Footprint, plane: Plane) -> Any:
         return _kind(end).build(end, end.wall, footprint, plane)
 
 
-def _both(scene: Case, near: Piston, far: Piston, *, plane: Plane) -> BothEnds:
+def _both(scene: Case, first: Piston, second: Piston, *, plane: Plane) -> BothEnds:
     """Return both walls; raises ``CaseError`` where their reaches meet on a mesh of few cells."""
-    if near.reach + far.reach > scene.tank.length * (1 + 1e-9):
-        what = f"reaches {far.reach:.4g} m on this mesh, the wall {near.reach:.4g} m: must not overlap"
+    if first.reach + second.reach > scene.tank.length * (1 + 1e-9):
+        what = f"reaches {second.reach:.4g} m on this mesh, the wall {first.reach:.4g} m: must not overlap"
         raise CaseError([Problem(("far_wall", "reach"), scene.ends[1].reach, what)])
-    return BothEnds(near, far, plane=plane)
+    return BothEnds(first, second, plane=plane)
 
 
 def motion_of(end: EndWall) -> Motion:
@@ -97,7 +97,7 @@ def _linear_shaped(end: EndWall, noun: ShapedWall, footprint: Slice | Basin, pla
 def _shape(end: EndWall, noun: ShapedWall, plane: Plane) -> Polynomial:
     """Return the polynomial of a paddle's shape; raises ``CaseError`` for one that it would not show."""
     wavemaker, depth = noun.wavemaker, end.tank.depth
-    shape = Polynomial.near(lambda z: wavemaker.mode_shape(z, depth), depth, plane.mesh, kinks=wavemaker.kinks(depth))
+    shape = Polynomial.fit(lambda z: wavemaker.mode_shape(z, depth), depth, plane.mesh, kinks=wavemaker.kinks(depth))
     z = np.linspace(-depth, 0.0, 1001, dtype=np.float64)
     wanted = wavemaker.mode_shape(z, depth)
     missed = float(np.abs(shape.at(z) - wanted).max() / np.abs(wanted).max())

@@ -1,4 +1,4 @@
-"""Paddles that answer what the water does: what they look at, and how they go on (docs/absorption.md)."""
+"""Controllers of paddles: what they measure of the water, and the motion they make of it (docs/absorption.md)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ GENTLY = 2.0  # (d / g)^(1/2) from t = 0 on: waves that stand at a paddle do not
 
 
 class Elevated(Protocol):
-    """Waves, as they are looked at."""
+    """Waves whose elevation is measured."""
 
     plane: Plane
     gravity: float
@@ -34,7 +34,7 @@ class Elevated(Protocol):
 
 
 class Answered(Protocol):
-    """A paddle that can answer.
+    """A paddle that can be controlled.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Answered(Protocol):
     largest_stroke: float
 
 
-Look = Callable[[Vector, Vector, float], Vector]
+Measurement = Callable[[Vector, Vector, float], Vector]
 """Returns what is measured of a state (q, p) at t [s], the same on all ranks; collective."""
 
 
@@ -63,8 +63,8 @@ class PaddleState:
     filter: FilterState
 
 
-class AnsweringPaddle:
-    """A paddle whose motion goes on by what is measured of the water.
+class PaddleController:
+    """Controller of a paddle: its motion follows a filter of what is measured of the water.
 
     Parameters
     ----------
@@ -72,18 +72,20 @@ class AnsweringPaddle:
         Which it is; its motion is a ``FeedbackMotion`` one.
     response
         The filter of its feedback motion.
-    look
-        Measures.
-    shares
-        How far it goes at its heights, over how far it goes where that is told, shape (N,).
+    measure
+        Returns what is measured of a state.
+    mode_shape
+        f at the heights of the paddle, shape (N,).
     key
         What it is called in a case.
     """
 
-    def __init__(self, paddle: Answered, response: StateSpaceFilter, look: Look, *, shares: Vector, key: str):
-        self._paddle, self._motion, self._filter, self._look = paddle, paddle.motion, response, look
+    def __init__(
+        self, paddle: Answered, response: StateSpaceFilter, measure: Measurement, *, mode_shape: Vector, key: str
+    ):
+        self._paddle, self._motion, self._filter, self._measure = paddle, paddle.motion, response, measure
         self._filter_state = FilterState()
-        self._shares, self._key = (float(shares.min()), float(shares.max())), key
+        self._mode_shape, self._key = (float(mode_shape.min()), float(mode_shape.max())), key
 
     @property
     def begins(self) -> bool:
@@ -91,18 +93,18 @@ class AnsweringPaddle:
         return self._filter_state.x is None
 
     def begin(self, q: Vector, p: Vector, t: float) -> None:
-        """Look at the water at t, a little before it begins; collective."""
-        self._filter_state = FilterState(None, (t,), (self._look(q, p, t),))
+        """Measure the water at t, a little before the first step; collective."""
+        self._filter_state = FilterState(None, (t,), (self._measure(q, p, t),))
 
     def go_on(self, q: Vector, p: Vector, t: float, dt: float) -> None:
-        """Look at the water at t, and go on to t + dt; collective.
+        """Measure the water at t, and extend the motion to t + dt; collective.
 
         Raises ``PaddleError`` where the paddle goes so far into the water that the mapping folds.
         """
-        self._filter_state = self._filter.update(self._filter_state, t, self._look(q, p, t))
+        self._filter_state = self._filter.update(self._filter_state, t, self._measure(q, p, t))
         self._motion.go_on(t, dt, *self._filter.output(self._filter_state, dt))
         where, most = self._motion.position(t + dt), self._paddle.largest_stroke
-        farthest = max(share * where for share in self._shares)
+        farthest = max(f * where for f in self._mode_shape)
         if farthest >= most:
             what = f"absorbing takes the paddle of {self._key} {farthest:.4g} m into the water"
             fold = f"its mapping folds at {most:.4g} m, 3/4 of what {self._key}.reach is on this mesh"
@@ -135,7 +137,7 @@ class Push:
         self._waves, self._number, self._motion, self._mass = waves, number, paddle.motion, mass
 
     def __call__(self, q: Vector, p: Vector, t: float) -> Vector:
-        """See ``Look``; shape (2,), in m³/s and m³/s²."""
+        """See ``Measurement``; shape (2,), in m³/s and m³/s²."""
         by_position, by_velocity = self._waves.evaluate(q, p, t).slopes[self._number]
         return np.array([by_velocity + self._mass * self._motion.velocity(t), by_position])
 
@@ -158,10 +160,10 @@ class Excess:
         self._waves, self._made, self._motion = waves, made, paddle.motion
         self._at = waves.plane.at(paddle.side.facets)
         self._count = waves.plane.comm.allreduce(len(self._at))
-        self.rise = self._found_rise()
+        self.rise = self._rise_rate()
 
-    def _found_rise(self) -> float:
-        """Return ``rise``: how fast still water rises, where the paddle is a metre a second faster; collective."""
+    def _rise_rate(self) -> float:
+        """Return ``rise``: the rate of still water's elevation at the face for 1 m/s more of the paddle; collective."""
         waves, motion, speed = self._waves, self._motion, float(np.sqrt(self._waves.gravity * self._waves.depth))
         brief = BRIEF * speed / waves.gravity
         rates, speeds = list[float](), list[float]()
@@ -176,7 +178,7 @@ class Excess:
         return float((rates[1] - rates[0]) / (speeds[1] - speeds[0]))
 
     def __call__(self, q: Vector, p: Vector, t: float) -> Vector:
-        """See ``Look``; shape (1,), in m."""
+        """See ``Measurement``; shape (1,), in m."""
         eta = self._mean(self._waves.elevation(q, p, t)) - self._made(t)
         s = min(t / (GENTLY * np.sqrt(self._waves.depth / self._waves.gravity)), 1.0)
         return np.array([s**3 * (10 - 15 * s + 6 * s**2) * eta - self.rise * self._motion.added(t, 0)])

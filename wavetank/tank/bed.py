@@ -40,11 +40,11 @@ class Bed(Protocol):
         d at the owned degrees of freedom [m], shape (owned,) or a number.
     sinking
         Its rate of change there [m/s], shape (owned,) or a number: like ``still`` another object where it has changed.
-    told
+    description
         What it makes of the energy, in words.
     """
 
-    told: str
+    description: str
     d: Any
     rate: Any
     depth: float
@@ -69,14 +69,14 @@ class Carrying(Protocol):
 
     Attributes
     ----------
-    carries
-        Which of the owned degrees of freedom it can carry.
+    displaced_dofs
+        The owned degrees of freedom that its mapping displaces.
     displaced
         How far from their places at rest they are now at most [m].
     """
 
     @property
-    def carries(self) -> NDArray[np.intp]:
+    def displaced_dofs(self) -> NDArray[np.intp]:
         """See above."""
 
     @property
@@ -99,7 +99,7 @@ class FlatBed:
         [m].
     """
 
-    told = "∇d = 0: the bed is flat"
+    description = "∇d = 0: the bed is flat"
 
     def __init__(self, depth: float, *, plane: Plane):
         self.d, self.rate = fem.Constant(plane.mesh, float(depth)), ufl.as_ufl(0)
@@ -132,7 +132,7 @@ class VaryingBed:
     Raises ``InputError`` where the depth is not positive.
     """
 
-    told = "d = d(x, y), of the places where the water stands: the bed varies"
+    description = "d = d(x, y), of the places where the water stands: the bed varies"
 
     def __init__(self, depth: Depth, *, plane: Plane):
         self._plane, self._depth = plane, depth
@@ -152,7 +152,7 @@ class VaryingBed:
     def _is_flat(self, wall: Carrying) -> bool:
         """Return whether what a wall has carried has never left a flat part of the bed, whose depth it has still."""
         if self._flat is None:
-            self._flat = self._sounded(self._plane.places[wall.carries])
+            self._flat = self._sounded(self._plane.places[wall.displaced_dofs])
         if wall.displaced > self._flat:
             self._flat = -1.0
         return self._flat >= 0.0
@@ -177,7 +177,7 @@ class VaryingBed:
     def follow(self, wall: Carrying) -> None:
         """Find the depth where a wall has carried the degrees of freedom; collective."""
         if not self._is_flat(wall):
-            self._set(wall.to_physical(self._plane.places[wall.carries]), wall.carries)
+            self._set(wall.to_physical(self._plane.places[wall.displaced_dofs]), wall.displaced_dofs)
 
     def _set(self, places: Vector, which: NDArray[np.intp]) -> None:
         """Find the depth at the places of some degrees of freedom; collective."""
@@ -209,11 +209,11 @@ class VaryingBed:
         """Find the rate of the depth where it carries them on; collective."""
         if self._is_flat(wall):
             return
-        there = self._plane.places[wall.carries]
+        there = self._plane.places[wall.displaced_dofs]
         places, step = wall.to_physical(there), INSTANT * wall.mesh_velocities(there)
         after, before = self.at(np.concatenate([places + step, places - step])).reshape(2, -1)
         rate = self.sinking.copy()
-        rate[wall.carries] = (after - before) / (2 * INSTANT)
+        rate[wall.displaced_dofs] = (after - before) / (2 * INSTANT)
         self.sinking = rate
         self._rate.set(rate)
 

@@ -33,7 +33,7 @@ class ShortWaves:
 
     def __init__(self, waves: NonlinearWaves):
         plane = waves.plane
-        self._comm, self._quickened = plane.comm, Quickened(waves)
+        self._comm, self._frequency_shift = plane.comm, FrequencyShift(waves)
         self._k = np.pi * plane.order / _widths(waves)
         highest = largest(self._comm, float(self._k.max(initial=0.0)))
         self._alike = largest(self._comm, float((highest - self._k).max(initial=0.0))) <= ALIKE * highest
@@ -41,13 +41,13 @@ class ShortWaves:
         self._highest = waves.largest_frequency, highest
 
     @property
-    def quickened(self) -> float:
-        """How much faster than those of still water they are for where paddles stand now; collective."""
-        return self._quickened.by()
+    def frequency_shift(self) -> float:
+        """Ratio of their frequencies to those with paddles at rest, for the positions of paddles now; collective."""
+        return self._frequency_shift.by()
 
     def largest_frequency(self, flow: SurfaceVelocity, *, least: float = 0.0) -> float:
         """Return the largest frequency [rad/s] on the surface as it moves, ``least`` if that is more; collective."""
-        (still, k), faster = self._highest, self.quickened
+        (still, k), faster = self._highest, self.frequency_shift
         most = faster * (still + k * flow.largest_velocity)
         if most <= least or self._alike:
             return max(least, most)
@@ -55,8 +55,8 @@ class ShortWaves:
         return max(least, faster * largest(self._comm, shifted))
 
 
-class Quickened:
-    """How much faster the mesh's shortest waves are, at most, for where paddles stand.
+class FrequencyShift:
+    """The largest frequency ratio of the mesh's shortest waves by the displacement of paddles.
 
     As ``MovingWallModel.frequency_shift`` of a case.
     """
@@ -67,16 +67,20 @@ class Quickened:
         self._places = plane.places[:1] if plane.mesh.topology.dim == 1 else plane.places  # beside all it stands alike
         paddles: Any = waves.wall.paddles
         for paddle in paddles:
-            shares = paddle.shape.at(depth * HEIGHTS)
-            slope = float(np.abs(np.diff(shares)).max()) / (depth * (HEIGHTS[1] - HEIGHTS[0]))
-            self._paddles.append((slope, (float(shares.min()), float(shares.max())), paddle.reach))
+            mode_shape = paddle.shape.at(depth * HEIGHTS)
+            slope = float(np.abs(np.diff(mode_shape)).max()) / (depth * (HEIGHTS[1] - HEIGHTS[0]))
+            self._paddles.append((slope, (float(mode_shape.min()), float(mode_shape.max())), paddle.reach))
 
     def by(self) -> float:
         """Return the factor, for paddles as they stand now; collective."""
         faster = 1.0
-        for (slope, shares, reach), stand in zip(self._paddles, self._wall.stand(self._places), strict=True):
-            ends = [sign * largest(self._comm, float((sign * stand).max(initial=-np.inf))) for sign in (1.0, -1.0)]
-            into = max(0.0, *(share * end for share in shares for end in ends))
+        for (slope, mode_shape, reach), displacements in zip(
+            self._paddles, self._wall.paddle_displacements(self._places), strict=True
+        ):
+            ends = [
+                sign * largest(self._comm, float((sign * displacements).max(initial=-np.inf))) for sign in (1.0, -1.0)
+            ]
+            into = max(0.0, *(f * end for f in mode_shape for end in ends))
             lean = slope * max(map(abs, ends))
             if max(lean, into / reach) > LITTLE:
                 faster = max(faster, frequency_shift(lean, into / reach))
@@ -111,12 +115,12 @@ LEANING = 40.0  # degrees; beside paddles that lean more the surface may fold (d
 LOOSEST = 1e-4  # tolerance that a case may have
 NARROW = 0.75  # of a cell's width: what a mapping leaves less of is said
 SQUEEZED = 0.5  # of the stability limit: above it a paddle may be to blame for what is steep in its reach
-BESIDE = 2.0  # depths
+FOLD_DISTANCE = 2.0  # depths
 STEP = 1e-3  # of the depth, over which a paddle's lean is looked at
 
 
-class _Stand(NamedTuple):
-    """How a paddle of a slice stands.
+class _PaddlePose(NamedTuple):
+    """Position and lean of a paddle of a slice.
 
     Attributes
     ----------
@@ -145,8 +149,8 @@ class _Stand(NamedTuple):
     @property
     def squeezes(self) -> str:
         """What it does to the cells, in words."""
-        stands = f"the {self.called} stands {self.into:.3g} m in the water"
-        return f"{stands}, and its mapping over {self.reach:.3g} m leaves cells {self.width:.2g} of their width"
+        extent = f"the {self.called} stands {self.into:.3g} m in the water"
+        return f"{extent}, and its mapping over {self.reach:.3g} m leaves cells {self.width:.2g} of their width"
 
 
 class Cause(NamedTuple):
@@ -165,19 +169,19 @@ class Cause(NamedTuple):
     cure: str = ""
 
 
-def _stands(waves: NonlinearWaves) -> list[_Stand]:
-    """Return how the paddles of a slice stand now."""
-    result, d, wall = list[_Stand](), waves.depth, waves.wall
+def _poses(waves: NonlinearWaves) -> list[_PaddlePose]:
+    """Return position and lean of the paddles of a slice now."""
+    result, d, wall = list[_PaddlePose](), waves.depth, waves.wall
     if not isinstance(waves.surface, SurfaceFlow):
         return result
     paddles: Any = wall.paddles
-    for paddle, stand in zip(paddles, wall.stand(np.zeros((1, 2)))[:, 0], strict=True):
-        below, here, above = stand * paddle.shape.at(STEP * d * np.array([-1.0, 0.0, 1.0]))
+    for paddle, displacements in zip(paddles, wall.paddle_displacements(np.zeros((1, 2)))[:, 0], strict=True):
+        below, here, above = displacements * paddle.shape.at(STEP * d * np.array([-1.0, 0.0, 1.0]))
         names = ("paddle", "wall") if paddle.side.sign > 0 else ("far paddle", "far_wall")
         place = float(paddle.side.point[0] + paddle.side.sign * here)
         lean = degrees(atan((above - below) / (2.0 * STEP * d)))
-        into = max(0.0, float((stand * paddle.shape.at(d * HEIGHTS)).max()))
-        result.append(_Stand(*names, place, lean, into, paddle.reach, 1.0 - into / paddle.largest_stroke))
+        into = max(0.0, float((displacements * paddle.shape.at(d * HEIGHTS)).max()))
+        result.append(_PaddlePose(*names, place, lean, into, paddle.reach, 1.0 - into / paddle.largest_stroke))
     return result
 
 
@@ -186,16 +190,16 @@ def folds(waves: NonlinearWaves, q: Vector, p: Vector, t: float) -> str:
 
     Or that nothing else can be to blame than that it does: no wave is steep.
     """
-    flow, far = waves.surface, [one for one in _stands(waves) if abs(one.lean) > LEANING]
+    flow, far = waves.surface, [one for one in _poses(waves) if abs(one.lean) > LEANING]
     if not isinstance(flow, SurfaceFlow) or not far or not _are_numbers(waves, q, p):
         return ""
     flow.update(q, p, t)
     x, _, slope, _ = flow.profile
     steepest = float(x[np.argmax(np.abs(slope))])
     for one in far:
-        away, way = abs(steepest - one.place), "into" if one.lean > 0 else "out of"
-        leans = f"the {one.called} leans {abs(one.lean):.0f} degrees {way} the water"
-        if away < BESIDE * waves.depth:
+        away, direction = abs(steepest - one.place), "into" if one.lean > 0 else "out of"
+        leans = f"the {one.called} leans {abs(one.lean):.0f} degrees {direction} the water"
+        if away < FOLD_DISTANCE * waves.depth:
             folded = f"the surface folds beside it (slope {flow.largest_slope:.2g}, {away:.2g} m from it)"
         elif flow.largest_slope < GENTLE:
             folded = f"no wave is steep (largest slope {flow.largest_slope:.2g})"
@@ -210,16 +214,16 @@ def _are_numbers(waves: NonlinearWaves, q: Vector, p: Vector) -> bool:
     return isfinite(waves.plane.sum(q) + waves.plane.sum(p))
 
 
-def _steep_beside(waves: NonlinearWaves, stands: Iterable[_Stand]) -> bool:
+def _is_steepest_within_reach(waves: NonlinearWaves, poses: Iterable[_PaddlePose]) -> bool:
     """Return whether the surface of a slice is steepest within the reach of one of these paddles."""
     assert isinstance(waves.surface, SurfaceFlow)
     x, _, slope, _ = waves.surface.profile
     steepest = float(x[np.argmax(np.abs(slope))])
-    return any(abs(steepest - one.place) < one.reach for one in stands)
+    return any(abs(steepest - one.place) < one.reach for one in poses)
 
 
-def _told(step: float) -> str:
-    """Return a step as it is named [s]."""
+def _two_digits(step: float) -> str:
+    """Return a step [s] to two digits."""
     return f"{float(f'{step:.2g}'):g}"
 
 
@@ -236,7 +240,7 @@ def cause(
     dt: float,
     limit: float,
     tolerance: float,
-    quickened: float = 1.0,
+    frequency_shift: float = 1.0,
     warned: float | None = None,
     noise: str = "",
 ) -> Cause:
@@ -250,8 +254,9 @@ def cause(
         The step [s], and the scheme's limit of omega dt.
     tolerance
         Of the step's solves, relative.
-    quickened
-        How much faster the shortest waves of still water get where paddles go farthest: the step named does there, too.
+    frequency_shift
+        The frequency ratio of the shortest waves of still water at the largest displacement of paddles, which the step
+        named allows for.
     warned
         The step that the watch on it has named [s]: none is named that is longer.
     noise
@@ -264,13 +269,13 @@ def cause(
         )
     flow = waves.surface
     flow.update(q, p, t)
-    narrow, limit = [one for one in _stands(waves) if one.width < NARROW], min(limit, ITERATES)
+    narrow, limit = [one for one in _poses(waves) if one.width < NARROW], min(limit, ITERATES)
     short, still = ShortWaves(waves), waves.largest_frequency
-    frequency, squeezed = short.largest_frequency(flow), still * short.quickened
+    frequency, squeezed = short.largest_frequency(flow), still * short.frequency_shift
     squeezes = "".join(f", and {one.squeezes}" for one in narrow)
     longer = "".join(f", or more of {one.key}.reach" for one in narrow)
     moves = f"{dt * frequency:.3g} where the surface moves, at up to {flow.largest_velocity:.3g} m/s"
-    known = min(FARTHEST * limit / (still * quickened), inf if warned is None else warned)
+    stable_step = min(FARTHEST * limit / (still * frequency_shift), inf if warned is None else warned)
     if flow.largest_slope < GENTLE and dt * frequency <= limit:
         what = (
             f"neither is the step long (dt omega_max = {dt * frequency:.3g}) nor are the waves steep (largest slope "
@@ -284,17 +289,17 @@ def cause(
                 f"cells of {waves.plane.cell_size:.3g} m; a larger numerics.tolerance, or other cells, may do",
                 f"numerics.tolerance={min(10 * tolerance, LOOSEST):g}",
             )
-        step = _told(min(known, 0.5 * dt))
+        step = _two_digits(min(stable_step, 0.5 * dt))
         grown = f"short waves that the mesh carries have grown; a step of {step} s, or finer cells{longer}, may do"
         return Cause(f"{what}{squeezes}: {grown}", _set(step))
-    step = _told(min(known, FARTHEST * limit / frequency))
-    if narrow and dt * squeezed > (SQUEEZED if _steep_beside(waves, narrow) else FARTHEST) * limit:
+    step = _two_digits(min(stable_step, FARTHEST * limit / frequency))
+    if narrow and dt * squeezed > (SQUEEZED if _is_steepest_within_reach(waves, narrow) else FARTHEST) * limit:
         shortest = f"dt omega_max = {dt * still:.3g} on still water with the paddle at rest, {dt * squeezed:.3g} there"
         long = f"the step is too long for waves as short as these: {shortest}, {moves}"
         return Cause(f"{squeezes.removeprefix(', and ')}: {long}; try {step} s{longer}", _set(step))
     steep = f"the waves are too steep for the mesh, or break (largest slope of the surface {flow.largest_slope:.2g})"
     if not dt * frequency > limit:
-        return Cause(steep, _set(_told(known)) if known < dt else "")
+        return Cause(steep, _set(_two_digits(stable_step)) if stable_step < dt else "")
     long = f"the step is too long: dt omega_max = {dt * still:.3g} on still water, {moves}"
     long = f"{long}{squeezes}; try {step} s{longer}"
     return Cause(long if flow.largest_slope < NEARLY_STEEPEST else f"{steep}, or {long}", _set(step))

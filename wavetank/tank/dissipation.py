@@ -203,7 +203,7 @@ class Smoothing:
         plane, mass, J = self._waves.plane, self._waves.mass, self._waves.wall.mapping.J(self._waves.densities.eta)
         if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
             wall = self._waves.wall
-            changing = plane.around(wall.carries) if self._by_wall and wall.moves else None
+            changing = plane.around(wall.displaced_dofs) if self._by_wall and wall.moves else None
             return FieldSmoother(FactoredSum(plane, mass, J, self._of, changing=changing), self._waves.columns)
         return FieldSmoother(IterativeSum(plane, mass, self._of), self._waves.columns)
 

@@ -138,18 +138,18 @@ class WaterEnergy:
         """Return g int J z dz."""
         return self.gravity * self.mapping.moment(self.eta, self.d)
 
-    def wall_layer(self, u: Any, share: Any, zeta: Any) -> Any:
-        """Return h f u at height zeta, for a share f(z)."""
-        return self.h * share(zeta * self.h - self.d) * u
+    def wall_layer(self, u: Any, shape: Any, zeta: Any) -> Any:
+        """Return h f u at height zeta, for a mode shape f(z)."""
+        return self.h * shape(zeta * self.h - self.d) * u
 
-    def wall_flux(self, phi: Any, vertical: VerticalBasis, share: Any, *, degree: int) -> Any:
-        """Return int h f (phi - psi) dzeta for a share f(z) of a polynomial's degree, by Gauss quadrature, exact."""
+    def wall_flux(self, phi: Any, vertical: VerticalBasis, shape: Any, *, degree: int) -> Any:
+        """Return int h f (phi - psi) dzeta for a polynomial f(z) of a degree, exact by Gauss quadrature."""
         zeta, weights = gauss_legendre(vertical.n + 1 + degree // 2)
         rows = weights[:, None] * vertical.at(zeta)[:, :-1]
         if not degree:
-            return self.wall_layer(combine(rows.sum(axis=0), phi), share, 0.0)
+            return self.wall_layer(combine(rows.sum(axis=0), phi), shape, 0.0)
         levels = zip(zeta, rows, strict=True)
-        return sum(self.wall_layer(combine(row, phi), share, float(level)) for level, row in levels)
+        return sum(self.wall_layer(combine(row, phi), shape, float(level)) for level, row in levels)
 
 
 def combine(weights: Any, phi: Any) -> Any:

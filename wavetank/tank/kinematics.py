@@ -56,8 +56,8 @@ from wavetank.tank.walls import Placed
 from wavetank.tank.waves import NonlinearWaves
 
 
-class Moving(Protocol):
-    """What has a velocity: waves as they were evaluated last.
+class EvaluatedWaves(Protocol):
+    """Waves at the state that was evaluated last.
 
     Attributes
     ----------
@@ -89,7 +89,9 @@ class Velocity:
         This rank's cells in which it is; default: all that it owns.
     """
 
-    def __init__(self, waves: Moving, *, potential: LayeredField | None = None, cells: NDArray[np.int32] | None = None):
+    def __init__(
+        self, waves: EvaluatedWaves, *, potential: LayeredField | None = None, cells: NDArray[np.int32] | None = None
+    ):
         plane, phi = waves.plane, (potential or waves.phi).function
         self._mesh, self._vertical, self._waves = plane.mesh, waves.vertical, waves
         self._known: dict[float, tuple[Vector, Vector]] = {}

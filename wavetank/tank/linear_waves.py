@@ -147,7 +147,7 @@ class LinearWaves(Water):
         """Return dF/dphi of a paddle for the energy of still water, shape (owned, n+1)."""
         components, shape = self.vertical.n + 1, paddle.shape
         phi = self.plane.layered_function(components, "potential").function
-        interior = still.wall_flux(phi, self.vertical, shape.share, degree=shape.degree)
+        interior = still.wall_flux(phi, self.vertical, shape.value, degree=shape.degree)
         flux = interior + shape.column(still.h, still.d) * phi[self.vertical.n]
         return VectorForm(ufl.derivative(flux * paddle.opening, phi)).assemble().reshape(-1, components).copy()
 

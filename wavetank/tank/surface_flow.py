@@ -27,7 +27,7 @@ from wavetank.tank.walls import Wall
 AMONG = {1: 2, 2: 1}  # so many times as close as nodes are points: as close in a basin, a look took 3 to 4 % of a step
 
 
-class Crest(NamedTuple):
+class SurfaceCrest(NamedTuple):
     """A place where the surface is level and highest around.
 
     Attributes
@@ -192,15 +192,15 @@ class SurfaceFlow(SurfaceVelocity):
         nodes = np.argsort(plane.V.element.basix_element.points[:, 0])
         dofs = plane.V.dofmap.list[ordered][:, nodes]
         dofs = np.where(backwards[:, None], dofs[:, ::-1], dofs)
-        carried = plane.function("carried")
-        carried.owned[self._waves.wall.carries] = 1.0
-        carried.fetch()
-        carries = carried.rows[dofs, 0].any(axis=1)
-        self._compile(tabulate(plane.V.element.basix_element, 1, points)[:, :, nodes], dofs, carries)
+        displaced = plane.function("carried")
+        displaced.owned[self._waves.wall.displaced_dofs] = 1.0
+        displaced.fetch()
+        on_displaced = displaced.rows[dofs, 0].any(axis=1)
+        self._compile(tabulate(plane.V.element.basix_element, 1, points)[:, :, nodes], dofs, on_displaced)
         self._order = np.argsort(np.concatenate(self._comm.allgather(self._places.mean(axis=1))))  # all ranks' cells
         self.cell = float(self._comm.allreduce(float(np.ptp(x, axis=1).max(initial=0.0)), op=MPI.MAX))
 
-    def _compile(self, tables: Vector, dofs: NDArray[np.int32], carries: NDArray[np.bool_]) -> None:
+    def _compile(self, tables: Vector, dofs: NDArray[np.int32], on_displaced: NDArray[np.bool_]) -> None:
         """Compile what finds the surface at the points of cells, given values and slopes of the basis there."""
         values, slopes = tables
         shifts, cells, width = self._waves.wall.shifts, self._cells.size, lanes("double")
@@ -215,7 +215,7 @@ class SurfaceFlow(SurfaceVelocity):
             "cells": cells,
             "paddles": len(shifts),
             "dofs": dofs[batch].transpose(0, 2, 1),
-            "carried": carries[batch].any(axis=1).astype(np.int32),
+            "carried": on_displaced[batch].any(axis=1).astype(np.int32),
             "values": values,
             "slopes": slopes,
             "per_metre": 1.0 / np.ptp(self._places, axis=1)[batch],
@@ -264,7 +264,7 @@ class SurfaceFlow(SurfaceVelocity):
             mine = np.concatenate(self._comm.allgather(mine.transpose(1, 0, 2)))[self._order].transpose(1, 0, 2)
         return Profile(*mine.reshape(4, -1))
 
-    def crests(self) -> list[Crest]:
+    def crests(self) -> list[SurfaceCrest]:
         """Return the crests above still water, in the order of x; of several within a cell, the highest.
 
         A ring's seam is a place like any: what rises to it is followed by what lies behind.
@@ -276,8 +276,8 @@ class SurfaceFlow(SurfaceVelocity):
         rising = np.flatnonzero((slope[:-1] > 0) & (slope[1:] <= 0) & (height[:-1] > 0))
         part = slope[rising] / (slope[rising] - slope[rising + 1])
         values = ((1 - part) * one[rising] + part * one[rising + 1] for one in (x, height, psi_x))
-        crests = list[Crest]()
-        result = (Crest(*map(float, place)) for place in zip(*values, strict=True))
+        crests = list[SurfaceCrest]()
+        result = (SurfaceCrest(*map(float, place)) for place in zip(*values, strict=True))
         for crest in sorted(result, key=lambda one: -one.height):
             if not crests or apart(np.array([one.x for one in crests]), crest.x).min() >= self.cell:
                 crests.append(crest)

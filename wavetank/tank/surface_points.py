@@ -1,4 +1,4 @@
-"""The surface over places of the laboratory, which a wall that moves carries about in the reference tank.
+"""The elevation over fixed places of the laboratory, which a moving wall displaces in the reference tank.
 
 Beside a wall that leans, what stands over a place depends on the height of the surface there, x = X + s(X) f(eta) X_p:
 that is found by repetition, each time with the height last found.
@@ -13,10 +13,10 @@ from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
 from wavetank.fem.plane import Field, Plane
 from wavetank.fem.points import points_in
-from wavetank.tank.walls.contract import Heights, Stood
+from wavetank.tank.walls.contract import Heights, PaddlePositions
 
 MOST = 50  # repetitions
-NEAR = 1e-8  # of a cell: the next would be a hundred times as near
+TOLERANCE = 1e-8  # of a cell: the next would be a hundred times as near
 
 
 class Standing(Protocol):
@@ -26,15 +26,15 @@ class Standing(Protocol):
     def leans(self) -> bool:
         """Whether places are not the same at all heights."""
 
-    def stand(self, places: Vector, stood: Stood | None = None) -> Vector:
-        """Return how far from rest its paddles stand beside places [m], or stood, shape (paddles, N)."""
+    def paddle_displacements(self, places: Vector, paddle_positions: PaddlePositions | None = None) -> Vector:
+        """Return the displacements of its paddles at the y of places [m], shape (paddles, N)."""
 
-    def to_reference(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
-        """Return the reference places of physical ones, (x, y) [m], shape (N, 2), at heights z [m], where it stood."""
+    def to_reference(self, places: Vector, z: Heights = 0.0, displacements: Vector | None = None) -> Vector:
+        """Return the reference places of physical ones, (x, y) [m], shape (N, 2), at heights z [m]."""
 
 
-class SurfacePoints:
-    """The surface over places.
+class SurfaceOverPlaces:
+    """The elevation over fixed places of the laboratory.
 
     Parameters
     ----------
@@ -57,17 +57,18 @@ class SurfacePoints:
 
     def elevations(self, field: Field) -> Vector:
         """Return the elevation over the places [m], shape (N,), of the field of it, for the wall as it stands."""
-        (eta,) = self.each(field.rows[None, :, 0], self._wall.stand(self.places)[:, None])
+        (eta,) = self.each(field.rows[None, :, 0], self._wall.paddle_displacements(self.places)[:, None])
         return np.asarray(eta)
 
-    def each(self, eta: Vector, stand: Vector) -> Vector:
+    def each(self, eta: Vector, displacements: Vector) -> Vector:
         """Return the elevation over the places [m], shape (K, N), at K times, each as at that time alone.
 
-        Of ``eta`` [m] at all degrees of freedom of this rank, shape (K, rows), and how the wall stood, (paddles, K, N).
+        Of ``eta`` [m] at all degrees of freedom of this rank, shape (K, rows), and displacements of paddles [m], shape
+        (paddles, K, N).
         """
 
         def coordinates(z: Heights) -> Vector:
-            return self._plane.chart.place(self._wall.to_reference(self.places, z, stand).reshape(-1, 2))
+            return self._plane.chart.place(self._wall.to_reference(self.places, z, displacements).reshape(-1, 2))
 
         last = coordinates(0.0)
         going: NDArray[np.bool_] = np.array(True)
@@ -77,6 +78,6 @@ class SurfacePoints:
             if not self._wall.leans or not (going := going & np.isfinite(result)).any():
                 return result.reshape(len(eta), -1)
             now = np.where(going[:, None], coordinates(result.reshape(len(eta), -1)), last)
-            going &= np.abs(now - last).max(axis=1, initial=0.0) > NEAR * self._plane.cell_size
+            going &= np.abs(now - last).max(axis=1, initial=0.0) > TOLERANCE * self._plane.cell_size
             last = now
         raise ConvergenceError("where the surface stands over a place beside the paddle could not be found")

@@ -335,7 +335,7 @@ class NonlinearWaves(Water):
             column=self.h,
             phi=self.phi,
             walls=walls,
-            carried=np.unique(self.plane.V.dofmap.list[self.plane.around(self.wall.carries)]),
+            carried=np.unique(self.plane.V.dofmap.list[self.plane.around(self.wall.displaced_dofs)]),
             leaning=self.columns if isinstance(self.columns, ShapedColumns) else None,
             inputs=self._inputs,
             celerity=self.speed,

@@ -1,6 +1,6 @@
-"""Two walls that move, at the two ends of a tank: each carries the water of its own reach, and nothing beyond.
+"""Two walls that move, at the two ends of a tank: each displaces the water of its own reach, and nothing beyond.
 
-As no place is carried by both, what they do adds up: the mapping's displacement, the column's mass, W and its power.
+As no place is displaced by both, their effects add up: the mapping's displacement, the column's mass, W and its power.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,7 +17,7 @@ from wavetank.fem.vertical import VerticalBasis
 from wavetank.motion.motion import Tangent
 from wavetank.tank.bed import Bed
 from wavetank.tank.energy import Part, WaterEnergy
-from wavetank.tank.walls.contract import Columns, Heights, Stood, WallTerms
+from wavetank.tank.walls.contract import Columns, Heights, PaddlePositions, WallTerms
 from wavetank.tank.walls.linear import LinearPaddle
 from wavetank.tank.walls.mapping import Shift
 from wavetank.tank.walls.piston import Piston
@@ -29,52 +29,52 @@ FAR = "far wall"
 
 
 class BothEnds:
-    """Two paddles whose reaches do not overlap, the far one facing the near one.
+    """Two facing paddles whose reaches do not overlap.
 
     Parameters
     ----------
-    near, far
-        The paddles.
+    first, second
+        The paddles of the wall and of the far wall.
     """
 
-    told = "x = X + s(X) f X_p at either end, F = ∂x/∂X, J = det F: both walls move"
+    description = "x = X + s(X) f X_p at either end, F = ∂x/∂X, J = det F: both walls move"
     moves = True
 
-    def __init__(self, near: Piston, far: Piston, *, plane: Plane):
-        self.paddles, self._plane = (near, far), plane
-        self.part = near.part
-        self.leans = near.leans or far.leans
-        self.carried = plane.over(np.concatenate([near.cells, far.cells]))
-        self.carries = np.union1d(near.carries, far.carries)
-        self._at_near = near.side.distances(plane.places) < far.side.distances(plane.places)
+    def __init__(self, first: Piston, second: Piston, *, plane: Plane):
+        self.paddles, self._plane = (first, second), plane
+        self.part = first.part
+        self.leans = first.leans or second.leans
+        self.displaced_measure = plane.over(np.concatenate([first.cells, second.cells]))
+        self.displaced_dofs = np.union1d(first.displaced_dofs, second.displaced_dofs)
+        self._nearest_is_first = first.side.distances(plane.places) < second.side.distances(plane.places)
         displacement = plane.function("s X_p of both").function
         self._each: list[Vector] = [paddle.travel.position.x.array for paddle in self.paddles]
         self._both: Vector = displacement.x.array
-        upright = near.shape is UPRIGHT and far.shape is UPRIGHT
+        upright = first.shape is UPRIGHT and second.shape is UPRIGHT
         each = [(paddle.travel.position, paddle.shape) for paddle in self.paddles]
         each = [(displacement, UPRIGHT)] if upright else each
-        self.mapping, self.shifts = Shift(near.axis, each), [(length.x.array, shape) for length, shape in each]
+        self.mapping, self.shifts = Shift(first.axis, each), [(length.x.array, shape) for length, shape in each]
         self._displace()
 
     def _displace(self) -> None:
-        near, far = self._each
-        np.add(near, far, out=self._both)
+        first, second = self._each
+        np.add(first, second, out=self._both)
 
-    def moved_by(self, tangents: Sequence[Tangent]) -> "BothEnds":
+    def with_motions(self, tangents: Sequence[Tangent]) -> "BothEnds":
         """See ``Wall``."""
-        near, far = (paddle.moved_by([one]) for paddle, one in zip(self.paddles, tangents, strict=True))
-        return BothEnds(near, far, plane=self._plane)
+        first, second = (paddle.with_motions([one]) for paddle, one in zip(self.paddles, tangents, strict=True))
+        return BothEnds(first, second, plane=self._plane)
 
     @property
     def velocities(self) -> Vector:
         """See ``Wall``: of the paddle that is nearer."""
-        near, far = (paddle.velocities for paddle in self.paddles)
-        return np.where(self._at_near, near, far)
+        first, second = (paddle.velocities for paddle in self.paddles)
+        return np.where(self._nearest_is_first, first, second)
 
     def at_surface(self, eta: Vector, still: Vector | float) -> Vector:
         """See ``Wall``."""
-        near, far = (paddle.at_surface(eta, still) for paddle in self.paddles)
-        return np.asarray(near + far)
+        first, second = (paddle.at_surface(eta, still) for paddle in self.paddles)
+        return np.asarray(first + second)
 
     @property
     def displaced(self) -> float:
@@ -88,46 +88,46 @@ class BothEnds:
         return any(changed)
 
     def distances(self, plane: Plane) -> Vector:
-        """Return how far the degrees of freedom are from the near paddle at rest [m], shape (owned,)."""
+        """Return how far the degrees of freedom are from the first paddle at rest [m], shape (owned,)."""
         return self.paddles[0].distances(plane)
 
     def reaches(self, places: Vector) -> NDArray[np.bool_]:
         """See ``Placed``."""
-        near, far = (paddle.reaches(places) for paddle in self.paddles)
-        return np.asarray(near | far)
+        first, second = (paddle.reaches(places) for paddle in self.paddles)
+        return np.asarray(first | second)
 
     @property
-    def stood(self) -> Stood:
+    def paddle_positions(self) -> PaddlePositions:
         """See ``Placed``."""
-        near, far = self.paddles
-        return near.stood + far.stood
+        first, second = self.paddles
+        return first.paddle_positions + second.paddle_positions
 
     @property
     def rates(self) -> Vector:
         """See ``Placed``."""
         return np.concatenate([paddle.rates for paddle in self.paddles])
 
-    def stand(self, places: Vector, stood: Stood | None = None) -> Vector:
+    def paddle_displacements(self, places: Vector, paddle_positions: PaddlePositions | None = None) -> Vector:
         """See ``Placed``."""
-        each = zip(self.paddles, stood or self.stood, strict=True)
-        return np.concatenate([paddle.stand(places, (its,)) for paddle, its in each])
+        each = zip(self.paddles, paddle_positions or self.paddle_positions, strict=True)
+        return np.concatenate([paddle.paddle_displacements(places, (its,)) for paddle, its in each])
 
-    def to_reference(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
+    def to_reference(self, places: Vector, z: Heights = 0.0, displacements: Vector | None = None) -> Vector:
         """Return the reference places of physical ones; see ``Placed``."""
-        near, far = self.paddles
-        stood, there = (None, None) if stand is None else (stand[:1], stand[1:])
-        return far.to_reference(near.to_reference(places, z, stood), z, there)
+        first, second = self.paddles
+        at_first, at_second = (None, None) if displacements is None else (displacements[:1], displacements[1:])
+        return second.to_reference(first.to_reference(places, z, at_first), z, at_second)
 
-    def to_physical(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
+    def to_physical(self, places: Vector, z: Heights = 0.0, displacements: Vector | None = None) -> Vector:
         """Return the physical places of reference ones; see ``Placed``."""
-        near, far = self.paddles
-        stood, there = (None, None) if stand is None else (stand[:1], stand[1:])
-        return far.to_physical(near.to_physical(places, z, stood), z, there)
+        first, second = self.paddles
+        at_first, at_second = (None, None) if displacements is None else (displacements[:1], displacements[1:])
+        return second.to_physical(first.to_physical(places, z, at_first), z, at_second)
 
     def mesh_velocities(self, places: Vector) -> Vector:
-        """Return how fast reference places are carried [m/s], shape (N, 2)."""
-        near, far = (paddle.mesh_velocities(places) for paddle in self.paddles)
-        return np.asarray(near + far)
+        """Return the mesh velocities at reference places [m/s], shape (N, 2)."""
+        first, second = (paddle.mesh_velocities(places) for paddle in self.paddles)
+        return np.asarray(first + second)
 
     def columns(self, energy: WaterEnergy, mass: MassMatrix, unit: Unit) -> Columns:
         """Return the mass matrix, or beside a paddle that leans what finds columns by Newton's method."""
@@ -137,28 +137,28 @@ class BothEnds:
         self, energy: WaterEnergy, phi: LayeredField, *, bed: Bed, vertical: VerticalBasis, unit: Unit
     ) -> "BothTerms":
         """Return what both add to the Hamiltonian."""
-        near, far = (paddle.terms(energy, phi, bed=bed, vertical=vertical, unit=unit) for paddle in self.paddles)
-        return BothTerms(near, far)
+        first, second = (paddle.terms(energy, phi, bed=bed, vertical=vertical, unit=unit) for paddle in self.paddles)
+        return BothTerms(first, second)
 
 
 class BothTerms:
     """What two walls add to the Hamiltonian; see ``WallTerms``."""
 
-    def __init__(self, near: WallTerms, far: WallTerms):
-        self._each = near, far
-        self.along = None if near.along is None or far.along is None else (*near.along, *far.along)
-        at_far = {part._replace(name=FAR): form for part, form in far.hamiltonian.items()}
-        self.hamiltonian: dict[Part, ufl.Form] = near.hamiltonian | at_far
+    def __init__(self, first: WallTerms, second: WallTerms):
+        self._each = first, second
+        self.along = None if first.along is None or second.along is None else (*first.along, *second.along)
+        at_far = {part._replace(name=FAR): form for part, form in second.hamiltonian.items()}
+        self.hamiltonian: dict[Part, ufl.Form] = first.hamiltonian | at_far
 
     def vector(self) -> Vector:
         """Return dW/dphi; collective."""
-        near, far = self._each
-        return np.asarray(near.vector() + far.vector())
+        first, second = self._each
+        return np.asarray(first.vector() + second.vector())
 
     def by_column(self) -> Vector:
         """Return dW/dh; collective."""
-        near, far = self._each
-        return np.asarray(near.by_column() + far.by_column())
+        first, second = self._each
+        return np.asarray(first.by_column() + second.by_column())
 
     def energy(self) -> float:
         """Return W; collective."""
@@ -166,23 +166,23 @@ class BothTerms:
 
     def slopes(self, mu: Callable[[], Vector]) -> list[tuple[float, float]]:
         """Return dH/dX_p and dH/dX_p' of both; collective."""
-        near, far = self._each
-        return near.slopes(mu) + far.slopes(mu)
+        first, second = self._each
+        return first.slopes(mu) + second.slopes(mu)
 
     def explicit_rate(self, mu: Callable[[], Vector]) -> float:
         """Return dH/dt at fixed (Q, psi); collective."""
-        near, far = self._each
-        return near.explicit_rate(mu) + far.explicit_rate(mu)
+        first, second = self._each
+        return first.explicit_rate(mu) + second.explicit_rate(mu)
 
 
 class LinearEnds(StillWall):
     """Two paddles of small stroke, at the two ends of a tank."""
 
-    part, told = LinearPaddle.part, LinearPaddle.told
+    part, description = LinearPaddle.part, LinearPaddle.description
 
-    def __init__(self, near: LinearPaddle, far: LinearPaddle):
-        self.paddles, self._near = (near, far), near
+    def __init__(self, first: LinearPaddle, second: LinearPaddle):
+        self.paddles, self._first = (first, second), first
 
     def distances(self, plane: Plane) -> Vector:
-        """Return how far the degrees of freedom are from the near paddle at rest [m], shape (owned,)."""
-        return self._near.distances(plane)
+        """Return how far the degrees of freedom are from the first paddle at rest [m], shape (owned,)."""
+        return self._first.distances(plane)

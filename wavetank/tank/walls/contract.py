@@ -28,7 +28,7 @@ from wavetank.tank.walls.shape import Shape
 from wavetank.tank.walls.side import Side
 
 Heights = Vector | float  # of places, shape (N,) or at K times (K, N), or all alike [m]
-Stood = tuple[tuple[float, float | None], ...]  # of each paddle, when [s], and how far from rest [m] if all of it is so
+PaddlePositions = tuple[tuple[float, float | None], ...]  # of each paddle t [s] and X_p [m], None if it depends on y
 
 
 class Columns(Protocol):
@@ -81,7 +81,7 @@ class Placed(Protocol):
     ----------
     part
         Its part of the Hamiltonian, in words.
-    told
+    description
         Its mapping, in words.
     moves
         Whether the mapping can change.
@@ -94,7 +94,7 @@ class Placed(Protocol):
     """
 
     part: Part
-    told: str
+    description: str
     moves: bool
     leans: bool
 
@@ -117,49 +117,52 @@ class Placed(Protocol):
         """Return whether its paddles can carry what is at places [m], physical or reference, shape (N,)."""
 
     @property
-    def stood(self) -> Stood:
-        """How it stands now, for when that will be asked for."""
+    def paddle_positions(self) -> PaddlePositions:
+        """Time and position of each paddle now."""
 
     @property
-    def carries(self) -> NDArray[np.intp]:
-        """Which of the owned degrees of freedom it can carry."""
+    def displaced_dofs(self) -> NDArray[np.intp]:
+        """The owned degrees of freedom that the mapping displaces."""
 
     @property
     def rates(self) -> Vector:
         """X_p, X_p' and X_p'' of its paddles now [m, m/s, m/s²], shape (paddles, 3); nan if not the same at all y."""
 
-    def stand(self, places: Vector, stood: Stood | None = None) -> Vector:
-        """Return how far from rest its paddles stand beside places [m], physical or reference, shape (paddles, N).
+    def paddle_displacements(self, places: Vector, paddle_positions: PaddlePositions | None = None) -> Vector:
+        """Return the displacements X_p of the paddles at the y of places [m], shape (paddles, N).
 
-        Or how far they stood.
+        Places are physical or reference ones; positions are by default those of now.
         """
 
-    def to_reference(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
-        """Return the reference places of physical ones, (x, y) [m], shape (N, 2), at heights z [m], as it stands.
+    def to_reference(self, places: Vector, z: Heights = 0.0, displacements: Vector | None = None) -> Vector:
+        """Return the reference places of physical ones, (x, y) [m], shape (N, 2), at heights z [m].
 
-        Or as it stood; of K times, see ``stands``, these are of shape (K, N, 2), or (N, 2) where nothing moves.
+        Displacements are by default those of now. With those of K times, see ``displacements_at``, places are of
+        shape (K, N, 2), or (N, 2) where nothing moves.
         """
 
-    def to_physical(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
+    def to_physical(self, places: Vector, z: Heights = 0.0, displacements: Vector | None = None) -> Vector:
         """Return the physical places of reference ones, in the same way."""
 
     def mesh_velocities(self, places: Vector) -> Vector:
-        """Return how fast the wall carries reference places [m/s], shape (N, 2)."""
+        """Return the mesh velocities at reference places [m/s], shape (N, 2)."""
 
 
-def stands(stand: Callable[[Vector, Stood], Vector], places: Vector, times: Vector, positions: Vector) -> Vector:
-    """Return how far from rest paddles stood beside places [m] at K times [s], (paddles, K, N), by their ``stand``.
+def displacements_at(
+    displacements: Callable[[Vector, PaddlePositions], Vector], places: Vector, times: Vector, positions: Vector
+) -> Vector:
+    """Return the displacements of paddles at the y of places at K times [s] in m, shape (paddles, K, N).
 
     ``positions`` are X_p [m], nan of those that do not move as a whole, shape (K, paddles).
     """
     if isnan(positions[0].sum()):
         each = zip(times, positions, strict=True)
-        return np.stack([stand(places, stood(float(t), of_paddles)) for t, of_paddles in each], axis=1)
+        return np.stack([displacements(places, positions_at(float(t), of_paddles)) for t, of_paddles in each], axis=1)
     return np.repeat(positions.T[..., None], len(places), axis=-1)
 
 
-def stood(t: float, positions: Vector) -> Stood:
-    """Return how paddles stand at t [s] that are at positions [m], nan of those that do not move as a whole."""
+def positions_at(t: float, positions: Vector) -> PaddlePositions:
+    """Return time and position [m] of each paddle at t [s]; positions are nan of those that depend on y."""
     return tuple((t, None if isnan(x) else float(x)) for x in positions)
 
 
@@ -167,8 +170,8 @@ class Wall(Placed, Protocol):
     """The wall of nonlinear waves."""
 
     @property
-    def carried(self) -> ufl.Measure | None:
-        """The measure over the cells that it carries; None where it stands still."""
+    def displaced_measure(self) -> ufl.Measure | None:
+        """The measure over the cells that the mapping displaces; None where the wall does not move."""
 
     @property
     def displaced(self) -> float:
@@ -181,8 +184,8 @@ class Wall(Placed, Protocol):
         L [m] is of shape (dofs,), in one array for good.
         """
 
-    def moved_by(self, tangents: Sequence[Tangent]) -> "Wall":
-        """Return one like it, at the same place, by other motions, one for each of its paddles; collective."""
+    def with_motions(self, tangents: Sequence[Tangent]) -> "Wall":
+        """Return the same wall with other motions, one for each of its paddles; collective."""
 
     def at_surface(self, eta: Vector, still: Vector | float) -> Vector:
         """Return how it moves places at the surface, shape (4, owned), for an elevation and still water's depth [m].

@@ -27,7 +27,7 @@ class LinearPaddle(StillWall):
 
     largest_stroke = np.inf
     part = Part("wall", "Ẋ_p d ∫ f φ dζ at the paddle")
-    told = "x = X, F = J = 1: linear waves leave the wall where it is"
+    description = "x = X, F = J = 1: linear waves leave the wall where it is"
 
     def __init__(self, motion: Motion, *, plane: Plane, side: Side, shape: Shape = UPRIGHT):
         self.motion, self.side, self.shape = motion, side, shape

@@ -54,31 +54,31 @@ class Shift:
     axis: Any
     parts: Sequence[tuple[Any, Shape]]
 
-    def stretching(self, share: Callable[[Shape], Any]) -> Any:
-        """Return a . grad(f s X_p), what elements are wider by, for a share f of each shape."""
-        return sum(share(shape) * ufl.inner(self.axis, ufl.grad(length)) for length, shape in self.parts)
+    def stretching(self, factor: Callable[[Shape], Any]) -> Any:
+        """Return a . grad(f s X_p), the relative widening of elements, for a factor f of each shape."""
+        return sum(factor(shape) * ufl.inner(self.axis, ufl.grad(length)) for length, shape in self.parts)
 
     def J(self, z: Any) -> Any:
         """Return 1 + f a . grad(s X_p)."""
-        return 1 + self.stretching(lambda shape: shape.share(z))
+        return 1 + self.stretching(lambda shape: shape.value(z))
 
     def flow(self, slope: Any, rise: Any, *, h: Any, z: Any) -> tuple[Any, Any]:
         """Return F^-T slope, and the rise less what points at other heights are carried aside."""
         along = ufl.inner(self.axis, slope) / self.J(z)
         aside = sum(h * shape.slope(z) * length * along for length, shape in self.parts)
-        carried = sum(shape.share(z) * ufl.grad(length) for length, shape in self.parts)
-        return self._physical(slope, carried, self.J(z)), rise - aside
+        gradient = sum(shape.value(z) * ufl.grad(length) for length, shape in self.parts)
+        return self._physical(slope, gradient, self.J(z)), rise - aside
 
     def gradient(self, f: Any, z: Any) -> Any:
         """Return the gradient along the surface; in one dimension that is f_X / x_X."""
-        carried = sum(ufl.grad(shape.share(z) * length) for length, shape in self.parts)
-        return self._physical(ufl.grad(f), carried, 1 + ufl.inner(self.axis, carried))
+        gradient = sum(ufl.grad(shape.value(z) * length) for length, shape in self.parts)
+        return self._physical(ufl.grad(f), gradient, 1 + ufl.inner(self.axis, gradient))
 
     def moment(self, eta: Any, d: Any) -> Any:
         """Return 1/2 eta^2, wider by the mean of f."""
         return 0.5 * (1 + self.stretching(lambda shape: shape.mean(eta))) * eta**2
 
-    def _physical(self, slope: Any, carried: Any, J: Any) -> Any:
+    def _physical(self, slope: Any, gradient: Any, J: Any) -> Any:
         if self.axis.ufl_shape == (1,):
             return slope / J
-        return slope - carried * ufl.inner(self.axis, slope) / J
+        return slope - gradient * ufl.inner(self.axis, slope) / J

@@ -34,10 +34,10 @@ from wavetank.fem.plane import Field, LayeredField, Plane
 from wavetank.fem.slice import WallStruct
 from wavetank.fem.vertical import VerticalBasis, gauss_legendre
 from wavetank.motion import Motion
-from wavetank.motion.motion import Tangent, largest_stroke, share
+from wavetank.motion.motion import Tangent, blending, largest_stroke
 from wavetank.tank.bed import Bed
 from wavetank.tank.energy import Part, WaterEnergy
-from wavetank.tank.walls.contract import Columns, Heights, Stood
+from wavetank.tank.walls.contract import Columns, Heights, PaddlePositions
 from wavetank.tank.walls.mapping import Shift
 from wavetank.tank.walls.place_mapping import PlaceMapping
 from wavetank.tank.walls.shape import UPRIGHT, Shape
@@ -62,7 +62,7 @@ class Piston:
     """
 
     part = Part("wall", "∫ ψ ∇·(ẋ h) dX + Ẋ_p ∫ h φ dζ at the paddle,  ẋ = s Ẋ_p")
-    told = "x = X + s(X) X_p, F = ∂x/∂X, J = det F: a vertical wall moves"
+    description = "x = X + s(X) X_p, F = ∂x/∂X, J = det F: a vertical wall moves"
     moves = True
     leans = False
 
@@ -73,12 +73,12 @@ class Piston:
         self._places = PlaceMapping(side, self.reach)
         self._at_surface = np.zeros((4, plane.owned))
         s = plane.function("s")
-        s.set(self._share(side.distances(plane.places)))
-        self.carries = np.flatnonzero(s.owned)
+        s.set(self._blending(side.distances(plane.places)))
+        self.displaced_dofs = np.flatnonzero(s.owned)
         self.motion, self.travel = motion, Travel(motion, plane=plane, side=side, s=s)
         self.axis = ufl.as_vector([float(side.sign * part) for part in side.normal[: plane.mesh.geometry.dim]])
-        self.cells = self._carried(s)
-        self.carried = plane.over(self.cells)
+        self.cells = self._displaced_cells(s)
+        self.displaced_measure = plane.over(self.cells)
         self._on_paddle = self._facets()
         self._into = -ufl.inner(ufl.FacetNormal(plane.mesh), self.axis)
         self.mapping = self.after(0.0)
@@ -98,11 +98,11 @@ class Piston:
         """Itself."""
         return (self,)
 
-    def moved_by(self, tangents: Sequence[Tangent]) -> "Piston":
+    def with_motions(self, tangents: Sequence[Tangent]) -> "Piston":
         """See ``Wall``."""
         return type(self)(tangents[0], plane=self._plane, reach=self.reach, side=self.side, shape=self.shape)
 
-    def _carried(self, s: Field) -> NDArray[np.int32]:
+    def _displaced_cells(self, s: Field) -> NDArray[np.int32]:
         """Return this rank's cells, ghosts among them, in which s is not zero."""
         return np.flatnonzero((s.rows[self._plane.V.dofmap.list, 0] != 0.0).any(axis=1)).astype(np.int32)
 
@@ -114,8 +114,8 @@ class Piston:
         within = self._plane.comm.allreduce(within, op=MPI.MAX)
         return within if within > tolerance else float(self._plane.comm.allreduce(beyond, op=MPI.MIN))
 
-    def _share(self, distances: Vector) -> Vector:
-        return share(np.asarray(distances / self.reach))
+    def _blending(self, distances: Vector) -> Vector:
+        return blending(np.asarray(distances / self.reach))
 
     @property
     def largest_stroke(self) -> float:
@@ -139,10 +139,10 @@ class Piston:
 
     def at_surface(self, eta: Vector, still: Vector | float) -> Vector:
         """See ``Wall``; the array is reused by the next call."""
-        moved, (far, fast) = self._at_surface, self.travel.at_nodes
-        moved[0], moved[1] = far, fast
-        np.multiply(fast, still + eta, out=moved[2])
-        return moved
+        result, (far, fast) = self._at_surface, self.travel.at_nodes
+        result[0], result[1] = far, fast
+        np.multiply(fast, still + eta, out=result[2])
+        return result
 
     def set_time(self, t: float) -> bool:
         """Move to where the paddle stands at t [s]; return whether the mapping has changed."""
@@ -180,46 +180,46 @@ class Piston:
     def flux_form(self, energy: WaterEnergy, phi: LayeredField, vertical: VerticalBasis) -> Callable[[Any], Any]:
         """Return F of s v [m/s] along the axis, a form of that field; at the paddle s = 1."""
         in_water = self.flux(phi.function[vertical.n], energy)
-        at_wall = energy.wall_flux(phi.function, vertical, self.shape.share, degree=self.shape.degree)
-        return lambda speed: speed * in_water * self.carried + self._into * speed * at_wall * self._on_paddle
+        at_wall = energy.wall_flux(phi.function, vertical, self.shape.value, degree=self.shape.degree)
+        return lambda speed: speed * in_water * self.displaced_measure + self._into * speed * at_wall * self._on_paddle
 
     def reaches(self, places: Vector) -> NDArray[np.bool_]:
         """See ``Placed``."""
         return np.asarray(self.side.distances(places) < self.reach)
 
     @property
-    def stood(self) -> Stood:
+    def paddle_positions(self) -> PaddlePositions:
         """See ``Placed``."""
-        return (self.travel.stood,)
+        return (self.travel.timed_position,)
 
     @property
     def rates(self) -> Vector:
         """See ``Placed``."""
         return self.travel.moves[None]
 
-    def stand(self, places: Vector, stood: Stood | None = None) -> Vector:
+    def paddle_displacements(self, places: Vector, paddle_positions: PaddlePositions | None = None) -> Vector:
         """See ``Placed``: X_p."""
-        ((t, whole),) = stood or self.stood
-        if whole is not None:
-            return np.full((1, len(places)), whole)
+        ((t, rigid_position),) = paddle_positions or self.paddle_positions
+        if rigid_position is not None:
+            return np.full((1, len(places)), rigid_position)
         return self.travel.positions(t, self.side.along(places))[None]
 
-    def to_reference(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
+    def to_reference(self, places: Vector, z: Heights = 0.0, displacements: Vector | None = None) -> Vector:
         """Return X with X + a f s(X) X_p = x, places of shape (N, 2) [m]."""
-        return self._places.to_reference(places, self._moved(places, z, stand))
+        return self._places.to_reference(places, self._shaped_displacement(places, z, displacements))
 
-    def to_physical(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
+    def to_physical(self, places: Vector, z: Heights = 0.0, displacements: Vector | None = None) -> Vector:
         """Return X + a f s(X) X_p, places of shape (N, 2) [m]."""
-        return self._places.to_physical(places, self._moved(places, z, stand))
+        return self._places.to_physical(places, self._shaped_displacement(places, z, displacements))
 
-    def _moved(self, places: Vector, z: Heights, stand: Vector | None) -> Vector:
-        """Return f X_p beside places [m]."""
-        stood = (self.stand(places) if stand is None else stand)[0]
-        return np.asarray(self.shape.at(np.asarray(z)) * stood) if self.leans else stood
+    def _shaped_displacement(self, places: Vector, z: Heights, displacements: Vector | None) -> Vector:
+        """Return f X_p at the y of places [m]."""
+        displacement = (self.paddle_displacements(places) if displacements is None else displacements)[0]
+        return np.asarray(self.shape.at(np.asarray(z)) * displacement) if self.leans else displacement
 
     def mesh_velocities(self, places: Vector) -> Vector:
         """Return a s X_p' at reference places [m/s], shape (N, 2)."""
-        speeds = self._share(self.side.distances(places)) * self.travel.speeds(self.side.along(places))
+        speeds = self._blending(self.side.distances(places)) * self.travel.speeds(self.side.along(places))
         return np.asarray(np.outer(speeds, self.side.normal))
 
 
@@ -264,7 +264,7 @@ class PistonTerms:
 
         _, rate = taylor_coefficients(density, 1, plane.mesh)
         rate += by_stretching(self._wall, energy, self._mu.function)
-        self._power = ScalarForm(rate * self._wall.carried + flux(self._wall.travel.acceleration), plane.comm)
+        self._power = ScalarForm(rate * self._wall.displaced_measure + flux(self._wall.travel.acceleration), plane.comm)
 
     def vector(self) -> Vector:
         """Return dW/dphi, shape (owned, n+1); collective. The array is reused by the next call."""
@@ -343,11 +343,11 @@ class CompiledTerms(PistonTerms):
         self.prefix = "near" if wall.side.sign > 0.0 else "far"
         u, w, psi, mu = (fem.Function(plane.V) for _ in range(4))
         zeta, dt, rate, by_cells, by_levels = (fem.Constant(plane.mesh, 0.0) for _ in range(5))
-        share = wall.travel.share
+        blending = wall.travel.blending
         parts = (
             rate * (later(wall, energy, self._bed, dt).column(u, w, zeta) + dt * by_stretching(wall, energy, mu))
-            + by_cells * share * wall.flux(psi, energy)
-            + by_levels * wall.side.sign * share * energy.wall_layer(u, wall.shape.share, zeta)
+            + by_cells * blending * wall.flux(psi, energy)
+            + by_levels * wall.side.sign * blending * energy.wall_layer(u, wall.shape.value, zeta)
         )
         names = {u: "u", w: "w", psi: "psi", zeta: "zeta", dt: "dt"}
         names |= {rate: "rate", by_cells: "by_cells", by_levels: "by_levels"}
@@ -389,10 +389,10 @@ class CompiledTerms(PistonTerms):
             by_potential=self.by_potential_rows,
             by_column=self._by_column_rows,
         )
-        self._found, n = np.zeros(2), Buffer(plane.size)
+        self._rates, n = np.zeros(2), Buffer(plane.size)
         self._set_by_potential = instance.function("by_potential", self.struct, self._h)
         self._set_by_column = instance.function("by_column", self.struct, self._h, self._phi)
-        self._find_power = instance.function("power", self.struct, self._h, self._phi, n, self._found)
+        self._find_power = instance.function("power", self.struct, self._h, self._phi, n, self._rates)
 
     @property
     def along(self) -> tuple[WallStruct, ...] | None:  # type: ignore[override]
@@ -423,7 +423,7 @@ class CompiledTerms(PistonTerms):
     def partial_rates(self, mu: Vector) -> tuple[float, float]:
         """Return the same without acceleration, and its derivative by the acceleration."""
         self._find_power(mu)
-        rate, by_acceleration = map(float, self._found)
+        rate, by_acceleration = map(float, self._rates)
         return rate, by_acceleration
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.motion.motion import share, share_slope
+from wavetank.motion.motion import blending, blending_slope
 from wavetank.tank.walls.side import Side
 
 LITTLE = 0.1  # of the reach
@@ -32,7 +32,7 @@ class PlaceMapping:
         """
         distance = self._side.distances(places)
         return self._displaced(
-            places, np.where(distance < self._reach, share(np.asarray(distance / self._reach)) * displacement, 0.0)
+            places, np.where(distance < self._reach, blending(np.asarray(distance / self._reach)) * displacement, 0.0)
         )
 
     def to_reference(self, places: Vector, displacement: Vector) -> Vector:
@@ -58,12 +58,12 @@ def inverse(r: Vector, d: Vector) -> Vector:
     """
     inside = np.clip(r, d, 1.0)
     third = 1.0 / 3.0
-    steep = np.where(inside > third + share(np.array(third)) * d, 1.0, 0.0)
-    R = np.where(np.abs(d) < LITTLE, inside - share(inside) * d, np.where(d <= 0.0, third, steep))
+    steep = np.where(inside > third + blending(np.array(third)) * d, 1.0, 0.0)
+    R = np.where(np.abs(d) < LITTLE, inside - blending(inside) * d, np.where(d <= 0.0, third, steep))
     active = np.arange(R.size)
     for _ in range(MOST):
         at, by = R[active], d[active]
-        change = (at + share(at) * by - inside[active]) / (1.0 + share_slope(at) * by)
+        change = (at + blending(at) * by - inside[active]) / (1.0 + blending_slope(at) * by)
         R[active] = np.clip(at - change, 0.0, 1.0)
         active = active[np.abs(change) >= SETTLED]
         if not active.size:

@@ -23,7 +23,7 @@ from wavetank.arrays import Vector
 from wavetank.motion.motion import TOP
 
 DEGREES, HIGHEST, MOMENTS = (0, 1, 2, 4, 8), 16, 9
-EXACT = 1e-11  # of the largest share
+EXACT = 1e-11  # of the largest value
 POINTS = 40  # of Gauss' rule between two kinks
 
 
@@ -41,14 +41,14 @@ class Shape(Protocol):
         """See above."""
 
     @property
-    def near_still(self) -> tuple[float, float, float]:
+    def at_still_water(self) -> tuple[float, float, float]:
         """Value and slope f' [1/m] at still water, and the mean of f below it."""
 
     @property
     def powers(self) -> tuple[Vector, float]:
         """c_k and the unit [m] of f = sum_k c_k (-z / unit)^k."""
 
-    def share(self, z: Any) -> Any:
+    def value(self, z: Any) -> Any:
         """Return f(z)."""
 
     def slope(self, z: Any) -> Any:
@@ -68,10 +68,10 @@ class Upright:
     """f = 1."""
 
     degree = 0
-    near_still = 1.0, 0.0, 1.0
+    at_still_water = 1.0, 0.0, 1.0
     powers = np.ones(1), 1.0
 
-    def share(self, z: Any) -> Any:
+    def value(self, z: Any) -> Any:
         """Return 1."""
         return ufl.as_ufl(1)
 
@@ -123,22 +123,22 @@ class Polynomial:
         return np.array([float(one.value) for one in self.coefficients]), float(self.unit.value)
 
     @cached_property
-    def near_still(self) -> tuple[float, float, float]:
+    def at_still_water(self) -> tuple[float, float, float]:
         """Value and slope f' [1/m] at still water, and the mean of f down to a unit below it, where the bed is."""
         c, unit = self.powers
         mean = sum(one / (k + 1) for k, one in enumerate(c))
         return c[0], -(c[1] if len(c) > 1 else 0.0) / unit, mean
 
     @classmethod
-    def near(
+    def fit(
         cls, f: Callable[[Vector], Vector], depth: float, on: mesh.Mesh, *, kinks: Sequence[float] = ()
     ) -> "Polynomial":
-        """Return the polynomial of a shape f(z) above a bed at -depth [m]; its kinks [m] are where it is not smooth."""
+        """Return the polynomial fitted to a shape f(z) above a bed at -depth [m], with kinks at some z [m]."""
         upwards = fitted(f, depth, kinks=kinks)
         powers = upwards * (-1.0) ** np.arange(len(upwards))
         return cls([fem.Constant(on, float(c)) for c in powers], fem.Constant(on, float(depth)))
 
-    def share(self, z: Any) -> Any:
+    def value(self, z: Any) -> Any:
         """Return f(z)."""
         return horner(self.coefficients, -z / self.unit)
 
@@ -203,15 +203,15 @@ def fitted(f: Callable[[Vector], Vector], depth: float, *, kinks: Sequence[float
     test = legendre.legvander(2.0 * z_b / depth + 1.0, MOMENTS - 1).T * w_b
     step = 1e-6 * depth
     ends = np.array([step, -step])
-    kept = np.vstack([test @ basis(z_b, HIGHEST), basis(ends, HIGHEST)])
+    constraints = np.vstack([test @ basis(z_b, HIGHEST), basis(ends, HIGHEST)])
     given = np.concatenate([test @ f(z_b), f(ends)])
     V = basis(z, HIGHEST)
-    return _powers(_nearest(V.T @ (w[:, None] * V), V.T @ (w * wanted), kept, given))
+    return _powers(_nearest(V.T @ (w[:, None] * V), V.T @ (w * wanted), constraints, given))
 
 
-def _powers(found: Vector) -> Vector:
+def _powers(coefficients: Vector) -> Vector:
     """Return the coefficients of powers of z / depth for Legendre's on [-depth, TOP depth]."""
-    return np.asarray(Powers(legendre.leg2poly(found))(Powers([1.0 - TOP, 2.0]) / (1.0 + TOP)).coef)
+    return np.asarray(Powers(legendre.leg2poly(coefficients))(Powers([1.0 - TOP, 2.0]) / (1.0 + TOP)).coef)
 
 
 def _gauss(ends: Sequence[float]) -> tuple[Vector, Vector]:

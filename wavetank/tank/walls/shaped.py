@@ -29,7 +29,7 @@ class Shaped(Piston):
     """A paddle of a shape f(z); over its reach the bed must be flat."""
 
     part = Part("wall", "∫ ψ ∇·(s G) dX + Ẋ_p ∫ h f φ dζ at the paddle,  G = Ẋ_p ∫ f dz")
-    told = "x = X + s(X) f(z) X_p, F = ∂x/∂X, J = det F: a wall of the shape f moves"
+    description = "x = X + s(X) f(z) X_p, F = ∂x/∂X, J = det F: a wall of the shape f moves"
     leans = True
 
     def _facets(self) -> ufl.Measure:
@@ -38,13 +38,13 @@ class Shaped(Piston):
 
     def at_surface(self, eta: Vector, still: Vector | float) -> Vector:
         """See ``Wall``; the array is reused by the next call."""
-        moved, (far, fast), (f, slope, mean) = self._at_surface, self.travel.at_nodes, self.shape.near_still
-        share = f + slope * eta
-        np.multiply(far, share, out=moved[0])
-        np.multiply(fast, share, out=moved[1])
-        np.multiply(fast, mean * still + 0.5 * (f + share) * eta, out=moved[2])
-        np.multiply(far, slope, out=moved[3])
-        return moved
+        result, (far, fast), (f, slope, mean) = self._at_surface, self.travel.at_nodes, self.shape.at_still_water
+        f_surface = f + slope * eta
+        np.multiply(far, f_surface, out=result[0])
+        np.multiply(fast, f_surface, out=result[1])
+        np.multiply(fast, mean * still + 0.5 * (f + f_surface) * eta, out=result[2])
+        np.multiply(far, slope, out=result[3])
+        return result
 
     def columns(self, energy: WaterEnergy, mass: MassMatrix, unit: Unit) -> Columns:
         """Return what finds columns by Newton's method."""

@@ -16,7 +16,7 @@ from wavetank.fem.vertical import VerticalBasis
 from wavetank.motion.motion import Tangent
 from wavetank.tank.bed import Bed
 from wavetank.tank.energy import Part, WaterEnergy
-from wavetank.tank.walls.contract import Columns, Heights, Stood
+from wavetank.tank.walls.contract import Columns, Heights, PaddlePositions
 from wavetank.tank.walls.mapping import Identity
 from wavetank.tank.walls.shape import Shape
 
@@ -25,18 +25,18 @@ class StillWall:
     """A wall that stands still, of linear and nonlinear waves."""
 
     part = Part("wall", "", "nothing moves there")
-    told = "x = X, F = J = 1: no wall moves"
+    description = "x = X, F = J = 1: no wall moves"
     moves = leans = False
     velocities = np.zeros(())
     paddles: tuple[Any, ...] = ()
     mapping = Identity()
-    carried: ufl.Measure | None = None
-    carries, displaced = np.arange(0), 0.0
-    stood: Stood = ()
+    displaced_measure: ufl.Measure | None = None
+    displaced_dofs, displaced = np.arange(0), 0.0
+    paddle_positions: PaddlePositions = ()
     rates = np.zeros((0, 3))
     shifts: Sequence[tuple[Vector, Shape]] = ()
 
-    def moved_by(self, tangents: Sequence[Tangent]) -> "StillWall":
+    def with_motions(self, tangents: Sequence[Tangent]) -> "StillWall":
         """See ``Wall``: it does not move."""
         return self
 
@@ -56,15 +56,15 @@ class StillWall:
         """Return that it carries nothing, shape (N,)."""
         return np.zeros(len(places), dtype=bool)
 
-    def stand(self, places: Vector, stood: Stood | None = None) -> Vector:
+    def paddle_displacements(self, places: Vector, paddle_positions: PaddlePositions | None = None) -> Vector:
         """Return nothing of no paddle, shape (0, N)."""
         return np.zeros((0, len(places)))
 
-    def to_reference(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
+    def to_reference(self, places: Vector, z: Heights = 0.0, displacements: Vector | None = None) -> Vector:
         """Return the places."""
         return places
 
-    def to_physical(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
+    def to_physical(self, places: Vector, z: Heights = 0.0, displacements: Vector | None = None) -> Vector:
         """Return the places."""
         return places
 

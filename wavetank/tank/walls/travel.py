@@ -27,8 +27,8 @@ class Travel:
 
     Attributes
     ----------
-    share
-        What goes with a displacement of 1 m: s.
+    blending
+        The displacement for X_p = 1 m: s.
     t
         When it stands as it does [s].
     offsets, velocities, accelerations
@@ -44,12 +44,12 @@ class Travel:
         self._motion, self._comm, self.t, self._s = motion, plane.comm, np.nan, side.sign * s.owned
         self._y, self._place = np.unique(np.round(side.along(plane.places), 9), return_inverse=True)
         self._fields = [plane.function(name) for name in ("s X_p", "s X_p'", "s X_p''", "s")]
-        self.position, self.speed, self.acceleration, self.share = (field.function for field in self._fields)
+        self.position, self.speed, self.acceleration, self.blending = (field.function for field in self._fields)
         self._fields[3].set(self._s)
         self.at_nodes = [field.owned for field in self._fields[:2]]
-        as_whole = np.ndim(motion.position(0.0, self._y)) == 0
-        self._rates = np.zeros(3 if as_whole else (3, plane.owned))
-        self.moves: Vector = self._rates if as_whole else np.full(3, np.nan)
+        rigid = np.ndim(motion.position(0.0, self._y)) == 0
+        self._rates = np.zeros(3 if rigid else (3, plane.owned))
+        self.moves: Vector = self._rates if rigid else np.full(3, np.nan)
         self.offsets: Vector
         self.velocities: Vector
         self.accelerations: Vector
@@ -95,14 +95,14 @@ class Travel:
         field.fetch()
 
     @property
-    def whole(self) -> float | None:
-        """X_p now [m]; None of a paddle that does not move as a whole."""
+    def rigid_position(self) -> float | None:
+        """X_p now [m]; None of a paddle whose X_p depends on y."""
         return None if self.offsets.ndim else float(self.offsets)
 
     @property
-    def stood(self) -> tuple[float, float | None]:
-        """When it stands as it does [s], and X_p [m], which is None of a paddle that does not move as a whole."""
-        return self.t, self.whole
+    def timed_position(self) -> tuple[float, float | None]:
+        """The time [s] and X_p [m]; None of a paddle whose X_p depends on y."""
+        return self.t, self.rigid_position
 
     def rates(self, t: float, y: Vector | None) -> list[Any]:
         """Return X_p, X_p' and X_p'' at t [s] and places y along the paddle; what is known is not found again."""
