@@ -182,7 +182,11 @@ def test_the_largest_force_is_a_response_of_studies(run):
     [
         ("{on = 'wall'}", "", "loads.0.on = \"wall\": must be 'paddle' or 'far wall' in a slice"),
         ("{on = 'paddle'}", "type = 'ring'\n", 'loads.0.on = "paddle": must be left out: a ring has no walls'),
-        ("{on = 'paddle'}, {on = 'far wall', name = 'paddle'}", "", 'loads.0 = "paddle": must have a name'),
+        (
+            "{on = 'paddle'}, {on = 'far wall', name = 'paddle'}",
+            "",
+            'loads.1.name = "paddle": must be a name that no other load has',
+        ),
     ],
 )
 def test_walls_that_are_not_there_are_refused(loads, tank, said, tmp_path):

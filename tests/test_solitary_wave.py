@@ -101,7 +101,7 @@ def at_wall(scene):
     """Return times and elevation of a scene's gauge."""
     gauges = Memory()
     run, waves = build_run(scene, MPI.COMM_SELF)
-    run.diagnostics += build_observers(scene, waves, Records(gauges, Memory(), None))[2:]
+    run.diagnostics += build_observers(scene, waves, Records(gauges, Memory(), None))
     run.execute()
     return gauges.array().T
 
