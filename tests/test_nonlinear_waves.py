@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from blocks import block_of, empty_block
+from blocks import block_of
 from conftest import fitted_slope
 from mpi4py import MPI
 
@@ -161,8 +161,7 @@ def test_energies_expanded_about_an_evaluation_are_right_to_the_square_of_what_l
         away = np.array([size * tank.mass.apply(bump), size * bump])
         before, after = (tank.evaluate(*(mean + sign * away), t) for sign in (-1, 1))
         state = MeanAndJumps(mean, 2 * away, away, away, before, evaluation=after)
-        found, close = empty_block(tank, 1), 1e-12 + 0.02 * tank.wall.leans * size**2
-        tank.see(state, t, found, 0)
+        found, close = block_of(tank, (0, t, state)), 1e-12 + 0.02 * tank.wall.leans * size**2
         assert [*found.numbers[0, HIGHEST:]] == [found.eta[0].max(), np.abs(found.eta[0]).max()]
         assert positions_at(t, found.rates[0, :, 0]) == tank.wall.paddle_positions
         assert found.rise[0] == pytest.approx(size * bump, abs=2 * close)

@@ -20,7 +20,7 @@ from wavetank.simulation.energy import Sink
 from wavetank.simulation.supply import PaddleWork
 from wavetank.simulation.surviving import MAY_BE_NEW, restore_surviving, survives
 from wavetank.state import Held, has_state, named, plain, restore_all, states_of, typed
-from wavetank.tank.seen import Block
+from wavetank.tank.seen import Block, Evaluations, write_numbers
 
 LONGEST, NUMBERS = 64, 3.6e5  # steps of a block, and unknowns of all of them
 SECONDS = 0.5  # of computing, of a block
@@ -52,6 +52,7 @@ class Rows:
             wall = {"paddles": len(system.wall.rates), "velocities": system.wall.velocities.size}
         self._block = Block.empty(most, owned=size, sinks=len(sinks), **wall)
         self._count = 0
+        self._evaluations = list[Evaluations]()
 
     def write(self, state: Any, step: int, t: float) -> None:
         """Write the row of a state; collective."""
@@ -60,14 +61,24 @@ class Rows:
         if self._work is not None:
             block.work[row] = self._work.advance(state, t)
         if self._waves:
-            self._system.see(state, t, block, row)
+            evaluations = self._system.see(state, t, block, row)
+            if evaluations is not None:
+                self._evaluations.append(evaluations)
         block.dissipated[row] = [sink.energy_taken for sink in self._sinks]
         self._count += 1
 
     def take(self, state: Any, dt: float) -> Block | None:
-        """Return the block of the rows so far, with the state of the last, and begin another; None without rows."""
-        count, self._count = self._count, 0
-        return self._block.read_only(count, dt=dt, state=state) if count else None
+        """Return the block of the rows so far, with the state of the last, and begin another; None without rows.
+
+        Collective.
+        """
+        count, evaluations = self._count, self._evaluations
+        self._count, self._evaluations = 0, []
+        if not count:
+            return None
+        if evaluations:
+            write_numbers(self._system, self._block.at(slice(count)), evaluations)
+        return self._block.read_only(count, dt=dt, state=state)
 
 
 class Pace:

@@ -45,7 +45,7 @@ from wavetank.tank.bed import Depth, FlatBed, bed_of
 from wavetank.tank.energy import POTENTIAL, Part, WaterEnergy
 from wavetank.tank.evaluation import Water, WaterEvaluation, distance_from_rest
 from wavetank.tank.potential import InteriorPotential, Minimiser, SolveCounters, interior_of
-from wavetank.tank.seen import Block, see
+from wavetank.tank.seen import Block, Evaluations, see
 from wavetank.tank.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.tank.walls import LinearWall
 from wavetank.tank.walls.contract import LinearOpening
@@ -216,9 +216,9 @@ class LinearWaves(Water):
         """Return by how much eta changes with the masses [m]; collective."""
         return self.mass.solve(dq)
 
-    def see(self, state: State, t: float, into: Block, row: int) -> None:
-        """See a state at t [s] into a row; collective."""
-        see(self, state, t, into, row)
+    def see(self, state: State, t: float, into: Block, row: int) -> Evaluations:
+        """Write a state at t [s] into a row, and return its evaluations; collective."""
+        return see(self, state, t, into, row)
 
     @cached_property
     def largest_frequency(self) -> float:

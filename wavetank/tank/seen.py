@@ -4,7 +4,7 @@ A scheme that reports the mean of two traces evaluates these traces, not their m
 trace. Of any other scheme the reported state is evaluated itself. States of consecutive steps are rows of a ``Block``.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, Self
 
@@ -164,29 +164,52 @@ class SeenWater(HamiltonianSystem, Protocol):
         """Return by how much eta changes with the masses at an evaluation, to first order [m]."""
 
 
-def see(water: SeenWater, state: State, t: float, into: Block, row: int) -> None:
-    """See a state at t [s] into a row, by first-order expansion about the last of its evaluations; collective.
+Evaluations = tuple[WaterEvaluation, WaterEvaluation]
+"""The first and the last of a state's evaluations."""
 
-    Power, and what damping takes, are the means of those at the first and the last.
+
+def see(water: SeenWater, state: State, t: float, into: Block, row: int) -> Evaluations:
+    """Write a state at t [s] into a row, but for its numbers, and return its evaluations; collective.
+
+    The elevation is a first-order expansion about the last of them.
     """
     state = state.evaluated(water, t)
     before, after = state.evaluations[0], state.evaluations[-1]
-    dq, dp = state.q - after.q, state.p - after.p
-    damped = 0.0 if water.damping is None else 0.5 * (before.dq + after.dq) @ (water.damping * state.p)
-    change, lift = after.dq @ dp - after.dp @ dq, water.gravity * (after.eta @ dq)
-    sums = np.array([change, lift, np.add.reduce(state.q), damped, dq @ dq])
-    change, lift, mass, damped, distance = summed(water.plane.comm, sums)
-    eta, rise = after.eta, np.zeros_like(after.eta)
-    if distance > 0.0:
+    dq = state.q - after.q
+    eta, rise = after.eta, 0.0
+    if summed(water.plane.comm, float(dq @ dq)) > 0.0:
         rise = -water.elevation_change(after, dq)
         eta = eta - rise
     elif state.q_jump is not None:
         rise = 0.5 * water.elevation_change(after, state.q_jump)
-    power = 0.5 * (before.power + after.power)
-    energies = after.kinetic + change - lift, after.potential + lift, after.wall
-    highest, lowest = np.maximum.reduce(eta, initial=-np.inf), np.minimum.reduce(eta, initial=np.inf)
-    largest = np.maximum(highest, -lowest) if eta.size else 0.0  # nan where any is
-    into.numbers[row] = *energies, mass, power, damped, highest, largest
     into.eta[row], into.psi[row], into.rise[row] = eta, state.p, rise
     water.set_time(after.t)
     into.rates[row], into.velocities[row] = water.wall.rates, water.wall.velocities
+    return before, after
+
+
+def write_numbers(water: SeenWater, block: Block, evaluations: Sequence[Evaluations]) -> None:
+    """Compute the numbers of a block, by first-order expansion about the last evaluation of each state; collective.
+
+    Power, and what damping takes, are the means of those at the first and the last.
+    """
+    flow, z = (np.array([getattr(after, name) for _, after in evaluations]) for name in ("flow", "z"))
+    dq, dp = block.q - z[:, 0], block.psi - z[:, 1]
+    change = _dot(flow[:, 0], dp) - _dot(flow[:, 1], dq)
+    lift = water.gravity * _dot(np.array([after.eta for _, after in evaluations]), dq)
+    damped = np.zeros(len(block))
+    if water.damping is not None:
+        damped = 0.5 * _dot(np.array([before.dq for before, _ in evaluations]) + flow[:, 0], water.damping * block.psi)
+    change, lift, mass, damped = summed(water.plane.comm, np.array([change, lift, block.q.sum(axis=1), damped]))
+    kinetic, potential, wall = np.array([(after.kinetic, after.potential, after.wall) for _, after in evaluations]).T
+    power = [0.5 * (before.power + after.power) for before, after in evaluations]
+    highest, lowest = block.eta.max(axis=1, initial=-np.inf), block.eta.min(axis=1, initial=np.inf)
+    largest = np.maximum(highest, -lowest) if block.eta.size else np.zeros(len(block))  # nan where any is
+    block.numbers[:] = np.transpose(
+        [kinetic + change - lift, potential + lift, wall, mass, power, damped, highest, largest]
+    )
+
+
+def _dot(a: Vector, b: Vector) -> Vector:
+    """Return the dot products of rows, shape (K,)."""
+    return np.einsum("ij,ij->i", a, b)

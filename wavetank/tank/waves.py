@@ -40,7 +40,7 @@ from wavetank.tank.energy import KINETIC, POTENTIAL, Part, WaterEnergy
 from wavetank.tank.evaluation import Water, WaterEvaluation, frozen
 from wavetank.tank.history import SolverHistory
 from wavetank.tank.potential import InteriorPotential, interior_of
-from wavetank.tank.seen import Block, see
+from wavetank.tank.seen import Block, Evaluations, see
 from wavetank.tank.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.tank.surface_flow import SurfaceVelocity, surface_functions, surface_of
 from wavetank.tank.walls import Wall
@@ -360,9 +360,9 @@ class NonlinearWaves(Water):
         self._begin_at(at)
         return self.mass.solve(dq)
 
-    def see(self, state: State, t: float, into: Block, row: int) -> None:
-        """See a state at t [s] into a row; collective."""
-        see(self, state, t, into, row)
+    def see(self, state: State, t: float, into: Block, row: int) -> Evaluations:
+        """Write a state at t [s] into a row, and return its evaluations; collective."""
+        return see(self, state, t, into, row)
 
     # ------------------------------------------------------------------------------------------ what is remembered
     def held(self) -> Held:
