@@ -20,7 +20,7 @@ from wavetank.fem.layers import LayerOperator
 from wavetank.fem.mass import BandedMass, MassMatrix
 from wavetank.fem.plane import Field, LayeredField, Plane
 
-EXPORTS = "find", "begin_stage", "attempt", "power_of_walls", "precondition", "set_velocity"
+EXPORTS = "begin_stage", "attempt", "evaluate", "precondition", "set_velocity"
 
 
 class WallStruct(Protocol):
@@ -103,16 +103,19 @@ class Solution:
         phi A phi.
     square
         The sum of the squares of elevation, and of potential over celerity.
+    energies
+        Potential energy, the walls' part of H, and their power; None where these are not computed.
     rows
         (A phi)_n less its mean, and the wall's; the negative of M^-1 of the derivative of the energy by the column, the
         wall's included, and that; masses and surface potential that it is of: shape (5, dofs).
     """
 
-    __slots__ = "iterations", "kinetic", "level", "rows", "square"
+    __slots__ = "energies", "iterations", "kinetic", "level", "rows", "square"
 
     def __init__(self, iterations: int, rows: Vector, numbers: Sequence[float]):
-        self.level, self.kinetic, self.square = numbers
+        self.level, self.kinetic, self.square, *energies = numbers
         self.iterations, self.rows = iterations, rows
+        self.energies = energies or None
 
 
 class SliceSolver:
@@ -122,8 +125,8 @@ class SliceSolver:
     ----------
     unit
         That of all components; no instance is added to it after this one.
-    mass, operator, minimum, recall
-        What is called.
+    mass, potential, operator, minimum, recall
+        What is called; ``potential`` integrates the potential energy.
     column, phi
         Where column and potential are found.
     walls, leaning
@@ -141,6 +144,7 @@ class SliceSolver:
         unit: Unit,
         *,
         mass: BandedMass,
+        potential: MassMatrix,
         operator: LayerOperator,
         minimum: Minimum,
         recall: InitialGuessProjection,
@@ -176,6 +180,7 @@ class SliceSolver:
             dofs=plane.size,
             celerity=celerity,
             mass=mass.struct,
+            potential=potential.struct,
             cells=operator.cells,
             layers=operator.layers,
             rows=operator.rows,
@@ -193,11 +198,9 @@ class SliceSolver:
             **minimum.compiled,
             **lean,
         )
-        self._numbers = np.zeros(3)  # of a solution
+        self._numbers, self._energies = np.zeros(3), np.zeros(6)  # of a solution, without and with energies
         n, result, function = Buffer(plane.size), Buffer(5 * plane.size), self.instance.function
-        self._find = function("find", self._tank, n, n, n, int, result, self._numbers)
-        self._wall_energy = np.zeros(1)
-        self._power = function("power_of_walls", self._tank, result, self._wall_energy)
+        self._evaluate = function("evaluate", self._tank, n, n, n, int, result, self._energies)
         self._still: tuple[Vector | float, Vector] = np.nan, np.empty(0)  # that, spread
         self._trials: dict[tuple[Inverse, AndersonMixing], tuple[Any, Function, Function]] = {}
 
@@ -207,16 +210,21 @@ class SliceSolver:
             self._still = still, np.broadcast_to(still, self._n).astype(np.float64)
         return self._still[1]
 
-    def find(self, q: Vector, p: Vector, still: Vector | float) -> Solution | None:
+    def evaluate(self, q: Vector, p: Vector, still: Vector | float) -> Solution | None:
         """Return what belongs to masses q and surface potential p, (dofs,) each, or None of what is not as usual.
+
+        It comes with energies.
 
         ``still`` is the column of still water [m].
         """
         recorded = self._ready()
         if not recorded:
             return None
+        for wall in self._walls:
+            wall.follow()
         result = np.empty((5, p.size))
-        return self._solution(self._find(q, p, self._spread(still), recorded, result), result)
+        iterations = self._evaluate(q, p, self._spread(still), recorded, result)
+        return self._solution(iterations, result, self._energies)
 
     def attempt(
         self,
@@ -228,7 +236,7 @@ class SliceSolver:
         inverse: Inverse,
         mixing: AndersonMixing,
     ) -> tuple[Solution, tuple[Vector, float, float]] | None:
-        """Return what belongs to a point z = [q, p] of a stage z = c + a f(z), and where it leads; None as ``find``.
+        """Return what belongs to a point z = [q, p] of a stage z = c + a f(z), and where it leads; or None.
 
         ``known`` is c, ``weight`` a [s]. It leads to where ``mixing`` takes points by their residuals, of which the
         ``inverse`` is taken; what is left of these there comes then, and last z itself, as roots of squares, scaled.
@@ -239,7 +247,7 @@ class SliceSolver:
         result, following = np.empty((5, size)), np.empty_like(z)
         trial, attempt, _ = self._trial(inverse, mixing)
         iterations = attempt(z, known, weight, inverse.carried, self._spread(still), recorded, mixed, result, following)
-        solution = self._solution(iterations, result)
+        solution = self._solution(iterations, result, self._numbers)
         if solution is None:
             return None
         mixing.recorded += 1
@@ -265,13 +273,13 @@ class SliceSolver:
         self._mass.make_ready()
         return self._recall.recorded
 
-    def _solution(self, iterations: int, found: Vector) -> Solution | None:
+    def _solution(self, iterations: int, found: Vector, numbers: Vector) -> Solution | None:
         """Return what has been found, which is recorded; None of what is not as usual."""
         if iterations < 0:
             return None
         self._recall.recorded += 1
         self._minimum.last = self._tank.c.iterations
-        return Solution(iterations, found, self._numbers.tolist())
+        return Solution(iterations, found, [*map(float, numbers)])
 
     def _trial(self, inverse: Inverse, mixing: AndersonMixing) -> tuple[Struct, Function, Function]:
         """Return what attempts are made with, made once for an inverse and a mixing, which live as long as this."""
@@ -286,10 +294,3 @@ class SliceSolver:
             begin = function("begin_stage", stage, z, z, z, float, int, int, float, z)
             self._trials[inverse, mixing] = trial = stage, attempt, begin
         return trial
-
-    def power(self, point: Vector) -> tuple[float, float]:
-        """Return dH/dt at fixed (Q, psi) of the point last found, whose rows are as a ``Solution`` has them, and W."""
-        for wall in self._walls:
-            wall.follow()
-        power: float = self._power(point)
-        return power, float(self._wall_energy[0])

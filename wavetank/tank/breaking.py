@@ -170,8 +170,9 @@ class BreakingWatch:
         flow, front, before = self._flow, GENTLE if self.active else STEEP, self.state
         flow.near(state, t)
         if flow.largest_slope < front:
-            self.state = replace(before, surface=None)
-            return self.follow([], t)
+            if before.surface is not None:
+                self.state = replace(before, surface=None)
+            return self.follow([], t) if self.active else []
         if before.rests and flow.largest_velocity < before.fast:
             self.state = replace(before, surface=None, rests=before.rests - 1)
             return []

@@ -176,13 +176,12 @@ def see(water: SeenWater, state: State, t: float, into: Block, row: int) -> Eval
     state = state.evaluated(water, t)
     before, after = state.evaluations[0], state.evaluations[-1]
     dq = state.q - after.q
-    eta, rise = after.eta, 0.0
+    into.eta[row], into.psi[row], into.rise[row] = after.eta, state.p, 0.0
     if summed(water.plane.comm, float(dq @ dq)) > 0.0:
-        rise = -water.elevation_change(after, dq)
-        eta = eta - rise
+        into.rise[row] = -water.elevation_change(after, dq)
+        into.eta[row] -= into.rise[row]
     elif state.q_jump is not None:
-        rise = 0.5 * water.elevation_change(after, state.q_jump)
-    into.eta[row], into.psi[row], into.rise[row] = eta, state.p, rise
+        into.rise[row] = 0.5 * water.elevation_change(after, state.q_jump)
     water.set_time(after.t)
     into.rates[row], into.velocities[row] = water.wall.rates, water.wall.velocities
     return before, after
@@ -197,7 +196,7 @@ def write_numbers(water: SeenWater, block: Block, evaluations: Sequence[Evaluati
     dq, dp = block.q - z[:, 0], block.psi - z[:, 1]
     change = _dot(flow[:, 0], dp) - _dot(flow[:, 1], dq)
     lift = water.gravity * _dot(np.array([after.eta for _, after in evaluations]), dq)
-    damped = np.zeros(len(block))
+    damped: Vector = np.zeros(len(block))
     if water.damping is not None:
         damped = 0.5 * _dot(np.array([before.dq for before, _ in evaluations]) + flow[:, 0], water.damping * block.psi)
     change, lift, mass, damped = summed(water.plane.comm, np.array([change, lift, block.q.sum(axis=1), damped]))
@@ -212,4 +211,4 @@ def write_numbers(water: SeenWater, block: Block, evaluations: Sequence[Evaluati
 
 def _dot(a: Vector, b: Vector) -> Vector:
     """Return the dot products of rows, shape (K,)."""
-    return np.einsum("ij,ij->i", a, b)
+    return np.asarray(np.einsum("ij,ij->i", a, b))

@@ -210,12 +210,11 @@ class NonlinearWaves(Water):
         by_paddles = None
         if slopes or self._has_feedback:
             by_paddles = self._wall_terms.slopes(lambda: rows[2])
-        compiled = history.compiled
-        if compiled is not None:
-            power, wall = compiled.power(rows)
+        if solution.energies is not None:
+            potential, wall, power = solution.energies
         else:
             power, wall = self._wall_terms.explicit_rate(lambda: rows[2]), self._wall_terms.energy()
-        potential = self._potential_energy()
+            potential = summed(self.plane.comm, self._potential.total())
         return WaterEvaluation(
             t,
             z,
@@ -230,10 +229,6 @@ class NonlinearWaves(Water):
             self.phi.owned.copy() if interior else None,
         )
 
-    def _potential_energy(self) -> float:
-        """Return the potential energy of the column as it is; collective."""
-        return summed(self.plane.comm, self._potential.total())
-
     def _begin_at(self, guess: WaterEvaluation | None) -> None:
         """Set the column that Newton's method beside a paddle that leans begins at; collective."""
         if self.wall.leans:
@@ -247,7 +242,7 @@ class NonlinearWaves(Water):
         Compiled as one along a slice on one rank, but for the first solve and one that renews the preconditioner.
         """
         if history.compiled is not None and not history.interior.renews:
-            solution = history.compiled.find(q, p, self.bed.still)
+            solution = history.compiled.evaluate(q, p, self.bed.still)
             if solution is not None:
                 history.interior.count(solution.iterations)
                 self.level = solution.level
@@ -329,6 +324,7 @@ class NonlinearWaves(Water):
             self.plane,
             self.unit,
             mass=self.mass,
+            potential=self._potential,
             operator=self.operator,
             minimum=minimum,
             recall=interior.recall,

@@ -9,6 +9,7 @@ typedef struct {
     int dofs, carries, most_iterations, iterations, trials, walls_moving;
     double celerity, tolerance, round_off;
     const Mass *mass, *mean;            /* of J at the surface, and its mean over the column */
+    const Mass *potential;              /* of the potential energy */
     double *mean_column, *before, *change;
     const Cells *cells;
     const float_Cells *float_cells;
@@ -291,18 +292,22 @@ static int attempt(Stage *s, const double *z, const double *c, double a, int car
     return iterations;
 }
 
-/* The power of walls that move at the point that was found last; ``of_walls`` is their part of H. */
-static double power_of_walls(const Tank *w, const double *point, double *of_walls)
+/* Find the potential as ``find`` does, and add to ``numbers`` the potential energy, the walls' part of H, and their power. */
+static int evaluate(Tank *w, const double *q, const double *p, const double *still, int recorded, double *found,
+                    double *numbers)
 {
-    double power = 0.0;
-    *of_walls = 0.0;
+    const int iterations = find(w, q, p, still, recorded, found, numbers);
+    if (iterations < 0)
+        return iterations;
+    double of_walls = 0.0, power = 0.0;
 #define ADD_POWER(wall, k)                                                                                 \
     {                                                                                                      \
         const double *moves = w->walls[k]->moves;                                                          \
         double pushed[2];                                                                                  \
-        wall##_power(w->walls[k], w->column, w->phi, point + 2 * w->dofs, pushed);                         \
-        power += pushed[0] + moves[ACCELERATION] * pushed[1], *of_walls += moves[SPEED] * pushed[1];       \
+        wall##_power(w->walls[k], w->column, w->phi, found + 2 * w->dofs, pushed);                         \
+        power += pushed[0] + moves[ACCELERATION] * pushed[1], of_walls += moves[SPEED] * pushed[1];        \
     }
     EACH_WALL(ADD_POWER)
-    return power;
+    numbers[3] = potential_total(w->potential), numbers[4] = of_walls, numbers[5] = power;
+    return iterations;
 }
