@@ -24,7 +24,7 @@ from petsc4py import PETSc
 from wavetank.arrays import Vector, summed
 from wavetank.errors import ConvergenceError, WavetankError
 from wavetank.fem.anderson import AndersonMixing
-from wavetank.state import Held
+from wavetank.state import Held, count, plain, typed
 
 ITERATES = 2.0  # dt omega at which any implicit stage still does, of schemes that are stable at any step too
 ITERATIONS = 25
@@ -34,6 +34,7 @@ MIXED = 5  # earlier iterates that take part in an iteration
 SHORTEST = 1e-15  # squared, of their steps against the longest
 SAFETY = 30.0  # on what an iteration is known to leave: errors of stages that repeat from step to step take energy
 UNCERTAINTY = 10.0  # of what residuals are to have: the error of points that start values are combined of
+MOST_PAIRS = 8  # that depend on each other, of any scheme
 CONFIRMED = 16  # solves after which what is known is measured anew
 
 
@@ -142,9 +143,10 @@ class StageHistory:
         }
 
     def take(self, held: Held) -> None:
-        """Take back what has been held."""
-        self.size, self.age = held["size"], held["age"]
-        self.contraction = np.inf if held["contraction"] is None else held["contraction"]
+        """Take back what has been held; raises ``ValueError`` for other types."""
+        self.size, self.age = typed(float | None, held["size"], "size"), count(held["age"])
+        contraction = typed(float | None, held["contraction"], "contraction")
+        self.contraction = np.inf if contraction is None else contraction
         self.points.take(held["points"])
 
 
@@ -163,11 +165,17 @@ class StageHistories:
         }
 
     def take(self, held: Held, points: Callable[[int], AndersonMixing]) -> None:
-        """Take back what has been held; ``points`` makes the memory for points of so many pairs."""
-        vars(self.counters).update(held["counters"])
+        """Take back what has been held; ``points`` makes the memory for points of so many pairs.
+
+        Raises ``ValueError`` for other types, or too many pairs.
+        """
+        vars(self.counters).update(plain(typed(StageCounters, held["counters"], "counters")))
         self.stages.clear()
         for name, one in held["stages"].items():
-            self.stages[name] = StageHistory(one["pairs"], points(one["pairs"]))
+            pairs = count(one["pairs"])
+            if not 1 <= pairs <= MOST_PAIRS:
+                raise ValueError(f"{pairs} is no number of pairs")
+            self.stages[name] = StageHistory(pairs, points(pairs))
             self.stages[name].take(one)
 
 
@@ -209,7 +217,7 @@ class StageSolver:
         """
         pairs = _pairs(stage.c)
         history = histories.stages.get(stage.name)
-        if history is None:
+        if history is None or history.pairs != pairs:  # that of another scheme: compiled code relies on sizes
             history = histories.stages[stage.name] = StageHistory(pairs, self.points(pairs))
         history.points.begin(stage.weight)
         root = sqrt(pairs * self._size)

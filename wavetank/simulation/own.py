@@ -1,20 +1,19 @@
 """What users give of their own, an integrator or observers: held to its contract before a run begins."""
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
-from wavetank.arrays import Vector
 from wavetank.errors import InputError, locate
 from wavetank.integrators.contract import Integrator
 from wavetank.simulation.construction import AnyWaves
 from wavetank.simulation.contract import Diagnostic
 from wavetank.simulation.run import Run
-from wavetank.tank.evaluation import WaterEvaluation
 
 SCHEME = ("name", "order", "stability_limit", "frequency_error", "nodes", "start", "step")
 STATE = ("q", "p", "evaluations", "evaluated", "q_jump", "mapped")
 DIAGNOSTIC = ("schedule", "record")
+SOLVING = ("evaluate", "solve_stage", "solve_stages")
 PAGE = "docs/extend.md"
 
 
@@ -45,15 +44,12 @@ class ObserverWaves:
         self._waves = waves
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(self._waves, name)
+        method = getattr(self._waves, name)
+        return partial(method, history=self._history) if name in SOLVING else method
 
     @cached_property
     def _history(self) -> Any:
         return self._waves.new_history("observers")
-
-    def evaluate(self, q: Vector, p: Vector, t: float, guess: Any = None, **options: Any) -> WaterEvaluation:
-        """Return the evaluation at (q, p, t); collective."""
-        return self._waves.evaluate(q, p, t, guess, **{"history": self._history, **options})
 
 
 def own_observers(given: Sequence[Callable[[AnyWaves], Diagnostic]], waves: AnyWaves) -> list[Diagnostic]:

@@ -122,7 +122,7 @@ class Run:
     controls
         Act when all diagnostics have recorded a block.
     user_diagnostics
-        Those of the diagnostics that a user has written: they may evaluate the system, which then gets its state back.
+        Those of the diagnostics that a user has written.
     paddle_work
         Counts the work of paddles with feedback, if there are any.
     recorded
@@ -274,10 +274,7 @@ class Run:
             if np.shape(tree["state"][name]) != mine.shape:
                 raise ValueError(f"the state's {name} has another shape")
         kind = self.system.evaluation_type
-        values = {
-            name: typed(kind, one, f"state.{name}") if isinstance(one, dict) else one
-            for name, one in tree["state"].items()
-        }
+        values = {name: _scheme_value(kind, one, self.state, name) for name, one in tree["state"].items()}
         self.state = type(self.state)(**values)
         if with_solves:
             restore_all(self.parts, tree["parts"], may_be_new=MAY_BE_NEW)
@@ -288,3 +285,15 @@ class Run:
         """Continue, at the next ``execute``, from the start, the end of a run with other numerics; collective."""
         self._begun = True
         restore_surviving(self.parts, tree["parts"], renewed=True)
+
+
+def _scheme_value(kind: type[Any], tree: Any, state: Any, name: str) -> Any:
+    """Return a value of a scheme's state from its tree; raises ``ValueError`` unless it is like those of ``state``."""
+    if isinstance(tree, str | bool | list):
+        raise ValueError(f"state.{name} is neither an array nor an evaluation")
+    if not isinstance(tree, dict):
+        return tree
+    value = typed(kind, tree, f"state.{name}")
+    if not np.shape(value.z) == np.shape(value.flow) == (2, len(state.q)):
+        raise ValueError(f"state.{name} has another shape")
+    return value
