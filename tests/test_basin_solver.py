@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 from wavetank.fem.conjugate_gradients import condition_number, conjugate_gradients, corrected
 from wavetank.fem.plane import Plane
-from wavetank.tank.carried_waves import CarriedWaves
+from wavetank.tank.carried_waves import AdvectionPreconditioner
 from wavetank.tank.still_water import StillWaterWaves, scales
 from wavetank.tank.walls import StillWall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
@@ -145,7 +145,7 @@ def test_what_solves_stages_approximately_knows_bed_and_current():
     change, scale = np.array([basin.mass.apply(eta), psi]), np.array(scales(basin))
     ahead, behind, now = (basin.evaluate(*(z + part * change), 0.0) for part in (1e-3, -1e-3, 0.0))
     residual, still = change - a * (ahead.flow - behind.flow) / 2e-3, StillWaterWaves(basin)
-    with_current = CarriedWaves(basin, still)
+    with_current = AdvectionPreconditioner(basin, still)
     with_current.at(a, now)
     of_still, carried = np.array(
         [np.linalg.norm((inverse(a, residual) - change) / scale) for inverse in (still, with_current)]

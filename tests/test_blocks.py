@@ -115,14 +115,14 @@ def test_a_stability_watch_warns_of_the_same_time_and_place_in_blocks_of_any_len
     """The 15th step is the first that shows what alternates from the 13th on, the 24th the tenth."""
     motion = Sinusoid(0.2, 4.0)
     tank, warnings = make_tank(length=2.0, cells=4, n=2, motion=motion, reach=1.0), list[str]()
-    watch = StabilityWatch(tank, surface_of(tank), dt=0.02, limit=2.0, warn=warnings.append, look=IN_ELEVATION)
+    watch = StabilityWatch(tank, surface_of(tank), dt=0.02, limit=2.0, warn=warnings.append, alternating=IN_ELEVATION)
     block = alternating(tank, 0.1)
     for first in range(0, 48, steps):
         watch.record(block.at(slice(first, first + steps)))
     (warning,) = map(str, warnings)
     assert warning.startswith(f"t = {watch.since:.6g} s: ") and watch.since == pytest.approx(0.48)
     assert f"most at x = {motion.position(watch.since):.4g} m" in warning
-    other = StabilityWatch(tank, surface_of(tank), dt=0.01, limit=2.0, warn=warnings.append, look=IN_ELEVATION)
+    other = StabilityWatch(tank, surface_of(tank), dt=0.01, limit=2.0, warn=warnings.append, alternating=IN_ELEVATION)
     restore_surviving({"StabilityWatch": other}, {"StabilityWatch": state_of(watch)})
     assert other.since == watch.since and other.noise == 0.0  # it may warn again: the state was not sound before
 
@@ -132,7 +132,7 @@ def test_a_stability_watch_warns_of_the_same_time_and_place_in_blocks_of_any_len
 def test_the_largest_frequency_is_not_that_of_an_alternating_surface(make_tank, steps, part, monkeypatch):
     """It is that of the steps before; the watch warns of 0.5 % of the highest elevation."""
     tank = make_tank(length=2.0, cells=4, n=2)
-    watch = StabilityWatch(tank, surface_of(tank), dt=0.02, limit=2.0, warn=lambda _: None, look=IN_ELEVATION)
+    watch = StabilityWatch(tank, surface_of(tank), dt=0.02, limit=2.0, warn=lambda _: None, alternating=IN_ELEVATION)
     frequencies = {3: 1e3, 11: 2e3, 19: 4e3, 35: 8e3}
     monkeypatch.setattr(stability, "OFTEN", 1)
     monkeypatch.setattr(watch, "_largest_frequency", lambda block: frequencies.get(int(block.step[-1]), 0.0))

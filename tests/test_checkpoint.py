@@ -209,10 +209,10 @@ class Forgetful:
     def record(self, block):
         pass
 
-    def held(self):
+    def state_tree(self):
         return {"seen": np.zeros(1)}
 
-    take = held
+    take = state_tree
 
 
 def test_what_cannot_be_held_is_told_and_the_run_goes_on(tmp_path):
@@ -246,7 +246,7 @@ def test_another_scene_does_not_go_on_and_nothing_is_touched(tmp_path):
         record_run(scene(SLICE), tmp_path, comm=MPI.COMM_SELF, console=console(), integrator=ThirdOrder(), resume=True)
     assert before == {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     kept, _ = read_checkpoint(tmp_path)
-    write_checkpoint(tmp_path, kept._replace(held=kept.held.replace('"mean"', '"middle"', 1)))
+    write_checkpoint(tmp_path, kept._replace(tree_json=kept.tree_json.replace('"mean"', '"middle"', 1)))
     with pytest.raises(InputError, match="^the checkpoint was written by another version of this program"):
         record(SLICE, tmp_path, {}, resume=True)
     for name in (CHECKPOINT, CHECKPOINT_BEFORE):
@@ -400,7 +400,7 @@ def part(tmp_path_factory):
 def test_an_edited_checkpoint_ends_in_one_sentence_or_resumes(part, value, stride):
     """Of values of another type, in the description and in the state, one at a time."""
     kept, _ = read_checkpoint(part)
-    for tree, field in ((json.dumps(kept.about), "about"), (kept.held, "held")):
+    for tree, field in ((json.dumps(kept.about), "about"), (kept.tree_json, "tree_json")):
         for path, before in [*paths(json.loads(tree))][::stride]:
             solver = path[:3] in (("run", "parts", "system"), ("run", "parts", "stages"))  # no dataclasses yet
             if solver or path[0] in ("id", "git") or type(before) is type(value):

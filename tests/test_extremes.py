@@ -84,7 +84,7 @@ def test_the_crest_and_its_velocity_are_those_of_the_exact_wave(cells, place):
     velocity = (ahead - behind) / (2 * e)
     top, _ = wave.surface(np.array([0.0]))
     accuracy = 40 * cells**-3.0
-    assert waves.plane.chart.apart(np.array([crest.x]), place)[0] < accuracy
+    assert waves.plane.chart.distance(np.array([crest.x]), place)[0] < accuracy
     assert crest.height == pytest.approx(top[0], abs=accuracy)
     assert crest.velocity == pytest.approx(velocity, rel=accuracy)
     assert flow.largest_velocity == pytest.approx(velocity, rel=accuracy)
@@ -219,8 +219,10 @@ def test_the_watch_tells_of_a_step_too_long_for_small_cells_with_a_current_over_
         dt, said = part * scheme.stability_limit / exact, list[RunWarning]()
         assert dt * waves.largest_frequency < scheme.stability_limit  # still water would bear either
         state = scheme.start(q, p + noise * np.sin(1e5 * waves.plane.x))
-        look = IN_ELEVATION if state.q_jump is None else IN_JUMP
-        watch = StabilityWatch(waves, flow, dt=dt, limit=scheme.stability_limit, warn=said.append, look=look)
+        alternating = IN_ELEVATION if state.q_jump is None else IN_JUMP
+        watch = StabilityWatch(
+            waves, flow, dt=dt, limit=scheme.stability_limit, warn=said.append, alternating=alternating
+        )
         with suppress(RunError):
             for step in range(round((1.3 if long else 0.3) / dt)):
                 watch.record(block_of(waves, (step, step * dt, state)))
@@ -239,7 +241,7 @@ def ring_warnings() -> list[RunWarning]:
     run, waves = build_run(scene, MPI.COMM_WORLD)
     of_jump, of_elevation = list[RunWarning](), list[RunWarning]()
     run.diagnostics += build_watch(scene, run, waves, of_jump.append)
-    how = {"dt": run.clock.dt, "limit": run.integrator.stability_limit, "look": IN_ELEVATION}
+    how = {"dt": run.clock.dt, "limit": run.integrator.stability_limit, "alternating": IN_ELEVATION}
     run.diagnostics.append(StabilityWatch(waves, waves.surface, warn=of_elevation.append, **how))
     run.execute()
     return of_jump + of_elevation
@@ -264,8 +266,8 @@ def test_what_alternates_is_growth_where_the_paddle_cannot_have_made_it(make_tan
     """Oracle: a surface, or its jump, up and down from step to step, by parts of a paddle's way that does so, too."""
     dt, amplitude, said = 0.02, 1e-4, list[RunWarning]()
     tank = make_tank(length=2.0, cells=4, n=2, motion=Sinusoid(amplitude, 2 * dt))
-    look = IN_JUMP if by_jump else IN_ELEVATION
-    watch = StabilityWatch(tank, surface_of(tank), dt=dt, limit=2.0, warn=said.append, look=look)
+    alternating = IN_JUMP if by_jump else IN_ELEVATION
+    watch = StabilityWatch(tank, surface_of(tank), dt=dt, limit=2.0, warn=said.append, alternating=alternating)
     height = part * np.pi * amplitude  # of the way by its velocity
     for step in range(30):
         q, p = tank.state(height * (-1) ** step * np.cos(np.pi * tank.plane.x / 2), 0 * tank.plane.x)

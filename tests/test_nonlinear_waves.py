@@ -17,7 +17,7 @@ from wavetank.output.columns import energy_columns
 from wavetank.simulation.build import build_run
 from wavetank.simulation.energy import EnergyBudget
 from wavetank.simulation.records import Memory
-from wavetank.tank.carried_waves import CarriedWaves
+from wavetank.tank.carried_waves import AdvectionPreconditioner
 from wavetank.tank.seen import DAMPED, HIGHEST, POWER
 from wavetank.tank.still_water import StillWaterWaves, scales
 from wavetank.tank.walls.contract import positions_at
@@ -70,9 +70,9 @@ def test_a_stage_s_preconditioner_knows_the_current(make_tank):
         tank.solve_stage(f"q, p {own}", known, a, 0.0, guess)
         costs.append(tank.stages.counters.evaluations - before)
     assert costs[0] < 0.7 * costs[1]
-    size, residual, of_parts = np.stack(scales(tank)), -a * guess.flow, CarriedWaves(tank, still)
+    size, residual, of_parts = np.stack(scales(tank)), -a * guess.flow, AdvectionPreconditioner(tank, still)
     of_parts._compiled[a] = None  # one call after the other
-    inverses = CarriedWaves(tank, still), of_parts
+    inverses = AdvectionPreconditioner(tank, still), of_parts
     for inverse in inverses:
         inverse.at(a, guess)
     whole, parts, uncarried = (inverse(a, residual) / size for inverse in (*inverses, still))
@@ -98,11 +98,15 @@ def test_a_stage_s_preconditioner_tells_a_paddle_s_mapping_from_a_current(make_t
     near, size = np.exp(-x), np.array(scales(tank))
     change = np.array([tank.mass.apply(0.01 * np.cos(12 * x) * near), 0.03 * np.sin(12 * x + 1) * near])
     residual = change - a * (flow(z + 1e-3 * change) - flow(z - 1e-3 * change)) / 2e-3
-    guess, whole, of_parts = tank.evaluate(*z, t), CarriedWaves(tank, still), CarriedWaves(tank, still)
+    guess, full, of_parts = (
+        tank.evaluate(*z, t),
+        AdvectionPreconditioner(tank, still),
+        AdvectionPreconditioner(tank, still),
+    )
     of_parts._compiled[a] = None  # one call after the other
-    for inverse in (whole, of_parts):
+    for inverse in (full, of_parts):
         inverse.at(a, guess)
-    left = [np.linalg.norm((inverse(a, residual) - change) / size) for inverse in (whole, of_parts, still)]
+    left = [np.linalg.norm((inverse(a, residual) - change) / size) for inverse in (full, of_parts, still)]
     left /= np.linalg.norm(change / size)
     assert left[0] == pytest.approx(left[1], rel=1e-6)
     assert left[0] < most and left[0] < of_still * left[2]

@@ -30,7 +30,7 @@ from wavetank.simulation import energy
 from wavetank.simulation import run as running
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.construction import build_waves
-from wavetank.simulation.initial import KeptSurface
+from wavetank.simulation.initial import StoredSurface
 
 pytestmark = pytest.mark.usefixtures("trusted")
 
@@ -271,7 +271,7 @@ def test_a_surface_is_carried_to_another_mesh_where_it_is_in_the_laboratory():
         values.append((np.cos(k * x), np.sin(k * x)))
     assert x[0] > 0.02
     places = build_waves(coarse, MPI.COMM_SELF).plane.coordinates()
-    found = KeptSurface(coarse, t, 1.0, values=values[0], places=places, parts={}).on(waves)
+    found = StoredSurface(coarse, t, 1.0, values=values[0], places=places, parts={}).on(waves)
     for mine, exact in zip(found, values[1], strict=True):
         assert np.abs(mine - exact).max() < 1e-4
 

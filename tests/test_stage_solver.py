@@ -114,15 +114,15 @@ def test_a_combination_of_points_is_exact_where_the_flow_is_linear_and_their_ima
     for point in given[:-1]:
         among.add(*point)
     z, c = given[-1]
-    guess = among.guess(c, wrong=1e-9)
+    guess = among.guess(c, uncertainty=1e-9)
     assert np.allclose(guess.z, z, atol=1e-6) and np.abs(guess.missed).max() < 1e-6
-    guess = among.guess(c + 1.0, wrong=1e-9)
+    guess = among.guess(c + 1.0, uncertainty=1e-9)
     inverse = np.linalg.inv(np.eye(12) - weight * matrix)
     assert np.allclose(guess.z + inverse @ guess.missed, z + inverse @ np.ones(12), atol=1e-6)
-    assert np.allclose(among.guess(c, wrong=1e6).z, given[-2][0], atol=1e-9)
+    assert np.allclose(among.guess(c, uncertainty=1e6).z, given[-2][0], atol=1e-9)
     among.begin(2 * weight)
     among.add(*given[0])
-    assert np.array_equal(among.guess(c, wrong=0.0).z, given[0][0])
+    assert np.array_equal(among.guess(c, uncertainty=0.0).z, given[0][0])
 
 
 def test_what_an_iteration_leaves_is_measured_once_in_a_while_and_saves_evaluations_between():

@@ -19,17 +19,17 @@ from wavetank.errors import InputError
 
 Replicated = Annotated[Vector, "the same on all ranks"]
 _HINTS = dict[type, dict[str, Any]]()  # of the types of states so far
-Held = dict[str, Any]  # a tree without dataclasses
+StateTree = dict[str, Any]  # a tree without dataclasses
 
 
 @runtime_checkable
 class Stateful(Protocol):
     """An object that converts its state to a plain tree itself."""
 
-    def held(self) -> Held:
+    def state_tree(self) -> StateTree:
         """Return the tree, none of which changes later; collective."""
 
-    def take(self, held: Held) -> None:
+    def take(self, tree: StateTree) -> None:
         """Replace the state by that of a tree; collective."""
 
 
@@ -38,13 +38,13 @@ def has_state(part: object) -> bool:
     return is_dataclass(getattr(part, "state", None)) or isinstance(part, Stateful)
 
 
-def state_of(part: Any) -> Held:
+def state_of(part: Any) -> StateTree:
     """Return the state of an object as a plain tree; collective."""
-    tree: Held = plain(part.state) if is_dataclass(getattr(part, "state", None)) else part.held()
+    tree: StateTree = plain(part.state) if is_dataclass(getattr(part, "state", None)) else part.state_tree()
     return tree
 
 
-def states_of(parts: Mapping[str, Any]) -> Held:
+def states_of(parts: Mapping[str, Any]) -> StateTree:
     """Return the states of objects by their names; collective."""
     return {name: state_of(part) for name, part in parts.items()}
 
@@ -54,7 +54,7 @@ def restore(part: Any, tree: Any, where: str) -> None:
     if is_dataclass(state := getattr(part, "state", None)):
         part.state = typed(type(state), tree, where)
     else:
-        check_like(part.held(), tree, where)
+        check_like(part.state_tree(), tree, where)
         part.take(tree)
 
 
@@ -193,7 +193,7 @@ def serialize(tree: Any) -> tuple[str, list[Vector]]:
     return json.dumps(plain(tree), default=number), arrays
 
 
-def deserialize(text: str, arrays: Sequence[Vector]) -> Held:
+def deserialize(text: str, arrays: Sequence[Vector]) -> StateTree:
     """Return the plain tree from its JSON text and arrays, the inverse of ``serialize``; raises ``ValueError``."""
 
     def value(table: dict[str, Any]) -> Any:
@@ -204,5 +204,5 @@ def deserialize(text: str, arrays: Sequence[Vector]) -> Held:
             raise ValueError(f"array = {number!r}: must be the number of one of {len(arrays)} arrays")
         return arrays[number]
 
-    tree: Held = json.loads(text, object_hook=value)
+    tree: StateTree = json.loads(text, object_hook=value)
     return tree

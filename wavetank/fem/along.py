@@ -60,7 +60,7 @@ def _single(
 
 
 def _sizes(plane: Plane, modes: int, real: str, *, ordered: bool) -> dict[str, object]:
-    abreast, groups = _abreast(real), _room(modes, real) // _abreast(real)
+    abreast, groups = _abreast(real), _padded(modes, real) // _abreast(real)
     return {"MODES": modes, "BAND": plane.order, "ABREAST": abreast, "ORDERED": int(ordered), "GROUPS": groups}
 
 
@@ -68,8 +68,8 @@ def _abreast(real: str) -> int:
     return min(ABREAST, lanes(real))
 
 
-def _room(modes: int, real: str) -> int:
-    """Return how many there are with those that fill the last vector of some."""
+def _padded(modes: int, real: str) -> int:
+    """Return the number of modes, filled up to whole vectors."""
     return -(-modes // _abreast(real)) * _abreast(real)
 
 
@@ -92,7 +92,7 @@ class Averaged:
 
     def modes(self, eigenvalues: Vector) -> "AveragedModes":
         """See ``Layer``."""
-        return AveragedModes(self._operator, self._plane, eigenvalues, room=_room(self._operator.numbers, "double"))
+        return AveragedModes(self._operator, self._plane, eigenvalues, padded=_padded(self._operator.numbers, "double"))
 
 
 class AveragedModes:
@@ -104,32 +104,32 @@ class AveragedModes:
         Made by ``along``, or the same in single precision.
     eigenvalues
         Lambda_j, shape (m,).
-    room
-        For how many it is compiled.
+    padded
+        The number of modes that it is compiled for, m filled up to whole vectors.
     """
 
-    def __init__(self, operator: LayerOperator, plane: Plane, eigenvalues: Vector, *, room: int):
+    def __init__(self, operator: LayerOperator, plane: Plane, eigenvalues: Vector, *, padded: int):
         instance, real, size = operator.instance, operator.instance.dtype, plane.size
-        eigenvalues = np.pad(eigenvalues, (0, room - eigenvalues.size), mode="edge").astype(real)
-        self._work, self._shares = np.empty((size, room), dtype=real), np.zeros(room, dtype=real)
-        self.chain, fields = chain(instance, plane, systems=room), Buffer(operator.rows.size, real)
+        eigenvalues = np.pad(eigenvalues, (0, padded - eigenvalues.size), mode="edge").astype(real)
+        self._work, self._weights = np.empty((size, padded), dtype=real), np.zeros(padded, dtype=real)
+        self.chain, fields = chain(instance, plane, systems=padded), Buffer(operator.rows.size, real)
         of = operator.cells, operator.layers
         self.take = instance.function("decouple", *of, fields, eigenvalues, self.chain)
         self._respond: Function | None = None
         if real == np.float64:
             self._respond = instance.function(
-                "respond", self.chain, self._shares, Buffer(size), Buffer(size), self._work
+                "respond", self.chain, self._weights, Buffer(size), Buffer(size), self._work
             )
 
-    def compiled(self, shares: Vector) -> dict[str, Any]:
-        """Return the parts of an ``Advection`` for responses of these shares; there are to be no others."""
-        self._shares[: shares.size] = shares
-        return {"modes": self.chain, "shares": self._shares, "modes_work": self._work}
+    def compiled(self, weights: Vector) -> dict[str, Any]:
+        """Return the parts of an ``Advection`` for responses with these weights; there are to be no others."""
+        self._weights[: weights.size] = weights
+        return {"modes": self.chain, "shares": self._weights, "modes_work": self._work}
 
-    def respond(self, shares: Vector, right: Vector, *, cycles: int = 1) -> Vector:
+    def respond(self, weights: Vector, right: Vector, *, cycles: int = 1) -> Vector:
         """See ``Modes``; exactly."""
         result = np.empty_like(right)
-        self._shares[: shares.size] = shares
+        self._weights[: weights.size] = weights
         assert self._respond is not None
         self._respond(np.ascontiguousarray(right), result)
         return result
@@ -172,8 +172,8 @@ class Minimum:
     ):
         self._operator, self._tolerance = operator, tolerance
         self._single = single = _single(energy, plane, vertical, column=column, unit=unit)
-        self._modes = AveragedModes(single, plane, vertical.eigenvalues, room=_room(vertical.n, "float"))
-        row = _room(vertical.n, "float")
+        self._modes = AveragedModes(single, plane, vertical.eigenvalues, padded=_padded(vertical.n, "float"))
+        row = _padded(vertical.n, "float")
         self._work = np.empty((plane.size, 5 * row + 2), dtype=np.float32)
         self._steps, self.last = np.empty((MOST + 1, 2)), 0
         self._correction = np.zeros(2)  # phi A phi, and the residual's energy over that wanted
@@ -206,16 +206,16 @@ class Minimum:
         wall = np.ascontiguousarray(wall)
         while True:
             self._operator.apply_to(phi, self._image)
-            taken = correct(wall, phi, self._image, MOST - iterations)
-            self.last = max(0, taken)
+            performed = correct(wall, phi, self._image, MOST - iterations)
+            self.last = max(0, performed)
             iterations += self.last
-            if taken == -1:
+            if performed == -1:
                 raise ConvergenceError(f"the interior potential did not converge in {MOST} iterations")
             self.flow = self._image[:, -1].copy()
-            kinetic, left = map(float, self._correction)
-            if taken < 0 or not self._operator.least > 0.0 or not isfinite(kinetic):
+            kinetic, remaining = map(float, self._correction)
+            if performed < 0 or not self._operator.least > 0.0 or not isfinite(kinetic):
                 raise ConvergenceError(NO_MINIMUM)
-            if left <= 1.0:
+            if remaining <= 1.0:
                 self.kinetic = kinetic
                 return iterations
 

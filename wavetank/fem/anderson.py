@@ -8,7 +8,7 @@ from mpi4py import MPI
 
 from wavetank.arrays import Vector, summed
 from wavetank.fem.codegen import HISTORY, Buffer, Unit, source
-from wavetank.state import Held, count
+from wavetank.state import StateTree, count
 
 SHORTEST = 1e-13  # squared, of directions against the longest
 
@@ -66,7 +66,7 @@ class AndersonMixing:
         self._gram: Vector = np.zeros((most - 1, most - 1))  # of the images' differences
         self._products, self.recorded, self._weight = np.zeros(most), 0, np.nan
         self._scale = np.ascontiguousarray(scale)
-        self._room = {
+        self._workspace = {
             "size": scale.size,
             "most": most - 1,
             "shortest": shortest,
@@ -81,7 +81,7 @@ class AndersonMixing:
         }
         unit = Unit(comm, "history") if unit is None else unit
         instance = unit.add("history", source("projection.c"), exports=HISTORY)
-        self._struct, n = instance.struct("Mixing", **self._room), Buffer(scale.size)
+        self._struct, n = instance.struct("Mixing", **self._workspace), Buffer(scale.size)
         self._add = instance.function("add", self._struct, int, int, n, n)
         self._aim = instance.function("aim", self._struct, int, n)
         self._combine = instance.function("combine", self._struct, int, float, n, n)
@@ -99,34 +99,34 @@ class AndersonMixing:
     def add(self, z: Vector, image: Vector) -> None:
         """Take over a point and its image; collective."""
         most = len(self._gram)
-        place, known = (self.recorded - 1) % most, min(self.recorded, most)
-        self._add(known, place, z, image)
+        place, stored = (self.recorded - 1) % most, min(self.recorded, most)
+        self._add(stored, place, z, image)
         if self._comm.size > 1:
-            self._gram[place, :known] = self._gram[:known, place] = summed(self._comm, self._products[:known])
+            self._gram[place, :stored] = self._gram[:stored, place] = summed(self._comm, self._products[:stored])
         self.recorded += 1
 
-    def guess(self, c: Vector, *, wrong: float = 0.0) -> Guess:
-        """Return the combination for c, of images that are wrong by so much, a root of squares, scaled; collective."""
-        known = min(self.recorded - 1, len(self._gram))
-        self._aim(known, c)
+    def guess(self, c: Vector, *, uncertainty: float = 0.0) -> Guess:
+        """Return the combination for c, of images with this uncertainty (scaled root of squares); collective."""
+        stored = min(self.recorded - 1, len(self._gram))
+        self._aim(stored, c)
         if self._comm.size > 1:
-            self._products[: known + 1] = summed(self._comm, self._products[: known + 1])
+            self._products[: stored + 1] = summed(self._comm, self._products[: stored + 1])
         z, missed = np.empty_like(c), np.empty_like(c)
-        self._combine(known, wrong**2, z, missed)
-        return Guess(z, missed, sqrt(self._products[known]))
+        self._combine(stored, uncertainty**2, z, missed)
+        return Guess(z, missed, sqrt(self._products[stored]))
 
     @property
     def compiled(self) -> dict[str, Any]:
         """The parts of a ``Mixing`` of another unit."""
-        return self._room
+        return self._workspace
 
-    def held(self) -> Held:
-        """Return the newest point and the differences, where they stand in the arrays, and the products of these."""
+    def state_tree(self) -> StateTree:
+        """Return the newest point, the differences in the order of the arrays, and their products."""
         points, images = (part.reshape(len(part), *self._shape).copy() for part in (self._points, self._images))
-        known = {"recorded": self.recorded, "weight": self._weight, "products": self._gram.tolist()}
-        return {**known, "points": points, "images": images}
+        stored = {"recorded": self.recorded, "weight": self._weight, "products": self._gram.tolist()}
+        return {**stored, "points": points, "images": images}
 
-    def take(self, held: Held) -> None:
-        """Take back what has been held."""
-        self.recorded, self._weight, self._gram[:] = count(held["recorded"]), held["weight"], held["products"]
-        self._points[:], self._images[:] = (held[part].reshape(self._points.shape) for part in ("points", "images"))
+    def take(self, tree: StateTree) -> None:
+        """Restore all points from a tree."""
+        self.recorded, self._weight, self._gram[:] = count(tree["recorded"]), tree["weight"], tree["products"]
+        self._points[:], self._images[:] = (tree[part].reshape(self._points.shape) for part in ("points", "images"))

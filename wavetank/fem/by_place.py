@@ -23,8 +23,8 @@ def gathered(plane: Plane, arrays: Sequence[Vector]) -> tuple[list[Vector], Vect
     if not plane.comm.allreduce(shaped, op=MPI.LAND):
         raise TypeError("an array is held whose last axis does not run over the degrees of freedom")
     parts = [plane.comm.gather(values) for values in (*arrays, plane.coordinates().T)]
-    *whole, places = (np.concatenate(part, axis=-1) if part else np.zeros((3, 0)) for part in parts)
-    return whole, np.ascontiguousarray(places.T)
+    *on_first, places = (np.concatenate(part, axis=-1) if part else np.zeros((3, 0)) for part in parts)
+    return on_first, np.ascontiguousarray(places.T)
 
 
 def found(plane: Plane, arrays: Sequence[Vector], places: Vector) -> list[Vector]:

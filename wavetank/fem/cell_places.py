@@ -83,8 +83,8 @@ class CellPlaces:
             off = targets - np.einsum("nd,ndg->ng", values[0], nodes)
             jacobians = np.einsum("knd,ndg->ngk", values[1:], nodes)
             towards = np.einsum("nkg,ng->nk", np.linalg.pinv(jacobians), off)
-            moved = np.where(step[:, None] < SETTLED, local, self._inside(local + towards))
-            step, local = np.minimum(step, np.abs(moved - local).max(axis=1)), moved
+            updated = np.where(step[:, None] < SETTLED, local, self._inside(local + towards))
+            step, local = np.minimum(step, np.abs(updated - local).max(axis=1)), updated
             if step.max(initial=0.0) < SETTLED:
                 break
         result = np.einsum("nd,ndg->ng", tabulate(self._element, 0, local)[0], nodes)

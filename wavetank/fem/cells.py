@@ -69,15 +69,15 @@ class Cells:
             self.weights = weights
             self._order = np.arange(element.dim)
             side = rule = 0
-        whole = element.tabulate(1, self.points)[..., 0][:, :, self._order]
+        tabulated = element.tabulate(1, self.points)[..., 0][:, :, self._order]
         if not side:
-            values, *slopes = whole
-        pairs = [whole[1 + a] * whole[1 + d] * (1 + (d < a)) for a in range(dim) for d in range(a + 1)]
+            values, *slopes = tabulated
+        pairs = [tabulated[1 + a] * tabulated[1 + d] * (1 + (d < a)) for a in range(dim) for d in range(a + 1)]
         self.values, geometry = values, self._geometry(plane)
         self.parts = {
             "values": values,
             "slopes": np.array(slopes),
-            "squares": np.array([*pairs, whole[0] ** 2]),
+            "squares": np.array([*pairs, tabulated[0] ** 2]),
             "weights": weights,
             **geometry,
             "batches": len(geometry["dofs"]),

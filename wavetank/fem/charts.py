@@ -24,8 +24,8 @@ class Chart(Protocol):
     def continued(self, x: Vector) -> Vector:
         """Return x of points cell by cell, shape (cells, points), continuous within each cell."""
 
-    def apart(self, x: Vector, place: float) -> Vector:
-        """Return how far places x are from another, the shorter way round [m], shape (N,)."""
+    def distance(self, x: Vector, place: float) -> Vector:
+        """Return the distances of places x from another, the shorter way round [m], shape (N,)."""
 
 
 class Straight:
@@ -47,7 +47,7 @@ class Straight:
         """Return x."""
         return x
 
-    def apart(self, x: Vector, place: float) -> Vector:
+    def distance(self, x: Vector, place: float) -> Vector:
         """Return |x - place|."""
         return np.abs(x - place)
 
@@ -101,6 +101,6 @@ class Polygon:
         last = np.ptp(x, axis=1, keepdims=True) > 1.5 * self._edge
         return np.asarray(np.where(last & (x < 0.5 * self.length), x + self.length, x))
 
-    def apart(self, x: Vector, place: float) -> Vector:
+    def distance(self, x: Vector, place: float) -> Vector:
         """Return the distances along the shorter way round."""
         return np.abs((x - place + 0.5 * self.length) % self.length - 0.5 * self.length)

@@ -39,8 +39,8 @@ def compiled(comm: MPI.Comm, what: str, *, build: Callable[[Path], object]) -> P
     on all ranks.
     """
     name = hashlib.sha256("\n".join([what, processor(), *_python()]).encode()).hexdigest()[:24]
-    first = raise_on_all_ranks(comm, lambda: _kept(name, build) if comm.rank == 0 else None)
-    result = raise_on_all_ranks(comm, lambda: first or _kept(name, build))
+    first = raise_on_all_ranks(comm, lambda: _cached(name, build) if comm.rank == 0 else None)
+    result = raise_on_all_ranks(comm, lambda: first or _cached(name, build))
     return result
 
 
@@ -81,47 +81,47 @@ def _python() -> list[str]:
     return [str(sysconfig.get_config_var(name)) for name in ("SOABI", "CC", "CFLAGS")]
 
 
-def _kept(name: str, build: Callable[[Path], object]) -> Path:
-    """Return the folder where a piece is kept, built if it is not; raises ``WavetankError``, which ranks agree on."""
+def _cached(name: str, build: Callable[[Path], object]) -> Path:
+    """Return the cache folder of a piece, built if it is not there; raises ``WavetankError``, which ranks agree on."""
     for folder in places(PART, private=True):
         if is_ours(folder / name):
             return folder / name
-    kept = writable(PART, private=True) / name
-    if os.path.lexists(kept) and not is_ours(kept):
-        raise WavetankError(f"{kept}: other users own it or can write there; {VARIABLE} must name another folder.")
+    path = writable(PART, private=True) / name
+    if os.path.lexists(path) and not is_ours(path):
+        raise WavetankError(f"{path}: other users own it or can write there; {VARIABLE} must name another folder.")
     try:
-        return _built(kept, build)
+        return _built(path, build)
     except OSError as error:  # of its folder or lock: a disk that is full, say
-        raise WavetankError(f"nothing can be kept in {kept.parent} ({error.strerror}).") from error
+        raise WavetankError(f"nothing can be kept in {path.parent} ({error.strerror}).") from error
 
 
-def _built(kept: Path, build: Callable[[Path], object]) -> Path:
-    lock = kept.with_suffix(".lock")
+def _built(path: Path, build: Callable[[Path], object]) -> Path:
+    lock = path.with_suffix(".lock")
     with lock.open("w") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            warn(f"another process compiles in {kept.parent} what is needed here: waiting for it.")
+            warn(f"another process compiles in {path.parent} what is needed here: waiting for it.")
             fcntl.flock(file, fcntl.LOCK_EX)
-        if not kept.is_dir():
-            for left in kept.parent.glob(f"{kept.name}.part-*"):  # by a process that was killed: it would have the lock
-                shutil.rmtree(left, ignore_errors=True)
-            _build(kept, build)
+        if not path.is_dir():
+            for part in path.parent.glob(f"{path.name}.part-*"):  # by a process that was killed: it would have the lock
+                shutil.rmtree(part, ignore_errors=True)
+            _build(path, build)
         lock.unlink(missing_ok=True)  # who still waits for it will find the piece, and needs no lock
-    return kept
+    return path
 
 
-def _build(kept: Path, build: Callable[[Path], object]) -> None:
-    scratch = Path(mkdtemp(prefix=f"{kept.name}.part-", dir=kept.parent))
+def _build(path: Path, build: Callable[[Path], object]) -> None:
+    scratch = Path(mkdtemp(prefix=f"{path.name}.part-", dir=path.parent))
     try:
         build(scratch)
-        os.replace(scratch, kept)
+        os.replace(scratch, path)
     except WavetankError:
         raise  # what is to be compiled is not C
     except Exception as error:  # whatever a compiler may meet; other ranks wait for a word of it
         reason = str(error).strip().removesuffix(".") or type(error).__name__
         raise WavetankError(
-            f"code cannot be compiled in {kept.parent} ({reason}); a C compiler is needed: gcc, or what CC names."
+            f"code cannot be compiled in {path.parent} ({reason}); a C compiler is needed: gcc, or what CC names."
         ) from error
     finally:
         shutil.rmtree(scratch, ignore_errors=True)

@@ -77,7 +77,7 @@ def conjugate_gradients(
 
 
 def corrected(
-    left: Callable[[], Vector],
+    residual_of: Callable[[], Vector],
     product: Map,
     precondition: Map,
     solution: Vector,
@@ -93,7 +93,7 @@ def corrected(
 
     Parameters
     ----------
-    left
+    residual_of
         Returns b - A x of the solution as it is, of double precision, in an array that is not kept.
     product, precondition
         As ``conjugate_gradients`` takes them, of single precision.
@@ -104,12 +104,12 @@ def corrected(
 
     Raises ``ConvergenceError`` where A or M is not positive, or after ``most`` iterations.
     """
-    taken: Steps = []
+    performed: Steps = []
     scale, energy, target = 1.0, np.inf, -1.0
 
     def scaled() -> Array:
         nonlocal scale
-        residual = left()
+        residual = residual_of()
         scale = float(np.sqrt(summed(comm, dot(residual, residual)))) or 1.0
         residual /= scale
         return residual.astype(np.float32)
@@ -123,13 +123,13 @@ def corrected(
     while True:
         residual = scaled()
         change = np.zeros_like(residual)
-        more = most - len(taken)
+        more = most - len(performed)
         steps = conjugate_gradients(product, precondition, change, residual, within=enough, comm=comm, most=more)
-        taken += steps
-        energy *= max(prod(abs(kept) for _, kept in steps), ROUND_OFF if steps else 1.0)
+        performed += steps
+        energy *= max(prod(abs(ratio) for _, ratio in steps), ROUND_OFF if steps else 1.0)
         solution += np.multiply(change, scale, dtype=np.float64)
         if energy <= target:
-            return taken, np.multiply(residual, scale, dtype=np.float64)
+            return performed, np.multiply(residual, scale, dtype=np.float64)
 
 
 def dot(a: Array, b: Array) -> float:
@@ -153,8 +153,8 @@ def condition_number(steps: Steps | Vector) -> float:
     """Return the estimate of the preconditioned operator's that iterations give, by Lanczos."""
     if not len(steps):
         return 1.0
-    lengths, kept = np.array(steps).T
-    diagonal = 1 / lengths + np.append(0.0, kept[:-1] / lengths[:-1])
-    beside = np.sqrt(kept[:-1]) / lengths[:-1]
-    eigenvalues = np.linalg.eigvalsh(np.diag(diagonal) + np.diag(beside, -1))  # of the lower half
+    lengths, ratios = np.array(steps).T
+    diagonal = 1 / lengths + np.append(0.0, ratios[:-1] / lengths[:-1])
+    off_diagonal = np.sqrt(ratios[:-1]) / lengths[:-1]
+    eigenvalues = np.linalg.eigvalsh(np.diag(diagonal) + np.diag(off_diagonal, -1))  # of the lower half
     return float(eigenvalues[-1] / eigenvalues[0])

@@ -65,9 +65,9 @@ class LayerMatrices:
 class Responding:
     """Modes that are solved for any right-hand sides."""
 
-    def respond(self, shares: Vector, right: Vector, *, cycles: int = 1) -> Vector:
+    def respond(self, weights: Vector, right: Vector, *, cycles: int = 1) -> Vector:
         """See ``Modes``."""
-        return np.asarray(self.solve(np.asarray(np.outer(right, shares), dtype=np.float64), cycles=cycles) @ shares)
+        return np.asarray(self.solve(np.asarray(np.outer(right, weights), dtype=np.float64), cycles=cycles) @ weights)
 
     def solve(self, right: Array, *, cycles: int = 1) -> Array:
         """Return a for r, both of shape (owned, m), nearer after more cycles of multigrid; collective."""

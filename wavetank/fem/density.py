@@ -42,8 +42,8 @@ class Density:
     def __init__(self, e: Any, plane: Plane, *, inputs: Mapping[Any, str] | None = None, first: Any = None):
         inputs = inputs or {}
         self._e, self._plane = e, plane
-        others = [one for one in extract_coefficients(e) if one not in inputs and one is not first]
-        self._fields: list[fem.Function] = [*([first] if first is not None else []), *others]
+        remaining = [one for one in extract_coefficients(e) if one not in inputs and one is not first]
+        self._fields: list[fem.Function] = [*([first] if first is not None else []), *remaining]
         self._constants = [one for one in extract_constants(e) if one not in inputs]
         index_map = plane.V.dofmap.index_map
         self.values: list[Vector] = [one.x.array for one in self._fields]

@@ -29,7 +29,7 @@ JIT_OPTIONS = {"cffi_extra_compile_args": COMPILER_FLAGS, "cffi_debug": False, "
 def compile_form(form: ufl.Form) -> Any:
     """Return the compiled form; collective."""
     comm = form.ufl_domain().ufl_cargo().comm
-    options = _kept(form, comm)
+    options = _cache_options(form, comm)
     return loaded(comm, lambda: fem.form(form, jit_options=options), options["cache_dir"])
 
 
@@ -56,11 +56,11 @@ def part_of(form: ufl.Form, horizontal: mesh.Mesh, cells: NDArray[np.int32], *, 
 
 def compile_expression(expression: Any, points: Vector, comm: MPI.Comm) -> fem.Expression:
     """Return the compiled expression at points of the reference cell, shape (N, dimensions); collective."""
-    options = _kept((expression, points), comm)
+    options = _cache_options((expression, points), comm)
     return loaded(comm, lambda: fem.Expression(expression, points, jit_options=options), options["cache_dir"])
 
 
-def _look_for_settings_within_reach() -> None:
+def _set_readable_config_home() -> None:
     """Where the user's home cannot be entered, FFCx and dolfinx, which fail there, look for settings here alone."""
     try:
         (Path(os.environ.get("XDG_CONFIG_HOME", "~/.config")).expanduser() / "ffcx").stat()
@@ -70,9 +70,9 @@ def _look_for_settings_within_reach() -> None:
         os.environ["XDG_CONFIG_HOME"] = os.getcwd()
 
 
-def _kept(ufl_object: Any, comm: MPI.Comm) -> dict[str, Any]:
-    """Return options with which dolfinx finds a form or expression, compiled now if it is not kept; collective."""
-    _look_for_settings_within_reach()
+def _cache_options(ufl_object: Any, comm: MPI.Comm) -> dict[str, Any]:
+    """Return options with which dolfinx finds a form or expression in the cache, compiled if need be; collective."""
+    _set_readable_config_home()
     scalar = {"scalar_type": default_scalar_type}
 
     def build(folder: Path) -> None:

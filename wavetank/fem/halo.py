@@ -93,7 +93,7 @@ def _partners(numbering: common.IndexMap, reached: Indices) -> list[Partner]:
     ghosts = np.unique(reached[reached >= numbering.size_local]) - numbering.size_local
     owners, first = numbering.owners[ghosts], numbering.local_range[0]
     of_ranks = [ghosts[owners == rank] for rank in range(numbering.comm.size)]
-    asked = numbering.comm.alltoall([numbering.ghosts[of_rank] for of_rank in of_ranks])
-    pairs = enumerate(zip(asked, of_ranks, strict=True))
+    requested = numbering.comm.alltoall([numbering.ghosts[of_rank] for of_rank in of_ranks])
+    pairs = enumerate(zip(requested, of_ranks, strict=True))
     all_of_them = [Partner(rank, sent - first, own + numbering.size_local) for rank, (sent, own) in pairs]
     return [one for one in all_of_them if one.sent.size + one.received.size]

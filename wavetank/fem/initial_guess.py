@@ -10,7 +10,7 @@ from mpi4py import MPI
 
 from wavetank.arrays import Vector, summed
 from wavetank.fem.codegen import HISTORY, Buffer, Unit, source
-from wavetank.state import Held, count
+from wavetank.state import StateTree, count
 
 SHORTEST = 1e-13  # squared, of directions against the longest: shorter ones carry answers' errors rather than trends
 
@@ -20,10 +20,10 @@ class InitialGuessProjection:
 
     Parameters
     ----------
-    inputs, answers
+    inputs, outputs
         Numbers of an input and of an answer for each of the degrees of freedom.
     owned
-        How many of these this rank owns. Inputs have theirs number by number, answers degree by degree of freedom.
+        How many of these this rank owns. Inputs have theirs number by number, outputs degree by degree of freedom.
     most
         How many pairs are kept.
 
@@ -34,39 +34,39 @@ class InitialGuessProjection:
     """
 
     def __init__(
-        self, inputs: int, answers: int, *, owned: int, comm: MPI.Comm, most: int = 8, unit: Unit | None = None
+        self, inputs: int, outputs: int, *, owned: int, comm: MPI.Comm, most: int = 8, unit: Unit | None = None
     ):
-        self._comm, self._shapes = comm, ((inputs, owned), (owned, answers))
-        self._input, self._answer = np.zeros(inputs * owned), np.zeros((owned, answers))
-        self._ways = np.zeros((most - 1, inputs * owned), dtype=np.float32)  # to start from; answers are exact
-        self._steps = np.zeros((most - 1, owned, answers), dtype=np.float32)
+        self._comm, self._shapes = comm, ((inputs, owned), (owned, outputs))
+        self._input, self._output = np.zeros(inputs * owned), np.zeros((owned, outputs))
+        self._directions = np.zeros((most - 1, inputs * owned), dtype=np.float32)  # to start from; answers are exact
+        self._steps = np.zeros((most - 1, owned, outputs), dtype=np.float32)
         self._gram: Vector = np.zeros((most - 1, most - 1))  # of the ways
         self.recorded = 0
-        self._asked: Vector = self._input  # what is asked for
+        self._requested: Vector = self._input  # what is asked for
         self._away, self._products = np.zeros_like(self._input), np.zeros(most + 1)  # how lies what is asked for
         instance = (unit or Unit(comm, "history")).add("history", source("projection.c"), exports=HISTORY)
         self.struct = instance.struct(
             "Guesses",
             inputs=inputs * owned,
             rows=owned,
-            numbers=answers,
+            numbers=outputs,
             most=most - 1,
             shortest=SHORTEST,
             input=self._input,
-            solution=self._answer,
+            solution=self._output,
             change=self._away,
             products=self._products,
             gram=self._gram,
-            input_steps=self._ways,
+            input_steps=self._directions,
             solution_steps=self._steps,
         )
-        x, stride, y = Buffer(inputs * owned), answers + 1, Buffer(owned * (answers + 1))
+        x, stride, y = Buffer(inputs * owned), outputs + 1, Buffer(owned * (outputs + 1))
         self._project = instance.function("project", self.struct, int, x)
         self._guess = instance.function("guess", self.struct, int, stride, y)
         self._record = instance.function("record", self.struct, int, int, x, stride, y)
 
     @property
-    def _known(self) -> int:
+    def _stored(self) -> int:
         return min(self.recorded - 1, len(self._gram))
 
     def guess(self, x: Vector, y: Vector) -> bool:
@@ -75,36 +75,36 @@ class InitialGuessProjection:
         Rows of ``y``, one for each degree of freedom that is owned, are an answer's numbers and one more; x is to
         stay as it is until the answer is recorded.
         """
-        self._asked = x
+        self._requested = x
         if not self.recorded:
             return False
-        known = self._known
-        self._project(known, x)
+        stored = self._stored
+        self._project(stored, x)
         if self._comm.size > 1:
-            self._products[: known + 2] = summed(self._comm, self._products[: known + 2])
-        return bool(self._guess(known, y))
+            self._products[: stored + 2] = summed(self._comm, self._products[: stored + 2])
+        return bool(self._guess(stored, y))
 
     def record(self, y: Vector) -> None:
         """Remember that y, rows as of ``guess``, is the answer to what a guess has been asked for last."""
-        known, place = (self._known, (self.recorded - 1) % len(self._gram)) if self.recorded else (0, 0)
-        self._record(known, place, self._asked, y)
+        stored, place = (self._stored, (self.recorded - 1) % len(self._gram)) if self.recorded else (0, 0)
+        self._record(stored, place, self._requested, y)
         self.recorded += 1
 
-    def held(self) -> Held:
-        """Return the pair and the differences, where they stand in the arrays, and the products of these."""
+    def state_tree(self) -> StateTree:
+        """Return the newest pair, the differences in the order of the arrays, and their products."""
         inputs, _ = self._shapes
         arrays = {
             "input": self._input.reshape(inputs).copy(),
-            "answer": self._answer.T.copy(),
-            "ways": self._ways.reshape(len(self._ways), *inputs).astype(np.float64),
+            "answer": self._output.T.copy(),
+            "ways": self._directions.reshape(len(self._directions), *inputs).astype(np.float64),
             "steps": self._steps.transpose(0, 2, 1).astype(np.float64),
         }
         return {"recorded": self.recorded, "products": self._gram.tolist(), **arrays}
 
-    def take(self, held: Held) -> None:
-        """Take back what has been held."""
-        self.recorded, self._gram[:] = count(held["recorded"]), held["products"]
-        self._input[:] = held["input"].ravel()
-        self._ways[:] = held["ways"].reshape(self._ways.shape)
-        self._answer[:] = held["answer"].T
-        self._steps[:] = held["steps"].transpose(0, 2, 1)
+    def take(self, tree: StateTree) -> None:
+        """Restore all pairs from a tree."""
+        self.recorded, self._gram[:] = count(tree["recorded"]), tree["products"]
+        self._input[:] = tree["input"].ravel()
+        self._directions[:] = tree["ways"].reshape(self._directions.shape)
+        self._output[:] = tree["answer"].T
+        self._steps[:] = tree["steps"].transpose(0, 2, 1)

@@ -42,9 +42,9 @@ class Lattice:
         self.dofs: Indices = dofs.ravel()[first]
         self.places = np.column_stack([x.ravel()[first], places[self.dofs, 1]])
         split = _split(plane.V.element.basix_element)
-        self.pieces = self._turned(points.reshape(dofs.shape)[:, split].reshape(-1, split.shape[1]).astype(np.int32))
+        self.pieces = self._oriented(points.reshape(dofs.shape)[:, split].reshape(-1, split.shape[1]).astype(np.int32))
 
-    def _turned(self, pieces: Indices) -> Indices:
+    def _oriented(self, pieces: Indices) -> Indices:
         """Return the pieces, those that run backwards or clockwise turned round."""
         start, second, last = (self.places[pieces[:, corner]] for corner in (0, 1, -1))
         ahead, back = (second - start).T, (last - start).T

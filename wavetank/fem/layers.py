@@ -148,10 +148,10 @@ class LayerOperator:
         parts = {"zeta": vertical.zeta, "weights": vertical.weights, "P": vertical.values, "dP": vertical.slopes}
         self._constants = self.density.constants().astype(instance.dtype)
         self.layers = instance.struct("Layers", **parts, constants=self._constants)
-        kept = (cells.parts["batches"], len(cells.points), len(vertical.zeta) * sizes["HESSIANS"], cells.lanes)
+        stored_shape = (cells.parts["batches"], len(cells.points), len(vertical.zeta) * sizes["HESSIANS"], cells.lanes)
         rows = self.density.rows()
         self.rows, self.least = np.empty(rows.shape, dtype=instance.dtype), np.inf
-        self.state = np.empty(kept, dtype=instance.dtype) if stored else self.rows
+        self.state = np.empty(stored_shape, dtype=instance.dtype) if stored else self.rows
         self._halos = {count: cells.halo(count, instance.dtype) for count in (1, self.numbers)}
         size = self._halos[1].size
         one, layered = (Buffer(size * count, instance.dtype) for count in (1, self.numbers))

@@ -86,7 +86,7 @@ class LayoutMesh(NamedTuple):
 
     def _find(self, tags: mesh.MeshTags | None, dim: int, name: str) -> Entities:
         if tags is None or (dim, name) not in self.groups:
-            names = ", ".join(sorted(known for of, known in self.groups if of == dim)) or "none"
+            names = ", ".join(sorted(group for of, group in self.groups if of == dim)) or "none"
             kind = {CURVE: "curves", SURFACE: "surfaces"}[dim]
             raise InputError(f"{self.source}: has no group of {kind} named '{name}'; its groups of {kind}: {names}.")
         return np.asarray(tags.indices[np.isin(tags.values, self.groups[dim, name])])

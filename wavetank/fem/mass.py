@@ -43,20 +43,20 @@ class HorizontalMatrix:
     """
 
     def __init__(self, plane: Plane, form: Bilinear, *, changing: NDArray[np.int32] | None = None):
-        self._plane, whole = plane, form(ufl.TrialFunction(plane.V), ufl.TestFunction(plane.V))
+        self._plane, bilinear = plane, form(ufl.TrialFunction(plane.V), ufl.TestFunction(plane.V))
         if changing is None:
-            self._form = compile_form(whole)
+            self._form = compile_form(bilinear)
             self._matrix = fem.create_matrix(self._form)
-            self._kept = np.zeros_like(self._matrix.data)
+            self._constant_part = np.zeros_like(self._matrix.data)
         else:
             none = np.arange(0, dtype=np.int32)
             everywhere, rest = (
-                compile_form(part_of(whole, plane.mesh, cells, besides=True)) for cells in (none, changing)
+                compile_form(part_of(bilinear, plane.mesh, cells, besides=True)) for cells in (none, changing)
             )
-            self._form = compile_form(part_of(whole, plane.mesh, changing))
+            self._form = compile_form(part_of(bilinear, plane.mesh, changing))
             self._matrix = fem.create_matrix(everywhere)
             fem.assemble_matrix(self._matrix, rest)
-            self._kept = self._matrix.data.copy()
+            self._constant_part = self._matrix.data.copy()
         self._data = self._matrix.data
         self._values, columns, pointers = owned_rows(self._matrix)  # forms on facets reach beyond ghosts
         columns = self._matrix.index_map(1).local_to_global(columns)
@@ -66,7 +66,7 @@ class HorizontalMatrix:
 
     def update(self) -> None:
         """Assemble it for the present values of what the form depends on."""
-        self._data[:] = self._kept
+        self._data[:] = self._constant_part
         fem.assemble_matrix(self._matrix, self._form)
         self._matrix.scatter_reverse()
         self._rows.set(self._values)

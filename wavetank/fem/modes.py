@@ -22,8 +22,8 @@ class Modes(Protocol):
     def take(self, averages: Any) -> None:
         """Take over the averages of a layer; collective."""
 
-    def respond(self, shares: Vector, right: Vector, *, cycles: int = 1) -> Vector:
-        """Return sum_j s_j a_j for r_j = s_j r, of shares (m,) and r (owned,); collective.
+    def respond(self, weights: Vector, right: Vector, *, cycles: int = 1) -> Vector:
+        """Return sum_j s_j a_j for r_j = s_j r, of weights (m,) and r (owned,); collective.
 
         Nearer after more cycles of multigrid.
         """

@@ -151,8 +151,8 @@ class OrderMultigrid(Responding):
         smallest, largest = self._ends_of_spectra()
         tops = self.margin * largest
         bottoms = np.maximum(smallest / self.margin, NONE * tops)
-        left = 1 / np.cosh((self.steps + 1) * np.arccosh((tops + bottoms) / (tops - bottoms)))
-        self.low = low = 1 + max(map(int, np.flatnonzero(left > LEAVES)), default=0)
+        reduction = 1 / np.cosh((self.steps + 1) * np.arccosh((tops + bottoms) / (tops - bottoms)))
+        self.low = low = 1 + max(map(int, np.flatnonzero(reduction > LEAVES)), default=0)
         if low not in self._of_low:
             self._of_low[low] = LinearModes(
                 self._layer, self._eigenvalues[:low].astype(np.float64), modes=self._eigenvalues.size
@@ -187,8 +187,8 @@ class OrderMultigrid(Responding):
                 break
             projected[:, k, k + 1] = projected[:, k + 1, k] = beta
             v = w / beta.astype(np.float32)
-        seen = np.asarray(np.linalg.eigvalsh(projected[:, : k + 1, : k + 1]), dtype=np.float64)
-        return seen[:, 0], seen[:, -1]
+        values = np.asarray(np.linalg.eigvalsh(projected[:, : k + 1, : k + 1]), dtype=np.float64)
+        return values[:, 0], values[:, -1]
 
     def product(self, x: Singles, *, many: int | None = None) -> Singles:
         """Return (S_u + Lambda_j S_w) x_j, shape (owned, m), of single precision; collective.

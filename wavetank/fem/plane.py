@@ -17,9 +17,9 @@ from wavetank.fem.forms import ScalarForm
 
 def usual_size(horizontal: mesh.Mesh) -> float:
     """Return the size of a usual cell [m]: length, or square root of the area, of the mean one; collective."""
-    whole = ScalarForm(fem.Constant(horizontal, 1.0) * ufl.dx(domain=horizontal), horizontal.comm).assemble()
+    extent = ScalarForm(fem.Constant(horizontal, 1.0) * ufl.dx(domain=horizontal), horizontal.comm).assemble()
     dim = horizontal.topology.dim
-    return float((whole / horizontal.topology.index_map(dim).size_global) ** (1 / dim))
+    return float((extent / horizontal.topology.index_map(dim).size_global) ** (1 / dim))
 
 
 class Plane:

@@ -17,7 +17,7 @@ from wavetank.fem.cell_places import CellPlaces, Nearest, tabulate
 from wavetank.fem.plane import Field, Plane
 
 Cells = NDArray[np.int32]
-Found = tuple[NDArray[np.intp], Cells, Vector]  # which points are evaluated here, in which cells, and where in these
+Located = tuple[NDArray[np.intp], Cells, Vector]  # which points are evaluated here, in which cells, and where in these
 
 PADDING = 1e-9  # m; a point so near to the mesh is in it
 CURVED = 0.1  # of a curved cell's arch: so near is a wall to the curve it was drawn by
@@ -53,11 +53,11 @@ class Points:
             self._take(points)
 
     def _take(self, points: Vector) -> None:
-        self._found = _, cells, local = self._owned(points)
+        self._located = _, cells, local = self._owned(points)
         self._points = points.copy()
         self._dofs, self._weights = self._list[cells], tabulate(self._element, 0, local)[0]
 
-    def _owned(self, points: Vector) -> Found:
+    def _owned(self, points: Vector) -> Located:
         """Return which points are evaluated here, in which cells and where in these; collective.
 
         That is on the lowest of the ranks that are nearest.
@@ -82,21 +82,25 @@ class Points:
 
     def _nearest(self, points: Vector) -> tuple[Cells, Nearest]:
         """Return the nearest of this rank's cells, and the places in it; -1 and inf where none is near."""
-        near = geometry.compute_collisions_points(self._tree, points)  # of boxes, which may hold more than their cells
-        which = np.repeat(np.arange(len(points)), np.diff(near.offsets))
-        result = self._places.find(points[which], near.array)
-        order = np.lexsort((near.array, result.distances, which))
-        seen, first = np.unique(which[order], return_index=True)
+        boxes = geometry.compute_collisions_points(self._tree, points)  # of boxes, which may hold more than their cells
+        which = np.repeat(np.arange(len(points)), np.diff(boxes.offsets))
+        result = self._places.find(points[which], boxes.array)
+        order = np.lexsort((boxes.array, result.distances, which))
+        inside, first = np.unique(which[order], return_index=True)
         best = order[first]
         cells, distances = np.full(len(points), -1, dtype=np.int32), np.full(len(points), np.inf)
         local = np.zeros((len(points), result.local.shape[1]))
-        cells[seen], distances[seen], local[seen] = near.array[best], result.distances[best], result.local[best]
+        cells[inside], distances[inside], local[inside] = (
+            boxes.array[best],
+            result.distances[best],
+            result.local[best],
+        )
         return cells, Nearest(local, distances)
 
     @property
     def cells(self) -> Cells:
         """The cells of this rank in which points are evaluated, one for each of these."""
-        return self._found[1]
+        return self._located[1]
 
     def evaluate(self, field: Field) -> Vector:
         """Return the field's values, shape (N,), on every rank; collective."""
@@ -107,7 +111,7 @@ class Points:
 
         The first N/K of the points look at the first field, and so on; collective.
         """
-        result, (mine, *_) = np.zeros(len(self._points)), self._found
+        result, (mine, *_) = np.zeros(len(self._points)), self._located
         field = mine // max(1, len(self._points) // len(values))
         result[mine] = (self._weights * values[field[:, None], self._dofs]).sum(axis=1)
         return summed(self._plane.comm, result)
@@ -117,7 +121,7 @@ class Points:
 
         Each bit for bit what it is alone.
         """
-        result, (mine, *_) = np.zeros((len(values), len(self._points))), self._found
+        result, (mine, *_) = np.zeros((len(values), len(self._points))), self._located
         each = np.multiply(self._weights, values[:, self._dofs], order="C")  # summed alike, however many there are
         result[:, mine] = each.sum(axis=-1)
         return summed(self._plane.comm, result)
@@ -127,7 +131,7 @@ class Points:
 
         They are the same on every rank.
         """
-        values, (mine, *_) = np.zeros((len(self._points), *rows.shape[1:])), self._found
+        values, (mine, *_) = np.zeros((len(self._points), *rows.shape[1:])), self._located
         weights = self._weights.reshape(*self._weights.shape, *[1] * (rows.ndim - 1))
         values[mine] = (weights * rows[self._dofs]).sum(axis=1)
         return summed(self._plane.comm, values)

@@ -49,9 +49,9 @@ class SparseRows:
     def _interlaced(self, values: NDArray[np.number]) -> NDArray[np.number]:
         if self._places.shape[1] == 1:
             return values.ravel()
-        moved = np.empty(values.size, dtype=values.dtype)
-        moved[self._places.ravel()] = values.ravel()
-        return moved
+        reordered = np.empty(values.size, dtype=values.dtype)
+        reordered[self._places.ravel()] = values.ravel()
+        return reordered
 
     def set(self, values: Vector) -> None:
         """Set all entries, shape (entries, copies) or (entries,); collective."""

@@ -37,7 +37,7 @@ class SurfacePoints:
         self._move = instance.function(
             "move", self._cells, float, self._axis, Buffer(size * self.fields), self._velocity, n
         )
-        self._carry = instance.function("carry", self._cells, self._velocity, int, n, n)
+        self._advect = instance.function("carry", self._cells, self._velocity, int, n, n)
 
     @property
     def compiled(self) -> dict[str, Any]:
@@ -59,5 +59,5 @@ class SurfacePoints:
     def carried(self, field: Vector, *, along: bool) -> Vector:
         """Return int V . grad f v dX of the velocities V, or, not ``along``, int f V . grad v dX, shape (owned,)."""
         x, y = self._halo.fetch(field[:, None]), np.zeros((self._halo.size, 1))
-        self._carry(along, x, y)
+        self._advect(along, x, y)
         return self._halo.collect(y)[:, 0]

@@ -78,9 +78,9 @@ class VerticalBasis:
         """Return P_j'(zeta), shape (len(zeta), n+1)."""
         return np.asarray(self._legendre(zeta)[1] @ self._change)
 
-    def moment(self, power: int, left: Vector, right: Vector) -> Vector:
+    def moment(self, power: int, first: Vector, second: Vector) -> Vector:
         """Return int zeta^power left_i right_j dzeta, shape (n+1, n+1), for columns tabulated at ``zeta``."""
-        return np.asarray((left.T * (self.weights * self.zeta**power)) @ right)
+        return np.asarray((first.T * (self.weights * self.zeta**power)) @ second)
 
     def robin_modes(self, sigma: float) -> tuple[Vector, Vector]:
         """Return eigenvalues (n+1,) and B-orthonormal modes (n+1, n+1) of (E + sigma e_n e_n', B)."""

@@ -33,7 +33,7 @@ class Filter(Protocol):
     def passed(self, pairs: Vector) -> Vector:
         """Return points [q, p] afterwards, shape (m, 2, n); affine in q, linear in p; collective."""
 
-    def account(self, taken: float, *, of: float) -> None:
+    def account(self, loss: float, *, of: float) -> None:
         """Take note of the energy taken, of that before."""
 
 

@@ -24,7 +24,7 @@ from petsc4py import PETSc
 from wavetank.arrays import Vector, summed
 from wavetank.errors import ConvergenceError, WavetankError
 from wavetank.fem.anderson import AndersonMixing
-from wavetank.state import Held, count, plain, typed
+from wavetank.state import StateTree, count, plain, typed
 
 ITERATES = 2.0  # dt omega at which any implicit stage still does, of schemes that are stable at any step too
 ITERATIONS = 25
@@ -132,22 +132,22 @@ class StageHistory:
     contraction: float = np.inf
     age: int = 0
 
-    def held(self) -> Held:
+    def state_tree(self) -> StateTree:
         """Return it as plain data."""
         return {
             "pairs": self.pairs,
             "size": self.size,
             "contraction": None if np.isinf(self.contraction) else self.contraction,
             "age": self.age,
-            "points": self.points.held(),
+            "points": self.points.state_tree(),
         }
 
-    def take(self, held: Held) -> None:
-        """Take back what has been held; raises ``ValueError`` for other types."""
-        self.size, self.age = typed(float | None, held["size"], "size"), count(held["age"])
-        contraction = typed(float | None, held["contraction"], "contraction")
+    def take(self, tree: StateTree) -> None:
+        """Take back a state; raises ``ValueError`` for other types."""
+        self.size, self.age = typed(float | None, tree["size"], "size"), count(tree["age"])
+        contraction = typed(float | None, tree["contraction"], "contraction")
         self.contraction = np.inf if contraction is None else contraction
-        self.points.take(held["points"])
+        self.points.take(tree["points"])
 
 
 @dataclass
@@ -157,21 +157,21 @@ class StageHistories:
     counters: StageCounters = field(default_factory=StageCounters)
     stages: dict[str, StageHistory] = field(default_factory=dict)
 
-    def held(self) -> Held:
+    def state_tree(self) -> StateTree:
         """Return them as plain data."""
         return {
             "counters": asdict(self.counters),
-            "stages": {name: one.held() for name, one in self.stages.items()},
+            "stages": {name: one.state_tree() for name, one in self.stages.items()},
         }
 
-    def take(self, held: Held, points: Callable[[int], AndersonMixing]) -> None:
-        """Take back what has been held; ``points`` makes the memory for points of so many pairs.
+    def take(self, tree: StateTree, points: Callable[[int], AndersonMixing]) -> None:
+        """Take back a state; ``points`` makes the memory for points of so many pairs.
 
         Raises ``ValueError`` for other types, or too many pairs.
         """
-        vars(self.counters).update(plain(typed(StageCounters, held["counters"], "counters")))
+        vars(self.counters).update(plain(typed(StageCounters, tree["counters"], "counters")))
         self.stages.clear()
-        for name, one in held["stages"].items():
+        for name, one in tree["stages"].items():
             pairs = count(one["pairs"])
             if not 1 <= pairs <= MOST_PAIRS:
                 raise ValueError(f"{pairs} is no number of pairs")

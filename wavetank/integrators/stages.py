@@ -65,7 +65,7 @@ class PairStage:
             among.add(guess.z, guess.z - self._a * guess.flow)
         if not among.recorded:
             return self.c
-        found = among.guess(self.c, wrong=uncertainty)
+        found = among.guess(self.c, uncertainty=uncertainty)
         return found.z + self.precondition(found.missed)
 
     def iterate(self, z: Vector, mixing: AndersonMixing) -> Iterate | None:
@@ -111,7 +111,7 @@ class CoupledStages:
         """Return the start value: earlier solutions combined as what explicit steps from the guess make; collective."""
         if self._guess is None or not among.recorded:
             return self.key
-        found = among.guess(self.key, wrong=uncertainty)
+        found = among.guess(self.key, uncertainty=uncertainty)
         return found.z + found.missed
 
     def iterate(self, z: Vector, mixing: AndersonMixing) -> None:

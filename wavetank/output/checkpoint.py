@@ -137,14 +137,14 @@ class CheckpointTree:
     run: RunTree
 
 
-def checked_tree(about: dict[str, Any], held: str, arrays: Sequence[Vector]) -> dict[str, Any]:
+def checked_tree(about: dict[str, Any], tree_json: str, arrays: Sequence[Vector]) -> dict[str, Any]:
     """Return the tree of a checkpoint; raises ``ValueError`` for values of other types in it or its description."""
     description = typed(Description, about, "about")
     for n, part in enumerate(description.parts):
         check_fields(PartCosts, part, f"about.parts[{n}]")
     for n, warning in enumerate(description.warnings):
         check_fields(RunWarning, warning, f"about.warnings[{n}]")
-    tree = deserialize(held, arrays)
+    tree = deserialize(tree_json, arrays)
     typed(CheckpointTree, tree, "held")
     return tree
 
@@ -156,8 +156,8 @@ class Checkpoint(NamedTuple):
     ----------
     about
         As JSON has it.
-    held
-        JSON, with numbers in the places of arrays.
+    tree_json
+        State of the run in JSON, with numbers in the places of arrays.
     arrays
         Of shape (..., N).
     places
@@ -165,7 +165,7 @@ class Checkpoint(NamedTuple):
     """
 
     about: dict[str, Any]
-    held: str
+    tree_json: str
     arrays: Sequence[NDArray[np.float64]]
     places: NDArray[np.float64]
 
@@ -207,7 +207,7 @@ def _written(path: Path, checkpoint: Checkpoint) -> int:
         with temporary.open("xb") as file:
             with ZipFile(file, "w") as archive:
                 archive.writestr("about.json", json.dumps(checkpoint.about))
-                archive.writestr("held.json", checkpoint.held)
+                archive.writestr("held.json", checkpoint.tree_json)
                 for name, values in (("places", checkpoint.places), *enumerate(checkpoint.arrays)):
                     content = BytesIO()
                     np.save(content, values)
@@ -338,10 +338,10 @@ def _metadata(archive: ZipFile, run: Path) -> dict[str, Any]:
 def _read(path: Path) -> Checkpoint:
     """Return a checkpoint of this run, every checksum right."""
     with _archive(path) as archive:
-        about, held = _metadata(archive, path.parent), archive.read("held.json").decode()
+        about, tree_json = _metadata(archive, path.parent), archive.read("held.json").decode()
 
         def array(name: object) -> NDArray[np.float64]:
             return _array(archive.read(f"{name}.npy"))
 
         numbers = range(sum(name.removesuffix(".npy").isdigit() for name in archive.namelist()))
-        return Checkpoint(about, held, [array(number) for number in numbers], array("places"))
+        return Checkpoint(about, tree_json, [array(number) for number in numbers], array("places"))

@@ -88,9 +88,9 @@ def record_run(
     warnings = Warnings(log)
     if integrator is not None:
         scene = scene.model_copy(update={"numerics": scene.numerics.without_integrator()})
-    known = {"scene": scene_content(scene, integrator), "files": contents(scene), "ranks": comm.size, **environment()}
-    known["warnings"] = warnings.records  # found until its end
-    writer = on_first(comm, lambda: RunWriter(place, known, resume=resume))
+    content = {"scene": scene_content(scene, integrator), "files": contents(scene), "ranks": comm.size, **environment()}
+    content["warnings"] = warnings.records  # found until its end
+    writer = on_first(comm, lambda: RunWriter(place, content, resume=resume))
     with abort_unless_all_fail(comm, LATEST), ExitStack() as at_the_end:
         if writer is not None:
             at_the_end.callback(writer.release)
@@ -104,7 +104,7 @@ def record_run(
             log.say(restart.take(run, waves, scene=scene, fields=series))
             restart.warn_of_missing_observers(called(observers))
         earlier, counting_on = (restart.about["parts"], restart.counting_on) if restart else ([], False)
-        parts = Parts(run, waves, began=start, earlier=earlier, counting_on=counting_on)
+        parts = Parts(run, waves, start_time=start, earlier=earlier, counting_on=counting_on)
         checkpointer = Checkpointer(
             requested,
             scene,
@@ -117,7 +117,7 @@ def record_run(
             observers=called(observers),
         )
 
-        report = EndReport(run, waves, parts, warnings, log, writer, known, drawn=draw is not None)
+        report = EndReport(run, waves, parts, warnings, log, writer, content, drawn=draw is not None)
         with Interruption(comm) as interruption:  # from now on SIGTERM is written down
             figures = {"parts": parts.so_far()} | planned_content(requested, scene, integrator)
             begin_directory(writer, log, figures, scene=scene, waves=waves, resumed=resume)

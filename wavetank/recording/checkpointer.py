@@ -20,7 +20,7 @@ from wavetank.simulation.checkpoints import Checkpoints
 from wavetank.simulation.construction import AnyWaves
 from wavetank.simulation.run import Run
 from wavetank.simulation.summary import Parts
-from wavetank.state import Held, serialize
+from wavetank.state import StateTree, serialize
 
 
 class CompletedStep(NamedTuple):
@@ -32,8 +32,8 @@ class CompletedStep(NamedTuple):
         Its number and time [s].
     q, p
         Coordinates and momenta; later steps have others.
-    held
-        By the run, without its solves.
+    tree
+        State of the run, without its solves.
     records
         How far the tables and snapshots of the first rank had grown; nothing on others.
     fields
@@ -44,9 +44,9 @@ class CompletedStep(NamedTuple):
     t: float
     q: Vector
     p: Vector
-    held: Held
-    records: Held
-    fields: dict[str, Held]
+    tree: StateTree
+    records: StateTree
+    fields: dict[str, StateTree]
 
 
 class Checkpointer:
@@ -157,8 +157,8 @@ class Checkpointer:
         if not waves.plane.comm.allreduce(bool(np.isfinite([reached.q, reached.p]).all()), op=MPI.LAND):
             return  # nothing could go on from there, as the run will say
         surface = self._surface(reached)
-        text, arrays = serialize({"surface": surface, "run": self._run.tree() if with_history else reached.held})
-        least = len(serialize({"surface": surface, "run": reached.held})[1])
+        text, arrays = serialize({"surface": surface, "run": self._run.tree() if with_history else reached.tree})
+        least = len(serialize({"surface": surface, "run": reached.tree})[1])
         values, places = gathered(waves.plane, arrays)
         about = {
             "t": reached.t,

@@ -14,7 +14,7 @@ from wavetank.simulation.construction import AnyWaves
 from wavetank.simulation.contract import Diagnostic
 from wavetank.simulation.monitoring import BreakingNews
 from wavetank.simulation.own import own_observers
-from wavetank.simulation.records import Kept, RecordCheck, records_of
+from wavetank.simulation.records import DeferredErrors, RecordCheck, records_of
 from wavetank.simulation.run import Run
 from wavetank.tank.breaking import BreakingDissipation
 
@@ -53,7 +53,7 @@ def add_diagnostics(
     records = records_of(scene, waves.plane.mesh.topology.dim, writer)
     run.diagnostics += build_observers(scene, waves, records._replace(fields=fields), sinks=run.sinks)
     parts = (*records, *records.paddles, *records.windows)
-    run.diagnostics.append(RecordCheck(comm, [one for one in parts if isinstance(one, Kept)]))
+    run.diagnostics.append(RecordCheck(comm, [one for one in parts if isinstance(one, DeferredErrors)]))
     run.diagnostics += build_watch(scene, run, waves, warnings.at_once)
     run.diagnostics += [BreakingNews(one, log.say) for one in run.filters if isinstance(one, BreakingDissipation)]
     run.user_diagnostics = own_observers(observers, waves)

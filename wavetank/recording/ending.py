@@ -38,7 +38,7 @@ class EndReport:
         Its parts so far.
     warnings, log, writer
         Where they go; without a writer on all ranks but the first.
-    known
+    content
         The manifest's content so far.
     drawn
         Whether pictures are drawn.
@@ -50,12 +50,12 @@ class EndReport:
     warnings: Warnings
     log: RunLog
     writer: RunWriter | None
-    known: dict[str, Any]
+    content: dict[str, Any]
     drawn: bool
 
     def dump_surface(self, surface: BrokenSurface) -> None:
         """Write the surface that a run broke down from."""
-        self.known.update(surface.figures)
+        self.content.update(surface.figures)
         if self.writer is not None:
             self.writer.write_table(BROKEN, surface.columns)
             self.writer.note({**surface.figures, "last_checkpoint": last_checkpoint(self.writer.path)})
@@ -88,7 +88,7 @@ class EndReport:
                 "checkpoints": [about["t"] for _, about in readable_checkpoints(self.writer.path)],
             }
             shown = {"flat": self.waves.plane.mesh.topology.dim == 1, "drawn": self.drawn}
-            records, spent = self.warnings.records, self.known | figures | ended
+            records, spent = self.warnings.records, self.content | figures | ended
             for line in closing(outcome, spent, warnings=records, path=self.writer.path, **shown):
                 self.log.say(line)
 

@@ -28,7 +28,7 @@ from wavetank.run_warning import RunWarning, run_warning
 from wavetank.simulation.build import Beginning
 from wavetank.simulation.clock import Clock
 from wavetank.simulation.construction import AnyWaves
-from wavetank.simulation.initial import KeptSurface
+from wavetank.simulation.initial import StoredSurface
 from wavetank.simulation.run import Run
 from wavetank.state import check_like, deserialize
 from wavetank.values.case_model import CaseError, Problem
@@ -73,7 +73,7 @@ class Restart:
     ):
         self._writer, self._comm, self._warn, self._at = writer, comm, warn, at
         self._checkpoint = last = on_first(comm, self._read)
-        parts = (last.about, last.held, len(last.arrays)) if last else None
+        parts = (last.about, last.tree_json, len(last.arrays)) if last else None
         self.about, self._text, self._count = comm.bcast(parts)
         self.anew = False
         try:
@@ -201,13 +201,13 @@ class Restart:
         return Beginning(self.about["t"], self.about["step"], self._tree["run"]["parts"], self._surface.on)
 
     @property
-    def _surface(self) -> KeptSurface:
+    def _surface(self) -> StoredSurface:
         values: tuple[Vector, Vector] = np.zeros(0), np.zeros(0)
         places: Vector = np.zeros((0, 3))
         if self._checkpoint is not None:
             surface = deserialize(self._text, self._checkpoint.arrays)["surface"]
             values, places = (surface["elevation"], surface["potential"]), self._checkpoint.places
-        return KeptSurface(
+        return StoredSurface(
             self._chosen, self.about["t"], self.about["mass"], values, places, parts=self._tree["run"]["parts"]
         )
 
@@ -244,8 +244,8 @@ class Restart:
     def _take(self, run: Run, waves: AnyWaves, scene: Case) -> str:
         """Take all of it: the run is the one that wrote it."""
         clock = self.about["clock"]
-        left, until = scene.run.duration - clock["begin"], scene.motions_end - clock["begin"]
-        run.clock = Clock.covering(left, clock["dt"], until=until).after(clock["begin"], clock["first"])
+        remaining, until = scene.run.duration - clock["begin"], scene.motions_end - clock["begin"]
+        run.clock = Clock.covering(remaining, clock["dt"], until=until).after(clock["begin"], clock["first"])
         last = self._checkpoint
         arrays, places = (last.arrays, last.places) if last else ([], np.zeros((0, 3)))
         tree = deserialize(self._text, found(waves.plane, arrays, places))["run"]

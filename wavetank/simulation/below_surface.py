@@ -12,7 +12,7 @@ from wavetank.output.fields import VtkCells
 from wavetank.run_warning import RunWarning
 from wavetank.simulation.clock import EverySteps, Schedule
 from wavetank.simulation.contract import Diagnostic, displacement, due_steps
-from wavetank.simulation.diagnostics import Called, LatticePlaces, Passing
+from wavetank.simulation.diagnostics import Called, LatticePlaces, PaddleReach
 from wavetank.simulation.records import FieldRecord, Record, WindowRecord
 from wavetank.tank.kinematics import MovingWater, Sounding, Velocity
 from wavetank.tank.seen import Block
@@ -77,7 +77,7 @@ class Probes:
         self._water, self._sounding, self._record, self.schedule = water, sounding, record, schedule
         self._places = sounding.places
         self._points = [f"x = {x:g}, y = {y:g}, z = {z:g} m" for x, y, z in sounding.points]
-        self._passing = Passing(water.wall, self._places, called or Called.unnamed(water.wall, "probe", self._places))
+        self._reach = PaddleReach(water.wall, self._places, called or Called.unnamed(water.wall, "probe", self._places))
         self._axes = axes_of(water)
         self.state = ProbeState()
 
@@ -92,7 +92,7 @@ class Probes:
         try:
             result = self._sounding.take()
         except OutsideError as error:
-            raise self._passing.error(t, error.index, self._water.wall.paddle_displacements(self._places)) from None
+            raise self._reach.error(t, error.index, self._water.wall.paddle_displacements(self._places)) from None
         wet = {name: not bool(dry) for name, dry in zip(self._points, result.dry, strict=True)}
         before = self.state.wet
         self.state = ProbeState(before | {name: one or before.get(name, False) for name, one in wet.items()})
@@ -188,8 +188,8 @@ class WindowObserver:
         except InputError as error:
             raise PaddleError(f"t = {t:.6g} s: the paddle has reached a column of a window: {error}", t=t) from None
         vectors = (vector[:, self._axes].T for vector in (result.velocity, result.local, result.acceleration))
-        moved = np.vstack([*vectors, result.pressure]).reshape(-1, *z.shape)
-        self._record.append(t, z, eta, moved)
+        quantities = np.vstack([*vectors, result.pressure]).reshape(-1, *z.shape)
+        self._record.append(t, z, eta, quantities)
 
 
 class VelocityFields:

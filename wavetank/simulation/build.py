@@ -23,7 +23,7 @@ from wavetank.simulation.initial import initial_surface
 from wavetank.simulation.own import check_states, own_scheme
 from wavetank.simulation.run import Run
 from wavetank.simulation.surviving import restore_surviving
-from wavetank.state import Held
+from wavetank.state import StateTree
 from wavetank.tank.breakdown import FARTHEST, ShortWaves
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.values.case_model import CaseError, Problem, about
@@ -47,7 +47,7 @@ class Beginning(NamedTuple):
 
     t: float
     step: int
-    parts: Held
+    parts: StateTree
     surface: Callable[[AnyWaves], tuple[Vector, Vector]]
 
 

@@ -43,8 +43,8 @@ def build_watch(scene: Case, run: Run, waves: AnyWaves, warn: Callable[[RunWarni
     """Return what watches the step of nonlinear waves and warns; collective."""
     if isinstance(waves, LinearWaves):
         return []  # the limit is known before the run, and kept
-    limit, look = run.integrator.stability_limit, IN_ELEVATION if run.state.q_jump is None else IN_JUMP
-    return [StabilityWatch(waves, waves.surface, dt=run.clock.dt, limit=limit, warn=warn, look=look)]
+    limit, alternating = run.integrator.stability_limit, IN_ELEVATION if run.state.q_jump is None else IN_JUMP
+    return [StabilityWatch(waves, waves.surface, dt=run.clock.dt, limit=limit, warn=warn, alternating=alternating)]
 
 
 def build_observers(scene: Case, waves: AnyWaves, records: Records, *, sinks: Sequence[Sink] = ()) -> list[Diagnostic]:
@@ -82,7 +82,7 @@ def _gauges(scene: Case, waves: AnyWaves, record: Record) -> Gauges:
 
 def _called(scene: Case, keys: Sequence[tuple[str | int, ...]]) -> Called:
     """Return what places are called that stand in a scene, and its paddles."""
-    return Called([".".join(map(str, key)) for key in keys], [seen.key for seen in scene.paddles])
+    return Called([".".join(map(str, key)) for key in keys], [end.key for end in scene.paddles])
 
 
 def _below_surface(scene: Case, waves: AnyWaves, records: Records) -> list[Diagnostic]:
@@ -162,15 +162,15 @@ def _rows(window: Window) -> EveryTimeBetween:
 
 def window_messages(scene: Case, clock: Clock) -> list[str]:
     """Return what there is to say of windows whose rows are not as far apart as was asked, or end early."""
-    told = list[str]()
+    sentences = list[str]()
     for window in scene.windows:
-        apart, sentence = _rows(window).spacing(clock.dt), ""
-        if abs(apart - window.every) > 1e-6 * window.every:
-            sentence = f"a row every {apart:.5g} s, in whole steps of {clock.dt:.5g} s"
-        if window.until is not None and clock.end + 1e-6 * apart < window.until:
+        interval, sentence = _rows(window).spacing(clock.dt), ""
+        if abs(interval - window.every) > 1e-6 * window.every:
+            sentence = f"a row every {interval:.5g} s, in whole steps of {clock.dt:.5g} s"
+        if window.until is not None and clock.end + 1e-6 * interval < window.until:
             sentence += f"{'; ' if sentence else ''}the run ends at {clock.end:.6g} s, before its until"
-        told += [f"window {window.name}: {sentence}"] if sentence else []
-    return told
+        sentences += [f"window {window.name}: {sentence}"] if sentence else []
+    return sentences
 
 
 def _wall(scene: Case, waves: AnyWaves, n: int) -> MeshTags:

@@ -30,7 +30,7 @@ class Checkpoints:
         self, comm: MPI.Comm, write: Callable[[], None], *, note: Callable[[], None], every: float | None = None
     ):
         self._comm, self._write, self._note, self._every = comm, write, note, every
-        self._began = self._last = time.monotonic()
+        self._start_time = self._last = time.monotonic()
         self._cost, self._first = 0.0, True
 
     def record(self, block: Block) -> None:
@@ -49,5 +49,5 @@ class Checkpoints:
         """How old the last one may get [s]."""
         if self._every is not None:
             return self._every
-        usual = max(min(USUALLY, max(SOON, self._last - self._began)), self._cost / COST)
+        usual = max(min(USUALLY, max(SOON, self._last - self._start_time)), self._cost / COST)
         return min(usual, max(FIRST, self._cost / FIRST_COST)) if self._first else usual

@@ -84,11 +84,11 @@ def check_depth(scene: Case, footprint: Footprint, plane: Plane) -> None:
     depth = scene.depths()
     if not callable(depth):
         return
-    looked_at = {"a depth of the bed": plane.places}
+    depths_at = {"a depth of the bed": plane.places}
     if not isinstance(footprint, Ring) and scene.paddles:
-        ends = {seen.side: plane.places[plane.at(footprint.side(seen.side).facets)] for seen in scene.paddles}
-        looked_at = {f"the bed's depth at the {end}": places for end, places in ends.items()}
-    for where, at in looked_at.items():
+        ends = {one.side: plane.places[plane.at(footprint.side(one.side).facets)] for one in scene.paddles}
+        depths_at = {f"the bed's depth at the {end}": places for end, places in ends.items()}
+    for where, at in depths_at.items():
         result = raise_on_all_ranks(plane.comm, lambda at=at: depth(*at.T))  # type: ignore[misc]
         low = plane.comm.allreduce(float(np.min(result, initial=np.inf)), op=MPI.MIN)
         high = plane.comm.allreduce(float(np.max(result, initial=-np.inf)), op=MPI.MAX)
@@ -105,8 +105,8 @@ def bed_message(scene: Case, waves: AnyWaves) -> str:
     if minimum is None:
         return ""
     touched = np.asarray(waves.bed.still == minimum, dtype=np.float64)
-    wet, whole = (waves.plane.sum(waves.mass.apply(part)) for part in (touched, np.ones_like(touched)))
-    return f"tank.bed.minimum_depth = {minimum:g} m holds for {100 * wet / whole:.3g} % of the tank"
+    wet, total = (waves.plane.sum(waves.mass.apply(part)) for part in (touched, np.ones_like(touched)))
+    return f"tank.bed.minimum_depth = {minimum:g} m holds for {100 * wet / total:.3g} % of the tank"
 
 
 def bed_by_code(scene: Case, waves: AnyWaves) -> dict[str, Vector]:
@@ -128,7 +128,7 @@ def bed_by_code(scene: Case, waves: AnyWaves) -> dict[str, Vector]:
 def describe_energy(scene: Case) -> list[str]:
     """Return a scene's Hamiltonian in words, a line each: its parts, the mapping, the bed; what vanishes, and why."""
     parts, walls = WATERS[scene.physics].waves.parts, wall_classes(scene)
-    names = [seen.key.replace("_", " ") for seen in scene.paddles] or ["wall"]
+    names = [one.key.replace("_", " ") for one in scene.paddles] or ["wall"]
     named = [wall.part._replace(name=name) for wall, name in zip(walls, names, strict=True)]
     if len(named) > 1 and named[0].formula == named[1].formula:
         named[1] = named[1]._replace(formula="the same at the far paddle")

@@ -40,8 +40,8 @@ class Called(NamedTuple):
         return cls(*([f"{one} {n + 1}" for n in range(count)] for one, count in named))
 
 
-class Passing:
-    """Places that paddles may reach.
+class PaddleReach:
+    """Errors for places that a paddle has reached.
 
     Parameters
     ----------
@@ -125,19 +125,19 @@ class Gauges:
         wall = waves.wall
         self._points = points_in(waves.plane, waves.plane.chart.place(wall.to_reference(places)))  # far ones stay there
         reached = wall.reaches(places)
-        self._near = np.flatnonzero(reached)
-        self._beside = SurfaceOverPlaces(waves.plane, wall, places[reached])
+        self._reached = np.flatnonzero(reached)
+        self._displaced = SurfaceOverPlaces(waves.plane, wall, places[reached])
         called = called or Called.unnamed(wall, "gauge", places)
-        names = [called.places[n] for n in self._near]
-        self._passing = Passing(wall, places[reached], called._replace(places=names))
+        names = [called.places[n] for n in self._reached]
+        self._reach = PaddleReach(wall, places[reached], called._replace(places=names))
 
     def record(self, block: Block) -> None:
         """Append a row for each step; raises ``PaddleError`` if a paddle has passed a gauge; collective."""
         rows = self._rows(block)
         elevations = self._points.of_all(rows)
         try:
-            if self._near.size:
-                elevations[:, self._near] = self._within_reach(block, rows)
+            if self._reached.size:
+                elevations[:, self._reached] = self._within_reach(block, rows)
         except RunError:
             for row in range(len(block)) if len(block) > 1 else ():  # up to the failing one
                 self.record(block.at([row]))
@@ -146,12 +146,12 @@ class Gauges:
 
     def _within_reach(self, block: Block, rows: Vector) -> Vector:
         """Return the elevation at gauges within the paddles' reach, shape (K, N); raises as ``record``."""
-        shifts = displacements(block, self._waves.wall, self._beside.places)
+        shifts = displacements(block, self._waves.wall, self._displaced.places)
         try:
-            return self._beside.each(rows, shifts)
+            return self._displaced.each(rows, shifts)
         except OutsideError as error:
-            row, place = divmod(error.index, len(self._beside.places))
-            raise self._passing.error(float(block.t[row]), place, shifts[:, row]) from None
+            row, place = divmod(error.index, len(self._displaced.places))
+            raise self._reach.error(float(block.t[row]), place, shifts[:, row]) from None
         except ConvergenceError as error:
             raise ConvergenceError(f"t = {block.t[0]:.6g} s: {error}", t=float(block.t[0])) from None
 
@@ -291,15 +291,15 @@ class SurfaceSnapshots:
         self._waves, self._record, self.schedule = waves, record, schedule
         comm, reference = waves.plane.comm, self._gather(waves.plane.x)
         self._order = np.argsort(reference, kind="stable")
-        self._look_at(comm.bcast(reference[self._order]))
+        self._set_places(comm.bcast(reference[self._order]))
         self._points: Points | None = None  # where those are not the places of this mesh
 
-    def _look_at(self, x: Vector) -> None:
-        """Take the places in the mesh [m] in the order of x."""
+    def _set_places(self, x: Vector) -> None:
+        """Set the places in the mesh [m], in the order of x."""
         self._reference, self._places = x, np.column_stack([x, np.zeros_like(x)])
-        near = np.flatnonzero(self._waves.wall.reaches(self._places))  # and all that stand between
-        self._near = slice(near[0], near[-1] + 1) if near.size else slice(0)
-        self._beside = self._places[self._near]
+        reached = np.flatnonzero(self._waves.wall.reaches(self._places))  # and all that stand between
+        self._reached = slice(reached[0], reached[-1] + 1) if reached.size else slice(0)
+        self._displaced = self._places[self._reached]
 
     def _gather(self, owned: Vector) -> Vector:
         """Return what all ranks own of the last axis, on the first of them."""
@@ -310,18 +310,18 @@ class SurfaceSnapshots:
         """Append the snapshots; collective."""
         fields = block.eta, block.psi
         if self._points is not None or self._waves.plane.comm.size > 1:
-            fields = self._found(block.eta), self._found(block.psi)
+            fields = self._values(block.eta), self._values(block.psi)
         if self._record is not None:
-            rows, near = np.empty((len(block), 1 + 3 * len(self._reference))), self._near
+            rows, reached = np.empty((len(block), 1 + 3 * len(self._reference))), self._reached
             rows[:, 0] = block.t
             x, above, potential = rows[:, 1:].reshape(len(rows), 3, -1).swapaxes(0, 1)
             x[:] = self._reference
             above[:], potential[:] = [one[:, self._order] for one in fields]
-            shifts = displacements(block, self._waves.wall, self._beside)
-            x[:, near] = self._waves.wall.to_physical(self._beside, above[:, near], shifts)[..., 0]
+            shifts = displacements(block, self._waves.wall, self._displaced)
+            x[:, reached] = self._waves.wall.to_physical(self._displaced, above[:, reached], shifts)[..., 0]
             self._record.extend(rows)
 
-    def _found(self, owned: Vector) -> Vector:
+    def _values(self, owned: Vector) -> Vector:
         """Return values on the first rank, of those of K fields, shape (K, owned): at the places, or as gathered."""
         if self._points is None:
             return self._gather(owned)
@@ -341,7 +341,7 @@ class SurfaceSnapshots:
         plane, x = self._waves.plane, state.x
         if x.shape == self._reference.shape and np.allclose(x, self._reference, rtol=0.0, atol=SAME * plane.cell_size):
             return
-        self._look_at(x)
+        self._set_places(x)
         self._field = plane.function("on the surface")
         self._points, self._order = Points(plane, plane.chart.place(self._places)), np.arange(x.size)
 

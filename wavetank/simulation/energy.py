@@ -138,20 +138,20 @@ class EnergyBudget:
         supplied, by_power = state.supplied.advance(t, block.power)
         damped, by_sponge = state.damped.advance(t, block.damped)
         by_sinks = zip(self._sinks, block.dissipated.T, strict=False)  # without sinks none is counted
-        taken = {SPONGE: by_sponge} | dict(by_sinks)
+        losses = {SPONGE: by_sponge} | dict(by_sinks)
         rows = np.empty((9 if has_feedback else 8, len(t)))
         total, work, dissipated, balance = rows[3:7]
         rows[0], rows[1], rows[2], rows[7] = t, kinetic, potential, mass
         total[:] = kinetic + potential
         work[:] = (put_in if has_feedback else by_power) - (wall - state.wall)
-        dissipated[:] = state.earlier + sum(taken.values())
+        dissipated[:] = state.earlier + sum(losses.values())
         balance[:] = total - state.total - work + dissipated
         energy = total + dissipated
         if has_feedback:
             rows[8], energy = absorbed, energy + np.fmax(absorbed, 0.0)
         jumped = abs(float(balance[0]) - state.balance) if self._renewed else 0.0
         due = rows[:, -first % self._every :: self._every]
-        most, given = _largest_taken(state, t, taken)
+        most, given = _largest_losses(state, t, losses)
         self._renewed = False
         self.state = replace(
             state,
@@ -199,9 +199,9 @@ class EnergyBudget:
                 details = {"part": part, "meaning": meaning}
                 result.append(RunWarning("energy-gained", "", given / state.energy, GIVEN, t, details=details))
                 most, giver = max((most, giver), (given, part))
-            if cure and (taken := state.most.get(name, 0.0)) > max(LOST * state.energy, state.nothing):
+            if cure and (loss := state.most.get(name, 0.0)) > max(LOST * state.energy, state.nothing):
                 details = {"part": part, "cure": cure}
-                result.append(RunWarning("energy-lost", value=taken / state.energy, limit=LOST, details=details))
+                result.append(RunWarning("energy-lost", value=loss / state.energy, limit=LOST, details=details))
         if state.off > (least := max(TRUE * state.energy, state.nothing)):
             reason, number = self.cause or "a shorter step or a tighter tolerance is needed", 0
             if state.off - state.jumped <= least:
@@ -213,14 +213,14 @@ class EnergyBudget:
         return result
 
 
-def _largest_taken(
+def _largest_losses(
     state: EnergyTotals, t: Vector, of_all: Mapping[str, Vector]
 ) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
-    """Return the most energy that each sink has taken, and the most given back of it, with its time [s]."""
+    """Return the largest loss by each sink, and the most given back of it, with its time [s]."""
     most, given = {**state.most}, {**state.given}
-    for name, taken in of_all.items():
-        highest = np.fmax(np.fmax.accumulate(taken), most.get(name, taken[0]))
-        back = np.fmax(highest - taken, 0.0)
+    for name, loss in of_all.items():
+        highest = np.fmax(np.fmax.accumulate(loss), most.get(name, loss[0]))
+        back = np.fmax(highest - loss, 0.0)
         worst, most[name] = int(np.argmax(back)), float(highest[-1])
         if back[worst] > given.get(name, (0.0, 0.0))[0]:
             given[name] = float(back[worst]), float(t[worst])

@@ -14,7 +14,7 @@ from wavetank.motion.feedback import FeedbackState, StateSpaceFilter, elevation_
 from wavetank.mpi import from_first, raise_on_all_ranks
 from wavetank.simulation.construction import AnyWaves
 from wavetank.simulation.supply import PaddleWork
-from wavetank.state import Held, typed
+from wavetank.state import StateTree, typed
 from wavetank.tank.answering import Excess, Measurement, PaddleController, Push
 from wavetank.values.case_model import CaseModel, entry
 
@@ -43,7 +43,7 @@ def build_paddle_work(scene: Case, waves: AnyWaves) -> PaddleWork | None:
     return PaddleWork([paddle.motion for paddle in waves.wall.paddles], masses)
 
 
-def restore_paddles(scene: Case, motions: Iterable[Any], parts: Held) -> None:
+def restore_paddles(scene: Case, motions: Iterable[Any], parts: StateTree) -> None:
     """Move paddles with feedback to where the parts of a run have them, among the motions of all paddles."""
     paddles = [*motions]
     for n, number in enumerate(scene.absorbing):

@@ -25,14 +25,14 @@ from wavetank.output.directory import RunDirectory
 from wavetank.simulation.construction import AnyWaves, build_footprint
 from wavetank.simulation.feedback import restore_paddles
 from wavetank.simulation.walls import build_wall, motion_of
-from wavetank.state import Held, deserialize
+from wavetank.state import StateTree, deserialize
 from wavetank.values.case_model import CaseError
 
 TRIALS = 6  # each ten times as near: the slopes of surface and paddle are a few tenths at most
 
 
-class KeptSurface(NamedTuple):
-    """The surface of a run, by place.
+class StoredSurface(NamedTuple):
+    """The surface of a run as its checkpoint stores it.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class KeptSurface(NamedTuple):
     mass: float
     values: tuple[Vector, Vector]
     places: Vector
-    parts: Held
+    parts: StateTree
 
     def on(self, waves: AnyWaves) -> tuple[Vector, Vector]:
         """Return both at the degrees of freedom of waves, whose wall stands as it will, shape (owned,); collective.
@@ -94,10 +94,10 @@ def _on_all(comm: MPI.Comm, rows: Vector) -> Vector:
     return np.concatenate(comm.allgather(rows))
 
 
-SEEN = 0.01  # of its rms: a mean elevation that is told
+MEAN_TOLERANCE = 0.01  # of its rms: the largest mean elevation without a message
 
 
-APART = 1e-3  # of the depth: so far may the wall stand from where it stood
+TOLERANCE = 1e-3  # of the depth: the largest difference of wall positions
 
 
 MESHED = {"cells", "geometry", "sponge_length", "factor", "refine", "file"}  # of a layout: its mesh, not its walls
@@ -110,23 +110,23 @@ def initial_surface(scene: Case, waves: AnyWaves) -> tuple[Vector, Vector]:
     """
     comm, initial = waves.plane.comm, scene.initial
     if isinstance(initial, RunState):
-        return kept_surface(scene, initial, waves).on(waves)
+        return stored_surface(scene, initial, waves).on(waves)
     x, y = waves.plane.places.T
     return raise_on_all_ranks(comm, lambda: initial.surface(scene.tank, x, y))
 
 
-def kept_surface(scene: Case, initial: RunState, waves: AnyWaves) -> KeptSurface:
-    """Return what was kept, values on the first rank alone; collective. Raises ``InputError``, on all ranks."""
+def stored_surface(scene: Case, initial: RunState, waves: AnyWaves) -> StoredSurface:
+    """Return the surface of a checkpoint, values on the first rank alone; collective. Raises ``InputError``."""
     comm = waves.plane.comm
     result: list[Checkpoint] = []
 
-    def read() -> tuple[dict[str, Any], Case, Held]:
+    def read() -> tuple[dict[str, Any], Case, StateTree]:
         path, about = _chosen(initial)
         before, checkpoint = _its_scene(initial, about), read_checkpoint_file(path)
         if not isinstance(checkpoint, Checkpoint):
             raise InputError(f"{path}: cannot be used ({checkpoint or 'it is no longer there'}).")
         try:
-            tree = checked_tree(checkpoint.about, checkpoint.held, [np.zeros(0)] * len(checkpoint.arrays))
+            tree = checked_tree(checkpoint.about, checkpoint.tree_json, [np.zeros(0)] * len(checkpoint.arrays))
         except ValueError as error:
             raise InputError(f"{path}: cannot be used ({error}).") from None
         scheme = tree["run"]["parts"]
@@ -138,9 +138,9 @@ def kept_surface(scene: Case, initial: RunState, waves: AnyWaves) -> KeptSurface
     values: tuple[Vector, Vector] = np.zeros(0), np.zeros(0)
     places: Vector = np.zeros((0, 3))
     if result:
-        surface = deserialize(result[0].held, result[0].arrays)["surface"]
+        surface = deserialize(result[0].tree_json, result[0].arrays)["surface"]
         values, places = (surface["elevation"], surface["potential"]), result[0].places
-    return KeptSurface(before, about["t"], about["mass"], values, places, parts=scheme)
+    return StoredSurface(before, about["t"], about["mass"], values, places, parts=scheme)
 
 
 def with_its_numerics(scene: Case, initial: RunState) -> Case:
@@ -169,7 +169,7 @@ def _mean_message(waves: AnyWaves, q: Vector) -> str:
     """Return where the mean of an initial surface is, unless that is at still water; collective."""
     still, higher = (waves.total_mass(waves.state(np.full_like(q, eta), 0 * q)[0]) for eta in (0.0, waves.depth))
     mean = (waves.total_mass(q) - still) / (higher - still) * waves.depth
-    if abs(mean) < SEEN * waves.plane.rms(waves.elevation(q, 0 * q, 0.0)):
+    if abs(mean) < MEAN_TOLERANCE * waves.plane.rms(waves.elevation(q, 0 * q, 0.0)):
         return ""
     return f"the initial surface has a mean of {mean:+.3g} m: at rest the water would stand there, not at z = 0"
 
@@ -197,23 +197,25 @@ def _its_scene(initial: RunState, about: dict[str, Any]) -> Case:
         raise InputError(f"directory = {initial.directory}: was written by another version of this program.") from None
 
 
-def _check(scene: Case, before: Case, t: float, scheme: Held) -> None:
+def _check(scene: Case, before: Case, t: float, scheme: StateTree) -> None:
     """Raise ``InputError`` unless the tanks are one, and the walls stand in one place."""
     mine, its = (_walls(one) for one in (scene, before))
     for key in sorted(mine.keys() | its.keys()):
         if mine.get(key) != its.get(key):
             raise InputError(f"tank.{key} = {mine.get(key)!r}: must be {its.get(key)!r}, as in the run to begin with.")
-    moved, moves = _motions(before, scheme), _motions(scene)
+    previous, present = _motions(before, scheme), _motions(scene)
     for name, was, now in zip(("wall", "far wall"), before.ends, scene.ends, strict=True):
         places = [y for y in (one.wall.places(one.tank) for one in (was, now)) if y is not None]
         along = np.unique(np.concatenate(places)) if places else None
-        stood, stands = _position(moved.get(was.key), t, along), _position(moves.get(now.key), 0.0, along)
-        apart = stands - stood
-        if np.abs(apart).max() > APART * scene.tank.depth:
-            most = int(np.abs(apart).argmax())
-            there, here = (np.broadcast_to(one, apart.shape).flat[most] for one in (stood, stands))
+        at_end, at_start = _position(previous.get(was.key), t, along), _position(present.get(now.key), 0.0, along)
+        difference = at_start - at_end
+        if np.abs(difference).max() > TOLERANCE * scene.tank.depth:
+            most = int(np.abs(difference).argmax())
+            there, here = (np.broadcast_to(one, difference.shape).flat[most] for one in (at_end, at_start))
             where = f"the {name} stood at {there:.4g} m when t = {t:.6g} s, and begins at {here:.4g} m"
-            raise InputError(f"{where}: must be as near as {APART:g} of the depth; it may wait until it is at rest.")
+            raise InputError(
+                f"{where}: must be as near as {TOLERANCE:g} of the depth; it may wait until it is at rest."
+            )
 
 
 def _walls(scene: Case) -> dict[str, Any]:
@@ -229,14 +231,14 @@ def _leaves(tables: dict[str, Any], name: str = "") -> Iterator[tuple[str, Any]]
             yield f"{name}{key}", value
 
 
-def _motions(scene: Case, scheme: Held | None = None) -> dict[str, Motion]:
+def _motions(scene: Case, scheme: StateTree | None = None) -> dict[str, Motion]:
     """Return what moves the walls, as the water has it, by their keys; ``scheme``: where absorbing has taken them."""
     if scene.physics == "linear":
         return {}
-    motions = [motion_of(seen) for seen in scene.paddles]
+    motions = [motion_of(end) for end in scene.paddles]
     if scheme is not None:
         restore_paddles(scene, motions, scheme)
-    return {seen.key: motion for seen, motion in zip(scene.paddles, motions, strict=True)}
+    return {end.key: motion for end, motion in zip(scene.paddles, motions, strict=True)}
 
 
 def _position(motion: Motion | None, t: float, y: Vector | None) -> Vector:

@@ -103,7 +103,7 @@ class ProgressBar:
     ):
         self._duration, self._cost, (self._step, self._t) = duration, cost, begin
         self._say = log.note if log.console.is_terminal else log.say
-        self._began, self._reported, self._set_up = time.monotonic(), self._t, cost()
+        self._start_time, self._reported, self._set_up = time.monotonic(), self._t, cost()
         self._bar = Progress(
             TextColumn("t = {task.completed:.2f} / {task.total:g} s"),
             BarColumn(),
@@ -131,8 +131,8 @@ class ProgressBar:
             self._bar.update(self._task, completed=done, description=self._per_step(step))
         if t >= self._reported + self._duration / self.plain_lines:
             self._reported = t
-            left = (now - self._began) * (self._duration - t) / (t - self._t)
-            self._say(f"t = {t:.2f} / {self._duration:g} s, {left:.0f} s left, {self._per_step(step)}")
+            remaining = (now - self._start_time) * (self._duration - t) / (t - self._t)
+            self._say(f"t = {t:.2f} / {self._duration:g} s, {remaining:.0f} s left, {self._per_step(step)}")
 
     def _per_step(self, step: int) -> str:
         solves, iterations = (
@@ -159,13 +159,13 @@ class ProgressReport:
         self, note: Callable[[dict[str, object]], None], tell: Callable[[], None], *, begin: float, end: float
     ):
         self._note, self._tell, self._begin, self._end = note, tell, begin, end
-        self._began, self._told = time.monotonic(), -inf
+        self._start_time, self._last_written = time.monotonic(), -inf
 
     def record(self, block: Block) -> None:
         """Note the last step of the block."""
         step, t = int(block.step[-1]), float(block.t[-1])
         now, when = time.monotonic(), {"t": t, "begin": self._begin, "end": self._end}
-        self._note({"progress": {**when, "step": step, "wall_s": now - self._began}})
-        if now > self._told + self.every:
+        self._note({"progress": {**when, "step": step, "wall_s": now - self._start_time}})
+        if now > self._last_written + self.every:
             self._tell()
-            self._told = now
+            self._last_written = now

@@ -37,8 +37,8 @@ class FieldRecord(Protocol):
 
 
 def _not_finite(t: Any) -> RunError:
-    said = "a recorded value is not a finite number; the run has broken down."
-    return RunError(f"t = {t:.6g} s: {said}", t=float(t))
+    message = "a recorded value is not a finite number; the run has broken down."
+    return RunError(f"t = {t:.6g} s: {message}", t=float(t))
 
 
 class Discard:
@@ -75,8 +75,8 @@ class Memory:
         return np.array(self.rows)
 
 
-class Kept:
-    """A record whose failure is kept until it is asked for: the first rank writes alone, and all ranks must end."""
+class DeferredErrors:
+    """A record that stores its failure until ``RecordCheck``: the first rank writes alone, and all ranks must end."""
 
     def __init__(self, append: Callable[..., None]):
         self._append = append
@@ -102,7 +102,7 @@ class RecordCheck:
         Those of this rank.
     """
 
-    def __init__(self, comm: MPI.Comm, records: Sequence[Kept]):
+    def __init__(self, comm: MPI.Comm, records: Sequence[DeferredErrors]):
         self.schedule = EverySteps()
         self._comm, self._records = comm, records
 
@@ -120,7 +120,7 @@ class RecordCheck:
 class WindowRecord(Protocol):
     """Where a window's motion goes."""
 
-    def append(self, t: float, z: Vector, eta: Vector, moved: Vector) -> None:
+    def append(self, t: float, z: Vector, eta: Vector, quantities: Vector) -> None:
         """Append heights [m], shape (columns, levels), elevations [m], (columns,), and the quantities of each point.
 
         These are velocities, accelerations and pressure in the order of ``records.window``, shape (quantities, columns,
@@ -165,15 +165,15 @@ def records_of(scene: Case, dimensions: int, writer: RunWriter | None) -> Record
         return Records(Discard(), Discard(), None, probes=probed, loads=loaded, paddles=no_paddles, windows=no_windows)
     gauges = writer.gauges([(gauge.name, gauge.x, gauge.y) for gauge in scene.all_gauges])
     energy = writer.table(ENERGY, energy_columns(dimensions, absorbed=bool(scene.absorbing)))
-    surface = Kept(writer.surface().extend) if dimensions == 1 else None
+    surface = DeferredErrors(writer.surface().extend) if dimensions == 1 else None
     motions = [writer.table(PADDLES[end.key], _paddle_columns(scene, end, dimensions)) for end in scene.paddles]
     points = [(probe.name, probe.x, probe.y, probe.z) for probe in scene.probes]
-    probes = Kept(writer.table(PROBES, probe_columns(points, dimensions)).extend) if points else None
+    probes = DeferredErrors(writer.table(PROBES, probe_columns(points, dimensions)).extend) if points else None
     walls = [load.called for load in scene.loads]
-    loads = Kept(writer.table(LOADS, load_columns(walls, dimensions)).extend) if walls else None
-    windows = [Kept(_window(one, writer, dimensions)) for one in scene.windows]
-    tables = Records(Kept(gauges.extend), Kept(energy.extend), surface, probes=probes, loads=loads)
-    return tables._replace(paddles=[Kept(one.extend) for one in motions], windows=windows)
+    loads = DeferredErrors(writer.table(LOADS, load_columns(walls, dimensions)).extend) if walls else None
+    windows = [DeferredErrors(_window(one, writer, dimensions)) for one in scene.windows]
+    tables = Records(DeferredErrors(gauges.extend), DeferredErrors(energy.extend), surface, probes=probes, loads=loads)
+    return tables._replace(paddles=[DeferredErrors(one.extend) for one in motions], windows=windows)
 
 
 def _paddle_columns(scene: Case, end: EndWall, dimensions: int) -> list[str]:

@@ -19,7 +19,7 @@ from wavetank.simulation.contract import Control, Diagnostic, due_steps
 from wavetank.simulation.energy import Sink
 from wavetank.simulation.supply import PaddleWork
 from wavetank.simulation.surviving import MAY_BE_NEW, restore_surviving, survives
-from wavetank.state import Held, has_state, named, plain, restore_all, states_of, typed
+from wavetank.state import StateTree, has_state, named, plain, restore_all, states_of, typed
 from wavetank.tank.seen import Block, Evaluations, write_numbers
 
 LONGEST, NUMBERS = 64, 3.6e5  # steps of a block, and unknowns of all of them
@@ -92,14 +92,14 @@ class Pace:
 
     def __init__(self, comm: MPI.Comm, most: int):
         self._comm, self._most = comm, most
-        self._steps, self._began = 0, time.monotonic()
+        self._steps, self._start_time = 0, time.monotonic()
 
     def next(self) -> int:
         """Return as many as take ``SECONDS``, twice as many as the last block at most; collective."""
         now = time.monotonic()
-        enough = SECONDS * self._steps / max(now - self._began, 1e-9)
+        enough = SECONDS * self._steps / max(now - self._start_time, 1e-9)
         steps = max(1, min(self._most, 2 * self._steps, int(enough)))
-        self._steps, self._began = (steps if self._comm.size == 1 else self._comm.bcast(steps)), now
+        self._steps, self._start_time = (steps if self._comm.size == 1 else self._comm.bcast(steps)), now
         return self._steps
 
 
@@ -148,7 +148,7 @@ class Run:
         self.step = clock.first
         self.state = integrator.start(*start)
         self.recorded = False
-        self._begun = False  # whether the start has been recorded
+        self._start_recorded = False  # whether the start has been recorded
         self._rows: Rows | None = None
 
     @property
@@ -177,8 +177,8 @@ class Run:
         most = max(1, min(self.longest_block, int(NUMBERS / size)))
         self._rows = Rows(self.system, self.state.q.size, most, sinks=self.sinks, work=self.paddle_work)
         pace = Pace(comm, most)
-        if not self._begun:
-            self._begun, self.state = True, self.state.evaluated(self.system, self.t)
+        if not self._start_recorded:
+            self._start_recorded, self.state = True, self.state.evaluated(self.system, self.t)
             self._end_step()
             self._end_block()
         while self.step < self.clock.steps:
@@ -255,21 +255,21 @@ class Run:
         inner_diagnostics = (getattr(one, "diagnostics", ()) for one in self.diagnostics)
         return parts | named(itertools.chain(self.filters, self.diagnostics, *inner_diagnostics))
 
-    def tree(self, *, with_solves: bool = True) -> Held:
+    def tree(self, *, with_solves: bool = True) -> StateTree:
         """Return the state of the run as a plain tree; collective.
 
         Without solves it has only what survives a change of numerics. Raises ``TypeError`` for a state of the scheme
         that is not a dataclass.
         """
         parts = self.parts if with_solves else {name: part for name, part in self.parts.items() if survives(name)}
-        return {"step": self.step, "begun": self._begun, "state": plain(self.state), "parts": states_of(parts)}
+        return {"step": self.step, "begun": self._start_recorded, "state": plain(self.state), "parts": states_of(parts)}
 
-    def resume(self, tree: Held, *, with_solves: bool = True) -> None:
+    def resume(self, tree: StateTree, *, with_solves: bool = True) -> None:
         """Continue, at the next ``execute``, an equal run from its state; collective.
 
         Raises ``ValueError`` for a tree that is none, and ``InputError`` for one of other diagnostics.
         """
-        self.step, self._begun = typed(int, tree["step"], "step"), typed(bool, tree["begun"], "begun")
+        self.step, self._start_recorded = typed(int, tree["step"], "step"), typed(bool, tree["begun"], "begun")
         for name, mine in vectors(self.state).items():
             if np.shape(tree["state"][name]) != mine.shape:
                 raise ValueError(f"the state's {name} has another shape")
@@ -281,9 +281,9 @@ class Run:
         else:
             restore_surviving(self.parts, tree["parts"])
 
-    def change_numerics(self, tree: Held) -> None:
+    def change_numerics(self, tree: StateTree) -> None:
         """Continue, at the next ``execute``, from the start, the end of a run with other numerics; collective."""
-        self._begun = True
+        self._start_recorded = True
         restore_surviving(self.parts, tree["parts"], renewed=True)
 
 

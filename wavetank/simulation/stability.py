@@ -127,8 +127,8 @@ class StabilityWatch:
 
     Parameters
     ----------
-    look
-        What it looks at: the jump of a scheme that has one.
+    alternating
+        What it examines: the jump of a scheme that has one.
     waves
         The water.
     flow
@@ -150,12 +150,12 @@ class StabilityWatch:
         dt: float,
         limit: float,
         warn: Callable[[RunWarning], None],
-        look: Alternating,
+        alternating: Alternating,
     ):
         self.schedule = EverySteps()
         self._waves, self._flow, self._dt, self._limit, self._warn = waves, flow, dt, limit, warn
         self._short = ShortWaves(waves)
-        self._look = look
+        self._alternating = alternating
         rows, wall = np.zeros((0, waves.plane.owned)), waves.wall.velocities
         self.state = StabilityState(
             rows, list[float]() if wall.size == 1 else rows, CALM * waves.depth, waves.largest_frequency
@@ -173,33 +173,35 @@ class StabilityWatch:
 
     def record(self, block: Block) -> None:
         """Warn if what alternates has grown; collective."""
-        look, comm, count = self._look, self._waves.plane.comm, len(block)
+        watched, comm, count = self._alternating, self._waves.plane.comm, len(block)
         state = self.state
-        rows = np.concatenate([state.rows, getattr(block, look.quantity)])
+        rows = np.concatenate([state.rows, getattr(block, watched.quantity)])
         wall = np.concatenate([np.reshape(state.wall, (-1, block.velocities.shape[1])), block.velocities])
-        last: Any = wall[-look.before :]
-        heights, lower, driven = (largest(comm, each) for each in (block.largest, look.lower(rows), look.lower(wall)))
+        last: Any = wall[-watched.before :]
+        heights, lower, driven = (
+            largest(comm, each) for each in (block.largest, watched.lower(rows), watched.lower(wall))
+        )
         first = count - len(lower)  # the first step with enough steps before
         highest = _so_far(state.highest, heights)
-        driven = _so_far(state.driven, look.driven * self._dt * driven)
-        noise, calm = np.zeros(count), look.noise / 10
-        noise[first:] = np.maximum(0.0, look.scale * lower - driven[1:])
+        driven = _so_far(state.driven, watched.driven * self._dt * driven)
+        noise, calm = np.zeros(count), watched.noise / 10
+        noise[first:] = np.maximum(0.0, watched.scale * lower - driven[1:])
         noise /= highest[1:]
         if not noise.max() < calm:
-            higher = largest(comm, look.higher(rows))
+            higher = largest(comm, watched.higher(rows))
             noise[first:] = np.where(higher > SHORT * lower, noise[first:], 0.0)
         last = last[:, 0].tolist() if isinstance(state.wall, list) else last.copy()
         frequency = self._largest_frequency(block) if block.step[-1] % OFTEN == 0 else 0.0  # where blocks end
         self.state = replace(
             state,
-            rows=rows[-look.before :].copy(),
+            rows=rows[-watched.before :].copy(),
             wall=last,
             highest=float(highest[-1]),
             driven=float(driven[-1]),
         )
         for n, one in enumerate(noise.tolist()):
             if self._warns(float(block.t[n]), one):
-                heights = np.abs(np.diff(rows[n - first :][1 : look.order + 2], look.order, axis=0)[0])
+                heights = np.abs(np.diff(rows[n - first :][1 : watched.order + 2], watched.order, axis=0)[0])
                 self._warn(self._warning(float(block.t[n]), one, *self._place(block, n, heights)))
         if noise[-1] < calm:  # elsewhere the motion is not that of the water
             self.state = replace(self.state, frequency=max(state.frequency, frequency))
@@ -211,7 +213,7 @@ class StabilityWatch:
 
     def _warns(self, t: float, noise: float) -> bool:
         """Return whether to warn of the noise at a step."""
-        before, limit = self.state, self._look.noise
+        before, limit = self.state, self._alternating.noise
         steps = before.steps + 1 if noise > limit else 0
         warns = steps == IN_A_ROW and before.noise <= limit
         since = t if warns and before.since is None else before.since
@@ -242,4 +244,4 @@ class StabilityWatch:
         if self.longest is not None:
             code, product = "unstable-step", self._dt * self.state.frequency
             details = {"product": product, "stable": self._limit, "longest": self.longest}
-        return RunWarning(code, "numerics.dt", 100 * noise, 100 * self._look.noise, t, x, y, details=details)
+        return RunWarning(code, "numerics.dt", 100 * noise, 100 * self._alternating.noise, t, x, y, details=details)

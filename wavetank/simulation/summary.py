@@ -37,7 +37,7 @@ class Parts:
     ----------
     run, waves
         What goes on, where it begins to.
-    began
+    start_time
         When that was begun to be set up, ``time.monotonic`` [s].
     earlier
         The parts before, of as many steps as there are records.
@@ -50,12 +50,12 @@ class Parts:
         run: Run,
         waves: AnyWaves,
         *,
-        began: float,
+        start_time: float,
         earlier: Sequence[Figures] = (),
         counting_on: bool = False,
     ):
         self._run, self._waves, self._earlier = run, waves, list(earlier)
-        self._began, self._built, self._busy = began, time.monotonic(), time.process_time()
+        self._start_time, self._built, self._busy = start_time, time.monotonic(), time.process_time()
         self._t, self._step = run.t, run.step
         self._counted = _counters(waves) if counting_on else {}
 
@@ -71,7 +71,7 @@ class Parts:
             "numerics": _numerics(run, self._waves),
             "counters": {name: n - self._counted.get(name, 0) for name, n in _counters(self._waves).items()},
             "timings": {
-                "set_up_s": self._built - self._began,
+                "set_up_s": self._built - self._start_time,
                 "stepping_s": now - self._built,
                 "stepping_cpu_s": comm.allreduce(time.process_time() - self._busy),
             },
@@ -227,22 +227,22 @@ def _of_breakdown(spent: dict[str, Any], path: Path, *, untrue: float | None, dr
     """Return where the state is that a run broke down from, and where it may go on; nothing of another run."""
     if "broke_down" not in spent:
         return []
-    kept, crests = spent["checkpoints"], spent["broke_down"]["crests"]
+    checkpoints, crests = spent["checkpoints"], spent["broke_down"]["crests"]
     dissipates = spent["scene"]["run"].get("on_breaking") == "dissipate"
     breaks = not dissipates and any(crest["speed_ratio"] > ONSET for crest in crests)
     half = "" if breaks else f"numerics.dt={0.5 * spent['numerics']['dt']:.3g}"
     other = " --set ".join(filter(None, ["run.on_breaking=dissipate" if breaks else "", spent.get("cure") or half]))
     files = ", ".join(str(path / file) for file in (BROKEN, *([BROKEN_PICTURE] if drawn else [])))
     lines = [f"the surface it broke down from, t = {spent['t']:.6g} s: {files}"]
-    sound = [t for t in kept if untrue is None or t < untrue]
-    good = "good " if kept[:1] == sound[:1] else ""
-    if kept:
-        before = "".join(f"; the one before, t = {t:.6g} s: --at {t:.6g}" for t in kept[1:])
-        lines.append(f"the last {good}checkpoint, t = {kept[0]:.6g} s: {path / CHECKPOINT}{before}")
+    sound = [t for t in checkpoints if untrue is None or t < untrue]
+    good = "good " if checkpoints[:1] == sound[:1] else ""
+    if checkpoints:
+        before = "".join(f"; the one before, t = {t:.6g} s: --at {t:.6g}" for t in checkpoints[1:])
+        lines.append(f"the last {good}checkpoint, t = {checkpoints[0]:.6g} s: {path / CHECKPOINT}{before}")
     if spent.get("anew"):
         return [*lines, f"next: {ANEW}"]
     if not sound:
-        none = "no checkpoint is older than the warning" if kept else "there is no checkpoint"
+        none = "no checkpoint is older than the warning" if checkpoints else "there is no checkpoint"
         return [*lines, f"next: anew from the start with --set {other}: {none}"]
     at = "" if good else f" --at {sound[0]:.6g}"
     return [*lines, f"next: wavetank resume {shlex.quote(str(path))}{at} --set {other}"]
@@ -250,8 +250,8 @@ def _of_breakdown(spent: dict[str, Any], path: Path, *, untrue: float | None, dr
 
 def _ranks(spent: dict[str, Any]) -> str:
     """Return on how many ranks a run has been, in each of its parts."""
-    *others, last = dict.fromkeys([part["ranks"] for part in spent["parts"]])
-    return f"{', '.join(map(str, others))}{' and ' if others else ''}{last} {'ranks' if others or last > 1 else 'rank'}"
+    *first, last = dict.fromkeys([part["ranks"] for part in spent["parts"]])
+    return f"{', '.join(map(str, first))}{' and ' if first else ''}{last} {'ranks' if first or last > 1 else 'rank'}"
 
 
 PLACES, VALUES = ("x [m]", "y [m]"), ("elevation [m]", "slope [-]", "velocity [m/s]")

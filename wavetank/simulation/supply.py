@@ -22,7 +22,7 @@ from wavetank.arrays import Vector
 from wavetank.integrators.states import State
 from wavetank.state import Replicated
 
-KNOWN = 4  # values that a cubic goes through
+CUBIC_POINTS = 4  # values that a cubic goes through
 SAME_STEP = 1e-6  # largest relative difference of two steps of one length
 ADAMS_MOULTON = (  # weights of the rates at the newest, second newest, ... time, by how many there are
     (0.0,),
@@ -68,7 +68,7 @@ class Integral:
     t: float = 0.0
     dt: float = 0.0
     count: int = 0
-    rates: list[float] = field(default_factory=lambda: [0.0] * KNOWN)
+    rates: list[float] = field(default_factory=lambda: [0.0] * CUBIC_POINTS)
 
     def advance(self, times: Vector, rates: Vector) -> tuple["Integral", Vector]:
         """Return the integral up to the last of K times, for the rates there, and its values, shape (K,)."""
@@ -77,7 +77,7 @@ class Integral:
         for t, rate in zip(map(float, times), map(float, rates), strict=True):
             dt, newest = t - last, [rate, *newest[:-1]]
             equal = abs(dt - last_dt) <= SAME_STEP * max(abs(dt), abs(last_dt))
-            count = min(count + 1, KNOWN if equal else 2)
+            count = min(count + 1, CUBIC_POINTS if equal else 2)
             mean = (newest[2] - 2 * newest[1] + newest[0]) * -1.0 / 12 if count == 3 else 0.0
             for weight, one in zip(ADAMS_MOULTON[count - 1], newest, strict=False):
                 mean += weight * one
@@ -127,19 +127,19 @@ class PaddleWork:
         """
         slopes = np.array([at.slopes for at in state.evaluations], dtype=np.float64).swapaxes(1, 2)
         before = self.state
-        times = [*before.times[1 - KNOWN :], t]
+        times = [*before.times[1 - CUBIC_POINTS :], t]
         newest = np.vstack([slopes.mean(axis=0), self._speeds(t)])
-        known = np.concatenate([before.known[1 - KNOWN :], newest[None]])
-        done = before.done if len(times) < 2 else before.done + self._work(times, known)
-        self.state = PaddleWorkState(times, known, done)
+        rows = np.concatenate([before.known[1 - CUBIC_POINTS :], newest[None]])
+        done = before.done if len(times) < 2 else before.done + self._work(times, rows)
+        self.state = PaddleWorkState(times, rows, done)
         return float(done[0]), float(newest[3] @ slopes[-1][1] - done[1])
 
-    def _work(self, times: list[float], known: Vector) -> Vector:
+    def _work(self, times: list[float], rows: Vector) -> Vector:
         """Return the work of the last step by both u, shape (2,)."""
         dt = times[-1] - times[-2]
         values, rates = _through(tuple(round((time - times[-2]) / dt, EQUAL) for time in times))
-        by_place, u = known[:, 0], known[:, 2:]
-        K = known[:, 1:2] + self._masses * u
+        by_place, u = rows[:, 0], rows[:, 2:]
+        K = rows[:, 1:2] + self._masses * u
         push = (values @ by_place)[:, None] - (rates / dt @ K.reshape(len(K), -1)).reshape(-1, *u[0].shape)
         within = np.array([u[-2], self._speeds(times[-1] - 0.5 * dt), u[-1]])
         ends = (K[-2:] - 0.5 * self._masses * u[-2:]) * u[-2:]

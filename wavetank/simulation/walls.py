@@ -51,7 +51,7 @@ def build_wall(scene: Case, footprint: Footprint, plane: Plane) -> Any:
 
     Raises ``InputError`` where one cannot move as far.
     """
-    walls = [_built(seen, footprint, plane) for seen in scene.paddles]
+    walls = [_built(end, footprint, plane) for end in scene.paddles]
     if len(walls) < 2:
         return walls[0] if walls else StillWall()
     return LinearEnds(*walls) if scene.physics == "linear" else _both(scene, *walls, plane=plane)
@@ -59,7 +59,7 @@ def build_wall(scene: Case, footprint: Footprint, plane: Plane) -> Any:
 
 def wall_classes(scene: Case) -> list[type[Placed]]:
     """Return the classes of what moves of the scene's walls, or that of one that stands still."""
-    return [_kind(seen).wall for seen in scene.paddles] or [StillWall]
+    return [_kind(end).wall for end in scene.paddles] or [StillWall]
 
 
 def _kind(end: EndWall) -> Kind:
@@ -155,11 +155,11 @@ def _checked(end: EndWall, noun: MovingWallModel, wall: Piston) -> Piston:
 
 def _reach(end: EndWall, noun: MovingWallModel, footprint: Slice | Basin, side: Side) -> float:
     """Return where the wall's mapping has died out [m], before any wall that must not move; collective."""
-    free, asked = footprint.free_reach(side), end.reach
-    if noun.reach is not None and asked > free * (1 + 1e-9):
+    free, requested = footprint.free_reach(side), end.reach
+    if noun.reach is not None and requested > free * (1 + 1e-9):
         what = "where a wall stands that does not run along the paddle's motion"
-        raise CaseError([Problem(("wall", "reach"), asked, f"must be at most {free:.4g} m, {what}")])
-    return min(free, asked)
+        raise CaseError([Problem(("wall", "reach"), requested, f"must be at most {free:.4g} m, {what}")])
+    return min(free, requested)
 
 
 WALLS: dict[Physics, dict[type[CaseModel], Kind]] = {  # by the nearest base class of a wall's table

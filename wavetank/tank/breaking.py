@@ -43,7 +43,7 @@ from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.errors import RunError
-from wavetank.fem.points import PADDING, Found, Points
+from wavetank.fem.points import PADDING, Located, Points
 from wavetank.integrators.states import State
 from wavetank.tank.crests import Profile, SteepCrest, steep_crests
 from wavetank.tank.dissipation import Smoothing, SmoothingState
@@ -191,9 +191,9 @@ class BreakingWatch:
         alarms, active, matched = list(self.alarms), list[tuple[int, SteepCrest]](), set[int]()
         for crest in crests:
             B = crest.overtaking
-            lasting, place = (*self.active, *active), np.array([[crest.x, crest.y]])
-            near = (one for one, last in lasting if self.distances(place, last)[0] < 1.0)
-            index = next(near, None)
+            tracked, place = (*self.active, *active), np.array([[crest.x, crest.y]])
+            matches = (one for one, last in tracked if self.distances(place, last)[0] < 1.0)
+            index = next(matches, None)
             if index is None and breaks(crest):
                 index = len(alarms)
                 alarms.append(Alarm(t, crest.x, crest.height, B, B, t, crest.y))
@@ -217,7 +217,7 @@ class BreakingWatch:
 
     def distances(self, places: Vector, crest: SteepCrest) -> Vector:
         """Return how far places (x, y) [m], shape (N, 2), are from a crest, in R, shape (N,)."""
-        return np.asarray(self._waves.plane.chart.apart(places[:, 0], crest.x) / (REACH * crest.height))
+        return np.asarray(self._waves.plane.chart.distance(places[:, 0], crest.x) / (REACH * crest.height))
 
     def combined(self, viscosities: Vector) -> Vector:
         """Return the viscosity of all crests [m²/s], shape (owned,), of that of each, (crests, owned)."""
@@ -320,8 +320,8 @@ class BreakingAlarm:
         """Return the points as they are."""
         return pairs
 
-    def account(self, taken: float, *, of: float) -> None:
-        """Do nothing: nothing is taken."""
+    def account(self, loss: float, *, of: float) -> None:
+        """Do nothing: there is no loss."""
 
     @property
     def figures(self) -> dict[str, Any]:
@@ -398,8 +398,8 @@ class BreakingDissipation(Smoothing):
     @property
     def figures(self) -> dict[str, Any]:
         """The alarms, their number, and what was taken of the energy there was."""
-        taken = {"waves": len(self.watch.alarms), "energy_taken": self.energy_taken, "part_taken": self.part_taken}
-        return self.watch.figures | taken
+        figures = {"waves": len(self.watch.alarms), "energy_taken": self.energy_taken, "part_taken": self.part_taken}
+        return self.watch.figures | figures
 
     @property
     def part_taken(self) -> float:
@@ -435,7 +435,7 @@ class InsidePoints(Points):
 
     inside: NDArray[np.bool_]
 
-    def _owned(self, points: Vector) -> Found:
+    def _owned(self, points: Vector) -> Located:
         cells, (local, distances) = self._nearest(points)
         rank, size = self._plane.comm.rank, self._plane.comm.size
         nearest = self._least(distances)
@@ -513,7 +513,7 @@ class BasinBreakingWatch(BreakingWatch):
         return places, gradients / np.linalg.norm(gradients, axis=1, keepdims=True)
 
     def _on_line(
-        self, found: Vector, inside: NDArray[np.bool_], direction: Vector, *, time: float, front: float
+        self, section: Vector, inside: NDArray[np.bool_], direction: Vector, *, time: float, front: float
     ) -> SteepCrest | None:
         """Return the crest next to the middle of a section, of both surfaces there, shape (8, N); None without any."""
         middle, outside = len(inside) // 2, np.flatnonzero(~inside)
@@ -521,8 +521,8 @@ class BasinBreakingWatch(BreakingWatch):
         end = int(outside[outside > middle].min(initial=len(inside)))
         if end - first < 2 * POINTS:
             return None
-        found = found[:, first:end]
-        before, after = (_profile(found[part], direction) for part in (slice(0, 4), slice(4, 8)))
+        section = section[:, first:end]
+        before, after = (_profile(section[part], direction) for part in (slice(0, 4), slice(4, 8)))
         low = after.x[0] + (self._waves.depth if first > 0 else 0.0)
         high = after.x[-1] - (self._waves.depth if end < len(inside) else 0.0)
         crests = steep_crests(before, after, time=time, front=front, cell=self._cell)
@@ -531,7 +531,7 @@ class BasinBreakingWatch(BreakingWatch):
             return None
         seed = after.x[middle - first]
         crest = min(crests, key=lambda one: abs(one.x - seed))
-        x, y = (float(np.interp(crest.x, after.x, values)) for values in found[4:6])
+        x, y = (float(np.interp(crest.x, after.x, values)) for values in section[4:6])
         sign = np.copysign(1.0, crest.speed)
         speeds = {name: sign * getattr(crest, name) for name in ("velocity", "current", "speed")}
         return crest._replace(x=x, y=y, **speeds)
@@ -552,8 +552,8 @@ class BasinBreakingWatch(BreakingWatch):
     @property
     def columns(self) -> dict[str, Vector]:
         """See ``BreakingWatch``."""
-        t, x, *others = super().columns.items()
-        return dict([t, x, ("y [m]", np.array([alarm.y for alarm in self.recorded])), *others])
+        t, x, *remaining = super().columns.items()
+        return dict([t, x, ("y [m]", np.array([alarm.y for alarm in self.recorded])), *remaining])
 
     def _rows(self, owned: Vector) -> Vector:
         """Return values at the degrees of freedom of this rank and its ghosts; collective."""
@@ -561,7 +561,7 @@ class BasinBreakingWatch(BreakingWatch):
         return self._field.rows[:, 0].copy()
 
 
-def _profile(found: Vector, direction: Vector) -> Profile:
+def _profile(section: Vector, direction: Vector) -> Profile:
     """Return the profile in a direction of x, y, elevation and potential at points of a line, shape (4, N)."""
-    s = direction @ found[:2]
-    return Profile(s, found[2], np.gradient(found[2], s), np.gradient(found[3], s))
+    s = direction @ section[:2]
+    return Profile(s, section[2], np.gradient(section[2], s), np.gradient(section[3], s))

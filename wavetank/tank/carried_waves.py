@@ -1,4 +1,4 @@
-"""Waves that the water at the surface carries along: what a stage of steep ones needs beyond linear waves.
+"""Advection preconditioner: waves on the current of the water at the surface, for stages of steep waves.
 
 With V and B the horizontal and vertical velocity of the water at the surface, small disturbances eta and
 chi = psi - B eta of a state obey, but for a small change of gravity,
@@ -67,8 +67,8 @@ def surface_points(plane: Plane, wall: Wall, unit: Unit) -> SurfacePoints:
     return SurfacePoints(plane, axis, unit=unit)
 
 
-class CarriedWaves:
-    """Approximate inverse of the coupled implicit stage of nonlinear waves.
+class AdvectionPreconditioner:
+    """Advection preconditioner: approximate inverse of the coupled implicit stage of nonlinear waves.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class CarriedWaves:
         self._waves, self._still, self._points = waves, still, surface_points(waves.plane, waves.wall, waves.unit)
         self._shortest = waves.plane.cell_size / (np.pi * waves.plane.order)
         self._B: Vector = np.zeros(waves.plane.owned)
-        self._known = False  # whether the velocities at the surface are
+        self._has_velocity = False  # whether the velocities at the surface are
         self._compiled: dict[float, Compiled | None] = {}  # by weights
 
     def __call__(self, weight: float, residual: Vector) -> Vector:
@@ -89,16 +89,16 @@ class CarriedWaves:
         self._waves.mass.make_ready()
         if compiled is not None:
             result = np.empty_like(residual)
-            compiled.precondition(weight, self._known, residual, result)
+            compiled.precondition(weight, self._has_velocity, residual, result)
             return result
-        if not self._known:
+        if not self._has_velocity:
             return self._still(weight, residual)
         mass, at, solve, (q, psi) = self._waves.mass, self._points, self._solved, residual
         eta, chi = self._still.surface(weight, q, psi - self._B * solve(q))
-        carried = weight * at.carried(eta, along=False)
+        advected = weight * at.carried(eta, along=False)
         chi -= weight * solve(at.carried(chi, along=True))
-        kept = self._still.keeping(q, mass.apply(eta) + carried)
-        return np.array([kept, chi + self._B * (eta + solve(carried))])
+        smoothed = self._still.keeping(q, mass.apply(eta) + advected)
+        return np.array([smoothed, chi + self._B * (eta + solve(advected))])
 
     def at(self, weight: float, evaluation: WaterEvaluation | None) -> Compiled | None:
         """Take the velocities at the surface of an evaluation for stages of a weight [s]; collective.
@@ -106,12 +106,12 @@ class CarriedWaves:
         The wall and the mass matrix are those of the evaluation. Returns what is compiled for such stages, along a
         slice on one rank; None where nothing is.
         """
-        compiled, self._known = self._of_weight(weight), False
+        compiled, self._has_velocity = self._of_weight(weight), False
         if evaluation is not None:
             self._waves.mass.make_ready()
-            self._look(compiled, evaluation, LARGEST * self._shortest / abs(weight))
+            self._set_velocity(compiled, evaluation, LARGEST * self._shortest / abs(weight))
         if compiled is not None:
-            compiled.carried = self._known
+            compiled.carried = self._has_velocity
         return compiled
 
     def _of_weight(self, weight: float) -> Compiled | None:
@@ -121,7 +121,7 @@ class CarriedWaves:
         return self._compiled[weight]
 
     def _along(self, weight: float) -> Compiled | None:
-        waves, (modes, shares) = self._waves, self._still.solver(weight)
+        waves, (modes, mode_weights) = self._waves, self._still.solver(weight)
         instance = waves.slice_functions
         if instance is None or not isinstance(modes, AveragedModes):
             return None
@@ -137,7 +137,7 @@ class CarriedWaves:
             vertical=self._B,
             uniform=still.uniform,
             room=np.empty((fields, dofs)),
-            **modes.compiled(shares),
+            **modes.compiled(mode_weights),
             **self._points.compiled,
         )
         return Compiled(instance, struct, dofs=dofs, fields=fields)
@@ -146,13 +146,13 @@ class CarriedWaves:
         """Return what the mass matrix makes of that, roughly; collective."""
         return self._waves.mass.solve(right, within=ROUGHLY)
 
-    def _look(self, compiled: Compiled | None, at: WaterEvaluation, most: float) -> None:
-        """Find the velocities at the surface of an evaluation, cut off at so much [m/s]; collective."""
+    def _set_velocity(self, compiled: Compiled | None, at: WaterEvaluation, most: float) -> None:
+        """Set the velocities at the surface from an evaluation, of at most ``most`` [m/s]; collective."""
         walls = self._waves.wall.at_surface(at.eta, self._waves.bed.still)
         if compiled is not None:
             fastest = compiled.set_velocity(most, at.eta, at.p, at.dq, walls)
         else:
             vertical, fastest = self._points.move([at.eta, at.p, self._solved(at.dq), *walls], most=most)
-        self._known = fastest * LARGEST > LEAST * most
-        if self._known and compiled is None:
+        self._has_velocity = fastest * LARGEST > LEAST * most
+        if self._has_velocity and compiled is None:
             self._B[:] = np.minimum(np.maximum(self._solved(vertical), -most), most)

@@ -147,9 +147,9 @@ class SmoothingState:
     energy_taken: float = 0.0
     largest: float = 0.0
 
-    def after(self, taken: float, *, of: float) -> "SmoothingState":
-        """Return the state after more was taken, of the energy before."""
-        return SmoothingState(self.energy_taken + taken, max(self.largest, of))
+    def after(self, loss: float, *, of: float) -> "SmoothingState":
+        """Return the state after another loss, of the energy before."""
+        return SmoothingState(self.energy_taken + loss, max(self.largest, of))
 
 
 class Smoothing:
@@ -215,9 +215,9 @@ class Smoothing:
         """Return Q - N eta', whose sum, the mass, is that of Q, and psi' of points [Q, psi], shape (m, 2, owned)."""
         return self._smoother.smoothed(pairs, self._waves.bed.still)
 
-    def account(self, taken: float, *, of: float) -> None:
-        """Add the energy taken, of the energy before."""
-        self._energy = self._energy.after(taken, of=of)
+    def account(self, loss: float, *, of: float) -> None:
+        """Add a loss of energy, of the energy before."""
+        self._energy = self._energy.after(loss, of=of)
 
 
 NEEDED = 1.5  # u² k_g / g; growth was found from 2.1 on, none below

@@ -110,8 +110,8 @@ class Basin:
         """Return tags with 1 at a group of walls, or the ``far wall``; raises ``InputError`` if there is none."""
         if name != "far wall" or (far := self._far) is None:
             return self.layout.facets_of(name)
-        near = ALONG * usual_size(self.mesh)
-        facets = mesh.locate_entities_boundary(self.mesh, 1, lambda at: np.abs(at[0] - far) < near)
+        tolerance = ALONG * usual_size(self.mesh)
+        facets = mesh.locate_entities_boundary(self.mesh, 1, lambda at: np.abs(at[0] - far) < tolerance)
         return mesh.meshtags(self.mesh, 1, facets, np.ones(facets.size, dtype=np.int32))
 
     def free_reach(self, side: Side) -> float:

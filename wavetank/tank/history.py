@@ -8,7 +8,7 @@ import numpy as np
 from wavetank.arrays import Vector
 from wavetank.fem.slice import SliceSolver
 from wavetank.integrators.stage_solver import StageHistories
-from wavetank.state import Held
+from wavetank.state import StateTree
 from wavetank.tank.potential import InteriorPotential
 
 
@@ -37,7 +37,7 @@ class SolverHistory:
     preconditioner_column: Vector = field(default_factory=lambda: np.zeros(0))
     compiled: SliceSolver | None = None
 
-    def held(self) -> Held:
+    def state_tree(self) -> StateTree:
         """Return it as plain data."""
         made: dict[str, Any] = {"t": self.preconditioner_t, "column": self.preconditioner_column}
-        return {"interior": self.interior.held(), "stages": self.stages.held(), "preconditioner": made}
+        return {"interior": self.interior.state_tree(), "stages": self.stages.state_tree(), "preconditioner": made}

@@ -94,7 +94,7 @@ class Velocity:
     ):
         plane, phi = waves.plane, (potential or waves.phi).function
         self._mesh, self._vertical, self._waves = plane.mesh, waves.vertical, waves
-        self._known: dict[float, tuple[Vector, Vector]] = {}
+        self._tables: dict[float, tuple[Vector, Vector]] = {}
         self._zeta = fem.Constant(plane.mesh, 0.0)
         self._values, self._slopes = (fem.Constant(plane.mesh, np.zeros(waves.vertical.n + 1)) for _ in range(2))
         u, w = (ufl.dot(weights, phi) for weights in (self._values, self._slopes))
@@ -115,7 +115,7 @@ class Velocity:
         shape = (len(self._field.rows), own.size)
         self._to_nodes = scipy.sparse.csr_matrix((np.ones(own.size), (own, np.arange(own.size))), shape=shape)
         self._sum(np.ones((own.size, 3)))
-        self._share = 1.0 / np.maximum(self._field.owned, 1.0)
+        self._inverse_counts = 1.0 / np.maximum(self._field.owned, 1.0)
 
     def _sum(self, values: Vector) -> None:
         """Set the field to the sum over cells of values at their nodes, shape (cells * nodes, 3), without ghosts."""
@@ -130,15 +130,15 @@ class Velocity:
         self._zeta.value = zeta
         self._values.value, self._slopes.value = self._tabulated(zeta)
         self._sum(self._expression.eval(self._mesh, self._cells).reshape(-1, 3))
-        self._field.set(self._share * self._field.owned)
+        self._field.set(self._inverse_counts * self._field.owned)
         return self._field.rows
 
     def _tabulated(self, zeta: float) -> tuple[Vector, Vector]:
         """Return P_j(zeta) and P_j'(zeta), each of shape (n+1,); of each height found once."""
-        if zeta not in self._known:
+        if zeta not in self._tables:
             at = np.array([zeta])
-            self._known[zeta] = self._vertical.at(at)[0], self._vertical.slopes_at(at)[0]
-        return self._known[zeta]
+            self._tables[zeta] = self._vertical.at(at)[0], self._vertical.slopes_at(at)[0]
+        return self._tables[zeta]
 
     def potential(self, zeta: float) -> Vector:
         """Return phi [m²/s] at zeta in [0, 1], of all degrees of freedom this rank sees, shape (owned + ghosts,)."""
@@ -160,7 +160,7 @@ class MovingWater(Protocol):
         Of the velocity, in UFL.
     h
         The column [m].
-    nodes, carried
+    nodes, node_velocities
         Where the Gauss nodes zeta of the columns are in the laboratory, along x, y and z [m], and how fast they move
         [m/s]; at all degrees of freedom that this rank sees, shape (levels, rows, 3).
     phi, phi_rate
@@ -176,7 +176,7 @@ class MovingWater(Protocol):
     densities: WaterEnergy
     h: Field
     nodes: Vector
-    carried: Vector
+    node_velocities: Vector
     phi: LayeredField
     phi_rate: LayeredField
     level: float
@@ -205,7 +205,7 @@ class NonlinearRates(NonlinearWaves):
         super().__init__(plane, **parts)  # type: ignore[arg-type]
         self._places, self._d = _places(plane), plane.function("depth")
         self.nodes: Vector = np.zeros((self.vertical.n + 1, len(self._places), 3))
-        self.carried = self.nodes
+        self.node_velocities = self.nodes
         self.phi_rate = plane.layered_function(self.vertical.n + 1, "rate of the potential")
         self.level_rate = 0.0
 
@@ -216,13 +216,13 @@ class NonlinearRates(NonlinearWaves):
             return
         at = self.evaluate(q, p, t)
         column, step = self.h.owned.copy(), self._step(at.dq)
-        residual_rate, self.carried = np.zeros_like(self.phi.owned), np.zeros_like(self.carried)
+        residual_rate, self.node_velocities = np.zeros_like(self.phi.owned), np.zeros_like(self.node_velocities)
         for steps, weight in STENCIL.items():
             super()._move(t + steps * step)
             self.h.set(self.columns.solve(q + steps * step * at.dq))
             self.operator.update()
             residual_rate += weight / step * (self.operator.apply(self.phi.rows) + self._wall_terms.vector())
-            self.carried += weight / step * self._nodes()
+            self.node_velocities += weight / step * self._nodes()
         self._move(t)
         self.h.set(column)
         if self.wall.leans:
@@ -242,7 +242,7 @@ class NonlinearRates(NonlinearWaves):
         return summed(self.plane.comm, float(not here)) == 0.0
 
     def _nodes(self) -> Vector:
-        """Return where the Gauss nodes of the columns are in the laboratory [m], as ``carried``; collective."""
+        """Return where the Gauss nodes of the columns are in the laboratory [m], as ``nodes``; collective."""
         self._d.set(np.zeros(self.plane.owned) + self.bed.still)
         heights = self.vertical.zeta[:, None] * self.h.rows[:, 0] - self._d.rows[:, 0]
         return _standing(self.wall, self._places, heights)
@@ -283,7 +283,7 @@ class LinearRates:
         self.h.set(np.zeros(self.plane.owned) + self.bed.still)
         heights = np.multiply.outer(self.vertical.zeta - 1.0, self.h.rows[:, 0])
         self.nodes = _standing(self.wall, _places(self.plane), heights)
-        self.carried = np.zeros_like(self.nodes)
+        self.node_velocities = np.zeros_like(self.nodes)
         self.phi = self.plane.layered_function(components, "potential")
         self.phi_rate = self.plane.layered_function(components, "rate of the potential")
         self.level = self.level_rate = 0.0
@@ -380,7 +380,7 @@ class Kinematics:
         """Return what pressure is made of, and keep it for ``accelerations``; collective."""
         water, velocity = self.water, self.velocity
         phi_rate = water.vertical.at(self.levels) @ water.phi_rate.rows.T + water.level_rate
-        rate = phi_rate - (water.carried * velocity).sum(axis=-1)
+        rate = phi_rate - (water.node_velocities * velocity).sum(axis=-1)
         layers = Layers(velocity, rate, rate + water.head(velocity))
         for field, values in zip(self._potentials, (layers.rate, layers.head), strict=True):
             field.rows[:] = (self._to_modes @ values).T
@@ -480,7 +480,7 @@ class Sounding:
         return Sounded(velocity, local, total, pressure, (zeta < -AT) | (zeta > 1 + AT))
 
     def _stay_in_cells(self) -> None:
-        moved = float(not np.array_equal(self._points.cells, self._cells))
-        if summed(self._water.plane.comm, moved):
+        changed = float(not np.array_equal(self._points.cells, self._cells))
+        if summed(self._water.plane.comm, changed):
             self._cells = self._points.cells
             self._kinematics.be_in(self._patch())

@@ -40,7 +40,7 @@ from wavetank.integrators.hamiltonian import Weights, pair
 from wavetank.integrators.stage_solver import StageHistories, StageSolver
 from wavetank.integrators.stages import CoupledStages, PairStage
 from wavetank.integrators.states import State
-from wavetank.state import Held, Stateful
+from wavetank.state import Stateful, StateTree
 from wavetank.tank.bed import Depth, FlatBed, bed_of
 from wavetank.tank.energy import POTENTIAL, Part, WaterEnergy
 from wavetank.tank.evaluation import Water, WaterEvaluation, distance_from_rest
@@ -225,16 +225,16 @@ class LinearWaves(Water):
         """The largest angular frequency the mesh carries [rad/s], by Lanczos iteration; collective."""
         return largest_frequency(self)
 
-    def held(self) -> Held:
+    def state_tree(self) -> StateTree:
         """Return the history of the solves of steps."""
         last = {"psi": self.history.psi, "G psi": self.history.G_psi}
-        return {"interior": self.potential.held(), "stages": self.stages.held(), **last}
+        return {"interior": self.potential.state_tree(), "stages": self.stages.state_tree(), **last}
 
-    def take(self, held: Held) -> None:
+    def take(self, tree: StateTree) -> None:
         """Take back what has been held; collective."""
-        self.potential.take(held["interior"])
-        self.history.psi, self.history.G_psi = held["psi"], held["G psi"]
-        self.stages.take(held["stages"], self._stage_solver.points)
+        self.potential.take(tree["interior"])
+        self.history.psi, self.history.G_psi = tree["psi"], tree["G psi"]
+        self.stages.take(tree["stages"], self._stage_solver.points)
 
     # ------------------------------------------------------------------------------------------ stages
     @cached_property
@@ -368,13 +368,13 @@ class IterativePotential:
         through = self._solve(np.zeros(self._plane.owned), flux, None)
         return flux[:, -1] + through, -self._plane.sum(flux[:, :-1] * self._phi.owned[:, :-1])
 
-    def held(self) -> Held:
+    def state_tree(self) -> StateTree:
         """Return what the solver remembers."""
-        return self._potential.held()
+        return self._potential.state_tree()
 
-    def take(self, held: Held) -> None:
+    def take(self, tree: StateTree) -> None:
         """Take back what has been held; collective."""
-        self._potential.take(held)
+        self._potential.take(tree)
 
 
 class DirectPotential:
@@ -420,10 +420,10 @@ class DirectPotential:
         interior = self._interior(np.ascontiguousarray(flux[:, :-1]))
         return flux[:, -1] - self._stiffness(interior @ self._b), self._plane.sum(flux[:, :-1] * interior)
 
-    def held(self) -> Held:
+    def state_tree(self) -> StateTree:
         """Return what solves have cost."""
         return asdict(self.counters)
 
-    def take(self, held: Held) -> None:
+    def take(self, tree: StateTree) -> None:
         """Take back what has been held."""
-        vars(self.counters).update(held)
+        vars(self.counters).update(tree)

@@ -22,7 +22,7 @@ from wavetank.fem.layers import LayerEnergy, LayerOperator
 from wavetank.fem.modes import Layer, SolvableLayer, layer_of
 from wavetank.fem.plane import Field, LayeredField, Plane
 from wavetank.fem.vertical import VerticalBasis
-from wavetank.state import Held
+from wavetank.state import StateTree
 
 
 @dataclass
@@ -124,15 +124,15 @@ class InteriorPotential:
         """Whether the next solve makes the preconditioner anew, of the operator as it will be then."""
         return self._fresh_iterations is None
 
-    def held(self) -> Held:
-        """Return what start values are found among, how good the preconditioner was, and what solves have cost."""
-        return {"recall": self.recall.held(), "fresh": self._fresh_iterations, "counters": asdict(self.counters)}
+    def state_tree(self) -> StateTree:
+        """Return the start values' pairs, the iterations of the fresh preconditioner, and the counters."""
+        return {"recall": self.recall.state_tree(), "fresh": self._fresh_iterations, "counters": asdict(self.counters)}
 
-    def take(self, held: Held) -> None:
-        """Take back what has been held; the operator must be as it was when the preconditioner was made; collective."""
-        self.recall.take(held["recall"])
-        vars(self.counters).update(held["counters"])
-        self._fresh_iterations = held["fresh"]
+    def take(self, tree: StateTree) -> None:
+        """Restore them from a tree; the operator must be as it was when the preconditioner was made; collective."""
+        self.recall.take(tree["recall"])
+        vars(self.counters).update(tree["counters"])
+        self._fresh_iterations = tree["fresh"]
         if not self.renews:
             self.minimiser.factor()
 
@@ -189,7 +189,7 @@ class Krylov:
         """See ``Minimiser``."""
         kinetic = np.nan
 
-        def left() -> Vector:
+        def residual_of() -> Vector:
             """Return what is left of the equation for the interior; the flow is that of phi as it is."""
             nonlocal kinetic
             image = self._operator.apply(phi)
@@ -205,7 +205,7 @@ class Krylov:
         self.single.update()
         try:
             self._steps, last = corrected(
-                left,
+                residual_of,
                 self.single.apply_to_interior,
                 self._precondition,
                 phi,

@@ -175,7 +175,7 @@ class SurfaceFlow(SurfaceVelocity):
         The size of the largest cell [m].
     """
 
-    _found: Vector | None = None
+    _computed: Vector | None = None
 
     def _set_up(self) -> None:
         plane = self._waves.plane
@@ -229,7 +229,7 @@ class SurfaceFlow(SurfaceVelocity):
         self._surface = instance.function("surface", lines, rows, rows, Buffer(4 * self._places.size))
 
     def _largest_here(self) -> Vector:
-        self._found, result = None, np.zeros(2)
+        self._computed, result = None, np.zeros(2)
         self._largest(self._eta.rows, self._psi.rows, result)
         return result
 
@@ -238,12 +238,12 @@ class SurfaceFlow(SurfaceVelocity):
 
         Shape (4, cells, points).
         """
-        if self._found is None:
+        if self._computed is None:
             if not np.isnan(self.t):
                 self._waves.set_time(self.t)
-            self._found = np.empty((4, *self._places.shape))
-            self._surface(self._eta.rows, self._psi.rows, self._found)
-        return self._found
+            self._computed = np.empty((4, *self._places.shape))
+            self._surface(self._eta.rows, self._psi.rows, self._computed)
+        return self._computed
 
     @property
     def speeds(self) -> Vector:
@@ -269,9 +269,9 @@ class SurfaceFlow(SurfaceVelocity):
 
         A ring's seam is a place like any: what rises to it is followed by what lies behind.
         """
-        apart = self._waves.plane.chart.apart
+        distance = self._waves.plane.chart.distance
         x, height, slope, psi_x = self.profile
-        if apart(x[-1:], float(x[0]))[0] < 1e-9 * self.cell:  # a ring
+        if distance(x[-1:], float(x[0]))[0] < 1e-9 * self.cell:  # a ring
             x, (height, slope, psi_x) = np.append(x, x[-1]), (np.append(one, one[0]) for one in (height, slope, psi_x))
         rising = np.flatnonzero((slope[:-1] > 0) & (slope[1:] <= 0) & (height[:-1] > 0))
         part = slope[rising] / (slope[rising] - slope[rising + 1])
@@ -279,7 +279,7 @@ class SurfaceFlow(SurfaceVelocity):
         crests = list[SurfaceCrest]()
         result = (SurfaceCrest(*map(float, place)) for place in zip(*values, strict=True))
         for crest in sorted(result, key=lambda one: -one.height):
-            if not crests or apart(np.array([one.x for one in crests]), crest.x).min() >= self.cell:
+            if not crests or distance(np.array([one.x for one in crests]), crest.x).min() >= self.cell:
                 crests.append(crest)
         return sorted(crests)
 

@@ -33,9 +33,9 @@ from wavetank.integrators.stage_solver import Iterate, StageHistories, StageSolv
 from wavetank.integrators.stages import CoupledStages, PairStage
 from wavetank.integrators.states import State
 from wavetank.motion.feedback import FeedbackMotion
-from wavetank.state import Held
+from wavetank.state import StateTree
 from wavetank.tank.bed import Depth, bed_of
-from wavetank.tank.carried_waves import CarriedWaves, Compiled, surface_points
+from wavetank.tank.carried_waves import AdvectionPreconditioner, Compiled, surface_points
 from wavetank.tank.energy import KINETIC, POTENTIAL, Part, WaterEnergy
 from wavetank.tank.evaluation import Water, WaterEvaluation, frozen
 from wavetank.tank.history import SolverHistory
@@ -361,28 +361,28 @@ class NonlinearWaves(Water):
         return see(self, state, t, into, row)
 
     # ------------------------------------------------------------------------------------------ what is remembered
-    def held(self) -> Held:
+    def state_tree(self) -> StateTree:
         """Return the history of the solves of steps."""
-        return self.history.held()
+        return self.history.state_tree()
 
-    def take(self, held: Held) -> None:
+    def take(self, tree: StateTree) -> None:
         """Take back what has been held; collective."""
-        self.restore(self.history, held)
+        self.restore(self.history, tree)
 
-    def restore(self, history: SolverHistory, held: Held) -> None:
+    def restore(self, history: SolverHistory, tree: StateTree) -> None:
         """Let a history take back what it has held; collective."""
-        made = held["preconditioner"]
+        made = tree["preconditioner"]
         history.preconditioner_t, history.preconditioner_column = made["t"], made["column"]
         self._move(made["t"])
         self.h.set(made["column"])
         self.operator.update()
-        history.interior.take(held["interior"])
-        history.stages.take(held["stages"], self._stage_solver.points)
+        history.interior.take(tree["interior"])
+        history.stages.take(tree["stages"], self._stage_solver.points)
 
     # ------------------------------------------------------------------------------------------ stages and frequencies
     @cached_property
-    def _inverse(self) -> CarriedWaves:
-        return CarriedWaves(self, self._over_still_water)
+    def _inverse(self) -> AdvectionPreconditioner:
+        return AdvectionPreconditioner(self, self._over_still_water)
 
     def begin_stage(
         self, weight: float | None, t: float, guess: WaterEvaluation | None, history: SolverHistory
