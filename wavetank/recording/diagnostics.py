@@ -56,8 +56,8 @@ def add_diagnostics(
     run.diagnostics.append(RecordCheck(comm, [one for one in parts if isinstance(one, DeferredErrors)]))
     run.diagnostics += build_watch(scene, run, waves, warnings.at_once)
     run.diagnostics += [BreakingNews(one, log.say) for one in run.filters if isinstance(one, BreakingDissipation)]
-    run.user_diagnostics = own_observers(observers, waves)
-    run.diagnostics += run.user_diagnostics
-    if run.user_diagnostics and scene.absorbing:
+    of_user = own_observers(observers, waves)
+    run.diagnostics += of_user
+    if of_user and scene.absorbing:
         run.longest_block = 1  # they may evaluate the waves, whose paddles with feedback move as in the last step
     return series

@@ -121,8 +121,6 @@ class Run:
     ----------
     controls
         Act when all diagnostics have recorded a block.
-    user_diagnostics
-        Those of the diagnostics that a user has written.
     paddle_work
         Counts the work of paddles with feedback, if there are any.
     recorded
@@ -141,7 +139,7 @@ class Run:
         longest_block: int | None = None,
     ):
         self.system, self.integrator, self.diagnostics = system, integrator, list(diagnostics)
-        self.controls, self.user_diagnostics = list[Control](), list[Diagnostic]()
+        self.controls = list[Control]()
         self.clock, self.longest_block = clock, longest_block or LONGEST
         self.paddle_work: PaddleWork | None = None
         self._stepper = Filtered(integrator, filters)
