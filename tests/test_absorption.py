@@ -233,15 +233,6 @@ def test_what_a_paddle_lifts_at_once_is_the_same_in_nonlinear_water():
     assert Excess(waves, waves.wall.paddles[0], lambda t: 0.0).rise == pytest.approx(found[1], rel=1e-6)
 
 
-def test_which_is_the_same_however_long_the_run():
-    """Bit for bit, up to the end of the shorter one."""
-    briefly, long = (
-        elevation_at_face(Sinusoid(0.01, 2.1), PISTON, depth=1.0, gravity=GRAVITY, duration=duration)
-        for duration in (4.0, 37.3)
-    )
-    assert [briefly(t) for t in np.linspace(0.0, 4.0, 101)] == [long(t) for t in np.linspace(0.0, 4.0, 101)]
-
-
 # ---------------------------------------------------------------- the tank
 def reflection(wall, *, kd, height, periods, steps, **more):
     """Return what a paddle at rest at the far end sends back, and what theory says, both over what comes."""
@@ -276,13 +267,6 @@ def test_what_a_piston_sends_back_is_what_theory_says():
     found, expected = reflection({"type": "piston"}, kd=2.0, height=0.01, periods=14, steps=32, cells=20, n=4)
     assert expected < 0.05
     assert found == pytest.approx(expected, abs=3e-3)
-
-
-@pytest.mark.slow
-def test_also_of_waves_of_the_other_paddle_that_are_longer_than_its_own_band():
-    found, expected = reflection({"type": "piston"}, kd=0.1, height=0.01, periods=6, steps=100, cells=12, n=2)
-    assert expected < 0.05
-    assert found == pytest.approx(expected, abs=6e-3)
 
 
 def test_a_band_is_told_with_the_waves_of_the_other_paddle():
@@ -465,22 +449,6 @@ def test_a_plan_keeps_to_steps_at_which_paddles_answer_in_time():
     assert "a piston that is not driven; it absorbs, tuned to 1.8 s, a mass of 0 kg/m on a spring of 251.4" in reasons
 
 
-def test_what_a_paddle_absorbs_is_told_over_a_bed(tmp_path, monkeypatch, capsys):
-    """Where no plan is made: the case is run for some steps, here for none."""
-    (tmp_path / "case.toml").write_text(
-        "[tank]\nlength = 8.0\ndepth = 1.0\nbed = {type = 'beach', start = 6.0, slope = 0.1}\n[run]\nduration = 2.0\n"
-        "[wall]\ntype = 'flap'\nabsorb = {type = 'active'}\nmotion = {type = 'regular', height = 0.05, period = 1.8}\n"
-    )
-    output_cost = SimpleNamespace(description=lambda part: "")
-    steps = dict.fromkeys(("step", "solves", "duration", "memory", "output"), 1.0)
-    seen = SimpleNamespace(summary="", output_cost=output_cost, clock=None, waves=None, **steps)
-    monkeypatch.setattr("wavetank.planning.report.trial", lambda *of: seen)
-    monkeypatch.setattr("wavetank.planning.report.run_warnings", lambda *of, **more: [])
-    assert main(["plan", str(tmp_path / "case.toml")]) == 0
-    told = "paddle of wall: it absorbs what comes to it, all but 4.7 % of small waves from 1.16 to 4.17 s at short"
-    assert told in " ".join(capsys.readouterr().out.split())
-
-
 def test_what_absorbing_costs_is_counted_for_each_paddle_once():
     """Of a run that is timed it is in the steps; of what is planned and guarded beside them."""
     parts = {"tank": {"length": 8.0, "depth": 1.0}, "run": {"duration": 2.0}, "numerics": {"cells": 20, "dt": 0.02}}
@@ -528,13 +496,6 @@ def test_by_default_it_is_tuned_to_what_the_paddle_opposite_makes(kd, tuned):
     (r,), (mu,) = radiation(PISTON, omega, 1.0, GRAVITY)
     expected = StateSpaceFilter.of_spring(sudden_mass(PISTON, 1.0), float(omega[0] ** 2 * mu), float(r))
     assert pytest.approx(expected.A, rel=1e-9) == equation.A
-
-
-@pytest.mark.slow
-def test_and_in_the_tank():
-    piston = {"type": "piston", "absorb": SPRING}
-    found, _ = reflection(piston, kd=1.0, height=0.01, periods=12, steps=30, cells=20, n=4)
-    assert found < 0.01
 
 
 def test_what_a_spring_holds_and_a_damper_takes_is_the_work_of_the_water(monkeypatch):

@@ -53,10 +53,6 @@ def rows_of(folder: Path, kind: str) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def test_the_commands_kinds_are_those_there_are():
-    assert tuple(results.KINDS) == KINDS
-
-
 def test_a_table_of_ones_own_is_analysed_in_every_way(table, tmp_path, drawn):
     """Oracle: the waves it was made of. Its numbers have seven digits."""
     done = commanded("analyse", str(table), *KINDS, "--period", "2", "--depth", "1", "--out", str(tmp_path))

@@ -13,7 +13,6 @@ from ranks import launch
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 PACKAGE = CHECKOUT / "wavetank"
-EXAMPLES = CHECKOUT / "examples" / "paper"
 
 PAGE = CHECKOUT / "docs" / "architecture.md"
 
@@ -74,33 +73,6 @@ def test_the_table_has_every_layer_below_those_that_import_it():
 def test_imports_go_one_way(path):
     own = layer(path)
     assert imported_layers(path) <= ALLOWED[own] | {own}
-
-
-STEPPERS = {
-    "wavetank.simulation.run": "the time loop",
-    "wavetank.integrators.answering": "around a scheme",
-    "examples.paper.composition": "a scheme of steps of another",
-    "wavetank.integrators.damped": "around a scheme",
-    "wavetank.integrators.filtered": "around a scheme",
-    "examples.paper.forcing": "around a scheme",
-    "wavetank.planning.dispersion": "one step of unit states: its matrix",
-    "examples.paper.schemes": "one step as a map of vectors",
-    "examples.paper.symbolic": "one step in symbols: its matrix",
-    "examples.paper.symplecticity": "one step: its derivative, and there and back",
-    "examples.paper.traced": "one step, written down as C, for 10^5 periods",
-}
-
-
-def test_time_is_stepped_by_the_run_alone():
-    """Whoever calls a scheme's ``step(system, state, t, dt)`` is the loop, is a scheme itself, or takes one step."""
-    callers = {
-        FILES.get(path, ".".join(path.relative_to(CHECKOUT).with_suffix("").parts))
-        for path in [*FILES, *EXAMPLES.glob("*.py"), *(CHECKOUT / "benchmarks").glob("*.py")]
-        for node in nodes(path)
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)
-        if node.func.attr == "step" and len(node.args) == 4
-    }
-    assert callers == set(STEPPERS)
 
 
 def test_the_wheel_has_one_package():

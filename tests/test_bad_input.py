@@ -26,7 +26,6 @@ from wavetank.cli import main
 from wavetank.errors import InputError, OutsideError, WavetankError
 from wavetank.mesh.bathymetry import read_bed
 from wavetank.motion.recorded import read_record
-from wavetank.planning.plan import UnreachableError
 from wavetank.planning.requirements import analysed_duration
 from wavetank.values.case_model import CaseError, Problem
 from wavetank.values.python_file import load
@@ -60,10 +59,6 @@ def test_errors_survive_pickling(kind):
     }.get(kind, lambda: kind("a sentence."))()
     heard = pickle.loads(pickle.dumps(met))
     assert (type(heard), str(heard), vars(heard)) == (kind, str(met), vars(met))
-
-
-def test_errors_of_the_plan_are_among_them():
-    assert {CaseError, UnreachableError} <= wall_classes(WavetankError)
 
 
 # ---------------------------------------------------------------- what is no case

@@ -25,7 +25,6 @@ from wavetank.simulation.records import Memory
 from wavetank.simulation.run import Run
 from wavetank.tank.footprint import Slice
 from wavetank.tank.linear_waves import LinearWaves
-from wavetank.tank.still_water import StillWaterWaves, scales
 from wavetank.tank.walls import LinearPaddle, Piston, Side, StillWall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 from wavetank.waves.airy import angular_frequency
@@ -230,26 +229,6 @@ def test_linear_waves_are_the_limit_of_nonlinear_ones_over_a_bed():
         differences.append(np.abs(eta[0] - eta[1])[far].max())
         assert np.abs(rows[:, 6]).max() < 0.02 * rows[:, 3].max()
     assert fitted_slope(amplitudes, differences) == pytest.approx(2.0, abs=0.15)
-
-
-def test_what_solves_stages_of_linear_waves_leaves_the_beds_slope_out():
-    """Of a wave over a steep shoal it leaves little; with the slope in still water's matrices it left 2.6 of it.
-
-    There the slope makes the mass matrix of the surface another one.
-    """
-
-    def shoal(x, y):
-        return 0.5 - 0.2 * np.exp(-((x - 1.0) ** 2 + (y - 0.3) ** 2) / 0.16)
-
-    plane, a = Plane(rectangle(2.0, 0.6, (6, 2))[0], 3), 0.01
-    waves = LinearWaves(plane, depth=shoal, wall=StillWall(), vertical_order=3)
-    x, y = plane.places.T
-    rest = np.array(waves.state(0 * x, 0 * x))
-    change = np.array(waves.state(0.01 * np.cos(np.pi * x / 2), 0.03 * np.cos(np.pi * y / 0.6))) - rest
-    residual = change - a * (waves.evaluate(*(rest + change), 0.0).flow - waves.evaluate(*rest, 0.0).flow)
-    found = StillWaterWaves(waves)(a, residual)
-    of, scale = np.linalg.norm, np.array(scales(waves))
-    assert of((found - change) / scale) < 0.02 * of(change / scale)
 
 
 # ---------------------------------------------------------------- what is wrong

@@ -11,8 +11,6 @@ from mpi4py import MPI
 
 from wavetank.fem.conjugate_gradients import condition_number, conjugate_gradients, corrected
 from wavetank.fem.plane import Plane
-from wavetank.tank.carried_waves import AdvectionPreconditioner
-from wavetank.tank.still_water import StillWaterWaves, scales
 from wavetank.tank.walls import StillWall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 
@@ -129,28 +127,6 @@ def grown_by_renewals(basin) -> float:
             held.append(1024 * int(re.search(r"VmRSS:\s*(\d+)", Path("/proc/self/status").read_text())[1]))
     assert basin.potential.counters.factorisations >= 15
     return held[1] - held[0]
-
-
-def test_what_solves_stages_approximately_knows_bed_and_current():
-    """Of a steep wave over a shoal: what it leaves of a shorter one, its stage's residual by differences.
-
-    Linear waves alone leave twice as much, and left 2.7 of it while the bed's slope went into their matrices, where
-    it makes the surface's mass matrix another one.
-    """
-    basin, a = make_basin(cells=8, order=3, n=4, depth=shoal), 0.01
-    x, y = basin.plane.places.T
-    phase = 2 * K @ [x, y]
-    z = np.array(basin.state(0.12 * np.cos(phase), 0.2 * np.sin(phase)))
-    eta, psi = (part * np.cos(4 * K[0] * x + lag) * np.cos(4 * K[1] * y) for part, lag in ((0.01, 0.0), (0.03, 1.0)))
-    change, scale = np.array([basin.mass.apply(eta), psi]), np.array(scales(basin))
-    ahead, behind, now = (basin.evaluate(*(z + part * change), 0.0) for part in (1e-3, -1e-3, 0.0))
-    residual, still = change - a * (ahead.flow - behind.flow) / 2e-3, StillWaterWaves(basin)
-    with_current = AdvectionPreconditioner(basin, still)
-    with_current.at(a, now)
-    of_still, carried = np.array(
-        [np.linalg.norm((inverse(a, residual) - change) / scale) for inverse in (still, with_current)]
-    ) / np.linalg.norm(change / scale)
-    assert carried < 0.035 and carried < 0.7 * of_still
 
 
 def test_iterations_solve_and_tell_the_condition_number():

@@ -15,7 +15,6 @@ from wavetank.case.tank import BeachBed, Bed, FormulaBed, GriddedBed, PythonBed
 from wavetank.errors import InputError
 from wavetank.fem.plane import Plane
 from wavetank.mesh import Gridded, Survey, read_bed
-from wavetank.motion import Ramped, Sinusoid
 from wavetank.values.python_file import load
 
 pytestmark = pytest.mark.usefixtures("trusted")
@@ -160,12 +159,6 @@ def test_csv_is_refused(tmp_path, text, sentence):
     path = tmp_path / "bed.csv"
     path.write_text(text)
     assert refused(read_bed, path, interpolation="linear") == f"{path}: {sentence}"
-
-
-def test_cubic_needs_four_values(tmp_path):
-    path = tmp_path / "bed.csv"
-    path.write_text("x,depth\n0,1\n1,1\n2,1\n")
-    assert refused(read_bed, path) == f"{path}: 3 values of x; cubic needs at least 4."
 
 
 def test_netcdf_is_refused(grid, tmp_path):
@@ -372,23 +365,6 @@ def test_nouns_build_their_beds_and_survive_json(tmp_path, python):
 
 
 @pytest.mark.parametrize(
-    ("text", "sentence"),
-    [
-        ('depth = "1 - x^2"', 'tank.bed.depth = "1 - x^2": formula, column 1: '),
-        ('depth = "1 - s"\nwhere.s = "x y"', 'tank.bed.where = {"s": "x y"}: helper \'s\', column 3: invalid syntax'),
-        ('depth = ""', 'tank.bed.depth = "": must have at least 1 character'),
-        ("where.s = 2", "tank.bed.depth: is missing; needed is still-water depth d(x, y) [m]"),
-    ],
-)
-def test_a_case_s_formula_is_refused_where_it_stands(tmp_path, text, sentence):
-    path = tmp_path / "case.toml"
-    path.write_text(f'run.duration = 1.0\n[tank]\nlength = 4.0\ndepth = 1.0\n[tank.bed]\ntype = "formula"\n{text}\n')
-    message = refused(read_case, path)
-    assert sentence in message
-    assert message.count("\n") == 0
-
-
-@pytest.mark.parametrize(
     ("beach", "said"),
     [
         ("start = 5.0\nslope = 0.1", "tank.bed.start = 5.0: must be below the tank's length, 4 m"),
@@ -445,49 +421,3 @@ def refused_together():
 def test_a_depth_is_refused_by_all_ranks_alike(on_ranks):
     """Only one of them has the paddle."""
     assert set(on_ranks(refused_together)) == {refused_together()} == {f"tank.depth = 0.8: {DEPTHS[0][-1]}."}
-
-
-def test_a_file_that_cannot_be_used_is_refused_where_it_stands(tmp_path):
-    for noun in (PythonBed, GriddedBed):
-        missing = str(tmp_path / "bed.nc")
-        with pytest.raises(CaseError) as error:
-            noun(file=missing).build(1.0)
-        assert str(error.value).startswith(f'tank.bed.file = "{missing}": {missing}: cannot be read')
-
-
-def test_a_python_bed_is_not_run_by_reading_a_scene(tmp_path):
-    """A run's scene is read again by those who draw it, perhaps where the file is not, or is not trusted."""
-    bed = {"type": "python", "file": str(tmp_path / "nowhere.py")}
-    Case.model_validate({"tank": {"length": 4.0, "depth": 1.0, "bed": bed}, "run": {"duration": 1.0}})
-
-
-@pytest.mark.parametrize("key", ["eta", "psi"])
-def test_an_initial_surface_by_formula(key):
-    initial = {"type": "formula", "eta": "0.1*cos(k*x)", "psi": "c*y", "where": {"k": 2, "c": "0.5*k"}}
-    content = {"tank": {"length": 4.0, "depth": 1.0}, "run": {"duration": 1.0}, "initial": initial}
-    scene = Case.model_validate(content)
-    eta, psi = scene.initial.surface(scene.tank, X, Y)
-    np.testing.assert_array_equal(eta, 0.1 * np.cos(2 * X))
-    np.testing.assert_array_equal(psi, Y)
-    assert Case.model_validate(scene.model_dump(mode="json")) == scene
-    initial[key] = "2*z"
-    with pytest.raises(ValidationError, match=rf"initial.formula.{key}\n.*column 3: 'z' is an unknown name"):
-        Case.model_validate(content)
-
-
-@pytest.mark.parametrize(("begins", "asked_again"), [(3.0, False), (1.0, True)])
-def test_a_bed_that_is_flat_where_a_paddle_carries_the_water_is_asked_once(make_tank, begins, asked_again):
-    """Its depth is that of the places where the water stands, whether the slope begins behind the reach or within."""
-    asked = []
-
-    def depth(x, y):
-        asked.append(x)
-        return 1.0 - 0.2 * np.clip(x - begins, 0.0, 1.0)
-
-    tank = make_tank(length=6.0, cells=9, n=4, depth=depth, motion=Ramped(Sinusoid(0.04, 2.0), 4.0), reach=2.0)
-    before = len(asked)
-    for t in (3.3, 3.5):
-        tank.set_time(t)
-        places = tank.wall.to_physical(tank.plane.places)
-        assert np.array_equal(tank.bed.still, depth(*places.T))
-    assert (len(asked) > before + 2) == asked_again

@@ -5,10 +5,7 @@ relation to the measured ones.
 """
 
 import csv
-import functools
 import hashlib
-import http.server
-import threading
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +18,7 @@ from wavetank import data
 from wavetank.analysis.compare import compare_heights, computed_heights, matched
 from wavetank.analysis.statistics import mean_wave_height, zero_crossing_waves
 from wavetank.case.output import GaugeLine
-from wavetank.data import DataFile, Dataset, HeightSeries, Section
+from wavetank.data import HeightSeries, Section
 from wavetank.errors import InputError
 from wavetank.output.writer import RunWriter
 from wavetank.plots.compare_command import compare
@@ -38,13 +35,6 @@ def record(eta, t=T, *, x=0.0, y=0.0, name="g"):
 
 
 # ---------------------------------------------------------------- wave heights of a record
-def test_the_height_of_a_sinusoid_is_twice_its_amplitude():
-    """The spline of 25 samples a period is good to h^4 / 384 = 1e-5 of the amplitude at a crest between two."""
-    for phase in (0.0, 0.3, 2.0):
-        eta = 0.0232 * np.sin(2 * np.pi * T - phase) - 0.004  # the set-down is no part of the height
-        assert zero_crossing_waves(record(eta).sel(time=slice(30.0, None))).height.values == pytest.approx(
-            0.0464, rel=1e-4
-        )
 
 
 def test_the_height_of_a_stokes_wave_is_that_of_its_odd_harmonics():
@@ -95,52 +85,6 @@ def test_all_sections_are_read_as_the_readme_describes_them(measured):
     assert basilisk[1].ratios.max() == pytest.approx(2.20744)
     for file in data.dataset(NAME).files:
         assert hashlib.sha256(data.find(NAME, file.name).read_bytes()).hexdigest() == file.sha256
-
-
-def test_sections_agree_where_they_cross(measured):
-    """Lines along x and along y were read of one wave field: signs and columns of each file are the right ones."""
-    across, along = measured[:5], measured[5:8]
-    for one in across:
-        for other in along:
-            first = np.interp(other.section.at, one.places, one.ratios)
-            second = np.interp(one.section.at, other.places, other.ratios)
-            assert first == pytest.approx(second, abs=0.08)
-
-
-def test_both_digitisations_are_of_the_same_points(measured):
-    """Where both have a section, they differ by the width of a mark on paper; with a sign wrong by half the height."""
-    by_name = {series.section.name: series for series in measured[:8]}
-    for other in measured[8:]:
-        one = by_name[other.section.name]
-        there = np.interp(other.places, one.places, one.ratios)
-        assert np.sqrt(np.mean((there - other.ratios) ** 2)) < 0.12
-
-
-def test_waves_bend_towards_the_shallow_side(measured):
-    """The bed rises towards negative y, so the focus moves there: y has the sign of the bed's formula."""
-    peaks = [float(series.places[series.ratios.argmax()]) for series in measured[2:5]]
-    assert peaks == [-0.25, -0.5, -0.5]
-
-
-def test_a_file_of_another_name_at_its_source_is_downloaded(tmp_path):
-    (tmp_path / "there").mkdir()
-    (tmp_path / "there" / "section1.dat").write_text("0 1\n")
-    handler = functools.partial(http.server.SimpleHTTPRequestHandler, directory=str(tmp_path))
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        file = DataFile(name="a_section1.dat", sha256=hashlib.sha256(b"0 1\n").hexdigest(), source="there/section1.dat")
-        address = f"http://127.0.0.1:{server.server_port}/"
-        data.download(Dataset(urls=(address,), files=(file,)), tmp_path / "here")
-        server.shutdown()
-    assert [path.name for path in (tmp_path / "here").iterdir()] == ["a_section1.dat"]
-
-
-def test_a_damaged_file_is_said(tmp_path, monkeypatch):
-    monkeypatch.setenv("WAVETANK_DATA", str(tmp_path))
-    (tmp_path / NAME).mkdir()
-    (tmp_path / NAME / "nhwave_section1.dat").write_text("0 1\n1 two\n")
-    with pytest.raises(InputError, match="nhwave_section1.dat, line 2: '1 two' received"):
-        data.height_series(data.dataset(NAME))
 
 
 # ---------------------------------------------------------------- lines of gauges

@@ -19,12 +19,12 @@ from wavetank.integrators.states import Point
 from wavetank.motion import Ramped, Sinusoid
 from wavetank.output.directory import ENERGY, GAUGES, PADDLE, RunDirectory
 from wavetank.recording import record_run
-from wavetank.simulation import checkpoints, stability
+from wavetank.simulation import checkpoints
 from wavetank.simulation import run as running
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.diagnostics import Called, Gauges
 from wavetank.simulation.records import Memory
-from wavetank.simulation.stability import IN_ELEVATION, StabilityWatch, largest_differences
+from wavetank.simulation.stability import IN_ELEVATION, StabilityWatch
 from wavetank.simulation.surviving import restore_surviving
 from wavetank.state import state_of
 from wavetank.tank.surface_flow import surface_of
@@ -125,29 +125,6 @@ def test_a_stability_watch_warns_of_the_same_time_and_place_in_blocks_of_any_len
     other = StabilityWatch(tank, surface_of(tank), dt=0.01, limit=2.0, warn=warnings.append, alternating=IN_ELEVATION)
     restore_surviving({"StabilityWatch": other}, {"StabilityWatch": state_of(watch)})
     assert other.since == watch.since and other.noise == 0.0  # it may warn again: the state was not sound before
-
-
-@pytest.mark.parametrize("steps", [1, 4])
-@pytest.mark.parametrize("part", [0.02, 0.1], ids=["no warning", "growing waves"])
-def test_the_largest_frequency_is_not_that_of_an_alternating_surface(make_tank, steps, part, monkeypatch):
-    """It is that of the steps before; the watch warns of 0.5 % of the highest elevation."""
-    tank = make_tank(length=2.0, cells=4, n=2)
-    watch = StabilityWatch(tank, surface_of(tank), dt=0.02, limit=2.0, warn=lambda _: None, alternating=IN_ELEVATION)
-    frequencies = {3: 1e3, 11: 2e3, 19: 4e3, 35: 8e3}
-    monkeypatch.setattr(stability, "OFTEN", 1)
-    monkeypatch.setattr(watch, "_largest_frequency", lambda block: frequencies.get(int(block.step[-1]), 0.0))
-    block = alternating(tank, 0.2 * part)
-    for first in range(0, 48, steps):
-        watch.record(block.at(slice(first, first + steps)))
-    assert watch.state.frequency == 2e3
-
-
-def test_largest_differences_keep_alternating_values_and_propagate_nan():
-    alternating = 0.5 * (-1.0) ** np.arange(9)[:, None] * np.ones(3)
-    assert largest_differences(alternating, 6) == pytest.approx([0.5] * 3)
-    assert largest_differences(alternating[:, :0], 6).tolist() == [0.0] * 3
-    alternating[4, 1] = np.nan
-    assert np.isnan(largest_differences(alternating, 3)).tolist() == [False, True, True, True, True, False]
 
 
 # ---------------------------------------------------------------- runs that end

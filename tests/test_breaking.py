@@ -70,18 +70,6 @@ def test_still_water_over_a_bed_stays_still(make):
     assert near > 1e-7 and far < 1e-12
 
 
-@pytest.mark.parametrize("make", [penalty, viscosity])
-def test_each_of_several_points_is_smoothed_as_is_written(make):
-    """Oracle: (M + N) v' = M v of elevation and potential over a bed, of waves that are none of each other's."""
-    waves = over_a_bar()
-    smoothing, x = make(waves), waves.plane.x
-    before = np.array([waves.state(0.05 * np.sin(k * x), np.cos(k * x)) for k in (2.0, 9.0)])
-    for (q, p), (after_q, after_p) in zip(before, smoothing.passed(before), strict=True):
-        taken = [smoothing._smoother.apply(one) for one in (waves.elevation(after_q, after_p, 0.0), after_p)]
-        assert np.abs(taken).max() > 1e-6
-        np.testing.assert_allclose([q - after_q, waves.mass.apply(p - after_p)], taken, rtol=0, atol=1e-13)
-
-
 def test_conjugate_gradients_smooth_as_factors_do():
     """Those are of basins and several ranks, these of slices; from nothing, and from what is found."""
     waves = over_a_bar()
@@ -161,19 +149,6 @@ def test_the_front_is_the_side_ahead_and_the_current_that_of_the_water_around(sp
         assert one.velocity == pytest.approx(fastest, rel=0.02) and one.coherence == pytest.approx(1.0, abs=0.01)
         assert one.outrun == 0.0 and np.abs(water).max() < abs(one.speed)
         assert not steep_crests(before, after, time=0.01, front=0.1, cell=1.5)  # its upper half is 1.25 m wide
-
-
-def test_a_surface_with_another_potential_moves_otherwise():
-    """And so it does with other masses, though of the point last evaluated both are known."""
-    waves, _ = dissipation(cells=12)
-    flow, x, k = SurfaceFlow(waves), waves.plane.x, 2 * np.pi / 12.0
-    q, p = waves.state(0 * x, np.sin(k * x))
-    waves.evaluate(q, p, 0.0)
-    for times in (1.0, 2.0):
-        flow.update(q, times * p, 0.0)
-        assert flow.largest_velocity == pytest.approx(times * k, rel=1e-2)
-    flow.update(*waves.state(0.1 * np.cos(k * x), p), 0.0)
-    assert flow.largest_slope == pytest.approx(0.1 * k, rel=1e-2)
 
 
 def test_peaks_are_those_of_scipy():
@@ -347,19 +322,6 @@ def test_a_sine_too_steep_for_any_wave_breaks_and_stops_unless_it_is_ignored():
     ignored = case.model_copy(update={"run": case.run.model_copy(update={"on_breaking": "ignore", "duration": t})})
     later, cause = outcome(ignored)
     assert later >= t and not cause
-
-
-def test_what_breaks_goes_on_with_less_energy():
-    case = over_steep(0.6)
-    changed = case.run.model_copy(update={"on_breaking": "dissipate", "duration": 0.8})
-    run, waves = build_run(case.model_copy(update={"run": changed}), MPI.COMM_SELF)
-    start = waves.energy(run.state.q, run.state.p, 0.0)
-    run.execute()
-    (breaking,) = (one for one in run.filters if isinstance(one, BreakingDissipation))
-    lost = start - waves.energy(run.state.q, run.state.p, run.t)
-    assert breaking.watch.alarms and breaking.energy_taken > 0.02 * start
-    assert breaking.part_taken == pytest.approx(breaking.energy_taken / start, rel=0.05)
-    assert lost == pytest.approx(sum(one.energy_taken for one in run.sinks), rel=0.05)
 
 
 def test_before_a_far_wall_that_moves_waves_break_as_before_the_near_one():

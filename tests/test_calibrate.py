@@ -10,7 +10,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from conftest import CHECKOUT, commanded
-from matplotlib.figure import Figure
 from records import gauge, gauges, surface
 
 from wavetank.case import Case
@@ -21,20 +20,17 @@ from wavetank.errors import InputError
 from wavetank.output.directory import PADDLE, RunDirectory
 from wavetank.output.writer import RunWriter
 from wavetank.studies.calibrate import calibration as module
-from wavetank.studies.calibrate import drawing
 from wavetank.studies.calibrate.attempts import (
-    NO_RESULT,
     Attempt,
     AttemptResult,
     Elevation,
     Scale,
     components_table,
     scale,
-    shifted,
 )
-from wavetank.studies.calibrate.calibration import CASE, PICTURE, TABLE, WAVES, cheaper, describe, exhausted
+from wavetank.studies.calibrate.calibration import CASE, PICTURE, TABLE, WAVES, cheaper, describe
 from wavetank.studies.calibrate.crest import CrestAim, crests
-from wavetank.studies.calibrate.record import Lines, RecordAim, mixed, started
+from wavetank.studies.calibrate.record import RecordAim, mixed, started
 from wavetank.studies.calibrate.targets import aim_of
 from wavetank.studies.runs import Outcome, Runner, status_of
 from wavetank.values.toml import toml
@@ -66,12 +62,6 @@ def waves():
     return scene.wall.motion.target(scene.tank)
 
 
-def test_shifted_waves_are_the_same_elsewhere(waves):
-    x, t = np.array([7.0, 10.0]), np.array([18.0, 20.0])
-    farther = shifted(waves, 0.3, 0.7, factor=1.1).elevation(x + 0.3, t + 0.7)
-    np.testing.assert_allclose(farther, 1.1 * waves.elevation(x, t), rtol=1e-12)
-
-
 def test_components_table_is_read_as_the_same_waves(waves, tmp_path):
     (tmp_path / "waves.csv").write_text(components_table(waves))
     motion = f"wall.motion={{type='components', file='{tmp_path / 'waves.csv'}'}}"
@@ -80,18 +70,6 @@ def test_components_table_is_read_as_the_same_waves(waves, tmp_path):
     np.testing.assert_allclose(read.amplitudes, waves.amplitudes, atol=1e-8 * np.abs(waves.amplitudes).max())
     turned = read_case(FOCUSING, [motion, "wall.motion.phase=180"])
     np.testing.assert_allclose(turned.wall.motion.target(scene.tank).amplitudes, -read.amplitudes, rtol=1e-9)
-
-
-@pytest.mark.parametrize("spacing", [0.01, 0.2], ids=["closer than the record tells apart", "far apart"])
-def test_lines_of_a_record_reconstruct_it(spacing):
-    """A group that is over within the record, and regular waves: what is made of the lines is the record."""
-    t, omega = np.linspace(0.0, 60.0, 1201), 2 * np.pi * np.arange(0.4, 1.2, spacing)
-    amplitudes = np.exp(-(((omega / 5.0 - 1) / 0.2) ** 2) + 1j * omega * 30.0)
-    eta = (np.exp(-1j * np.outer(t, omega)) @ amplitudes).real
-    lines = Lines(t, omega, period=1.25)
-    inside = (t > 4.0) & (t < 56.0)
-    np.testing.assert_allclose(lines.part(eta)[inside], eta[inside], atol=0.05 * np.abs(eta).max())
-    assert np.abs(lines.part(np.cos(2 * np.pi * 2.5 * t))).max() < 0.02  # of other waves there is nothing
 
 
 def test_highest_crest_is_interpolated_between_snapshots_and_points():
@@ -133,21 +111,6 @@ def test_nearest_of_two_similar_crests_is_the_result(waves, later, height, place
 # ---------------------------------------------------------------- tanks whose answer is known
 def attempt(aim, setting, found, number=1):
     return Attempt(number, number, "the case's", setting, Path(), 0.0, result=found)
-
-
-def test_linear_crest_is_right_at_the_second_run():
-    """A tank that makes all waves 13 % too high, 0.46 m too far and 0.18 s too late."""
-    aim = aim_of(read_case(FOCUSING))
-    sizes = scale(aim.waves(aim.start))
-
-    def tank(setting):
-        higher, along, later = setting
-        off = 0.113 * np.exp(higher), 10.46 + along * sizes.length, 20.18 + later * sizes.period
-        return AttemptResult(*off, misfit=np.nan, elevation=Elevation(np.zeros(1), np.zeros(1)))
-
-    second = aim.next_setting([attempt(aim, aim.start, tank(aim.start))])
-    found = tank(second)
-    assert (found.crest, found.x, found.t) == pytest.approx((0.1, 10.0, 20.0), rel=1e-12)
 
 
 def test_broyden_finds_the_crest_of_a_tank_with_another_jacobian():
@@ -328,36 +291,6 @@ def test_calibration_is_continued_and_its_case_runs(tiny, tmp_path):
     assert {PADDLE, WAVES, PICTURE, "attempt-1.png"} <= {path.name for path in out.iterdir()}
 
 
-def test_figure_of_a_failed_calibration_shows_the_best_attempt(tiny, undrawn, monkeypatch, tmp_path):
-    """Oracle: in a linear tank waves that are made much lower than wanted are."""
-    monkeypatch.setattr(
-        CrestAim, "next_setting", lambda aim, attempts: attempts[-1].setting - np.array([1.0, 0.0, 0.0])
-    )
-    assert tiny("--most", "2").returncode == 1
-    first, second = (float(row["misfit over allowed"]) for row in rows(tmp_path / "out"))
-    assert first < second and (tmp_path / "out" / PICTURE).read_text() == "1"
-
-
-def test_figure_shows_the_crest_and_attempts_that_broke_down(monkeypatch, tmp_path):
-    figure, aim = Figure(), aim_of(read_case(FOCUSING))
-    monkeypatch.setattr(drawing, "picture", lambda *_: nullcontext(figure))
-    found = AttemptResult(0.1, 10.285, 20.0, 194.2, Elevation(np.linspace(0.0, 24.0, 9), np.zeros(9)))
-    one = attempt(aim, aim.start, found)
-    drawing.draw([one, replace(one, number=2, result=NO_RESULT, cause="it broke.")], aim, tmp_path, shown=one, title="")
-    records, _, misfits = figure.axes
-    assert records.get_title() == "at x = 10 m; the highest crest is at 10.29 m"
-    figure.draw_without_rendering()
-    assert not any(axes.get_legend().get_window_extent().overlaps(axes.bbox) for axes in figure.axes)
-    (broken,) = (line for line in misfits.lines if line.get_label() == "broke down")
-    assert list(broken.get_xdata()) == [2] and "misfit 194 of" in describe(one)
-
-
-def test_stroke_beyond_its_limit_is_refused_before_the_first_run(tiny, tmp_path):
-    said = tiny(crest=0.3)
-    assert said.returncode == 2 and "wall.limits.stroke = 0.2: is too little" in said.stderr
-    assert not list((tmp_path / "out").glob("runs/*"))
-
-
 def test_stroke_beyond_its_limit_ends_the_calibration_at_that_attempt(tiny, undrawn, tmp_path):
     """A higher crest than the first is wanted: it takes a longer stroke, of which linear theory tells how much."""
     scene = read_case_of(tmp_path, TINY.format(crest=0.05))
@@ -501,20 +434,6 @@ def test_calibration_replaces_no_other_files(tmp_path):
     said = commanded("calibrate", str(FOCUSING), "--out", str(tmp_path))
     assert said.returncode == 2 and "holds files that would be replaced" in said.stderr
     assert sorted(tmp_path.iterdir()) == [case, file] and case.read_text() == TINY.format(crest=0.05)
-
-
-def test_gauge_missing_in_the_target_table_is_refused(tmp_path):
-    (tmp_path / "gauges.csv").write_text("t,4@x=10\n" + "".join(f"{t},0.0\n" for t in range(9)))
-    target = f"target={{type='record', file='{tmp_path / 'gauges.csv'}', gauge='5', x=10.0}}"
-    said = commanded("calibrate", "cases/focusing.toml", "--out", str(tmp_path / "out"), "--set", target)
-    assert said.returncode == 2 and "target.file" in said.stderr and "has no gauge '5'; there are 4" in said.stderr
-
-
-@pytest.mark.parametrize(
-    ("misfits", "done"), [([15.0], False), ([15.0, 5.0], False), ([15.0, 5.0, 4.9], True), ([15.0, 3.9], True)]
-)
-def test_cheap_numerics_are_exhausted_close_to_the_target_or_without_progress(misfits, done):
-    assert exhausted(misfits) is done
 
 
 @pytest.mark.slow

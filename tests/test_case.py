@@ -13,36 +13,19 @@ from pydantic import ValidationError
 from wavetank import motion as motions
 from wavetank.case import (
     Case,
-    CaseError,
-    CaseModel,
-    EndSponge,
-    FixedWall,
     Gauge,
     Numerics,
-    Physics,
     PistonWall,
     RunControl,
-    SegmentedFlapWall,
-    SegmentedPistonWall,
     SinusoidMotion,
     SliceTank,
-    Sponge,
-    StillWater,
-    Tank,
-    Wall,
-    paddle,
 )
 from wavetank.case.numerics import IntegratorName
 from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS, Simpson4, registered
-from wavetank.motion.recorded import read_record
 from wavetank.planning.cost import BUILT_IN, KINDS
-from wavetank.plots.figures import ORIGINS
-from wavetank.simulation.construction import FOOTPRINTS, SPONGES, WATERS
-from wavetank.simulation.walls import WALLS
-from wavetank.values.case_model import entry
 
 CASES = Path(__file__).resolve().parents[1] / "cases"
 
@@ -153,17 +136,6 @@ def test_cells_divide_the_length(length, depth, size):
         assert cells == 1 or abs(length / wanted - cells) <= 0.5 * (1 + 1e-12)
 
 
-def test_group_motion_has_the_values_of_the_case_file(write_case):
-    motion = read_case(write_case(), ['wall.motion.generation="linear"']).motion()
-    assert isinstance(motion, motions.Ramped)
-    assert motion.ramp == pytest.approx(2 / 0.65)
-    assert isinstance(motion.motion, motions.Tabulated)
-    group = read_case(write_case()).wall.motion.group(read_case(write_case()).tank)
-    assert (group.frequencies[0], group.frequencies[-1], group.spectrum.gamma) == (0.325, 1.2, 3.3)
-    assert group.target.elevation(10.0, 20.0) == pytest.approx(0.1)
-    assert (group.depth, group.gravity) == (1.0, 9.81)
-
-
 @pytest.mark.parametrize("key", ["position", "velocity"])
 def test_record_path_is_relative_to_the_case(write_case, tmp_path, key):
     t = np.linspace(0.0, 30.0, 301)
@@ -224,19 +196,6 @@ def test_case_with_cached_motion_is_picklable(write_case):
     assert case.motion().position(1.0) == pickle.loads(pickle.dumps(case)).motion().position(1.0)
 
 
-def test_record_is_read_again_only_if_wall_or_run_change(write_case, tmp_path, monkeypatch):
-    t, read = np.linspace(0.0, 30.0, 301), []
-    np.savetxt(tmp_path / "paddle.dat", np.column_stack([t, 0.01 * np.sin(t)]))
-    monkeypatch.setattr(paddle, "read_record", lambda path, **how: read.append(path) or read_record(path, **how))
-    case = read_case(write_case(), ['wall.motion={type="recorded", position="paddle.dat"}', "run.duration=20"])
-    other = case.model_copy(update={"numerics": Numerics(dt=0.1)})
-    assert other.motion() is case.motion() and other.paddle_periods == case.paddle_periods and len(read) == 1
-    assert other == Case.model_validate(other.model_dump(mode="json"))
-    longer = case.model_copy(update={"run": RunControl(duration=31.0)})
-    with pytest.raises(CaseError, match=r"must be at most 30 s, where the recorded motion ends"):
-        longer.motion()
-
-
 def test_every_integrator_of_a_case_is_registered_with_what_plans_need():
     assert set(get_args(IntegratorName)) ^ set(INTEGRATORS) == set()
     assert {*BUILT_IN.constants} == {f"{kind} {name}" for kind in KINDS for name in get_args(IntegratorName)}
@@ -246,18 +205,6 @@ def test_every_integrator_of_a_case_is_registered_with_what_plans_need():
         registered(scheme)
     scheme.costs = Simpson4.costs
     assert registered(scheme) == {"simpson-4": scheme}
-
-
-def test_tables_of_the_solver_have_an_entry_for_every_model():
-    def models(union):
-        return set(get_args(get_args(union)[0]))
-
-    assert set(FOOTPRINTS) == models(Tank) and set(SPONGES) == models(Sponge) and set(WATERS) == set(get_args(Physics))
-    assert set(WALLS) == set(WATERS)
-    for wall in models(Wall) - {FixedWall}:
-        assert all(WALLS[water].keys() & {*wall.__mro__} for water in WALLS)
-    along = {wall.model_fields["type"].default for wall in models(Wall) - {SegmentedPistonWall, SegmentedFlapWall}}
-    assert along | {"ring"} == set(ORIGINS)
 
 
 def test_dump_contains_data_references(write_case, tmp_path, monkeypatch):
@@ -489,10 +436,3 @@ def test_any_override_gives_a_case_or_an_input_error(tmp_path_factory, key, valu
     except InputError:
         return
     assert isinstance(case, Case)
-
-
-def test_missing_table_entry_names_the_table():
-    with pytest.raises(TypeError, match=r"^StillWater has no entry in SPONGES of case.py; add it there\.$"):
-        entry({EndSponge: None}, StillWater(), "SPONGES of case.py")
-    assert entry({CaseModel: 1, EndSponge: 2}, EndSponge(length=1.0), "") == 2
-    assert entry({CaseModel: 1, EndSponge: 2}, StillWater(), "") == 1

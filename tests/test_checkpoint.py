@@ -29,7 +29,6 @@ from wavetank.output import checkpoint
 from wavetank.output.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, ENERGY, GAUGES, PADDLE, RunDirectory
 from wavetank.recording import record_run
-from wavetank.recording.restart import differences
 from wavetank.simulation import run as running
 from wavetank.simulation.checkpoints import Checkpoints
 from wavetank.simulation.clock import EverySteps
@@ -163,13 +162,6 @@ def test_one_that_cannot_be_written_leaves_those_there_are(tmp_path, monkeypatch
     with pytest.raises(OSError, match="No space"):
         write_checkpoint(tmp_path, some(1))
     assert [path.name for path in tmp_path.iterdir()] == [CHECKPOINT] and not read_checkpoint(tmp_path)[1]
-
-
-def test_differences_of_scenes_are_named():
-    before = {"tank": {"depth": 1.0, "length": 2.0}, "gauges": [1], "sponge": None}
-    now = {"tank": {"depth": 1.5, "length": 2.0}, "gauges": [1, 2], "sponge": {"length": 1.0}}
-    assert [path for path, *_ in differences(before, now)] == [("tank", "depth"), ("gauges",), ("sponge",)]
-    assert not list(differences(before, before))
 
 
 # ---------------------------------------------------------------- runs

@@ -5,7 +5,6 @@ accuracy for the plan.
 """
 
 from dataclasses import replace
-from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -17,20 +16,17 @@ from wavetank.case import Case, LinearWater
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
-from wavetank.output.files import RunLog
 from wavetank.planning.checks import coarse, run_warnings, too_high, waves_missed
 from wavetank.planning.default_plan import planned, rule_summary
 from wavetank.planning.dispersion import Mesh, UniformCells
 from wavetank.planning.requirements import requirements
 from wavetank.planning.resolution import resolved
 from wavetank.recording import record_run
-from wavetank.recording.log import Warnings
 from wavetank.simulation import stability
 from wavetank.simulation.build import build_run
 from wavetank.simulation.case_diagnostics import build_observers, build_watch
 from wavetank.simulation.energy import EnergyBudget
 from wavetank.simulation.records import Memory, Records
-from wavetank.waves import stream_function
 from wavetank.waves.airy import wave_number
 
 CHECKOUT = Path(__file__).resolve().parents[1]
@@ -328,17 +324,6 @@ def test_energy_balance_is_warned_of_by_its_largest_difference(numerics, off):
         assert warnings[0].value == pytest.approx(balance / total, rel=0.05)
 
 
-def test_warning_is_printed_once():
-    """Those that come as the run goes on then, and first in the manifest; the others at its end, as they were found."""
-    said = StringIO()
-    warnings = Warnings(RunLog(Console(file=said, width=200)))
-    warnings.add("at the end")
-    warnings.at_once("now")
-    warnings.show()
-    assert said.getvalue() == "warning: now\nwarning: at the end\n"
-    assert [*map(str, warnings.records)] == ["now", "at the end"]
-
-
 def test_warnings_are_printed_before_and_after_the_run_and_in_its_manifest(wavetank, tmp_path):
     case, out = tmp_path / "case.toml", tmp_path / "run"
     case.write_text(
@@ -371,11 +356,6 @@ def test_water_with_recorded_velocities_is_nonlinear():
     """Linear water, which would do, has none."""
     for output, physics in (({}, "linear"), ({"velocity_every": 1.0}, "nonlinear")):
         assert requirements(scene(wall=piston(2.0), output=output), 1e-2).physics == physics
-
-
-def test_named_numerics_are_not_replaced():
-    one = scene(wall=piston(0.67), duration=10.0, numerics={"cells": 50, "vertical_order": 4})
-    assert planned(one, MPI.COMM_SELF).scene == one
 
 
 @pytest.mark.parametrize("period", [0.5, 0.67, 3.0])
@@ -527,13 +507,3 @@ def test_noise_of_a_measured_paddle_is_not_growth(tmp_path, monkeypatch, integra
         run.diagnostics += build_watch(driven, run, waves, said[known].append)
         run.execute()
     assert [len(sentences) for sentences in said.values()] == [0, 1]
-
-
-def test_exact_wave_of_a_start_is_computed_once(monkeypatch):
-    """However often plan, start and warnings ask for it."""
-    begun, begin = list[float](), stream_function._cnoidal_wave
-    monkeypatch.setattr(stream_function, "_cnoidal_wave", lambda *of: (begun.append(of[0]), begin(*of))[1])
-    tank, initial = {"type": "ring", "length": 6.0, "depth": 1.0}, {"type": "stream-function", "height": 0.1234}
-    asked, _ = planned(scene(tank=tank, initial=initial), MPI.COMM_SELF)
-    warnings_of(asked)
-    assert len(begun) == 1

@@ -17,7 +17,6 @@ from ranks import CHECKOUT, begun, launch
 from wavetank.__main__ import main as start
 from wavetank.cli import COMMANDS, app, main
 from wavetank.output.directory import RunDirectory
-from wavetank.simulation.records import Memory, Records
 
 DRIVEN = ["cases/wavemaker.toml", "wall.motion.paddle_amplitude=0.05", "wall.motion.ramp=0.5", "gauges=[0.5, 3.0]"]
 DRIVEN += ["tank.length=3.5", "run.duration=0.15", "numerics.dt=0.03", "numerics.vertical_order=4"]
@@ -59,13 +58,6 @@ def test_the_main_job_leaves_its_pictures(tmp_path):
     """As it is typed, cut short."""
     assert shell(f"make run 'RUN={tmp_path / 'run'} --set run.duration=0.2'").returncode == 0
     assert drawn(tmp_path / "run") and RunDirectory(tmp_path / "run").manifest["scene"]["numerics"]["cell_size"] == 0.2
-
-
-@pytest.mark.slow
-def test_the_main_job_as_it_is_typed(tmp_path):
-    assert shell(f"make run RUN={tmp_path / 'run'}").returncode == 0
-    assert drawn(tmp_path / "run")
-    focused(tmp_path / "run")
 
 
 def test_gauges_are_the_same_on_any_number_of_ranks_and_progress_is_seen(wavetank, tmp_path):
@@ -205,23 +197,6 @@ def test_what_is_interrupted_before_it_begins_ends_as_what_is_later(when, monkey
     monkeypatch.setattr(sys, "argv", ["wavetank", "run"])
     assert start() == 1
     assert capsys.readouterr().err == "wavetank: interrupted by SIGINT\n"
-
-
-def test_a_case_built_in_python_runs_without_a_directory():
-    from mpi4py import MPI
-
-    from wavetank.case import Case
-    from wavetank.simulation.build import build_run
-    from wavetank.simulation.case_diagnostics import build_observers
-
-    wave = {"type": "standing-wave", "wave_amplitude": 0.01}
-    parts = {"initial": wave, "gauges": [0.0], "run": {"duration": 0.5}, "numerics": {"cells": 8}}
-    scene = Case.model_validate({"tank": {"length": 2.0, "depth": 1.0}} | parts)
-    gauges, energy = Memory(), Memory()
-    run, waves = build_run(scene, MPI.COMM_SELF)
-    run.diagnostics += build_observers(scene, waves, Records(gauges, energy, None))
-    run.execute()
-    assert gauges.array()[0, 1] == pytest.approx(0.01) and run.t >= 0.5
 
 
 ALONE = """

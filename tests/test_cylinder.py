@@ -4,18 +4,11 @@ The recipe, and how far a closed basin and two periods of waiting let it get (so
 ``examples/paper/mccamy_fuchs.py``; the basin is that of ``examples/paper/cylinder.py``.
 """
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from conftest import fitted_slope
-from pydantic import ValidationError
 
 from examples.paper.cylinder import ANGLES, HalfBasin
-from wavetank.case.reading import read_case
-from wavetank.mesh import Cylinder
-
-CASE = Path(__file__).resolve().parents[1] / "cases" / "cylinder.toml"
 
 
 @pytest.mark.parametrize("ka", [pytest.param(0.5, marks=pytest.mark.slow), 1.0])
@@ -55,16 +48,3 @@ def test_the_run_up_is_the_same_on_any_number_of_ranks(on_ranks):
 
 
 # ---------------------------------------------------------------- in a scene
-def test_a_cylinder_may_be_centred_on_a_side_wall_but_not_beside_it():
-    for y in (0.0, 4.0):
-        Cylinder(length=10.0, width=4.0, centre=(5.0, y), radius=1.0)
-    with pytest.raises(ValidationError, match="or its axis on a side wall"):
-        Cylinder(length=10.0, width=4.0, centre=(5.0, 0.5), radius=1.0)
-
-
-def test_the_case_puts_its_gauges_around_the_cylinder():
-    scene = read_case(CASE)
-    (x, y), radius = scene.tank.layout.centre, scene.tank.layout.radius
-    places = np.array([(gauge.x - x, gauge.y - y) for gauge in scene.gauges])
-    assert np.hypot(*places[1:].T) == pytest.approx(radius, abs=1e-3)
-    assert np.degrees(np.arctan2(*places[1:].T[::-1])) == pytest.approx(np.linspace(0, 180, 9), abs=0.1)

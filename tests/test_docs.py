@@ -159,15 +159,6 @@ def test_snippets_run(block, small_runs, monkeypatch):
     exec(block.text, {})
 
 
-def test_pyvista_snippet_opens_the_surface_of_a_slice(small_runs, monkeypatch):
-    monkeypatch.chdir(small_runs)
-    monkeypatch.setattr("pyvista.OFF_SCREEN", True)
-    (text,) = (block.text for block in BLOCKS if block.language == "python" and "pyvista" in block.text)
-    assert "# of a slice: surface.xdmf" in text
-    exec(text.replace("runs/bend/surface.pvd", "runs/focusing/surface.xdmf"), names := {})
-    assert names["surface"].n_cells == 1  # the line
-
-
 # ---------------------------------------------------------------- links, figures, sentences
 def anchors(page: Path) -> set[str]:
     """Return the anchors of a page's headings, as GitHub makes them."""

@@ -9,7 +9,6 @@ from wavetank.case import Case
 from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
-from wavetank.motion import Sinusoid
 from wavetank.output.columns import energy_columns
 from wavetank.output.directory import RunDirectory
 from wavetank.planning.checks import run_warnings, sensors_in_reach
@@ -131,31 +130,6 @@ def test_derivatives_are_those_of_the_energy(steep):
     assert errors[:, 1].max() < 1e-11
     for n in (0, 2):
         assert fitted_slope(steps, errors[:, n]) == pytest.approx(2.0, abs=0.1)
-
-
-def test_the_velocity_of_the_walls_is_that_of_the_nearer_paddle(make_tank):
-    """Oracle: the two motions; nodes of the left half are nearer to the left paddle."""
-    near, far, t = Sinusoid(0.1, 4.0), Sinusoid(0.2, 3.0), 0.4
-    tank = make_tank(length=4.0, cells=7, n=2, motion=near, far=far, reach=2.0)
-    tank.set_time(t)
-    expected = np.where(tank.plane.x < 2.0, near.velocity(t), far.velocity(t))
-    assert tank.wall.velocities == pytest.approx(expected)
-
-
-@pytest.mark.parametrize("ends", [(1, 0), (0, 1), (1, 1)], ids=["near", "far", "both"])
-def test_a_plane_surface_has_one_slope_wherever_its_walls_stand(ends):
-    """In the reference tank it is no plane, but a field of the elements: slope and velocity are one to round-off."""
-    _, waves = build_run(
-        case_of(*({**PISTON, "reach": 1.0} if end else None for end in ends), length=2.0), MPI.COMM_SELF
-    )
-    flow, t = waves.surface, 3.3
-    waves.set_time(t)
-    x = waves.wall.to_physical(waves.plane.places)[:, 0]
-    flow.update(*waves.state(0.1 * x, -0.3 * x, t), t)
-    slope, speed = (pytest.approx(one, rel=1e-11) for one in (0.1, 0.3 / 1.01))
-    assert flow.largest_slope == slope and flow.largest_velocity == speed
-    assert flow.slopes == slope and flow.speeds == speed
-    assert flow.profile.slope == slope and flow.profile.velocity == pytest.approx(-0.3, rel=1e-11)
 
 
 def test_the_surface_moves_beside_walls_as_its_expressions_say():
@@ -377,11 +351,6 @@ def test_a_window_is_in_no_paddles_way_that_comes_there_before_or_after_it():
 def basin(left, *walls, **more):
     layout = {"type": "rectangle", "length": 4.0, "width": 1.0, "origin": [left, 0.0]}
     return case_of(*walls, tank={"type": "basin", "depth": 1.0, "layout": layout}, numerics={"cell_size": 1.0}, **more)
-
-
-def test_distances_count_from_either_wall_wherever_the_tank_begins():
-    near, far = basin(2.0).ends
-    assert (near.distance(3.5), far.distance(3.5)) == (1.5, 2.5)
 
 
 @pytest.mark.parametrize("left", [0.0, 2.0])

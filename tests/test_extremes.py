@@ -40,7 +40,7 @@ from wavetank.tank.breakdown import ShortWaves
 from wavetank.tank.breaking import ONSET, OVERTURNS
 from wavetank.tank.dissipation import EdgePenalty
 from wavetank.tank.footprint import Ring
-from wavetank.tank.surface_flow import SurfaceFlow, SurfaceVelocity, surface_of
+from wavetank.tank.surface_flow import SurfaceFlow, surface_of
 from wavetank.tank.walls import StillWall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 from wavetank.waves.stream_function import maximum_height, stream_function_wave
@@ -286,31 +286,6 @@ def test_a_steep_wave_that_a_long_step_leaves_sound_is_not_cried_at():
     run.execute()
     assert said == []
     assert waves.elevation(run.state.q, run.state.p, run.t).max() == pytest.approx(0.5, rel=2e-3)
-
-
-def test_the_surface_of_each_step_is_taken_once_for_all_who_ask(monkeypatch):
-    """The penalty, breaking and the watch. Oracle: what is found of each evaluation anew."""
-    found, taken, near, take = list[tuple[float, float]](), list[float](), SurfaceFlow.near, SurfaceFlow._take
-    profiles = list[bool]()
-    scene = ring_scene(initial_steepness=0.2, run_duration=0.2)  # the penalty has nothing to take
-    run, waves = build_run(scene, MPI.COMM_SELF)
-    run.diagnostics += build_watch(scene, run, waves, print)
-    flow, other, anew = waves.surface, SurfaceVelocity(waves), SurfaceFlow(waves)
-
-    def compared(one, state, t):
-        near(one, state, t)
-        at = state.evaluations[0]
-        for fresh in (other, anew):
-            fresh._take(at.eta, at.p, at.t)
-        profiles.append(np.array_equal(one.profile, anew.profile))
-        found.append((one.largest_velocity / other.largest_velocity, one.largest_slope / other.largest_slope))
-
-    monkeypatch.setattr(SurfaceFlow, "near", compared)
-    monkeypatch.setattr(flow, "_take", lambda eta, psi, t: taken.append(t) or take(flow, eta, psi, t))
-    run.execute()
-    assert len(found) == 2 * run.clock.steps + 1 and np.array(found) == pytest.approx(1.0, rel=1e-12)
-    assert all(profiles)
-    assert len(taken) == run.clock.steps + 1
 
 
 def test_waves_of_six_steps_a_period_are_not_taken_for_what_alternates():

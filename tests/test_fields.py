@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from blocks import block_of, empty_block
+from blocks import empty_block
 from conftest import fitted_slope
 from dolfinx import mesh
 from mpi4py import MPI
@@ -15,7 +15,6 @@ from wavetank.case import Case
 from wavetank.errors import InputError, RunError
 from wavetank.fem.plane import Plane
 from wavetank.fem.vertical import VerticalBasis
-from wavetank.integrators.states import Point
 from wavetank.motion import Sinusoid
 from wavetank.output import fields
 from wavetank.output.directory import RunDirectory
@@ -30,7 +29,6 @@ from wavetank.tank.bed import VaryingBed
 from wavetank.tank.energy import WaterEnergy
 from wavetank.tank.footprint import Ring, Slice
 from wavetank.tank.kinematics import Velocity
-from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.walls import Piston, StillWall
 
 K, L = 1.3, 0.7
@@ -175,17 +173,6 @@ def test_a_basins_surface_tells_of_its_sponge(tmp_path):
     np.testing.assert_allclose(surface["damping rate"], expected, atol=1e-12)
 
 
-def test_the_rate_that_is_drawn_is_that_which_a_run_that_goes_on_has_taken():
-    plane, drawn = along(Slice(3.0, 4, comm=MPI.COMM_SELF)), []
-    waves = LinearWaves(plane, depth=1.0, wall=StillWall(), vertical_order=2)
-    gamma, still = np.full(plane.owned, 2.0), Point(*waves.state(*np.zeros((2, plane.owned))))
-    series = SimpleNamespace(append=lambda t, points, *, cells, arrays: drawn.append(arrays["damping rate"]))
-    fields = SurfaceFields(waves, series, schedule=EverySteps(), damping=gamma)
-    gamma[:] = 3.0
-    fields.record(block_of(waves, (0, 0.0, still)))
-    assert drawn[0] == pytest.approx(3.0)
-
-
 def test_a_ring_is_drawn_open_with_its_first_corner_at_both_ends(tmp_path):
     plane = along(Ring(3.0, 4, comm=MPI.COMM_SELF))
     record(water(plane), tmp_path)
@@ -255,20 +242,6 @@ def test_the_velocity_of_a_solved_standing_wave_is_exact_to_the_order_of_the_ele
     assert errors[-1] < 1e-3
 
 
-def test_levels_may_be_chosen(tmp_path):
-    waves = water(basin(comm=MPI.COMM_SELF))
-    RunWriter(tmp_path, {}).begin().release()
-    series = VtuSeries(tmp_path, "velocity", comm=MPI.COMM_SELF)
-    VelocityFields(waves, series, schedule=EverySteps(), levels=np.array([0.5, 1.0])).record(shown(waves, 0, 0.0, 0.0))
-    below = read(tmp_path, "velocity")
-    x, y, z = below.points.T
-    assert below.n_points == 2 * waves.plane.size
-    np.testing.assert_allclose(
-        z[-waves.plane.size :], elevation(x, y)[-waves.plane.size :], atol=1e-7
-    )  # single precision
-    np.testing.assert_allclose(below["potential"], potential(x, y, z), atol=1e-5)  # n = 6
-
-
 def record_on_ranks(path):
     """Record on all ranks; then fail on the last alone, and return what it meant on each."""
     waves = water(basin(mesh.CellType.triangle, cells=3, order=2))
@@ -318,24 +291,6 @@ def test_a_series_cut_anywhere_is_read_up_to_there(tmp_path):
         found = run.fields("surface")
         assert [t for t, _ in found] == times[: 3 if cut >= third else 2]
     assert found[1][1] == tmp_path / "fields" / "surface_000001.pvtu" and found[1][1].exists()
-
-
-def test_snapshots_are_told_in_the_same_place_however_many_there_are(tmp_path):
-    """By as many bytes: the file is not written anew."""
-    RunWriter(tmp_path, {}).begin().release()
-    series, sizes = VtuSeries(tmp_path, "surface", comm=MPI.COMM_SELF), []
-    cells = VtkCells.flat(np.array([[0, 1]], dtype=np.int32))
-    for number in range(4):
-        before = (tmp_path / "surface.pvd").stat().st_ino if number else None
-        series.append(0.25 * number, np.zeros((2, 3)), cells=cells, arrays={})
-        sizes.append((tmp_path / "surface.pvd").stat().st_size)
-        assert before in (None, (tmp_path / "surface.pvd").stat().st_ino)
-    assert np.ptp(np.diff(sizes)) <= 1  # 0.5 has a digit less
-    extent, again = series.extent(), VtuSeries(tmp_path, "surface", comm=MPI.COMM_SELF)
-    again.resume_at(extent)
-    assert again.extent() == extent  # before it has written, too
-    again.append(1.0, np.zeros((2, 3)), cells=cells, arrays={})
-    assert [t for t, _ in RunDirectory(tmp_path).fields("surface")] == [0.0, 0.25, 0.5, 0.75, 1.0]
 
 
 def test_a_number_that_is_not_finite_is_refused_before_the_index_names_it(tmp_path):

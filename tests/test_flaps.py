@@ -9,22 +9,18 @@ from examples.paper.measured_flap import waves
 from wavetank.case import Case, ProfileWall
 from wavetank.cli import main
 from wavetank.errors import InputError
-from wavetank.fem.forms import ScalarForm
 from wavetank.fem.plane import Plane
 from wavetank.motion import FlapAngle, Sinusoid
-from wavetank.motion.motion import frequency_shift
 from wavetank.output.columns import energy_columns
 from wavetank.planning.checks import run_warnings
-from wavetank.planning.cost import BUILT_IN, kind_of
 from wavetank.planning.plan import make_plan
-from wavetank.planning.resolution import DEFAULT, Settings
+from wavetank.planning.resolution import DEFAULT
 from wavetank.simulation.build import build_clock, build_run
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.diagnostics import Gauges
 from wavetank.simulation.energy import EnergyBudget
 from wavetank.simulation.records import Memory
 from wavetank.tank.breakdown import FrequencyShift
-from wavetank.tank.energy import POTENTIAL
 from wavetank.tank.footprint import Slice
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.still_water import largest_frequency
@@ -221,16 +217,6 @@ def test_the_step_knows_how_far_a_flap_leans(degrees):
     assert ("unstable-at-stroke" in codes) == (degrees > 30)
 
 
-@pytest.mark.parametrize("t", [1.0, 3.0])
-def test_a_slight_lean_quickens_waves_whichever_way_and_however_long_the_reach(t):
-    """Into the water the bound of the case, out of it that of the lean; the flap moves by 0.018 of its reach."""
-    case = leaning(10.5, length=14.0, cells=14, n=2, duration=4.0, dt=0.02)
-    _, waves = build_run(case, MPI.COMM_SELF)
-    waves.set_time(t)
-    bound = case.frequency_shift if t == 1.0 else frequency_shift(float(np.tan(np.radians(10.5))), 0.0)
-    assert FrequencyShift(waves).by() == pytest.approx(bound, rel=1e-3) and bound > 1.01
-
-
 def test_the_step_knows_how_far_a_piston_narrows_its_cells():
     """Lanczos' largest frequency of the tank whose piston stands there is the bound within 15 %."""
     motion = {"type": "formula", "position": "1.2*sin(pi*t/2)"}
@@ -273,50 +259,6 @@ def test_no_mass_comes_of_a_flap(steep, t):
     waves, q, p, _ = steep
     flow = waves.H_p(q, p, t)
     assert abs(flow.sum()) < 1e-14 * np.abs(flow).sum()
-
-
-def test_where_the_water_is_not_carried_a_flap_has_no_part_in_the_code():
-    """Beyond its reach products and the derivative by the column are a piston's; what is compiled has a branch there.
-
-    A piston's has none: it would save nothing.
-    """
-    found, code = [], []
-    for kind in ("flap", "piston"):
-        _, waves = build_run(scene({"type": kind, "motion": MOTION, "reach": 2.0}, cells=24), MPI.COMM_SELF)
-        waves.set_time(3.3)
-        waves.h.set(1.0 + 0.1 * np.cos(waves.plane.x))
-        waves.operator.update()
-        rows, density = np.cos(np.outer(waves.plane.x, 1.0 + np.arange(6.0))), waves.operator.density
-        found.append(np.column_stack([waves.operator.apply(rows), waves.operator.derivative(rows)]))
-        code.append(density.put_in(" e\n", {"e": lambda density: {"e": density}}))
-    apart = np.abs(found[0] - found[1]).max(axis=1)
-    assert apart[waves.plane.x > 2.0].max() < 1e-13 < 1e-2 < apart.max()
-    assert "if (nothing(" in code[0] and "nothing(" not in code[1]
-
-
-def test_columns_are_found_from_their_masses(steep):
-    waves, _, _, t = steep
-    waves.set_time(t)
-    h = 1.0 + 0.2 * np.cos(2 * waves.plane.x)
-    assert waves.columns.solve(waves.columns.apply(h)) == pytest.approx(h, abs=1e-13)
-
-
-def test_what_a_flap_adds_to_the_energy_is_written_out_as_its_form_has_it(steep):
-    """It is linear in the potential, and of a flap hinged at the bed quadratic in the column."""
-    waves, q, p, t = steep
-    waves.evaluate(q, p, t)
-    (form,), wall, h = waves._wall_terms.hamiltonian.values(), waves._wall_terms, waves.h.rows
-    assert wall.energy() == pytest.approx(ScalarForm(form, waves.plane.comm).assemble(), rel=1e-12)
-    potential = ScalarForm(waves.hamiltonian[POTENTIAL], waves.plane.comm).assemble()
-    assert waves.energies(q, p, t).potential == pytest.approx(potential, rel=1e-13)
-    assert np.sum(wall.vector() * waves.phi.rows) == pytest.approx(wall.energy(), rel=1e-12)
-    change, column = 0.1 * np.cos(waves.plane.x), h.copy()
-    ends = []
-    for sign in (1.0, -1.0):
-        h[:, 0] = column[:, 0] + sign * change
-        ends.append(wall.energy())
-    h[:] = column
-    assert wall.by_column() @ change == pytest.approx(0.5 * (ends[0] - ends[1]), rel=1e-11)
 
 
 def test_derivatives_are_those_of_the_energy(steep):
@@ -384,19 +326,6 @@ def test_what_no_flap_can_be_is_a_sentence(changes, said):
     assert said in message
 
 
-def test_a_plan_knows_what_a_flap_costs():
-    """Over a piston, as docs/method.md has it measured; linear water has no columns to find."""
-    settings = Settings(order=3, cells=40, vertical_order=8, dt=0.03, integrator="simpson-4")
-    piston, flap, bent = (
-        BUILT_IN.step(kind_of(scene(wall), "nonlinear"), settings, 1.0)
-        for wall in ({"type": "piston", "motion": MOTION}, FLAP, KINKED)
-    )
-    assert flap / piston == pytest.approx(1.3) and bent / piston == pytest.approx(1.5)
-    assert kind_of(scene(FLAP), "linear") == "linear"
-    assert kind_of(scene({"type": "piston", "motion": MOTION}, far_wall=FLAP), "nonlinear") == "leaning"
-    assert kind_of(scene(KINKED, far_wall=KINKED), "nonlinear") == "both bent"
-
-
 # ---------------------------------------------------------------- whole runs
 @pytest.mark.slow
 @pytest.mark.parametrize("wall", [FLAP, KINKED], ids=["bed", "above"])
@@ -457,17 +386,6 @@ def test_small_strokes_make_linear_waves():
         errors.append(np.abs(gauges - linear)[:, 1:].max())
     assert fitted_slope(strokes, errors) == pytest.approx(2.0, abs=0.1)
     assert errors[-1] < 0.02 * np.abs(linear[:, 1:]).max()
-
-
-@pytest.mark.slow
-def test_a_flap_of_fifteen_degrees_either_way():
-    """X = d tan(15 degrees) to both sides, slowly: mass is exact, the energy is the paddle's work."""
-    motion = {"type": "sinusoid", "paddle_amplitude": np.radians(15.0), "period": 4.0, "ramp": 4.0}
-    wall = {"type": "flap", "motion_as": "angle", "motion": motion}
-    budget, gauges = recorded(wall, length=10.0, cells=30, n=6, duration=8.0, dt=0.02)
-    assert np.ptp(budget[:, MASS]) < 1e-13 * budget[0, MASS]
-    assert np.abs(budget[:, BALANCE]).max() < 1e-5 * budget[:, 3].max()
-    assert np.abs(gauges[:, 1]).max() > 0.05
 
 
 def on_these_ranks():

@@ -29,7 +29,6 @@ from examples.paper import (
     traced,
 )
 from examples.paper.damped_jumps import Orbits
-from examples.paper.discontinuous_verlet import JumpInP, JumpInQ
 from examples.paper.oscillators import Forced, Harmonic, NonSeparable
 from examples.paper.schemes import (
     all_schemes,
@@ -42,7 +41,7 @@ from examples.paper.schemes import (
     trajectory,
 )
 from wavetank.integrators import Filtered, GaussLegendre4, Simpson4, StormerVerlet, ThirdOrder
-from wavetank.integrators.states import Point, Traces, rows, vectors
+from wavetank.integrators.states import rows
 
 SCHEMES = all_schemes()
 each_scheme = pytest.mark.parametrize("scheme", SCHEMES, ids=lambda scheme: scheme.integrator.name)
@@ -305,30 +304,6 @@ def test_the_limit_of_the_scheme_with_damped_jumps():
     assert stability.spectral_radius(simpson(), limit - 1e-4) < 1 + 1e-9
     assert stability.spectral_radius(simpson(), limit + 1e-4) > 1 + 1e-6
     assert max(stability.spectral_radius(simpson(), theta) for theta in np.linspace(0.01, limit, 50)) < 1 + 1e-9
-
-
-VALUES = np.array([[1.0], [2.0], [3.0], [5.0]])
-
-
-@pytest.mark.parametrize(
-    "state", [Point(*VALUES[:2]), Traces(*VALUES), JumpInQ(*VALUES[:3], 0.5), JumpInP(*VALUES[:3], 0.5)]
-)
-def test_of_a_mapped_state_all_traces_are_mapped(state):
-    left = {"q": 0.5, "p": 0.25}
-    after = state.mapped(lambda pairs: np.array([[left["q"]], [left["p"]]]) * pairs)
-    assert vectors(after) == {name: left[name[0]] * value for name, value in vectors(state).items()}
-
-
-def test_a_mapped_mean_keeps_where_its_step_has_ended_and_begins_at_its_plus_trace():
-    scheme, left = Simpson4(), np.array([[0.5], [0.25]])
-    state = scheme.start(np.array([1.0]), np.array([0.3]))
-    for step in range(3):
-        state = scheme.step(Harmonic(), state, 0.1 * step, 0.1).evaluated(Harmonic(), 0.1 * (step + 1))
-    after = state.mapped(lambda pairs: left * pairs).evaluated(Harmonic(), 0.3)
-    assert after.evaluations[0] is state.evaluations[0]
-    assert after.evaluations[-1].z == pytest.approx(left * state.evaluations[-1].z, rel=1e-15)
-    assert np.array_equal(after.mean, left * state.mean)
-    assert after.jump_1 is state.jump_1 and after.jump_2 is state.jump_2
 
 
 class BetweenSteps:

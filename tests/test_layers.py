@@ -7,12 +7,11 @@ import ufl
 from mpi4py import MPI
 from test_basin import Segments, basin
 
-from wavetank.errors import ConvergenceError, WavetankError
+from wavetank.errors import ConvergenceError
 from wavetank.fem.decoupled import LayerMatrices
 from wavetank.fem.forms import ScalarForm, VectorForm
 from wavetank.fem.halo import Halo
 from wavetank.fem.plane import Plane
-from wavetank.fem.pointwise import symbols
 from wavetank.tank.footprint import Ring
 from wavetank.tank.walls import StillWall
 from wavetank.tank.waves import NonlinearWaves
@@ -113,12 +112,6 @@ def test_products_and_derivative_are_those_of_the_energy(name):
 def test_three_ranks_have_the_same(on_ranks, name):
     assert max(max(found) for found in on_ranks(differences, name)) < 1e-12
     assert max(max(found) for found in on_ranks(averaged, f"still {name}")) < 5e-6
-
-
-def test_what_has_no_code_is_named():
-    waves, _ = moved("ring")
-    with pytest.raises(WavetankError, match="an energy with Exp in UFL: no code"):
-        symbols(ufl.exp(waves.h.function), {waves.h.function: "h"})
 
 
 @pytest.mark.parametrize("inside", [0.01, 0.045])

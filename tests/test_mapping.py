@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from mpi4py import MPI
 
 from wavetank.fem.forms import ScalarForm
-from wavetank.fem.mass import HorizontalMatrix
 from wavetank.fem.plane import Plane
 from wavetank.integrators import ThirdOrder
 from wavetank.integrators.states import Point
@@ -260,17 +259,6 @@ def test_the_mass_matrix_is_inverted_as_it_is_wherever_the_paddle_has_been(make_
     assert np.abs(solutions[-1] - solutions[0]).max() > 0.1
 
 
-def test_a_penalty_of_which_the_wall_changes_a_part_is_that_of_all_cells(make_tank):
-    """Oracle: that matrix, where the paddle has gone to."""
-    tank = make_tank(length=4.0, cells=8, n=2, motion=Sinusoid(0.5, 4.0), reach=2.0)
-    psi = np.cos(tank.plane.x) ** 3
-    penalty = EdgePenalty(tank, SurfaceFlow(tank), cell_size=0.5, dt=0.01, threshold=0.0)
-    for t in (0.9, 1.0):
-        assert penalty.needed(Point(*tank.state(0 * psi, psi, t)), t)
-    whole = HorizontalMatrix(tank.plane, penalty._of).apply(psi)
-    assert np.abs(penalty._smoother.apply(psi) - whole).max() < 1e-13 < 1e-8 * np.abs(whole).max()
-
-
 def test_a_filter_takes_the_wall_where_it_stands_at_the_end_of_the_step(make_tank):
     """Gauss-Legendre's last evaluation is within the step: the mass matrix then is that of another time."""
     tank = make_tank(length=4.0, cells=16, n=3, motion=Sinusoid(0.5, 2.0), reach=2.0)
@@ -282,12 +270,6 @@ def test_a_filter_takes_the_wall_where_it_stands_at_the_end_of_the_step(make_tan
     expected = tank.elevation(q, p, 0.3).max()
     assert crest.height == pytest.approx(expected, rel=1e-3)
     assert crest.x == pytest.approx(tank.wall.to_physical(np.zeros((1, 2)))[0, 0], abs=0.05)
-
-
-def test_a_new_step_needs_no_compilation(make_tank):
-    tank = make_tank(length=2.0, cells=4, n=2)
-    one, other = (EdgePenalty(tank, SurfaceFlow(tank), cell_size=0.5, dt=dt) for dt in (0.01, 0.02))
-    assert one._smoother.instance.unit.lib is other._smoother.instance.unit.lib
 
 
 @pytest.mark.parametrize("left", [0.1, 0.001])

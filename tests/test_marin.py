@@ -20,21 +20,6 @@ def the_data():
     needs_marin()
 
 
-@pytest.mark.slow  # README's commands run the case and the comparison, tests/test_motions.py measured motions
-def test_the_first_waves_pass_the_first_gauge(wavetank, tmp_path):
-    """In a short tank with a sponge, to the instruments' noise of 0.3 mm, a seventh of the waves by then."""
-    changes = ["tank.length=24.0", "gauges=[10.0]", 'sponge={type="end", length=10.0}', "run.duration=50.0"]
-    changes += ["numerics.cell_size=0.4", "numerics.order=3", "numerics.vertical_order=5", "numerics.dt=0.05"]
-    out, overrides = tmp_path / "marin", [word for change in changes for word in ("--set", change)]
-    result = wavetank("run", "cases/marin-202002.toml", *overrides, "--no-plots", "--out", str(out))
-    assert result.returncode == 0, result.stderr
-    result = wavetank("compare", str(out), "--with", "marin-202002")
-    assert result.returncode == 0, result.stderr
-    (row,) = csv.DictReader((out / "compare.csv").read_text().splitlines())
-    assert float(row["nrms_fitted"]) < 0.3 and float(row["gain"]) == pytest.approx(1.0, abs=0.15)
-    assert abs(float(row["shift [s]"])) < 0.15
-
-
 @pytest.mark.slow
 def test_the_experiment_is_reproduced(wavetank, tmp_path):
     out = tmp_path / "marin"

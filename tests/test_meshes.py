@@ -113,13 +113,6 @@ def test_cells_have_about_the_size_asked_for_and_the_box_holds_them(name):
     assert np.allclose([*nodes.min(axis=0), *nodes.max(axis=0)], recipe.box, atol=1e-3)
 
 
-@pytest.mark.parametrize("name", RECIPES)
-def test_the_paddle_is_the_straight_wall_at_the_smallest_x(name):
-    point, normal = drawn(name).paddle_line()
-    assert np.allclose(point, [recipe_of(name).box[0], 0.0], atol=1e-12)
-    assert np.array_equal(normal, [1.0, 0.0])
-
-
 def test_a_slanting_paddle_is_found_where_it_is(tmp_path):
     """A rectangle turned by 30 degrees about the origin, its paddle then at x cos + y sin = -1."""
     read = written(tmp_path / "layout.msh", "rectangle")
@@ -312,15 +305,6 @@ def bad_file(folder, name):
     path = folder / f"{name}.vtu"
     meshio.Mesh(np.array(points, dtype=float), cells, cell_data={"paddle": groups}).write(path)
     return path
-
-
-@pytest.mark.parametrize("name", {**BAD, **NO_PADDLE})
-def test_unusable_mesh_or_paddle_is_refused_in_one_sentence(name, tmp_path):
-    path = bad_file(tmp_path, name)
-    with pytest.raises(InputError, match={**BAD, **NO_PADDLE}[name][2]) as raised:
-        read_layout(path, MPI.COMM_SELF).paddle_line()
-    assert str(raised.value).startswith(f"{path}: ") and str(raised.value).endswith(".")
-    assert "\n" not in str(raised.value)
 
 
 def test_missing_group_is_refused_with_existing_groups(tmp_path):

@@ -7,10 +7,8 @@ import pytest
 from mpi4py import MPI
 from rich.console import Console
 
-import wavetank as wt
 from wavetank.case.reading import read_case
 from wavetank.cli import main
-from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.planning.checks import run_warnings
 from wavetank.recording import record_run
@@ -81,11 +79,6 @@ def test_a_case_that_cannot_be_run_is_refused_with_key_and_limit(which, case, ca
     assert said in capsys.readouterr().err
 
 
-def test_columns_with_commas_between_them_are_no_decimal_commas(case):
-    motion = read_case(case(SLICE + RECORD, "0,0\n1, 2\n2 3\n3.0,4\n")).motion()
-    assert motion.position(np.arange(4.0)) == pytest.approx([0.0, 2.0, 3.0, 4.0])
-
-
 def formula(position: str) -> str:
     return '[wall]\ntype = "piston"\nmotion = {{type = "formula", position = "' + position + '"}}\n'
 
@@ -133,11 +126,3 @@ def test_probes_without_water_at_any_time_are_named(case, tmp_path):
         record_run(scene, out, comm=MPI.COMM_SELF, console=Console(quiet=True), resume=out.exists())
         (said,) = (one for one in map(str, RunDirectory(out).warnings) if "probes" in one)
         assert said == f"probes without water at any time, their columns are empty: x = 1, y = 0, z = 0.5 m{dry}"
-
-
-def test_python_is_told_its_own_argument_for_a_run_that_is_there(tmp_path):
-    (tmp_path / "manifest.json").write_text("{}")
-    case = tmp_path / "case.toml"
-    case.write_text(SLICE.format(duration=1.0))
-    with pytest.raises(InputError, match=r"run already; give another directory, or overwrite it .*overwrite=True"):
-        wt.run(wt.read_case(case), tmp_path, quiet=True)

@@ -8,7 +8,7 @@ from test_segmented_motion import MOTIONS as SEGMENTED
 from test_segmented_motion import Y, bisected_wave_number
 
 from wavetank.errors import InputError
-from wavetank.motion import AtRest, HarmonicSum, Motion, Ramped, Recorded, Sinusoid, first_order_motion
+from wavetank.motion import AtRest, HarmonicSum, Ramped, Recorded, Sinusoid, first_order_motion
 from wavetank.motion.recorded import read_record
 from wavetank.waves import airy, wavemaker
 from wavetank.waves.focusing import FocusedGroup
@@ -101,19 +101,6 @@ def test_each_derivative_is_the_slope_of_the_one_below(name, order):
     assert fine < 1e-10 or coarse / fine == pytest.approx(4.0, rel=0.02)
 
 
-@pytest.mark.parametrize("name", [*MOTIONS, *SEGMENTED])
-def test_named_derivatives_have_the_shape_of_times_and_places(name):
-    motion, y = (MOTIONS[name], None) if name in MOTIONS else (SEGMENTED[name], Y)
-    t, places = np.linspace(0.0, 8.0, 6).reshape(2, 3), () if y is None else Y.shape
-    for order, method in enumerate((motion.position, motion.velocity, motion.acceleration)):
-        assert np.shape(method(0.5, y)) == places and method(t, y).shape == (2, 3, *places)
-        np.testing.assert_array_equal(method(t, y), motion.derivative(t, order, y))
-        # one time and many are summed in different orders
-        for alone in (method(float(t[1, 2]), y), motion.rates(float(t[1, 2]), y)[order]):
-            np.testing.assert_allclose(method(t, y)[1, 2], alone, rtol=1e-12, atol=1e-12)
-    np.testing.assert_array_equal(motion.kinematics(t[0], y)[1], motion.velocity(t[0], y))
-
-
 @given(st.floats(0.1, 10.0), st.floats(0.2, 5.0), st.floats(-1.0, 1.0))
 def test_a_ramp_starts_from_rest_and_ends_in_the_motion_itself(ramp, period, amplitude):
     motion = Sinusoid(amplitude, period)
@@ -190,14 +177,6 @@ def test_a_bad_record_is_one_sentence_with_file_and_line(tmp_path, text, message
         read_record(tmp_path / "bad.dat")
 
 
-@pytest.mark.parametrize("content", [None, b"\xff\xfe\x00"])
-def test_an_unreadable_record_says_so(tmp_path, content):
-    if content is not None:
-        (tmp_path / "bad.dat").write_bytes(content)
-    with pytest.raises(InputError, match=r"bad.dat: cannot be read"):
-        read_record(tmp_path / "bad.dat")
-
-
 # ---------------------------------------------------------------- the wave group
 def test_the_linear_superposition_focuses_to_the_amplitude():
     waves = group()
@@ -262,10 +241,3 @@ def test_spectra_peak_where_they_say():
         assert f[spectrum.density(f).argmax()] == pytest.approx(0.7, abs=1e-3)
     peak = np.array([0.7])
     assert Jonswap(0.7, gamma=3.3).density(peak) == pytest.approx(3.3 * Jonswap(0.7, gamma=1.0).density(peak))
-
-
-def test_motions_are_frozen():
-    for motion in MOTIONS.values():
-        assert isinstance(motion, Motion)
-        with pytest.raises(AttributeError):
-            motion.amplitude = 1.0

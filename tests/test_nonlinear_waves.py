@@ -8,7 +8,6 @@ from mpi4py import MPI
 
 from wavetank.case import Case
 from wavetank.errors import RunError
-from wavetank.fem.forms import ScalarForm
 from wavetank.integrators import INTEGRATORS, Simpson4
 from wavetank.integrators.simpson import MeanAndJumps
 from wavetank.integrators.states import Traces, rows
@@ -124,24 +123,6 @@ def test_a_stage_is_as_one_what_its_parts_make_one_after_the_other(make_tank, am
         ended.append(rows(state))
     assert np.abs(ended[0] - ended[1]).max() < 1e-10 * np.abs(ended[1]).max()
     assert tank.stages.counters == parts.stages.counters
-
-
-def test_the_paddles_part_of_the_hamiltonian_is_its_form(make_tank):
-    """What is kept of it along a slice, against the form in which it is told."""
-    tank = make_tank(length=2.0, cells=8, n=5, motion=piston())
-    found = tank.energies(*steep_state(tank), 3.3).wall
-    form = ScalarForm(tank.hamiltonian[tank.wall.part], tank.plane.comm)
-    assert found == pytest.approx(form.assemble(), rel=1e-12)
-    assert abs(found) > 1e-3
-
-
-def test_nobody_writes_into_derivatives_that_are_remembered(make_tank):
-    """As an observer might that turns one round; oracle: numpy's flag."""
-    tank = make_tank(length=2.0, cells=8, n=5)
-    for derivative in (tank.H_p, tank.H_q):
-        found = derivative(*steep_state(tank), 0.0)
-        with pytest.raises(ValueError, match="read-only"):
-            found *= -1.0
 
 
 BESIDE = {"piston": {}, "flap": {"hinge": -1.0}, "both": {"hinge": -1.0, "far": piston(), "reach": 1.0}}

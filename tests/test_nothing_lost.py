@@ -368,19 +368,6 @@ def test_a_name_that_is_no_text_stops_no_library(monkeypatch):
     assert [word.encode() for word in sys.argv] == [b"wavetank", b"run", b"F\\udce4lle.toml"]
 
 
-def test_what_is_said_before_the_directory_is_there_is_in_its_log(tmp_path):
-    from wavetank.output.files import RunLog
-
-    said = io.StringIO()
-    log = RunLog(Console(file=said))
-    log.say("measuring [/b]")
-    log.open(tmp_path / LOG)
-    log.note("t = 1 s")
-    log.close()
-    assert said.getvalue() == "measuring [/b]\n"
-    assert (tmp_path / LOG).read_text() == "measuring [/b]\nt = 1 s\n"
-
-
 def test_what_other_commands_write_is_not_replaced_unless_told(tmp_path, monkeypatch, capsys):
     """Pictures that are named, a folder of results; a default folder is numbered."""
     monkeypatch.chdir(tmp_path)

@@ -72,13 +72,6 @@ class Looking:
         return False
 
 
-def test_filters_are_asked_at_the_end_of_the_step():
-    one = Looking()
-    scheme, start = Filtered(StormerVerlet(), [one]), (np.array([1.0]), np.array([0.0]))
-    scheme.step(Harmonic(), scheme.start(*start), 2.0, 0.25)
-    assert one.times == [2.25]
-
-
 class Timed(NonSeparable):
     """An oscillator whose energy grows with the time, as a moving wall's depends on it."""
 

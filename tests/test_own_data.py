@@ -241,12 +241,6 @@ def test_invalid_table_is_refused(tmp_path, text, said):
         data.gauge_records(data.opened(str(tmp_path / "mine.csv")))
 
 
-def test_unknown_gauge_name_is_refused(run, tmp_path):
-    (tmp_path / "mine.csv").write_text("t,left\n" + rows(T, T))
-    said = commanded("compare", str(run), "--with", str(tmp_path / "mine.csv"))
-    assert said.returncode == 2 and "the run has '1' at x = 2 m, '5' at x = 7.5 m; the reference 'left'" in said.stderr
-
-
 def test_of_a_campaign_one_test_is_chosen_and_records_are_compared_without_a_run(tmp_path):
     """Oracle: the test that is 1.2 times as high, by its name; a record that is there is compared as a run is."""
     for name, gain in (("low", 1.0), ("high", 1.2)):

@@ -4,7 +4,6 @@ The figures themselves are asked (``pictures.py``), drawn from rows made up to l
 """
 
 from dataclasses import replace
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +11,9 @@ import pytest
 from pictures import faults
 from rich.console import Console
 
-from examples.paper import cylinder, growth, sponge, steepness
 from examples.paper.report import Report
 from wavetank.plots.style import picture
-from wavetank.studies.drawing import WARNED, draw_responses, draw_trade, pareto_front, unit
+from wavetank.studies.drawing import WARNED, draw_responses, draw_trade, pareto_front
 from wavetank.studies.measures import CREST, CREST_PLACE, GAUGE_ERROR, PHASE_ERROR, SURFACE_ERROR, TROUGH
 from wavetank.studies.runs import Outcome
 from wavetank.studies.sweep import Refused, combinations, parse_axes
@@ -49,59 +47,6 @@ def test_what_is_hard_to_read_is_found(drawn, tmp_path):
         "'a text' lies on 'another'",
     ):
         assert fault in found
-
-
-def test_steepness(drawn, report):
-    def row(kd, height, scheme, longer):
-        cells, steps = steepness.resolution(kd, height)
-        errors = ((1 + kd) * 1e-4 * height, 1e-4, 1e-5, 0.0, 1e-13)
-        return steepness.Row(kd, height, cells, 6, scheme, steps // longer, 20.0, *errors, 100 * height, "")
-
-    schemes, depths = steepness.SCHEMES, steepness.VERTICAL_ORDER
-    steepness.draw(
-        report, [row(kd, height, *one) for kd in depths for height in steepness.RESOLUTION for one in schemes]
-    )
-    (figure,) = drawn
-    assert not faults(figure)
-    assert [axes.get_ylabel().rpartition(" ")[2] for axes in figure.axes] == ["[rad]", "[-]", "[s]"]
-    phase = figure.axes[0].lines[0].get_ydata()
-    assert phase == pytest.approx([1.5e-4 * height for height in steepness.RESOLUTION])
-
-
-def test_growth(drawn, report):
-    rows = [
-        growth.Row(*one, 20 * one.steepness**2 * one.p / 3, 100.0, max(0.0, 3 * one.steepness - 1), 1e-5)
-        for one in growth.settings()
-    ]
-    growth.draw(report, rows)
-    (figure,) = drawn
-    assert not faults(figure)
-    assert {len(line.get_xdata()) for line in figure.axes[0].lines} == {6}
-    assert np.sum([len(line.get_xdata()) for line in figure.axes[1].lines[:-1]]) == 2 * len(rows)
-
-
-def test_the_cylinder(drawn, report):
-    run_up = np.linspace(0.5, 1.8, cylinder.ANGLES.size)
-    results = [
-        cylinder.Computed(cylinder.RunUpRow("linear", ka, order, size, 100, 1000, (size / order) ** 2 / ka), run_up)
-        for ka in cylinder.COLOURS
-        for order, sizes in cylinder.MESHES.items()
-        for size in sizes
-    ]
-    cylinder.draw(report, results)
-    (figure,) = drawn
-    assert not faults(figure)
-
-
-def test_the_sponge(drawn, report):
-    lengths = [sponge.LengthRow(kd, one, 0.2 * np.exp(-one) / kd) for kd, one in product(sponge.DEPTHS, sponge.LENGTHS)]
-    bands = [
-        sponge.BandRow(kd, size, ratio, 0.1 * np.exp(-size * ratio) / kd)
-        for kd, size, ratio in product(sponge.DEPTHS, sponge.SIZES, sponge.RATIOS)
-    ]
-    sponge.draw(report, lengths, bands, [sponge.TimeRow(0.5, 1.0, 0.01, 0.02), sponge.TimeRow(1.0, 1.0, 0.1, 0.01)])
-    (figure,) = drawn
-    assert not faults(figure)
 
 
 # ---------------------------------------------------------------- studies
@@ -199,14 +144,3 @@ def test_what_is_modelled_may_be_no_number(drawn, tmp_path):
     assert not opened(figure.axes[0]) and WARNED not in told(figure)
     assert len([panel for panel in figure.axes if panel.lines]) == 3  # without a sweep of numerics no errors
     assert [label.get_text() for label in figure.axes[0].get_xticklabels()] == ["linear", "nonlinear"]
-
-
-def test_a_keys_unit_is_that_of_its_description():
-    (one,) = combinations(CASES / "standing-wave.toml", parse_axes(["tank.depth=1.5"]))
-    assert [unit(one.scene, key) for key in ("tank.depth", "run.duration", "water.type", "tank", "a.b")] == [
-        "m",
-        "s",
-        "",
-        "",
-        "",
-    ]

@@ -13,15 +13,12 @@ from mpi4py import MPI
 from wavetank.case import Case
 from wavetank.case.reading import read_case
 from wavetank.cli import main
-from wavetank.errors import InputError
 from wavetank.fem.forms import ScalarForm
 from wavetank.fem.plane import Plane
 from wavetank.integrators import INTEGRATORS, StormerVerlet
 from wavetank.output.directory import RunDirectory
 from wavetank.planning import cost, timing
-from wavetank.planning import default_plan as planned
 from wavetank.planning.cost import CostModel
-from wavetank.planning.default_plan import default_plan
 from wavetank.planning.dispersion import Mesh, UniformCells, step_errors
 from wavetank.planning.plan import AIM, UnreachableError, make_plan, named_numerics, own_plan
 from wavetank.planning.requirements import requirements, stokes
@@ -108,17 +105,6 @@ def test_frequency_converges_spectrally_in_the_vertical_order():
     errors = np.array([float(mesh(8, 0.2, n).frequency(4.0) / exact - 1) for n in orders])
     slopes = np.diff(np.log(errors)) / np.diff(np.log(orders))
     assert slopes[1] < slopes[0] < -4
-
-
-def test_truncation_is_the_distance_to_polynomials():
-    """Against a least-squares fit of exp(i k x) by Legendre polynomials, on Gauss points."""
-    xi, weights = np.polynomial.legendre.leggauss(40)
-    for order in (2, 4):
-        wave = np.exp(1j * 0.7 * xi)
-        basis = np.polynomial.legendre.legvander(xi, order)
-        parts = (basis.T * weights) @ wave * (np.arange(order + 1) + 0.5)
-        distance = np.sqrt(weights @ np.abs(wave - basis @ parts) ** 2 / 2)
-        assert UniformCells(order, 0.2).truncation_error(7.0) == pytest.approx(distance, rel=1e-9)
 
 
 # ------------------------------------------------------------------------------------------------ dispersion in time
@@ -269,12 +255,6 @@ def test_steepness_decides_between_linear_and_nonlinear():
     assert physics == ["linear", "nonlinear"]
 
 
-def test_case_at_rest_is_refused():
-    scene = Case.model_validate({"tank": {"length": 1.0, "depth": 1.0}, "run": {"duration": 1.0}})
-    with pytest.raises(InputError, match="nothing moves"):
-        requirements(scene, 1e-2)
-
-
 def test_wave_of_permanent_form_has_the_harmonics_and_speed_of_stokes():
     """Against Stokes' expansion: at k a = 0.05 its next terms are of order (k a)²."""
     tank = {"type": "ring", "length": 2 * np.pi, "depth": 1.0}
@@ -358,39 +338,6 @@ def gauge_records(scene, settings, *, every=1, at=None):
     run.diagnostics += build_observers(scene, waves, Records(gauges, Memory(), None))
     run.execute()
     return gauges.array()
-
-
-STEEP = (  # scheme, p, cells: one limited by time, the others by space
-    ("stormer-verlet", 3, 6),
-    ("simpson-4", 2, 4),
-    ("simpson-4", 2, 6),
-    ("simpson-4", 3, 3),
-    ("simpson-4", 3, 4),
-    ("simpson-4", 3, 6),
-    ("simpson-4", 4, 3),
-    ("simpson-4", 4, 4),
-)
-
-
-@pytest.mark.slow  # tests/test_plan_measured.py has a steep one
-@pytest.mark.parametrize(("kd", "steepness"), [(1.0, 0.1), (3.0, 0.1)])
-def test_error_of_steep_waves_is_predicted(kd, steepness):
-    """At depths to which nothing was fitted: seven of eight within a factor 3, all within 5, none below a third.
-
-    That one of them is not is known (p = 3, four cells): harmonics resonate with the mesh, or do not.
-    """
-    scene, period = standing(kd, 1, amplitude=steepness / kd, periods=6)
-    errors, steps = ErrorModel(requirements(scene, 1e-3)), 40
-    fine = Settings(order=4, cells=8, vertical_order=8, dt=period / 120, integrator="simpson-4")
-    reference = gauge_records(scene, fine, every=3)[-steps:, 1:]
-    ratios = []
-    for name, order, cells in STEEP:
-        settings = Settings(order=order, cells=cells, vertical_order=8, dt=period / steps, integrator=name)
-        difference = gauge_records(scene, settings)[-steps:, 1:] - reference
-        ratios.append(errors.predict(settings) / np.sqrt(np.mean(difference**2) / np.mean(reference**2)))
-    assert min(ratios) > 1 / 3
-    assert max(ratios) < 5
-    assert sorted(ratios)[-2] < 3
 
 
 # ------------------------------------------------------------------------------------------------ the plan
@@ -525,23 +472,6 @@ def test_unreachable_accuracy_is_refused_with_the_named_numerics(numerics, kd, m
         make_plan(asking(numerics, kd=kd), 1e-4, costs=COSTS)
 
 
-def test_unplanned_case_cannot_be_built():
-    with pytest.raises(InputError, match=r"numerics.accuracy = 0.01: must have been planned"):
-        build_run(asking({}), MPI.COMM_SELF)
-
-
-def test_gauge_that_no_wave_reaches_does_not_count():
-    """For the whole run, as in a case without gauges."""
-    motion = {"type": "sinusoid", "paddle_amplitude": 0.01, "period": 1.6, "ramp": 1.0}
-    case = {
-        "tank": {"length": 8.0, "depth": 1.0},
-        "wall": {"type": "piston", "motion": motion},
-        "run": {"duration": 2.0},
-    }
-    each = (requirements(Case.model_validate(case | {"gauges": g}), 1e-2).waves for g in ([], [7.9]))
-    assert all(np.array_equal(*one) for one in zip(*each, strict=True))
-
-
 @pytest.mark.parametrize("duration", [3.0, 4.5])
 def test_short_run_is_planned_for_all_waves_in_the_tank(duration):
     """As if there were no gauges: the plan for the few long waves that came to one within 3 s missed it by 6 %."""
@@ -562,14 +492,6 @@ def test_plan_prints_the_proposed_and_the_own_numerics(wavetank):
     refused = wavetank("plan", "cases/wavemaker.toml", "--accuracy", "2")
     assert refused.returncode == 2
     assert "accuracy = 2: must be between 0 and 1" in refused.stderr
-
-
-def test_plan_uses_the_accuracy_of_the_case(capsys):
-    changes = "numerics.accuracy=0.001", "numerics.order=5", 'sponge={type="end",length=3,strength=0.7}'
-    assert main(["plan", "cases/planned.toml", *(word for change in changes for word in ("--set", change))]) == 0
-    said = capsys.readouterr().out
-    assert "\nsponge: the last 3 m, up to 0.7 1/s\n" in said
-    assert "to a relative error of the elevation of 0.001:" in said and "`wavetank run` uses this plan." in said
 
 
 PISTON_CASE = '[tank]\nlength = 20.0\ndepth = 1.0\n[wall]\ntype = "piston"\nmotion = {motion}\n[run]\nduration = 5.0\n'
@@ -615,15 +537,6 @@ def test_case_that_cannot_be_planned_or_is_unstable_is_refused_before_its_mesh(
         out = ["--out", str(tmp_path / "run")] if command == "run" else []
         assert main([command, str(case), *out, *(word for change in changes for word in ("--set", change))]) == 2
         assert re.search(message, capsys.readouterr().err) and not (tmp_path / "run").exists()
-
-
-def test_unreachable_default_accuracy_is_reported_as_not_named(monkeypatch):
-    def unreachable(scene, accuracy):
-        raise UnreachableError(f"accuracy = {accuracy:g}: must be above 0.21")
-
-    monkeypatch.setattr(planned, "make_plan", unreachable)
-    with pytest.raises(UnreachableError, match=r"^the case names no accuracy, .*: accuracy = 0\.1: must be"):
-        default_plan(asking({"accuracy": None}))
 
 
 def test_plan_of_a_basin_prints_the_measured_cost_of_its_steps(wavetank, tmp_path):
@@ -703,17 +616,6 @@ def test_printed_energy_is_the_computed_one():
     ]
 
 
-def test_start_by_formula_is_timed(tmp_path, capsys):
-    case = tmp_path / "bump.toml"
-    case.write_text(
-        "[tank]\nlength = 3.0\ndepth = 1.0\n[initial]\ntype = 'formula'\neta = '0.05 * exp(-4 * (x - 1)**2)'\n"
-        "[run]\nduration = 1.0\n[numerics]\ncells = 6\nvertical_order = 2\n"
-    )
-    assert main(["plan", str(case)]) == 0
-    said = capsys.readouterr().out
-    assert said.startswith('initial.type = "formula": plans are made for solitary-wave,') and "  the run: " in said
-
-
 def test_run_uses_the_plan_of_its_accuracy(tmp_path):
     """On several ranks, too: tests/test_cases.py, among the slow ones."""
     recorded("cases/planned.toml", ("run.duration=0.5", "numerics.order=4"), tmp_path / "run")
@@ -751,13 +653,6 @@ def test_plan_counts_the_cost_of_probes():
     assert not any("are evaluated" in reason for reason in bare.reasons)
 
 
-def test_costs_of_a_fit_are_recovered():
-    """Times made from known constants give them back."""
-    constants = (2e-3, 3e-6, 5e-8, 1e-3, 2e-6, 3e-8)
-    rows = timing.timed("simpson-4")
-    assert np.allclose(timing._fit(rows, rows @ constants), constants, rtol=1e-6)
-
-
 def test_measured_costs_are_read_from_the_cache(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     fitted = CostModel(cost.machine(), COSTS.constants)
@@ -769,8 +664,3 @@ def test_measured_costs_are_read_from_the_cache(tmp_path, monkeypatch):
     for unusable in ("not JSON", "[]", *map(json.dumps, ({**kept, "constants": without_one}, {**kept, "version": 5}))):
         (tmp_path / "wavetank" / "cost.json").write_text(unusable)
         assert cost.machine_costs() is cost.BUILT_IN
-
-
-def test_integrator_without_measured_costs_has_those_of_the_default_scheme(monkeypatch):
-    monkeypatch.setitem(INTEGRATORS, "own", object)
-    assert cost.step_costs("own") == INTEGRATORS["simpson-4"].costs == cost.step_costs("simpson-4")

@@ -1,6 +1,5 @@
 """Pictures of a run: they exist, say what they show with units, and interpolate a known group to known accuracy."""
 
-import re
 import shutil
 import subprocess
 import sys
@@ -21,7 +20,7 @@ from wavetank.output.directory import RunDirectory
 from wavetank.output.writer import RunWriter
 from wavetank.plots import figures
 from wavetank.plots.figures import draw_run, energy_figure, gauges_figure, gauges_overview, surface_figure
-from wavetank.plots.style import STYLE, mark_places
+from wavetank.plots.style import STYLE
 
 ENERGY = (
     "t [s]",
@@ -112,23 +111,6 @@ def test_the_surface_picture_names_crest_place_time_and_exaggeration(tmp_path):
     assert ">bed [m]<" not in text and ">sponge<" not in text
 
 
-def test_before_and_after_are_half_a_period_away():
-    t, x = np.linspace(0.0, 10.0, 401), np.broadcast_to(np.linspace(0.0, 2.0, 21), (401, 21))
-    omega = 5.0
-    standing = np.cos(np.pi * x) * np.cos(omega * (t - 4.0))[:, None]
-    assert figures._half_period(standing) * 0.025 == pytest.approx(np.pi / omega, abs=0.05)  # two snapshots
-
-
-def test_a_tank_of_fixed_walls_and_still_water_are_drawn_too(tmp_path):
-    x = np.broadcast_to(np.linspace(0.0, 2.0, 21), (5, 21))
-    text = words(lambda path: surface_figure(surface(np.arange(5.0), x, 0 * x), path), tmp_path)
-    assert "0 cm at x = 0.00 m" in text
-    assert ">paddle<" not in text and ">far wall<" not in text
-    moved = x + 0.05 * np.arange(5)[:, None] * x
-    text = words(lambda path: surface_figure(surface(np.arange(5.0), moved, 0 * x), path), tmp_path)
-    assert ">paddle<" not in text and ">far wall<" in text
-
-
 def test_a_ring_is_drawn_closed_and_no_water_below_the_bed(tmp_path):
     tank = {"type": "ring", "length": 8.0, "depth": 0.01}
     with RunWriter(tmp_path / "run", {"scene": {"tank": tank, "wall": {"type": "fixed"}}}) as writer:
@@ -177,51 +159,6 @@ def test_a_varying_bed_is_drawn_at_its_depth(tmp_path):
     assert sand[:, 1].max() == pytest.approx(-0.5)
 
 
-def test_a_slices_bed_is_read_from_its_scene(tmp_path, monkeypatch):
-    drawn = {}
-    monkeypatch.setattr(figures, "surface_figure", lambda _, path, **given: drawn.update(given) or path)
-    bed = {"type": "formula", "depth": "0.6 - 0.01 * x"}
-    for name, tank in (("sloping", {"bed": bed}), ("flat", {})):
-        scene = {"tank": {"type": "slice", "length": 8.0, "depth": 0.6, **tank}}
-        with RunWriter(tmp_path / name, {"scene": scene}) as writer:
-            record = writer.surface()
-            for t in range(2):
-                record.append(t, *3 * [np.arange(9.0)])
-        figures.draw_surface(RunDirectory(tmp_path / name))
-        depth = drawn["depth"]
-        assert depth == 0.6 if name == "flat" else depth(np.array([5.0]), np.zeros(1)) == pytest.approx(0.55)
-
-
-def test_the_space_time_diagram_interpolates_the_group():
-    moved = group().x.values
-    drawn = figures._resampled(T, moved, group().elevation.values)
-    x, t = (np.linspace(0.0, 24.0, size) for size in (drawn.shape[1], drawn.shape[0]))
-    x = moved.min() + (moved.max() - moved.min()) * x / 24.0
-    exact = elevation(x[None, :], t[::5, None])
-    wet = x[None, :] > 0.06  # the paddle's largest excursion
-    # linear in x: (dx k)^2 / 8 = 0.011 at dx = 1/15 m and k = 4.4 rad/m
-    assert np.abs(np.where(wet, drawn[::5] - exact, 0.0)).max() < 0.011 * AMPLITUDE
-
-
-def test_one_sharp_crest_does_not_bleach_the_other_waves():
-    x = np.broadcast_to(np.linspace(0.0, 20.0, 401), (50, 401))
-    eta = 0.01 * np.sin(2.0 * x)
-    eta[25, 200] = 1.0
-    figure = Figure()
-    axes = figure.add_subplot()
-    figures._draw_diagram(figure, axes, np.arange(50.0), x, eta)
-    # 1 cm is the waves' height, 100 cm the crest's; 401 points meet a wave's top to (k dx / 2)^2 / 2 = 1e-3
-    assert axes.images[0].get_clim() == pytest.approx((-1.0, 1.0), rel=1e-3)
-
-
-def test_exaggeration_is_one_where_the_scales_are_equal():
-    figure = Figure(figsize=(8, 4))
-    axes = figure.add_axes((0, 0, 1, 1), xlim=(0.0, 2.0), ylim=(0.0, 100.0))  # 2 m by 100 cm in 8 by 4 inch
-    assert figures._exaggeration(axes) == 1.0
-    axes.set_ylim(0.0, 10.0)
-    assert figures._exaggeration(axes) == 10.0
-
-
 def test_the_comparison_names_gauges_sources_and_misfits(tmp_path):
     measured = gauges(*(record(x, source="measured") for x in (4.0, 10.0, 13.0)))
     computed = gauges(*(record(x, 0.9 * elevation(x, T)) for x in (10.0, 13.0)))
@@ -244,37 +181,6 @@ def test_all_misfits_are_of_the_time_that_the_run_has(tmp_path):
     assert "nrms: computed 0.100, Published 2014 0.200" in text
 
 
-def test_a_comparison_is_drawn_over_the_time_that_both_have():
-    """The crest is 1 s from the end of the run: nothing that comes later is drawn."""
-    full, zoom = Figure().subplots(1, 2)
-    figures._draw_gauge(full, zoom, record(10.0, source="measured"), [record(10.0, t=T[T <= 21.0])])
-    assert zoom.get_xlim() == pytest.approx((16.0, 21.0))
-    for line in (*full.lines, *zoom.lines):
-        assert line.get_xdata().max() <= 21.0
-
-
-def test_the_overview_orders_gauges_from_the_paddle_outwards(tmp_path):
-    text = words(lambda path: gauges_overview(gauges(record(10.0), record(4.0)), path), tmp_path)
-    assert 0 < text.index("x = 4 m") < text.index("x = 10 m")
-
-
-def test_gauges_across_a_basin_have_their_y_and_what_is_no_wave_is_flat(tmp_path):
-    across = [record(4.0, 1e-9 * np.sin(T), name=f"across/{n}", y=float(n - 2)) for n in (1, 2, 3)]
-    text = words(lambda path: gauges_overview(gauges(*across), path), tmp_path)
-    assert all(f">gauge across/{n}, x = 4 m, y = {n - 2} m<" in text for n in (1, 2, 3))
-    assert "1e" not in "".join(re.findall(r">([^<>]*)</text>", text))
-    assert "y = " not in words(lambda path: gauges_overview(gauges(record(4.0)), path), tmp_path)
-
-
-@pytest.mark.parametrize(("number", "shape"), [(8, (8, 1)), (9, (5, 2))])
-def test_many_gauges_are_drawn_in_two_columns(number, shape, tmp_path, drawn):
-    gauges_overview(gauges(*(record(float(n)) for n in range(number))), tmp_path / "gauges.png")
-    (figure,) = drawn
-    assert figure.axes[0].get_gridspec().get_geometry() == shape
-    titles = [panel.get_title("left") for panel in figure.axes if panel.axison]
-    assert sorted(titles) == [f"gauge {n}, x = {n} m" for n in range(number)]
-
-
 def test_the_surface_of_a_slice_shows_its_gauges_and_sponge(tmp_path, monkeypatch):
     """Names where there is room: of two gauges at one place the first."""
     monkeypatch.setitem(STYLE, "figure.dpi", 130)
@@ -285,14 +191,6 @@ def test_the_surface_of_a_slice_shows_its_gauges_and_sponge(tmp_path, monkeypatc
     assert figures._sponge({"sponge": {"type": "end", "length": 5.0}}, x) == (19.0, 24.0)
     assert figures._sponge({"sponge": formula}, x) == pytest.approx((18.0, 24.0), abs=0.1)
     assert figures._sponge({}, x) is None
-
-
-def test_a_row_of_gauges_has_one_name_on_a_map():
-    axes, row = Figure().add_subplot(), [record(4.0, name=f"across/{n}", y=float(n)) for n in range(1, 18)]
-    mark_places(axes, gauges(record(2.0, name="alone"), *row), rows={"across"})
-    assert [text.get_text() for text in axes.texts] == ["alone", "across"]
-    assert axes.texts[1].xy == (4.0, 1.0)
-    assert all(line.get_marker() == "+" and line.get_markersize() >= 4 for line in axes.lines)
 
 
 def test_the_energy_picture_names_the_budget_and_its_units(run, tmp_path):
@@ -306,15 +204,6 @@ def test_the_energy_picture_names_the_budget_and_its_units(run, tmp_path):
     fixed = energy.assign(paddle_work=0 * energy.paddle_work)
     text = words(lambda path: energy_figure(fixed, path), tmp_path)
     assert "start" in text and "paddle" not in text
-
-
-def test_the_balance_is_drawn_over_the_energy_that_it_is_judged_by():
-    """Of 1 J that is there at the end, 3 J dissipated and 6 J absorbed: 0.1 J are a hundredth."""
-    axes = Figure().add_subplot()
-    last = {"balance": 0.1, "total": 1.0, "dissipated": 3.0, "absorbed": 6.0}
-    energy = Dataset({name: ("time", [0.0, value]) for name, value in last.items()}, {"time": [0.0, 1.0]})
-    figures._draw_balance(axes, energy)
-    assert axes.lines[0].get_ydata() == pytest.approx([0.0, 0.01])
 
 
 def test_nothing_to_draw_is_bad_input(tmp_path):

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from conftest import fitted_slope
 from hypothesis import given
 from hypothesis import strategies as st
 from mpi4py import MPI
@@ -47,25 +46,7 @@ def test_places_on_a_polygon_and_distances_along_it_agree(edges, length, part):
     assert abs((back - x + length / 2) % length - length / 2) < 1e-10 * length
 
 
-def test_nodes_have_the_places_of_equal_cells(make_ring):
-    x = np.sort(make_ring(length=3.0, cells=10, n=2).plane.x)
-    inner = 0.5 * (1 - np.sqrt(1 / 5))  # Gauss-Lobatto-Legendre of order 3
-    expected = 0.3 * (np.arange(10)[:, None] + [0.0, inner, 1 - inner]).ravel()
-    assert np.allclose(x, expected, rtol=0, atol=1e-13)
-
-
 # ---------------------------------------------------------------- linear waves
-@pytest.mark.parametrize("order", [1, 2, 3])
-def test_frequency_converges_with_twice_the_order_in_cell_size(make_ring, order):
-    """Airy's dispersion relation; Rayleigh's quotient of a wave with any phase, against the cell size."""
-    k, depth = 2 * np.pi, 0.5
-    counts, errors = (8, 12, 16, 24) if order < 3 else (4, 6, 8, 12), []
-    for cells in counts:
-        tank = make_ring(length=1.0, cells=cells, order=order, n=12, depth=depth)
-        q, p = tank.state(np.zeros(tank.plane.owned), np.cos(k * tank.plane.x + 0.3))
-        squared = GRAVITY * tank.plane.sum(p * tank.H_p(q, p, 0.0)) / tank.plane.sum(p * tank.mass.apply(p))
-        errors.append(abs(np.sqrt(squared) / angular_frequency(k, depth, GRAVITY) - 1))
-    assert -fitted_slope(counts, errors) == pytest.approx(2 * order, abs=0.25)
 
 
 def test_a_linear_wave_travels_to_positive_x(make_ring):

@@ -1,7 +1,6 @@
 """The run directory: what is written is read back, also after a kill; no number in it is infinite or missing."""
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -150,16 +149,6 @@ def test_a_figure_that_is_not_finite_makes_a_failed_run_whose_manifest_is_json(t
     assert "not a finite number" in manifest["cause"] and "timings" not in manifest
 
 
-def test_rows_and_snapshots_of_another_length_are_refused(tmp_path):
-    with RunWriter(tmp_path, {}) as writer:
-        table, surface = writer.table("energy.csv", COLUMNS), writer.surface()
-        with pytest.raises(ValueError, match="2 columns"):
-            table.append([0.0, 1.0, 2.0])
-        surface.append(*snapshot(0, points=5))
-        with pytest.raises(ValueError, match="5 points"):
-            surface.append(*snapshot(1, points=6))
-
-
 # ---------------------------------------------------------------- earlier runs and other files
 def test_other_files_in_the_way_are_bad_input_and_stay(tmp_path):
     (tmp_path / "thesis.tex").write_text("precious")
@@ -167,13 +156,6 @@ def test_other_files_in_the_way_are_bad_input_and_stay(tmp_path):
         with pytest.raises(InputError, match=message):
             RunWriter(path, {})
     assert (tmp_path / "thesis.tex").read_text() == "precious"
-
-
-def test_an_earlier_run_is_replaced_in_its_own_files_only(complete_run):
-    (complete_run / "notes.txt").write_text("mine")
-    with RunWriter(OutputPath(complete_run, overwrite=True), {"scene": {"title": "Again"}}):
-        assert sorted(os.listdir(complete_run)) == [".lock", "manifest.json", "notes.txt"]
-        assert RunDirectory(complete_run).manifest["status"] == "running"
 
 
 def test_a_manifest_that_cannot_be_written_leaves_an_earlier_run_unchanged(complete_run, monkeypatch):

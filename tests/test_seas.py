@@ -31,7 +31,7 @@ from wavetank.motion import (
     goring,
     second_order_motion,
 )
-from wavetank.motion.recorded import hermite, read_record
+from wavetank.motion.recorded import read_record
 from wavetank.output.directory import RunDirectory
 from wavetank.planning.default_plan import planned
 from wavetank.planning.plan import STEP_RATIO, make_plan
@@ -41,7 +41,7 @@ from wavetank.values.case_model import CaseError
 from wavetank.values.formula import Formula
 from wavetank.waves import airy
 from wavetank.waves.plane_waves import waves_along
-from wavetank.waves.second_order import MANY, Strokes, _Water, second_order
+from wavetank.waves.second_order import MANY, Strokes, second_order
 from wavetank.waves.solitary_wave import solitary_wave
 from wavetank.waves.spectra import Gaussian, Jonswap, Tabled, Tma, irregular, uniform
 from wavetank.waves.wavemaker import PISTON
@@ -92,33 +92,6 @@ def test_table_error_is_within_birkhoff_and_priver_bounds():
         size = np.abs(lines.b) @ lines.omega**order
         assert missed < bound * sixth + 1e-12 * size
         assert missed < 1e-6 * size  # 30 intervals in the shortest period
-
-
-def test_table_does_not_depend_on_order_of_evaluation():
-    t = np.array([900.0, 0.1, 433.3, 77.0, 0.1, 900.0, 1500.0] * 100)
-    together = sea().tabulated().position(t)
-    table = sea().tabulated()
-    assert [table.position(float(one)) for one in t[:7]] == together[:7].tolist()
-    assert table.position(t.reshape(7, 100)).shape == (7, 100)
-    far_apart = 1e4 * np.arange(5.0)
-    np.testing.assert_array_equal(table.position(far_apart), sea().position(far_apart))  # summed
-
-
-def test_table_blocks_are_computed_once(monkeypatch):
-    made = []
-    monkeypatch.setattr("wavetank.motion.harmonic.hermite", lambda t, *values: made.append(t[0]) or hermite(t, *values))
-    table, t = sea().tabulated(), np.linspace(0.0, 400.0, 1000)
-    for _ in range(2):
-        table.position(t)
-    assert len(made) == len({*made}) > 4
-
-
-def test_table_of_places_equals_tables_of_each_place():
-    lines = sea(40)
-    several = HarmonicSum(lines.omega, np.outer(lines.b, [1.0, 2.0j])).tabulated()
-    t = np.linspace(0.0, 30.0, 50)
-    np.testing.assert_allclose(several.velocity(t)[:, 0], lines.tabulated().velocity(t), atol=1e-9)
-    assert several.velocity(1.0).shape == (2,)
 
 
 @pytest.mark.parametrize("order", [0, 1])
@@ -330,16 +303,6 @@ def test_derivatives_of_formulae_are_those_of_sympy(text):
     assert formula.derivative(1, 0.3).shape == ()
 
 
-def test_a_formula_moves_the_paddle():
-    motion = case_of({"type": "formula", "where": {"w": 3.0}, "position": "0.02*sin(w*t)", "ramp": 2.0}).motion()
-    t = np.linspace(2.0, 9.0, 8)
-    for order in range(3):
-        expected = 0.02 * 3.0**order * np.sin(3.0 * t + order * np.pi / 2)
-        np.testing.assert_allclose(motion.derivative(t, order), expected, atol=1e-14)
-        np.testing.assert_array_equal(motion.rates(t)[order], motion.derivative(t, order))
-        assert motion.derivative(0.0, order) == 0.0
-
-
 # ---------------------------------------------------------------- solitary waves, and a wished surface
 @pytest.mark.parametrize("height", [0.1, 0.3, 0.6])
 @pytest.mark.parametrize("make", [goring, exact_solitary])
@@ -525,11 +488,6 @@ def test_a_ramp_down_beyond_the_limits_of_the_drive_is_refused(tmp_path, capsys)
     assert main(["motion", str(case), "--out", str(out), "--no-ramp-down"]) == 0
 
 
-def test_motion_file_without_paddle_is_refused(capsys):
-    assert main(["motion", "cases/standing-wave.toml"]) == 2
-    assert "no paddle moves in it" in capsys.readouterr().err
-
-
 SHORT = ("run.duration=2.0", "numerics.dt=0.02", "numerics.cell_size=0.5", "numerics.vertical_order=4")
 
 
@@ -653,18 +611,6 @@ def test_second_order_is_the_same_to_the_last_bit_whenever_it_is_found():
     for words in (1, 2, 3):
         shifted = (np.concatenate([np.zeros(words, one.dtype), one])[words:] for one in (omega, b))
         np.testing.assert_array_equal(added(*shifted, evanescent=1).b, first.b)
-
-
-def test_second_order_pairs_are_computed_once(monkeypatch):
-    """Each pair of frequencies in one of its two orders, and all of it once from the case to the run."""
-    pairs, of_pairs = [], _Water._of_pairs
-    monkeypatch.setattr(_Water, "_of_pairs", lambda self, *both: pairs.append(of_pairs(self, *both)) or pairs[-1])
-    motion = {"type": "irregular", "significant_height": 0.01, "components": 20, "highest_frequency": 1.5}
-    motion |= {"spectrum": {"type": "jonswap", "peak_frequency": 0.6}, "generation": "second-order"}
-    case = case_of(motion, duration=10.0, numerics={"cell_size": 0.5})
-    chosen, before = case.motion(), np.concatenate(pairs).size
-    assert before == 2 * (20 * 21 / 2)
-    assert planned(case, MPI.COMM_SELF).scene.motion() is chosen and np.concatenate(pairs).size == before
 
 
 @pytest.mark.slow

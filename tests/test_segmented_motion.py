@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from wavetank.case import BasinTank, Case, DirectionalIrregularMotion
 from wavetank.case.directional import span
-from wavetank.motion import PiecewiseLinear, Ramped, Recorded, SegmentedMotion, SnakeMotion, first_order_motion
+from wavetank.motion import PiecewiseLinear, Ramped, SegmentedMotion, SnakeMotion, first_order_motion
 from wavetank.motion.motion import joints, widest_segment
 from wavetank.waves import wavemaker
 from wavetank.waves.airy import wave_number
@@ -86,14 +86,6 @@ def test_segments_that_move_alike_are_a_paddle_that_moves_as_a_whole_and_ramp_al
     np.testing.assert_allclose(Ramped(alike, 3.0, start=1.0).derivative(t, order, Y), np.full(Y.size, ramped), **tight)
     hinged = PiecewiseLinear(alike, joints(-4.0, 4.0, segment=0.7)).derivative(t, order, Y)
     np.testing.assert_allclose(hinged, np.full(Y.size, expected), **tight)
-
-
-def test_a_motion_that_ends_ends_in_every_wrapper():
-    t = np.linspace(0.0, 5.0, 20)
-    recorded = Recorded.of_positions(t, np.sin(t))
-    ramped = Ramped(recorded, 1.0)
-    assert ramped.duration == PiecewiseLinear(recorded, np.array([0.0, 1.0])).duration == 5.0
-    assert ramped.interval == recorded.interval == pytest.approx(5.0 / 19)
 
 
 @given(st.floats(-3.9, 3.9), st.floats(0.0, 20.0))
@@ -300,28 +292,6 @@ def case_of(motion, *, tank=None, duration=24.0, **wall):
     )
 
 
-def test_models_build_their_motions():
-    case = case_of(OBLIQUE, segment=0.5)
-    assert HIGH - LOW == 10.0
-    motion = case.motion()
-    assert isinstance(motion, PiecewiseLinear) and isinstance(motion.motion, Ramped)
-    assert (motion.joints[0], motion.joints[-1], motion.joints.size) == (LOW, HIGH, 21)
-    assert motion.motion.ramp == 2.6
-    expected = Oblique(angle=np.radians(30.0)).position(7.0, motion.joints)
-    np.testing.assert_allclose(motion.position(7.0, motion.joints), expected, rtol=1e-12)
-    assert case.ends[0].reach == 5.0  # ten depths
-    waves = case_of({**FOCUS, "ramp": 0}).motion()
-    assert isinstance(waves, SnakeMotion) and waves.waves.omega.size == 48 * 21
-    assert waves.waves.elevation(6.0, 20.0, y=FOCUS["focus_y"]) == pytest.approx(0.05)
-    walls = case_of(
-        {**FOCUS, "type": "reflected-focus", "largest_angle": 60.0, "ramp": 0, "focus_time": 30.0}, duration=35.0
-    )
-    reflected = walls.wall.motion.focused(walls.tank)
-    assert (reflected.y_min, reflected.y_max) == (LOW, HIGH)
-    for built in (case, walls):
-        assert Case.model_validate(built.model_dump(mode="json")) == built
-
-
 @pytest.mark.parametrize(
     ("motion", "changes", "message"),
     [
@@ -372,12 +342,3 @@ def test_a_directional_sea_has_its_height_and_its_spreading(spread):
     angles = np.degrees(np.arctan2(waves.k_y, waves.k_x))
     expected = 15.0 if spread["deviation"] else np.degrees(np.sqrt(2 / 15))
     assert angles.std() == pytest.approx(expected, rel=0.06) and abs(angles.mean()) < 1.5
-
-
-def test_a_directional_sea_moves_hinged_segments():
-    motion = case_of(SEA, segment=0.5, duration=20.0).motion()
-    assert isinstance(motion, PiecewiseLinear) and motion.motion.motion.position(3.0, motion.joints).shape == (21,)
-    for order in range(3):
-        assert np.all(motion.derivative(0.0, order, Y) == 0.0)
-    with pytest.raises(ValidationError, match="exactly one of the keys 'spreading' and 'deviation'"):
-        case_of(SEA | {"spreading": 3.0})

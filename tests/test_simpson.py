@@ -1,8 +1,5 @@
 """(23) reported at the mean of its traces, in the tank: fourth order with a moving paddle, at (23)'s cost."""
 
-import pickle
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from conftest import CHECKOUT, fitted_slope
@@ -106,29 +103,6 @@ def test_what_is_recorded_costs_no_solve():
     bare, waves = built(SLICE, integrator="simpson-4", dt=0.04)
     bare.execute()
     assert Recorded("simpson-4", 0.04).solves <= waves.potential.counters.solves + 2  # of the first and last states
-
-
-def test_a_run_goes_on_from_its_pickled_state_in_a_new_tank():
-    """To the stages' tolerance: the jumps of the last steps are in the state, and what the system recalls is not."""
-    numerics = {"integrator": "simpson-4", "dt": 0.06, "edge_penalty": 0.25}
-    whole, waves = built(SLICE, **numerics)
-    half = whole.clock.steps // 2
-    whole.clock, clock = replace(whole.clock, steps=half), whole.clock
-    whole.execute()
-    kept = pickle.dumps(whole.state)
-    whole.clock = clock
-    whole.execute()
-    ends = []
-    for jumps in (True, False):
-        again, _ = built(SLICE, **numerics)
-        again.state, again.step = pickle.loads(kept), half
-        if not jumps:
-            again.state = again.integrator.start(again.state.q, again.state.p)
-        again.execute()
-        ends.append(waves.elevation(again.state.q, again.state.p, again.t))
-    exact = waves.elevation(whole.state.q, whole.state.p, whole.t)
-    restore_paddles, started_anew = (np.abs(end - exact).max() for end in ends)
-    assert restore_paddles < 1e-9 and started_anew > 100 * restore_paddles
 
 
 def rms_above(frequency, eta, dt):

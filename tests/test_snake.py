@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from conftest import fitted_slope, recorded
 from mpi4py import MPI
-from pydantic import ValidationError
 from test_flaps import BALANCE, GRAVITY
 from test_segmented_motion import Oblique
 
@@ -98,13 +97,6 @@ def test_a_surface_that_is_wished_for_comes_at_an_angle(tmp_path):
     assert np.ptp(straight) < 1e-9 < 1e-4 < np.abs(straight).max()
     with pytest.raises(InputError, match=r"delay = -20\.0: must be at least"):
         case_of({**motion, "delay": -20}, duration=60.0, segment=0.5).motion()
-
-
-def test_segments_too_wide_for_what_a_flap_makes_are_a_sentence():
-    with pytest.raises(ValidationError, match=r"wall\.segment = 2\.0: must be at most 1\.\d+ m, the shortest wave's"):
-        case_of(segment=2.0)
-    with pytest.raises(ValidationError, match=r"wall\.hinge = 1\.5: must be below still water"):
-        case_of(hinge=1.5)
 
 
 # ---------------------------------------------------------------- water

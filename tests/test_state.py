@@ -5,7 +5,7 @@ which a later step could differ. What is held goes through JSON, its arrays apar
 """
 
 import json
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 
 import numpy as np
 import pytest
@@ -153,17 +153,6 @@ def test_a_slice_with_all_that_remembers_goes_on_bit_for_bit(scheme):
     assert penalty != before["EdgePenalty"] != 0.0 and breaking == 0.0
     sponge = [one["parts"]["EnergyBudget"]["damped"]["value"] for one in (held, rest.run.tree())]
     assert sponge[1] != sponge[0] != 0.0
-
-
-def test_what_is_held_are_fields_of_this_rank_and_numbers():
-    """The last axis of each array runs over the degrees of freedom: their places say whose the values are."""
-    one = Observed(changed(SLICE), MPI.COMM_SELF)
-    one.run.clock = replace(one.run.clock, steps=4)
-    one.run.execute()
-    fields = {name: value for name, value in leaves(one.run.tree()).items() if isinstance(value, np.ndarray)}
-    assert {value.shape[-1] for value in fields.values()} == {one.waves.plane.owned}
-    assert {value.ndim for value in fields.values()} == {1, 2, 3}
-    assert fields["/parts/system/interior/recall/answer"].shape == (one.waves.vertical.n, one.waves.plane.owned)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,6 @@ from blocks import at
 
 from wavetank import status
 from wavetank.cli import main
-from wavetank.console import format_duration
 from wavetank.errors import StoppedError
 from wavetank.output import files, manifest
 from wavetank.output.checkpoint import Checkpoint
@@ -96,10 +95,6 @@ def test_a_clock_that_was_set_back_makes_nothing_younger_than_now_and_no_speed_n
     changed(tmp_path / "run", written=(PRESENT + timedelta(days=1)).isoformat())
     (line,) = told(wavetank, tmp_path / "run")
     assert "written 0 seconds ago" in line and "-" not in line.removeprefix(str(tmp_path))
-
-
-def test_a_second_is_one():
-    assert [*map(format_duration, (0.4, 0.6, 1.6, 120.0))] == ["0 seconds", "1 second", "2 seconds", "2 minutes"]
 
 
 def test_folders_are_searched_and_what_is_no_run_is_passed_by(writer, tmp_path, wavetank):

@@ -19,7 +19,6 @@ import pytest
 from conftest import CHECKOUT, commanded, recorded
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from matplotlib.figure import Figure
 from ranks import begun, members
 from rich.console import Console
 
@@ -29,7 +28,6 @@ from wavetank.errors import InputError, RecordError, RunError, StoppedError
 from wavetank.output.checkpoint import Checkpoint, last_checkpoint
 from wavetank.output.directory import CHECKPOINT, RunDirectory
 from wavetank.output.writer import RunWriter
-from wavetank.plots.style import number_logarithms
 from wavetank.studies.drawing import draw_trade, pareto_front
 from wavetank.studies.measures import (
     CREST_ERROR,
@@ -40,20 +38,18 @@ from wavetank.studies.measures import (
     RunReference,
     exact_solution,
 )
-from wavetank.studies.runs import Outcome, Runner, start_command, status_of
+from wavetank.studies.runs import Outcome, Runner, status_of
 from wavetank.studies.study import Study
 from wavetank.studies.sweep import (
-    SHORT_NAMES,
     Axis,
     combinations,
     finest,
     marked_combination,
     parse_axes,
-    parse_axis,
     refined,
     same_but_numerics,
 )
-from wavetank.studies.table import Row, unfinished, write_table
+from wavetank.studies.table import Row, write_table
 from wavetank.waves.airy import angular_frequency
 
 CASE = CHECKOUT / "cases" / "standing-wave.toml"
@@ -61,12 +57,6 @@ RING = CHECKOUT / "cases" / "ring-50-percent.toml"
 
 
 # ---------------------------------------------------------------- sweeps
-def test_short_names_of_sweeps_are_keys_of_the_case():
-    assert parse_axis("dt=0.02, 0.04") == Axis("numerics.dt", ("0.02", "0.04"))
-    assert parse_axis("initial.wave_amplitude=0.1") == Axis("initial.wave_amplitude", ("0.1",))
-    assert parse_axis("p=3").label == "p" and parse_axis("numerics.dt=1").label == "dt [s]"
-    fields = Case.model_fields["numerics"].annotation.model_fields
-    assert {key.removeprefix("numerics.") for key in SHORT_NAMES.values()} <= set(fields)
 
 
 @pytest.mark.parametrize(
@@ -143,12 +133,6 @@ def test_reference_is_the_finest_combination_refined():
     numerics = refined(CASE, coarse, dt=0.02, name="reference").scene.numerics
     assert (numerics.dt, numerics.cells, numerics.vertical_order) == (0.01, 32, 16)
     assert (numerics.integrator, numerics.tolerance) == ("third-order", pytest.approx(1e-7))
-
-
-def test_cells_named_by_size_are_refined():
-    (coarse,) = combinations(CHECKOUT / "cases" / "wavemaker.toml", [Axis("numerics.cell_size", ("0.5",))])
-    fine = refined(CHECKOUT / "cases" / "wavemaker.toml", coarse, dt=0.1, name="reference")
-    assert fine.scene.cells == 2 * coarse.scene.cells
 
 
 BASIN = """
@@ -344,13 +328,6 @@ def test_gauge_error_below_a_frequency_excludes_higher_frequencies(tmp_path):
     assert RunReference(other.path).errors(run)[GAUGE_ERROR] == pytest.approx(0.1, rel=0.02)
 
 
-def test_runs_without_common_gauges_have_a_surface_error_only(tmp_path):
-    scene, x = read_case(CASE, []), np.linspace(0, 2, 20)
-    run = write_run(tmp_path / "run", scene, x, lambda x, t: np.cos(x + t), gauges=False)
-    other = write_run(tmp_path / "other", scene, x, lambda x, t: np.cos(x + t))
-    assert list(RunReference(other.path).errors(run)) == [SURFACE_ERROR]
-
-
 # ---------------------------------------------------------------- small real studies
 LINEAR = ["initial.wave_amplitude=1e-5", "water.type=linear", "numerics.cells=6", "numerics.vertical_order=8"]
 LINEAR += ["numerics.order=5", "run.duration=3.34"]  # two periods, less a thousandth of one
@@ -463,15 +440,6 @@ def test_broken_and_marked_combinations_are_rows(tmp_path):
     assert float(table[0]["deepest trough [m]"]) == pytest.approx(float(surface.elevation.min()), rel=1e-6)
 
 
-def test_unfinished_runs_are_counted_in_words():
-    (one,) = combinations(CASE, parse_axes(["dt=0.02"]))
-    rows = {status: Row(one, Outcome(status)) for status in ("finished", "broke down", "refused")}
-    finished, broken, refused = rows.values()
-    assert unfinished([finished]) == "" and unfinished([broken]) == "1 of 1 run broke down"
-    assert unfinished([broken, finished, refused]) == "1 of 3 runs broke down, 1 of 3 runs was refused"
-    assert unfinished([refused, refused]) == "2 of 2 runs were refused"
-
-
 @pytest.mark.slow
 def test_killed_run_is_resumed_with_the_cost_of_all_its_parts(tmp_path):
     """Oracle: the same combination where nothing has ended it, but for the time it took."""
@@ -513,18 +481,6 @@ def _set(changes) -> list[str]:
     return [word for change in changes for word in ("--set", change)]
 
 
-@pytest.mark.slow
-def test_run_with_an_unusable_checkpoint_starts_again(tmp_path):
-    """It is of another program's version, say."""
-    sweeps = ["dt=0.04"]
-    (one,) = combinations(CASE, parse_axes(sweeps, LINEAR), LINEAR)
-    with RunWriter(tmp_path / one.name, {"scene": one.scene.model_dump(mode="json")}) as writer:
-        writer.checkpoint(Checkpoint({"t": 1.0}, "{}", [], np.zeros((1, 3))))
-        writer.fail(StoppedError("t = 1 s: interrupted"))
-    rows, _ = run_study(tmp_path, sweeps, reference="exact")
-    assert rows[0].outcome.status == "finished" and len(RunDirectory(tmp_path / one.name).manifest["parts"]) == 1
-
-
 @pytest.mark.parametrize(
     ("error", "ways"),
     [(StoppedError("t = 1 s: interrupted"), ["--resume", "--overwrite"]), (RunError("it breaks"), ["--overwrite"])],
@@ -560,13 +516,6 @@ def test_process_that_dies_ends_one_run_only(tmp_path, monkeypatch):
     assert [one.cause for one in outcomes] == ["", "ended with code -11", "it broke", ""]
 
 
-def test_process_of_a_refused_run_prints_its_cause():
-    with start_command(["run", "this.toml"]) as process:
-        printed, _ = process.communicate()
-    code, cause = json.loads(printed)
-    assert process.returncode == code == 2 and cause.startswith("this.toml: cannot be read")
-
-
 def test_table_is_written_completely_or_not_at_all(tmp_path, monkeypatch):
     """A kill, or a full disk, meets the old one or the new."""
     path = tmp_path / "study.csv"
@@ -588,23 +537,7 @@ def test_refused_values_are_rows(tmp_path, monkeypatch):
     assert "numerics.dt = 1e-09: must be" in rows[0][2] and rows[1][2] == "it broke"
 
 
-def test_study_without_a_finished_run_writes_its_table(tmp_path, monkeypatch):
-    monkeypatch.setattr(Runner, "_execute", lambda *of: Outcome("refused", "numerics.dt = 0.5: must be below."))
-    console = Console(file=io.StringIO(), width=300)
-    study = Study(CASE, ["dt=0.5,0.4"], overrides=LINEAR, out=tmp_path, console=console, at_once=1, reference="fine")
-    with pytest.raises(RunError, match=r"nothing could be measured.*numerics.dt = 0.5: must be below"):
-        study.execute()
-    assert "refused" in (tmp_path / "study.csv").read_text()
-    assert "1/2 dt=0.5: refused: numerics.dt = 0.5: must be below.\n" in console.file.getvalue()
-
-
 # ---------------------------------------------------------------- the picture
-@pytest.mark.parametrize("limits", [(5.6e-4, 5.67e-4), (5.6e-4, 9e-4), (2e-5, 3e-3)])
-def test_tick_labels_of_similar_errors_differ(limits):
-    axis = Figure().subplots(subplot_kw={"yscale": "log", "ylim": limits}).yaxis
-    number_logarithms(axis)
-    ticks = [tick for tick in axis.get_majorticklocs() if limits[0] <= tick <= limits[1]]
-    assert 1 < len(ticks) == len({*axis.get_major_formatter().format_ticks(ticks)})
 
 
 @given(st.lists(st.tuples(st.integers(1, 20), st.integers(1, 20)), min_size=1))
@@ -637,14 +570,3 @@ def test_figure_names_axes_units_settings_front_and_plan(tmp_path):
     assert {"third-order", "stormer-verlet", "n = 4", "n = 6"} <= words
     assert {"plan: dt 0.03, p 4", "0.04, 6", "Title: work and precision"} <= words
     assert any(word.startswith("Pareto front (dt [s], n)") for word in words)
-
-
-def test_single_axis_is_drawn(tmp_path):
-    axes = parse_axes(["integrator=third-order,stormer-verlet"])
-    rows = [
-        Row(one, Outcome("finished"), {SURFACE_ERROR: 0.1 / n}, {"CPU [s]": n})
-        for n, one in enumerate(combinations(CASE, axes), start=1)
-    ]
-    assert draw_trade(rows, axes, tmp_path / "study.png").exists()
-    write_table(tmp_path / "study.csv", rows, axes)
-    assert len((tmp_path / "study.csv").read_text().splitlines()) == 3

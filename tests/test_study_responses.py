@@ -28,7 +28,6 @@ from wavetank.waves.airy import wave_number
 CASE = CHECKOUT / "cases" / "wavemaker.toml"
 PERIOD, OMEGA = 2.0, np.pi
 K = float(wave_number(OMEGA, 1.0, 9.81))
-NAMES = ("1", "2", "3")  # the case's gauges, at 5, 10 and 15 m
 
 
 def eta(x, t):
@@ -129,14 +128,6 @@ def test_ranges_of_seeds_are_expanded():
     for text in ("a.seed=4..1", "a.seed=1..99999", "a.seed=1..3,2"):
         with pytest.raises(InputError, match="sweep"):
             parse_axis(text)
-
-
-def test_sweep_without_numerics_has_no_reference_by_default(tmp_path):
-    def study(*sweeps, **others):
-        return Study(CASE, sweeps, out=tmp_path, console=Console(file=io.StringIO()), **others)
-
-    assert study("tank.depth=1,2")._references == [None, None]
-    assert study("tank.depth=1,2", "n=4,6")._references == study("tank.depth=1,2", reference="fine")._references == []
 
 
 # ---------------------------------------------------------------- ensembles

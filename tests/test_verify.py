@@ -47,10 +47,6 @@ def write(part, folder):
     return {name: list(csv.DictReader(lines)) for name, lines in tables.items()}
 
 
-def test_every_part_is_expected():
-    assert {name(part) for part in integrators.PARTS} == set(EXPECTED)
-
-
 LONG = (
     "stability",
     "dispersion",

@@ -1,7 +1,6 @@
 """Views of runs: oracles are the waves that were put in, and where a camera must show them."""
 
 import io
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +16,6 @@ from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.writer import RunWriter
 from wavetank.plots import tank_scene, view, view_command
-from wavetank.plots.basin import WaveSizes
 
 LENGTH, DEPTH, HEIGHT = 8.0, 1.0, 0.1  # m
 STEPS, PERIOD = 40, 2.0  # snapshots of one period [s]
@@ -121,13 +119,6 @@ def test_a_standing_waves_crest_is_seen_at_one_wall_and_half_a_period_later_at_t
     picture.close()
 
 
-def test_a_still_has_the_size_that_was_asked_for_and_is_not_blank(standing_wave, tmp_path):
-    path = view.still(standing_wave, tmp_path / "new" / "still.png", size=(500, 301))
-    pixels = imread(path)
-    assert pixels.shape[:2] == (301, 500)
-    assert pixels[..., :3].std() > 0.1
-
-
 def test_a_crest_is_light_a_trough_dark_and_still_water_has_the_colour_of_the_bar(tmp_path):
     def hump(x, t):
         return HEIGHT * np.exp(-((x - 6.0) ** 2)) - HEIGHT * np.exp(-((x - 3.0) ** 2))
@@ -152,23 +143,6 @@ def test_the_picture_says_title_time_unit_and_exaggeration(run):
     picture.close()
 
 
-@pytest.mark.parametrize("depth, height, expected", [(0.1, 0.1, 10), (1.0, 0.1, 2), (5.0, 0.1, 1), (0.01, 0.4, 2)])
-def test_the_exaggeration_shows_the_waves_but_no_tower(tmp_path, depth, height, expected):
-    run = record(tmp_path / "run", {**TANK, "depth": depth}, elevation=lambda x, t: height / 0.1 * travelling(x, t))
-    assert view.exaggeration(tank_scene.tank_view(run)) == expected
-
-
-def test_the_whole_tank_is_in_the_picture_and_reaches_its_room(run):
-    for size in ((960, 540), (400, 800)):
-        picture = view.View(tank := tank_scene.tank_view(run), "", size=size)
-        corners = np.array([far_edge(tank, np.array([0.0, LENGTH]), np.full(2, z)) for z in (-DEPTH, HEIGHT / 2)])
-        corners = np.concatenate([corners, corners * (1, -1, 1)]).reshape(-1, 3)
-        share = np.abs(2 * picture.place(corners) / size - (1, 1 + view.LOWERED)).max(axis=0)
-        assert np.all(share < view.TANK_SIZE)
-        assert np.any(share > 0.9 * np.array(view.TANK_SIZE))  # the bed's slab and its margins take the rest
-        picture.close()
-
-
 # ---------------------------------------------------------------- what is read off
 def test_the_vertical_ruler_stands_left_of_the_tank_with_heights_at_their_heights(run):
     """Exaggerated as waves are: the tick of still water is as high as still water, the lowest as the bed."""
@@ -180,51 +154,6 @@ def test_the_vertical_ruler_stands_left_of_the_tank_with_heights_at_their_height
     (left, water), (_, bed) = picture.place(np.array([[0.0, -tank.width / 2, z] for z in (0.0, -DEPTH)]))
     assert np.all(columns < left) and np.all(columns > 0.03 * 960)
     assert abs(rows[0] - water) < 0.1 * (bed - water) and abs(rows[-1] - bed) < 0.1 * (bed - water)
-    picture.close()
-
-
-def test_a_ring_has_its_ruler_and_gauges_where_they_are_in_it(tmp_path):
-    ring = tank_scene.tank_view(record(tmp_path / "run", {**TANK, "type": "ring"}, gauges=(0.0, LENGTH / 4)))
-    radius = LENGTH / (2 * np.pi)
-    assert ring.gauges().places == pytest.approx(np.array([[0.0, -radius, 0.0], [radius, 0.0, 0.0]]), abs=1e-9)
-    assert np.hypot(*ring.ruler().labels.places[0, :2]) > ring.extent / 2
-
-
-def test_gauges_are_rods_through_the_water_and_named_where_there_is_room(tmp_path):
-    run = record(tmp_path / "run", gauges=(2.0, 5.0, 5.01))
-    picture = view.View(tank := tank_scene.tank_view(run), "", size=(960, 540))
-    assert tank.gauges().texts == ["1", "2", "3"]
-    rods = view.rods_of(tank)
-    assert rods.n_cells == 3 and rods.points[::2, 0] == pytest.approx([2.0, 5.0, 5.01])
-    assert np.all(rods.points[1::2, 2] > tank.waves.high)
-    tops = picture.place(rods.points[1::2])
-    assert "gauge names-labels" in picture.plotter.actors
-    assert view.without_overlaps(tops, tank.gauges().texts, letter=12, line=28) == [
-        0,
-        1,
-    ]  # the third lies on the second
-    column, row = np.round(picture.place((rods.points[2:3] + rods.points[3:4]) / 2)[0]).astype(int)
-    around = picture.pixels(0.0)[row, column - 3 : column + 4] / 255
-    assert np.max(around[:, 0] - around[:, 2]) > 0.2  # red, over blue water
-    picture.close()
-
-
-def test_colours_end_at_the_largest_elevation_unless_a_crest_is_sharp(tmp_path):
-    """Of a crest of 14 cm they ended at 9 cm; of one of 50 cm over waves of 9 cm twice those, and say so."""
-    sizes = WaveSizes(low=-0.11, high=0.14, usual=0.09, slope=0.1, crest_time=0.0)
-    assert view.colour_limit(SimpleNamespace(waves=sizes)) == 14.0
-    assert view.colour_limit(SimpleNamespace(waves=sizes._replace(high=0.5))) == 18.0
-    picture = view.View(tank_scene.tank_view(record(tmp_path / "run")), "", size=SMALL)
-    for name in ("time", "bar"):
-        assert picture.plotter.actors[name].prop.GetFontFile().endswith("DejaVuSans.ttf")
-    picture.close()
-
-
-def test_rows_of_very_many_gauges_are_thin_rods_without_names(tmp_path):
-    run = record(tmp_path / "run", gauges=np.linspace(1.0, 7.0, view.NAMED + 1))
-    picture = view.View(tank := tank_scene.tank_view(run), "", size=SMALL)
-    assert view.rods_of(tank).points[:, 2].max() == pytest.approx(tank.waves.high)
-    assert "gauges" in picture.plotter.actors and "gauge names-labels" not in picture.plotter.actors
     picture.close()
 
 
@@ -313,13 +242,6 @@ def test_films_have_the_number_of_frames_given_and_move(run, tmp_path, monkeypat
     assert np.abs(frames[1] - frames[0]).mean() > 3  # of 255
     mp4 = view.film(run, tmp_path / "film.mp4", size=(321, 200), frames=4)
     assert count_frames_and_secs(mp4)[0] == 4
-
-
-@pytest.mark.parametrize("form", view.FORMATS.values())
-def test_a_film_lasts_as_long_as_the_run_within_reason(form):
-    assert form.frames(6.0) == round(6.0 * form.rate) + 1
-    assert form.frames(600.0) == round(form.longest * form.rate) + 1 <= 201
-    assert form.frames(0.1) == round(view.SHORTEST * form.rate) + 1
 
 
 # ---------------------------------------------------------------- the command

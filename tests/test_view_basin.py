@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from conftest import commanded
 from matplotlib import rc_context
-from matplotlib.figure import Figure
 from matplotlib.image import imread
-from records import gauge, gauges
 
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
@@ -17,7 +15,6 @@ from wavetank.output.writer import RunWriter
 from wavetank.plots import basin, view
 from wavetank.plots.basin import BasinSurface, Extremes, history
 from wavetank.plots.figures import draw_run
-from wavetank.plots.style import mark_places, remove_overlaps
 from wavetank.plots.tank_scene import ELEVATION, HEIGHT, OPACITY, SPONGE_COLOUR, BasinView
 from wavetank.plots.view import FORMATS
 
@@ -25,7 +22,6 @@ LENGTH, WIDTH, DEPTH, HEIGHT_OF_WAVES = 8.0, 4.0, 0.5, 0.1  # m
 PERIOD, STEPS = 1.6, 20  # snapshots of one period [s]
 WAVE, REACH, STROKE = 2.0, 2.0, 0.05  # m
 TIMES = PERIOD / STEPS * np.arange(2 * STEPS + 1)
-SIZE = (640, 360)
 SHOAL = (5.0, 2.0)
 
 
@@ -120,10 +116,6 @@ def around(x, y):
     return ~((abs(x - 4.5) < 0.5) & (abs(y - 1.5) < 0.5))
 
 
-def l_shaped(x, y):
-    return (x > 6.0) | ((x > 2.0) & (y < 1.0))
-
-
 def pixel(picture, pixels, point):
     column, row = np.round(picture.place(np.array([point]))[0]).astype(int)
     return pixels[row, column] / 255
@@ -163,22 +155,6 @@ def test_pieces_of_two_and_three_ranks_are_one_surface(tmp_path):
         assert other[0] == pytest.approx(alone[0], abs=1e-12)
         assert other[1] == alone[1] and other[3] == alone[3]
         assert other[2] == pytest.approx(alone[2], rel=1e-12)
-
-
-def test_the_rim_is_the_walls_then_the_islands(tmp_path):
-    outer, island = BasinSurface(record(tmp_path / "run", kept=around, times=TIMES[:1])).loops
-    assert len(outer) == 2 * (48 + 24) and len(island) == 4 * 6
-
-
-def test_the_paddle_is_the_wall_that_moves_across_its_plane(tmp_path):
-    surface = BasinSurface(record(tmp_path / "run", paddle=swinging, kept=around))
-    (paddle,) = surface.moving_walls(history(surface).displacement)
-    x, y = surface.first[paddle.points, :2].T
-    assert np.sort(y) == pytest.approx(np.linspace(0.0, WIDTH, 25)) and np.all(np.diff(y) < 0)
-    assert np.all(np.abs(x) < 1e-9)
-    assert paddle.outward == pytest.approx([-1.0, 0.0])
-    still = BasinSurface(record(tmp_path / "still", times=TIMES[:2]))
-    assert still.moving_walls(history(still).displacement) == []
 
 
 def test_a_far_wall_that_moves_is_another_paddle(tmp_path):
@@ -249,15 +225,6 @@ def test_a_shoal_is_told_by_lines_of_its_depth_on_the_surface(tmp_path):
     assert "contours" not in even.at(0.0) and not even.note
 
 
-def test_walls_leave_the_paddle_out_and_an_island_stands_above_the_crests(tmp_path):
-    tank = BasinView(record(tmp_path / "run", paddle=swinging, kept=around))
-    parts = tank.fixed()
-    assert parts["walls"].n_cells == 2 * 48 + 24  # both sides and the far end
-    assert parts["island 0"].bounds[:5] == pytest.approx((4.0, 5.0, 1.0, 2.0, -DEPTH))
-    assert parts["island 0"].bounds[5] > HEIGHT_OF_WAVES / 2
-    assert "walls" in BasinView(record(tmp_path / "still", times=TIMES[:2])).fixed()
-
-
 def test_crest_trough_island_and_paddle_have_their_colours_in_the_picture(tmp_path):
     def humps(x, y, t):
         return HEIGHT_OF_WAVES * (np.exp(-((x - 6.5) ** 2) - (y - 2) ** 2) - np.exp(-((x - 2.5) ** 2) - (y - 2) ** 2))
@@ -274,20 +241,6 @@ def test_crest_trough_island_and_paddle_have_their_colours_in_the_picture(tmp_pa
     assert np.ptp(lid) < 0.1 and lid.mean() > 0.5  # a light grey
     board = pixel(picture, pixels, (0.0, 2.0, 0.5 * HEIGHT_OF_WAVES))
     assert board[0] > 1.8 * board[2]  # orange
-    picture.close()
-
-
-@pytest.mark.parametrize(
-    "kept, x, side", [(around, ["x = 0 m", *"12345678"], "right"), (l_shaped, ["x = 2 m", *"345678"], "left")]
-)
-def test_marks_are_in_the_picture_and_the_title_where_there_is_room(tmp_path, kept, x, side):
-    picture = view.View(tank := BasinView(record(tmp_path / "run", kept=kept, times=TIMES[:2])), "A basin", size=SIZE)
-    places, texts = tank.marks().places, tank.marks().texts
-    assert texts == [*x, "0", "0.5", "1", "1.5", "2", "2.5", "3", "3.5", "y = 4 m"]
-    columns, rows = picture.place(places).T
-    assert min(columns.min(), rows.min()) > 0 and columns.max() < SIZE[0] and rows.max() < SIZE[1]
-    assert picture.plotter.actors["title"].prop.justification_horizontal == side
-    assert picture.plotter.actors["note"].input.startswith("vertical exaggeration")
     picture.close()
 
 
@@ -341,16 +294,6 @@ def test_the_maps_say_what_they_show(tmp_path):
     assert "crest minus trough" not in text  # no period is known
 
 
-def test_names_of_gauges_side_by_side_do_not_lie_on_one_another():
-    figure = Figure(figsize=(4, 4))
-    axes = figure.subplots()
-    axes.set(xlim=(0, 8), ylim=(0, 4))
-    places = (("first", 2.0), ("second", 2.05), ("third", 6.0))
-    mark_places(axes, gauges(*(gauge(name, x, [0.0], [0.0], y=1.0) for name, x in places)))
-    remove_overlaps(axes)
-    assert [text.get_text() for text in axes.texts] == ["first", "third"]
-
-
 def test_heights_of_regular_waves_are_mapped_once_they_have_come(tmp_path):
     regular = {"type": "sinusoid", "period": PERIOD}
     times = PERIOD / 8 * np.arange(6 * 8 + 1)
@@ -363,11 +306,6 @@ def test_heights_of_regular_waves_are_mapped_once_they_have_come(tmp_path):
     seldom = record(tmp_path / "seldom", motion=regular, times=times[::4])
     assert not basin._wave_heights(early, BasinSurface(early))
     assert not basin._wave_heights(seldom, BasinSurface(seldom))
-
-
-def test_quadrilaterals_are_drawn_as_the_triangles_they_are_made_of():
-    assert basin._triangles(np.array([[4, 5, 6, 7]])).tolist() == [[4, 5, 6], [4, 6, 7]]
-    assert basin._triangles(np.array([[4, 5, 6]])).tolist() == [[4, 5, 6]]
 
 
 # ---------------------------------------------------------------- the commands

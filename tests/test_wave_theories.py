@@ -3,8 +3,6 @@
 Where a theory is one of small waves, what is left is of the order that it leaves out; else differences leave it.
 """
 
-import importlib
-import pkgutil
 from dataclasses import replace
 from functools import cache
 from typing import NamedTuple
@@ -13,11 +11,8 @@ import numpy as np
 import pytest
 
 from examples.paper.mccamy_fuchs import CylinderDiffraction
-from examples.paper.resting_wave import RestingWave, resting_wave
-from wavetank import waves
-from wavetank.waves.conformal import SteadyWave
+from examples.paper.resting_wave import resting_wave
 from wavetank.waves.focusing import Fan, FocusedGroup, ReflectedGroup
-from wavetank.waves.plane_waves import PlaneWaves
 from wavetank.waves.solitary_wave import solitary_wave
 from wavetank.waves.spectra import Gaussian
 from wavetank.waves.standing_wave import ThirdOrderStandingWave
@@ -84,19 +79,6 @@ def slope(f, step=STEP):
     return (8 * (f(step) - f(-step)) - (f(2 * step) - f(-2 * step))) / (12 * step)
 
 
-def test_all_waves_are_here():
-    for module in pkgutil.iter_modules(waves.__path__):  # those of examples/paper are imported above
-        importlib.import_module(f"wavetank.waves.{module.name}")
-    assert set(Wave.__subclasses__()) == {
-        SteadyWave,
-        RestingWave,
-        ThirdOrderStandingWave,
-        PlaneWaves,
-        CylinderDiffraction,
-    }
-    assert {type(made(name).wave) for name in CASES} == set(Wave.__subclasses__())
-
-
 @pytest.mark.parametrize("time", TIMES)
 def test_the_water_moves_by_the_gradient_of_a_harmonic_potential(case, time):
     """Velocity is the potential's gradient, free of divergence, and along the bed at the bed."""
@@ -150,14 +132,6 @@ def test_numbers_and_arrays_go_together(case):
             )
             for one, many in zip(alone, together, strict=True):
                 np.testing.assert_allclose(many[n, m], one, rtol=1e-9, atol=1e-12 * case.pace)
-
-
-def test_no_water_goes_through_a_cylinder():
-    theta = np.linspace(0.0, np.pi, 7)
-    n = np.stack([np.cos(theta), np.sin(theta), 0 * theta], axis=-1)
-    wave = CylinderDiffraction(1.3, 0.5, depth=D)
-    velocity = wave.velocity(0.5 * n[:, 0], -0.2, 0.3, y=0.5 * n[:, 1])
-    assert np.abs((velocity * n).sum(axis=-1)).max() < 1e-12 * np.abs(velocity).max()
 
 
 def test_a_wave_of_permanent_form_begins_where_its_crest_is_and_goes_on():
