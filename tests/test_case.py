@@ -260,45 +260,48 @@ def test_case_is_frozen():
         ),
         ("tank=3", "tank = 3: must be a table; allowed are: bed, density, depth, gravity, layout, length, type"),
         ("tank.type=pond", 'tank.type = "pond": is an unknown type; allowed are: slice, ring, basin'),
-        ("motion.spectrum.gamma=3", "gamma = 3: is an unknown key; the whole key is wall.motion.spectrum.gamma."),
-        ("length=3", "length = 3: is an unknown key; the whole key is tank.length."),
+        ("length=3", "length = 3: is an unknown key; allowed are: far_wall, gauge_lines"),
         ("beach.length=3", 'beach = {"length": 3}: is an unknown key; allowed are: far_wall, gauge_lines, gauges'),
-        ("wall.type=fixed", 'are: type; set the whole table, wall={type="fixed"}, to drop what is of another type'),
         ("wall.type=crane", 'wall.type = "crane": is an unknown type; allowed are: fixed, piston, flap, profile'),
         ("wall={reach=3}", "wall.type: is missing; allowed are: fixed, piston"),
-        ("wall={far={}}", ".toml, overridden: wall.far = {}: is an unknown key; the table is called [far_wall]."),
-        ("tank.sponge={length=2.0}", 'tank.sponge = {"length": 2.0}: is an unknown key; the table is called [sponge].'),
-        ("run.gauges=[{x=1.0}]", "is an unknown key; the table is called [[gauges]]."),
+        ("wall={far={}}", ".toml, overridden: wall.far = {}: is an unknown key;"),
+        ("tank.sponge={length=2.0}", "sponge belongs to the top of the case, before all tables."),
         ("gauge=[{x=1.0}]", "is an unknown key; did you mean 'gauges'? allowed are: far_wall, gauge_lines, "),
         ("gauge=[3]", "gauge = [3]: is an unknown key; did you mean 'gauges'? allowed are: far_wall, gauge_lines, "),
         ("wall={far={}, reach=3}", "wall.type: is missing; allowed are: fixed, piston"),
         ("wall={type='profile',shape='1 + z/d'}", "tanh, where, z; what it stands for is said by where = { d = ... }"),
         ("far={}", "far = {}: is an unknown key; did you mean 'far_wall'? allowed are: far_wall, gauge_lines"),
-        ("wall.absorb=true", 'wall.absorb = true: must be a table: { type = "active" }.'),
-        ("wall.absorb={type='active', period=2.0}", "spring-damper or [sponge] of type end or group; allowed here"),
+        ("wall.absorb=true", "wall.absorb = true: must be a table; allowed are: damping, longest, mass, period, "),
+        ("wall.absorb={type='active', period=2.0}", "spring-damper or [sponge] of type end or group."),
         (
             "numerics.phase=0.1",
             "focused or components or directional-focus or reflected-focus.",
         ),
-        ("wall.limits={velocity=1.0}", "velocity belongs to [wall.motion] of type recorded; allowed here are: "),
-        ("wall.motion={type='oblique-wave'}", "none that may stand here, but in [wall] of type segmented-piston or"),
+        (
+            "wall.limits={velocity=1.0}",
+            "speed, stroke; velocity belongs to [wall.motion] of type recorded.",
+        ),
+        ("wall.motion={type='oblique-wave'}", 'wall.motion.type = "oblique-wave": is an unknown type;'),
         (
             "wall={type='segmented-piston', motion={type='at-rest'}}",
-            "none that may stand here, but in [wall] of type piston or flap or profile; allowed are: oblique-wave, ",
+            "is an unknown type; allowed are: oblique-wave, ",
         ),
         ("wall.piston=3", "wall.piston = 3: is an unknown key; allowed are: absorb, limits, motion, reach, type"),
         ("wall.type=fixed", "wall.motion = {"),
-        ("run.dt=0.01", "run.dt = 0.01: is an unknown key; dt belongs to [numerics]; allowed here are: "),
+        (
+            "run.dt=0.01",
+            "allowed are: checkpoint_every, duration, on_breaking; dt belongs to [numerics].",
+        ),
         (
             "numerics.length=2",
-            "is an unknown key; length belongs to [tank] of type slice or ring, [tank.layout] of type ",
+            "; length belongs to [tank] of type slice or ring, [tank.layout] of type ",
         ),
         (
             "tank.x=2",
-            "tank.x = 2: is an unknown key; x belongs to [tank.layout.refine], [wall.motion] of type",
+            "; x belongs to [tank.layout.refine], [wall.motion] of type",
         ),
-        ("output.title=A", 'output.title = "A": is an unknown key; title belongs to the top of the case, before all'),
-        ("wall.motion.period=2", "period = 2: is an unknown key; period belongs to [wall.motion] of type sinusoid or"),
+        ("output.title=A", "title belongs to the top of the case, before all tables"),
+        ("wall.motion.period=2", "; period belongs to [wall.motion] of type sinusoid or"),
         (
             'wall.motion={type="sinusoid", paddle_amplitude=10, period=2}',
             "paddle_amplitude = 10.0: takes the paddle 10 m from rest; it must stay below 7.5 m, 3/4 of its reach, "
@@ -338,7 +341,7 @@ def test_case_is_frozen():
         ("gauges.1.name=1", "gauges.1.name = 1: must be a valid string (name of the gauge)"),
         ('gauges.1.name="1"', 'gauges.1.name = "1": must be a name that no other gauge has'),
         ("gauges.1.y=2.0", "gauges.1.y = 2.0: must be left out: a slice has no width"),
-        ("gauges.1.z=2", "gauges.1.z = 2: is an unknown key; z belongs to [[probes]]; allowed here are: name, x, y."),
+        ("gauges.1.z=2", "gauges.1.z = 2: is an unknown key; allowed are: name, x, y; z belongs to [[probes]]."),
         ("numerics={cells=3, cell_size=0.1}", "must have at most one of the keys 'cells' and 'cell_size'"),
         ("numerics.order=9", "numerics.order = 9: must be less than or equal to 8 (horizontal polynomial order p)"),
         ("numerics.vertical_order=0", "numerics.vertical_order = 0: must be greater than or equal to 1"),
@@ -352,13 +355,6 @@ def test_refusal_names_file_key_value_and_allowed_values(write_case, override, s
     message = refused(path, override)
     assert said in message
     assert all(line.startswith(f"{path}, ") and line.endswith(".") for line in message.splitlines())
-
-
-def test_mistyped_required_key_is_one_error(write_case):
-    (said,) = refused(write_case(), 'wall.motion={type="sinusoid", paddle_amplitud=0.1, period=2.0}').splitlines()
-    assert "wall.motion.paddle_amplitud = 0.1: is an unknown key; did you mean 'paddle_amplitude'?" in said
-    text = 'wall.motion={type="sinusoid", paddle_amplitud=0.1}'  # and another that is missing
-    assert ["period: is missing" in line for line in refused(write_case(), text).splitlines()].count(True) == 1
 
 
 def test_stroke_beyond_the_reach_after_the_run_is_refused(write_case):

@@ -73,7 +73,7 @@ RING = CHECKOUT / "cases" / "ring-50-percent.toml"
         (["n=40,50"], [], "overridden: numerics.vertical_order = 40: must be less than or equal to 16"),
         (["integrator=euler"], [], 'numerics.integrator = "euler"'),
         (["nn=4,6"], [], "nn = 4: is an unknown key"),
-        (["mode=1,2"], [], "overridden: mode = 1: is an unknown key; the whole key is initial.mode."),
+        (["mode=1,2"], [], "overridden: mode = 1: is an unknown key; allowed are: far_wall"),
     ],
 )
 def test_bad_sweep_is_refused_before_anything_runs(tmp_path, sweeps, overrides, sentence):

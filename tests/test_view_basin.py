@@ -6,17 +6,18 @@ import numpy as np
 import pytest
 from conftest import commanded
 from matplotlib import rc_context
+from matplotlib.figure import Figure
 from matplotlib.image import imread
+from records import gauge, gauges
 
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.fields import VtkCells, VtuSeries
 from wavetank.output.writer import RunWriter
 from wavetank.plots import basin, view
-from wavetank.plots.basin import BasinSurface, Extremes, history
 from wavetank.plots.figures import draw_run
-from wavetank.plots.tank_scene import ELEVATION, HEIGHT, OPACITY, SPONGE_COLOUR, BasinView
-from wavetank.plots.view import FORMATS
+from wavetank.plots.style import mark_places, remove_overlaps
+from wavetank.plots.surfaces import BasinSurface, Extremes, wave_history
 
 LENGTH, WIDTH, DEPTH, HEIGHT_OF_WAVES = 8.0, 4.0, 0.5, 0.1  # m
 PERIOD, STEPS = 1.6, 20  # snapshots of one period [s]
@@ -116,11 +117,6 @@ def around(x, y):
     return ~((abs(x - 4.5) < 0.5) & (abs(y - 1.5) < 0.5))
 
 
-def pixel(picture, pixels, point):
-    column, row = np.round(picture.place(np.array([point]))[0]).astype(int)
-    return pixels[row, column] / 255
-
-
 # ---------------------------------------------------------------- the surface over time
 @pytest.mark.parametrize("triangles", [False, True])
 def test_the_surface_goes_on_between_snapshots(tmp_path, triangles):
@@ -137,34 +133,59 @@ def test_pieces_of_two_and_three_ranks_are_one_surface(tmp_path):
     def told(ranks):
         parts = {"paddle": swinging, "depth": shoal, "kept": around, "times": TIMES[:12]}
         surface = BasinSurface(record(tmp_path / str(ranks), ranks=ranks, **parts))
-        waves = history(surface)
+        waves = wave_history(surface)
         place = surface.first[:, :2].round(9)
         order = np.lexsort(place.T)
         columns = [surface.at(0.7), surface.depth, waves.displacement, waves.high, waves.crest]
-        loops = [sorted(map(tuple, place[loop])) for loop in surface.loops]
-        sizes = [*waves.waves, len(surface.pieces)]
+        sizes = [waves.usual, waves.slope, waves.crest_time, len(surface.pieces)]
+        moving = surface.rim[surface.moving(waves.displacement)]
         return (
             np.column_stack(columns)[order],
-            loops,
             sizes,
-            [place[wall.points].tolist() for wall in surface.moving_walls(waves.displacement)],
+            *(sorted(map(tuple, place[edges].reshape(-1, 4))) for edges in (surface.rim, moving)),
         )
 
     alone, others = told(1), [told(ranks) for ranks in (2, 3)]
     for other in others:
         assert other[0] == pytest.approx(alone[0], abs=1e-12)
-        assert other[1] == alone[1] and other[3] == alone[3]
-        assert other[2] == pytest.approx(alone[2], rel=1e-12)
+        assert other[1] == pytest.approx(alone[1], rel=1e-12)
+        assert other[2:] == alone[2:]
 
 
-def test_a_far_wall_that_moves_is_another_paddle(tmp_path):
-    both = BasinView(record(tmp_path / "both", paddle=swinging, far=swinging, times=TIMES[:8]))
-    near = BasinView(record(tmp_path / "near", paddle=swinging, times=TIMES[:8])).at(PERIOD / 4)["paddle"]
-    meshes = both.at(PERIOD / 4)
-    low, high = sorted((swinging(0.0, PERIOD / 4), swinging(WIDTH, PERIOD / 4)))
-    assert meshes["paddle"].n_points == 2 * near.n_points
-    assert meshes["paddle"].bounds[1] == pytest.approx(LENGTH - low + 0.006 * both.extent, abs=1e-6)
-    assert meshes["paddle"].bounds[0] == pytest.approx(near.bounds[0], abs=1e-6)
+def test_rim_is_all_walls_and_paddles_are_those_that_move_across_themselves(tmp_path):
+    surface = BasinSurface(record(tmp_path / "run", paddle=swinging, far=swinging, kept=around, times=TIMES[:8]))
+    assert len(surface.rim) == 2 * (48 + 24) + 4 * 6
+    moving = surface.first[surface.rim[surface.moving(wave_history(surface).displacement)]]
+    ends = {x: np.sort(np.unique(moving[np.abs(moving[..., 0] - x) < 1e-9][:, 1].round(9))) for x in (0.0, LENGTH)}
+    assert all(y == pytest.approx(np.linspace(0.0, WIDTH, 25)) for y in ends.values()) and len(moving) == 48
+    still = BasinSurface(record(tmp_path / "still", times=TIMES[:2]))
+    assert not still.moving(wave_history(still).displacement).any()
+
+
+def test_view_shows_bed_contours_sponge_and_paddles(tmp_path):
+    """Oracles: the depth of the shoal, the root of the damping rate, the paddle's stroke."""
+
+    def end(x, y):
+        return 3.0 * np.clip((x - 5.0) / 3.0, 0.0, 1.0) ** 2
+
+    picture = view.View(record(tmp_path / "run", depth=shoal, paddle=swinging, damping=end), size=(320, 180))
+    picture.draw(PERIOD / 4)
+    mesh = {name: picture.plotter.actors[name].mapper.dataset for name in ("sides", "paddle", "contours", "sponge")}
+    points = {name: one.points / (1.0, 1.0, picture.exaggeration) for name, one in mesh.items()}
+    x, y, z = points["sides"].T
+    foot = (z < -0.1) & (x > REACH)
+    assert z[foot] == pytest.approx(-shoal(x[foot], y[foot]), abs=1e-6)
+    x, y, _ = points["contours"].T
+    # the lattice's linear interpolation of the bed: h^2 / 8 |d''|, with h = 1/6 m and |d''| < 1.2 / m
+    assert np.abs(shoal(x, y)[:, None] - (0.25, 0.3, 0.35, 0.4, 0.45)).min(axis=1).max() < 0.005
+    x, y, _ = points["sponge"].T
+    cover = mesh["sponge"]["colour"][:, 3] / view.OPACITY
+    assert cover == pytest.approx(np.sqrt(end(x, y) / 3.0), abs=0.01)
+    x, y, _ = points["paddle"].T
+    assert x == pytest.approx(swinging(y, PERIOD / 4), abs=1e-6)
+    note = picture.plotter.actors["note"].GetText(0)
+    assert note.endswith("lines of still-water depth 0.25, 0.3, 0.35, 0.4, 0.45 m, sponge: violet")
+    picture.close()
 
 
 def test_crests_between_snapshots_are_found():
@@ -181,96 +202,6 @@ def test_crests_between_snapshots_are_found():
 
 
 # ---------------------------------------------------------------- what is seen
-def test_the_water_reaches_from_the_bed_to_the_surface_with_the_crest_where_it_is(tmp_path):
-    tank = BasinView(record(tmp_path / "run", depth=shoal, kept=around, times=TIMES[:13]))
-    meshes = tank.at(PERIOD / 2)
-    assert meshes["surface"][ELEVATION] == pytest.approx(100 * meshes["surface"].points[:, 2], abs=1e-5)
-    x, _, z = meshes["surface"].points.T
-    assert np.abs(x[z > 0.99 * z.max()] % WAVE - WAVE / 2).max() < 0.1  # crests at 1, 3, 5 and 7 m
-    x, y, z = meshes["sides"].points.T
-    foot = z < -0.1
-    assert z[foot] == pytest.approx(-shoal(x[foot], y[foot]), abs=1e-6)
-    assert z[~foot] == pytest.approx(travelling(x[~foot], 0, PERIOD / 2), abs=1e-6)
-    assert meshes["sides"][HEIGHT] == pytest.approx(z)
-    assert np.hypot(x - 4.5, y - 1.5).min() == pytest.approx(0.5)  # the island's, too
-    assert tank.depth == pytest.approx(DEPTH, abs=1e-6)
-
-
-def test_the_paddle_stands_at_its_moving_place_over_the_bed(tmp_path):
-    tank = BasinView(record(tmp_path / "run", paddle=swinging))
-    bed = tank.fixed()["bed"]
-    for t in (PERIOD / 4, 3 * PERIOD / 4):
-        meshes = tank.at(t)
-        low, high = sorted((swinging(0.0, t), swinging(WIDTH, t)))
-        assert meshes["paddle"].bounds[1] == pytest.approx(high, abs=1e-6)
-        assert meshes["paddle"].bounds[0] == pytest.approx(low - 0.006 * tank.extent, abs=1e-6)
-        assert meshes["paddle"].bounds[4] == pytest.approx(-DEPTH) and meshes["paddle"].bounds[5] > HEIGHT_OF_WAVES / 2
-        assert meshes["surface"].bounds[0] == pytest.approx(low, abs=1e-6)
-        assert bed.bounds[0] <= meshes["paddle"].bounds[0] + 1e-6
-    assert "paddle" not in BasinView(record(tmp_path / "still", times=TIMES[:2])).at(0.0)
-
-
-def test_a_shoal_is_told_by_lines_of_its_depth_on_the_surface(tmp_path):
-    tank = BasinView(record(tmp_path / "run", depth=shoal))
-    assert tank.note == "lines of still-water depth 0.25, 0.3, 0.35, 0.4, 0.45 m"
-    lines = tank.at(0.3)["contours"].points
-    x, y, z = lines.T
-    depths = shoal(x, y)
-    levels = np.array([0.25, 0.3, 0.35, 0.4, 0.45])
-    # the lattice's linear interpolation of the bed: h^2 / 8 |d''|, with h = 1/6 m and |d''| < 1.2 / m
-    assert np.abs(depths[:, None] - levels).min(axis=1).max() < 0.005
-    assert z == pytest.approx(travelling(x, y, 0.3), abs=0.05 * HEIGHT_OF_WAVES)
-    assert np.all(z > travelling(x, y, 0.3) - 0.04 * HEIGHT_OF_WAVES)
-    even = BasinView(record(tmp_path / "even", times=TIMES[:2]))
-    assert "contours" not in even.at(0.0) and not even.note
-
-
-def test_crest_trough_island_and_paddle_have_their_colours_in_the_picture(tmp_path):
-    def humps(x, y, t):
-        return HEIGHT_OF_WAVES * (np.exp(-((x - 6.5) ** 2) - (y - 2) ** 2) - np.exp(-((x - 2.5) ** 2) - (y - 2) ** 2))
-
-    run = record(tmp_path / "run", elevation=humps, paddle=swinging, kept=around, times=TIMES[:22])
-    picture = view.View(tank := BasinView(run), "", size=(960, 540))
-    pixels = picture.pixels(PERIOD)
-    crest, trough = (pixel(picture, pixels, place) for place in ((6.5, 2.0, 0.1), (2.5, 2.0, -0.1)))
-    still = pixel(picture, pixels, (4.5, 3.7, 0.0))
-    assert crest.mean() > still.mean() + 0.2 > trough.mean() + 0.4
-    assert still == pytest.approx(view.SURFACE(0.5)[:3], abs=0.06)  # as in a slice's picture
-    top = tank.fixed()["island 0"].bounds[5]
-    lid = pixel(picture, pixels, (4.5, 1.5, top))
-    assert np.ptp(lid) < 0.1 and lid.mean() > 0.5  # a light grey
-    board = pixel(picture, pixels, (0.0, 2.0, 0.5 * HEIGHT_OF_WAVES))
-    assert board[0] > 1.8 * board[2]  # orange
-    picture.close()
-
-
-def test_a_basins_picture_has_its_sponge_its_gauge_and_a_vertical_ruler(tmp_path):
-    """Still water is as without a sponge before it, and at its end covered by violet as its rate's root says."""
-
-    def still(x, y, t):
-        return 0.01 * np.exp(-((x - 2) ** 2) - (y - 2) ** 2)
-
-    def end(x, y):
-        return 3.0 * np.clip((x - 5.0) / 3.0, 0.0, 1.0) ** 2
-
-    seen = []
-    for name, damping in (("without", None), ("with", end)):
-        run = record(tmp_path / name, elevation=still, damping=damping, times=TIMES[:2])
-        picture = view.View(BasinView(run), "", size=(320, 180))
-        pixels = picture.pixels(0.0)
-        seen.append([pixel(picture, pixels, (x, 2.0, 0.0)) for x in (4.5, 7.9)])
-        notes = picture.plotter.actors["note"].input
-        assert ("sponge: violet" in notes) == (damping is not None)
-        picture.close()
-    (before, clear), (after, covered) = seen
-    assert after == pytest.approx(before, abs=0.02)
-    cover = OPACITY / 255 * 2.9 / 3.0
-    assert covered == pytest.approx((1 - cover) * clear + cover * np.array(SPONGE_COLOUR) / 255, abs=0.04)
-    tank = BasinView(run)
-    assert tank.gauges().texts == ["mast"] and tank.gauges().places == pytest.approx(np.array([[3.0, 1.0, 0.0]]))
-    ruler = tank.ruler()
-    assert ruler.labels.texts == ["z = 0 m", "-0.1", "-0.2", "-0.3", "-0.4", "-0.5"]
-    assert ruler.mesh.bounds[4:] == pytest.approx((-DEPTH, tank.waves.high))
 
 
 # ---------------------------------------------------------------- maps
@@ -294,6 +225,16 @@ def test_the_maps_say_what_they_show(tmp_path):
     assert "crest minus trough" not in text  # no period is known
 
 
+def test_names_of_gauges_side_by_side_do_not_lie_on_one_another():
+    figure = Figure(figsize=(4, 4))
+    axes = figure.subplots()
+    axes.set(xlim=(0, 8), ylim=(0, 4))
+    places = (("first", 2.0), ("second", 2.05), ("third", 6.0))
+    mark_places(axes, gauges(*(gauge(name, x, [0.0], [0.0], y=1.0) for name, x in places)))
+    remove_overlaps(axes)
+    assert [text.get_text() for text in axes.texts] == ["first", "third"]
+
+
 def test_heights_of_regular_waves_are_mapped_once_they_have_come(tmp_path):
     regular = {"type": "sinusoid", "period": PERIOD}
     times = PERIOD / 8 * np.arange(6 * 8 + 1)
@@ -308,9 +249,14 @@ def test_heights_of_regular_waves_are_mapped_once_they_have_come(tmp_path):
     assert not basin._wave_heights(seldom, BasinSurface(seldom))
 
 
+def test_quadrilaterals_are_drawn_as_the_triangles_they_are_made_of():
+    assert basin._triangles(np.array([[4, 5, 6, 7]])).tolist() == [[4, 5, 6], [4, 6, 7]]
+    assert basin._triangles(np.array([[4, 5, 6]])).tolist() == [[4, 5, 6]]
+
+
 # ---------------------------------------------------------------- the commands
 def test_a_basin_is_drawn_after_its_run_and_viewed_like_a_slice(tmp_path, monkeypatch):
-    monkeypatch.setitem(FORMATS, ".gif", FORMATS[".gif"]._replace(rate=2.0))  # a film of few frames
+    monkeypatch.setitem(view.FILMS, ".gif", (2.0, (160, 160)))  # a film of few frames
     run = record(tmp_path / "run", paddle=swinging, times=TIMES[:4])
     assert [picture.name for picture in draw_run(run)] == ["surface.png"]  # gauges and energy have one row
     (run.path / "surface.png").unlink()
@@ -359,7 +305,7 @@ def write_turned_mesh(path):
 
 def test_view_draws_a_run_resumed_on_other_ranks_with_a_paddle_at_an_angle(wavetank, tmp_path, monkeypatch):
     """Oracles: the same run on one rank without interruption; the turned line of the paddle and its motion."""
-    monkeypatch.setitem(FORMATS, ".gif", FORMATS[".gif"]._replace(rate=2.0))
+    monkeypatch.setitem(view.FILMS, ".gif", (2.0, (160, 160)))
     write_turned_mesh(tmp_path / "turned.msh")
     (tmp_path / "case.toml").write_text(LEANING)
     case, one, part = (str(tmp_path / name) for name in ("case.toml", "one", "part"))
@@ -373,12 +319,11 @@ def test_view_draws_a_run_resumed_on_other_ranks_with_a_paddle_at_an_angle(wavet
     whole, resumed = (BasinSurface(RunDirectory(name)) for name in (one, part))
     assert whole.times == pytest.approx(resumed.times) and len(whole.times) == 9
     order, reordered = (np.lexsort(np.round(each.first[:, :2], 6).T) for each in (whole, resumed))
-    for (_, expected), (_, found) in zip(whole.snapshots(), resumed.snapshots(), strict=True):
-        np.testing.assert_allclose(found[reordered], expected[order], atol=1e-9)
-    (paddle,) = resumed.moving_walls(history(resumed).displacement)
+    for number in range(9):
+        np.testing.assert_allclose(resumed.snapshot(number)[reordered], whole.snapshot(number)[order], atol=1e-9)
+    paddle = resumed.rim[resumed.moving(wave_history(resumed).displacement)]
     c, s = np.cos(TURNED), np.sin(TURNED)
-    assert paddle.outward == pytest.approx([-c, -s], abs=1e-6)
-    x, y = resumed.snapshot(4)[paddle.points, :2].T  # t = 0.2 s, a quarter of the period
+    x, y = resumed.snapshot(4)[np.unique(paddle), :2].T  # t = 0.2 s, a quarter of the period
     assert len(x) == 5 and x * c + y * s == pytest.approx(0.05, abs=1e-6)
 
 

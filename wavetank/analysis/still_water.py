@@ -1,11 +1,15 @@
-"""The bed of a run, from its scene, or, where that names code, from its record."""
+"""The bed and the sponge of a run, from its scene; a bed by code from its record."""
+
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 from scipy.spatial import QhullError
 
-from wavetank.case.tank import AnyTank, Depth, PythonBed, Tank
+from wavetank.case.tank import AnyTank, Depth, FormulaSponge, PythonBed, Tank
 from wavetank.errors import InputError
 from wavetank.output.directory import BED, RunDirectory
 
@@ -41,3 +45,16 @@ def _recorded(run: RunDirectory) -> Depth:
             f"{run.path / BED}: the depths cannot be interpolated ({str(error).splitlines()[0]})."
         ) from None
     return lambda *at: np.where(np.isnan(depths := inside(*at)), outside(*at), depths)
+
+
+def sponge_rate(scene: Mapping[str, Any], x: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Return the damping rate of a slice's sponge at x [m] up to a factor, shape (N,); None without a sponge.
+
+    ``scene`` is that of a manifest; x goes to the end of the tank.
+    """
+    match scene.get("sponge"):
+        case {"type": "end", "length": length}:
+            return np.asarray(np.clip(1.0 + (x - x.max()) / length, 0.0, 1.0) ** 2)
+        case {"type": "formula", "gamma": _} as formula:
+            return FormulaSponge.model_validate(formula).build()(x, 0 * x)
+    return None

@@ -18,7 +18,7 @@ from pydantic_core import ErrorDetails
 from wavetank import data
 from wavetank.case import Case
 from wavetank.case.new import cases_at_hand
-from wavetank.case.schema import models, table_at, tables_with_key, tables_with_type, tag
+from wavetank.case.schema import models, tables_with_key, tag
 from wavetank.errors import InputError, choice
 from wavetank.values.case_model import CaseError, CaseModel, Located, Problem
 from wavetank.values.files import regular
@@ -27,7 +27,6 @@ from wavetank.values.python_file import trusting
 Key = tuple[str | int, ...]
 LONGEST_INDEX = 9  # digits
 SHOWN = 20  # mistakes; more are counted
-FEW = 4  # keys
 
 
 def read_case(path: Path | str, overrides: Sequence[str] = (), *, trust: bool = False) -> Case:
@@ -56,11 +55,7 @@ def _validated(path: Path, text: str, content: dict[str, Any], overrides: Sequen
         case.depths()
         return case
     except ValidationError as error:
-        errors = error.errors(include_url=False)
-        problems = [
-            _with_full_table(problem, overridden, details) for details in errors for problem in _problems(details)
-        ]
-        problems = _with_full_keys(problems, overridden, content, context)
+        problems = [one for details in error.errors(include_url=False) for one in _problems(details)]
     except CaseError as error:
         problems = list(error.problems)
     raise InputError(_sentences(path, text, problems, overridden))
@@ -211,12 +206,6 @@ class _Place(NamedTuple):
     def fields(self) -> list[str]:
         return sorted({field for model in self.models for field in model.model_fields})
 
-    def similar(self, key: str) -> str:
-        """Return the key of this table similar to a mistyped one; empty for any key of the case, or without one."""
-        if key in self.fields or tables_with_key(key):
-            return ""
-        return next(iter(get_close_matches(key, self.fields, n=1)), "")
-
 
 def _place(location: Key) -> _Place:
     """Return the place of pydantic's location, which names the type of each union it passes as well."""
@@ -241,121 +230,30 @@ def _problems(details: ErrorDetails) -> Iterator[Problem]:
         case "inconsistent":
             yield from context["problems"]
         case "missing":
-            if isinstance(received, dict) and any(holder.similar(key) == place.key[-1] for key in received):
-                return  # it is there, mistyped
             yield Problem(place.key, None, f"is missing; needed is {place.meaning or 'a table'}")
         case "extra_forbidden":
             yield _unknown(place.key, received, holder)
         case "union_tag_not_found":
+            yield Problem((*place.key, "type"), None, f"is missing{choice('', place.tags)}")
             unknown = sorted({*received} - {*place.fields} if isinstance(received, dict) else ())
-            if not (
-                unknown
-                and len(unknown) == len(received)
-                and all(_table_of_same_words((*place.key, one)) for one in unknown)
-            ):
-                yield Problem((*place.key, "type"), None, f"is missing{choice('', place.tags)}")
             yield from (_unknown((*place.key, name), received[name], place) for name in unknown)
         case "union_tag_invalid":
-            tag = str(context["tag"])
-            yield Problem((*place.key, "type"), tag, _unknown_type(tag, place))
+            received = str(context["tag"])
+            yield Problem((*place.key, "type"), received, f"is an unknown type{choice(received, place.tags)}")
         case "model_type" | "model_attributes_type":
-            meant = "".join(place.tags[:1]) if received is True else received
-            of_type = f': {{ type = "{meant}" }}' if meant and meant in place.tags else choice("", place.fields)
-            yield Problem(place.key, received, f"must be a table{of_type}")
+            yield Problem(place.key, received, f"must be a table{choice('', place.fields)}")
         case "value_error":
             yield Problem(place.key, received, str(context["error"]))
         case _:
             yield Problem(place.key, received, _in_words(details["msg"], place.meaning))
 
 
-def _with_full_table(problem: Problem, overridden: Sequence[Key], details: ErrorDetails) -> Problem:
-    """Return a problem; for a key of the case's type that an override replaces, with how to set the full table."""
-    table = problem.key[:-1]
-    changed = (
-        details["type"] == "extra_forbidden"
-        and (*table, "type") in overridden
-        and tables_with_key(str(problem.key[-1]))
-    )
-    name, holder = ".".join(map(str, table)), _place(details["loc"][:-1])
-    if not changed or not any(holder.tags) or any(problem.key[: len(key)] == key for key in overridden):
-        return problem
-    more = (
-        ", ..." if any(field.is_required() for model in holder.models for field in model.model_fields.values()) else ""
-    )
-    full_table = f'{name}={{type="{holder.tags[0]}"{more}}}'
-    return problem._replace(
-        allowed=f"{problem.allowed}; set the whole table, {full_table}, to drop what is of another type"
-    )
-
-
-def _with_full_keys(
-    problems: list[Problem], overridden: Sequence[Key], content: dict[str, Any], context: dict[str, Any]
-) -> list[Problem]:
-    """Return the problems; for an override that is the end of keys of the case, with the full keys."""
-    ends = [key for key in overridden if key[0] not in Case.model_fields]
-    valid = {name: value for name, value in content.items() if name in Case.model_fields}
-    try:
-        keys = [*_keys(Case.model_validate(valid, context=context))] if ends else []
-    except (ValidationError, CaseError):
-        return problems
-    for end in ends:
-        dotted = ".".join(map(str, end))
-        if meant := [key for key in keys if key.endswith(f".{dotted}")]:
-            received: Any = content
-            for part in end:
-                received = received[part]
-            unknown = Problem(end, received, f"is an unknown key; the whole key is {' or '.join(meant)}")
-            problems = [unknown if problem.key == end[:1] else problem for problem in problems]
-    return problems
-
-
-def _keys(model: CaseModel) -> Iterator[str]:
-    """Yield the dotted keys of all that a model may hold, and of the models in it."""
-    for name in type(model).model_fields:
-        yield name
-        if isinstance(inside := getattr(model, name), CaseModel):
-            yield from (f"{name}.{key}" for key in _keys(inside))
-
-
-def _unknown_type(name: str, place: _Place) -> str:
-    """Return the end of a sentence on a type that is not allowed, with the allowed ones."""
-    if where := tables_with_type(str(place.key[-1]), name):
-        return f"is none that may stand here, but in {where}; allowed are: {', '.join(place.tags)}"
-    return f"is an unknown type{choice(name, place.tags)}"
-
-
 def _unknown(key: Key, received: Any, holder: _Place) -> Problem:
-    """Return the problem of an unknown key: the table it belongs to, or the key it resembles."""
+    """Return the problem of an unknown key, with similar and allowed keys, and the tables that have such a key."""
     name = str(key[-1])
-    if header := _table_of_same_words(key) or (_table(name) if _is_table(received) else ""):
-        return Problem(key, received, f"is an unknown key; the table is called {header}")
     where = tables_with_key(name)
-    if not where or (len(key) == 1 and get_close_matches(name, holder.fields)):
-        return Problem(key, received, f"is an unknown key{choice(name, holder.fields)}")
-    return Problem(key, received, f"is an unknown key; {name} belongs to {where}{_allowed_keys(holder)}")
-
-
-def _table_of_same_words(key: Key) -> str:
-    """Return the header of the table whose name has the words of a key in any order; empty if there is none."""
-    words = sorted("_".join(map(str, key)).split("_"))
-    return next((_table(name) for name in Case.model_fields if sorted(name.split("_")) == words), "")
-
-
-def _table(name: str) -> str:
-    """Return the header of a top-level table; empty for any other key."""
-    field = Case.model_fields.get(name)
-    table = table_at((name,), field) if field else None
-    return table._replace(path=(name,)).header if table else ""
-
-
-def _is_table(received: Any) -> bool:
-    """Return whether what was received is a table, or several."""
-    return isinstance(received, dict) or (isinstance(received, list) and any(isinstance(one, dict) for one in received))
-
-
-def _allowed_keys(holder: _Place) -> str:
-    """Return the end of a sentence that lists the keys of a table of few keys; else empty."""
-    return f"; allowed here are: {', '.join(holder.fields)}" if len(holder.fields) <= FEW else ""
+    belongs = f"; {name} belongs to {where}" if where else ""
+    return Problem(key, received, f"is an unknown key{choice(name, holder.fields)}{belongs}")
 
 
 def _in_words(message: str, meaning: str) -> str:

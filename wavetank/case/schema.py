@@ -1,6 +1,6 @@
 """The tables and keys of a case, and their JSON schema."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from functools import cache
 from typing import Any, NamedTuple, get_args, get_origin
 
@@ -38,15 +38,7 @@ class Table(NamedTuple):
 
     def with_key(self, key: str) -> str:
         """Return the header, with the types that have a key; empty if none has it."""
-        return self._of([model for model in self.models if key in model.model_fields])
-
-    def with_type(self, key: str, name: str) -> str:
-        """Return the header, with the types in which a key may have a type; empty if there is none."""
-        fields = {model: model.model_fields[key] for model in self.models if key in model.model_fields}
-        return self._of([model for model, field in fields.items() if name in map(tag, models(field.annotation))])
-
-    def _of(self, matching: list[type[BaseModel]]) -> str:
-        """Return the header with the types of some of its models; empty without any."""
+        matching = [model for model in self.models if key in model.model_fields]
         if not matching or not self.path:
             return "the top of the case, before all tables" if matching else ""
         some = f" of type {' or '.join(dict.fromkeys(map(tag, matching)))}" if len(matching) < len(self.models) else ""
@@ -100,17 +92,8 @@ def tables_with_key(key: str) -> str:
     """Return the headers of the tables that have a key, joined by "or"; empty if there are none."""
     if key == "type":
         return ""
-    return _alternatives(where for table in tables() if (where := table.with_key(key)))
-
-
-def tables_with_type(key: str, name: str) -> str:
-    """Return the headers of the tables in which a key may have a type, joined by "or"; empty if there are none."""
-    return _alternatives(where for table in tables() if (where := table.with_type(key, name)))
-
-
-def _alternatives(places: Iterable[str]) -> str:
-    parts = [*places]
-    return " or ".join(filter(None, (", ".join(parts[:-1]), *parts[-1:])))
+    places = [where for table in tables() if (where := table.with_key(key))]
+    return " or ".join(filter(None, (", ".join(places[:-1]), *places[-1:])))
 
 
 # ---------------------------------------------------------------- JSON schema

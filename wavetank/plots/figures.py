@@ -15,8 +15,8 @@ from scipy.interpolate import BarycentricInterpolator, CubicSpline
 from xarray import DataArray, Dataset, concat
 
 from wavetank.analysis.compare import MATCH, compare_gauge, matched
-from wavetank.analysis.still_water import still_water
-from wavetank.case.tank import Depth, FormulaSponge
+from wavetank.analysis.still_water import sponge_rate, still_water
+from wavetank.case.tank import Depth
 from wavetank.errors import InputError
 from wavetank.output.directory import BROKEN, BROKEN_PICTURE, ENERGY, GAUGES, LOADS, PROBES, SURFACE, RunDirectory
 from wavetank.output.fields import index_file
@@ -563,14 +563,10 @@ def draw_surface(run: RunDirectory) -> Path:
 
 def _sponge(scene: dict[str, Any], x: Array) -> tuple[float, float] | None:
     """Return from where to where [m] a slice's sponge damps, x [m] the surface's points; None where there is none."""
-    sponge = scene.get("sponge")
-    if sponge is None:
+    if (rate := sponge_rate(scene, x)) is None:
         return None
-    if sponge["type"] == "formula":
-        rate = FormulaSponge.model_validate(sponge).build()(x, 0 * x)
-        inside = x[rate > DAMPED * rate.max(initial=0.0)]
-        return (float(inside.min()), float(inside.max())) if inside.size else None
-    return float(x[-1]) - sponge["length"], float(x[-1])
+    inside = x[rate > DAMPED * rate.max(initial=0.0)]
+    return (float(inside.min()), float(inside.max())) if inside.size else None
 
 
 def _closed(surface: Dataset, length: float) -> Dataset:

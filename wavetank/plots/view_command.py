@@ -1,4 +1,4 @@
-"""``wavetank view RUN``: the pictures, films and windows of the command line, one after the other."""
+"""``wavetank view RUN``: the pictures and films of the command line, one after the other."""
 
 import re
 from collections.abc import Iterator
@@ -22,18 +22,17 @@ def view(
     diagram: Annotated[
         bool, typer.Option("--diagram", help="the space-time diagram, or maps of a basin: surface.png in RUN")
     ] = False,
-    window: Annotated[bool, typer.Option("--window", help="a window, with a slider for the time")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="replace files that are there")] = False,
     size: Annotated[str | None, typer.Option(help="of the pictures [pixels]", metavar="WIDTHxHEIGHT")] = None,
 ) -> None:
-    """View a run: a still (the default), a film, a window, a diagram."""
+    """View a run: a still (the default), a film, a diagram."""
     directory, terminal = RunDirectory(run), console()
     check_new(*(file for file in (out, film) if file is not None), overwrite=overwrite)
     given = {} if size is None else {"size": _pixels(size)}
     drawing = _drawing()
 
     def made() -> Iterator[Path]:
-        if time is not None or out is not None or not (film or diagram or window):
+        if time is not None or out is not None or not (film or diagram):
             yield drawing.still(directory, out or run / "view.png", t=time, **given)
         if film is not None:
             yield drawing.film(directory, film, console=terminal, **given)
@@ -42,8 +41,6 @@ def view(
 
     for picture in made():
         terminal.print(f"wrote {picture}", highlight=False)
-    if window:
-        drawing.window(directory, **given)
 
 
 def _drawing() -> ModuleType:

@@ -1,0 +1,296 @@
+"""The surface of a run as polygons that move, over its still-water depth, and the sizes of its waves."""
+
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyvista as pv
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+from scipy.interpolate import BarycentricInterpolator, CubicSpline
+from scipy.spatial import KDTree
+
+from wavetank.analysis.still_water import sponge_rate, still_water
+from wavetank.errors import InputError
+from wavetank.output.directory import REST_POSITION, RunDirectory
+from wavetank.output.fields import piece_files
+from wavetank.plots.style import CM, FLAT, SATURATED
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+SAME = 1e-9  # of the basin's size: points as close are one, on the two sides of a border between ranks
+SAME_AT_REST = 1e-6  # of the basin's size: rest positions are in single precision
+AROUND = 4  # snapshots that the surface between two of them is interpolated from
+CACHED = 8  # snapshots in memory
+SLOPING = 1e-3  # of the depth: a bed that varies less is flat
+MOVING = 1e-7  # of the tank's length: smaller displacements are no motion of a paddle
+DAMPING = "damping rate"  # of the sponge, among a snapshot's point data
+CORNERS = {pv.CellType.TRIANGLE: 3, pv.CellType.QUAD: 4}
+FINE, WIDTH = 800, 0.22  # points along a slice or ring, and the width it is drawn with, over its length
+
+
+class TankSurface:
+    """The surface of a run over time.
+
+    Attributes
+    ----------
+    times
+        Of the snapshots [s], shape (M,), increasing.
+    first
+        The points (x, y, eta) [m] of the first snapshot, shape (N, 3).
+    depth
+        Still-water depth d at the points [m], shape (N,).
+    damping
+        Damping rate of the sponge at the points [1/s], shape (N,); None where there is none.
+    pieces
+        Corners of the triangles or quadrilaterals between the points, anticlockwise, shape (F, 3) or (F, 4).
+
+    Raises ``InputError`` if the run has no snapshot, or damaged ones; so do all methods that read one.
+    """
+
+    times: Array
+    first: Array
+    depth: Array
+    damping: Array | None
+    pieces: Indices
+
+    def __init__(self) -> None:
+        self.snapshot = lru_cache(CACHED)(self._snapshot)
+
+    def _snapshot(self, number: int) -> Array:
+        """Return the points (x, y, eta) [m] of a snapshot by its number, shape (N, 3)."""
+        raise NotImplementedError
+
+    def at(self, t: float) -> Array:
+        """Return the points (x, y, eta) [m] at t [s], shape (N, 3), interpolated between the snapshots around."""
+        if self.times.size == 1:
+            return self.snapshot(0)
+        begin = int(np.searchsorted(self.times, t)) - AROUND // 2
+        begin = int(np.clip(begin, 0, max(0, self.times.size - AROUND)))
+        around = range(begin, min(begin + AROUND, self.times.size))
+        values = np.array([self.snapshot(number) for number in around])
+        return np.asarray(BarycentricInterpolator(self.times[around.start : around.stop], values)(t))
+
+    @property
+    def contours(self) -> Array:
+        """The still-water depths [m] that lines of the bed are drawn at; none over a flat bed."""
+        low, high = float(self.depth.min()), float(self.depth.max())
+        least = SLOPING * high
+        levels = np.array(MaxNLocator(8, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high))
+        return levels[(levels > low + least) & (levels < high - least)]
+
+    @cached_property
+    def edges(self) -> Indices:
+        """Start and end of each piece's sides among the points, shape (E, 2)."""
+        return np.stack([self.pieces, np.roll(self.pieces, -1, axis=1)], axis=-1).reshape(-1, 2)
+
+    @cached_property
+    def rim(self) -> Indices:
+        """Start and end of the sides that belong to one piece only, the water on their left, shape (R, 2)."""
+        _, first, count = np.unique(np.sort(self.edges, axis=1), axis=0, return_index=True, return_counts=True)
+        return np.asarray(self.edges[first[count == 1]])
+
+    def moving(self, displacement: Array) -> NDArray[np.bool_]:
+        """Return which sides of the rim are on walls that move across themselves, shape (R,).
+
+        ``displacement`` [m], shape (N, 2), is the largest horizontal one of each point. The mapping moves points of the
+        side walls, too, but along these walls.
+        """
+        along = np.diff(self.first[self.rim, :2], axis=1)[:, 0]
+        outward = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
+        mean = displacement[self.rim].mean(axis=1)
+        across = np.abs(np.sum(mean * outward, axis=1))
+        least = np.maximum(MOVING * np.ptp(self.first[:, :2]), np.linalg.norm(mean, axis=1) / np.sqrt(2))
+        return np.asarray(across > least)
+
+
+class FlumeSurface(TankSurface):
+    """The surface of a slice or a ring, the latter unrolled, drawn with a width."""
+
+    def __init__(self, run: RunDirectory):
+        super().__init__()
+        scene = run.manifest.get("scene", {})
+        tank, surface = scene.get("tank", {}), run.snapshots()
+        if missing := [key for key in ("length", "depth") if tank.get(key) is None]:
+            raise InputError(f"{run.path}: its manifest does not say the tank's {missing[0]}.")
+        self.times, self._x, self._eta = surface.time.values, surface.x.values, surface.elevation.values
+        if not self.times.size:
+            raise InputError(f"{run.path}: has no snapshot of the surface; at least 1 is needed to view it.")
+        if tank["type"] == "ring":
+            self._x = np.column_stack([self._x, self._x[:, 0] + tank["length"]])
+            self._eta = np.column_stack([self._eta, self._eta[:, 0]])
+        increasing = np.all(np.diff(self.times) > 0) and np.all(np.diff(self._x) > 0)
+        if not (increasing and np.all(np.isfinite(self._eta))):
+            raise InputError(f"{run.path}: its snapshots are damaged; times and places must increase.")
+        self._half_width = WIDTH / 2 * tank["length"]
+        start = np.arange(FINE - 1)
+        self.pieces = np.column_stack([start, start + 1, start + 1 + FINE, start + FINE])
+        self.first = self.snapshot(0)
+        bed, x = still_water(run), np.clip(self.first[:, 0], 0.0, tank["length"])
+        self.depth = np.full_like(x, tank["depth"]) if bed is None else bed(x, 0 * x)
+        self.damping = sponge_rate(scene, x)
+
+    def _snapshot(self, number: int) -> Array:
+        x = np.linspace(self._x[number, 0], self._x[number, -1], FINE)
+        eta = CubicSpline(self._x[number], self._eta[number])(x)
+        sides = (np.full_like(x, side * self._half_width) for side in (-1, 1))
+        return np.concatenate([np.column_stack([x, y, eta]) for y in sides])
+
+
+class BasinSurface(TankSurface):
+    """The surface of a run in a basin: the pieces of all ranks as one mesh.
+
+    Points have the numbers of the first snapshot. The number of ranks may change where a run was resumed; points of
+    later snapshots are then identified by their positions at rest.
+    """
+
+    def __init__(self, run: RunDirectory):
+        super().__init__()
+        snapshots = run.fields("surface")
+        if not snapshots:
+            raise InputError(f"{run.path}: has no snapshot of the surface; at least 1 is needed to view it.")
+        times, self._files = zip(*snapshots, strict=True)
+        self.times = np.array(times)
+        if not np.all(np.diff(self.times) > 0):
+            raise InputError(f"{run.path}: its snapshots are damaged; times must increase.")
+        parts = _read(self._files[0])
+        flat = parts.copy()
+        flat.points = parts.points * (1.0, 1.0, 0.0)
+        # in x and y: points on a border are computed by the ranks on both sides, equal to solver tolerance
+        merged = flat.clean(tolerance=SAME * parts.length, produce_merge_map=True)
+        self._chosen: Indices
+        _, self._chosen = np.unique(merged.field_data["PointMergeMap"], return_index=True)
+        self._stored, self._rest, self._size = parts.n_points, _rest_positions(parts), float(parts.length)
+        kinds = [kind for kind in CORNERS if kind in merged.cells_dict]
+        if len(kinds) != 1 or "depth" not in parts.point_data:
+            raise InputError(f"{self._files[0]}: is no surface of triangles or quadrilaterals with their depth.")
+        self.pieces = merged.cells_dict[kinds[0]].astype(np.int64)
+        self.depth = np.asarray(parts["depth"][self._chosen], float)
+        damping = np.asarray(parts[DAMPING][self._chosen], float) if DAMPING in parts.point_data else np.zeros(1)
+        self.damping = damping if damping.any() else None
+        self.first = np.asarray(parts.points[self._chosen], float)
+
+    def _snapshot(self, number: int) -> Array:
+        parts = _read(self._files[number])
+        return np.asarray(parts.points[self._numbers(parts, self._files[number])], float)
+
+    def _numbers(self, parts: pv.UnstructuredGrid, file: Path) -> Indices:
+        """Return the numbers that the points have in a snapshot, shape (N,)."""
+        rest = _rest_positions(parts)
+        if np.array_equal(rest, self._rest) and parts.n_points == self._stored:
+            return self._chosen
+        if not (len(rest) and len(self._rest)):
+            raise InputError(f"{file}: {parts.n_points} points; the first snapshot has {self._stored}.")
+        distances, numbers = KDTree(rest).query(self._rest[self._chosen])
+        if distances.max() > SAME_AT_REST * self._size:
+            raise InputError(f"{file}: its cells differ from those of the first snapshot; they must be the same.")
+        return np.asarray(numbers, np.int64)
+
+
+def _rest_positions(parts: pv.UnstructuredGrid) -> Array:
+    """Return (x, y) [m] at rest of a snapshot's points, shape (N, 2); shape (0, 2) if it does not contain them."""
+    return np.asarray(parts.point_data.get(REST_POSITION, np.zeros((0, 2))), float)
+
+
+def _read(file: Path) -> pv.UnstructuredGrid:
+    for one in (file, *(piece_files(file) if file.is_file() else [])):
+        if not one.is_file():
+            raise InputError(f"{one}: is missing; the run directory names it.")
+    return pv.read(file)
+
+
+def tank_surface(run: RunDirectory) -> TankSurface:
+    """Return the surface of a run; raises ``InputError`` if its tank is of no type that can be viewed."""
+    kinds: dict[Any, type[FlumeSurface | BasinSurface]]
+    kinds = {"slice": FlumeSurface, "ring": FlumeSurface, "basin": BasinSurface}
+    kind = run.manifest.get("scene", {}).get("tank", {}).get("type")
+    if kind not in kinds:
+        raise InputError(f"{run.path}: its tank is of type {kind!r}; can be viewed: {', '.join(kinds)}.")
+    return kinds[kind](run)
+
+
+# ---------------------------------------------------------------- sizes of waves over all snapshots
+Snapshot = tuple[float, Array]
+
+
+class Extremes:
+    """The highest and the lowest elevation at each point, between snapshots too.
+
+    Where a snapshot is higher than those before and after it, the crest is that of the parabola through the three: of
+    a cosine at nine snapshots a period it misses 0.5 % where the highest snapshot may miss 6 %.
+
+    Attributes
+    ----------
+    high, low
+        The extremes so far [m], shape (N,).
+    """
+
+    def __init__(self, points: int):
+        self.high, self.low = np.full(points, -np.inf), np.full(points, np.inf)
+        self._before: list[Snapshot] = []
+
+    def add(self, t: float, eta: Array) -> None:
+        """Include the elevation [m] at t [s], shape (N,), later than those before."""
+        three = [*self._before, (t, eta)]
+        self.high, self.low = np.maximum(self.high, eta), np.minimum(self.low, eta)
+        if len(three) == 3:
+            self.high = np.maximum(self.high, _crest(*three))
+            self.low = np.minimum(self.low, -_crest(*((when, -one) for when, one in three)))
+        self._before = three[-2:]
+
+
+def _crest(first: Snapshot, second: Snapshot, third: Snapshot) -> Array:
+    """Return the tops of the parabolas through three snapshots where the second is highest; elsewhere the second."""
+    (t, a), (u, b), (v, c) = first, second, third
+    rise, fall = (b - a) / (u - t), (c - b) / (v - u)
+    bend = (fall - rise) / (v - t)
+    slope = rise + bend * (u - t)
+    higher = (b >= a) & (b >= c) & (bend < 0)
+    return np.asarray(b - np.where(higher, slope**2 / np.where(higher, 4 * bend, 1.0), 0.0))
+
+
+class WaveHistory(NamedTuple):
+    """The waves of a run over all snapshots.
+
+    Attributes
+    ----------
+    low, high
+        The extreme elevations at each point [m], shape (N,).
+    usual, slope
+        The largest elevation [m] and slope [-], single sharp crests left out.
+    crest_time, crest
+        Time of the highest crest [s], and the points (x, y, eta) [m] then, shape (N, 3).
+    displacement
+        The largest horizontal displacement (x, y) of each point [m], shape (N, 2).
+    """
+
+    low: Array
+    high: Array
+    usual: float
+    slope: float
+    crest_time: float
+    crest: Array
+    displacement: Array
+
+
+def wave_history(surface: TankSurface) -> WaveHistory:
+    """Return the waves over all snapshots, which are read once, one at a time."""
+    extremes = Extremes(len(surface.first))
+    largest: Array = np.zeros((len(surface.first), 2))
+    crest_time, crest, usual, slope = float(surface.times[0]), surface.first, FLAT / CM, 0.0
+    start, end = surface.edges.T
+    for number, t in enumerate(surface.times):
+        points = surface.snapshot(number)
+        extremes.add(float(t), points[:, 2])
+        displacement = (points - surface.first)[:, :2]
+        larger = np.linalg.norm(displacement, axis=1) > np.linalg.norm(largest, axis=1)
+        largest = np.where(larger[:, None], displacement, largest)
+        if points[:, 2].max() > crest[:, 2].max():
+            crest_time, crest = float(t), points
+        step = points[end] - points[start]
+        slopes = np.abs(step[:, 2]) / np.hypot(step[:, 0], step[:, 1])
+        usual = max(usual, float(np.quantile(np.abs(points[:, 2]), SATURATED)))
+        slope = max(slope, float(np.quantile(slopes, SATURATED)))
+    return WaveHistory(extremes.low, extremes.high, usual, slope, crest_time, crest, largest)
