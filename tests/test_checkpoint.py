@@ -6,6 +6,7 @@ Records are compared number by number, as they stand in the files: on as many ra
 import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -26,7 +27,7 @@ from wavetank.console import console
 from wavetank.errors import InputError, RunError
 from wavetank.integrators import INTEGRATORS, ThirdOrder
 from wavetank.output import checkpoint
-from wavetank.output.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from wavetank.output.checkpoint import FORMAT, Checkpoint, read_checkpoint, write_checkpoint
 from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, ENERGY, GAUGES, PADDLE, RunDirectory
 from wavetank.recording import record_run
 from wavetank.simulation import run as running
@@ -96,7 +97,12 @@ def same(run: Path, other: Path, *, tolerance: float = 0.0) -> None:
 
 # ---------------------------------------------------------------- files
 def some(n: int) -> Checkpoint:
-    return Checkpoint({"t": 0.1 * n}, '{"step": 1}', [np.arange(6.0).reshape(2, 3) + n, np.zeros(3)], np.eye(3))
+    return Checkpoint(
+        {"format": FORMAT, "t": 0.1 * n, "step": n},
+        '{"step": 1}',
+        [np.arange(6.0).reshape(2, 3) + n, np.zeros(3)],
+        np.eye(3),
+    )
 
 
 def test_what_is_written_is_read_and_the_one_before_is_kept(tmp_path):
@@ -133,7 +139,7 @@ def test_a_damaged_one_does_not_take_the_place_of_the_one_before(tmp_path, monke
 
 def test_whatever_is_damaged_in_one_the_one_before_is_taken_and_it_is_said(tmp_path):
     """Any byte changed that is not padding, cut anywhere, another run's, or not a checkpoint at all."""
-    write_checkpoint(tmp_path, some(1)._replace(about={"t": 0.1, "id": "another's"}))
+    write_checkpoint(tmp_path, some(1)._replace(about=some(1).about | {"id": "another's"}))
     another_s = (tmp_path / CHECKPOINT).read_bytes()
     write_checkpoint(tmp_path, some(0))
     write_checkpoint(tmp_path, some(1))
@@ -387,17 +393,25 @@ def part(tmp_path_factory):
     return out
 
 
-@pytest.mark.parametrize("value", ["x", None, [1], {"a": 1}], ids=["text", "null", "list", "table"])
-@pytest.mark.parametrize("stride", [61, pytest.param(7, marks=pytest.mark.slow)], ids=["some", "many"])
-def test_an_edited_checkpoint_ends_in_one_sentence_or_resumes(part, value, stride):
-    """Of values of another type, in the description and in the state, one at a time."""
-    kept, _ = read_checkpoint(part)
-    for tree, field in ((json.dumps(kept.about), "about"), (kept.tree_json, "tree_json")):
-        for path, before in [*paths(json.loads(tree))][::stride]:
-            solver = path[:3] in (("run", "parts", "system"), ("run", "parts", "stages"))  # no dataclasses yet
-            if solver or path[0] in ("id", "git") or type(before) is type(value):
-                continue
-            new = edited(tree, path, value)
-            write_checkpoint(part, kept._replace(**{field: json.loads(new) if field == "about" else new}))
-            with suppress(InputError, RunError):
-                record(SLICE, part, {"duration": 0.25}, resume=True)
+@pytest.mark.parametrize("value", ["x", None, [1], {}, np.nan, 1e300, -1], ids=str)
+@pytest.mark.parametrize("stride", [131, pytest.param(3, marks=pytest.mark.slow)], ids=["some", "many"])
+def test_edited_description_ends_in_one_sentence_or_resumes(part, value, stride, tmp_path):
+    """The edits of the state are those of ``test_edited_state_is_refused_or_stepped``."""
+    checkpoint, _ = read_checkpoint(part)
+    text = json.dumps(checkpoint.about)
+    chosen = [path for path, _ in paths(json.loads(text)) if path[0] not in ("id", "git", "scene", "chosen")]
+    for n, path in enumerate([*chosen[::stride], ("parts", 0, "memory"), ("records", "surface.nc", "_records")]):
+        run = shutil.copytree(part, tmp_path / str(n))
+        write_checkpoint(run, checkpoint._replace(about=json.loads(edited(text, path, value))))
+        with suppress(InputError, RunError):
+            record(SLICE, run, {"duration": 0.25}, resume=True)
+
+
+def test_checkpoint_of_another_format_is_refused(part, tmp_path):
+    run = shutil.copytree(part, tmp_path / "run")
+    checkpoint, _ = read_checkpoint(run)
+    about = {name: value for name, value in checkpoint.about.items() if name != "format"} | {"git": "abc"}
+    for _ in CHECKPOINT, CHECKPOINT_BEFORE:
+        write_checkpoint(run, checkpoint._replace(about=about))
+    with pytest.raises(InputError, match="it was written in format 1 by revision abc; this program reads format 2"):
+        record(SLICE, run, {}, resume=True)

@@ -5,7 +5,12 @@ which a later step could differ. What is held goes through JSON, its arrays apar
 """
 
 import json
-from dataclasses import asdict, dataclass
+import traceback
+from collections.abc import Iterator
+from copy import deepcopy
+from dataclasses import asdict, dataclass, replace
+from functools import reduce
+from operator import getitem
 
 import numpy as np
 import pytest
@@ -16,7 +21,7 @@ from examples.paper.breaking import over_steep
 from examples.paper.oscillators import NonSeparable
 from wavetank.arrays import Vector
 from wavetank.case import Case
-from wavetank.errors import InputError
+from wavetank.errors import InputError, RunError
 from wavetank.integrators import INTEGRATORS, Damped, Damping, GaussLegendre4
 from wavetank.integrators.filtered import Filtered
 from wavetank.simulation.build import build_run
@@ -199,7 +204,7 @@ def test_states_of_other_parts_are_refused_by_name():
     [
         ({"steps": 1.5}, "part.steps = 1.5: must be of type int"),
         ({"steps": True}, "part.steps = true: must be of type int"),
-        ({"rows": [1.0]}, r"part.rows = \[1.0\]: must be of type None"),
+        ({"rows": [1.0]}, r"part.rows = a list: must be of type None"),
         ({"mean": [1.0, "x"]}, r'part.mean\[1\] = "x": must be of type float'),
         ({"more": 1}, "part = .*: must be of type Counted"),
     ],
@@ -209,6 +214,76 @@ def test_a_tree_of_another_type_is_refused_with_its_path(tree, message):
         typed(Counted, {"steps": 1, "rows": None, "mean": []} | tree, "part")
     right = {"steps": 1, "rows": np.ones(3), "mean": [1, 2.0]}
     assert plain(typed(Counted, right, "part")) == {"steps": 1, "rows": right["rows"], "mean": [1.0, 2.0]}
+
+
+MALFORMED = AttributeError, LookupError, OverflowError, TypeError, ValueError
+EDITS = {
+    "text": lambda value: "x",
+    "null": lambda value: None,
+    "NaN": lambda value: np.nan,
+    "large": lambda value: 1e300,
+    "negative": lambda value: -1,
+    "table": lambda value: {},
+    "list": lambda value: [1.0],
+    "deleted": None,
+    "another axis": lambda value: value[None],
+    "other rows": lambda value: np.concatenate([value, value]),
+    "integers": lambda value: value.astype(int),
+}
+
+
+def edited(tree: dict, edit: str) -> Iterator[tuple[str, dict]]:
+    """Yield the tree with each of its values edited, the first of lists, and the path of the value."""
+    for path, value in leaves_of_lists(tree):
+        if (edit in list(EDITS)[-3:]) == isinstance(value, np.ndarray) or edit == "deleted":
+            result = deepcopy(tree)
+            *parents, last = path
+            parent = reduce(getitem, parents, result)
+            if EDITS[edit] is None:
+                del parent[last]
+            else:
+                parent[last] = EDITS[edit](value)
+            yield "/".join(map(str, path)), result
+
+
+def leaves_of_lists(tree: object, path: tuple = ()) -> Iterator[tuple[tuple, object]]:
+    """Yield the values of a tree with their paths, of lists the first."""
+    items = tree.items() if isinstance(tree, dict) else enumerate(tree[:1]) if isinstance(tree, list) else ()
+    for key, value in items:
+        yield (*path, key), value
+        yield from leaves_of_lists(value, (*path, key))
+
+
+ABSORBING = SLICE | {"wall": SLICE["wall"] | {"absorb": {"type": "active"}}, "probes": [{"x": 2.5, "z": -0.2}]}
+
+
+@pytest.fixture(scope="module")
+def absorbing():
+    """Return a run with an absorbing paddle, sponge, filters and probes, and its tree at the fifth step."""
+    one = Observed(changed(ABSORBING, edge_penalty=0.25, cells=6, vertical_order=2), MPI.COMM_SELF)
+    one.run.clock = replace(one.run.clock, steps=5)
+    one.run.execute()
+    return one.run, through_a_file(one.run.tree())
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.parametrize("edit", EDITS)
+def test_edited_state_is_refused_or_stepped(edit, absorbing):
+    """No value of another type, size or shape ends in an error of a step; a run may break down by its numbers."""
+    run, tree = absorbing
+    count, start = 0, run.state
+    for path, other in edited(tree, edit):
+        run.state, run.clock = start, replace(run.clock, steps=5)
+        try:
+            run.resume(other)
+            run.clock = replace(run.clock, steps=run.step + 1)
+            run.execute()
+        except (InputError, RunError, *MALFORMED) as error:  # see ``Restart.take``
+            steps = [frame.name for frame in traceback.extract_tb(error.__traceback__)]
+            assert isinstance(error, InputError | RunError) or "resume" in steps, path
+        run.resume(deepcopy(tree))
+        count += 1
+    assert count > 10
 
 
 # ---------------------------------------------------------------- broad

@@ -6,9 +6,11 @@ an array runs over the degrees of freedom of this rank, so that a checkpoint ord
 dataclass ``state``, which is replaced on resume: the resumed run equals the uninterrupted one bit for bit.
 """
 
+import itertools
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
+from math import inf
 from types import UnionType
 from typing import Annotated, Any, Protocol, Union, get_args, get_origin, get_type_hints, runtime_checkable
 
@@ -19,6 +21,7 @@ from wavetank.errors import InputError
 
 Replicated = Annotated[Vector, "the same on all ranks"]
 _HINTS = dict[type, dict[str, Any]]()  # of the types of states so far
+LARGEST = 1e30  # of all numbers
 StateTree = dict[str, Any]  # a tree without dataclasses
 
 
@@ -50,27 +53,46 @@ def states_of(parts: Mapping[str, Any]) -> StateTree:
 
 
 def restore(part: Any, tree: Any, where: str) -> None:
-    """Replace the state of an object; collective. Raises ``ValueError`` for a tree of another type."""
+    """Replace the state of an object; collective. Raises ``ValueError`` for a tree of another type or shape."""
     if is_dataclass(state := getattr(part, "state", None)):
-        part.state = typed(type(state), tree, where)
+        value = typed(type(state), tree, where)
+        check_like(state, value, where)
+        part.state = value
     else:
         check_like(part.state_tree(), tree, where)
         part.take(tree)
 
 
-def check_like(example: Any, tree: Any, where: str) -> None:
-    """Raise ``ValueError`` for a plain tree whose values have other types than those of an example; None has any."""
-    kinds: Any = (int, float) if isinstance(example, int | float) else type(example)
-    if example is None or tree is None:
+def check_like(example: Any, value: Any, where: str, *, exact: bool = False) -> None:
+    """Raise ``ValueError`` for a value whose types or shapes of arrays differ from those of an example.
+
+    An axis without entries in the example may have any number of them. Unless ``exact``, None has any type, and
+    integers may be floats.
+    """
+    if example is None or value is None and not exact:
         return
-    if not isinstance(tree, kinds) or isinstance(tree, bool) is not isinstance(example, bool):
-        raise ValueError(f"{where} = {tree!r}: must be of type {type(example).__name__}")
-    if isinstance(example, dict):
-        for name in example.keys() & tree.keys():
-            check_like(example[name], tree[name], f"{where}.{name}")
-    if isinstance(example, list) and example:
-        for n, one in enumerate(tree):
-            check_like(example[0], one, f"{where}[{n}]")
+    mine, its, kind = _fields_of(example), _fields_of(value), type(example)
+    if mine is not None and its is not None:
+        for name in mine.keys() & its.keys():
+            check_like(mine[name], its[name], f"{where}.{name}", exact=exact)
+    elif isinstance(example, np.ndarray) and isinstance(value, np.ndarray):
+        like = len(value.shape) == len(example.shape) and value.dtype == np.float64
+        if not like or any(size not in (0, own) for size, own in zip(example.shape, value.shape, strict=True)):
+            raise ValueError(f"{where} is an array of shape {value.shape}: must be like {example.shape}")
+    elif isinstance(example, list | tuple) and isinstance(value, list | tuple):
+        for n, one in enumerate(value if example else ()):
+            check_like(example[0], one, f"{where}[{n}]", exact=exact)
+    elif kind in (bool, int, float, str):
+        typed(float if kind is int and not exact else kind, value, where)
+    else:
+        raise _wrong_type(kind, value, where)
+
+
+def _fields_of(value: Any) -> Mapping[str, Any] | None:
+    """Return the fields of a dataclass, named tuple or dictionary; None of anything else."""
+    if isinstance(value, dict):
+        return value
+    return {name: getattr(value, name) for name in hints_of(type(value))} if _has_fields(type(value)) else None
 
 
 def named(parts: Iterable[object]) -> dict[str, Any]:
@@ -108,7 +130,12 @@ def count(value: object) -> int:
     return value
 
 
-def _hints(kind: Any) -> dict[str, Any]:
+def ascends(times: Sequence[float]) -> bool:
+    """Return whether times ascend."""
+    return all(later > earlier for earlier, later in itertools.pairwise(times))
+
+
+def hints_of(kind: Any) -> dict[str, Any]:
     """Return the types of the fields of a dataclass or named tuple."""
     if kind not in _HINTS:
         names = [one.name for one in fields(kind)] if is_dataclass(kind) else kind._fields
@@ -124,7 +151,7 @@ def _has_fields(kind: Any) -> bool:
 def plain(tree: Any, kind: Any = Any) -> Any:
     """Return a tree with dictionaries for dataclasses and named tuples, and lists for replicated arrays."""
     if _has_fields(type(tree)):
-        return {name: plain(getattr(tree, name), hint) for name, hint in _hints(type(tree)).items()}
+        return {name: plain(getattr(tree, name), hint) for name, hint in hints_of(type(tree)).items()}
     if isinstance(tree, np.ndarray):
         return tree.tolist() if Replicated in (kind, *get_args(kind)) else tree
     if isinstance(tree, list | tuple):
@@ -142,8 +169,8 @@ def typed(kind: Any, tree: Any, where: str) -> Any:
         return tree
     if origin in (Union, UnionType):
         return _of_union(arguments, tree, where)
-    if _has_fields(kind) and isinstance(tree, dict) and tree.keys() == _hints(kind).keys():
-        return kind(**{name: typed(hint, tree[name], f"{where}.{name}") for name, hint in _hints(kind).items()})
+    if _has_fields(kind) and isinstance(tree, dict) and tree.keys() == hints_of(kind).keys():
+        return kind(**{name: typed(hint, tree[name], f"{where}.{name}") for name, hint in hints_of(kind).items()})
     if origin is np.ndarray and isinstance(tree, np.ndarray) and tree.dtype == np.float64:
         return tree
     if origin is Annotated and isinstance(tree, list):
@@ -156,11 +183,21 @@ def typed(kind: Any, tree: Any, where: str) -> Any:
     if origin in (dict, Mapping) and isinstance(tree, dict):
         return {name: typed(arguments[1], one, f"{where}.{name}") for name, one in tree.items()}
     if kind is float and isinstance(tree, int | float) and not isinstance(tree, bool):
+        if LARGEST <= abs(tree) < inf:
+            raise ValueError(f"{where}: must be less than {LARGEST:g}")
         return float(tree)
+    if kind is int and type(tree) is int and not 0 <= tree < LARGEST:
+        raise ValueError(f"{where}: must be from 0 to {LARGEST:g}")
     if isinstance(kind, type) and not _has_fields(kind) and type(tree) is kind:
         return tree
-    shown = "an array" if isinstance(tree, np.ndarray) else json.dumps(tree, default=lambda _: "an array")[:60]
-    raise ValueError(f"{where} = {shown}: must be of type {getattr(kind, '__name__', kind)}")
+    raise _wrong_type(kind, tree, where)
+
+
+def _wrong_type(kind: Any, value: Any, where: str) -> ValueError:
+    """Return the error for a value that is not of a type; values of several parts are named by what they are."""
+    kinds = {np.ndarray: "an array", dict: "a table", list: "a list"}
+    shown = kinds.get(type(value)) or json.dumps(value, default=str)[:60]
+    return ValueError(f"{where} = {shown}: must be of type {getattr(kind, '__name__', kind)}")
 
 
 def _of_union(kinds: Sequence[Any], tree: Any, where: str) -> Any:
@@ -174,10 +211,12 @@ def _of_union(kinds: Sequence[Any], tree: Any, where: str) -> Any:
 
 
 def check_fields(kind: Any, tree: dict[str, Any], where: str) -> None:
-    """Raise ``ValueError`` for a value of another type than that of a field of a dataclass; others may be missing."""
-    for name, hint in _hints(kind).items():
-        if name in tree:
-            typed(hint, tree[name], f"{where}.{name}")
+    """Raise ``ValueError`` unless values have the types of a dataclass's fields; those with defaults may be missing."""
+    for one in fields(kind):
+        if one.name in tree:
+            typed(hints_of(kind)[one.name], tree[one.name], f"{where}.{one.name}")
+        elif one.default is MISSING and one.default_factory is MISSING:
+            raise ValueError(f"{where}.{one.name} is missing")
 
 
 def serialize(tree: Any) -> tuple[str, list[Vector]]:

@@ -24,7 +24,7 @@ from petsc4py import PETSc
 from wavetank.arrays import Vector, summed
 from wavetank.errors import ConvergenceError, WavetankError
 from wavetank.fem.anderson import AndersonMixing
-from wavetank.state import StateTree, count, plain, typed
+from wavetank.state import StateTree, count, typed
 
 ITERATES = 2.0  # dt omega at which any implicit stage still does, of schemes that are stable at any step too
 ITERATIONS = 25
@@ -145,6 +145,8 @@ class StageHistory:
     def take(self, tree: StateTree) -> None:
         """Take back a state; raises ``ValueError`` for other types."""
         self.size, self.age = typed(float | None, tree["size"], "size"), count(tree["age"])
+        if self.size is not None and not self.size >= 0.0:
+            raise ValueError(f"size = {self.size:g}: must be 0 or more")
         contraction = typed(float | None, tree["contraction"], "contraction")
         self.contraction = np.inf if contraction is None else contraction
         self.points.take(tree["points"])
@@ -169,7 +171,7 @@ class StageHistories:
 
         Raises ``ValueError`` for other types, or too many pairs.
         """
-        vars(self.counters).update(plain(typed(StageCounters, tree["counters"], "counters")))
+        vars(self.counters).update(vars(typed(StageCounters, tree["counters"], "counters")))
         self.stages.clear()
         for name, one in tree["stages"].items():
             pairs = count(one["pairs"])

@@ -24,7 +24,7 @@ import numpy as np
 import scipy
 
 from wavetank.motion.motion import Array, Motion, MotionWrapper
-from wavetank.state import Replicated
+from wavetank.state import Replicated, ascends
 from wavetank.waves.absorption import face
 from wavetank.waves.airy import angular_frequency
 from wavetank.waves.wavemaker import Wavemaker
@@ -47,6 +47,10 @@ class FilterState:
     x: Replicated | None = None
     times: tuple[float, ...] = ()
     inputs: tuple[Replicated, ...] = ()
+
+    def __post_init__(self) -> None:
+        if len(self.inputs) != len(self.times) or not ascends(self.times):
+            raise ValueError(f"{len(self.inputs)} inputs of a filter: must be at as many ascending times")
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +168,11 @@ class FeedbackState:
 
     times: list[float]
     knots: list[Knot]
-    retained: dict[str, list[float]] = field(default_factory=dict)
+    retained: dict[str, tuple[float, float, float, float]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if len(self.knots) != len(self.times) or not ascends(self.times):
+            raise ValueError(f"{len(self.knots)} knots: must be at as many ascending times")
 
 
 class FeedbackMotion(MotionWrapper):
@@ -186,7 +194,7 @@ class FeedbackMotion(MotionWrapper):
         self.motion = motion
         self._times: list[float] = []
         self._knots: list[Knot] = []
-        self._retained: dict[str, list[float]] = {}  # by owner: a time, and position, velocity and acceleration then
+        self._retained = dict[str, tuple[float, float, float, float]]()  # see ``FeedbackState``
 
     @property
     def state(self) -> FeedbackState:
@@ -215,18 +223,18 @@ class FeedbackMotion(MotionWrapper):
             del self._times[-1], self._knots[-1]
         if not self._times:
             self._times, self._knots = [t], [REST]
-        self._times.append(t + dt)
+        times = [*self._times, t + dt]
         velocities = [*(knot[1] for knot in self._knots[-3:]), velocity]
-        since = (np.array(self._times[-4:]) - self._times[-1]) / dt
+        since = (np.array(times[-4:]) - times[-1]) / dt
         acceleration = float(np.linalg.solve(np.vander(since, increasing=True), velocities)[1] / dt)
         if len(self._knots) == 1:  # waves may be there when it begins
             self._knots[0] = (0.0, 0.0, acceleration)
-        self._knots.append((position, velocity, acceleration))
-        del self._times[:-KNOTS], self._knots[:-KNOTS]
+        self._times, self._knots = times[-KNOTS:], [*self._knots, (position, velocity, acceleration)][-KNOTS:]
 
     def keep(self, t: float, who: str) -> None:
         """See ``Motion``."""
-        self._retained[who] = [t, *(float(self.added(t, order)) for order in range(3))]
+        position, velocity, acceleration = (float(self.added(t, order)) for order in range(3))
+        self._retained[who] = t, position, velocity, acceleration
 
     def added(self, t: Any, order: int) -> Any:
         """Return the derivative of the feedback part, in m/s^order, at times t [s] of any shape."""

@@ -48,6 +48,7 @@ UNREADABLE = (
     NotImplementedError,
     RecursionError,
 )  # what zip may meet
+FORMAT = 2  # of checkpoints; a change of ``Description``, or of what else all runs have, increases it
 FULL = errno.ENOSPC, errno.EDQUOT
 
 
@@ -78,6 +79,8 @@ class Description:
 
     Attributes
     ----------
+    format
+        The version of the format.
     id, git
         The id of the run, and the program's revision.
     t, step, clock, mass
@@ -92,6 +95,7 @@ class Description:
         The extents of tables and of fields.
     """
 
+    format: int
     id: str | None
     git: str | None
     t: float
@@ -139,7 +143,10 @@ class CheckpointTree:
 
 def checked_tree(about: dict[str, Any], tree_json: str, arrays: Sequence[Vector]) -> dict[str, Any]:
     """Return the tree of a checkpoint; raises ``ValueError`` for values of other types in it or its description."""
+    json.dumps(about, allow_nan=False)
     description = typed(Description, about, "about")
+    if not description.parts:
+        raise ValueError("about.parts is empty")
     for n, part in enumerate(description.parts):
         check_fields(PartCosts, part, f"about.parts[{n}]")
     for n, warning in enumerate(description.warnings):
@@ -324,14 +331,18 @@ def _array(content: bytes) -> NDArray[np.float64]:
 
 
 def _metadata(archive: ZipFile, run: Path) -> dict[str, Any]:
-    """Return what a checkpoint says of itself; raises ``ValueError`` for one of another run."""
+    """Return what a checkpoint says of itself; raises ``ValueError`` for another format or run."""
     about: dict[str, Any] = json.loads(archive.read("about.json"))
+    if (number := about.get("format", 1)) != FORMAT:
+        by = f" by revision {about['git']}" if about.get("git") else ""
+        raise ValueError(f"it was written in format {number!r}{by}; this program reads format {FORMAT}")
     mine = None
     with suppress(InputError):
         mine = RunDirectory(run).manifest.get("id")
     if about.get("id") != mine:
         raise ValueError("it is of another run")
     typed(float, about["t"], "about.t")
+    typed(int, about["step"], "about.step")
     return about
 
 

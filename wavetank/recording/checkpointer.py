@@ -12,7 +12,7 @@ from wavetank.case.reading import contents
 from wavetank.errors import RecordError, RunError
 from wavetank.fem.by_place import gathered
 from wavetank.mpi import on_first, raise_on_all_ranks
-from wavetank.output.checkpoint import Checkpoint
+from wavetank.output.checkpoint import FORMAT, Checkpoint
 from wavetank.output.fields import VtuSeries
 from wavetank.output.writer import RunWriter
 from wavetank.run_warning import RunWarning
@@ -161,6 +161,7 @@ class Checkpointer:
         least = len(serialize({"surface": surface, "run": reached.tree})[1])
         values, places = gathered(waves.plane, arrays)
         about = {
+            "format": FORMAT,
             "t": reached.t,
             "step": reached.step,
             "clock": {"dt": clock.dt, "begin": clock.begin, "first": clock.first},

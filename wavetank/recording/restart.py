@@ -223,7 +223,7 @@ class Restart:
             message = self._take_surface(run, waves, scene) if self.anew else self._take(run, waves, scene)
             for name, series in fields.items():
                 if name in self.about["fields"]:
-                    check_like(series.extent(), self.about["fields"][name], f"about.fields.{name}")
+                    check_like(series.extent(), self.about["fields"][name], f"about.fields.{name}", exact=True)
                     series.resume_at(self.about["fields"][name])
             raise_on_all_ranks(self._comm, self._take_records)
         except (AttributeError, LookupError, OverflowError, TypeError, ValueError) as error:
@@ -238,7 +238,7 @@ class Restart:
     def _take_records(self) -> None:
         if self._writer is not None:
             mine, its = self._writer.extents(), self.about["records"]
-            check_like({name: one for name, one in mine.items() if name in its}, its, "about.records")
+            check_like({name: one for name, one in mine.items() if name in its}, its, "about.records", exact=True)
             self._writer.resume_at(its)
 
     def _take(self, run: Run, waves: AnyWaves, scene: Case) -> str:
@@ -250,6 +250,8 @@ class Restart:
         arrays, places = (last.arrays, last.places) if last else ([], np.zeros((0, 3)))
         tree = deserialize(self._text, found(waves.plane, arrays, places))["run"]
         run.resume(tree, with_solves=self._has_history)
+        if run.step != self.about["step"]:
+            raise ValueError(f"step {run.step} of the state is not step {self.about['step']} of its description")
         return f"going on from t = {run.t:.6g} s"
 
     def _take_surface(self, run: Run, waves: AnyWaves, scene: Case) -> str:

@@ -20,7 +20,6 @@ from wavetank.run_warning import RunWarning
 from wavetank.simulation.clock import EverySteps, Schedule
 from wavetank.simulation.contract import Waves, displacement, displacements
 from wavetank.simulation.records import FieldRecord, Record
-from wavetank.state import Replicated
 from wavetank.tank.seen import Block
 from wavetank.tank.surface_points import SurfaceOverPlaces
 from wavetank.tank.wall_pressure import PaddlePush
@@ -233,6 +232,10 @@ class RateExtremes:
     lowest: list[float] = field(default_factory=lambda: [np.inf] * len(RATES))
     highest: list[float] = field(default_factory=lambda: [-np.inf] * len(RATES))
 
+    def __post_init__(self) -> None:
+        if not len(self.lowest) == len(self.highest) == len(RATES):
+            raise ValueError(f"extremes of {len(self.lowest)} and {len(self.highest)} rates: must be {len(RATES)}")
+
 
 class PaddleLimits:
     """Whether an absorbing paddle stays within the limits of its drive, which is known afterwards only.
@@ -275,7 +278,7 @@ class PaddleLimits:
 class SnapshotPlaces:
     """Places of snapshots of the surface in the mesh on which the run began: x [m], shape (N,)."""
 
-    x: Replicated
+    x: list[float]
 
 
 class SurfaceSnapshots:
@@ -334,11 +337,11 @@ class SurfaceSnapshots:
     @property
     def state(self) -> SnapshotPlaces:
         """The places of the snapshots."""
-        return SnapshotPlaces(self._reference)
+        return SnapshotPlaces([*map(float, self._reference)])
 
     @state.setter
     def state(self, state: SnapshotPlaces) -> None:
-        plane, x = self._waves.plane, state.x
+        plane, x = self._waves.plane, np.array(state.x, dtype=np.float64)
         if x.shape == self._reference.shape and np.allclose(x, self._reference, rtol=0.0, atol=SAME * plane.cell_size):
             return
         self._set_places(x)

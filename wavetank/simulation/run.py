@@ -13,13 +13,13 @@ from wavetank.errors import RunError, locate
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.filtered import Filter, Filtered
 from wavetank.integrators.hamiltonian import HamiltonianSystem
-from wavetank.integrators.states import vectors
+from wavetank.integrators.states import State
 from wavetank.simulation.clock import Clock
 from wavetank.simulation.contract import Control, Diagnostic, due_steps
 from wavetank.simulation.energy import Sink
 from wavetank.simulation.supply import PaddleWork
 from wavetank.simulation.surviving import MAY_BE_NEW, restore_surviving, survives
-from wavetank.state import StateTree, has_state, named, plain, restore_all, states_of, typed
+from wavetank.state import StateTree, check_like, has_state, hints_of, named, plain, restore_all, states_of, typed
 from wavetank.tank.seen import Block, Evaluations, write_numbers
 
 LONGEST, NUMBERS = 64, 3.6e5  # steps of a block, and unknowns of all of them
@@ -268,12 +268,7 @@ class Run:
         Raises ``ValueError`` for a tree that is none, and ``InputError`` for one of other diagnostics.
         """
         self.step, self._start_recorded = typed(int, tree["step"], "step"), typed(bool, tree["begun"], "begun")
-        for name, mine in vectors(self.state).items():
-            if np.shape(tree["state"][name]) != mine.shape:
-                raise ValueError(f"the state's {name} has another shape")
-        kind = self.system.evaluation_type
-        values = {name: _scheme_value(kind, one, self.state, name) for name, one in tree["state"].items()}
-        self.state = type(self.state)(**values)
+        self.state = _scheme_state(self.state, tree["state"], self.system.evaluation_type)
         if with_solves:
             restore_all(self.parts, tree["parts"], may_be_new=MAY_BE_NEW)
         else:
@@ -285,13 +280,18 @@ class Run:
         restore_surviving(self.parts, tree["parts"], renewed=True)
 
 
-def _scheme_value(kind: type[Any], tree: Any, state: Any, name: str) -> Any:
-    """Return a value of a scheme's state from its tree; raises ``ValueError`` unless it is like those of ``state``."""
-    if isinstance(tree, str | bool | list):
-        raise ValueError(f"state.{name} is neither an array nor an evaluation")
-    if not isinstance(tree, dict):
-        return tree
-    value = typed(kind, tree, f"state.{name}")
-    if not np.shape(value.z) == np.shape(value.flow) == (2, len(state.q)):
-        raise ValueError(f"state.{name} has another shape")
-    return value
+def _scheme_state(example: State, tree: StateTree, kind: type[Any]) -> State:
+    """Return a state like an example from its tree; raises ``ValueError`` for other types or shapes.
+
+    Fields of any type have None or an evaluation, of that ``kind``.
+    """
+    hints = {name: kind | None if hint is Any else hint for name, hint in hints_of(type(example)).items()}
+    values = {name: typed(hint, tree[name], f"state.{name}") for name, hint in hints.items()}
+    state, n = type(example)(**values), example.q.size
+    check_like(example, state, "state")
+    for one in values.values():
+        if isinstance(one, kind):
+            shapes = np.shape(one.z), np.shape(one.flow), np.shape(getattr(one, "eta", example.q))
+            if shapes != ((2, n), (2, n), (n,)):
+                raise ValueError("an evaluation of the state has another shape")
+    return state

@@ -121,6 +121,10 @@ class StabilityState:
     noise: float = 0.0
     since: float | None = None
 
+    def __post_init__(self) -> None:
+        if len(self.wall) != len(self.rows):
+            raise ValueError(f"{len(self.rows)} rows of the surface, and {len(self.wall)} of the wall")
+
 
 class StabilityWatch:
     """Warns, once, when short waves grow that alternate from step to step.

@@ -87,14 +87,14 @@ class Parts:
             "numerics": {**parts[-1]["numerics"], "steps": run.clock.steps, "steps_taken": run.step},
             "counters": _sum([part["counters"] for part in parts]),
             "timings": _sum([part["timings"] for part in parts]),
-            "memory": {"peak_mib": max(part["memory"]["peak_mib"] for part in parts)},
+            "memory": {"peak_mib": max(part["memory"].get("peak_mib", 0.0) for part in parts)},
             "parts": parts,
         }
 
 
 def _sum(figures: Sequence[Mapping[str, Any]]) -> Figures:
     """Return the sums of figures by their names."""
-    return {name: sum(one[name] for one in figures) for name in (figures[-1] if figures else ())}
+    return {name: sum(one.get(name, 0) for one in figures) for name in (figures[-1] if figures else ())}
 
 
 def _numerics(run: Run, waves: AnyWaves) -> Figures:

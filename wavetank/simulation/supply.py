@@ -12,7 +12,7 @@ what a ``FeedbackMotion`` motion adds.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Protocol
 
@@ -20,7 +20,7 @@ import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.integrators.states import State
-from wavetank.state import Replicated
+from wavetank.state import Replicated, ascends
 
 CUBIC_POINTS = 4  # values that a cubic goes through
 SAME_STEP = 1e-6  # largest relative difference of two steps of one length
@@ -68,14 +68,18 @@ class Integral:
     t: float = 0.0
     dt: float = 0.0
     count: int = 0
-    rates: list[float] = field(default_factory=lambda: [0.0] * CUBIC_POINTS)
+    rates: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if self.count > CUBIC_POINTS:
+            raise ValueError(f"{self.count} rates of {CUBIC_POINTS}")
 
     def advance(self, times: Vector, rates: Vector) -> tuple["Integral", Vector]:
         """Return the integral up to the last of K times, for the rates there, and its values, shape (K,)."""
         values: list[float] = []
         total, last, last_dt, count, newest = self.value, self.t, self.dt, self.count, self.rates
         for t, rate in zip(map(float, times), map(float, rates), strict=True):
-            dt, newest = t - last, [rate, *newest[:-1]]
+            dt, newest = t - last, (rate, newest[0], newest[1], newest[2])
             equal = abs(dt - last_dt) <= SAME_STEP * max(abs(dt), abs(last_dt))
             count = min(count + 1, CUBIC_POINTS if equal else 2)
             mean = (newest[2] - 2 * newest[1] + newest[0]) * -1.0 / 12 if count == 3 else 0.0
@@ -103,6 +107,10 @@ class PaddleWorkState:
     times: list[float]
     known: Replicated
     done: Replicated
+
+    def __post_init__(self) -> None:
+        if len(self.known) != len(self.times) or not ascends(self.times):
+            raise ValueError(f"{len(self.known)} rates: must be at as many ascending times")
 
 
 class PaddleWork:

@@ -122,6 +122,12 @@ class WatchState:
     alarms: tuple[Alarm, ...] = ()
     active: tuple[tuple[int, SteepCrest], ...] = ()
 
+    def __post_init__(self) -> None:
+        if self.surface is not None and len({len(values) for values in self.surface}) > 1:
+            raise ValueError("a surface with values of other numbers of points")
+        if any(not index < len(self.alarms) for index, _ in self.active):
+            raise ValueError(f"an active alarm that is none of {len(self.alarms)}")
+
 
 class BreakingWatch:
     """Examines the crests of the surface after each step, and keeps the alarms.

@@ -40,7 +40,7 @@ from wavetank.integrators.hamiltonian import Weights, pair
 from wavetank.integrators.stage_solver import StageHistories, StageSolver
 from wavetank.integrators.stages import CoupledStages, PairStage
 from wavetank.integrators.states import State
-from wavetank.state import Stateful, StateTree
+from wavetank.state import Stateful, StateTree, typed
 from wavetank.tank.bed import Depth, FlatBed, bed_of
 from wavetank.tank.energy import POTENTIAL, Part, WaterEnergy
 from wavetank.tank.evaluation import Water, WaterEvaluation, distance_from_rest
@@ -233,6 +233,8 @@ class LinearWaves(Water):
     def take(self, tree: StateTree) -> None:
         """Take back what has been held; collective."""
         self.potential.take(tree["interior"])
+        if (tree["psi"] is None) != (tree["G psi"] is None):
+            raise ValueError("psi and G psi: must both be arrays, or null")
         self.history.psi, self.history.G_psi = tree["psi"], tree["G psi"]
         self.stages.take(tree["stages"], self._stage_solver.points)
 
@@ -426,4 +428,4 @@ class DirectPotential:
 
     def take(self, tree: StateTree) -> None:
         """Take back what has been held."""
-        vars(self.counters).update(tree)
+        vars(self.counters).update(vars(typed(SolveCounters, tree, "interior")))

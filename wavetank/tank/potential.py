@@ -22,7 +22,7 @@ from wavetank.fem.layers import LayerEnergy, LayerOperator
 from wavetank.fem.modes import Layer, SolvableLayer, layer_of
 from wavetank.fem.plane import Field, LayeredField, Plane
 from wavetank.fem.vertical import VerticalBasis
-from wavetank.state import StateTree
+from wavetank.state import StateTree, typed
 
 
 @dataclass
@@ -131,7 +131,7 @@ class InteriorPotential:
     def take(self, tree: StateTree) -> None:
         """Restore them from a tree; the operator must be as it was when the preconditioner was made; collective."""
         self.recall.take(tree["recall"])
-        vars(self.counters).update(tree["counters"])
+        vars(self.counters).update(vars(typed(SolveCounters, tree["counters"], "counters")))
         self._fresh_iterations = tree["fresh"]
         if not self.renews:
             self.minimiser.factor()
