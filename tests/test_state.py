@@ -137,7 +137,7 @@ def resumed(scene: Case, comm: MPI.Comm, *, after: int) -> tuple[Observed, dict]
     """
     whole, rest = Observed(scene, comm), Observed(scene, comm)
     keeping = Keeping(whole.run, after)
-    whole.run.controls.append(keeping)
+    whole.run.controls.append(keeping.record)
     whole.run.execute()
     rest.run.resume(keeping.held)
     assert not differing(keeping.held, rest.run.tree())
@@ -309,7 +309,7 @@ def first_half(scene: dict, after: int, numerics: dict) -> tuple:
     """Return, on each rank, what is held on the way, what there is at the end, and the gauges; collective."""
     one = Observed(changed(scene, **numerics), MPI.COMM_WORLD)
     keeping = Keeping(one.run, after)
-    one.run.controls.append(keeping)
+    one.run.controls.append(keeping.record)
     one.run.execute()
     return keeping.held, one.run.tree(), one.gauges.array(), one.counters()
 

@@ -74,7 +74,7 @@ def _padded(modes: int, real: str) -> int:
 
 
 class Averaged:
-    """A layer averaged over the depth, along a slice or ring; see ``Layer``.
+    """A layer averaged over the depth, along a slice or ring; see ``LayerMatrices``.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ class Averaged:
         return np.array(self._operator.rows)
 
     def modes(self, eigenvalues: Vector) -> "AveragedModes":
-        """See ``Layer``."""
+        """See ``LayerMatrices``."""
         return AveragedModes(self._operator, self._plane, eigenvalues, padded=_padded(self._operator.numbers, "double"))
 
 

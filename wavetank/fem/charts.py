@@ -1,6 +1,6 @@
-"""Charts: where a place of the tank, x along it and y across, lies in the mesh, and the other way round."""
+"""Charts: maps between places (x, y) of the tank [m], shape (N, 2), and coordinates in the mesh [m], shape (N, 3)."""
 
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import ufl
@@ -9,51 +9,32 @@ from dolfinx.mesh import Mesh
 from wavetank.arrays import Vector
 
 
-class Chart(Protocol):
-    """Both ways between places (x, y) of the tank [m], shape (N, 2), and coordinates in the mesh [m], shape (N, 3)."""
+class Straight:
+    """The chart of a straight tank: x and y are the first two coordinates."""
 
     def places(self, coordinates: Vector) -> Vector:
         """Return the places of coordinates in the mesh."""
-
-    def place(self, places: Vector) -> Vector:
-        """Return the coordinates in the mesh of places."""
-
-    def direction(self, mesh: Mesh) -> Any:
-        """Return the unit vector in which x grows, in UFL."""
-
-    def continued(self, x: Vector) -> Vector:
-        """Return x of points cell by cell, shape (cells, points), continuous within each cell."""
-
-    def distance(self, x: Vector, place: float) -> Vector:
-        """Return the distances of places x from another, the shorter way round [m], shape (N,)."""
-
-
-class Straight:
-    """x and y are the first two coordinates."""
-
-    def places(self, coordinates: Vector) -> Vector:
-        """Return the first two coordinates."""
         return coordinates[:, :2]
 
     def place(self, places: Vector) -> Vector:
-        """Return (x, y, 0)."""
+        """Return the coordinates in the mesh of places."""
         return np.column_stack([places, np.zeros(len(places))])
 
     def direction(self, mesh: Mesh) -> Any:
-        """Return (1, 0, ...)."""
+        """Return the unit vector in which x grows, in UFL."""
         return ufl.as_vector([1.0, *[0.0] * (mesh.geometry.dim - 1)])
 
     def continued(self, x: Vector) -> Vector:
-        """Return x."""
+        """Return x of points cell by cell, shape (cells, points), continuous within each cell."""
         return x
 
     def distance(self, x: Vector, place: float) -> Vector:
-        """Return |x - place|."""
+        """Return the distances of places x from another [m], shape (N,)."""
         return np.abs(x - place)
 
 
 class Polygon:
-    """x is the distance along a regular polygon from its first corner, modulo its length.
+    """The chart of a ring: x is the distance along a regular polygon from its first corner, modulo its length.
 
     Parameters
     ----------
@@ -104,3 +85,6 @@ class Polygon:
     def distance(self, x: Vector, place: float) -> Vector:
         """Return the distances along the shorter way round."""
         return np.abs((x - place + 0.5 * self.length) % self.length - 0.5 * self.length)
+
+
+Chart = Straight | Polygon

@@ -1,10 +1,16 @@
-"""The horizontal matrices of a layer of middling height: what the vertical modes' decoupled problems are made of.
+"""Decoupled horizontal problems of the vertical modes: (S_u + Lambda_j S_w) a_j = r_j, j = 1 ... m.
 
-S_u and S_w are the second derivatives by u and by w of the layer's energy, averaged over the depth. What couples u and
-w, the slope of surface and bed, is left out. With still water over a flat bed nothing is.
+S_u and S_w are the second derivatives by u and by w of the layer's energy, averaged over the depth. The terms that
+couple u and w, with the slopes of surface and bed, are left out. They vanish for still water over a flat bed.
+
+On slices and on elements of order 1 the problems are interlaced in one sparse matrix. On a slice one banded LU solves
+them without fill between the modes. In a basin of higher order they are solved by multigrid in the order
+(``order_multigrid.py``).
 """
 
+from abc import ABC, abstractmethod
 from math import sqrt
+from typing import Any
 
 import numpy as np
 import ufl
@@ -62,19 +68,23 @@ class LayerMatrices:
         return InterlacedModes(self, eigenvalues)
 
 
-class Responding:
-    """Modes that are solved for any right-hand sides."""
+class Modes(ABC):
+    """The decoupled problems of m vertical modes; all methods are collective."""
+
+    @abstractmethod
+    def take(self, averages: Any) -> None:
+        """Replace S_u and S_w by those that a layer has assembled."""
+
+    @abstractmethod
+    def solve(self, right: Array, *, cycles: int = 1) -> Array:
+        """Return a for r, both of shape (owned, m); more cycles of multigrid reduce the error."""
 
     def respond(self, weights: Vector, right: Vector, *, cycles: int = 1) -> Vector:
-        """See ``Modes``."""
+        """Return sum_j s_j a_j for r_j = s_j r, of weights s (m,) and r (owned,)."""
         return np.asarray(self.solve(np.asarray(np.outer(right, weights), dtype=np.float64), cycles=cycles) @ weights)
 
-    def solve(self, right: Array, *, cycles: int = 1) -> Array:
-        """Return a for r, both of shape (owned, m), nearer after more cycles of multigrid; collective."""
-        raise NotImplementedError
 
-
-class InterlacedModes(Responding):
+class InterlacedModes(Modes):
     """All problems in one sparse matrix, rows ordered (degree of freedom, mode): LU on slices, in basins BoomerAMG."""
 
     def __init__(self, layer: LayerMatrices, eigenvalues: Vector):

@@ -1,4 +1,4 @@
-"""One cycle of multigrid in the order p for the decoupled modes of a basin (``modes.py``).
+"""One cycle of multigrid in the order p for the decoupled modes of a basin (``decoupled.py``).
 
 Chebyshev-Jacobi smoothing at order p, without matrices (``modes.c``), around one cycle of an algebraic multigrid on
 elements of order 1. As what conjugate gradients are preconditioned with need not be exact, numbers are of single
@@ -15,7 +15,7 @@ from wavetank.arrays import Vector, summed
 from wavetank.fem.cells import Cells
 from wavetank.fem.codegen import Buffer, Unit, source
 from wavetank.fem.conjugate_gradients import dot
-from wavetank.fem.decoupled import LEVELS, Averages, LayerMatrices, Responding
+from wavetank.fem.decoupled import LEVELS, Averages, LayerMatrices, Modes
 from wavetank.fem.halo import Halo
 from wavetank.fem.layers import Array, LayerDensity, LayerEnergy
 from wavetank.fem.plane import Plane
@@ -83,7 +83,7 @@ class LayerMeans:
         self._work = np.zeros((2, (numbering.size_local + numbering.num_ghosts) * (vertical_order + 1)), np.float32)
 
     def assemble(self) -> "Means":
-        """See ``Layer``."""
+        """See ``LayerMatrices``."""
         return self.averages(), self.linear.assemble()
 
     def averages(self) -> Singles:
@@ -94,7 +94,7 @@ class LayerMeans:
         return out
 
     def modes(self, eigenvalues: Vector) -> "OrderMultigrid":
-        """See ``Layer``."""
+        """See ``LayerMatrices``."""
         return OrderMultigrid(self, eigenvalues)
 
     def work(self, rows: int, modes: int) -> Iterator[Singles]:
@@ -105,7 +105,7 @@ class LayerMeans:
 Means = tuple[Singles, Averages]  # at the points, and on elements of order 1
 
 
-class OrderMultigrid(Responding):
+class OrderMultigrid(Modes):
     """The decoupled problems of some modes; see ``Modes``.
 
     High modes are nearly mass matrices, whose eigenvalues the smoother takes down, all of them: these need no elements

@@ -205,7 +205,7 @@ class WindowFile(AppendNetCDF):
         self._places, self._levels, self._quantities = places, levels, probe_quantities(dimensions)
 
     def append(self, t: float, z: Array, eta: Array, kinematics: Array) -> None:
-        """Append a record: see ``observers.windows.WindowRecord``; raises as ``append_records``."""
+        """Append a record: see ``WindowObserver``; raises as ``append_records``."""
         row = np.concatenate([[t], eta, z.ravel(), kinematics.ravel()])
         self.append_records(row[None], lambda: self._first(t, z, eta, kinematics))
 
@@ -238,7 +238,7 @@ class WindowTable(TableWriter):
         super().__init__(path, ["t [s]", *at, "z [m]", "elevation [m]", *shown])
 
     def append_columns(self, t: float, z: Array, eta: Array, kinematics: Array) -> None:
-        """Append rows: see ``observers.windows.WindowRecord``; raises as ``extend``."""
+        """Append rows: see ``WindowObserver``; raises as ``extend``."""
         self.extend(
             [
                 [t, *place, height, top, *kinematics[self._tabled, column, level]]

@@ -21,11 +21,11 @@ from wavetank.simulation.build import build_run, initial_state, summary
 from wavetank.simulation.case_diagnostics import build_observers
 from wavetank.simulation.clock import Clock, EverySteps
 from wavetank.simulation.construction import AnyWaves, build_waves
-from wavetank.simulation.energy import Sink
 from wavetank.simulation.filters import build_filters
 from wavetank.simulation.memory import peak_memory
 from wavetank.simulation.records import Memory, Records
 from wavetank.simulation.run import Run
+from wavetank.tank.dissipation import Smoothing
 from wavetank.tank.seen import Block
 from wavetank.waves import airy
 
@@ -201,7 +201,7 @@ def _time_a_step(scene: Case, waves: AnyWaves, name: str, dt_omega_max: float) -
     """Return the CPU seconds of a step, after some for the initial guesses of solves."""
     dt, watch = dt_omega_max / waves.largest_frequency, Stopwatch()
     filters, records = build_filters(scene, waves, dt), Records(Memory(), Memory(), None)
-    sinks = [one for one in filters if isinstance(one, Sink)]
+    sinks = [one for one in filters if isinstance(one, Smoothing)]
     observers = [*build_observers(scene, waves, records, sinks=sinks), watch]
     scheme: Any = INTEGRATORS[name]()
     start = initial_state(scene, waves)

@@ -129,7 +129,8 @@ def record_run(
             warnings.show()
             with record_failure(writer), progress_of(run, waves, log, writer) as progress:
                 interruption.before = checkpointer.write_last
-                run.controls += [checkpointer.control(scene.run.checkpoint_every), *progress, interruption]
+                controls = checkpointer.control(scene.run.checkpoint_every), *progress, interruption
+                run.controls += [control.record for control in controls]
                 execute_run(report, scene=scene, checkpointer=checkpointer)
                 if writer is not None:
                     writer.finish("finished", {})

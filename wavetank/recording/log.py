@@ -17,7 +17,6 @@ from wavetank.run_warning import RunWarning, run_warning
 from wavetank.simulation.build import end_message, ranks_message, summary
 from wavetank.simulation.case_diagnostics import window_messages
 from wavetank.simulation.construction import AnyWaves, bed_by_code, bed_message, sponge_message
-from wavetank.simulation.contract import Control
 from wavetank.simulation.initial import start_message
 from wavetank.simulation.monitoring import ProgressBar, ProgressReport
 from wavetank.simulation.run import Run
@@ -129,7 +128,9 @@ def log_outcome(writer: RunWriter, log: RunLog, *, draw: Draw | None) -> Iterato
 
 
 @contextmanager
-def progress_of(run: Run, waves: AnyWaves, log: RunLog, writer: RunWriter | None) -> Iterator[list[Control]]:
+def progress_of(
+    run: Run, waves: AnyWaves, log: RunLog, writer: RunWriter | None
+) -> Iterator[list[ProgressBar | ProgressReport]]:
     """Show progress, and tell it in the manifest; on the first rank."""
     if writer is None:
         yield []

@@ -8,12 +8,12 @@ import numpy as np
 from wavetank.arrays import Vector
 from wavetank.errors import InputError, OutsideError, PaddleError
 from wavetank.output.columns import RATES as RATES
-from wavetank.output.fields import VtkCells
+from wavetank.output.fields import VtkCells, VtuSeries
 from wavetank.run_warning import RunWarning
 from wavetank.simulation.clock import EverySteps, Schedule
 from wavetank.simulation.contract import Diagnostic, displacement, due_steps
 from wavetank.simulation.diagnostics import Called, LatticePlaces, PaddleReach
-from wavetank.simulation.records import FieldRecord, Record, WindowRecord
+from wavetank.simulation.records import DeferredErrors, Discard, Record
 from wavetank.tank.kinematics import MovingWater, Sounding, Velocity
 from wavetank.tank.seen import Block
 from wavetank.tank.surface_points import SurfaceOverPlaces
@@ -159,7 +159,7 @@ class WindowObserver:
         *,
         levels: int,
         density: float,
-        record: WindowRecord,
+        record: DeferredErrors | Discard,
         schedule: Schedule,
     ):
         self._water, self._record, self.schedule = water, record, schedule
@@ -203,7 +203,7 @@ class VelocityFields:
         Heights zeta, ascending in [0, 1] from the bed to the surface; the n+1 Gauss-Lobatto nodes, if not given.
     """
 
-    def __init__(self, waves: NonlinearWaves, series: FieldRecord, *, schedule: Schedule, levels: Vector | None = None):
+    def __init__(self, waves: NonlinearWaves, series: VtuSeries, *, schedule: Schedule, levels: Vector | None = None):
         self._waves, self._series, self.schedule = waves, series, schedule
         self._levels = waves.vertical.nodes if levels is None else levels
         self._places, self._velocity = LatticePlaces(waves), Velocity(waves)

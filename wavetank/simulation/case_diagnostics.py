@@ -28,10 +28,11 @@ from wavetank.simulation.diagnostics import (
     rates_of_motion,
     rates_of_water,
 )
-from wavetank.simulation.energy import EnergyBudget, Sink
-from wavetank.simulation.records import Record, Records, WindowRecord
+from wavetank.simulation.energy import EnergyBudget
+from wavetank.simulation.records import DeferredErrors, Discard, Record, Records
 from wavetank.simulation.run import Run
 from wavetank.simulation.stability import IN_ELEVATION, IN_JUMP, StabilityWatch
+from wavetank.tank.dissipation import Smoothing
 from wavetank.tank.kinematics import MovingWater, Sounding
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.wall_pressure import PaddlePush, WallPressure
@@ -47,7 +48,9 @@ def build_watch(scene: Case, run: Run, waves: AnyWaves, warn: Callable[[RunWarni
     return [StabilityWatch(waves, waves.surface, dt=run.clock.dt, limit=limit, warn=warn, alternating=alternating)]
 
 
-def build_observers(scene: Case, waves: AnyWaves, records: Records, *, sinks: Sequence[Sink] = ()) -> list[Diagnostic]:
+def build_observers(
+    scene: Case, waves: AnyWaves, records: Records, *, sinks: Sequence[Smoothing] = ()
+) -> list[Diagnostic]:
     """Return a scene's gauges, energy budget (of what its sinks take, too), highest crest and snapshots; collective."""
     output = scene.output
     diagnostics: list[Diagnostic] = [_gauges(scene, waves, records.gauges)] if scene.all_gauges else []
@@ -141,7 +144,7 @@ def _probes(scene: Case, water: MovingWater, record: Record, schedule: EveryStep
         raise CaseError([Problem(("probes", error.index), None, str(error))]) from None
 
 
-def _window(scene: Case, water: MovingWater, n: int, record: WindowRecord) -> WindowObserver:
+def _window(scene: Case, water: MovingWater, n: int, record: DeferredErrors | Discard) -> WindowObserver:
     """Return what records a window; collective. Raises ``CaseError`` for a column outside the mesh."""
     window = scene.windows[n]
     with about("windows", n):

@@ -27,13 +27,6 @@ class Diagnostic(Protocol):
         """
 
 
-class Control(Protocol):
-    """Acts after all diagnostics have recorded a block: may write a checkpoint or end the run."""
-
-    def record(self, block: Block) -> None:
-        """Act at the end of the block; collective."""
-
-
 Waves = NonlinearWaves | LinearWaves
 
 

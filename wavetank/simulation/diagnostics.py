@@ -15,11 +15,11 @@ from wavetank.fem.plane import Field
 from wavetank.fem.points import Points, points_in
 from wavetank.output.columns import RATES as RATES
 from wavetank.output.directory import REST_POSITION
-from wavetank.output.fields import VtkCells
+from wavetank.output.fields import VtkCells, VtuSeries
 from wavetank.run_warning import RunWarning
 from wavetank.simulation.clock import EverySteps, Schedule
 from wavetank.simulation.contract import Waves, displacement, displacements
-from wavetank.simulation.records import FieldRecord, Record
+from wavetank.simulation.records import Record
 from wavetank.tank.seen import Block
 from wavetank.tank.surface_points import SurfaceOverPlaces
 from wavetank.tank.wall_pressure import PaddlePush
@@ -394,7 +394,7 @@ class SurfaceFields:
         there is no sponge.
     """
 
-    def __init__(self, waves: Waves, series: FieldRecord, *, schedule: Schedule, damping: Vector | None = None):
+    def __init__(self, waves: Waves, series: VtuSeries, *, schedule: Schedule, damping: Vector | None = None):
         self._waves, self._series, self.schedule = waves, series, schedule
         self._places = LatticePlaces(waves)
         self._cells = VtkCells.flat(self._places.lattice.pieces)

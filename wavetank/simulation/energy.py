@@ -14,7 +14,6 @@ trace before and the plus trace after.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.contract import Waves
 from wavetank.simulation.records import Record
 from wavetank.simulation.supply import Integral
+from wavetank.tank.dissipation import Smoothing
 from wavetank.tank.seen import Block
 
 ROUNDING = 1e-12  # of g d² of the whole tank: less energy is round-off
@@ -37,17 +37,6 @@ GIVES = (
     "waves far longer than it, as go before a train or a group, make it do so (a longer sponge gives less), "
     "or a current, or it is too strong or begins too abruptly"
 )
-
-
-@runtime_checkable
-class Sink(Protocol):
-    """What takes energy out of the water and counts it.
-
-    Where it is ``called`` something, that and ``gives`` say what it is that gives energy instead, and when it does;
-    where that is numerics, which should take little, ``cure`` says how less is lost.
-    """
-
-    energy_taken: float
 
 
 def _most(before: float, values: Vector) -> float:
@@ -113,13 +102,12 @@ class EnergyBudget:
         *,
         record: Record,
         every: int = 1,
-        sinks: Sequence[Sink] = (),
+        sinks: Sequence[Smoothing] = (),
     ):
         self.schedule, self._every = EverySteps(), every
         self._waves, self._record = waves, record
         self._sinks = {type(sink).__name__: sink for sink in sinks}
-        usual = {"called": "what damps them", "gives": "it should take", "cure": ""}
-        of_sinks = {name: tuple(getattr(one, *pair) for pair in usual.items()) for name, one in self._sinks.items()}
+        of_sinks = {name: (one.called, one.gives, one.cure) for name, one in self._sinks.items()}
         self._called = {SPONGE: (SPONGE, GIVES, "")} | of_sinks
         self.cause = ""  # why the balance is off, and what helps, if another part of the run knows it
         self.state = EnergyTotals()

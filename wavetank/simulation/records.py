@@ -1,12 +1,11 @@
 """Tables and fields that diagnostics write to, of each rank of a run: only the first writes tables."""
 
-from collections.abc import Callable, Mapping, Sequence
-from math import isfinite, nan
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Callable, Sequence
+from math import nan
+from typing import Any, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
-from numpy.typing import NDArray
 
 from wavetank.arrays import Vector, summed
 from wavetank.case import Case, EndWall
@@ -15,49 +14,26 @@ from wavetank.errors import RecordError, RunError
 from wavetank.mpi import raise_on_all_ranks
 from wavetank.output.columns import PUSH, energy_columns, load_columns, paddle_columns, probe_columns
 from wavetank.output.directory import ENERGY, LOADS, PADDLES, PROBES
-from wavetank.output.fields import VtkCells
+from wavetank.output.fields import VtuSeries
 from wavetank.output.tables import Rows
 from wavetank.output.writer import RunWriter
 from wavetank.simulation.clock import EverySteps
 from wavetank.tank.seen import Block
 
 
-class Record(Protocol):
-    """A table that grows by rows of numbers; only rank 0's rows are kept."""
-
-    def extend(self, rows: Rows) -> None:
-        """Append rows, time [s] first, empty at None."""
-
-
-class FieldRecord(Protocol):
-    """Snapshots of fields on a mesh, each rank's part its own."""
-
-    def append(self, t: float, points: Vector, *, cells: VtkCells, arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Append a snapshot at t [s]: points [m], shape (N, 3), the cells between them, fields at them; collective."""
-
-
-def _not_finite(t: Any) -> RunError:
-    message = "a recorded value is not a finite number; the run has broken down."
-    return RunError(f"t = {t:.6g} s: {message}", t=float(t))
-
-
 class Discard:
-    """The record of every rank but the first, which has the same row: it fails where the first one's fails."""
+    """The record of every rank but the first, which has the same rows: it fails where the first one's fails."""
 
     def extend(self, rows: Rows) -> None:
-        """Drop the rows; raises ``RunError`` for a number that is not finite."""
+        """Drop rows; raises ``RunError`` for a number that is not finite."""
         for row in rows:
-            if not all(value is None or isfinite(value) for value in row):
-                raise _not_finite(row[0])
+            self.append(row[0], np.array([value for value in row if value is not None]))
 
-
-class DiscardArrays:
-    """The record of arrays of every rank but the first."""
-
-    def append(self, t: float, *arrays: Vector) -> None:
-        """Drop them; raises ``RunError`` for a number that is not finite."""
+    def append(self, t: Any, *arrays: Vector) -> None:
+        """Drop arrays; raises ``RunError`` for a number that is not finite."""
         if not all(np.isfinite(one).all() for one in arrays):
-            raise _not_finite(t)
+            message = "a recorded value is not a finite number; the run has broken down."
+            raise RunError(f"t = {t:.6g} s: {message}", t=float(t))
 
 
 class Memory:
@@ -108,24 +84,18 @@ class RecordCheck:
 
     def record(self, block: Block) -> None:
         """Raise ``RecordError`` if a rank has met one; collective."""
-        if summed(self._comm, float(any(record.failure for record in self._records))):
-            raise_on_all_ranks(self._comm, self._raise)
+        failure = next((record.failure for record in self._records if record.failure), None)
 
-    def _raise(self) -> None:
-        for record in self._records:
-            if record.failure is not None:
-                raise record.failure
+        def check() -> None:
+            if failure is not None:
+                raise failure
+
+        if summed(self._comm, float(failure is not None)):
+            raise_on_all_ranks(self._comm, check)
 
 
-class WindowRecord(Protocol):
-    """Where a window's motion goes."""
-
-    def append(self, t: float, z: Vector, eta: Vector, quantities: Vector) -> None:
-        """Append heights [m], shape (columns, levels), elevations [m], (columns,), and the quantities of each point.
-
-        These are velocities, accelerations and pressure in the order of ``records.window``, shape (quantities, columns,
-        levels).
-        """
+Record = DeferredErrors | Discard | Memory
+"""A table: ``extend(rows)`` appends rows, time [s] first, empty at None."""
 
 
 class Records(NamedTuple):
@@ -150,18 +120,18 @@ class Records(NamedTuple):
     gauges: Record
     energy: Record
     surface: Record | None
-    fields: Callable[[str], FieldRecord] | None = None
+    fields: Callable[[str], VtuSeries] | None = None
     probes: Record | None = None
     loads: Record | None = None
     paddles: Sequence[Record] = ()
-    windows: Sequence[WindowRecord] = ()
+    windows: Sequence[DeferredErrors | Discard] = ()
 
 
 def records_of(scene: Case, dimensions: int, writer: RunWriter | None) -> Records:
     """Return the records of a case, opened when the run begins; without a writer those of the other ranks."""
     if writer is None:
         probed, loaded = (Discard() if there else None for there in (scene.probes, scene.loads))
-        no_windows, no_paddles = [DiscardArrays() for _ in scene.windows], [Discard() for _ in scene.paddles]
+        no_windows, no_paddles = [Discard() for _ in scene.windows], [Discard() for _ in scene.paddles]
         return Records(Discard(), Discard(), None, probes=probed, loads=loaded, paddles=no_paddles, windows=no_windows)
     gauges = writer.gauges([(gauge.name, gauge.x, gauge.y) for gauge in scene.all_gauges])
     energy = writer.table(ENERGY, energy_columns(dimensions, absorbed=bool(scene.absorbing)))

@@ -2,7 +2,7 @@
 
 import itertools
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,11 +15,11 @@ from wavetank.integrators.filtered import Filter, Filtered
 from wavetank.integrators.hamiltonian import HamiltonianSystem
 from wavetank.integrators.states import State
 from wavetank.simulation.clock import Clock
-from wavetank.simulation.contract import Control, Diagnostic, due_steps
-from wavetank.simulation.energy import Sink
+from wavetank.simulation.contract import Diagnostic, due_steps
 from wavetank.simulation.supply import PaddleWork
 from wavetank.simulation.surviving import MAY_BE_NEW, restore_surviving, survives
 from wavetank.state import StateTree, check_like, has_state, hints_of, named, plain, restore_all, states_of, typed
+from wavetank.tank.dissipation import Smoothing
 from wavetank.tank.seen import Block, Evaluations, write_numbers
 
 LONGEST, NUMBERS = 64, 3.6e5  # steps of a block, and unknowns of all of them
@@ -44,7 +44,7 @@ class Rows:
     """
 
     def __init__(
-        self, system: Any, size: int, most: int, *, sinks: Sequence[Sink] = (), work: PaddleWork | None = None
+        self, system: Any, size: int, most: int, *, sinks: Sequence[Smoothing] = (), work: PaddleWork | None = None
     ):
         self._system, self._sinks, self._work, self._waves = system, sinks, work, hasattr(system, "see")
         wall = {}
@@ -120,7 +120,7 @@ class Run:
     Attributes
     ----------
     controls
-        Act when all diagnostics have recorded a block.
+        Called with each block that all diagnostics have recorded: may write a checkpoint or end the run.
     paddle_work
         Counts the work of paddles with feedback, if there are any.
     recorded
@@ -139,7 +139,7 @@ class Run:
         longest_block: int | None = None,
     ):
         self.system, self.integrator, self.diagnostics = system, integrator, list(diagnostics)
-        self.controls = list[Control]()
+        self.controls = list[Callable[[Block], None]]()
         self.clock, self.longest_block = clock, longest_block or LONGEST
         self.paddle_work: PaddleWork | None = None
         self._stepper = Filtered(integrator, filters)
@@ -160,9 +160,9 @@ class Run:
         return self._stepper.filters
 
     @property
-    def sinks(self) -> list[Sink]:
+    def sinks(self) -> list[Smoothing]:
         """The filters that take energy out of the system, and count it."""
-        return [one for one in self.filters if isinstance(one, Sink)]
+        return [one for one in self.filters if isinstance(one, Smoothing)]
 
     def execute(self) -> None:
         """Step to the end; collective.
@@ -193,7 +193,7 @@ class Run:
         if block is not None:
             self.recorded = False
             for control in self.controls:
-                control.record(block)
+                control(block)
             self.recorded = True
 
     def advance(self) -> None:

@@ -14,7 +14,7 @@ what a ``FeedbackMotion`` motion adds.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -34,16 +34,6 @@ ADAMS_MOULTON = (  # weights of the rates at the newest, second newest, ... time
 NODES = np.array([0.0, 0.5, 1.0])  # of Simpson's rule, of a step
 SIMPSON = np.array([1.0, 4.0, 1.0]).reshape(-1, 1, 1) / 6
 EQUAL = 6  # digits: the same
-
-
-class FeedbackPaddleMotion(Protocol):
-    """A paddle's motion."""
-
-    def velocity(self, t: float) -> Any:
-        """Return X' [m/s] at t [s]."""
-
-    def added(self, t: float, order: int) -> Any:
-        """Return the derivative of that order of what is added to it on the way, in m/s^order, at t [s]."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +114,7 @@ class PaddleWork:
         c of each [m²], shape (paddles,).
     """
 
-    def __init__(self, motions: Sequence[FeedbackPaddleMotion], masses: Vector):
+    def __init__(self, motions: Sequence[Any], masses: Vector):
         self._motions, self._masses = motions, masses
         self.state = PaddleWorkState([], np.zeros((0, 4, len(motions))), np.zeros(2))
 

@@ -2,53 +2,17 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.errors import PaddleError
-from wavetank.fem.plane import Plane
 from wavetank.motion.feedback import FeedbackState, FilterState, StateSpaceFilter
-from wavetank.tank.walls.side import Side
+from wavetank.tank.evaluation import Water
 
 BRIEF = 1e-4  # (d / g)^(1/2), before t = 0: still water at the face rises as fast as it begins to
 GENTLY = 2.0  # (d / g)^(1/2) from t = 0 on: waves that stand at a paddle do not push it off at once
-
-
-class Elevated(Protocol):
-    """Waves whose elevation is measured."""
-
-    plane: Plane
-    gravity: float
-    depth: float
-
-    def state(self, eta: Vector, psi: Vector, t: float = 0.0) -> tuple[Vector, Vector]:
-        """Return (q, p) for elevation [m] and surface potential [m²/s] at the degrees of freedom; collective."""
-
-    def evaluate(self, q: Vector, p: Vector, t: float) -> Any:
-        """Return the ``WaterEvaluation`` at a state; collective."""
-
-    def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
-        """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
-
-
-class Answered(Protocol):
-    """A paddle that can be controlled.
-
-    Attributes
-    ----------
-    motion
-        How it moves: a ``FeedbackMotion`` motion.
-    side
-        Where it stands.
-    largest_stroke
-        How far it can go into the water [m], at the height where it goes farthest.
-    """
-
-    motion: Any
-    side: Side
-    largest_stroke: float
 
 
 Measurement = Callable[[Vector, Vector, float], Vector]
@@ -69,7 +33,7 @@ class PaddleController:
     Parameters
     ----------
     paddle
-        Which it is; its motion is a ``FeedbackMotion`` one.
+        A ``Piston`` or ``LinearPaddle`` with a ``FeedbackMotion``.
     response
         The filter of its feedback motion.
     measure
@@ -80,9 +44,7 @@ class PaddleController:
         What it is called in a case.
     """
 
-    def __init__(
-        self, paddle: Answered, response: StateSpaceFilter, measure: Measurement, *, mode_shape: Vector, key: str
-    ):
+    def __init__(self, paddle: Any, response: StateSpaceFilter, measure: Measurement, *, mode_shape: Vector, key: str):
         self._paddle, self._motion, self._filter, self._measure = paddle, paddle.motion, response, measure
         self._filter_state = FilterState()
         self._mode_shape, self._key = (float(mode_shape.min()), float(mode_shape.max())), key
@@ -133,12 +95,14 @@ class Push:
         c, its added mass of a sudden motion [m²].
     """
 
-    def __init__(self, waves: Elevated, number: int, paddle: Answered, *, mass: float):
+    def __init__(self, waves: Water, number: int, paddle: Any, *, mass: float):
         self._waves, self._number, self._motion, self._mass = waves, number, paddle.motion, mass
 
     def __call__(self, q: Vector, p: Vector, t: float) -> Vector:
         """See ``Measurement``; shape (2,), in m³/s and m³/s²."""
-        by_position, by_velocity = self._waves.evaluate(q, p, t).slopes[self._number]
+        slopes = self._waves.evaluate(q, p, t).slopes
+        assert slopes is not None
+        by_position, by_velocity = slopes[self._number]
         return np.array([by_velocity + self._mass * self._motion.velocity(t), by_position])
 
 
@@ -156,7 +120,7 @@ class Excess:
         By how much water at the face rises where the paddle goes on by a metre at once.
     """
 
-    def __init__(self, waves: Elevated, paddle: Answered, made: Callable[[float], float]):
+    def __init__(self, waves: Water, paddle: Any, made: Callable[[float], float]):
         self._waves, self._made, self._motion = waves, made, paddle.motion
         self._at = waves.plane.at(paddle.side.facets)
         self._count = waves.plane.comm.allreduce(len(self._at))

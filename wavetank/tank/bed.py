@@ -1,12 +1,12 @@
-"""The bed: still-water depth d of the place where the water stands, and what the wall's motion does to it.
+"""The bed: the still-water depth d at the degrees of freedom, and its rate where a wall moves.
 
-The bed stands still in the laboratory; in the reference tank, which a moving wall stretches, the depth under a fixed
-point changes with the velocity of the mapping, d_t = velocity . grad d.
+The bed is fixed in the laboratory. In the reference tank, which a moving wall stretches, the depth at a fixed point
+changes with the velocity of the mapping, d_t = velocity . grad d.
 """
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import ufl
@@ -25,11 +25,18 @@ ASIDE, SOUNDINGS = 0.1, 2001  # of the length of what is carried; over it and th
 INSTANT = 1e-4  # s; for the rate of the depth by central differences, exact to 1e-8 for walls of metres a second
 
 
-class Bed(Protocol):
-    """What the water must know of its bed.
+class FlatBed:
+    """The same depth everywhere: a constant, whose gradient vanishes before compilation.
+
+    Parameters
+    ----------
+    depth
+        [m].
 
     Attributes
     ----------
+    description
+        The bed's part in the energy, in words.
     d
         Still-water depth [m], in UFL.
     rate
@@ -39,64 +46,7 @@ class Bed(Protocol):
     still
         d at the owned degrees of freedom [m], shape (owned,) or a number.
     sinking
-        Its rate of change there [m/s], shape (owned,) or a number: like ``still`` another object where it has changed.
-    description
-        What it makes of the energy, in words.
-    """
-
-    description: str
-    d: Any
-    rate: Any
-    depth: float
-    still: Any
-    sinking: Any
-
-    def at(self, places: Vector) -> Vector:
-        """Return the depth at physical places (x, y) [m], shape (N,); collective."""
-
-    def follow(self, wall: "Carrying") -> None:
-        """Find the depth where a wall has carried the degrees of freedom; collective."""
-
-    def follow_on(self, wall: "Carrying") -> None:
-        """Find the rate of the depth where it carries them on; collective."""
-
-    def levelled(self) -> AbstractContextManager[None]:
-        """Lie flat at the mean depth for a while; collective."""
-
-
-class Carrying(Protocol):
-    """A wall, as beds know it: it carries the reference tank about.
-
-    Attributes
-    ----------
-    displaced_dofs
-        The owned degrees of freedom that its mapping displaces.
-    displaced
-        How far from their places at rest they are now at most [m].
-    """
-
-    @property
-    def displaced_dofs(self) -> NDArray[np.intp]:
-        """See above."""
-
-    @property
-    def displaced(self) -> float:
-        """See above."""
-
-    def to_physical(self, places: Vector) -> Vector:
-        """Return the physical places of reference ones, (x, y) [m], shape (N, 2)."""
-
-    def mesh_velocities(self, places: Vector) -> Vector:
-        """Return how fast it carries reference places [m/s], shape (N, 2)."""
-
-
-class FlatBed:
-    """The same depth everywhere: a constant, whose gradient vanishes before compilation.
-
-    Parameters
-    ----------
-    depth
-        [m].
+        Its rate of change there [m/s], shape (owned,) or a number: like ``still`` another object after a change.
     """
 
     description = "∇d = 0: the bed is flat"
@@ -110,14 +60,14 @@ class FlatBed:
         """Return the depth at physical places (x, y) [m], shape (N,)."""
         return np.full(len(places), self.depth)
 
-    def follow(self, wall: Carrying) -> None:
-        """Do nothing."""
+    def follow(self, wall: Any) -> None:
+        """Update the depth for the displacements of a ``Wall``; collective."""
 
-    def follow_on(self, wall: Carrying) -> None:
-        """Do nothing."""
+    def follow_on(self, wall: Any) -> None:
+        """Update the rate of the depth for the mesh velocities of a ``Wall``; collective."""
 
     def levelled(self) -> AbstractContextManager[None]:
-        """Do nothing."""
+        """Lie flat at the mean depth within a context; collective."""
         return nullcontext()
 
 
@@ -149,7 +99,7 @@ class VaryingBed:
         self.depth = float(volume / area)
         self._flat: float | None = None  # how far beside what is carried the depth is one [m]; < 0: it varies
 
-    def _is_flat(self, wall: Carrying) -> bool:
+    def _is_flat(self, wall: Any) -> bool:
         """Return whether what a wall has carried has never left a flat part of the bed, whose depth it has still."""
         if self._flat is None:
             self._flat = self._sounded(self._plane.places[wall.displaced_dofs])
@@ -174,8 +124,8 @@ class VaryingBed:
         depth = raise_on_all_ranks(self._plane.comm, lambda: self._depth(places[:, 0], places[:, 1]))
         return np.asarray(depth, dtype=np.float64)
 
-    def follow(self, wall: Carrying) -> None:
-        """Find the depth where a wall has carried the degrees of freedom; collective."""
+    def follow(self, wall: Any) -> None:
+        """Update the depth for the displacements of a ``Wall``; collective."""
         if not self._is_flat(wall):
             self._set(wall.to_physical(self._plane.places[wall.displaced_dofs]), wall.displaced_dofs)
 
@@ -191,22 +141,24 @@ class VaryingBed:
 
     @contextmanager
     def levelled(self) -> Iterator[None]:
-        """Lie flat at the mean depth for a while; collective."""
+        """Lie flat at the mean depth within a context; collective."""
         self._field.set(np.full_like(self.still, self.depth))
         yield
         self._field.set(self.still)
 
-    def _refuse(self, found: Vector, places: Vector) -> None:
+    def _refuse(self, depths: Vector, places: Vector) -> None:
         """Raise what says where the bed is highest; collective."""
-        shallow = int(np.argmin(found)) if len(places) else 0
-        mine = (float(found[shallow]), *map(float, np.round(places[shallow], 6))) if len(places) else (np.inf, 0.0, 0.0)
+        shallow = int(np.argmin(depths)) if len(places) else 0
+        mine = (
+            (float(depths[shallow]), *map(float, np.round(places[shallow], 6))) if len(places) else (np.inf, 0.0, 0.0)
+        )
         least, x, y = self._plane.comm.allreduce(mine, op=MPI.MIN)
         where = f"x = {x:.4g} m, y = {y:.4g} m"
         allowed = "it must be positive, which tank.bed.minimum_depth sees to"
         raise InputError(f"the bed: the still-water depth is {least:.4g} m at {where}; {allowed}.")
 
-    def follow_on(self, wall: Carrying) -> None:
-        """Find the rate of the depth where it carries them on; collective."""
+    def follow_on(self, wall: Any) -> None:
+        """Update the rate of the depth for the mesh velocities of a ``Wall``; collective."""
         if self._is_flat(wall):
             return
         there = self._plane.places[wall.displaced_dofs]
@@ -216,6 +168,9 @@ class VaryingBed:
         rate[wall.displaced_dofs] = (after - before) / (2 * INSTANT)
         self.sinking = rate
         self._rate.set(rate)
+
+
+Bed = FlatBed | VaryingBed
 
 
 def bed_of(depth: float | Depth, plane: Plane) -> Bed:

@@ -16,7 +16,7 @@ needs more than some digits, so mass matrices are inverted roughly. Along a slic
 call (``slice.c``).
 """
 
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from wavetank.fem.codegen import Buffer, Instance, Struct, Unit
 from wavetank.fem.plane import Plane
 from wavetank.fem.surface_points import SurfacePoints
 from wavetank.tank.evaluation import WaterEvaluation
-from wavetank.tank.still_water import ROUGHLY, StillWaterWaves, WavesOverStillWater
+from wavetank.tank.still_water import ROUGHLY, StillWaterWaves
 from wavetank.tank.walls import Wall
 
 LEAST, LARGEST = 0.03, 0.5  # a V k, k = pi p / l of the mesh, that counts, and up to which the series serves
@@ -40,22 +40,6 @@ class Compiled:
         n, z = Buffer(dofs), Buffer(2 * dofs)
         self.precondition = instance.function("precondition", struct, float, int, z, z)
         self.set_velocity = instance.function("set_velocity", struct, float, n, n, n, Buffer((fields - 3) * dofs))
-
-
-class Waves(WavesOverStillWater, Protocol):
-    """What is asked of waves beyond their space and matrices."""
-
-    @property
-    def wall(self) -> Wall:
-        """The wall that can move."""
-
-    @property
-    def unit(self) -> Unit:
-        """The translation unit of its compiled functions."""
-
-    @property
-    def slice_functions(self) -> Instance | None:
-        """Those of a slice on one rank, of the unit; None elsewhere."""
 
 
 def surface_points(plane: Plane, wall: Wall, unit: Unit) -> SurfacePoints:
@@ -72,11 +56,13 @@ class AdvectionPreconditioner:
 
     Parameters
     ----------
+    waves
+        ``NonlinearWaves``.
     still
         That of linear waves on still water.
     """
 
-    def __init__(self, waves: Waves, still: StillWaterWaves):
+    def __init__(self, waves: Any, still: StillWaterWaves):
         self._waves, self._still, self._points = waves, still, surface_points(waves.plane, waves.wall, waves.unit)
         self._shortest = waves.plane.cell_size / (np.pi * waves.plane.order)
         self._B: Vector = np.zeros(waves.plane.owned)
@@ -144,7 +130,8 @@ class AdvectionPreconditioner:
 
     def _solved(self, right: Vector) -> Vector:
         """Return what the mass matrix makes of that, roughly; collective."""
-        return self._waves.mass.solve(right, within=ROUGHLY)
+        result: Vector = self._waves.mass.solve(right, within=ROUGHLY)
+        return result
 
     def _set_velocity(self, compiled: Compiled | None, at: WaterEvaluation, most: float) -> None:
         """Set the velocities at the surface from an evaluation, of at most ``most`` [m/s]; collective."""

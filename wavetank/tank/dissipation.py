@@ -25,7 +25,7 @@ kd = 0.5 to 8, and 12 to 128 cells a wave.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import scipy
@@ -101,19 +101,6 @@ def checked(plane: Plane, gamma: Vector) -> Vector:
     return gamma
 
 
-class Smoother(Protocol):
-    """N, and what is done with it: see ``Smoothing``; values are owned, shape (owned,), and all of it is collective."""
-
-    def update(self) -> None:
-        """Take over M_J and N as they are."""
-
-    def apply(self, values: Vector) -> Vector:
-        """Return N v."""
-
-    def smoothed(self, pairs: Vector, still: Vector | float) -> Vector:
-        """Return Q - N eta' and psi' of points [Q, psi], shape (m, 2, owned), over columns of still water [m]."""
-
-
 class FieldSmoother:
     """A smoother of each field of a point by itself, whose start value is the change of the last point's field.
 
@@ -130,7 +117,7 @@ class FieldSmoother:
         self.update, self.apply = matrix.update, matrix.penalty
 
     def smoothed(self, pairs: Vector, still: Vector | float) -> Vector:
-        """See ``Smoother``."""
+        """Return Q - N eta' and psi' of points [Q, psi], shape (m, 2, owned), over columns of still water [m]."""
         result, N, solve = np.empty_like(pairs), self._matrix.penalty, self._matrix.solve
         by_eta = by_psi = np.zeros(pairs.shape[2:])  # v - v' = (M_J + N)^-1 N v
         for (q, psi), after in zip(pairs, result, strict=True):
@@ -168,11 +155,12 @@ class Smoothing:
 
     Attributes
     ----------
-    called, gives
-        In words, what it is, and what makes it give energy instead.
+    called, gives, cure
+        In words, what it is, what makes it give energy instead, and how less is lost to numerics that should take
+        little; empty of other filters.
     """
 
-    called = "smoothing"
+    called, cure = "smoothing", ""
     gives = "waves too short or too steep for the step and the cells make it do so"
 
     def __init__(self, waves: NonlinearWaves, form: Callable[[Any, Any], ufl.Form], *, by_wall: bool = False):
@@ -194,11 +182,11 @@ class Smoothing:
         self._energy = state
 
     @cached_property
-    def _smoother(self) -> Smoother:
+    def _smoother(self) -> FieldSmoother | GradientJumpPenalty:
         """N, and what is done with it, made where it is first needed; collective."""
         return self._made()
 
-    def _made(self) -> Smoother:
+    def _made(self) -> FieldSmoother | GradientJumpPenalty:
         """Return it of the form; collective."""
         plane, mass, J = self._waves.plane, self._waves.mass, self._waves.wall.mapping.J(self._waves.densities.eta)
         if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
@@ -269,7 +257,7 @@ class EdgePenalty(Smoothing):
         self._flow = flow
         self._fast = float(np.sqrt(threshold * waves.gravity / k)) if plane.order > 1 else np.inf  # so it is needed
 
-    def _made(self) -> Smoother:
+    def _made(self) -> FieldSmoother | GradientJumpPenalty:
         """Return it written out along a slice on one rank, unless the wall's shape stretches what it carries."""
         plane, mass, wall = self._waves.plane, self._waves.mass, self._waves.wall
         if not isinstance(mass, BandedMass) or plane.mesh.geometry.dim > 1 or wall.leans:

@@ -8,8 +8,11 @@ from typing import Any
 import numpy as np
 
 from wavetank.arrays import Vector, read_only, summed
+from wavetank.fem.mass import MassMatrix
 from wavetank.fem.plane import Plane
+from wavetank.fem.vertical import VerticalBasis
 from wavetank.integrators.hamiltonian import Evaluation
+from wavetank.tank.bed import Bed
 from wavetank.tank.energy import Energies
 
 
@@ -46,6 +49,16 @@ class Water(ABC):
 
     Attributes
     ----------
+    plane, vertical
+        Horizontal and vertical space.
+    bed, depth, gravity
+        The bed, its mean depth [m], and g [m/s²].
+    wall
+        The wall that can move: a ``Wall``, of linear waves a ``LinearWall``.
+    mass
+        M_J.
+    layer, still
+        The layer averaged over the depth, and its averages for the mean depth.
     history
         That of the solves of steps.
     damping
@@ -53,6 +66,14 @@ class Water(ABC):
     """
 
     plane: Plane
+    vertical: VerticalBasis
+    bed: Bed
+    depth: float
+    gravity: float
+    wall: Any
+    mass: MassMatrix
+    layer: Any
+    still: Any
     history: Any
     damping: Vector | None = None
     evaluation_type: type[WaterEvaluation] = WaterEvaluation
@@ -60,6 +81,14 @@ class Water(ABC):
     @abstractmethod
     def evaluate(self, q: Vector, p: Vector, t: float, guess: Any = None, *, history: Any = None) -> WaterEvaluation:
         """Return the evaluation at (q, p, t); ``guess`` and ``history`` affect cost and round-off only."""
+
+    @abstractmethod
+    def state(self, eta: Vector, psi: Vector, t: float = 0.0) -> tuple[Vector, Vector]:
+        """Return (q, p) for elevation [m] and surface potential [m²/s] at the degrees of freedom."""
+
+    @abstractmethod
+    def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Return eta at the owned degrees of freedom [m], shape (owned,)."""
 
     @abstractmethod
     def new_history(self, owner: str) -> Any:

@@ -33,7 +33,6 @@ from wavetank.fem.codegen import Unit
 from wavetank.fem.decoupled import LayerMatrices
 from wavetank.fem.forms import VectorForm
 from wavetank.fem.mass import mass_matrix
-from wavetank.fem.modes import Layer
 from wavetank.fem.plane import Plane
 from wavetank.fem.vertical import VerticalBasis
 from wavetank.integrators.hamiltonian import Weights, pair
@@ -122,7 +121,7 @@ class LinearWaves(Water):
         nothing = np.full(self.plane.owned, np.nan)
         return LinearHistory(potential, nothing, nothing)
 
-    def _interior(self, still: WaterEnergy, tolerance: float) -> tuple[Layer, Callable[[], "StillPotential"], Any]:
+    def _interior(self, still: WaterEnergy, tolerance: float) -> tuple[Any, Callable[[], "StillPotential"], Any]:
         """Return the layer over the depth, what makes a solver for the interior, and averages for the mean depth."""
         plane, vertical = self.plane, self.vertical
         if plane.mesh.topology.dim == 1 and isinstance(self.bed, FlatBed):

@@ -8,7 +8,7 @@ the preconditioner, so a few iterations suffice (docs/solver.md).
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -17,9 +17,10 @@ from wavetank.errors import ConvergenceError
 from wavetank.fem.along import NO_MINIMUM, Averaged, Minimum, along
 from wavetank.fem.codegen import Unit
 from wavetank.fem.conjugate_gradients import Array, Steps, condition_number, corrected, dot
+from wavetank.fem.decoupled import LayerMatrices
 from wavetank.fem.initial_guess import InitialGuessProjection
-from wavetank.fem.layers import LayerEnergy, LayerOperator
-from wavetank.fem.modes import Layer, SolvableLayer, layer_of
+from wavetank.fem.layers import LayerDensity, LayerEnergy, LayerOperator
+from wavetank.fem.order_multigrid import LayerMeans
 from wavetank.fem.plane import Field, LayeredField, Plane
 from wavetank.fem.vertical import VerticalBasis
 from wavetank.state import StateTree, typed
@@ -162,7 +163,7 @@ class Krylov:
         self,
         operator: LayerOperator,
         single: LayerOperator,
-        layer: SolvableLayer,
+        layer: LayerMatrices | LayerMeans,
         plane: Plane,
         vertical: VerticalBasis,
         *,
@@ -178,7 +179,8 @@ class Krylov:
 
     def factor(self) -> None:
         """See ``Minimiser``."""
-        self._modes.take(self._layer.assemble())
+        averages: Any = self._layer.assemble()
+        self._modes.take(averages)
 
     def _precondition(self, residual: Array) -> Array:
         """Return what the modes make of the interior's residual, and zero for the surface's."""
@@ -231,7 +233,7 @@ class Interior(NamedTuple):
     """The operator of a layer's energy, the layer averaged, and what makes a solver for its minimum."""
 
     operator: LayerOperator
-    layer: Layer
+    layer: Averaged | LayerMatrices | LayerMeans
     minimum: Callable[[], Minimiser]
 
 
@@ -255,5 +257,10 @@ def interior_of(
         )
     operator = LayerOperator(energy, plane, vertical, column=column, unit=unit)
     single = LayerOperator(energy, plane, vertical, column=column, unit=unit, prefix="single", real="float")
-    layer = layer_of(energy, plane, column=column, vertical_order=vertical.n, unit=unit)
+    layer: LayerMatrices | LayerMeans
+    if plane.mesh.topology.dim == 1 or plane.order == 1:
+        layer = LayerMatrices(energy, plane)
+    else:
+        density = LayerDensity(energy, plane, column)
+        layer = LayerMeans(energy, density, plane, vertical_order=vertical.n, unit=unit)
     return Interior(operator, layer, lambda: Krylov(operator, single, layer, plane, vertical, tolerance=tolerance))

@@ -4,75 +4,15 @@ Both serve every kind of waves: nonlinear ones as preconditioner and estimate, l
 """
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.fem.mass import MassMatrix
-from wavetank.fem.modes import Layer, Modes
-from wavetank.fem.plane import Plane
-from wavetank.fem.vertical import VerticalBasis
-from wavetank.tank.bed import Bed
-from wavetank.tank.evaluation import WaterEvaluation
-from wavetank.tank.walls import Placed
+from wavetank.tank.evaluation import Water
 
 ROUGHLY = 1e-3  # of what mass matrices are inverted for
 CYCLES = 2  # of multigrid: the second is cheap against the evaluations of an implicit stage that it saves
-
-
-class WavesOverStillWater(Protocol):
-    """What is asked of waves: their space, their matrices and their flow.
-
-    Attributes
-    ----------
-    bed, depth
-        The bed and its mean depth [m].
-    layer, still
-        Averaged over the depth; its averages for the mean depth.
-    """
-
-    @property
-    def plane(self) -> Plane:
-        """The horizontal space."""
-
-    @property
-    def mass(self) -> MassMatrix:
-        """M_J."""
-
-    @property
-    def layer(self) -> Layer:
-        """See above."""
-
-    @property
-    def still(self) -> Any:
-        """See above."""
-
-    @property
-    def vertical(self) -> VerticalBasis:
-        """The vertical space."""
-
-    @property
-    def bed(self) -> Bed:
-        """See above."""
-
-    @property
-    def depth(self) -> float:
-        """See above."""
-
-    @property
-    def gravity(self) -> float:
-        """In m/s²."""
-
-    @property
-    def wall(self) -> Placed:
-        """The wall that can move."""
-
-    def evaluate(self, q: Vector, p: Vector, t: float) -> WaterEvaluation:
-        """Return the evaluation at a state; collective."""
-
-    def state(self, eta: Vector, psi: Vector, t: float = 0.0) -> tuple[Vector, Vector]:
-        """Return (Q, psi) for elevation [m] and surface potential [m²/s]; collective."""
 
 
 class StillWaterWaves:
@@ -90,15 +30,15 @@ class StillWaterWaves:
         mapping that stretched M_J but not G would make what is on the left, G + M_J / (a² g), another surface's.
     """
 
-    def __init__(self, waves: WavesOverStillWater):
+    def __init__(self, waves: Water):
         self._waves, self._still = waves, waves.still
         self.uniform = waves.mass.apply(np.ones(waves.plane.owned))
         self.of_metre = waves.plane.sum(self.uniform)
         self.mass = waves.mass.product() if waves.wall.moves else None
-        self._solvers: dict[float, tuple[Modes, Vector]] = {}
+        self._solvers: dict[float, tuple[Any, Vector]] = {}
 
-    def solver(self, weight: float) -> tuple[Modes, Vector]:
-        """Return the vertical modes' problems for stages of a weight [s], and the modes' shares at the surface."""
+    def solver(self, weight: float) -> tuple[Any, Vector]:
+        """Return the ``Modes`` for stages of a weight [s], and the modes' values at the surface."""
         key = round(abs(weight), 12)
         if key not in self._solvers:
             waves = self._waves
@@ -130,7 +70,7 @@ class StillWaterWaves:
         return q + self.uniform * (self._waves.plane.sum(r_q - q) / self.of_metre)
 
 
-def scales(waves: WavesOverStillWater) -> tuple[Vector, Vector]:
+def scales(waves: Water) -> tuple[Vector, Vector]:
     """Return the sizes of Q and psi, shape (owned,) each, that belong to a metre of elevation; collective."""
     diagonal = waves.mass.diagonal()
     area = waves.plane.sum(waves.mass.apply(np.ones(waves.plane.owned)))
@@ -138,7 +78,7 @@ def scales(waves: WavesOverStillWater) -> tuple[Vector, Vector]:
     return column, np.full(waves.plane.owned, float(np.sqrt(waves.gravity * waves.depth)))
 
 
-def largest_frequency(waves: WavesOverStillWater, t: float = 0.0) -> float:
+def largest_frequency(waves: Water, t: float = 0.0) -> float:
     """Return the largest angular frequency the mesh carries [rad/s], its walls as at t [s], by Lanczos; collective."""
     still, nothing = waves.state(np.zeros(waves.plane.owned), np.zeros(waves.plane.owned), t)
     rest = waves.evaluate(still, nothing, t).dq

@@ -4,7 +4,7 @@ Where the surface is level, the surface potential's derivative is the water's ho
 """
 
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import basix
 import numpy as np
@@ -45,30 +45,13 @@ class SurfaceCrest(NamedTuple):
     velocity: float
 
 
-class MovingSurface(Protocol):
-    """The water that has the surface.
-
-    Attributes
-    ----------
-    plane, wall
-        The horizontal space, and the wall at x = 0.
-    unit
-        The translation unit of its compiled functions.
-    """
-
-    plane: Plane
-    wall: Wall
-    unit: Unit
-
-    def set_time(self, t: float) -> None:
-        """Move the wall to where it stands at t [s]; collective."""
-
-    def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
-        """Return eta at the owned degrees of freedom [m], shape (owned,), and move the wall as above; collective."""
-
-
 class SurfaceVelocity:
     """How fast the surface of any tank moves; collective throughout.
+
+    Parameters
+    ----------
+    waves
+        ``NonlinearWaves``.
 
     Attributes
     ----------
@@ -78,7 +61,7 @@ class SurfaceVelocity:
         When that is [s]; NaN before any has been taken.
     """
 
-    def __init__(self, waves: MovingSurface):
+    def __init__(self, waves: Any):
         plane = waves.plane
         self._waves, self._comm, dim = waves, plane.comm, plane.mesh.topology.dim
         self._eta, self._psi = plane.function("elevation"), plane.function("surface potential")
@@ -129,7 +112,8 @@ class SurfaceVelocity:
     @property
     def elevation(self) -> Vector:
         """The elevation at the owned degrees of freedom [m], shape (owned,)."""
-        return self._eta.owned
+        eta: Vector = self._eta.owned
+        return eta
 
     @property
     def fields(self) -> tuple[Field, Field]:
@@ -284,6 +268,6 @@ class SurfaceFlow(SurfaceVelocity):
         return sorted(crests)
 
 
-def surface_of(waves: MovingSurface) -> SurfaceVelocity:
+def surface_of(waves: Any) -> SurfaceVelocity:
     """Return the surface of waves, with its crests where the tank has one horizontal dimension; collective."""
     return SurfaceFlow(waves) if waves.plane.mesh.topology.dim == 1 else SurfaceVelocity(waves)

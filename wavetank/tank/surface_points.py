@@ -4,8 +4,6 @@ Beside a wall that leans, what stands over a place depends on the height of the 
 that is found by repetition, each time with the height last found.
 """
 
-from typing import Protocol
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,24 +11,10 @@ from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
 from wavetank.fem.plane import Field, Plane
 from wavetank.fem.points import points_in
-from wavetank.tank.walls.contract import Heights, PaddlePositions
+from wavetank.tank.walls.contract import Heights, Placed
 
 MOST = 50  # repetitions
 TOLERANCE = 1e-8  # of a cell: the next would be a hundred times as near
-
-
-class Standing(Protocol):
-    """What is asked of a wall."""
-
-    @property
-    def leans(self) -> bool:
-        """Whether places are not the same at all heights."""
-
-    def paddle_displacements(self, places: Vector, paddle_positions: PaddlePositions | None = None) -> Vector:
-        """Return the displacements of its paddles at the y of places [m], shape (paddles, N)."""
-
-    def to_reference(self, places: Vector, z: Heights = 0.0, displacements: Vector | None = None) -> Vector:
-        """Return the reference places of physical ones, (x, y) [m], shape (N, 2), at heights z [m]."""
 
 
 class SurfaceOverPlaces:
@@ -51,7 +35,7 @@ class SurfaceOverPlaces:
     Raises ``InputError`` for one that is outside the mesh; collective throughout.
     """
 
-    def __init__(self, plane: Plane, wall: Standing, places: Vector):
+    def __init__(self, plane: Plane, wall: Placed, places: Vector):
         self._plane, self._wall, self.places = plane, wall, places
         self.points = points_in(plane, plane.chart.place(wall.to_reference(places)))
 
