@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from conftest import CHECKOUT, fitted_slope
+from conftest import fitted_slope
 from mpi4py import MPI
 from test_checkpoint import record, record_until, same
 from test_state import SLICE
@@ -28,7 +28,6 @@ from wavetank.motion.feedback import FeedbackMotion, FilterState, StateSpaceFilt
 from wavetank.motion.motion import blending, largest_stroke
 from wavetank.output.columns import energy_columns
 from wavetank.output.directory import PADDLE, RunDirectory
-from wavetank.planning.checks import free_second_harmonics, highest_wave, reflected_harmonics
 from wavetank.planning.cost import needs_of
 from wavetank.planning.default_plan import planned
 from wavetank.planning.requirements import requirements
@@ -126,38 +125,6 @@ def test_the_band_holds_the_waves_that_the_paddle_makes():
         shortest, longest = ActiveAbsorption(**given).band(water)
         assert shortest < longest
         assert {"shortest": shortest, "longest": longest}.items() >= given.items()
-
-
-BAR = "0.4 - 0.3 * clip((x - 6) / 6, 0, 1) + 0.3 * clip((x - 14) / 3, 0, 1)"
-SMOOTH = "0.4 - 0.25 * exp(-((x - 12) / 2) ** 2)"
-
-
-@pytest.mark.parametrize(("bed", "measured", "off"), [(BAR, 0.302, 0.2), (SMOOTH, 0.0289, 0.1), ("0.4", 0.0, 0.0)])
-def test_the_harmonics_that_a_bed_frees_are_those_measured(bed, measured, off):
-    """Oracle: runs of 45 s of cases/bar.toml with these beds, least squares over 40 places behind them."""
-    one = read_case(CHECKOUT / "cases" / "bar.toml", [f"tank.bed={{type='formula',depth='{bed}'}}"])
-    freed = free_second_harmonics(one.ends[0], one.depths(), highest_wave(one.ends[0]).height / 2, 1.01)
-    assert freed == pytest.approx(measured, rel=off, abs=1e-9)
-
-
-def test_a_band_that_holds_no_harmonics_behind_a_bar_is_told():
-    """Also at the other end, seen from which the bar is another; not of a flat bed, nor of a band that holds them."""
-    driven = {"type": "piston", "motion": {"type": "sinusoid", "paddle_amplitude": 0.05, "period": 2.0}}
-
-    def said(absorb, *, bed="1 - 0.75 * clip((x - 4) / 5, 0, 1) + 0.75 * clip((x - 13) / 2, 0, 1)", turned=False):
-        walls = [driven, {"type": "piston", "motion": REST, "absorb": absorb}]
-        parts = dict(zip(("far_wall", "wall") if turned else ("wall", "far_wall"), walls, strict=True))
-        water = {"length": 20.0, "depth": 1.0, "bed": {"type": "formula", "depth": bed}}
-        return list(reflected_harmonics(Case.model_validate({"tank": water, "run": {"duration": 20.0}, **parts})))
-
-    for turned, key in ((False, "far_wall"), (True, "wall")):
-        (warning,) = said(ACTIVE, turned=turned)
-        found = [warning.details[name] for name in ("shortest", "reflected", "half")]
-        assert warning.key == key and found == pytest.approx([1.16, 0.16, 1.0], abs=5e-3)
-        assert str(warning).endswith(f'{key}.absorb = {{ type = "active", shortest = 1 }} absorbs them')
-    (warning,) = said({"type": "spring-damper"})
-    assert (warning.details["shortest"], warning.details["reflected"]) == pytest.approx((2.0, 0.63), abs=5e-3)
-    assert not said(ACTIVE | {"shortest": 1.0}) and not said({"type": "spring-damper"}, bed="1")
 
 
 # ---------------------------------------------------------------- the motion

@@ -118,7 +118,7 @@ WARNED = {  # case: its warnings as (code, key), and expected values
             "numerics": {"cell_size": 0.5, "vertical_order": 4},
             "sponge": {"type": "group"},
         },
-        [("sponge-reflects", "sponge"), ("sensors-in-sponge", "sponge")],
+        [("sponge-reflects", "sponge")],
         {"sponge-reflects": 0.37},
     ),
     "a bar before a paddle of one period": (
@@ -129,7 +129,7 @@ WARNED = {  # case: its warnings as (code, key), and expected values
             "numerics": {"cells": 40, "vertical_order": 4},
             "duration": 20.0,
         },
-        [("harmonics-reflected", "far_wall"), ("coarse-over-bed", CELLS)],
+        [("coarse-over-bed", CELLS)],
         {},
     ),
     "a paddle too fast for any vertical order": (
@@ -142,14 +142,9 @@ WARNED = {  # case: its warnings as (code, key), and expected values
         [("inaccurate-deep-waves", "numerics")],
         {},
     ),
-    "a load behind a sponge": (
-        {**DRIVEN, "loads": [{"on": "paddle"}, {"on": "far wall", "name": "end"}], "sponge": END},
-        [("sensors-in-sponge", "sponge")],
-        {},
-    ),
     "gauges in a sponge that reflects": (
         {**DRIVEN, "gauges": [2, 14, 15], "sponge": TANH},
-        [("sponge-reflects", "sponge"), ("sensors-in-sponge", "sponge")],
+        [("sponge-reflects", "sponge")],
         {},
     ),
 }
@@ -186,15 +181,6 @@ def test_short_run_has_the_numerics_of_the_complete_motion(case, changes):
     chosen, warnings = planned(read_case(CHECKOUT / "cases" / f"{case}.toml", changes), MPI.COMM_SELF)
     assert chosen.numerics.vertical_order == 8  # as that of 24 s
     assert [*warnings, *warnings_of(chosen)] == []
-
-
-def test_sensors_in_a_sponge_are_listed():
-    """By hand, of 20 m with a sponge of 6 m: gauges, the focus of the waves and the load on the far wall."""
-    group = {"linear_crest": 0.01, "focus_x": 18.0, "focus_time": 40.0} | GROUP
-    parts = {"gauges": [8, 18], "loads": [{"on": "far wall"}], "sponge": END, "numerics": {"cells": 20}}
-    one = driven("focused", parts=parts, duration=45.0, **group)
-    (warning,) = (warning for warning in warnings_of(one) if warning.key == "sponge")
-    assert warning.details["sensors"] == "gauge 2, load far wall, wall.motion.focus_x"
 
 
 TOO_HIGH = {

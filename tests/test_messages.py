@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 from mpi4py import MPI
 from rich.console import Console
@@ -10,10 +9,7 @@ from rich.console import Console
 from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.output.directory import RunDirectory
-from wavetank.planning.checks import run_warnings
 from wavetank.recording import record_run
-from wavetank.simulation.build import build_run
-from wavetank.tank.breakdown import cause
 
 SLICE = "[tank]\nlength = 4.0\ndepth = 1.0\n[run]\nduration = {duration}\n[numerics]\ncells = 8\nvertical_order = 3\n"
 RING = SLICE.replace("length = 4.0", 'type = "ring"\nlength = 63.0')
@@ -81,38 +77,6 @@ def test_a_case_that_cannot_be_run_is_refused_with_key_and_limit(which, case, ca
 
 def formula(position: str) -> str:
     return '[wall]\ntype = "piston"\nmotion = {{type = "formula", position = "' + position + '"}}\n'
-
-
-T = np.arange(0.0, 3.0, 0.02)
-NOISE = 3e-4 * np.random.default_rng(1).standard_normal(T.size)
-RECORDS = {
-    name: "".join(f"{t:.2f} {x:.9f}\n" for t, x in zip(T, 0.03 * np.sin(4 * T) ** 4 + noise, strict=True))
-    for name, noise in (("clean", 0 * T), ("noisy", NOISE))
-}
-
-
-@pytest.mark.parametrize(
-    ("wall", "record", "expected"),
-    [
-        (formula("0.01 * sin(9 * t) ** 2"), "", []),
-        (RECORD, RECORDS["noisy"], [("wall.motion", 0.91, 12.5)]),
-        (RECORD, RECORDS["clean"], []),
-    ],
-)
-def test_record_with_noise_is_warned_of(wall, record, expected, case):
-    scene = read_case(case(SLICE + "dt = 0.02\n" + wall, record))
-    run, waves = build_run(scene, MPI.COMM_SELF)
-    found = [one for one in run_warnings(scene, run.clock, waves) if one.code == "noisy-record"]
-    assert [(one.key, pytest.approx(one.value, abs=0.01), one.details["frequency"]) for one in found] == expected
-
-
-def test_a_solve_that_fails_in_flat_water_names_the_noise_of_the_record_and_no_tolerance(case):
-    """The state is still water and the step short: nothing else is a cause."""
-    run, waves = build_run(read_case(case(SLICE + "dt = 0.001\n" + RECORD, RECORDS["noisy"])), MPI.COMM_SELF)
-    state, known = run.state, {"dt": 0.001, "limit": 1.693, "tolerance": 1e-5}
-    for noise, said, cure in (("the record has noise", "the record has noise", ""), ("", "tolerance", "numerics.tol")):
-        why = cause(waves, state.q, state.p, 0.0, **known, noise=noise)
-        assert said in why.words and why.cure.startswith(cure) and bool(why.cure) == (not noise)
 
 
 def test_probes_without_water_at_any_time_are_named(case, tmp_path):

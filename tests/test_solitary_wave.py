@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from wavetank.case import Case
 from wavetank.errors import InputError
-from wavetank.planning.checks import cut_starts, jets
+from wavetank.planning.checks import cut_starts
 from wavetank.planning.default_plan import planned
 from wavetank.simulation.build import build_run
 from wavetank.simulation.case_diagnostics import build_observers
@@ -171,30 +171,4 @@ def test_planned_numerics_reach_the_accuracy_of_the_run_up(height, accuracy):
     scene = towards_wall(height, distance=distance, start=start, duration=duration, numerics=numerics)
     found, warnings = planned(scene, MPI.COMM_SELF)
     assert highest(*at_wall(found)) / RUN_UPS[height] == pytest.approx(1.0, abs=accuracy or 1e-2)
-    assert not warnings and not [*jets(scene)]
-
-
-PUSHED = {
-    "initial": {"type": "still-water"},
-    "wall": {"type": "piston", "motion": {"type": "solitary-wave", "height": 0.61}},
-}
-
-
-@pytest.mark.parametrize(
-    ("height", "parts", "warned"),
-    [
-        (0.61, {}, True),
-        (0.6, {}, False),
-        (0.61, {"duration": 8.0}, False),
-        (0.61, {"sponge": {"type": "end", "length": 6.0}}, False),
-        (0.61, {"far_wall": {"type": "piston", "motion": {"type": "at-rest"}, "absorb": {"type": "active"}}}, False),
-        (0.61, {"numerics": {"cell_size": 0.2}}, True),
-        (0.61, {**PUSHED, "duration": 33.0}, False),  # the crest is at the paddle at 11.6 s, at the wall at 33.2 s
-        (0.61, {**PUSHED, "duration": 33.5}, True),
-    ],
-)
-def test_a_run_up_that_ends_in_a_jet_is_warned_of(height, parts, warned):
-    """Of a wave above 0.6 depths that meets a wall in the run and is not absorbed; above, two meshes differ by 1 %."""
-    said = [*jets(towards_wall(height, **{"distance": 12.0, "duration": 12.0} | parts))]
-    assert len(said) == warned
-    assert [(one.code, one.value) for one in said] == [("run-up-jet", pytest.approx(0.61))] * warned
+    assert not warnings

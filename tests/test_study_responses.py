@@ -164,7 +164,7 @@ def test_ensemble_has_mean_confidence_and_quantiles(tmp_path):
 
 
 def test_ensemble_of_one_run_has_no_confidence(tmp_path):
-    alone = Ensemble({}, "crest [m]", np.array([0.3]))
+    alone = Ensemble.of({}, "crest [m]", np.array([0.3]), [])
     assert np.isnan(alone.half_width) and alone.quantiles == (0.3, 0.3, 0.3)
     write_ensembles(tmp_path / "ensemble.csv", [alone])
     assert (tmp_path / "ensemble.csv").read_text().splitlines()[1] == "crest [m],1,0.3,,,,0.3,0.3,0.3"

@@ -42,34 +42,16 @@ MESSAGES = {
         "the wall at x = {x:.4g} m cuts the initial {wave}, which has {value:.2g} of its height there: the elevation "
         "is off by about {error:.2g} of it; initial.x must be farther from the ends"
     ),
-    "run-up-jet": (
-        "the solitary wave of {value:.3g} depths meets a wall: above {limit:g} depths its run-up ends in a thin jet, "
-        "which no mesh resolves; from then on the run is not accurate"
-    ),
     "wave-too-high": (
         "the paddle of {key} makes a wave {value:.3g} m high and {length:.3g} m long, at x = {x:.3g} m, t = {t:.3g} s, "
         "by linear theory, where none as long is higher than {limit:.3g} m: nearly all made {breaks:g} times as high, "
         'or more, broke there or before; run.on_breaking = "dissipate" computes beyond breaking'
-    ),
-    "noisy-record": (
-        "the record of {key} has noise: {value:.0%} of the variance of its acceleration is above {frequency:.3g} Hz; "
-        "highest_frequency filters it"
-    ),
-    "absorbing-paddle-at-sensor": (
-        "{key} is {limit:.4g} m from the paddle of {wall} at rest, which absorbs, and is to go about {value:.2g} m "
-        "there: the run ends where it comes"
-    ),
-    "harmonics-reflected": (
-        "the bed frees second harmonics of the waves of {period:.3g} s, about {freed:.0%} as high; {key}, whose band "
-        "begins at {shortest:.3g} s, reflects {reflected:.0%} of them: "
-        '{key}.absorb = {{ type = "active", shortest = {half:.3g} }} absorbs them'
     ),
     "sponge-reflects": (
         "the sponge reflects about {value:.0%} of the paddle's waves of T = {period:.3g} s, {length:.3g} m long, and "
         'steep ones may break before it: one of type "end" or "group", a wave long or more, of the default strength, '
         "reflects some 2%"
     ),
-    "sensors-in-sponge": "in the sponge, which damps waves: {sensors}",
     "inaccurate": (
         "these numerics are predicted to miss the elevation by {value:.0%}; `wavetank plan` proposes others"
     ),

@@ -14,7 +14,7 @@ from wavetank import motion as motions
 from wavetank.case.ends import EndWall, MeasuringPoint
 from wavetank.case.initial import Initial, StillWater
 from wavetank.case.numerics import Numerics, RunControl
-from wavetank.case.output import ENDS, PADDLE, Gauge, GaugeLine, Output, Probe, Target, WallLoad, Window, named
+from wavetank.case.output import ENDS, Gauge, GaugeLine, Output, Probe, Target, WallLoad, Window, named
 from wavetank.case.tank import BasinTank, Depth, Sponge, Tank
 from wavetank.case.wall import FarWall, FixedWall, Wall
 from wavetank.values.case_model import CaseModel, Problem
@@ -137,11 +137,6 @@ class Case(CaseModel):
     def x_min(self) -> float:
         """Smallest x of the tank [m]; 0 for a basin whose extent only its mesh file has."""
         return self.tank.box[0] if self.tank.box else 0.0
-
-    def amid_end(self, end: str) -> tuple[float, float]:
-        """Return a place (x, y) [m] at the paddle or at the far wall, halfway along it."""
-        x_min, y_min, x_max, y_max = self.tank.box or (0.0, 0.0, self.tank.length, 0.0)
-        return (x_min if end == PADDLE else x_max), (y_min + y_max) / 2
 
     @property
     def surface_every(self) -> float:

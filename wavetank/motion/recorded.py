@@ -184,7 +184,6 @@ class Programmed(Motion):
                 raise InputError(f"its derivative of order {order} at {when} is {given[worst]:.6g}; {allowed}.")
 
 
-ROWS = 8  # of a record whose noise is estimated, at least
 DEGREE, PIECES = 5, 2.5  # of a spline of least squares; of it in the period of the fastest that it takes
 
 
@@ -241,20 +240,6 @@ class Recorded(Motion):
     def interval(self) -> float | None:
         """The mean time between two rows of the record [s], if it was measured."""
         return float(np.mean(np.diff(self.spline.x))) if self.measured else None
-
-    @property
-    def noise(self) -> tuple[float, float] | None:
-        """The share of the acceleration's variance above half the rows' Nyquist frequency, and that frequency [Hz].
-
-        None if the record was not measured, or has fewer than eight rows.
-        """
-        step = self.interval
-        if step is None or self.spline.x.size < ROWS:
-            return None
-        t = np.arange(self.start, self.duration, step)
-        power = np.abs(np.fft.rfft(self.spline.derivative(t, 2) * np.hanning(t.size))) ** 2
-        fast = float(power[power.size // 2 :].sum())
-        return fast / max(float(power.sum()), np.finfo(float).tiny), 0.25 / step
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the spline's derivative; raise ``InputError`` beyond the record."""

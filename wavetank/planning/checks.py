@@ -13,46 +13,32 @@ along the tank till the run's end; height and period are those between zero up-c
 that of permanent form (``waves/stream_function.py``). Waves break before they are as high: where they break is not
 predicted. Between 0.5 and 0.8 of it some broke and some did not (docs/breaking.md): there is no warning.
 
-**Second harmonics that a bed frees, and that an absorbing paddle reflects.** The bound harmonic of waves of amplitude
-a_1 (their energy flux is constant) is Stokes' a_2 at the local depth. Where that changes along the bed, free waves make
-up for it, and add up as far as they stay in phase:
-
-    a_free = |integral over x of da_2/dx exp(-i integral of (k_2 - 2 k_1)) dx|,
-
-with a_2 in units of its free waves' flux, k_1 and k_2 the wave numbers of the waves' frequency and of twice that. A bed
-that changes over many beats frees nothing. Measured behind shoals: docs/absorption.md.
-
 **Sponges** are layers of constant rate before a wall for long waves (``waves/damped_waves.py``); steep waves broke from
-reflections of 0.2 on (docs/absorption.md). A load behind a sponge is a tenth of the one without (docs/waves.md).
+reflections of 0.2 on (docs/absorption.md).
 
 **Cells and vertical order** miss the speed of a paddle's waves by the discrete dispersion relation, over a bed at its
 smallest and largest depth; over a bed a wave broke on 2 times the rule's cells that does not break (docs/plan.md).
 
 **Steps** that miss a measured motion miss the energy (docs/plan.md), steps that are unstable where the paddle goes
-farthest break down (tests/test_flaps.py). A noisy record breaks solves down in flat water (tests/test_messages.py).
+farthest break down (tests/test_flaps.py).
 """
 
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
-from mpi4py import MPI
-from scipy.spatial import cKDTree
 
 from wavetank.case import BasinTank, Case, EndWall
 from wavetank.case.initial import FocusedSurface, SolitaryWave
 from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER
-from wavetank.case.output import ENDS
-from wavetank.case.tank import Depth, EndSponge, FormulaSponge, GroupSponge, SliceTank
+from wavetank.case.tank import EndSponge, FormulaSponge, GroupSponge, SliceTank
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
-from wavetank.motion import Recorded
 from wavetank.motion.motion import values
 from wavetank.planning.dispersion import Mesh, UniformCells, relative_frequency_error
 from wavetank.planning.plan import own_plan
-from wavetank.planning.requirements import RESOLVED, analysed_duration, requirements, stokes, tapered, unplanned
+from wavetank.planning.requirements import analysed_duration, requirements, tapered, unplanned
 from wavetank.planning.resolution import (
     DEFAULT,
     MISSED,
@@ -92,15 +78,10 @@ def run_warnings(
     return [
         *cut_starts(scene, accuracy),
         *(waves_missed(scene, waves.plane.cell_size) if no_prediction else predicted(scene)),
-        *jets(scene),
         *(warning for view in scene.paddles for warning in view.wall.motion.warnings(scene.tank, view.wall.wavemaker)),
-        *noise(scene),
         *too_high(scene),
         *reflecting_sponge(scene),
-        *damped_sensors(scene, waves),
-        *reflected_harmonics(scene),
         *coarse(scene, waves.plane.cell_size),
-        *sensors_in_reach(scene),
         *missed_motion(scene, clock, scheme.nodes),
         *unstable_step(scene, clock, waves, scheme),
     ]
@@ -124,23 +105,12 @@ def cut_starts(scene: Case, accuracy: float | None) -> Iterator[RunWarning]:
         yield RunWarning("cut-start", key="initial.x", value=fraction, limit=LARGEST_CUT, x=x, details=details)
 
 
-def jets(scene: Case) -> Iterator[RunWarning]:
-    """Yield a warning if a solitary wave meets a wall that is too high for its run-up to be predicted."""
-    if scene.physics == "linear" or unplanned(scene) is not None:
-        return
-    with suppress(InputError):  # nothing moves
-        run_up = requirements(scene, DEFAULT).run_up
-        if run_up is not None and not run_up.resolved:
-            yield RunWarning("run-up-jet", value=run_up.height, limit=RESOLVED)
-
-
 # ------------------------------------------------------------------------------------------ waves of paddles
 TANK_PLACES = 25  # along the tank
 SHORTEST = 10.0  # k d of the shortest waves that are included
 BREAKS = 0.81  # of the highest wave: nearly all that were made higher, by linear theory, broke (docs/breaking.md)
 LARGE = 0.5  # of the highest wave: lower ones ride on others
 MOST_TIMES = 2**15  # an hour in a metre of water: of longer runs the first part
-NOISY = 0.5  # of the variance of a record's acceleration
 
 
 class HighWave(NamedTuple):
@@ -197,84 +167,9 @@ def highest_wave(end: EndWall) -> HighWave | None:
     return max((one for one in result if one.height >= large), key=lambda one: one.height / one.highest, default=None)
 
 
-def noise(scene: Case) -> Iterator[RunWarning]:
-    """Yield a warning for each paddle whose recorded motion is mostly noise, by its acceleration."""
-    for view in scene.paddles:
-        record = getattr(view.motion(), "motion", view.motion())
-        result = record.noise if isinstance(record, Recorded) else None
-        if result is not None and result[0] > NOISY:
-            key, details = f"{view.key}.motion", {"frequency": result[1]}
-            yield RunWarning("noisy-record", key=key, value=result[0], limit=NOISY, details=details)
-
-
-def sensors_in_reach(scene: Case) -> Iterator[RunWarning]:
-    """Yield a warning for each paddle that absorbs, and is to go about as far as to a sensor.
-
-    It absorbs the others' waves by going as far as they do, and its own, where nothing else absorbs these, by going as
-    far again.
-    """
-    if scene.physics == "linear" or not scene.absorbing:
-        return  # linear paddles stay in place
-    strokes = [view.max_displacement for view in scene.paddles]
-    for n in scene.absorbing:
-        view, back = scene.paddles[n], strokes[n] if scene.sponge is None and scene.absorbing == [n] else 0.0
-        for one in scene.measuring_points():
-            shape = view.wall.wavemaker.mode_shape(one.z, view.tank.depth)
-            reach = (sum(strokes) + back) * float(np.abs(shape).max())
-            if (distance := float(view.distance(one.x))) < reach:
-                key, details = ".".join(map(str, one.key)), {"wall": view.key}
-                yield RunWarning("absorbing-paddle-at-sensor", key=key, value=reach, limit=distance, details=details)
-                break
-
-
 # ------------------------------------------------------------------------------------------ sponges and absorption
-MUCH = 0.02  # of the waves, reflected as harmonics: about what an absorbing paddle reflects of the waves
-BAND_END = 1.01  # of half a period: a band that ends there contains it
-PLACES = 2001  # along the bed
 REFLECTED = 0.1  # of waves, by a sponge: steep ones broke from 0.2 on (docs/absorption.md)
 LAYERS = 2000  # of a sponge
-WEAK = 0.01  # of a sponge's largest rate: below it waves are hardly damped
-LISTED = 3  # sensors that a warning lists
-
-
-def reflected_harmonics(scene: Case) -> Iterator[RunWarning]:
-    """Yield a warning for each paddle that absorbs waves, but not the harmonics that the bed before it frees."""
-    bed = scene.depths()
-    if not callable(bed) or scene.physics == "linear" or len(scene.paddles) < 2 or scene.sponge is not None:
-        return
-    for view, other in zip(scene.paddles, reversed(scene.paddles), strict=True):
-        absorb, period = getattr(view.wall, "absorb", None), other.period
-        if absorb is None or period is None or (wave := highest_wave(other)) is None:
-            continue
-        half, (shortest, _) = period / 2, absorb.band(view.tank, paddles=scene.paddle_periods)
-        if shortest <= BAND_END * half:
-            continue
-        freed = free_second_harmonics(other, bed, wave.height / 2, period)
-        periods = np.array([half])
-        back = float(absorb.reflection(periods, view.tank, view.wall.wavemaker, paddles=scene.paddle_periods)[0])
-        if back * freed > MUCH:
-            details = {"period": period, "freed": freed, "shortest": shortest, "reflected": back, "half": half}
-            yield RunWarning("harmonics-reflected", key=view.key, value=back * freed, limit=MUCH, details=details)
-
-
-def free_second_harmonics(end: EndWall, bed: Depth, amplitude: float, period: float) -> float:
-    """Return the free second harmonics before the wall opposite a paddle over its waves there, 1 at most.
-
-    The bed is d(x, y) [m]; amplitude [m] and period [s] are those of the waves at the paddle.
-    """
-    x, step = np.linspace(0.0, end.tank.length, PLACES, retstep=True, dtype=np.float64)
-    omega, g = 2 * np.pi / period, end.tank.gravity
-    depth = bed(x[::-1] if end.far else x, np.zeros_like(x))
-    root = np.sqrt(depth)
-    first, second = (airy.wave_number(n * omega * root, 1.0, g) for n in (1, 2))  # times the depth
-    fluxes = [root * airy.group_velocity(one, 1.0, g) for one in (first, second)]
-    waves, free = (np.sqrt(flux[-1] / flux) for flux in fluxes)  # over those at the end
-    waves *= amplitude / waves[0]
-    steepness = first / depth * waves
-    bound = np.array([stokes(*one).ratios[1] for one in zip(steepness, first, strict=True)]) * waves / free
-    detuning = (second - 2 * first) / depth
-    phase = step * (np.cumsum((detuning[1:] + detuning[:-1]) / 2) - detuning[1:] / 2)
-    return min(1.0, float(abs(np.sum(np.diff(bound) * np.exp(-1j * phase))) / waves[-1]))
 
 
 def reflecting_sponge(scene: Case) -> Iterator[RunWarning]:
@@ -313,32 +208,6 @@ def _length(scene: Case) -> float | None:
         return scene.sponge.length
     layout = getattr(scene.tank, "layout", None) if isinstance(scene.sponge, GroupSponge) else None
     return getattr(layout, "sponge_length", None)
-
-
-def damped_sensors(scene: Case, waves: AnyWaves) -> Iterator[RunWarning]:
-    """Yield a warning if the sponge damps waves at gauges, at a load on an end, or at the focus; collective.
-
-    The damping rate of the nearest node decides, of an end that in its middle.
-    """
-    sensors = {f"gauge {gauge.name}": (gauge.x, gauge.y) for gauge in scene.all_gauges}
-    sensors |= {f"load {load.called}": scene.amid_end(load.on) for load in scene.loads if load.on in ENDS}
-    motion = getattr(scene.wall, "motion", None)
-    for key in ("x", "focus_x"):
-        if isinstance(place := getattr(motion, key, None), float):
-            sensors[f"wall.motion.{key}"] = (scene.x_min + place, 0.0)
-    if waves.damping is None or not sensors:
-        return
-    plane, gamma = waves.plane, waves.damping
-    distance, nearest = cKDTree(plane.places).query(list(sensors.values()))
-    each = plane.comm.allgather((distance, np.append(gamma, 0.0)[nearest]))
-    distances, rates = map(np.array, zip(*each, strict=True))
-    rate = np.take_along_axis(rates, distances.argmin(axis=0)[None], axis=0)[0]
-    weak = WEAK * plane.comm.allreduce(float(gamma.max(initial=0.0)), op=MPI.MAX)
-    damped = [name for name, one in zip(sensors, rate, strict=True) if one > weak]
-    if damped:
-        more = f" and {len(damped) - LISTED} more" if len(damped) > LISTED else ""
-        details = {"sensors": ", ".join(damped[:LISTED]) + more}
-        yield RunWarning("sensors-in-sponge", key="sponge", value=float(rate.max()), limit=weak, details=details)
 
 
 # ------------------------------------------------------------------------------------------ cells, orders, steps

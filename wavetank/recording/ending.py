@@ -10,7 +10,6 @@ from wavetank.output.checkpoint import last_checkpoint, readable_checkpoints
 from wavetank.output.directory import BREAKING, BROKEN
 from wavetank.output.files import RunLog
 from wavetank.output.writer import RunWriter
-from wavetank.planning.checks import noise
 from wavetank.recording.checkpointer import Checkpointer
 from wavetank.recording.log import Warnings
 from wavetank.simulation.construction import AnyWaves
@@ -145,7 +144,6 @@ def _explained(error: BreakdownError, run: Run, waves: NonlinearWaves, scene: Ca
         tolerance=scene.numerics.tolerance,
         frequency_shift=scene.frequency_shift,
         warned=next(warned, None),
-        noise=str(next(noise(scene), "")),
     )
     for one in (one for one in breaking_filters(run) if one.watch.recorded):
         enough = ", and the eddy viscosity was not enough" if isinstance(one, BreakingDissipation) else ""

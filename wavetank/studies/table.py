@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.box import SIMPLE
 from rich.table import Table
 from scipy.special import stdtrit
@@ -21,6 +20,7 @@ from wavetank.run_warning import RunWarning
 from wavetank.studies.measures import Errors, Responses, responded
 from wavetank.studies.runs import Outcome
 from wavetank.studies.sweep import Axis, Combination, Refused
+from wavetank.waves.wave import Array
 
 CPU, BROKE = "CPU [s]", "broke"
 COSTS = {  # column: keys of the manifest; CPU and wall time are those of stepping
@@ -178,38 +178,36 @@ class Ensemble(NamedTuple):
     Attributes
     ----------
     settings
-        Values of the other keys by their names.
+        The values of the other keys by name.
+    response
+        Its label.
     values
-        Of the runs that have finished, shape (runs,), in the order of the seeds.
+        Of the runs that have a number, shape (runs,).
     warned
-        Indices of runs that have warnings.
+        Which of these have warnings.
+    mean, half_width
+        The mean, and half the width of its 95 % confidence interval by Student's t; nan of one run.
+    spread, quantiles
+        The sample standard deviation, nan of one run; 5, 50 and 95 % quantiles, interpolated between the runs.
     """
 
     settings: dict[str, str]
     response: str
-    values: NDArray[np.float64]
-    warned: Sequence[int] = ()
+    values: Array
+    warned: Sequence[int]
+    mean: float
+    half_width: float
+    spread: float
+    quantiles: tuple[float, ...]
 
-    @property
-    def mean(self) -> float:
-        """The mean."""
-        return float(self.values.mean())
-
-    @property
-    def spread(self) -> float:
-        """The sample standard deviation; nan of one run."""
-        return float(self.values.std(ddof=1)) if self.values.size > 1 else np.nan
-
-    @property
-    def half_width(self) -> float:
-        """Half the width of the 95 % confidence interval of the mean, by Student's t; nan of one run."""
-        runs = self.values.size
-        return float(stdtrit(runs - 1, (1 + CONFIDENCE) / 2)) * self.spread / runs**0.5 if runs > 1 else np.nan
-
-    @property
-    def quantiles(self) -> tuple[float, ...]:
-        """The 5, 50 and 95 % quantiles, interpolated between the runs."""
-        return tuple(float(one) for one in np.quantile(self.values, QUANTILES))
+    @classmethod
+    def of(cls, settings: dict[str, str], response: str, values: Array, warned: Sequence[int]) -> "Ensemble":
+        """Return an ensemble with its statistics."""
+        runs = values.size
+        spread = float(values.std(ddof=1)) if runs > 1 else np.nan
+        half_width = float(stdtrit(runs - 1, (1 + CONFIDENCE) / 2)) * spread / runs**0.5 if runs > 1 else np.nan
+        quantiles = tuple(map(float, np.quantile(values, QUANTILES)))
+        return cls(settings, response, values, warned, float(values.mean()), half_width, spread, quantiles)
 
     def cells(self, digits: int) -> list[str]:
         """Return the statistics in ``COLUMNS`` as text."""
@@ -232,7 +230,7 @@ def ensembles(rows: Sequence[Row], axes: Sequence[Axis]) -> list[Ensemble]:
             if finite:
                 values = np.array([row.responses[name] for row in finite])
                 warned = [n for n, row in enumerate(finite) if row.warnings]
-                result.append(Ensemble(dict(zip(keys, key, strict=True)), name, values, warned))
+                result.append(Ensemble.of(dict(zip(keys, key, strict=True)), name, values, warned))
     return result
 
 

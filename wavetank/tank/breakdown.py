@@ -242,7 +242,6 @@ def cause(
     tolerance: float,
     frequency_shift: float = 1.0,
     warned: float | None = None,
-    noise: str = "",
 ) -> Cause:
     """Return why a step dt [s] from a state failed; collective.
 
@@ -259,8 +258,6 @@ def cause(
         named allows for.
     warned
         The step that the watch on it has named [s]: none is named that is longer.
-    noise
-        A sentence on the noise of a paddle's record, if it has some.
     """
     if not _are_numbers(waves, q, p):
         return Cause(
@@ -282,8 +279,6 @@ def cause(
             f"{flow.largest_slope:.2g})"
         )
         if flow.largest_slope < FLAT and not narrow:
-            if noise:
-                return Cause(f"{what}: {noise}")
             return Cause(
                 f"{what}: the solves do not get as exact as asked in water {waves.depth:.3g} m deep on "
                 f"cells of {waves.plane.cell_size:.3g} m; a larger numerics.tolerance, or other cells, may do",
