@@ -1,23 +1,17 @@
 """When steps are: they end where the duration, or a record of the paddle, ends. The oracle is arithmetic."""
 
-from io import StringIO
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from mpi4py import MPI
 from ranks import CHECKOUT
-from rich.console import Console
 
-from wavetank.case import Case
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
-from wavetank.recording import record_run
 from wavetank.simulation.build import build_clock, build_run, end_message
 from wavetank.simulation.clock import Clock
-from wavetank.values.case_model import CaseError
 
 times = st.floats(1e-3, 1e3)
 
@@ -103,24 +97,3 @@ def test_a_record_of_another_time_is_refused(wavetank, tmp_path):
     assert result.returncode == 2 and not (tmp_path / "run").exists()
     line = f"{case}, line 10: run.duration = 10.0: must be more than 100 s, where the recorded motion begins."
     assert result.stderr.strip() == f"wavetank: {line}"
-
-
-OTHERS = "numerics.cell_size would name others, numerics.accuracy has them planned with the step"
-ORIGINS = {  # what a case has beside a step of 3 s: where its cells come from
-    "named": ({"cells": 12}, 2, "its cells are those of numerics.cells = 12"),
-    "their size": ({"cell_size": 0.25}, 2, "its cells are those of numerics.cell_size = 0.25"),
-    "a short wave": ({}, 16, "its cells of 0.0417 m are as small as the shortest wave of the case requires; num"),
-    "a long one": ({"order": 4}, 2, f"its cells of 0.2 m are usual for the depth; {OTHERS}"),
-}
-
-
-@pytest.mark.parametrize(("numerics", "mode", "origin"), ORIGINS.values(), ids=ORIGINS)
-def test_a_step_too_long_for_its_mesh_tells_where_that_comes_from(tmp_path, numerics, mode, origin):
-    parts = {
-        "tank": {"length": 2.0, "depth": 1.0},
-        "initial": {"type": "standing-wave", "wave_amplitude": 1e-3, "mode": mode},
-        "run": {"duration": 6.0},
-        "numerics": {"dt": 3.0, **numerics},
-    }
-    with pytest.raises(CaseError, match=r"numerics.dt = 3.0: must be below 0.\d+ s, .*; " + origin):
-        record_run(Case.model_validate(parts), tmp_path / "run", comm=MPI.COMM_SELF, console=Console(file=StringIO()))

@@ -17,8 +17,7 @@ from wavetank.analysis.compare import compare, compare_harmonics, matched
 from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.output.writer import RunWriter
-from wavetank.plots.compare_command import tank_note
-from wavetank.plots.tables import clock_note, comparison_table, extremes_table, harmonics_table
+from wavetank.plots.tables import comparison_table, extremes_table, harmonics_table
 
 
 def group(t, t0):
@@ -181,19 +180,6 @@ def test_records_that_cannot_be_compared_are_bad_input():
             compare(computed, reference)
 
 
-def test_runs_in_different_tanks_are_told(tmp_path):
-    """But not what only one of them knows, as of another version, and nothing of data."""
-    tanks = {"a": {"length": 10.0, "depth": 1.0}, "b": {"length": 12.0, "depth": 1.0, "bed": None}}
-    tanks["c"] = tanks["b"] | {"bed": {"type": "beach"}}
-    for name, tank in tanks.items():
-        with RunWriter(tmp_path / name, {"scene": {"tank": tank}}):
-            pass
-    a, b, c = (str(tmp_path / name) for name in tanks)
-    assert tank_note(a, b) == "warning: the runs are of different tanks: tank.length = 10.0 and 12.0"
-    assert tank_note(b, c) == "warning: the runs are of different tanks: tank.bed"
-    assert tank_note(a, a) == tank_note(a, "measured.csv") == ""
-
-
 def test_what_is_neither_a_run_nor_a_data_set_is_said(tmp_path, capsys):
     with RunWriter(tmp_path / "run", {}) as writer:
         writer.gauges([("1", 1.0)]).append([0.0, 0.0])
@@ -240,16 +226,6 @@ def test_arrivals_of_different_waves_are_not_paired():
     found = only(compare(gauges(gauge("g", 1.0, t, 0.92 * train)), gauges(gauge("g", 1.0, t, train))))
     assert np.isnan(found.arrival_error) and found.shift == pytest.approx(0.0, abs=1e-3)
     assert against(waves(T - 3.0), waves(T)).arrival_error == pytest.approx(3.0, abs=1e-3)
-
-
-@pytest.mark.parametrize(("late", "factor", "told"), [(6.0, 1.0, "-6.000 s added"), (6.0, -1.0, ""), (0.5, 1.0, "")])
-def test_of_records_on_another_clock_that_is_told(late, factor, told):
-    """Oracle: a group, later in the reference, or besides upside down; what is less than a second a table has."""
-    t = np.arange(0, 60, 0.02)
-    here, there = (0.05 * np.exp(-(((t - t0) / 3) ** 2)) * np.cos(4 * (t - t0)) for t0 in (20.0, 20.0 + late))
-    computed, measured = gauges(gauge("g", 1.0, t, factor * here)), gauges(gauge("g", 1.0, t, there))
-    said = clock_note(computed, measured, compare(computed, measured))
-    assert told in said and bool(said) == bool(told) == ("--clock free" in said)
 
 
 def test_harmonics_are_compared_in_amplitude_and_phase():

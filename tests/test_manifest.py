@@ -13,7 +13,6 @@ from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.manifest import MANIFEST
 from wavetank.output.writer import RunWriter
-from wavetank.plots.compare_command import tank_note
 from wavetank.recording.restart import stored_scene
 from wavetank.status import line, run_status
 
@@ -88,7 +87,6 @@ def test_any_wrong_value_is_refused_or_read(run, write):
         write(changed(manifest, path, wrong))
         for read in (
             lambda: line(run_status(run)),
-            lambda: tank_note(str(run), str(run)),
             lambda: read_record(str(run)),
             lambda: stored_scene(run, extend=1.0),
         ):

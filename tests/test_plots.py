@@ -1,6 +1,5 @@
 """Pictures of a run: they exist, say what they show with units, and interpolate a known group to known accuracy."""
 
-import shutil
 import subprocess
 import sys
 from functools import cache
@@ -125,26 +124,6 @@ def test_a_ring_is_drawn_closed_and_no_water_below_the_bed(tmp_path):
     assert "distance along the ring, x [m]" in text
     assert ">\u22121.0<" in text and ">\u22121.5<" not in text  # ticks [cm]
     assert figures.draw_surface(run).exists()
-
-
-def test_cells_of_high_order_are_drawn_as_curves_between_their_nodes(tmp_path, monkeypatch):
-    """Oracle: quartics, which cells of order 4 hold exactly; nodes as the mesh has them, at Gauss-Lobatto's places."""
-    drawn = []
-    monkeypatch.setattr(figures, "surface_figure", lambda shown, path, **_: drawn.append(shown) or path)
-    within = 0.5 + 0.5 * np.array([-1.0, -np.sqrt(3 / 7), 0.0, np.sqrt(3 / 7)])
-    nodes = np.append((np.arange(3)[:, None] + within).ravel(), 3.0)
-    tank = {"type": "slice", "length": 3.0, "depth": 1.0}
-    for chosen in ({"scene": {"tank": tank, "numerics": {"order": 4}}}, {"planned": {"numerics": {"order": 4}}}):
-        with RunWriter(tmp_path / "run", chosen) as writer:
-            record = writer.surface()
-            for t in range(2):
-                record.append(t, nodes, 0.01 * nodes**4 + t, 0 * nodes)
-        figures.draw_surface(RunDirectory(tmp_path / "run"))
-        shown = drawn.pop()
-        x = shown.x.values
-        assert x.shape[1] == 1201 and np.all(np.diff(x) > 0)
-        assert shown.elevation.values == pytest.approx(0.01 * x**4 + shown.time.values[:, None], abs=1e-12)
-        shutil.rmtree(tmp_path / "run")
 
 
 def test_a_varying_bed_is_drawn_at_its_depth(tmp_path):

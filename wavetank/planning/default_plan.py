@@ -1,7 +1,5 @@
 """Numerics of a case that names an accuracy, or not all numerics: planned, or by its shortest wave."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import NamedTuple
 
 from mpi4py import MPI
@@ -15,7 +13,7 @@ from wavetank.planning.requirements import unplanned
 from wavetank.planning.resolution import DEFAULT, resolved, shortest_wave, too_short
 from wavetank.run_warning import RunWarning
 from wavetank.simulation.initial import with_its_numerics
-from wavetank.values.case_model import CaseError, Problem, about
+from wavetank.values.case_model import CaseError, about
 
 LESS = (0.03, 0.1)  # accuracies that are tried if the default one cannot be reached
 
@@ -90,32 +88,3 @@ def rule_summary(requested: Case) -> str:
         return ""
     rule = f"no accuracy is predicted, cells and vertical order follow a rule (docs/plan.md): {why}"
     return f"{rule}; {wave}" if (wave := str(shortest_wave(requested))) else rule
-
-
-@contextmanager
-def mesh_in_errors(requested: Case, scene: Case) -> Iterator[None]:
-    """Add the origin of the mesh, given or planned, to errors of a time step that is too long for it."""
-    try:
-        yield
-    except CaseError as error:
-        origin = _origin(requested, scene)
-
-        def explained(one: Problem) -> Problem:
-            return one._replace(allowed=f"{one.allowed}; {origin}") if one.key == ("numerics", "dt") else one
-
-        raise CaseError([explained(one) for one in error.problems]) from error
-
-
-def _origin(requested: Case, scene: Case) -> str:
-    """Return the origin of the cells, and the key that changes them."""
-    numerics, cells = requested.numerics, f"its cells of {scene.cell_size:.3g} m"
-    if isinstance(requested.tank, BasinTank) and isinstance(requested.tank.layout, MeshFile):
-        return "its cells are those of the file that tank.layout names"
-    if named := next((key for key in ("cells", "cell_size") if getattr(numerics, key) is not None), ""):
-        return f"its cells are those of numerics.{named} = {getattr(numerics, named):g}"
-    if numerics.accuracy is not None:
-        return f"{cells} are planned for numerics.accuracy = {numerics.accuracy:g}"
-    shorter = scene.numerics.model_fields_set & {"cells", "cell_size"}
-    why = "are as small as the shortest wave of the case requires" if shorter else "are usual for the depth"
-    planned = ", numerics.accuracy has them planned with the step" if unplanned(requested) is None else ""
-    return f"{cells} {why}; numerics.cell_size would name others{planned}"

@@ -32,7 +32,6 @@ from wavetank.simulation.build import ANSWERED, build_clock
 from wavetank.simulation.clock import ROUNDING, Clock
 from wavetank.tank.breakdown import FARTHEST
 from wavetank.tank.dissipation import NEEDED
-from wavetank.values.case_model import CaseError, Problem
 
 ORDERS = (2, 3, 4, 5)
 VERTICAL_ORDERS = tuple(range(2, 17))
@@ -126,16 +125,14 @@ def make_plan(scene: Case, accuracy: float, *, costs: CostModel = BUILT_IN) -> P
     """Return the cheapest plan for a relative error of at most ``accuracy``: ``AIM`` of it is predicted at most.
 
     Raises ``InputError`` for an accuracy that is not between 0 and 1 and a scene that cannot be planned,
-    ``UnreachableError`` if no discretisation searched is as accurate, ``CaseError`` if that is because of the named
-    step or cells.
+    ``UnreachableError`` if no discretisation searched is as accurate.
     """
     if not 0.0 < accuracy < 1.0:
         raise InputError(f"accuracy = {accuracy:g}: must be between 0 and 1.")
     search = _Search(scene, accuracy)
     result = [(search.cost(settings, costs), settings) for settings in search.candidates()]
     if not result:
-        problem = search.step_problem() or search.cells_problem()
-        raise CaseError([problem]) if problem else UnreachableError(f"accuracy = {accuracy:g}: {search.reached}.")
+        raise UnreachableError(f"accuracy = {accuracy:g}: {search.reached}.")
     return search.plan(min(result, key=lambda one: one[0].cpu)[1], costs)
 
 
@@ -146,11 +143,11 @@ def own_plan(scene: Case, accuracy: float, *, costs: CostModel = BUILT_IN) -> Pl
 
 
 class _Search:
-    """All discretisations of a scene; ``given`` are the numerics that are not searched, by default those it names."""
+    """All discretisations of a scene with the numerics that it names."""
 
-    def __init__(self, scene: Case, accuracy: float, *, given: dict[str, Any] | None = None):
+    def __init__(self, scene: Case, accuracy: float):
         self._scene, self._required = scene, requirements(scene, accuracy)  # first: it refuses what cannot be planned
-        self._given, self._shift = named_numerics(scene) if given is None else given, scene.frequency_shift
+        self._given, self._shift = named_numerics(scene), scene.frequency_shift
         self._errors, self._kind = ErrorModel(self._required), kind_of(scene, self._required.physics)
         self._scheme = self._given.get("integrator", SCHEME)
         self._steps = _Steps(self._errors, self._required, scheme=self._scheme, given=self._given.get("dt"))
@@ -186,32 +183,6 @@ class _Search:
             if (dt := self._steps.largest(self._longest_step(mesh), space)) is not None:
                 p, cells, n = mesh.cells.order, round(self._required.tank.length / mesh.cells.size), mesh.vertical_order
                 yield Settings(order=p, cells=cells, vertical_order=n, dt=dt, integrator=self._scheme)
-
-    def _without(self, name: str) -> list[Settings]:
-        """Return the candidates if one of the given numerics were searched; none if it is not given."""
-        if name not in self._given:
-            return []
-        given = {key: value for key, value in self._given.items() if key != name}
-        return [*_Search(self._scene, self._required.accuracy, given=given).candidates()]
-
-    def step_problem(self) -> Problem | None:
-        """Return that the given step is too long, with the longest that is not; None if another is not enough."""
-        if not (candidates := self._without("dt")):
-            return None
-        longest, accuracy = max(settings.dt for settings in candidates), self._required.accuracy
-        allowed = f"must be at most {longest:.4g} s, the longest that is stable and accurate to {accuracy:g}"
-        return Problem(("numerics", "dt"), self._scene.numerics.dt, allowed)
-
-    def cells_problem(self) -> Problem | None:
-        """Return that the given cells are too large, with so many that are not; None if candidates are not enough."""
-        if not (candidates := self._without("cells")):
-            return None
-        numerics, accuracy = self._scene.numerics, f"for an accuracy of {self._required.accuracy:g}"
-        fewest = min(settings.cells for settings in candidates)
-        if numerics.cells is not None:
-            return Problem(("numerics", "cells"), numerics.cells, f"must be more {accuracy}: {fewest} would do")
-        would = f"{self._scene.tank.length / fewest:.4g} m would do"
-        return Problem(("numerics", "cell_size"), numerics.cell_size, f"must be smaller {accuracy}: {would}")
 
     @property
     def reached(self) -> str:

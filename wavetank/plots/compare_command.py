@@ -56,23 +56,9 @@ def compare(
     terminal = console()
     for table in tables:
         terminal.print(table)
-    for line in filter(None, (*lines, *map(data.units_note, (run, reference)), tank_note(run, reference))):
+    for line in filter(None, (*lines, *map(data.units_note, (run, reference)))):
         terminal.print(line, highlight=False)
     terminal.print(f"wrote {', '.join(str(folder / name) for name in names)}", highlight=False)
-
-
-def tank_note(run: str, reference: str) -> str:
-    """Return in what the tanks of two runs differ; nothing where they do not, or where one is no run."""
-    runs = [RunDirectory(one) for one in (run, reference) if (Path(one) / MANIFEST).is_file()]
-    if len(runs) < 2:
-        return ""
-    mine, its = (one.manifest.get("scene", {}).get("tank", {}) for one in runs)
-    parts = [
-        f"tank.{key}" + ("" if {dict, list} & {type(mine[key]), type(its[key])} else f" = {mine[key]} and {its[key]}")
-        for key in mine
-        if key in its and mine[key] != its[key]
-    ]
-    return f"warning: the runs are of different tanks: {', '.join(parts)}" if parts else ""
 
 
 def _clock(text: str) -> tuple[float, float]:
@@ -121,7 +107,7 @@ def _compare_gauges(
         harmonics_figure(folder / "compare-harmonics.png", harmonic)
         result.append(tables.harmonics_table(harmonic))
     gauges_figure(measured, computed, [one for one, _ in rest], folder / "compare.png")
-    return result, [tables.clock_line(offset), tables.clock_note(computed, measured, compared)]
+    return result, [tables.clock_line(offset)]
 
 
 def _compare_heights(

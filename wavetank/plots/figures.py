@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from importlib.util import find_spec
-from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import Formatter
 from numpy.typing import NDArray
-from scipy.interpolate import BarycentricInterpolator, CubicSpline
+from scipy.interpolate import CubicSpline
 from xarray import DataArray, Dataset, concat
 
 from wavetank.analysis.compare import MATCH, compare_gauge, matched
@@ -475,32 +474,6 @@ def _finish(figure: Figure, axes: NDArray[Any], titles: Sequence[str]) -> None:
     common_legend(figure, "outside upper right", ncols=5)
 
 
-# ---------------------------------------------------------------- surface between columns of nodes
-ENOUGH = 1200  # places along a tank: about the pixels of a picture
-
-
-def within_cells(surface: Dataset, order: int) -> Dataset:
-    """Return the surface at places between the nodes as well, by the polynomial of its order in each cell.
-
-    Cells are alike, each between every ``order``-th node and the next; x is a polynomial in them, too. A surface of
-    more places than a picture shows is returned unchanged, and so is one whose number of points is not of whole cells.
-    """
-    intervals = surface.sizes["point"] - 1
-    if order == 1 or intervals < order or intervals % order or intervals >= ENOUGH:
-        return surface
-    cells = intervals // order
-    nodes = order * np.arange(cells)[:, None] + np.arange(order + 1)
-    last = surface.x.values[0, -order - 1 :]  # of the last cell, which no paddle moves
-    places = np.arange(per_cell := ceil(ENOUGH / cells)) / per_cell
-    shapes = BarycentricInterpolator((last - last[0]) / (last[-1] - last[0]), np.eye(order + 1))(places).T
-
-    def between(values: Array) -> Array:
-        return np.column_stack([(values[:, nodes] @ shapes).reshape(len(values), -1), values[:, -1]])
-
-    fields = {name: (("time", "point"), between(surface[name].values)) for name in ("x", "elevation")}
-    return Dataset(fields, {"time": surface.time})
-
-
 # ---------------------------------------------------------------- all figures of a run
 def draw_run(run: RunDirectory) -> list[Path]:
     """Draw the standard pictures of a run into its directory; return the paths of those drawn.
@@ -548,8 +521,7 @@ def draw_surface(run: RunDirectory) -> Path:
     if surface.time.size < 2:
         number = surface.time.size
         raise InputError(f"{path}: {number} snapshots of the surface received; at least 2 are needed to draw.")
-    numerics = (run.manifest.get("planned") or scene).get("numerics", {})
-    shown = within_cells(_closed(surface, tank["length"]) if ring else surface, numerics.get("order", 1))
+    shown = _closed(surface, tank["length"]) if ring else surface
     return surface_figure(
         shown,
         path,

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 from rich.box import SIMPLE
 from rich.table import Table
-from xarray import DataArray, Dataset
+from xarray import Dataset
 
-from wavetank.analysis.compare import LARGEST_SHIFT, compare
-from wavetank.errors import InputError, write_errors
+from wavetank.errors import write_errors
 from wavetank.output.files import write_atomically
 
 HARMONICS = ("gauge", "x", "harmonic", "computed", "reference", "error", "ahead")  # columns
@@ -57,23 +56,6 @@ def clock_line(offset: float) -> str:
     """Return the line about an offset [s] between both clocks; empty where it is zero."""
     added = f"{offset:+.4g} s added to the reference's times"
     return f"clock: {added}; shifts and arrivals are relative to it" if offset else ""
-
-
-def clock_note(computed: DataArray, reference: DataArray, compared: Dataset) -> str:
-    """Return a note that another clock, by arrival times, explains half of the misfit or more; empty otherwise."""
-    arrivals = compared.arrival_error.values
-    late = float(np.median(arrivals[~np.isnan(arrivals)])) if not np.isnan(arrivals).all() else 0.0
-    if not abs(late) > LARGEST_SHIFT:
-        return ""
-    try:
-        shifted = compare(computed, reference.assign_coords(time=reference.time + late))
-    except InputError:
-        return ""
-    before, after = float(compared.nrms.mean()), float(shifted.nrms.mean())
-    if after > 0.5 * before:
-        return ""
-    added = f"with {late:+.3f} s added to the reference's times nrms is {after:.3f} instead of {before:.3f}"
-    return f"waves arrive at other times than in the reference, {added}: --clock free finds what is to be added"
 
 
 def comparison_table(compared: Dataset) -> Table:

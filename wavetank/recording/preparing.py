@@ -9,7 +9,7 @@ from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
 from wavetank.planning.checks import run_warnings
 from wavetank.planning.cost import check_affordable
-from wavetank.planning.default_plan import mesh_in_errors, planned
+from wavetank.planning.default_plan import planned
 from wavetank.planning.resolution import check_stable
 from wavetank.recording.log import Warnings
 from wavetank.recording.restart import Restart
@@ -47,9 +47,8 @@ def prepared(
     scene, plan_warnings = restart.planned(requested) if restart else planned(requested, comm)
     if not unasked:
         check_affordable(scene, comm)
-    with mesh_in_errors(requested, scene):
-        check_stable(scene, integrator or INTEGRATORS[scene.numerics.integrator](), comm)
-        run, waves = build_run(scene, comm, integrator, beginning=restart.beginning if restart else None)
+    check_stable(scene, integrator or INTEGRATORS[scene.numerics.integrator](), comm)
+    run, waves = build_run(scene, comm, integrator, beginning=restart.beginning if restart else None)
     accuracy = requested.numerics.accuracy
     for warning in (*plan_warnings, *run_warnings(scene, run.clock, waves, own=integrator, accuracy=accuracy)):
         warnings.add(warning)

@@ -12,7 +12,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.text import Annotation
+from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
 from wavetank.case import Case
@@ -26,6 +29,7 @@ from wavetank.plots.style import (
     PURPLE,
     VERMILION,
     entry,
+    lay_out,
     number_logarithms,
     picture,
 )
@@ -40,11 +44,14 @@ STAR: dict[str, Any] = {"marker": "*", "color": ORANGE, "ms": 15, "mec": INK, "l
 OPEN: dict[str, Any] = {"ls": "", "mfc": "white"}  # a run that has warnings
 CROSS: dict[str, Any] = {"marker": "x", "color": INK, "ms": 7, "mew": 1.5, "ls": ""}  # a run that has not finished
 FRONT: dict[str, Any] = {"color": INK, "ls": (0, (5, 3)), "lw": 1.4}
-SETTINGS: dict[str, Any] = {"ha": "right", "va": "top", "fontsize": 8, "zorder": 7}
 RUN, MEAN, QUANTILE = PALE_GREY, BLUE, VERMILION  # of an ensemble
 WARNED = "open: the run has warnings (study.csv)"
+LEGEND_COLUMNS = 4  # at most
 PANEL_COLUMNS = 3  # at most
 TICKS = 5  # about the largest number of ticks of an axis
+MARGIN = 0.25  # part of the width left of the marks, and of the height below them, for texts
+AROUND = 4.0  # pixels around a mark that no text covers
+OFFSETS = ((-7, -5), (-7, 5), (7, 5), (7, -5), (0, -9), (0, 9), (-7, -16), (7, 16))  # of a text from its mark [points]
 
 Point = tuple[float, float]
 
@@ -123,6 +130,15 @@ def _status_entries(rows: Sequence[Row], **cross: Any) -> list[Line2D]:
     return [*warned, *ended, *([entry(damped(rows), ls="")] if damped(rows) else [])]
 
 
+def _legend_below(figure: Figure, handles: Sequence[Line2D]) -> None:
+    """Draw a legend, if it has entries, below the panels, in at most four columns that fit the width."""
+    for columns in range(min(LEGEND_COLUMNS, len(handles)), 0, -1):
+        legend = figure.legend(handles=handles, loc="outside lower center", ncols=columns)
+        if columns == 1 or legend.get_window_extent().width <= figure.bbox.width:
+            return
+        legend.remove()
+
+
 def pareto_front(points: Sequence[Point]) -> list[int]:
     """Return the indices of the points (cost, error) that no other point dominates, by ascending cost."""
     front: list[int] = []
@@ -141,33 +157,79 @@ def draw_trade(rows: Sequence[Row], axes: Sequence[Axis], path: Path, *, title: 
     styles = MarkStyles(axes, next((axis for axis in axes if axis.name != INTEGRATOR), None))
     names = [name for name in measured(rows) if name != CREST_ERROR]
     with picture(path, 1.0 + 5.5 * len(names), 5.6) as figure:
-        for panel, name in zip(figure.subplots(1, len(names), squeeze=False)[0], names, strict=True):
+        panels = figure.subplots(1, len(names), squeeze=False)[0]
+        labels = [
             _draw_errors(panel, [row for row in rows if row.errors.get(name)], name, styles)
+            for panel, name in zip(panels, names, strict=True)
+        ]
         settings = f" ({styles.text_labels})" if styles.text_labels else ""
         front = entry(f"Pareto front{settings}: none is cheaper and more precise", **FRONT)
-        handles = [*styles.legend(rows), *_status_entries(rows), front]
-        figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 2 * len(names)))
+        _legend_below(figure, [*styles.legend(rows), *_status_entries(rows), front])
         figure.suptitle(f"{title}{': ' if title else ''}work and precision", fontsize=12, parse_math=False)
+        lay_out(figure)  # positions in pixels are final from here on
+        for panel, texts in zip(panels, labels, strict=True):
+            _label_points(panel, texts)
     return path
 
 
-def _draw_errors(panel: Axes, rows: Sequence[Row], name: str, styles: MarkStyles) -> None:
-    """Draw the errors of a name against cost, and the settings of the points of the Pareto front."""
+def _draw_errors(panel: Axes, rows: Sequence[Row], name: str, styles: MarkStyles) -> dict[Point, str]:
+    """Draw the errors of a name against cost; return the settings of the points of the Pareto front."""
 
     def point(row: Row) -> Point:
         return row.costs[CPU], abs(row.errors[name])
 
     panel.set(xscale="log", yscale="log", xlabel="CPU time of stepping [s]", ylabel=name)
-    panel.margins(0.15)
     styles.draw(panel, rows, point)
+    low, high = panel.get_xlim()
+    panel.set_xlim(low * (low / high) ** MARGIN, high)
+    low, high = panel.get_ylim()
+    panel.set_ylim(low * (low / high) ** (MARGIN / 4), high)
+    number_logarithms(panel.xaxis)
+    number_logarithms(panel.yaxis)
     swept = [row for row in rows if not row.mark]
     front = [swept[i] for i in pareto_front([point(row) for row in swept])]
     if front:
         panel.plot(*zip(*map(point, front), strict=True), **FRONT, zorder=5)
-    for row in front:
-        panel.annotate(styles.text(row), point(row), xytext=(-6, -6), textcoords="offset points", **SETTINGS)
-    number_logarithms(panel.xaxis)
-    number_logarithms(panel.yaxis)
+    return {point(row): styles.text(row) for row in reversed(front)}
+
+
+def _label_points(panel: Axes, texts: dict[Point, str]) -> None:
+    """Label points at the first offset that covers neither lines, marks nor texts, else no marks and no texts."""
+    lines = [panel.transData.transform(np.column_stack(line.get_data())) for line in panel.lines]
+    marks = [Bbox.from_extents(*(place - AROUND), *(place + AROUND)) for line in lines for place in line]
+    samples = np.concatenate(
+        [np.linspace(line[:-1], line[1:], 100).reshape(-1, 2) for line in lines] or [np.empty((0, 2))]
+    )
+    for point, text in texts.items():
+        candidates = [_annotation(panel, text, point, offset) for offset in OFFSETS]
+        boxes = {one: one.get_window_extent() for one in candidates}
+        free = [
+            one for one in candidates if panel.bbox.containsx(boxes[one].x0) and not boxes[one].count_overlaps(marks)
+        ]
+        chosen = next((one for one in free if not boxes[one].count_contains(samples)), next(iter(free), None))
+        for one in candidates:
+            if one is not chosen:
+                one.remove()
+        if chosen:
+            marks.append(boxes[chosen])
+
+
+def _annotation(panel: Axes, text: str, point: Point, offset: tuple[int, int]) -> Annotation:
+    """Return a new text at an offset [points of print] from a point."""
+    right, above = offset
+    annotation = panel.annotate(
+        text,
+        point,
+        xytext=offset,
+        textcoords="offset points",
+        ha="left" if right > 0 else "right" if right else "center",
+        va="bottom" if above > 0 else "top",
+        fontsize=8,
+        bbox={"facecolor": "white", "alpha": 0.7, "linewidth": 0, "pad": 0.5},
+        zorder=7,
+    )
+    annotation.set_in_layout(False)
+    return annotation
 
 
 def draw_responses(rows: Sequence[Row], axes: Sequence[Axis], path: Path, *, title: str = "") -> Path:
@@ -281,7 +343,7 @@ def _draw_panels(
             panel.set(xlabel=xlabel, ylabel=name)
         for empty in list(panels):
             empty.set_axis_off()
-        figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 1 + across))
+        _legend_below(figure, handles)
         figure.suptitle(title, fontsize=12, parse_math=False)
     return path
 
@@ -293,14 +355,18 @@ def _is_number(value: str) -> bool:
         return False
 
 
+def _is_numeric(axis: Axis) -> bool:
+    """Return whether all values of an axis are finite numbers."""
+    return all(map(_is_number, axis.values))
+
+
 def _positions(axis: Axis) -> dict[str, float]:
     """Return the position of each value: the value itself, or its index if not all values are numbers."""
-    numeric = all(map(_is_number, axis.values))
-    return {value: float(value) if numeric else float(n) for n, value in enumerate(axis.values)}
+    return {value: float(value) if _is_numeric(axis) else float(n) for n, value in enumerate(axis.values)}
 
 
 def _set_ticks(panel: Axes, axis: Axis) -> None:
-    if all(map(_is_number, axis.values)):
+    if _is_numeric(axis):
         panel.locator_params(axis="x", nbins=TICKS)
     else:
         panel.set_xticks(range(len(axis.values)), axis.values)
@@ -309,7 +375,7 @@ def _set_ticks(panel: Axes, axis: Axis) -> None:
 def _axis_label(rows: Sequence[Row], axis: Axis) -> str:
     """Return a key with the unit of its numbers, from a scene that has results."""
     scene = next(row.scene for row in rows if row.results)
-    return f"{axis.name} [{unit(scene, axis.key) or '-'}]" if all(map(_is_number, axis.values)) else axis.name
+    return f"{axis.name} [{unit(scene, axis.key) or '-'}]" if _is_numeric(axis) else axis.name
 
 
 def unit(scene: Case, key: str) -> str:
