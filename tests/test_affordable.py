@@ -8,7 +8,7 @@ from mpi4py import MPI
 from wavetank.case import Case
 from wavetank.cli import main
 from wavetank.planning import cost
-from wavetank.planning.cost import BUILT_IN, OutputCost, needs_of
+from wavetank.planning.cost import OutputCost, needs_of
 from wavetank.simulation import memory
 from wavetank.simulation.build import build_run
 from wavetank.simulation.clock import Clock, EverySteps, EveryTimeBetween
@@ -24,12 +24,6 @@ LAYOUTS = {
 }
 TANKS = {name: {"type": "basin", "depth": 0.5, "layout": layout} for name, layout in LAYOUTS.items()}
 TANKS |= {"slice": {"length": 20.0, "depth": 0.5}, "ring": {"type": "ring", "length": 20.0, "depth": 0.5}}
-
-
-@pytest.fixture(autouse=True)
-def no_costs_of_this_machine(monkeypatch):
-    """What the user may have measured here is none of the tests' business."""
-    monkeypatch.setattr(cost, "machine_costs", lambda: BUILT_IN)
 
 
 def scene(tank, **more):

@@ -25,7 +25,7 @@ from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS, Simpson4, registered
-from wavetank.planning.cost import BUILT_IN, KINDS
+from wavetank.planning.cost import CONSTANTS, KINDS
 
 CASES = Path(__file__).resolve().parents[1] / "cases"
 
@@ -198,7 +198,7 @@ def test_case_with_cached_motion_is_picklable(write_case):
 
 def test_every_integrator_of_a_case_is_registered_with_what_plans_need():
     assert set(get_args(IntegratorName)) ^ set(INTEGRATORS) == set()
-    assert {*BUILT_IN.constants} == {f"{kind} {name}" for kind in KINDS for name in get_args(IntegratorName)}
+    assert {*CONSTANTS} == {f"{kind} {name}" for kind in KINDS for name in get_args(IntegratorName)}
     named = ("name", "order", "stability_limit", "frequency_error", "nodes", "start", "step", "solvable")
     scheme = type("Mine", (), {name: getattr(Simpson4, name) for name in named})
     with pytest.raises(TypeError, match=r"^Mine has no costs; a case needs them \(docs/extend.md\)\.$"):

@@ -1,8 +1,7 @@
 """The plan: the discrete dispersion relation against the tank itself, predicted errors against measured ones."""
 
-import json
 import re
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,6 @@ from wavetank.fem.plane import Plane
 from wavetank.integrators import INTEGRATORS, StormerVerlet
 from wavetank.output.directory import RunDirectory
 from wavetank.planning import cost, timing
-from wavetank.planning.cost import CostModel
 from wavetank.planning.dispersion import Mesh, UniformCells, step_errors
 from wavetank.planning.plan import AIM, UnreachableError, make_plan, named_numerics, own_plan
 from wavetank.planning.requirements import requirements, stokes
@@ -35,7 +33,6 @@ from wavetank.waves import airy
 from wavetank.waves.wavemaker import PISTON
 
 GRAVITY = 9.81
-COSTS = cost.BUILT_IN
 
 
 def mesh(order, size, n, depth=1.0):
@@ -245,7 +242,7 @@ def test_cost_of_steep_waves_is_that_of_their_solves(steepness):
         solves.append(waves.potential.counters.solves - before)
     settings = Settings(order=4, cells=4, vertical_order=8, dt=0.1, integrator="simpson-4")
     crests = [k_a * (1 + 1.5 * k_a) for k_a in (0.02, steepness)]  # 1.45 k a at 0.3
-    small, steep = (COSTS.step("nonlinear", settings, 1.0, steepness=crest) for crest in crests)
+    small, steep = (cost.step_cost("nonlinear", settings, 1.0, steepness=crest) for crest in crests)
     assert steep / small == pytest.approx(solves[1] / solves[0], rel=0.25)
 
 
@@ -350,7 +347,7 @@ def gauge_records(scene, settings, *, every=1, at=None):
 )
 def test_plan_reaches_its_accuracy(kd, accuracy):
     scene, period = standing(kd, 2)
-    plan = make_plan(scene, accuracy, costs=COSTS)
+    plan = make_plan(scene, accuracy)
     assert plan.physics == "linear"
     assert plan.error <= AIM * accuracy
     assert plan.dt_omega_max < INTEGRATORS[plan.settings.integrator].stability_limit
@@ -384,7 +381,7 @@ def test_free_second_harmonic_of_a_paddle_is_the_measured_one(wall, measured):
 def test_coarser_numerics_than_planned_miss_the_accuracy():
     """One vertical order less or a step 10 % longer, all else as planned, is too inaccurate or unstable."""
     scene, _ = standing(1.5, 8)
-    plan = make_plan(scene, 1e-2, costs=COSTS)
+    plan = make_plan(scene, 1e-2)
     errors, best = ErrorModel(requirements(scene, 1e-2)), plan.settings
     limit = INTEGRATORS[best.integrator].stability_limit
     for change in ({"vertical_order": best.vertical_order - 1}, {"dt": 1.1 * best.dt}):
@@ -422,7 +419,7 @@ def asking(numerics, *, kd=1.5):
 )
 def test_numerics_named_beside_an_accuracy_are_not_replaced(numerics):
     scene = asking(numerics)
-    chosen = make_plan(scene, 1e-2, costs=COSTS).applied_to(scene)
+    chosen = make_plan(scene, 1e-2).applied_to(scene)
     for key, value in numerics.items():
         if key == "cell_size":
             assert chosen.cells == round(scene.tank.length / value)
@@ -449,7 +446,7 @@ def test_named_numerics_survive_a_dump():
 )
 def test_unreachable_accuracy_is_refused_with_the_named_numerics(numerics, kd, message):
     with pytest.raises(UnreachableError, match=message):
-        make_plan(asking(numerics, kd=kd), 1e-4, costs=COSTS)
+        make_plan(asking(numerics, kd=kd), 1e-4)
 
 
 @pytest.mark.parametrize("duration", [3.0, 4.5])
@@ -613,7 +610,7 @@ def test_edge_penalty_is_needed_in_strong_currents():
         initial = {"type": "stream-function", "steepness": steepness}
         run = {"duration": 4.0}
         scene = Case.model_validate({"tank": tank, "initial": initial, "run": run, "numerics": {"cells": 32}})
-        said.append(own_plan(scene, 1e-3, costs=COSTS).reasons[-1])
+        said.append(own_plan(scene, 1e-3).reasons[-1])
     assert said[0].startswith("edge penalty: none")
     assert said[1].startswith("edge penalty: needed")
 
@@ -625,22 +622,9 @@ def test_plan_counts_the_cost_of_probes():
     asked = {"tank": tank, "initial": initial, "run": {"duration": 4.0}, "numerics": {"cells": 6}}
     probed = {"probes": [{"x": 1.0, "z": -0.1}]}
     scenes = [asked, asked | probed, asked | probed | {"output": {"probes_every": 10}}]
-    bare, often, rarely = (own_plan(Case.model_validate(one), 1e-2, costs=COSTS) for one in scenes)
+    bare, often, rarely = (own_plan(Case.model_validate(one), 1e-2) for one in scenes)
     assert often.cost.cpu - bare.cost.cpu == pytest.approx(10 * (rarely.cost.cpu - bare.cost.cpu))
-    assert often.cost_by(COSTS) == often.cost and often.cost.memory > bare.cost.memory
+    assert often.cost.memory > bare.cost.memory
     part = 1.0 - bare.cost.cpu / often.cost.cpu
     assert f"{often.steps} times" in often.reasons[-1] and f": {part:.0%} of the time." in often.reasons[-1]
     assert not any("are evaluated" in reason for reason in bare.reasons)
-
-
-def test_measured_costs_are_read_from_the_cache(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    fitted = CostModel(cost.machine(), COSTS.constants)
-    monkeypatch.setattr(timing, "calibrate", lambda: fitted)
-    assert cost.machine_costs() is cost.BUILT_IN  # nothing is measured unless asked for
-    assert timing.measured_costs().machine == cost.machine_costs().machine == cost.machine()
-    kept = asdict(fitted)
-    without_one = {key: kept["constants"][key] for key in kept["constants"] if key != "linear simpson-4"}
-    for unusable in ("not JSON", "[]", *map(json.dumps, ({**kept, "constants": without_one}, {**kept, "version": 5}))):
-        (tmp_path / "wavetank" / "cost.json").write_text(unusable)
-        assert cost.machine_costs() is cost.BUILT_IN

@@ -24,9 +24,6 @@ def plan(
         typer.Option(help="relative error of the elevation; default: the case's numerics.accuracy, or 0.01"),
     ] = None,
     overrides: Overrides = None,
-    calibrate: Annotated[
-        bool, typer.Option("--calibrate", help="measure first, about a minute, what a step costs on this machine")
-    ] = False,
 ) -> None:
     """Print what a case requires, and the cheapest numerics for it.
 
@@ -36,7 +33,7 @@ def plan(
     """
     from wavetank.planning.report import report
 
-    report(case, accuracy, overrides or [], calibrate=calibrate)
+    report(case, accuracy, overrides or [])
 
 
 def motion(

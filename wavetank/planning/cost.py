@@ -3,14 +3,14 @@
 **A step** costs (a + b S + c E) + (a' + b' S + c' E) dt omega_max seconds, S = p cells + 1 surface values and
 E = S (n+1) (p+2) entries of the operator; longer steps need more iterations. The constants of each kind of waves
 (linear; nonlinear; nonlinear and driven by a piston) and scheme are fitted to timed runs of waves of k a = 0.1 with all
-records (``timing.py``), with five cells in a wave as in plans: with more, the same dt omega_max is a smaller part of
-the period, predictors are better, and Gauss-Legendre's stages need half of the solves. Steeper waves need more solves a
-step, by the factor 1 + ``STEEPER`` (s² - 0.01) with s = k times the crest's height: measured, to 25 %, of standing
-waves up to k a = 0.3, at the tolerance of plans for a percent.
+records (``benchmarks/costs.py``), with five cells in a wave as in plans: with more, the same dt omega_max is a smaller
+part of the period, predictors are better, and Gauss-Legendre's stages need half of the solves. Steeper waves need more
+solves a step, by the factor 1 + ``STEEPER`` (s² - 0.01) with s = k times the crest's height: measured, to 25 %, of
+standing waves up to k a = 0.3, at the tolerance of plans for a percent.
 
 The schemes contain the constants of one machine (``costs``; a scheme without has those of the default scheme): the
 choice of a plan needs ratios only, and is the same everywhere. They are measured by
-``python -m benchmarks --only costs``. Those of another machine are in its user's cache, for CPU seconds in reports.
+``python -m benchmarks --only costs``.
 
 **Records below the surface** need one more interior solve and products, on a second system
 (``tank/kinematics.py``), once for all that are due at a step; then points are evaluated and written. Measured (``ROW``,
@@ -26,9 +26,6 @@ predicts; a basin's step 1.2e-6 s an unknown and a hundredth of a second, betwee
 unknowns (docs/peers.md), and 900 bytes a degree of freedom of the surface, 130 more for each mode (docs/scaling.md).
 """
 
-import json
-import platform
-from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -37,7 +34,6 @@ import numpy as np
 from mpi4py import MPI
 
 from wavetank.arrays import Vector
-from wavetank.cache import places
 from wavetank.case import BasinTank, Case, Physics
 from wavetank.case.output import PADDLE
 from wavetank.case.wall import ActiveAbsorption, HingedWall, ShapedWall, SpringDamper
@@ -52,8 +48,6 @@ from wavetank.simulation.clock import Clock, EveryTimeBetween
 from wavetank.simulation.memory import available_memory
 from wavetank.values.case_model import CaseError, CaseModel, Problem
 
-FILE = "cost.json"  # of the cache
-VERSION = 10  # of its content
 FITTED, STEEPER = 0.1, 3.0  # steepness at which constants are fitted, and factor of steeper waves
 KINDS = {"linear": ("linear", False), "nonlinear": ("nonlinear", False), "driven": ("nonlinear", True)}
 BASE = 185e6  # bytes: Python with dolfinx and PETSc, and a tank of ten cells; largest resident size, x86-64
@@ -90,11 +84,6 @@ def _kind_of_wall(wall: CaseModel) -> str:
     if isinstance(wall, ShapedWall):
         return "leaning" if isinstance(wall, HingedWall) and wall.hinge <= 0.0 else "bent"
     return "driven"
-
-
-def fitted_kind(kind: str) -> str:
-    """Return the kind whose constants are fitted: "driven" for all paddles."""
-    return "driven" if kind in PADDLE_FACTORS else kind
 
 
 def entries_of(order: int, cells: int, vertical_order: int) -> int:
@@ -190,72 +179,36 @@ def features(order: int, cells: int, vertical_order: int, dt_omega_max: float) -
     return np.asarray(np.outer([1.0, dt_omega_max], sizes).ravel(), dtype=np.float64)
 
 
-@dataclass(frozen=True)
-class CostModel:
-    """Constants measured on a machine.
-
-    Attributes
-    ----------
-    machine
-        Name of the machine.
-    constants
-        (a, b, c, a', b', c') [s] by kind of waves and integrator, e.g. ``"linear simpson-4"``.
-    version
-        Of the model.
-    """
-
-    machine: str
-    constants: dict[str, tuple[float, ...]]
-    version: int = VERSION
-
-    def step(self, kind: str, settings: Settings, dt_omega_max: float, *, steepness: float = FITTED) -> float:
-        """Return the CPU seconds of a step in waves of a steepness k times the crest's height."""
-        factor, fitted = PADDLE_FACTORS.get(kind, 1.0), fitted_kind(kind)
-        steeper = 1.0 if kind == "linear" else 1.0 + STEEPER * (steepness**2 - FITTED**2)
-        sizes = features(settings.order, settings.cells, settings.vertical_order, dt_omega_max)
-        constants = self.constants[f"{fitted} {settings.integrator}"]
-        return factor * steeper * float(sizes @ np.array(constants))
-
-    def run(
-        self,
-        kind: str,
-        settings: Settings,
-        *,
-        duration: float,
-        dt_omega_max: float,
-        steepness: float = FITTED,
-        output_cost: OutputCost = NO_OUTPUT,
-    ) -> Cost:
-        """Return the cost of a run of ``duration`` seconds, its output included."""
-        steps = Clock.covering(duration, settings.dt).steps
-        entries = entries_of(settings.order, settings.cells, settings.vertical_order)
-        more = output_cost.in_slice(entries) + output_cost.absorbing_cost(entries)
-        cpu = steps * self.step(kind, settings, dt_omega_max, steepness=steepness) + more
-        return Cost(float(cpu), BASE + output_cost.systems * PER_ENTRY[fitted_kind(kind)] * entries)
+CONSTANTS: dict[str, tuple[float, ...]] = {  # (a, b, c, a', b', c') [s] by kind of waves and integrator
+    f"{kind} {name}": getattr(step_costs(name), kind) for kind in KINDS for name in INTEGRATORS
+}
 
 
-def machine() -> str:
-    """Return a name of this machine."""
-    return f"{platform.node()} {platform.machine()} {platform.processor()}".strip()
+def step_cost(kind: str, settings: Settings, dt_omega_max: float, *, steepness: float = FITTED) -> float:
+    """Return the CPU seconds of a step in waves of a steepness k times the crest's height."""
+    fitted = "driven" if kind in PADDLE_FACTORS else kind
+    steeper = 1.0 if kind == "linear" else 1.0 + STEEPER * (steepness**2 - FITTED**2)
+    sizes = features(settings.order, settings.cells, settings.vertical_order, dt_omega_max)
+    constants = np.array(CONSTANTS[f"{fitted} {settings.integrator}"])
+    return PADDLE_FACTORS.get(kind, 1.0) * steeper * float(sizes @ constants)
 
 
-BUILT_IN = CostModel(
-    "the machine that the cost model was made on",
-    {f"{kind} {name}": getattr(step_costs(name), kind) for kind in KINDS for name in INTEGRATORS},
-)
-
-
-def machine_costs() -> CostModel:
-    """Return this machine's constants from the cache, or those built in."""
-    for folder in places():
-        try:
-            content = json.loads((folder / FILE).read_text())
-            complete = content["constants"].keys() == BUILT_IN.constants.keys()
-            if content["machine"] == machine() and content["version"] == VERSION and complete:
-                return CostModel(**content)
-        except (OSError, ValueError, LookupError, TypeError, AttributeError):
-            continue  # no file, or not one of this program
-    return BUILT_IN
+def run_cost(
+    kind: str,
+    settings: Settings,
+    *,
+    duration: float,
+    dt_omega_max: float,
+    steepness: float = FITTED,
+    output_cost: OutputCost = NO_OUTPUT,
+) -> Cost:
+    """Return the cost of a run of ``duration`` seconds, its output included."""
+    steps = Clock.covering(duration, settings.dt).steps
+    entries = entries_of(settings.order, settings.cells, settings.vertical_order)
+    more = output_cost.in_slice(entries) + output_cost.absorbing_cost(entries)
+    cpu = steps * step_cost(kind, settings, dt_omega_max, steepness=steepness) + more
+    per_entry = PER_ENTRY["driven" if kind in PADDLE_FACTORS else kind]
+    return Cost(float(cpu), BASE + output_cost.systems * per_entry * entries)
 
 
 class Needs(NamedTuple):
@@ -308,8 +261,7 @@ def _of_slice(scene: Case, ranks: int) -> Needs:
         order=chosen.order, cells=scene.cells, vertical_order=chosen.vertical_order, dt=dt, integrator=chosen.integrator
     )
     nodes, output_cost = chosen.order * scene.cells + 1, OutputCost.of(scene, dt)
-    model, duration = machine_costs(), scene.run.duration
-    cost = model.run(kind, settings, duration=duration, dt_omega_max=product, output_cost=output_cost)
+    cost = run_cost(kind, settings, duration=scene.run.duration, dt_omega_max=product, output_cost=output_cost)
     output = output_cost.in_slice(entries_of(chosen.order, scene.cells, chosen.vertical_order))
     memory = cost.memory + (ranks - 1) * BASE
     return Needs(nodes * (chosen.vertical_order + 2.0), steps, cost.cpu, memory, output)

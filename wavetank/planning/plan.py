@@ -24,7 +24,7 @@ from wavetank.case import Case, LinearWater, NonlinearWater, Physics
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
 from wavetank.motion import Motion
-from wavetank.planning.cost import BUILT_IN, Cost, CostModel, OutputCost, entries_of, kind_of
+from wavetank.planning.cost import Cost, OutputCost, entries_of, kind_of, run_cost
 from wavetank.planning.dispersion import Mesh
 from wavetank.planning.requirements import Requirements, requirements
 from wavetank.planning.resolution import ErrorModel, ErrorPart, Settings, solved_to, stroke_missed
@@ -88,17 +88,6 @@ class Plan:
     output_cost: OutputCost
     reasons: tuple[str, ...]
 
-    def cost_by(self, costs: CostModel) -> Cost:
-        """Return the cost on another machine."""
-        return costs.run(
-            self.kind,
-            self.settings,
-            duration=self.steps * self.settings.dt,
-            dt_omega_max=self.dt_omega_max,
-            steepness=self.steepness,
-            output_cost=self.output_cost,
-        )
-
     def applied_to(self, scene: Case) -> Case:
         """Return the scene with the plan's water and numerics, all of them named."""
         changes: dict[str, Any] = {"accuracy": None, "cell_size": None, **asdict(self.settings)}
@@ -121,7 +110,7 @@ class UnreachableError(InputError):
     """No discretisation searched is as accurate as required."""
 
 
-def make_plan(scene: Case, accuracy: float, *, costs: CostModel = BUILT_IN) -> Plan:
+def make_plan(scene: Case, accuracy: float) -> Plan:
     """Return the cheapest plan for a relative error of at most ``accuracy``: ``AIM`` of it is predicted at most.
 
     Raises ``InputError`` for an accuracy that is not between 0 and 1 and a scene that cannot be planned,
@@ -130,16 +119,16 @@ def make_plan(scene: Case, accuracy: float, *, costs: CostModel = BUILT_IN) -> P
     if not 0.0 < accuracy < 1.0:
         raise InputError(f"accuracy = {accuracy:g}: must be between 0 and 1.")
     search = _Search(scene, accuracy)
-    result = [(search.cost(settings, costs), settings) for settings in search.candidates()]
+    result = [(search.cost(settings), settings) for settings in search.candidates()]
     if not result:
         raise UnreachableError(f"accuracy = {accuracy:g}: {search.reached}.")
-    return search.plan(min(result, key=lambda one: one[0].cpu)[1], costs)
+    return search.plan(min(result, key=lambda one: one[0].cpu)[1])
 
 
-def own_plan(scene: Case, accuracy: float, *, costs: CostModel = BUILT_IN) -> Plan:
+def own_plan(scene: Case, accuracy: float) -> Plan:
     """Return the prediction of a scene's own water and numerics; raises ``InputError`` as a run does."""
     search = _Search(scene.model_copy(update={"water": scene.water or NonlinearWater()}), accuracy)
-    return search.plan(search.own(), costs)
+    return search.plan(search.own())
 
 
 class _Search:
@@ -225,9 +214,9 @@ class _Search:
     def _mesh(self, settings: Settings) -> Mesh:
         return self._errors.mesh(settings.order, settings.cells, settings.vertical_order)
 
-    def cost(self, settings: Settings, costs: CostModel) -> Cost:
+    def cost(self, settings: Settings) -> Cost:
         """Return the cost of a run."""
-        return costs.run(
+        return run_cost(
             self._kind,
             settings,
             duration=self._required.duration,
@@ -236,10 +225,10 @@ class _Search:
             output_cost=OutputCost.of(self._scene, settings.dt),
         )
 
-    def plan(self, settings: Settings, costs: CostModel) -> Plan:
+    def plan(self, settings: Settings) -> Plan:
         """Return settings with their prediction."""
         required, mesh, output_cost = self._required, self._mesh(settings), OutputCost.of(self._scene, settings.dt)
-        cost = self.cost(settings, costs)
+        cost = self.cost(settings)
         entries = entries_of(settings.order, settings.cells, settings.vertical_order)
         watched = output_cost.description(output_cost.in_slice(entries) / cost.cpu)
         absorbing_cost = output_cost.absorbing_cost(entries) / cost.cpu

@@ -13,18 +13,18 @@ from wavetank.case.reading import located, read_case
 from wavetank.console import console, format_duration
 from wavetank.errors import InputError
 from wavetank.planning.checks import run_warnings
-from wavetank.planning.cost import BUILT_IN, CostModel, check_affordable, machine_costs
+from wavetank.planning.cost import check_affordable
 from wavetank.planning.default_plan import check_resolvable, default_plan, planned
 from wavetank.planning.plan import Plan, make_plan, own_plan
 from wavetank.planning.requirements import absorption, unplanned
 from wavetank.planning.resolution import DEFAULT, resolved, shortest_wave
-from wavetank.planning.timing import measured_costs, trial
+from wavetank.planning.timing import trial
 from wavetank.run_warning import RunWarning
 from wavetank.simulation.build import build_run
 from wavetank.simulation.construction import describe_energy, sponge_message
 
 
-def report(path: Path, accuracy: float | None, overrides: Sequence[str], *, calibrate: bool) -> None:
+def report(path: Path, accuracy: float | None, overrides: Sequence[str]) -> None:
     """Print the plan of a case, or, where none can be made, the cost of some steps; collective.
 
     Parameters
@@ -42,7 +42,7 @@ def report(path: Path, accuracy: float | None, overrides: Sequence[str], *, cali
         if why is not None and accuracy is None and scene.numerics.accuracy is None:
             _report_trial(scene, why, terminal)
         else:
-            _report_plan(scene, scene.title or path.stem, accuracy, terminal, calibrate=calibrate)
+            _report_plan(scene, scene.title or path.stem, accuracy, terminal)
 
 
 def _print(terminal: Console, lines: Iterable[str], warnings: Iterable[RunWarning] = ()) -> None:
@@ -81,7 +81,7 @@ def _energy(scene: Case) -> list[str]:
     return ["energy: the sum of its parts, of which all else is a derivative", *parts]
 
 
-def _report_plan(case: Case, name: str, accuracy: float | None, terminal: Console, *, calibrate: bool) -> None:
+def _report_plan(case: Case, name: str, accuracy: float | None, terminal: Console) -> None:
     """Print the plan for the accuracy, beside the case's own numerics if it names some."""
     comm = MPI.COMM_WORLD
     if comm.size > 1:
@@ -89,18 +89,16 @@ def _report_plan(case: Case, name: str, accuracy: float | None, terminal: Consol
     check_resolvable(case)
     required = (case.numerics.accuracy or DEFAULT) if accuracy is None else accuracy
     proposed = (default_plan(case) if accuracy is None else None) or make_plan(case, required)
-    costs = measured_costs() if calibrate else machine_costs()
     _print(terminal, [f"{name}, to a relative error of the elevation of {proposed.accuracy:g}:"])
     _print(terminal, (f"  {reason}" for reason in (*proposed.reasons, *_energy(proposed.applied_to(case)))))
     plans = {"plan": proposed}
     if not case.numerics.open:
         plans["as the case stands"] = own_plan(resolved(case), required)
-    terminal.print(_table(plans, costs))
+    terminal.print(_table(plans))
     use = f"numerics.accuracy = {required:g} in the case makes `wavetank run` use this plan."
     if accuracy is None and case.numerics.open:
         use = "`wavetank run` uses this plan."
-    elsewhere = "; with --calibrate this one is measured, in about a minute" if costs is BUILT_IN else ""
-    _print(terminal, [use, f"CPU seconds are those of {costs.machine}{elsewhere}."])
+    _print(terminal, [use, "CPU seconds are those of the machine that the cost model was made on."])
     if accuracy is None or not case.numerics.open:
         (scene, warnings), required_of_start = planned(case, comm), case.numerics.accuracy
     else:
@@ -112,16 +110,16 @@ def _report_plan(case: Case, name: str, accuracy: float | None, terminal: Consol
     _print(terminal, [sponge] if sponge else [], warnings)
 
 
-def _table(plans: dict[str, Plan], costs: CostModel) -> Table:
+def _table(plans: dict[str, Plan]) -> Table:
     table = Table("", *plans)
-    columns = [_figures(one, costs) for one in plans.values()]
+    columns = [_figures(one) for one in plans.values()]
     for name in columns[0]:
         table.add_row(name, *(column[name] for column in columns))
     return table
 
 
-def _figures(plan: Plan, costs: CostModel) -> dict[str, str]:
-    settings, cost = plan.settings, plan.cost_by(costs)
+def _figures(plan: Plan) -> dict[str, str]:
+    settings, cost = plan.settings, plan.cost
     return {
         "water": plan.physics,
         "order p": f"{settings.order}",

@@ -1,37 +1,25 @@
-"""Cost of steps, measured: some steps of a case, and the constants of the cost model on this machine."""
+"""Cost of some steps of a case, measured."""
 
-import json
 import time
 from collections.abc import Callable
-from dataclasses import asdict, replace
-from itertools import product
-from typing import Any, NamedTuple
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
-import scipy
 from mpi4py import MPI
 
-from wavetank.arrays import Vector
-from wavetank.cache import writable
 from wavetank.case import Case
-from wavetank.integrators import INTEGRATORS
-from wavetank.planning.cost import FILE, KINDS, CostModel, OutputCost, entries_of, features, machine, step_costs
-from wavetank.planning.resolution import LOOSEST
-from wavetank.simulation.build import build_run, initial_state, summary
+from wavetank.planning.cost import OutputCost, entries_of
+from wavetank.simulation.build import build_run, summary
 from wavetank.simulation.case_diagnostics import build_observers
 from wavetank.simulation.clock import Clock, EverySteps
-from wavetank.simulation.construction import AnyWaves, build_waves
-from wavetank.simulation.filters import build_filters
+from wavetank.simulation.construction import AnyWaves
 from wavetank.simulation.memory import peak_memory
 from wavetank.simulation.records import Memory, Records
 from wavetank.simulation.run import Run
-from wavetank.tank.dissipation import Smoothing
 from wavetank.tank.seen import Block
 from wavetank.waves import airy
 
-CELLS_PER_WAVE = 5.0
-ROUNDS = 3  # of all timings
-TANKS = tuple(product((40, 280), ((2, 3), (3, 8), (4, 14))))  # cells, (p, n): few (p, n), each compiles forms
 STEEPEST = 0.2  # k a, and a over the depth: steeper waves may break
 TIMES = 1001  # at which the paddle motion is sampled in the second half of the run
 WARM_UP, STEPS = 5, 8  # steps before the timed ones, for the initial guesses of solves, and timed steps
@@ -136,74 +124,3 @@ def _fill(run: Run, scene: Case, waves: AnyWaves) -> None:
     run.clock = replace(run.clock, begin=float(t[np.argmax(velocity.mean(axis=1))]))
     start = waves.state(amplitude * np.cos(phase), g * amplitude / omega * np.sin(phase), run.clock.begin)
     run.state = run.integrator.start(*start)
-
-
-def measured_costs() -> CostModel:
-    """Return this machine's constants, measured now, and write them to the cache."""
-    model = calibrate()
-    (writable(private=True) / FILE).write_text(json.dumps(asdict(model), indent=1))
-    return model
-
-
-def calibrate() -> CostModel:
-    """Return constants from a few timed steps, the least of ``ROUNDS`` times, after the compilation of forms."""
-    times = _times()
-    for _ in range(ROUNDS - 1):  # one after the other: other load of a machine varies slowly
-        times = {key: np.minimum(spent, times[key]) for key, spent in _times().items()}
-    return CostModel(machine(), {key: _fit(timed(key.split()[1]), spent) for key, spent in times.items()})
-
-
-def _times() -> dict[str, Vector]:
-    """Return the CPU seconds of a step in each tank, by kind and scheme, as ``timed`` has them."""
-    times: dict[str, list[float]] = {}
-    for (cells, (order, n)), kind in product(TANKS, KINDS):
-        scene = _scene(kind, cells, order, n)
-        waves = build_waves(scene, MPI.COMM_SELF)
-        for name in INTEGRATORS:
-            spent = [_time_a_step(scene, waves, name, x) for x in step_costs(name).products]
-            times.setdefault(f"{kind} {name}", []).extend(spent)
-    return {key: np.array(spent) for key, spent in times.items()}
-
-
-def timed(name: str) -> Vector:
-    """Return the factors of the constants of a scheme in the cost of the timed steps, shape (N, 6)."""
-    return np.array([features(order, cells, n, x) for cells, (order, n) in TANKS for x in step_costs(name).products])
-
-
-def _fit(rows: Vector, spent: Vector) -> tuple[float, ...]:
-    """Return non-negative constants of least relative error."""
-    return tuple(map(float, scipy.optimize.nnls(rows / spent[:, None], np.ones(spent.size))[0]))
-
-
-def _scene(kind: str, cells: int, order: int, n: int) -> Case:
-    """Return standing waves of k a = 0.1, k d = 2, with gauges, and with a paddle for waves 2/3 as high.
-
-    Its ramp is two periods: short waves of a faster start need additional iterations.
-    """
-    physics, driven = KINDS[kind]
-    halves = round(2 * cells / CELLS_PER_WAVE)
-    length = halves * np.pi / 2
-    motion = {"type": "sinusoid", "paddle_amplitude": 0.02, "period": 1.44, "ramp": 2.88}
-    return Case.model_validate(
-        {
-            "tank": {"length": length, "depth": 1.0},
-            "wall": {"type": "piston", "motion": motion} if driven else {"type": "fixed"},
-            "water": {"type": physics},
-            "initial": {"type": "standing-wave", "wave_amplitude": 0.05, "mode": halves},
-            "gauges": [0.3 * length, 0.6 * length],
-            "run": {"duration": 100.0},
-            "numerics": {"cells": cells, "order": order, "vertical_order": n, "tolerance": LOOSEST},
-        }
-    )
-
-
-def _time_a_step(scene: Case, waves: AnyWaves, name: str, dt_omega_max: float) -> float:
-    """Return the CPU seconds of a step, after some for the initial guesses of solves."""
-    dt, watch = dt_omega_max / waves.largest_frequency, Stopwatch()
-    filters, records = build_filters(scene, waves, dt), Records(Memory(), Memory(), None)
-    sinks = [one for one in filters if isinstance(one, Smoothing)]
-    observers = [*build_observers(scene, waves, records, sinks=sinks), watch]
-    scheme: Any = INTEGRATORS[name]()
-    start = initial_state(scene, waves)
-    Run(waves, scheme, observers, start=start, clock=Clock(dt, WARM_UP + STEPS), filters=filters).execute()
-    return watch.per_step(after=WARM_UP).cpu
