@@ -34,7 +34,7 @@ from wavetank.planning.requirements import requirements
 from wavetank.simulation.build import ANSWERED, build_run
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.energy import EnergyBudget
-from wavetank.simulation.feedback import CONTROLLERS
+from wavetank.simulation.feedback import build_filter
 from wavetank.simulation.records import Memory
 from wavetank.simulation.supply import PaddleWork
 from wavetank.tank.answering import Excess, PaddleController
@@ -458,7 +458,7 @@ def test_by_default_it_is_tuned_to_what_the_paddle_opposite_makes(kd, tuned):
     far = {"type": "piston", "motion": REST, "absorb": {"type": "spring-damper"}}
     parts = {"tank": {"length": 9.0, "depth": 1.0}, "wall": {"type": "piston", "motion": motion}, "far_wall": far}
     case = Case.model_validate({**parts, "run": {"duration": 1.0}, "numerics": {"cells": 4, "dt": 0.02}})
-    equation, _ = CONTROLLERS[SpringDamper](case, 1, build_run(case, MPI.COMM_SELF)[1])
+    equation, _ = build_filter(case, 1, build_run(case, MPI.COMM_SELF)[1])
     omega = 2 * np.pi / np.array([period(tuned)])
     (r,), (mu,) = radiation(PISTON, omega, 1.0, GRAVITY)
     expected = StateSpaceFilter.of_spring(sudden_mass(PISTON, 1.0), float(omega[0] ** 2 * mu), float(r))

@@ -25,7 +25,7 @@ Singles = NDArray[np.float32]
 FEW = 4  # modes at a time
 NOTHING, NONE = 1e-30, 1e-3  # of single precision; of the largest eigenvalue: as small is as bad
 LEAVES = 0.12  # of an error: what a cycle of multigrid does, and smoothing alone has to where it is all that is done
-FUNCTIONS = "average", "multiply", "diagonals", "smooth", "interpolate", "restrict_to"
+FUNCTIONS = "average", "multiply", "diagonals", "smooth", "transfer"
 
 
 class LayerMeans:
@@ -261,11 +261,12 @@ class LinearModes:
         pointers, columns, weights = interpolation.getValuesCSR()
         here = numbering.global_to_local(columns.astype(np.int64))
         self._halo, self._many = Halo(numbering, eigenvalues.size, np.float32, reached=here), eigenvalues.size
-        rows, few, many = fine.owned, eigenvalues.size, modes
-        interpolation = rows, pointers.astype(np.int32), here.astype(np.int32), weights.astype(np.float32), few, many
-        coarse, all_of_fine = Buffer(self._halo.size * few, np.float32), Buffer(rows * many, np.float32)
-        self._restrict = layer.instance.function("restrict_to", *interpolation, all_of_fine, coarse)
-        self._interpolate = layer.instance.function("interpolate", *interpolation, coarse, all_of_fine)
+        rows, few = fine.owned, eigenvalues.size
+        interpolation = rows, pointers.astype(np.int32), here.astype(np.int32), weights.astype(np.float32), few, modes
+        all_of_fine, coarse = Buffer(rows * modes, np.float32), Buffer(self._halo.size * few, np.float32)
+        self._interpolate, self._restrict = (
+            layer.instance.function("transfer", to_fine, *interpolation, all_of_fine, coarse) for to_fine in (1, 0)
+        )
         self._modes = linear.modes(eigenvalues)
 
     def take(self, averages: Averages) -> None:
@@ -277,7 +278,7 @@ class LinearModes:
         right, fine = np.zeros((self._halo.size, self._many), dtype=np.float32), np.zeros_like(residual)
         self._restrict(residual, right)
         coarse = self._halo.fetch(self._modes.solve(self._halo.collect(right)).astype(np.float32))
-        self._interpolate(coarse, fine)
+        self._interpolate(fine, coarse)
         return fine
 
 

@@ -1,17 +1,14 @@
 """From a case to the tank: footprint, walls, water, sponge, absorbing paddles and initial state."""
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
 from wavetank.arrays import Vector
 from wavetank.case import (
-    BasinTank,
     Case,
-    Physics,
     PythonBed,
     RingTank,
     SliceTank,
@@ -28,38 +25,24 @@ from wavetank.simulation.walls import Footprint, build_wall, wall_classes
 from wavetank.tank.bed import FlatBed, VaryingBed
 from wavetank.tank.dissipation import checked, distance_from_edge, profile, width_of
 from wavetank.tank.footprint import Basin, Ring, Slice
-from wavetank.tank.kinematics import LinearRates, MovingWater, NonlinearRates
+from wavetank.tank.kinematics import LinearRates, NonlinearRates
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.waves import NonlinearWaves, Tolerances
-from wavetank.values.case_model import CaseError, CaseModel, Problem, about, entry
+from wavetank.values.case_model import CaseError, Problem, about
 
 
 def build_footprint(scene: Case, comm: MPI.Comm) -> Footprint:
-    """Return the tank seen from above; collective. Raises ``InputError`` for a mesh that cannot be used."""
-    return entry(FOOTPRINTS, scene.tank, f"FOOTPRINTS of {__file__}")(scene, scene.tank, comm)
-
-
-def _slice(scene: Case, tank: SliceTank, comm: MPI.Comm) -> Slice:
-    return Slice(tank.length, scene.cells, comm=comm)
-
-
-def _ring(scene: Case, tank: RingTank, comm: MPI.Comm) -> Ring:
-    return Ring(tank.length, scene.cells, comm=comm)
-
-
-def _basin(scene: Case, tank: BasinTank, comm: MPI.Comm) -> Basin:
+    """Return the horizontal domain of the tank; collective. Raises ``InputError`` for a mesh that cannot be used."""
+    tank = scene.tank
+    if isinstance(tank, SliceTank):
+        return Slice(tank.length, scene.cells, comm=comm)
+    if isinstance(tank, RingTank):
+        return Ring(tank.length, scene.cells, comm=comm)
     layout, size = tank.layout, scene.cell_size
     if isinstance(layout, MeshFile):
         return Basin(read_layout(Path(layout.file), comm))
     far = layout.box[2] if isinstance(layout, Rectangle) else None
     return Basin(draw_layout(lambda: layout.draw(size), comm), far=far)
-
-
-FOOTPRINTS: dict[type[CaseModel], Callable[[Case, Any, MPI.Comm], Footprint]] = {
-    SliceTank: _slice,
-    RingTank: _ring,
-    BasinTank: _basin,
-}
 
 
 AnyWaves = NonlinearWaves | LinearWaves
@@ -76,7 +59,30 @@ def fill(scene: Case, footprint: Footprint) -> AnyWaves:
     with about("tank", "bed"):
         plane = Plane(footprint.mesh, scene.numerics.order, footprint.chart, walls=footprint.facets_of)
         check_depth(scene, footprint, plane)
-        return WATERS[scene.physics].build(scene, footprint, plane)
+        parts = _parts(scene, wall=build_wall(scene, footprint, plane))
+        if scene.physics == "linear":
+            return LinearWaves(plane, tolerance=scene.numerics.tolerance, **parts)
+        return NonlinearWaves(plane, tolerances=_tolerances(scene), **parts)
+
+
+def _parts(scene: Case, *, wall: Any) -> dict[str, Any]:
+    """Return the arguments that all waves have."""
+    tank, order = scene.tank, scene.numerics.vertical_order
+    return {"depth": scene.depths(), "gravity": tank.gravity, "wall": wall, "vertical_order": order}
+
+
+def _tolerances(scene: Case) -> Tolerances:
+    tolerance, petsc = scene.numerics.tolerance, scene.numerics.stage_solver == "petsc"
+    return Tolerances(stage=tolerance, interior=0.1 * tolerance, petsc=petsc)
+
+
+def moving_water(scene: Case, waves: AnyWaves) -> NonlinearRates | LinearRates:
+    """Return separate water like the scene's, in which the rates of potentials are computed; collective."""
+    if isinstance(waves, LinearWaves):
+        return LinearRates(waves, tolerance=0.1 * scene.numerics.tolerance)
+    tangents = [Tangent(paddle.motion) for paddle in waves.wall.paddles]
+    parts = _parts(scene, wall=waves.wall.with_motions(tangents))
+    return NonlinearRates(waves.plane, tangents=tangents, tolerances=_tolerances(scene), **parts)
 
 
 def check_depth(scene: Case, footprint: Footprint, plane: Plane) -> None:
@@ -127,76 +133,36 @@ def bed_by_code(scene: Case, waves: AnyWaves) -> dict[str, Vector]:
 
 def describe_energy(scene: Case) -> list[str]:
     """Return a scene's Hamiltonian in words, a line each: its parts, the mapping, the bed; what vanishes, and why."""
-    parts, walls = WATERS[scene.physics].waves.parts, wall_classes(scene)
+    waves: type[AnyWaves] = LinearWaves if scene.physics == "linear" else NonlinearWaves
+    walls = wall_classes(scene)
     names = [one.key.replace("_", " ") for one in scene.paddles] or ["wall"]
     named = [wall.part._replace(name=name) for wall, name in zip(walls, names, strict=True)]
     if len(named) > 1 and named[0].formula == named[1].formula:
         named[1] = named[1]._replace(formula="the same at the far paddle")
     bed = FlatBed if scene.tank.bed is None else VaryingBed
     own = ["X_p: of each paddle its own, from its wall into the water"] if len(named) > 1 else []
-    return [*map(str, (*parts, *named)), *dict.fromkeys(wall.description for wall in walls), *own, bed.description]
+    return [
+        *map(str, (*waves.parts, *named)),
+        *dict.fromkeys(wall.description for wall in walls),
+        *own,
+        bed.description,
+    ]
 
 
-def _nonlinear(scene: Case, footprint: Footprint, plane: Plane) -> NonlinearWaves:
-    numerics = scene.numerics
-    return NonlinearWaves(
-        plane,
-        depth=scene.depths(),
-        gravity=scene.tank.gravity,
-        wall=build_wall(scene, footprint, plane),
-        vertical_order=numerics.vertical_order,
-        tolerances=Tolerances(
-            stage=numerics.tolerance,
-            interior=0.1 * numerics.tolerance,
-            petsc=numerics.stage_solver == "petsc",
-        ),
-    )
-
-
-def _linear(scene: Case, footprint: Footprint, plane: Plane) -> LinearWaves:
-    return LinearWaves(
-        plane,
-        depth=scene.depths(),
-        gravity=scene.tank.gravity,
-        wall=build_wall(scene, footprint, plane),
-        vertical_order=scene.numerics.vertical_order,
-        tolerance=scene.numerics.tolerance,
-    )
-
-
-def moving_water(scene: Case, waves: AnyWaves) -> MovingWater:
-    """Return water of an observer's own like the scene's, of which rates are found; collective."""
-    numerics = scene.numerics
-    if isinstance(waves, LinearWaves):
-        return LinearRates(waves, tolerance=0.1 * numerics.tolerance)
-    tangents = [Tangent(paddle.motion) for paddle in waves.wall.paddles]
-    return NonlinearRates(
-        waves.plane,
-        tangents=tangents,
-        depth=scene.depths(),
-        gravity=scene.tank.gravity,
-        wall=waves.wall.with_motions(tangents),
-        vertical_order=numerics.vertical_order,
-        tolerances=Tolerances(stage=numerics.tolerance, interior=0.1 * numerics.tolerance),
-    )
-
-
-class WaveModel(NamedTuple):
-    """A wave theory: the class of its waves, and what builds them."""
-
-    waves: type[NonlinearWaves] | type[LinearWaves]
-    build: Callable[[Case, Footprint, Plane], AnyWaves]
-
-
-WATERS: dict[Physics, WaveModel] = {
-    "nonlinear": WaveModel(NonlinearWaves, _nonlinear),
-    "linear": WaveModel(LinearWaves, _linear),
-}
-
-
-def build_sponge(scene: Case, sponge: AnySponge, footprint: Footprint, waves: AnyWaves) -> Vector:
+def build_sponge(scene: Case, sponge: AnySponge, footprint: Any, waves: AnyWaves) -> Vector:
     """Return gamma at the owned degrees of freedom [1/s], shape (owned,); collective."""
-    return entry(SPONGES, sponge, f"SPONGES of {__file__}")(scene, sponge, footprint, waves)
+    plane = waves.plane
+    if isinstance(sponge, FormulaSponge):
+        return checked(plane, raise_on_all_ranks(plane.comm, lambda: sponge.build()(*plane.places.T)))
+    if isinstance(sponge, GroupSponge):
+        distance = distance_from_edge(plane, footprint.layout.cells_of("sponge"))
+        width = width_of(plane, distance)
+    else:
+        x, width = waves.wall.distances(plane), sponge.length
+        far = plane.comm.allreduce(float(np.max(x, initial=-np.inf)), op=MPI.MAX)
+        distance = np.asarray(x - (far - width))
+    strength = sponge.strength_for(width, scene.tank, paddle=scene.ends[0].period)
+    return profile(distance, width=width, strength=strength)
 
 
 def sponge_message(scene: Case, waves: AnyWaves) -> str:
@@ -206,32 +172,3 @@ def sponge_message(scene: Case, waves: AnyWaves) -> str:
     most = waves.plane.comm.allreduce(float(np.max(waves.damping, initial=0.0)), op=MPI.MAX)
     where = f"the last {scene.sponge.length:g} m, " if isinstance(scene.sponge, EndSponge) else ""
     return f"sponge: {where}up to {most:.3g} 1/s"
-
-
-def _formula(scene: Case, sponge: FormulaSponge, footprint: Footprint, waves: AnyWaves) -> Vector:
-    plane = waves.plane
-    return checked(plane, raise_on_all_ranks(plane.comm, lambda: sponge.build()(*plane.places.T)))
-
-
-def _group(scene: Case, sponge: GroupSponge, footprint: Basin, waves: AnyWaves) -> Vector:
-    distance = distance_from_edge(waves.plane, footprint.layout.cells_of("sponge"))
-    return _profile(scene, sponge, distance, width=width_of(waves.plane, distance))
-
-
-def _end(scene: Case, sponge: EndSponge, footprint: Footprint, waves: AnyWaves) -> Vector:
-    x = waves.wall.distances(waves.plane)
-    far = waves.plane.comm.allreduce(float(np.max(x, initial=-np.inf)), op=MPI.MAX)
-    return _profile(scene, sponge, np.asarray(x - (far - sponge.length)), width=sponge.length)
-
-
-def _profile(scene: Case, sponge: EndSponge | GroupSponge, distance: Vector, *, width: float) -> Vector:
-    """Return gamma at distances from the inner edge of a sponge of some width [m]."""
-    strength = sponge.strength_for(width, scene.tank, paddle=scene.ends[0].period)
-    return profile(distance, width=width, strength=strength)
-
-
-SPONGES: dict[type[CaseModel], Callable[[Case, Any, Any, AnyWaves], Vector]] = {
-    FormulaSponge: _formula,
-    GroupSponge: _group,
-    EndSponge: _end,
-}

@@ -1,24 +1,19 @@
 """Paddles with feedback of a case: active absorption, and springs with dampers."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from wavetank.case import (
-    Case,
-)
-from wavetank.case.wall import ActiveAbsorption, SpringDamper
+from wavetank.case import Case
+from wavetank.case.wall import SpringDamper
 from wavetank.motion.feedback import FeedbackState, StateSpaceFilter, elevation_at_face
 from wavetank.mpi import from_first, raise_on_all_ranks
 from wavetank.simulation.construction import AnyWaves
 from wavetank.simulation.supply import PaddleWork
 from wavetank.state import StateTree, typed
 from wavetank.tank.answering import Excess, Measurement, PaddleController, Push
-from wavetank.values.case_model import CaseModel, entry
-
-Answered = tuple[StateSpaceFilter, Measurement]
 
 
 def build_controllers(scene: Case, waves: AnyWaves) -> list[PaddleController]:
@@ -28,7 +23,7 @@ def build_controllers(scene: Case, waves: AnyWaves) -> list[PaddleController]:
         end = scene.paddles[number]
         wall: Any = end.wall
         paddle: Any = waves.wall.paddles[number]
-        equation, measure = entry(CONTROLLERS, wall.absorb, f"CONTROLLERS of {__file__}")(scene, number, waves)
+        equation, measure = build_filter(scene, number, waves)
         mode_shape = wall.mode_shape(end.tank)
         result.append(PaddleController(paddle, equation, measure, mode_shape=mode_shape, key=end.key))
     return result
@@ -51,10 +46,15 @@ def restore_paddles(scene: Case, motions: Iterable[Any], parts: StateTree) -> No
         paddles[number].state = replace(state, retained={})
 
 
-def _active(scene: Case, number: int, waves: AnyWaves) -> Answered:
+def build_filter(scene: Case, number: int, waves: AnyWaves) -> tuple[StateSpaceFilter, Measurement]:
+    """Return the filter of a paddle with feedback, by its number, and what it measures of the water; collective."""
     end, tank, comm = scene.paddles[number], scene.tank, waves.plane.comm
     wall: Any = end.wall
     paddle: Any = waves.wall.paddles[number]
+    if isinstance(wall.absorb, SpringDamper):
+        mass, stiffness, damping = wall.absorb.resolved(tank, wall.wavemaker, paddles=scene.paddle_periods)
+        added = wall.added_mass(tank)
+        return StateSpaceFilter.of_spring(mass + added, stiffness, damping), Push(waves, number, paddle, mass=added)
     result = from_first(comm, lambda: wall.absorb.build(tank, wall.wavemaker, paddles=scene.paddle_periods))
     above, below = result.over_s()
     made = raise_on_all_ranks(
@@ -65,18 +65,3 @@ def _active(scene: Case, number: int, waves: AnyWaves) -> Answered:
     )
     excess = Excess(waves, paddle, made)
     return StateSpaceFilter.of_transfer(-above, below).with_feedthrough(excess.rise), excess
-
-
-def _on_spring(scene: Case, number: int, waves: AnyWaves) -> Answered:
-    wall: Any = scene.paddles[number].wall
-    paddle: Any = waves.wall.paddles[number]
-    mass, stiffness, damping = wall.absorb.resolved(scene.tank, wall.wavemaker, paddles=scene.paddle_periods)
-    added = wall.added_mass(scene.tank)
-    equation = StateSpaceFilter.of_spring(mass + added, stiffness, damping)
-    return equation, Push(waves, number, paddle, mass=added)
-
-
-CONTROLLERS: dict[type[CaseModel], Callable[[Case, int, AnyWaves], Answered]] = {
-    ActiveAbsorption: _active,
-    SpringDamper: _on_spring,
-}

@@ -1,11 +1,7 @@
 """Kinematics of the water: velocity, acceleration and pressure at points, from the interior potential.
 
-The water's velocity below the surface.
-
 Derivatives of finite elements jump from cell to cell: at a degree of freedom that several cells share, the velocity is
 the mean of theirs, whichever ranks own them.
-
-The potential of a state and its rate of change, which pressure and acceleration are made of.
 
 The potential phi below a surface makes K + W stationary: A phi + w = 0 in the interior columns, with the operator A
 and the wall's vector w of ``waves.py``. That holds at all times, so the rate of phi at fixed places (X, zeta) of the
@@ -13,13 +9,12 @@ reference tank solves the same problem once more (docs/method.md, section 8),
 
     A phi' = -(A' phi + w'),   phi' = psi' at the surface,   psi' = -H_Q,  Q' = H_psi.
 
-A' phi + w' is how the residual of a potential that stays changes when the state goes on as it moves now: a central
-difference of fourth order, of products of the operator that there is, exact to 1e-11 and the same for any wall and
-bed. Waves of the observer's own do it, so that those that are stepped stay, bit for bit, what they are.
+A' phi + w' is the rate of the residual at fixed phi along the motion of the state: a central difference of fourth order
+of products of the operator, exact to 1e-11 and the same for any wall and bed. Separate waves compute it, so that those
+that are stepped stay equal bit for bit.
 
-Velocity, acceleration and pressure in the water: gradients of potentials, and Bernoulli's sum.
-
-Density divided out, with phi_t the rate of the potential at fixed points in space,
+Velocity, acceleration and pressure are gradients of potentials, and Bernoulli's sum. Density divided out, with phi_t
+the rate of the potential at fixed points in space,
 
     velocity = grad phi,   local acceleration = grad phi_t,   pressure = -(B + g z),   B = phi_t + 1/2 |grad phi|^2,
 
@@ -30,7 +25,7 @@ tank, which are carried with the velocity c,
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -41,12 +36,10 @@ from numpy.typing import NDArray
 
 from wavetank.arrays import Vector, summed
 from wavetank.fem.forms import compile_expression
-from wavetank.fem.plane import Field, LayeredField, Plane
+from wavetank.fem.plane import LayeredField, Plane
 from wavetank.fem.points import Cells, Points
 from wavetank.fem.slice import Solution
-from wavetank.fem.vertical import VerticalBasis
 from wavetank.motion.motion import Tangent
-from wavetank.tank.bed import Bed
 from wavetank.tank.energy import WaterEnergy
 from wavetank.tank.evaluation import WaterEvaluation
 from wavetank.tank.history import SolverHistory
@@ -54,22 +47,6 @@ from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.potential import interior_of
 from wavetank.tank.walls import Placed
 from wavetank.tank.waves import NonlinearWaves
-
-
-class EvaluatedWaves(Protocol):
-    """Waves at the state that was evaluated last.
-
-    Attributes
-    ----------
-    plane, vertical, densities, phi, level
-        As of ``NonlinearWaves``.
-    """
-
-    plane: Plane
-    vertical: VerticalBasis
-    densities: WaterEnergy
-    phi: LayeredField
-    level: float
 
 
 class Velocity:
@@ -90,7 +67,11 @@ class Velocity:
     """
 
     def __init__(
-        self, waves: EvaluatedWaves, *, potential: LayeredField | None = None, cells: NDArray[np.int32] | None = None
+        self,
+        waves: "NonlinearWaves | LinearRates",
+        *,
+        potential: LayeredField | None = None,
+        cells: NDArray[np.int32] | None = None,
     ):
         plane, phi = waves.plane, (potential or waves.phi).function
         self._mesh, self._vertical, self._waves = plane.mesh, waves.vertical, waves
@@ -149,54 +130,23 @@ PART = 2e-3  # of the water column, or of the depth a paddle goes: so far a stat
 STENCIL = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}  # steps, and weights of a derivative of fourth order
 
 
-class MovingWater(Protocol):
-    """The water of a state, and how it moves: what pressure and acceleration are made of.
+class NonlinearRates(NonlinearWaves):
+    """Separate nonlinear waves, in which the potential of a state and its rate are computed.
+
+    Parameters
+    ----------
+    tangents
+        The motions of the paddles.
 
     Attributes
     ----------
-    plane, vertical, bed, gravity
-        As of the waves.
-    densities
-        Of the velocity, in UFL.
-    h
-        The column [m].
     nodes, node_velocities
-        Where the Gauss nodes zeta of the columns are in the laboratory, along x, y and z [m], and how fast they move
-        [m/s]; at all degrees of freedom that this rank sees, shape (levels, rows, 3).
+        Places of the Gauss nodes zeta of the columns in the laboratory, along x, y and z [m], and their velocities
+        [m/s], at all degrees of freedom that this rank sees, shape (levels, rows, 3).
     phi, phi_rate
-        The potential [m²/s] and its rate [m²/s²] at fixed places (X, zeta), but for their levels.
+        The potential [m²/s] and its rate [m²/s²] at fixed places (X, zeta), less their levels.
     level, level_rate
-        What is left out of them.
-    """
-
-    plane: Plane
-    vertical: VerticalBasis
-    bed: Bed
-    gravity: float
-    densities: WaterEnergy
-    h: Field
-    nodes: Vector
-    node_velocities: Vector
-    phi: LayeredField
-    phi_rate: LayeredField
-    level: float
-    level_rate: float
-
-    @property
-    def wall(self) -> Placed:
-        """The wall, as it stands."""
-
-    def find_rates(self, q: Vector, p: Vector, t: float) -> None:
-        """Find the potential of a state and its rate; collective."""
-
-    def head(self, velocity: Vector) -> Vector:
-        """Return what velocities, shape (..., 3), add to Bernoulli's sum [m²/s²], shape (...)."""
-
-
-class NonlinearRates(NonlinearWaves):
-    """Nonlinear waves of an observer's own; see ``MovingWater``.
-
-    Their wall is moved by ``tangents``, one for each of its paddles.
+        The means of potential and rate at the surface.
     """
 
     def __init__(self, plane: Plane, *, tangents: Sequence[Tangent], **parts: object):
@@ -210,7 +160,7 @@ class NonlinearRates(NonlinearWaves):
         self.level_rate = 0.0
 
     def find_rates(self, q: Vector, p: Vector, t: float) -> None:
-        """See ``MovingWater``."""
+        """Compute the potential of a state and its rate; collective."""
         last = self._rates_of
         if last is not None and self._same(last, q, p, t):
             return
@@ -265,12 +215,12 @@ class NonlinearRates(NonlinearWaves):
         return float(PART / fastest) if fastest > 0.0 else 1.0
 
     def head(self, velocity: Vector) -> Vector:
-        """See ``MovingWater``."""
+        """Return what velocities, shape (..., 3), add to Bernoulli's sum [m²/s²], shape (...)."""
         return np.asarray(0.5 * (velocity**2).sum(axis=-1))
 
 
 class LinearRates:
-    """The water of linear waves, which goes up to z = 0; see ``MovingWater``.
+    """The water of linear waves, which reaches up to z = 0, with the attributes of ``NonlinearRates``.
 
     Potential and rate are two solves of one problem: for psi and X_p', and for psi' = -g eta and X_p''.
     """
@@ -297,7 +247,7 @@ class LinearRates:
         self._paddles = [(paddle.motion, waves.flux(paddle, self.densities)) for paddle in waves.wall.paddles]
 
     def find_rates(self, q: Vector, p: Vector, t: float) -> None:
-        """See ``MovingWater``."""
+        """Compute the potential of a state and its rate; collective."""
         speeds, accelerations = ([motion.derivative(t, order) for motion, _ in self._paddles] for order in (1, 2))
         self.level = self._solve(self.phi, p, speeds)
         self.level_rate = self._solve(self.phi_rate, -self.gravity * self._waves.elevation(q, p, t), accelerations)
@@ -315,6 +265,9 @@ class LinearRates:
     def head(self, velocity: Vector) -> Vector:
         """Return nothing: it is of second order."""
         return np.zeros(velocity.shape[:-1])
+
+
+MovingWater = NonlinearRates | LinearRates
 
 
 def _places(plane: Plane) -> Vector:

@@ -339,48 +339,25 @@ SHARED void smooth(long rows, const REAL *diagonals, const REAL *lambda, const R
         smooth_rows(rows, diagonals, lambda, keep, take, NUMBERS - 1, Ad, r, d, x);
 }
 
-INLINE void interpolate_rows(int many, long rows, const int *pointers, const int *columns, const REAL *entries, int stride,
-                             const REAL *restrict x, REAL *restrict y)
-{
-    for (long i = 0; i < rows; ++i) {
-        REAL sum[NUMBERS > FEW ? NUMBERS : FEW] = {0};
-        for (int k = pointers[i]; k < pointers[i + 1]; ++k)
-            EACH(j, many)
-                sum[j] += entries[k] * x[(long)columns[k] * many + j];
-        EACH(j, many)
-            y[i * stride + j] = sum[j];
-    }
-}
-
-INLINE void restrict_rows(int many, long rows, const int *pointers, const int *columns, const REAL *entries, int stride,
-                          const REAL *restrict x, REAL *restrict y)
+INLINE void transfer_rows(int many, int to_fine, long rows, const int *pointers, const int *columns, const REAL *entries,
+                          int stride, REAL *restrict fine, REAL *restrict coarse)
 {
     for (long i = 0; i < rows; ++i)
-        for (int k = pointers[i]; k < pointers[i + 1]; ++k)
+        for (int k = pointers[i]; k < pointers[i + 1]; ++k) {
+            REAL *restrict f = fine + i * stride, *restrict c = coarse + (long)columns[k] * many;
             EACH(j, many)
-                y[(long)columns[k] * many + j] += entries[k] * x[i * stride + j];
+                *(to_fine ? f + j : c + j) += entries[k] * (to_fine ? c[j] : f[j]);
+        }
 }
 
-/* y = P x, P of sparse rows, x[row][mode] of the first modes, y of ``stride`` numbers of a row. */
-SHARED void interpolate(long rows, const int *pointers, const int *columns, const REAL *entries, int many, int stride,
-                        const REAL *x, REAL *y)
+/* fine += P coarse, or coarse += P' fine, P of sparse rows; fine[row][stride], coarse[column][mode] of the first modes. */
+SHARED void transfer(int to_fine, long rows, const int *pointers, const int *columns, const REAL *entries, int many,
+                     int stride, REAL *fine, REAL *coarse)
 {
     if (many < FEW)
-        OF_FEW(many, interpolate_rows, rows, pointers, columns, entries, stride, x, y);
+        OF_FEW(many, transfer_rows, to_fine, rows, pointers, columns, entries, stride, fine, coarse);
     else if (many == FEW)
-        interpolate_rows(FEW, rows, pointers, columns, entries, stride, x, y);
+        transfer_rows(FEW, to_fine, rows, pointers, columns, entries, stride, fine, coarse);
     else
-        interpolate_rows(many, rows, pointers, columns, entries, stride, x, y);
-}
-
-/* y += P' x, of the same. */
-SHARED void restrict_to(long rows, const int *pointers, const int *columns, const REAL *entries, int many, int stride,
-                        const REAL *x, REAL *y)
-{
-    if (many < FEW)
-        OF_FEW(many, restrict_rows, rows, pointers, columns, entries, stride, x, y);
-    else if (many == FEW)
-        restrict_rows(FEW, rows, pointers, columns, entries, stride, x, y);
-    else
-        restrict_rows(many, rows, pointers, columns, entries, stride, x, y);
+        transfer_rows(many, to_fine, rows, pointers, columns, entries, stride, fine, coarse);
 }

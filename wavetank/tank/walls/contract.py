@@ -3,7 +3,7 @@
 The reference tank stands still; the wall says where its places are in the laboratory, what that makes of gradients and
 volumes (``mapping``), how columns of water go with their mass (``columns``), and what the motion adds to the
 Hamiltonian (``terms``). Where nothing moves all of that vanishes before compilation. A new kind of wall is a file here
-that fulfils ``Wall``, a noun (``case/wall.py``) and a row in the table of ``simulation/construction.py``.
+that fulfils ``Wall``, a model (``case/wall.py``) and a branch in ``simulation/walls.py``.
 """
 
 from collections.abc import Callable, Sequence
