@@ -13,7 +13,7 @@ from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.manifest import MANIFEST
 from wavetank.output.writer import RunWriter
-from wavetank.recording.restart import stored_scene
+from wavetank.recording.preparing import stored_scene
 from wavetank.status import line, run_status
 
 SCENE = {

@@ -12,7 +12,7 @@ from wavetank.motion import AtRest, HarmonicSum, Ramped, Recorded, Sinusoid, fir
 from wavetank.motion.recorded import read_record
 from wavetank.waves import airy, wavemaker
 from wavetank.waves.focusing import FocusedGroup
-from wavetank.waves.spectra import Gaussian, Jonswap
+from wavetank.waves.spectra import gaussian, jonswap
 
 GRAVITY = 9.81
 
@@ -20,7 +20,7 @@ GRAVITY = 9.81
 def group(**changes):
     values = {
         "amplitude": 0.1,
-        "spectrum": Jonswap(0.65),
+        "spectrum": jonswap(0.65),
         "frequencies": np.linspace(0.4, 1.3, 128),
         "focus_x": 10.0,
         "focus_time": 20.0,
@@ -189,7 +189,7 @@ def test_the_linear_superposition_focuses_to_the_amplitude():
 def test_paddle_phase_against_shallow_water_theory():
     """In shallow water eta(x, t) = (d / c) dX/dt (t - x / c); with kd < 0.002 the corrections are of order 1e-6."""
     depth, c = 1.0, np.sqrt(GRAVITY)
-    waves = group(spectrum=Gaussian(4e-4, 1e-4), frequencies=np.linspace(1e-4, 8e-4, 128), focus_x=10.0)
+    waves = group(spectrum=gaussian(4e-4, 1e-4), frequencies=np.linspace(1e-4, 8e-4, 128), focus_x=10.0)
     t, x = np.linspace(0.0, 1000.0, 7), 3.0
     expected = depth / c * motion_for(waves).velocity(t - x / c)
     np.testing.assert_allclose(waves.target.elevation(x, t), expected, atol=1e-5 * np.abs(expected).max())
@@ -237,7 +237,7 @@ def test_a_motion_before_the_earliest_focus_loses_its_crest():
 
 def test_spectra_peak_where_they_say():
     f = np.linspace(0.2, 2.0, 1801)
-    for spectrum in (Jonswap(0.7), Jonswap(0.7, gamma=1.0), Gaussian(0.7, 0.1)):
+    for spectrum in (jonswap(0.7), jonswap(0.7, gamma=1.0), gaussian(0.7, 0.1)):
         assert f[spectrum.density(f).argmax()] == pytest.approx(0.7, abs=1e-3)
     peak = np.array([0.7])
-    assert Jonswap(0.7, gamma=3.3).density(peak) == pytest.approx(3.3 * Jonswap(0.7, gamma=1.0).density(peak))
+    assert jonswap(0.7, gamma=3.3).density(peak) == pytest.approx(3.3 * jonswap(0.7, gamma=1.0).density(peak))

@@ -43,7 +43,7 @@ from wavetank.waves import airy
 from wavetank.waves.plane_waves import waves_along
 from wavetank.waves.second_order import MANY, Strokes, second_order
 from wavetank.waves.solitary_wave import solitary_wave
-from wavetank.waves.spectra import Gaussian, Jonswap, Tabled, Tma, irregular, uniform
+from wavetank.waves.spectra import gaussian, irregular, jonswap, tma, uniform
 from wavetank.waves.wavemaker import PISTON
 
 GRAVITY, DEPTH = 9.81, 1.0
@@ -75,7 +75,7 @@ def waves(motion):
 # ---------------------------------------------------------------- tables of sums
 def sea(count=300, seed=3):
     f = np.linspace(0.3, 1.8, count)
-    amplitudes, phases = irregular(Jonswap(0.6), f, significant_height=0.1, seed=seed)
+    amplitudes, phases = irregular(jonswap(0.6), f, significant_height=0.1, seed=seed)
     target = waves_along(f, amplitudes, phases, depth=DEPTH, gravity=GRAVITY)
     return HarmonicSum(target.omega, 1j * target.amplitudes / PISTON.transfer(target.k_x, DEPTH))
 
@@ -113,13 +113,13 @@ def test_pierson_moskowitz_has_its_closed_moments():
     """Of f^-5 exp(-5/4 f^-4): m0 = 1/5; m_n is (5/4)^(n/4 - 1) Gamma(1 - n/4) / 4."""
     for n in (0, 1, 2):
         exact = 1.25 ** (n / 4 - 1) * gamma_function(1 - n / 4) / 4
-        assert moment(Jonswap(1.0, 1.0), n) == pytest.approx(exact, rel=1e-3)
+        assert moment(jonswap(1.0, 1.0), n) == pytest.approx(exact, rel=1e-3)
 
 
 @pytest.mark.parametrize("peak", [1.0, 3.3, 6.0])
 def test_jonswap_has_the_published_area_and_mean_periods(peak):
     """DNV-RP-C205 (2010), 3.5.5: m0 over that of Pierson and Moskowitz; T_m02 and T_m01 over T_p."""
-    m0, m1, m2 = (moment(Jonswap(1.0, peak), n) for n in range(3))
+    m0, m1, m2 = (moment(jonswap(1.0, peak), n) for n in range(3))
     assert 0.2 / m0 == pytest.approx(1 - 0.287 * np.log(peak), rel=0.01)
     powers = peak ** np.arange(4)
     assert np.sqrt(m0 / m2) == pytest.approx(powers @ [0.6673, 0.05037, -0.006230, 0.0003341], rel=0.005)
@@ -128,11 +128,11 @@ def test_jonswap_has_the_published_area_and_mean_periods(peak):
 
 def test_tma_is_jonswap_in_deep_water_and_by_thompson_and_vincent_in_shallow():
     """In shallow water, omega (d / g)^(1/2) < 1, the factor is half its square within 4 % (J. Geophys. Res. 1983)."""
-    deep = Jonswap(0.5)
-    np.testing.assert_allclose(Tma(deep, 500.0, GRAVITY).density(F), deep.density(F), rtol=1e-6)
+    deep = jonswap(0.5)
+    np.testing.assert_allclose(tma(deep, 500.0, GRAVITY).density(F), deep.density(F), rtol=1e-6)
     omega = np.linspace(0.05, 1.0, 20)
     f = omega / (2 * np.pi) * np.sqrt(GRAVITY / DEPTH)
-    np.testing.assert_allclose(Tma(deep, DEPTH, GRAVITY).density(f), deep.density(f) * omega**2 / 2, rtol=0.04)
+    np.testing.assert_allclose(tma(deep, DEPTH, GRAVITY).density(f), deep.density(f) * omega**2 / 2, rtol=0.04)
 
 
 def test_a_table_s_spectrum_is_straight_between_its_rows(tmp_path):
@@ -143,7 +143,6 @@ def test_a_table_s_spectrum_is_straight_between_its_rows(tmp_path):
     spectrum = case.wall.motion.spectrum.build(case.tank)
     assert spectrum.peak_frequency == 0.5
     np.testing.assert_array_equal(spectrum.density(np.array([0.3, 0.45, 0.75, 1.2])), [0.0, 1.0, 1.0, 0.0])
-    assert isinstance(spectrum, Tabled)
 
 
 @pytest.mark.parametrize(
@@ -174,7 +173,7 @@ def test_random_numbers_of_a_seed_are_fixed():
     assert uniform(2**40, 1).tolist() != uniform(2**40 + 1, 1).tolist()
 
 
-@pytest.mark.parametrize("spectrum", [Jonswap(0.6), Tma(Jonswap(0.6), 0.5, GRAVITY), Gaussian(0.6, 0.1)])
+@pytest.mark.parametrize("spectrum", [jonswap(0.6), tma(jonswap(0.6), 0.5, GRAVITY), gaussian(0.6, 0.1)])
 def test_an_irregular_sea_has_its_height_and_its_spectrum(spectrum):
     f = np.linspace(0.3, 1.8, 500)
     amplitudes, phases = irregular(spectrum, f, significant_height=0.2, seed=5)
@@ -188,9 +187,9 @@ def test_an_irregular_sea_has_its_height_and_its_spectrum(spectrum):
 def test_random_amplitudes_are_rayleigh_s_about_the_spectrum_s():
     """Over many seeds a² / a_spectrum² has mean 1 and variance 1."""
     f = np.linspace(0.3, 1.8, 50)
-    smooth = irregular(Jonswap(0.6), f, significant_height=0.2, seed=0)[0]
+    smooth = irregular(jonswap(0.6), f, significant_height=0.2, seed=0)[0]
     ratios = np.array(
-        [irregular(Jonswap(0.6), f, significant_height=0.2, seed=n, random_amplitudes=True)[0] for n in range(200)]
+        [irregular(jonswap(0.6), f, significant_height=0.2, seed=n, random_amplitudes=True)[0] for n in range(200)]
     )
     squares = (ratios / smooth) ** 2  # 10^4 of them
     assert squares.mean() == pytest.approx(1.0, abs=0.04) and squares.var() == pytest.approx(1.0, abs=0.12)

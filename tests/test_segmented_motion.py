@@ -7,14 +7,14 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from wavetank.case import BasinTank, Case, DirectionalIrregularMotion
-from wavetank.case.directional import span
+from wavetank.case.paddle import span
 from wavetank.motion import PiecewiseLinear, Ramped, SegmentedMotion, SnakeMotion, first_order_motion
 from wavetank.motion.motion import joints, widest_segment
 from wavetank.waves import wavemaker
 from wavetank.waves.airy import wave_number
 from wavetank.waves.focusing import Fan, FocusedGroup, ReflectedGroup
 from wavetank.waves.plane_waves import waves_along
-from wavetank.waves.spectra import Jonswap
+from wavetank.waves.spectra import jonswap
 
 GRAVITY, DEPTH = 9.81, 0.5
 Y = np.linspace(-4.0, 4.0, 17)
@@ -48,7 +48,7 @@ def oblique_waves(*, amplitude=0.02, period=1.3, angle=0.5):
 
 def group(**changes):
     frequencies = np.linspace(0.5, 1.5, changes.pop("components", 24))
-    values = {"amplitude": 0.05, "spectrum": Jonswap(0.8), "focus_x": 6.0, "focus_time": 20.0, "depth": DEPTH}
+    values = {"amplitude": 0.05, "spectrum": jonswap(0.8), "focus_x": 6.0, "focus_time": 20.0, "depth": DEPTH}
     return FocusedGroup(**{"frequencies": frequencies, "gravity": GRAVITY, **values, **changes})
 
 

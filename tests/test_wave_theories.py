@@ -14,7 +14,7 @@ from examples.paper.mccamy_fuchs import CylinderDiffraction
 from examples.paper.resting_wave import resting_wave
 from wavetank.waves.focusing import Fan, FocusedGroup, ReflectedGroup
 from wavetank.waves.solitary_wave import solitary_wave
-from wavetank.waves.spectra import Gaussian
+from wavetank.waves.spectra import gaussian
 from wavetank.waves.standing_wave import ThirdOrderStandingWave
 from wavetank.waves.stream_function import stream_function_wave
 from wavetank.waves.wave import Wave
@@ -34,7 +34,7 @@ class Case(NamedTuple):
 
 def group(**directions):
     focus = {"focus_x": 1.0, "focus_time": 2.0, "depth": D, "gravity": G, **directions}
-    return FocusedGroup(amplitude=1e-4, spectrum=Gaussian(0.6, 0.1), frequencies=np.linspace(0.4, 0.9, 7), **focus)
+    return FocusedGroup(amplitude=1e-4, spectrum=gaussian(0.6, 0.1), frequencies=np.linspace(0.4, 0.9, 7), **focus)
 
 
 def fan():

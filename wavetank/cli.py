@@ -16,7 +16,8 @@ from typing import Annotated, Any
 import typer
 
 import wavetank
-from wavetank.case.new import KINDS, write_case
+from wavetank import data
+from wavetank.case.new import KINDS, cases_at_hand, write_case
 from wavetank.console import console
 from wavetank.errors import InputError, WavetankError, printable
 from wavetank.mpi import MPI, all_ranks_arrive, on_first
@@ -163,8 +164,6 @@ def resume(
 
 
 def _list_cases() -> None:
-    from wavetank.case.new import cases_at_hand
-
     terminal = console()
     terminal.print("wavetank run CASE, of which these are at hand (wavetank new begins another):", highlight=False)
     for path, title in cases_at_hand():
@@ -193,8 +192,6 @@ def schema(
 @data_app.command("list", epilog=example("data list"))
 def list_data() -> None:
     """List the data that are known: where they are, whose, on what terms."""
-    from wavetank import data
-
     terminal = console()
     for name in data.names():
         terminal.print(data.summary(name), highlight=False)
@@ -203,8 +200,6 @@ def list_data() -> None:
 @data_app.command(epilog=example("data fetch marin-202002"))
 def fetch(name: Annotated[str, typer.Argument(help="name of the data set", metavar="NAME")]) -> None:
     """Download a data set from its public source into the user's cache."""
-    from wavetank import data
-
     folder = data.fetch(name)
     console().print(f"{name} is in {folder}", highlight=False)
 

@@ -7,8 +7,6 @@ from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import typer
-from rich.box import SIMPLE
-from rich.table import Table
 
 from wavetank.console import console, format_duration
 from wavetank.errors import InputError
@@ -94,14 +92,6 @@ def line(one: RunStatus) -> str:
     return f"{one.path}: {', '.join(words).removeprefix('state ')}{f'; {one.note}' if one.note else ''}"
 
 
-def table(statuses: Sequence[RunStatus]) -> Table:
-    """Return statuses as a table for a terminal, without their notes."""
-    result = Table("run", *COLUMNS, box=SIMPLE, padding=0)
-    for one in statuses:
-        result.add_row(str(one.path), *one.cells.values())
-    return result
-
-
 def status(
     paths: Annotated[
         list[Path] | None,
@@ -112,11 +102,6 @@ def status(
 
     It is read from their directories, while they are computed, afterwards, and on other machines.
     """
-    statuses = [run_status(path) for path in runs(paths or [Path("runs")])]
     terminal = console()
-    lines = [line(one) for one in statuses]
-    if terminal.is_terminal:
-        terminal.print(table(statuses))
-        lines = [f"{one.path}: {one.note}" for one in statuses if one.note]
-    for one in lines:
-        terminal.print(one, highlight=False)
+    for path in runs(paths or [Path("runs")]):
+        terminal.print(line(run_status(path)), highlight=False)

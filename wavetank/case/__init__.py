@@ -7,7 +7,6 @@ pydantic's own ``ValidationError``. Lengths are in metres, times in seconds. The
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from wavetank.case.directional import *  # noqa: F403
     from wavetank.case.ends import *  # noqa: F403
     from wavetank.case.initial import *  # noqa: F403
     from wavetank.case.model import *  # noqa: F403
@@ -16,9 +15,8 @@ if TYPE_CHECKING:
     from wavetank.case.paddle import *  # noqa: F403
     from wavetank.case.tank import *  # noqa: F403
     from wavetank.case.wall import *  # noqa: F403
-    from wavetank.case.waves import *  # noqa: F403
 
-FAMILIES = "model", "ends", "tank", "wall", "paddle", "directional", "waves", "initial", "output", "numerics"
+FAMILIES = "model", "ends", "tank", "wall", "paddle", "initial", "output", "numerics"
 
 
 def __getattr__(name: str) -> Any:

@@ -11,8 +11,8 @@ from pydantic import Field
 
 from wavetank import data
 from wavetank import motion as motions
+from wavetank.case.paddle import GaussianSpectrum, JonswapSpectrum, PiersonMoskowitzSpectrum, TmaSpectrum
 from wavetank.case.tank import AnyTank, BasinTank, Context, RingTank, SliceTank
-from wavetank.case.waves import GaussianSpectrum, JonswapSpectrum, PiersonMoskowitzSpectrum, TmaSpectrum
 from wavetank.errors import InputError
 from wavetank.mesh import Rectangle
 from wavetank.values.case_model import CaseModel, FilePath, FormulaModel, FormulaText, Problem, about, one_of

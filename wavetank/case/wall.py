@@ -8,10 +8,8 @@ import numpy as np
 from pydantic import Field
 
 from wavetank import motion as motions
-from wavetank.case.directional import PLACES, SegmentedPaddleMotion, span
-from wavetank.case.paddle import PaddleMotion
+from wavetank.case.paddle import PLACES, MotionModel, PaddleMotion, SegmentedPaddleMotion, span
 from wavetank.case.tank import AnyTank, Context, RingTank, SliceTank
-from wavetank.case.waves import MotionModel
 from wavetank.errors import InputError
 from wavetank.motion import Array
 from wavetank.motion.motion import ANGLES, STEEPEST, TOP, UPSET, Extent, frequency_shift, joints, largest_stroke

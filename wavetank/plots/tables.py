@@ -12,19 +12,21 @@ from rich.box import SIMPLE
 from rich.table import Table
 from xarray import Dataset
 
-from wavetank.errors import write_errors
+from wavetank.errors import InputError, WavetankError, write_errors
 from wavetank.output.files import write_atomically
 
 HARMONICS = ("gauge", "x", "harmonic", "computed", "reference", "error", "ahead")  # columns
 
 
-def write_rows(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Write a table as CSV, numbers with six digits; raises ``InputError`` where it cannot be written."""
+def write_rows(
+    path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]], error: type[WavetankError] = InputError
+) -> None:
+    """Write a table as CSV, numbers with six digits, complete or not at all; raises ``error`` if it cannot."""
     text = StringIO()
     writer = csv.writer(text)
     writer.writerow(columns)
     writer.writerows([f"{value:.6g}" if isinstance(value, float) else value for value in row] for row in rows)
-    with write_errors(path):
+    with write_errors(path, error):
         write_atomically(path, text.getvalue().encode())
 
 

@@ -32,8 +32,8 @@ from wavetank.recording.log import (
     record_failure,
     scene_content,
 )
-from wavetank.recording.preparing import prepared
-from wavetank.recording.restart import Restart, stored_scene
+from wavetank.recording.preparing import prepared, stored_scene
+from wavetank.recording.restart import Restart
 from wavetank.simulation.monitoring import Interruption
 from wavetank.simulation.own import called
 from wavetank.simulation.summary import Parts

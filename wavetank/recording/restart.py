@@ -3,7 +3,6 @@
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,16 +10,13 @@ from mpi4py import MPI
 from pydantic import ValidationError
 
 from wavetank.arrays import Vector
-from wavetank.case import Case, StillWater
-from wavetank.case.numerics import Numerics
-from wavetank.case.reading import changed_case, contents, named_files
+from wavetank.case import Case, Numerics, StillWater
+from wavetank.case.reading import contents, named_files
 from wavetank.errors import InputError
 from wavetank.fem.by_place import found
 from wavetank.mpi import on_first, raise_on_all_ranks
 from wavetank.output.checkpoint import Checkpoint, checked_tree
-from wavetank.output.directory import RunDirectory
 from wavetank.output.fields import VtuSeries
-from wavetank.output.manifest import MANIFEST
 from wavetank.output.writer import RunWriter
 from wavetank.planning.checks import predicted, too_high
 from wavetank.planning.default_plan import PlannedCase, planned
@@ -36,7 +32,6 @@ from wavetank.values.case_model import CaseError, Problem
 FREE = {("title",), ("run", "duration"), ("run", "checkpoint_every"), ("run", "on_breaking")}
 ALL_OF = {"gauges": "all_gauges", "probes": "probes", "loads": "loads", "windows": "windows"}  # may be more: of a scene
 RECORDED = {"output", "gauge_lines", *ALL_OF}
-SIZES = {"cells": "cell_size", "cell_size": "cells"}  # of which there is one
 
 
 class Restart:
@@ -270,34 +265,6 @@ class Restart:
 
 
 CHANGED = {*Numerics.model_fields, "on_breaking"}
-
-
-def stored_scene(run: Path | str, changes: Sequence[str] = (), *, extend: float | None = None) -> Case:
-    """Return the scene stored in a run directory, with ``KEY=VALUE`` changes, longer by ``extend`` [s].
-
-    Raises ``InputError`` where none is, and for a scene that cannot be.
-    """
-    directory = RunDirectory(run)
-    content = directory.manifest.get("scene")
-    if not isinstance(content, dict) or not isinstance(content.get("run"), dict):
-        raise InputError(f"{directory.path}: its {MANIFEST} tells no scene to go on with.")
-    if extend is not None:
-        if not extend > 0:
-            raise InputError(f"--extend {extend:g} received; must be more than 0 s.")
-        if any(change.partition("=")[0].strip() == "run.duration" for change in changes):
-            raise InputError("--extend and run.duration: give one of them; the one is added, the other is all of it.")
-        changes = [*changes, f"run.duration={float(content['run']['duration']) + extend!r}"]
-    content = _without_none(content)
-    for key, other in SIZES.items():
-        if any(change.partition("=")[0].strip() == f"numerics.{key}" for change in changes):
-            content.get("numerics", {}).pop(other, None)
-    return changed_case(directory.path / MANIFEST, content, changes)
-
-
-def _without_none(content: dict[str, Any]) -> dict[str, Any]:
-    """Return the content of a scene without keys whose value is None."""
-    items = ((key, _without_none(value) if isinstance(value, dict) else value) for key, value in content.items())
-    return {key: value for key, value in items if value is not None}
 
 
 def _required_value(former: Any, value: Any) -> tuple[Any, str]:

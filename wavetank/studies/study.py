@@ -203,8 +203,7 @@ class Study:
             raise RunError(f"nothing could be measured: no run, or not its reference, has finished. {causes}")
         path, title = self._out / PICTURE, self._swept[0].scene.title
         if any(axis.seeds for axis in self._axes) and (statistics := table.ensembles(rows, self._axes)):
-            table.write_ensembles(self._out / ENSEMBLES, statistics)
-            wide.print(table.ensemble_table(statistics))
+            wide.print(table.write_ensembles(self._out / ENSEMBLES, statistics))
             self._print(f"wrote {self._out / ENSEMBLES}")
             draw_ensembles(rows, statistics, self._axes, path, title=title)
         elif any(axis.physical for axis in self._axes):

@@ -1,21 +1,18 @@
 """Results of a study: a row for each combination, and statistics of ensembles of seeds, as CSV and for the terminal."""
 
-import csv
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from io import StringIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from rich.box import SIMPLE
 from rich.table import Table
 from scipy.special import stdtrit
 
 from wavetank.case import Case
-from wavetank.errors import RecordError, write_errors
-from wavetank.output.files import write_atomically
+from wavetank.errors import RecordError
+from wavetank.plots.tables import terminal_table, write_rows
 from wavetank.run_warning import RunWarning
 from wavetank.studies.measures import Errors, Responses, responded
 from wavetank.studies.runs import Outcome
@@ -131,14 +128,6 @@ def damped(rows: Sequence[Row]) -> str:
     return f"waves broke and were damped in {counted(count, rows)}" if count else ""
 
 
-def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Write a CSV file, complete or not at all; raises ``RecordError``."""
-    text = StringIO()
-    csv.writer(text).writerows([columns, *rows])
-    with write_errors(path, RecordError):
-        write_atomically(path, text.getvalue().encode())
-
-
 def write_table(path: Path, rows: Sequence[Row], axes: Sequence[Axis]) -> None:
     """Write ``study.csv``: settings, figures, status, cause and warnings; raises ``RecordError``."""
     names = [*tabulated(rows), *COSTS]
@@ -153,23 +142,19 @@ def write_table(path: Path, rows: Sequence[Row], axes: Sequence[Axis]) -> None:
         ]
         for row in rows
     ]
-    write_csv(path, [*(axis.label for axis in axes), "mark", *names, "status", "cause", "warnings"], lines)
+    columns = [*(axis.label for axis in axes), "mark", *names, "status", "cause", "warnings"]
+    write_rows(path, columns, lines, RecordError)
 
 
 def study_table(rows: Sequence[Row], axes: Sequence[Axis]) -> Table:
     """Return the table for the terminal: settings, responses, errors, the main costs and the status of each run."""
     names = [*tabulated(rows), *SHOWN]
     digits = [6 if name in SHOWN[1:] else 3 for name in names]
-    table = Table(box=SIMPLE, padding=0)
-    for axis in axes:
-        table.add_column(axis.label, min_width=max(len(row.settings([axis])[0]) for row in rows), overflow="fold")
-    for name in names:
-        table.add_column(name)
-    table.add_column("status", no_wrap=True)
-    for row in rows:
-        status = ", ".join(filter(None, [row.mark, row.outcome.status]))
-        table.add_row(*row.settings(axes), *row.cells(names, digits), status)
-    return table
+    lines = (
+        [*row.settings(axes), *row.cells(names, digits), ", ".join(filter(None, [row.mark, row.outcome.status]))]
+        for row in rows
+    )
+    return terminal_table([*(axis.label for axis in axes), *names, "status"], lines)
 
 
 class Ensemble(NamedTuple):
@@ -234,14 +219,11 @@ def ensembles(rows: Sequence[Row], axes: Sequence[Axis]) -> list[Ensemble]:
     return result
 
 
-def write_ensembles(path: Path, statistics: Sequence[Ensemble]) -> None:
-    """Write ``ensemble.csv``: settings, response, runs, mean with its 95 % confidence interval, spread, quantiles."""
-    write_csv(path, [*statistics[0].settings, "response", *COLUMNS], [one.cells(7) for one in statistics])
+def write_ensembles(path: Path, statistics: Sequence[Ensemble]) -> Table:
+    """Write ``ensemble.csv``: settings, response, runs, mean with its 95 % confidence interval, spread, quantiles.
 
-
-def ensemble_table(statistics: Sequence[Ensemble]) -> Table:
-    """Return the ensembles as a table for the terminal."""
-    table = Table(*statistics[0].settings, "response", *COLUMNS, box=SIMPLE, padding=0)
-    for one in statistics:
-        table.add_row(*one.cells(4))
-    return table
+    Return the table for the terminal; raise ``RecordError``.
+    """
+    columns = [*statistics[0].settings, "response", *COLUMNS]
+    write_rows(path, columns, [one.cells(7) for one in statistics], RecordError)
+    return terminal_table(columns, [one.cells(4) for one in statistics])

@@ -298,40 +298,74 @@ class SteadySolution:
         )
 
 
-def corrected(
+def at_height(
     start: SteadySolution,
     height: float,
     *,
-    rise: Callable[[Array], float],
-    strip: Callable[[Array], Strip],
-    jacobian: Callable[[SteadySolution], "scipy.sparse.linalg.LinearOperator"],
+    weights: Callable[[int], Array] | None,
+    resolved: float,
+    hopeless: float = np.inf,
+    most: int,
 ) -> SteadySolution:
-    """Return the solution of Babenko's equation for eta and b together at a given height, by Newton's method.
+    """Return the solution of another height over the depth, on as many points as it needs.
 
     Parameters
     ----------
-    start
-        A wave of nearly that height.
-    height
-        As ``rise`` has it.
-    rise
-        The height of an elevation.
-    strip
-        On which an elevation is.
-    jacobian
-        Gives the derivatives of the equation, then of the height, by eta and by b.
+    start, height
+        A solution of near height, and the height.
+    weights
+        Those of the mean over so many intervals for a periodic wave, whose height is from trough to crest and whose
+        strip depends on its elevation; None for a solitary wave.
+    resolved, hopeless, most
+        Residual that is not refined, residual from which on refinement does not help, and most intervals.
     """
-    b, eta = start.b, np.asarray(start.eta * height / rise(start.eta), dtype=np.float64)
+    solution = _corrected(start, height, weights)
+    while not solution.residual() < resolved and solution.strip.intervals < most:
+        if solution.residual() >= hopeless:
+            break
+        solution = _corrected(solution.refined(2), height, weights)
+    return solution
+
+
+def _corrected(start: SteadySolution, height: float, weights: Callable[[int], Array] | None) -> SteadySolution:
+    """Return the solution of Babenko's equation for eta and b together at a given height, by Newton's method."""
+    mean = None if weights is None else weights(start.strip.intervals)
+    last = 0.0 if mean is None else 1.0  # factor of the trough in the height
+
+    def strip(eta: Array) -> Strip:
+        if mean is None:
+            return start.strip
+        return Strip(start.strip.length, 1.0 + float(mean @ eta), mean=0.0, intervals=eta.size - 1)
+
+    b, eta = start.b, np.asarray(start.eta * height / (start.eta[0] - last * start.eta[-1]), dtype=np.float64)
     for _ in range(20):
         now = SteadySolution(strip(eta), eta, b)
-        error = np.append(now.babenko(), rise(eta) - height)
+        error = np.append(now.babenko(), eta[0] - last * eta[-1] - height)
         correction, _ = scipy.sparse.linalg.gmres(
-            jacobian(now), error, M=_principal(now), rtol=CORRECTED, restart=SPACE, maxiter=1
+            _jacobian(now, mean, last), error, M=_principal(now), rtol=CORRECTED, restart=SPACE, maxiter=1
         )
         eta, b = np.asarray(eta - correction[:-1], dtype=np.float64), b - float(correction[-1])
         if np.abs(correction).max() < SETTLED:
             break
     return SteadySolution(strip(eta), eta, b)
+
+
+def _jacobian(now: SteadySolution, mean: Array | None, last: float) -> "scipy.sparse.linalg.LinearOperator":
+    """Return the derivatives of Babenko's equation, then of the height, by eta and by b."""
+    strip, eta, b = now.strip, now.eta, now.b
+    K_eta = strip.multiply(strip.K, eta)
+    by_depth = np.append(0.0, strip.k[1:] ** 2 - strip.K[1:] ** 2)  # dK/dD; D takes part in the mean of eta
+    change = (b - eta) * strip.multiply(by_depth, eta) - 0.5 * strip.multiply(by_depth, eta**2)
+
+    def of(correction: Array) -> Array:
+        e, of_b = correction[:-1], correction[-1]
+        K_e, K_eta_e = (strip.multiply(strip.K, f) for f in (e, eta * e))
+        babenko = (b - eta) * K_e - K_eta_e - (1.0 + K_eta) * e + K_eta * of_b
+        if mean is not None:
+            babenko = babenko + change * (mean @ e)
+        return np.append(babenko, e[0] - last * e[-1])
+
+    return scipy.sparse.linalg.LinearOperator((eta.size + 1, eta.size + 1), matvec=of)
 
 
 def _principal(now: SteadySolution) -> "scipy.sparse.linalg.LinearOperator":

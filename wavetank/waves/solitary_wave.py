@@ -18,7 +18,7 @@ import numpy as np
 import scipy
 
 from wavetank.errors import InputError
-from wavetank.waves.conformal import SPLINE_DEGREE, Shape, SteadySolution, SteadyWave, Strip, corrected
+from wavetank.waves.conformal import SPLINE_DEGREE, Shape, SteadySolution, SteadyWave, Strip, at_height
 from wavetank.waves.wave import Array
 
 HIGHEST_SOLITARY = 0.8  # relative to the depth; the highest wave has 0.833
@@ -45,7 +45,7 @@ def solitary_wave(height: float, *, depth: float, gravity: float = 9.81) -> Stea
         solution = _of_height(min(height / depth, ITERATED), intervals)
     if height / depth > ITERATED:
         for one in np.linspace(ITERATED, height / depth, 1 + ceil((height / depth - ITERATED) / STEP))[1:]:
-            solution = _at_height(solution, float(one))
+            solution = at_height(solution, float(one), weights=None, resolved=RESOLVED, most=MOST)
     return solution.wave(depth, gravity, interpolate=_still_beyond)
 
 
@@ -75,32 +75,6 @@ def _of_speed(square: float, intervals: int) -> SteadySolution:
         if np.abs(eta - last).max() < 1e-15 * eta[0]:
             break
     return SteadySolution(strip, eta, square)
-
-
-def _at_height(start: SteadySolution, height: float) -> SteadySolution:
-    """Return the wave of another height, on as many points as it needs."""
-    solution = _newton(start, height)
-    while not solution.residual() < RESOLVED and solution.strip.intervals < MOST:
-        solution = _newton(solution.refined(2), height)
-    return solution
-
-
-def _newton(start: SteadySolution, height: float) -> SteadySolution:
-    """Solve Babenko's equation for eta and b together, at a given height."""
-    return corrected(start, height, rise=lambda eta: float(eta[0]), strip=lambda eta: start.strip, jacobian=_jacobian)
-
-
-def _jacobian(now: SteadySolution) -> "scipy.sparse.linalg.LinearOperator":
-    """Return the derivatives of Babenko's equation, then of the height, by eta and by b."""
-    strip, eta, b = now.strip, now.eta, now.b
-    K_eta = strip.multiply(strip.K, eta)
-
-    def of(correction: Array) -> Array:
-        e, of_b = correction[:-1], correction[-1]
-        K_e, K_eta_e = (strip.multiply(strip.K, f) for f in (e, eta * e))
-        return np.append((b - eta) * K_e - K_eta_e - (1.0 + K_eta) * e + K_eta * of_b, e[0])
-
-    return scipy.sparse.linalg.LinearOperator((eta.size + 1, eta.size + 1), matvec=of)
 
 
 def _inner(f: Array, g: Array) -> float:

@@ -7,7 +7,6 @@ turns them into phases is that of this module, so a seed gives the same sea on a
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.random import PCG64, SeedSequence
@@ -20,121 +19,61 @@ from wavetank.waves import airy
 Array = NDArray[np.float64]
 
 
-class Spectrum(Protocol):
-    """The shape of a spectrum; its size does not matter."""
-
-    @property
-    def peak_frequency(self) -> float:
-        """The frequency of the largest S [Hz]."""
-
-    def density(self, f: Array) -> Array:
-        """Return S at frequencies f [Hz], positive, up to a factor."""
-
-
 @dataclass(frozen=True)
-class Jonswap:
-    """S = f^-5 exp(-5/4 (f/fp)^-4) gamma^exp(-(f/fp - 1)^2 / (2 sigma^2)), sigma = 0.07 below the peak, 0.09 above.
-
-    Source: K. Hasselmann et al., Deutsche Hydrographische Zeitschrift, Reihe A8, Nr. 12, 1973. With gamma = 1 it is the
-    spectrum of W. J. Pierson and L. Moskowitz, J. Geophysical Research 69, 1964.
+class Spectrum:
+    """The shape S(f) of a spectrum; its size does not matter.
 
     Attributes
     ----------
     peak_frequency
-        fp [Hz].
-    gamma
-        Peak enhancement.
+        The frequency of the largest S [Hz], before factors of the depth.
+    density
+        S at frequencies f [Hz], positive, up to a factor.
     """
 
     peak_frequency: float
-    gamma: float = 3.3
+    density: Callable[[Array], Array]
 
-    def density(self, f: Array) -> Array:
-        """Return S at frequencies f [Hz], up to a factor."""
-        ratio = f / self.peak_frequency
+
+def jonswap(peak: float, gamma: float = 3.3) -> Spectrum:
+    """Return S = f^-5 exp(-5/4 (f/fp)^-4) gamma^exp(-(f/fp - 1)^2 / (2 sigma^2)), fp the peak [Hz].
+
+    sigma = 0.07 below the peak, 0.09 above. Source: K. Hasselmann et al., Deutsche Hydrographische Zeitschrift, Reihe
+    A8, Nr. 12, 1973. With gamma = 1 it is the spectrum of W. J. Pierson and L. Moskowitz, J. Geophysical Research 69,
+    1964.
+    """
+
+    def density(f: Array) -> Array:
+        ratio = f / peak
         sigma = np.where(ratio <= 1.0, 0.07, 0.09)
-        enhancement = self.gamma ** np.exp(-((ratio - 1.0) ** 2) / (2.0 * sigma**2))
+        enhancement = gamma ** np.exp(-((ratio - 1.0) ** 2) / (2.0 * sigma**2))
         return np.asarray(ratio**-5 * np.exp(-1.25 * ratio**-4) * enhancement)
 
+    return Spectrum(peak, density)
 
-@dataclass(frozen=True)
-class Tma:
-    """A JONSWAP spectrum in water of finite depth: times tanh^2(k d) / (1 + 2 k d / sinh 2 k d).
 
-    Source: E. Bouws, H. Guenther, W. Rosenthal and C. L. Vincent, "Similarity of the wind wave spectrum in finite depth
-    water", J. Geophysical Research 90, 1985; the factor is that of S. A. Kitaigorodskii et al., J. Physical
-    Oceanography 5, 1975.
+def tma(deep: Spectrum, depth: float, gravity: float) -> Spectrum:
+    """Return a JONSWAP spectrum in a depth [m]: times tanh^2(k d) / (1 + 2 k d / sinh 2 k d).
 
-    Attributes
-    ----------
-    deep
-        The JONSWAP spectrum.
-    depth, gravity
-        Still-water depth [m] and gravity [m/s^2].
+    Its peak is a little above that of ``deep``. Source: E. Bouws, H. Guenther, W. Rosenthal and C. L. Vincent,
+    "Similarity of the wind wave spectrum in finite depth water", J. Geophysical Research 90, 1985; the factor is that
+    of S. A. Kitaigorodskii et al., J. Physical Oceanography 5, 1975.
     """
 
-    deep: Jonswap
-    depth: float
-    gravity: float
-
-    @property
-    def peak_frequency(self) -> float:
-        """The peak frequency of the JONSWAP spectrum [Hz], which is a little below this one's."""
-        return self.deep.peak_frequency
-
-    def density(self, f: Array) -> Array:
-        """Return S at frequencies f [Hz], up to a factor."""
-        kd = airy.relative_depth(airy.wave_number(2.0 * np.pi * f, self.depth, self.gravity), self.depth)
+    def density(f: Array) -> Array:
+        kd = airy.relative_depth(airy.wave_number(2.0 * np.pi * f, depth, gravity), depth)
         factor = np.tanh(kd) ** 2 / (1.0 + 2.0 * kd / np.sinh(2.0 * kd))
-        return np.asarray(self.deep.density(f) * factor)
+        return np.asarray(deep.density(f) * factor)
+
+    return Spectrum(deep.peak_frequency, density)
 
 
-@dataclass(frozen=True)
-class Gaussian:
-    """S = exp(-(f - fp)^2 / (2 b^2)).
-
-    Attributes
-    ----------
-    peak_frequency
-        fp [Hz].
-    bandwidth
-        b [Hz], the standard deviation.
-    """
-
-    peak_frequency: float
-    bandwidth: float
-
-    def density(self, f: Array) -> Array:
-        """Return S at frequencies f [Hz], up to a factor."""
-        return np.asarray(np.exp(-((f - self.peak_frequency) ** 2) / (2.0 * self.bandwidth**2)))
+def gaussian(peak: float, bandwidth: float) -> Spectrum:
+    """Return S = exp(-(f - fp)^2 / (2 b^2)), fp the peak [Hz] and b the standard deviation [Hz]."""
+    return Spectrum(peak, lambda f: np.asarray(np.exp(-((f - peak) ** 2) / (2.0 * bandwidth**2))))
 
 
-@dataclass(frozen=True, eq=False)
-class Tabled:
-    """S by a table, straight between its frequencies and nothing beyond them.
-
-    Attributes
-    ----------
-    f
-        Frequencies [Hz], shape (N,), ascending.
-    S
-        Densities, shape (N,), up to a factor.
-    """
-
-    f: Array
-    S: Array
-
-    @property
-    def peak_frequency(self) -> float:
-        """The frequency of the largest S [Hz]."""
-        return float(self.f[self.S.argmax()])
-
-    def density(self, f: Array) -> Array:
-        """Return S at frequencies f [Hz], up to a factor."""
-        return np.asarray(np.interp(f, self.f, self.S, left=0.0, right=0.0))
-
-
-def read_spectrum(path: Path) -> Tabled:
+def read_spectrum(path: Path) -> Spectrum:
     """Return the spectrum in a file of two columns, f [Hz] and S, two rows or more.
 
     Raises ``InputError`` naming the file and the line if it cannot be read, if frequencies are not positive or do not
@@ -148,7 +87,9 @@ def read_spectrum(path: Path) -> Tabled:
     check_ascending(path, lines, values[:, 0], what=("frequency", "frequencies"))
     if len(lines) < 2 or not values[:, 1].any():
         raise InputError(f"{path}: {len(lines)} rows received; at least 2 are needed, and a density that is not 0.")
-    return Tabled(values[:, 0], values[:, 1])
+    frequencies, densities = values.T
+    peak = float(frequencies[densities.argmax()])
+    return Spectrum(peak, lambda f: np.asarray(np.interp(f, frequencies, densities, left=0.0, right=0.0)))
 
 
 # ---------------------------------------------------------------- irregular seas

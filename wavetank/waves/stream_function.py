@@ -18,7 +18,7 @@ import numpy as np
 import scipy
 
 from wavetank.errors import InputError
-from wavetank.waves.conformal import SPLINE_DEGREE, Shape, SteadySolution, SteadyWave, Strip, corrected
+from wavetank.waves.conformal import SPLINE_DEGREE, Shape, SteadySolution, SteadyWave, Strip, at_height
 from wavetank.waves.wave import Array
 
 STEP = 0.1  # in height, relative to the maximum: so close, and closer as it comes near, waves keep to one crest
@@ -49,7 +49,7 @@ def stream_function_wave(height: float, length: float, *, depth: float, gravity:
     heights = height / depth * np.sin(np.pi / 2 * np.arange(1, steps + 1) / steps)
     solution = _cnoidal_wave(heights[0], length / depth)
     for one in heights:
-        solution = _at_height(solution, one)
+        solution = at_height(solution, one, weights=_weights, resolved=RESOLVED, hopeless=HOPELESS, most=MOST)
         if not (solution.residual() < ACCEPTED and solution.has_one_crest()):
             raise InputError(
                 f"height = {height:g} m: no wave of length {length:g} m in a depth of {depth:g} m could be computed; a "
@@ -89,37 +89,3 @@ def _cnoidal_wave(height: float, length: float) -> SteadySolution:
     now = SteadySolution(_strip(length, eta), eta, 0.0)
     K_eta = now.strip.multiply(now.strip.K, eta)
     return replace(now, b=-float(K_eta @ now.babenko() / (K_eta @ K_eta)))  # the best in the mean square
-
-
-def _at_height(start: SteadySolution, height: float) -> SteadySolution:
-    """Return the solution of another height, on as many points as it needs."""
-    solution = _newton(start, height)
-    while RESOLVED < solution.residual() < HOPELESS and solution.strip.intervals < MOST:
-        solution = _newton(solution.refined(2), height)
-    return solution
-
-
-def _newton(start: SteadySolution, height: float) -> SteadySolution:
-    """Solve Babenko's equation for eta and b together, at a given height."""
-    length = start.strip.length
-
-    def rise(eta: Array) -> float:
-        return float(eta[0] - eta[-1])
-
-    return corrected(start, height, rise=rise, strip=lambda eta: _strip(length, eta), jacobian=_jacobian)
-
-
-def _jacobian(now: SteadySolution) -> "scipy.sparse.linalg.LinearOperator":
-    """Return the derivatives of Babenko's equation, then of the height, by eta and by b."""
-    strip, eta, b = now.strip, now.eta, now.b
-    K_eta, weights = strip.multiply(strip.K, eta), _weights(strip.intervals)
-    by_depth = np.append(0.0, strip.k[1:] ** 2 - strip.K[1:] ** 2)  # dK/dD; D takes part in the mean of eta
-    change = (b - eta) * strip.multiply(by_depth, eta) - 0.5 * strip.multiply(by_depth, eta**2)
-
-    def of(correction: Array) -> Array:
-        e, of_b = correction[:-1], correction[-1]
-        K_e, K_eta_e = (strip.multiply(strip.K, f) for f in (e, eta * e))
-        babenko = (b - eta) * K_e - K_eta_e - (1.0 + K_eta) * e + change * (weights @ e) + K_eta * of_b
-        return np.append(babenko, e[0] - e[-1])
-
-    return scipy.sparse.linalg.LinearOperator((eta.size + 1, eta.size + 1), matvec=of)

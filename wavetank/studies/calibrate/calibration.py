@@ -15,25 +15,26 @@ from rich.console import Console
 from wavetank.case import Case, Gauge, LinearWater, NonlinearWater
 from wavetank.case.paddle import MadeWaves
 from wavetank.case.reading import located, read_case
-from wavetank.errors import InputError, RunError
+from wavetank.errors import InputError, RecordError, RunError
 from wavetank.output.directory import PADDLE, RunDirectory
 from wavetank.output.files import write_atomically
 from wavetank.planning.default_plan import default_plan
 from wavetank.planning.plan import make_plan, own_plan
 from wavetank.planning.resolution import DEFAULT, resolved
-from wavetank.studies.calibrate.attempts import (
+from wavetank.plots.tables import write_rows
+from wavetank.studies.calibrate.aims import (
     GAUGE_DISTANCE,
     NO_RESULT,
+    Aim,
     Attempt,
     Setting,
+    aim_of,
     components_table,
     scale,
 )
 from wavetank.studies.calibrate.drawing import draw
-from wavetank.studies.calibrate.targets import Aim, aim_of
 from wavetank.studies.runs import Runner, cores, status_of
 from wavetank.studies.sweep import Combination
-from wavetank.studies.table import write_csv
 from wavetank.values.toml import toml
 
 ROUGH = 0.1  # relative error of the elevation that cheap numerics are planned for; a third of it is expected
@@ -136,11 +137,9 @@ def describe(one: Attempt) -> str:
     if one.cause:
         return one.cause
     broke = f"; waves break {one.broke} times" if one.broke > 1 else "; a wave breaks" if one.broke else ""
-    other = result.rival
-    rival = f"; another of {other.height:.4g} m at {other.x:.4g} m, {other.t:.4g} s" if other else ""
     nrms = "" if np.isnan(result.nrms) else f"nrms {result.nrms:.3g}, "
     return (
-        f"crest {result.crest:.4g} m at x = {result.x:.4g} m, t = {result.t:.4g} s{rival}; {nrms}misfit "
+        f"crest {result.crest:.4g} m at x = {result.x:.4g} m, t = {result.t:.4g} s; {nrms}misfit "
         f"{rounded(result.misfit)} of what is allowed{broke}; {one.cpu:.1f} s of CPU time with {one.numerics} numerics"
     )
 
@@ -153,7 +152,7 @@ def write_table(path: Path, attempts: Sequence[Attempt]) -> None:
         values = [result.crest, result.x, result.t, result.nrms, result.misfit]
         figures = [f"{value:.6g}" if np.isfinite(value) else "" for value in values]
         rows.append([one.number, one.runs, one.numerics, *figures, one.broke, f"{one.cpu:.3g}", one.cause])
-    write_csv(path, COLUMNS, rows)
+    write_rows(path, COLUMNS, rows, RecordError)
 
 
 class Calibration:

@@ -9,8 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from wavetank.plots.style import BLUE, CM, GREY, INK, PALE_GREY, VERMILION, number_logarithms, picture
-from wavetank.studies.calibrate.attempts import Attempt, scale
-from wavetank.studies.calibrate.targets import Aim
+from wavetank.studies.calibrate.aims import Aim, Attempt, scale
 from wavetank.waves.plane_waves import PlaneWaves
 
 PERIODS = 6.0  # shown on either side of a crest

@@ -1,0 +1,642 @@
+"""Attempts of a calibration and their results; period, length, shifts and tables of plane waves.
+
+A setting is an array of numbers that determine the waves to generate: the mean of two settings is a setting, too.
+
+Calibration of a crest: amplitude, place and time of the waves are corrected until the highest crest is as wanted.
+
+Unknowns and results are three numbers each: ln of the height, place over wave length, time over period. Broyden's
+method starts from the Jacobian of waves that do not interact, the identity.
+
+Source: C. G. Broyden, "A class of methods for solving nonlinear simultaneous equations", Math. Comp. 19, 1965.
+
+Calibration of a record: amplitude and phase of each component are corrected until the tank's record is as wanted.
+
+Linear theory predicts the record u(t) of the generated waves at the place; the tank's is m(t), the target w(t). In
+bands of frequency the tank's transfer function is G = <M U*> / <U U*>, with its phase, and the coherence is
+c = |<M U*>|² / (<M M*> <U U*>). The correction is c / G times the difference W - M: bound harmonics, which the tank
+generates by itself and the record contains, are not generated again. G is that of the odd part of two runs, one with
+all phases changed by 180 degrees, which excludes second harmonics and whatever else is even. Where the components alone
+are the target, so is m.
+
+Sources: J. R. Chaplin, "On frequency-focusing unidirectional waves", Int. J. Offshore and Polar Eng. 6, 1996; S.
+Schmittner, S. Kosleck, J. Hennig, "A phase-amplitude iteration scheme for the optimization of deterministic wave
+sequences", OMAE 2009; E. Buldakov, D. Stagonas, R. Simons, "Extreme wave groups in a wave flume: controlled generation
+and breaking onset", Coastal Eng. 128, 2017, for runs with opposite phases.
+
+The aim of a calibration, from the target or the motion of a case.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.signal.windows import tukey
+from xarray import Dataset
+
+from wavetank.analysis.compare import rms
+from wavetank.case import LinearWater
+from wavetank.case.initial import STEEPEST
+from wavetank.case.model import Case
+from wavetank.case.output import ComponentsTarget, CrestTarget, RecordTarget, Target
+from wavetank.case.paddle import FocusedMotion, MadeWaves, SurfaceMotion
+from wavetank.case.wall import PaddleWall
+from wavetank.output.directory import RunDirectory
+from wavetank.values.case_model import CaseError, Problem, about, entry
+from wavetank.waves import airy
+from wavetank.waves.airy import wave_number
+from wavetank.waves.measured import WishedSurface, wished_surface
+from wavetank.waves.plane_waves import PlaneWaves, waves_along
+from wavetank.waves.wave import Array
+
+Setting = NDArray[Any]
+GAUGE_DISTANCE = 1e-3  # m, up to which a gauge is at the target
+
+
+class Elevation(NamedTuple):
+    """A record: times [s] and elevations [m] of shape (N,)."""
+
+    t: Array
+    eta: Array
+
+
+class CrestPosition(NamedTuple):
+    """A crest at its highest: height [m], place [m], time [s]."""
+
+    height: float
+    x: float
+    t: float
+
+
+@dataclass(frozen=True, eq=False)
+class AttemptResult:
+    """The result of an attempt's runs.
+
+    Attributes
+    ----------
+    crest, x, t
+        Highest elevation [m] of the crest or record that is calibrated, its place [m] and time [s].
+    misfit
+        Misfit over the tolerance: at 1 or less the target is reached.
+    elevation
+        Record at the target.
+    nrms
+        Root mean square of the difference from a target record over that of the record; nan of a crest.
+    odd
+        Odd part of the elevation, from two runs with opposite phases; None of one run.
+    """
+
+    crest: float
+    x: float
+    t: float
+    misfit: float
+    elevation: Elevation
+    nrms: float = np.nan
+    odd: Array | None = None
+
+
+NO_RESULT = AttemptResult(np.nan, np.nan, np.nan, np.inf, Elevation(np.zeros(0), np.zeros(0)))
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """A setting and the result of its runs.
+
+    Attributes
+    ----------
+    number, runs
+        Number of the attempt, and number of runs up to and with it.
+    numerics
+        ``"cheap"`` or ``"the case's"``.
+    setting
+        Setting of the waves.
+    run
+        Its run directory; of several runs the first.
+    cpu
+        CPU time of all its runs [s].
+    broke
+        Number of waves that broke in them and were damped.
+    result
+        ``NO_RESULT`` if a run has not finished.
+    cause
+        Why a run has not finished; empty if all have.
+    """
+
+    number: int
+    runs: int
+    numerics: str
+    setting: Setting
+    run: Path
+    cpu: float
+    broke: int = 0
+    result: AttemptResult = NO_RESULT
+    cause: str = ""
+
+
+def record_at(run: RunDirectory, x: float) -> Elevation:
+    """Return the record of the gauge nearest to x [m]."""
+    gauges = run.gauges
+    record = gauges[int(np.argmin(np.abs(gauges.x.values - x)))].dropna("time")
+    return Elevation(record.time.values, record.values)
+
+
+class Scale(NamedTuple):
+    """Energy-weighted mean period [s] and wave length [m]."""
+
+    period: float
+    length: float
+
+
+def scale(waves: PlaneWaves) -> Scale:
+    """Return mean period and length of waves."""
+    energy = np.abs(waves.amplitudes) ** 2
+    omega, k = (float(energy @ values / energy.sum()) for values in (waves.omega, waves.k_x))
+    return Scale(2 * np.pi / omega, 2 * np.pi / k)
+
+
+def shifted(waves: PlaneWaves, dx: float, dt: float, *, factor: float = 1.0) -> PlaneWaves:
+    """Return waves times a factor, shifted by dx [m] downstream and dt [s] later."""
+    return replace(waves, amplitudes=factor * waves.amplitudes * np.exp(-1j * (waves.k_x * dx - waves.omega * dt)))
+
+
+def components_table(waves: PlaneWaves) -> str:
+    """Return the file of a motion of type components: frequency [Hz], amplitude [m] and phase [rad] in each row."""
+    rows = zip(waves.omega / (2 * np.pi), np.abs(waves.amplitudes), -np.angle(waves.amplitudes), strict=True)
+    lines = (f"{f:.12g},{a:.9g},{phase:.9g}" for f, a, phase in rows)
+    return "\n".join(["# frequency [Hz], amplitude [m], phase at the paddle at t = 0 [rad]", *lines]) + "\n"
+
+
+AROUND = 1.5  # wave lengths and periods around the target in which the highest crest is searched
+PLACES = 60  # in a wave length
+PATH = 1 / 3  # wave lengths on either side of its top over which a crest is fitted
+SAME_CREST = 0.6  # periods around the path of a crest that exclude another crest
+FEWEST_PLACES = 6  # places that a fit needs
+FINER_SNAPSHOTS = 4  # times at which a crest is searched, over those of the snapshots
+ROUNDS, SAME = 20, 1e-5  # of fits, until the place changes by less than so many wave lengths
+LARGEST = np.array([0.3, 0.5, 0.5])  # steps of the setting
+LOWER_CREST = np.array([-0.2, 0.0, 0.0])
+
+
+class CrestAim:
+    """The aim of a crest of given height, place and time.
+
+    Parameters
+    ----------
+    target
+        The crest.
+    waves
+        Waves of the case's motion, which a setting scales and shifts.
+    """
+
+    def __init__(self, target: CrestTarget, waves: PlaneWaves):
+        self.x, self.start = target.x, np.zeros(3)
+        self.wanted = Elevation(np.array([target.time]), np.array([target.height]))
+        self._target, self._waves, self._scale = target, waves, scale(waves)
+        self._allowed = target.tolerance * np.array([1.0, 2.0, 2.0])
+
+    def waves(self, setting: Setting) -> PlaneWaves:
+        """Return the waves of a setting."""
+        log_factor, downstream, later = setting
+        dx, dt = downstream * self._scale.length, later * self._scale.period
+        return shifted(self._waves, dx, dt, factor=float(np.exp(log_factor)))
+
+    def phases(self, attempts: Sequence[Attempt]) -> tuple[float, ...]:
+        """Return the phases [deg] to add to all waves, one run for each."""
+        return (0.0,)
+
+    def evaluate(self, runs: Sequence[RunDirectory]) -> AttemptResult:
+        """Return the highest crest around the target; of two within the tolerance the nearest."""
+        (run,) = runs
+        surface, target = run.snapshots(), self._target
+        around = np.abs(surface.time.values - target.time) < AROUND * self._scale.period
+        if np.count_nonzero(around) > 3:
+            surface = surface.isel(time=around)
+        reach = AROUND * self._scale.length
+        tops = crests(surface, target.x - reach, target.x + reach, sizes=self._scale)
+        alike = (top for top in tops if top.height > (1 - target.tolerance) * tops[0].height)
+        results = (AttemptResult(*top, np.nan, record_at(run, self.x)) for top in alike)
+        result = min(results, key=lambda one: float(np.abs(self._missed(one)[1:]).sum()))
+        misfit = float((np.abs(self._missed(result)) / self._allowed).max())
+        return replace(result, misfit=misfit)
+
+    def _missed(self, result: AttemptResult) -> Array:
+        target, sizes = self._target, self._scale
+        dx, dt = (result.x - target.x) / sizes.length, (result.t - target.time) / sizes.period
+        return np.array([np.log(result.crest / target.height), dx, dt])
+
+    def next_setting(self, attempts: Sequence[Attempt]) -> Setting:
+        """Return Broyden's next setting, a step from the best attempt with the newest one's numerics."""
+        best, slopes = attempts[0], np.eye(3)
+        for one in attempts:
+            if one is not best and one.numerics == best.numerics:
+                step = one.setting - best.setting
+                change = self._missed(one.result) - self._missed(best.result)
+                slopes += np.outer(change - slopes @ step, step) / (step @ step)
+            if one.numerics != best.numerics or one.result.misfit < best.result.misfit:
+                best = one
+        step = -np.linalg.solve(slopes, self._missed(best.result))
+        return np.asarray(best.setting + step / max(1.0, np.abs(step / LARGEST).max()))
+
+    def lowered(self, setting: Setting) -> Setting:
+        """Return the setting of waves a fifth lower."""
+        return np.asarray(setting + LOWER_CREST)
+
+
+def crests(surface: Dataset, first: float, last: float, *, sizes: Scale) -> list[CrestPosition]:
+    """Return the highest crest between two places [m], and the highest of the others.
+
+    Along its path, a third of a wave length to either side, the height of a crest is fitted by exp(-x²): on coarse
+    cells there are ripples as long as a cell, whose highest sample changes from one to another.
+    """
+    t = surface.time.values
+    first, last = max(first, float(surface.x[:, 0].max())), min(last, float(surface.x[:, -1].min()))
+    places = np.linspace(first, last, max(8, int(PLACES * (last - first) / sizes.length)), dtype=np.float64)
+    eta, result = _elevation(surface, places), list[CrestPosition]()
+    remaining = np.ones((t.size, places.size), dtype=bool)
+    while len(result) < 2 and remaining.any():
+        row, column = divmod(int(np.argmax(np.where(remaining, eta, -np.inf))), places.size)
+        guess = CrestPosition(float(eta[row, column]), float(places[column]), float(t[row]))
+        result.append(_top(surface, guess, first, last, sizes=sizes))
+        arrival = guess.t + (places - guess.x) * sizes.period / sizes.length
+        remaining &= np.abs(t[:, None] - arrival) > SAME_CREST * sizes.period
+    return sorted(result, reverse=True)
+
+
+def _top(surface: Dataset, guess: CrestPosition, first: float, last: float, *, sizes: Scale) -> CrestPosition:
+    """Return the top of a crest, fitted again around each fit until the place no longer changes."""
+    for _ in range(ROUNDS):
+        before, guess = guess, _fitted(surface, guess, first, last, sizes=sizes)
+        if abs(guess.x - before.x) < SAME * sizes.length:
+            break
+    return guess
+
+
+def _fitted(surface: Dataset, top: CrestPosition, first: float, last: float, *, sizes: Scale) -> CrestPosition:
+    """Return the top of a crest, fitted to its path around a guess; the guess if no fit has a maximum."""
+    _, x, t = top
+    part = surface.isel(time=np.abs(surface.time.values - t) < SAME_CREST * sizes.period)
+    path = np.linspace(-PATH, PATH, 2 * int(PATH * PLACES) + 1)
+    path = path[(x + path * sizes.length >= first) & (x + path * sizes.length <= last)]
+    heights, times = _highest(part.time.values, _elevation(part, x + path * sizes.length))
+    weights = (1 - (path / PATH) ** 2) * (heights > 0.0)
+    if np.count_nonzero(weights) < FEWEST_PLACES:
+        return top
+    bend, slope, at_guess = np.polyfit(path, np.log(np.where(heights > 0.0, heights, 1.0)), 2, w=weights)
+    if bend >= 0.0:
+        return top
+    shift = float(np.clip(-slope / (2 * bend), -PATH, PATH))
+    arrival = np.polyfit(path, times, 1, w=weights)
+    height = np.exp(at_guess + shift * (slope + shift * bend))
+    place = float(np.clip(x + shift * sizes.length, first, last))
+    return CrestPosition(float(height), place, float(np.polyval(arrival, shift)))
+
+
+def _elevation(surface: Dataset, places: Array) -> Array:
+    """Return elevations [m] at places [m], of shape (snapshots, places), by splines in x."""
+    return np.array(
+        [CubicSpline(x, one)(places) for x, one in zip(surface.x.values, surface.elevation.values, strict=True)]
+    )
+
+
+def _highest(t: Array, eta: Array) -> tuple[Array, Array]:
+    """Return the highest value of each column of eta, shape (M, N) at times t [s], and its time, by splines in t."""
+    fine, columns = np.linspace(t[0], t[-1], FINER_SNAPSHOTS * t.size), np.arange(eta.shape[1])
+    spline = CubicSpline(t, eta)(fine)
+    row = np.clip(spline.argmax(axis=0), 1, fine.size - 2)
+    before, now, after = (spline[row + step, columns] for step in (-1, 0, 1))
+    bend = before - 2 * now + after
+    steps = np.clip(np.divide(before - after, 2 * bend, out=np.zeros_like(now), where=bend < 0.0), -1.0, 1.0)
+    return now + steps * (after - before) / 4, fine[row] + steps * (fine[1] - fine[0])
+
+
+BAND = 0.08  # of the mean frequency, at least that of the record: standard deviation of a band
+LITTLE = 1e-4  # of the largest band's energy: below it the transfer function is uncertain
+HARDLY = 0.5  # of a transfer function: below it corrections are reduced
+LOWER = 0.8
+FINER = 8  # times at which a crest is searched, over those of the record
+PAIRS = 2  # attempts at a record with two runs of opposite phases
+CREST, TROUGH = 0.0, 180.0  # deg
+EASED = 2.0  # mean periods at either end of a record
+BLOCK = 1000  # times at once
+PADDING = 4
+
+Complex = NDArray[np.complex128]
+
+
+class LatePart(NamedTuple):
+    """Waves of a target that cannot arrive in time: rms over that of the target, and mean frequency [Hz]."""
+
+    part: float
+    frequency: float
+
+
+class Lines:
+    """Fourier amplitudes of a record at given frequencies, and the record of these.
+
+    A_j = 2 w_j int r eta exp(i omega_j t) dt, with a window r. For frequencies closer than the resolution 1 / L of a
+    record of length L the weight w_j is their distance, for others 1 / L.
+
+    Parameters
+    ----------
+    t
+        Times [s], shape (N,), equally spaced.
+    omega
+        Angular frequencies [rad/s], shape (M,), in any order.
+    period
+        Mean period of the waves [s].
+    """
+
+    def __init__(self, t: Array, omega: Array, *, period: float):
+        self.omega = omega
+        self._phase_factors, window = np.exp(-1j * np.outer(t, omega)), eased(t, period)
+        step, order = (t[-1] - t[0]) / (t.size - 1), np.argsort(omega)
+        weights = np.full(omega.size, 1.0 / (step * float(window @ window)))
+        if omega.size > 1:
+            weights[order] = np.minimum(weights[order], np.gradient(omega[order]) / (2 * np.pi))
+        self._weights, self._window = 2.0 * step * weights, window
+
+    def of(self, eta: Array) -> Complex:
+        """Return A [m], shape (M,), of elevations [m] of shape (N,)."""
+        return np.asarray(self._weights * ((self._window * eta) @ self._phase_factors.conj()))
+
+    def part(self, eta: Array) -> Array:
+        """Return the part of elevations [m], shape (N,), at these frequencies."""
+        return np.asarray((self._phase_factors @ self.of(eta)).real)
+
+
+class RecordAim:
+    """The aim of an elevation over time at a place.
+
+    Parameters
+    ----------
+    x
+        The place [m].
+    wanted
+        The record, at equally spaced times.
+    waves
+        The first waves to generate; a setting is their amplitudes.
+    tolerance
+        Largest nrms.
+    linear
+        Whether the record is that of linear waves alone.
+    judged
+        Angular frequencies [rad/s] of the misfit; default: those of the waves.
+    """
+
+    def __init__(
+        self,
+        x: float,
+        wanted: Elevation,
+        waves: PlaneWaves,
+        *,
+        tolerance: float,
+        linear: bool,
+        judged: Array | None = None,
+    ):
+        self.x, self.start, self.wanted, self._waves = x, waves.amplitudes, wanted, waves
+        self._tolerance, self._linear = tolerance, linear
+        period = scale(waves).period
+        self._lines = Lines(wanted.t, waves.omega, period=period)
+        self._judged = self._lines if judged is None else Lines(wanted.t, judged, period=period)
+
+    def waves(self, setting: Setting) -> PlaneWaves:
+        """Return the waves of a setting."""
+        return replace(self._waves, amplitudes=setting)
+
+    def late(self) -> LatePart:
+        """Return the part of the target that cannot arrive from a paddle that starts at t = 0, by linear theory."""
+        missing = self.wanted.eta - started(self._waves, self.x, self.wanted.t)
+        energy = np.abs(self._judged.of(missing)) ** 2
+        part = rms(self._judged.part(missing)) / rms(self._judged.part(self.wanted.eta))
+        return LatePart(part, float(energy @ self._judged.omega / energy.sum() / (2 * np.pi)))
+
+    def phases(self, attempts: Sequence[Attempt]) -> tuple[float, ...]:
+        """Return the phases [deg] to add to all waves, one run for each: two while the transfer function is needed."""
+        return (CREST, TROUGH) if self._linear or len(attempts) < PAIRS else (CREST,)
+
+    def evaluate(self, runs: Sequence[RunDirectory]) -> AttemptResult:
+        """Return the record at the target's times and its misfit."""
+        t, wanted = self.wanted
+        splines = [CubicSpline(*record_at(run, self.x)) for run in runs]
+        crest, *trough = (spline(t) for spline in splines)
+        odd = (crest - trough[0]) / 2 if trough else None
+        eta = odd if self._linear and odd is not None else crest
+        nrms = rms(self._judged.part(wanted - eta)) / rms(self._judged.part(wanted))
+        fine = np.linspace(t[0], t[-1], FINER * t.size)
+        top = fine[splines[0](fine).argmax()]
+        height, misfit = float(splines[0](top)), nrms / self._tolerance
+        return AttemptResult(height, self.x, float(top), misfit, Elevation(t, eta), nrms=nrms, odd=odd)
+
+    def next_setting(self, attempts: Sequence[Attempt]) -> Setting:
+        """Return the newest setting with its correction, mixed with those before."""
+        inverse = self._inverse(attempts) * np.exp(-1j * self._waves.k_x * self.x)
+        same = [one for one in attempts if one.numerics == attempts[-1].numerics]
+        settings = np.array([one.setting for one in same])
+        missing = np.array([inverse * self._lines.of(self.wanted.eta - one.result.elevation.eta) for one in same])
+        return mixed(settings, missing)
+
+    def _inverse(self, attempts: Sequence[Attempt]) -> Complex:
+        """Return coherence over transfer function, in bands, from the settings and from their changes."""
+        odd = [(one, one.result.odd) for one in attempts if one.result.odd is not None]
+        linear = [self._linear_lines(one) for one, _ in odd]
+        measured = [self._lines.of(eta) for _, eta in odd]
+        U, M = (np.concatenate([each[-1:], np.diff(each, axis=0)]) for each in (linear, measured))
+        band = self._band(linear[-1])
+        UU, MM, MU = (band @ each.sum(axis=0) for each in (np.abs(U) ** 2, np.abs(M) ** 2, M * U.conj()))
+        little = LITTLE * UU.max()
+        transfer = np.abs(MU) / (UU + little)
+        return np.asarray(MU.conj() / (MM + little) * np.minimum(1.0, transfer / HARDLY) ** 2)
+
+    def _linear_lines(self, attempt: Attempt) -> Complex:
+        """Return the Fourier amplitudes of an attempt's record by linear theory."""
+        return self._lines.of(self.waves(attempt.setting).elevation(self.x, self.wanted.t))
+
+    def _band(self, linear: Complex) -> Array:
+        """Return the weight of each frequency in the band of each other, shape (M, M)."""
+        omega, energy = self._waves.omega, np.abs(linear) ** 2
+        width = max(BAND * float(energy @ omega / energy.sum()), 2 * np.pi / float(np.ptp(self.wanted.t)))
+        return np.asarray(np.exp(-0.5 * (np.subtract.outer(omega, omega) / width) ** 2))
+
+    def lowered(self, setting: Setting) -> Setting:
+        """Return the setting of waves a fifth lower."""
+        return np.asarray(LOWER * setting)
+
+
+def mixed(settings: Complex, missing: Complex) -> Complex:
+    """Return the newest setting plus its correction by Anderson mixing; both arguments have shape (attempts, N).
+
+    Source: D. G. Anderson, "Iterative procedures for nonlinear integral equations", J. ACM 12, 1965.
+    """
+    changes, effects = np.diff(settings, axis=0), np.diff(missing, axis=0)
+    stacked = np.concatenate([effects.real, effects.imag], axis=1).T
+    now = np.concatenate([missing[-1].real, missing[-1].imag])
+    weights = np.linalg.lstsq(stacked, now, rcond=None)[0] if len(effects) else np.zeros(0)
+    return np.asarray(settings[-1] + missing[-1] - weights @ (changes + effects))
+
+
+def started(waves: PlaneWaves, x: float, t: Array) -> Array:
+    """Return the elevation [m] at x [m] of waves that a paddle at x = 0 starts at t = 0, by linear theory.
+
+    The times t [s], shape (N,), are equally spaced, >= 0, and so many in a period that the paddle's waves are resolved.
+    """
+    dt = (t[-1] - t[0]) / (t.size - 1)
+    times = np.append(t[0] - dt * np.arange(int(t[0] / dt), 0, -1), t)
+    parts = np.array_split(times, 1 + times.size // BLOCK)
+    at_paddle = np.concatenate([waves.elevation(0.0, part) for part in parts])
+    padded = PADDING * times.size  # the slowest waves must not come round again
+    omega = 2 * np.pi * np.fft.rfftfreq(padded, dt)
+    phase_factors = np.exp(-1j * x * np.append(0.0, wave_number(omega[1:], waves.depth, waves.gravity)))
+    eta = np.fft.irfft(phase_factors * np.fft.rfft(at_paddle, padded), padded)
+    return np.asarray(eta[times.size - t.size : times.size])
+
+
+def eased(t: Array, period: float) -> Array:
+    """Return a window that eases both ends of a record at times t [s] of waves of a mean period [s]."""
+    return np.asarray(tukey(t.size, min(0.5, 2 * EASED * period / float(np.ptp(t)))))
+
+
+Aim = CrestAim | RecordAim
+
+PADDLE = "must be a paddle in one piece: its motion is calibrated, not a far wall's"
+OWN = "must make the waves: calibration changes wall.motion alone, far_wall.motion stays as it is"
+SLICE = "must be a slice: the target is at one place along it"
+MADE = "regular, bichromatic, irregular, focused, components or surface"
+FEWEST_ROWS = 16  # rows of a record that count
+PER_PERIOD = 8  # times of a record in the shortest period
+MOST_NUMBERS = 10**7  # times by frequencies, unless the shortest period needs more, and then twice as many
+MOST_LINES = 4000  # frequencies
+LATE = 0.15  # of the rms of a record; bound waves count as free ones: 2 to 9 % in records that a paddle can make
+
+
+def aim_of(scene: Case) -> Aim:
+    """Return the aim of a case: its ``target``, or else the waves of its motion by linear theory.
+
+    Raises ``CaseError`` if it has neither, or no waves for it.
+    """
+    if scene.tank.type != "slice":
+        raise CaseError([Problem(("tank", "type"), scene.tank.type, SLICE)])
+    if not isinstance(scene.wall, PaddleWall):
+        raise CaseError([Problem(("wall", "type"), scene.wall.type, PADDLE)])
+    if scene.far_wall.moves and not scene.motion().moves:
+        raise CaseError([Problem(("wall", "motion", "type"), scene.wall.motion.type, OWN)])
+    target = implied_target(scene) if scene.target is None else scene.target
+    return entry(AIMS, target, f"AIMS of {__file__}")(target, scene)
+
+
+def implied_target(scene: Case) -> Target:
+    """Return the target of a case that names none: the crest of focused waves or the record of a surface."""
+    motion = getattr(scene.wall, "motion", None)
+    if isinstance(motion, FocusedMotion) and motion.phase == 0.0:
+        return CrestTarget(height=motion.linear_crest, x=motion.focus_x, time=motion.focus_time)
+    if isinstance(motion, SurfaceMotion):
+        named = ("file", "x", "delay", "lowest_frequency", "highest_frequency")
+        return RecordTarget(**{name: getattr(motion, name) for name in named})
+    allowed = "is missing: only a focused crest and a motion of type surface imply a target"
+    raise CaseError([Problem(("target",), None, allowed)])
+
+
+def _generated(scene: Case) -> PlaneWaves:
+    motion = getattr(scene.wall, "motion", None)
+    if not isinstance(motion, MadeWaves):
+        raise CaseError([Problem(("wall", "motion", "type"), getattr(motion, "type", None), f"must be {MADE}")])
+    return motion.target(scene.tank)
+
+
+def _crest(target: CrestTarget, scene: Case) -> Aim:
+    """Return the aim of a crest; raise ``CaseError`` for one as high as the highest waves from their troughs."""
+    waves = _generated(scene)
+    length, depth = scale(waves).length, scene.tank.depth
+    highest = STEEPEST * length * float(np.tanh(2 * np.pi * depth / length))
+    free = not isinstance(scene.water, LinearWater) and target.x + length < scene.tank.length  # of the wall
+    if free and target.height > highest:
+        of = f"the height from trough to crest of the highest waves {length:.3g} m long, here (Miche)"
+        raise CaseError([Problem(("target", "height"), target.height, f"must be at most {highest:.3g} m, {of}")])
+    return CrestAim(target, waves)
+
+
+def _components(target: ComponentsTarget, scene: Case) -> Aim:
+    waves = _generated(scene)
+    t = _times(0.0, scene.run.duration, waves.omega)
+    wanted = Elevation(t, waves.elevation(target.x, t))
+    aim = RecordAim(target.x, wanted, waves, tolerance=target.tolerance, linear=True)
+    return _in_time(aim, scene, most=target.tolerance)
+
+
+def _record(target: RecordTarget, scene: Case) -> Aim:
+    """Return the aim of a record; its first waves are those of linear theory that can arrive in time."""
+    t, eta = _counting(target, scene)
+    with about("target", "file"):
+        result = _waves_in(t, eta, band=(target.lowest_frequency, target.highest_frequency))
+    tank, where = scene.tank, {"x": target.x, "time": result.begin}
+    k = airy.wave_number(2 * np.pi * result.frequencies, tank.depth, tank.gravity)
+    arrived = target.x / airy.group_velocity(k, tank.depth, tank.gravity) < (middle := _middle(t, eta))
+    if not arrived.any():
+        allowed = f"has its waves at {middle:.4g} s, when none of them can be there; target.delay moves them"
+        raise CaseError([Problem(("target", "file"), target.file, allowed)])
+    of = (values[arrived] for values in (result.frequencies, result.amplitudes, result.phases))
+    waves = waves_along(*of, depth=tank.depth, gravity=tank.gravity, **where)
+    judged = 2 * np.pi * result.frequencies
+    fewest = min(t.size, int(MOST_NUMBERS / judged.size))
+    times = _times(t[0], t[-1], judged, fewest=fewest)
+    wanted = Elevation(times, CubicSpline(t, eta)(times))
+    aim = RecordAim(target.x, wanted, waves, tolerance=target.tolerance, linear=False, judged=judged)
+    return _in_time(aim, scene, most=max(target.tolerance, LATE))
+
+
+def _in_time(aim: RecordAim, scene: Case, *, most: float) -> Aim:
+    """Return an aim; raise ``CaseError`` if more than a part ``most`` of its rms cannot arrive in time."""
+    late = aim.late()
+    if late.part > most:
+        k = float(airy.wave_number(2 * np.pi * late.frequency, scene.tank.depth, scene.tank.gravity))
+        arrival = aim.x / float(airy.group_velocity(k, scene.tank.depth, scene.tank.gravity))
+        what = f"{100 * late.part:.2g} % (rms) of the target cannot arrive in time, allowed are {100 * most:.2g} %"
+        when = f"waves of {late.frequency:.3g} Hz from a paddle that starts at t = 0 arrive at t = {arrival:.4g} s"
+        raise CaseError([Problem(("target", "x"), aim.x, f"{what}: {when}")])
+    return aim
+
+
+def _counting(target: RecordTarget, scene: Case) -> tuple[Array, Array]:
+    """Return the times [s] and elevations [m] of a record between its start and end."""
+    t, eta = target.record()
+    start, end = (default if text is None else text for text, default in ((target.start, 0.0), (target.end, np.inf)))
+    inside = (t >= max(start, 0.0)) & (t <= min(end, scene.run.duration))
+    if np.count_nonzero(inside) < FEWEST_ROWS:
+        received = f"{np.count_nonzero(inside)} rows that count, from {t[0]:g} to {t[-1]:g} s"
+        raise CaseError(
+            [Problem(("target", "file"), target.file, f"has {received}; at least {FEWEST_ROWS} are needed")]
+        )
+    return t[inside], eta[inside]
+
+
+def _waves_in(t: Array, eta: Array, *, band: tuple[float | None, float | None]) -> WishedSurface:
+    """Return the waves in a record; before it the water is still from t = 0, so that no periodic copy precedes it."""
+    lull = np.arange(0.0, t[0], float(np.diff(t).mean()))[:-1]
+    period = 1 / wished_surface(t, eta, band=band).mean_frequency
+    waving = (eta - eta.mean()) * eased(t, period)
+    return wished_surface(np.append(lull, t), np.append(0 * lull, waving), band=band)
+
+
+def _middle(t: Array, eta: Array) -> float:
+    """Return the time [s] at which half of a record's energy has arrived."""
+    energy = np.cumsum((eta - eta.mean()) ** 2)
+    return float(t[np.searchsorted(energy, energy[-1] / 2)])
+
+
+def _times(start: float, end: float, omega: Array, *, fewest: int = 2) -> Array:
+    """Return equally spaced times [s], ``PER_PERIOD`` in the shortest period; raise ``CaseError`` for too many."""
+    number = max(fewest, int((end - start) * omega.max() / (2 * np.pi) * PER_PERIOD) + 2)
+    if number * omega.size > 2 * MOST_NUMBERS or omega.size > MOST_LINES:
+        received = f"{number} times and {omega.size} frequencies received"
+        allowed = f"is too long: {received}; allowed are {MOST_LINES} frequencies, and {2 * MOST_NUMBERS:.0e} of both"
+        raise CaseError([Problem(("target",), None, f"{allowed}, fewer by a shorter record or run, or components")])
+    return np.linspace(start, end, number, dtype=np.float64)
+
+
+AIMS: dict[type, Callable[[Any, Case], Aim]] = {
+    CrestTarget: _crest,
+    ComponentsTarget: _components,
+    RecordTarget: _record,
+}
