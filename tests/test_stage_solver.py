@@ -109,7 +109,7 @@ def test_a_combination_of_points_is_exact_where_the_flow_is_linear_and_their_ima
     rng, weight = np.random.default_rng(1), 0.1
     matrix, scale = rng.normal(size=(12, 12)), 1.0 + rng.random(12)
     among = AndersonMixing(MPI.COMM_SELF, scale, (2, 6))
-    among.begin(weight)
+    among.forget(weight)
     given = list(points(matrix, weight, 21))
     for point in given[:-1]:
         among.add(*point)
@@ -120,7 +120,7 @@ def test_a_combination_of_points_is_exact_where_the_flow_is_linear_and_their_ima
     inverse = np.linalg.inv(np.eye(12) - weight * matrix)
     assert np.allclose(guess.z + inverse @ guess.missed, z + inverse @ np.ones(12), atol=1e-6)
     assert np.allclose(among.guess(c, uncertainty=1e6).z, given[-2][0], atol=1e-9)
-    among.begin(2 * weight)
+    among.forget(2 * weight)
     among.add(*given[0])
     assert np.array_equal(among.guess(c, uncertainty=0.0).z, given[0][0])
 

@@ -49,6 +49,8 @@ class AndersonMixing:
     ----------
     recorded
         How many points have been added since all were forgotten.
+    weight
+        The factor that images depend on; points of another one do not serve.
     """
 
     def __init__(
@@ -64,7 +66,7 @@ class AndersonMixing:
         self._comm, self._shape = comm, shape
         self._points, self._images = np.zeros((2, most, scale.size))  # the newest, and differences to it and before
         self._gram: Vector = np.zeros((most - 1, most - 1))  # of the images' differences
-        self._products, self.recorded, self._weight = np.zeros(most), 0, np.nan
+        self._products, self.recorded, self.weight = np.zeros(most), 0, np.nan
         self._scale = np.ascontiguousarray(scale)
         self._workspace = {
             "size": scale.size,
@@ -86,15 +88,9 @@ class AndersonMixing:
         self._aim = instance.function("aim", self._struct, int, n)
         self._combine = instance.function("combine", self._struct, int, float, n, n)
 
-    def begin(self, weight: float) -> None:
-        """Forget what is known for another factor than this: images depend on it."""
-        if weight != self._weight:
-            self.forget()
-            self._weight = weight
-
-    def forget(self) -> None:
-        """Forget all points."""
-        self.recorded = 0
+    def forget(self, weight: float = np.nan) -> None:
+        """Forget all points; later ones are of a weight."""
+        self.recorded, self.weight = 0, weight
 
     def add(self, z: Vector, image: Vector) -> None:
         """Take over a point and its image; collective."""
@@ -123,10 +119,10 @@ class AndersonMixing:
     def state_tree(self) -> StateTree:
         """Return the newest point, the differences in the order of the arrays, and their products."""
         points, images = (part.reshape(len(part), *self._shape).copy() for part in (self._points, self._images))
-        stored = {"recorded": self.recorded, "weight": self._weight, "products": self._gram.tolist()}
+        stored = {"recorded": self.recorded, "weight": self.weight, "products": self._gram.tolist()}
         return {**stored, "points": points, "images": images}
 
     def take(self, tree: StateTree) -> None:
         """Restore all points from a tree."""
-        self.recorded, self._weight, self._gram[:] = count(tree["recorded"]), tree["weight"], tree["products"]
+        self.recorded, self.weight, self._gram[:] = count(tree["recorded"]), tree["weight"], tree["products"]
         self._points[:], self._images[:] = (tree[part].reshape(self._points.shape) for part in ("points", "images"))

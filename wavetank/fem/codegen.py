@@ -11,7 +11,7 @@ Declarations for Python are read from the C code: definitions of exported functi
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from importlib.machinery import EXTENSION_SUFFIXES
 from importlib.resources import files
 from importlib.util import module_from_spec, spec_from_file_location
@@ -172,16 +172,19 @@ class Function:
         self._unit, self._name, self._arguments = unit, name, arguments
 
     @cached_property
-    def _call(self) -> Callable[..., Any]:
-        """The function of the open arguments alone; as it is called often, without loops over these."""
-        names = {"function": getattr(self._unit.lib, self._name)}
+    def call(self) -> Callable[..., Any]:
+        """The function of the open arguments; a step calls it without any other Python code."""
+        names = {"function": getattr(self._unit.lib, self._name), "refused": partial(_refused, self._name)}
+        names["pointer"] = self._unit.ffi.from_buffer
         given, passed = list[str](), list[str]()
         for n, argument in enumerate(self._arguments):
             passed.append(f"x{n}")
             if isinstance(argument, Buffer):
-                given.append(f"x{n}")
-                passed[-1], names[f"pointer{n}"] = f"pointer{n}(x{n})", self._pointer_to(argument)
-            elif isinstance(argument, type):
+                dtype = np.dtype(argument.dtype)
+                names |= {f"type{n}": dtype, f"kind{n}": self._unit.pointers[dtype], f"buffer{n}": argument}
+                fits = f"x{n}.size == {argument.size} and x{n}.dtype is type{n}"
+                passed[-1] = f"pointer(kind{n}, x{n} if {fits} else refused(x{n}, buffer{n}))"
+            if isinstance(argument, Buffer | type):
                 given.append(f"x{n}")
             else:
                 names[f"x{n}"] = self._fixed(argument)
@@ -193,21 +196,17 @@ class Function:
             return self._unit.ffi.from_buffer(self._unit.pointers[argument.dtype], argument)
         return argument.c if isinstance(argument, Struct) else argument
 
-    def _pointer_to(self, argument: Buffer) -> Callable[[NDArray[Any]], Any]:
-        """Return what checks an array, and returns where its numbers are."""
-        size, dtype, name = argument.size, np.dtype(argument.dtype), self._name
-        from_buffer, kind = self._unit.ffi.from_buffer, self._unit.pointers[dtype]
-
-        def pointer(array: NDArray[Any]) -> Any:
-            if array.size != size or (array.dtype is not dtype and array.dtype != dtype):
-                raise TypeError(f"{name}: an array of {array.size} {array.dtype} instead of {size} {dtype}")
-            return from_buffer(kind, array)
-
-        return pointer
-
     def __call__(self, *values: Any) -> Any:
         """Return what the function returns."""
-        return self._call(*values)
+        return self.call(*values)
+
+
+def _refused(name: str, array: NDArray[Any], buffer: Buffer) -> NDArray[Any]:
+    """Return an array of an equal type; raises ``TypeError`` for another type or size."""
+    size, dtype = buffer.size, np.dtype(buffer.dtype)
+    if array.size != size or array.dtype != dtype:
+        raise TypeError(f"{name}: an array of {array.size} {array.dtype} instead of {size} {dtype}")
+    return array
 
 
 class Unit:

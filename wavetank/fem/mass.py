@@ -274,7 +274,7 @@ class MassMatrix:
 
     def update(self) -> None:
         """Take over the fields that J depends on as they are; a paddle's shape stays what it was."""
-        self._weigh()
+        self._weigh.call()
         self._ready = False
 
     def _update_if_new(self) -> None:

@@ -178,7 +178,8 @@ class Field:
     def set(self, owned: Vector) -> None:
         """Take over the owned values and fetch the ghosts; collective."""
         self.owned[...] = owned
-        self.fetch()
+        if not self._alone:
+            self.function.x.scatter_forward()
 
     def fetch(self) -> None:
         """Fetch the ghosts; collective."""

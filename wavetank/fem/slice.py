@@ -1,12 +1,12 @@
-"""Potentials along a slice or ring, all of it on this rank, found as a whole (``slice.c``).
+"""Evaluations and implicit stages of a slice or ring on one rank, each as one compiled call (``slice.c``).
 
-A solve is a dozen calls of compiled functions, and what Python takes between these is as much as what they take. Here
-they follow each other in C, on the arrays of the objects that they are of. What is not as usual is left to these: the
-first solve, a new preconditioner, water that is none.
+An evaluation consists of a dozen compiled functions. Python between them would cost as much as they do. The C code uses
+the arrays of the Python objects. The Python objects do the rest: the first solve, a new preconditioner, and solves that
+fail, so that one place reports the cause.
 """
 
-from collections.abc import Sequence
-from typing import Any, Protocol
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from wavetank.fem.layers import LayerOperator
 from wavetank.fem.mass import BandedMass, MassMatrix
 from wavetank.fem.plane import Field, LayeredField, Plane
 
-EXPORTS = "begin_stage", "attempt", "evaluate", "precondition", "set_velocity"
+EXPORTS = "evaluate", "solve_stage", "elevation_change", "precondition", "set_velocity"
 
 
 class WallStruct(Protocol):
@@ -42,37 +42,6 @@ class WallStruct(Protocol):
         """Take over the bed as it is."""
 
 
-class Inverse(Protocol):
-    """The inverse of a stage's residual, nearly.
-
-    Attributes
-    ----------
-    struct
-        The ``Advection`` that it is called with.
-    carried
-        Whether it takes account of the current.
-    """
-
-    struct: Struct
-    carried: bool
-
-
-class Near(Protocol):
-    """A point z, and f there, next to where z = c + a f(z), of known c; shape (2 dofs,) each."""
-
-    @property
-    def known(self) -> Vector:
-        """See above."""
-
-    @property
-    def z(self) -> Vector:
-        """See above."""
-
-    @property
-    def slope(self) -> Vector:
-        """See above."""
-
-
 class Leaning(Protocol):
     """What finds columns from masses, and their potential energy, beside a paddle that leans.
 
@@ -90,32 +59,57 @@ class Leaning(Protocol):
     round_off: float
 
 
-class Solution:
-    """What has been found.
+class Solution(NamedTuple):
+    """The interior potential's solution at a state, and the derivatives of H there.
 
     Attributes
     ----------
-    iterations
-        That it took.
+    rows
+        dH/dpsi; -dH/dQ; M^-1 dH/dh; Q; psi; the elevation: shape (6, dofs).
     level
-        The mean of the surface potential, which is left out.
+        The mean of the surface potential, which the potential omits.
     kinetic
         phi A phi.
     square
         The sum of the squares of elevation, and of potential over celerity.
     energies
-        Potential energy, the walls' part of H, and their power; None where these are not computed.
-    rows
-        (A phi)_n less its mean, and the wall's; the negative of M^-1 of the derivative of the energy by the column, the
-        wall's included, and that; masses and surface potential that it is of: shape (5, dofs).
+        Potential energy, the walls' part of H, and their power; empty where these are not computed.
     """
 
-    __slots__ = "energies", "iterations", "kinetic", "level", "rows", "square"
+    rows: Vector
+    level: float
+    kinetic: float
+    square: float
+    energies: tuple[float, ...] = ()
 
-    def __init__(self, iterations: int, rows: Vector, numbers: Sequence[float]):
-        self.level, self.kinetic, self.square, *energies = numbers
-        self.iterations, self.rows = iterations, rows
-        self.energies = energies or None
+
+class StageResult(NamedTuple):
+    """The result of a stage.
+
+    Attributes
+    ----------
+    z
+        The solution, or where it is not solved the start value for another solver; shape (2, dofs).
+    history_size
+        The size by which the tolerance is scaled, as ``StageHistory`` has it.
+    size
+        The size of the last iterate.
+    contraction
+        The contraction of the first iteration, if there were two; else nan.
+    evaluations, iterations
+        How many it took, and of the interior solves together.
+    worn
+        Whether the preconditioner of the interior is to be renewed.
+    """
+
+    z: Vector
+    solved: bool
+    history_size: float
+    size: float
+    contraction: float
+    evaluations: int
+    iterations: int
+    worn: bool
 
 
 class SliceSolver:
@@ -131,6 +125,8 @@ class SliceSolver:
         Where column and potential are found.
     walls, leaning
         Of those that move, none to two, and of such as lean.
+    on_varying_bed
+        Whether the depth beside walls depends on time.
     carried
         The degrees of freedom at which walls add something.
     inputs
@@ -151,12 +147,13 @@ class SliceSolver:
         column: Field,
         phi: LayeredField,
         walls: Sequence[WallStruct],
+        on_varying_bed: bool,
         carried: NDArray[np.int32],
         leaning: Leaning | None,
         inputs: Vector,
         celerity: float,
     ):
-        self._mass, self._minimum, self._recall, self._walls = mass, minimum, recall, walls
+        self._minimum, self._recall, self._following = minimum, recall, walls if on_varying_bed else ()
         self._n, numbers = plane.size, phi.rows.shape[1]
         self.instance = unit.add(
             "",
@@ -175,7 +172,7 @@ class SliceSolver:
             lean = {"mean": leaning.mean.struct, "mean_column": leaning.column}
             lean |= {name: np.empty_like(leaning.column) for name in ("before", "change")}
             lean |= {"trials": leaning.trials, "round_off": leaning.round_off}
-        self._tank = self.instance.struct(
+        self.struct = self.instance.struct(
             "Tank",
             dofs=plane.size,
             celerity=celerity,
@@ -198,99 +195,106 @@ class SliceSolver:
             **minimum.compiled,
             **lean,
         )
-        self._numbers, self._energies = np.zeros(3), np.zeros(6)  # of a solution, without and with energies
-        n, result, function = Buffer(plane.size), Buffer(5 * plane.size), self.instance.function
-        self._evaluate = function("evaluate", self._tank, n, n, n, int, result, self._energies)
-        self._still: tuple[Vector | float, Vector] = np.nan, np.empty(0)  # that, spread
-        self._trials: dict[tuple[Inverse, AndersonMixing], tuple[Any, Function, Function]] = {}
+        self._numbers, self._at_rest = np.zeros(6), np.zeros(plane.size)
+        n, result, function = Buffer(plane.size), Buffer(6 * plane.size), self.instance.function
+        self._evaluate = function("evaluate", self.struct, n, n, n, n, int, result, self._numbers)
+        self._elevation_change = function("elevation_change", self.struct, n, n, n, n)
+        self._stages: dict[tuple[Struct, AndersonMixing], tuple[Any, Callable[..., int]]] = {}
+        self._functions = list[Function]()  # which own the structs of the stages
 
-    def _spread(self, still: Vector | float) -> Vector:
-        """Return the column of still water at all degrees of freedom."""
-        if still is not self._still[0]:
-            self._still = still, np.broadcast_to(still, self._n).astype(np.float64)
-        return self._still[1]
+    def evaluate(self, q: Vector, p: Vector, eta: Vector | None, still: Vector) -> tuple[Solution, int] | None:
+        """Return the solution for masses q and surface potential p, (dofs,) each, with energies; and its iterations.
 
-    def evaluate(self, q: Vector, p: Vector, still: Vector | float) -> Solution | None:
-        """Return what belongs to masses q and surface potential p, (dofs,) each, or None of what is not as usual.
-
-        It comes with energies.
-
-        ``still`` is the column of still water [m].
+        ``eta`` is the elevation of a near state [m], ``still`` the column of still water [m]. None where the general
+        solver must do it.
         """
-        recorded = self._ready()
-        if not recorded:
+        recall, result = self._recall, np.empty((6, self._n))
+        if not recall.recorded:
             return None
-        for wall in self._walls:
+        for wall in self._following:
             wall.follow()
-        result = np.empty((5, p.size))
-        iterations = self._evaluate(q, p, self._spread(still), recorded, result)
-        return self._solution(iterations, result, self._energies)
-
-    def attempt(
-        self,
-        z: Vector,
-        known: Vector,
-        still: Vector | float,
-        *,
-        weight: float,
-        inverse: Inverse,
-        mixing: AndersonMixing,
-    ) -> tuple[Solution, tuple[Vector, float, float]] | None:
-        """Return what belongs to a point z = [q, p] of a stage z = c + a f(z), and where it leads; or None.
-
-        ``known`` is c, ``weight`` a [s]. It leads to where ``mixing`` takes points by their residuals, of which the
-        ``inverse`` is taken; what is left of these there comes then, and last z itself, as roots of squares, scaled.
-        """
-        recorded, mixed, size = self._ready(), mixing.recorded, z.size // 2
-        if not recorded:
-            return None
-        result, following = np.empty((5, size)), np.empty_like(z)
-        trial, attempt, _ = self._trial(inverse, mixing)
-        iterations = attempt(z, known, weight, inverse.carried, self._spread(still), recorded, mixed, result, following)
-        solution = self._solution(iterations, result, self._numbers)
-        if solution is None:
-            return None
-        mixing.recorded += 1
-        return solution, (following, trial.c.away, trial.c.length)
-
-    def begin_stage(
-        self, near: Near, *, weight: float, wrong: float, inverse: Inverse, among: AndersonMixing
-    ) -> Vector:
-        """Return where to begin a stage z = c + a f(z), from what is known near its solution.
-
-        That is where ``among`` combines points by their c, which are ``wrong`` by so much, with the ``inverse`` of what
-        is missed of c; a point that is near takes part from now on.
-        """
-        self._mass.make_ready()
-        start = np.empty_like(near.z)
-        *_, begin = self._trial(inverse, among)
-        begin(near.z, near.slope, near.known, weight, inverse.carried, among.recorded, wrong, start)
-        among.recorded += 1
-        return start
-
-    def _ready(self) -> int:
-        """Make ready for a potential; return how many are known."""
-        self._mass.make_ready()
-        return self._recall.recorded
-
-    def _solution(self, iterations: int, found: Vector, numbers: Vector) -> Solution | None:
-        """Return what has been found, which is recorded; None of what is not as usual."""
+        eta = self._at_rest if eta is None else eta
+        iterations = self._evaluate.call(q, p, eta, still, recall.recorded, result)
         if iterations < 0:
             return None
-        self._recall.recorded += 1
-        self._minimum.last = self._tank.c.iterations
-        return Solution(iterations, found, [*map(float, numbers)])
+        recall.recorded += 1
+        self._minimum.last = self.struct.c.iterations
+        level, kinetic, square, *energies = self._numbers.tolist()
+        return Solution(result, level, kinetic, square, tuple(energies)), iterations
 
-    def _trial(self, inverse: Inverse, mixing: AndersonMixing) -> tuple[Struct, Function, Function]:
-        """Return what attempts are made with, made once for an inverse and a mixing, which live as long as this."""
-        trial = self._trials.get((inverse, mixing))
-        if trial is None:
-            struct, function = self.instance.struct, self.instance.function
-            room = {name: np.zeros(2 * self._n) for name in ("residual", "image", "nothing", "missed")}
-            mixed = struct("Mixing", **mixing.compiled)
-            stage = struct("Stage", tank=self._tank, advection=inverse.struct, mixing=mixed, **room)
-            n, z, result = Buffer(self._n), Buffer(2 * self._n), Buffer(5 * self._n)
-            attempt = function("attempt", stage, z, z, float, int, n, int, int, result, self._numbers, z)
-            begin = function("begin_stage", stage, z, z, z, float, int, int, float, z)
-            self._trials[inverse, mixing] = trial = stage, attempt, begin
-        return trial
+    def elevation_change(self, eta: Vector, still: Vector, dq: Vector) -> Vector:
+        """Return by how much the elevation changes with the masses, to first order [m], shape (dofs,)."""
+        change = np.empty(self._n)
+        self._elevation_change.call(eta, still, dq, change)
+        return change
+
+    def solve_stage(
+        self,
+        near: tuple[Vector, Vector],
+        c: Vector,
+        a: float,
+        still: Vector,
+        preconditioner: Struct,
+        mixings: tuple[AndersonMixing, AndersonMixing],
+        history: tuple[float, float],
+        limits: Mapping[str, float],
+        patience: int,
+    ) -> StageResult | None:
+        """Return the result of a stage z = c + a f(z), shape (2, dofs); None where the general solver must do it.
+
+        Parameters
+        ----------
+        near
+            A point with f there.
+        c, a, still
+            See above, with a [s]; and the column of still water [m].
+        preconditioner
+            The ``Advection``.
+        mixings
+            Of the stage's earlier solutions, and of its iterates.
+        history
+            Size and contraction of the stage's history; a size of nan before the first solve.
+        limits
+            Those of the stage solver, by their names in the C code.
+        patience
+            Iterations of an interior solve above which the preconditioner is to be renewed.
+        """
+        recall, (points, _) = self._recall, mixings
+        if not recall.recorded:
+            return None
+        stage = self._stages.get((preconditioner, points))
+        if stage is None:
+            stage = self._stages[preconditioner, points] = self._stage(preconditioner, *mixings, limits)
+        (struct, solve), z = stage, np.empty_like(c)
+        struct.size, struct.contraction = history
+        known = recall.recorded, patience, points.recorded
+        solved = bool(solve(*near, c, a, still, *known, z))
+        recall.recorded += struct.evaluations
+        points.recorded += 1 + solved
+        self._minimum.last = self.struct.c.iterations
+        of_iterates = struct.size, struct.last_size, struct.measured
+        return StageResult(z, solved, *of_iterates, struct.evaluations, struct.iterations, bool(struct.worn))
+
+    def _stage(
+        self,
+        preconditioner: Struct,
+        points: AndersonMixing,
+        iterates: AndersonMixing,
+        limits: Mapping[str, float],
+    ) -> tuple[Any, Callable[..., int]]:
+        """Return the struct and the function of stages of a weight and a history."""
+        struct, size = self.instance.struct, 2 * self._n
+        stage = struct(
+            "Stage",
+            tank=self.struct,
+            advection=preconditioner,
+            iterates=struct("Mixing", **iterates.compiled),
+            points=struct("Mixing", **points.compiled),
+            found=np.empty((6, self._n)),
+            **{name: np.zeros(size) for name in ("residual", "image", "nothing", "missed")},
+            **limits,
+        )
+        n, z = Buffer(self._n), Buffer(size)
+        function = self.instance.function("solve_stage", stage, z, z, z, float, n, int, int, int, z)
+        self._functions.append(function)
+        return stage.c, function.call

@@ -111,9 +111,9 @@ class Simpson4:
         """Return it with damping of the momenta."""
         return DampedSimpson4(self.kappa, damping=damping)
 
-    def decayed(self, pairs: Vector, time: float) -> Vector:
-        """Return what damping leaves of pairs [q, p], shape (2, n), after a time [s]: h times them after dt/2."""
-        return pairs
+    def decay(self, dt: float, size: int) -> tuple[Any, Any]:
+        """Return h, what damping leaves of pairs [q, p] after half a step, and h² after a step, shape (2, size)."""
+        return 1.0, 1.0
 
     def start(self, q: Vector, p: Vector) -> MeanAndJumps:
         """Return the state of a start without jumps."""
@@ -123,20 +123,17 @@ class Simpson4:
     def step(self, system: HamiltonianSystem, state: MeanAndJumps, t: float, dt: float) -> MeanAndJumps:
         """Return the state at t + dt; collective."""
         z, d, d_1, d_2 = state.mean, state.jump, state.jump_1, state.jump_2
+        h, h_2 = self.decay(dt, z.shape[1])
         begin = state.evaluated(system, t).evaluation
-        f_0, known = begin.flow, self.decayed(z - d / 4 + dt / 4 * begin.flow, dt / 2)
+        known = h * (z - d / 4 + dt / 4 * begin.flow)
         z_half = system.solve_stage("(q, p) at 1/2", known, dt / 4, t + dt / 2, begin)
-        moved = self.decayed(4 * (z_half - known), dt / 2)  # h dt f½
-        q_minus, p_minus = self.decayed(begin.z, dt) + moved
+        moved = 4 * h * (z_half - known)  # h dt f½
+        q_minus, p_minus = h_2 * begin.z + moved
         end = system.evaluate(q_minus, p_minus, t + dt, begin)
-        smooth = dt / 6 * (self.decayed(f_0, dt) + end.flow) - moved / 3
-        jump = self.damped_jump((2 * smooth - self.decayed(d, dt), d, d_1, d_2), smooth)
-        return MeanAndJumps(self.decayed(z, dt) + moved + smooth, jump, d, d_1, end)
-
-    def damped_jump(self, jumps: tuple[Vector, Vector, Vector, Vector], smooth: Vector) -> Vector:
-        """Return the newest of four jumps with its alternating part damped; ``smooth`` is its smooth part."""
-        newest, d, d_1, d_2 = jumps
-        return newest - self.kappa / 8 * (newest - d_2 + 3 * (d_1 - d))
+        smooth = dt / 6 * (h_2 * begin.flow + end.flow) - moved / 3
+        jump = 2 * smooth - h_2 * d
+        jump = jump - self.kappa / 8 * (jump - 3 * d + 3 * d_1 - d_2)
+        return MeanAndJumps(h_2 * z + moved + smooth, jump, d, d_1, end)
 
 
 @dataclass(frozen=True)
@@ -145,6 +142,6 @@ class DampedSimpson4(Simpson4):
 
     damping: Damping = field(kw_only=True)
 
-    def decayed(self, pairs: Vector, time: float) -> Vector:
-        """Return what damping leaves of pairs [q, p], shape (2, n), after a time [s]."""
-        return self.damping.of_pairs(time, pairs.shape[1]) * pairs
+    def decay(self, dt: float, size: int) -> tuple[Any, Any]:
+        """Return what damping leaves of pairs [q, p] after half a step and after a step, shape (2, size)."""
+        return self.damping.of_pairs(dt / 2, size), self.damping.of_pairs(dt, size)

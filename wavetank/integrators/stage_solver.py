@@ -12,10 +12,10 @@ predicts to be small enough is the solution, and no evaluation goes to confirm t
 f need not have been evaluated; a scheme has its slope there from the stage itself, f = (z - c) / a.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from math import isfinite, sqrt
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from mpi4py import MPI
@@ -24,6 +24,7 @@ from petsc4py import PETSc
 from wavetank.arrays import Vector, summed
 from wavetank.errors import ConvergenceError, WavetankError
 from wavetank.fem.anderson import AndersonMixing
+from wavetank.fem.slice import StageResult
 from wavetank.state import StateTree, count, typed
 
 ITERATES = 2.0  # dt omega at which any implicit stage still does, of schemes that are stable at any step too
@@ -47,33 +48,13 @@ class StageCounters:
     newton_solves: int = 0
 
 
-class Iterate(NamedTuple):
-    """An iterate of a stage, with its residual.
+CompiledSolver = Callable[
+    [Vector, tuple[AndersonMixing, AndersonMixing], tuple[float, float], Mapping[str, float]], Any
+]
+"""Returns a ``StageResult``, or None where the general solver must do it.
 
-    Attributes
-    ----------
-    next
-        The next iterate.
-    residual
-        The root of the sum of squares of the mixed, preconditioned residual [scaled units].
-    length
-        That of the iterate itself.
-    size
-        How far from rest it is, as a root mean square [scaled units].
-    """
-
-    next: Vector
-    residual: float
-    length: float
-    size: float
-
-
-class Start(NamedTuple):
-    """A point z near the solution of a stage z = c + a f(z), with c, and f(z); shape (2, n) each."""
-
-    known: Vector
-    z: Vector
-    slope: Vector
+Of c; the memories of earlier solutions and of iterates; size and contraction of the history; and limits by their names.
+"""
 
 
 class Stage(Protocol):
@@ -87,6 +68,8 @@ class Stage(Protocol):
         See above, of the shape of z; and by what earlier solutions are combined to a start value.
     weight
         a [s], on which images depend.
+    compiled
+        Solves it in one compiled call, or None.
     """
 
     name: str
@@ -94,6 +77,7 @@ class Stage(Protocol):
     c: Vector
     key: Vector
     weight: float
+    compiled: CompiledSolver | None
 
     def image(self, z: Vector) -> tuple[Vector, float]:
         """Return g(z), and how far from rest z is, as a root mean square in scaled units; collective."""
@@ -103,9 +87,6 @@ class Stage(Protocol):
 
     def begin(self, among: AndersonMixing, uncertainty: float) -> Vector:
         """Return the start value from points of earlier solves; collective."""
-
-    def iterate(self, z: Vector, mixing: AndersonMixing) -> Iterate | None:
-        """Return what ``StageSolver`` finds of an iterate as one compiled call; None where there is none."""
 
 
 @dataclass
@@ -131,6 +112,19 @@ class StageHistory:
     size: float | None = None
     contraction: float = np.inf
     age: int = 0
+
+    @property
+    def usable_contraction(self) -> float:
+        """The contraction while it is new enough; then inf."""
+        return self.contraction if self.age < CONFIRMED else np.inf
+
+    def update(self, result: StageResult) -> None:
+        """Take over the size and the contraction of a result."""
+        if result.evaluations:
+            self.size = result.history_size
+            self.age += 1
+        if result.evaluations > 1:
+            self.contraction, self.age = result.contraction, 0
 
     def state_tree(self) -> StateTree:
         """Return it as plain data."""
@@ -203,6 +197,8 @@ class StageSolver:
         self._petsc = petsc
         self._mixings = dict[int, AndersonMixing]()  # by the number of pairs
         self._size = comm.allreduce(scale.size)
+        self._limits = {"tolerance": tolerance, "floor": floor, "round_off": ROUND_OFF, "safety": SAFETY}
+        self._limits |= {"uncertainty": UNCERTAINTY, "root": sqrt(self._size), "most": ITERATIONS}
 
     def points(self, pairs: int) -> AndersonMixing:
         """Return the memory for points of so many pairs."""
@@ -217,23 +213,41 @@ class StageSolver:
 
         Raises ``ConvergenceError`` naming time, stage and residual.
         """
-        pairs = _pairs(stage.c)
+        pairs, counters = len(stage.c) if stage.c.ndim == 3 else 1, histories.counters
         history = histories.stages.get(stage.name)
         if history is None or history.pairs != pairs:  # that of another scheme: compiled code relies on sizes
             history = histories.stages[stage.name] = StageHistory(pairs, self.points(pairs))
-        history.points.begin(stage.weight)
-        root = sqrt(pairs * self._size)
-        wanted = self._tolerance * (history.size or 0.0)
-        begin = stage.begin(history.points, UNCERTAINTY * root * wanted)
-        histories.counters.solves += 1
-        how = stage, begin, history, histories.counters, root
+        if history.points.weight != stage.weight:  # images depend on it
+            history.points.forget(stage.weight)
+        counters.solves += 1
+        solution, begin, size = None, None, np.nan
+        if stage.compiled is not None and not self._petsc:
+            numbers = np.nan if history.size is None else history.size, history.usable_contraction
+            result = stage.compiled(stage.c, (history.points, self._mixing(1)), numbers, self._limits)
+            if result is not None:
+                counters.evaluations += result.evaluations
+                history.update(result)
+                begin, size = result.z, result.size
+                solution = result.z if result.solved else None
+        if solution is None:
+            solution, size = self._solve(stage, begin, history, counters)
+            history.points.add(solution, stage.key)
+        history.size = max(size, MEMORY * (history.size or 0.0))
+        return solution
+
+    def _solve(
+        self, stage: Stage, begin: Vector | None, history: StageHistory, counters: StageCounters
+    ) -> tuple[Vector, float]:
+        """Return the solution, by Newton-Krylov where mixing does not converge, and its size; collective."""
+        root = sqrt(history.pairs * self._size)
+        if begin is None:
+            begin = stage.begin(history.points, UNCERTAINTY * root * self._tolerance * (history.size or 0.0))
+        how = stage, begin, history, counters, root
         solution, size = self._mixed(*how) if self._petsc else self._iterated(*how)
         if solution is None:
-            histories.counters.newton_solves += 1
-            solution, size = self._snes("newtonls", *how)
-        history.size = max(size, MEMORY * (history.size or 0.0))
-        history.points.add(solution, stage.key)
-        return solution
+            counters.newton_solves += 1
+            return self._snes("newtonls", *how)
+        return solution, size
 
     def _mixed(self, stage: Stage, *how: Any) -> tuple[Vector | None, float]:
         """Return the solution by PETSc's Anderson mixing, or None where it does not converge; collective."""
@@ -246,17 +260,20 @@ class StageSolver:
         self, stage: Stage, z: Vector, history: StageHistory, counters: StageCounters, root: float
     ) -> tuple[Vector | None, float]:
         """Return the solution by Anderson's mixing from z on, or None where it does not converge; collective."""
-        mixing = self._mixing(_pairs(z))
+        mixing = self._mixing(history.pairs)
         mixing.forget()
-        contraction = history.contraction if history.age < CONFIRMED else np.inf
+        contraction = history.usable_contraction
         norm = target = np.nan
         for iteration in range(ITERATIONS):
-            one = stage.iterate(z, mixing) or self._iterate(stage, z, mixing)
+            image, size = stage.image(z)
             counters.evaluations += 1
-            before, norm = norm, one.residual / root
+            residual = stage.precondition(z - image)
+            mixing.add(z - residual, residual)
+            length, (following, _, away) = self._length(z), mixing.guess(np.zeros_like(residual))
+            before, norm = norm, away / root
             if iteration == 0:
-                history.size = one.size if history.size is None else history.size
-                target = self._target(history, one.length / root)
+                history.size = size if history.size is None else history.size
+                target = self._target(history, length / root)
                 history.age += 1
             else:
                 contraction = norm / before if before else 0.0
@@ -264,18 +281,10 @@ class StageSolver:
                 history.contraction, history.age = contraction, 0
             if not isfinite(norm):
                 return None, np.nan
-            z = one.next
+            z = following
             if norm <= target or SAFETY * contraction * norm <= target:
-                return z, one.size
+                return z, size
         return None, np.nan
-
-    def _iterate(self, stage: Stage, z: Vector, mixing: AndersonMixing) -> Iterate:
-        """Return what iterates so far and z make; collective."""
-        image, size = stage.image(z)
-        residual = stage.precondition(z - image)
-        mixing.add(z - residual, residual)
-        guess = mixing.guess(np.zeros_like(residual))
-        return Iterate(guess.z, guess.away, self._length(z), size)
 
     def _length(self, z: Vector) -> float:
         """Return the root of the sum of squares in scaled units; collective."""
@@ -345,8 +354,3 @@ class StageSolver:
         if history.size is None:
             history.size = size
         return np.asarray(x.array_r.reshape(begin.shape) * scale), size
-
-
-def _pairs(z: Vector) -> int:
-    """Return how many pairs there are in an array of one, shape (2, n), or some, shape (pairs, 2, n)."""
-    return len(z) if z.ndim == 3 else 1

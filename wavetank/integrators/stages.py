@@ -8,16 +8,16 @@ import numpy as np
 from wavetank.arrays import Vector
 from wavetank.fem.anderson import AndersonMixing
 from wavetank.integrators.hamiltonian import Weights, coupled, pair
-from wavetank.integrators.stage_solver import Iterate, Start
+from wavetank.integrators.stage_solver import CompiledSolver
 
 
 class StagedSystem(Protocol):
     """A system whose stages are iterated; all methods are collective."""
 
-    def begin_stage(self, weight: float | None, t: float, guess: Any, history: Any) -> Any:
-        """Prepare for stages at t near a guess; return what is compiled of such a stage, or None.
+    def begin_stage(self, weight: float | None, t: float, guess: Any, history: Any) -> CompiledSolver | None:
+        """Prepare for stages at t near a guess, preconditioned for a weight [s] unless that is None.
 
-        They are preconditioned for a weight [s], unless that is None.
+        Returns the compiled solver of such a stage, or None; see ``Stage.compiled``.
         """
 
     def precondition(self, weight: float, residual: Vector) -> Vector:
@@ -44,7 +44,7 @@ class PairStage:
         self._both = not isinstance(a, tuple)
         self._a: Any = a if self._both else np.array([[one] for one in pair(a)])
         self.weight = float(np.sum(self._a))
-        self._compiled = system.begin_stage(self.weight if self._both else None, t, guess, history)
+        self.compiled = system.begin_stage(self.weight if self._both else None, t, guess, history)
 
     def image(self, z: Vector) -> tuple[Vector, float]:
         """Return c + a f(z, t), and how far from rest z is; collective."""
@@ -58,9 +58,6 @@ class PairStage:
     def begin(self, among: AndersonMixing, uncertainty: float) -> Vector:
         """Return the start value from points of earlier solves and the guess; collective."""
         guess = self._guess
-        if guess is not None and self._compiled is not None:
-            start: Vector = self._compiled.start(Start(self.c, guess.z, guess.flow), among, uncertainty)
-            return start
         if guess is not None:
             among.add(guess.z, guess.z - self._a * guess.flow)
         if not among.recorded:
@@ -68,14 +65,11 @@ class PairStage:
         found = among.guess(self.c, uncertainty=uncertainty)
         return found.z + self.precondition(found.missed)
 
-    def iterate(self, z: Vector, mixing: AndersonMixing) -> Iterate | None:
-        """Return an iterate as one compiled call; None where that cannot be; collective."""
-        iterate: Iterate | None = self._compiled and self._compiled.iterate(z, self.c, mixing)
-        return iterate
-
 
 class CoupledStages:
     """Stages z_i = c + s_i sum_j a_ij f(z_j, t_j) / s_j; see ``wavetank.integrators.stage_solver.Stage``."""
+
+    compiled: CompiledSolver | None = None
 
     def __init__(
         self,
@@ -113,6 +107,3 @@ class CoupledStages:
             return self.key
         found = among.guess(self.key, uncertainty=uncertainty)
         return found.z + found.missed
-
-    def iterate(self, z: Vector, mixing: AndersonMixing) -> None:
-        """Return None: coupled stages are not compiled."""

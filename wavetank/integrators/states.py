@@ -49,8 +49,8 @@ class State(ABC):
         """Return the state at t with its evaluation; collective."""
         if self.evaluation is not None:
             return self
-        q, p = self.next_point
-        return replace(self, evaluation=system.evaluate(q, p, t, next(iter(self.evaluations), None)))
+        (q, p), (before, *_) = self.next_point, self.evaluations
+        return type(self)(**{**vars(self), "evaluation": system.evaluate(q, p, t, before)})
 
     @property
     def next_point(self) -> Vector:

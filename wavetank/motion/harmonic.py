@@ -22,10 +22,8 @@ Arctic Engineering 111, 1989; G. Birkhoff and A. Priver, "Hermite interpolation 
 and Physics 46, 1967.
 """
 
-import cmath
 from dataclasses import dataclass, field
 from functools import cached_property
-from operator import mul
 from typing import Any
 
 import numpy as np
@@ -62,23 +60,15 @@ class HarmonicSum(Motion):
     b: Complex
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
-        """Return the derivatives' sum; memory for an array of times is N times its size."""
-        phasors = np.exp(-1j * np.multiply.outer(t, self.omega))
-        return np.real((phasors * (-1j * self.omega) ** order) @ self.b)[()]
+        """Return the derivatives' sum; memory for an array of times is N times its size.
 
-    def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
-        """Return the derivatives' sums; of few sines by numbers of Python's, which take a tenth of the time."""
-        if not isinstance(t, float) or self.b.ndim > 1 or self.b.size > FEW:
-            return super().rates(t, y, up_to=up_to)
-        exponents, rates = self._numbers
-        phasors = [cmath.exp(t * exponent) for exponent in exponents]
-        return [sum(map(mul, phasors, rate)).real for rate in rates[: up_to + 1]]
-
-    @cached_property
-    def _numbers(self) -> tuple[list[complex], list[list[complex]]]:
-        """-i omega_j, and the amplitudes of X and its derivatives."""
-        exponents = -1j * self.omega
-        return [*map(complex, exponents)], [[*map(complex, exponents**order * self.b)] for order in range(3)]
+        The order of summation does not depend on the number of times, so neither do the bits.
+        """
+        phasors = np.exp(-1j * np.multiply.outer(t, self.omega)) * (-1j * self.omega) ** order
+        if self.b.ndim == 1:
+            return np.real((phasors * self.b).sum(axis=-1))[()]
+        each = [np.real(one @ self.b) for one in phasors.reshape(-1, self.omega.size)]
+        return np.reshape(each, np.shape(t) + self.b.shape[1:])
 
     @property
     def power_period(self) -> float:
@@ -120,8 +110,6 @@ class Tabulated(Motion):
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the spline's derivative."""
-        if isinstance(t, float) or np.ndim(t) == 0:
-            return self._block(int(t // self._span)).derivative(t, order)
         times = np.asarray(t, dtype=np.float64)
         flat = times.ravel()
         which = np.floor(flat / self._span).astype(np.int64)
@@ -133,13 +121,6 @@ class Tabulated(Motion):
             here = which == block
             values[here] = self._block(int(block)).derivative(flat[here], order)
         return values.reshape(times.shape + self.lines.b.shape[1:])[()]
-
-    def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
-        """Return the spline's derivatives."""
-        if not isinstance(t, float):
-            return super().rates(t, y, up_to=up_to)
-        number = int(t // self._span)
-        return self._block(number).rates(t)[: up_to + 1]
 
     @cached_property
     def _intervals(self) -> int:

@@ -13,7 +13,6 @@ s(0) = 1 it has the least |s'|, at most 4/3. The slope at the wall is free, as n
 A segmented paddle has motions X(t, y) that are continuous in y; ``PiecewiseLinear`` gives them hinged segments.
 """
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -208,8 +207,8 @@ class Sinusoid(Motion):
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return a omega^order sin(omega t + order pi / 2)."""
-        omega, (t, sine) = 2.0 * np.pi / self.period, (t, math.sin) if isinstance(t, float) else (np.asarray(t), np.sin)
-        return self.amplitude * omega**order * sine(omega * t + order * np.pi / 2.0)
+        omega = 2.0 * np.pi / self.period
+        return self.amplitude * omega**order * np.sin(omega * np.asarray(t) + order * np.pi / 2.0)
 
 
 AT_ONCE, MOST = 4096, 2**18  # times: evaluated at once, as sums of many waves need memory for each; of a long motion
@@ -318,8 +317,10 @@ class Tangent(Motion):
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the derivative, extrapolated from ``at`` to t; that of order 2 is constant."""
-        value = self.motion.derivative(self.at, order, y)
-        return value if order == 2 else value + (t - self.at) * self.motion.derivative(self.at, order + 1, y)
+        value = np.asarray(self.motion.derivative(self.at, order, y))
+        if order == 2:
+            return np.broadcast_to(value, np.shape(t) + value.shape)[()]
+        return (value + np.multiply.outer(t - self.at, self.motion.derivative(self.at, order + 1, y)))[()]
 
 
 _STEP = tuple(Polynomial([0, 0, 0, 0, 35, -84, 70, -20]).deriv(order).coef.tolist()[::-1] for order in range(3))
@@ -349,31 +350,15 @@ class Ramped(MotionWrapper):
         return self.start + self.ramp
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
-        """Return the derivative of the product by Leibniz' rule; after the ramp that of S."""
-        if self._over(t):
-            return self.motion.derivative(t, order, y)
-        return self._product(t, order, self._both(t, order, y))
+        """Return the derivative of the product by Leibniz' rule."""
+        return self.rates(t, y, up_to=order)[order]
 
     def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
         """Return the derivatives of the product, with one evaluation of S."""
-        if t >= self.start + self.ramp if isinstance(t, float) else self._over(t):
-            return self.motion.rates(t, y, up_to=up_to)
-        both = self._both(t, up_to, y)
+        s = np.clip((np.asarray(t)[()] - self.start) / self.ramp, 0.0, 1.0)
+        steps = [np.polyval(coefficients, s) / self.ramp**n for n, coefficients in enumerate(_STEP[: up_to + 1])]
+        both = steps, self.motion.rates(t, y, up_to=up_to)
         return [self._product(t, order, both) for order in range(up_to + 1)]
-
-    def _over(self, t: Any) -> bool:
-        return bool((t if isinstance(t, float) else np.min(t)) >= self.start + self.ramp)
-
-    def _both(self, t: Any, up_to: int, y: Any) -> tuple[list[Any], list[Any]]:
-        """Return the derivatives of r and of S up to an order."""
-        part, steps = ((t if isinstance(t, float) else np.asarray(t)[()]) - self.start) / self.ramp, []
-        s = min(max(part, 0.0), 1.0) if isinstance(part, float) else np.clip(part, 0.0, 1.0)
-        for n, coefficients in enumerate(_STEP[: up_to + 1]):
-            step = 0.0
-            for coefficient in coefficients:
-                step = step * s + coefficient
-            steps.append(step / self.ramp**n)
-        return steps, self.motion.rates(t, y, up_to=up_to)
 
     def _product(self, t: Any, order: int, both: tuple[list[Any], list[Any]]) -> Any:
         steps, values = both

@@ -3,10 +3,8 @@
 The ``paddle.csv`` of a run has positions, velocities and accelerations; a spline of degree 5 fits all of them.
 """
 
-from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +15,6 @@ from wavetank.errors import InputError
 from wavetank.motion.motion import Array, Motion
 from wavetank.values.columns import check_ascending, first_line, read_columns
 from wavetank.values.python_file import PythonFunction
-
-FEW = 2**15  # pieces
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +38,7 @@ class Pieces:
 
     def rates(self, t: Any) -> list[Any]:
         """Return the value and its first two derivatives, by Horner's rule."""
-        c, s = self._at(t) if isinstance(t, float) else self._piece(t)
+        c, s = self._piece(t)
         value = slope = half_bend = 0.0
         for one in c:
             half_bend = half_bend * s + slope
@@ -55,22 +51,6 @@ class Pieces:
         piece = np.minimum(np.maximum(np.searchsorted(self.x, t, side="right") - 1, 0), len(self.x) - 2)
         s = t - self.x[piece]
         return self.c[:, piece], np.expand_dims(s, -1) if self.c.ndim > 2 else s
-
-    def _at(self, t: float) -> tuple[Any, float]:
-        """Return the same of one time."""
-        x = self._breakpoints
-        piece = bisect_right(x, t, 1, len(x) - 1) - 1
-        c = self._columns[piece] if self._columns else self.c[:, piece]
-        return c, t - x[piece]
-
-    @cached_property
-    def _columns(self) -> list[Any]:
-        """Coefficients as numbers of Python's, which take a third of the time; none of very many, or several places."""
-        return [one.tolist() for one in self.c.T] if self.c.ndim == 2 and len(self.x) <= FEW else []
-
-    @cached_property
-    def _breakpoints(self) -> list[float]:
-        return [float(one) for one in self.x]
 
 
 def hermite(t: Array, X: Array, velocity: Array, acceleration: Array) -> Pieces:
@@ -244,21 +224,18 @@ class Recorded(Motion):
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the spline's derivative; raise ``InputError`` beyond the record."""
         self._check(t)
-        if isinstance(t, float) and t >= self.start:
-            return self.spline.derivative(t, order)
         value = self.spline.derivative(np.maximum(t, self.start), order)
         return value if order == 0 else value * np.greater_equal(t, self.start)
 
     def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
         """Return the spline's derivatives; raise ``InputError`` beyond the record."""
-        if not isinstance(t, float) or t < self.start:
-            return super().rates(t, y, up_to=up_to)
         self._check(t)
-        return self.spline.rates(t)[: up_to + 1]
+        position, *rates = self.spline.rates(np.maximum(t, self.start))[: up_to + 1]
+        return [position, *(rate * np.greater_equal(t, self.start) for rate in rates)]
 
     def _check(self, t: Any) -> None:
         # The last of many steps may end a rounding error late; the spline is smooth enough to go on that far.
-        last = t if isinstance(t, float) else np.max(t)
+        last = np.max(t)
         if last > self.duration + 1e-9 * max(1.0, abs(self.duration)):
             raise InputError(f"paddle motion: t = {last:g} s asked for; the record ends at {self.duration:g} s.")
 

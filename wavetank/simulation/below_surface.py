@@ -178,7 +178,7 @@ class WindowObserver:
         """Append the motion at one step; raises as ``record``; collective."""
         self._water.find_rates(q, psi, t)
         self._elevation.set(elevation)
-        self._depth.set(np.zeros(self._water.plane.owned) + self._water.bed.still)
+        self._depth.set(self._water.bed.still)
         try:
             eta = self._surface.elevations(self._elevation)
             d, h = (self._surface.points.evaluate(field) for field in (self._depth, self._water.h))

@@ -370,7 +370,7 @@ class LatticePlaces:
     def depths(self, block: Block, number: int) -> Vector:
         """Return the still-water depth d at one step of a block [m], shape (N,); collective."""
         wall, bed = self._waves.wall, self._waves.bed
-        depth, dofs = np.zeros(self._waves.plane.owned) + bed.still, wall.displaced_dofs
+        depth, dofs = bed.still.copy(), wall.displaced_dofs
         places = self._waves.plane.places[dofs]
         depth[dofs] = bed.at(wall.to_physical(places, 0.0, displacement(block, number, wall, places)))
         self._depth.set(depth)

@@ -22,7 +22,7 @@ from wavetank.state import StateTree, check_like, has_state, hints_of, named, pl
 from wavetank.tank.dissipation import Smoothing
 from wavetank.tank.seen import Block, Evaluations, write_numbers
 
-LONGEST, NUMBERS = 64, 3.6e5  # steps of a block, and unknowns of all of them
+LONGEST, NUMBERS = 256, 3.6e5  # steps of a block, and unknowns of all of them
 SECONDS = 0.5  # of computing, of a block
 
 
@@ -57,13 +57,15 @@ class Rows:
     def write(self, state: Any, step: int, t: float) -> None:
         """Write the row of a state; collective."""
         block, row = self._block, self._count
-        block.step[row], block.t[row], block.q[row], block.psi[row] = step, t, state.q, state.p
+        block.step[row], block.t[row] = step, t
         if self._work is not None:
             block.work[row] = self._work.advance(state, t)
         if self._waves:
             evaluations = self._system.see(state, t, block, row)
             if evaluations is not None:
                 self._evaluations.append(evaluations)
+        else:
+            block.q[row], block.psi[row] = state.q, state.p
         block.dissipated[row] = [sink.energy_taken for sink in self._sinks]
         self._count += 1
 
@@ -174,19 +176,34 @@ class Run:
         size = self.system.inner(*[np.ones_like(self.state.q)] * 2)
         most = max(1, min(self.longest_block, int(NUMBERS / size)))
         self._rows = Rows(self.system, self.state.q.size, most, sinks=self.sinks, work=self.paddle_work)
-        pace = Pace(comm, most)
+        pace, tabulated = Pace(comm, most), False
         if not self._start_recorded:
             self._start_recorded, self.state = True, self.state.evaluated(self.system, self.t)
-            self._end_step()
+            if self.diagnostics:
+                self._rows.write(self.state, self.step, self.t)
             self._end_block()
         while self.step < self.clock.steps:
             try:
+                if self.step % LONGEST == 0 or not tabulated:
+                    tabulated = self._tabulate()
                 for _ in range(min(pace.next(), LONGEST - self.step % LONGEST, self.clock.steps - self.step)):
                     self.advance()
             except RunError:
                 self.flush()
                 raise
             self._end_block()
+
+    def _tabulate(self) -> bool:
+        """Evaluate the motions of paddles at all times of a window of steps; return True.
+
+        Windows are the same wherever a run is resumed, and so are the bits.
+        """
+        tabulate, clock = getattr(self.system, "tabulate", None), self.clock
+        if tabulate is not None:
+            begin = self.step - self.step % LONGEST
+            starts = clock.time(np.arange(begin, begin + LONGEST + 1, dtype=np.float64))
+            tabulate(np.unique([starts + c * clock.dt for c in (0.0, *self.integrator.nodes)]))
+        return True
 
     def _end_block(self) -> None:
         block = self.flush()
@@ -201,12 +218,9 @@ class Run:
         clock = self.clock
         self.state = self._stepper.step(self.system, self.state, clock.time(self.step), clock.dt)
         self.step += 1
-        self._end_step()
-
-    def _end_step(self) -> None:
         self.recorded = False
         if self._rows is not None and self.diagnostics:
-            self._rows.write(self.state, self.step, self.t)
+            self._rows.write(self.state, self.step, clock.time(self.step))
 
     def flush(self) -> Block | None:
         """Let diagnostics record the block so far, and return it; raises the first error in time; collective."""

@@ -33,7 +33,7 @@ from wavetank.tank.waves import NonlinearWaves
 
 SHORT = 0.5  # the higher difference over the lower: more of what has fewer than four steps a period
 IN_A_ROW = 10  # steps in a row: one jolt is in several differences
-OFTEN = 64  # steps between looks at what would help
+OFTEN = 256  # steps between looks at what would help
 CALM = 1e-6  # of the depth: lower waves are not looked at
 
 
@@ -203,7 +203,12 @@ class StabilityWatch:
             highest=float(highest[-1]),
             driven=float(driven[-1]),
         )
-        for n, one in enumerate(noise.tolist()):
+        if noise.max() <= self._alternating.noise:
+            self.state = replace(self.state, steps=0)
+            noisy = np.zeros(0)
+        else:
+            noisy = noise
+        for n, one in enumerate(noisy.tolist()):
             if self._warns(float(block.t[n]), one):
                 heights = np.abs(np.diff(rows[n - first :][1 : watched.order + 2], watched.order, axis=0)[0])
                 self._warn(self._warning(float(block.t[n]), one, *self._place(block, n, heights)))

@@ -44,16 +44,19 @@ class FlatBed:
     depth
         The mean depth [m].
     still
-        d at the owned degrees of freedom [m], shape (owned,) or a number.
+        d at the owned degrees of freedom [m], shape (owned,).
+    varies
+        Whether d depends on the place.
     sinking
         Its rate of change there [m/s], shape (owned,) or a number: like ``still`` another object after a change.
     """
 
     description = "∇d = 0: the bed is flat"
+    varies = False
 
     def __init__(self, depth: float, *, plane: Plane):
         self.d, self.rate = fem.Constant(plane.mesh, float(depth)), ufl.as_ufl(0)
-        self.depth = self.still = float(depth)
+        self.depth, self.still = float(depth), np.zeros(plane.owned) + float(depth)
         self.sinking = 0.0
 
     def at(self, places: Vector) -> Vector:
@@ -83,6 +86,7 @@ class VaryingBed:
     """
 
     description = "d = d(x, y), of the places where the water stands: the bed varies"
+    varies = True
 
     def __init__(self, depth: Depth, *, plane: Plane):
         self._plane, self._depth = plane, depth

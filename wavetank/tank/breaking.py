@@ -173,12 +173,13 @@ class BreakingWatch:
 
     def look(self, state: State, t: float) -> list[SteepCrest]:
         """Return the crests during their alarms where the step to a state has ended; collective. The first is none."""
-        flow, front, before = self._flow, GENTLE if self.active else STEEP, self.state
+        flow, before = self._flow, self.state
+        front = GENTLE if before.active else STEEP
         flow.near(state, t)
         if flow.largest_slope < front:
             if before.surface is not None:
                 self.state = replace(before, surface=None)
-            return self.follow([], t) if self.active else []
+            return self.follow([], t) if before.active else []
         if before.rests and flow.largest_velocity < before.fast:
             self.state = replace(before, surface=None, rests=before.rests - 1)
             return []

@@ -33,13 +33,19 @@ LEAST, LARGEST = 0.03, 0.5  # a V k, k = pi p / l of the mesh, that counts, and 
 
 
 class Compiled:
-    """An inverse along a slice on one rank: how it is called here, and by ``fem/slice.py``."""
+    """The preconditioner of a weight along a slice on one rank.
 
-    def __init__(self, instance: Instance, struct: Struct, *, dofs: int, fields: int):
-        self.struct, self.carried = struct, False
+    Attributes
+    ----------
+    struct
+        The ``Advection`` of ``slice.c``.
+    """
+
+    def __init__(self, instance: Instance, struct: Struct, *, dofs: int):
         n, z = Buffer(dofs), Buffer(2 * dofs)
-        self.precondition = instance.function("precondition", struct, float, int, z, z)
-        self.set_velocity = instance.function("set_velocity", struct, float, n, n, n, Buffer((fields - 3) * dofs))
+        self.struct = struct
+        self.precondition = instance.function("precondition", struct, float, z, z)
+        self.set_velocity = instance.function("set_velocity", struct, float, float, z, z, n, n)
 
 
 def surface_points(plane: Plane, wall: Wall, unit: Unit) -> SurfacePoints:
@@ -72,10 +78,9 @@ class AdvectionPreconditioner:
     def __call__(self, weight: float, residual: Vector) -> Vector:
         """Return the preconditioned residual of a stage of that weight [s], shape (2, owned); collective."""
         compiled = self._of_weight(weight)
-        self._waves.mass.make_ready()
         if compiled is not None:
             result = np.empty_like(residual)
-            compiled.precondition(weight, self._has_velocity, residual, result)
+            compiled.precondition(weight, residual, result)
             return result
         if not self._has_velocity:
             return self._still(weight, residual)
@@ -89,15 +94,18 @@ class AdvectionPreconditioner:
     def at(self, weight: float, evaluation: WaterEvaluation | None) -> Compiled | None:
         """Take the velocities at the surface of an evaluation for stages of a weight [s]; collective.
 
-        The wall and the mass matrix are those of the evaluation. Returns what is compiled for such stages, along a
-        slice on one rank; None where nothing is.
+        The wall is where it was there, outside slices the mass matrix, too. Returns what is compiled for such stages,
+        along a slice on one rank; None where nothing is.
         """
-        compiled, self._has_velocity = self._of_weight(weight), False
-        if evaluation is not None:
-            self._waves.mass.make_ready()
-            self._set_velocity(compiled, evaluation, LARGEST * self._shortest / abs(weight))
-        if compiled is not None:
-            compiled.carried = self._has_velocity
+        compiled = self._compiled[weight] if weight in self._compiled else self._of_weight(weight)
+        most = LARGEST * self._shortest / abs(weight)
+        if compiled is None:
+            self._has_velocity = evaluation is not None and self._set_velocity(evaluation, most)
+        elif evaluation is None:
+            compiled.struct.c.carried = False
+        else:
+            at, still = evaluation, self._waves.bed.still
+            compiled.set_velocity.call(most, LEAST / LARGEST * most, at.z, at.flow, at.eta, still)
         return compiled
 
     def _of_weight(self, weight: float) -> Compiled | None:
@@ -108,14 +116,16 @@ class AdvectionPreconditioner:
 
     def _along(self, weight: float) -> Compiled | None:
         waves, (modes, mode_weights) = self._waves, self._still.solver(weight)
-        instance = waves.slice_functions
-        if instance is None or not isinstance(modes, AveragedModes):
+        solver = waves.slice_solver
+        if solver is None or not isinstance(modes, AveragedModes):
             return None
+        instance = solver.instance
         fields, dofs, still = self._points.fields, waves.plane.size, self._still
         struct = instance.struct(
             "Advection",
             dofs=dofs,
             fields=fields,
+            tank=solver.struct,
             gravity=waves.gravity,
             of_metre=still.of_metre,
             mass=waves.mass.struct,
@@ -126,20 +136,21 @@ class AdvectionPreconditioner:
             **modes.compiled(mode_weights),
             **self._points.compiled,
         )
-        return Compiled(instance, struct, dofs=dofs, fields=fields)
+        return Compiled(instance, struct, dofs=dofs)
 
     def _solved(self, right: Vector) -> Vector:
         """Return what the mass matrix makes of that, roughly; collective."""
         result: Vector = self._waves.mass.solve(right, within=ROUGHLY)
         return result
 
-    def _set_velocity(self, compiled: Compiled | None, at: WaterEvaluation, most: float) -> None:
-        """Set the velocities at the surface from an evaluation, of at most ``most`` [m/s]; collective."""
+    def _set_velocity(self, at: WaterEvaluation, most: float) -> bool:
+        """Set the velocities at the surface from an evaluation, cut off at ``most`` [m/s]; return whether they count.
+
+        Collective.
+        """
         walls = self._waves.wall.at_surface(at.eta, self._waves.bed.still)
-        if compiled is not None:
-            fastest = compiled.set_velocity(most, at.eta, at.p, at.dq, walls)
-        else:
-            vertical, fastest = self._points.move([at.eta, at.p, self._solved(at.dq), *walls], most=most)
-        self._has_velocity = fastest * LARGEST > LEAST * most
-        if self._has_velocity and compiled is None:
-            self._B[:] = np.minimum(np.maximum(self._solved(vertical), -most), most)
+        vertical, fastest = self._points.move([at.eta, at.p, self._solved(at.dq), *walls], most=most)
+        if not fastest * LARGEST > LEAST * most:
+            return False
+        self._B[:] = np.minimum(np.maximum(self._solved(vertical), -most), most)
+        return True

@@ -94,6 +94,11 @@ class Water(ABC):
     def new_history(self, owner: str) -> Any:
         """Return a history of solves without any; the owner gives it to evaluations."""
 
+    def tabulate(self, times: Vector) -> None:
+        """Evaluate the motions of paddles at times of steps to come [s], shape (T,)."""
+        for paddle in self.wall.paddles:
+            paddle.kinematics.tabulate(times)
+
     @cached_property
     def aside(self) -> Any:
         """The history of the solves for all the methods below, which leave steps as they are."""
@@ -127,12 +132,6 @@ class Water(ABC):
     def damp(self, rate: Vector) -> None:
         """Let ``see`` tell what a damping of the momenta takes, of rate [1/s], shape (owned,)."""
         self.damping = rate
-
-
-def frozen(rows: Vector) -> tuple[Vector, Vector]:
-    """Return z and its flow, read-only, of the rows that a solve makes: dq, dp, -dp, q and p."""
-    rows.setflags(write=False)
-    return rows[3:], rows[:2]
 
 
 def distance_from_rest(eta: Vector, psi: Vector, plane: Plane) -> float:

@@ -193,7 +193,7 @@ class NonlinearRates(NonlinearWaves):
 
     def _nodes(self) -> Vector:
         """Return where the Gauss nodes of the columns are in the laboratory [m], as ``nodes``; collective."""
-        self._d.set(np.zeros(self.plane.owned) + self.bed.still)
+        self._d.set(self.bed.still)
         heights = self.vertical.zeta[:, None] * self.h.rows[:, 0] - self._d.rows[:, 0]
         return _standing(self.wall, self._places, heights)
 
@@ -230,7 +230,7 @@ class LinearRates:
         self.wall, self.gravity, self._waves = waves.wall, waves.gravity, waves
         components = waves.vertical.n + 1
         self.h = self.plane.function("water column")
-        self.h.set(np.zeros(self.plane.owned) + self.bed.still)
+        self.h.set(self.bed.still)
         heights = np.multiply.outer(self.vertical.zeta - 1.0, self.h.rows[:, 0])
         self.nodes = _standing(self.wall, _places(self.plane), heights)
         self.node_velocities = np.zeros_like(self.nodes)
@@ -419,7 +419,7 @@ class Sounding:
         self._points.move(self._coordinates())
         self._stay_in_cells()
         water, layers, z = self._water, self._kinematics.layers(), self._at[:, 2]
-        self._depth.set(np.zeros(water.plane.owned) + water.bed.still)
+        self._depth.set(water.bed.still)
         zeta = (z + self._points.evaluate(self._depth)) / self._points.evaluate(water.h)
         weights = self._kinematics.weights(zeta)
 

@@ -91,14 +91,13 @@ class LinearWaves(Water):
         self.depth = self.bed.depth
         self.vertical = VerticalBasis(vertical_order)
         self.h = plane.function("water column")
-        self.h.set(np.zeros(plane.owned) + self.bed.still)
+        self.h.set(self.bed.still)
         d, g = self.bed.d, fem.Constant(plane.mesh, gravity)
         still = WaterEnergy(h=d, d=d, gravity=g, mapping=wall.mapping)
         self.unit = Unit(plane.comm)
         self.mass = mass_matrix(plane, wall.mapping.J(0.0), self.unit)
         self.layer, self._make_potential, self.still = self._interior(still, tolerance)
         self._tolerance = tolerance
-        self._motions = [paddle.motion for paddle in wall.paddles]
         self._inflow, self._recoil = self._responses([self.flux(paddle, still) for paddle in wall.paddles])
 
     @property
@@ -162,7 +161,7 @@ class LinearWaves(Water):
 
     def _rates(self, t: float, order: int) -> Vector:
         """Return a derivative of the paddles' motions, shape (paddles,)."""
-        return np.array([motion.derivative(t, order) for motion in self._motions], dtype=np.float64)
+        return np.array([paddle.kinematics.at(t)[order] for paddle in self.wall.paddles], dtype=np.float64)
 
     # ------------------------------------------------------------------------------------------ evaluations
     def set_time(self, t: float) -> None:
@@ -216,7 +215,7 @@ class LinearWaves(Water):
         return self.mass.solve(dq)
 
     def see(self, state: State, t: float, into: Block, row: int) -> Evaluations:
-        """Write a state at t [s] into a row, and return its evaluations; collective."""
+        """Write a state at t [s] into a row of a block, and return its evaluations; collective."""
         return see(self, state, t, into, row)
 
     @cached_property

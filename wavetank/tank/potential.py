@@ -82,6 +82,8 @@ class InteriorPotential:
     ----------
     recall
         What start values are found among.
+    patience
+        Iterations of a solve above which the preconditioner is renewed for the next one; None: it is to be renewed.
     """
 
     def __init__(self, minimiser: Minimiser, phi: LayeredField, *, inputs: int, plane: Plane, unit: Unit | None = None):
@@ -90,7 +92,7 @@ class InteriorPotential:
         self.recall = InitialGuessProjection(
             inputs, phi.owned.shape[1] - 1, owned=plane.owned, comm=plane.comm, unit=unit
         )
-        self._fresh_iterations: int | None = None
+        self.patience: int | None = None
 
     def solve(self, wall: Vector, inputs: Vector | None) -> Vector:
         """Set phi_I for the surface potential in phi, the operator as it is and the wall's vector; collective.
@@ -101,7 +103,7 @@ class InteriorPotential:
         """
         if inputs is None or not self.recall.guess(inputs, self._phi.owned):
             self._phi.owned[:, :-1] = 0.0
-        if self.renews:
+        if self.patience is None:
             self.minimiser.factor()
             self.counters.factorisations += 1
         self.count(self.minimiser.find(self._phi.owned, wall))
@@ -111,30 +113,28 @@ class InteriorPotential:
         flow = self.minimiser.flow
         return flow - self._plane.sum(flow) / self._plane.size  # moves no mass, where single precision has a share, too
 
-    def count(self, iterations: int) -> None:
-        """Take note of what a solve has taken, and so whether the preconditioner still serves."""
-        self.counters.solves += 1
-        self.counters.iterations += iterations
-        if self._fresh_iterations is None:
-            self._fresh_iterations = iterations
-        elif iterations > self._fresh_iterations + self.minimiser.patience:
-            self._fresh_iterations = None
+    def count(self, iterations: int, solves: int = 1, *, worn: bool | None = None) -> None:
+        """Count the iterations of solves, and renew the preconditioner next time if it is worn.
 
-    @property
-    def renews(self) -> bool:
-        """Whether the next solve makes the preconditioner anew, of the operator as it will be then."""
-        return self._fresh_iterations is None
+        By default it is worn where a solve takes more iterations than ``patience``.
+        """
+        self.counters.solves += solves
+        self.counters.iterations += iterations
+        if self.patience is None:
+            self.patience = iterations + self.minimiser.patience
+        elif iterations > self.patience if worn is None else worn:
+            self.patience = None
 
     def state_tree(self) -> StateTree:
-        """Return the start values' pairs, the iterations of the fresh preconditioner, and the counters."""
-        return {"recall": self.recall.state_tree(), "fresh": self._fresh_iterations, "counters": asdict(self.counters)}
+        """Return the start values' pairs, the patience with the preconditioner, and the counters."""
+        return {"recall": self.recall.state_tree(), "patience": self.patience, "counters": asdict(self.counters)}
 
     def take(self, tree: StateTree) -> None:
         """Restore them from a tree; the operator must be as it was when the preconditioner was made; collective."""
         self.recall.take(tree["recall"])
         vars(self.counters).update(vars(typed(SolveCounters, tree["counters"], "counters")))
-        self._fresh_iterations = tree["fresh"]
-        if not self.renews:
+        self.patience = typed(int | None, tree["patience"], "patience")
+        if self.patience is not None:
             self.minimiser.factor()
 
 

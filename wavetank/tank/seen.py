@@ -173,17 +173,19 @@ def see(water: SeenWater, state: State, t: float, into: Block, row: int) -> Eval
 
     The elevation is a first-order expansion about the last of them.
     """
-    state = state.evaluated(water, t)
-    before, after = state.evaluations[0], state.evaluations[-1]
-    dq = state.q - after.q
-    into.eta[row], into.psi[row], into.rise[row] = after.eta, state.p, 0.0
+    if state.evaluation is None:
+        state = state.evaluated(water, t)
+    (before, *_), after, q = state.evaluations, state.evaluation, state.q
+    dq = q - after.z[0]
+    into.q[row], into.psi[row], into.eta[row], into.rise[row] = q, state.p, after.eta, 0.0
     if summed(water.plane.comm, float(dq @ dq)) > 0.0:
         into.rise[row] = -water.elevation_change(after, dq)
         into.eta[row] -= into.rise[row]
     elif state.q_jump is not None:
         into.rise[row] = 0.5 * water.elevation_change(after, state.q_jump)
     water.set_time(after.t)
-    into.rates[row], into.velocities[row] = water.wall.rates, water.wall.velocities
+    wall = water.wall
+    into.rates[row], into.velocities[row] = wall.rates, wall.velocities
     return before, after
 
 

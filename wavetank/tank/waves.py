@@ -8,9 +8,9 @@ derivative is a partial derivative of the one discrete functional K(phi, h) + V(
 stationary.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from math import sqrt
 from typing import Any
 
@@ -23,21 +23,21 @@ from wavetank.arrays import Vector, summed
 from wavetank.errors import BreakdownError, ConvergenceError, RunError
 from wavetank.fem.along import Minimum
 from wavetank.fem.anderson import AndersonMixing
-from wavetank.fem.codegen import Instance, Unit
+from wavetank.fem.codegen import Struct, Unit
 from wavetank.fem.mass import BandedMass, MassMatrix, mass_matrix
 from wavetank.fem.plane import Plane
-from wavetank.fem.slice import SliceSolver, Solution
+from wavetank.fem.slice import SliceSolver, Solution, StageResult
 from wavetank.fem.vertical import VerticalBasis
 from wavetank.integrators.hamiltonian import Weights
-from wavetank.integrators.stage_solver import Iterate, StageHistories, StageSolver, Start
+from wavetank.integrators.stage_solver import CompiledSolver, StageHistories, StageSolver
 from wavetank.integrators.stages import CoupledStages, PairStage
 from wavetank.integrators.states import State
 from wavetank.motion.feedback import FeedbackMotion
 from wavetank.state import StateTree
 from wavetank.tank.bed import Depth, bed_of
-from wavetank.tank.carried_waves import AdvectionPreconditioner, Compiled, surface_points
+from wavetank.tank.carried_waves import AdvectionPreconditioner, surface_points
 from wavetank.tank.energy import KINETIC, POTENTIAL, Part, WaterEnergy
-from wavetank.tank.evaluation import Water, WaterEvaluation, frozen
+from wavetank.tank.evaluation import Water, WaterEvaluation
 from wavetank.tank.history import SolverHistory
 from wavetank.tank.potential import InteriorPotential, interior_of
 from wavetank.tank.seen import Block, Evaluations, see
@@ -90,6 +90,8 @@ class NonlinearWaves(Water):
     ----------
     depth
         The mean depth [m].
+    speed
+        The speed of long waves [m/s], by which surface potentials are scaled.
     bed
         The bed, with the depth at the degrees of freedom.
     densities
@@ -118,7 +120,7 @@ class NonlinearWaves(Water):
         self.plane, self.wall, self.gravity = plane, wall, gravity
         self.bed = bed_of(depth, plane)
         self.bed.follow(wall)
-        self.depth = self.bed.depth
+        self.depth, self.speed = self.bed.depth, sqrt(gravity * self.bed.depth)
         self.vertical = VerticalBasis(vertical_order)
         self.h = plane.function("water column")
         self.phi = plane.layered_function(vertical_order + 1, "potential")
@@ -155,14 +157,9 @@ class NonlinearWaves(Water):
         self._over_still_water = StillWaterWaves(self)
 
     @property
-    def speed(self) -> float:
-        """The speed of long waves [m/s], by which surface potentials are scaled."""
-        return sqrt(self.gravity * self.depth)
-
-    @property
-    def slice_functions(self) -> Instance | None:
-        """The compiled functions of a slice on one rank; None elsewhere."""
-        return None if self.history.compiled is None else self.history.compiled.instance
+    def slice_solver(self) -> SliceSolver | None:
+        """The compiled solver of steps, of a slice on one rank; None elsewhere."""
+        return self.history.compiled
 
     @property
     def potential(self) -> InteriorPotential:
@@ -202,53 +199,41 @@ class NonlinearWaves(Water):
         Raises ``BreakdownError`` and ``ConvergenceError``.
         """
         history = history or self.history
-        self.set_time(t)
-        self._begin_at(guess)
-        solution = self._solve(q, p, t, history)
+        if t != self._t:
+            self._move(t)
+        solution, found = None, None
+        if history.compiled is not None and history.interior.patience is not None:
+            found = history.compiled.evaluate(q, p, None if guess is None else guess.eta, self.bed.still)
+        if found is not None:
+            solution, iterations = found
+            history.interior.count(iterations)
+            self.level = solution.level
+            potential, wall, power = solution.energies
+        else:
+            self._begin_at(guess)
+            solution = self._solve(q, p, t, history)
+            power, wall = self._wall_terms.explicit_rate(lambda: solution.rows[2]), self._wall_terms.energy()
+            potential = summed(self.plane.comm, self._potential.total())
         rows, kinetic = solution.rows, 0.5 * solution.kinetic
-        z, flow = frozen(rows)
+        rows.setflags(write=False)
         by_paddles = None
         if slopes or self._has_feedback:
             by_paddles = self._wall_terms.slopes(lambda: rows[2])
-        if solution.energies is not None:
-            potential, wall, power = solution.energies
-        else:
-            power, wall = self._wall_terms.explicit_rate(lambda: rows[2]), self._wall_terms.energy()
-            potential = summed(self.plane.comm, self._potential.total())
+        energy, below = kinetic + potential + wall, self.phi.owned.copy() if interior else None
         return WaterEvaluation(
-            t,
-            z,
-            flow,
-            kinetic + potential + wall,
-            self._inputs[0].copy(),
-            kinetic,
-            potential,
-            wall,
-            power,
-            by_paddles,
-            self.phi.owned.copy() if interior else None,
+            t, rows[3:5], rows[:2], energy, rows[5], kinetic, potential, wall, power, by_paddles, below
         )
 
     def _begin_at(self, guess: WaterEvaluation | None) -> None:
         """Set the column that Newton's method beside a paddle that leans begins at; collective."""
         if self.wall.leans:
-            still = self.bed.still + np.zeros(self.plane.owned)
-            self.h.set(still if guess is None else still + guess.eta)
+            self.h.set(self.bed.still if guess is None else self.bed.still + guess.eta)
             self.mass.update()
 
     def _solve(self, q: Vector, p: Vector, t: float, history: SolverHistory) -> Solution:
-        """Return the derivatives at (q, p), the wall being where it is at t; column and potential are set; collective.
-
-        Compiled as one along a slice on one rank, but for the first solve and one that renews the preconditioner.
-        """
-        if history.compiled is not None and not history.interior.renews:
-            solution = history.compiled.evaluate(q, p, self.bed.still)
-            if solution is not None:
-                history.interior.count(solution.iterations)
-                self.level = solution.level
-                return solution
+        """Return the solution at (q, p), the wall as it is at t; column and potential are set; collective."""
         self._set_surface(q, p, t)
-        if history.interior.renews:
+        if history.interior.patience is None:
             history.preconditioner_t, history.preconditioner_column = self._t, self.h.owned.copy()
             for paddle in self.wall.paddles:
                 paddle.motion.keep(self._t, history.owner)
@@ -261,8 +246,8 @@ class NonlinearWaves(Water):
         derivative = self.operator.derivative(self.phi.rows)  # the operator has all but the wall's
         by_q = self.mass.solve(derivative + self._wall_terms.by_column())
         square = summed(self.plane.comm, float(np.vdot(self._inputs[:2], self._inputs[:2])))
-        numbers = self.level, history.interior.minimiser.kinetic, square
-        return Solution(0, np.stack([dq, -by_q, by_q, q, p]), numbers)
+        rows = np.stack([dq, -by_q, by_q, q, p, self._inputs[0]])
+        return Solution(rows, self.level, history.interior.minimiser.kinetic, square)
 
     def _set_surface(self, q: Vector, p: Vector, t: float) -> None:
         """Set the column, the potential at the surface and the operator; collective."""
@@ -290,8 +275,10 @@ class NonlinearWaves(Water):
         self._t = t
         if self.wall.set_time(t):
             self.mass.update()
-            self.bed.follow(self.wall)
-        np.multiply(self.depth / self.speed, self.wall.velocities, out=self._inputs[2:])
+            if self.bed.varies:
+                self.bed.follow(self.wall)
+        if self.wall.moves:
+            np.multiply(self.depth / self.speed, self.wall.velocities, out=self._inputs[2])
 
     def _refuse_column(self, t: float) -> None:
         """Raise what says where the column is lowest, which is not positive; collective."""
@@ -299,7 +286,7 @@ class NonlinearWaves(Water):
         column[np.isnan(column)] = -np.inf  # which is less than all numbers on other ranks
         least = int(np.argmin(column))
         place = (*map(float, self.plane.places[least]),) if least < self.plane.owned else (0.0, 0.0)
-        still = float(np.append(np.zeros(self.plane.owned) + self.bed.still, 0.0)[least])
+        still = float(np.append(self.bed.still, 0.0)[least])
         lowest, x, y, still = self.plane.comm.allreduce((float(column[least]), *place, still), op=MPI.MIN)
         if not lowest > 0.0:
             what = f"the surface reaches the bed (lowest water column {lowest:.3g} m)"
@@ -331,6 +318,7 @@ class NonlinearWaves(Water):
             column=self.h,
             phi=self.phi,
             walls=walls,
+            on_varying_bed=self.bed.varies,
             carried=np.unique(self.plane.V.dofmap.list[self.plane.around(self.wall.displaced_dofs)]),
             leaning=self.columns if isinstance(self.columns, ShapedColumns) else None,
             inputs=self._inputs,
@@ -352,12 +340,15 @@ class NonlinearWaves(Water):
 
     def elevation_change(self, at: WaterEvaluation, dq: Vector) -> Vector:
         """Return by how much eta changes with the masses at an evaluation, to first order [m]; collective."""
-        self.set_time(at.t)
+        if at.t != self._t:
+            self._move(at.t)
+        if self.history.compiled is not None:
+            return self.history.compiled.elevation_change(at.eta, self.bed.still, dq)
         self._begin_at(at)
         return self.mass.solve(dq)
 
     def see(self, state: State, t: float, into: Block, row: int) -> Evaluations:
-        """Write a state at t [s] into a row, and return its evaluations; collective."""
+        """Write a state at t [s] into a row of a block, and return its evaluations; collective."""
         return see(self, state, t, into, row)
 
     # ------------------------------------------------------------------------------------------ what is remembered
@@ -386,15 +377,43 @@ class NonlinearWaves(Water):
 
     def begin_stage(
         self, weight: float | None, t: float, guess: WaterEvaluation | None, history: SolverHistory
-    ) -> "CompiledStage | None":
+    ) -> CompiledSolver | None:
         """See ``StagedSystem``."""
-        self.set_time(t if guess is None else guess.t)
-        self._begin_at(guess)
+        near = t if guess is None else guess.t
+        if near != self._t:
+            self._move(near)
+        if history.compiled is None or weight is None:
+            self._begin_at(guess)
         inverse = None if weight is None else self._inverse.at(weight, guess)
-        self.set_time(t)
-        if weight is None or inverse is None or history.compiled is None:
+        if t != self._t:
+            self._move(t)
+        if inverse is None or weight is None or guess is None or history.compiled is None:
             return None
-        return CompiledStage(self, history, inverse, weight, t)
+        return partial(self._solve_compiled, history, history.compiled, inverse.struct, weight, guess)
+
+    def _solve_compiled(
+        self,
+        history: SolverHistory,
+        compiled: SliceSolver,
+        preconditioner: Struct,
+        weight: float,
+        guess: WaterEvaluation,
+        c: Vector,
+        mixings: tuple[AndersonMixing, AndersonMixing],
+        numbers: tuple[float, float],
+        limits: Mapping[str, float],
+    ) -> StageResult | None:
+        """Return the result of a stage along a slice on one rank; see ``SliceSolver.solve_stage``."""
+        interior = history.interior
+        near, still = (guess.z, guess.flow), self.bed.still
+        if interior.patience is None:
+            return None
+        result = compiled.solve_stage(
+            near, c, weight, still, preconditioner, mixings, numbers, limits, interior.patience
+        )
+        if result is not None:
+            interior.count(result.iterations, result.evaluations, worn=result.worn)
+        return result
 
     def precondition(self, weight: float, residual: Vector) -> Vector:
         """See ``StagedSystem``."""
@@ -446,37 +465,3 @@ class NonlinearWaves(Water):
     def surface(self) -> SurfaceVelocity:
         """How the surface moves, found once for all who ask of the same moment; collective."""
         return surface_of(self)
-
-
-class CompiledStage:
-    """A stage z = c + a f(z, t) of nonlinear waves along a slice on one rank, in compiled calls.
-
-    Parameters
-    ----------
-    inverse
-        The preconditioner.
-    weight
-        a [s].
-    """
-
-    def __init__(self, waves: NonlinearWaves, history: SolverHistory, inverse: Compiled, weight: float, t: float):
-        assert history.compiled is not None
-        self._waves, self._history, self._whole, self._t = waves, history, history.compiled, t
-        self._stage: dict[str, Any] = {"weight": weight, "inverse": inverse}
-
-    def start(self, near: Start, among: AndersonMixing, uncertainty: float) -> Vector:
-        """Return the start value from points of earlier solves and one near."""
-        return self._whole.begin_stage(near, wrong=uncertainty, among=among, **self._stage)
-
-    def iterate(self, z: Vector, c: Vector, mixing: AndersonMixing) -> Iterate | None:
-        """Return an iterate, mixed with earlier ones; None where the preconditioner is to be renewed."""
-        waves, interior = self._waves, self._history.interior
-        if interior.renews:
-            return None
-        waves.set_time(self._t)
-        result = self._whole.attempt(z, c, waves.bed.still, mixing=mixing, **self._stage)
-        if result is None:
-            return None
-        solution, (following, away, length) = result
-        interior.count(solution.iterations)
-        return Iterate(following, away, length, sqrt(solution.square / (2 * waves.plane.size)))

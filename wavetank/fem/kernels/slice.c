@@ -24,14 +24,50 @@ typedef struct {
     float *float_rows, *float_state, *work;
 } Tank;
 
-/* A stage z = c + a f(z). */
+/* The preconditioner of a stage; see wavetank/tank/carried_waves.py. */
+typedef struct {
+    Tank *tank;
+    int dofs, fields, carried;      /* carried: whether the current is considered */
+    double gravity, of_metre;       /* the mass of a metre of water */
+    const Mass *mass, *still;       /* as the wall stands, and at rest */
+    const Cells *cells;             /* of the velocities */
+    const Chain *modes;
+    const double *shares;           /* of the modes */
+    double *modes_work, *velocity, *vertical, *room;
+    const double *uniform, *axis;
+} Advection;
+
+/* A stage z = c + a f(z), its solver and its history; see wavetank/integrators/stage_solver.py. */
 typedef struct {
     Tank *tank;
     const Advection *advection;
-    const Mixing *mixing;
-    double *residual, *image, *nothing, *missed;
+    const Mixing *iterates, *points;
+    double *residual, *image, *nothing, *missed, *found;
+    double tolerance, floor, round_off, safety, uncertainty, root;
+    int most;                       /* iterates at most */
+    double size, contraction;       /* of the history; size is nan before the first solve */
+    int evaluations, iterations, worn;  /* of the last solve; worn: the preconditioner is to be renewed */
+    double last_size, measured;     /* of the last solve; measured: its first contraction, or nan */
     double away, length;
 } Stage;
+
+/* The column at an elevation, where columns depend on time, and the mass matrix with its factors. */
+static void set_column(Tank *w, const double *eta, const double *still)
+{
+#if LEANS
+    EACH(i, w->dofs)
+        w->column[i] = still[i] + eta[i];
+    mass_weigh(w->mass);
+#endif
+    mass_factor(w->mass);
+}
+
+/* The change of elevation with the masses at an elevation, to first order. */
+static void elevation_change(Tank *w, const double *eta, const double *still, const double *dq, double *change)
+{
+    set_column(w, eta, still);
+    mass_solve(w->mass, dq, change);
+}
 
 static void apply(const Mass *m, const double *x, double *y)
 {
@@ -48,30 +84,41 @@ static void advect(const Advection *w, double a, int slopes, const double *x, do
         y[i] *= a;
 }
 
-/* The velocities at the surface of a state, cut off at ``most``. Returns the largest along the bottom. */
-static double set_velocity(const Advection *w, double most, const double *eta, const double *psi, const double *rate,
-                   const double *walls)
+/* The velocities at the surface of a state with its rate, cut off at ``most``; they count if any exceeds ``least``. */
+static void set_velocity(Advection *w, double most, double least, const double *z, const double *rate, const double *eta,
+                         const double *still)
 {
+    const Tank *tank = w->tank;
     const long n = w->dofs, fields = w->fields;
     double *surface = w->room, *B = w->vertical;
+    set_column(w->tank, eta, still);
     mass_solve(w->mass, rate, B);
+    memset(surface, 0, sizeof(double) * fields * n);
     EACH(i, n) {
         double *at = surface + fields * i;
-        at[0] = eta[i], at[1] = psi[i], at[2] = B[i];
-        for (long k = 3; k < fields; ++k)
-            at[k] = walls[(k - 3) * n + i];
+        at[0] = eta[i], at[1] = z[n + i], at[2] = B[i];
+    }
+    EACH(one, tank->walls_moving) {
+        const Wall *wall = tank->walls[one];
+        EACH(k, tank->carries) {
+            const int i = tank->carried[k];
+            const double f = wall->at_still_water + wall->slope * eta[i], far = wall->position[i], fast = wall->speed[i];
+            double *at = surface + fields * i;
+            at[3] += far * f, at[4] += fast * f, at[6] += far * wall->slope;
+            at[5] += fast * (wall->mean * still[i] + 0.5 * (wall->at_still_water + f) * eta[i]);
+        }
     }
     memset(B, 0, sizeof(double) * n);
-    const double fastest = velocity_move(w->cells, most, w->axis, surface, w->velocity, B);
+    w->carried = velocity_move(w->cells, most, w->axis, surface, w->velocity, B) > least;
     mass_solve(w->mass, B, B);
     EACH(i, n)
         B[i] = B[i] > most ? most : B[i] < -most ? -most : B[i];
-    return fastest;
 }
 
-/* The residual of a stage of weight a, [Q, psi], preconditioned; ``carried`` by the current, or not. */
-static void precondition(const Advection *w, double a, int carried, const double *residual, double *found)
+/* The residual of a stage of weight a, [Q, psi], preconditioned. */
+static void precondition(const Advection *w, double a, const double *residual, double *found)
 {
+    const int carried = w->carried;
     const long n = w->dofs;
     const double *B = w->vertical, *q = residual, *psi = residual + n, g = w->gravity;
     double *eta = w->room, *r_chi = eta + n, *work = r_chi + n, *kept = found, *chi = found + n, made = 0.0;
@@ -153,6 +200,7 @@ static int begin(Tank *w, const double *q, const double *p, const double *still,
     const long n = w->dofs;
     double sum = 0.0, squares = 0.0;
     int positive = 1;
+    mass_factor(w->mass);
 #if LEANS
     if (!lean(w, q))
         return 0;
@@ -190,7 +238,7 @@ static void by_walls(Tank *w)
 
 /* Find the potential of masses q and surface potential p, as the walls move, with ``recorded`` earlier solutions. ``found``
    becomes, one behind the other: its flow less its mean, and the wall's; the negative of M^-1 of its energy's derivative by
-   the column, and that; q and p. ``numbers`` become the mean of p, phi A phi, and the square of the input of the initial
+   the column, and that; q and p; the elevation. ``numbers`` become the mean of p, phi A phi, and the square of the input of the initial
    guess. Returns the iterations, or -1 where Python has to find it: without a minimum or convergence. */
 static int find(Tank *w, const double *q, const double *p, const double *still, int recorded, double *found, double *numbers)
 {
@@ -244,58 +292,99 @@ static int find(Tank *w, const double *q, const double *p, const double *still, 
     numbers[1] = w->correction[0];
     memcpy(found + 3 * n, q, sizeof(double) * n);
     memcpy(found + 4 * n, p, sizeof(double) * n);
+    memcpy(found + 5 * n, w->inputs, sizeof(double) * n);
     return iterations;
 }
 
-/* Where to begin the stage z = c + a f(z): points combined by their c, which are ``wrong`` by so much, one more of which is z
-   where f is known, with what is missed of c preconditioned. */
-static void begin_stage(const Stage *s, const double *z, const double *slope, const double *c, double a, int carried,
-                        int mixed, double wrong, double *start)
+static int stored(const Mixing *m, int recorded) { return recorded < m->most ? recorded : m->most; }
+static int slot(const Mixing *m, int recorded) { return recorded ? (recorded - 1) % m->most : m->most - 1; }
+
+/* The start value of the stage z = c + a f(z): points combined by their c, which are ``wrong`` by so much, with what is missed
+   of c preconditioned. One of the points is z, where f is known. */
+static void predict(const Stage *s, const double *z, const double *f, const double *c, double a, int recorded, double wrong,
+                    double *start)
 {
-    const long n = s->tank->dofs;
-    const int others = mixed < s->mixing->most ? mixed : s->mixing->most;
+    const Mixing *points = s->points;
     double *image = s->image;
-    EACH(i, 2 * n)
-        image[i] = z[i] - a * slope[i];
-    history_add(s->mixing, others, mixed ? (mixed - 1) % s->mixing->most : s->mixing->most - 1, z, image);
-    history_aim(s->mixing, others, c);
-    history_combine(s->mixing, others, wrong * wrong, start, s->missed);
-    precondition(s->advection, a, carried, s->missed, image);
-    EACH(i, 2 * n)
+    EACH(i, points->size)
+        image[i] = z[i] - a * f[i];
+    history_add(points, stored(points, recorded), slot(points, recorded), z, image);
+    history_aim(points, stored(points, recorded), c);
+    history_combine(points, stored(points, recorded), wrong * wrong, start, s->missed);
+    precondition(s->advection, a, s->missed, image);
+    EACH(i, points->size)
         start[i] += image[i];
 }
 
-/* Find the potential of a point z = [q, p] of the stage z = c + a f(z), as ``find`` does, and where it leads: by the residual
-   there, preconditioned, mixed with those of ``mixed`` points before. Returns the same as ``find``. */
-static int attempt(Stage *s, const double *z, const double *c, double a, int carried, const double *still, int recorded,
-                   int mixed, double *found, double *numbers, double *next)
+/* Replace an iterate z = [q, p] of the stage by the next: by the residual there, preconditioned, mixed with those of
+   ``mixed`` iterates before. Returns the iterations of ``find``. */
+static int iterate(Stage *s, const double *c, double a, const double *still, int recorded, int mixed, double *z,
+                   double *numbers)
 {
+    const Mixing *iterates = s->iterates;
     const long n = s->tank->dofs;
+    double *found = s->found, *residual = s->residual, *image = s->image, length = 0.0;
     const int iterations = find(s->tank, z, z + n, still, recorded, found, numbers);
-    const int others = mixed < s->mixing->most ? mixed : s->mixing->most;
-    double *residual = s->residual, *image = s->image, *point = s->residual;
     if (iterations < 0)
         return iterations;
-    double length = 0.0;
     EACH(i, 2 * n) {
-        const double scaled = z[i] / s->mixing->scale[i];
+        const double scaled = z[i] / iterates->scale[i];
         residual[i] = z[i] - c[i] - a * found[i], length += scaled * scaled;
     }
     s->length = sqrt(length);
-    precondition(s->advection, a, carried, residual, image);
+    precondition(s->advection, a, residual, image);
     EACH(i, 2 * n)
-        point[i] = z[i] - image[i];
-    history_add(s->mixing, others, mixed ? (mixed - 1) % s->mixing->most : s->mixing->most - 1, point, image);
-    history_aim(s->mixing, others, s->nothing);
-    history_combine(s->mixing, others, 0.0, next, s->missed);
-    s->away = sqrt(s->mixing->products[others]);
+        residual[i] = z[i] - image[i];
+    history_add(iterates, stored(iterates, mixed), slot(iterates, mixed), residual, image);
+    history_aim(iterates, stored(iterates, mixed), s->nothing);
+    history_combine(iterates, stored(iterates, mixed), 0.0, z, s->missed);
+    s->away = sqrt(iterates->products[stored(iterates, mixed)]);
     return iterations;
 }
 
-/* Find the potential as ``find`` does, and add to ``numbers`` the potential energy, the walls' part of H, and their power. */
-static int evaluate(Tank *w, const double *q, const double *p, const double *still, int recorded, double *found,
-                    double *numbers)
+/* Solve the stage z = c + a f(z) as ``StageSolver`` does, from a point with its f, ``points`` earlier points and ``recorded``
+   solutions of the interior; more than ``patience`` iterations wear the preconditioner out. Returns 1, or 0 where z is a
+   start value for Python: not solved. */
+static int solve_stage(Stage *s, const double *near, const double *f, const double *c, double a, const double *still,
+                       int recorded, int patience, int points, double *z)
 {
+    const double wanted = s->tolerance * (s->size > 0.0 ? s->size : 0.0);
+    double numbers[3], norm = NAN, target = NAN, contraction = s->contraction;
+    predict(s, near, f, c, a, points, s->uncertainty * s->root * wanted, z);
+    s->evaluations = s->iterations = s->worn = 0, s->measured = NAN;
+    EACH(k, s->most) {
+        if (s->worn)
+            return 0;
+        const int iterations = iterate(s, c, a, still, recorded + k, k, z, numbers);
+        if (iterations < 0)
+            return 0;
+        const double before = norm;
+        ++s->evaluations, s->iterations += iterations, s->worn = iterations > patience;
+        norm = s->away / s->root, s->last_size = sqrt(numbers[2] / (2 * s->tank->dofs));
+        if (k == 0) {
+            const double least = s->round_off * fmax(s->length / s->root, s->floor);
+            s->size = isnan(s->size) ? s->last_size : s->size;
+            target = fmax(s->tolerance * s->size, least);
+        } else
+            contraction = before > 0.0 ? norm / before : 0.0;
+        if (k == 1)
+            s->measured = contraction;
+        if (!isfinite(norm))
+            return 0;
+        if (norm <= target || s->safety * contraction * norm <= target) {
+            history_add(s->points, stored(s->points, points + 1), slot(s->points, points + 1), z, c);
+            return 1;
+        }
+    }
+    return 0;
+}
+
+/* Find the potential as ``find`` does, columns first at an elevation, and add to ``numbers`` the potential energy, the walls'
+   part of H, and their power. */
+static int evaluate(Tank *w, const double *q, const double *p, const double *eta, const double *still, int recorded,
+                    double *found, double *numbers)
+{
+    set_column(w, eta, still);
     const int iterations = find(w, q, p, still, recorded, found, numbers);
     if (iterations < 0)
         return iterations;

@@ -87,17 +87,7 @@ typedef struct {
     const double **fields;          /* [field][degree of freedom] */
     double *rows;                   /* [degree of freedom][field] */
     const double *moves;            /* X_p, X_p', X_p'' [m, m/s, m/s2] */
+    const double *position, *speed; /* [degree of freedom]: s X_p, s X_p' */
+    double at_still_water, slope, mean; /* of the shape f: f(0), f'(0) and its mean below still water */
     double *by_potential, *by_column;   /* [degree of freedom][number], [degree of freedom]: derivatives of W */
 } Wall;
-
-/* What the preconditioner of a stage is called with; see wavetank/tank/carried_waves.py. */
-typedef struct {
-    int dofs, fields;
-    double gravity, of_metre;       /* the mass of a metre of water */
-    const Mass *mass, *still;       /* as the wall stands, and at rest */
-    const Cells *cells;             /* of the velocities */
-    const Chain *modes;
-    const double *shares;           /* of the modes */
-    double *modes_work, *velocity, *vertical, *room;
-    const double *uniform, *axis;
-} Advection;

@@ -21,6 +21,7 @@ from wavetank.fem.plane import LayeredField, Plane
 from wavetank.fem.slice import WallStruct
 from wavetank.fem.vertical import VerticalBasis
 from wavetank.motion import Motion
+from wavetank.motion.kinematics import PaddleKinematics
 from wavetank.motion.motion import Tangent
 from wavetank.tank.bed import Bed
 from wavetank.tank.energy import Mapping, Part, WaterEnergy
@@ -225,6 +226,8 @@ class Paddle(Protocol):
     ----------
     motion
         X_p(t), or X_p(y, t), positive into the water.
+    kinematics
+        X_p, X_p' and X_p'' at the times of steps.
     shape
         f(z), by which it moves.
     side
@@ -234,6 +237,10 @@ class Paddle(Protocol):
     motion: Motion
     shape: Shape
     side: Side
+
+    @property
+    def kinematics(self) -> PaddleKinematics:
+        """See above."""
 
 
 class LinearOpening(Paddle, Protocol):

@@ -6,6 +6,7 @@ import ufl
 from wavetank.arrays import Vector
 from wavetank.fem.plane import Plane
 from wavetank.motion import Motion
+from wavetank.motion.kinematics import PaddleKinematics
 from wavetank.tank.energy import Part
 from wavetank.tank.walls.shape import UPRIGHT, Shape
 from wavetank.tank.walls.side import Side
@@ -31,6 +32,7 @@ class LinearPaddle(StillWall):
 
     def __init__(self, motion: Motion, *, plane: Plane, side: Side, shape: Shape = UPRIGHT):
         self.motion, self.side, self.shape = motion, side, shape
+        self.kinematics = PaddleKinematics(motion)
         self.opening = ufl.ds(domain=plane.mesh, subdomain_data=side.facets)(1)
         self.paddles = (self,)
 

@@ -34,6 +34,7 @@ from wavetank.fem.plane import Field, LayeredField, Plane
 from wavetank.fem.slice import WallStruct
 from wavetank.fem.vertical import VerticalBasis, gauss_legendre
 from wavetank.motion import Motion
+from wavetank.motion.kinematics import PaddleKinematics
 from wavetank.motion.motion import Tangent, blending, largest_stroke
 from wavetank.tank.bed import Bed
 from wavetank.tank.energy import Part, WaterEnergy
@@ -76,6 +77,7 @@ class Piston:
         s.set(self._blending(side.distances(plane.places)))
         self.displaced_dofs = np.flatnonzero(s.owned)
         self.motion, self.travel = motion, Travel(motion, plane=plane, side=side, s=s)
+        self.velocities, self.rates = self.travel.velocities, self.travel.moves[None]
         self.axis = ufl.as_vector([float(side.sign * part) for part in side.normal[: plane.mesh.geometry.dim]])
         self.cells = self._displaced_cells(s)
         self.displaced_measure = plane.over(self.cells)
@@ -123,9 +125,9 @@ class Piston:
         return largest_stroke(self.reach)
 
     @property
-    def velocities(self) -> Vector:
-        """See ``Wall``."""
-        return self.travel.velocities
+    def kinematics(self) -> PaddleKinematics:
+        """See ``Paddle``."""
+        return self.travel.kinematics
 
     @property
     def displaced(self) -> float:
@@ -191,11 +193,6 @@ class Piston:
     def paddle_positions(self) -> PaddlePositions:
         """See ``Placed``."""
         return (self.travel.timed_position,)
-
-    @property
-    def rates(self) -> Vector:
-        """See ``Placed``."""
-        return self.travel.moves[None]
 
     def paddle_displacements(self, places: Vector, paddle_positions: PaddlePositions | None = None) -> Vector:
         """See ``Placed``: X_p."""
@@ -386,6 +383,9 @@ class CompiledTerms(PistonTerms):
             fields=density.values,
             rows=np.zeros((plane.size, density.fields)),
             moves=wall.travel.moves,
+            position=wall.travel.position.x.array,
+            speed=wall.travel.speed.x.array,
+            **dict(zip(("at_still_water", "slope", "mean"), wall.shape.at_still_water, strict=True)),
             by_potential=self.by_potential_rows,
             by_column=self._by_column_rows,
         )

@@ -9,6 +9,7 @@ import numpy as np
 from wavetank.arrays import Vector, summed
 from wavetank.fem.plane import Field, Plane
 from wavetank.motion import Motion
+from wavetank.motion.kinematics import PaddleKinematics
 from wavetank.tank.walls.side import Side
 
 
@@ -27,6 +28,8 @@ class Travel:
 
     Attributes
     ----------
+    kinematics
+        X_p, X_p' and X_p''.
     blending
         The displacement for X_p = 1 m: s.
     t
@@ -48,6 +51,7 @@ class Travel:
         self._fields[3].set(self._s)
         self.at_nodes = [field.owned for field in self._fields[:2]]
         rigid = np.ndim(motion.position(0.0, self._y)) == 0
+        self.kinematics = PaddleKinematics(motion, self._y)
         self._rates = np.zeros(3 if rigid else (3, plane.owned))
         self.moves: Vector = self._rates if rigid else np.full(3, np.nan)
         self.offsets: Vector
@@ -64,12 +68,16 @@ class Travel:
         """Move to where the paddle stands at t [s]; return whether its position has changed; collective."""
         if t == self.t:
             return False
-        rates = self._motion.rates(t, self._y)
-        self.t, before = t, self.offsets.tobytes()
-        self._rates[...] = np.asarray(rates)[:, self._place] if self.offsets.ndim else rates
-        self._set(0, self.offsets)
-        self._set(1, self.velocities)
-        return summed(self._comm, float(before != self.offsets.tobytes())) > 0
+        rates = self.kinematics.table.get(t)
+        if rates is None:
+            rates = self.kinematics.at(t)
+        if self.offsets.ndim:
+            rates = rates[:, self._place]
+        self.t, moved = t, (self.offsets != rates[0]).any()
+        self._rates[...] = rates
+        for order in (0, 1):
+            self._set(order, rates[order])
+        return summed(self._comm, float(moved)) > 0
 
     @contextmanager
     def going(self, speed: float) -> Iterator[None]:
@@ -92,7 +100,8 @@ class Travel:
     def _set(self, order: int, values: Vector) -> None:
         field = self._fields[order]
         np.multiply(self._s, values, out=field.owned)
-        field.fetch()
+        if self._comm.size > 1:
+            field.fetch()
 
     @property
     def rigid_position(self) -> float | None:
