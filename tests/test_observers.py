@@ -197,7 +197,7 @@ def still(step, *, sinks=(), water=None, work=None):
 
 def test_a_balance_is_judged_by_all_the_energy_there_was_also_what_has_been_dissipated():
     """Of 1 J that stays and 9 J that have been taken by then, of 8.9 J put in: 0.1 J in 10 J is off, no more."""
-    damping = SimpleNamespace(energy_taken=0.0)
+    damping = sink()
     budget = EnergyBudget(Steady(), record=Memory(), sinks=[damping])
     for step, taken in enumerate((0.0, 4.45, 9.0)):
         damping.energy_taken = taken
@@ -224,16 +224,15 @@ def test_work_over_unequal_steps_is_that_of_trapezia_and_of_equal_steps_of_order
     assert Integral().advance(equal, equal**2)[1][2:] == pytest.approx(equal[2:] ** 3 / 3)
 
 
-class Unnamed(SimpleNamespace):
-    """What takes energy, and says no more of itself."""
+def sink(called="the penalty", *, gives="it should take", cure=""):
+    """Return a filter that takes energy."""
+    return SimpleNamespace(energy_taken=0.0, called=called, gives=gives, cure=cure)
 
-    energy_taken = 0.0
 
-
-@pytest.mark.parametrize(("which", "called"), [(0, "the beach"), (1, "what damps them")])
+@pytest.mark.parametrize(("which", "called"), [(0, "the beach"), (1, "the penalty")])
 def test_what_gives_energy_is_told_by_its_name_whatever_the_other_takes(which, called):
     """0.3 J of 5 J at the most, given by 1 s."""
-    sinks = [SimpleNamespace(energy_taken=0.0, called="the beach", gives="it is none"), Unnamed()]
+    sinks = [sink("the beach", gives="it is none"), sink()]
     budget = EnergyBudget(Steady(), record=Memory(), sinks=sinks)
     for step, given in enumerate((-0.2, -0.1, 0.1, -0.1)):
         sinks[which].energy_taken, sinks[1 - which].energy_taken = -given, 4.0 * (step > 0)
@@ -245,7 +244,7 @@ def test_what_gives_energy_is_told_by_its_name_whatever_the_other_takes(which, c
 @pytest.mark.parametrize(("other", "cured"), [(0.0, False), (4.0, True)])
 def test_a_balance_that_is_off_by_what_was_given_is_not_cured_by_a_shorter_step(other, cured):
     """0.3 J were given of 0.3 J that do not add up, and of 3.7 J."""
-    beach, more = SimpleNamespace(energy_taken=0.0, called="the beach", gives="it is none"), Unnamed()
+    beach, more = sink("the beach", gives="it is none"), sink()
     water = Steady()
     water.power = lambda t: 0.0
     budget = EnergyBudget(water, record=Memory(), sinks=[beach, more])
@@ -263,8 +262,8 @@ def test_a_balance_that_is_off_by_what_was_given_is_not_cured_by_a_shorter_step(
 @pytest.mark.parametrize(("taken", "told"), [(0.02, True), (0.008, False)])
 def test_numerics_that_took_energy_are_told_by_name_and_what_should_take_it_is_not(taken, told):
     """Of 1 J that stays, and twice what each of two has taken: 0.02 / 1.04."""
-    penalty = SimpleNamespace(energy_taken=0.0, called=EdgePenalty.called, gives="", cure=EdgePenalty.cure)
-    budget = EnergyBudget(Steady(), record=Memory(), sinks=[penalty, beach := Unnamed()])
+    penalty = sink(EdgePenalty.called, cure=EdgePenalty.cure)
+    budget = EnergyBudget(Steady(), record=Memory(), sinks=[penalty, beach := sink()])
     for step in range(3):
         penalty.energy_taken = beach.energy_taken = 0.5 * step * taken
         budget.record(still(step, sinks=[penalty, beach]))

@@ -1,7 +1,5 @@
 """Position, velocity and acceleration of a paddle at the times of a time loop."""
 
-from typing import Any
-
 import numpy as np
 
 from wavetank.errors import WavetankError
@@ -19,18 +17,26 @@ class PaddleKinematics:
     motion
         X(t), or X(t, y).
     y
-        Places along the paddle [m], shape (N,).
+        Places along the paddle [m], shape (N,), in any order.
 
     Attributes
     ----------
+    motion
+        The motion.
+    rigid
+        Whether it is the same at all places.
     table
-        The values at the times evaluated [s], of the shape of those of ``at``; empty for feedback.
+        The values at the times evaluated [s], shape (3,) each, of a rigid motion without feedback.
     """
 
-    def __init__(self, motion: Motion, y: Any = None):
+    def __init__(self, motion: Motion, y: Array | None = None):
+        self.motion = motion
         self._feedback = motion if isinstance(motion, FeedbackMotion) else None
-        self._motion = motion if self._feedback is None else self._feedback.motion
-        self._y, self.table, self._without_feedback = y, dict[float, Array](), dict[float, Array]()
+        self._planned = motion if self._feedback is None else self._feedback.motion
+        places = np.zeros(1) if y is None else y
+        self._y, self._place = np.unique(np.round(places, 9), return_inverse=True)
+        self.rigid = np.ndim(motion.position(0.0, self._y)) == 0
+        self.table, self._evaluated = dict[float, Array](), dict[float, Array]()
 
     def tabulate(self, times: Array) -> None:
         """Evaluate the motion at times [s], shape (T,).
@@ -38,18 +44,17 @@ class PaddleKinematics:
         A motion that fails at one of them is evaluated when that time comes.
         """
         try:
-            rates = self._motion.kinematics(times, self._y)
+            rates = self._planned.kinematics(times, self._y)
         except WavetankError:
             rates = np.zeros((3, 0))
-        self._without_feedback = dict(zip(map(float, times), np.moveaxis(rates, 1, 0), strict=False))
-        self.table = self._without_feedback if self._feedback is None else {}
+        self._evaluated = dict(zip(map(float, times), np.moveaxis(rates, 1, 0), strict=False))
+        self.table = self._evaluated if self.rigid and self._feedback is None else {}
 
     def at(self, t: float) -> Array:
-        """Return X, X' and X'' at t [s], shape (3,), or (3, N) at the places of a motion that depends on them."""
-        rates = self._without_feedback.get(t)
+        """Return X, X' and X'' at t [s], shape (3,), or (3, N) at the places of a motion that is not rigid."""
+        rates = self._evaluated.get(t)
         if rates is None:
-            rates = self._motion.kinematics(np.array([t]), self._y)[:, 0]
+            rates = self._planned.kinematics(np.array([t]), self._y)[:, 0]
         if self._feedback is not None:
-            added = [self._feedback.added(t, order) for order in range(3)]
-            rates = (rates.T + added).T
-        return rates
+            rates = (rates.T + [self._feedback.added(t, order) for order in range(3)]).T
+        return rates if self.rigid else rates[:, self._place]

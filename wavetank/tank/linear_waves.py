@@ -90,8 +90,6 @@ class LinearWaves(Water):
         self.bed = bed_of(depth, plane)
         self.depth = self.bed.depth
         self.vertical = VerticalBasis(vertical_order)
-        self.h = plane.function("water column")
-        self.h.set(self.bed.still)
         d, g = self.bed.d, fem.Constant(plane.mesh, gravity)
         still = WaterEnergy(h=d, d=d, gravity=g, mapping=wall.mapping)
         self.unit = Unit(plane.comm)
@@ -128,8 +126,10 @@ class LinearWaves(Water):
             direct = DirectPotential(matrices, vertical)
             self.history = self._history_of(direct)
             return matrices, direct.counted_apart, matrices.assemble()
+        column = plane.function("water column")
+        column.set(self.bed.still)
         operator, layer, minimum = interior_of(
-            still.layer, plane, vertical, column=self.h, tolerance=0.1 * tolerance, unit=self.unit
+            still.layer, plane, vertical, column=column, tolerance=0.1 * tolerance, unit=self.unit
         )
 
         def potential() -> IterativePotential:

@@ -72,7 +72,6 @@ class Piston:
         vertices = fem.functionspace(plane.mesh, ("Lagrange", 1)).tabulate_dof_coordinates()
         self.reach = self._last(side.distances(plane.chart.places(vertices)), reach)
         self._places = PlaceMapping(side, self.reach)
-        self._at_surface = np.zeros((4, plane.owned))
         s = plane.function("s")
         s.set(self._blending(side.distances(plane.places)))
         self.displaced_dofs = np.flatnonzero(s.owned)
@@ -81,8 +80,6 @@ class Piston:
         self.axis = ufl.as_vector([float(side.sign * part) for part in side.normal[: plane.mesh.geometry.dim]])
         self.cells = self._displaced_cells(s)
         self.displaced_measure = plane.over(self.cells)
-        self._on_paddle = self._facets()
-        self._into = -ufl.inner(ufl.FacetNormal(plane.mesh), self.axis)
         self.mapping = self.after(0.0)
         self.set_time(0.0)
 
@@ -140,11 +137,9 @@ class Piston:
         return [(self.travel.position.x.array, self.shape)]
 
     def at_surface(self, eta: Vector, still: Vector | float) -> Vector:
-        """See ``Wall``; the array is reused by the next call."""
-        result, (far, fast) = self._at_surface, self.travel.at_nodes
-        result[0], result[1] = far, fast
-        np.multiply(fast, still + eta, out=result[2])
-        return result
+        """See ``Wall``."""
+        far, fast = self.travel.at_nodes
+        return np.array([far, fast, fast * (still + eta), 0 * far])
 
     def set_time(self, t: float) -> bool:
         """Move to where the paddle stands at t [s]; return whether the mapping has changed."""
@@ -183,7 +178,8 @@ class Piston:
         """Return F of s v [m/s] along the axis, a form of that field; at the paddle s = 1."""
         in_water = self.flux(phi.function[vertical.n], energy)
         at_wall = energy.wall_flux(phi.function, vertical, self.shape.value, degree=self.shape.degree)
-        return lambda speed: speed * in_water * self.displaced_measure + self._into * speed * at_wall * self._on_paddle
+        into, on_paddle = -ufl.inner(ufl.FacetNormal(self._plane.mesh), self.axis), self._facets()
+        return lambda speed: speed * in_water * self.displaced_measure + into * speed * at_wall * on_paddle
 
     def reaches(self, places: Vector) -> NDArray[np.bool_]:
         """See ``Placed``."""

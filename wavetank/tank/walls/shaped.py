@@ -37,14 +37,11 @@ class Shaped(Piston):
         return super()._facets()(metadata=self._plane.dx.metadata())
 
     def at_surface(self, eta: Vector, still: Vector | float) -> Vector:
-        """See ``Wall``; the array is reused by the next call."""
-        result, (far, fast), (f, slope, mean) = self._at_surface, self.travel.at_nodes, self.shape.at_still_water
+        """See ``Wall``."""
+        (far, fast), (f, slope, mean) = self.travel.at_nodes, self.shape.at_still_water
         f_surface = f + slope * eta
-        np.multiply(far, f_surface, out=result[0])
-        np.multiply(fast, f_surface, out=result[1])
-        np.multiply(fast, mean * still + 0.5 * (f + f_surface) * eta, out=result[2])
-        np.multiply(far, slope, out=result[3])
-        return result
+        flux = mean * still + 0.5 * (f + f_surface) * eta
+        return np.array([far * f_surface, fast * f_surface, fast * flux, far * slope])
 
     def columns(self, energy: WaterEnergy, mass: MassMatrix, unit: Unit) -> Columns:
         """Return what finds columns by Newton's method."""

@@ -37,21 +37,17 @@ class Travel:
     offsets, velocities, accelerations
         X_p, X_p' and X_p'' at the y of the owned degrees of freedom [m, m/s, m/s²], shape (owned,), in one array for
         good; of a paddle that moves as a whole ().
-    at_nodes
-        s X_p and s X_p' at the owned degrees of freedom [m, m/s], two vectors of shape (owned,); views.
     moves
         The same of one that moves as a whole, shape (3,), for good; nan of any other.
     """
 
     def __init__(self, motion: Motion, *, plane: Plane, side: Side, s: Field):
-        self._motion, self._comm, self.t, self._s = motion, plane.comm, np.nan, side.sign * s.owned
-        self._y, self._place = np.unique(np.round(side.along(plane.places), 9), return_inverse=True)
+        self._comm, self.t, self._s = plane.comm, np.nan, side.sign * s.owned
+        self.kinematics = PaddleKinematics(motion, side.along(plane.places))
         self._fields = [plane.function(name) for name in ("s X_p", "s X_p'", "s X_p''", "s")]
         self.position, self.speed, self.acceleration, self.blending = (field.function for field in self._fields)
         self._fields[3].set(self._s)
-        self.at_nodes = [field.owned for field in self._fields[:2]]
-        rigid = np.ndim(motion.position(0.0, self._y)) == 0
-        self.kinematics = PaddleKinematics(motion, self._y)
+        rigid = self.kinematics.rigid
         self._rates = np.zeros(3 if rigid else (3, plane.owned))
         self.moves: Vector = self._rates if rigid else np.full(3, np.nan)
         self.offsets: Vector
@@ -71,8 +67,6 @@ class Travel:
         rates = self.kinematics.table.get(t)
         if rates is None:
             rates = self.kinematics.at(t)
-        if self.offsets.ndim:
-            rates = rates[:, self._place]
         self.t, moved = t, (self.offsets != rates[0]).any()
         self._rates[...] = rates
         for order in (0, 1):
@@ -104,6 +98,11 @@ class Travel:
             field.fetch()
 
     @property
+    def at_nodes(self) -> tuple[Vector, Vector]:
+        """S X_p and s X_p' at the owned degrees of freedom [m, m/s], shape (owned,) each; views."""
+        return self._fields[0].owned, self._fields[1].owned
+
+    @property
     def rigid_position(self) -> float | None:
         """X_p now [m]; None of a paddle whose X_p depends on y."""
         return None if self.offsets.ndim else float(self.offsets)
@@ -116,13 +115,15 @@ class Travel:
     def rates(self, t: float, y: Vector | None) -> list[Any]:
         """Return X_p, X_p' and X_p'' at t [s] and places y along the paddle; what is known is not found again."""
         if self.offsets.ndim or t != self.t:
-            return self._motion.rates(t, y)
+            return self.kinematics.motion.rates(t, y)
         return [*map(float, self.moves)]
 
     def positions(self, t: float, y: Vector) -> Vector:
         """Return X_p at t [s] and places y along the paddle [m], shape (N,)."""
-        return np.full(y.shape, self._motion.derivative(t, 0, y))
+        return np.full(y.shape, self.kinematics.motion.derivative(t, 0, y))
 
     def speeds(self, y: Vector) -> Vector:
         """Return X_p' at places y along the paddle [m/s], shape (N,)."""
-        return np.full(y.shape, self._motion.derivative(self.t, 1, y) if self.velocities.ndim else self.velocities)
+        return np.full(
+            y.shape, self.kinematics.motion.derivative(self.t, 1, y) if self.velocities.ndim else self.velocities
+        )
