@@ -225,8 +225,8 @@ def test_work_over_unequal_steps_is_that_of_trapezia_and_of_equal_steps_of_order
 
 
 def sink(called="the penalty", *, gives="it should take", cure=""):
-    """Return a filter that takes energy."""
-    return SimpleNamespace(energy_taken=0.0, called=called, gives=gives, cure=cure)
+    """Return a filter that takes energy, of a class of its own."""
+    return type(called, (SimpleNamespace,), {})(energy_taken=0.0, called=called, gives=gives, cure=cure)
 
 
 @pytest.mark.parametrize(("which", "called"), [(0, "the beach"), (1, "the penalty")])
