@@ -6,6 +6,7 @@ What it becomes is held against the run that was not interrupted, or that has ha
 import json
 import os
 import shutil
+import sys
 from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,6 +14,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from mpi4py import MPI
+from ranks import launch
 from test_checkpoint import ending, record, record_until, same, scene
 from test_state import SLICE
 
@@ -22,7 +24,7 @@ from wavetank.cli import main
 from wavetank.errors import InputError, RunError
 from wavetank.integrators import INTEGRATORS, StormerVerlet
 from wavetank.output import files
-from wavetank.output.checkpoint import read_checkpoint_file
+from wavetank.output.checkpoint import read_checkpoint_file, write_checkpoint
 from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, ENERGY, GAUGES, RunDirectory
 from wavetank.planning import checks
 from wavetank.run_warning import RunWarning
@@ -454,3 +456,22 @@ def test_a_mended_table_is_told_by_its_rows(tmp_path):
     killed, usual = resumed(tmp_path / "run"), resumed(tmp_path / "usual", *more)
     same(tmp_path / "usual", tmp_path / "run")
     assert [*killed.gauges.gauge.values] == [*usual.gauges.gauge.values] == ["1", "2", "3"]
+
+
+@pytest.mark.parametrize(("pairs", "code"), [(2, 0), (9, 2)])
+def test_stage_history_of_another_size_is_dropped_or_refused(pairs, code, part):
+    """In a process of its own: compiled code wrote beyond the arrays of two pairs. Oracle: other runs of this file."""
+    kept = read_checkpoint_file(part / CHECKPOINT)
+    tree, arrays = json.loads(kept.tree_json), list(kept.arrays)
+    stage = tree["run"]["parts"]["system"]["stages"]["stages"]["(q, p) at 1/2"]
+    stage["pairs"] = pairs
+    for name in ("points", "images"):
+        number = stage["points"][name]["array"]
+        arrays[number] = np.tile(arrays[number], (1, pairs, 1))
+    (part / CHECKPOINT_BEFORE).unlink()
+    write_checkpoint(part, kept._replace(tree_json=json.dumps(tree), arrays=arrays))
+    (part / CHECKPOINT_BEFORE).unlink()
+    hung = ["timeout", "--signal=KILL", "300"]  # signal handlers wait for the lock of a heap that is corrupt
+    done = launch([*hung, sys.executable, "-m", "wavetank", "resume", str(part), "--no-plots"])
+    assert done.returncode == code, done.stderr
+    assert RunDirectory(part).status == ("finished" if code == 0 else "broke down")
