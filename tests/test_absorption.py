@@ -28,7 +28,6 @@ from wavetank.motion.feedback import FeedbackMotion, FilterState, StateSpaceFilt
 from wavetank.motion.motion import blending, largest_stroke
 from wavetank.output.columns import energy_columns
 from wavetank.output.directory import PADDLE, RunDirectory
-from wavetank.planning.cost import needs_of
 from wavetank.planning.default_plan import planned
 from wavetank.planning.requirements import requirements
 from wavetank.simulation.build import ANSWERED, build_run
@@ -93,18 +92,6 @@ def test_a_filter_absorbs_its_band_and_feeds_no_wave(wavemaker, band, tuned):
         assert one(0.0) == pytest.approx(0.0, abs=1e-12)
 
 
-def test_slopes_of_a_filter_are_those_of_its_values():
-    """Oracle: central differences of 1e-6, of second order."""
-    x, s = np.linspace(-0.8, 0.9, 12), 1j * np.array([0.5, 2.0, 7.0])
-
-    def values(x):
-        w, z, c, e = x.reshape(-1, 4).T
-        return PassiveFilter(0.7, np.column_stack([np.exp(w), np.exp(z), c, np.append(e[:-1], -e[:-1].sum())]))
-
-    exact = [(values(x + one)(s) - values(x - one)(s)) / 2e-6 for one in 1e-6 * np.eye(12)]
-    assert values(x).slopes(s) == pytest.approx(np.array(exact), abs=1e-8)
-
-
 def test_reflection_solves_the_feedback_loop_with_the_elevation_of_the_answer():
     """Oracle: e = 2a + Z U and U = -F e as two equations; a fixed wall reflects a, the answer radiates Re Z U."""
     one, omega = PassiveFilter(0.7, np.array([[2.0, 0.6, 0.5, 0.3]])), np.array([0.5, 2.0, 8.0])
@@ -112,19 +99,6 @@ def test_reflection_solves_the_feedback_loop_with_the_elevation_of_the_answer():
     loops = np.array([[[1.0, -z], [F, 1.0]] for z, F in zip(Z, one(1j * omega), strict=True)])
     _, U = np.linalg.solve(loops, np.array([[[2.0], [0.0]]] * 3))[..., 0].T
     assert one.reflection(Z, omega) == pytest.approx(1.0 + Z.real * U, rel=1e-12)
-
-
-def test_the_band_holds_the_waves_that_the_paddle_makes():
-    """And is one, whichever end of it is given."""
-    water = SliceTank(length=10.0, depth=1.0)
-    usual = ActiveAbsorption().band(water)
-    assert usual == pytest.approx((period(3.0), period(0.5)))
-    assert ActiveAbsorption().band(water, paddles=[period(4.0)]) == pytest.approx((period(4.0), period(0.5)))
-    assert ActiveAbsorption().band(water, paddles=[period(4.0), period(0.1)]) == (period(4.0), period(0.1))
-    for given in ({"longest": 0.9}, {"shortest": 5.0}, {"shortest": 1.0, "longest": 2.0}):
-        shortest, longest = ActiveAbsorption(**given).band(water)
-        assert shortest < longest
-        assert {"shortest": shortest, "longest": longest}.items() >= given.items()
 
 
 # ---------------------------------------------------------------- the motion
@@ -414,18 +388,6 @@ def test_a_plan_keeps_to_steps_at_which_paddles_answer_in_time():
     assert f"{flap}; it absorbs what comes to it, all but 4.7 % of small" in reasons
     assert " s at short steps" in reasons
     assert "a piston that is not driven; it absorbs, tuned to 1.8 s, a mass of 0 kg/m on a spring of 251.4" in reasons
-
-
-def test_what_absorbing_costs_is_counted_for_each_paddle_once():
-    """Of a run that is timed it is in the steps; of what is planned and guarded beside them."""
-    parts = {"tank": {"length": 8.0, "depth": 1.0}, "run": {"duration": 2.0}, "numerics": {"cells": 20, "dt": 0.02}}
-    costs = []
-    for absorb in ((None, None), (ACTIVE, None), (ACTIVE, ACTIVE), (ACTIVE, {"type": "spring-damper"})):
-        walls = ({"type": "piston", "motion": REST, "absorb": one} for one in absorb)
-        costs.append(needs_of(Case.model_validate(parts | dict(zip(("wall", "far_wall"), walls, strict=True)))))
-    plain, one, both, spring = (cost.cpu for cost in costs)
-    assert both - one == pytest.approx(one - plain) and spring > both and one > 1.1 * plain
-    assert all(cost.output == 0.0 and cost.memory == costs[0].memory for cost in costs)
 
 
 # ---------------------------------------------------------------- a spring and a damper

@@ -315,15 +315,6 @@ def test_a_wave_that_recovers_raises_no_alarm_and_stops_nothing(case, until):
     assert np.isnan(found.alarm) and found.largest < 0.7
 
 
-def test_a_sine_too_steep_for_any_wave_breaks_and_stops_unless_it_is_ignored():
-    case = over_steep(0.6)
-    t, cause = outcome(case)
-    assert t < 1.0 and "a wave breaks" in cause
-    ignored = case.model_copy(update={"run": case.run.model_copy(update={"on_breaking": "ignore", "duration": t})})
-    later, cause = outcome(ignored)
-    assert later >= t and not cause
-
-
 def test_before_a_far_wall_that_moves_waves_break_as_before_the_near_one():
     """Within its reach; of the mirrored tank the place is the mirrored one."""
     piston = {"motion": {"type": "sinusoid", "paddle_amplitude": 0.05, "period": 0.8, "ramp": 0.8}}

@@ -19,7 +19,7 @@ import pytest
 from blocks import at
 from mpi4py import MPI
 from ranks import begun
-from test_state import BASIN, RING, SLICE
+from test_state import BASIN, FLAP, RING, SLICE
 
 from examples.paper.breaking import over_steep
 from wavetank.case import Case
@@ -309,7 +309,9 @@ def newest(run: Path) -> int:
 @pytest.mark.slow
 @pytest.mark.parametrize("scheme", INTEGRATORS)
 @pytest.mark.parametrize(
-    "parts", [SLICE, RING, SLICE | {"water": {"type": "linear"}}], ids=["paddle, sponge, penalty", "ring", "linear"]
+    "parts",
+    [SLICE, RING, FLAP, SLICE | {"water": {"type": "linear"}}],
+    ids=["paddle, sponge, penalty", "ring", "flap", "linear"],
 )
 def test_every_scheme_goes_on_through_its_files_bit_for_bit(parts, scheme, tmp_path):
     """Broken off after the checkpoint, gone on, and that run broken off once more before its next one."""

@@ -260,13 +260,6 @@ def test_numerics_far_from_the_rule_over_a_bed_are_warned_of(numerics, expected)
     assert found == [(code, *map(pytest.approx, (value, limit), [0.01, 0.01])) for code, value, limit in expected]
 
 
-def test_cells_without_such_waves_miss_all_of_their_speed():
-    one = resolved(scene(tank=BASIN, wall=piston(0.5), duration=20.0, numerics={"cell_size": 1.0, "order": 2}))
-    (warning,) = waves_missed(one, 1.0)
-    found = warning.details["nodes"], warning.details["missed"], warning.limit
-    assert found == pytest.approx((0.78, 1.0, 0.056), rel=0.01)
-
-
 def test_vertical_order_too_low_misses_the_speed_of_waves():
     """By hand: one linear function makes of tanh(x) / x, x = k d, 1 - 3/4 x² / (x² + 3)."""
     one = on_a_slope(2.0, vertical_order=1)

@@ -45,117 +45,29 @@ def test_a_run_ends_with_what_its_records_say_on_any_number_of_ranks(recorded_on
         assert (slower in (run.path / "run.log").read_text()) is (run is together)
 
 
-@pytest.mark.parametrize(("ranks", "said"), [([2, 2], "2 ranks"), ([2, 1, 2], "2 and 1 ranks"), ([1, 1], "1 rank")])
-def test_the_cost_of_parts_is_of_the_ranks_of_all_of_them(tmp_path, ranks, said):
-    spent = SPENT | {"parts": [{"ranks": n} for n in ranks]}
-    lines = closing(RunOutcome(Crest(0.1, 1.0, 0.0, 2.0), 0.0, 0.0), spent, warnings=[], path=tmp_path, flat=True)
-    assert lines[2].startswith(f"cost: 12 CPU s on {said}, ")
+BROKEN = {"t": 9.9, "checkpoints": [9.0, 6.0], "broke_down": {"crests": []}}
+DAMPED = SPENT["scene"] | {"run": SPENT["scene"]["run"] | {"on_breaking": "dissipate"}}
+FAST = {"checkpoints": [], "broke_down": {"crests": [{"speed_ratio": 0.9}]}}
+ANEW = "anew from the start"
+ENDED = [  # what differs from a finished run, since when it is untrue [s], what to do next
+    ({"t": 4.0}, None, "wavetank resume {}"),
+    ({"t": 4.0, "anew": True}, None, f"{ANEW}, as the case has to be another"),
+    ({"t": 4.0, "unwritten": True}, None, "wavetank resume {}, once it can be written there again"),
+    ({"t": 4.0, "checkpoints": []}, None, f"{ANEW}: there is no checkpoint"),
+    (BROKEN, None, "wavetank resume {} --set numerics.dt=0.05"),
+    (BROKEN, 9.2, "wavetank resume {} --set numerics.dt=0.05"),
+    (BROKEN, 8.5, "wavetank resume {} --at 6 --set numerics.dt=0.05"),
+    (BROKEN, 5.0, f"{ANEW} with --set numerics.dt=0.05: no"),
+    (BROKEN | {"anew": True}, None, f"{ANEW}, as the case has to be another"),
+    (BROKEN | {"checkpoints": [], "cure": "numerics.tolerance=1e-05"}, None, f"{ANEW} with --set numerics.tolerance"),
+    (FAST, None, f"{ANEW} with --set run.on_breaking=dissipate: there is no checkpoint"),
+    (FAST | {"cure": "numerics.dt=0.03"}, None, f"{ANEW} with --set run.on_breaking=dissipate --set numerics.dt=0.03"),
+    (FAST | {"scene": DAMPED}, None, f"{ANEW} with --set numerics.dt=0.05: there is no checkpoint"),
+]
 
 
-def test_a_place_at_the_origin_is_told_as_that(tmp_path):
-    outcome = RunOutcome(Crest(0.1, 3.2e-7, -1.4e-17, 2.0), 0.0, 0.0)
-    line, *_ = closing(outcome, SPENT, warnings=[], path=tmp_path, flat=False)
-    assert line == "highest crest: 0.1 m, at the node x = 0 m, y = 0 m, t = 2 s"
-
-
-@pytest.mark.parametrize(
-    ("ended", "said"),
-    [
-        ({}, "wavetank resume {}"),
-        ({"anew": True}, "anew from the start, as the case has to be another"),
-        ({"unwritten": True}, "wavetank resume {}, once it can be written there again"),
-        ({"checkpoints": []}, "anew from the start: there is no checkpoint"),
-        (
-            {"unwritten": True, "checkpoints": []},
-            "anew from the start, once it can be written there again: there is no checkpoint",
-        ),
-    ],
-)
-def test_a_run_that_ends_early_is_resumed_where_it_can_be_and_gets_farther(tmp_path, ended, said):
-    outcome, spent = RunOutcome(Crest(0.1, 1.0, 0.0, 2.0), 0.0, 0.0), SPENT | {"t": 4.0} | ended
-    *_, last = closing(outcome, spent, warnings=[], path=tmp_path, flat=True)
-    assert last == f"next: {said.format(tmp_path)}"
-
-
-@pytest.mark.parametrize(
-    ("warnings", "said"),
-    [
-        ([], "no warnings"),
-        (["waves grow at x = 3 m: half the step may do"], "a warning: waves grow at x = 3 m: half the step may do"),
-        (["it is off", "the bed is missed"], "2 warnings, the worst: it is off"),
-    ],
-)
-def test_the_closing_lines_say_what_is_to_be_known(tmp_path, warnings, said):
-    outcome = RunOutcome(Crest(0.1131, 10.46, -2.0, 20.18), 2e-15, 3.4e-5)
-    path = tmp_path / "a run"
-    assert closing(outcome, SPENT, warnings=warnings, path=path, flat=False) == [
-        "highest crest: 0.1131 m, at the node x = 10.46 m, y = -2 m, t = 20.18 s",
-        f"errors: 2e-15 of the mass, 3e-05 of the energy; {said}",
-        "cost: 12 CPU s on 3 ranks, 100 steps, 4.6 interior solves a step, 0.5 s for a second of waves",
-        f"records: {path}",
-        f"next: wavetank view '{path}'; wavetank compare '{path}' --with DATA",
-    ]
-
-
-@pytest.mark.parametrize("drawn", [True, False])
-def test_a_picture_of_what_broke_is_named_where_it_is_drawn(tmp_path, drawn):
-    outcome = RunOutcome(Crest(0.1131, 10.46, -2.0, 20.18), 2e-15, 3.4e-5)
-    spent = SPENT | {"broke_down": {"t": 1.0, "crests": []}, "checkpoints": []}
-    lines = closing(outcome, spent, warnings=[], path=tmp_path, flat=True, drawn=drawn)
-    assert str(tmp_path / "broken.csv") in lines[-2] and ("broken.png" in lines[-2]) == drawn
-    assert lines[-1] == "next: anew from the start with --set numerics.dt=0.05: there is no checkpoint"
-
-
-@pytest.mark.parametrize(
-    ("untrue", "last", "following"),
-    [
-        (None, "the last good checkpoint, t = 9 s", "wavetank resume {} --set numerics.dt=0.05"),
-        (9.2, "the last good checkpoint, t = 9 s", "wavetank resume {} --set numerics.dt=0.05"),
-        (8.5, "the last checkpoint, t = 9 s", "wavetank resume {} --at 6 --set numerics.dt=0.05"),
-        (5.0, "the last checkpoint, t = 9 s", "anew from the start with --set numerics.dt=0.05: no"),
-    ],
-)
-def test_what_has_broken_down_goes_on_from_before_it_was_warned_of(tmp_path, untrue, last, following):
-    broken = SPENT | {"t": 9.9, "checkpoints": [9.0, 6.0], "broke_down": {"crests": []}}
+@pytest.mark.parametrize(("ended", "untrue", "said"), ENDED)
+def test_last_line_says_how_a_run_that_ends_early_goes_on(tmp_path, ended, untrue, said):
     outcome = RunOutcome(Crest(0.1131, 10.46, -2.0, 20.18), 2e-15, 3.4e-5, untrue)
-    lines = closing(outcome, broken, warnings=[], path=tmp_path, flat=True)
-    assert lines[-2].startswith(last) and lines[-2].endswith("; the one before, t = 6 s: --at 6")
-    assert lines[-1].startswith("next: " + following.format(tmp_path))
-
-
-@pytest.mark.parametrize(
-    ("on_breaking", "other"), [("stop", "run.on_breaking=dissipate"), ("dissipate", "numerics.dt=0.05")]
-)
-def test_what_broke_down_of_a_breaking_wave_is_not_told_to_dissipate_what_it_dissipates(tmp_path, on_breaking, other):
-    scene = SPENT["scene"] | {"run": SPENT["scene"]["run"] | {"on_breaking": on_breaking}}
-    broken = SPENT | {"scene": scene, "checkpoints": [], "broke_down": {"crests": [{"speed_ratio": 0.9}]}}
-    outcome = RunOutcome(Crest(0.1131, 10.46, -2.0, 20.18), 2e-15, 3.4e-5)
-    *_, last = closing(outcome, broken, warnings=[], path=tmp_path, flat=True)
-    assert last == f"next: anew from the start with --set {other}: there is no checkpoint"
-
-
-@pytest.mark.parametrize(
-    ("ratio", "cure", "other"),
-    [
-        (0.5, "numerics.tolerance=1e-05", "numerics.tolerance=1e-05"),
-        (0.9, "numerics.dt=0.03", "run.on_breaking=dissipate --set numerics.dt=0.03"),
-    ],
-)
-def test_what_the_cause_names_is_what_is_told_to_be_set(tmp_path, ratio, cure, other):
-    broken = SPENT | {"checkpoints": [], "broke_down": {"crests": [{"speed_ratio": ratio}]}, "cure": cure}
-    outcome = RunOutcome(Crest(0.1131, 10.46, -2.0, 20.18), 2e-15, 3.4e-5)
-    *_, last = closing(outcome, broken, warnings=[], path=tmp_path, flat=True)
-    assert last == f"next: anew from the start with --set {other}: there is no checkpoint"
-
-
-def test_what_only_another_case_would_cure_is_not_resumed_though_it_broke_down(tmp_path):
-    broken = SPENT | {"t": 9.9, "checkpoints": [9.0], "broke_down": {"crests": []}, "anew": True}
-    *_, surface, kept, last = closing(
-        RunOutcome(Crest(0.1, 1.0, 0.0, 2.0), 0.0, 0.0), broken, warnings=[], path=tmp_path, flat=True
-    )
-    assert "broken.csv" in surface and kept.startswith("the last good checkpoint, t = 9 s")
-    assert last == "next: anew from the start, as the case has to be another"
-
-
-def test_nothing_is_said_of_a_run_that_nobody_has_looked_at_or_that_has_left_the_numbers():
-    assert RunOutcome(Crest(), 0.0, 0.0).figures == RunOutcome(Crest(0.1), 0.0, float("inf")).figures == {}
+    *_, last = closing(outcome, SPENT | ended, warnings=["it is off"], path=tmp_path, flat=True)
+    assert last.startswith("next: " + said.format(tmp_path))

@@ -37,14 +37,4 @@ def test_nonlinear_waves_of_small_amplitude_run_up_alike():
     assert basin.error(basin.nonlinear()) < 0.01
 
 
-def linear_run_up():
-    return HalfBasin(1.0, 0.5, order=2).linear()
-
-
-@pytest.mark.slow
-def test_the_run_up_is_the_same_on_any_number_of_ranks(on_ranks):
-    """To the tolerance of the solves, 1e-6 a step over some hundred steps."""
-    assert on_ranks(linear_run_up)[0] == pytest.approx(linear_run_up(), abs=1e-4)
-
-
 # ---------------------------------------------------------------- in a scene

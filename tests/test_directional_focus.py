@@ -4,7 +4,6 @@ Of small amplitude, k_p A = 0.006, in half the case's basin: the focus is on the
 is ``ReflectedGroup.target``, itself tested in tests/test_segmented_motion.py.
 """
 
-import numpy as np
 import pytest
 
 from examples.paper.directional_focus import CASE, HALF, SEEN, SMALL, Focus, row
@@ -56,20 +55,3 @@ def test_the_steep_crest_is_higher_and_its_troughs_are_flatter():
     """Of k_p A = 0.14: Stokes' second order lifts both by some k_p A / 2 of the amplitude."""
     found = row(Focus(read_case(CASE, HALF)))
     assert 1.03 < found.crest < 1.15 and found.crest > found.highest_elsewhere
-
-
-@pytest.mark.slow
-def test_it_is_the_same_on_any_number_of_ranks(recorded_on_ranks):
-    """Segments, reflected waves and gauges to the tolerance of the solves."""
-    changes = [
-        *HALF,
-        *SHORT,
-        "run.duration=0.5",
-        "wall.motion.ramp=0.3",
-        "numerics.tolerance=1e-11",
-        "gauges=[{name='near', x=0.3, y=0.4}]",
-    ]
-    runs = recorded_on_ranks(CASE, *changes)
-    alone, together = (run.gauges.values for run in runs)
-    assert np.ptp(alone[0]) > 1e-3
-    assert np.abs(together - alone).max() < 1e-9

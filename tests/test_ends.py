@@ -413,26 +413,6 @@ def test_both_walls_across_a_basin_are_those_of_a_slice():
     assert np.ptp(across.array()[:, MASS]) < 1e-13 * budget[0, MASS]
 
 
-def on_these_ranks():
-    """Return the surface, by x, and the energy budget of a flap and a piston; the first rank's of all; collective."""
-    run, waves = build_run(case_of(FLAP, PISTON, cells=6), MPI.COMM_WORLD)
-    budget = Memory()
-    run.diagnostics.append(EnergyBudget(waves, record=budget, every=1))
-    run.execute()
-    eta = waves.elevation(run.state.q, run.state.p, run.t)
-    x, eta = (np.concatenate(MPI.COMM_WORLD.allgather(values)) for values in (waves.plane.x, eta))
-    return eta[np.argsort(x)], budget.array()
-
-
-@pytest.mark.slow
-def test_ranks_agree(on_ranks):
-    eta, budget = on_these_ranks()
-    for ranks in (2, 3):
-        for eta_there, others in on_ranks(on_these_ranks, ranks=ranks):
-            assert eta_there == pytest.approx(eta, abs=1e-9)
-            assert others == pytest.approx(budget, abs=1e-9)
-
-
 @pytest.mark.slow
 def test_a_run_goes_on_as_if_it_had_not_stopped(case, tmp_path):
     changes = ("far_wall={type='flap', motion={type='regular', height=0.05, period=1.6}}", "run.duration=0.8")

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import fitted_slope, missed_by_going_back, needs_data
+from conftest import fitted_slope, needs_data
 from mpi4py import MPI
 
 from examples.paper.measured_flap import waves
@@ -352,27 +352,14 @@ def test_the_mapping_is_not_seen():
 
 
 @pytest.mark.slow
-def test_a_piston_is_a_profile():
-    """F = 1, by a formula, to round-off; the steps' solves are told to be as exact."""
+@pytest.mark.parametrize(
+    ("wall", "shape"), [({"type": "piston", "motion": MOTION}, "1"), (FLAP, "1 + z")], ids=["piston", "flap"]
+)
+def test_a_profile_by_a_formula_is_the_wall_of_that_shape(wall, shape):
     same = {"length": 4.0, "duration": 1.0, "tolerance": 1e-12}
-    budget, gauges = recorded({"type": "piston", "motion": MOTION}, **same)
-    other, others = recorded({"type": "profile", "shape": "1", "motion": MOTION}, **same)
-    assert others == pytest.approx(gauges, abs=1e-12)
-    assert other == pytest.approx(budget, abs=1e-12)
-
-
-@pytest.mark.slow
-def test_a_flap_by_a_formula_is_the_flap():
-    _, gauges = recorded(FLAP, duration=1.0)
-    _, others = recorded({"type": "profile", "shape": "1 + z/d", "where": {"d": 1.0}, "motion": MOTION}, duration=1.0)
-    assert others == pytest.approx(gauges, abs=1e-12)
-
-
-@pytest.mark.slow
-def test_time_goes_back():
-    """Forward and back returns to the start, with a scheme whose jumps are not damped."""
-    _, waves = build_run(scene(FLAP, length=2.0, cells=4, tolerance=1e-12), MPI.COMM_SELF)
-    assert missed_by_going_back(waves) < 1e-9
+    budget, gauges = recorded(wall, **same)
+    other, others = recorded({"type": "profile", "shape": shape, "motion": MOTION}, **same)
+    assert others == pytest.approx(gauges, abs=1e-12) and other == pytest.approx(budget, abs=1e-12)
 
 
 @pytest.mark.slow
@@ -386,35 +373,6 @@ def test_small_strokes_make_linear_waves():
         errors.append(np.abs(gauges - linear)[:, 1:].max())
     assert fitted_slope(strokes, errors) == pytest.approx(2.0, abs=0.1)
     assert errors[-1] < 0.02 * np.abs(linear[:, 1:]).max()
-
-
-def on_these_ranks():
-    """Return the records of a flap hinged at the bed; collective."""
-    return recorded(FLAP, comm=MPI.COMM_WORLD, duration=0.4, tolerance=1e-11)
-
-
-@pytest.mark.slow
-def test_ranks_agree(on_ranks):
-    budget, gauges = on_these_ranks()
-    for ranks in (2, 3):
-        for others, gauges_there in on_ranks(on_these_ranks, ranks=ranks):
-            assert others == pytest.approx(budget, abs=1e-9)
-            assert gauges_there == pytest.approx(gauges, abs=1e-9)
-
-
-@pytest.mark.slow
-def test_a_flap_across_a_basin_is_that_of_a_slice():
-    """A basin two cells wide, alike in y."""
-    _, gauges = recorded(FLAP, length=4.0, cells=8, duration=1.0, n=4, gauges=(0.5, 2.0))
-    numerics = {"cell_size": 0.5, "order": 3, "vertical_order": 4, "dt": 0.02, "tolerance": 1e-9}
-    layout = {"type": "rectangle", "length": 4.0, "width": 1.0}
-    tank = {"type": "basin", "depth": 1.0, "layout": layout}
-    case = Case.model_validate({"tank": tank, "wall": FLAP, "run": {"duration": 1.0}, "numerics": numerics})
-    run, waves = build_run(case, MPI.COMM_SELF)
-    record = Memory()
-    run.diagnostics.append(Gauges(waves, np.array([[0.5, 0.5], [2.0, 0.25]]), record=record, schedule=EverySteps()))
-    run.execute()
-    assert record.array() == pytest.approx(gauges, abs=1e-7)
 
 
 @pytest.mark.slow

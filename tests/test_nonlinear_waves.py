@@ -279,13 +279,6 @@ def test_paddle_work_balances_the_energy_to_the_order_of_the_scheme(make_tank, n
     assert balances[-1] < 1e-3 * budgets[-1][-1, 3]
 
 
-def test_the_balance_does_not_depend_on_how_often_it_is_recorded(make_tank):
-    """Rows of every fourth and sixteenth step against those of all steps."""
-    rows, *fewer = driven(make_tank, "simpson-4", 0.04, duration=2.6, every=(1, 4, 16))
-    for every, few in zip((4, 16), fewer, strict=True):
-        assert few == pytest.approx(rows[::every], abs=1e-13)
-
-
 @pytest.mark.parametrize("name", SCHEMES)
 def test_mass_is_conserved_to_round_off_with_the_paddle_moving(make_tank, name):
     mass = driven(make_tank, name, 0.04, duration=0.6)[0][:, MASS]

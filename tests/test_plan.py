@@ -18,7 +18,7 @@ from wavetank.integrators import INTEGRATORS, StormerVerlet
 from wavetank.output.directory import RunDirectory
 from wavetank.planning import cost, timing
 from wavetank.planning.dispersion import Mesh, UniformCells, step_errors
-from wavetank.planning.plan import AIM, UnreachableError, make_plan, named_numerics, own_plan
+from wavetank.planning.plan import AIM, UnreachableError, make_plan, own_plan
 from wavetank.planning.requirements import requirements, stokes
 from wavetank.planning.resolution import LOOSEST, ErrorModel, Settings, solved_to
 from wavetank.simulation.build import build_run
@@ -67,16 +67,6 @@ def test_bloch_frequencies_are_the_tanks(order, n):
     predicted = mesh(order, 0.5, n).frequency(modes * np.pi / 4.0)
     inside = modes % 8 != 0
     assert np.abs(predicted / exact - 1)[inside].max() < 1e-10
-
-
-@pytest.mark.parametrize("order", [2, 3, 5])
-def test_waves_at_the_end_of_a_branch_are_continuous(order):
-    """Half a wave a cell, or a whole one: there are two discrete waves, and the wave is half of each."""
-    ends = np.pi / 0.5 * np.arange(1, order)
-    beside = [UniformCells(order, 0.5).waves(ends * (1 + off)) for off in (-1e-9, 0.0, 1e-9)]
-    for one in (beside[0], beside[2]):
-        assert one.mean == pytest.approx(beside[1].mean, rel=1e-6)
-        assert one.profile_error == pytest.approx(beside[1].profile_error, rel=1e-5)
 
 
 def test_largest_frequency_is_the_tanks():
@@ -246,11 +236,6 @@ def test_cost_of_steep_waves_is_that_of_their_solves(steepness):
     assert steep / small == pytest.approx(solves[1] / solves[0], rel=0.25)
 
 
-def test_steepness_decides_between_linear_and_nonlinear():
-    physics = [requirements(standing(1.0, 2, amplitude=amplitude)[0], 1e-2).physics for amplitude in (1e-4, 1e-1)]
-    assert physics == ["linear", "nonlinear"]
-
-
 def test_wave_of_permanent_form_has_the_harmonics_and_speed_of_stokes():
     """Against Stokes' expansion: at k a = 0.05 its next terms are of order (k a)²."""
     tank = {"type": "ring", "length": 2 * np.pi, "depth": 1.0}
@@ -311,12 +296,6 @@ def test_error_of_linear_waves_is_predicted(kd, order, cells, n, steps, name):
     predicted = ErrorModel(requirements(scene, 1e-2)).predict(settings)
     measured = measured_error(scene, settings, period)
     assert 1 / 1.5 < predicted / measured < 1.5
-
-
-def test_unstable_step_has_an_infinite_error():
-    scene, period = standing(1.5, 2)
-    settings = Settings(order=5, cells=6, vertical_order=6, dt=period / 10, integrator="simpson-4")
-    assert ErrorModel(requirements(scene, 1e-2)).predict(settings) == np.inf
 
 
 def gauge_records(scene, settings, *, every=1, at=None):
@@ -429,13 +408,6 @@ def test_numerics_named_beside_an_accuracy_are_not_replaced(numerics):
     assert chosen.physics == "nonlinear"
 
 
-def test_named_numerics_survive_a_dump():
-    """What is not set must not come back as set."""
-    scene = asking({"order": 3})
-    again = Case.model_validate(scene.model_dump(mode="json"))
-    assert again == scene and named_numerics(again) == named_numerics(scene) == {"order": 3}
-
-
 @pytest.mark.parametrize(
     ("numerics", "kd", "message"),
     [
@@ -455,20 +427,6 @@ def test_short_run_is_planned_for_all_waves_in_the_tank(duration):
     cases = [read_case("cases/focusing.toml", [f"run.duration={duration}", *more]) for more in ((), ("gauges=[]",))]
     gauged, plain = (requirements(case, 1e-2).waves for case in cases)
     assert np.array_equal(gauged.amplitude, plain.amplitude) and np.array_equal(gauged.k, plain.k)
-
-
-def test_plan_prints_the_proposed_and_the_own_numerics(wavetank):
-    result = wavetank("plan", "cases/wavemaker.toml", "--accuracy", "1e-2")
-    assert result.returncode == 0, result.stderr
-    assert re.search(r"water: linear; at k a = 0\.00\d+ linear theory misses", result.stdout)
-    assert "as the case stands" in result.stdout
-    energy = "wall = Ẋ_p d ∫ f φ dζ at the paddle", "linear waves leave the wall where it is", "∇d = 0: the bed is flat"
-    assert all(line in result.stdout for line in energy)
-    for name in ("cell size dx [m]", "step dt [s]", "integrator", "dt omega_max", "predicted error", "memory"):
-        assert name in result.stdout
-    refused = wavetank("plan", "cases/wavemaker.toml", "--accuracy", "2")
-    assert refused.returncode == 2
-    assert "accuracy = 2: must be between 0 and 1" in refused.stderr
 
 
 PISTON_CASE = '[tank]\nlength = 20.0\ndepth = 1.0\n[wall]\ntype = "piston"\nmotion = {motion}\n[run]\nduration = 5.0\n'

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sympy
-from conftest import commanded, needs_data, recorded
+from conftest import needs_data, recorded
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpi4py import MPI
@@ -16,7 +16,7 @@ from scipy.special import gamma as gamma_function
 from examples.paper.second_order import GENERATIONS, row
 from examples.paper.watched import Surfaces
 from wavetank.analysis.compare import rms
-from wavetank.case import Case, SliceTank
+from wavetank.case import Case
 from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
@@ -33,9 +33,7 @@ from wavetank.motion import (
 )
 from wavetank.motion.recorded import read_record
 from wavetank.output.directory import RunDirectory
-from wavetank.planning.default_plan import planned
 from wavetank.planning.plan import STEP_RATIO, make_plan
-from wavetank.planning.requirements import requirements
 from wavetank.simulation.build import build_run
 from wavetank.values.case_model import CaseError
 from wavetank.values.formula import Formula
@@ -48,7 +46,6 @@ from wavetank.waves.wavemaker import PISTON
 
 GRAVITY, DEPTH = 9.81, 1.0
 TANK = {"length": 20.0, "depth": DEPTH}
-TANK_NOUN = SliceTank(**TANK)
 
 
 def case_of(motion, *, duration=20.0, limits=None, tank=TANK, **more):
@@ -688,17 +685,6 @@ def test_waves_are_generated_to_second_order_where_its_theory_holds(motion, more
         assert not np.allclose(one.motion().position(t), case_of(motion | LINEAR, **more).motion().position(t))
 
 
-def test_water_that_a_plan_makes_linear_changes_the_generation():
-    """Oracle: the motion with the key."""
-    low = case_of(REGULAR | {"period": 2.0, "height": 1e-4})
-    assert low.ends[0].generation[0] == "second-order" and low.motion().position(9.0)
-    found = planned(low, MPI.COMM_SELF).scene
-    assert found.physics == "linear"
-    assert found.motion().position(9.0) == case_of(
-        REGULAR | LINEAR | {"period": 2.0, "height": 1e-4}
-    ).motion().position(9.0)
-
-
 def test_many_components_of_uneven_frequencies_are_generated_linearly(tmp_path):
     """201 take 40 000 lines, 2000 would take millions; as many even ones share their sums and differences."""
     uneven = np.sort(np.random.default_rng(1).uniform(0.3, 1.2, 201))
@@ -708,40 +694,3 @@ def test_many_components_of_uneven_frequencies_are_generated_linearly(tmp_path):
     said = [case_of(file | {"file": f"{tmp_path}/{name}.csv"}).linear_generation for name in ("uneven", "even")]
     assert said[0] == ["generation of wall.motion: linear, as 201 components of uneven frequencies are more than 200"]
     assert not said[1]
-
-
-def test_a_run_and_a_plan_print_why_the_generation_is_linear(tmp_path):
-    """And a wished surface and a segmented paddle are generated linearly."""
-    (tmp_path / "case.toml").write_text(
-        "[tank]\nlength = 20.0\ndepth = 1.0\n[wall]\ntype = 'piston'\n"
-        "motion = { type = 'regular', height = 0.12, wave_length = 18.0, ramp = 0.1 }\n[run]\nduration = 0.2\n"
-        "[numerics]\ncell_size = 1.0\nvertical_order = 8\n"
-    )
-    said = commanded("run", str(tmp_path / "case.toml"), "--no-plots", "--out", str(tmp_path / "run")).stdout
-    assert "generation of wall.motion: linear, as the bound second harmonic is 0.4" in said.replace("\n", " ")
-    reasons = " ".join(requirements(case_of(LONG), 1e-2).reasons)
-    assert "by linear generation, as the bound second harmonic is 0.4" in reasons
-    np.savetxt(tmp_path / "eta.csv", np.column_stack([np.arange(20.0), 1e-3 * np.sin(np.arange(20.0))]), delimiter=",")
-    wish = {"type": "surface", "file": str(tmp_path / "eta.csv"), "x": 3.0, "delay": 15.0}
-    assert "has its bound waves already" in case_of(wish, duration=30.0).linear_generation[0]
-    basin = {"type": "basin", "depth": 1.0, "layout": {"type": "rectangle", "length": 4.0, "width": 2.0}}
-    wave = {"type": "oblique-wave", "wave_amplitude": 0.01, "period": 1.5, "angle": 10.0}
-    wall = {"type": "segmented-piston", "motion": wave}
-    segments = Case.model_validate({"tank": basin, "wall": wall, "run": {"duration": 1.0}})
-    assert segments.linear_generation == [
-        "generation of wall.motion: linear, as second-order generation is for paddles that move as a whole"
-    ]
-
-
-def test_second_order_generation_beyond_its_theory_is_warned_of():
-    """H L² / d³ of 26 in shallow water: here 18 m² / 1 m at H = 0.09 m."""
-    doubts = [
-        list(
-            case_of(REGULAR | {"wave_length": 18.0, "height": H, "generation": "second-order"}).wall.motion.warnings(
-                TANK_NOUN, PISTON
-            )
-        )
-        for H in (0.05, 0.12)
-    ]
-    none, (warning,) = doubts
-    assert not none and str(warning).startswith("second-order generation is beyond its theory: a second harmonic of 0.")

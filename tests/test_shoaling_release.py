@@ -52,15 +52,6 @@ class Envelope:
 
 
 @pytest.mark.slow
-def test_it_is_the_same_on_any_number_of_ranks(recorded_on_ranks):
-    changes = ["run.duration=0.4", "numerics.cell_size=0.5", "numerics.tolerance=1e-11", "numerics.vertical_order=4"]
-    runs = recorded_on_ranks(CASE, *changes)
-    alone, together = (run.gauges.values for run in runs)
-    assert np.ptp(alone[0]) > 0.05  # the first gauge has seen the wave
-    assert np.abs(together - alone).max() < 1e-9
-
-
-@pytest.mark.slow
 def test_the_envelope_is_that_of_fully_nonlinear_potential_flow():
     """And it is not just any model's: the crests of a Boussinesq model are off by five times as much and more."""
     for file in sum(FILES, ()):

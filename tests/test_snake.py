@@ -157,28 +157,6 @@ def bent(steps=10):
     return build_run(case.model_copy(update={"numerics": numerics}), MPI.COMM_WORLD)
 
 
-def stepped():
-    """Return the energy, the drift of mass, and the elevation's square after ten steps of these; collective."""
-    run, waves = bent()
-    start = waves.total_mass(run.state.q)
-    run.diagnostics = []
-    run.execute()
-    q, p, t = run.state.q, run.state.p, run.t
-    eta = waves.elevation(q, p, t)
-    return waves.energies(q, p, t).total, waves.total_mass(q) / start - 1.0, waves.plane.sum(eta**2)
-
-
-@pytest.mark.slow
-def test_a_snake_of_flaps_on_any_number_of_ranks(on_ranks):
-    """Mass is exact, and one, two and three ranks find the same."""
-    energy, drift, square = stepped()
-    assert abs(drift) < 1e-14 and energy > 1e-6 and square > 1e-6
-    for ranks in (2, 3):
-        for other, drifted, squared in on_ranks(stepped, ranks=ranks):
-            assert other == pytest.approx(energy, rel=1e-7) and squared == pytest.approx(square, rel=1e-7)
-            assert abs(drifted) < 1e-14
-
-
 @pytest.mark.slow
 def test_the_energy_of_a_snake_of_flaps_is_its_work():
     """With kinks at the hinge and between segments, to the scheme's order in time."""

@@ -17,7 +17,6 @@ import pytest
 from mpi4py import MPI
 from ranks import Crew
 
-from examples.paper.breaking import over_steep
 from examples.paper.oscillators import NonSeparable
 from wavetank.arrays import Vector
 from wavetank.case import Case
@@ -30,7 +29,6 @@ from wavetank.simulation.clock import Clock
 from wavetank.simulation.records import Memory, Records
 from wavetank.simulation.run import Run
 from wavetank.state import deserialize, named, plain, restore_all, serialize, typed
-from wavetank.tank.breaking import BreakingDissipation
 from wavetank.tank.dissipation import EdgePenalty
 
 SLICE = {
@@ -287,22 +285,6 @@ def test_edited_state_is_refused_or_stepped(edit, absorbing):
 
 
 # ---------------------------------------------------------------- broad
-@pytest.mark.slow
-@pytest.mark.parametrize("after", [0, 1, 6])
-@pytest.mark.parametrize("scheme", INTEGRATORS)
-@pytest.mark.parametrize("scene", [RING, SLICE | {"water": {"type": "linear"}}, FLAP], ids=["ring", "linear", "flap"])
-def test_other_tanks_go_on_bit_for_bit(scene, scheme, after):
-    resumed(changed(scene, integrator=scheme), MPI.COMM_SELF, after=after)
-
-
-@pytest.mark.slow
-def test_a_wave_that_breaks_goes_on_breaking():
-    scene = over_steep(0.6)
-    scene = scene.model_copy(update={"run": scene.run.model_copy(update={"on_breaking": "dissipate", "duration": 0.4})})
-    rest, held = resumed(scene, MPI.COMM_SELF, after=65)
-    breaking = held["parts"]["Breaking"]
-    (sink,) = (one for one in rest.run.filters if isinstance(one, BreakingDissipation))
-    assert breaking["watch"]["active"] and sink.energy_taken > breaking["energy"]["energy_taken"] > 0.0
 
 
 def first_half(scene: dict, after: int, numerics: dict) -> tuple:

@@ -24,8 +24,8 @@ from rich.console import Console
 
 from wavetank.case import Case
 from wavetank.case.reading import read_case
-from wavetank.errors import InputError, RecordError, RunError, StoppedError
-from wavetank.output.checkpoint import Checkpoint, last_checkpoint
+from wavetank.errors import InputError, RecordError, RunError
+from wavetank.output.checkpoint import last_checkpoint
 from wavetank.output.directory import CHECKPOINT, RunDirectory
 from wavetank.output.writer import RunWriter
 from wavetank.studies.drawing import draw_trade, pareto_front
@@ -479,27 +479,6 @@ def test_runs_stop_when_their_study_is_killed(tmp_path):
 
 def _set(changes) -> list[str]:
     return [word for change in changes for word in ("--set", change)]
-
-
-@pytest.mark.parametrize(
-    ("error", "ways"),
-    [(StoppedError("t = 1 s: interrupted"), ["--resume", "--overwrite"]), (RunError("it breaks"), ["--overwrite"])],
-    ids=["stopped", "broke down"],
-)
-def test_unfinished_run_is_resumed_or_starts_again(tmp_path, monkeypatch, error, ways):
-    (one,) = combinations(CASE, parse_axes(["dt=0.04"], LINEAR), LINEAR)
-    with RunWriter(tmp_path / one.name, {"scene": one.scene.model_dump(mode="json")}) as writer:
-        writer.checkpoint(Checkpoint({"t": 1.0}, "{}", [], np.zeros((1, 3))))
-        writer.fail(error)
-    asked = []
-
-    def execute(self, options):
-        asked.append(options[-1])
-        return Outcome("refused" if "--resume" in options else "finished")
-
-    monkeypatch.setattr(Runner, "_execute", execute)
-    outcomes = list(Runner(CASE, tmp_path, at_once=1).run([one]))
-    assert outcomes == [(one, Outcome("finished"))] and asked == ways
 
 
 def test_process_that_dies_ends_one_run_only(tmp_path, monkeypatch):
