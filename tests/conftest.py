@@ -182,16 +182,3 @@ def needs_data(name: str, file: str) -> None:
 def fitted_slope(sizes, errors) -> float:
     """Return the slope of log(error) against log(size)."""
     return float(np.polyfit(np.log(sizes), np.log(errors), 1)[0])
-
-
-def missed_by_going_back(waves):
-    """Return what thirty steps forward and as many back miss of their start, in a tank of 2 m, by Gauss-Legendre."""
-    from wavetank.integrators import GaussLegendre4
-
-    scheme, dt, x = GaussLegendre4(), 0.02, waves.plane.x * np.pi / 2.0
-    start = state = scheme.start(*waves.state(0.1 * np.cos(x), 0.1 * np.sin(x)))
-    for step in range(30):
-        state = scheme.step(waves, state, step * dt, dt)
-    for step in range(30, 0, -1):
-        state = scheme.step(waves, state, step * dt, -dt)
-    return max(np.abs(state.q - start.q).max(), np.abs(state.p - start.p).max())

@@ -55,7 +55,7 @@ def period(kd: float) -> float:
     return float(2 * np.pi / angular_frequency(kd, 1.0, GRAVITY))
 
 
-def tank(wall, far_wall=None, *, length, duration, dt, cells, physics="linear", n=5, tolerance=1e-9, **more):
+def tank(wall, far_wall=None, *, length, duration, dt, cells, physics="linear", n=4, tolerance=1e-9, **more):
     """Return the run of a tank of depth 1 m, and its waves."""
     walls = {"wall": wall} | ({"far_wall": far_wall} if far_wall else {})
     numerics = {"cells": cells, "order": 3, "vertical_order": n, "dt": dt, "tolerance": tolerance}
@@ -491,7 +491,7 @@ duration = 0.52
 [numerics]
 cells = 6
 order = 3
-vertical_order = 5
+vertical_order = 4
 dt = 0.04
 """
 

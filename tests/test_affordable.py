@@ -27,7 +27,7 @@ TANKS |= {"slice": {"length": 20.0, "depth": 0.5}, "ring": {"type": "ring", "len
 
 
 def scene(tank, **more):
-    numerics = {"order": 2, "vertical_order": 3, **more}
+    numerics = {"order": 2, "vertical_order": 2, **more}
     return Case.model_validate({"tank": tank, "run": {"duration": 5.0}, "numerics": numerics})
 
 
@@ -133,7 +133,9 @@ def test_run_of_days_or_too_much_memory_is_refused_before_it_is_built(changes, t
 def test_yes_runs_what_is_refused_otherwise(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(cost, "available_memory", lambda comm: 1e6)
     case = tmp_path / "case.toml"
-    case.write_text("[tank]\nlength = 2.0\ndepth = 1.0\n[run]\nduration = 0.1\n[numerics]\norder = 1\ncells = 3\n")
+    case.write_text(
+        "[tank]\nlength = 2.0\ndepth = 1.0\n[run]\nduration = 0.1\n[numerics]\nvertical_order = 4\ncells = 3\n"
+    )
     command = ["run", str(case), "--no-plots", "--out", str(tmp_path / "run")]
     assert main(command) == 2
     assert "of which 0.001 GB are free" in capsys.readouterr().err

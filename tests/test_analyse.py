@@ -301,14 +301,6 @@ def test_a_record_of_one_window_is_said_to_be(table):
     assert "window" not in results.analysed("reflection", group).notes
 
 
-def test_a_sea_is_told_apart_without_a_period(table, tmp_path):
-    options = ("--depth", "1", "--out", str(tmp_path), "--gauges", "G1,G2,G3")
-    done = commanded("analyse", str(table), "reflection", *options)
-    assert done.returncode == 0, done.stderr
-    (waves,) = rows_of(tmp_path, "reflection")
-    assert float(waves["reflection [-]"]) == pytest.approx(0.2, abs=0.01)
-
-
 @pytest.mark.parametrize(
     ("words", "said"),
     [

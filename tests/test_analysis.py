@@ -13,7 +13,6 @@ from wavetank.analysis.record import read_record
 from wavetank.analysis.reflection import (
     beat_length,
     bound_and_free,
-    fit_waves,
     reflected,
     reflected_spectra,
     regular_reflection,
@@ -447,11 +446,6 @@ def test_what_comes_from_the_far_wall_goes_against_x(tmp_path):
     found, usual = KINDS["bound-free"](read_record(str(tmp_path))), KINDS["bound-free"](record)
     assert found.rows[0][2] == pytest.approx(0.05, rel=1e-3) and usual.rows[0][2] != pytest.approx(0.05, rel=0.1)
     assert "x is that from the far wall" in found.notes and "far wall" not in usual.notes
-
-
-def test_what_is_told_apart_says_how_badly_gauges_stand():
-    assert fit_waves([1.0, 1.0], [0.0, np.pi / 2], [1.0, -1.0]).condition == pytest.approx(1.0)
-    assert fit_waves([1.0, 1.0], [0.0, 0.1 * np.pi], [1.0, -1.0]).condition == pytest.approx(6.3, abs=0.05)
 
 
 # ---------------------------------------------------------------- similarity and speed

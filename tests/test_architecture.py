@@ -139,7 +139,7 @@ solving = "dolfinx", "petsc4py", "scipy.linalg", "sympy"  # sympy compiles what 
 case, out = sys.argv[1:]
 assert main(["run", case, "--set", "tank.depth=-1"]) == 2
 assert not loaded(*solving, *late), loaded(*solving, *late)
-changes = "initial.wave_amplitude=0.01", "run.duration=0.02", "numerics.dt=0.01", "numerics.vertical_order=2"
+changes = "initial.wave_amplitude=0.01", "run.duration=0.02", "numerics.dt=0.01", "numerics.vertical_order=4"
 assert main(["run", case, "--no-plots", "--out", out, *(word for one in changes for word in ("--set", one))]) == 0
 late += ("scipy.interpolate",)
 assert not loaded(*late), loaded(*late)

@@ -147,7 +147,7 @@ def test_a_turned_basin_is_itself():
 # ---------------------------------------------------------------- energy and mass
 def test_paddle_work_over_a_bed_balances_with_the_order_of_the_scheme():
     """Segments, their metric, and a bed that moves under the reference tank: all in the explicit rate."""
-    waves = basin(2.0, 0.6, (6, 2), motion=Segments(), depth=uneven, n=3)
+    waves = basin(2.0, 0.6, (6, 2), motion=Segments(), depth=uneven)
     balance, mass = (energy_columns(2).index(name) for name in ("balance [m^5/s^2]", "mass [m^3]"))
     steps, errors = (20, 28), []
     for count in steps:
@@ -172,8 +172,16 @@ def linear_basin(cells, *, order, n, kind="quadrilaterals", depth=0.5):
     return LinearWaves(Plane(footprint, order), depth=depth, wall=StillWall(), vertical_order=n)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("order", [1, 2, 3])
+@pytest.mark.parametrize(
+    ("order", "kind"),
+    [
+        pytest.param(
+            order, kind, marks=[pytest.mark.slow] * ((order, kind) not in ((2, "triangles"), (3, "quadrilaterals")))
+        )
+        for order in (1, 2, 3)
+        for kind in KINDS
+    ],
+)
 def test_standing_waves_converge_with_twice_the_order(order, kind):
     kx, ky = 2 * np.pi, np.pi
     exact = angular_frequency(np.hypot(kx, ky), 0.5, GRAVITY)
@@ -183,6 +191,7 @@ def test_standing_waves_converge_with_twice_the_order(order, kind):
     assert fitted_slope(1 / np.array(counts), errors) == pytest.approx(2 * order, abs=0.4)
 
 
+@pytest.mark.slow  # by default: tests/test_linear_waves.py
 def test_standing_waves_converge_spectrally_in_the_vertical_order():
     """The slope against log n steepens: faster than any power."""
     kx, ky = 3 * np.pi, 2 * np.pi  # k d = 5.7
@@ -255,7 +264,7 @@ def test_the_paddle_moves_no_wall_but_itself(layout, free):
         "tank": {"type": "basin", "depth": 0.5, "layout": layout},
         "wall": {"type": "piston", "motion": {"type": "sinusoid", "paddle_amplitude": 0.01, "period": 1.0}},
         "run": {"duration": 1.0},
-        "numerics": {"vertical_order": 1, "order": 1, "cell_size": 0.25},
+        "numerics": {"vertical_order": 2, "order": 2, "cell_size": 0.25},
     }
     wall = build_waves(Case.model_validate(scene), MPI.COMM_SELF).wall
     assert free - 0.5 < wall.reach < free + 1e-6
@@ -283,7 +292,7 @@ def test_a_basin_is_the_same_on_any_number_of_ranks(on_ranks, kind):
 
 def last_row(kind):
     """Return the last row of a run."""
-    waves = basin(2.0, 1.2, (8, 6), motion=Segments(), depth=uneven, n=3, kind=kind, comm=MPI.COMM_WORLD)
+    waves = basin(2.0, 1.2, (8, 6), motion=Segments(), depth=uneven, kind=kind, comm=MPI.COMM_WORLD)
     _, rows = run(waves, steps=1, dt=0.12)
     return rows[-1, 1:]
 
@@ -294,7 +303,7 @@ def test_what_fails_on_one_rank_ends_all_with_one_message(wavetank, tmp_path, pa
     case = tmp_path / "case.toml"
     case.write_text(
         'tank = {type="basin", depth=0.5, layout={type="rectangle", length=1.0, width=0.5}}\n'
-        'initial = {type="formula", eta="0"}\nrun.duration=1.0\n'
+        'initial = {type="formula", eta="0"}\nrun.duration=1.0\nnumerics.vertical_order=4\n'
     )
     result = wavetank("run", str(case), "--set", part, "--out", str(tmp_path / "run"), ranks=2)
     assert result.returncode == 2

@@ -51,10 +51,10 @@ def flux_error(basin) -> float:
 @pytest.mark.parametrize(
     ("shape", "order", "cells"),
     [
-        (QUADRILATERALS, 1, (8, 16, 24)),
-        (QUADRILATERALS, 2, (4, 8, 12)),
+        pytest.param(QUADRILATERALS, 1, (8, 16, 24), marks=pytest.mark.slow),
+        pytest.param(QUADRILATERALS, 2, (4, 8, 12), marks=pytest.mark.slow),
         (QUADRILATERALS, 3, (4, 6, 8)),
-        (TRIANGLES, 2, (4, 8, 12)),
+        pytest.param(TRIANGLES, 2, (4, 8, 12), marks=pytest.mark.slow),
         (TRIANGLES, 3, (4, 6, 8)),
     ],
 )
@@ -64,6 +64,7 @@ def test_the_interior_potential_converges_with_twice_the_order(shape, order, cel
     assert -fitted_slope(cells, errors) == pytest.approx(2 * order, abs=0.35)
 
 
+@pytest.mark.slow  # by default: tests/test_linear_waves.py
 def test_the_interior_potential_converges_spectrally_in_n():
     """The slope against log n steepens: faster than any power."""
     orders = (1, 2, 3)
@@ -83,7 +84,8 @@ def first_solve(basin) -> dict:
 
 
 @pytest.mark.parametrize(
-    ("shape", "order"), [(QUADRILATERALS, 1), (QUADRILATERALS, 3), (QUADRILATERALS, 4), (TRIANGLES, 3)]
+    ("shape", "order"),
+    [(QUADRILATERALS, 3), (TRIANGLES, 3), *(pytest.param(QUADRILATERALS, p, marks=pytest.mark.slow) for p in (1, 4))],
 )
 def test_iterations_do_not_grow_with_the_mesh(shape, order):
     """A steep wave over a shoal, depth from 1 m to 0.25 m, from a cold start to 1e-10, on three meshes.

@@ -57,16 +57,6 @@ def test_crests_of_an_oblique_wave_have_its_speed_and_its_waters(angle, kind):
     assert min(apart, default=1.0) >= 0.07  # a cell: each crest once
 
 
-def test_a_watch_with_the_state_of_another_continues_alike():
-    watch, (first, second), _ = exact_waves(0.4)
-    watch.look(first, 0.0)
-    state = watch.state
-    found = watch.look(second, TIME)
-    other = exact_waves(0.4)[0]
-    other.state = state
-    assert other.look(second, TIME) == found and other.crests == watch.crests
-
-
 def test_sections_of_one_crest_dissipate_as_one_section():
     """A long crest is cut by several sections near each other; of each point the largest viscosity acts."""
     waves = basin(4.0, 2.0, [10, 5])

@@ -27,7 +27,7 @@ COARSE = ("numerics.cell_size=2.0", "numerics.order=2", "numerics.vertical_order
 def changes_of(scene: Case) -> tuple[str, ...]:
     if scene.numerics.accuracy is not None:
         return "run.duration=1.0", "numerics.tolerance=1e-6"  # to which ranks agree; steps and all else are planned
-    return TWICE + (COARSE if isinstance(scene.tank, BasinTank) else ("numerics.vertical_order=2",))
+    return TWICE + (COARSE if isinstance(scene.tank, BasinTank) else ("numerics.vertical_order=4",))
 
 
 @pytest.fixture(scope="module")

@@ -288,7 +288,7 @@ def test_cells_too_large_for_the_shortest_waves_are_warned_of():
 def test_energy_balance_is_warned_of_by_its_largest_difference(numerics, off):
     """However few rows of it are recorded."""
     initial = {} if numerics is None else {"initial": {"type": "standing-wave", "wave_amplitude": 0.1}}
-    chosen = {"cells": 2, "vertical_order": 3, **(numerics or {})}
+    chosen = {"cells": 2, "vertical_order": 4, **(numerics or {})}
     one = scene(tank={"length": 2.0, "depth": 1.0}, duration=6.0, numerics=chosen, **initial)
     run, waves = build_run(one, MPI.COMM_SELF)
     energy = Memory()
@@ -308,7 +308,7 @@ def test_warnings_are_printed_before_and_after_the_run_and_in_its_manifest(wavet
     case.write_text(
         "[tank]\nlength = 2.0\ndepth = 1.0\n[initial]\ntype = 'standing-wave'\nwave_amplitude = 0.1\n"
         "[run]\nduration = 6.0\n"
-        "[numerics]\ncells = 2\nvertical_order = 3\ndt = 0.08\nintegrator = 'stormer-verlet'\n"
+        "[numerics]\ncells = 2\nvertical_order = 4\ndt = 0.08\nintegrator = 'stormer-verlet'\n"
     )
     result = wavetank("run", str(case), "--no-plots", "--out", str(out))
     assert result.returncode == 0, result.stderr
@@ -474,7 +474,7 @@ def test_noise_of_a_measured_paddle_is_not_growth(tmp_path, monkeypatch, integra
     x = 1e-6 * np.random.default_rng(3).standard_normal(t.size) + 2e-5 * t**2
     np.savetxt(tmp_path / "paddle.dat", np.column_stack([t, x]))
     motion = {"type": "recorded", "position": str(tmp_path / "paddle.dat")}
-    numerics = {"cells": 25, "vertical_order": 6, "dt": 0.04, "integrator": integrator}
+    numerics = {"cells": 25, "vertical_order": 4, "dt": 0.04, "integrator": integrator}
     wall, tank = {"type": "piston", "motion": motion}, {"length": 5.0, "depth": 1.0}
     driven = scene(tank=tank, wall=wall, duration=1.6, numerics=numerics)
     said = {}

@@ -111,19 +111,6 @@ def test_noise_of_known_size_is_the_misfit_that_remains():
     assert found.shift == pytest.approx(0.137, abs=2e-3)  # about noise / slope / sqrt(2000)
 
 
-def test_crests_and_their_times_are_those_of_the_group():
-    crest = float(waves(20.0))
-    found = against(waves(T), 0.8 * waves(T - 0.3))
-    assert found.crest_computed == pytest.approx(crest, rel=1e-4)
-    assert found.t_crest_computed == pytest.approx(20.0, abs=3e-3)  # of 8 points a sample
-    assert (found.crest_reference, found.t_crest_reference) == (pytest.approx(0.8 * crest), pytest.approx(20.3))
-
-
-def test_only_the_overlap_counts():
-    early = T <= 25.0
-    assert against(waves(T)[early], np.where(T > 30.0, 1.0, waves(T)), T[early]).nrms < 1e-12
-
-
 def test_the_fit_never_does_worse_than_none():
     rng = np.random.default_rng(2)
     for _ in range(5):

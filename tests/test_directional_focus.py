@@ -19,7 +19,7 @@ SHORT = [  # a shorter way, for waves that are a little longer
     "wall.motion.highest_frequency=1.0",
     "run.duration=7.3",
     "numerics.order=3",
-    "numerics.vertical_order=3",
+    "numerics.vertical_order=4",
     "numerics.dt=0.06",
 ]
 

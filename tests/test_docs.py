@@ -145,7 +145,7 @@ def small_runs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("reader")
     texts = " ".join(block.text for block in BLOCKS if block.language == "python")
     for name in set(re.findall(r"runs/([\w-]+)", texts)):
-        changes = ("numerics.cell_size=1.0", "numerics.vertical_order=2", "run.duration=0.2")
+        changes = ("numerics.cell_size=1.0", "numerics.vertical_order=4", "run.duration=0.2")
         if (case := CHECKOUT / "cases" / f"{name}.toml").exists():
             recorded(case, changes, folder / "runs" / name)
     (folder / "cases").symlink_to(CHECKOUT / "cases")

@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
-from conftest import fitted_slope, missed_by_going_back, recorded
+from conftest import fitted_slope, recorded
 from mpi4py import MPI
 
 from wavetank.case import Case
 from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
+from wavetank.integrators import GaussLegendre4
 from wavetank.output.columns import energy_columns
 from wavetank.output.directory import RunDirectory
 from wavetank.planning.requirements import requirements
@@ -27,7 +28,7 @@ FLAP = {"type": "flap", "motion": MOTION}
 WALLS = pytest.param(PISTON, marks=pytest.mark.slow, id="piston"), pytest.param(FLAP, id="flap")
 
 
-def case_of(wall=None, far_wall=None, *, length=4.0, cells=4, n=5, duration=0.4, dt=0.02, tolerance=1e-11, **more):
+def case_of(wall=None, far_wall=None, *, length=4.0, cells=4, n=4, duration=0.4, dt=0.02, tolerance=1e-11, **more):
     walls = {"wall": wall, "far_wall": far_wall}
     parts = {
         "tank": {"length": length, "depth": 1.0},
@@ -103,37 +104,11 @@ def test_the_rows_of_each_paddle_are_its_own_motion_at_their_times(water):
 
 
 # ---------------------------------------------------------------- the energy
-@pytest.fixture(scope="module")
-def steep():
-    """Return a small tank with a flap and a piston at its ends and a steep state in it."""
-    _, waves = build_run(case_of(FLAP, {**PISTON, "reach": 1.0}, length=2.0, tolerance=1e-12), MPI.COMM_SELF)
-    x, t = waves.plane.x * np.pi / 2.0, 3.3
-    q, p = waves.state(0.12 * np.cos(x) + 0.02 * np.cos(3 * x), 0.2 * np.cos(2 * x) + 0.1 * np.sin(x), t)
-    return waves, q, p, t
-
-
-def test_derivatives_are_those_of_the_energy(steep):
-    """By Q, psi and t against central differences, whose error falls with the square of the step; of psi none."""
-    waves, q, p, t = steep
-    smooth = np.cos(np.outer(waves.plane.x, [1.3, 2.1]))
-    dq, dp = waves.mass.apply(smooth[:, 0]), smooth[:, 1]
-    assert abs(waves.H_p(q, p, t).sum()) < 1e-14
-    exact = np.array([waves.H_q(q, p, t) @ dq, waves.H_p(q, p, t) @ dp, waves.evaluate(q, p, t).power])
-    steps, errors = np.array([2e-2, 1e-2]), []
-    for e in steps:
-        ends = [(waves.energy(q + s * dq, p, t), waves.energy(q, p + s * dp, t)) for s in (e, -e)]
-        times = [waves.energy(q, p, t + s) for s in (0.5 * e, -0.5 * e)]
-        differences = [(a - b) / (2 * e) for a, b in zip(*ends, strict=True)] + [(times[0] - times[1]) / e]
-        errors.append(np.abs(exact - differences))
-    errors = np.array(errors)
-    assert errors[:, 1].max() < 1e-11
-    for n in (0, 2):
-        assert fitted_slope(steps, errors[:, n]) == pytest.approx(2.0, abs=0.1)
 
 
 def test_the_surface_moves_beside_walls_as_its_expressions_say():
     """A flap and a piston, which carry it by their shapes. Oracle: slope and velocity in UFL, evaluated by dolfinx."""
-    _, waves = build_run(case_of(FLAP, {**PISTON, "reach": 1.0}, cells=9, n=2), MPI.COMM_SELF)
+    _, waves = build_run(case_of(FLAP, {**PISTON, "reach": 1.0}, cells=9), MPI.COMM_SELF)
     x, t = waves.plane.x, 3.3
     flow, other = (kind(waves) for kind in (SurfaceFlow, SurfaceVelocity))
     for one in (flow, other):
@@ -142,24 +117,6 @@ def test_the_surface_moves_beside_walls_as_its_expressions_say():
     assert flow.largest_slope == pytest.approx(other.largest_slope, rel=1e-12)
     assert flow.speeds == pytest.approx(other.speeds, rel=1e-12)
     assert flow.slopes == pytest.approx(other.slopes, rel=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("wall", "bed"),
-    [(PISTON, {"bed": {"type": "formula", "depth": "1 - 0.2*sin(pi*x/2)**2"}}), (FLAP, {})],
-    ids=["two pistons over a bed", "a flap and a piston"],
-)
-def test_the_power_of_two_paddles_is_the_rate_of_the_energy(wall, bed):
-    """At fixed Q and psi, by differences in time whose error falls with the fourth power of the step, to 1e-9 of it."""
-    tank = {"length": 2.0, "depth": 1.0, **bed}
-    walls = {**wall, "reach": 1.0}, {"type": "piston", "reach": 1.0, "motion": {**MOTION, "period": 1.3}}
-    _, waves = build_run(case_of(*walls, tank=tank, tolerance=1e-12), MPI.COMM_SELF)
-    x, t, e = waves.plane.x * np.pi / 2.0, 3.3, 4e-3
-    q, p = waves.state(0.12 * np.cos(x) + 0.02 * np.cos(3 * x), 0.2 * np.cos(2 * x) + 0.1 * np.sin(x), t)
-    energy = {n: waves.energy(q, p, t + n * e) for n in (-2, -1, 1, 2)}
-    rate = (8 * (energy[1] - energy[-1]) - (energy[2] - energy[-2])) / (12 * e)
-    assert abs(rate) > 0.1
-    assert waves.evaluate(q, p, t).power == pytest.approx(rate, rel=1e-7)
 
 
 @pytest.mark.parametrize("wall", [PISTON, FLAP], ids=["two pistons", "a flap and a piston"])
@@ -212,7 +169,7 @@ duration = 0.4
 [numerics]
 cells = 4
 order = 3
-vertical_order = 5
+vertical_order = 4
 dt = 0.02
 tolerance = 1e-11
 [[loads]]
@@ -373,9 +330,15 @@ def test_energy_is_the_work_of_both_to_the_schemes_order(wall, depth):
 
 @pytest.mark.slow
 def test_time_goes_back():
-    """Forward and back returns to the start, with a scheme whose jumps are not damped."""
+    """Thirty steps forward and as many back return to the start, with a scheme whose jumps are not damped."""
     _, waves = build_run(case_of(FLAP, {**PISTON, "reach": 1.0}, length=2.0, tolerance=1e-12), MPI.COMM_SELF)
-    assert missed_by_going_back(waves) < 1e-9
+    scheme, dt, x = GaussLegendre4(), 0.02, waves.plane.x * np.pi / 2.0
+    start = state = scheme.start(*waves.state(0.1 * np.cos(x), 0.1 * np.sin(x)))
+    for step in range(30):
+        state = scheme.step(waves, state, step * dt, dt)
+    for step in range(30, 0, -1):
+        state = scheme.step(waves, state, step * dt, -dt)
+    assert max(np.abs(state.q - start.q).max(), np.abs(state.p - start.p).max()) < 1e-9
 
 
 @pytest.mark.slow

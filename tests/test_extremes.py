@@ -92,7 +92,7 @@ def test_the_crest_and_its_velocity_are_those_of_the_exact_wave(cells, place):
 
 def test_the_fastest_water_is_told_where_the_surface_slopes():
     """Along a surface that stands, u = psi_x / (1 + eta_x²): where it is fastest, the slope takes 8 % of it."""
-    waves, _, _ = steep(1.0, 0.3, cells=24, n=2)
+    waves, _, _ = steep(1.0, 0.3, cells=24, n=4)
     flow, x = SurfaceFlow(waves), waves.plane.x
     flow.update(*waves.state(0.3 * np.cos(x), 0.5 * np.cos(x)), 0.0)
     x = np.linspace(0.0, np.pi, 2001)
@@ -114,7 +114,7 @@ def test_the_penalty_conserves_mass_and_leaves_a_smooth_wave_alone():
     assert changes[-1] > 0.0 and fitted_slope(sizes, changes) > 3.5
 
 
-@pytest.mark.parametrize("order", [2, 5])
+@pytest.mark.parametrize("order", [2, 3])
 def test_the_penalty_falls_with_the_fourth_power_of_the_order(make_tank, order):
     """Oracle: the trace of M^-1 kappa S of two cells by numpy, kappa = strength dt omega_g l³ / p⁴."""
     tank, size, dt = make_tank(length=2.0, cells=2, order=order, n=2), 1.0, 0.01
@@ -149,11 +149,6 @@ def test_above_the_threshold_modes_grow_without_the_penalty_and_not_with_it(sett
     found = row(setting)
     assert found.criterion > 2.0 and found.growth > 0.4
     assert found.growth_with_penalty < 1e-2
-
-
-def test_order_one_has_no_growing_modes():
-    found = row(Setting(1.0, 0.8, 96, 1, 6))
-    assert found.criterion > 10 and found.growth < 1e-3
 
 
 def test_a_wave_of_80_percent_keeps_its_energy_up_to_what_the_penalty_has_counted():
@@ -265,7 +260,7 @@ def test_three_ranks_are_told_what_one_is(on_ranks):
 def test_what_alternates_is_growth_where_the_paddle_cannot_have_made_it(make_tank, part, by_jump, grown):
     """Oracle: a surface, or its jump, up and down from step to step, by parts of a paddle's way that does so, too."""
     dt, amplitude, said = 0.02, 1e-4, list[RunWarning]()
-    tank = make_tank(length=2.0, cells=4, n=2, motion=Sinusoid(amplitude, 2 * dt))
+    tank = make_tank(length=2.0, cells=4, n=4, motion=Sinusoid(amplitude, 2 * dt))
     alternating = IN_JUMP if by_jump else IN_ELEVATION
     watch = StabilityWatch(tank, surface_of(tank), dt=dt, limit=2.0, warn=said.append, alternating=alternating)
     height = part * np.pi * amplitude  # of the way by its velocity

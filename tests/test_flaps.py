@@ -37,7 +37,7 @@ FLAP = {"type": "flap", "hinge": 0.0, "motion": MOTION}
 KINKED = {**FLAP, "hinge": 0.3}
 
 
-def scene(wall, *, length=6.0, cells=6, n=5, duration=2.0, dt=0.02, tolerance=1e-9, order=3, **more):
+def scene(wall, *, length=6.0, cells=6, n=4, duration=2.0, dt=0.02, tolerance=1e-9, order=3, **more):
     numerics = {"cells": cells, "order": order, "vertical_order": n, "dt": dt, "tolerance": tolerance}
     parts = {"tank": {"length": length, "depth": 1.0}, "run": {"duration": duration}, "numerics": numerics}
     return Case.model_validate({**parts, "wall": wall, **more})
@@ -204,14 +204,14 @@ def leaning(degrees, *, wall=None, **more):
 @pytest.mark.parametrize("degrees", [20.0, 45.0])
 def test_the_step_knows_how_far_a_flap_leans(degrees):
     """Lanczos' largest frequency of the tank whose flap stands so is the bound within 15 %; a given step is doubted."""
-    case = leaning(degrees, cells=12, n=5, duration=4.0, dt=None)
+    case = leaning(degrees, cells=12, n=4, duration=4.0, dt=None)
     run, waves = build_run(case, MPI.COMM_SELF)
     leant = largest_frequency(waves, 1.0) / waves.largest_frequency
     assert 0.85 * case.frequency_shift < leant < case.frequency_shift
     assert FrequencyShift(waves).by() == pytest.approx(case.frequency_shift, rel=1e-3)
     limit = run.integrator.stability_limit / waves.largest_frequency
     assert run.clock.dt == pytest.approx(limit * min(0.6, 0.8 / case.frequency_shift), rel=0.02)
-    longer = scene(case.wall.model_dump(), length=6.0, cells=12, n=5, duration=4.0, dt=0.85 * limit)
+    longer = scene(case.wall.model_dump(), length=6.0, cells=12, n=4, duration=4.0, dt=0.85 * limit)
     clock = build_clock(longer, waves.largest_frequency, run.integrator)
     codes = [warning.code for warning in run_warnings(longer, clock, waves)]
     assert ("unstable-at-stroke" in codes) == (degrees > 30)
@@ -252,31 +252,6 @@ def steep():
     x, t = waves.plane.x * np.pi / 2.0, 3.3
     q, p = waves.state(0.12 * np.cos(x) + 0.02 * np.cos(3 * x), 0.2 * np.cos(2 * x) + 0.1 * np.sin(x), t)
     return waves, q, p, t
-
-
-@pytest.mark.parametrize("t", [3.3, 3.6])
-def test_no_mass_comes_of_a_flap(steep, t):
-    waves, q, p, _ = steep
-    flow = waves.H_p(q, p, t)
-    assert abs(flow.sum()) < 1e-14 * np.abs(flow).sum()
-
-
-def test_derivatives_are_those_of_the_energy(steep):
-    """By Q, psi and t against central differences, whose error falls with the square of the step."""
-    waves, q, p, t = steep
-    smooth = np.cos(np.outer(waves.plane.x, [1.3, 2.1]))
-    dq, dp = waves.mass.apply(smooth[:, 0]), smooth[:, 1]
-    exact = np.array([waves.H_q(q, p, t) @ dq, waves.H_p(q, p, t) @ dp, waves.evaluate(q, p, t).power])
-    steps, errors = np.array([2e-2, 1e-2]), []
-    for e in steps:
-        ends = [(waves.energy(q + s * dq, p, t), waves.energy(q, p + s * dp, t)) for s in (e, -e)]
-        times = [waves.energy(q, p, t + s) for s in (0.5 * e, -0.5 * e)]
-        differences = [(a - b) / (2 * e) for a, b in zip(*ends, strict=True)] + [(times[0] - times[1]) / e]
-        errors.append(np.abs(exact - differences))
-    errors = np.array(errors)
-    assert errors[:, 1].max() < 1e-11  # H is quadratic in psi
-    for n in (0, 2):
-        assert fitted_slope(steps, errors[:, n]) == pytest.approx(2.0, abs=0.1)
 
 
 def test_the_surface_over_a_place_stands_there(steep):

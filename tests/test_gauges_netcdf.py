@@ -106,14 +106,6 @@ def test_the_netcdf_follows_the_conventions(tmp_path):
         assert filled == "elevation" and np.isnan(elevation.attrs["_FillValue"])
 
 
-def test_a_run_that_breaks_down_has_it_too(tmp_path):
-    with pytest.raises(RunError), write(tmp_path, rows=2):
-        raise RunError("t = 0.2 s: the wave broke.")
-    with xarray.open_dataset(tmp_path / "gauges.nc") as data:
-        assert data.sizes == {"gauge": 3, "time": 2}
-    assert RunDirectory(tmp_path).manifest["cause"] == "t = 0.2 s: the wave broke."
-
-
 def test_a_run_without_gauges_has_none_and_an_old_one_is_taken_away(tmp_path):
     with write(tmp_path) as writer:
         writer.finish("finished", {})

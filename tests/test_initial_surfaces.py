@@ -133,7 +133,7 @@ def test_a_file_goes_all_round_a_ring_or_is_refused(tmp_path):
 def test_a_start_tells_where_its_mean_is(mean, told):
     """Oracle: the mean that was added to a wave of whole lengths."""
     start = {"type": "formula", "eta": f"{mean} + 0.01 * cos(pi * x)"}
-    one = case_of(start, kind="slice", length=4.0, numerics={"cells": 8, "order": 3, "vertical_order": 2})
+    one = case_of(start, kind="slice", length=4.0, numerics={"cells": 8, "order": 3, "vertical_order": 4})
     run, waves = build_run(one, MPI.COMM_SELF)
     said = start_message(one, waves, run.state.q)
     assert ("has a mean of +0.02 m: at rest" in said) if told else said == ""
@@ -159,7 +159,7 @@ def test_a_case_that_begins_with_a_file_says_where_it_is(tmp_path):
     (tmp_path / "start.txt").write_text("0 0\n1 0\n2 0\n3 0\n")
     (tmp_path / "case.toml").write_text(
         "[tank]\nlength = 4.0\ndepth = 0.5\n[initial]\ntype = 'file'\nfile = 'start.txt'\n[run]\nduration = 0.1\n"
-        "[numerics]\ncells = 4\nvertical_order = 2\n"
+        "[numerics]\ncells = 4\nvertical_order = 4\n"
     )
     with pytest.raises(InputError, match=r"initial: .*start\.txt: does not reach x = "):
         record_run(read_case(tmp_path / "case.toml"), tmp_path / "run", comm=MPI.COMM_SELF, console=Console(quiet=True))

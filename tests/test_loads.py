@@ -118,17 +118,6 @@ def test_a_paddle_puts_in_what_its_force_does(kind, more, slope):
     assert errors[-1] < 3e-6
 
 
-def test_still_water_does_no_work_on_a_flap():
-    """Its pressure times f(z), f = 1 + z / d, is subtracted; that of a piston, f = 1, is three times as much."""
-    footprint, still = Slice(3.0, 4, comm=MPI.COMM_SELF), Tangent(AtRest())
-    plane = Plane(footprint.mesh, 3, footprint.chart, walls=footprint.facets_of)
-    flap = Shaped(still, plane=plane, reach=1.5, side=footprint.side(), shape=leaning(plane))
-    water = NonlinearRates(plane, tangents=[still], depth=1.0, wall=flap, vertical_order=8, tolerances=FINE)
-    rest = np.zeros(plane.owned)
-    push = PaddlePush(on_walls(water, water.state(rest, rest, 0.0)), 0, flap)
-    assert abs(push.against(1.0)) < 1e-9 * DENSITY * GRAVITY / 6
-
-
 # ---------------------------------------------------------------- in a case
 CASE = {
     "tank": {"length": 2.0, "depth": 0.5, "density": DENSITY},

@@ -48,7 +48,7 @@ def test_script_writes_a_mesh_of_its_layout_for_a_case(name, tmp_path):
         assert measures(layout) == pytest.approx(exact, rel=2e-5)
     assert np.allclose(layout.paddle_line()[1], [1.0, 0.0])
     tank = {"type": "basin", "depth": 0.5, "layout": {"type": "file", "file": str(tmp_path / "layout.msh")}}
-    case = Case.model_validate({"tank": tank, "run": {"duration": 1.0}, "numerics": {"order": 1, "vertical_order": 1}})
+    case = Case.model_validate({"tank": tank, "run": {"duration": 1.0}, "numerics": {"order": 2, "vertical_order": 2}})
     water = build_waves(case, MPI.COMM_SELF)
     assert water.plane.sum(water.mass.apply(np.ones(water.plane.owned))) == pytest.approx(exact[0], rel=2e-5)
 

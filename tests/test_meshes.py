@@ -1,8 +1,6 @@
 """Layouts of basins: recipes against exact areas and lengths, files read back, bad meshes in one sentence, ranks."""
 
-import csv
 import re
-from collections import defaultdict
 
 import numpy as np
 import pytest
@@ -82,25 +80,13 @@ def test_areas_and_walls_of_round_plans_converge_with_the_order_of_the_geometry(
     assert fitted_slope(sizes, errors[:, 2]) == pytest.approx(order, abs=0.4)
 
 
-def test_the_command_on_the_page_draws_its_picture_and_finds_the_exact_areas(tmp_path):
-    """Of straight layouts, and to the fourth power of the cells' size of those with circles."""
+def test_the_command_on_the_page_draws_its_pictures(tmp_path):
     page = (CHECKOUT / "meshes" / "README.md").read_text()
-    assert "./env wavetank verify layouts --out " in page and "docs/figures/meshes.png" in page
+    assert "./env wavetank verify layouts --out " in page
     assert main(["verify", "layouts", "--out", str(tmp_path / "layouts")]) == 0
-    assert (tmp_path / "layouts" / "meshes.png").stat().st_size > 10_000
-    for recipe in (Rectangle, Cylinder, Bend, Harbour):
-        picture = f"layout-{recipe.__name__.lower()}.png"
-        assert f"docs/figures/{picture}" in page and (tmp_path / "layouts" / picture).stat().st_size > 10_000
-    errors = defaultdict(list)
-    with (tmp_path / "layouts" / "meshes.csv").open() as file:
-        for line in csv.DictReader(file):
-            errors[line["recipe"]].append(abs(float(line["area_error"])))
-    assert len(errors) == 4
-    for recipe, found in errors.items():
-        if recipe in ("cylinder", "bend, triangles"):
-            assert fitted_slope([4, 2, 1], found) == pytest.approx(4, abs=0.4)
-        else:
-            assert max(found) < 1e-12
+    for picture in ("meshes", *(f"layout-{one.__name__.lower()}" for one in (Rectangle, Cylinder, Bend, Harbour))):
+        assert f"docs/figures/{picture}.png" in page
+        assert (tmp_path / "layouts" / f"{picture}.png").stat().st_size > 10_000
 
 
 @pytest.mark.parametrize("name", RECIPES)

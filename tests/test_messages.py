@@ -11,7 +11,7 @@ from wavetank.cli import main
 from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run
 
-SLICE = "[tank]\nlength = 4.0\ndepth = 1.0\n[run]\nduration = {duration}\n[numerics]\ncells = 8\nvertical_order = 3\n"
+SLICE = "[tank]\nlength = 4.0\ndepth = 1.0\n[run]\nduration = {duration}\n[numerics]\ncells = 8\nvertical_order = 4\n"
 RING = SLICE.replace("length = 4.0", 'type = "ring"\nlength = 63.0')
 RECORD = '[wall]\ntype = "piston"\nmotion = {{type = "recorded", position = "paddle.txt"}}\n'
 GROUP = (

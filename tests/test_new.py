@@ -12,7 +12,7 @@ from wavetank.planning.checks import run_warnings
 from wavetank.planning.default_plan import planned
 from wavetank.simulation.build import build_run
 
-TWICE = ("run.duration=0.02", "numerics={dt=0.01, cell_size=1.0, vertical_order=2}")
+TWICE = ("run.duration=0.02", "numerics={dt=0.01, cell_size=1.0, vertical_order=4}")
 
 
 @pytest.mark.parametrize("kind", KINDS)

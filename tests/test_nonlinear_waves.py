@@ -39,7 +39,7 @@ def piston():
 @pytest.mark.parametrize("motion", [None, piston()], ids=["fixed wall", "piston"])
 def test_derivatives_are_those_of_the_energy(make_tank, motion):
     """H_q and H_p against central differences of H, whose error falls with the square of the step."""
-    tank = make_tank(length=2.0, cells=8, n=5, motion=motion)
+    tank = make_tank(length=2.0, cells=8, n=4, motion=motion)
     t = 3.3
     q, p = steep_state(tank)
     generator = np.random.default_rng(1)
@@ -114,7 +114,7 @@ def test_a_stage_s_preconditioner_tells_a_paddle_s_mapping_from_a_current(make_t
 @pytest.mark.parametrize("amplitude", [0.02, 0.12], ids=["gentle", "steep"])
 def test_a_stage_is_as_one_what_its_parts_make_one_after_the_other(make_tank, amplitude):
     """Of steps beside a piston, with the current and without: the same states, in as many evaluations."""
-    tank, parts = (make_tank(length=2.0, cells=8, n=5, motion=piston(), tolerance=1e-10) for _ in range(2))
+    tank, parts = (make_tank(length=2.0, cells=8, n=4, motion=piston(), tolerance=1e-10) for _ in range(2))
     parts.history.compiled, ended = None, []
     for water in (tank, parts):
         scheme, state = Simpson4(), Simpson4().start(*steep_state(water, amplitude))
@@ -135,7 +135,7 @@ def test_energies_expanded_about_an_evaluation_are_right_to_the_square_of_what_l
     So are power and what damping takes, those of the mean of two points; beside a paddle that leans the surface is
     right to that square.
     """
-    tank, t = make_tank(length=2.0, cells=8, n=5, motion=piston(), **walls), 3.3
+    tank, t = make_tank(length=2.0, cells=8, n=4, motion=piston(), **walls), 3.3
     mean = np.array(steep_state(tank))
     q, p = mean
     tank.damp(1.0 + tank.plane.x)
@@ -163,7 +163,7 @@ def test_evaluations_at_other_points_leave_the_steps_bits_as_they_are(make_tank,
     """Between steps, at other times and states, with a history of their own; each of them is the same value again."""
     ended, scheme, dt = [], INTEGRATORS[name](), 0.02
     for probes in (0, 3):
-        tank = make_tank(length=2.0, cells=8, n=5, motion=piston(), **walls)
+        tank = make_tank(length=2.0, cells=8, n=4, motion=piston(), **walls)
         history = tank.new_history("probes")
         state = scheme.start(*steep_state(tank))
         for step in range(6):
@@ -273,7 +273,7 @@ def driven(make_tank, name, dt, *, duration, every=(1,)):
     ],
 )
 def test_paddle_work_balances_the_energy_to_the_order_of_the_scheme(make_tank, name, order, steps):
-    budgets = [driven(make_tank, name, dt, duration=5.6)[0] for dt in steps]
+    budgets = [driven(make_tank, name, dt, duration=4.6)[0] for dt in steps]
     balances = [np.abs(budget[:, BALANCE]).max() for budget in budgets]
     assert fitted_slope(steps, balances) > order - 0.35
     assert balances[-1] < 1e-3 * budgets[-1][-1, 3]

@@ -86,7 +86,7 @@ def test_what_is_refused_only_once_the_mesh_is_there_leaves_an_earlier_run_alone
     Path("case.toml").write_text(
         "gauges = [{x = 0.1, y = 0.1}, {name = 'dry', x = 2.0, y = 1.0}]\n"
         "[tank]\ntype = 'basin'\ndepth = 0.5\n[tank.layout]\ntype = 'cylinder'\nlength = 4.0\nwidth = 2.0\n"
-        "centre = [2.0, 1.0]\nradius = 0.4\n[run]\nduration = 0.1\n[numerics]\norder = 1\nvertical_order = 2\n"
+        "centre = [2.0, 1.0]\nradius = 0.4\n[run]\nduration = 0.1\n[numerics]\norder = 2\nvertical_order = 2\n"
     )
     for out in (["--out", "run", "--overwrite"], []):
         assert main(["run", "case.toml", *out]) == 2
@@ -99,7 +99,7 @@ def test_a_surface_that_starts_below_the_bed_is_refused(tmp_path, monkeypatch, c
     monkeypatch.chdir(tmp_path)
     Path("case.toml").write_text(
         "[tank]\nlength = 4.0\ndepth = 0.5\n[initial]\ntype = 'formula'\neta = '-0.75 * exp(-(x - 2)**2)'\n"
-        "[run]\nduration = 0.1\n[numerics]\ncells = 8\norder = 1\nvertical_order = 2\n"
+        "[run]\nduration = 0.1\n[numerics]\ncells = 8\nvertical_order = 4\n"
     )
     assert main(["run", "case.toml"]) == 2
     said = "case.toml, line 4: initial: its surface lies down to 0.25 m below the bed; must be above it everywhere."

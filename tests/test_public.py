@@ -172,11 +172,3 @@ def test_a_motion_that_is_none_is_refused_in_a_sentence(folder, body, said):
     (folder / "paddle.py").write_text(f"import numpy as np\ndef motion(t, order):\n    return {body}\n")
     with pytest.raises(InputError, match=rf"case\.toml, line 10: wall\.motion: .*{said}"):
         wt.read_case("case.toml", trust=True)
-
-
-def test_a_motion_of_ones_own_may_grow_from_rest(folder):
-    written(folder)
-    motion = wt.read_case("case.toml", ["wall.motion.ramp=0.4"], trust=True).motion()
-    plain = wt.read_case("case.toml", trust=True).motion()
-    assert motion.acceleration(0.0) == 0.0 != plain.acceleration(0.0)
-    assert motion.position(0.45) == plain.position(0.45)

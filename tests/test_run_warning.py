@@ -56,11 +56,3 @@ def test_run_directory_returns_warnings_of_any_version(stored, sentence, tmp_pat
     with RunWriter(tmp_path, {"warnings": [stored]}) as writer:
         writer.finish("finished", {})
     assert [str(one) for one in RunDirectory(tmp_path).warnings] == [sentence]
-
-
-def test_a_manifest_contains_record_and_sentence(tmp_path):
-    with RunWriter(tmp_path, {"warnings": [FAILED]}) as writer:
-        writer.finish("finished", {})
-    (entry,) = json.loads((tmp_path / "manifest.json").read_text())["warnings"]
-    details = {"reason": "no space", "table": "gauges.csv"}
-    assert entry == {"code": "copy-failed", "key": "gauges.nc", "details": details, "message": SENTENCE}

@@ -14,7 +14,6 @@ from wavetank.cli import main
 from wavetank.errors import InputError, RunError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath
-from wavetank.output.manifest import environment
 from wavetank.output.tables import csv_lines
 from wavetank.output.writer import RunWriter
 
@@ -70,12 +69,6 @@ def test_numbers_are_written_with_the_digits_that_an_exact_round_trip_needs(row)
     *cells, empty = csv_lines([[*row, None]]).decode().removesuffix("\n").split(",")
     assert [np.float64(cell).tobytes() for cell in cells] == [np.float64(value).tobytes() for value in row]
     assert [*map(digits, cells)] == [digits(repr(value)) for value in row] and not empty
-
-
-def test_the_environment_is_recorded():
-    facts = json.loads(json.dumps(environment()))
-    assert {"versions", "host", "command", "git", "started"} <= set(facts)
-    assert facts["versions"]["dolfinx"] >= "0.9"
 
 
 # ---------------------------------------------------------------- kills and errors

@@ -22,8 +22,6 @@ from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.motion import (
     HarmonicSum,
-    Ramped,
-    Recorded,
     Sinusoid,
     Tabulated,
     exact_solitary,
@@ -89,13 +87,6 @@ def test_table_error_is_within_birkhoff_and_priver_bounds():
         size = np.abs(lines.b) @ lines.omega**order
         assert missed < bound * sixth + 1e-12 * size
         assert missed < 1e-6 * size  # 30 intervals in the shortest period
-
-
-@pytest.mark.parametrize("order", [0, 1])
-def test_a_derivative_of_a_ramped_table_is_the_slope_of_the_one_below(order):
-    motion, t, step = Ramped(sea().tabulated(), 3.0), np.array([1.3, 2.7, 4.1, 19.3]), 1e-4
-    slope = (motion.derivative(t + step, order) - motion.derivative(t - step, order)) / (2 * step)
-    np.testing.assert_allclose(motion.derivative(t, order + 1), slope, atol=2e-5 * np.abs(slope).max())
 
 
 # ---------------------------------------------------------------- spectra
@@ -511,14 +502,6 @@ def test_record_of_other_columns_is_refused(tmp_path, text, said):
     (tmp_path / "bad.csv").write_text(text)
     with pytest.raises(InputError, match=said):
         read_record(tmp_path / "bad.csv")
-
-
-def test_a_record_of_states_has_them():
-    t = np.linspace(0.0, 5.0, 20)
-    motion = Recorded.of_states(t, np.sin(t), np.cos(t), -np.sin(t))
-    for order in range(3):
-        np.testing.assert_allclose(motion.derivative(t, order), np.sin(t + order * np.pi / 2), atol=1e-13)
-    assert motion.interval is None and motion.duration == 5.0
 
 
 # ---------------------------------------------------------------- second order

@@ -34,7 +34,7 @@ BASIN = {
     },
     "gauges": [{"x": 0.5, "y": 0.2}, {"x": 1.0, "y": 0.9}],
     "run": {"duration": 2.4},
-    "numerics": {"cell_size": 1.0, "vertical_order": 3, "tolerance": 1e-10},
+    "numerics": {"cell_size": 1.0, "vertical_order": 4, "tolerance": 1e-10},
 }
 
 

@@ -31,7 +31,7 @@ MASS = energy_columns(1).index("mass [m^2]")
 Y = np.linspace(0.0, WIDTH, 9)
 
 
-def case_of(motion=OBLIQUE, *, duration=20.0, size=0.5, n=5, **wall):
+def case_of(motion=OBLIQUE, *, duration=20.0, size=0.5, n=4, **wall):
     layout = {"type": "rectangle", "length": LENGTH, "width": WIDTH}
     numerics = {"cell_size": size, "order": 3, "vertical_order": n, "dt": 0.04, "tolerance": 1e-10}
     parts = {"tank": {"type": "basin", "depth": DEPTH, "layout": layout}, "run": {"duration": duration}}

@@ -138,16 +138,6 @@ def test_damping_in_the_formulae_of_a_scheme_is_that_around_it(strength):
         assert np.abs(np.subtract(this, that)).max() < 1e-13
 
 
-def test_a_scheme_derived_of_one_with_damping_keeps_its_own_step():
-    class Late(Simpson4):
-        def step(self, system, state, t, dt):
-            return super().step(system, state, t, 0.5 * dt)
-
-    start, damping = (np.array([1.0]), np.array([0.0])), Damping(np.array([0.0]))
-    slow, bare = (ends(Harmonic(), one, start, steps=1, dt=0.1) for one in (damped(Late(), damping), Late()))
-    assert slow.q == bare.q and slow.p == bare.p
-
-
 @pytest.mark.parametrize("scheme", [StormerVerlet(), Simpson4()], ids=named)
 def test_uniform_damping_of_a_standing_wave_is_that_of_an_oscillator(scheme):
     """Of eta'' + gamma eta' + omega² eta = 0 with Airy's omega; space is resolved to 1e-8."""
@@ -219,7 +209,7 @@ def test_the_budget_of_a_piston_and_a_sponge_closes_to_the_error_of_scheme_and_w
 @pytest.mark.parametrize(("strength", "sound"), [(3.0, True), (300.0, False)])
 def test_a_sponge_that_gives_energy_is_told(make_tank, strength, sound):
     """One that begins like a wall, where the water moves: its potential jumps, and that is energy."""
-    waves = make_tank(length=4.0, cells=16, order=3, n=3)
+    waves = make_tank(length=4.0, cells=16, order=3, n=4)
     inside = waves.plane.x - 2.0
     gamma = profile(inside, width=2.0, strength=strength) if sound else np.where(inside > 0.05, strength, 0.0)
     start = waves.state(0 * waves.plane.x, 0.2 * np.cos(np.pi * waves.plane.x / 2) + 0.5)
@@ -244,21 +234,6 @@ def test_a_run_that_goes_on_has_the_rate_that_it_had(make_tank, inner):
         waves.damp(gammas[0])
     assert found[0].psi == pytest.approx(found[1].psi, abs=1e-9)
     assert found[0].damped == pytest.approx(found[1].damped, rel=1e-6) and gammas[1].max() == 2.0
-
-
-def test_what_a_sponge_takes_is_counted_on_with_other_numerics(make_tank):
-    """Oracle: the same budget, whose numerics stay what they are."""
-    waves = make_tank(length=2.0, cells=8, order=3, n=4)
-    gamma = profile(waves.plane.x, width=2.0, strength=2.0)
-    start = waves.state(0.1 * np.cos(np.pi * waves.plane.x / 2), 0 * waves.plane.x)
-    state, budget, rows = watched(waves, Simpson4(), start, gamma=gamma, steps=9, dt=0.05)
-    after = EnergyBudget(waves, record=Memory())
-    after.change_numerics(budget.state, renewed=True)
-    block = block_of(waves, (10, 0.5, sponged(Simpson4(), gamma).step(waves, state, 0.45, 0.05)))
-    for one in (budget, after):
-        one.record(block)
-    assert after.state.dissipated == pytest.approx(budget.state.dissipated, rel=1e-12)
-    assert after.state.dissipated > 1.1 * rows[-1, TAKEN] > 0.01 * rows[0, TOTAL]
 
 
 @pytest.mark.parametrize(("threshold", "order"), [(0.0, 3), (np.inf, 4)], ids=["penalty", "alone"])
@@ -290,11 +265,6 @@ def test_a_sponge_of_one_wave_length_reflects_less_than_2_percent(kd, most):
     operators = Operators(Beach(kd, 1.0))
     assert operators.reflection(1.0) < most
     assert operators.reflection(1.5) < 0.01
-
-
-def test_longer_sponges_reflect_less():
-    found = [Operators(Beach(1.0, lengths)).reflection(1.0) for lengths in (0.5, 1.0, 1.5, 2.0, 3.0)]
-    assert found == sorted(found, reverse=True) and found[-1] < 1e-3
 
 
 def test_a_beach_beneath_a_short_sponge_reflects_less():
@@ -389,7 +359,7 @@ def test_a_basin_with_a_sponge_is_the_slice_with_it():
     footprint = Slice(4.0, 8, comm=MPI.COMM_SELF)
     surfaces = []
     for plane in (basin, Plane(footprint.mesh, 2, footprint.chart)):
-        waves = LinearWaves(plane, depth=1.0, wall=StillWall(), vertical_order=3)
+        waves = LinearWaves(plane, depth=1.0, wall=StillWall(), vertical_order=2)
         start = waves.state(0.1 * np.cos(np.pi * plane.x / 4), 0 * plane.x)
         scheme = sponged(StormerVerlet(), profile(plane.x - 2.0, width=2.0, strength=2.0))
         state = ends(waves, scheme, start, steps=20, dt=0.03)

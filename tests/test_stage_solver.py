@@ -168,7 +168,7 @@ TANKS = {
     "slice": {"tank": {"length": 4.0, "depth": 0.6}, "numerics": {"cells": 12}},
     "basin": {
         "tank": {"type": "basin", "depth": 0.6, "layout": {"type": "rectangle", "length": 2.0, "width": 1.0}},
-        "numerics": {"cell_size": 0.5, "order": 2},
+        "numerics": {"cell_size": 0.5},
     },
 }
 
@@ -179,7 +179,7 @@ def test_petsc_and_own_mixing_step_to_the_same_surface(tank):
     motion = {"type": "sinusoid", "paddle_amplitude": 0.05, "period": 1.2, "ramp": 0.3}
     ended = []
     for solver in ("mixing", "petsc"):
-        numerics = {"vertical_order": 3, "dt": 0.04, "tolerance": 1e-10, "stage_solver": solver, **tank["numerics"]}
+        numerics = {"vertical_order": 4, "dt": 0.04, "tolerance": 1e-10, "stage_solver": solver, **tank["numerics"]}
         parts = {"wall": {"type": "piston", "motion": motion}, "run": {"duration": 0.4}}
         run, waves = build_run(
             Case.model_validate({**parts, "tank": tank["tank"], "numerics": numerics}), MPI.COMM_SELF

@@ -21,7 +21,7 @@ SLOSHING = {
     "initial": {"type": "standing-wave", "wave_amplitude": 0.02},
     "gauges": [0.0, 0.7],
     "run": {"duration": 0.4},
-    "numerics": {"cells": 6, "vertical_order": 3, "dt": 0.05, "integrator": "gauss-legendre-4", "tolerance": 1e-9},
+    "numerics": {"cells": 6, "vertical_order": 4, "dt": 0.05, "integrator": "gauss-legendre-4", "tolerance": 1e-9},
 }
 
 

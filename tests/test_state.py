@@ -41,7 +41,7 @@ SLICE = {
     "sponge": {"type": "end", "length": 2.0, "strength": 6.0},
     "gauges": [1.0, 2.5],
     "run": {"duration": 0.5, "on_breaking": "dissipate"},
-    "numerics": {"cells": 12, "vertical_order": 3, "dt": 0.05, "tolerance": 1e-6},
+    "numerics": {"cells": 12, "vertical_order": 4, "dt": 0.05, "tolerance": 1e-6},
 }
 FLAP = SLICE | {"wall": SLICE["wall"] | {"type": "flap"}}
 RING = {
@@ -49,7 +49,7 @@ RING = {
     "initial": {"type": "stream-function", "steepness": 0.6},
     "gauges": [0.0, 2.0],
     "run": {"duration": 0.4},
-    "numerics": {"cells": 16, "vertical_order": 3, "dt": 0.025},
+    "numerics": {"cells": 16, "vertical_order": 4, "dt": 0.025},
 }
 BASIN = {
     "tank": {"type": "basin", "depth": 0.5, "layout": {"type": "rectangle", "length": 4.0, "width": 3.0}},

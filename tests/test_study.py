@@ -47,7 +47,6 @@ from wavetank.studies.sweep import (
     marked_combination,
     parse_axes,
     refined,
-    same_but_numerics,
 )
 from wavetank.studies.table import Row, write_table
 from wavetank.waves.airy import angular_frequency
@@ -120,11 +119,6 @@ def test_combinations_are_the_product_of_the_values(swept):
             assert scene[table][key] == float(value)
 
 
-def test_folder_names_are_escaped():
-    axes = [Axis("title", ("a/b c",))]
-    assert combinations(CASE, axes)[0].name == "title=a%2Fb%20c"
-
-
 # ---------------------------------------------------------------- references
 def test_reference_is_the_finest_combination_refined():
     axes = parse_axes(["dt=0.02,0.04", "n=4,16", "cells=8,16", "integrator=stormer-verlet,third-order"])
@@ -190,12 +184,6 @@ def test_refined_raises_the_order_on_a_mesh_file(tmp_path):
     case.write_text(basin.replace("initial", "# initial"))
     (coarse,) = combinations(case, [Axis("numerics.order", ("3",))])
     assert refined(case, coarse, dt=0.1, name="reference").scene.numerics.order == 4
-
-
-def test_cases_that_differ_in_more_than_numerics_have_separate_references():
-    axes = parse_axes(["initial.wave_amplitude=0.01,0.02", "dt=0.02,0.04"])
-    groups = same_but_numerics(combinations(CASE, axes))
-    assert [{one.scene.initial.wave_amplitude for one in group} for group in groups] == [{0.01}, {0.02}]
 
 
 @pytest.mark.parametrize(
@@ -419,7 +407,7 @@ def test_finished_runs_are_not_run_again(linear_study, monkeypatch):
 
 def test_broken_and_marked_combinations_are_rows(tmp_path):
     """A wave of k a = 0.61 breaks within its period; the other, and twice its order, are judged by a refined run."""
-    overrides = ["run.duration=1.6", "numerics.cells=8", "numerics.vertical_order=3"]
+    overrides = ["run.duration=1.6", "numerics.cells=8", "numerics.vertical_order=4"]
     sweeps = ["initial.wave_amplitude=0.02,0.39", "dt=0.04"]
     rows, said = run_study(tmp_path, sweeps, overrides, marked=["initial.wave_amplitude=0.02", "dt=0.02", "n=6"])
     assert [row.outcome.status for row in rows] == ["finished", "broke down", "finished"]

@@ -8,7 +8,6 @@ from itertools import product
 import numpy as np
 import pytest
 from conftest import CHECKOUT
-from matplotlib.figure import Figure
 from pictures import faults
 from rich.console import Console
 from scipy import stats
@@ -22,7 +21,7 @@ from wavetank.studies.measures import Response, responses, usual_responses
 from wavetank.studies.runs import Outcome
 from wavetank.studies.study import Study
 from wavetank.studies.sweep import Axis, Combination, combinations, parse_axes, parse_axis
-from wavetank.studies.table import Ensemble, Row, ensembles, write_ensembles, write_table
+from wavetank.studies.table import Row, ensembles, write_ensembles, write_table
 from wavetank.waves.airy import wave_number
 
 CASE = CHECKOUT / "cases" / "wavemaker.toml"
@@ -162,19 +161,7 @@ def test_ensemble_has_mean_confidence_and_quantiles(tmp_path):
     assert float(table[1]["mean to"]) == pytest.approx(found[1].mean + found[1].half_width, rel=1e-6)
 
 
-def test_ensemble_of_one_run_has_no_confidence(tmp_path):
-    alone = Ensemble.of({}, "crest [m]", np.array([0.3]), [])
-    assert np.isnan(alone.half_width) and alone.quantiles == (0.3, 0.3, 0.3)
-    write_ensembles(tmp_path / "ensemble.csv", [alone])
-    assert (tmp_path / "ensemble.csv").read_text().splitlines()[1] == "crest [m],1,0.3,,,,0.3,0.3,0.3"
-
-
 # ---------------------------------------------------------------- pictures
-@pytest.fixture
-def drawn(monkeypatch):
-    figures = []
-    monkeypatch.setattr(Figure, "savefig", lambda figure, path, **_: figures.append(figure))
-    return figures
 
 
 @pytest.mark.parametrize("settings", [{}, {"tank.depth": ["1", "2", "4"]}, {"water.type": ["linear", "nonlinear"]}])

@@ -51,7 +51,7 @@ def test_commands_that_read_runs_work_without_the_solver_and_others_say_what_to_
     (tmp_path / "case.toml").write_text(
         "gauges = [0.3]\ntank = {length = 2.0, depth = 1.0}\nrun.duration = 1.0\n"
         'initial = {type = "standing-wave", wave_amplitude = 0.01, mode = 2}\n'
-        "numerics = {cells = 4, vertical_order = 3, dt = 0.05}\n"
+        "numerics = {cells = 4, vertical_order = 4, dt = 0.05}\n"
     )
     recorded(case, (), run)
     reading = [["--help"], ["run", "--help"], ["status", str(run)], ["compare", str(run), "--with", str(run)]]
