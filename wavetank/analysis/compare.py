@@ -32,6 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
+from scipy.signal import argrelextrema
 from xarray import DataArray, Dataset
 
 from wavetank.analysis.signals import common_clock, harmonics, surface_similarity
@@ -137,8 +138,7 @@ def _offset(pairs: Sequence[tuple[DataArray, DataArray]], first: float, last: fl
     scan, step = np.linspace(first, last, number + 1, retstep=True)
     sparse = max(1, max(t.size for _, t, _ in splines) // 1000)
     misfits = np.array([misfit(offset, sparse) for offset in scan])
-    before, after = np.append(np.inf, misfits[:-1]), np.append(misfits[1:], np.inf)
-    minima = np.flatnonzero((misfits <= before) & (misfits <= after))
+    minima = argrelextrema(np.pad(misfits, 1, constant_values=np.inf), np.less_equal)[0] - 1
     starts = [float(scan[n]) for n in minima[np.argsort(misfits[minima])][:MINIMA]]
     return min((*starts, *(_refined(misfit, start, float(step), first, last) for start in starts)), key=misfit)
 

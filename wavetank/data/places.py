@@ -26,17 +26,12 @@ def folders() -> list[Path]:
 
 def names() -> list[str]:
     """Return the names of the data sets that are described, here or in this package."""
-    return sorted({path.parent.name for folder in _described() for path in folder.glob(f"*/{DATASET}")})
-
-
-def _described() -> list[Path]:
-    """Return the folders of descriptions in the order of search."""
-    return [*folders(), BUILT_IN]
+    return sorted({path.parent.name for folder in (*folders(), BUILT_IN) for path in folder.glob(f"*/{DATASET}")})
 
 
 def dataset(name: str) -> Dataset:
     """Return the data set of a name; raise ``InputError`` for an unknown one."""
-    for folder in _described():
+    for folder in (*folders(), BUILT_IN):
         if name and "/" not in name and os.path.isfile(folder / name / DATASET):
             return read_dataset(folder / name)
     raise InputError(f"data set {name!r} received; known data sets are: {', '.join(names())}.")
@@ -49,29 +44,22 @@ def opened(reference: str) -> Dataset:
     """
     path, (name, colon, source) = Path(reference), reference.rpartition(":")
     if colon and not path.exists():
-        return _from(opened(name), source)
-    if reference in names():
-        return dataset(reference)
-    if path.name == DATASET:
-        return read_dataset(path.parent)
-    if path.is_dir() and (path / DATASET).exists():
-        return read_dataset(path)
-    if path.is_file():
-        return plain(path)
-    available = ", ".join(names())
-    raise InputError(
-        f"{reference}: is no run directory, no folder with a {DATASET}, no CSV file, and no data set; "
-        f"known data sets are: {available}."
-    )
-
-
-def _from(data: Dataset, source: str) -> Dataset:
-    """Return a data set with its records from one source alone; raise ``InputError`` if there are none."""
-    result = tuple(records for records in data.records if records.source == source)
-    if not result:
+        data = opened(name)
+        if chosen := [records for records in data.records if records.source == source]:
+            return data.model_copy(update={"records": tuple(chosen[:1])})
         have = ", ".join(records.source for records in data.records) or "none"
         raise InputError(f"{data.name}:{source}: there are no records {source!r}; there are {have}.")
-    return data.model_copy(update={"records": result[:1]})
+    if reference in names():
+        return dataset(reference)
+    folder = path.parent if path.name == DATASET else path
+    if (folder / DATASET).exists():
+        return read_dataset(folder)
+    if path.is_file():
+        return plain(path)
+    raise InputError(
+        f"{reference}: is no run directory, no folder with a {DATASET}, no CSV file, and no data set; "
+        f"known data sets are: {', '.join(names())}."
+    )
 
 
 def plain(path: Path) -> Dataset:
@@ -125,60 +113,50 @@ def _gauge(column: str) -> GaugePosition:
         return GaugePosition(name=column)
 
 
-def find(name: str, file: str) -> Path:
-    """Return the path of a data set's file; raise ``InputError`` with the searched folders."""
-    searched = [folder / name / file for folder in folders()]
-    for path in searched:
-        if os.path.isfile(path):  # Path.is_file fails where a folder cannot be entered
-            return path
-    raise InputError(f"data:{name}/{file} is not in any of: {', '.join(map(str, searched))}; {_remedy(name, file)}.")
+def _first(paths: list[Path]) -> Path | None:
+    """Return the first that is a file; ``Path.is_file`` fails where a folder cannot be entered."""
+    return next((path for path in paths if os.path.isfile(path)), None)
+
+
+def present(data: Dataset, file: str) -> Path | None:
+    """Return the path of a data set's file: next to its description, or in a folder of data sets; None if nowhere."""
+    return _first([data.folder / file, *(folder / data.name / file for folder in folders())])
 
 
 def located(data: Dataset, file: str) -> Path:
-    """Return the path of a file of a data set: next to its description, or in a folder of data sets."""
-    own = data.folder / file
-    if os.path.isfile(own) or data.folder.parent not in _described():
-        return own
-    return find(data.name, file)
+    """Return the same path; of a missing file of a folder of one's own where it would be, else raise ``InputError``."""
+    if path := present(data, file):
+        return path
+    return find(data.name, file) if data.folder.parent in (*folders(), BUILT_IN) else data.folder / file
+
+
+def find(name: str, file: str) -> Path:
+    """Return the path of a data set's file; raise ``InputError`` with the searched folders."""
+    searched = [folder / name / file for folder in folders()]
+    if path := _first(searched):
+        return path
+    if name not in names():
+        remedy = f"set WAVETANK_DATA to the folder that holds {name!r} (known data sets: {', '.join(names())})"
+    elif file in (files := [one.name for one in dataset(name).files]):
+        remedy = f"'wavetank data fetch {name}' downloads it"
+    else:
+        remedy = f"the files of {name} are: {', '.join(files)}"
+    raise InputError(f"data:{name}/{file} is not in any of: {', '.join(map(str, searched))}; {remedy}.")
 
 
 def summary(name: str) -> str:
     """Return title, folders, citation and licence of a data set, a line each."""
     try:
         data = dataset(name)
-        places, missing = _here(data)
     except InputError as error:
         return f"{name}: {error}"
-    where = ", ".join(map(str, places)) or "not here"
-    if missing:
-        lost = ", ".join(missing) if places else ""
-        where += (f", without {lost}" if lost else "") + f"; 'wavetank data fetch {name}' brings it" * bool(data.urls)
+    files = dict.fromkeys([*(one.name for one in data.files), *data.parts()])
+    found = {file: path.parent for file in files if (path := present(data, file))}
+    where = ", ".join(map(str, dict.fromkeys(found.values()))) or "not here"
+    if missing := ", ".join(file for file in files if file not in found):
+        where += f", without {missing}" * bool(found) + f"; 'wavetank data fetch {name}' brings it" * bool(data.urls)
     facts = {"data": where, "cite": data.citation or "?", "licence": data.licence or "?"}
     return "\n".join([f"{name}: {data.title}", *(f"    {key}: {fact}" for key, fact in facts.items())])
-
-
-def _here(data: Dataset) -> tuple[list[Path], list[str]]:
-    """Return the folders that a data set's files are in, and the names of those that are nowhere."""
-    result, missing = dict[Path, None](), list[str]()
-    for file in dict.fromkeys([*(one.name for one in data.files), *data.parts()]):
-        try:
-            path = located(data, file)
-        except InputError:
-            path = data.folder / file
-        if os.path.isfile(path):
-            result[path.parent] = None
-        else:
-            missing.append(file)
-    return list(result), missing
-
-
-def _remedy(name: str, file: str) -> str:
-    if name not in names():
-        return f"set WAVETANK_DATA to the folder that holds {name!r} (known data sets: {', '.join(names())})"
-    files = [one.name for one in dataset(name).files]
-    if file not in files:
-        return f"the files of {name} are: {', '.join(files)}"
-    return f"'wavetank data fetch {name}' downloads it"
 
 
 def resolve(reference: str, folder: Path) -> Path:

@@ -16,7 +16,7 @@ from wavetank.data.description import (
     RecordFiles,
     Section,
 )
-from wavetank.data.places import located
+from wavetank.data.places import located, present
 from wavetank.errors import InputError
 from wavetank.output.columns import gauge_array
 from wavetank.values.columns import ColumnTable, check_ascending, read_columns
@@ -48,14 +48,7 @@ def gauge_records(data: Dataset) -> "list[DataArray]":
         there = ", ".join(file.name for file in data.files) or "nothing"
         raise InputError(f"{data.name}: has no records of gauges over time, which are compared; its files are {there}.")
     first, *published = data.records
-    return [_records(data, one) for one in (first, *(one for one in published if _present(data, one)))]
-
-
-def _present(data: Dataset, records: RecordFiles) -> bool:
-    try:
-        return all(located(data, file).exists() for file in records.files)
-    except InputError:
-        return False
+    return [_records(data, one) for one in (first, *(one for one in published if all(present(data, file) for file in one.files)))]
 
 
 def _records(data: Dataset, records: RecordFiles) -> "DataArray":

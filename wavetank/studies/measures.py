@@ -11,7 +11,7 @@ complex amplitude C exp(-i omega t).
 """
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,63 +28,22 @@ from wavetank.case import Case, LinearWater, StandingWave, StreamFunctionWave
 from wavetank.errors import InputError, choice
 from wavetank.output.directory import RunDirectory
 from wavetank.values.formula import CONSTANTS, FUNCTIONS, Formula
-from wavetank.waves.conformal import SteadyWave
-from wavetank.waves.standing_wave import ThirdOrderStandingWave
 from wavetank.waves.wave import Array
 
 LINEAR = 1e-4  # k a coth^3(k d) up to which a wave counts as linear: about its second harmonic, relative
 
 
-@dataclass(frozen=True)
-class LinearStandingWave:
-    """eta = a cos(k x) cos(omega t), psi = -g a / omega cos(k x) sin(omega t); omega² = g k tanh(k d).
+class ExactSolution(NamedTuple):
+    """An exact wave: eta(x, t), its amplitude [m], and the complex amplitude of eta and psi at x with its frequency.
 
-    Its crest comes and goes, so that the crest's error is that of the carrier's size.
+    A wave of permanent form has a crest [m]; a standing wave's comes and goes, so that its error is the carrier's.
     """
 
-    wave: ThirdOrderStandingWave
-
-    @property
-    def amplitude(self) -> float:
-        """A [m]."""
-        return self.wave.amplitude
-
-    def carrier(self, x: Array, eta: Array, psi: Array) -> complex:
-        """Return a e^(-i omega t)."""
-        height = eta + 1j * self.wave.frequency / self.wave.gravity * psi
-        return complex(2 * np.mean(height * np.cos(self.wave.wave_numbers[0] * x)))
-
-    def exact_carrier(self, t: float) -> complex:
-        """Return a e^(-i omega t)."""
-        return complex(self.amplitude * np.exp(-1j * self.wave.frequency * t))
-
-    def crest_error(self, highest: float, carrier: complex) -> float:
-        """Return the relative error of the amplitude."""
-        return abs(carrier) / self.amplitude - 1.0
-
-
-@dataclass(frozen=True)
-class TravellingWave:
-    """eta(x - c t) of permanent form; the carrier is its first harmonic."""
-
-    wave: SteadyWave
+    elevation: Callable[[Array, float], Array]
     amplitude: float
-    k: float
-
-    def carrier(self, x: Array, eta: Array, psi: Array) -> complex:
-        """Return the first harmonic."""
-        return complex(2 * np.mean(eta * np.exp(-1j * self.k * x)))
-
-    def exact_carrier(self, t: float) -> complex:
-        """Return the first harmonic, without its size, which no error rests on."""
-        return complex(np.exp(-1j * self.k * self.wave.speed * t))
-
-    def crest_error(self, highest: float, carrier: complex) -> float:
-        """Return the relative error of the highest elevation."""
-        return highest / float(self.wave.elevation(0.0)) - 1.0
-
-
-ExactSolution = LinearStandingWave | TravellingWave
+    carrier: Callable[[Array, Array, Array], complex]
+    frequency: float  # rad/s
+    crest: float | None = None
 
 
 def exact_solution(scene: Case) -> ExactSolution:
@@ -96,7 +55,11 @@ def exact_solution(scene: Case) -> ExactSolution:
     if isinstance(initial, StreamFunctionWave) and not isinstance(scene.water, LinearWater):
         wave, k = initial.wave(tank), 2 * np.pi * initial.waves / tank.length
         crest, trough = wave.elevation([0.0, np.pi / k])
-        return TravellingWave(wave, float(crest - trough) / 2, k)
+
+        def first_harmonic(x: Array, eta: Array, psi: Array) -> complex:
+            return complex(2 * np.mean(eta * np.exp(-1j * k * x)))
+
+        return ExactSolution(wave.elevation, float(crest - trough) / 2, first_harmonic, k * wave.speed, float(crest))
     if not isinstance(initial, StandingWave):
         allowed = "standing-wave, low or in linear water, and stream-function in nonlinear water"
         raise InputError(f"reference exact: initial.type = {initial.type!r} received; exact are {allowed}.")
@@ -107,7 +70,13 @@ def exact_solution(scene: Case) -> ExactSolution:
             f"reference exact: initial.wave_amplitude = {initial.wave_amplitude:g} received; it must be at most "
             f"{highest:.2g} m, up to which a standing wave is linear, or water.type must be 'linear'."
         )
-    return LinearStandingWave(initial.wave(tank))
+    standing = initial.wave(tank)
+
+    def carrier(x: Array, eta: Array, psi: Array) -> complex:
+        height = eta + 1j * standing.frequency / tank.gravity * psi
+        return complex(2 * np.mean(height * np.cos(k * x)))
+
+    return ExactSolution(standing.elevation, standing.amplitude, carrier, standing.frequency)
 
 
 SURFACE_ERROR, GAUGE_ERROR = "surface error [-]", "gauge error [-]"
@@ -174,19 +143,20 @@ class ExactReference:
     """Errors against the exact solution of a scene; raises ``InputError`` if there is none."""
 
     def __init__(self, scene: Case):
-        self._solution: ExactSolution = exact_solution(scene)
+        self._solution = exact_solution(scene)
 
     def errors(self, run: RunDirectory) -> Errors:
         """Return surface, phase and crest error; a phase is followed from snapshot to snapshot, beyond pi, too."""
         exact, squares, ahead = self._solution, [], []
         for now in snapshots(run.snapshots(), period=_period(run)):
-            squares.append(np.mean((now.eta - exact.wave.elevation(now.x, now.t)) ** 2))
+            squares.append(np.mean((now.eta - exact.elevation(now.x, now.t)) ** 2))
             carrier = exact.carrier(now.x, now.eta, now.psi)
-            ahead.append(-np.angle(carrier / exact.exact_carrier(now.t)))
+            ahead.append(-np.angle(carrier * np.exp(1j * exact.frequency * now.t)))
+        height, expected = (abs(carrier), exact.amplitude) if exact.crest is None else (now.highest(), exact.crest)
         return {
             SURFACE_ERROR: float(np.sqrt(np.mean(squares))) / exact.amplitude,
             PHASE_ERROR: float(np.unwrap(ahead)[-1]),
-            CREST_ERROR: exact.crest_error(now.highest(), carrier),
+            CREST_ERROR: height / expected - 1.0,
         }
 
 
