@@ -45,10 +45,11 @@ def gauge_records(data: Dataset) -> "list[DataArray]":
     Raises ``InputError`` where there are no records, for missing files of the first, and for unreadable files.
     """
     if not data.records:
-        there = ", ".join(file.name for file in data.files) or "nothing"
-        raise InputError(f"{data.name}: has no records of gauges over time, which are compared; its files are {there}.")
+        files = ", ".join(file.name for file in data.files) or "nothing"
+        raise InputError(f"{data.name}: has no records of gauges over time, which are compared; its files are {files}.")
     first, *published = data.records
-    return [_records(data, one) for one in (first, *(one for one in published if all(present(data, file) for file in one.files)))]
+    there = [one for one in published if all(present(data, file) for file in one.files)]
+    return [_records(data, one) for one in (first, *there)]
 
 
 def _records(data: Dataset, records: RecordFiles) -> "DataArray":

@@ -23,17 +23,20 @@ and Physics 46, 1967.
 """
 
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Any
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.motion.motion import Array, Motion, SegmentedMotion
-from wavetank.motion.recorded import Pieces, hermite
+from wavetank.motion.recorded import hermite
 from wavetank.waves.plane_waves import PlaneWaves
 from wavetank.waves.second_order import Strokes, second_order
 from wavetank.waves.wavemaker import Wavemaker
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 Complex = NDArray[np.complex128]
 
@@ -90,7 +93,6 @@ class HarmonicSum(Motion):
         return self if self.omega.size <= FEW else Tabulated(self)
 
 
-@dataclass(frozen=True, eq=False)
 class Tabulated(Motion):
     """A sum of sines from a table of blocks of time, of which the last few are cached.
 
@@ -100,8 +102,12 @@ class Tabulated(Motion):
         The sum.
     """
 
-    lines: HarmonicSum
-    _blocks: dict[int, Pieces] = field(default_factory=dict, repr=False)
+    def __init__(self, lines: HarmonicSum):
+        self.lines = lines
+        intervals = int(np.clip(TABLE_SIZE // lines.omega.size, 16, BLOCK))
+        self._knots = lines.step * np.arange(intervals + 1)  # of the first block [s]
+        most = max(MIN_BLOCKS, CACHED_NUMBERS // (6 * intervals * (lines.b.size // lines.omega.size)))
+        self._block = lru_cache(most)(self._new_block)
 
     @property
     def power_period(self) -> float:
@@ -112,47 +118,26 @@ class Tabulated(Motion):
         """Return the spline's derivative."""
         times = np.asarray(t, dtype=np.float64)
         flat = times.ravel()
-        which = np.floor(flat / self._span).astype(np.int64)
+        which = np.floor(flat / self._knots[-1]).astype(np.int64)
         blocks = np.unique(which)
-        if blocks.size > 1 and blocks.size * self._intervals > SUMMED * flat.size:  # far apart, they are as soon summed
+        if blocks.size > 1 and blocks.size * self._knots.size > SUMMED * flat.size:  # far apart: as soon summed
             return self.lines.derivative(t, order)
         values = np.empty((flat.size, *self.lines.b.shape[1:]))
-        for block in blocks:
+        for block in blocks.tolist():
             here = which == block
-            values[here] = self._block(int(block)).derivative(flat[here], order)
+            values[here] = self._block(block)(flat[here], order)
         return values.reshape(times.shape + self.lines.b.shape[1:])[()]
-
-    @cached_property
-    def _intervals(self) -> int:
-        """Of a block."""
-        return int(np.clip(TABLE_SIZE // self.lines.omega.size, 16, BLOCK))
-
-    @cached_property
-    def _span(self) -> float:
-        """How long a block is [s]."""
-        return self._intervals * self.lines.step
-
-    @cached_property
-    def _max_blocks(self) -> int:
-        """How many blocks are kept."""
-        return max(MIN_BLOCKS, CACHED_NUMBERS // (6 * self._intervals * (self.lines.b.size // self.lines.omega.size)))
 
     @cached_property
     def _turns(self) -> Complex:
         """exp(-i omega t) at the knots of the first block, shape (knots, N)."""
-        knots = self.lines.step * np.arange(self._intervals + 1)
-        return np.asarray(np.exp(-1j * np.multiply.outer(knots, self.lines.omega)))
+        return np.asarray(np.exp(-1j * np.multiply.outer(self._knots, self.lines.omega)))
 
-    def _block(self, number: int) -> Pieces:
-        if number not in self._blocks:
-            if len(self._blocks) >= self._max_blocks:
-                del self._blocks[next(iter(self._blocks))]
-            begin, omega, b = number * self._span, self.lines.omega, self.lines.b
-            phased = (np.exp(-1j * omega * begin) * b.T).T
-            rates = ((((-1j * omega) ** order) * phased.T).T for order in range(3))
-            values = [np.real(self._turns @ rate) for rate in rates]
-            self._blocks[number] = hermite(begin + self.lines.step * np.arange(self._intervals + 1), *values)
-        return self._blocks[number]
+    def _new_block(self, number: int) -> "PPoly":
+        begin, omega, b = number * self._knots[-1], self.lines.omega, self.lines.b
+        phased = (np.exp(-1j * omega * begin) * b.T).T
+        rates = ((((-1j * omega) ** order) * phased.T).T for order in range(3))
+        return hermite(begin + self._knots, *(np.real(self._turns @ rate) for rate in rates))
 
 
 # ---------------------------------------------------------------- motions for waves

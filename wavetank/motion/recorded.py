@@ -17,43 +17,7 @@ from wavetank.values.columns import check_ascending, first_line, read_columns
 from wavetank.values.python_file import PythonFunction
 
 
-@dataclass(frozen=True, eq=False)
-class Pieces:
-    """Polynomials between breakpoints, as SciPy's ``PPoly`` has them.
-
-    Attributes
-    ----------
-    c
-        Coefficients of the powers of t less the breakpoint before, the highest first, shape (powers, N - 1, ...).
-    x
-        The breakpoints, ascending, shape (N,).
-    """
-
-    c: Array
-    x: Array
-
-    def derivative(self, t: Any, order: int) -> Any:
-        """Return the derivative of an order at times t, a number or of any shape; beyond the ends by the end pieces."""
-        return self.rates(t)[order]
-
-    def rates(self, t: Any) -> list[Any]:
-        """Return the value and its first two derivatives, by Horner's rule."""
-        c, s = self._piece(t)
-        value = slope = half_bend = 0.0
-        for one in c:
-            half_bend = half_bend * s + slope
-            slope = slope * s + value
-            value = value * s + one
-        return [value, slope, 2.0 * half_bend]
-
-    def _piece(self, t: Any) -> tuple[Any, Any]:
-        """Return the coefficients of the pieces of times, and these less where they begin."""
-        piece = np.minimum(np.maximum(np.searchsorted(self.x, t, side="right") - 1, 0), len(self.x) - 2)
-        s = t - self.x[piece]
-        return self.c[:, piece], np.expand_dims(s, -1) if self.c.ndim > 2 else s
-
-
-def hermite(t: Array, X: Array, velocity: Array, acceleration: Array) -> Pieces:
+def hermite(t: Array, X: Array, velocity: Array, acceleration: Array) -> "scipy.interpolate.PPoly":
     """Return the polynomials of degree 5 between times t [s], shape (N,), with these values there.
 
     Position, velocity and acceleration in m, m/s, m/s², shape (N,) or (N, M). All three are continuous.
@@ -64,7 +28,7 @@ def hermite(t: Array, X: Array, velocity: Array, acceleration: Array) -> Pieces:
     c3 = (20 * step - 8 * v1 - 12 * v0 - 3 * a0 + a1) / (2 * h**3)
     c4 = (-30 * step + 14 * v1 + 16 * v0 + 3 * a0 - 2 * a1) / (2 * h**4)
     c5 = (12 * step - 6 * v1 - 6 * v0 - a0 + a1) / (2 * h**5)
-    return Pieces(np.stack([c5, c4, c3, a[:-1] / 2, v[:-1], X[:-1]]), t)
+    return scipy.interpolate.PPoly(np.stack([c5, c4, c3, a[:-1] / 2, v[:-1], X[:-1]]), t)
 
 
 TIME, STATE = "t [s]", ("position [m]", "velocity [m/s]", "acceleration [m/s^2]")
@@ -182,7 +146,7 @@ class Recorded(Motion):
         Whether its rows have noise.
     """
 
-    spline: Pieces
+    spline: "scipy.interpolate.PPoly"
     measured: bool = True
 
     @classmethod
@@ -191,7 +155,7 @@ class Recorded(Motion):
 
         What is faster than the ``highest`` frequency [Hz] is left out. Raises ``InputError`` where rows are too few.
         """
-        return cls(_pieces(_through(t, X, highest)))
+        return cls(_through(t, X, highest))
 
     @classmethod
     def of_velocities(cls, t: Array, velocity: Array, *, highest: float | None = None) -> "Recorded":
@@ -199,7 +163,7 @@ class Recorded(Motion):
 
         What is faster than the ``highest`` frequency [Hz] is left out. Raises ``InputError`` where rows are too few.
         """
-        return cls(_pieces(_through(t, velocity, highest).antiderivative()))
+        return cls(_through(t, velocity, highest).antiderivative())
 
     @classmethod
     def of_states(cls, t: Array, X: Array, velocity: Array, acceleration: Array) -> "Recorded":
@@ -223,25 +187,12 @@ class Recorded(Motion):
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the spline's derivative; raise ``InputError`` beyond the record."""
-        self._check(t)
-        value = self.spline.derivative(np.maximum(t, self.start), order)
-        return value if order == 0 else value * np.greater_equal(t, self.start)
-
-    def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
-        """Return the spline's derivatives; raise ``InputError`` beyond the record."""
-        self._check(t)
-        position, *rates = self.spline.rates(np.maximum(t, self.start))[: up_to + 1]
-        return [position, *(rate * np.greater_equal(t, self.start) for rate in rates)]
-
-    def _check(self, t: Any) -> None:
         # The last of many steps may end a rounding error late; the spline is smooth enough to go on that far.
         last = np.max(t)
         if last > self.duration + 1e-9 * max(1.0, abs(self.duration)):
             raise InputError(f"paddle motion: t = {last:g} s asked for; the record ends at {self.duration:g} s.")
-
-
-def _pieces(spline: "scipy.interpolate.PPoly") -> Pieces:
-    return Pieces(spline.c, spline.x)
+        value = self.spline(np.maximum(t, self.start), order)[()]
+        return value if order == 0 else value * np.greater_equal(t, self.start)
 
 
 def _through(t: Array, values: Array, highest: float | None) -> "scipy.interpolate.PPoly":

@@ -18,7 +18,7 @@ import numpy as np
 import scipy
 
 from wavetank.motion.motion import Array, Motion
-from wavetank.motion.recorded import Pieces, hermite
+from wavetank.motion.recorded import hermite
 from wavetank.waves.solitary_wave import solitary_wave
 
 TAIL = 1e-6  # of the crest: where the wave begins and ends
@@ -39,7 +39,7 @@ class SolitaryPush(Motion):
         When the motion begins [s].
     """
 
-    spline: Pieces
+    spline: "scipy.interpolate.PPoly"
     lead: float
     begin: float = 0.0
 
@@ -50,18 +50,13 @@ class SolitaryPush(Motion):
 
     def scaled(self, factor: float) -> "SolitaryPush":
         """Return the motion times a factor."""
-        return replace(self, spline=Pieces(factor * self.spline.c, self.spline.x))
+        return replace(self, spline=scipy.interpolate.PPoly(factor * self.spline.c, self.spline.x))
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the spline's derivative; before and after it the paddle is at rest."""
-        return self.rates(t)[order]
-
-    def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
-        """Return the spline's derivatives."""
         since, (first, last) = np.subtract(t, self.begin), self.spline.x[[0, -1]]
         moving = (since >= first) & (since <= last)
-        position, *rates = self.spline.rates(np.clip(since, first, last))[: up_to + 1]
-        return [position, *(np.where(moving, rate, 0.0)[()] for rate in rates)]
+        return np.where(moving | (order == 0), self.spline(np.clip(since, first, last), order), 0.0)[()]
 
 
 def pushed(elevation: Callable[[Array], Array], *, speed: float, depth: float, half: float) -> SolitaryPush:
