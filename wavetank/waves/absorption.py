@@ -108,19 +108,6 @@ class PassiveFilter:
             total = total + self.gain * (c * y + e) / (y**2 + 2.0 * z * y + 1.0)
         return total
 
-    def slopes(self, s: Any) -> Complex:
-        """Return the derivatives of F [1/s] by ln w_i, ln z_i, c_i and e_i where sum e_i = 0, shape (4 n, N)."""
-        w, z, c, e = self.sections.T[:, :, None]
-        y = s / w
-        below = y**2 + 2.0 * z * y + 1.0
-        value = (c * y + e) / below
-        by = (
-            np.stack([y * ((2.0 * y + 2.0 * z) * value - c), -2.0 * z * y * value, y, np.ones_like(y)], axis=1)
-            / below[:, None]
-        )
-        by[:, 3] -= by[-1, 3]
-        return np.asarray(self.gain * by.reshape(-1, s.size))
-
     def reflection(self, at_face: Complex, omega: Array) -> Complex:
         """Return R of waves [rad/s], shape (N,), for Z there."""
         F = self(1j * omega)
@@ -162,16 +149,6 @@ class PassiveFilter:
             active = np.minimum(built(x)(1j * omega_wide).real / gain, 0.0)
             return np.concatenate([(sent(x) / most) ** (exponent / 2) / np.sqrt(WAVES), weight * active])
 
-        def slopes(x: Array, exponent: int, most: float, weight: float) -> Array:
-            one = built(x)
-            F, of_F, wide_F = one(1j * omega), one.slopes(1j * omega), one.slopes(1j * omega_wide).real / gain
-            R, of_R = one.reflection(at_face, omega), -2.0 * at_face.real / (1.0 + F * at_face) ** 2
-            sizes = np.abs(R)
-            of_sizes = (R.conj() * of_R * of_F).real / sizes
-            powers = exponent / 2 * (sizes / most) ** (exponent / 2 - 1) / most / np.sqrt(WAVES)
-            active = weight * wide_F * (one(1j * omega_wide).real < 0.0)
-            return np.asarray(np.concatenate([powers * of_sizes, active], axis=1).T)
-
         width = np.log(FASTEST * ends[1] / middle)
         bounds = np.array([[-width, np.log(DAMPED[0]), -np.inf, -np.inf], [width, np.log(DAMPED[1]), np.inf, np.inf]])
         bounds = np.tile(bounds, STARTS.shape[1])
@@ -180,8 +157,7 @@ class PassiveFilter:
             x = np.clip(start.ravel(), bounds[0] + INSIDE, bounds[1] - INSIDE)
             for exponent, weight in FITS:
                 most = float(sent(x).max())
-                x = scipy.optimize.least_squares(
-                    misses, x, slopes, args=(exponent, most, weight), bounds=bounds, max_nfev=60
-                ).x
+                given = exponent, most, weight
+                x = scipy.optimize.least_squares(misses, x, args=given, bounds=bounds, max_nfev=60).x
             result.append((float(sent(x).max()), x))
         return built(min(result, key=lambda one: one[0])[1])
