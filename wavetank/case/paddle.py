@@ -10,9 +10,10 @@ Angles are in degrees from the wall's normal into the water, positive towards y,
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import Field, Strict, model_validator
 
 from wavetank import data
@@ -104,6 +105,11 @@ class GeneratingMotion(MotionModel):
         """Return the default length of the ramp [s]."""
         raise NotImplementedError
 
+    def along(self, tank: AnyTank, f: ArrayLike, amplitudes: ArrayLike, phases: ArrayLike, **more: Any) -> PlaneWaves:
+        """Return plane waves in a tank, at (x, y) if the motion names these; see ``waves_along``."""
+        place = {key: getattr(self, key, 0.0) for key in ("x", "y")}
+        return waves_along(f, amplitudes, phases, depth=tank.depth, gravity=tank.gravity, **place, **more)
+
     def ramp_in(self, tank: AnyTank) -> float:
         """Return the length of the ramp [s], default resolved."""
         return self.default_ramp(tank) if self.ramp is None else self.ramp
@@ -127,6 +133,10 @@ class _Peaked(CaseModel):
         """Fp [Hz]."""
         return 1.0 / self.peak_period if self.peak_frequency is None else self.peak_frequency  # type: ignore[operator]
 
+    def build(self, tank: AnyTank) -> spectra.Spectrum:
+        """Return the shape S(f); by default JONSWAP's, which without ``gamma`` is Pierson's and Moskowitz's."""
+        return spectra.jonswap(self.peak, getattr(self, "gamma", 1.0))
+
 
 class JonswapSpectrum(_Peaked):
     """The JONSWAP spectrum's shape."""
@@ -134,19 +144,11 @@ class JonswapSpectrum(_Peaked):
     type: Literal["jonswap"] = "jonswap"
     gamma: Gamma = Field(default=3.3, description="peak enhancement gamma [-]")
 
-    def build(self, tank: AnyTank) -> spectra.Spectrum:
-        """Return the shape S(f)."""
-        return spectra.jonswap(self.peak, self.gamma)
-
 
 class PiersonMoskowitzSpectrum(_Peaked):
     """The Pierson-Moskowitz spectrum's shape, of a fully developed sea."""
 
     type: Literal["pierson-moskowitz"] = "pierson-moskowitz"
-
-    def build(self, tank: AnyTank) -> spectra.Spectrum:
-        """Return the shape S(f)."""
-        return spectra.jonswap(self.peak, 1.0)
 
 
 class TmaSpectrum(_Peaked):
@@ -157,7 +159,7 @@ class TmaSpectrum(_Peaked):
 
     def build(self, tank: AnyTank) -> spectra.Spectrum:
         """Return the shape S(f)."""
-        return spectra.tma(spectra.jonswap(self.peak, self.gamma), tank.depth, tank.gravity)
+        return spectra.tma(super().build(tank), tank.depth, tank.gravity)
 
 
 class GaussianSpectrum(_Peaked):
@@ -360,14 +362,7 @@ class ComponentFile(WaveFile):
     def target(self, tank: AnyTank) -> PlaneWaves:
         """Return the waves, whose phases hold at (x, y)."""
         f, a, phase, angles = self.components()
-        where = {
-            "x": self.x,
-            "y": getattr(self, "y", 0.0),
-            "time": self.time,
-            "depth": tank.depth,
-            "gravity": tank.gravity,
-        }
-        return waves_along(f, self.scale * a, phase + np.radians(self.phase), angles=angles, **where)
+        return self.along(tank, f, self.scale * a, phase + np.radians(self.phase), angles=angles, time=self.time)
 
     def default_ramp(self, tank: AnyTank) -> float:
         """Return two periods of the highest wave [s]."""
@@ -399,14 +394,8 @@ class SurfaceFile(WaveFile):
     def target(self, tank: AnyTank) -> PlaneWaves:
         """Return the waves, all at one angle, of the elevation at (x, y)."""
         surface, angle = self.wished(), np.radians(getattr(self, "angle", 0.0))
-        where = {
-            "x": self.x,
-            "y": getattr(self, "y", 0.0),
-            "time": surface.begin,
-            "depth": tank.depth,
-            "gravity": tank.gravity,
-        }
-        return waves_along(surface.frequencies, surface.amplitudes, surface.phases, angles=angle, **where)
+        waves = surface.frequencies, surface.amplitudes, surface.phases
+        return self.along(tank, *waves, angles=angle, time=surface.begin)
 
     def default_ramp(self, tank: AnyTank) -> float:
         """Return two mean periods [s]."""
@@ -557,8 +546,7 @@ class RegularMotion(MadeWaves):
 
     def target(self, tank: AnyTank) -> PlaneWaves:
         """Return the wave, with a crest at the paddle at t = 0."""
-        f, a = np.array([self.frequency_in(tank)]), np.array([self.height / 2.0])
-        return waves_along(f, a, np.zeros(1), depth=tank.depth, gravity=tank.gravity)
+        return self.along(tank, [self.frequency_in(tank)], [self.height / 2.0], [0.0])
 
     def default_ramp(self, tank: AnyTank) -> float:
         """Return two periods [s]."""
@@ -597,8 +585,7 @@ class BichromaticMotion(MadeWaves):
 
     def target(self, tank: AnyTank) -> PlaneWaves:
         """Return the waves, with both crests at the paddle at t = 0."""
-        amplitudes = np.divide(self.heights, 2.0)
-        return waves_along(self.pair, amplitudes, np.zeros(2), depth=tank.depth, gravity=tank.gravity)
+        return self.along(tank, self.pair, np.divide(self.heights, 2.0), np.zeros(2))
 
     def default_ramp(self, tank: AnyTank) -> float:
         """Return two of the longer periods [s]."""
@@ -634,7 +621,7 @@ class IrregularMotion(SpectralWaves, MadeWaves):
             seed=self.seed,
             random_amplitudes=self.random_amplitudes,
         )
-        return waves_along(frequencies, amplitudes, phases, depth=tank.depth, gravity=tank.gravity)
+        return self.along(tank, frequencies, amplitudes, phases)
 
     def problems(self, context: Context) -> Iterator[Problem]:
         """Yield as any waves of a spectrum, a sea too high, and what second-order generation cannot do."""
@@ -880,6 +867,21 @@ class SegmentedWaves(GeneratingMotion):
         places = context.wall.places(context.tank)
         return PLACES if places is None else int(places.size)
 
+    def too_many(self, context: Context, key: str, waves: int) -> Iterator[Problem]:
+        """Yield more waves than can be summed up at all places of the paddle."""
+        if (terms := waves * self.terms_per_component(context)) > TERMS:
+            allowed = f"must be fewer: at all places of the paddle there are {terms:.2g} waves, {TERMS:.2g} allowed"
+            yield self.problem(key, allowed)
+
+    def widest_segment(self, tank: AnyTank) -> float:
+        """Return the width [m] beyond which segments make spurious waves, of all but a thousandth of the energy."""
+        waves = self.target(tank)
+        k, angles = np.hypot(waves.k_x, waves.k_y), np.arctan2(waves.k_y, waves.k_x)
+        widest = np.array([widest_segment(*map(float, one)) for one in zip(k, angles, strict=True)])
+        narrow_first = np.argsort(widest)
+        energy = np.cumsum(np.abs(waves.amplitudes[narrow_first]) ** 2)
+        return float(widest[narrow_first][np.searchsorted(energy, NARROW * energy[-1])])
+
 
 class ObliqueWaveMotion(SegmentedWaves):
     """A regular wave that leaves the paddle at an angle; side walls reflect it."""
@@ -892,18 +894,11 @@ class ObliqueWaveMotion(SegmentedWaves):
 
     def target(self, tank: AnyTank) -> PlaneWaves:
         """Return the wave, with a crest at (0, 0) at t = 0."""
-        f, a = np.array([1.0 / self.period]), np.array([self.wave_amplitude])
-        angle = np.radians(self.angle)
-        return waves_along(f, a, np.zeros(1), angles=angle, depth=tank.depth, gravity=tank.gravity)
+        return self.along(tank, [1.0 / self.period], [self.wave_amplitude], [0.0], angles=np.radians(self.angle))
 
     def default_ramp(self, tank: AnyTank) -> float:
         """Return two periods [s]."""
         return 2 * self.period
-
-    def widest_segment(self, tank: AnyTank) -> float:
-        """Return the width [m] beyond which segments make spurious waves."""
-        k = airy.wave_number(2.0 * np.pi / self.period, tank.depth, tank.gravity)
-        return widest_segment(float(k), float(np.radians(self.angle)))
 
 
 class _FanOfWaves(FocusingWaves, SegmentedWaves):
@@ -937,10 +932,8 @@ class _FanOfWaves(FocusingWaves, SegmentedWaves):
     def problems(self, context: Context) -> Iterator[Problem]:
         """Yield the problems of any focus, a focus outside the paddle's width, and too many waves to sum up."""
         low, high = span(context.tank)
-        waves = self.components * self.directions * self.terms_per_component(context)
-        if waves > TERMS:
-            allowed = f"must be fewer: with the directions, at all places of the paddle, there are {waves:.2g}"
-            yield self.problem("components", f"{allowed}, and at most {TERMS:.2g} are allowed")
+        if too_many := [*self.too_many(context, "components", self.components * self.directions)]:
+            yield from too_many
             return
         yield from super().problems(context)
         if not low <= self.focus_y <= high:
@@ -1011,7 +1004,7 @@ class DirectionalIrregularMotion(SpectralWaves, SegmentedWaves):
         amplitudes, phases = irregular(spectrum, f, significant_height=height, seed=seed)
         random = uniform(self.seed, 3, f.size)[2]
         angles = random_directions(self._density, random, largest=float(np.radians(self.largest_angle)))
-        return waves_along(f, amplitudes, phases, angles=angles, depth=tank.depth, gravity=tank.gravity)
+        return self.along(tank, f, amplitudes, phases, angles=angles)
 
     def _density(self, angle: motions.Array) -> motions.Array:
         if self.spreading is not None:
@@ -1025,12 +1018,8 @@ class DirectionalIrregularMotion(SpectralWaves, SegmentedWaves):
 
     def problems(self, context: Context) -> Iterator[Problem]:
         """Yield the problems of any spectrum, and too many waves to sum up."""
-        terms = self.components * self.terms_per_component(context)
-        if terms > TERMS:
-            allowed = f"must be fewer: at all places of the paddle they are {terms:.2g}, {TERMS:.2g} allowed"
-            yield self.problem("components", allowed)
-            return
-        yield from super().problems(context)
+        too_many = [*self.too_many(context, "components", self.components)]
+        yield from too_many or super().problems(context)
 
 
 class _WavesOfFile(SegmentedWaves):
@@ -1038,21 +1027,9 @@ class _WavesOfFile(SegmentedWaves):
 
     y: Coordinate = Field(default=0.0, description="y to which the phases refer [m]")
 
-    def widest_segment(self, tank: AnyTank) -> float:
-        """Return the width [m] beyond which segments make spurious waves, of all but a thousandth of the energy."""
-        waves = self.target(tank)
-        k, angles = np.hypot(waves.k_x, waves.k_y), np.arctan2(waves.k_y, waves.k_x)
-        widest = np.array([widest_segment(*map(float, one)) for one in zip(k, angles, strict=True)])
-        narrow_first = np.argsort(widest)
-        energy = np.cumsum(np.abs(waves.amplitudes[narrow_first]) ** 2)
-        return float(widest[narrow_first][np.searchsorted(energy, NARROW * energy[-1])])
-
     def problems(self, context: Context) -> Iterator[Problem]:
         """Yield too many waves to sum up."""
-        terms = self.target(context.tank).omega.size * self.terms_per_component(context)
-        if terms > TERMS:
-            allowed = f"must have fewer waves: at all places of the paddle they are {terms:.2g}, {TERMS:.2g} allowed"
-            yield Problem((*MOTION_KEY, "file"), None, allowed)
+        yield from self.too_many(context, "file", self.target(context.tank).omega.size)
 
 
 class DirectionalComponentsMotion(ComponentFile, _WavesOfFile):
