@@ -151,10 +151,10 @@ def summary(name: str) -> str:
     except InputError as error:
         return f"{name}: {error}"
     files = dict.fromkeys([*(one.name for one in data.files), *data.parts()])
-    found = {file: path.parent for file in files if (path := present(data, file))}
-    where = ", ".join(map(str, dict.fromkeys(found.values()))) or "not here"
-    if missing := ", ".join(file for file in files if file not in found):
-        where += f", without {missing}" * bool(found) + f"; 'wavetank data fetch {name}' brings it" * bool(data.urls)
+    paths = {file: path.parent for file in files if (path := present(data, file))}
+    where = ", ".join(map(str, dict.fromkeys(paths.values()))) or "not here"
+    if missing := ", ".join(file for file in files if file not in paths):
+        where += f", without {missing}" * bool(paths) + f"; 'wavetank data fetch {name}' brings it" * bool(data.urls)
     facts = {"data": where, "cite": data.citation or "?", "licence": data.licence or "?"}
     return "\n".join([f"{name}: {data.title}", *(f"    {key}: {fact}" for key, fact in facts.items())])
 
