@@ -61,7 +61,7 @@ class GradientJumpPenalty:
         mass.make_ready()
         self.update()
 
-    def apply(self, values: Vector) -> Vector:
+    def penalty(self, values: Vector) -> Vector:
         """Return N v, shape (dofs,)."""
         result = np.empty_like(values)
         self._apply(np.ascontiguousarray(values), result)

@@ -18,7 +18,7 @@ from wavetank.simulation.run import Run
 from wavetank.simulation.stability import StabilityWatch
 from wavetank.simulation.summary import BrokenSurface, Parts, RunOutcome, closing
 from wavetank.tank.breakdown import cause, folds
-from wavetank.tank.breaking import BreakingAlarm, BreakingDissipation
+from wavetank.tank.breaking import BreakingDissipation, BreakingFilter
 from wavetank.tank.waves import NonlinearWaves
 from wavetank.values.case_model import CaseError
 
@@ -153,9 +153,9 @@ def _explained(error: BreakdownError, run: Run, waves: NonlinearWaves, scene: Ca
     return explained
 
 
-def breaking_filters(run: Run) -> list[BreakingAlarm | BreakingDissipation]:
+def breaking_filters(run: Run) -> list[BreakingFilter]:
     """Return the filter of breaking, if the run has one."""
-    return [one for one in run.filters if isinstance(one, BreakingAlarm | BreakingDissipation)]
+    return [one for one in run.filters if isinstance(one, BreakingFilter)]
 
 
 def breaking_figures(run: Run) -> dict[str, Any]:

@@ -22,7 +22,6 @@ from wavetank.simulation.diagnostics import (
     PaddleLimits,
     PaddleMotion,
     PaddleRates,
-    Pushing,
     SurfaceFields,
     SurfaceSnapshots,
     rates_of_motion,
@@ -113,7 +112,7 @@ def _below_surface(scene: Case, waves: AnyWaves, records: Records) -> list[Diagn
         for number, view in enumerate(scene.paddles):
             if view.side in loaded and number < len(records.paddles):
                 paddle = waves.wall.paddles[number]
-                push = Pushing(PaddlePush(pressure, loaded[view.side], paddle), paddle.motion.velocity)
+                push = PaddlePush(pressure, loaded[view.side], paddle)
                 result.append(_paddle(scene, waves, number, records.paddles[number], push=push))
     return [BelowSurface(water, result)]
 
@@ -127,7 +126,9 @@ def _rates(scene: Case, waves: AnyWaves, number: int) -> PaddleRates:
     return rates_of_motion(partial(paddle.motion.rates, y=view.wall.places(view.tank)))
 
 
-def _paddle(scene: Case, waves: AnyWaves, number: int, record: Record, *, push: Pushing | None = None) -> PaddleMotion:
+def _paddle(
+    scene: Case, waves: AnyWaves, number: int, record: Record, *, push: PaddlePush | None = None
+) -> PaddleMotion:
     """Return what records the motion of a paddle, and its force and power."""
     schedule = EverySteps(scene.output.gauges_every)
     return PaddleMotion(_rates(scene, waves, number), record=record, schedule=schedule, push=push)

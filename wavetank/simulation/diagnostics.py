@@ -165,25 +165,6 @@ class Gauges:
         return np.array(rows)
 
 
-class Pushing:
-    """Force and power of a paddle.
-
-    Parameters
-    ----------
-    velocity
-        X_p' at times t and places y along the paddle.
-    """
-
-    def __init__(self, push: PaddlePush, velocity: Callable[..., Any]):
-        self._push, self._velocity = push, velocity
-
-    def at(self, q: Vector, psi: Vector, t: float) -> tuple[float, float]:
-        """Return force [N, N/m] and power [W, W/m] at a state; collective."""
-        self._push.pressure.find(q, psi, t)
-        speed = self._velocity(t, self._push.y)
-        return self._push.against(1.0), self._push.against(speed)
-
-
 PaddleRates = Callable[[Block], Vector]
 """Returns position [m], velocity [m/s] and acceleration [m/s²] of a paddle at the steps of a block, shape (K, 3 N)."""
 
@@ -214,7 +195,7 @@ class PaddleMotion:
         Where rows go, in the order of ``records.paddle_table.columns``.
     """
 
-    def __init__(self, rates: PaddleRates, *, record: Record, schedule: Schedule, push: Pushing | None = None):
+    def __init__(self, rates: PaddleRates, *, record: Record, schedule: Schedule, push: PaddlePush | None = None):
         self._rates, self._record, self.schedule, self._push = rates, record, schedule, push
 
     def record(self, block: Block) -> None:

@@ -21,7 +21,7 @@ from wavetank.simulation.energy import EnergyBudget
 from wavetank.simulation.memory import peak_memory
 from wavetank.simulation.run import Run
 from wavetank.simulation.stability import StabilityWatch
-from wavetank.tank.breaking import ONSET, BreakingAlarm, BreakingDissipation
+from wavetank.tank.breaking import ONSET, BreakingFilter
 from wavetank.tank.crests import SteepCrest
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.surface_flow import SurfaceFlow
@@ -291,7 +291,8 @@ class BrokenSurface(NamedTuple):
             columns = _by_cell(waves)
         if not all(np.isfinite(column).all() for column in columns.values()):
             return None
-        return cls(run.t, columns, _crests(run))
+        searches = [one.watch for one in run.filters if isinstance(one, BreakingFilter)]
+        return cls(run.t, columns, [crest for one in searches for crest in one.crests])
 
     @property
     def figures(self) -> dict[str, Any]:
@@ -300,11 +301,6 @@ class BrokenSurface(NamedTuple):
         there = {name.partition(" ")[0]: float(column[steepest]) for name, column in self.columns.items()}
         crests = [{"x": one.x, "height": one.height, "speed_ratio": one.overtaking} for one in self.crests]
         return {"broke_down": {"t": self.t, "steepest": there, "crests": crests}}
-
-
-def _crests(run: Run) -> list[SteepCrest]:
-    lookers = (one for one in run.filters if isinstance(one, BreakingAlarm | BreakingDissipation))
-    return [crest for one in lookers for crest in one.watch.crests]
 
 
 def _by_cell(waves: NonlinearWaves) -> dict[str, Vector]:

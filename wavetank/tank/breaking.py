@@ -294,29 +294,40 @@ class BreakingState:
     energy: SmoothingState
 
 
-class BreakingAlarm:
-    """Records crests that pass the threshold of breaking, among filters, and changes nothing.
+class BreakingFilter:
+    """A filter with a search for breaking crests; its state is that of the search, and the energy taken.
 
-    Parameters
+    Attributes
     ----------
     watch
-        What looks for them.
+        The search.
     """
 
     state_name = "Breaking"  # whichever filter of breaking a resumed run has
-
-    def __init__(self, watch: BreakingWatch):
-        self.watch, self._energy = watch, SmoothingState()
+    watch: BreakingWatch
+    _energy: SmoothingState
 
     @property
     def state(self) -> BreakingState:
-        """The state of the search, and the energy taken by another filter before."""
+        """State of the search, and the energy taken."""
         return BreakingState(self.watch.state, self._energy)
 
     @state.setter
     def state(self, state: BreakingState) -> None:
         self.watch.state, self._energy = state.watch, state.energy
         self.watch.recorded = state.watch.alarms
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """The alarms."""
+        return self.watch.figures
+
+
+class BreakingAlarm(BreakingFilter):
+    """Records crests that pass the threshold of breaking, among filters, and changes nothing."""
+
+    def __init__(self, watch: BreakingWatch):
+        self.watch, self._energy = watch, SmoothingState()
 
     def needed(self, state: State, t: float) -> bool:
         """Look at the crests where a step has ended, and return False; collective."""
@@ -329,11 +340,6 @@ class BreakingAlarm:
 
     def account(self, loss: float, *, of: float) -> None:
         """Do nothing: there is no loss."""
-
-    @property
-    def figures(self) -> dict[str, Any]:
-        """The alarms."""
-        return self.watch.figures
 
 
 class StopAtBreaking(BreakingAlarm):
@@ -353,7 +359,7 @@ class StopAtBreaking(BreakingAlarm):
         return False
 
 
-class BreakingDissipation(Smoothing):
+class BreakingDissipation(BreakingFilter, Smoothing):
     """Takes energy out of breaking crests.
 
     Parameters
@@ -364,15 +370,9 @@ class BreakingDissipation(Smoothing):
         What looks for breaking crests.
     dt
         Step [s].
-
-    Attributes
-    ----------
-    watch, state
-        See above.
     """
 
     called = "the eddy viscosity of breaking waves"
-    state_name = "Breaking"
 
     def __init__(self, waves: NonlinearWaves, watch: BreakingWatch, *, dt: float):
         plane = waves.plane
@@ -391,16 +391,6 @@ class BreakingDissipation(Smoothing):
         if breaking:
             self.place(breaking)
         return bool(breaking)
-
-    @property
-    def state(self) -> BreakingState:
-        """The state of the search, and the energy taken."""
-        return BreakingState(self.watch.state, self._energy)
-
-    @state.setter
-    def state(self, state: BreakingState) -> None:
-        self.watch.state, self._energy = state.watch, state.energy
-        self.watch.recorded = state.watch.alarms
 
     @property
     def figures(self) -> dict[str, Any]:

@@ -41,7 +41,6 @@ from wavetank.fem.mass import BandedMass, FactoredSum, IterativeSum
 from wavetank.fem.plane import Plane
 from wavetank.integrators.states import State
 from wavetank.tank.surface_flow import SurfaceVelocity
-from wavetank.tank.walls.contract import Columns
 from wavetank.tank.waves import NonlinearWaves
 
 POWER = 2
@@ -101,32 +100,6 @@ def checked(plane: Plane, gamma: Vector) -> Vector:
     return gamma
 
 
-class FieldSmoother:
-    """A smoother of each field of a point by itself, whose start value is the change of the last point's field.
-
-    The points of a state are close to each other.
-
-    Parameters
-    ----------
-    matrix
-        M_J + N.
-    """
-
-    def __init__(self, matrix: FactoredSum | IterativeSum, columns: Columns):
-        self._matrix, self._columns = matrix, columns
-        self.update, self.apply = matrix.update, matrix.penalty
-
-    def smoothed(self, pairs: Vector, still: Vector | float) -> Vector:
-        """Return Q - N eta' and psi' of points [Q, psi], shape (m, 2, owned), over columns of still water [m]."""
-        result, N, solve = np.empty_like(pairs), self._matrix.penalty, self._matrix.solve
-        by_eta = by_psi = np.zeros(pairs.shape[2:])  # v - v' = (M_J + N)^-1 N v
-        for (q, psi), after in zip(pairs, result, strict=True):
-            eta = self._columns.solve(q) - still
-            by_eta, by_psi = solve(N(eta), by_eta), solve(N(psi), by_psi)
-            after[:] = q - N(eta - by_eta), psi - by_psi
-        return result
-
-
 @dataclass(frozen=True)
 class SmoothingState:
     """Energy taken so far, and the largest energy before that [m^4/s²]."""
@@ -182,26 +155,38 @@ class Smoothing:
         self._energy = state
 
     @cached_property
-    def _smoother(self) -> FieldSmoother | GradientJumpPenalty:
-        """N, and what is done with it, made where it is first needed; collective."""
+    def _matrix(self) -> FactoredSum | IterativeSum | GradientJumpPenalty:
+        """M_J + N, made where it is first needed; collective."""
         return self._made()
 
-    def _made(self) -> FieldSmoother | GradientJumpPenalty:
-        """Return it of the form; collective."""
+    def _made(self) -> FactoredSum | IterativeSum | GradientJumpPenalty:
+        """Return M_J + N of the form; collective."""
         plane, mass, J = self._waves.plane, self._waves.mass, self._waves.wall.mapping.J(self._waves.densities.eta)
         if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
             wall = self._waves.wall
             changing = plane.around(wall.displaced_dofs) if self._by_wall and wall.moves else None
-            return FieldSmoother(FactoredSum(plane, mass, J, self._of, changing=changing), self._waves.columns)
-        return FieldSmoother(IterativeSum(plane, mass, self._of), self._waves.columns)
+            return FactoredSum(plane, mass, J, self._of, changing=changing)
+        return IterativeSum(plane, mass, self._of)
 
     def update(self) -> None:
         """Assemble N for the present values of what its form depends on, the wall among them; collective."""
-        self._smoother.update()
+        self._matrix.update()
 
     def passed(self, pairs: Vector) -> Vector:
-        """Return Q - N eta', whose sum, the mass, is that of Q, and psi' of points [Q, psi], shape (m, 2, owned)."""
-        return self._smoother.smoothed(pairs, self._waves.bed.still)
+        """Return Q - N eta', whose sum, the mass, is that of Q, and psi' of points [Q, psi], shape (m, 2, owned).
+
+        The solution at one point is the start value at the next, which is close to it.
+        """
+        matrix, still = self._matrix, self._waves.bed.still
+        if isinstance(matrix, GradientJumpPenalty):
+            return matrix.smoothed(pairs, still)
+        result, N = np.empty_like(pairs), matrix.penalty
+        by_eta = by_psi = np.zeros(pairs.shape[2:])  # v - v' = (M_J + N)^-1 N v
+        for (q, psi), after in zip(pairs, result, strict=True):
+            eta = self._waves.columns.solve(q) - still
+            by_eta, by_psi = matrix.solve(N(eta), by_eta), matrix.solve(N(psi), by_psi)
+            after[:] = q - N(eta - by_eta), psi - by_psi
+        return result
 
     def account(self, loss: float, *, of: float) -> None:
         """Add a loss of energy, of the energy before."""
@@ -257,7 +242,7 @@ class EdgePenalty(Smoothing):
         self._flow = flow
         self._fast = float(np.sqrt(threshold * waves.gravity / k)) if plane.order > 1 else np.inf  # so it is needed
 
-    def _made(self) -> FieldSmoother | GradientJumpPenalty:
+    def _made(self) -> FactoredSum | IterativeSum | GradientJumpPenalty:
         """Return it written out along a slice on one rank, unless the wall's shape stretches what it carries."""
         plane, mass, wall = self._waves.plane, self._waves.mass, self._waves.wall
         if not isinstance(mass, BandedMass) or plane.mesh.geometry.dim > 1 or wall.leans:
@@ -278,7 +263,7 @@ class EdgePenalty(Smoothing):
     def generator(self) -> Vector:
         """Return M^-1 kappa S as a dense matrix, on one rank: for small tanks only."""
         units = np.eye(self._waves.plane.owned)
-        return np.array([self._waves.mass.solve(self._smoother.apply(unit)) for unit in units]).T
+        return np.array([self._waves.mass.solve(self._matrix.penalty(unit)) for unit in units]).T
 
 
 def shortest_wave_number(waves: NonlinearWaves, cell_size: float) -> float:

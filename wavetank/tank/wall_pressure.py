@@ -126,7 +126,7 @@ class PaddlePush:
     """
 
     def __init__(self, pressure: WallPressure, wall: int, paddle: Paddle):
-        self.pressure, self._wall, self._shape = pressure, wall, paddle.shape
+        self.pressure, self._wall, self._shape, self._motion = pressure, wall, paddle.shape, paddle.motion
         plane = pressure.plane
         self.y = paddle.side.along(plane.chart.places(plane.V.tabulate_dof_coordinates()))
         self._normal = np.append(paddle.side.normal, 0.0)
@@ -137,6 +137,11 @@ class PaddlePush:
         In a slice per width. Collective.
         """
         return -float(self.pressure.beyond_still_water(self._wall, self._shape, velocity) @ self._normal)
+
+    def at(self, q: Vector, p: Vector, t: float) -> tuple[float, float]:
+        """Return force [N, N/m] and power [W, W/m] at a state; collective."""
+        self.pressure.find(q, p, t)
+        return self.against(1.0), self.against(self._motion.velocity(t, self.y))
 
 
 def _cells_at(plane: Plane, walls: Sequence[mesh.MeshTags]) -> Cells:
