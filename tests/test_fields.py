@@ -75,7 +75,7 @@ def water(plane, *, n=6, wall=None):
     heights = vertical.nodes * h.owned[:, None] - bed.still[:, None]
     level = 0.7  # what phi leaves out
     phi.set((potential(x[:, None], y[:, None], heights) - level) @ np.linalg.inv(vertical.at(vertical.nodes)).T)
-    return SimpleNamespace(
+    result = SimpleNamespace(
         plane=plane,
         wall=wall,
         bed=bed,
@@ -83,10 +83,12 @@ def water(plane, *, n=6, wall=None):
         h=h,
         phi=phi,
         densities=WaterEnergy(h=h.function, d=bed.d, gravity=9.81, mapping=wall.mapping),
-        evaluate=lambda q, p, t: None,
+        find=lambda q, p, t: None,
         level=level,
         elevation=lambda q, p, t: elevation(x, y),
     )
+    result.waves = result
+    return result
 
 
 def driven(cells, order, **more):

@@ -12,8 +12,7 @@ from rich.console import Console
 from wavetank.case import Case
 from wavetank.errors import InputError
 from wavetank.fem.plane import Plane
-from wavetank.motion import AtRest, Sinusoid
-from wavetank.motion.motion import Tangent
+from wavetank.motion import Sinusoid
 from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run, resume_run
 from wavetank.simulation.below_surface import Probes
@@ -22,7 +21,7 @@ from wavetank.simulation.records import Memory
 from wavetank.tank.footprint import Ring, Slice
 from wavetank.tank.kinematics import NonlinearRates, Sounding
 from wavetank.tank.walls import Piston, StillWall
-from wavetank.tank.waves import Tolerances
+from wavetank.tank.waves import NonlinearWaves, Tolerances
 from wavetank.waves.stream_function import stream_function_wave
 
 GRAVITY, DENSITY = 9.81, 1025.0
@@ -42,8 +41,8 @@ def seen(water, state, points, t=0.0):
 
 def ring(cells, *, order, n):
     footprint = Ring(2 * np.pi, cells, comm=MPI.COMM_SELF)
-    plane, still = Plane(footprint.mesh, order, footprint.chart), Tangent(AtRest())
-    return NonlinearRates(plane, tangents=[still], depth=1.0, wall=StillWall(), vertical_order=n, tolerances=FINE)
+    plane = Plane(footprint.mesh, order, footprint.chart)
+    return NonlinearRates(NonlinearWaves(plane, depth=1.0, wall=StillWall(), vertical_order=n, tolerances=FINE))
 
 
 def exact_kinematics(wave, x, z):
@@ -68,7 +67,7 @@ def steady_errors(cells, *, order, n):
     x = np.linspace(0.05, 3.1, 41)
     points = [(at, part * (1.0 + float(wave.elevation(at))) - 1.0) for at in x for part in (0.0, 0.37, 0.8, 0.99)]
     water = ring(cells, order=order, n=n)
-    found = seen(water, water.state(*wave.surface(water.plane.x)), points)
+    found = seen(water, water.waves.state(*wave.surface(water.plane.x)), points)
     errors = np.abs(found - exact_kinematics(wave, *np.array(points).T)).max(axis=0)
     return errors / np.array([1, 1, 1, 1, 1, 1, DENSITY * GRAVITY])
 
@@ -89,7 +88,7 @@ def test_on_fine_elements_they_are_exact_to_a_millionth():
 
 def test_still_water_s_pressure_is_that_of_its_depth():
     water = ring(12, order=3, n=8)
-    found = seen(water, water.state(0 * water.plane.x, 0 * water.plane.x), [(1.0, -0.3), (4.0, -1.0), (2.0, 0.1)])
+    found = seen(water, water.waves.state(0 * water.plane.x, 0 * water.plane.x), [(1.0, -0.3), (4.0, -1.0), (2.0, 0.1)])
     assert found[:2, 6] == pytest.approx(DENSITY * GRAVITY * np.array([0.3, 1.0]), rel=1e-13)
     assert np.abs(found[:2, :6]).max() < 1e-13 and np.isnan(found[2]).all()
 
@@ -100,24 +99,24 @@ MOTION = Sinusoid(0.2, 2.0)
 def driven(cells, *, bed=1.0, order=3, n=8, kind=Piston, **more):
     """Return water in a slice of 6 m whose paddle moves, a smooth state of it, and the time."""
     motion, t = MOTION, 0.3
-    footprint, tangent = Slice(6.0, cells, comm=MPI.COMM_SELF), Tangent(motion)
+    footprint = Slice(6.0, cells, comm=MPI.COMM_SELF)
     plane = Plane(footprint.mesh, order, footprint.chart, walls=footprint.facets_of)
     shapes = {name: make(plane) for name, make in more.items()}
-    wall = kind(tangent, plane=plane, reach=3.0, side=footprint.side(), **shapes)
-    water = NonlinearRates(plane, tangents=[tangent], depth=bed, wall=wall, vertical_order=n, tolerances=FINE)
-    water.set_time(t)
+    wall = kind(motion, plane=plane, reach=3.0, side=footprint.side(), **shapes)
+    waves = NonlinearWaves(plane, depth=bed, wall=wall, vertical_order=n, tolerances=FINE)
+    waves.set_time(t)
     x, position, speed = wall.to_physical(plane.places)[:, 0], motion.position(t), motion.velocity(t)
     k = np.pi / (6.0 - position)
     eta = 0.08 * np.cos(k * (x - position)) + 0.03 * np.cos(2 * k * (x - position))
     psi = -speed * (6.0 - x) ** 2 / (12.0 - 2 * position) + 0.2 * np.cos(2 * k * (x - position))
-    return water, water.state(eta, psi, t), t
+    return NonlinearRates(waves), waves.state(eta, psi, t), t
 
 
 def test_in_front_of_a_moving_paddle_rates_are_those_of_the_water_that_goes_on():
     """Oracle: differences in time of the velocity at points where the wall carries the tank along, over a bed."""
     water, (q, p), t = driven(16, bed=lambda x, y: 1.0 - 0.1 * np.sin(0.8 * x))
     points, step = [(0.8, -0.5), (2.1, -0.2)], 1e-3
-    q_rate, p_rate = water.H_p(q, p, t).copy(), -water.H_q(q, p, t)
+    q_rate, p_rate = water.waves.H_p(q, p, t).copy(), -water.waves.H_q(q, p, t)
     local = seen(water, (q, p), points, t)[:, 2:4]
     velocity = {}
     for sign in (-1, 1):

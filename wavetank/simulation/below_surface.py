@@ -14,11 +14,10 @@ from wavetank.simulation.clock import EverySteps, Schedule
 from wavetank.simulation.contract import Diagnostic, displacement, due_steps
 from wavetank.simulation.diagnostics import Called, LatticePlaces, PaddleReach
 from wavetank.simulation.records import DeferredErrors, Discard, Record
-from wavetank.tank.kinematics import MovingWater, Sounding, Velocity
+from wavetank.tank.kinematics import MovingWater, NonlinearRates, Sounding, Velocity
 from wavetank.tank.seen import Block
 from wavetank.tank.surface_points import SurfaceOverPlaces
 from wavetank.tank.wall_pressure import WallPressure
-from wavetank.tank.waves import NonlinearWaves
 
 
 class Loads:
@@ -178,7 +177,7 @@ class WindowObserver:
         """Append the motion at one step; raises as ``record``; collective."""
         self._water.find_rates(q, psi, t)
         self._elevation.set(elevation)
-        self._depth.set(self._water.bed.still)
+        self._depth.set(self._water.waves.bed.still)
         try:
             eta = self._surface.elevations(self._elevation)
             d, h = (self._surface.points.evaluate(field) for field in (self._depth, self._water.h))
@@ -203,10 +202,10 @@ class VelocityFields:
         Heights zeta, ascending in [0, 1] from the bed to the surface; the n+1 Gauss-Lobatto nodes, if not given.
     """
 
-    def __init__(self, waves: NonlinearWaves, series: VtuSeries, *, schedule: Schedule, levels: Vector | None = None):
-        self._waves, self._series, self.schedule = waves, series, schedule
-        self._levels = waves.vertical.nodes if levels is None else levels
-        self._places, self._velocity = LatticePlaces(waves), Velocity(waves)
+    def __init__(self, water: NonlinearRates, series: VtuSeries, *, schedule: Schedule, levels: Vector | None = None):
+        self._water, self._series, self.schedule = water, series, schedule
+        self._levels = water.vertical.nodes if levels is None else levels
+        self._places, self._velocity = LatticePlaces(water.waves), Velocity(water)
         lattice = self._places.lattice
         self._cells = VtkCells.layered(lattice.pieces, points=len(lattice.dofs), levels=len(self._levels))
 
@@ -218,9 +217,9 @@ class VelocityFields:
     def _append(self, block: Block, number: int) -> None:
         """Write the snapshot of one step; raises as ``record``; collective."""
         t = float(block.t[number])
-        self._waves.evaluate(block.q[number], block.psi[number], t)
-        h, d, dofs = self._places.at(self._waves.h), self._places.depths(block, number), self._places.lattice.dofs
-        shift = displacement(block, number, self._waves.wall, self._places.lattice.places)
+        self._water.find(block.q[number], block.psi[number], t)
+        h, d, dofs = self._places.at(self._water.h), self._places.depths(block, number), self._places.lattice.dofs
+        shift = displacement(block, number, self._water.wall, self._places.lattice.places)
         points = [self._places.points(zeta * h - d, shift) for zeta in self._levels]
         velocity = [self._velocity.at(zeta)[dofs] for zeta in self._levels]
         potential = [self._velocity.potential(zeta)[dofs] for zeta in self._levels]

@@ -32,7 +32,7 @@ from wavetank.simulation.records import DeferredErrors, Discard, Record, Records
 from wavetank.simulation.run import Run
 from wavetank.simulation.stability import IN_ELEVATION, IN_JUMP, StabilityWatch
 from wavetank.tank.dissipation import Smoothing
-from wavetank.tank.kinematics import MovingWater, Sounding
+from wavetank.tank.kinematics import MovingWater, NonlinearRates, Sounding
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.wall_pressure import PaddlePush, WallPressure
 from wavetank.tank.waves import NonlinearWaves
@@ -98,7 +98,7 @@ def _below_surface(scene: Case, waves: AnyWaves, records: Records) -> list[Diagn
         return []
     water, schedule = moving_water(scene, waves), EverySteps(scene.output.probes_every)
     result = list[Diagnostic]()
-    if velocity is not None and every is not None and isinstance(water, NonlinearWaves):
+    if velocity is not None and every is not None and isinstance(water, NonlinearRates):
         result.append(VelocityFields(water, velocity("velocity"), schedule=EveryTime(every)))
     if records.probes is not None:
         result.append(_probes(scene, water, records.probes, schedule))

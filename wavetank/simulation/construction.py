@@ -19,13 +19,12 @@ from wavetank.fem.by_place import gathered
 from wavetank.fem.layout_mesh import draw_layout, read_layout
 from wavetank.fem.plane import Plane
 from wavetank.mesh import MeshFile, Rectangle
-from wavetank.motion.motion import Tangent
 from wavetank.mpi import raise_on_all_ranks
 from wavetank.simulation.walls import Footprint, build_wall, wall_classes
 from wavetank.tank.bed import FlatBed, VaryingBed
 from wavetank.tank.dissipation import checked, distance_from_edge, profile, width_of
 from wavetank.tank.footprint import Basin, Ring, Slice
-from wavetank.tank.kinematics import LinearRates, NonlinearRates
+from wavetank.tank.kinematics import LinearRates, MovingWater, NonlinearRates
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 from wavetank.values.case_model import CaseError, Problem, about
@@ -59,30 +58,25 @@ def fill(scene: Case, footprint: Footprint) -> AnyWaves:
     with about("tank", "bed"):
         plane = Plane(footprint.mesh, scene.numerics.order, footprint.chart, walls=footprint.facets_of)
         check_depth(scene, footprint, plane)
-        parts = _parts(scene, wall=build_wall(scene, footprint, plane))
+        numerics = scene.numerics
+        parts: dict[str, Any] = {
+            "depth": scene.depths(),
+            "gravity": scene.tank.gravity,
+            "wall": build_wall(scene, footprint, plane),
+            "vertical_order": numerics.vertical_order,
+        }
         if scene.physics == "linear":
-            return LinearWaves(plane, tolerance=scene.numerics.tolerance, **parts)
-        return NonlinearWaves(plane, tolerances=_tolerances(scene), **parts)
+            return LinearWaves(plane, tolerance=numerics.tolerance, **parts)
+        petsc = numerics.stage_solver == "petsc"
+        tolerances = Tolerances(stage=numerics.tolerance, interior=0.1 * numerics.tolerance, petsc=petsc)
+        return NonlinearWaves(plane, tolerances=tolerances, **parts)
 
 
-def _parts(scene: Case, *, wall: Any) -> dict[str, Any]:
-    """Return the arguments that all waves have."""
-    tank, order = scene.tank, scene.numerics.vertical_order
-    return {"depth": scene.depths(), "gravity": tank.gravity, "wall": wall, "vertical_order": order}
-
-
-def _tolerances(scene: Case) -> Tolerances:
-    tolerance, petsc = scene.numerics.tolerance, scene.numerics.stage_solver == "petsc"
-    return Tolerances(stage=tolerance, interior=0.1 * tolerance, petsc=petsc)
-
-
-def moving_water(scene: Case, waves: AnyWaves) -> NonlinearRates | LinearRates:
-    """Return separate water like the scene's, in which the rates of potentials are computed; collective."""
+def moving_water(scene: Case, waves: AnyWaves) -> MovingWater:
+    """Return what computes the potential of a state and its rate; collective."""
     if isinstance(waves, LinearWaves):
         return LinearRates(waves, tolerance=0.1 * scene.numerics.tolerance)
-    tangents = [Tangent(paddle.motion) for paddle in waves.wall.paddles]
-    parts = _parts(scene, wall=waves.wall.with_motions(tangents))
-    return NonlinearRates(waves.plane, tangents=tangents, tolerances=_tolerances(scene), **parts)
+    return NonlinearRates(waves)
 
 
 def check_depth(scene: Case, footprint: Footprint, plane: Plane) -> None:

@@ -10,8 +10,7 @@ reference tank solves the same problem once more (docs/method.md, section 8),
     A phi' = -(A' phi + w'),   phi' = psi' at the surface,   psi' = -H_Q,  Q' = H_psi.
 
 A' phi + w' is the rate of the residual at fixed phi along the motion of the state: a central difference of fourth order
-of products of the operator, exact to 1e-11 and the same for any wall and bed. Separate waves compute it, so that those
-that are stepped stay equal bit for bit.
+of products of the operator, exact to 1e-11 and the same for any wall and bed.
 
 Velocity, acceleration and pressure are gradients of potentials, and Bernoulli's sum. Density divided out, with phi_t
 the rate of the potential at fixed points in space,
@@ -24,8 +23,10 @@ tank, which are carried with the velocity c,
     phi_t = phi' - c . grad phi.
 """
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -36,13 +37,14 @@ from numpy.typing import NDArray
 
 from wavetank.arrays import Vector, summed
 from wavetank.fem.forms import compile_expression
-from wavetank.fem.plane import LayeredField, Plane
+from wavetank.fem.plane import Field, LayeredField, Plane
 from wavetank.fem.points import Cells, Points
-from wavetank.fem.slice import Solution
+from wavetank.fem.vertical import VerticalBasis
+from wavetank.motion.kinematics import PaddleKinematics
 from wavetank.motion.motion import Tangent
+from wavetank.state import StateTree
 from wavetank.tank.energy import WaterEnergy
 from wavetank.tank.evaluation import WaterEvaluation
-from wavetank.tank.history import SolverHistory
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.potential import interior_of
 from wavetank.tank.walls import Placed
@@ -68,7 +70,7 @@ class Velocity:
 
     def __init__(
         self,
-        waves: "NonlinearWaves | LinearRates",
+        waves: "NonlinearWaves | MovingWater",
         *,
         potential: LayeredField | None = None,
         cells: NDArray[np.int32] | None = None,
@@ -130,16 +132,17 @@ PART = 2e-3  # of the water column, or of the depth a paddle goes: so far a stat
 STENCIL = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}  # steps, and weights of a derivative of fourth order
 
 
-class NonlinearRates(NonlinearWaves):
-    """Separate nonlinear waves, in which the potential of a state and its rate are computed.
-
-    Parameters
-    ----------
-    tangents
-        The motions of the paddles.
+class MovingWater(ABC):
+    """The potential of a state of waves, and its rate; collective throughout.
 
     Attributes
     ----------
+    waves
+        The waves.
+    densities
+        Of the velocity, in UFL.
+    h
+        The column [m].
     nodes, node_velocities
         Places of the Gauss nodes zeta of the columns in the laboratory, along x, y and z [m], and their velocities
         [m/s], at all degrees of freedom that this rank sees, shape (levels, rows, 3).
@@ -149,88 +152,158 @@ class NonlinearRates(NonlinearWaves):
         The means of potential and rate at the surface.
     """
 
-    def __init__(self, plane: Plane, *, tangents: Sequence[Tangent], **parts: object):
-        self._tangents = tangents
-        self._rates_of: WaterEvaluation | None = None  # whose rates the fields are
-        super().__init__(plane, **parts)  # type: ignore[arg-type]
-        self._places, self._d = _places(plane), plane.function("depth")
+    waves: Any
+    densities: WaterEnergy
+    h: Field
+    nodes: Vector
+    node_velocities: Vector
+    phi: LayeredField
+    phi_rate: LayeredField
+    level: float
+    level_rate: float
+
+    @property
+    def plane(self) -> Plane:
+        """The horizontal space."""
+        plane: Plane = self.waves.plane
+        return plane
+
+    @property
+    def vertical(self) -> VerticalBasis:
+        """The vertical space."""
+        vertical: VerticalBasis = self.waves.vertical
+        return vertical
+
+    @property
+    def wall(self) -> Placed:
+        """The wall that can move."""
+        wall: Placed = self.waves.wall
+        return wall
+
+    @abstractmethod
+    def find_rates(self, q: Vector, p: Vector, t: float) -> None:
+        """Set potential and rate to those of a state."""
+
+    @abstractmethod
+    def head(self, velocity: Vector) -> Vector:
+        """Return the part of velocities, shape (..., 3), in Bernoulli's sum [m²/s²], shape (...)."""
+
+
+class NonlinearRates(MovingWater):
+    """The potential of nonlinear waves, and its rate.
+
+    The waves are evaluated with a separate history of solves, so that stepped waves stay equal bit for bit.
+    """
+
+    def __init__(self, waves: NonlinearWaves):
+        self.waves, self.history = waves, waves.new_history("below the surface")
+        self.densities, self.h, self.phi = waves.densities, waves.h, waves.phi
+        paddles: Any = waves.wall.paddles
+        self._tangents = list[tuple[Any, Tangent, PaddleKinematics]]()
+        for paddle in paddles:
+            tangent = Tangent(paddle.motion)
+            along = PaddleKinematics(tangent, paddle.side.along(self.plane.places))
+            self._tangents.append((paddle.travel, tangent, along))
+        self._at: tuple[WaterEvaluation, Vector] | None = None  # of the fields: with the column [m]
+        self._rates_at: WaterEvaluation | None = None
+        self._places, self._d = _places(self.plane), self.plane.function("depth")
         self.nodes: Vector = np.zeros((self.vertical.n + 1, len(self._places), 3))
         self.node_velocities = self.nodes
-        self.phi_rate = plane.layered_function(self.vertical.n + 1, "rate of the potential")
-        self.level_rate = 0.0
+        self.phi_rate = self.plane.layered_function(self.vertical.n + 1, "rate of the potential")
+        self.level = self.level_rate = 0.0
+
+    def find(self, q: Vector, p: Vector, t: float) -> WaterEvaluation:
+        """Set column and potential to those of a state, and return its evaluation."""
+        last = None if self._at is None else self._at[0]
+        here = last is not None and t == last.t and np.array_equal(q, last.q) and np.array_equal(p, last.p)
+        if summed(self.plane.comm, float(not here)) > 0.0:
+            at = self.waves.evaluate(q, p, t, history=self.history, interior=True)
+            self._at, self.level = (at, self.h.owned.copy()), self.waves.level
+        return self._set_fields()
+
+    def _set_fields(self) -> WaterEvaluation:
+        """Set wall, column and potential to those of the last evaluation, which is returned: others change them."""
+        assert self._at is not None
+        at, column = self._at
+        assert at.interior is not None
+        self.waves.set_time(at.t)
+        self.h.set(column)
+        self.phi.set(at.interior)
+        return at
 
     def find_rates(self, q: Vector, p: Vector, t: float) -> None:
-        """Compute the potential of a state and its rate; collective."""
-        last = self._rates_of
-        if last is not None and self._same(last, q, p, t):
+        """Set potential and rate to those of a state."""
+        at, waves = self.find(q, p, t), self.waves
+        if at is self._rates_at:
             return
-        at = self.evaluate(q, p, t)
-        column, step = self.h.owned.copy(), self._step(at.dq)
+        step = self._step(at.dq)
         residual_rate, self.node_velocities = np.zeros_like(self.phi.owned), np.zeros_like(self.node_velocities)
-        for steps, weight in STENCIL.items():
-            super()._move(t + steps * step)
-            self.h.set(self.columns.solve(q + steps * step * at.dq))
-            self.operator.update()
-            residual_rate += weight / step * (self.operator.apply(self.phi.rows) + self._wall_terms.vector())
-            self.node_velocities += weight / step * self._nodes()
-        self._move(t)
-        self.h.set(column)
+        with self._along_tangents(t):
+            for steps, weight in STENCIL.items():
+                waves.set_time(t + steps * step)
+                self.h.set(waves.columns.solve(q + steps * step * at.dq))
+                waves.operator.update()
+                residual_rate += weight / step * waves.residual()
+                self.node_velocities += weight / step * self._nodes()
+        self._set_fields()
         if self.wall.leans:
-            self.mass.update()
-        self.operator.update()
+            waves.mass.update()
+        waves.operator.update()
         self.nodes = self._nodes()
         self.level_rate = self.plane.sum(at.dp) / self.plane.size
         self.phi_rate.owned[:] = 0.0
         self.phi_rate.owned[:, -1] = at.dp - self.level_rate
-        self.potential.minimiser.find(self.phi_rate.owned, residual_rate)
+        self.history.interior.minimiser.find(self.phi_rate.owned, residual_rate)
         self.phi_rate.fetch()
-        self._rates_of = at
+        self._rates_at = at
 
-    def _same(self, at: WaterEvaluation, q: Vector, p: Vector, t: float) -> bool:
-        """Return whether an evaluation is at that point; collective."""
-        here = t == at.t and np.array_equal(q, at.q) and np.array_equal(p, at.p)
-        return summed(self.plane.comm, float(not here)) == 0.0
+    @contextmanager
+    def _along_tangents(self, t: float) -> Iterator[None]:
+        """Let paddles move along the tangents of their motions at t within a context."""
+        kinematics = [travel.kinematics for travel, _, _ in self._tangents]
+        for travel, tangent, along in self._tangents:
+            tangent.at, travel.kinematics = t, along
+        yield
+        for (travel, _, _), former in zip(self._tangents, kinematics, strict=True):
+            travel.kinematics = former
 
     def _nodes(self) -> Vector:
-        """Return where the Gauss nodes of the columns are in the laboratory [m], as ``nodes``; collective."""
-        self._d.set(self.bed.still)
+        """Return the places of the Gauss nodes of the columns in the laboratory [m], as ``nodes``."""
+        self._d.set(self.waves.bed.still)
         heights = self.vertical.zeta[:, None] * self.h.rows[:, 0] - self._d.rows[:, 0]
         return _standing(self.wall, self._places, heights)
 
-    def _move(self, t: float) -> None:
-        """Move the wall to where its motion is touched; collective."""
-        for tangent in self._tangents:
-            tangent.at = t
-        super()._move(t)
-
-    def _solve(self, q: Vector, p: Vector, t: float, history: SolverHistory) -> Solution:
-        self._rates_of = None  # the fields are another state's from now on
-        return super()._solve(q, p, t, history)
-
     def _step(self, q_rate: Vector) -> float:
-        """Return for how long the state goes on [s]; collective."""
-        rising = float(np.abs(self.mass.solve(q_rate) / self.h.owned).max(initial=0.0))
-        going = float(np.abs(self.wall.velocities).max(initial=0.0)) / self.depth
+        """Return the step of the central difference [s]."""
+        rising = float(np.abs(self.waves.mass.solve(q_rate) / self.h.owned).max(initial=0.0))
+        going = float(np.abs(self.wall.velocities).max(initial=0.0)) / self.waves.depth
         fastest = self.plane.comm.allreduce(max(rising, going), op=MPI.MAX)
         return float(PART / fastest) if fastest > 0.0 else 1.0
 
     def head(self, velocity: Vector) -> Vector:
-        """Return what velocities, shape (..., 3), add to Bernoulli's sum [m²/s²], shape (...)."""
+        """Return the part of velocities, shape (..., 3), in Bernoulli's sum [m²/s²], shape (...)."""
         return np.asarray(0.5 * (velocity**2).sum(axis=-1))
 
+    def state_tree(self) -> StateTree:
+        """Return the history of the solves."""
+        return self.history.state_tree()
 
-class LinearRates:
-    """The water of linear waves, which reaches up to z = 0, with the attributes of ``NonlinearRates``.
+    def take(self, tree: StateTree) -> None:
+        """Restore the history of the solves."""
+        self.waves.restore(self.history, tree)
+        self._at = None
+
+
+class LinearRates(MovingWater):
+    """The potential of linear waves, and its rate; the water reaches up to z = 0.
 
     Potential and rate are two solves of one problem: for psi and X_p', and for psi' = -g eta and X_p''.
     """
 
     def __init__(self, waves: LinearWaves, *, tolerance: float):
-        self.plane, self.vertical, self.bed = waves.plane, waves.vertical, waves.bed
-        self.wall, self.gravity, self._waves = waves.wall, waves.gravity, waves
-        components = waves.vertical.n + 1
+        self.waves, components = waves, waves.vertical.n + 1
         self.h = self.plane.function("water column")
-        self.h.set(self.bed.still)
+        self.h.set(waves.bed.still)
         heights = np.multiply.outer(self.vertical.zeta - 1.0, self.h.rows[:, 0])
         self.nodes = _standing(self.wall, _places(self.plane), heights)
         self.node_velocities = np.zeros_like(self.nodes)
@@ -238,7 +311,7 @@ class LinearRates:
         self.phi_rate = self.plane.layered_function(components, "rate of the potential")
         self.level = self.level_rate = 0.0
         g = fem.Constant(self.plane.mesh, waves.gravity)
-        self.densities = WaterEnergy(h=self.h.function, d=self.bed.d, gravity=g, mapping=waves.wall.mapping)
+        self.densities = WaterEnergy(h=self.h.function, d=waves.bed.d, gravity=g, mapping=waves.wall.mapping)
         column = self.densities.column
         interior = interior_of(column, self.plane, self.vertical, column=self.h, tolerance=tolerance)
         self._minimum = interior.minimum()
@@ -247,10 +320,10 @@ class LinearRates:
         self._paddles = [(paddle.motion, waves.flux(paddle, self.densities)) for paddle in waves.wall.paddles]
 
     def find_rates(self, q: Vector, p: Vector, t: float) -> None:
-        """Compute the potential of a state and its rate; collective."""
+        """Set potential and rate to those of a state."""
         speeds, accelerations = ([motion.derivative(t, order) for motion, _ in self._paddles] for order in (1, 2))
         self.level = self._solve(self.phi, p, speeds)
-        self.level_rate = self._solve(self.phi_rate, -self.gravity * self._waves.elevation(q, p, t), accelerations)
+        self.level_rate = self._solve(self.phi_rate, -self.waves.gravity * self.waves.elevation(q, p, t), accelerations)
 
     def _solve(self, field: LayeredField, surface: Vector, speeds: Sequence[float]) -> float:
         """Set a field to the potential below a surface's, less its mean there, which is returned; collective."""
@@ -265,9 +338,6 @@ class LinearRates:
     def head(self, velocity: Vector) -> Vector:
         """Return nothing: it is of second order."""
         return np.zeros(velocity.shape[:-1])
-
-
-MovingWater = NonlinearRates | LinearRates
 
 
 def _places(plane: Plane) -> Vector:
@@ -419,7 +489,7 @@ class Sounding:
         self._points.move(self._coordinates())
         self._stay_in_cells()
         water, layers, z = self._water, self._kinematics.layers(), self._at[:, 2]
-        self._depth.set(water.bed.still)
+        self._depth.set(water.waves.bed.still)
         zeta = (z + self._points.evaluate(self._depth)) / self._points.evaluate(water.h)
         weights = self._kinematics.weights(zeta)
 
@@ -429,7 +499,7 @@ class Sounding:
 
         velocity, rate = at(layers.velocity), at(layers.rate)
         local, total = map(at, self._kinematics.accelerations())
-        pressure = -self._density * (rate + water.head(velocity) + water.gravity * z)
+        pressure = -self._density * (rate + water.head(velocity) + water.waves.gravity * z)
         return Sounded(velocity, local, total, pressure, (zeta < -AT) | (zeta > 1 + AT))
 
     def _stay_in_cells(self) -> None:

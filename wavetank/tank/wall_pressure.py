@@ -68,7 +68,10 @@ class WallPressure:
     def _forms(self, facets: mesh.MeshTags) -> list[ScalarForm | None]:
         """Return the forces along x, y and z; None where there is none."""
         water, plane = self._water, self._water.plane
-        (h, d, mapping), out = (water.h.function, water.bed.d, water.densities.mapping), ufl.FacetNormal(plane.mesh)
+        (h, d, mapping), out = (
+            (water.h.function, water.waves.bed.d, water.densities.mapping),
+            ufl.FacetNormal(plane.mesh),
+        )
         forces: list[Any] = [ufl.as_ufl(0), ufl.as_ufl(0), ufl.as_ufl(0)]
         for k, (zeta, weight) in enumerate(zip(water.vertical.zeta, water.vertical.weights, strict=True)):
             z = float(zeta) * h - d
@@ -84,7 +87,7 @@ class WallPressure:
         """Find the pressure of a state; collective."""
         water = self._water
         water.find_rates(q, p, t)
-        self._pressure = -self._density * (self._kinematics.layers().head + water.gravity * water.nodes[..., 2])
+        self._pressure = -self._density * (self._kinematics.layers().head + water.waves.gravity * water.nodes[..., 2])
 
     def load(self, wall: int, about: Vector) -> Load:
         """Return what the pressure does on one of the walls, moments about a point (x, y, z) [m]; collective."""
@@ -106,7 +109,7 @@ class WallPressure:
         zeta, z, vertical = self._kinematics.levels[:, None], self._water.nodes[..., 2], self._water.vertical
         h = self._water.h.rows[:, 0]
         below = (zeta - 1.0) * (zeta[0] * h - z[0])  # heights in still water
-        weight = self._density * self._water.gravity
+        weight = self._density * self._water.waves.gravity
         still = (zeta[0] * h - z[0]) * (vertical.weights @ (-weight * below * shape.at(below)))
         return self._force(wall, (self._pressure * shape.at(z) - still / h) * weights)
 

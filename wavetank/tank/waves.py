@@ -224,6 +224,10 @@ class NonlinearWaves(Water):
             t, rows[3:5], rows[:2], energy, rows[5], kinetic, potential, wall, power, by_paddles, below
         )
 
+    def residual(self) -> Vector:
+        """Return A phi + dW/dphi for column, potential and wall as they are, shape (owned, n+1); collective."""
+        return self.operator.apply(self.phi.rows) + self._wall_terms.vector()
+
     def _begin_at(self, guess: WaterEvaluation | None) -> None:
         """Set the column that Newton's method beside a paddle that leans begins at; collective."""
         if self.wall.leans:

@@ -3,7 +3,7 @@
 As no place is displaced by both, their effects add up: the mapping's displacement, the column's mass, W and its power.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 import ufl
@@ -14,7 +14,6 @@ from wavetank.fem.codegen import Unit
 from wavetank.fem.mass import MassMatrix
 from wavetank.fem.plane import LayeredField, Plane
 from wavetank.fem.vertical import VerticalBasis
-from wavetank.motion.motion import Tangent
 from wavetank.tank.bed import Bed
 from wavetank.tank.energy import Part, WaterEnergy
 from wavetank.tank.walls.contract import Columns, Heights, PaddlePositions, WallTerms
@@ -59,11 +58,6 @@ class BothEnds:
     def _displace(self) -> None:
         first, second = self._each
         np.add(first, second, out=self._both)
-
-    def with_motions(self, tangents: Sequence[Tangent]) -> "BothEnds":
-        """See ``Wall``."""
-        first, second = (paddle.with_motions([one]) for paddle, one in zip(self.paddles, tangents, strict=True))
-        return BothEnds(first, second, plane=self._plane)
 
     @property
     def velocities(self) -> Vector:

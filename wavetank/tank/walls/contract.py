@@ -22,7 +22,6 @@ from wavetank.fem.slice import WallStruct
 from wavetank.fem.vertical import VerticalBasis
 from wavetank.motion import Motion
 from wavetank.motion.kinematics import PaddleKinematics
-from wavetank.motion.motion import Tangent
 from wavetank.tank.bed import Bed
 from wavetank.tank.energy import Mapping, Part, WaterEnergy
 from wavetank.tank.walls.shape import Shape
@@ -184,9 +183,6 @@ class Wall(Placed, Protocol):
 
         L [m] is of shape (dofs,), in one array for good.
         """
-
-    def with_motions(self, tangents: Sequence[Tangent]) -> "Wall":
-        """Return the same wall with other motions, one for each of its paddles; collective."""
 
     def at_surface(self, eta: Vector, still: Vector | float) -> Vector:
         """Return how it moves places at the surface, shape (4, owned), for an elevation and still water's depth [m].

@@ -35,7 +35,7 @@ from wavetank.fem.slice import WallStruct
 from wavetank.fem.vertical import VerticalBasis, gauss_legendre
 from wavetank.motion import Motion
 from wavetank.motion.kinematics import PaddleKinematics
-from wavetank.motion.motion import Tangent, blending, largest_stroke
+from wavetank.motion.motion import blending, largest_stroke
 from wavetank.tank.bed import Bed
 from wavetank.tank.energy import Part, WaterEnergy
 from wavetank.tank.walls.contract import Columns, Heights, PaddlePositions
@@ -96,10 +96,6 @@ class Piston:
     def paddles(self) -> tuple["Piston"]:
         """Itself."""
         return (self,)
-
-    def with_motions(self, tangents: Sequence[Tangent]) -> "Piston":
-        """See ``Wall``."""
-        return type(self)(tangents[0], plane=self._plane, reach=self.reach, side=self.side, shape=self.shape)
 
     def _displaced_cells(self, s: Field) -> NDArray[np.int32]:
         """Return this rank's cells, ghosts among them, in which s is not zero."""

@@ -13,7 +13,6 @@ from wavetank.fem.mass import MassMatrix
 from wavetank.fem.plane import LayeredField, Plane
 from wavetank.fem.slice import WallStruct
 from wavetank.fem.vertical import VerticalBasis
-from wavetank.motion.motion import Tangent
 from wavetank.tank.bed import Bed
 from wavetank.tank.energy import Part, WaterEnergy
 from wavetank.tank.walls.contract import Columns, Heights, PaddlePositions
@@ -35,10 +34,6 @@ class StillWall:
     paddle_positions: PaddlePositions = ()
     rates = np.zeros((0, 3))
     shifts: Sequence[tuple[Vector, Shape]] = ()
-
-    def with_motions(self, tangents: Sequence[Tangent]) -> "StillWall":
-        """See ``Wall``: it does not move."""
-        return self
 
     def set_time(self, t: float) -> bool:
         """Do nothing."""
