@@ -267,6 +267,16 @@ class SpectralWaves(GeneratingMotion):
         yield from ()
 
 
+class IrregularWaves(SpectralWaves):
+    """An irregular sea."""
+
+    highest_of_peak: ClassVar[float] = 3.0
+    significant_height: Height = Field(description="significant wave height Hm0 = 4 m0^(1/2) [m]")
+    seed: int = Field(default=1, ge=0, le=2**53, description="seed of the random phases")
+    highest_frequency: Frequency | None = Field(default=None, description="last component [Hz]; default 3 fp")
+    components: int = Field(default=1000, ge=2, le=MAX_COMPONENTS, description="number of components")
+
+
 class FocusingWaves(SpectralWaves):
     """Waves that meet, by linear theory, in one crest at focus_x and focus_time."""
 
@@ -598,18 +608,13 @@ class BichromaticMotion(MadeWaves):
         yield from too_high or super().problems(context)
 
 
-class IrregularMotion(SpectralWaves, MadeWaves):
+class IrregularMotion(IrregularWaves, MadeWaves):
     """An irregular sea: the same waves of a seed on any machine, and on any number of ranks."""
 
-    highest_of_peak: ClassVar[float] = 3.0
     type: Literal["irregular"] = "irregular"
-    significant_height: Height = Field(description="significant wave height Hm0 = 4 m0^(1/2) [m]")
-    seed: int = Field(default=1, ge=0, le=2**53, description="seed of the random phases")
     random_amplitudes: bool = Field(
         default=False, description="amplitudes are random, too: Hm0 is then that of many seeds' mean"
     )
-    highest_frequency: Frequency | None = Field(default=None, description="last component [Hz]; default 3 fp")
-    components: int = Field(default=1000, ge=2, le=MAX_COMPONENTS, description="number of components")
 
     def target(self, tank: AnyTank) -> PlaneWaves:
         """Return the waves, with phases at the paddle."""
@@ -976,13 +981,10 @@ class ReflectedFocusMotion(_FanOfWaves):
         return ReflectedGroup(group=self.directional(tank), y_min=y_min, y_max=y_max)
 
 
-class DirectionalIrregularMotion(SpectralWaves, SegmentedWaves):
-    """An irregular sea of many directions, the same of a seed on any machine; side walls reflect it."""
+class DirectionalIrregularMotion(IrregularWaves, SegmentedWaves):
+    """An irregular sea of many directions, one of each component; the same of a seed anywhere. Side walls reflect."""
 
-    highest_of_peak: ClassVar[float] = 3.0
     type: Literal["directional-irregular"] = "directional-irregular"
-    significant_height: Height = Field(description="significant wave height Hm0 = 4 m0^(1/2) [m]")
-    seed: int = Field(default=1, ge=0, le=2**53, description="seed of the random phases")
     spreading: Spreading | None = Field(
         default=None, description="exponent s of the directions' density cos^2s(theta/2); default: by deviation"
     )
@@ -990,10 +992,6 @@ class DirectionalIrregularMotion(SpectralWaves, SegmentedWaves):
         default=None, description="standard deviation of directions, of a normal density [deg]; default: by spreading"
     )
     largest_angle: float = Field(default=60.0, ge=0.1, lt=90, description="angle of the outermost directions [deg]")
-    highest_frequency: Frequency | None = Field(default=None, description="last component [Hz]; default 3 fp")
-    components: int = Field(
-        default=1000, ge=2, le=MAX_COMPONENTS, description="number of components, each of one direction"
-    )
 
     _one_spread = one_of("spreading", "deviation")
 

@@ -48,7 +48,7 @@ def _rows(table: Table, model: type[BaseModel], own: dict[str, Any]) -> Iterator
     for key, what in own["properties"].items():
         if key != "type" and what.get("type") != "null":
             inside = table_at((*table.path, key), model.model_fields[key])
-            allowed = f"[`{inside.header}`](#{_anchor(inside)})" if inside else _allowed(what)
+            allowed = f"[`{inside.header}`](#{''.join(inside.path)})" if inside else _allowed(what)
             meaning, unit, default = _described(what["description"], measured="text" not in allowed)
             if key in own.get("required", ()):
                 default = "**needed**"
@@ -65,10 +65,6 @@ def _described(description: str, *, measured: bool) -> tuple[str, str, str]:
     if not measured or not (unit := re.search(r" ?\[([^\]]+)\]", meaning)):
         return meaning, "", default
     return meaning.replace(unit[0], ""), unit[1], default
-
-
-def _anchor(table: Table) -> str:
-    return "".join(table.path)
 
 
 def _toml(value: Any) -> str:

@@ -80,7 +80,8 @@ def analyse(
     why = InputError(" ".join(f"{', '.join(of)}: {reason}" for reason, of in refused.items()))
     if not results:
         raise why
-    _make(folder)
+    with write_errors(folder):
+        folder.mkdir(parents=True, exist_ok=True)
     terminal = console(least=WIDTH)
     if record.cause:
         terminal.print(f"the run has not finished: {record.cause}", highlight=False, markup=False)
@@ -125,11 +126,6 @@ def _places(text: str | None) -> tuple[float, float, int] | None:
     if not (result[0] < result[1] and 2 <= result[2] <= 2000):
         raise InputError(f"along {text!r} received; allowed is X,X,NUMBER: from x to x [m], 2 to 2000 places: 5,20,60.")
     return result
-
-
-def _make(folder: Path) -> None:
-    with write_errors(folder):
-        folder.mkdir(parents=True, exist_ok=True)
 
 
 def _cell(value: str | float) -> str:

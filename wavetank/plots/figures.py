@@ -102,13 +102,6 @@ def surface_figure(
     return path
 
 
-def _half_period(eta: Array) -> int:
-    """Return half a wave period in snapshots, at least one: twice the time the highest crest takes to sink to 0."""
-    crest, top = np.unravel_index(np.argmax(eta), eta.shape)
-    below = np.flatnonzero(eta[crest:, top] < 0)
-    return max(1, 2 * int(below[0]) - 1) if below.size else 1
-
-
 def _draw_profile(axes: Axes, t: Array, x: Array, eta: Array, depth: float) -> None:
     """Draw the highest crest over the water, and the surface half a period before and after it."""
     crest, top = (int(n) for n in np.unravel_index(np.argmax(eta), eta.shape))
@@ -117,7 +110,8 @@ def _draw_profile(axes: Axes, t: Array, x: Array, eta: Array, depth: float) -> N
     axes.set_facecolor(SKY)
     axes.grid(False)
     _fill_water(axes, x[crest], CM * eta[crest], limits)
-    step = _half_period(eta)
+    below = np.flatnonzero(eta[crest:, top] < 0)
+    step = max(1, 2 * int(below[0]) - 1) if below.size else 1  # half a period: twice the time that it takes to sink
     for snapshot, colour, note in (
         (crest - step, BEFORE, ""),
         (crest, CREST, ", the highest crest of the snapshots"),

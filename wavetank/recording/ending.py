@@ -74,7 +74,9 @@ class EndReport:
             self.log.say(f"{one.watch.story} ({BREAKING}){dissipated}")
             if self.writer is not None:
                 self.writer.write_table(BREAKING, one.watch.columns)
-        figures, outcome = self.parts.figures() | breaking_figures(self.run), RunOutcome.of(self.run)
+        figures, outcome = self.parts.figures(), RunOutcome.of(self.run)
+        for one in breaking_filters(self.run):
+            figures["breaking"] = one.figures
         if self.writer is None:
             return
         self.writer.note(figures | outcome.figures)
@@ -156,8 +158,3 @@ def _explained(error: BreakdownError, run: Run, waves: NonlinearWaves, scene: Ca
 def breaking_filters(run: Run) -> list[BreakingFilter]:
     """Return the filter of breaking, if the run has one."""
     return [one for one in run.filters if isinstance(one, BreakingFilter)]
-
-
-def breaking_figures(run: Run) -> dict[str, Any]:
-    """Return the manifest's entry for breaking."""
-    return {"breaking": breaking[0].figures} if (breaking := breaking_filters(run)) else {}

@@ -441,7 +441,7 @@ class RecordAim:
     def _inverse(self, attempts: Sequence[Attempt]) -> Complex:
         """Return coherence over transfer function, in bands, from the settings and from their changes."""
         odd = [(one, one.result.odd) for one in attempts if one.result.odd is not None]
-        linear = [self._linear_lines(one) for one, _ in odd]
+        linear = [self._lines.of(self.waves(one.setting).elevation(self.x, self.wanted.t)) for one, _ in odd]
         measured = [self._lines.of(eta) for _, eta in odd]
         U, M = (np.concatenate([each[-1:], np.diff(each, axis=0)]) for each in (linear, measured))
         band = self._band(linear[-1])
@@ -449,10 +449,6 @@ class RecordAim:
         little = LITTLE * UU.max()
         transfer = np.abs(MU) / (UU + little)
         return np.asarray(MU.conj() / (MM + little) * np.minimum(1.0, transfer / HARDLY) ** 2)
-
-    def _linear_lines(self, attempt: Attempt) -> Complex:
-        """Return the Fourier amplitudes of an attempt's record by linear theory."""
-        return self._lines.of(self.waves(attempt.setting).elevation(self.x, self.wanted.t))
 
     def _band(self, linear: Complex) -> Array:
         """Return the weight of each frequency in the band of each other, shape (M, M)."""
