@@ -261,10 +261,6 @@ class FeedbackMotion(MotionWrapper):
         """Return the derivative of the sum."""
         return self.motion.derivative(t, order, y) + self.added(t, order)
 
-    def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
-        """Return the derivatives of the sum."""
-        return [rate + self.added(t, order) for order, rate in enumerate(self.motion.rates(t, y, up_to=up_to))]
-
 
 STEP = 0.02  # of (d / g)^(1/2)
 MEMORY = 4096  # steps of the impulse response

@@ -86,9 +86,9 @@ class Motion(ABC):
         """Raise ``InputError`` where a derivative is not that of X at times [s]; built-in motions are exact."""
         return
 
-    def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
-        """Return X, dX/dt and so on, up to an order, at times t [s] and places y [m]."""
-        return [self.derivative(t, order, y) for order in range(up_to + 1)]
+    def rates(self, t: Any, y: Any = None) -> list[Any]:
+        """Return X, dX/dt and d²X/dt² at times t [s] and places y [m]."""
+        return [self.derivative(t, order, y) for order in range(3)]
 
     def kinematics(self, t: Array, y: Any = None) -> Array:
         """Return X, X' and X'' [m, m/s, m/s²] at times [s], shape (T,): shape (3, T), or (3, T, N) at N places y."""
@@ -175,10 +175,6 @@ class ByFormula(Motion):
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the formula's derivative; raises ``InputError`` where it is not finite."""
         return self._formula.derivative(order, t)[()]
-
-    def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
-        """Return the formula's derivatives from one evaluation; raises ``InputError`` where one is not finite."""
-        return [values[()] for values in self._formula.derivatives(t, *range(up_to + 1))]
 
     def check(self, times: Array) -> None:
         """Raise ``InputError`` where the formula or a derivative is not finite, at times [s] or at first."""
@@ -351,23 +347,12 @@ class Ramped(MotionWrapper):
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the derivative of the product by Leibniz' rule."""
-        return self.rates(t, y, up_to=order)[order]
-
-    def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
-        """Return the derivatives of the product, with one evaluation of S."""
-        s = np.clip((np.asarray(t)[()] - self.start) / self.ramp, 0.0, 1.0)
-        steps = [np.polyval(coefficients, s) / self.ramp**n for n, coefficients in enumerate(_STEP[: up_to + 1])]
-        both = steps, self.motion.rates(t, y, up_to=up_to)
-        return [self._product(t, order, both) for order in range(up_to + 1)]
-
-    def _product(self, t: Any, order: int, both: tuple[list[Any], list[Any]]) -> Any:
-        steps, values = both
-        return sum(_times(t, comb(order, n) * steps[n], values[order - n]) for n in range(order + 1))
-
-
-def _times(t: Any, factor: Any, values: Any) -> Any:
-    alone = isinstance(values, float) or np.ndim(values) == np.ndim(t)
-    return (factor if alone else np.asarray(factor)[..., None]) * values
+        s, result = np.clip((np.asarray(t)[()] - self.start) / self.ramp, 0.0, 1.0), 0.0
+        for n in range(order + 1):
+            factor, values = comb(order, n) * np.polyval(_STEP[n], s), self.motion.derivative(t, order - n, y)
+            several = np.ndim(values) > np.ndim(t)  # places
+            result = result + (factor[..., None] if several else factor) / self.ramp**n * values
+        return result
 
 
 def ramped(motion: Motion, ramp: float, *, start: float = 0.0) -> Motion:
@@ -402,15 +387,12 @@ class FlapAngle(MotionWrapper):
             raise InputError(f"the flap turns by {largest:.4g} rad; its angle {ANGLES}.")
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
-        """Return the derivative."""
-        return self.rates(t, y, up_to=order)[order]
-
-    def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
-        """Return the derivatives by the chain rule."""
-        angle, speed, acceleration, *_ = [*self.motion.rates(t, y, up_to=up_to), 0.0, 0.0]
-        tan = np.tan(angle)
-        slope = self.arm * (1.0 + tan**2)  # of arm tan
-        return [self.arm * tan, slope * speed, slope * (acceleration + 2.0 * tan * speed**2)][: up_to + 1]
+        """Return the derivative by the chain rule."""
+        tan = np.tan(self.motion.derivative(t, 0, y))
+        if order == 0:
+            return self.arm * tan
+        slope, speed = self.arm * (1.0 + tan**2), self.motion.derivative(t, 1, y)
+        return slope * (speed if order == 1 else self.motion.derivative(t, 2, y) + 2.0 * tan * speed**2)
 
 
 class ValidatedMotion(MotionWrapper):
@@ -431,22 +413,13 @@ class ValidatedMotion(MotionWrapper):
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """See ``Motion``."""
-        return self._validated(t, lambda t: self.motion.derivative(t, order, y))
-
-    def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
-        """See ``Motion``."""
-        result: list[Any] = self._validated(t, lambda t: self.motion.rates(t, y, up_to=up_to))
-        return result
-
-    def _validated(self, t: Any, function: Callable[[Any], Any]) -> Any:
-        """Return a function's values at times [s]."""
         with about(*self._key):
             try:
-                return function(t)
+                return self.motion.derivative(t, order, y)
             except InputError as error:
                 if np.max(t) <= self._run:
                     raise
-                function(np.minimum(t, self._run))
+                self.motion.derivative(np.minimum(t, self._run), order, y)
                 ends = f"the last step ends beyond run.duration = {self._run:g} s; a step that divides that does not"
                 raise InputError(f"{str(error).removesuffix('.')}: {ends}.") from error
 

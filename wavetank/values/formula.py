@@ -109,15 +109,11 @@ class Formula:
 
     def derivative(self, order: int, coordinate: ArrayLike) -> Array:
         """Return the derivative of order 0 to 2 of a formula of one variable, exact; raise as a call does."""
-        return self.derivatives(coordinate, order)[0]
-
-    def derivatives(self, coordinate: ArrayLike, *orders: int) -> list[Array]:
-        """Return derivatives of several orders in one evaluation."""
         array = np.asarray(coordinate, dtype=np.float64)
         (variable,) = self._variables
         result = self._evaluate({variable: Jet(array, np.ones_like(array), np.zeros_like(array))})
         jet = result if isinstance(result, Jet) else Jet(result, 0.0, 0.0)
-        return [self._checked(jet[order], {variable: array}) for order in orders]
+        return self._checked(jet[order], {variable: array})
 
     def _evaluate(self, variables: Mapping[str, Any]) -> Any:
         values: Values = {**CONSTANTS, **variables}
