@@ -11,6 +11,7 @@ dt (omega_max + u k_grid) < limit with k_grid = p pi / dx. Implicit stages of no
 water's inverse, converge to larger or smaller steps: ``solvable`` of the integrator.
 """
 
+from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
@@ -277,7 +278,7 @@ class _Steps:
         divided = required.duration / np.unique(np.maximum(1, np.ceil(counts)))
         self._given, self._measured = given is not None, required.measured
         self._dt = np.sort([*divided, *self._of_rows()])[::-1] if given is None else np.array([given])
-        self._part, self._missed = cache(self._time_error), cache(self._missed_motion)
+        self._part, self._missed = cache(lambda dt: errors.time(scheme, dt)), cache(self._missed_motion)
 
     def _of_rows(self) -> list[float]:
         """Return steps of some rows of each record that end within all."""
@@ -307,15 +308,8 @@ class _Steps:
         nodes, steps = INTEGRATORS[self._scheme].nodes, max(1, int(self._required.duration / dt))
         return stroke_missed(motion.position, motion.velocity, dt=dt, steps=steps, nodes=nodes)
 
-    def _time_error(self, i: int) -> ErrorPart:
-        return self._errors.time(self._scheme, float(self._dt[i]))
-
     def largest(self, limit: float, space: ErrorPart) -> float | None:
         """Return the largest step below ``limit`` [s] that is accurate and resolves the motion; None if none is."""
-        low = int(np.searchsorted(-self._dt, -limit))
-        high = self._dt.size
-        while low < high:
-            middle = (low + high) // 2
-            accurate = self._errors.total(space, self._part(middle)) <= AIM * self._required.accuracy
-            low, high = (low, middle) if accurate else (middle + 1, high)
-        return next((dt for dt in map(float, self._dt[low:]) if self._resolves(dt)), None)
+        aim, steps = AIM * self._required.accuracy, self._dt[self._dt <= limit].tolist()
+        first = bisect_left(steps, True, key=lambda dt: self._errors.total(space, self._part(dt)) <= aim)
+        return next(filter(self._resolves, steps[first:]), None)
