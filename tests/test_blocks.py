@@ -26,7 +26,7 @@ from wavetank.simulation.diagnostics import Called, Gauges
 from wavetank.simulation.records import Memory
 from wavetank.simulation.stability import IN_ELEVATION, StabilityWatch
 from wavetank.simulation.surviving import restore_surviving
-from wavetank.state import state_of
+from wavetank.state import plain
 from wavetank.tank.surface_flow import surface_of
 
 BESIDE = {"gauges": [0.4, 1.0, 1.5, 2.5]}  # within the paddle's reach, two of them where cells meet
@@ -123,7 +123,7 @@ def test_a_stability_watch_warns_of_the_same_time_and_place_in_blocks_of_any_len
     assert warning.startswith(f"t = {watch.since:.6g} s: ") and watch.since == pytest.approx(0.48)
     assert f"most at x = {motion.position(watch.since):.4g} m" in warning
     other = StabilityWatch(tank, surface_of(tank), dt=0.01, limit=2.0, warn=warnings.append, alternating=IN_ELEVATION)
-    restore_surviving({"StabilityWatch": other}, {"StabilityWatch": state_of(watch)})
+    restore_surviving({"StabilityWatch": other}, {"StabilityWatch": plain(watch.state)})
     assert other.since == watch.since and other.noise == 0.0  # it may warn again: the state was not sound before
 
 

@@ -41,15 +41,9 @@ def has_state(part: object) -> bool:
     return is_dataclass(getattr(part, "state", None)) or isinstance(part, Stateful)
 
 
-def state_of(part: Any) -> StateTree:
-    """Return the state of an object as a plain tree; collective."""
-    tree: StateTree = plain(part.state) if is_dataclass(getattr(part, "state", None)) else part.state_tree()
-    return tree
-
-
-def states_of(parts: Mapping[str, Any]) -> StateTree:
-    """Return the states of objects by their names; collective."""
-    return {name: state_of(part) for name, part in parts.items()}
+def value_of(part: Any) -> Any:
+    """Return the state of an object as a value, which ``plain`` makes a tree; collective."""
+    return part.state if is_dataclass(getattr(part, "state", None)) else part.state_tree()
 
 
 def restore(part: Any, tree: Any, where: str) -> None:

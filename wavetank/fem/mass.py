@@ -367,7 +367,9 @@ class BandedMass(MassMatrix):
         self._multiply(np.ascontiguousarray(values), result)
         return result
 
-    def _prepare(self) -> None:
+    def make_ready(self) -> None:
+        """Factor it, unless the factors are those of its weights."""
+        self._update_if_new()
         self._factor()
 
     def solve(self, right: Vector, *, within: float = ROUND_OFF) -> Vector:

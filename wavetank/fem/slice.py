@@ -20,7 +20,7 @@ from wavetank.fem.layers import LayerOperator
 from wavetank.fem.mass import BandedMass, MassMatrix
 from wavetank.fem.plane import Field, LayeredField, Plane
 
-EXPORTS = "evaluate", "solve_stage", "elevation_change", "precondition", "set_velocity"
+EXPORTS = "displace", "evaluate", "solve_stage", "elevation_change", "precondition", "set_velocity"
 
 
 class WallStruct(Protocol):
@@ -132,6 +132,8 @@ class SliceSolver:
     inputs
         Numbers by which start values are found: elevation, potential over ``celerity`` [m/s], which are set here, and
         what tells how walls move.
+    scales, position
+        Of the velocities of the walls among the inputs, shape (walls, dofs); the displacement of the mesh by two walls.
     """
 
     def __init__(
@@ -152,6 +154,8 @@ class SliceSolver:
         leaning: Leaning | None,
         inputs: Vector,
         celerity: float,
+        scales: Vector,
+        position: Vector | None,
     ):
         self._minimum, self._recall, self._following = minimum, recall, walls if on_varying_bed else ()
         self._n, numbers = plane.size, phi.rows.shape[1]
@@ -192,15 +196,22 @@ class SliceSolver:
             phi=phi.rows,
             image=np.zeros(shape),
             inputs=inputs,
+            scales=scales,
+            position=position,
             **minimum.compiled,
             **lean,
         )
         self._numbers, self._at_rest = np.zeros(6), np.zeros(plane.size)
+        self._displace = self.instance.function("displace", self.struct)
         n, result, function = Buffer(plane.size), Buffer(6 * plane.size), self.instance.function
         self._evaluate = function("evaluate", self.struct, n, n, n, n, int, result, self._numbers)
         self._elevation_change = function("elevation_change", self.struct, n, n, n, n)
         self._stages: dict[tuple[Struct, AndersonMixing], tuple[Any, Callable[..., int]]] = {}
         self._functions = list[Function]()  # which own the structs of the stages
+
+    def displace(self) -> None:
+        """Move the walls to where their ``moves`` are, with the mass matrix and the inputs."""
+        self._displace.call()
 
     def evaluate(self, q: Vector, p: Vector, eta: Vector | None, still: Vector) -> tuple[Solution, int] | None:
         """Return the solution for masses q and surface potential p, (dofs,) each, with energies; and its iterations.

@@ -202,7 +202,7 @@ class StageSolver:
 
     def points(self, pairs: int) -> AndersonMixing:
         """Return the memory for points of so many pairs."""
-        return self._combination(pairs, most=12)
+        return self._combination(pairs, most=5)
 
     def _combination(self, pairs: int, **how: Any) -> AndersonMixing:
         scale = np.concatenate(pairs * [self._scale])

@@ -1,6 +1,6 @@
 """Checkpoints of a run and its records, written at intervals and where it ends."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,7 +33,7 @@ class CompletedStep(NamedTuple):
     q, p
         Coordinates and momenta; later steps have others.
     tree
-        State of the run, without its solves.
+        Returns the state of the run, without its solves.
     records
         How far the tables and snapshots of the first rank had grown; nothing on others.
     fields
@@ -44,7 +44,7 @@ class CompletedStep(NamedTuple):
     t: float
     q: Vector
     p: Vector
-    tree: StateTree
+    tree: Callable[[], StateTree]
     records: StateTree
     fields: dict[str, StateTree]
 
@@ -97,9 +97,7 @@ class Checkpointer:
         """Store the present step, which all observers have recorded; collective."""
         run, fields = self._run, {name: series.extent() for name, series in self._fields.items()}
         records = {} if self._writer is None else self._writer.extents()
-        self._reached = CompletedStep(
-            run.step, run.t, run.state.q, run.state.p, run.tree(with_solves=False), records, fields
-        )
+        self._reached = CompletedStep(run.step, run.t, run.state.q, run.state.p, run.snapshot(), records, fields)
 
     def write(self) -> None:
         """Write one of all that the run holds, if there is none of this step; collective.
@@ -157,8 +155,9 @@ class Checkpointer:
         if not waves.plane.comm.allreduce(bool(np.isfinite([reached.q, reached.p]).all()), op=MPI.LAND):
             return  # nothing could go on from there, as the run will say
         surface = self._surface(reached)
-        text, arrays = serialize({"surface": surface, "run": self._run.tree() if with_history else reached.tree})
-        least = len(serialize({"surface": surface, "run": reached.tree})[1])
+        tree = reached.tree()
+        text, arrays = serialize({"surface": surface, "run": self._run.tree() if with_history else tree})
+        least = len(serialize({"surface": surface, "run": tree})[1])
         values, places = gathered(waves.plane, arrays)
         about = {
             "format": FORMAT,

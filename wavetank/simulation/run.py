@@ -18,11 +18,11 @@ from wavetank.simulation.clock import Clock
 from wavetank.simulation.contract import Diagnostic, due_steps
 from wavetank.simulation.supply import PaddleWork
 from wavetank.simulation.surviving import MAY_BE_NEW, restore_surviving, survives
-from wavetank.state import StateTree, check_like, has_state, hints_of, named, plain, restore_all, states_of, typed
+from wavetank.state import StateTree, check_like, has_state, hints_of, named, plain, restore_all, typed, value_of
 from wavetank.tank.dissipation import Smoothing
 from wavetank.tank.seen import Block, Evaluations, write_numbers
 
-LONGEST, NUMBERS = 256, 3.6e5  # steps of a block, and unknowns of all of them
+LONGEST, FEW, NUMBERS = 256, 16, 5e4  # steps of a block; unknowns of all of them, which caches hold
 SECONDS = 0.5  # of computing, of a block
 
 
@@ -174,7 +174,7 @@ class Run:
         plane = getattr(self.system, "plane", None)
         comm = MPI.COMM_SELF if plane is None else plane.comm
         size = self.system.inner(*[np.ones_like(self.state.q)] * 2)
-        most = max(1, min(self.longest_block, int(NUMBERS / size)))
+        most = max(1, min(self.longest_block, max(FEW, int(NUMBERS / size))))
         self._rows = Rows(self.system, self.state.q.size, most, sinks=self.sinks, work=self.paddle_work)
         pace, tabulated = Pace(comm, most), False
         if not self._start_recorded:
@@ -273,8 +273,17 @@ class Run:
         Without solves it has only what survives a change of numerics. Raises ``TypeError`` for a state of the scheme
         that is not a dataclass.
         """
-        parts = self.parts if with_solves else {name: part for name, part in self.parts.items() if survives(name)}
-        return {"step": self.step, "begun": self._start_recorded, "state": plain(self.state), "parts": states_of(parts)}
+        return self.snapshot(with_solves=with_solves)()
+
+    def snapshot(self, *, with_solves: bool = False) -> Callable[[], StateTree]:
+        """Return a function that returns the present state as such a tree, also later; collective.
+
+        States are values, so nothing is copied before; solves are converted at once.
+        """
+        parts = {name: part for name, part in self.parts.items() if with_solves or survives(name)}
+        now = {"step": self.step, "begun": self._start_recorded, "state": self.state}
+        states = {name: value_of(part) for name, part in parts.items()}
+        return lambda: plain({**now, "parts": states})
 
     def resume(self, tree: StateTree, *, with_solves: bool = True) -> None:
         """Continue, at the next ``execute``, an equal run from its state; collective.

@@ -277,12 +277,20 @@ class NonlinearWaves(Water):
     def _move(self, t: float) -> None:
         """Move the wall; collective."""
         self._t = t
+        if not self.wall.moves:
+            return
+        if self.history.compiled is not None:
+            for paddle in self.wall.paddles:
+                paddle.travel.look_up(t)
+            self.history.compiled.displace()
+            if self.bed.varies:
+                self.bed.follow(self.wall)
+            return
         if self.wall.set_time(t):
             self.mass.update()
             if self.bed.varies:
                 self.bed.follow(self.wall)
-        if self.wall.moves:
-            np.multiply(self.depth / self.speed, self.wall.velocities, out=self._inputs[2])
+        np.multiply(self.depth / self.speed, self.wall.velocities, out=self._inputs[2])
 
     def _refuse_column(self, t: float) -> None:
         """Raise what says where the column is lowest, which is not positive; collective."""
@@ -327,6 +335,8 @@ class NonlinearWaves(Water):
             leaning=self.columns if isinstance(self.columns, ShapedColumns) else None,
             inputs=self._inputs,
             celerity=self.speed,
+            scales=self.depth / self.speed * self.wall.nearest,
+            position=self.wall.shifts[0][0] if len(self.wall.shifts) < len(self.wall.paddles) else None,
         )
         return history
 

@@ -21,6 +21,8 @@ typedef struct {
     const int *order, *carried;
     const double **fields;
     double *column, *phi, *rows, *image, *inputs, *steps, *wall, *correction;
+    const double *scales;               /* [wall][degree of freedom]: of velocities among the inputs */
+    double *position;                   /* [degree of freedom]: the sum of those of two walls, or null */
     float *float_rows, *float_state, *work;
 } Tank;
 
@@ -50,6 +52,28 @@ typedef struct {
     double last_size, measured;     /* of the last solve; measured: its first contraction, or nan */
     double away, length;
 } Stage;
+
+/* Move the walls to where they are by ``moves``. */
+static void displace(Tank *w)
+{
+    const long n = w->dofs;
+    double *velocity = w->inputs + 2 * n;
+    memset(velocity, 0, sizeof(double) * n);
+    if (w->position)
+        memset(w->position, 0, sizeof(double) * n);
+    EACH(k, w->walls_moving) {
+        const Wall *wall = w->walls[k];
+        const double far = wall->moves[POSITION], fast = wall->moves[SPEED], *scale = w->scales + k * n;
+        EACH(i, n) {
+            wall->position[i] = wall->blending[i] * far, wall->speed[i] = wall->blending[i] * fast;
+            velocity[i] += scale[i] * fast;
+        }
+        if (w->position)
+            EACH(i, n)
+                w->position[i] += wall->position[i];
+    }
+    mass_weigh(w->mass);
+}
 
 /* The column at an elevation, where columns depend on time, and the mass matrix with its factors. */
 static void set_column(Tank *w, const double *eta, const double *still)

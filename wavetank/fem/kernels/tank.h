@@ -87,7 +87,8 @@ typedef struct {
     const double **fields;          /* [field][degree of freedom] */
     double *rows;                   /* [degree of freedom][field] */
     const double *moves;            /* X_p, X_p', X_p'' [m, m/s, m/s2] */
-    const double *position, *speed; /* [degree of freedom]: s X_p, s X_p' */
+    const double *blending;         /* [degree of freedom]: s */
+    double *position, *speed;       /* [degree of freedom]: s X_p, s X_p' */
     double at_still_water, slope, mean; /* of the shape f: f(0), f'(0) and its mean below still water */
     double *by_potential, *by_column;   /* [degree of freedom][number], [degree of freedom]: derivatives of W */
 } Wall;

@@ -65,6 +65,11 @@ class BothEnds:
         first, second = (paddle.velocities for paddle in self.paddles)
         return np.where(self._nearest_is_first, first, second)
 
+    @property
+    def nearest(self) -> Vector:
+        """See ``Wall``."""
+        return np.array([self._nearest_is_first, ~self._nearest_is_first], dtype=np.float64)
+
     def at_surface(self, eta: Vector, still: Vector | float) -> Vector:
         """See ``Wall``."""
         first, second = (paddle.at_surface(eta, still) for paddle in self.paddles)

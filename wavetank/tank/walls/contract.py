@@ -184,6 +184,10 @@ class Wall(Placed, Protocol):
         L [m] is of shape (dofs,), in one array for good.
         """
 
+    @property
+    def nearest(self) -> Vector:
+        """1 at the owned degrees of freedom that are nearest to each of the paddles, else 0, shape (paddles, owned)."""
+
     def at_surface(self, eta: Vector, still: Vector | float) -> Vector:
         """Return how it moves places at the surface, shape (4, owned), for an elevation and still water's depth [m].
 

@@ -137,6 +137,11 @@ class Piston:
         far, fast = self.travel.at_nodes
         return np.array([far, fast, fast * (still + eta), 0 * far])
 
+    @property
+    def nearest(self) -> Vector:
+        """See ``Wall``."""
+        return np.ones((1, self._plane.owned))
+
     def set_time(self, t: float) -> bool:
         """Move to where the paddle stands at t [s]; return whether the mapping has changed."""
         return self.travel.set_time(t)
@@ -375,6 +380,7 @@ class CompiledTerms(PistonTerms):
             fields=density.values,
             rows=np.zeros((plane.size, density.fields)),
             moves=wall.travel.moves,
+            blending=wall.travel.blending.x.array,
             position=wall.travel.position.x.array,
             speed=wall.travel.speed.x.array,
             **dict(zip(("at_still_water", "slope", "mean"), wall.shape.at_still_water, strict=True)),

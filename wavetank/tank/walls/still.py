@@ -30,6 +30,7 @@ class StillWall:
     paddles: tuple[Any, ...] = ()
     mapping = Identity()
     displaced_measure: ufl.Measure | None = None
+    nearest = np.zeros((0, 0))
     displaced_dofs, displaced = np.arange(0), 0.0
     paddle_positions: PaddlePositions = ()
     rates = np.zeros((0, 3))

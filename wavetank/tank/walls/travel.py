@@ -60,15 +60,21 @@ class Travel:
         """How far from rest the paddle stands at most [m]."""
         return float(np.abs(self.offsets).max(initial=0.0)) if self.offsets.ndim else abs(float(self.offsets))
 
+    def look_up(self, t: float) -> Vector:
+        """Set X_p, X_p' and X_p'' to those at t [s], and return them."""
+        rates = self.kinematics.table.get(t)
+        if rates is None:
+            rates = self.kinematics.at(t)
+        self.t, self._rates[...] = t, rates
+        return rates
+
     def set_time(self, t: float) -> bool:
         """Move to where the paddle stands at t [s]; return whether its position has changed; collective."""
         if t == self.t:
             return False
-        rates = self.kinematics.table.get(t)
-        if rates is None:
-            rates = self.kinematics.at(t)
-        self.t, moved = t, (self.offsets != rates[0]).any()
-        self._rates[...] = rates
+        before = self.offsets.copy()
+        rates = self.look_up(t)
+        moved = (before != rates[0]).any()
         for order in (0, 1):
             self._set(order, rates[order])
         return summed(self._comm, float(moved)) > 0
