@@ -37,6 +37,11 @@ class Halo:
         What they are.
     reached
         Those that are needed, by number, in any order and as often as one likes; all, if not given.
+
+    Attributes
+    ----------
+    owned, size
+        Rows that this rank owns, and all rows.
     """
 
     def __init__(
@@ -47,7 +52,7 @@ class Halo:
         *,
         reached: Indices | None = None,
     ):
-        self._owned, self.size = numbering.size_local, numbering.size_local + numbering.num_ghosts
+        self.owned, self.size = numbering.size_local, numbering.size_local + numbering.num_ghosts
         self._alone = numbering.comm.size == 1
         if not self._alone:
             self._comm: MPI.Comm = numbering.comm
@@ -62,7 +67,7 @@ class Halo:
         """
         if self._alone:
             return np.ascontiguousarray(owned)
-        self._rows[: self._owned] = owned
+        self._rows[: self.owned] = owned
         for place, values in self._exchange(self._rows, self._to_fetch):
             self._rows[place] = values
         return self._rows
@@ -76,7 +81,7 @@ class Halo:
             return rows
         for place, values in self._exchange(rows, self._to_collect):
             rows[place] += values
-        return rows[: self._owned]
+        return rows[: self.owned]
 
     def _exchange(self, rows: NDArray[Any], partners: list[Partner]) -> list[tuple[Indices, NDArray[Any]]]:
         """Return where what comes from each partner belongs, and what it is; collective."""

@@ -120,7 +120,7 @@ class LayerOperator:
         stored: bool = False,
     ):
         self.density = LayerDensity(energy, plane, column)
-        self._owned, self.numbers = plane.owned, vertical.n + 1
+        self.numbers = vertical.n + 1
         self.order = None if order is None else np.ascontiguousarray(order, dtype=np.int32)
         cells = Cells(plane, plane.degree, real=real)
         if order is not None:
@@ -202,12 +202,12 @@ class LayerOperator:
 
     def _applied(self, product: Any, rows: Array, y: Array) -> Array:
         halo = self._halos[self.numbers]
-        product(halo.fetch(rows[: self._owned]), y)
+        product(halo.fetch(rows[: halo.owned]), y)
         return halo.collect(y)
 
     def derivative(self, rows: Vector) -> Vector:
         """Return the derivative of 1/2 x A x by the water column, shape (owned,), for x of (owned, n+1); collective."""
         halo = self._halos[1]
-        x, y = self._halos[self.numbers].fetch(rows[: self._owned]), np.zeros((halo.size, 1))
+        x, y = self._halos[self.numbers].fetch(rows[: halo.owned]), np.zeros((halo.size, 1))
         self._derivative(x, y)
         return halo.collect(y)[:, 0]

@@ -79,6 +79,9 @@ class LayerMeans:
         self.averages_size = int(np.prod(self._shape))
         fields, averages = Buffer(density.rows().size, np.float32), Buffer(self.averages_size, np.float32)
         self._average = self.instance.function("average", self.cells, layers, fields, averages)
+        self._two = self.halo(2, np.float32)
+        two = Buffer(2 * self._two.size, np.float32)
+        self._add_diagonals = self.instance.function("diagonals", self.cells, averages, two)
         numbering = plane.V.dofmap.index_map
         self._work = np.zeros((2, (numbering.size_local + numbering.num_ghosts) * (vertical_order + 1)), np.float32)
 
@@ -92,6 +95,12 @@ class LayerMeans:
         out = np.empty(self._shape, dtype=np.float32)
         self._average(self._density.rows().astype(np.float32), out)
         return out
+
+    def diagonals(self, averages: Singles) -> Singles:
+        """Return the diagonals of S_u and S_w, shape (owned, 2); collective."""
+        y = np.zeros((self._two.size, 2), dtype=np.float32)
+        self._add_diagonals(averages, y)
+        return np.asarray(self._two.collect(y))
 
     def modes(self, eigenvalues: Vector) -> "OrderMultigrid":
         """See ``LayerMatrices``."""
@@ -127,16 +136,14 @@ class OrderMultigrid(Modes):
     margin = 1.1  # over what they see, and below
 
     def __init__(self, layer: LayerMeans, eigenvalues: Vector):
-        self._plane, self._layer = layer.plane, layer
-        self._eigenvalues, p = eigenvalues.astype(np.float32), layer.plane.order
+        self._layer, self._eigenvalues, p = layer, eigenvalues.astype(np.float32), layer.plane.order
         self.steps, self.spread, self.low = max(2, (p + 1) // 2), max(8.0, p**2 / 2), eigenvalues.size
-        self._halo, self._one = (layer.halo(many, np.float32) for many in (eigenvalues.size, 2))
+        self._halo = layer.halo(eigenvalues.size, np.float32)
         self._image, direction = layer.work(self._halo.size, eigenvalues.size)
         self._direction = direction[: layer.plane.owned]
         self._of_low = dict[int, LinearModes]()
         function, owned, modes = layer.instance.function, layer.plane.owned, self._eigenvalues
         size, averages, both = self._halo.size, Buffer(layer.averages_size, np.float32), Buffer(2 * owned, np.float32)
-        self._diagonals = function("diagonals", layer.cells, averages, Buffer(2 * size, np.float32))
         layered, rows = (Buffer(count * modes.size, np.float32) for count in (size, owned))
         self._multiply = function("multiply", layer.cells, averages, modes, int, modes.size, layered, layered)
         lengths, many = Buffer(modes.size, np.float32), modes.size
@@ -145,9 +152,7 @@ class OrderMultigrid(Modes):
     def take(self, averages: Means) -> None:
         """See ``Modes``."""
         self._averages, linear = averages
-        y = np.zeros((self._one.size, 2), dtype=np.float32)
-        self._diagonals(self._averages, y)
-        self.diagonals = self._one.collect(y)
+        self.diagonals = self._layer.diagonals(self._averages)
         smallest, largest = self._ends_of_spectra()
         tops = self.margin * largest
         bottoms = np.maximum(smallest / self.margin, NONE * tops)
@@ -157,8 +162,7 @@ class OrderMultigrid(Modes):
             self._of_low[low] = LinearModes(
                 self._layer, self._eigenvalues[:low].astype(np.float64), modes=self._eigenvalues.size
             )
-        self._coarse = self._of_low[low]
-        self._coarse.take(linear)
+        self._of_low[low].take(linear)
         tops[:low] = tops.max()
         bottoms[:low] = tops.max() / self.spread
         before = _chebyshev(bottoms, tops, self.steps + 1)
@@ -172,9 +176,9 @@ class OrderMultigrid(Modes):
         scale, modes = (of_u[:, None] + of_w[:, None] * self._eigenvalues) ** -0.5, self._eigenvalues.size
 
         def inner(a: Vector, b: Vector) -> Vector:
-            return summed(self._plane.comm, np.asarray((a * b).sum(axis=0), dtype=np.float64))
+            return summed(self._layer.plane.comm, np.asarray((a * b).sum(axis=0), dtype=np.float64))
 
-        v = np.repeat(np.sin(1e5 * self._plane.coordinates() @ [1.0, np.sqrt(2.0), 0.0])[:, None], modes, axis=1)
+        v = np.repeat(np.sin(1e5 * self._layer.plane.coordinates() @ [1.0, np.sqrt(2.0), 0.0])[:, None], modes, axis=1)
         v, before = (v / np.sqrt(inner(v, v))).astype(np.float32), np.zeros(v.shape, dtype=np.float32)
         beta: Vector = np.zeros(modes)
         projected = np.zeros((modes, self.lanczos, self.lanczos))
@@ -216,7 +220,7 @@ class OrderMultigrid(Modes):
         for lengths in self._lengths[: self.steps]:
             image = self.product(self._smooth(lengths, image, r, x))
         self._smooth(self._lengths[self.steps], image, r, x)
-        change = self._coarse.correction(r)
+        change = self._of_low[low].correction(r)
         x += change
         for lengths in self._lengths[self.steps + 1 :]:
             change = self._smooth(lengths, self.product(change, many=low), r, x)
@@ -244,7 +248,7 @@ class OrderMultigrid(Modes):
         return x
 
     def _inner(self, a: Singles, b: Singles) -> float:
-        return summed(self._plane.comm, dot(a, b))
+        return summed(self._layer.plane.comm, dot(a, b))
 
 
 class LinearModes:
