@@ -79,7 +79,7 @@ def check_like(example: Any, value: Any, where: str, *, exact: bool = False) -> 
     elif kind in (bool, int, float, str):
         typed(float if kind is int and not exact else kind, value, where)
     else:
-        raise _wrong_type(kind, value, where)
+        raise _type_error(kind, value, where)
 
 
 def _fields_of(value: Any) -> Mapping[str, Any] | None:
@@ -184,10 +184,10 @@ def typed(kind: Any, tree: Any, where: str) -> Any:
         raise ValueError(f"{where}: must be from 0 to {LARGEST:g}")
     if isinstance(kind, type) and not _has_fields(kind) and type(tree) is kind:
         return tree
-    raise _wrong_type(kind, tree, where)
+    raise _type_error(kind, tree, where)
 
 
-def _wrong_type(kind: Any, value: Any, where: str) -> ValueError:
+def _type_error(kind: Any, value: Any, where: str) -> ValueError:
     """Return the error for a value that is not of a type; values of several parts are named by what they are."""
     kinds = {np.ndarray: "an array", dict: "a table", list: "a list"}
     shown = kinds.get(type(value)) or json.dumps(value, default=str)[:60]

@@ -16,7 +16,6 @@ import ufl
 from dolfinx import default_scalar_type, fem, jit, la, mesh
 from ffcx.naming import compute_signature
 from mpi4py import MPI
-from numpy.typing import NDArray
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives
 
@@ -31,27 +30,6 @@ def compile_form(form: ufl.Form) -> Any:
     comm = form.ufl_domain().ufl_cargo().comm
     options = _cache_options(form, comm)
     return loaded(comm, lambda: fem.form(form, jit_options=options), options["cache_dir"])
-
-
-def part_of(form: ufl.Form, horizontal: mesh.Mesh, cells: NDArray[np.int32], *, besides: bool = False) -> ufl.Form:
-    """Return a form over some of one rank's cells and the facets at them, or over all that is ``besides``.
-
-    It is compiled once, whatever the cells.
-    """
-    dim = horizontal.topology.dim
-    horizontal.topology.create_connectivity(dim, dim - 1)
-    horizontal.topology.create_connectivity(dim - 1, dim)
-    facets = mesh.compute_incident_entities(horizontal.topology, cells, dim, dim - 1)
-
-    def tags(of: int, chosen: NDArray[np.int32]) -> mesh.MeshTags:
-        everywhere = np.arange(horizontal.topology.index_map(of).size_local, dtype=np.int32)
-        these = everywhere[np.isin(everywhere, chosen, invert=besides)]
-        return mesh.meshtags(horizontal, of, these, np.ones_like(these))
-
-    data = {"cell": tags(dim, cells), "interior_facet": tags(dim - 1, facets)}
-    return ufl.Form(
-        [one.reconstruct(subdomain_id=1, subdomain_data=data[one.integral_type()]) for one in form.integrals()]
-    )
 
 
 def compile_expression(expression: Any, points: Vector, comm: MPI.Comm) -> fem.Expression:

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import ufl
 from dolfinx import fem
-from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from wavetank.arrays import Vector, summed
@@ -21,7 +20,7 @@ from wavetank.fem.chain import chain
 from wavetank.fem.codegen import Buffer, Instance, Unit, source
 from wavetank.fem.conjugate_gradients import conjugate_gradients
 from wavetank.fem.density import Density
-from wavetank.fem.forms import compile_form, owned_rows, part_of
+from wavetank.fem.forms import compile_form, owned_rows
 from wavetank.fem.plane import Plane
 from wavetank.fem.sparse_rows import SparseRows
 
@@ -38,25 +37,11 @@ class HorizontalMatrix:
     ----------
     form
         The bilinear form in UFL, given trial and test function.
-    changing
-        On one rank, the cells in which, or at whose facets, what it depends on can change; None: all.
     """
 
-    def __init__(self, plane: Plane, form: Bilinear, *, changing: NDArray[np.int32] | None = None):
-        self._plane, bilinear = plane, form(ufl.TrialFunction(plane.V), ufl.TestFunction(plane.V))
-        if changing is None:
-            self._form = compile_form(bilinear)
-            self._matrix = fem.create_matrix(self._form)
-            self._constant_part = np.zeros_like(self._matrix.data)
-        else:
-            none = np.arange(0, dtype=np.int32)
-            everywhere, rest = (
-                compile_form(part_of(bilinear, plane.mesh, cells, besides=True)) for cells in (none, changing)
-            )
-            self._form = compile_form(part_of(bilinear, plane.mesh, changing))
-            self._matrix = fem.create_matrix(everywhere)
-            fem.assemble_matrix(self._matrix, rest)
-            self._constant_part = self._matrix.data.copy()
+    def __init__(self, plane: Plane, form: Bilinear):
+        self._form = compile_form(form(ufl.TrialFunction(plane.V), ufl.TestFunction(plane.V)))
+        self._matrix = fem.create_matrix(self._form)
         self._data = self._matrix.data
         self._values, columns, pointers = owned_rows(self._matrix)  # forms on facets reach beyond ghosts
         columns = self._matrix.index_map(1).local_to_global(columns)
@@ -66,7 +51,7 @@ class HorizontalMatrix:
 
     def update(self) -> None:
         """Assemble it for the present values of what the form depends on."""
-        self._data[:] = self._constant_part
+        self._data[:] = 0.0
         fem.assemble_matrix(self._matrix, self._form)
         self._matrix.scatter_reverse()
         self._rows.set(self._values)
@@ -92,20 +77,10 @@ class FactoredSum(HorizontalMatrix):
         M_J, and J in UFL.
     penalty
         The bilinear form of N in UFL, given trial and test function.
-    changing
-        As of ``HorizontalMatrix``.
     """
 
-    def __init__(
-        self,
-        plane: Plane,
-        mass: "MassMatrix",
-        J: Any,
-        penalty: Bilinear,
-        *,
-        changing: NDArray[np.int32] | None = None,
-    ):
-        super().__init__(plane, lambda u, v: J * u * v * plane.dx + penalty(u, v), changing=changing)
+    def __init__(self, plane: Plane, mass: "MassMatrix", J: Any, penalty: Bilinear):
+        super().__init__(plane, lambda u, v: J * u * v * plane.dx + penalty(u, v))
         self._mass, self._ksp = mass, PETSc.KSP().create(plane.comm)
         self._ksp.setOperators(self._rows.matrix)
         self._ksp.setType("preonly")

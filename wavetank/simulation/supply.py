@@ -88,19 +88,19 @@ class PaddleWorkState:
     ----------
     times
         Of the last steps [s].
-    known
+    slopes
         dH/dX, dH/dX' and both velocities u then, shape (K, 4, paddles).
     done
         The work by both u so far, shape (2,).
     """
 
     times: list[float]
-    known: Replicated
+    slopes: Replicated
     done: Replicated
 
     def __post_init__(self) -> None:
-        if len(self.known) != len(self.times) or not ascends(self.times):
-            raise ValueError(f"{len(self.known)} rates: must be at as many ascending times")
+        if len(self.slopes) != len(self.times) or not ascends(self.times):
+            raise ValueError(f"{len(self.slopes)} rates: must be at as many ascending times")
 
 
 class PaddleWork:
@@ -127,7 +127,7 @@ class PaddleWork:
         before = self.state
         times = [*before.times[1 - CUBIC_POINTS :], t]
         newest = np.vstack([slopes.mean(axis=0), self._speeds(t)])
-        rows = np.concatenate([before.known[1 - CUBIC_POINTS :], newest[None]])
+        rows = np.concatenate([before.slopes[1 - CUBIC_POINTS :], newest[None]])
         done = before.done if len(times) < 2 else before.done + self._work(times, rows)
         self.state = PaddleWorkState(times, rows, done)
         return float(done[0]), float(newest[3] @ slopes[-1][1] - done[1])

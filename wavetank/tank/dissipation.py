@@ -123,8 +123,6 @@ class Smoothing:
         The water.
     form
         The bilinear form of N in UFL, given trial and test function.
-    by_wall
-        Whether nothing but the wall changes it.
 
     Attributes
     ----------
@@ -136,8 +134,8 @@ class Smoothing:
     called, cure = "smoothing", ""
     gives = "waves too short or too steep for the step and the cells make it do so"
 
-    def __init__(self, waves: NonlinearWaves, form: Callable[[Any, Any], ufl.Form], *, by_wall: bool = False):
-        self._waves, self._of, self._by_wall = waves, form, by_wall
+    def __init__(self, waves: NonlinearWaves, form: Callable[[Any, Any], ufl.Form]):
+        self._waves, self._of = waves, form
         self._energy = SmoothingState()
 
     @property
@@ -163,9 +161,7 @@ class Smoothing:
         """Return M_J + N of the form; collective."""
         plane, mass, J = self._waves.plane, self._waves.mass, self._waves.wall.mapping.J(self._waves.densities.eta)
         if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
-            wall = self._waves.wall
-            changing = plane.around(wall.displaced_dofs) if self._by_wall and wall.moves else None
-            return FactoredSum(plane, mass, J, self._of, changing=changing)
+            return FactoredSum(plane, mass, J, self._of)
         return IterativeSum(plane, mass, self._of)
 
     def update(self) -> None:
@@ -238,7 +234,7 @@ class EdgePenalty(Smoothing):
             one, other = (ufl.jump(waves.wall.mapping.gradient(f, waves.densities.eta), n) for f in (u, v))
             return kappa * one * other * facets
 
-        super().__init__(waves, penalty, by_wall=True)
+        super().__init__(waves, penalty)
         self._flow = flow
         self._fast = float(np.sqrt(threshold * waves.gravity / k)) if plane.order > 1 else np.inf  # so it is needed
 
