@@ -121,7 +121,7 @@ def solved_and_renewed() -> dict:
 
 def grown_by_renewals(basin) -> float:
     """Memory [bytes] that ten renewals of the preconditioner keep."""
-    basin.potential.minimiser.patience = -1000  # every second solve renews it
+    basin.potential.minimiser.patience, basin.potential.patience = -1000, None  # every second solve renews it
     held = []
     for renewal in range(30):
         basin.evaluate(*basin.state(0.01 * np.cos(renewal + basin.plane.places[:, 0]), basin.plane.places[:, 1]), 0.0)
