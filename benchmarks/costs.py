@@ -17,10 +17,10 @@ from wavetank.integrators import INTEGRATORS
 from wavetank.planning.cost import CONSTANTS, KINDS, features, step_costs
 from wavetank.planning.resolution import LOOSEST
 from wavetank.planning.timing import STEPS, WARM_UP, Stopwatch
-from wavetank.simulation.build import build_filters, initial_state
+from wavetank.simulation.build import initial_state
 from wavetank.simulation.case_diagnostics import build_observers
 from wavetank.simulation.clock import Clock
-from wavetank.simulation.construction import AnyWaves, build_waves
+from wavetank.simulation.construction import AnyWaves, build_filters, build_waves
 from wavetank.simulation.records import Memory, Records
 from wavetank.simulation.run import Run
 from wavetank.tank.dissipation import Smoothing

@@ -3,7 +3,8 @@
 A tree consists of dataclasses, named tuples, dictionaries, lists, numbers, strings, None and arrays. The last axis of
 an array runs over the degrees of freedom of this rank, so that a checkpoint orders its values by location.
 ``Replicated`` arrays are the same on all ranks, and lists in JSON. An object whose state belongs to the run has one
-dataclass ``state``, which is replaced on resume: the resumed run equals the uninterrupted one bit for bit.
+dataclass ``state``, which is replaced on resume: the resumed run equals the uninterrupted one bit for bit. Or it has
+collective methods: ``state_tree()`` returns a plain tree that does not change later, ``take(tree)`` restores it.
 """
 
 import itertools
@@ -12,7 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
 from math import inf
 from types import UnionType
-from typing import Annotated, Any, Protocol, Union, get_args, get_origin, get_type_hints, runtime_checkable
+from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -25,20 +26,9 @@ LARGEST = 1e30  # of all numbers
 StateTree = dict[str, Any]  # a tree without dataclasses
 
 
-@runtime_checkable
-class Stateful(Protocol):
-    """An object that converts its state to a plain tree itself."""
-
-    def state_tree(self) -> StateTree:
-        """Return the tree, none of which changes later; collective."""
-
-    def take(self, tree: StateTree) -> None:
-        """Replace the state by that of a tree; collective."""
-
-
 def has_state(part: object) -> bool:
     """Return whether an object has state that belongs to the run."""
-    return is_dataclass(getattr(part, "state", None)) or isinstance(part, Stateful)
+    return is_dataclass(getattr(part, "state", None)) or hasattr(part, "state_tree")
 
 
 def value_of(part: Any) -> Any:

@@ -8,16 +8,15 @@ import numpy as np
 from mpi4py import MPI
 
 from wavetank.arrays import Vector
-from wavetank.case import Case, RingTank
+from wavetank.case import Case
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS, Damping, damped
 from wavetank.integrators.answering import ControlledPaddles
 from wavetank.integrators.contract import Integrator
-from wavetank.integrators.filtered import Filter
 from wavetank.integrators.stage_solver import ITERATES
 from wavetank.mpi import raise_on_all_ranks
 from wavetank.simulation.clock import ROUNDING, Clock
-from wavetank.simulation.construction import AnyWaves, build_footprint, build_sponge, fill
+from wavetank.simulation.construction import AnyWaves, build_filters, build_footprint, build_sponge, fill
 from wavetank.simulation.feedback import build_controllers, build_paddle_work
 from wavetank.simulation.initial import initial_surface
 from wavetank.simulation.own import check_states, own_scheme
@@ -25,10 +24,7 @@ from wavetank.simulation.run import Run
 from wavetank.simulation.surviving import restore_surviving
 from wavetank.state import StateTree
 from wavetank.tank.breakdown import FARTHEST, ShortWaves
-from wavetank.tank.breaking import BasinBreakingWatch, BreakingAlarm, BreakingDissipation, BreakingWatch, StopAtBreaking
-from wavetank.tank.dissipation import EdgePenalty
 from wavetank.tank.linear_waves import LinearWaves
-from wavetank.tank.surface_flow import SurfaceFlow
 from wavetank.values.case_model import CaseError, Problem, about
 
 ENOUGH = 100_000  # unknowns of a basin, from which on several ranks pay
@@ -146,25 +142,6 @@ def build_run(
     run.paddle_work = build_paddle_work(scene, waves)
     check_states(run)
     return run, waves
-
-
-def build_filters(scene: Case, waves: AnyWaves, dt: float) -> list[Filter]:
-    """Return what acts between the steps: on breaking crests, and on kinks under steep ones; collective."""
-    if isinstance(waves, LinearWaves):
-        return []  # neither breaks nor has a current
-    flow, filters = waves.surface, list[Filter]()
-    if scene.run.on_breaking != "ignore":
-        length = scene.tank.length if isinstance(scene.tank, RingTank) else None
-        along = isinstance(flow, SurfaceFlow)
-        watch = BreakingWatch(waves, flow, length=length) if along else BasinBreakingWatch(waves, flow)
-        if scene.run.on_breaking == "dissipate":
-            filters.append(BreakingDissipation(waves, watch, dt=dt))
-        else:
-            filters.append(StopAtBreaking(watch) if scene.run.on_breaking == "stop" else BreakingAlarm(watch))
-    if scene.numerics.edge_penalty > 0:
-        size, strength = waves.plane.cell_size, scene.numerics.edge_penalty
-        filters.append(EdgePenalty(waves, flow, cell_size=size, dt=dt, strength=strength))
-    return filters
 
 
 def _moving(waves: AnyWaves, start: tuple[Vector, Vector], t: float) -> float:

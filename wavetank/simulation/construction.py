@@ -18,14 +18,17 @@ from wavetank.case.tank import AnySponge, EndSponge, FormulaSponge, GroupSponge
 from wavetank.fem.by_place import gathered
 from wavetank.fem.layout_mesh import draw_layout, read_layout
 from wavetank.fem.plane import Plane
+from wavetank.integrators.filtered import Filter
 from wavetank.mesh import MeshFile, Rectangle
 from wavetank.mpi import raise_on_all_ranks
 from wavetank.simulation.walls import Footprint, build_wall, wall_classes
 from wavetank.tank.bed import FlatBed, VaryingBed
-from wavetank.tank.dissipation import checked, distance_from_edge, profile, width_of
+from wavetank.tank.breaking import BasinBreakingWatch, BreakingAlarm, BreakingDissipation, BreakingWatch, StopAtBreaking
+from wavetank.tank.dissipation import EdgePenalty, checked, distance_from_edge, profile, width_of
 from wavetank.tank.footprint import Basin, Ring, Slice
 from wavetank.tank.kinematics import LinearRates, MovingWater, NonlinearRates
 from wavetank.tank.linear_waves import LinearWaves
+from wavetank.tank.surface_flow import SurfaceFlow
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 from wavetank.values.case_model import CaseError, Problem, about
 
@@ -166,3 +169,22 @@ def sponge_message(scene: Case, waves: AnyWaves) -> str:
     most = waves.plane.comm.allreduce(float(np.max(waves.damping, initial=0.0)), op=MPI.MAX)
     where = f"the last {scene.sponge.length:g} m, " if isinstance(scene.sponge, EndSponge) else ""
     return f"sponge: {where}up to {most:.3g} 1/s"
+
+
+def build_filters(scene: Case, waves: AnyWaves, dt: float) -> list[Filter]:
+    """Return what acts between the steps: on breaking crests, and on kinks under steep ones; collective."""
+    if isinstance(waves, LinearWaves):
+        return []  # neither breaks nor has a current
+    flow, filters = waves.surface, list[Filter]()
+    if scene.run.on_breaking != "ignore":
+        length = scene.tank.length if isinstance(scene.tank, RingTank) else None
+        along = isinstance(flow, SurfaceFlow)
+        watch = BreakingWatch(waves, flow, length=length) if along else BasinBreakingWatch(waves, flow)
+        if scene.run.on_breaking == "dissipate":
+            filters.append(BreakingDissipation(waves, watch, dt=dt))
+        else:
+            filters.append(StopAtBreaking(watch) if scene.run.on_breaking == "stop" else BreakingAlarm(watch))
+    if scene.numerics.edge_penalty > 0:
+        size, strength = waves.plane.cell_size, scene.numerics.edge_penalty
+        filters.append(EdgePenalty(waves, flow, cell_size=size, dt=dt, strength=strength))
+    return filters

@@ -308,7 +308,7 @@ def _by_cell(waves: NonlinearWaves) -> dict[str, Vector]:
     plane, flow = waves.plane, waves.surface
     dofs = plane.V.dofmap.list[: flow.speeds.size]
     eta = plane.function("elevation")
-    eta.set(flow.elevation)
+    eta.set(flow.fields[0].owned)
     places = plane.chart.places(plane.V.tabulate_dof_coordinates())
     x, y = waves.wall.to_physical(places, eta.rows[:, 0])[dofs].mean(axis=1).T
     own = np.column_stack([x, y, eta.rows[dofs, 0].max(axis=1), flow.slopes, flow.speeds])

@@ -21,7 +21,7 @@ from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import scipy
@@ -39,7 +39,7 @@ from wavetank.integrators.hamiltonian import Weights, pair
 from wavetank.integrators.stage_solver import StageHistories, StageSolver
 from wavetank.integrators.stages import CoupledStages, PairStage
 from wavetank.integrators.states import State
-from wavetank.state import Stateful, StateTree, typed
+from wavetank.state import StateTree, typed
 from wavetank.tank.bed import Depth, FlatBed, bed_of
 from wavetank.tank.energy import POTENTIAL, Part, WaterEnergy
 from wavetank.tank.evaluation import Water, WaterEvaluation, distance_from_rest
@@ -325,24 +325,6 @@ class LinearHistory:
     stages: StageHistories = field(default_factory=StageHistories)
 
 
-class StillPotential(Stateful, Protocol):
-    """The interior potential on still water, of least K + X_p' F.
-
-    Attributes
-    ----------
-    counters
-        What its solves cost.
-    """
-
-    counters: SolveCounters
-
-    def dirichlet_neumann(self, psi: Vector) -> Vector:
-        """Return G psi, shape (owned,); collective."""
-
-    def response(self, flux: Vector) -> tuple[Vector, float]:
-        """Return w, shape (owned,), and c of the module's formulae for dF/dphi, shape (owned, n+1); collective."""
-
-
 class IterativePotential:
     """The interior potential by conjugate gradients: in basins, and where the bed's slope couples the modes."""
 
@@ -427,3 +409,6 @@ class DirectPotential:
     def take(self, tree: StateTree) -> None:
         """Take back what has been held."""
         vars(self.counters).update(vars(typed(SolveCounters, tree, "interior")))
+
+
+StillPotential = DirectPotential | IterativePotential

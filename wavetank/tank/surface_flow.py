@@ -110,12 +110,6 @@ class SurfaceVelocity:
         return np.array([self._speeds.max(initial=0.0), self._slopes.max(initial=0.0)])
 
     @property
-    def elevation(self) -> Vector:
-        """The elevation at the owned degrees of freedom [m], shape (owned,)."""
-        eta: Vector = self._eta.owned
-        return eta
-
-    @property
     def fields(self) -> tuple[Field, Field]:
         """Elevation and surface potential."""
         return self._eta, self._psi
