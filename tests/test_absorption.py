@@ -92,6 +92,13 @@ def test_a_filter_absorbs_its_band_and_feeds_no_wave(wavemaker, band, tuned):
         assert one(0.0) == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.parametrize("given", [{"longest": 0.9}, {"shortest": 5.0}, {"shortest": 1.0, "longest": 2.0}])
+def test_a_band_is_one_whichever_end_of_it_is_given(given):
+    shortest, longest = ActiveAbsorption(**given).band(SliceTank(length=10.0, depth=1.0))
+    assert shortest < longest
+    assert {"shortest": shortest, "longest": longest}.items() >= given.items()
+
+
 def test_reflection_solves_the_feedback_loop_with_the_elevation_of_the_answer():
     """Oracle: e = 2a + Z U and U = -F e as two equations; a fixed wall reflects a, the answer radiates Re Z U."""
     one, omega = PassiveFilter(0.7, np.array([[2.0, 0.6, 0.5, 0.3]])), np.array([0.5, 2.0, 8.0])

@@ -18,7 +18,7 @@ from wavetank.integrators import INTEGRATORS, StormerVerlet
 from wavetank.output.directory import RunDirectory
 from wavetank.planning import cost, timing
 from wavetank.planning.dispersion import Mesh, UniformCells, step_errors
-from wavetank.planning.plan import AIM, UnreachableError, make_plan, own_plan
+from wavetank.planning.plan import AIM, UnreachableError, make_plan, named_numerics, own_plan
 from wavetank.planning.requirements import requirements, stokes
 from wavetank.planning.resolution import LOOSEST, ErrorModel, Settings, solved_to
 from wavetank.simulation.build import build_run
@@ -67,6 +67,16 @@ def test_bloch_frequencies_are_the_tanks(order, n):
     predicted = mesh(order, 0.5, n).frequency(modes * np.pi / 4.0)
     inside = modes % 8 != 0
     assert np.abs(predicted / exact - 1)[inside].max() < 1e-10
+
+
+@pytest.mark.parametrize("order", [2, 3, 5])
+def test_waves_at_the_end_of_a_branch_are_continuous(order):
+    """Half a wave a cell, or a whole one: there are two discrete waves, and the wave is half of each."""
+    ends = np.pi / 0.5 * np.arange(1, order)
+    beside = [UniformCells(order, 0.5).waves(ends * (1 + off)) for off in (-1e-9, 0.0, 1e-9)]
+    for one in (beside[0], beside[2]):
+        assert one.mean == pytest.approx(beside[1].mean, rel=1e-6)
+        assert one.profile_error == pytest.approx(beside[1].profile_error, rel=1e-5)
 
 
 def test_largest_frequency_is_the_tanks():
@@ -389,6 +399,13 @@ def test_numerics_named_beside_an_accuracy_are_not_replaced(numerics):
             assert getattr(chosen.numerics, key) == value
     assert chosen.numerics.accuracy is None
     assert chosen.physics == "nonlinear"
+
+
+def test_named_numerics_survive_a_dump():
+    """What is not set must not come back as set."""
+    scene = asking({"order": 3})
+    again = Case.model_validate(scene.model_dump(mode="json"))
+    assert again == scene and named_numerics(again) == named_numerics(scene) == {"order": 3}
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,7 @@ from wavetank.motion import (
 )
 from wavetank.motion.recorded import read_record
 from wavetank.output.directory import RunDirectory
+from wavetank.planning.default_plan import planned
 from wavetank.planning.plan import STEP_RATIO, make_plan
 from wavetank.simulation.build import build_run
 from wavetank.values.case_model import CaseError
@@ -666,6 +667,25 @@ def test_waves_are_generated_to_second_order_where_its_theory_holds(motion, more
     assert not reason or f"generation of wall.motion: linear, as {reason}" in one.linear_generation[0]
     if same_as == SECOND:
         assert not np.allclose(one.motion().position(t), case_of(motion | LINEAR, **more).motion().position(t))
+
+
+def test_second_order_generation_beyond_its_theory_is_warned_of():
+    """H L² / d³ of 26 in shallow water: here 18 m² / 1 m at H = 0.09 m."""
+    waves = REGULAR | {"wave_length": 18.0, "generation": "second-order"}
+    low, high = (case_of(waves | {"height": H}) for H in (0.05, 0.12))
+    none, (one,) = (list(case.wall.motion.warnings(case.tank, PISTON)) for case in (low, high))
+    assert not none and (one.code, one.key) == ("second-order-limit", "wall.motion.generation")
+
+
+def test_water_that_a_plan_makes_linear_changes_the_generation():
+    """Oracle: the motion with the key."""
+    low = case_of(REGULAR | {"period": 2.0, "height": 1e-4})
+    assert low.ends[0].generation[0] == "second-order" and low.motion().position(9.0)
+    found = planned(low, MPI.COMM_SELF).scene
+    assert found.physics == "linear"
+    assert found.motion().position(9.0) == case_of(
+        REGULAR | LINEAR | {"period": 2.0, "height": 1e-4}
+    ).motion().position(9.0)
 
 
 def test_many_components_of_uneven_frequencies_are_generated_linearly(tmp_path):

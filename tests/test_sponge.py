@@ -138,6 +138,16 @@ def test_damping_in_the_formulae_of_a_scheme_is_that_around_it(strength):
         assert np.abs(np.subtract(this, that)).max() < 1e-13
 
 
+def test_a_scheme_derived_of_one_with_damping_keeps_its_own_step():
+    class Late(Simpson4):
+        def step(self, system, state, t, dt):
+            return super().step(system, state, t, 0.5 * dt)
+
+    start, damping = (np.array([1.0]), np.array([0.0])), Damping(np.array([0.0]))
+    slow, bare = (ends(Harmonic(), one, start, steps=1, dt=0.1) for one in (damped(Late(), damping), Late()))
+    assert slow.q == bare.q and slow.p == bare.p
+
+
 @pytest.mark.parametrize("scheme", [StormerVerlet(), Simpson4()], ids=named)
 def test_uniform_damping_of_a_standing_wave_is_that_of_an_oscillator(scheme):
     """Of eta'' + gamma eta' + omega² eta = 0 with Airy's omega; space is resolved to 1e-8."""
@@ -234,6 +244,21 @@ def test_a_run_that_goes_on_has_the_rate_that_it_had(make_tank, inner):
         waves.damp(gammas[0])
     assert found[0].psi == pytest.approx(found[1].psi, abs=1e-9)
     assert found[0].damped == pytest.approx(found[1].damped, rel=1e-6) and gammas[1].max() == 2.0
+
+
+def test_what_a_sponge_takes_is_counted_on_with_other_numerics(make_tank):
+    """Oracle: the same budget, whose numerics stay what they are."""
+    waves = make_tank(length=2.0, cells=8, order=3, n=4)
+    gamma = profile(waves.plane.x, width=2.0, strength=2.0)
+    start = waves.state(0.1 * np.cos(np.pi * waves.plane.x / 2), 0 * waves.plane.x)
+    state, budget, rows = watched(waves, Simpson4(), start, gamma=gamma, steps=9, dt=0.05)
+    after = EnergyBudget(waves, record=Memory())
+    after.change_numerics(budget.state, renewed=True)
+    block = block_of(waves, (10, 0.5, sponged(Simpson4(), gamma).step(waves, state, 0.45, 0.05)))
+    for one in (budget, after):
+        one.record(block)
+    assert after.state.dissipated == pytest.approx(budget.state.dissipated, rel=1e-12)
+    assert after.state.dissipated > 1.1 * rows[-1, TAKEN] > 0.01 * rows[0, TOTAL]
 
 
 @pytest.mark.parametrize(("threshold", "order"), [(0.0, 3), (np.inf, 4)], ids=["penalty", "alone"])

@@ -24,8 +24,8 @@ from rich.console import Console
 
 from wavetank.case import Case
 from wavetank.case.reading import read_case
-from wavetank.errors import InputError, RecordError, RunError
-from wavetank.output.checkpoint import last_checkpoint
+from wavetank.errors import InputError, RecordError, RunError, StoppedError
+from wavetank.output.checkpoint import FORMAT, Checkpoint, last_checkpoint
 from wavetank.output.directory import CHECKPOINT, RunDirectory
 from wavetank.output.writer import RunWriter
 from wavetank.studies.drawing import draw_trade, pareto_front
@@ -117,6 +117,10 @@ def test_combinations_are_the_product_of_the_values(swept):
         for axis, value in zip(axes, one.values.values(), strict=True):
             table, key = axis.key.split(".")
             assert scene[table][key] == float(value)
+
+
+def test_folder_names_are_escaped():
+    assert combinations(CASE, [Axis("title", ("a/b c",))])[0].name == "title=a%2Fb%20c"
 
 
 # ---------------------------------------------------------------- references
@@ -467,6 +471,27 @@ def test_runs_stop_when_their_study_is_killed(tmp_path):
 
 def _set(changes) -> list[str]:
     return [word for change in changes for word in ("--set", change)]
+
+
+@pytest.mark.parametrize(
+    ("error", "ways"),
+    [(StoppedError("t = 1 s: interrupted"), ["--resume", "--overwrite"]), (RunError("it breaks"), ["--overwrite"])],
+    ids=["stopped", "broke down"],
+)
+def test_unfinished_run_is_resumed_or_starts_again(tmp_path, monkeypatch, error, ways):
+    (one,) = combinations(CASE, parse_axes(["dt=0.04"], LINEAR), LINEAR)
+    with RunWriter(tmp_path / one.name, {"scene": one.scene.model_dump(mode="json")}) as writer:
+        writer.checkpoint(Checkpoint({"format": FORMAT, "t": 1.0, "step": 5}, "{}", [], np.zeros((1, 3))))
+        writer.fail(error)
+    asked = []
+
+    def execute(self, options):
+        asked.append(options[-1])
+        return Outcome("refused" if "--resume" in options else "finished")
+
+    monkeypatch.setattr(Runner, "_execute", execute)
+    outcomes = list(Runner(CASE, tmp_path, at_once=1).run([one]))
+    assert outcomes == [(one, Outcome("finished"))] and asked == ways
 
 
 def test_process_that_dies_ends_one_run_only(tmp_path, monkeypatch):

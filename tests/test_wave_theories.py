@@ -3,6 +3,7 @@
 Where a theory is one of small waves, what is left is of the order that it leaves out; else differences leave it.
 """
 
+from dataclasses import replace
 from functools import cache
 from typing import NamedTuple
 
@@ -131,6 +132,13 @@ def test_numbers_and_arrays_go_together(case):
             )
             for one, many in zip(alone, together, strict=True):
                 np.testing.assert_allclose(many[n, m], one, rtol=1e-9, atol=1e-12 * case.pace)
+
+
+def test_a_wave_of_permanent_form_begins_where_its_crest_is_and_goes_on():
+    wave = stream_function_wave(0.2, 3.0, depth=D)
+    moved = replace(wave, crest=1.1)
+    assert float(moved.elevation(1.1)) == pytest.approx(float(wave.elevation(0.0)), rel=1e-14)
+    np.testing.assert_allclose(moved.elevation(X, 0.7), wave.elevation(X - 1.1 - 0.7 * wave.speed), atol=1e-13)
 
 
 def test_a_resting_wave_turns_back_and_stands_half_a_length_on_after_half_a_period():
