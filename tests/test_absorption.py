@@ -426,7 +426,8 @@ def test_by_default_it_is_tuned_to_what_the_paddle_opposite_makes(kd, tuned):
     motion = REST if kd is None else {"type": "regular", "height": 0.01, "period": period(kd)}
     far = {"type": "piston", "motion": REST, "absorb": {"type": "spring-damper"}}
     parts = {"tank": {"length": 9.0, "depth": 1.0}, "wall": {"type": "piston", "motion": motion}, "far_wall": far}
-    case = Case.model_validate({**parts, "run": {"duration": 1.0}, "numerics": {"cells": 4, "dt": 0.02}})
+    numerics = {"cells": 4, "vertical_order": 4, "dt": 0.02}
+    case = Case.model_validate({**parts, "run": {"duration": 1.0}, "numerics": numerics})
     equation, _ = build_filter(case, 1, build_run(case, MPI.COMM_SELF)[1])
     omega = 2 * np.pi / np.array([period(tuned)])
     (r,), (mu,) = radiation(PISTON, omega, 1.0, GRAVITY)

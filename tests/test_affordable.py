@@ -27,7 +27,7 @@ TANKS |= {"slice": {"length": 20.0, "depth": 0.5}, "ring": {"type": "ring", "len
 
 
 def scene(tank, **more):
-    numerics = {"order": 2, "vertical_order": 2, **more}
+    numerics = {"order": 3, "vertical_order": 4, **more}
     return Case.model_validate({"tank": tank, "run": {"duration": 5.0}, "numerics": numerics})
 
 

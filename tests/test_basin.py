@@ -264,7 +264,7 @@ def test_the_paddle_moves_no_wall_but_itself(layout, free):
         "tank": {"type": "basin", "depth": 0.5, "layout": layout},
         "wall": {"type": "piston", "motion": {"type": "sinusoid", "paddle_amplitude": 0.01, "period": 1.0}},
         "run": {"duration": 1.0},
-        "numerics": {"vertical_order": 2, "order": 2, "cell_size": 0.25},
+        "numerics": {"vertical_order": 4, "order": 3, "cell_size": 0.5},
     }
     wall = build_waves(Case.model_validate(scene), MPI.COMM_SELF).wall
     assert free - 0.5 < wall.reach < free + 1e-6

@@ -176,7 +176,7 @@ def dissipation(length=12.0, cells=96, *, dt=1e-3):
     """Return a ring and what dissipates in it."""
     footprint = Ring(length, cells, comm=MPI.COMM_WORLD)
     plane = Plane(footprint.mesh, 3, footprint.chart)
-    waves = NonlinearWaves(plane, depth=1.0, wall=StillWall(), vertical_order=6, tolerances=Tolerances(1e-12, 1e-13))
+    waves = NonlinearWaves(plane, depth=1.0, wall=StillWall(), vertical_order=4, tolerances=Tolerances(1e-12, 1e-13))
     return waves, BreakingDissipation(waves, BreakingWatch(waves, SurfaceFlow(waves), length=length), dt=dt)
 
 

@@ -176,6 +176,12 @@ def largest_frequency(waves, q, p) -> float:
     return float(np.abs(np.linalg.eigvals(LinearisedFlow(waves, q, p, 0.0).matrix())).max())
 
 
+@pytest.mark.slow
+def test_order_one_has_no_growing_modes():
+    found = row(Setting(1.0, 0.8, 96, 1, 6))
+    assert found.criterion > 10 and found.growth < 1e-3
+
+
 def test_the_current_under_a_crest_raises_the_largest_frequency_by_half():
     waves, _, wave = steep(1.0, 0.5, cells=16, n=6)
     assert largest_frequency(waves, *waves.state(*wave.surface(waves.plane.x))) > 1.4 * waves.largest_frequency

@@ -15,7 +15,7 @@ CPU = 30  # s of each rank, of which a run takes one
 NUMERICS = """
 gauges = [0.3, 0.9]
 run.duration = 0.08
-numerics = {order = 2, vertical_order = 2, dt = 0.02, tolerance = 1e-10}
+numerics = {order = 3, vertical_order = 4, dt = 0.02, tolerance = 1e-10}
 """
 PISTON = 'wall = {type = "piston", motion = {type = "sinusoid", paddle_amplitude = 0.01, period = 0.4, ramp = 0.0}}'
 TANKS = {

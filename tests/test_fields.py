@@ -167,7 +167,7 @@ def test_a_basins_surface_tells_of_its_sponge(tmp_path):
     """Oracle: gamma = 3 / s ((x - 1) / 2)² over the last two metres of a basin of three."""
     basin = {"type": "basin", "depth": 0.5, "layout": {"type": "rectangle", "length": 3.0, "width": 1.0}}
     content = {"tank": basin, "sponge": {"type": "end", "length": 2.0, "strength": 3.0}, "water": {"type": "linear"}}
-    numerics = {"cell_size": 1.0, "order": 2, "vertical_order": 2, "dt": 0.01}
+    numerics = {"cell_size": 1.0, "order": 3, "vertical_order": 4, "dt": 0.01}
     scene = Case.model_validate({**content, "run": {"duration": 0.01}, "numerics": numerics})
     record_run(scene, tmp_path / "run", comm=MPI.COMM_SELF, console=Console(quiet=True))
     surface = read(tmp_path / "run", "surface")

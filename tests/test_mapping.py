@@ -181,8 +181,8 @@ def test_a_smooth_surface_is_smooth_to_the_penalty_wherever_the_paddle_stands(ma
 
 
 def test_an_even_slope_has_no_kink_where_the_mapping_has(make_tank):
-    """Elements of order 2 do not hold the shape of the mapping: it is in physical space that kinks are looked for."""
-    tank = make_tank(length=4.0, cells=8, order=2, n=2, motion=Sinusoid(0.5, 4.0), reach=2.0)
+    """Elements of order 3 do not hold the shape of the mapping: it is in physical space that kinks are looked for."""
+    tank = make_tank(length=4.0, cells=8, n=4, motion=Sinusoid(0.5, 4.0), reach=2.0)
     tank.set_time(1.0)  # X_p = 0.5 m
     x = tank.wall.to_physical(tank.plane.places)[:, 0]
     penalty = EdgePenalty(tank, SurfaceFlow(tank), cell_size=0.5, dt=0.01, threshold=0.0)

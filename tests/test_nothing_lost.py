@@ -86,7 +86,7 @@ def test_what_is_refused_only_once_the_mesh_is_there_leaves_an_earlier_run_alone
     Path("case.toml").write_text(
         "gauges = [{x = 0.1, y = 0.1}, {name = 'dry', x = 2.0, y = 1.0}]\n"
         "[tank]\ntype = 'basin'\ndepth = 0.5\n[tank.layout]\ntype = 'cylinder'\nlength = 4.0\nwidth = 2.0\n"
-        "centre = [2.0, 1.0]\nradius = 0.4\n[run]\nduration = 0.1\n[numerics]\norder = 2\nvertical_order = 2\n"
+        "centre = [2.0, 1.0]\nradius = 0.4\n[run]\nduration = 0.1\n[numerics]\norder = 3\nvertical_order = 4\n"
     )
     for out in (["--out", "run", "--overwrite"], []):
         assert main(["run", "case.toml", *out]) == 2

@@ -136,7 +136,7 @@ def test_reference_is_the_finest_combination_refined():
 BASIN = """
 run.duration = 0.1
 initial = {type = "standing-wave", wave_amplitude = 0.01, mode = 2}
-numerics = {cell_size = 0.5, order = 2, vertical_order = 2}
+numerics = {cell_size = 0.5, order = 3, vertical_order = 4}
 [tank]
 type = "basin"
 depth = 0.5

@@ -8,7 +8,6 @@ import pytest
 import typer
 from imageio_ffmpeg import count_frames_and_secs
 from matplotlib.image import imread
-from mpi4py import MPI
 from PIL import Image
 from rich.console import Console
 from typer.testing import CliRunner
@@ -162,28 +161,6 @@ def test_film_of_a_short_run_lasts_four_seconds(run, tmp_path, suffix, frames):
         film.seek(film.n_frames // 2)
         assert np.abs(np.asarray(film.convert("RGB"), float) - first).mean() > 3  # of 255
         assert film.n_frames == frames and film.size == (160, 160)
-
-
-@pytest.fixture(scope="module")
-def standing_wave(tmp_path_factory):
-    """Return a computed run: a standing wave, a little more than half a period of it."""
-    from wavetank.case import Case
-    from wavetank.recording import record_run
-
-    tank = {"type": "slice", "length": 2.0, "depth": 1.0}
-    initial = {"type": "standing-wave", "wave_amplitude": 0.1}
-    numerics = {"cells": 8, "vertical_order": 4, "dt": 0.045}
-    content = {"tank": tank, "initial": initial, "numerics": numerics, "run": {"duration": 0.9}}
-    path = tmp_path_factory.mktemp("view") / "standing"
-    record_run(Case.model_validate(content), path, comm=MPI.COMM_SELF, console=Console(quiet=True))
-    return RunDirectory(path)
-
-
-def test_a_still_has_the_size_that_was_asked_for_and_is_not_blank(standing_wave, tmp_path):
-    path = view.still(standing_wave, tmp_path / "new" / "still.png", size=(500, 301))
-    pixels = imread(path)
-    assert pixels.shape[:2] == (301, 500)
-    assert pixels[..., :3].std() > 0.1
 
 
 @pytest.mark.parametrize("kind", ["slice", "ring"])
