@@ -191,16 +191,6 @@ def test_standing_waves_converge_with_twice_the_order(order, kind):
     assert fitted_slope(1 / np.array(counts), errors) == pytest.approx(2 * order, abs=0.4)
 
 
-@pytest.mark.slow  # by default: tests/test_linear_waves.py
-def test_standing_waves_converge_spectrally_in_the_vertical_order():
-    """The slope against log n steepens: faster than any power."""
-    kx, ky = 3 * np.pi, 2 * np.pi  # k d = 5.7
-    exact, orders = angular_frequency(np.hypot(kx, ky), 0.5, GRAVITY), (3, 5, 7)
-    errors = [abs(rayleigh_frequency(linear_basin(6, order=5, n=n), kx, ky) / exact - 1) for n in orders]
-    slopes = np.diff(np.log(errors)) / np.diff(np.log(orders))
-    assert slopes[1] < slopes[0] < -3.0
-
-
 def test_a_nonlinear_standing_wave_is_stokes_to_third_order():
     """After half a period the difference from the expansion falls with the fourth power of the amplitude."""
     amplitudes, errors = (0.03, 0.06), []

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pydantic import ValidationError
 
 from wavetank import motion as motions
 from wavetank.case import (
@@ -231,12 +230,6 @@ def test_overrides_accept_toml_values_and_bare_text_at_any_depth(write_case):
     assert case.gauges == (Gauge(name="1", x=4.0), Gauge(name="focus", x=12.0))
     assert case.tank.length == 30.0
     assert case.wall.motion.spectrum.bandwidth == 0.1
-
-
-def test_case_is_frozen():
-    case = Case(tank=SliceTank(length=20.0, depth=1.0), run=RunControl(duration=40.0))
-    with pytest.raises(ValidationError, match="frozen"):
-        case.tank.length = 3.0
 
 
 # ---------------------------------------------------------------- what is not

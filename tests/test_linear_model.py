@@ -251,13 +251,6 @@ def test_largest_frequency_is_the_eigenvalue(make_linear, cells):
     assert waves.largest_frequency == pytest.approx(exact, rel=1e-9)
 
 
-def test_one_factorisation_serves_the_run(make_linear):
-    waves = make_linear(length=1.0, cells=4, n=4)
-    run(waves, INTEGRATORS["stormer-verlet"](), standing(waves, 0.1), steps=10, dt=0.02)
-    assert waves.potential.counters.factorisations == 1
-    assert waves.potential.counters.solves <= 10 + 2  # one a step, the first, and the paddle's
-
-
 def moments_of_all_schemes():
     """Return two moments, the energy and the largest frequency after three steps of each scheme; collective."""
     footprint = Slice(4.0, 12, comm=MPI.COMM_WORLD)

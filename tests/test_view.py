@@ -1,7 +1,6 @@
 """Views of runs: oracles are the waves that were put in, and where a camera must show them."""
 
 import io
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -134,20 +133,6 @@ def test_gauges_are_rods_with_names_unless_there_are_many(tmp_path, count):
     x, _, z = mesh(picture, "gauges").T
     assert x[::2] == pytest.approx(gauges) and (z.max() > 0.9 * HEIGHT) == (count == 3)
     picture.close()
-
-
-@pytest.mark.parametrize(
-    ("depth", "height", "expected"), [(0.1, 0.1, 10), (1.0, 0.1, 2), (5.0, 0.1, 1), (0.01, 0.4, 2)]
-)
-def test_exaggeration_shows_the_waves_but_no_tower(depth, height, expected):
-    history = SimpleNamespace(high=height / 2, low=-height / 2, slope=np.pi * height / LENGTH)
-    assert view.exaggeration(history, extent=LENGTH, depth=depth) == expected
-
-
-def test_colours_end_at_the_largest_elevation_unless_a_crest_is_sharp():
-    """Of a crest of 14 cm they end at 14 cm; of one of 50 cm over waves of 9 cm at twice those."""
-    assert view.colour_limit(SimpleNamespace(low=-0.11, high=0.14, usual=0.09)) == 14.0
-    assert view.colour_limit(SimpleNamespace(low=-0.11, high=0.5, usual=0.09)) == 18.0
 
 
 @pytest.mark.parametrize(("suffix", "frames"), [(".gif", 51), (".mp4", 81)])

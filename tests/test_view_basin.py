@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from conftest import commanded
 from matplotlib import rc_context
-from matplotlib.figure import Figure
 from matplotlib.image import imread
-from records import gauge, gauges
 
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
@@ -16,7 +14,6 @@ from wavetank.output.fields import VtkCells, VtuSeries
 from wavetank.output.writer import RunWriter
 from wavetank.plots import basin, view
 from wavetank.plots.figures import draw_run
-from wavetank.plots.style import mark_places, remove_overlaps
 from wavetank.plots.surfaces import BasinSurface, Extremes, wave_history
 
 LENGTH, WIDTH, DEPTH, HEIGHT_OF_WAVES = 8.0, 4.0, 0.5, 0.1  # m
@@ -225,16 +222,6 @@ def test_the_maps_say_what_they_show(tmp_path):
     assert "crest minus trough" not in text  # no period is known
 
 
-def test_names_of_gauges_side_by_side_do_not_lie_on_one_another():
-    figure = Figure(figsize=(4, 4))
-    axes = figure.subplots()
-    axes.set(xlim=(0, 8), ylim=(0, 4))
-    places = (("first", 2.0), ("second", 2.05), ("third", 6.0))
-    mark_places(axes, gauges(*(gauge(name, x, [0.0], [0.0], y=1.0) for name, x in places)))
-    remove_overlaps(axes)
-    assert [text.get_text() for text in axes.texts] == ["first", "third"]
-
-
 def test_heights_of_regular_waves_are_mapped_once_they_have_come(tmp_path):
     regular = {"type": "sinusoid", "period": PERIOD}
     times = PERIOD / 8 * np.arange(6 * 8 + 1)
@@ -247,11 +234,6 @@ def test_heights_of_regular_waves_are_mapped_once_they_have_come(tmp_path):
     seldom = record(tmp_path / "seldom", motion=regular, times=times[::4])
     assert not basin._wave_heights(early, BasinSurface(early))
     assert not basin._wave_heights(seldom, BasinSurface(seldom))
-
-
-def test_quadrilaterals_are_drawn_as_the_triangles_they_are_made_of():
-    assert basin._triangles(np.array([[4, 5, 6, 7]])).tolist() == [[4, 5, 6], [4, 6, 7]]
-    assert basin._triangles(np.array([[4, 5, 6]])).tolist() == [[4, 5, 6]]
 
 
 # ---------------------------------------------------------------- the commands
