@@ -1,7 +1,7 @@
 """Basins: a slice where nothing depends on y, the same when turned, standing waves in three dimensions, many ranks.
 
 Oracles: the slice (tested by itself), invariance under rotation, linear theory, and Stokes' expansion of standing waves
-to third order (``wavetank/waves/standing_wave.py``, tested by its residuals).
+to third order (``examples/paper/standing_wave.py``, tested by its residuals).
 """
 
 import numpy as np
@@ -11,6 +11,7 @@ from dolfinx import mesh
 from mpi4py import MPI
 from pydantic import ValidationError
 
+from examples.paper.standing_wave import ThirdOrderStandingWave
 from wavetank.case import Case
 from wavetank.errors import InputError
 from wavetank.fem.plane import Plane
@@ -28,7 +29,6 @@ from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.walls import LinearPaddle, Piston, Side, StillWall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 from wavetank.waves.airy import angular_frequency
-from wavetank.waves.standing_wave import ThirdOrderStandingWave
 
 GRAVITY = 9.81
 TIGHT = Tolerances(stage=1e-11, interior=1e-12)

@@ -10,6 +10,7 @@ from test_probes import DENSITY, FINE, GRAVITY, MOTION, driven
 
 from examples.paper.cylinder import HalfBasin
 from examples.paper.mccamy_fuchs import CylinderDiffraction
+from examples.paper.standing_wave import ThirdOrderStandingWave
 from examples.paper.watched import watched
 from wavetank.case import Case
 from wavetank.case.reading import read_case
@@ -26,7 +27,6 @@ from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.wall_pressure import PaddlePush, WallPressure
 from wavetank.tank.walls import Piston, Polynomial, Shaped, StillWall
 from wavetank.tank.waves import NonlinearWaves
-from wavetank.waves.standing_wave import ThirdOrderStandingWave
 
 ENDS = "paddle", "far wall"
 BED = np.array([0.0, 0.0, -1.0])

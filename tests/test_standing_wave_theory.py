@@ -6,8 +6,9 @@ from conftest import fitted_slope
 from hypothesis import given
 from hypothesis import strategies as st
 
+from examples.paper.standing_wave import ThirdOrderStandingWave
 from wavetank.errors import InputError
-from wavetank.waves.standing_wave import ThirdOrderStandingWave
+from wavetank.planning.requirements import standing_harmonics
 
 GRAVITY, POINTS = 9.81, 12
 
@@ -97,6 +98,14 @@ def test_first_order_is_airy_s_and_higher_orders_keep_its_meaning(t, m, n):
     assert not third.surface(x, y=y)[1].any()
     assert third.elevation_coefficients[min(m, 1), 1, 1] == pytest.approx(0.01, rel=1e-12)
     assert np.abs(third.elevation_coefficients[0, 0]).max() < 1e-15
+
+
+@pytest.mark.parametrize("kd", [0.6, 1.5, 4.0])
+def test_harmonics_of_plans_are_those_of_the_expansion(kd):
+    one = wave(length=np.pi, depth=kd, modes=(1, 0), amplitude=0.1)
+    harmonics, shift = standing_harmonics(0.1, kd)
+    assert harmonics * 0.1 == pytest.approx(one.elevation_coefficients[1:, 0], abs=1e-12)
+    assert shift == pytest.approx(one.frequency / one.linear_frequency - 1.0, abs=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -12,10 +12,10 @@ import pytest
 
 from examples.paper.mccamy_fuchs import CylinderDiffraction
 from examples.paper.resting_wave import resting_wave
+from examples.paper.standing_wave import ThirdOrderStandingWave
 from wavetank.waves.focusing import Fan, FocusedGroup, ReflectedGroup
 from wavetank.waves.solitary_wave import solitary_wave
 from wavetank.waves.spectra import gaussian
-from wavetank.waves.standing_wave import ThirdOrderStandingWave
 from wavetank.waves.stream_function import stream_function_wave
 from wavetank.waves.wave import Wave
 

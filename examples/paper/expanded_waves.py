@@ -10,7 +10,7 @@ are linear waves of each order, forced by the lower orders:
     F_2 = G_1 psi_1,    R_2 = (w_1² - psi_1,x²) / 2,    w_1 = G_0 psi_1,    w_2 = G_0 psi_2 + F_2 + eta_1,x psi_1,x,
     F_3 = G_1 psi_2 + G_1' psi_1 + G_2 psi_1,    R_3 = w_1 w_2 - psi_1,x psi_2,x,
 
-G_1 with eta_1 and G_1' with eta_2 (``wavetank/waves/dirichlet_neumann.py``). The expansion contains bound and free
+G_1 with eta_1 and G_1' with eta_2 (``examples/paper/dirichlet_neumann.py``). The expansion contains bound and free
 waves of second and third order, at sums and differences of any number of components. A change of frequency, of third
 order, appears as the beginning of its series in time: the expansion is valid while (k a)² omega t is small.
 """
@@ -21,7 +21,7 @@ from functools import cached_property
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from wavetank.waves.dirichlet_neumann import DirichletNeumann
+from examples.paper.dirichlet_neumann import DirichletNeumann
 from wavetank.waves.wave import Array
 
 ORDERS = 3

@@ -24,7 +24,6 @@ from wavetank.waves.conformal import SteadyWave
 from wavetank.waves.plane_waves import PlaneWaves
 from wavetank.waves.solitary_wave import HIGHEST_SOLITARY, solitary_wave
 from wavetank.waves.spectra import uniform
-from wavetank.waves.standing_wave import ThirdOrderStandingWave
 from wavetank.waves.stream_function import maximum_height, stream_function_wave
 from wavetank.waves.wave import Wave
 
@@ -295,27 +294,21 @@ class TheoreticalWave(CaseModel):
         return self.wave(tank).surface(x, y=y)
 
 
-class StandingWave(TheoreticalWave):
+class StandingWave(CaseModel):
     """eta = a cos(m pi x / length), psi = 0; in a rectangular basin times cos(n pi y / width)."""
 
+    location: ClassVar[tuple[str, ...]] = ("initial",)
     type: Literal["standing-wave"] = "standing-wave"
     wave_amplitude: Height = Field(description="amplitude a of the elevation [m]")
     mode: Count = Field(default=1, description="number m of half waves along the tank")
     mode_across: int = Field(default=0, ge=0, le=10**9, description="number n of half waves across a basin")
 
-    def wave(self, tank: AnyTank) -> ThirdOrderStandingWave:
-        """Return the linear wave that this is the start of."""
+    def surface(self, tank: AnyTank, x: motions.Array, y: motions.Array) -> tuple[motions.Array, motions.Array]:
+        """Return eta [m] and psi [m²/s] at places x, y [m], each of shape (N,)."""
         x_min, y_min, x_max, y_max = _box(tank)
-        return ThirdOrderStandingWave(
-            amplitude=self.wave_amplitude,
-            length=x_max - x_min,
-            width=y_max - y_min,
-            depth=tank.depth,
-            gravity=tank.gravity,
-            modes=(self.mode, self.mode_across),
-            order=1,
-            origin=(x_min, y_min),
-        )
+        along, across = (x - x_min) / (x_max - x_min), (y - y_min) / (y_max - y_min)
+        eta = self.wave_amplitude * np.cos(np.pi * self.mode * along) * np.cos(np.pi * self.mode_across * across)
+        return eta, np.zeros_like(eta)
 
     def problems(self, context: Context) -> Iterator[Problem]:
         """Yield an amplitude that lays the bed dry, half a wave too many for a ring, and a basin of another shape."""

@@ -15,7 +15,7 @@ sigma = tanh(k d):
 
 Waves of permanent form are exact: their harmonics, speed and velocity are those of the wave itself. A solitary wave is
 one whose period is a window around its crest. Standing waves have the crest, harmonics and frequency of their own
-expansion (``waves/standing_wave.py``). They start without bound harmonics, and the free ones that compensate for these
+expansion (``standing_harmonics``). They start without bound harmonics, and the free ones that compensate for these
 at the start beat: with k a = 0.3, k d = pi / 2 the crest reaches 1.45 a, that of a travelling wave 1.15 a.
 
 **The run-up of a solitary wave** at a vertical wall has a peak narrower than the wave. With R the run-up, d the depth
@@ -38,7 +38,8 @@ C c^(-3/2) (omega dt)^(7/2), with c the transfer function of the paddle and C fr
 paddle and one that absorbs (``ABSORPTION``).
 
 Sources: G. B. Whitham, Linear and Nonlinear Waves, 1974, section 13.13; R. G. Dean and R. A. Dalrymple 1991, chapter
-11; R by C. H. Su and R. M. Mirie, "On head-on collisions between two solitary waves", J. Fluid Mech. 98, 1980.
+11; I. Tadjbakhsh and J. B. Keller, J. Fluid Mech. 8, 1960 (standing waves); R by C. H. Su and R. M. Mirie, "On head-on
+collisions between two solitary waves", J. Fluid Mech. 98, 1980.
 """
 
 from collections.abc import Callable, Iterable
@@ -58,7 +59,7 @@ from wavetank.motion.motion import values
 from wavetank.planning import travel
 from wavetank.planning.dispersion import Mesh, relative_frequency_error
 from wavetank.values.case_model import CaseError, Problem
-from wavetank.waves import airy, standing_wave
+from wavetank.waves import airy
 from wavetank.waves.conformal import SteadyWave
 from wavetank.waves.second_order import Strokes, second_order
 from wavetank.waves.solitary_wave import solitary_wave
@@ -427,21 +428,31 @@ def _joined(several: Iterable[WaveComponents]) -> WaveComponents:
 
 
 def _standing_wave(wave: nouns.StandingWave, scene: Case) -> list[CaseWaves]:
-    tank = scene.tank
-    exact = standing_wave.ThirdOrderStandingWave(
-        amplitude=wave.wave_amplitude, length=tank.length, depth=tank.depth, gravity=tank.gravity, modes=(wave.mode, 0)
-    )
-    in_time = exact.elevation_coefficients[:, 0, :] * [1.0, *3 * [np.sqrt(0.5)]]  # for means over a period
-    ratios = np.minimum(np.linalg.norm(in_time, axis=1)[1:] / np.linalg.norm(in_time[1]), 1.0)
+    tank, a = scene.tank, wave.wave_amplitude
+    k = wave.mode * np.pi / tank.length * np.arange(1, 3)  # of the second harmonic, that which is free
+    in_space, excess = standing_harmonics(float(k[0]) * a, float(k[0]) * tank.depth)
+    sizes = np.linalg.norm(in_space * [1.0, *3 * [np.sqrt(0.5)]], axis=1)  # for means over a period
+    ratios = np.minimum(sizes / sizes[0], 1.0)
     beyond = np.minimum(DECAY * ratios[-1] / ratios[-2], 1.0) ** np.arange(1, BEYOND + 1)
     ratios = np.append(ratios, ratios[-1] * beyond)
-    k = wave.mode * np.pi / tank.length * np.arange(1, 3)  # of the second harmonic, that which is free
     omega, age = airy.angular_frequency(k, tank.depth, tank.gravity), np.full(2, scene.run.duration)
-    components = WaveComponents(np.asarray(k), omega, wave.wave_amplitude * ratios[:2], age)
-    excess = exact.frequency_shift * wave.wave_amplitude**2 / exact.linear_frequency
-    crest = 2 * float(exact.elevation_coefficients.sum()) - wave.wave_amplitude
-    form = Form(ratios, _crest_velocity(float(k[0]), wave.wave_amplitude, scene), excess, crest)
-    return [CaseWaves(components, wave.wave_amplitude, form)]
+    components = WaveComponents(np.asarray(k), omega, a * ratios[:2], age)
+    form = Form(ratios, _crest_velocity(float(k[0]), a, scene), excess, a * (2 * float(in_space.sum()) - 1.0))
+    return [CaseWaves(components, a, form)]
+
+
+def standing_harmonics(steepness: float, kd: float) -> tuple[Vector, float]:
+    """Return E_ij, shape (3, 4), and the relative change of the frequency of a standing wave of k a in depth k d.
+
+    To third order it is eta = a sum E_ij cos(i k x) cos(j omega t), i from 1 and j from 0 on.
+    """
+    s, T = steepness, float(np.tanh(kd))
+    E = np.zeros((3, 4))
+    E[0, 1], E[0, 3] = 1.0, -(s**2) / 256 * (3 * T**-4 + 18 * T**-2 - 5)
+    E[1, 0], E[1, 2] = s / 8 * (T + 1 / T), s / 8 * (3 * T**-3 - 1 / T)
+    E[2, 1] = 3 * s**2 / 256 * (9 * T**-4 + 27 * T**-2 - 15 + T**2 + 2 * T**4)
+    E[2, 3] = 3 * s**2 / 256 * (9 * T**-6 - 3 * T**-4 + 3 * T**-2 - 1)
+    return E, s**2 / 64 * (9 * T**-4 - 12 * T**-2 - 3 - 2 * T**2)
 
 
 def _followed(

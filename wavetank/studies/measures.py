@@ -28,6 +28,7 @@ from wavetank.case import Case, LinearWater, StandingWave, StreamFunctionWave
 from wavetank.errors import InputError, choice
 from wavetank.output.directory import RunDirectory
 from wavetank.values.formula import CONSTANTS, FUNCTIONS, Formula
+from wavetank.waves.airy import angular_frequency
 from wavetank.waves.wave import Array
 
 LINEAR = 1e-4  # k a coth^3(k d) up to which a wave counts as linear: about its second harmonic, relative
@@ -70,13 +71,15 @@ def exact_solution(scene: Case) -> ExactSolution:
             f"reference exact: initial.wave_amplitude = {initial.wave_amplitude:g} received; it must be at most "
             f"{highest:.2g} m, up to which a standing wave is linear, or water.type must be 'linear'."
         )
-    standing = initial.wave(tank)
+    amplitude, omega = initial.wave_amplitude, float(angular_frequency(k, tank.depth, tank.gravity))
+
+    def elevation(x: Array, t: float) -> Array:
+        return np.asarray(amplitude * np.cos(k * x) * np.cos(omega * t))
 
     def carrier(x: Array, eta: Array, psi: Array) -> complex:
-        height = eta + 1j * standing.frequency / tank.gravity * psi
-        return complex(2 * np.mean(height * np.cos(k * x)))
+        return complex(2 * np.mean((eta + 1j * omega / tank.gravity * psi) * np.cos(k * x)))
 
-    return ExactSolution(standing.elevation, standing.amplitude, carrier, standing.frequency)
+    return ExactSolution(elevation, amplitude, carrier, omega)
 
 
 SURFACE_ERROR, GAUGE_ERROR = "surface error [-]", "gauge error [-]"

@@ -28,9 +28,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from examples.paper.dirichlet_neumann import DirichletNeumann
 from wavetank.errors import InputError
 from wavetank.waves.airy import angular_frequency
-from wavetank.waves.dirichlet_neumann import DirichletNeumann
 from wavetank.waves.wave import Array, Wave, in_depth
 
 _POINTS = 8  # each way of x, y and s
