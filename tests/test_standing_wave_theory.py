@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from examples.paper.standing_wave import ThirdOrderStandingWave
-from wavetank.errors import InputError
 from wavetank.planning.requirements import standing_harmonics
 
 GRAVITY, POINTS = 9.81, 12
@@ -106,16 +105,3 @@ def test_harmonics_of_plans_are_those_of_the_expansion(kd):
     harmonics, shift = standing_harmonics(0.1, kd)
     assert harmonics * 0.1 == pytest.approx(one.elevation_coefficients[1:, 0], abs=1e-12)
     assert shift == pytest.approx(one.frequency / one.linear_frequency - 1.0, abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"modes": (0, 0)}, r"modes = \(0, 0\)"),
-        ({"modes": (-1, 1)}, "half waves"),
-        ({"order": 4}, "order = 4: must be"),
-    ],
-)
-def test_invalid_standing_wave_is_refused(changes, message):
-    with pytest.raises(InputError, match=message):
-        wave(**changes)

@@ -13,11 +13,11 @@ import pytest
 from examples.paper.mccamy_fuchs import CylinderDiffraction
 from examples.paper.resting_wave import resting_wave
 from examples.paper.standing_wave import ThirdOrderStandingWave
+from examples.paper.theories import LinearWater, SteadyWater, Wave
 from wavetank.waves.focusing import Fan, FocusedGroup, ReflectedGroup
 from wavetank.waves.solitary_wave import solitary_wave
 from wavetank.waves.spectra import gaussian
 from wavetank.waves.stream_function import stream_function_wave
-from wavetank.waves.wave import Wave
 
 G, D = 9.81, 0.8
 STEP = 1e-3  # m, s: differences of fourth order
@@ -48,15 +48,17 @@ def standing(order, amplitude):
 
 
 CASES = {
-    "stream-function": lambda: Case(stream_function_wave(0.2, 3.0, depth=D), 0.4, 1e-7, 1.4),
-    "solitary": lambda: Case(solitary_wave(0.3, depth=D), 0.8, 1e-7, 1.0),
+    "stream-function": lambda: Case(SteadyWater(stream_function_wave(0.2, 3.0, depth=D)), 0.4, 1e-7, 1.4),
+    "solitary": lambda: Case(SteadyWater(solitary_wave(0.3, depth=D)), 0.8, 1e-7, 1.0),
     "resting": lambda: Case(resting_wave(0.06, 2.0, depth=D), 0.1, 2e-6, 1.1),
     "third order": lambda: Case(standing(3, 0.01), 0.05, 2e-5, 1.0),  # (k a)^3 = 1.8e-5
     "first order": lambda: Case(standing(1, 1e-5), 5e-5, 1e-4, 1.0),  # 3 k a
-    "a group": lambda: Case(group().target, 4e-4, 2e-3, 1.6),  # 10 k a: its waves' slopes add up
-    "a fan": lambda: Case(fan().target, 4e-4, 2e-3, 1.6),
+    "a group": lambda: Case(LinearWater(group().target), 4e-4, 2e-3, 1.6),  # 10 k a: its waves' slopes add up
+    "a fan": lambda: Case(LinearWater(fan().target), 4e-4, 2e-3, 1.6),
     "around a cylinder": lambda: Case(CylinderDiffraction(1.3, 0.5, a=1e-5, depth=D), 3e-5, 1e-4, 1.9),  # 6 k a
-    "between walls": lambda: Case(ReflectedGroup(group=fan(), y_min=-1.5, y_max=2.0).target, 4e-4, 2e-3, 1.6),
+    "between walls": lambda: Case(
+        LinearWater(ReflectedGroup(group=fan(), y_min=-1.5, y_max=2.0).target), 4e-4, 2e-3, 1.6
+    ),
 }
 
 

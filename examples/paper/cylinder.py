@@ -28,8 +28,7 @@ from wavetank.plots.style import BLUE, GREEN, PALE_GREY, VERMILION, entry
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.walls import StillWall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
-from wavetank.waves.airy import angular_frequency
-from wavetank.waves.wave import Array
+from wavetank.waves.airy import Array, angular_frequency
 
 GRAVITY, WAVE_LENGTH = 9.81, 2 * np.pi  # m/s², m: lengths are in 1 / k, and the depth is 1
 LENGTH, WIDTH, CENTRE = 5.5, 2.75, 2.625  # of the half basin, and where the cylinder is, in wave lengths

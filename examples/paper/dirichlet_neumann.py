@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.waves.airy import relative_depth
-from wavetank.waves.wave import Array
+from wavetank.waves.airy import Array, relative_depth
 
 
 class DirichletNeumann:

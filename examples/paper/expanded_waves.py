@@ -22,7 +22,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from examples.paper.dirichlet_neumann import DirichletNeumann
-from wavetank.waves.wave import Array
+from wavetank.waves.airy import Array
 
 ORDERS = 3
 RTOL = 1e-10  # relative error of the integration in time

@@ -19,9 +19,8 @@ from wavetank.analysis.compare import rms
 from wavetank.case import Case
 from wavetank.plots.style import BLUE, GREY, VERMILION
 from wavetank.simulation.build import build_run
-from wavetank.waves.airy import angular_frequency
+from wavetank.waves.airy import Array, angular_frequency
 from wavetank.waves.plane_waves import PlaneWaves
-from wavetank.waves.wave import Array
 
 GRAVITY, DEPTH, LENGTH = 9.81, 1.0, 12.0  # m/s², m, m
 PEAK, WIDTH = 5, 1.2  # waves around the ring: k_p d = 2.6
@@ -45,7 +44,7 @@ def linear_group(crest: float) -> PlaneWaves:
 def expanded(crest: float) -> Array:
     """Return eta_1, eta_2 and eta_3 [m] at the focus' time, at equally spaced places, shape (3, POINTS)."""
     x, waves = np.linspace(0.0, LENGTH, POINTS, endpoint=False), linear_group(crest)
-    eta, psi = waves.elevation(x), waves.potential(x, 0 * x)
+    eta, psi = waves.elevation(x), waves.potential(x)
     return ExpandedWaves(eta=eta, psi=psi, length=LENGTH, depth=DEPTH, gravity=GRAVITY).orders(TIME)
 
 

@@ -34,8 +34,8 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from wavetank.waves.airy import angular_frequency, relative_depth
-from wavetank.waves.wave import Array, Wave, in_depth
+from examples.paper.theories import Wave, in_depth
+from wavetank.waves.airy import Array, angular_frequency, relative_depth
 
 Complex = NDArray[np.complex128]
 

@@ -25,9 +25,9 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from examples.paper.theories import Image, Wave
 from wavetank.errors import InputError
-from wavetank.waves.conformal import Image
-from wavetank.waves.wave import Array, Wave
+from wavetank.waves.airy import Array
 
 STEP = 0.01  # of height over length, from one wave to the next
 HIGHEST = 0.15  # height over length; beyond, the crest wants more than MODES allows

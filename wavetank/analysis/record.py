@@ -17,7 +17,7 @@ from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.manifest import MANIFEST
 from wavetank.run_warning import RunWarning
-from wavetank.waves.wave import Array
+from wavetank.waves.airy import Array
 
 GRAVITY = 9.81  # m/s^2; of records that are of no run
 BETWEEN = 64  # places from gauge to gauge at which the bed is evaluated

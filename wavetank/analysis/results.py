@@ -40,8 +40,7 @@ from wavetank.analysis.signals import (
 )
 from wavetank.analysis.statistics import forristall_crests, height_statistics, zero_crossing_waves
 from wavetank.errors import InputError
-from wavetank.waves.airy import group_velocity, wave_number
-from wavetank.waves.wave import Array
+from wavetank.waves.airy import Array, group_velocity, wave_number
 
 COHERENT = 0.9  # frequencies of a smaller coherence have no phase speed
 DOUBTFUL = 0.1  # of the variance: a larger part of other periods is noted

@@ -18,8 +18,7 @@ from xarray import DataArray, Dataset
 
 from wavetank.errors import InputError
 from wavetank.output.columns import gauge_array
-from wavetank.waves.airy import wave_number
-from wavetank.waves.wave import Array
+from wavetank.waves.airy import Array, wave_number
 
 # ---------------------------------------------------------------- records
 MIN_SAMPLES = 8  # times of a record

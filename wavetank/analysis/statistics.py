@@ -12,8 +12,7 @@ from scipy.interpolate import CubicSpline
 from xarray import DataArray, Dataset
 
 from wavetank.errors import InputError
-from wavetank.waves.airy import wave_number
-from wavetank.waves.wave import Array
+from wavetank.waves.airy import Array, wave_number
 
 # ---------------------------------------------------------------- zero up-crossing waves
 MIN_WAVES = 3  # waves that a mean height needs

@@ -25,7 +25,6 @@ from wavetank.waves.plane_waves import PlaneWaves
 from wavetank.waves.solitary_wave import HIGHEST_SOLITARY, solitary_wave
 from wavetank.waves.spectra import uniform
 from wavetank.waves.stream_function import maximum_height, stream_function_wave
-from wavetank.waves.wave import Wave
 
 # ---------------------------------------------------------------- a surface from a file
 LARGEST_GAP_RATIO = 2.0  # times what is most between two points may be from the last round to the first
@@ -149,7 +148,7 @@ class SpectralSurface(CaseModel):
     def surface(self, tank: AnyTank, x: motions.Array, y: motions.Array) -> tuple[motions.Array, motions.Array]:
         """Return eta [m], and psi [m²/s] of linear waves, at still water, at places x, y [m], each of shape (N,)."""
         waves = self.waves(tank)
-        return waves.elevation(x), waves.potential(x, np.zeros_like(x))
+        return waves.elevation(x), waves.potential(x)
 
     def waves(self, tank: AnyTank) -> PlaneWaves:
         """Return the waves."""
@@ -285,7 +284,7 @@ class TheoreticalWave(CaseModel):
 
     location: ClassVar[tuple[str, ...]] = ("initial",)
 
-    def wave(self, tank: AnyTank) -> Wave:
+    def wave(self, tank: AnyTank) -> SteadyWave:
         """Return the wave."""
         raise NotImplementedError
 

@@ -26,8 +26,7 @@ from wavetank.plots.style import (
     picture,
     titled,
 )
-from wavetank.waves.airy import wave_number
-from wavetank.waves.wave import Array
+from wavetank.waves.airy import Array, wave_number
 
 FEW = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, INK)
 MARGIN = 0.1  # of frequencies: how far beyond them linear waves are drawn

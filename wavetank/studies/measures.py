@@ -28,8 +28,7 @@ from wavetank.case import Case, LinearWater, StandingWave, StreamFunctionWave
 from wavetank.errors import InputError, choice
 from wavetank.output.directory import RunDirectory
 from wavetank.values.formula import CONSTANTS, FUNCTIONS, Formula
-from wavetank.waves.airy import angular_frequency
-from wavetank.waves.wave import Array
+from wavetank.waves.airy import Array, angular_frequency
 
 LINEAR = 1e-4  # k a coth^3(k d) up to which a wave counts as linear: about its second harmonic, relative
 

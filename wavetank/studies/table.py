@@ -17,7 +17,7 @@ from wavetank.run_warning import RunWarning
 from wavetank.studies.measures import Errors, Responses, responded
 from wavetank.studies.runs import Outcome
 from wavetank.studies.sweep import Axis, Combination, Refused
-from wavetank.waves.wave import Array
+from wavetank.waves.airy import Array
 
 CPU, BROKE = "CPU [s]", "broke"
 COSTS = {  # column: keys of the manifest; CPU and wall time are those of stepping

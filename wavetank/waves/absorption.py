@@ -34,8 +34,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from wavetank.waves.airy import angular_frequency, wave_number
-from wavetank.waves.wave import Array
+from wavetank.waves.airy import Array, angular_frequency, wave_number
 from wavetank.waves.wavemaker import Wavemaker, modes, norm
 
 Complex = NDArray[np.complex128]

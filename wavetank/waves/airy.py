@@ -5,9 +5,9 @@ A depth of ``inf`` [m] is deep water.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from wavetank.waves.wave import Array
+Array = NDArray[np.float64]
 
 # Beyond this k d the tanh is 1 and its slope 0 to round-off: the limit of deep water, without inf * 0.
 _DEEP = 40.0

@@ -23,15 +23,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from wavetank.waves.wave import Array, Wave
+from wavetank.waves.airy import Array
 
 Shape = Callable[[ArrayLike], Array]
 
 SPLINE_DEGREE = 7  # of x -> (eta, psi): on a grid FINER times as fine as the wave needs, exact to round-off
 FINER = 4
-ROUNDS, ROUND_OFF = 50, 1e-14  # of Newton's method for places in the strip
 _DEEP = 300.0  # beyond this k D the multipliers are those of infinite depth, and the hyperbolic functions overflow
 SETTLED = 1e-9  # a correction whose square is round-off is the last
 CORRECTED, SPACE = 1e-8, 100  # of a correction, relative; the most iterations
@@ -39,91 +38,7 @@ STAGNANT = 1e-6  # b - 2 eta, the squared speed along the surface over g, is pos
 
 
 @dataclass(frozen=True, eq=False)
-class Image:
-    """The water as the conformal image x + i z = Z(zeta) of a strip, zeta = xi + i chi, chi in [-D, 0], by cosines.
-
-    Z = (1 + s) zeta + i a_0 + sum a_k sin(k (zeta + i D)) / sinh(k D),   eta = a_0 + sum a_k cos(k xi).
-
-    Attributes
-    ----------
-    k, cosines
-        Wave numbers [rad/m] and a_k [m], without the mean, shape (M,).
-    mean, stretch, depth
-        a_0 [m]; s, which a solitary wave has; D [m].
-    xi, x
-        Points of the surface from the crest to half a period [m], shape (N,); there a wave repeats itself or, where it
-        has a stretch, is over.
-    """
-
-    k: Array
-    cosines: Array
-    mean: float
-    stretch: float
-    depth: float
-    xi: Array
-    x: Array
-
-    def of(self, zeta: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Return x + i z [m] at places of the strip [m], shape (N,), and its derivative."""
-        backward, forward = self._exponentials(zeta)
-        there = (1.0 + self.stretch) * zeta + 1j * self.mean + 1j * (backward - forward) @ self._over(self.cosines)
-        return there, 1.0 + self.stretch + (backward + forward) @ self._over(self.k * self.cosines)
-
-    def even(self, zeta: NDArray[np.complex128], cosines: Array) -> tuple[NDArray[np.complex128], ...]:
-        """Return sum c_k cos(k (zeta + i D)) / cosh(k D), of the cosines c_k on the surface, and its derivative."""
-        backward, forward = self._exponentials(zeta)
-        weights = cosines / (1.0 + np.exp(-2.0 * self.k * self.depth))
-        return (backward + forward) @ weights, -1j * (backward - forward) @ (self.k * weights)
-
-    def _exponentials(self, zeta: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], ...]:
-        """Return exp(-i k zeta) and exp(i k zeta - 2 k D), shape (N, M): neither overflows in the strip."""
-        turns = 1j * np.multiply.outer(zeta, self.k)
-        return np.exp(-turns), np.exp(turns - 2.0 * self.k * self.depth)
-
-    def _over(self, values: Array) -> Array:
-        return np.asarray(values / -np.expm1(-2.0 * self.k * self.depth))
-
-    def at_surface(self, x: Array) -> Array:
-        """Return xi [m] of the surface at places x [m], shape (N,)."""
-        x, xi = self._folded(x)
-        for _ in range(ROUNDS):
-            there, slope = self.of(np.asarray(xi, dtype=np.complex128))
-            step = (there.real - x) / slope.real
-            xi = xi - step
-            if np.abs(step).max(initial=0.0) < ROUND_OFF * self.depth:
-                break
-        return np.asarray(xi)
-
-    def inside(self, x: Array, z: Array) -> NDArray[np.complex128]:
-        """Return zeta [m] of places in the water [m], shape (N,)."""
-        x, xi = self._folded(x)
-        surface, _ = self.of(np.asarray(xi, dtype=np.complex128))
-        bed = self.mean - self.depth
-        fraction = np.clip((surface.imag - z) / (surface.imag - bed), 0.0, 1.0)
-        zeta = xi - 1j * self.depth * fraction
-        for _ in range(ROUNDS):
-            there, slope = self.of(zeta)
-            step = (there - (x + 1j * z)) / slope
-            zeta = zeta - step
-            zeta = zeta.real + 1j * np.clip(zeta.imag, -self.depth, 0.0)
-            if np.abs(step).max(initial=0.0) < ROUND_OFF * self.depth:
-                break
-        return np.asarray(zeta)
-
-    def within(self, x: Array) -> Array:
-        """Return places [m], those beyond the ends of a wave that ends as at its ends."""
-        return np.clip(x, -self.x[-1], self.x[-1]) if self.stretch else x
-
-    def _folded(self, x: Array) -> tuple[Array, Array]:
-        """Return places within the wave, and about where in the strip they are."""
-        x = self.within(x)
-        shift = 2 * self.x[-1] * np.round(x / (2 * self.x[-1])) * (not self.stretch)
-        rest = x - shift
-        return x, shift + np.sign(rest) * np.interp(np.abs(rest), self.x, self.xi)
-
-
-@dataclass(frozen=True, eq=False)
-class SteadyWave(Wave):
+class SteadyWave:
     """A wave of permanent form that travels to +x.
 
     Attributes
@@ -135,8 +50,8 @@ class SteadyWave(Wave):
         was solved for, relative to its mean.
     shape
         Elevation [m] and surface potential [m²/s] at places x [m] from the crest, in a last axis of 2.
-    image
-        The water below, with x from the crest.
+    solution, depth
+        The solution, and the still-water depth [m].
     crest
         Where a crest is at t = 0 [m].
     """
@@ -144,7 +59,8 @@ class SteadyWave(Wave):
     speed: float
     residual: float
     shape: Shape
-    image: Image
+    solution: "SteadySolution"
+    depth: float
     crest: float = 0.0
 
     def elevation(self, x: ArrayLike, t: ArrayLike = 0.0, *, y: ArrayLike = 0.0) -> Array:
@@ -157,27 +73,8 @@ class SteadyWave(Wave):
         values = self.shape(place)
         return values[..., 0], values[..., 1]
 
-    def potential(self, x: ArrayLike, z: ArrayLike, t: ArrayLike = 0.0, *, y: ArrayLike = 0.0) -> Array:
-        """Return the potential [m²/s], c (x - xi) from the crest on."""
-        place, zeta, shape = self._inside(x, z, t, y)
-        return np.asarray(self.speed * (place - zeta.real)).reshape(shape)
-
-    def velocity(self, x: ArrayLike, z: ArrayLike, t: ArrayLike = 0.0, *, y: ArrayLike = 0.0) -> Array:
-        """Return the velocity [m/s]; that along y is 0."""
-        _, zeta, shape = self._inside(x, z, t, y)
-        flow = self.speed * (1.0 - 1.0 / self.image.of(zeta)[1])  # u - i w
-        return np.stack([flow.real, np.zeros_like(flow.real), -flow.imag], axis=-1).reshape(*shape, 3)
-
     def _from_crest(self, x: ArrayLike, t: ArrayLike) -> Array:
         return np.asarray(np.subtract(x, self.crest) - np.multiply(self.speed, t))
-
-    def _inside(
-        self, x: ArrayLike, z: ArrayLike, t: ArrayLike, y: ArrayLike
-    ) -> tuple[Array, NDArray[np.complex128], tuple[int, ...]]:
-        """Return distances from the crest [m] and places of the strip, both flat, and the shape they are to have."""
-        place, height, _ = np.broadcast_arrays(self._from_crest(x, t), np.asarray(z, dtype=np.float64), y)
-        flat = self.image.within(place.ravel())
-        return flat, self.image.inside(flat, height.ravel()), place.shape
 
 
 class Strip:
@@ -280,22 +177,7 @@ class SteadySolution:
         half = depth * np.column_stack([fine.eta, c * shift])
         values = np.concatenate([half[:0:-1] * [1.0, -1.0], half])  # eta is even, psi is odd
         shape = interpolate(np.concatenate([-x[:0:-1], x]), values)
-        return SteadyWave(c, self.residual(), shape, self._image(depth, xi=depth * fine.strip.xi, x=x))
-
-    def _image(self, depth: float, *, xi: Array, x: Array) -> Image:
-        """Return the water in metres, with points of its surface."""
-        strip, a = self.strip, scipy.fft.dct(self.eta, type=1) / self.strip.intervals
-        a[[0, -1]] /= 2
-        selected = 1 + np.flatnonzero(np.abs(a[1:]) > np.finfo(float).eps * np.abs(a[1:]).max())
-        return Image(
-            k=np.asarray(strip.k[selected] / depth),
-            cosines=depth * a[selected],
-            mean=depth * float(a[0]),
-            stretch=float(strip.mean * a[0]),
-            depth=depth * strip.depth,
-            xi=xi,
-            x=x,
-        )
+        return SteadyWave(c, self.residual(), shape, self, depth)
 
 
 def at_height(

@@ -10,7 +10,7 @@ exactly so in shallow water; else with the attenuation gamma / (2 c_g) of waves 
 import numpy as np
 
 from wavetank.waves import airy
-from wavetank.waves.wave import Array
+from wavetank.waves.airy import Array
 
 
 def reflection(gamma: Array, step: float, *, omega: float, depth: float, gravity: float, end: float = 1.0) -> float:

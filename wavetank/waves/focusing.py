@@ -32,9 +32,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.waves import airy
+from wavetank.waves.airy import Array
 from wavetank.waves.plane_waves import PlaneWaves
 from wavetank.waves.spectra import Spectrum
-from wavetank.waves.wave import Array
 
 Complex = NDArray[np.complex128]
 LATE = 0.02  # of the crest: components that may leave before the ramp ends

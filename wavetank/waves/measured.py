@@ -13,7 +13,7 @@ import scipy
 
 from wavetank.errors import InputError
 from wavetank.values.columns import read_columns
-from wavetank.waves.wave import Array
+from wavetank.waves.airy import Array
 
 MAX_COMPONENTS = 10_000
 

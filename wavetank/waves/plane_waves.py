@@ -5,12 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavetank.waves.airy import wave_number
-from wavetank.waves.wave import Array, Wave, in_depth
+from wavetank.waves.airy import Array, wave_number
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class PlaneWaves(Wave):
+class PlaneWaves:
     """eta = Re sum A exp(i (k_x x + k_y y - omega t)), with omega² = g k tanh(k d).
 
     Attributes
@@ -34,31 +33,14 @@ class PlaneWaves(Wave):
         """Return the elevation [m]; memory is the number of waves times that of places."""
         return np.asarray((self._phasors(x, t, y) @ self.amplitudes).real)
 
-    def potential(self, x: ArrayLike, z: ArrayLike, t: ArrayLike = 0.0, *, y: ArrayLike = 0.0) -> Array:
-        """Return the potential [m²/s]."""
-        cosh, _ = self._in_depth(z)
-        return np.asarray((self._phasors(x, t, y) * cosh @ self._potentials).real)
-
-    def velocity(self, x: ArrayLike, z: ArrayLike, t: ArrayLike = 0.0, *, y: ArrayLike = 0.0) -> Array:
-        """Return the velocity [m/s]."""
-        phasors, (cosh, sinh) = self._phasors(x, t, y), self._in_depth(z)
-        along = (phasors * cosh @ (1j * k * self._potentials) for k in (self.k_x, self.k_y))
-        return np.stack([*along, phasors * sinh @ (self._k * self._potentials)], axis=-1).real
-
-    @property
-    def _k(self) -> Array:
-        return np.hypot(self.k_x, self.k_y)
-
-    @property
-    def _potentials(self) -> NDArray[np.complex128]:
-        return np.asarray(-1j * self.gravity / self.omega * self.amplitudes)
+    def potential(self, x: ArrayLike, t: ArrayLike = 0.0, *, y: ArrayLike = 0.0) -> Array:
+        """Return the potential at still water [m²/s]."""
+        potentials = -1j * self.gravity / self.omega * self.amplitudes
+        return np.asarray((self._phasors(x, t, y) @ potentials).real)
 
     def _phasors(self, x: ArrayLike, t: ArrayLike, y: ArrayLike) -> NDArray[np.complex128]:
         in_plan = np.multiply.outer(x, self.k_x) + np.multiply.outer(y, self.k_y)
         return np.asarray(np.exp(1j * (in_plan - np.multiply.outer(t, self.omega))))
-
-    def _in_depth(self, z: ArrayLike) -> tuple[Array, Array]:
-        return in_depth(self._k, np.asarray(z)[..., None], self.depth)
 
 
 def waves_along(

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from wavetank.waves import airy
-from wavetank.waves.wave import Array
+from wavetank.waves.airy import Array
 from wavetank.waves.wavemaker import Complex, Wavemaker, modes, norm
 
 EVANESCENT = 24  # modes that die out, of each frequency: the next would change X_2 by less than 1e-3

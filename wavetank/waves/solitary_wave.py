@@ -18,8 +18,8 @@ import numpy as np
 import scipy
 
 from wavetank.errors import InputError
+from wavetank.waves.airy import Array
 from wavetank.waves.conformal import SPLINE_DEGREE, Shape, SteadySolution, SteadyWave, Strip, at_height
-from wavetank.waves.wave import Array
 
 HIGHEST_SOLITARY = 0.8  # relative to the depth; the highest wave has 0.833
 ITERATED, STEP = 0.7, 0.02  # relative to the depth: up to where by iteration, and how far apart above

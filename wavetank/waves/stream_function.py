@@ -18,8 +18,8 @@ import numpy as np
 import scipy
 
 from wavetank.errors import InputError
+from wavetank.waves.airy import Array
 from wavetank.waves.conformal import SPLINE_DEGREE, Shape, SteadySolution, SteadyWave, Strip, at_height
-from wavetank.waves.wave import Array
 
 STEP = 0.1  # in height, relative to the maximum: so close, and closer as it comes near, waves keep to one crest
 RESOLVED, ACCEPTED, HOPELESS = 1e-10, 1e-9, 1.0  # Bernoulli residuals: fine enough; still a wave; not to be cured

@@ -47,10 +47,9 @@ from wavetank.case.wall import PaddleWall
 from wavetank.output.directory import RunDirectory
 from wavetank.values.case_model import CaseError, Problem, about, entry
 from wavetank.waves import airy
-from wavetank.waves.airy import wave_number
+from wavetank.waves.airy import Array, wave_number
 from wavetank.waves.measured import WishedSurface, wished_surface
 from wavetank.waves.plane_waves import PlaneWaves, waves_along
-from wavetank.waves.wave import Array
 
 Setting = NDArray[Any]
 GAUGE_DISTANCE = 1e-3  # m, up to which a gauge is at the target
