@@ -12,8 +12,9 @@ The schemes contain the constants of one machine (``costs``; a scheme without ha
 choice of a plan needs ratios only, and is the same everywhere. They are measured by
 ``python -m benchmarks --only costs``.
 
-**Records below the surface** need one more interior solve and products, on a second system
-(``tank/kinematics.py``), once for all that are due at a step; then points are evaluated and written. Measured (``ROW``,
+**Records below the surface** need one more interior solve and products, with a separate history of solves
+(``tank/kinematics.py``), once for all that are due at a step; then points are evaluated and written. They need 0.4 of
+the memory of the run more (``BELOW``), measured in a basin of 43 621 nodes. Measured times (``ROW``,
 ``POINT``): in slices of 49 to 1801 nodes 2.4 to 7.5 ms a row, beside steps of the default scheme of 1.8 to 6.4 ms; in
 basins of 1027 and 3775 nodes 0.6 and 0.5 of a step.
 
@@ -93,6 +94,7 @@ def entries_of(order: int, cells: int, vertical_order: int) -> int:
 
 ROW = 2.5e-3, 5e-8  # s, and s an entry of a slice's operator
 ROW_OF_STEP = 0.55  # of a basin's step
+BELOW = 0.4  # of the memory of a run
 ABSORPTION: dict[type, tuple[float, float]] = {  # s, and s an entry, a step of each paddle
     ActiveAbsorption: (0.45e-3, 7e-9),
     SpringDamper: (0.7e-3, 2.3e-8),
@@ -133,9 +135,9 @@ class OutputCost(NamedTuple):
         return cls(min(rows, steps), written["csv"], written["netcdf"], (once, of_entry))
 
     @property
-    def systems(self) -> int:
-        """Number of systems in memory: that of the run, and one of records below the surface."""
-        return 2 if self.rows else 1
+    def systems(self) -> float:
+        """Memory of the run with records below the surface, over that without."""
+        return 1.0 + BELOW if self.rows else 1.0
 
     @property
     def writing(self) -> float:

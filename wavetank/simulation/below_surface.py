@@ -112,12 +112,12 @@ def axes_of(water: MovingWater) -> list[int]:
 
 
 class BelowSurface:
-    """Diagnostics that share water of their own, which each step is evaluated in once for all of them.
+    """Diagnostics below the surface, which share the evaluations of each step.
 
     Parameters
     ----------
     water
-        The water, whose start values are part of the state of the run, as the states of the diagnostics are.
+        The water; the history of its solves is part of the state of the run, as the states of the diagnostics are.
     diagnostics
         Probes, loads, windows, velocity fields and paddles with loads.
     """
@@ -126,7 +126,7 @@ class BelowSurface:
         self.schedule, self.water, self.diagnostics = EverySteps(), water, diagnostics
 
     def record(self, block: Block) -> None:
-        """Let them record step by step; collective."""
+        """Record step by step; collective."""
         for number in range(len(block)):
             step = block.at([number])
             for diagnostic in self.diagnostics:
