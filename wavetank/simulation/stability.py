@@ -217,7 +217,9 @@ class StabilityWatch:
 
     def _largest_frequency(self, block: Block) -> float:
         """Return the largest frequency on the surface at the last step of a block [rad/s]; collective."""
-        self._flow.near(block.state, float(block.t[-1]))
+        t = float(block.t[-1])
+        self._flow.near(block.state, t)
+        self._waves.set_time(t)  # other diagnostics move the wall
         return self._short.largest_frequency(self._flow, least=self.state.frequency)
 
     def _warns(self, t: float, noise: float) -> bool:
