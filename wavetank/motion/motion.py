@@ -61,11 +61,6 @@ class Motion(ABC):
         return None
 
     @property
-    def risen(self) -> float:
-        """When its ramp is over [s]; 0 where it has none."""
-        return 0.0
-
-    @property
     def power_period(self) -> float | None:
         """The period that halves the power of its velocity over all times [s]; None if it is not known in advance."""
         return None
@@ -139,11 +134,6 @@ class MotionWrapper(Motion):
     def interval(self) -> float | None:
         """See ``Motion``."""
         return self.motion.interval
-
-    @property
-    def risen(self) -> float:
-        """See ``Motion``."""
-        return self.motion.risen
 
     @property
     def power_period(self) -> float | None:
@@ -339,11 +329,6 @@ class Ramped(MotionWrapper):
     motion: Motion
     ramp: float
     start: float = 0.0
-
-    @property
-    def risen(self) -> float:
-        """When the ramp is over [s]."""
-        return self.start + self.ramp
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the derivative of the product by Leibniz' rule."""
