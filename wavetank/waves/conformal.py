@@ -45,9 +45,6 @@ class SteadyWave:
     ----------
     speed
         c [m/s].
-    residual
-        Bernoulli residual: how much the forward c^2 varies along the surface, also between the points at which the wave
-        was solved for, relative to its mean.
     shape
         Elevation [m] and surface potential [m²/s] at places x [m] from the crest, in a last axis of 2.
     solution, depth
@@ -57,7 +54,6 @@ class SteadyWave:
     """
 
     speed: float
-    residual: float
     shape: Shape
     solution: "SteadySolution"
     depth: float
@@ -161,7 +157,7 @@ class SteadySolution:
         return (self.b - 2 * self.eta) * (self.strip.stretch(self.eta) ** 2 + self.strip.slope(self.eta) ** 2)
 
     def residual(self) -> float:
-        """Return how much the squared speed varies on finer points, relative to its mean."""
+        """Return Bernoulli's: how much the squared speed varies on finer points, relative to its mean."""
         squares = self.refined(FINER).squared_speed()
         return float(np.ptp(squares) / abs(squares.mean()))
 
@@ -177,7 +173,7 @@ class SteadySolution:
         half = depth * np.column_stack([fine.eta, c * shift])
         values = np.concatenate([half[:0:-1] * [1.0, -1.0], half])  # eta is even, psi is odd
         shape = interpolate(np.concatenate([-x[:0:-1], x]), values)
-        return SteadyWave(c, self.residual(), shape, self, depth)
+        return SteadyWave(c, shape, self, depth)
 
 
 def at_height(
