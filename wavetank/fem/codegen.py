@@ -265,7 +265,7 @@ class Unit:
             builder.set_source(self._name, code, extra_compile_args=self._flags)
             builder.compile(tmpdir=str(folder))
 
-        folder = compiled(self._comm, f"{parts} {generators} {self._flags}", build=build)
+        folder = compiled(self._comm, f"{self._name} {parts} {generators} {self._flags}", build=build)
         return loaded(self._comm, lambda: _module(folder / f"{self._name}{EXTENSION_SUFFIXES[0]}"), folder)
 
     def _code(self) -> tuple[str, str]:

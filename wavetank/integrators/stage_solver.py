@@ -12,10 +12,11 @@ predicts to be small enough is the solution, and no evaluation goes to confirm t
 f need not have been evaluated; a scheme has its slope there from the stage itself, f = (z - c) / a.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from math import isfinite, sqrt
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -57,7 +58,7 @@ Of c; the memories of earlier solutions and of iterates; size and contraction of
 """
 
 
-class Stage(Protocol):
+class Stage(ABC):
     """A stage z = g(z) with g(z) = c + a f(z) of a system.
 
     Attributes
@@ -77,14 +78,17 @@ class Stage(Protocol):
     c: Vector
     key: Vector
     weight: float
-    compiled: CompiledSolver | None
+    compiled: CompiledSolver | None = None
 
+    @abstractmethod
     def image(self, z: Vector) -> tuple[Vector, float]:
         """Return g(z), and how far from rest z is, as a root mean square in scaled units; collective."""
 
+    @abstractmethod
     def precondition(self, residual: Vector) -> Vector:
         """Return the approximate inverse of the stage's derivative times a residual; collective."""
 
+    @abstractmethod
     def begin(self, among: AndersonMixing, uncertainty: float) -> Vector:
         """Return the start value from points of earlier solves; collective."""
 

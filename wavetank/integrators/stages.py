@@ -1,33 +1,71 @@
 """Implicit stages z = c + a f(z): what the stage solver evaluates, how it is preconditioned, and where it begins."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.fem.anderson import AndersonMixing
 from wavetank.integrators.hamiltonian import Weights, coupled, pair
-from wavetank.integrators.stage_solver import CompiledSolver
+from wavetank.integrators.stage_solver import CompiledSolver, Stage, StageSolver
 
 
-class StagedSystem(Protocol):
-    """A system whose stages are iterated; all methods are collective."""
+class StagedSystem(ABC):
+    """A system whose stages ``StageSolver`` solves; all methods are collective.
 
+    Attributes
+    ----------
+    history
+        That of the solves of steps; it has a ``StageHistories`` as ``stages``.
+    stage_solver
+        The solver of the stages.
+    """
+
+    history: Any
+    stage_solver: StageSolver
+
+    @abstractmethod
     def begin_stage(self, weight: float | None, t: float, guess: Any, history: Any) -> CompiledSolver | None:
         """Prepare for stages at t near a guess, preconditioned for a weight [s] unless that is None.
 
         Returns the compiled solver of such a stage, or None; see ``Stage.compiled``.
         """
 
+    @abstractmethod
     def precondition(self, weight: float, residual: Vector) -> Vector:
         """Return the approximate inverse of a stage's derivative times a residual, shape (2, n)."""
 
+    @abstractmethod
     def flow(self, z: Vector, t: float, history: Any) -> tuple[Vector, float]:
         """Return f(z, t), shape (2, n), and how far from rest z is, as a root mean square in scaled units."""
 
+    def solve_stage(
+        self, name: str, c: Vector, a: Weights, t: float, guess: Any = None, *, history: Any = None
+    ) -> Vector:
+        """Return z = c + a f(z, t), shape (2, n); see ``HamiltonianSystem``."""
+        history = history or self.history
+        return self.stage_solver.solve(PairStage(self, history, name, c, a, t, guess), history.stages)
 
-class PairStage:
+    def solve_stages(
+        self,
+        name: str,
+        c: Vector,
+        a: Vector,
+        times: Sequence[float],
+        guess: Any = None,
+        scale: Any = 1.0,
+        *,
+        history: Any = None,
+    ) -> Vector:
+        """Return coupled stages, shape (stages, 2, n); see ``HamiltonianSystem``."""
+        history = history or self.history
+        stage = CoupledStages(self, history, name, c, a, times, guess, scale)
+        return self.stage_solver.solve(stage, history.stages)
+
+
+class PairStage(Stage):
     """A stage z = c + a f(z, t) of pairs z = [q, p]; see ``wavetank.integrators.stage_solver.Stage``.
 
     Parameters
@@ -66,10 +104,8 @@ class PairStage:
         return found.z + self.precondition(found.missed)
 
 
-class CoupledStages:
+class CoupledStages(Stage):
     """Stages z_i = c + s_i sum_j a_ij f(z_j, t_j) / s_j; see ``wavetank.integrators.stage_solver.Stage``."""
-
-    compiled: CompiledSolver | None = None
 
     def __init__(
         self,

@@ -23,7 +23,7 @@ from wavetank.simulation.records import Record
 from wavetank.tank.seen import Block
 from wavetank.tank.surface_points import SurfaceOverPlaces
 from wavetank.tank.wall_pressure import PaddlePush
-from wavetank.tank.walls.contract import Placed
+from wavetank.tank.walls.contract import Wall
 
 
 class Called(NamedTuple):
@@ -33,7 +33,7 @@ class Called(NamedTuple):
     paddles: Sequence[str]
 
     @classmethod
-    def unnamed(cls, wall: Placed, what: str, places: Vector) -> "Called":
+    def unnamed(cls, wall: Wall, what: str, places: Vector) -> "Called":
         """Return what they are called outside of cases: ``gauge 1`` and ``wall 1``."""
         named = ((what, len(places)), ("wall", len(wall.paddles)))
         return cls(*([f"{one} {n + 1}" for n in range(count)] for one, count in named))
@@ -50,7 +50,7 @@ class PaddleReach:
         What they and the paddles are called.
     """
 
-    def __init__(self, wall: Placed, places: Vector, called: Called):
+    def __init__(self, wall: Wall, places: Vector, called: Called):
         self._places, self._called = places, called
         self._distances = np.array([paddle.side.distances(places) for paddle in wall.paddles])
         self._at_surface = np.array([[float(np.max(paddle.shape.at(np.zeros(1))))] for paddle in wall.paddles])

@@ -16,7 +16,7 @@ from wavetank.motion.feedback import FeedbackMotion
 from wavetank.motion.motion import STEEPEST
 from wavetank.mpi import raise_on_all_ranks
 from wavetank.tank.footprint import Basin, Ring, Slice
-from wavetank.tank.walls import BothEnds, LinearEnds, LinearPaddle, Piston, Placed, Polynomial, Shaped, Side, StillWall
+from wavetank.tank.walls import BothEnds, LinearEnds, LinearPaddle, Piston, Polynomial, Shaped, Side, StillWall, Wall
 from wavetank.values.case_model import CaseError, Problem, renamed
 
 Footprint = Slice | Ring | Basin
@@ -39,7 +39,7 @@ def build_wall(scene: Case, footprint: Footprint, plane: Plane) -> Any:
     return LinearEnds(*walls) if scene.physics == "linear" else _both(scene, *walls, plane=plane)
 
 
-def wall_classes(scene: Case) -> list[type[Placed]]:
+def wall_classes(scene: Case) -> list[type[Wall]]:
     """Return the classes of the scene's paddles, or that of a fixed wall."""
     return [_wall_class(end) for end in scene.paddles] or [StillWall]
 

@@ -1,6 +1,6 @@
 """The tank at a state: one interior solve, and the derivatives and energies that follow from it."""
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -12,6 +12,7 @@ from wavetank.fem.mass import MassMatrix
 from wavetank.fem.plane import Plane
 from wavetank.fem.vertical import VerticalBasis
 from wavetank.integrators.hamiltonian import Evaluation
+from wavetank.integrators.stages import StagedSystem
 from wavetank.tank.bed import Bed
 from wavetank.tank.energy import Energies
 
@@ -44,7 +45,7 @@ class WaterEvaluation(Evaluation):
     interior: Vector | None = None
 
 
-class Water(ABC):
+class Water(StagedSystem):
     """Linear or nonlinear waves in a tank: a ``HamiltonianSystem``. All methods are collective.
 
     Attributes
@@ -54,13 +55,11 @@ class Water(ABC):
     bed, depth, gravity
         The bed, its mean depth [m], and g [m/s²].
     wall
-        The wall that can move: a ``Wall``, of linear waves a ``LinearWall``.
+        The wall that can move: a ``Wall``.
     mass
         M_J.
     layer, still
         The layer averaged over the depth, and its averages for the mean depth.
-    history
-        That of the solves of steps.
     damping
         The rate at which momenta are damped [1/s], shape (owned,); None where they are not.
     """
@@ -74,7 +73,6 @@ class Water(ABC):
     mass: MassMatrix
     layer: Any
     still: Any
-    history: Any
     damping: Vector | None = None
     evaluation_type: type[WaterEvaluation] = WaterEvaluation
 
@@ -89,6 +87,14 @@ class Water(ABC):
     @abstractmethod
     def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return eta at the owned degrees of freedom [m], shape (owned,)."""
+
+    @abstractmethod
+    def elevation_change(self, at: WaterEvaluation, dq: Vector) -> Vector:
+        """Return by how much eta changes with the masses at an evaluation, to first order [m], shape (owned,)."""
+
+    @abstractmethod
+    def set_time(self, t: float) -> None:
+        """Move the wall to its position at t [s], and with it the mass matrix and the bed."""
 
     @abstractmethod
     def new_history(self, owner: str) -> Any:

@@ -47,7 +47,7 @@ from wavetank.tank.energy import WaterEnergy
 from wavetank.tank.evaluation import WaterEvaluation
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.potential import interior_of
-from wavetank.tank.walls import Placed
+from wavetank.tank.walls import Wall
 from wavetank.tank.waves import NonlinearWaves
 
 
@@ -175,9 +175,9 @@ class MovingWater(ABC):
         return vertical
 
     @property
-    def wall(self) -> Placed:
+    def wall(self) -> Wall:
         """The wall that can move."""
-        wall: Placed = self.waves.wall
+        wall: Wall = self.waves.wall
         return wall
 
     @abstractmethod
@@ -345,7 +345,7 @@ def _places(plane: Plane) -> Vector:
     return plane.chart.places(plane.V.tabulate_dof_coordinates())
 
 
-def _standing(wall: Placed, places: Vector, heights: Vector) -> Vector:
+def _standing(wall: Wall, places: Vector, heights: Vector) -> Vector:
     """Return where reference places are in the laboratory at heights [m], shape (levels, rows): (levels, rows, 3)."""
     levels = heights if wall.leans else heights[:1]  # an upright wall carries all of a column alike
     along = np.array([wall.to_physical(places, z) for z in levels])

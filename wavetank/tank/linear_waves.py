@@ -37,17 +37,15 @@ from wavetank.fem.plane import Plane
 from wavetank.fem.vertical import VerticalBasis
 from wavetank.integrators.hamiltonian import Weights, pair
 from wavetank.integrators.stage_solver import StageHistories, StageSolver
-from wavetank.integrators.stages import CoupledStages, PairStage
 from wavetank.integrators.states import State
 from wavetank.state import StateTree, typed
 from wavetank.tank.bed import Depth, FlatBed, bed_of
 from wavetank.tank.energy import POTENTIAL, Part, WaterEnergy
 from wavetank.tank.evaluation import Water, WaterEvaluation, distance_from_rest
-from wavetank.tank.potential import InteriorPotential, Minimiser, SolveCounters, interior_of
+from wavetank.tank.potential import InteriorPotential, SolveCounters, interior_of
 from wavetank.tank.seen import Block, Evaluations, see
 from wavetank.tank.still_water import StillWaterWaves, largest_frequency, scales
-from wavetank.tank.walls import LinearWall
-from wavetank.tank.walls.contract import LinearOpening
+from wavetank.tank.walls import Wall
 
 COUPLED_TOLERANCE = 1e-12  # of stages that are solved together; all others are solved exactly
 
@@ -81,7 +79,7 @@ class LinearWaves(Water):
         plane: Plane,
         *,
         depth: float | Depth,
-        wall: LinearWall,
+        wall: Wall,
         vertical_order: int,
         gravity: float = 9.81,
         tolerance: float = 1e-12,
@@ -99,10 +97,9 @@ class LinearWaves(Water):
         self._inflow, self._recoil = self._responses([self.flux(paddle, still) for paddle in wall.paddles])
 
     @property
-    def potential(self) -> "StillPotential":
+    def potential(self) -> "IterativePotential | DirectPotential":
         """The interior solver of the steps."""
-        potential: StillPotential = self.history.interior
-        return potential
+        return self.history.interior  # type: ignore[no-any-return]
 
     @property
     def stages(self) -> StageHistories:
@@ -114,11 +111,13 @@ class LinearWaves(Water):
         """Return a history of solves without any; collective."""
         return self._history_of(self._make_potential())
 
-    def _history_of(self, potential: "StillPotential") -> "LinearHistory":
+    def _history_of(self, potential: "IterativePotential | DirectPotential") -> "LinearHistory":
         nothing = np.full(self.plane.owned, np.nan)
         return LinearHistory(potential, nothing, nothing)
 
-    def _interior(self, still: WaterEnergy, tolerance: float) -> tuple[Any, Callable[[], "StillPotential"], Any]:
+    def _interior(
+        self, still: WaterEnergy, tolerance: float
+    ) -> tuple[Any, Callable[[], "IterativePotential | DirectPotential"], Any]:
         """Return the layer over the depth, what makes a solver for the interior, and averages for the mean depth."""
         plane, vertical = self.plane, self.vertical
         if plane.mesh.topology.dim == 1 and isinstance(self.bed, FlatBed):
@@ -141,7 +140,7 @@ class LinearWaves(Water):
         operator.update()
         return layer, potential, averages
 
-    def flux(self, paddle: LinearOpening, still: WaterEnergy) -> Vector:
+    def flux(self, paddle: Any, still: WaterEnergy) -> Vector:
         """Return dF/dphi of a paddle for the energy of still water, shape (owned, n+1)."""
         components, shape = self.vertical.n + 1, paddle.shape
         phi = self.plane.layered_function(components, "potential").function
@@ -234,7 +233,7 @@ class LinearWaves(Water):
         if (tree["psi"] is None) != (tree["G psi"] is None):
             raise ValueError("psi and G psi: must both be arrays, or null")
         self.history.psi, self.history.G_psi = tree["psi"], tree["G psi"]
-        self.stages.take(tree["stages"], self._stage_solver.points)
+        self.stages.take(tree["stages"], self.stage_solver.points)
 
     # ------------------------------------------------------------------------------------------ stages
     @cached_property
@@ -243,7 +242,8 @@ class LinearWaves(Water):
         return isinstance(self.potential, DirectPotential)
 
     @cached_property
-    def _stage_solver(self) -> StageSolver:
+    def stage_solver(self) -> StageSolver:  # type: ignore[override]
+        """See ``StagedSystem``."""
         tolerance = COUPLED_TOLERANCE if self._is_direct else self._tolerance
         return StageSolver(self.plane.comm, np.array(scales(self)), tolerance=tolerance, floor=self.depth)
 
@@ -264,7 +264,7 @@ class LinearWaves(Water):
         """Return z = c + a f(z, t), shape (2, owned), of one evaluation if it is explicit or direct; collective."""
         history = history or self.history
         if not isinstance(a, tuple) and not self._is_direct:
-            return self._stage_solver.solve(PairStage(self, history, name, c, a, t, guess), history.stages)
+            return super().solve_stage(name, c, a, t, guess, history=history)
         history.stages.counters.solves += 1
         history.stages.counters.evaluations += 1
         a_q, a_p = pair(a)
@@ -273,22 +273,6 @@ class LinearWaves(Water):
         dp = -self.gravity * self.elevation(q, p, t) if a_p else 0.0
         image = c + np.array([a_q * dq * np.ones_like(q), a_p * dp * np.ones_like(p)])
         return image if isinstance(a, tuple) else start - self._inverse(a, start - image)
-
-    def solve_stages(
-        self,
-        name: str,
-        c: Vector,
-        a: Vector,
-        times: Sequence[float],
-        guess: WaterEvaluation | None = None,
-        scale: Any = 1.0,
-        *,
-        history: "LinearHistory | None" = None,
-    ) -> Vector:
-        """Return coupled stages, shape (stages, 2, owned); see ``HamiltonianSystem``."""
-        history = history or self.history
-        stage = CoupledStages(self, history, name, c, a, times, guess, scale)
-        return self._stage_solver.solve(stage, history.stages)
 
     def begin_stage(self, weight: float | None, t: float, guess: Any, history: Any) -> None:
         """Do nothing; see ``StagedSystem``."""
@@ -319,7 +303,7 @@ class LinearHistory:
         The last surface potential and G psi, shape (owned,).
     """
 
-    interior: "StillPotential"
+    interior: "IterativePotential | DirectPotential"
     psi: Vector
     G_psi: Vector
     stages: StageHistories = field(default_factory=StageHistories)
@@ -328,10 +312,10 @@ class LinearHistory:
 class IterativePotential:
     """The interior potential by conjugate gradients: in basins, and where the bed's slope couples the modes."""
 
-    def __init__(self, minimum: Minimiser, *, plane: Plane, components: int):
+    def __init__(self, minimum: Any, *, plane: Plane, components: int):
         self._plane = plane
         self._phi = plane.layered_function(components, "potential")
-        self._potential = InteriorPotential(minimum, self._phi, inputs=1, plane=plane)
+        self._potential = InteriorPotential(minimum, self._phi, inputs=1, plane=plane, unit=Unit(plane.comm))
         self.counters = self._potential.counters
         self._no_flux = np.zeros((1, components))
 

@@ -8,7 +8,7 @@ the preconditioner, so a few iterations suffice (docs/solver.md).
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,37 +35,6 @@ class SolveCounters:
     factorisations: int = 0
 
 
-class Minimiser(Protocol):
-    """Finds the interior columns of phi that make the energy least.
-
-    Attributes
-    ----------
-    flow
-        The last column of A phi, of the potential found last, shape (owned,).
-    kinetic
-        phi A phi of that, twice its energy.
-    patience
-        Iterations above those of a fresh preconditioner before it is made anew: what that costs.
-    """
-
-    flow: Vector
-    kinetic: float
-    patience: int
-
-    def factor(self) -> None:
-        """Make a preconditioner of the operator as it is; collective."""
-
-    def find(self, phi: Vector, wall: Vector) -> int:
-        """Set the interior columns of phi's owned rows, shape (owned, n+1), from what they are; return the iterations.
-
-        ``wall`` is dW/dphi, broadcastable to that shape. Collective; raises ``ConvergenceError``.
-        """
-
-    @property
-    def condition_number(self) -> float:
-        """The estimate that the last solve gave of the preconditioned operator's condition number; collective."""
-
-
 class InteriorPotential:
     """Solves for the interior potential phi_I in the modal basis.
 
@@ -86,7 +55,7 @@ class InteriorPotential:
         Iterations of a solve above which the preconditioner is renewed for the next one; None: it is to be renewed.
     """
 
-    def __init__(self, minimiser: Minimiser, phi: LayeredField, *, inputs: int, plane: Plane, unit: Unit | None = None):
+    def __init__(self, minimiser: "Minimum | Krylov", phi: LayeredField, *, inputs: int, plane: Plane, unit: Unit):
         self.counters = SolveCounters()
         self.minimiser, self._phi, self._plane = minimiser, phi, plane
         self.recall = InitialGuessProjection(
@@ -141,6 +110,8 @@ class InteriorPotential:
 class Krylov:
     """The minimum by conjugate gradients, preconditioned by the decoupled modes; on any mesh and number of ranks.
 
+    ``Minimum`` is the same along a slice on one rank.
+
     Parameters
     ----------
     operator, single
@@ -154,6 +125,12 @@ class Krylov:
     ----------
     single
         The operator in single precision.
+    flow
+        The last column of A phi, of the potential found last, shape (owned,).
+    kinetic
+        phi A phi of that, twice its energy.
+    patience
+        Iterations above those of a fresh preconditioner before it is renewed: the cost of that.
     """
 
     most = 200  # iterations
@@ -178,7 +155,7 @@ class Krylov:
         self.kinetic = 0.0
 
     def factor(self) -> None:
-        """See ``Minimiser``."""
+        """Make a preconditioner of the operator as it is; collective."""
         averages: Any = self._layer.assemble()
         self._modes.take(averages)
 
@@ -188,7 +165,10 @@ class Krylov:
         return self._preconditioned
 
     def find(self, phi: Vector, wall: Vector) -> int:
-        """See ``Minimiser``."""
+        """Set the interior columns of phi's owned rows, shape (owned, n+1), from what they are; return the iterations.
+
+        ``wall`` is dW/dphi, broadcastable to that shape. Collective; raises ``ConvergenceError``.
+        """
         kinetic = np.nan
 
         def residual_of() -> Vector:
@@ -225,7 +205,7 @@ class Krylov:
 
     @property
     def condition_number(self) -> float:
-        """See ``Minimiser``."""
+        """The estimate that the last solve gave of the preconditioned operator's condition number; collective."""
         return condition_number(self._steps)
 
 
@@ -234,7 +214,7 @@ class Interior(NamedTuple):
 
     operator: LayerOperator
     layer: Averaged | LayerMatrices | LayerMeans
-    minimum: Callable[[], Minimiser]
+    minimum: Callable[[], "Minimum | Krylov"]
 
 
 def interior_of(

@@ -6,30 +6,16 @@ trace. Of any other scheme the reported state is evaluated itself. States of con
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector, summed
-from wavetank.fem.plane import Plane
-from wavetank.integrators.hamiltonian import HamiltonianSystem
 from wavetank.integrators.states import State
-from wavetank.tank.evaluation import WaterEvaluation
+from wavetank.tank.evaluation import Water, WaterEvaluation
 
 NUMBERS = KINETIC, POTENTIAL, WALL, MASS, POWER, DAMPED, HIGHEST, LARGEST = range(8)  # in a row
-
-
-class SeenWall(Protocol):
-    """What is asked of a wall."""
-
-    @property
-    def rates(self) -> Vector:
-        """How its paddles stand and move now; see ``Placed``."""
-
-    @property
-    def velocities(self) -> Vector:
-        """How it moves now [m/s]."""
 
 
 @dataclass(eq=False)
@@ -138,37 +124,11 @@ class Block:
     largest = property(lambda self: self.numbers[:, LARGEST], doc="Largest magnitude of the elevation there [m].")
 
 
-class SeenWater(HamiltonianSystem, Protocol):
-    """Water whose states are seen; all methods are collective.
-
-    Attributes
-    ----------
-    gravity
-        [m/s²].
-    damping
-        The rate at which momenta are damped [1/s], shape (owned,); None where they are not.
-    """
-
-    plane: Plane
-    gravity: float
-    damping: Vector | None
-
-    @property
-    def wall(self) -> SeenWall:
-        """The wall."""
-
-    def set_time(self, t: float) -> None:
-        """Move the wall to where it stands at t [s]."""
-
-    def elevation_change(self, at: WaterEvaluation, dq: Vector) -> Vector:
-        """Return by how much eta changes with the masses at an evaluation, to first order [m]."""
-
-
 Evaluations = tuple[WaterEvaluation, WaterEvaluation]
 """The first and the last of a state's evaluations."""
 
 
-def see(water: SeenWater, state: State, t: float, into: Block, row: int) -> Evaluations:
+def see(water: Water, state: State, t: float, into: Block, row: int) -> Evaluations:
     """Write a state at t [s] into a row, but for its numbers, and return its evaluations; collective.
 
     The elevation is a first-order expansion about the last of them.
@@ -189,7 +149,7 @@ def see(water: SeenWater, state: State, t: float, into: Block, row: int) -> Eval
     return before, after
 
 
-def write_numbers(water: SeenWater, block: Block, evaluations: Sequence[Evaluations]) -> None:
+def write_numbers(water: Water, block: Block, evaluations: Sequence[Evaluations]) -> None:
     """Compute the numbers of a block, by first-order expansion about the last evaluation of each state; collective.
 
     Power, and what damping takes, are the means of those at the first and the last.

@@ -11,7 +11,7 @@ from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
 from wavetank.fem.plane import Field, Plane
 from wavetank.fem.points import points_in
-from wavetank.tank.walls.contract import Heights, Placed
+from wavetank.tank.walls.contract import Heights, Wall
 
 MOST = 50  # repetitions
 TOLERANCE = 1e-8  # of a cell: the next would be a hundred times as near
@@ -35,7 +35,7 @@ class SurfaceOverPlaces:
     Raises ``InputError`` for one that is outside the mesh; collective throughout.
     """
 
-    def __init__(self, plane: Plane, wall: Placed, places: Vector):
+    def __init__(self, plane: Plane, wall: Wall, places: Vector):
         self._plane, self._wall, self.places = plane, wall, places
         self.points = points_in(plane, plane.chart.place(wall.to_reference(places)))
 

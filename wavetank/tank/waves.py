@@ -8,45 +8,34 @@ derivative is a partial derivative of the one discrete functional K(phi, h) + V(
 stationary.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from math import sqrt
-from typing import Any
 
 import numpy as np
-import ufl
-from dolfinx import fem
-from mpi4py import MPI
 
 from wavetank.arrays import Vector, summed
-from wavetank.errors import BreakdownError, ConvergenceError, RunError
+from wavetank.errors import BreakdownError, ConvergenceError
 from wavetank.fem.along import Minimum
 from wavetank.fem.anderson import AndersonMixing
-from wavetank.fem.codegen import Struct, Unit
-from wavetank.fem.mass import BandedMass, MassMatrix, mass_matrix
+from wavetank.fem.codegen import Struct
+from wavetank.fem.mass import BandedMass
 from wavetank.fem.plane import Plane
 from wavetank.fem.slice import SliceSolver, Solution, StageResult
-from wavetank.fem.vertical import VerticalBasis
-from wavetank.integrators.hamiltonian import Weights
 from wavetank.integrators.stage_solver import CompiledSolver, StageHistories, StageSolver
-from wavetank.integrators.stages import CoupledStages, PairStage
-from wavetank.integrators.states import State
 from wavetank.motion.feedback import FeedbackMotion
 from wavetank.state import StateTree
-from wavetank.tank.bed import Depth, bed_of
+from wavetank.tank.bed import Depth
 from wavetank.tank.carried_waves import AdvectionPreconditioner, surface_points
-from wavetank.tank.energy import KINETIC, POTENTIAL, Part, WaterEnergy
-from wavetank.tank.evaluation import Water, WaterEvaluation
+from wavetank.tank.discrete_energy import DiscreteEnergy
+from wavetank.tank.evaluation import WaterEvaluation
 from wavetank.tank.history import SolverHistory
 from wavetank.tank.potential import InteriorPotential, interior_of
-from wavetank.tank.seen import Block, Evaluations, see
 from wavetank.tank.still_water import StillWaterWaves, largest_frequency, scales
-from wavetank.tank.surface_flow import SurfaceVelocity, surface_functions, surface_of
+from wavetank.tank.surface_flow import surface_functions
 from wavetank.tank.walls import Wall
 from wavetank.tank.walls.shaped import ShapedColumns
-
-SHALLOW = 0.1  # of the mean depth: where a surface meets the bed there, the bed is the cause
 
 
 @dataclass(frozen=True)
@@ -68,7 +57,7 @@ class Tolerances:
     petsc: bool = False
 
 
-class NonlinearWaves(Water):
+class NonlinearWaves(DiscreteEnergy):
     """The tank with its water: a ``HamiltonianSystem`` with q = Q and p = psi.
 
     Parameters
@@ -88,24 +77,10 @@ class NonlinearWaves(Water):
 
     Attributes
     ----------
-    depth
-        The mean depth [m].
-    speed
-        The speed of long waves [m/s], by which surface potentials are scaled.
-    bed
-        The bed, with the depth at the degrees of freedom.
-    densities
-        Of energy and velocity, in UFL.
-    hamiltonian
-        H as the sum of its parts, in UFL.
-    columns
-        Water columns from masses, and back, for the wall as it stands.
-    phi, level
-        The potential of the point last evaluated and the mean of psi there, which it leaves out [m²/s]: what a
-        potential is counted from drifts without end (Bernoulli), and would take the solves' accuracy with it.
+    level
+        The mean of the surface potential of the state evaluated last [m²/s]. The potential omits it: it drifts without
+        end (Bernoulli), and would take the accuracy of the solves with it.
     """
-
-    parts = (KINETIC, POTENTIAL)  # and the wall's
 
     def __init__(
         self,
@@ -117,43 +92,25 @@ class NonlinearWaves(Water):
         gravity: float = 9.81,
         tolerances: Tolerances | None = None,
     ):
-        self.plane, self.wall, self.gravity = plane, wall, gravity
-        self.bed = bed_of(depth, plane)
-        self.bed.follow(wall)
-        self.depth, self.speed = self.bed.depth, sqrt(gravity * self.bed.depth)
-        self.vertical = VerticalBasis(vertical_order)
-        self.h = plane.function("water column")
-        self.phi = plane.layered_function(vertical_order + 1, "potential")
-        self.h.function.x.array[:] = self.depth
-        g = fem.Constant(plane.mesh, gravity)
-        self.densities = energy = WaterEnergy(h=self.h.function, d=self.bed.d, gravity=g, mapping=wall.mapping)
-        self.unit = Unit(plane.comm)
-        self.mass = mass_matrix(plane, wall.mapping.J(energy.eta), self.unit)
-        self.columns = wall.columns(energy, self.mass, self.unit)
-        self._potential = MassMatrix(
-            plane, energy.potential(), unit=self.unit, prefix="potential", functions=("total",)
-        )
+        super().__init__(plane, depth=depth, wall=wall, vertical_order=vertical_order, gravity=gravity)
         self._tolerances = tolerances or Tolerances()
         self.operator, self.layer, self._minimum = interior_of(
-            energy.column, plane, self.vertical, column=self.h, tolerance=self._tolerances.interior, unit=self.unit
+            self.densities.column,
+            plane,
+            self.vertical,
+            column=self.h,
+            tolerance=self._tolerances.interior,
+            unit=self.unit,
         )
-        self._wall_terms = wall.terms(energy, self.phi, bed=self.bed, vertical=self.vertical, unit=self.unit)
         self._inputs = np.zeros((3 if wall.moves else 2, plane.owned))  # what a potential depends on [m]
         self._t, self.level = 0.0, 0.0
-
         self._has_feedback = any(isinstance(one.motion, FeedbackMotion) for one in wall.paddles)
         self.history: SolverHistory = self.new_history("steps")  # before anything that is compiled with it is called
         with self.bed.levelled():
             self.still = self.layer.assemble()
         self._move(0.0)
-        sizes = np.array(scales(self))
-        self._stage_solver = StageSolver(
-            plane.comm,
-            sizes,
-            tolerance=self._tolerances.stage,
-            floor=self.depth,
-            petsc=self._tolerances.petsc,
-        )
+        sizes, at = np.array(scales(self)), self._tolerances
+        self.stage_solver = StageSolver(plane.comm, sizes, tolerance=at.stage, floor=self.depth, petsc=at.petsc)
         self._over_still_water = StillWaterWaves(self)
 
     @property
@@ -170,16 +127,6 @@ class NonlinearWaves(Water):
     def stages(self) -> StageHistories:
         """The history of the stages of the steps."""
         return self.history.stages
-
-    @cached_property
-    def hamiltonian(self) -> dict[Part, ufl.Form]:
-        """H as the sum of its parts, in UFL; a run does not need it."""
-        energy, dx = self.densities, self.plane.dx
-        return {
-            KINETIC: energy.kinetic(self.phi.function, self.vertical) * dx,
-            POTENTIAL: energy.potential() * dx,
-            **self._wall_terms.hamiltonian,
-        }
 
     # ------------------------------------------------------------------------------------------ evaluations
     def evaluate(
@@ -212,13 +159,13 @@ class NonlinearWaves(Water):
         else:
             self._begin_at(guess)
             solution = self._solve(q, p, t, history)
-            power, wall = self._wall_terms.explicit_rate(lambda: solution.rows[2]), self._wall_terms.energy()
-            potential = summed(self.plane.comm, self._potential.total())
+            power, wall = self.wall_terms.explicit_rate(lambda: solution.rows[2]), self.wall_terms.energy()
+            potential = summed(self.plane.comm, self.potential_energy.total())
         rows, kinetic = solution.rows, 0.5 * solution.kinetic
         rows.setflags(write=False)
         by_paddles = None
         if slopes or self._has_feedback:
-            by_paddles = self._wall_terms.slopes(lambda: rows[2])
+            by_paddles = self.wall_terms.slopes(lambda: rows[2])
         energy, below = kinetic + potential + wall, self.phi.owned.copy() if interior else None
         return WaterEvaluation(
             t, rows[3:5], rows[:2], energy, rows[5], kinetic, potential, wall, power, by_paddles, below
@@ -226,7 +173,7 @@ class NonlinearWaves(Water):
 
     def residual(self) -> Vector:
         """Return A phi + dW/dphi for column, potential and wall as they are, shape (owned, n+1); collective."""
-        return self.operator.apply(self.phi.rows) + self._wall_terms.vector()
+        return self.operator.apply(self.phi.rows) + self.wall_terms.vector()
 
     def _begin_at(self, guess: WaterEvaluation | None) -> None:
         """Set the column that Newton's method beside a paddle that leans begins at; collective."""
@@ -241,14 +188,14 @@ class NonlinearWaves(Water):
             history.preconditioner_t, history.preconditioner_column = self._t, self.h.owned.copy()
             for paddle in self.wall.paddles:
                 paddle.motion.keep(self._t, history.owner)
-        by_wall = self._wall_terms.vector()
+        by_wall = self.wall_terms.vector()
         try:
             flow = history.interior.solve(by_wall, self._inputs.reshape(-1))
         except ConvergenceError as error:
             raise ConvergenceError(f"t = {t:.6g} s: {error}") from None
         dq = flow + by_wall[:, -1]
         derivative = self.operator.derivative(self.phi.rows)  # the operator has all but the wall's
-        by_q = self.mass.solve(derivative + self._wall_terms.by_column())
+        by_q = self.mass.solve(derivative + self.wall_terms.by_column())
         square = summed(self.plane.comm, float(np.vdot(self._inputs[:2], self._inputs[:2])))
         rows = np.stack([dq, -by_q, by_q, q, p, self._inputs[0]])
         return Solution(rows, self.level, history.interior.minimiser.kinetic, square)
@@ -259,7 +206,7 @@ class NonlinearWaves(Water):
         if self.wall.leans:
             self.mass.update()
         if summed(self.plane.comm, float(not np.minimum.reduce(self.h.owned, initial=np.inf) > 0.0)) > 0.0:
-            self._refuse_column(t)
+            self.refuse_column(t)
         self.level = self.plane.sum(p) / self.plane.size
         if not np.isfinite(self.level):
             raise BreakdownError(f"t = {t:.6g} s: the surface's potential is no longer a number")
@@ -292,27 +239,9 @@ class NonlinearWaves(Water):
                 self.bed.follow(self.wall)
         np.multiply(self.depth / self.speed, self.wall.velocities, out=self._inputs[2])
 
-    def _refuse_column(self, t: float) -> None:
-        """Raise what says where the column is lowest, which is not positive; collective."""
-        column = np.concatenate([self.h.owned, [np.inf]])  # a rank may own nothing
-        column[np.isnan(column)] = -np.inf  # which is less than all numbers on other ranks
-        least = int(np.argmin(column))
-        place = (*map(float, self.plane.places[least]),) if least < self.plane.owned else (0.0, 0.0)
-        still = float(np.append(self.bed.still, 0.0)[least])
-        lowest, x, y, still = self.plane.comm.allreduce((float(column[least]), *place, still), op=MPI.MIN)
-        if not lowest > 0.0:
-            what = f"the surface reaches the bed (lowest water column {lowest:.3g} m)"
-            what = what if np.isfinite(lowest) else "the surface is no longer a number"
-            where = f"x = {x:.4g} m" if self.plane.mesh.topology.dim == 1 else f"x = {x:.4g} m, y = {y:.4g} m"
-            what = f"t = {t:.6g} s, {where}: {what}"
-            if still < SHALLOW * self.depth:
-                shallow = f"still water is only {still:.3g} m deep there, and troughs must not fall dry"
-                raise RunError(f"{what}: {shallow}; tank.bed.minimum_depth keeps a bed below them")
-            raise BreakdownError(what)
-
     def new_history(self, owner: str) -> SolverHistory:
         """Return a history of solves without any; collective."""
-        minimum, walls = self._minimum(), self._wall_terms.along
+        minimum, walls = self._minimum(), self.wall_terms.along
         interior = InteriorPotential(minimum, self.phi, inputs=len(self._inputs), plane=self.plane, unit=self.unit)
         surface_points(self.plane, self.wall, self.unit)  # adds their functions to the unit
         history = SolverHistory(owner, interior, preconditioner_column=self.h.owned.copy())
@@ -323,7 +252,7 @@ class NonlinearWaves(Water):
             self.plane,
             self.unit,
             mass=self.mass,
-            potential=self._potential,
+            potential=self.potential_energy,
             operator=self.operator,
             minimum=minimum,
             recall=interior.recall,
@@ -361,10 +290,6 @@ class NonlinearWaves(Water):
         self._begin_at(at)
         return self.mass.solve(dq)
 
-    def see(self, state: State, t: float, into: Block, row: int) -> Evaluations:
-        """Write a state at t [s] into a row of a block, and return its evaluations; collective."""
-        return see(self, state, t, into, row)
-
     # ------------------------------------------------------------------------------------------ what is remembered
     def state_tree(self) -> StateTree:
         """Return the history of the solves of steps."""
@@ -382,7 +307,7 @@ class NonlinearWaves(Water):
         self.h.set(made["column"])
         self.operator.update()
         history.interior.take(tree["interior"])
-        history.stages.take(tree["stages"], self._stage_solver.points)
+        history.stages.take(tree["stages"], self.stage_solver.points)
 
     # ------------------------------------------------------------------------------------------ stages and frequencies
     @cached_property
@@ -439,43 +364,7 @@ class NonlinearWaves(Water):
         solution = self._solve(z[0], z[1], t, history)
         return solution.rows[:2], sqrt(solution.square / (2 * self.plane.size))
 
-    def solve_stage(
-        self,
-        name: str,
-        c: Vector,
-        a: Weights,
-        t: float,
-        guess: WaterEvaluation | None = None,
-        *,
-        history: SolverHistory | None = None,
-    ) -> Vector:
-        """Return z = c + a f(z, t), shape (2, owned); see ``HamiltonianSystem``."""
-        history = history or self.history
-        stage = PairStage(self, history, name, c, a, t, guess)
-        return self._stage_solver.solve(stage, history.stages)
-
-    def solve_stages(
-        self,
-        name: str,
-        c: Vector,
-        a: Vector,
-        times: Sequence[float],
-        guess: WaterEvaluation | None = None,
-        scale: Any = 1.0,
-        *,
-        history: SolverHistory | None = None,
-    ) -> Vector:
-        """Return coupled stages, shape (stages, 2, owned); see ``HamiltonianSystem``."""
-        history = history or self.history
-        stage = CoupledStages(self, history, name, c, a, times, guess, scale)
-        return self._stage_solver.solve(stage, history.stages)
-
     @cached_property
     def largest_frequency(self) -> float:
         """The largest angular frequency the mesh carries on still water [rad/s], by Lanczos iteration; collective."""
         return largest_frequency(self)
-
-    @cached_property
-    def surface(self) -> SurfaceVelocity:
-        """How the surface moves, found once for all who ask of the same moment; collective."""
-        return surface_of(self)

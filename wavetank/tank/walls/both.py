@@ -16,7 +16,7 @@ from wavetank.fem.plane import LayeredField, Plane
 from wavetank.fem.vertical import VerticalBasis
 from wavetank.tank.bed import Bed
 from wavetank.tank.energy import Part, WaterEnergy
-from wavetank.tank.walls.contract import Columns, Heights, PaddlePositions, WallTerms
+from wavetank.tank.walls.contract import Heights, PaddlePositions, WallTerms
 from wavetank.tank.walls.linear import LinearPaddle
 from wavetank.tank.walls.mapping import Shift
 from wavetank.tank.walls.piston import Piston
@@ -91,34 +91,34 @@ class BothEnds:
         return self.paddles[0].distances(plane)
 
     def reaches(self, places: Vector) -> NDArray[np.bool_]:
-        """See ``Placed``."""
+        """See ``Wall``."""
         first, second = (paddle.reaches(places) for paddle in self.paddles)
         return np.asarray(first | second)
 
     @property
     def paddle_positions(self) -> PaddlePositions:
-        """See ``Placed``."""
+        """See ``Wall``."""
         first, second = self.paddles
         return first.paddle_positions + second.paddle_positions
 
     @property
     def rates(self) -> Vector:
-        """See ``Placed``."""
+        """See ``Wall``."""
         return np.concatenate([paddle.rates for paddle in self.paddles])
 
     def paddle_displacements(self, places: Vector, paddle_positions: PaddlePositions | None = None) -> Vector:
-        """See ``Placed``."""
+        """See ``Wall``."""
         each = zip(self.paddles, paddle_positions or self.paddle_positions, strict=True)
         return np.concatenate([paddle.paddle_displacements(places, (its,)) for paddle, its in each])
 
     def to_reference(self, places: Vector, z: Heights = 0.0, displacements: Vector | None = None) -> Vector:
-        """Return the reference places of physical ones; see ``Placed``."""
+        """Return the reference places of physical ones; see ``Wall``."""
         first, second = self.paddles
         at_first, at_second = (None, None) if displacements is None else (displacements[:1], displacements[1:])
         return second.to_reference(first.to_reference(places, z, at_first), z, at_second)
 
     def to_physical(self, places: Vector, z: Heights = 0.0, displacements: Vector | None = None) -> Vector:
-        """Return the physical places of reference ones; see ``Placed``."""
+        """Return the physical places of reference ones; see ``Wall``."""
         first, second = self.paddles
         at_first, at_second = (None, None) if displacements is None else (displacements[:1], displacements[1:])
         return second.to_physical(first.to_physical(places, z, at_first), z, at_second)
@@ -128,7 +128,7 @@ class BothEnds:
         first, second = (paddle.mesh_velocities(places) for paddle in self.paddles)
         return np.asarray(first + second)
 
-    def columns(self, energy: WaterEnergy, mass: MassMatrix, unit: Unit) -> Columns:
+    def columns(self, energy: WaterEnergy, mass: MassMatrix, unit: Unit) -> MassMatrix | ShapedColumns:
         """Return the mass matrix, or beside a paddle that leans what finds columns by Newton's method."""
         return ShapedColumns(self, energy, mass, plane=self._plane, unit=unit) if self.leans else mass
 
@@ -141,7 +141,7 @@ class BothEnds:
 
 
 class BothTerms:
-    """What two walls add to the Hamiltonian; see ``WallTerms``."""
+    """What two walls add to the Hamiltonian."""
 
     def __init__(self, first: WallTerms, second: WallTerms):
         self._each = first, second

@@ -8,7 +8,7 @@ that fulfils ``Wall``, a model (``case/wall.py``) and a branch in ``simulation/w
 
 from collections.abc import Callable, Sequence
 from math import isnan
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import ufl
@@ -29,16 +29,6 @@ from wavetank.tank.walls.side import Side
 
 Heights = Vector | float  # of places, shape (N,) or at K times (K, N), or all alike [m]
 PaddlePositions = tuple[tuple[float, float | None], ...]  # of each paddle t [s] and X_p [m], None if it depends on y
-
-
-class Columns(Protocol):
-    """Water columns h and their masses Q, at the owned degrees of freedom, shape (owned,)."""
-
-    def solve(self, q: Vector) -> Vector:
-        """Return the columns [m] of masses; collective."""
-
-    def apply(self, h: Vector) -> Vector:
-        """Return the masses of columns [m]; collective."""
 
 
 class WallTerms(Protocol):
@@ -74,8 +64,8 @@ class WallTerms(Protocol):
         """Return dH/dt at fixed (Q, psi); ``mu`` evaluates that point and gives M_J^-1 H_h there; collective."""
 
 
-class Placed(Protocol):
-    """A wall that has a place.
+class Wall(Protocol):
+    """A wall of nonlinear or linear waves; of linear waves it does not move.
 
     Attributes
     ----------
@@ -147,28 +137,6 @@ class Placed(Protocol):
     def mesh_velocities(self, places: Vector) -> Vector:
         """Return the mesh velocities at reference places [m/s], shape (N, 2)."""
 
-
-def displacements_at(
-    displacements: Callable[[Vector, PaddlePositions], Vector], places: Vector, times: Vector, positions: Vector
-) -> Vector:
-    """Return the displacements of paddles at the y of places at K times [s] in m, shape (paddles, K, N).
-
-    ``positions`` are X_p [m], nan of those that do not move as a whole, shape (K, paddles).
-    """
-    if isnan(positions[0].sum()):
-        each = zip(times, positions, strict=True)
-        return np.stack([displacements(places, positions_at(float(t), of_paddles)) for t, of_paddles in each], axis=1)
-    return np.repeat(positions.T[..., None], len(places), axis=-1)
-
-
-def positions_at(t: float, positions: Vector) -> PaddlePositions:
-    """Return time and position [m] of each paddle at t [s]; positions are nan of those that depend on y."""
-    return tuple((t, None if isnan(x) else float(x)) for x in positions)
-
-
-class Wall(Placed, Protocol):
-    """The wall of nonlinear waves."""
-
     @property
     def displaced_measure(self) -> ufl.Measure | None:
         """The measure over the cells that the mapping displaces; None where the wall does not move."""
@@ -199,7 +167,7 @@ class Wall(Placed, Protocol):
     def set_time(self, t: float) -> bool:
         """Move to where the wall stands at t [s]; return whether the mapping has changed; collective."""
 
-    def columns(self, energy: WaterEnergy, mass: MassMatrix, unit: Unit) -> Columns:
+    def columns(self, energy: WaterEnergy, mass: MassMatrix, unit: Unit) -> Any:
         """Return what finds columns from masses; of a mapping that is the same at all heights, the mass matrix M_J.
 
         ``unit`` is the translation unit that compiled functions are added to, here and below.
@@ -209,14 +177,6 @@ class Wall(Placed, Protocol):
         self, energy: WaterEnergy, phi: LayeredField, *, bed: Bed, vertical: VerticalBasis, unit: Unit
     ) -> WallTerms:
         """Return what the wall adds to the Hamiltonian, for the energy of the water with potential phi."""
-
-
-class LinearWall(Placed, Protocol):
-    """The wall of linear waves, which stays where it is."""
-
-    @property
-    def paddles(self) -> Sequence["LinearOpening"]:
-        """Where water flows in instead."""
 
 
 class Paddle(Protocol):
@@ -243,13 +203,19 @@ class Paddle(Protocol):
         """See above."""
 
 
-class LinearOpening(Paddle, Protocol):
-    """A paddle of linear waves.
+def displacements_at(
+    displacements: Callable[[Vector, PaddlePositions], Vector], places: Vector, times: Vector, positions: Vector
+) -> Vector:
+    """Return the displacements of paddles at the y of places at K times [s] in m, shape (paddles, K, N).
 
-    Attributes
-    ----------
-    opening
-        The measure of the wall.
+    ``positions`` are X_p [m], nan of those that do not move as a whole, shape (K, paddles).
     """
+    if isnan(positions[0].sum()):
+        each = zip(times, positions, strict=True)
+        return np.stack([displacements(places, positions_at(float(t), of_paddles)) for t, of_paddles in each], axis=1)
+    return np.repeat(positions.T[..., None], len(places), axis=-1)
 
-    opening: ufl.Measure
+
+def positions_at(t: float, positions: Vector) -> PaddlePositions:
+    """Return time and position [m] of each paddle at t [s]; positions are nan of those that depend on y."""
+    return tuple((t, None if isnan(x) else float(x)) for x in positions)

@@ -38,7 +38,7 @@ from wavetank.motion.kinematics import PaddleKinematics
 from wavetank.motion.motion import blending, largest_stroke
 from wavetank.tank.bed import Bed
 from wavetank.tank.energy import Part, WaterEnergy
-from wavetank.tank.walls.contract import Columns, Heights, PaddlePositions
+from wavetank.tank.walls.contract import Heights, PaddlePositions
 from wavetank.tank.walls.mapping import Shift
 from wavetank.tank.walls.place_mapping import PlaceMapping
 from wavetank.tank.walls.shape import UPRIGHT, Shape
@@ -159,7 +159,7 @@ class Piston:
         """Return how far the degrees of freedom are from the paddle at rest [m], shape (owned,)."""
         return self.side.distances(plane.places)
 
-    def columns(self, energy: WaterEnergy, mass: MassMatrix, unit: Unit) -> Columns:
+    def columns(self, energy: WaterEnergy, mass: MassMatrix, unit: Unit) -> Any:
         """Return the mass matrix."""
         return mass
 
@@ -183,16 +183,16 @@ class Piston:
         return lambda speed: speed * in_water * self.displaced_measure + into * speed * at_wall * on_paddle
 
     def reaches(self, places: Vector) -> NDArray[np.bool_]:
-        """See ``Placed``."""
+        """See ``Wall``."""
         return np.asarray(self.side.distances(places) < self.reach)
 
     @property
     def paddle_positions(self) -> PaddlePositions:
-        """See ``Placed``."""
+        """See ``Wall``."""
         return (self.travel.timed_position,)
 
     def paddle_displacements(self, places: Vector, paddle_positions: PaddlePositions | None = None) -> Vector:
-        """See ``Placed``: X_p."""
+        """See ``Wall``: X_p."""
         ((t, rigid_position),) = paddle_positions or self.paddle_positions
         if rigid_position is not None:
             return np.full((1, len(places)), rigid_position)
@@ -394,7 +394,7 @@ class CompiledTerms(PistonTerms):
 
     @property
     def along(self) -> tuple[WallStruct, ...] | None:  # type: ignore[override]
-        """See ``WallTerms``."""
+        """The compiled terms of each paddle, along a slice on one rank."""
         return (self,)
 
     def vector(self) -> Vector:

@@ -6,7 +6,7 @@ The mapping is x = X + s(X) f(z) X_p, so that a column of water h has the mass
     dQ/dh = M_J with J at the surface.
 """
 
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 import ufl
@@ -17,8 +17,6 @@ from wavetank.fem.codegen import Unit
 from wavetank.fem.mass import PRODUCTS, MassMatrix
 from wavetank.fem.plane import Plane
 from wavetank.tank.energy import Part, WaterEnergy
-from wavetank.tank.walls.contract import Columns
-from wavetank.tank.walls.mapping import Shift
 from wavetank.tank.walls.piston import Piston
 
 MOST = 30  # iterations
@@ -43,21 +41,15 @@ class Shaped(Piston):
         flux = mean * still + 0.5 * (f + f_surface) * eta
         return np.array([far * f_surface, fast * f_surface, fast * flux, far * slope])
 
-    def columns(self, energy: WaterEnergy, mass: MassMatrix, unit: Unit) -> Columns:
+    def columns(self, energy: WaterEnergy, mass: MassMatrix, unit: Unit) -> "ShapedColumns":
         """Return what finds columns by Newton's method."""
         return ShapedColumns(self, energy, mass, plane=self._plane, unit=unit)
 
 
-class Stretching(Protocol):
-    """A wall that moves, or several."""
-
-    @property
-    def mapping(self) -> Shift:
-        """From the reference tank to the laboratory."""
-
-
 class ShapedColumns:
-    """Columns beside paddles of any shape; see ``Columns``.
+    """Columns beside paddles of any shape; at the owned degrees of freedom.
+
+    They and the mass matrix have the methods ``solve`` and ``apply``.
 
     Newton's method takes M_J as it was last told, which is near enough to converge by a factor of a hundred a step.
 
@@ -67,7 +59,7 @@ class ShapedColumns:
         As ``fem/slice.py`` has them.
     """
 
-    def __init__(self, wall: Stretching, energy: WaterEnergy, mass: MassMatrix, *, plane: Plane, unit: Unit):
+    def __init__(self, wall: Any, energy: WaterEnergy, mass: MassMatrix, *, plane: Plane, unit: Unit):
         self._mass, self._plane = mass, plane
         self._start: Vector = energy.h.x.array[: plane.owned]
         self._h = plane.function("columns")

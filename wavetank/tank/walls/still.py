@@ -15,7 +15,7 @@ from wavetank.fem.slice import WallStruct
 from wavetank.fem.vertical import VerticalBasis
 from wavetank.tank.bed import Bed
 from wavetank.tank.energy import Part, WaterEnergy
-from wavetank.tank.walls.contract import Columns, Heights, PaddlePositions
+from wavetank.tank.walls.contract import Heights, PaddlePositions
 from wavetank.tank.walls.mapping import Identity
 from wavetank.tank.walls.shape import Shape
 
@@ -68,7 +68,7 @@ class StillWall:
         """Return zeros."""
         return np.zeros_like(places)
 
-    def columns(self, energy: WaterEnergy, mass: MassMatrix, unit: Unit) -> Columns:
+    def columns(self, energy: WaterEnergy, mass: MassMatrix, unit: Unit) -> MassMatrix:
         """Return the mass matrix."""
         return mass
 
