@@ -193,7 +193,7 @@ def test_what_is_interrupted_before_it_begins_ends_as_what_is_later(when, monkey
         monkeypatch.delitem(sys.modules, "wavetank.cli")
         monkeypatch.setattr(sys, "meta_path", [SimpleNamespace(find_spec=interrupt), *sys.meta_path])
     else:
-        monkeypatch.setattr("wavetank.case.new.cases_at_hand", interrupt)
+        monkeypatch.setattr("wavetank.cli.cases_at_hand", interrupt)
     monkeypatch.setattr(sys, "argv", ["wavetank", "run"])
     assert start() == 1
     assert capsys.readouterr().err == "wavetank: interrupted by SIGINT\n"

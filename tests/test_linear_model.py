@@ -249,25 +249,3 @@ def test_largest_frequency_is_the_eigenvalue(make_linear, cells):
     operator = [waves.mass.solve(waves.H_p(still, unit, 0.0)) for unit in np.eye(waves.plane.owned)]
     exact = np.sqrt(GRAVITY * np.linalg.eigvals(np.array(operator)).real.max())
     assert waves.largest_frequency == pytest.approx(exact, rel=1e-9)
-
-
-def moments_of_all_schemes():
-    """Return two moments, the energy and the largest frequency after three steps of each scheme; collective."""
-    footprint = Slice(4.0, 12, comm=MPI.COMM_WORLD)
-    plane = Plane(footprint.mesh, 3)
-    wall = LinearPaddle(Sinusoid(0.1, 1.3), plane=plane, side=footprint.side())
-    waves = LinearWaves(plane, depth=1.0, wall=wall, vertical_order=4)
-    x, rows = plane.x, []
-    for name in sorted(INTEGRATORS):
-        _, end = run(waves, INTEGRATORS[name](), waves.state(np.cos(np.pi * x), 0 * x), steps=3, dt=0.02)
-        moments = plane.sum(end.q * np.cos(x)), plane.sum(end.p * np.sin(x)), waves.energy(end.q, end.p, 0.06)
-        rows.append([*moments, waves.largest_frequency])
-    return np.array(rows)
-
-
-def test_ranks_agree(on_ranks):
-    """To round-off accumulated over three steps."""
-    alone = moments_of_all_schemes()
-    for together in on_ranks(moments_of_all_schemes):
-        assert np.allclose(together[:, :3], alone[:, :3], rtol=1e-10, atol=1e-10)
-        assert np.allclose(together[:, 3], alone[:, 3], rtol=1e-6)  # Lanczos starts from another vector

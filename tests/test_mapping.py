@@ -40,7 +40,7 @@ class Shear(SegmentedMotion):
     """A segmented paddle as a smooth function: X_p = (a + b y) sin(t)."""
 
     def derivative(self, t, order, y=None):
-        return (0.15 + 0.2 * y) * np.sin(t + order * np.pi / 2)
+        return np.multiply.outer(np.sin(t + order * np.pi / 2), 0.15 + 0.2 * y)
 
 
 # ---------------------------------------------------------------- its shape

@@ -291,6 +291,12 @@ def test_error_of_linear_waves_is_predicted(kd, order, cells, n, steps, name):
     assert 1 / 1.5 < predicted / measured < 1.5
 
 
+def test_unstable_step_has_an_infinite_error():
+    scene, period = standing(1.5, 2)
+    settings = Settings(order=5, cells=6, vertical_order=6, dt=period / 10, integrator="simpson-4")
+    assert ErrorModel(requirements(scene, 1e-2)).predict(settings) == np.inf
+
+
 def gauge_records(scene, settings, *, every=1, at=None):
     """Elevations at both walls, or at places, every so many steps."""
     numerics = {

@@ -13,7 +13,7 @@ from wavetank import status
 from wavetank.cli import main
 from wavetank.errors import StoppedError
 from wavetank.output import files, manifest
-from wavetank.output.checkpoint import Checkpoint
+from wavetank.output.checkpoint import FORMAT, Checkpoint
 from wavetank.output.directory import CHECKPOINT, ENERGY, RunDirectory
 from wavetank.output.manifest import MANIFEST
 from wavetank.output.writer import RunWriter
@@ -40,7 +40,7 @@ def writer(tmp_path, monkeypatch):
         monkeypatch.setattr(module, "current_time", lambda: PRESENT)
     writer = RunWriter(tmp_path / "run", HOST | {"warnings": ["it is steep", "it is short"]}).begin()
     writer.note({"progress": {"t": 4.0, "begin": 1.0, "end": 10.0, "step": 40, "wall_s": 30.0}})
-    writer.checkpoint(Checkpoint({"t": 3.5}, "{}", [np.zeros(3)], np.zeros((3, 3))))
+    writer.checkpoint(Checkpoint({"format": FORMAT, "t": 3.5, "step": 7}, "{}", [np.zeros(3)], np.zeros((3, 3))))
     writer.write_manifest()
     yield writer
     writer.release()

@@ -47,6 +47,7 @@ from wavetank.studies.sweep import (
     marked_combination,
     parse_axes,
     refined,
+    same_but_numerics,
 )
 from wavetank.studies.table import Row, write_table
 from wavetank.waves.airy import angular_frequency
@@ -124,6 +125,12 @@ def test_folder_names_are_escaped():
 
 
 # ---------------------------------------------------------------- references
+def test_cases_that_differ_in_more_than_numerics_have_separate_references():
+    axes = parse_axes(["initial.wave_amplitude=0.01,0.02", "dt=0.02,0.04"])
+    groups = same_but_numerics(combinations(CASE, axes))
+    assert [{one.scene.initial.wave_amplitude for one in group} for group in groups] == [{0.01}, {0.02}]
+
+
 def test_reference_is_the_finest_combination_refined():
     axes = parse_axes(["dt=0.02,0.04", "n=4,16", "cells=8,16", "integrator=stormer-verlet,third-order"])
     coarse = finest(combinations(CASE, axes))
