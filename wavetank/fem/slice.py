@@ -134,6 +134,11 @@ class SliceSolver:
         what tells how walls move.
     scales, position
         Of the velocities of the walls among the inputs, shape (walls, dofs); the displacement of the mesh by two walls.
+
+    Attributes
+    ----------
+    displace
+        Moves the walls to where their ``moves`` are, with the mass matrix and the inputs.
     """
 
     def __init__(
@@ -202,16 +207,12 @@ class SliceSolver:
             **lean,
         )
         self._numbers, self._at_rest = np.zeros(6), np.zeros(plane.size)
-        self._displace = self.instance.function("displace", self.struct)
+        self.displace = self.instance.function("displace", self.struct)
         n, result, function = Buffer(plane.size), Buffer(6 * plane.size), self.instance.function
         self._evaluate = function("evaluate", self.struct, n, n, n, n, int, result, self._numbers)
         self._elevation_change = function("elevation_change", self.struct, n, n, n, n)
         self._stages: dict[tuple[Struct, AndersonMixing], tuple[Any, Callable[..., int]]] = {}
         self._functions = list[Function]()  # which own the structs of the stages
-
-    def displace(self) -> None:
-        """Move the walls to where their ``moves`` are, with the mass matrix and the inputs."""
-        self._displace.call()
 
     def evaluate(self, q: Vector, p: Vector, eta: Vector | None, still: Vector) -> tuple[Solution, int] | None:
         """Return the solution for masses q and surface potential p, (dofs,) each, with energies; and its iterations.

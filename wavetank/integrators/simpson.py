@@ -21,6 +21,7 @@ Damping dp/dt = -H_q - gamma p, [G16] (38), comes in by h = e^(-gamma dt/2) of m
 """
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -51,13 +52,13 @@ class MeanAndJumps(State):
     jump_2: Vector
     end: Any = None
 
-    @property
+    @cached_property
     def q(self) -> Vector:
         """The mean of the coordinates."""
         q: Vector = self.mean[0]
         return q
 
-    @property
+    @cached_property
     def p(self) -> Vector:
         """The mean of the momenta."""
         p: Vector = self.mean[1]
@@ -74,7 +75,7 @@ class MeanAndJumps(State):
         """The plus trace."""
         return self.mean + self.jump / 2
 
-    @property
+    @cached_property
     def evaluations(self) -> tuple[Any, ...]:
         """At both traces: that before the jump as the step found it, and that after it."""
         return (self.evaluation,) if self.end is None else (self.end, self.evaluation)

@@ -226,8 +226,9 @@ class StageSolver:
         counters.solves += 1
         solution, begin, size = None, None, np.nan
         if stage.compiled is not None and not self._petsc:
+            mixings = history.points, self._mixings.get(1) or self._mixing(1)
             numbers = np.nan if history.size is None else history.size, history.usable_contraction
-            result = stage.compiled(stage.c, (history.points, self._mixing(1)), numbers, self._limits)
+            result = stage.compiled(stage.c, mixings, numbers, self._limits)
             if result is not None:
                 counters.evaluations += result.evaluations
                 history.update(result)

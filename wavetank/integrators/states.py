@@ -50,7 +50,8 @@ class State(ABC):
         if self.evaluation is not None:
             return self
         (q, p), (before, *_) = self.next_point, self.evaluations
-        return type(self)(**{**vars(self), "evaluation": system.evaluate(q, p, t, before)})
+        values = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        return type(self)(**{**values, "evaluation": system.evaluate(q, p, t, before)})
 
     @property
     def next_point(self) -> Vector:

@@ -208,7 +208,7 @@ class SurfaceFlow(SurfaceVelocity):
 
     def _largest_here(self) -> Vector:
         self._computed, result = None, np.zeros(2)
-        self._largest(self._eta.rows, self._psi.rows, result)
+        self._largest.call(self._eta.rows, self._psi.rows, result)
         return result
 
     def _find(self) -> Vector:

@@ -8,10 +8,11 @@ derivative is a partial derivative of the one discrete functional K(phi, h) + V(
 stationary.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from math import sqrt
+from typing import Any
 
 import numpy as np
 
@@ -104,7 +105,8 @@ class NonlinearWaves(DiscreteEnergy):
         )
         self._inputs = np.zeros((3 if wall.moves else 2, plane.owned))  # what a potential depends on [m]
         self._t, self.level = 0.0, 0.0
-        self._has_feedback = any(isinstance(one.motion, FeedbackMotion) for one in wall.paddles)
+        self._paddles: Sequence[Any] = wall.paddles
+        self._has_feedback = any(isinstance(one.motion, FeedbackMotion) for one in self._paddles)
         self.history: SolverHistory = self.new_history("steps")  # before anything that is compiled with it is called
         with self.bed.levelled():
             self.still = self.layer.assemble()
@@ -227,9 +229,9 @@ class NonlinearWaves(DiscreteEnergy):
         if not self.wall.moves:
             return
         if self.history.compiled is not None:
-            for paddle in self.wall.paddles:
+            for paddle in self._paddles:
                 paddle.travel.look_up(t)
-            self.history.compiled.displace()
+            self.history.compiled.displace.call()
             if self.bed.varies:
                 self.bed.follow(self.wall)
             return
