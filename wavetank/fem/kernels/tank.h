@@ -78,7 +78,7 @@ typedef struct {
     double *gram, *products, *distance;     /* as above, and from the image wanted to the last one, scaled */
 } Mixing;
 
-/* A wall of a slice that moves; see wavetank/tank/walls/piston.py. */
+/* A wall of a slice that moves; see wavetank/tank/walls/piston_terms.py. */
 typedef struct {
     const Cells *cells;             /* those that it stretches */
     const Layers *layers, *end;     /* levels of the water, and of the rule at the wall */
