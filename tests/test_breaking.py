@@ -243,7 +243,7 @@ def test_crests_within_a_depth_of_a_wall_are_not_examined(x, examined):
     watch = BreakingWatch(waves, SurfaceFlow(waves), length=None)
     for t in (0.0, 0.01):
         eta = 0.3 * np.exp(-(((waves.plane.x - x + 2.0 * (0.01 - t)) / 0.3) ** 2))
-        watch.look(Point(*waves.state(eta, 2.0 * np.cumsum(0 * eta))), t)
+        watch.search(Point(*waves.state(eta, 2.0 * np.cumsum(0 * eta))), t)
     assert len(watch.crests) == examined
 
 
@@ -255,7 +255,7 @@ def test_crests_that_stand_are_not_coherent_and_those_that_travel_are(moving, se
     for t, a in ((0.0, 0.29), (0.01, 0.3)):
         eta = a * np.cos(k * (x - moving * c * t))
         psi = 0.3 * np.cos(k * x) if moving == 0.0 else 1.5 / k * np.sin(k * (x - c * t))
-        watch.look(Point(*waves.state(eta, psi)), t)
+        watch.search(Point(*waves.state(eta, psi)), t)
     assert len(watch.crests) == 4
     assert sum(crest.coherence > COHERENT for crest in watch.crests) == seen
 

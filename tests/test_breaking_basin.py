@@ -43,7 +43,7 @@ def test_crests_of_an_oblique_wave_have_its_speed_and_its_waters(angle, kind):
     """Oracle: speed c and crest velocity u of the exact wave, 85 % as high as the highest, in any direction."""
     watch, states, wave = exact_waves(angle, kind=kind)
     for state, t in zip(states, (0.0, TIME), strict=True):
-        watch.look(state, t)
+        watch.search(state, t)
     _, (behind, ahead) = wave.surface(np.array([-1e-4, 1e-4]))
     assert watch.crests
     for crest in watch.crests:

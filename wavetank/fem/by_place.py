@@ -27,7 +27,7 @@ def gathered(plane: Plane, arrays: Sequence[Vector]) -> tuple[list[Vector], Vect
     return on_first, np.ascontiguousarray(places.T)
 
 
-def found(plane: Plane, arrays: Sequence[Vector], places: Vector) -> list[Vector]:
+def at_dofs(plane: Plane, arrays: Sequence[Vector], places: Vector) -> list[Vector]:
     """Return what arrays of the first rank, of shape (..., N), have at this rank's degrees of freedom; collective.
 
     Raises ``InputError`` where those are in other places, (N, 3) [m].
@@ -40,7 +40,7 @@ def found(plane: Plane, arrays: Sequence[Vector], places: Vector) -> list[Vector
     return [np.ascontiguousarray(comm.bcast(arrays[n] if comm.rank == 0 else None)[..., rows]) for n in range(count)]
 
 
-def at_the_same(plane: Plane, places: Vector) -> bool:
+def has_places(plane: Plane, places: Vector) -> bool:
     """Return whether the degrees of freedom are in those places of the first rank, (N, 3) [m]; collective."""
     return _rows(plane, plane.comm.bcast(places)) is not None
 

@@ -41,7 +41,7 @@ class SurfacePoints:
 
     @property
     def compiled(self) -> dict[str, Any]:
-        """The parts of an ``Advection`` that ``move`` and ``carried`` are called with."""
+        """The parts of an ``Advection`` that ``move`` and ``advection`` are called with."""
         return {"cells": self._cells, "velocity": self._velocity, "axis": self._axis}
 
     def move(self, surface: Sequence[Vector], *, most: float) -> tuple[Vector, float]:
@@ -56,7 +56,7 @@ class SurfacePoints:
         fastest: float = self._move(most, self._of_surface.fetch(np.stack(surface, axis=1)), y)
         return self._halo.collect(y)[:, 0], largest(self._comm, fastest)
 
-    def carried(self, field: Vector, *, along: bool) -> Vector:
+    def advection(self, field: Vector, *, along: bool) -> Vector:
         """Return int V . grad f v dX of the velocities V, or, not ``along``, int f V . grad v dX, shape (owned,)."""
         x, y = self._halo.fetch(field[:, None]), np.zeros((self._halo.size, 1))
         self._advect(along, x, y)

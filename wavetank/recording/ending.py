@@ -70,7 +70,7 @@ class EndReport:
         for one in breaking:
             dissipated = ""
             if isinstance(one, BreakingDissipation):
-                dissipated = f"; the eddy viscosity took {100 * one.part_taken:.2g} % of the energy"
+                dissipated = f"; the eddy viscosity took {100 * one.dissipated_part:.2g} % of the energy"
             self.log.say(f"{one.watch.story} ({BREAKING}){dissipated}")
             if self.writer is not None:
                 self.writer.write_table(BREAKING, one.watch.columns)

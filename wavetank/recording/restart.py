@@ -13,7 +13,7 @@ from wavetank.arrays import Vector
 from wavetank.case import Case, Numerics, StillWater
 from wavetank.case.reading import contents, named_files
 from wavetank.errors import InputError
-from wavetank.fem.by_place import found
+from wavetank.fem.by_place import at_dofs
 from wavetank.mpi import on_first, raise_on_all_ranks
 from wavetank.output.checkpoint import Checkpoint, checked_tree
 from wavetank.output.fields import VtuSeries
@@ -243,7 +243,7 @@ class Restart:
         run.clock = Clock.covering(remaining, clock["dt"], until=until).after(clock["begin"], clock["first"])
         last = self._checkpoint
         arrays, places = (last.arrays, last.places) if last else ([], np.zeros((0, 3)))
-        tree = deserialize(self._text, found(waves.plane, arrays, places))["run"]
+        tree = deserialize(self._text, at_dofs(waves.plane, arrays, places))["run"]
         run.resume(tree, with_solves=self._has_history)
         if run.step != self.about["step"]:
             raise ValueError(f"step {run.step} of the state is not step {self.about['step']} of its description")

@@ -15,7 +15,7 @@ from wavetank.case import (
 )
 from wavetank.case.initial import FileSurface, FormulaSurface
 from wavetank.errors import InputError
-from wavetank.fem.by_place import at_the_same, found
+from wavetank.fem.by_place import at_dofs, has_places
 from wavetank.fem.plane import Plane
 from wavetank.fem.points import Points
 from wavetank.motion import Motion
@@ -62,8 +62,8 @@ class StoredSurface(NamedTuple):
 
         On a mesh with others than those they are what the elements say there.
         """
-        if at_the_same(waves.plane, self.places):
-            elevation, potential = found(waves.plane, self.values, self.places)
+        if has_places(waves.plane, self.places):
+            elevation, potential = at_dofs(waves.plane, self.values, self.places)
             return elevation, potential
         comm, footprint = waves.plane.comm, build_footprint(self.scene, waves.plane.comm)
         plane = Plane(footprint.mesh, self.scene.numerics.order, footprint.chart)
@@ -72,7 +72,7 @@ class StoredSurface(NamedTuple):
         if wall.moves:
             wall.set_time(self.t)
         fields = [plane.function("kept") for _ in self.values]
-        for field, values in zip(fields, found(plane, self.values, self.places), strict=True):
+        for field, values in zip(fields, at_dofs(plane, self.values, self.places), strict=True):
             field.set(values)
         reference = _on_all(comm, waves.plane.places)
 

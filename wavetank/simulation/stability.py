@@ -218,7 +218,7 @@ class StabilityWatch:
     def _largest_frequency(self, block: Block) -> float:
         """Return the largest frequency on the surface at the last step of a block [rad/s]; collective."""
         t = float(block.t[-1])
-        self._flow.near(block.state, t)
+        self._flow.update_from(block.state, t)
         self._waves.set_time(t)  # other diagnostics move the wall
         return self._short.largest_frequency(self._flow, least=self.state.frequency)
 

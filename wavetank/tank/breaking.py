@@ -171,11 +171,11 @@ class BreakingWatch:
         """Indices of the alarms that last, and their crests when examined last."""
         return self.state.active
 
-    def look(self, state: State, t: float) -> list[SteepCrest]:
+    def search(self, state: State, t: float) -> list[SteepCrest]:
         """Return the crests during their alarms where the step to a state has ended; collective. The first is none."""
         flow, before = self._flow, self.state
         front = GENTLE if before.active else STEEP
-        flow.near(state, t)
+        flow.update_from(state, t)
         if flow.largest_slope < front:
             if before.surface is not None:
                 self.state = replace(before, surface=None)
@@ -331,7 +331,7 @@ class BreakingAlarm(BreakingFilter):
 
     def needed(self, state: State, t: float) -> bool:
         """Look at the crests where a step has ended, and return False; collective."""
-        self.watch.look(state, t)
+        self.watch.search(state, t)
         return False
 
     def passed(self, pairs: Vector) -> Vector:
@@ -347,7 +347,7 @@ class StopAtBreaking(BreakingAlarm):
 
     def needed(self, state: State, t: float) -> bool:
         """Return False, or raise ``RunError`` if a wave overturns; collective."""
-        self.watch.look(state, t)
+        self.watch.search(state, t)
         for index, crest in self.watch.active:
             periods = self.watch.alarms[index].outrun
             if crest.outrun > OVERTURNS or periods > SUSTAINED:
@@ -387,7 +387,7 @@ class BreakingDissipation(BreakingFilter, Smoothing):
 
     def needed(self, state: State, t: float) -> bool:
         """Return whether a crest breaks, and put the viscosity there; collective."""
-        breaking = self.watch.look(state, t)
+        breaking = self.watch.search(state, t)
         if breaking:
             self.place(breaking)
         return bool(breaking)
@@ -395,11 +395,15 @@ class BreakingDissipation(BreakingFilter, Smoothing):
     @property
     def figures(self) -> dict[str, Any]:
         """The alarms, their number, and what was taken of the energy there was."""
-        figures = {"waves": len(self.watch.alarms), "energy_taken": self.energy_taken, "part_taken": self.part_taken}
+        figures = {
+            "waves": len(self.watch.alarms),
+            "energy_taken": self.energy_taken,
+            "part_taken": self.dissipated_part,
+        }
         return self.watch.figures | figures
 
     @property
-    def part_taken(self) -> float:
+    def dissipated_part(self) -> float:
         """What has been taken so far, of the energy there was [-]."""
         return self.energy_taken / self._energy.largest if self._energy.largest else 0.0
 

@@ -86,8 +86,8 @@ class AdvectionPreconditioner:
             return self._still(weight, residual)
         mass, at, solve, (q, psi) = self._waves.mass, self._points, self._solved, residual
         eta, chi = self._still.surface(weight, q, psi - self._B * solve(q))
-        advected = weight * at.carried(eta, along=False)
-        chi -= weight * solve(at.carried(chi, along=True))
+        advected = weight * at.advection(eta, along=False)
+        chi -= weight * solve(at.advection(chi, along=True))
         smoothed = self._still.keeping(q, mass.apply(eta) + advected)
         return np.array([smoothed, chi + self._B * (eta + solve(advected))])
 

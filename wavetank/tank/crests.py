@@ -118,10 +118,10 @@ def steep_crests(before: Profile, after: Profile, *, time: float, front: float, 
     for n in range(1, len(extrema) - 1):
         peak, top = extrema[n]
         if top > extrema[n - 1][1] and top > extrema[n + 1][1]:
-            left, right = (_trough(top, side, ripple) for side in (extrema[:n][::-1], extrema[n + 1 :]))
-            if not np.abs(after.slope[left : right + 1]).max() > front:
+            start, end = (_trough(top, side, ripple) for side in (extrema[:n][::-1], extrema[n + 1 :]))
+            if not np.abs(after.slope[start : end + 1]).max() > front:
                 continue
-            crest = _crest(before, after, time, (left, peak, right), ripple, cell)
+            crest = _crest(before, after, time, (start, peak, end), ripple, cell)
             if crest is not None and crest.front > front:
                 result.append(crest)
     return result
@@ -142,25 +142,25 @@ def _crest(
     before: Profile, after: Profile, time: float, at: tuple[int, int, int], ripple: float, cell: float
 ) -> SteepCrest | None:
     """Return the crest at a peak between troughs, ``at`` these places; None of a ripple, and of a narrow one."""
-    left, peak, right = at
+    start, peak, end = at
     x, height, slope, _ = after
-    foot = max(float(height[left]), float(height[right]))
+    foot = max(float(height[start]), float(height[end]))
     if height[peak] - foot < ripple:
         return None
-    low = np.flatnonzero(height[left : right + 1] <= 0.5 * (height[peak] + foot)) + left
-    first, last = int(low[low < peak].max(initial=left)), int(low[low > peak].min(initial=right))
+    low = np.flatnonzero(height[start : end + 1] <= 0.5 * (height[peak] + foot)) + start
+    first, last = int(low[low < peak].max(initial=start)), int(low[low > peak].min(initial=end))
     if x[last] - x[first] <= cell:
         return None
-    upper, current = slice(first, last + 1), _current(after, left, right)
+    upper, current = slice(first, last + 1), _current(after, start, end)
     there = x[upper]
     rate = (height[upper] - np.interp(there, before.x, before.height)) / time
     mean_slope = 0.5 * (slope[upper] + np.interp(there, before.x, before.slope))
     psi_x = 0.5 * (after.velocity[upper] + np.interp(there, before.x, before.velocity))
     water = (psi_x - rate * mean_slope) / (1.0 + mean_slope**2)
-    rates, moved, squares = (np.trapezoid(one, there) for one in (rate**2, rate * mean_slope, mean_slope**2))
-    speed = float(-moved / squares) if squares > 0.0 else np.nan
+    rates, product, squares = (np.trapezoid(one, there) for one in (rate**2, rate * mean_slope, mean_slope**2))
+    speed = float(-product / squares) if squares > 0.0 else np.nan
     ahead = speed > current
-    side = slice(peak, right + 1) if ahead else slice(left, peak + 1)
+    side = slice(peak, end + 1) if ahead else slice(start, peak + 1)
     faster = water > speed if ahead else water < speed
     return SteepCrest(
         x=float(x[peak]),
@@ -169,14 +169,14 @@ def _crest(
         current=current,
         speed=speed,
         front=float(np.abs(slope[side]).max()),
-        coherence=float(moved**2 / (rates * squares)) if rates > 0.0 else 0.0,
+        coherence=float(product**2 / (rates * squares)) if rates > 0.0 else 0.0,
         outrun=float(np.trapezoid(faster.astype(np.float64), there) / (there[-1] - there[0])),
     )
 
 
-def _current(surface: Profile, left: int, right: int) -> float:
+def _current(surface: Profile, start: int, end: int) -> float:
     """Return the current from trough to trough: within the velocities of both and the mean, the nearest to rest."""
-    between = slice(left, right + 1)
+    between = slice(start, end + 1)
     velocity, x = surface.velocity[between], surface.x[between]
     bounds = velocity[0], velocity[-1], np.trapezoid(velocity, x) / (x[-1] - x[0])
     return float(min(max(min(bounds), 0.0), max(bounds)))

@@ -248,7 +248,7 @@ class EdgePenalty(Smoothing):
 
     def needed(self, state: State, t: float) -> bool:
         """Return whether the current overtakes the shortest waves by so much; never with p = 1; collective."""
-        self._flow.near(state, t)
+        self._flow.update_from(state, t)
         if self._flow.largest_velocity <= self._fast:
             return False
         if self._waves.wall.moves:

@@ -85,7 +85,7 @@ class SurfaceVelocity:
         """Take the surface of a point at t [s]."""
         self._take(self._waves.elevation(q, p, t), p, t)
 
-    def near(self, state: State, t: float) -> None:
+    def update_from(self, state: State, t: float) -> None:
         """Take the surface where the step to a state has ended, at t [s]; nothing to do for the one last taken."""
         at = state.evaluations[0]
         if at is None:
