@@ -3,8 +3,7 @@
 A tree consists of dataclasses, named tuples, dictionaries, lists, numbers, strings, None and arrays. The last axis of
 an array runs over the degrees of freedom of this rank, so that a checkpoint orders its values by location.
 ``Replicated`` arrays are the same on all ranks, and lists in JSON. An object whose state belongs to the run has one
-dataclass ``state``, which is replaced on resume: the resumed run equals the uninterrupted one bit for bit. Or it has
-collective methods: ``state_tree()`` returns a plain tree that does not change later, ``take(tree)`` restores it.
+dataclass ``state``, which is replaced on resume: the resumed run equals the uninterrupted one bit for bit.
 """
 
 import itertools
@@ -28,23 +27,14 @@ StateTree = dict[str, Any]  # a tree without dataclasses
 
 def has_state(part: object) -> bool:
     """Return whether an object has state that belongs to the run."""
-    return is_dataclass(getattr(part, "state", None)) or hasattr(part, "state_tree")
-
-
-def value_of(part: Any) -> Any:
-    """Return the state of an object as a value, which ``plain`` makes a tree; collective."""
-    return part.state if is_dataclass(getattr(part, "state", None)) else part.state_tree()
+    return is_dataclass(getattr(part, "state", None))
 
 
 def restore(part: Any, tree: Any, where: str) -> None:
     """Replace the state of an object; collective. Raises ``ValueError`` for a tree of another type or shape."""
-    if is_dataclass(state := getattr(part, "state", None)):
-        value = typed(type(state), tree, where)
-        check_like(state, value, where)
-        part.state = value
-    else:
-        check_like(part.state_tree(), tree, where)
-        part.take(tree)
+    value = typed(type(part.state), tree, where)
+    check_like(part.state, value, where)
+    part.state = value
 
 
 def check_like(example: Any, value: Any, where: str, *, exact: bool = False) -> None:

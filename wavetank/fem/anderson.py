@@ -1,5 +1,6 @@
 """Points combined as their images come closest to what is asked for, distributed over ranks (``projection.c``)."""
 
+from dataclasses import dataclass
 from math import sqrt
 from typing import Any, NamedTuple
 
@@ -8,7 +9,7 @@ from mpi4py import MPI
 
 from wavetank.arrays import Vector, summed
 from wavetank.fem.codegen import HISTORY, Buffer, Unit, source
-from wavetank.state import StateTree, count
+from wavetank.state import Replicated, count
 
 SHORTEST = 1e-13  # squared, of directions against the longest
 
@@ -25,6 +26,27 @@ class Guess(NamedTuple):
     z: Vector
     missed: Vector
     away: float
+
+
+@dataclass(frozen=True, eq=False)
+class MixingState:
+    """Points and their images: the newest, and the differences to it and before, in the order of the arrays.
+
+    Attributes
+    ----------
+    recorded, weight
+        See ``AndersonMixing``.
+    products
+        Of the differences of images, shape (most - 1, most - 1).
+    points, images
+        Shape (most, ...).
+    """
+
+    recorded: int
+    weight: float
+    products: Replicated
+    points: Vector
+    images: Vector
 
 
 class AndersonMixing:
@@ -116,13 +138,13 @@ class AndersonMixing:
         """The parts of a ``Mixing`` of another unit."""
         return self._workspace
 
-    def state_tree(self) -> StateTree:
-        """Return the newest point, the differences in the order of the arrays, and their products."""
+    @property
+    def state(self) -> MixingState:
+        """The points, as plain data."""
         points, images = (part.reshape(len(part), *self._shape).copy() for part in (self._points, self._images))
-        stored = {"recorded": self.recorded, "weight": self.weight, "products": self._gram.tolist()}
-        return {**stored, "points": points, "images": images}
+        return MixingState(self.recorded, self.weight, self._gram.copy(), points, images)
 
-    def take(self, tree: StateTree) -> None:
-        """Restore all points from a tree."""
-        self.recorded, self.weight, self._gram[:] = count(tree["recorded"]), tree["weight"], tree["products"]
-        self._points[:], self._images[:] = (tree[part].reshape(self._points.shape) for part in ("points", "images"))
+    @state.setter
+    def state(self, state: MixingState) -> None:
+        self.recorded, self.weight, self._gram[:] = count(state.recorded), state.weight, state.products
+        self._points[:], self._images[:] = (one.reshape(self._points.shape) for one in (state.points, state.images))

@@ -5,14 +5,40 @@ it, each from the next; start from y_0 + sum c_j e_j, e_j being the differences 
 accurate to second order in the distance otherwise, and independent of how the solves follow each other in time.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from mpi4py import MPI
 
 from wavetank.arrays import Vector, summed
 from wavetank.fem.codegen import HISTORY, Buffer, Unit, source
-from wavetank.state import StateTree, count
+from wavetank.state import Replicated, count
 
 SHORTEST = 1e-13  # squared, of directions against the longest: shorter ones carry answers' errors rather than trends
+
+
+@dataclass(frozen=True, eq=False)
+class GuessState:
+    """Pairs of inputs and solutions: the newest, and the differences to it and before, in the order of the arrays.
+
+    Attributes
+    ----------
+    recorded
+        How many pairs there have been.
+    products
+        Of the differences of inputs, shape (most - 1, most - 1).
+    input, solution
+        Shapes (inputs, owned) and (outputs, owned).
+    input_steps, solution_steps
+        The differences, of these shapes with (most - 1) in front.
+    """
+
+    recorded: int
+    products: Replicated
+    input: Vector
+    solution: Vector
+    input_steps: Vector
+    solution_steps: Vector
 
 
 class InitialGuessProjection:
@@ -90,21 +116,23 @@ class InitialGuessProjection:
         self._record(stored, place, self._requested, y)
         self.recorded += 1
 
-    def state_tree(self) -> StateTree:
-        """Return the newest pair, the differences in the order of the arrays, and their products."""
+    @property
+    def state(self) -> GuessState:
+        """The pairs, as plain data."""
         inputs, _ = self._shapes
-        arrays = {
-            "input": self._input.reshape(inputs).copy(),
-            "answer": self._output.T.copy(),
-            "ways": self._directions.reshape(len(self._directions), *inputs).astype(np.float64),
-            "steps": self._steps.transpose(0, 2, 1).astype(np.float64),
-        }
-        return {"recorded": self.recorded, "products": self._gram.tolist(), **arrays}
+        return GuessState(
+            self.recorded,
+            self._gram.copy(),
+            self._input.reshape(inputs).copy(),
+            self._output.T.copy(),
+            self._directions.reshape(len(self._directions), *inputs).astype(np.float64),
+            self._steps.transpose(0, 2, 1).astype(np.float64),
+        )
 
-    def take(self, tree: StateTree) -> None:
-        """Restore all pairs from a tree."""
-        self.recorded, self._gram[:] = count(tree["recorded"]), tree["products"]
-        self._input[:] = tree["input"].ravel()
-        self._directions[:] = tree["ways"].reshape(self._directions.shape)
-        self._output[:] = tree["answer"].T
-        self._steps[:] = tree["steps"].transpose(0, 2, 1)
+    @state.setter
+    def state(self, state: GuessState) -> None:
+        self.recorded, self._gram[:] = count(state.recorded), state.products
+        self._input[:] = state.input.ravel()
+        self._directions[:] = state.input_steps.reshape(self._directions.shape)
+        self._output[:] = state.solution.T
+        self._steps[:] = state.solution_steps.transpose(0, 2, 1)

@@ -14,7 +14,7 @@ f need not have been evaluated; a scheme has its slope there from the stage itse
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite, sqrt
 from typing import Any
 
@@ -24,9 +24,9 @@ from petsc4py import PETSc
 
 from wavetank.arrays import Vector, summed
 from wavetank.errors import ConvergenceError, WavetankError
-from wavetank.fem.anderson import AndersonMixing
+from wavetank.fem.anderson import AndersonMixing, MixingState
 from wavetank.fem.slice import StageResult
-from wavetank.state import StateTree, count, typed
+from wavetank.state import check_like, count
 
 ITERATES = 2.0  # dt omega at which any implicit stage still does, of schemes that are stable at any step too
 ITERATIONS = 25
@@ -93,6 +93,25 @@ class Stage(ABC):
         """Return the start value from points of earlier solves; collective."""
 
 
+@dataclass(frozen=True, eq=False)
+class StageState:
+    """State of a ``StageHistory``; the contraction is None before it is measured."""
+
+    pairs: int
+    size: float | None
+    contraction: float | None
+    age: int
+    points: MixingState
+
+
+@dataclass(frozen=True, eq=False)
+class StagesState:
+    """State of ``StageHistories``: the counters, and the histories by the names of the stages."""
+
+    counters: StageCounters
+    stages: dict[str, StageState]
+
+
 @dataclass
 class StageHistory:
     """Earlier solves of one stage: they affect cost and round-off only.
@@ -130,24 +149,17 @@ class StageHistory:
         if result.evaluations > 1:
             self.contraction, self.age = result.contraction, 0
 
-    def state_tree(self) -> StateTree:
-        """Return it as plain data."""
-        return {
-            "pairs": self.pairs,
-            "size": self.size,
-            "contraction": None if np.isinf(self.contraction) else self.contraction,
-            "age": self.age,
-            "points": self.points.state_tree(),
-        }
+    @property
+    def state(self) -> StageState:
+        """The history as plain data."""
+        contraction = None if np.isinf(self.contraction) else self.contraction
+        return StageState(self.pairs, self.size, contraction, self.age, self.points.state)
 
-    def take(self, tree: StateTree) -> None:
-        """Take back a state; raises ``ValueError`` for other types."""
-        self.size, self.age = typed(float | None, tree["size"], "size"), count(tree["age"])
-        if self.size is not None and not self.size >= 0.0:
-            raise ValueError(f"size = {self.size:g}: must be 0 or more")
-        contraction = typed(float | None, tree["contraction"], "contraction")
-        self.contraction = np.inf if contraction is None else contraction
-        self.points.take(tree["points"])
+    @state.setter
+    def state(self, state: StageState) -> None:
+        self.size, self.age = state.size, count(state.age)
+        self.contraction = np.inf if state.contraction is None else state.contraction
+        self.points.state = state.points
 
 
 @dataclass
@@ -157,26 +169,26 @@ class StageHistories:
     counters: StageCounters = field(default_factory=StageCounters)
     stages: dict[str, StageHistory] = field(default_factory=dict)
 
-    def state_tree(self) -> StateTree:
-        """Return them as plain data."""
-        return {
-            "counters": asdict(self.counters),
-            "stages": {name: one.state_tree() for name, one in self.stages.items()},
-        }
+    @property
+    def state(self) -> StagesState:
+        """The histories as plain data."""
+        return StagesState(replace(self.counters), {name: one.state for name, one in self.stages.items()})
 
-    def take(self, tree: StateTree, points: Callable[[int], AndersonMixing]) -> None:
-        """Take back a state; ``points`` makes the memory for points of so many pairs.
+    def restore(self, state: StagesState, points: Callable[[int], AndersonMixing]) -> None:
+        """Replace all histories; ``points`` makes the memory for points of so many pairs.
 
-        Raises ``ValueError`` for other types, or too many pairs.
+        Raises ``ValueError`` for a size or number of pairs that compiled code does not allow.
         """
-        vars(self.counters).update(vars(typed(StageCounters, tree["counters"], "counters")))
+        vars(self.counters).update(vars(state.counters))
         self.stages.clear()
-        for name, one in tree["stages"].items():
-            pairs = count(one["pairs"])
-            if not 1 <= pairs <= MOST_PAIRS:
-                raise ValueError(f"{pairs} is no number of pairs")
-            self.stages[name] = StageHistory(pairs, points(pairs))
-            self.stages[name].take(one)
+        for name, one in state.stages.items():
+            if not 1 <= one.pairs <= MOST_PAIRS:
+                raise ValueError(f"{one.pairs} is no number of pairs")
+            if one.size is not None and not one.size >= 0.0:
+                raise ValueError(f"size = {one.size:g}: must be 0 or more")
+            history = self.stages[name] = StageHistory(one.pairs, points(one.pairs))
+            check_like(history.points.state, one.points, f"stages.{name}.points")
+            history.state = one
 
 
 class StageSolver:

@@ -18,8 +18,9 @@ from wavetank.simulation.clock import Clock
 from wavetank.simulation.contract import Diagnostic, due_steps
 from wavetank.simulation.supply import PaddleWork
 from wavetank.simulation.surviving import MAY_BE_NEW, restore_surviving, survives
-from wavetank.state import StateTree, check_like, has_state, hints_of, named, plain, restore_all, typed, value_of
+from wavetank.state import StateTree, check_like, has_state, hints_of, named, plain, restore_all, typed
 from wavetank.tank.dissipation import Smoothing
+from wavetank.tank.history import Solves
 from wavetank.tank.seen import Block, Evaluations, write_numbers
 
 LONGEST, FEW, NUMBERS = 256, 16, 5e4  # steps of a block; unknowns of all of them, which caches hold
@@ -255,7 +256,7 @@ class Run:
         schemes: list[Any] = [self.integrator]
         while (inner := getattr(schemes[-1], "scheme", None)) is not None:
             schemes.append(inner)
-        own = {"scheme": schemes[-1], "system": self.system}
+        own = {"scheme": schemes[-1], "system": Solves(self.system, getattr(self.system, "history", None))}
         own["paddle work"] = self.paddle_work
         for scheme in schemes:
             own = {f"paddle {n}": one for n, one in enumerate(getattr(scheme, "paddles", ()))} | own
@@ -278,11 +279,11 @@ class Run:
     def snapshot(self, *, with_solves: bool = False) -> Callable[[], StateTree]:
         """Return a function that returns the present state as such a tree, also later; collective.
 
-        States are values, so nothing is copied before; solves are converted at once.
+        States are values, so nothing is converted before.
         """
         parts = {name: part for name, part in self.parts.items() if with_solves or survives(name)}
         now = {"step": self.step, "begun": self._start_recorded, "state": self.state}
-        states = {name: value_of(part) for name, part in parts.items()}
+        states = {name: part.state for name, part in parts.items()}
         return lambda: plain({**now, "parts": states})
 
     def resume(self, tree: StateTree, *, with_solves: bool = True) -> None:

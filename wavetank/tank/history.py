@@ -7,9 +7,34 @@ import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.fem.slice import SliceSolver
-from wavetank.integrators.stage_solver import StageHistories
-from wavetank.state import StateTree
-from wavetank.tank.potential import InteriorPotential
+from wavetank.integrators.stage_solver import StageHistories, StagesState
+from wavetank.tank.potential import InteriorPotential, InteriorState
+
+
+@dataclass(frozen=True, eq=False)
+class HistoryState:
+    """State of a ``SolverHistory``."""
+
+    interior: InteriorState
+    stages: StagesState
+    preconditioner_t: float
+    preconditioner_column: Vector
+
+
+class Solves:
+    """The history of some solves of water, as a part of a run whose state can be replaced."""
+
+    def __init__(self, waves: Any, history: Any):
+        self._waves, self._history = waves, history
+
+    @property
+    def state(self) -> Any:
+        """The state of the history; None of a system without any."""
+        return getattr(self._history, "state", None)
+
+    @state.setter
+    def state(self, state: Any) -> None:
+        self._waves.restore(self._history, state)
 
 
 @dataclass(eq=False)
@@ -37,7 +62,8 @@ class SolverHistory:
     preconditioner_column: Vector = field(default_factory=lambda: np.zeros(0))
     compiled: SliceSolver | None = None
 
-    def state_tree(self) -> StateTree:
-        """Return it as plain data."""
-        made: dict[str, Any] = {"t": self.preconditioner_t, "column": self.preconditioner_column}
-        return {"interior": self.interior.state_tree(), "stages": self.stages.state_tree(), "preconditioner": made}
+    @property
+    def state(self) -> HistoryState:
+        """The history as plain data; ``NonlinearWaves.restore`` replaces it."""
+        at = self.preconditioner_t, self.preconditioner_column
+        return HistoryState(self.interior.state, self.stages.state, *at)

@@ -42,9 +42,9 @@ from wavetank.fem.points import Cells, Points
 from wavetank.fem.vertical import VerticalBasis
 from wavetank.motion.kinematics import PaddleKinematics
 from wavetank.motion.motion import Tangent
-from wavetank.state import StateTree
 from wavetank.tank.energy import WaterEnergy
 from wavetank.tank.evaluation import WaterEvaluation
+from wavetank.tank.history import HistoryState
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.potential import interior_of
 from wavetank.tank.walls import Wall
@@ -284,13 +284,14 @@ class NonlinearRates(MovingWater):
         """Return the part of velocities, shape (..., 3), in Bernoulli's sum [m²/s²], shape (...)."""
         return np.asarray(0.5 * (velocity**2).sum(axis=-1))
 
-    def state_tree(self) -> StateTree:
-        """Return the history of the solves."""
-        return self.history.state_tree()
+    @property
+    def state(self) -> HistoryState:
+        """The history of the solves."""
+        return self.history.state
 
-    def take(self, tree: StateTree) -> None:
-        """Restore the history of the solves."""
-        self.waves.restore(self.history, tree)
+    @state.setter
+    def state(self, state: HistoryState) -> None:
+        self.waves.restore(self.history, state)
         self._at = None
 
 

@@ -19,7 +19,7 @@ the paddle takes of the tank beyond. Apart from that flux mass is conserved to r
 
 from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -36,13 +36,12 @@ from wavetank.fem.mass import mass_matrix
 from wavetank.fem.plane import Plane
 from wavetank.fem.vertical import VerticalBasis
 from wavetank.integrators.hamiltonian import Weights, pair
-from wavetank.integrators.stage_solver import StageHistories, StageSolver
+from wavetank.integrators.stage_solver import StageHistories, StageSolver, StagesState
 from wavetank.integrators.states import State
-from wavetank.state import StateTree, typed
 from wavetank.tank.bed import Depth, FlatBed, bed_of
 from wavetank.tank.energy import POTENTIAL, Part, WaterEnergy
 from wavetank.tank.evaluation import Water, WaterEvaluation, distance_from_rest
-from wavetank.tank.potential import InteriorPotential, SolveCounters, interior_of
+from wavetank.tank.potential import InteriorPotential, InteriorState, SolveCounters, interior_of
 from wavetank.tank.seen import Block, Evaluations, see
 from wavetank.tank.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.tank.walls import Wall
@@ -222,18 +221,11 @@ class LinearWaves(Water):
         """The largest angular frequency the mesh carries [rad/s], by Lanczos iteration; collective."""
         return largest_frequency(self)
 
-    def state_tree(self) -> StateTree:
-        """Return the history of the solves of steps."""
-        last = {"psi": self.history.psi, "G psi": self.history.G_psi}
-        return {"interior": self.potential.state_tree(), "stages": self.stages.state_tree(), **last}
-
-    def take(self, tree: StateTree) -> None:
-        """Take back what has been held; collective."""
-        self.potential.take(tree["interior"])
-        if (tree["psi"] is None) != (tree["G psi"] is None):
-            raise ValueError("psi and G psi: must both be arrays, or null")
-        self.history.psi, self.history.G_psi = tree["psi"], tree["G psi"]
-        self.stages.take(tree["stages"], self.stage_solver.points)
+    def restore(self, history: "LinearHistory", state: "LinearState") -> None:
+        """Replace a history by its state; collective."""
+        history.interior.state = state.interior
+        history.psi, history.G_psi = state.psi, state.G_psi
+        history.stages.restore(state.stages, self.stage_solver.points)
 
     # ------------------------------------------------------------------------------------------ stages
     @cached_property
@@ -293,6 +285,16 @@ class LinearWaves(Water):
         return np.asarray(self._G_psi(p, history) + self._rates(t, 1) @ self._inflow)
 
 
+@dataclass(frozen=True, eq=False)
+class LinearState:
+    """State of a ``LinearHistory``."""
+
+    interior: InteriorState | SolveCounters
+    psi: Vector
+    G_psi: Vector
+    stages: StagesState
+
+
 @dataclass(eq=False)
 class LinearHistory:
     """Earlier solves of linear waves; see ``SolverHistory``.
@@ -307,6 +309,11 @@ class LinearHistory:
     psi: Vector
     G_psi: Vector
     stages: StageHistories = field(default_factory=StageHistories)
+
+    @property
+    def state(self) -> LinearState:
+        """The history as plain data; ``LinearWaves.restore`` replaces it."""
+        return LinearState(self.interior.state, self.psi, self.G_psi, self.stages.state)
 
 
 class IterativePotential:
@@ -334,13 +341,14 @@ class IterativePotential:
         through = self._solve(np.zeros(self._plane.owned), flux, None)
         return flux[:, -1] + through, -self._plane.sum(flux[:, :-1] * self._phi.owned[:, :-1])
 
-    def state_tree(self) -> StateTree:
-        """Return what the solver remembers."""
-        return self._potential.state_tree()
+    @property
+    def state(self) -> InteriorState:
+        """The state of the solver."""
+        return self._potential.state
 
-    def take(self, tree: StateTree) -> None:
-        """Take back what has been held; collective."""
-        self._potential.take(tree)
+    @state.setter
+    def state(self, state: InteriorState) -> None:
+        self._potential.state = state
 
 
 class DirectPotential:
@@ -386,13 +394,14 @@ class DirectPotential:
         interior = self._interior(np.ascontiguousarray(flux[:, :-1]))
         return flux[:, -1] - self._stiffness(interior @ self._b), self._plane.sum(flux[:, :-1] * interior)
 
-    def state_tree(self) -> StateTree:
-        """Return what solves have cost."""
-        return asdict(self.counters)
+    @property
+    def state(self) -> SolveCounters:
+        """The cost of the solves."""
+        return replace(self.counters)
 
-    def take(self, tree: StateTree) -> None:
-        """Take back what has been held."""
-        vars(self.counters).update(vars(typed(SolveCounters, tree, "interior")))
+    @state.setter
+    def state(self, state: SolveCounters) -> None:
+        vars(self.counters).update(vars(state))
 
 
 StillPotential = DirectPotential | IterativePotential

@@ -7,7 +7,7 @@ the preconditioner, so a few iterations suffice (docs/solver.md).
 """
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,12 +18,11 @@ from wavetank.fem.along import NO_MINIMUM, Averaged, Minimum, along
 from wavetank.fem.codegen import Unit
 from wavetank.fem.conjugate_gradients import Array, Steps, condition_number, corrected, dot
 from wavetank.fem.decoupled import LayerMatrices
-from wavetank.fem.initial_guess import InitialGuessProjection
+from wavetank.fem.initial_guess import GuessState, InitialGuessProjection
 from wavetank.fem.layers import LayerDensity, LayerEnergy, LayerOperator
 from wavetank.fem.order_multigrid import LayerMeans
 from wavetank.fem.plane import Field, LayeredField, Plane
 from wavetank.fem.vertical import VerticalBasis
-from wavetank.state import StateTree, typed
 
 
 @dataclass
@@ -33,6 +32,15 @@ class SolveCounters:
     solves: int = 0
     iterations: int = 0
     factorisations: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class InteriorState:
+    """State of an interior solver: earlier solutions, the patience with its preconditioner, and the counters."""
+
+    recall: GuessState
+    patience: int | None
+    counters: SolveCounters
 
 
 class InteriorPotential:
@@ -94,15 +102,16 @@ class InteriorPotential:
         elif iterations > self.patience if worn is None else worn:
             self.patience = None
 
-    def state_tree(self) -> StateTree:
-        """Return the start values' pairs, the patience with the preconditioner, and the counters."""
-        return {"recall": self.recall.state_tree(), "patience": self.patience, "counters": asdict(self.counters)}
+    @property
+    def state(self) -> InteriorState:
+        """Earlier solutions, the patience with the preconditioner, and the counters."""
+        return InteriorState(self.recall.state, self.patience, replace(self.counters))
 
-    def take(self, tree: StateTree) -> None:
-        """Restore them from a tree; the operator must be as it was when the preconditioner was made; collective."""
-        self.recall.take(tree["recall"])
-        vars(self.counters).update(vars(typed(SolveCounters, tree["counters"], "counters")))
-        self.patience = typed(int | None, tree["patience"], "patience")
+    @state.setter
+    def state(self, state: InteriorState) -> None:
+        """The operator must be as it was when the preconditioner was made; collective."""
+        self.recall.state, self.patience = state.recall, state.patience
+        vars(self.counters).update(vars(state.counters))
         if self.patience is not None:
             self.minimiser.factor()
 

@@ -26,12 +26,11 @@ from wavetank.fem.plane import Plane
 from wavetank.fem.slice import SliceSolver, Solution, StageResult
 from wavetank.integrators.stage_solver import CompiledSolver, StageHistories, StageSolver
 from wavetank.motion.feedback import FeedbackMotion
-from wavetank.state import StateTree
 from wavetank.tank.bed import Depth
 from wavetank.tank.carried_waves import AdvectionPreconditioner, surface_points
 from wavetank.tank.discrete_energy import DiscreteEnergy
 from wavetank.tank.evaluation import WaterEvaluation
-from wavetank.tank.history import SolverHistory
+from wavetank.tank.history import HistoryState, SolverHistory
 from wavetank.tank.potential import InteriorPotential, interior_of
 from wavetank.tank.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.tank.surface_flow import surface_functions
@@ -292,24 +291,15 @@ class NonlinearWaves(DiscreteEnergy):
         self._begin_at(at)
         return self.mass.solve(dq)
 
-    # ------------------------------------------------------------------------------------------ what is remembered
-    def state_tree(self) -> StateTree:
-        """Return the history of the solves of steps."""
-        return self.history.state_tree()
-
-    def take(self, tree: StateTree) -> None:
-        """Take back what has been held; collective."""
-        self.restore(self.history, tree)
-
-    def restore(self, history: SolverHistory, tree: StateTree) -> None:
-        """Let a history take back what it has held; collective."""
-        made = tree["preconditioner"]
-        history.preconditioner_t, history.preconditioner_column = made["t"], made["column"]
-        self._move(made["t"])
-        self.h.set(made["column"])
+    # ------------------------------------------------------------------------------------------ state of the solves
+    def restore(self, history: SolverHistory, state: HistoryState) -> None:
+        """Replace a history by its state; collective."""
+        history.preconditioner_t, history.preconditioner_column = state.preconditioner_t, state.preconditioner_column
+        self._move(state.preconditioner_t)
+        self.h.set(state.preconditioner_column)
         self.operator.update()
-        history.interior.take(tree["interior"])
-        history.stages.take(tree["stages"], self.stage_solver.points)
+        history.interior.state = state.interior
+        history.stages.restore(state.stages, self.stage_solver.points)
 
     # ------------------------------------------------------------------------------------------ stages and frequencies
     @cached_property
