@@ -224,7 +224,7 @@ def test_crest_outrun_for_an_eighth_of_its_period_stops_the_run_and_is_recorded(
     """A crest at 2 m/s has a period of 1.28 s; it is missed once, and followed from t = 1 s on."""
     _, breaking = dissipation()
     watch = breaking.watch
-    watch.look = lambda state, t: watch.follow([] if t == 1.1 else [crest(1.0 + 2.0 * t, B)], t)
+    watch.search = lambda state, t: watch.follow([] if t == 1.1 else [crest(1.0 + 2.0 * t, B)], t)
     stop, ended = StopAtBreaking(watch), None
     for t in np.round(np.arange(1.0, 1.5, 0.05), 2):
         with nullcontext() if t != stops else pytest.raises(RunError, match=r"outruns the crest for 0\.16 periods"):
@@ -366,7 +366,7 @@ def test_a_run_says_what_breaks_what_is_taken_and_that_it_broke_down_of_it(tmp_p
 def test_a_run_stops_where_water_outruns_a_crest_in_a_fifth_of_its_upper_half(outrun, stops):
     _, breaking = dissipation()
     watch = breaking.watch
-    watch.look = lambda state, t: watch.follow([crest(1.0, 1.1, outrun)], t)
+    watch.search = lambda state, t: watch.follow([crest(1.0, 1.1, outrun)], t)
     state = Point(np.zeros(1), np.zeros(1))
     with pytest.raises(RunError, match="in 21 % of its upper half") if stops else nullcontext():
         assert not StopAtBreaking(watch).needed(state, 1.0)

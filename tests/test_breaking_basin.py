@@ -22,11 +22,11 @@ from wavetank.tank.crests import SteepCrest
 from wavetank.waves.stream_function import maximum_height, stream_function_wave
 
 LENGTH = 1.5  # of the exact wave [m]
-TIME = 0.01  # between two looks [s]
+TIME = 0.01  # between two searches [s]
 
 
 def exact_waves(angle, *, steepness=0.85, kind="quadrilaterals"):
-    """Return a watch, the exact wave's states at both looks in a basin, shape as ``look`` asks, and the wave."""
+    """Return a watch, the exact wave's states at both searches in a basin, and the wave."""
     waves = basin(4.0, 2.0, [40, 20], kind=kind)
     wave = stream_function_wave(steepness * maximum_height(LENGTH, 0.5), LENGTH, depth=0.5)
     along = waves.plane.places @ [np.cos(angle), np.sin(angle)]
