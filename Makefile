@@ -21,8 +21,8 @@ lint:
 	./env mypy
 
 format:
-	./env ruff check --fix .
 	./env ruff format .
+	./env ruff check --fix .
 
 bench:
 	./env python -m benchmarks $(BENCH)
@@ -33,5 +33,5 @@ lock: # versions and hashes of the Python packages that ./env and the containers
 		--custom-compile-command 'make lock' --output-file requirements-debian-13.txt
 
 reference: # of the keys of a case
-	./env wavetank schema >wavetank/case/schema.json
-	./env wavetank schema --reference >docs/reference.md
+	./env wavetank schema >schema.part && mv schema.part wavetank/case/schema.json
+	./env wavetank schema --reference >reference.part && mv reference.part docs/reference.md

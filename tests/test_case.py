@@ -1,5 +1,6 @@
 """Case files: allowed values, defaults, and messages for everything else."""
 
+import ast
 import pickle
 from pathlib import Path
 from typing import get_args
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from ranks import CHECKOUT
 
 from wavetank import motion as motions
 from wavetank.case import (
@@ -19,12 +21,13 @@ from wavetank.case import (
     SinusoidMotion,
     SliceTank,
 )
-from wavetank.case.numerics import IntegratorName
 from wavetank.case.reading import read_case
+from wavetank.case.wall import AnyWall, ShapedWall
 from wavetank.cli import main
 from wavetank.errors import InputError
-from wavetank.integrators import INTEGRATORS, Simpson4, registered
+from wavetank.integrators import Simpson4, registered
 from wavetank.planning.cost import CONSTANTS, KINDS
+from wavetank.values.schemes import SCHEMES
 
 CASES = Path(__file__).resolve().parents[1] / "cases"
 
@@ -195,15 +198,34 @@ def test_case_with_cached_motion_is_picklable(write_case):
     assert case.motion().position(1.0) == pickle.loads(pickle.dumps(case)).motion().position(1.0)
 
 
-def test_every_integrator_of_a_case_is_registered_with_what_plans_need():
-    assert set(get_args(IntegratorName)) ^ set(INTEGRATORS) == set()
-    assert {*CONSTANTS} == {f"{kind} {name}" for kind in KINDS for name in get_args(IntegratorName)}
+def test_every_integrator_with_costs_is_registered():
+    for file in (CHECKOUT / "wavetank" / "integrators").glob("*.py"):
+        schemes = (one for one in ast.walk(ast.parse(file.read_text())) if isinstance(one, ast.ClassDef))
+        for scheme in schemes:
+            if any(ast.unparse(line).startswith("costs: ClassVar") for line in scheme.body):
+                entry = file.stem, scheme.name
+                assert entry in SCHEMES.values(), f"{entry} is missing in wavetank/values/schemes.py"
+
+
+def test_every_shape_of_a_wall_is_one_that_a_case_can_name():
+    kinds, left = [*ShapedWall.__subclasses__()], []
+    while kinds:
+        kind = kinds.pop()
+        kinds += kind.__subclasses__()
+        left += [kind.__name__] if "type" in kind.model_fields and kind not in get_args(AnyWall) else []
+    assert not left, f"{left}: missing in AnyWall of wavetank/case/wall.py"
+
+
+def test_integrators_of_a_case_have_what_plans_need():
+    assert {*CONSTANTS} == {f"{kind} {name}" for kind in KINDS for name in SCHEMES}
     named = ("name", "order", "stability_limit", "frequency_error", "nodes", "start", "step", "solvable")
     scheme = type("Mine", (), {name: getattr(Simpson4, name) for name in named})
     with pytest.raises(TypeError, match=r"^Mine has no costs; a case needs them \(docs/extend.md\)\.$"):
-        registered(scheme)
+        registered({"mine": scheme})
     scheme.costs = Simpson4.costs
-    assert registered(scheme) == {"simpson-4": scheme}
+    assert registered({"simpson-4": scheme}) == {"simpson-4": scheme}
+    with pytest.raises(TypeError, match=r"^Mine.name = 'simpson-4': must be 'mine', as in SCHEMES.$"):
+        registered({"mine": scheme})
 
 
 def test_dump_contains_data_references(write_case, tmp_path, monkeypatch):

@@ -421,5 +421,7 @@ def test_checkpoint_of_another_format_is_refused(part, tmp_path):
     about = {name: value for name, value in checkpoint.about.items() if name != "format"} | {"git": "abc"}
     for _ in CHECKPOINT, CHECKPOINT_BEFORE:
         write_checkpoint(run, checkpoint._replace(about=about))
-    with pytest.raises(InputError, match="it was written in format 1 by revision abc; this program reads format 2"):
+    with pytest.raises(
+        InputError, match=f"it was written in format 1 by revision abc; this program reads format {FORMAT}"
+    ):
         record(SLICE, run, {}, resume=True)

@@ -66,7 +66,8 @@ def test_the_files_are_those_of_this_version(capsys):
     """``make reference`` writes them anew."""
     for arguments, path in ((["schema"], SCHEMA), (["schema", "--reference"], PAGE)):
         assert main(arguments) == 0
-        assert path.read_text() == capsys.readouterr().out
+        same = path.read_text() == capsys.readouterr().out
+        assert same, f"{path} is not that of the models of wavetank/case: run make reference"
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.stem)

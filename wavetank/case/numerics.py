@@ -1,13 +1,14 @@
 """How it is computed, for how long, and what is recorded."""
 
 from collections.abc import Iterator, Set
-from typing import Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from wavetank.case.tank import AnyTank, BasinTank, Context, RingTank, SliceTank
 from wavetank.values.case_model import CaseModel, Problem, one_of
 from wavetank.values.quantities import Count, Duration, Fraction, Length
+from wavetank.values.schemes import SCHEMES
 
 
 class RunControl(CaseModel):
@@ -27,7 +28,10 @@ class RunControl(CaseModel):
 
 HIGHEST_ORDER, HIGHEST_VERTICAL_ORDER = 8, 16
 
-IntegratorName = Literal["simpson-4", "third-order", "stormer-verlet", "stormer-verlet-adjoint", "gauss-legendre-4"]
+if TYPE_CHECKING:
+    IntegratorName = str
+else:
+    IntegratorName = Literal[tuple(SCHEMES)]
 
 
 STEPPING = frozenset({"cells", "cell_size", "order", "vertical_order", "integrator"})  # what a step follows from

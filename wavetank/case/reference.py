@@ -49,6 +49,8 @@ def _rows(table: Table, model: type[BaseModel], own: dict[str, Any]) -> Iterator
         if key != "type" and what.get("type") != "null":
             inside = table_at((*table.path, key), model.model_fields[key])
             allowed = f"[`{inside.header}`](#{''.join(inside.path)})" if inside else _allowed(what)
+            if "description" not in what:
+                raise KeyError(f"{model.__module__}: {model.__name__}.{key} has no description")
             meaning, unit, default = _described(what["description"], measured="text" not in allowed)
             if key in own.get("required", ()):
                 default = "**needed**"

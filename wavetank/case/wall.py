@@ -297,7 +297,7 @@ class MovingWallModel(BaseWall):
 class ShapedWall(MovingWallModel):
     """A wall that moves at some heights farther than at others."""
 
-    shaped_by: ClassVar[str]  # the key that says its shape
+    shaped_by: ClassVar[str] = "type"  # the key of its shape
 
 
 class HingedWall(ShapedWall):

@@ -1,8 +1,11 @@
 """Time integrators from a discontinuous-in-time variational principle, one method a file.
 
-``INTEGRATORS`` are those that a case can name. ``examples/paper`` has further schemes for comparison.
+``INTEGRATORS`` are those that a case can name; ``wavetank/values/schemes.py`` registers them.
+``examples/paper`` has further schemes for comparison.
 """
 
+from collections.abc import Mapping
+from importlib import import_module
 from typing import Any
 
 from wavetank.integrators.damped import Damped, Damping, damped
@@ -12,6 +15,7 @@ from wavetank.integrators.simpson import Simpson4
 from wavetank.integrators.states import Point, Traces
 from wavetank.integrators.stormer_verlet import StormerVerlet, StormerVerletAdjoint
 from wavetank.integrators.third_order import ThirdOrder
+from wavetank.values.schemes import SCHEMES
 
 NEEDED = (
     *("name", "order", "stability_limit", "frequency_error", "nodes", "start", "step"),
@@ -19,12 +23,19 @@ NEEDED = (
 )
 
 
-def registered(*schemes: type[Any]) -> dict[str, type[Any]]:
+def registered(schemes: Mapping[str, type[Any]]) -> dict[str, type[Any]]:
     """Return integrators by their names in a case; raises ``TypeError`` if one lacks what a case needs of it."""
-    for scheme in schemes:
-        if missing := [name for name in NEEDED if not hasattr(scheme, name)]:
+    for name, scheme in schemes.items():
+        if missing := [one for one in NEEDED if not hasattr(scheme, one)]:
             raise TypeError(f"{scheme.__name__} has no {', '.join(missing)}; a case needs them (docs/extend.md).")
-    return {scheme.name: scheme for scheme in schemes}
+        if scheme.name != name:
+            raise TypeError(f"{scheme.__name__}.name = {scheme.name!r}: must be {name!r}, as in SCHEMES.")
+    return dict(schemes)
 
 
-INTEGRATORS = registered(Simpson4, ThirdOrder, StormerVerlet, StormerVerletAdjoint, GaussLegendre4)
+INTEGRATORS = registered(
+    {
+        name: getattr(import_module(f"wavetank.integrators.{module}"), scheme)
+        for name, (module, scheme) in SCHEMES.items()
+    }
+)

@@ -497,7 +497,7 @@ def _snapshots(run: RunDirectory) -> int:
 
 
 X_ORIGIN = "from the paddle's rest position"
-ORIGINS = {"ring": "along the ring", "fixed": "from the wall", **dict.fromkeys(("piston", "flap", "profile"), X_ORIGIN)}
+ORIGINS = {"ring": "along the ring", "fixed": "from the wall"}  # of others ``X_ORIGIN``
 
 
 def draw_surface(run: RunDirectory) -> Path:
@@ -521,7 +521,7 @@ def draw_surface(run: RunDirectory) -> Path:
         path,
         title=run.title,
         depth=still_water(run) or tank.get("depth", np.inf),
-        origin=ORIGINS.get("ring" if ring else wall.get("type"), "along the tank"),
+        origin=ORIGINS.get("ring" if ring else wall.get("type"), X_ORIGIN),
         gauges=run.gauges if (run.path / GAUGES).exists() else None,
         sponge=_sponge(scene, shown.x.values[0]),
     )

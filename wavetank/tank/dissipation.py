@@ -13,7 +13,7 @@ Continuous interior penalty: takes the kinks between cells out of eta and psi, w
 
     (M_J + kappa S) v' = M_J v,     S = sum over facets of [[dv/dn]] [[du/dn]],     kappa = epsilon dt omega_g l³ / p⁴
 
-for v = eta and psi, the derivatives those in physical space (water/walls/): where the mapping of a moving wall has a
+for v = eta and psi, the derivatives those in physical space (tank/walls/): where the mapping of a moving wall has a
 kink, a smooth surface has one in the reference tank, and must keep it. l is the cell size and omega_g the frequency of
 the shortest wave on it, k_g = pi p / l. Where the current u under a steep crest overtakes short waves, k > g / u²,
 those have negative energy, and the kinks of elements that are only continuous couple them to the others: both grow,

@@ -8,7 +8,7 @@ J. Comput. Phys. 275 (2014), mapped, which is ours: docs/method.md, section 1)
 
 v being the velocity in physical space that the mapping makes of the gradient in the reference tank. The kinetic energy
 is its integral over zeta and the mesh, the potential energy of vertical walls 1/2 g int J eta^2 dX. What the wall adds
-is its own (``water/walls/``).
+is its own (``tank/walls/``).
 """
 
 from dataclasses import dataclass
