@@ -184,36 +184,32 @@ class MassMatrix:
         self, plane: Plane, J: Any, *, unit: Unit | None = None, prefix: str = "mass", functions: Sequence[str] = ()
     ):
         self.cells = cells = Cells(plane, plane.degree)
-        self._density = Density(ufl.as_ufl(J), plane)
+        density = Density(ufl.as_ufl(J), plane)
         self._comm, self._halo = plane.comm, cells.halo(1)
-        fields = self._density.fields
+        fields = density.fields
         instance = (unit or Unit(plane.comm)).add(
             prefix,
             source("cells.c") + source("matrices.c", *self.sections),
             exports=functions or self.functions,
             sizes={**cells.sizes, "FIELDS": fields, "MOST": max(1, fields), **self._sizes(plane)},
-            density=self._density,
+            density=density,
             made={"DENSITY": lambda density: {"density": density}},
             points=cells.points,
         )
-        self.weights = np.empty((cells.parts["batches"], len(cells.points), cells.lanes))
-        self._constants, rows = self._density.constants(), self._density.rows()
-        self._instance, self._parts = (
-            instance,
-            {
-                "cells": instance.struct("Cells", **cells.parts),
-                "dofs": len(rows),
-                "width": fields,
-                "fields": self._density.values,
-                "constants": self._constants,
-                "rows": rows,
-                "weights": self.weights,
-                **self._factors(instance, plane),
-            },
-        )
+        rows = density.rows()
+        self._instance = instance
+        self._parts: dict[str, Any] = {
+            "cells": instance.struct("Cells", **cells.parts),
+            "dofs": len(rows),
+            "width": fields,
+            "fields": density.values,
+            "constants": density.constants(),
+            "rows": rows,
+            "weights": np.empty((cells.parts["batches"], len(cells.points), cells.lanes)),
+        }
+        self._parts |= self._factors(instance, plane)
         of_cell = cells.values.T @ (cells.weights[:, None] * cells.values)
         self._of_cells = np.diag(of_cell)[:, None] * np.linalg.inv(of_cell) * np.diag(of_cell)
-        self._size = float(np.sum(cells.parts["weights"]))
         self._ready: bool | None = None
         self._set_up()
 
@@ -225,6 +221,12 @@ class MassMatrix:
         self._add_diagonal = function("diagonal", self.struct, Buffer(size))
         batches = Buffer(self.weights[:, 0].size)
         self._cellwise = function("cellwise", self.struct, self._of_cells, batches, Buffer(size), Buffer(size))
+
+    @property
+    def weights(self) -> Vector:
+        """J times the weights of quadrature, shape (batches, points, lanes)."""
+        weights: Vector = self._parts["weights"]
+        return weights
 
     def _sizes(self, plane: Plane) -> dict[str, object]:
         return {}
@@ -242,8 +244,7 @@ class MassMatrix:
         """Return it as it is now, for products alone."""
         self._update_if_new()
         result = copy(self)
-        result.weights = self.weights.copy()
-        result._parts = {**self._parts, "weights": result.weights}
+        result._parts = {**self._parts, "weights": self.weights.copy()}
         result._set_up()
         return result
 
@@ -258,7 +259,8 @@ class MassMatrix:
 
     def _prepare(self) -> None:
         """Make ready for solves."""
-        self._diagonal, self._means = self._of_diagonal(), self.weights.sum(axis=1) / self._size
+        self._diagonal = self._of_diagonal()
+        self._means = self.weights.sum(axis=1) / np.sum(self.cells.parts["weights"])
 
     def make_ready(self) -> None:
         """Prepare what solves need, if it is not there: products do without."""
