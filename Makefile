@@ -33,5 +33,6 @@ lock: # versions and hashes of the Python packages that ./env and the containers
 		--custom-compile-command 'make lock' --output-file requirements-debian-13.txt
 
 reference: # of the keys of a case
-	./env wavetank schema >schema.part && mv schema.part wavetank/case/schema.json
-	./env wavetank schema --reference >reference.part && mv reference.part docs/reference.md
+	@trap 'rm -f schema.part reference.part' EXIT; set -e; \
+	./env wavetank schema >schema.part; ./env wavetank schema --reference >reference.part; \
+	mv schema.part wavetank/case/schema.json; mv reference.part docs/reference.md

@@ -108,7 +108,7 @@ def test_the_reference_tells_of_every_key_what_it_means_and_what_it_is_by_defaul
         assert section.startswith(f"`{table.header}`" if table.path else "Before all tables")
         rows = [row.strip("| ").split(" | ") for row in section.splitlines() if row.startswith("| `")]
         keys = [key for model in table.models for key, field in model.model_fields.items() if key != "type"]
-        assert {row[0].strip("`") for row in rows} == {*keys}
+        assert {row[0].strip("`") for row in rows} == {*keys}, "run make reference"
         assert all(len(row) == 5 and row[1].strip() and row[4].strip() for row in rows)
         assert re.findall(r'^### `type = "(.*)"`', section, flags=re.MULTILINE) == [
             *filter(None, map(tag, table.models))
