@@ -397,3 +397,19 @@ def test_onset_and_dissipated_energy_do_not_depend_on_step_and_cells(tmp_path):
         for one in finer:
             assert one.alarm == pytest.approx(first.alarm, rel=0.05)
             assert one.viscosity + one.penalty == pytest.approx(first.viscosity + first.penalty, rel=0.1)
+
+
+def test_outrun_is_the_part_of_a_crest_whose_water_is_faster_than_the_crest():
+    """Oracle: the water of 1.25 c at the top, in proportion to the height of a Gaussian, is faster above 0.8 of it."""
+    x, c = np.linspace(0.0, 12.0, 2401), 2.0
+
+    def at(x):
+        eta = 0.4 * np.exp(-((x - 6.0) ** 2))
+        return Profile(x, eta, -2 * (x - 6.0) * eta, 1.25 * c * eta / 0.4)
+
+    def moved(t):
+        eta = 0.4 * np.exp(-((x - c * t - 6.0) ** 2))
+        return Profile(x, eta, -2 * (x - c * t - 6.0) * eta, 1.25 * c * eta / 0.4)
+
+    (one,) = steep_crests(moved(0.0), moved(0.01), time=0.01, front=0.1, cell=0.1)
+    assert one.outrun == pytest.approx((np.log(1.25) / np.log(2.0)) ** 0.5, abs=0.02)

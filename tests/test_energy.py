@@ -8,6 +8,7 @@ from dolfinx import mesh
 from mpi4py import MPI
 
 from wavetank.fem.charts import Straight
+from wavetank.fem.forms import ScalarForm
 from wavetank.motion import Sinusoid
 from wavetank.tank.energy import WaterEnergy
 from wavetank.tank.walls import Piston, Side
@@ -64,3 +65,17 @@ def test_changed_coefficients_of_the_energy_change_all_derivatives(make_tank, mo
     changed, differences = derivatives(make())
     assert changed == pytest.approx(differences, rel=1e-6, abs=1e-8)
     assert np.all(np.abs(changed - usual) > 1e-3 * np.abs(usual)) or wall == "fixed"
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_compiled_energy_of_a_flap_is_that_of_its_form(make_tank, n):
+    """Oracle: the assembled form of W; the rule at the paddle must be exact for every vertical order."""
+    tank = make_tank(length=4.0, cells=8, order=2, n=n, comm=MPI.COMM_SELF, motion=MOVING, hinge=0.0)
+    x = tank.plane.x
+    q, p = tank.state(0.08 * np.cos(np.pi * x / 4.0), 0.2 * np.sin(0.5 * np.pi * x), T)
+    tank.evaluate(q, p, T)
+    tank.h.set(tank.columns.solve(q))
+    tank.set_time(T)
+    tank.phi.rows[:] = np.cos(np.outer(x, np.arange(1, n + 2)))
+    (form,) = tank.wall_terms.hamiltonian.values()
+    assert tank.wall_terms.energy() == pytest.approx(ScalarForm(form, MPI.COMM_SELF).assemble(), rel=1e-10)

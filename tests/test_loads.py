@@ -275,3 +275,11 @@ def test_on_any_number_of_ranks_they_are_the_same(run, on_ranks, tmp_path):
     three = RunDirectory(tmp_path / "3")
     assert float(np.abs(three.loads.force_x - run.loads.force_x).max()) < 1e-2
     assert float(np.abs(three.paddle.power - run.paddle.power).max()) < 1e-3
+
+
+def test_force_on_a_straight_flap_is_perpendicular_to_it():
+    water, (q, p), t = driven(4, bed=1.0, kind=Shaped, shape=leaning)
+    force = on_walls(water, (q, p), t).load(0, BED).force
+    X = MOTION.position(t)
+    assert abs(X) > 1e-3
+    assert force[2] == pytest.approx(-X * force[0], rel=1e-12)

@@ -15,6 +15,7 @@ from functools import cache, cached_property, partial
 from importlib.machinery import EXTENSION_SUFFIXES
 from importlib.resources import files
 from importlib.util import module_from_spec, spec_from_file_location
+from inspect import getsource
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -256,6 +257,7 @@ class Unit:
     @cached_property
     def _module(self) -> Any:
         parts = [(one.signature, one.prefix, one.real, one.template, one.exports) for one in self._instances.values()]
+        makes = [getsource(make) for one in self._instances.values() for make in (one.made or {}).values()]
         generators = [source("tank.h"), _text("pointwise.py"), _text("density.py"), _text("codegen.py")]
 
         def build(folder: Path) -> None:
@@ -265,7 +267,7 @@ class Unit:
             builder.set_source(self._name, code, extra_compile_args=self._flags)
             builder.compile(tmpdir=str(folder))
 
-        folder = compiled(self._comm, f"{self._name} {parts} {generators} {self._flags}", build=build)
+        folder = compiled(self._comm, f"{self._name} {parts} {makes} {generators} {self._flags}", build=build)
         return loaded(self._comm, lambda: _module(folder / f"{self._name}{EXTENSION_SUFFIXES[0]}"), folder)
 
     def _code(self) -> tuple[str, str]:
