@@ -21,7 +21,7 @@ from wavetank.simulation.surviving import MAY_BE_NEW, restore_surviving, survive
 from wavetank.state import StateTree, check_like, has_state, hints_of, named, plain, restore_all, typed
 from wavetank.tank.dissipation import Smoothing
 from wavetank.tank.history import Solves
-from wavetank.tank.seen import Block, Evaluations, write_numbers
+from wavetank.tank.seen import Block, Parts, write_sums
 
 LONGEST, FEW, NUMBERS = 256, 16, 5e4  # steps of a block; unknowns of all of them, which caches hold
 SECONDS = 0.5  # of computing, of a block
@@ -53,7 +53,7 @@ class Rows:
             wall = {"paddles": len(system.wall.rates), "velocities": system.wall.velocities.size}
         self._block = Block.empty(most, owned=size, sinks=len(sinks), **wall)
         self._count = 0
-        self._evaluations = list[Evaluations]()
+        self._parts = list[Parts]()
 
     def write(self, state: Any, step: int, t: float) -> None:
         """Write the row of a state; collective."""
@@ -62,9 +62,9 @@ class Rows:
         if self._work is not None:
             block.work[row] = self._work.advance(state, t)
         if self._waves:
-            evaluations = self._system.see(state, t, block, row)
-            if evaluations is not None:
-                self._evaluations.append(evaluations)
+            parts = self._system.see(state, t, block, row)
+            if parts is not None:
+                self._parts.append(parts)
         else:
             block.q[row], block.psi[row] = state.q, state.p
         block.dissipated[row] = [sink.energy_taken for sink in self._sinks]
@@ -75,12 +75,12 @@ class Rows:
 
         Collective.
         """
-        count, evaluations = self._count, self._evaluations
-        self._count, self._evaluations = 0, []
+        count, parts = self._count, self._parts
+        self._count, self._parts = 0, []
         if not count:
             return None
-        if evaluations:
-            write_numbers(self._system, self._block.at(slice(count)), evaluations)
+        if parts:
+            write_sums(self._system, self._block.at(slice(count)), parts)
         return self._block.read_only(count, dt=dt, state=state)
 
 

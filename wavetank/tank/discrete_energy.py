@@ -17,7 +17,7 @@ from wavetank.integrators.states import State
 from wavetank.tank.bed import Depth, bed_of
 from wavetank.tank.energy import KINETIC, POTENTIAL, Part, WaterEnergy
 from wavetank.tank.evaluation import Water
-from wavetank.tank.seen import Block, Evaluations, see
+from wavetank.tank.seen import Block, Parts, see
 from wavetank.tank.surface_flow import SurfaceVelocity, surface_of
 from wavetank.tank.walls import Wall
 
@@ -95,8 +95,8 @@ class DiscreteEnergy(Water):
             **self.wall_terms.hamiltonian,
         }
 
-    def see(self, state: State, t: float, into: Block, row: int) -> Evaluations:
-        """Write a state at t [s] into a row of a block, and return its evaluations; collective."""
+    def see(self, state: State, t: float, into: Block, row: int) -> Parts:
+        """Write a state at t [s] into a row of a block, and return its parts of sums; collective."""
         return see(self, state, t, into, row)
 
     @cached_property

@@ -42,7 +42,7 @@ from wavetank.tank.bed import Depth, FlatBed, bed_of
 from wavetank.tank.energy import POTENTIAL, Part, WaterEnergy
 from wavetank.tank.evaluation import Water, WaterEvaluation, distance_from_rest
 from wavetank.tank.potential import InteriorPotential, InteriorState, SolveCounters, interior_of
-from wavetank.tank.seen import Block, Evaluations, see
+from wavetank.tank.seen import Block, Parts, see
 from wavetank.tank.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.tank.walls import Wall
 
@@ -212,8 +212,8 @@ class LinearWaves(Water):
         """Return by how much eta changes with the masses [m]; collective."""
         return self.mass.solve(dq)
 
-    def see(self, state: State, t: float, into: Block, row: int) -> Evaluations:
-        """Write a state at t [s] into a row of a block, and return its evaluations; collective."""
+    def see(self, state: State, t: float, into: Block, row: int) -> Parts:
+        """Write a state at t [s] into a row of a block, and return its parts of sums; collective."""
         return see(self, state, t, into, row)
 
     @cached_property

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from wavetank.arrays import Vector, summed
 from wavetank.integrators.states import State
-from wavetank.tank.evaluation import Water, WaterEvaluation
+from wavetank.tank.evaluation import Water
 
 NUMBERS = KINETIC, POTENTIAL, WALL, MASS, POWER, DAMPED, HIGHEST, LARGEST = range(8)  # in a row
 
@@ -124,53 +124,41 @@ class Block:
     largest = property(lambda self: self.numbers[:, LARGEST], doc="Largest magnitude of the elevation there [m].")
 
 
-Evaluations = tuple[WaterEvaluation, WaterEvaluation]
-"""The first and the last of a state's evaluations."""
+Parts = tuple[float, float, float, float]
+"""This rank's parts of sums at a state: changes of the energy and of the potential energy, mass, power of damping."""
 
 
-def see(water: Water, state: State, t: float, into: Block, row: int) -> Evaluations:
-    """Write a state at t [s] into a row, but for its numbers, and return its evaluations; collective.
+def see(water: Water, state: State, t: float, into: Block, row: int) -> Parts:
+    """Write a state at t [s] into a row, and return this rank's parts of its sums; collective.
 
-    The elevation is a first-order expansion about the last of them.
+    Elevation and energies are first-order expansions about the last evaluation of the state. Power, and what damping
+    takes, are the means of those at the first and the last.
     """
     if state.evaluation is None:
         state = state.evaluated(water, t)
-    (before, *_), after, q = state.evaluations, state.evaluation, state.q
-    dq = q - after.z[0]
-    into.q[row], into.psi[row], into.eta[row], into.rise[row] = q, state.p, after.eta, 0.0
+    (before, *_), after, q, p = state.evaluations, state.evaluation, state.q, state.p
+    dq, flow = q - after.z[0], after.flow
+    into.q[row], into.psi[row], into.eta[row], into.rise[row] = q, p, after.eta, 0.0
     if summed(water.plane.comm, float(dq @ dq)) > 0.0:
         into.rise[row] = -water.elevation_change(after, dq)
         into.eta[row] -= into.rise[row]
     elif state.q_jump is not None:
         into.rise[row] = 0.5 * water.elevation_change(after, state.q_jump)
     water.set_time(after.t)
-    wall = water.wall
+    wall, power = water.wall, 0.5 * (before.power + after.power)
     into.rates[row], into.velocities[row] = wall.rates, wall.velocities
-    return before, after
+    into.numbers[row, : POWER + 1] = after.kinetic, after.potential, after.wall, 0.0, power
+    change = float(flow[0] @ (p - after.z[1])) - float(flow[1] @ dq)
+    damped = 0.0 if water.damping is None else 0.5 * float((before.dq + flow[0]) @ (water.damping * p))
+    return change, water.gravity * float(after.eta @ dq), float(q.sum()), damped
 
 
-def write_numbers(water: Water, block: Block, evaluations: Sequence[Evaluations]) -> None:
-    """Compute the numbers of a block, by first-order expansion about the last evaluation of each state; collective.
-
-    Power, and what damping takes, are the means of those at the first and the last.
-    """
-    flow, z = (np.array([getattr(after, name) for _, after in evaluations]) for name in ("flow", "z"))
-    dq, dp = block.q - z[:, 0], block.psi - z[:, 1]
-    change = _dot(flow[:, 0], dp) - _dot(flow[:, 1], dq)
-    lift = water.gravity * _dot(np.array([after.eta for _, after in evaluations]), dq)
-    damped: Vector = np.zeros(len(block))
-    if water.damping is not None:
-        damped = 0.5 * _dot(np.array([before.dq for before, _ in evaluations]) + flow[:, 0], water.damping * block.psi)
-    change, lift, mass, damped = summed(water.plane.comm, np.array([change, lift, block.q.sum(axis=1), damped]))
-    kinetic, potential, wall = np.array([(after.kinetic, after.potential, after.wall) for _, after in evaluations]).T
-    power = [0.5 * (before.power + after.power) for before, after in evaluations]
-    highest, lowest = block.eta.max(axis=1, initial=-np.inf), block.eta.min(axis=1, initial=np.inf)
-    largest = np.maximum(highest, -lowest) if block.eta.size else np.zeros(len(block))  # nan where any is
-    block.numbers[:] = np.transpose(
-        [kinetic + change - lift, potential + lift, wall, mass, power, damped, highest, largest]
-    )
-
-
-def _dot(a: Vector, b: Vector) -> Vector:
-    """Return the dot products of rows, shape (K,)."""
-    return np.asarray(np.einsum("ij,ij->i", a, b))
+def write_sums(water: Water, block: Block, parts: Sequence[Parts]) -> None:
+    """Complete the numbers of a block by the sums over all ranks; collective."""
+    change, lift, mass, damped = summed(water.plane.comm, np.array(parts, dtype=np.float64).T)
+    numbers, highest = block.numbers, block.eta.max(axis=1, initial=-np.inf)
+    numbers[:, KINETIC] += change - lift
+    numbers[:, POTENTIAL] += lift
+    numbers[:, MASS], numbers[:, DAMPED], numbers[:, HIGHEST] = mass, damped, highest
+    lowest = block.eta.min(axis=1, initial=np.inf)
+    numbers[:, LARGEST] = np.maximum(highest, -lowest) if block.eta.size else 0.0  # nan where any is
