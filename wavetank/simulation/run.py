@@ -177,7 +177,7 @@ class Run:
         size = self.system.inner(*[np.ones_like(self.state.q)] * 2)
         most = max(1, min(self.longest_block, max(FEW, int(NUMBERS / size))))
         self._rows = Rows(self.system, self.state.q.size, most, sinks=self.sinks, work=self.paddle_work)
-        pace, tabulated = Pace(comm, most), False
+        pace, window = Pace(comm, most), -1
         if not self._start_recorded:
             self._start_recorded, self.state = True, self.state.evaluated(self.system, self.t)
             if self.diagnostics:
@@ -185,8 +185,9 @@ class Run:
             self._end_block()
         while self.step < self.clock.steps:
             try:
-                if self.step % LONGEST == 0 or not tabulated:
-                    tabulated = self._tabulate()
+                if window != self.step // LONGEST:
+                    window = self.step // LONGEST
+                    self._tabulate(window)
                 for _ in range(min(pace.next(), LONGEST - self.step % LONGEST, self.clock.steps - self.step)):
                     self.advance()
             except RunError:
@@ -194,17 +195,16 @@ class Run:
                 raise
             self._end_block()
 
-    def _tabulate(self) -> bool:
-        """Evaluate the motions of paddles at all times of a window of steps; return True.
+    def _tabulate(self, window: int) -> None:
+        """Evaluate the motions of paddles at all times of a window of ``LONGEST`` steps, by its number.
 
         Windows are the same wherever a run is resumed, and so are the bits.
         """
         tabulate, clock = getattr(self.system, "tabulate", None), self.clock
         if tabulate is not None:
-            begin = self.step - self.step % LONGEST
-            starts = clock.time(np.arange(begin, begin + LONGEST + 1, dtype=np.float64))
+            steps = LONGEST * window + np.arange(LONGEST + 1, dtype=np.float64)
+            starts = clock.time(steps)
             tabulate(np.unique([starts + c * clock.dt for c in (0.0, *self.integrator.nodes)]))
-        return True
 
     def _end_block(self) -> None:
         block = self.flush()

@@ -203,12 +203,10 @@ class StabilityWatch:
             highest=float(highest[-1]),
             driven=float(driven[-1]),
         )
-        if noise.max() <= self._alternating.noise:
+        quiet = noise.max() <= self._alternating.noise
+        if quiet:
             self.state = replace(self.state, steps=0)
-            noisy = np.zeros(0)
-        else:
-            noisy = noise
-        for n, one in enumerate(noisy.tolist()):
+        for n, one in enumerate([] if quiet else noise.tolist()):
             if self._warns(float(block.t[n]), one):
                 heights = np.abs(np.diff(rows[n - first :][1 : watched.order + 2], watched.order, axis=0)[0])
                 self._warn(self._warning(float(block.t[n]), one, *self._place(block, n, heights)))
