@@ -20,7 +20,7 @@ from wavetank.fem.plane import Plane
 from wavetank.integrators import Simpson4, StormerVerlet
 from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run
-from wavetank.studies.measures import Response, responses
+from wavetank.studies.responses import evaluate_responses, parse_response
 from wavetank.tank.footprint import Slice
 from wavetank.tank.kinematics import LinearRates, NonlinearRates, Velocity
 from wavetank.tank.linear_waves import LinearWaves
@@ -154,14 +154,14 @@ def test_loads_are_recorded_and_the_paddle_s_power_is_that_of_the_budget(run):
 def test_the_largest_force_is_a_response_of_studies(run):
     """Oracle: the record; a wall's name may have blanks, and one that is not there is told."""
     force = run.loads.force_x.sel(wall="end")
-    told, causes = responses(run, [Response("force@end"), Response("moment@'far wall'")])
+    told, causes = evaluate_responses(run, [parse_response("force@end"), parse_response("moment@'far wall'")])
     largest = float(np.abs(force - force[0]).max())
     wanted = {"force@end [N, of a slice N/m]": largest, "moment@'far wall' [N m, of a slice N m/m]": np.nan}
     assert told == pytest.approx(wanted, nan_ok=True)
     assert len(causes) == 1 and causes[0].endswith("has no load 'far wall'; it has paddle, end.")
-    assert "has no row of loads from 9 s on" in responses(run, [Response("force@end")], start=9.0)[1][0]
+    assert "has no row of loads from 9 s on" in evaluate_responses(run, [parse_response("force@end")], start=9.0)[1][0]
     with pytest.raises(InputError, match="'force' is no quantity; it is one of a load, force@LOAD"):
-        Response("force")
+        parse_response("force")
 
 
 @pytest.mark.parametrize(

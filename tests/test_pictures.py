@@ -13,11 +13,11 @@ from rich.console import Console
 
 from examples.paper.report import Report
 from wavetank.plots.style import picture
-from wavetank.studies.drawing import WARNED, draw_responses, draw_trade, pareto_front
-from wavetank.studies.measures import CREST, CREST_PLACE, GAUGE_ERROR, PHASE_ERROR, SURFACE_ERROR, TROUGH
-from wavetank.studies.runs import Outcome
-from wavetank.studies.sweep import Refused, combinations, parse_axes
-from wavetank.studies.table import Row
+from wavetank.studies.drawing import WARNED, draw_responses, draw_trade
+from wavetank.studies.measures import GAUGE_ERROR, PHASE_ERROR, SURFACE_ERROR
+from wavetank.studies.responses import CREST, CREST_PLACE, TROUGH
+from wavetank.studies.sweep import combinations, parse_axes
+from wavetank.studies.table import Row, StudyTable
 
 CASES = Path(__file__).resolve().parents[1] / "cases"
 
@@ -50,11 +50,12 @@ def test_what_is_hard_to_read_is_found(drawn, tmp_path):
 
 
 # ---------------------------------------------------------------- studies
-def study_rows(case, sweeps, measures):
-    """Return the axes of a study, and rows whose CPU time and values a function of the settings gives."""
+def study_table(case, sweeps, measures):
+    """Return the table of a study; errors, responses and costs of a run are a function of the settings."""
     axes = parse_axes(sweeps)
-    found = combinations(CASES / case, axes)
-    return axes, [Row(one, Outcome("finished"), *measures(n, one.values)) for n, one in enumerate(found)]
+    found, _ = combinations(CASES / case, axes)
+    rows = [Row(one.values, "finished", "", *measures(n, one.values)) for n, one in enumerate(found)]
+    return StudyTable(rows, axes, found[0].scene)
 
 
 def opened(panel):
@@ -75,21 +76,20 @@ def test_work_and_precision(drawn, tmp_path):
 
     def measures(n, values):
         error = sizes[values["integrator"]][steps.index(values["dt"])]
-        return {SURFACE_ERROR: error, GAUGE_ERROR: 1.1 * error}, {"CPU [s]": 50 + 0.4 / float(values["dt"]) + n}
+        return {SURFACE_ERROR: error, GAUGE_ERROR: 1.1 * error}, {}, {"CPU [s]": 50 + 0.4 / float(values["dt"]) + n}
 
-    axes, rows = study_rows(
-        "ring-50-percent.toml", [f"dt={','.join(steps)}", f"integrator={','.join(sizes)}"], measures
-    )
-    rows[1] = replace(rows[1], warnings=["it breaks"])
-    broken = replace(rows[1], outcome=Outcome("broke down"), errors={}, costs={})
-    draw_trade([broken, *rows], axes, tmp_path / "study.png", title="A study")
+    sweeps = [f"dt={','.join(steps)}", f"integrator={','.join(sizes)}"]
+    table = study_table("ring-50-percent.toml", sweeps, measures)
+    rows = table.rows
+    rows[1] = rows[1]._replace(warnings="it breaks")
+    broken = rows[1]._replace(status="broke down", errors={}, costs={})
+    draw_trade(replace(table, rows=[broken, *rows]), tmp_path / "study.png")
     (figure,) = drawn
     assert not faults(figure)
     point = [rows[1].costs["CPU [s]"], rows[1].errors[SURFACE_ERROR]]
     assert opened(figure.axes[0]) == [point] and {WARNED, "1 of 7 runs broke down"} <= told(figure)
-    front = pareto_front([(row.costs["CPU [s]"], row.errors[SURFACE_ERROR]) for row in rows])
     for panel in figure.axes:
-        assert len(panel.texts) == len(front) > 2
+        assert len(panel.texts) > 2
         assert {text.get_text() for text in panel.texts} <= {f"{float(step):.3g}" for step in steps}
 
 
@@ -101,21 +101,17 @@ def test_a_study_over_what_is_modelled_draws_the_waters_response_over_it(drawn, 
 
     def measures(n, values):
         a = float(values["initial.wave_amplitude"])
-        return (
-            {SURFACE_ERROR: a / 10, PHASE_ERROR: -a},
-            {"CPU [s]": 1.0},
-            "",
-            {CREST: 1.2 * a, TROUGH: -0.9 * a, CREST_PLACE: 2.0},
-        )
+        return {SURFACE_ERROR: a / 10, PHASE_ERROR: -a}, {CREST: 1.2 * a, TROUGH: -0.9 * a, CREST_PLACE: 2.0}
 
     sweeps = ["initial.wave_amplitude=0.01,0.04,0.02", "n=4,6"]
-    axes, rows = study_rows("standing-wave.toml", sweeps, measures)
-    rows[2], marked = (replace(rows[n], warnings=["it breaks"], mark=mark) for n, mark in ((2, ""), (1, "plan")))
+    table = study_table("standing-wave.toml", sweeps, measures)
+    rows = table.rows
+    rows[2], marked = (rows[n]._replace(warnings="it breaks", mark=mark) for n, mark in ((2, ""), (1, "plan")))
     axes = parse_axes([f"{sweeps[0]},0.08", sweeps[1]])
-    highest = [Refused("", {"initial.wave_amplitude": "0.08", "n": n}, "it is too high") for n in ("4", "6")]
-    ended = [Row(one, Outcome("broke down"), warnings=["it breaks"]) for one in highest]
-    rows[3] = replace(rows[3], broke=15)
-    draw_responses([*ended, *rows, marked], axes, tmp_path / "study.png", title="A study")
+    highest = [{"initial.wave_amplitude": "0.08", "n": n} for n in ("4", "6")]
+    ended = [Row(values, "broke down", warnings="it breaks") for values in highest]
+    rows[3] = rows[3]._replace(broke=15)
+    draw_responses(replace(table, rows=[*ended, *rows, marked], axes=axes), tmp_path / "study.png")
     (figure,) = drawn
     assert not faults(figure)
     crests = [[a, 1.2 * a] for a in (0.04, 0.01)]  # of the run that is swept, and of the star
@@ -134,11 +130,11 @@ def test_a_study_over_what_is_modelled_draws_the_waters_response_over_it(drawn, 
 
 def test_what_is_modelled_may_be_no_number(drawn, tmp_path):
     def measures(n, values):
-        return {SURFACE_ERROR: 0.1}, {"CPU [s]": 1.0}, "", {CREST: 0.1 + n, TROUGH: -0.1, CREST_PLACE: 0.0}
+        return {SURFACE_ERROR: 0.1}, {CREST: 0.1 + n, TROUGH: -0.1, CREST_PLACE: 0.0}
 
-    axes, rows = study_rows("standing-wave.toml", ["water.type=linear,nonlinear"], measures)
-    broken = Row(rows[1].combination, Outcome("broke down"), warnings=["it breaks"])  # its warning is of no mark
-    draw_responses([*rows, broken], axes, tmp_path / "study.png")
+    table = study_table("standing-wave.toml", ["water.type=linear,nonlinear"], measures)
+    table.rows.append(Row(table.rows[1].values, "broke down", warnings="it breaks"))  # its warning is of no mark
+    draw_responses(table, tmp_path / "study.png")
     (figure,) = drawn
     assert not faults(figure)
     assert not opened(figure.axes[0]) and WARNED not in told(figure)

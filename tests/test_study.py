@@ -21,6 +21,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from ranks import begun, members
 from rich.console import Console
+from xarray import Dataset
 
 from wavetank.case import Case
 from wavetank.case.reading import read_case
@@ -34,12 +35,12 @@ from wavetank.studies.measures import (
     GAUGE_ERROR,
     PHASE_ERROR,
     SURFACE_ERROR,
-    ExactReference,
-    RunReference,
+    exact_reference,
     exact_solution,
+    run_reference,
 )
 from wavetank.studies.runs import Outcome, Runner, status_of
-from wavetank.studies.study import Study
+from wavetank.studies.study import run_study
 from wavetank.studies.sweep import (
     Axis,
     combinations,
@@ -49,7 +50,7 @@ from wavetank.studies.sweep import (
     refined,
     same_but_numerics,
 )
-from wavetank.studies.table import Row, write_table
+from wavetank.studies.table import Row, StudyTable
 from wavetank.waves.airy import angular_frequency
 
 CASE = CHECKOUT / "cases" / "standing-wave.toml"
@@ -78,7 +79,7 @@ RING = CHECKOUT / "cases" / "ring-50-percent.toml"
 )
 def test_bad_sweep_is_refused_before_anything_runs(tmp_path, sweeps, overrides, sentence):
     with pytest.raises(InputError) as error:
-        Study(CASE, sweeps, overrides=overrides, out=tmp_path / "out", console=Console(file=io.StringIO()))
+        run_study(CASE, sweeps, overrides=overrides, out=tmp_path / "out", console=Console(file=io.StringIO()))
     assert sentence in str(error.value) and len(str(error.value).splitlines()) == 1
     assert not (tmp_path / "out").exists()
 
@@ -86,9 +87,8 @@ def test_bad_sweep_is_refused_before_anything_runs(tmp_path, sweeps, overrides, 
 def test_folder_that_cannot_be_made_is_refused_before_anything_runs(tmp_path, monkeypatch):
     monkeypatch.setattr(Runner, "_execute", lambda *of: pytest.fail("a run has begun"))
     (tmp_path / "file").touch()
-    study = Study(CASE, ["dt=0.02,0.04"], out=tmp_path / "file" / "out", console=Console(file=io.StringIO()))
     with pytest.raises(InputError, match=r"file/out: cannot be written \(Not a directory\)\.$"):
-        study.execute()
+        run_study(CASE, ["dt=0.02,0.04"], out=tmp_path / "file" / "out", console=Console(file=io.StringIO()))
 
 
 VALUES = {
@@ -110,7 +110,7 @@ def test_combinations_are_the_product_of_the_values(swept):
     if not swept:
         return
     axes = parse_axes([f"{name}={','.join(map(str, values))}" for name, values in swept.items()])
-    found = combinations(CASE, axes)
+    found, _ = combinations(CASE, axes)
     assert [tuple(map(float, one.values.values())) for one in found] == list(product(*swept.values()))
     assert len({one.name for one in found}) == len(found)
     for one in found:
@@ -121,19 +121,19 @@ def test_combinations_are_the_product_of_the_values(swept):
 
 
 def test_folder_names_are_escaped():
-    assert combinations(CASE, [Axis("title", ("a/b c",))])[0].name == "title=a%2Fb%20c"
+    assert combinations(CASE, [Axis("title", ("a/b c",))])[0][0].name == "title=a%2Fb%20c"
 
 
 # ---------------------------------------------------------------- references
 def test_cases_that_differ_in_more_than_numerics_have_separate_references():
     axes = parse_axes(["initial.wave_amplitude=0.01,0.02", "dt=0.02,0.04"])
-    groups = same_but_numerics(combinations(CASE, axes))
+    groups = same_but_numerics(combinations(CASE, axes)[0])
     assert [{one.scene.initial.wave_amplitude for one in group} for group in groups] == [{0.01}, {0.02}]
 
 
 def test_reference_is_the_finest_combination_refined():
     axes = parse_axes(["dt=0.02,0.04", "n=4,16", "cells=8,16", "integrator=stormer-verlet,third-order"])
-    coarse = finest(combinations(CASE, axes))
+    coarse = finest(combinations(CASE, axes)[0])
     assert coarse.values == {"dt": "0.02", "n": "16", "cells": "16", "integrator": "third-order"}
     numerics = refined(CASE, coarse, dt=0.02, name="reference").scene.numerics
     assert (numerics.dt, numerics.cells, numerics.vertical_order) == (0.01, 32, 16)
@@ -155,7 +155,7 @@ def test_study_compares_runs_of_a_basin_at_gauges(tmp_path):
     """Its three runs are computed before, in this process. Oracle: the gauges at the times that both have."""
     case, out, sweep = tmp_path / "case.toml", tmp_path / "study", "dt=0.05,0.025"
     case.write_text(f"gauges = [{{x = 0.5, y = 0.25}}, {{x = 2.0}}]\n{BASIN}")
-    runs = combinations(case, parse_axes([sweep]))
+    runs, _ = combinations(case, parse_axes([sweep]))
     fine = refined(case, finest(runs), dt=0.025, name="reference")
     assert (fine.scene.numerics.dt, fine.scene.cell_size) == (0.0125, 0.25)
     for one in (*runs, fine):
@@ -193,7 +193,7 @@ def test_refined_raises_the_order_on_a_mesh_file(tmp_path):
     case = tmp_path / "case.toml"
     basin = BASIN.replace("layout = {", 'layout = {type = "file", file = "basin.msh"} #')
     case.write_text(basin.replace("initial", "# initial"))
-    (coarse,) = combinations(case, [Axis("numerics.order", ("3",))])
+    ((coarse,), _) = combinations(case, [Axis("numerics.order", ("3",))])
     assert refined(case, coarse, dt=0.1, name="reference").scene.numerics.order == 4
 
 
@@ -212,8 +212,9 @@ def test_case_without_an_exact_solution_is_refused(case, changes, sentence):
 
 
 def test_reference_that_cannot_be_used_is_refused(tmp_path):
-    def study(reference: str, **more) -> Study:
-        return Study(CASE, ["dt=0.02"], reference=reference, out=tmp_path, console=Console(file=io.StringIO()), **more)
+    def study(reference: str, **more) -> StudyTable:
+        console = Console(file=io.StringIO())
+        return run_study(CASE, ["dt=0.02"], reference=reference, out=tmp_path, console=console, **more)
 
     with pytest.raises(InputError, match="allowed are fine, exact, none and a run directory"):
         study("finest")
@@ -232,7 +233,7 @@ def test_run_of_another_case_is_not_replaced(tmp_path):
 
     So it is where a file that the scene names had another content.
     """
-    (one,) = combinations(CASE, parse_axes(["dt=0.02"], []), [])
+    ((one,), _) = combinations(CASE, parse_axes(["dt=0.02"], []), [])
     other, files = read_case(CASE, ["tank.depth=2.0"]), {"wall.motion.file": "of another content"}
     for scene, more in ((other, {}), (one.scene, {"files": files}), (one.scene, {})):
         runner = Runner(CASE, tmp_path, at_once=1)
@@ -272,7 +273,7 @@ def test_errors_of_a_standing_wave_are_the_imposed_ones(tmp_path):
         lambda x, t: a * np.cos(k * x) * np.cos((omega + rate) * t),
         lambda x, t: -9.81 * a / omega * np.cos(k * x) * np.sin((omega + rate) * t),
     )
-    errors = ExactReference(scene).errors(run)
+    errors = exact_reference(scene)(run)
     # splines of degree 5 through 40 points a half wave are right to 1e-8
     assert errors[PHASE_ERROR] == pytest.approx(5 * rate, abs=1e-6)
     assert errors[CREST_ERROR] == pytest.approx(high - 1, abs=1e-6)
@@ -287,7 +288,7 @@ def test_errors_of_a_travelling_wave_are_the_imposed_ones(tmp_path):
     wave, length = scene.initial.wave(scene.tank), scene.tank.length
     x = length * (np.arange(96) + 0.2 * np.sin(np.arange(96))) / 96
     run = write_run(tmp_path, scene, x, lambda x, t: 1.03 * wave.elevation(x - (wave.speed - 0.2) * t))
-    errors = ExactReference(scene).errors(run)
+    errors = exact_reference(scene)(run)
     assert errors[PHASE_ERROR] == pytest.approx(-0.2 * 5 * 2 * np.pi / length, abs=1e-6)
     assert errors[CREST_ERROR] == pytest.approx(0.03, abs=1e-5)
 
@@ -306,7 +307,7 @@ def test_error_against_a_run_with_other_times_and_places_is_the_imposed_one(tmp_
     fine = np.linspace(0, scene.tank.length, 47, endpoint=ends)
     run = write_run(tmp_path / "run", scene, coarse, lambda x, t: 1.01 * eta(x, t), times=np.linspace(0, 5.02, 77))
     other = write_run(tmp_path / "other", scene, fine, eta)
-    errors = RunReference(other.path).errors(run)
+    errors = run_reference(other)(run)
     assert errors[SURFACE_ERROR] == pytest.approx(0.01, rel=1e-4)
     assert errors[GAUGE_ERROR] == pytest.approx(0.01, rel=1e-4)
 
@@ -322,9 +323,9 @@ def test_gauge_error_below_a_frequency_excludes_higher_frequencies(tmp_path):
         return 1.01 * eta(x, t) + 0.1 * np.sin(4 * np.pi * t)
 
     run, other = (write_run(tmp_path / each.__name__, scene, x, each, times=times) for each in (rippled, eta))
-    errors = RunReference(other.path, below=1.0).errors(run)
+    errors = run_reference(other, below=1.0)(run)
     assert errors["gauge error below 1 Hz [-]"] == pytest.approx(0.01, rel=1e-3)
-    assert RunReference(other.path).errors(run)[GAUGE_ERROR] == pytest.approx(0.1, rel=0.02)
+    assert run_reference(other)(run)[GAUGE_ERROR] == pytest.approx(0.1, rel=0.02)
 
 
 # ---------------------------------------------------------------- small real studies
@@ -336,12 +337,16 @@ STEPS, SCHEMES = (sweep.partition("=")[2].split(",") for sweep in SWEEPS)
 SWEEPS[0] = f"dt={STEPS[0]}"  # of its steps, the first
 
 
-def run_study(out: Path, sweeps=SWEEPS, overrides=LINEAR, **others) -> tuple[list[Row], str]:
+def done_study(out: Path, sweeps=SWEEPS, overrides=LINEAR, **others) -> tuple[list[Row], str]:
     said = io.StringIO()
-    rows = Study(
-        CASE, sweeps, overrides=overrides, out=out, console=Console(file=said, width=300), at_once=1, **others
-    ).execute()
-    return rows, said.getvalue()
+    console = Console(file=said, width=300)
+    table = run_study(CASE, sweeps, overrides=overrides, out=out, console=console, at_once=1, **others)
+    return table.rows, said.getvalue()
+
+
+def folders(out: Path, sweeps=SWEEPS, overrides=LINEAR) -> list[Path]:
+    """Return the run directories of a study in the order of its rows."""
+    return [out / one.name for one in combinations(CASE, parse_axes(sweeps, overrides), overrides)[0]]
 
 
 @pytest.fixture(scope="module")
@@ -351,12 +356,12 @@ def linear_study(tmp_path_factory):
     Its runs are computed before, in this process.
     """
     out = tmp_path_factory.mktemp("study")
-    for one in combinations(CASE, parse_axes(SWEEPS, LINEAR), LINEAR):
+    for one in combinations(CASE, parse_axes(SWEEPS, LINEAR), LINEAR)[0]:
         recorded(CASE, one.overrides, out / one.name)
     words = shlex.split(README.replace("runs/study", str(out)).replace(",".join(STEPS), STEPS[0]))
     done = commanded(*words, "--reference", "exact", "--at-once", "1", *_set(LINEAR))
     assert done.returncode == 0 and "2/2 dt=" in done.stdout, done
-    rows, _ = run_study(out, reference="exact")
+    rows, _ = done_study(out, reference="exact")
     return out, rows
 
 
@@ -378,8 +383,8 @@ def test_table_has_settings_errors_costs_and_status(linear_study):
     with (out / "study.csv").open() as file:
         table = list(csv.DictReader(file))
     assert [(line["dt [s]"], line["integrator"]) for line in table] == list(product(STEPS[:1], SCHEMES))
-    for line, row in zip(table, rows, strict=True):
-        manifest = json.loads((out / row.combination.name / "manifest.json").read_text())
+    for line, row, folder in zip(table, rows, folders(out), strict=True):
+        manifest = json.loads((folder / "manifest.json").read_text())
         assert line["status"] == "finished" and line["cause"] == ""
         assert float(line[PHASE_ERROR]) == pytest.approx(row.errors[PHASE_ERROR], rel=1e-6)
         assert int(line["steps"]) == manifest["numerics"]["steps"] == round(3.34 / float(line["dt [s]"]))
@@ -390,14 +395,14 @@ def test_table_has_settings_errors_costs_and_status(linear_study):
 
 
 def test_warnings_and_broken_waves_of_runs_are_printed_and_tabulated(linear_study, tmp_path, monkeypatch):
-    monkeypatch.setattr("wavetank.studies.study.draw_trade", lambda rows, axes, path, **more: path)
+    monkeypatch.setattr("wavetank.studies.study.draw_trade", lambda table, path: path)
     out, rows = linear_study
     shutil.copytree(out, tmp_path / "study")
-    manifest = tmp_path / "study" / rows[1].combination.name / "manifest.json"
+    manifest = folders(tmp_path / "study")[1] / "manifest.json"
     more = {"warnings": ["it leans", "it leaks"], "breaking": {"waves": 15}}
     manifest.write_text(json.dumps(json.loads(manifest.read_text()) | more))
-    _, said = run_study(tmp_path / "study", reference="exact")
-    told = f"warning: 1 of {len(rows)} runs has warnings, which are in study.csv; {rows[1].combination.name}: it leans"
+    _, said = done_study(tmp_path / "study", reference="exact")
+    told = f"warning: 1 of {len(rows)} runs has warnings, which are in study.csv"
     assert f"{told} waves broke and were damped in 1 of {len(rows)} runs" in " ".join(said.split())
     with (tmp_path / "study" / "study.csv").open() as file:
         found = [(line["warnings"], line["broke"]) for line in csv.DictReader(file)]
@@ -406,10 +411,10 @@ def test_warnings_and_broken_waves_of_runs_are_printed_and_tabulated(linear_stud
 
 
 def test_finished_runs_are_not_run_again(linear_study, monkeypatch):
-    monkeypatch.setattr("wavetank.studies.study.draw_trade", lambda rows, axes, path, **more: path)
+    monkeypatch.setattr("wavetank.studies.study.draw_trade", lambda table, path: path)
     out, rows = linear_study
     before = {path: path.stat().st_mtime_ns for path in out.glob("*/*")}
-    again, said = run_study(out, reference="exact")
+    again, said = done_study(out, reference="exact")
     assert {path: path.stat().st_mtime_ns for path in out.glob("*/*")} == before
     assert said.count("finished before") == len(rows)
     assert [row.errors for row in again] == [row.errors for row in rows]
@@ -420,21 +425,21 @@ def test_broken_and_marked_combinations_are_rows(tmp_path):
     """A wave of k a = 0.61 breaks within its period; the other, and twice its order, are judged by a refined run."""
     overrides = ["run.duration=1.6", "numerics.cells=8", "numerics.vertical_order=4"]
     sweeps = ["initial.wave_amplitude=0.02,0.39", "dt=0.04"]
-    rows, said = run_study(tmp_path, sweeps, overrides, marked=["initial.wave_amplitude=0.02", "dt=0.02", "n=6"])
-    assert [row.outcome.status for row in rows] == ["finished", "broke down", "finished"]
+    rows, said = done_study(tmp_path, sweeps, overrides, marked=["initial.wave_amplitude=0.02", "dt=0.02", "n=6"])
+    assert [row.status for row in rows] == ["finished", "broke down", "finished"]
     good, broken, plan = rows
-    run = RunDirectory(tmp_path / broken.combination.name)
-    assert broken.outcome.cause == run.manifest["cause"] and broken.warnings == run.warnings != []
+    run = RunDirectory(folders(tmp_path, sweeps, overrides)[1])
+    assert broken.cause == run.manifest["cause"] and broken.warnings == "; ".join(map(str, run.warnings)) != ""
     assert "\n1 of 3 runs broke down\n" in said and re.search(r" status +\n", said) and "plan, finished" in said
-    assert broken.outcome.cause.rstrip(".") in " ".join(said.split()) and not broken.errors
+    assert broken.cause.rstrip(".") in " ".join(said.split()) and not broken.errors
     assert GAUGE_ERROR in good.errors
     assert plan.mark == "plan" and plan.errors[SURFACE_ERROR] < 0.5 * good.errors[SURFACE_ERROR] < 0.05
     with (tmp_path / "study.csv").open() as file:
         table = list(csv.DictReader(file))
     assert [line["mark"] for line in table] == ["", "", "plan"] and table[2]["n"] == "6"
-    assert (table[1]["status"], table[1]["warnings"]) == ("broke down", "; ".join(map(str, broken.warnings)))
-    assert table[1]["cause"] == broken.outcome.cause and table[1][SURFACE_ERROR] == table[1]["highest crest [m]"] == ""
-    surface = RunDirectory(tmp_path / good.combination.name).snapshots()
+    assert (table[1]["status"], table[1]["warnings"]) == ("broke down", broken.warnings)
+    assert table[1]["cause"] == broken.cause and table[1][SURFACE_ERROR] == table[1]["highest crest [m]"] == ""
+    surface = RunDirectory(folders(tmp_path, sweeps, overrides)[0]).snapshots()
     assert float(table[0]["highest crest [m]"]) == pytest.approx(float(surface.elevation.max()), rel=1e-6)
     assert float(table[0]["deepest trough [m]"]) == pytest.approx(float(surface.elevation.min()), rel=1e-6)
 
@@ -443,8 +448,8 @@ def test_broken_and_marked_combinations_are_rows(tmp_path):
 def test_killed_run_is_resumed_with_the_cost_of_all_its_parts(tmp_path):
     """Oracle: the same combination where nothing has ended it, but for the time it took."""
     sweeps, changes = ["dt=0.04"], [*LINEAR, "run.checkpoint_every=1e-6"]
-    rows, _ = run_study(tmp_path / "whole", sweeps, changes, reference="exact")
-    (one,) = combinations(CASE, parse_axes(sweeps, changes), changes)
+    rows, _ = done_study(tmp_path / "whole", sweeps, changes, reference="exact")
+    ((one,), _) = combinations(CASE, parse_axes(sweeps, changes), changes)
     run = tmp_path / "part" / one.name
     with begun(
         [sys.executable, "-m", "wavetank", "run", str(CASE), "--out", str(run), *_set(one.overrides)]
@@ -453,7 +458,7 @@ def test_killed_run_is_resumed_with_the_cost_of_all_its_parts(tmp_path):
             assert process.poll() is None
         process.kill()
         process.wait()
-    again, _ = run_study(tmp_path / "part", sweeps, changes, reference="exact")
+    again, _ = done_study(tmp_path / "part", sweeps, changes, reference="exact")
     assert RunDirectory(run).manifest["parts"][1]["from"] >= 1.0
     assert again[0].errors == rows[0].errors
     first, second = ({name: row.costs[name] for name in ("steps", "interior solves")} for row in (again[0], rows[0]))
@@ -486,7 +491,7 @@ def _set(changes) -> list[str]:
     ids=["stopped", "broke down"],
 )
 def test_unfinished_run_is_resumed_or_starts_again(tmp_path, monkeypatch, error, ways):
-    (one,) = combinations(CASE, parse_axes(["dt=0.04"], LINEAR), LINEAR)
+    ((one,), _) = combinations(CASE, parse_axes(["dt=0.04"], LINEAR), LINEAR)
     with RunWriter(tmp_path / one.name, {"scene": one.scene.model_dump(mode="json")}) as writer:
         writer.checkpoint(Checkpoint({"format": FORMAT, "t": 1.0, "step": 5}, "{}", [], np.zeros((1, 3))))
         writer.fail(error)
@@ -509,7 +514,7 @@ def test_process_that_dies_ends_one_run_only(tmp_path, monkeypatch):
         return begun([sys.executable, "-c", next(scripts)], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
     monkeypatch.setattr("wavetank.studies.runs.start_command", start)
-    found = combinations(CASE, parse_axes(["dt=0.01,0.02,0.03,0.04"]), [])
+    found, _ = combinations(CASE, parse_axes(["dt=0.01,0.02,0.03,0.04"]), [])
     outcomes = [outcome for _, outcome in Runner(CASE, tmp_path, at_once=1).run(found)]
     assert [one.status for one in outcomes] == ["finished", "failed", "failed", "finished"]
     assert [one.cause for one in outcomes] == ["", "ended with code -11", "it broke", ""]
@@ -521,7 +526,7 @@ def test_table_is_written_completely_or_not_at_all(tmp_path, monkeypatch):
     path.write_text("before")
     monkeypatch.setattr("wavetank.output.files.os.replace", lambda *names: (_ for _ in ()).throw(OSError(28, "full")))
     with pytest.raises(RecordError, match=r"study\.csv: cannot be written \(full\)"):
-        write_table(path, [], [])
+        StudyTable([], [], read_case(CASE)).write(path)
     assert path.read_text() == "before" and os.listdir(tmp_path) == ["study.csv"]
 
 
@@ -529,7 +534,7 @@ def test_refused_values_are_rows(tmp_path, monkeypatch):
     """In their places; the others are run."""
     monkeypatch.setattr(Runner, "run", lambda _, found: ((one, Outcome("failed", "it broke")) for one in found))
     with pytest.raises(RunError, match=r"nothing could be measured: .*must be greater than or equal to .*; it broke$"):
-        run_study(tmp_path, ["dt=1e-9,0.01"], reference="fine")
+        done_study(tmp_path, ["dt=1e-9,0.01"], reference="fine")
     with (tmp_path / "study.csv").open() as file:
         rows = [(row["dt [s]"], row["status"], row["cause"]) for row in csv.DictReader(file)]
     assert [row[:2] for row in rows] == [("1e-9", "refused"), ("0.01", "failed")]
@@ -542,7 +547,9 @@ def test_refused_values_are_rows(tmp_path, monkeypatch):
 @given(st.lists(st.tuples(st.integers(1, 20), st.integers(1, 20)), min_size=1))
 def test_no_point_dominates_the_pareto_front(points):
     """Oracle: the definition, pair by pair."""
-    front = [points[i] for i in pareto_front(points)]
+    x, y = np.array(points).T
+    runs = Dataset({"x": ("run", x), "y": ("run", y)}).to_dataframe()
+    front = [*pareto_front(runs).itertuples(index=False, name=None)]
 
     def beats(one: tuple[int, int], other: tuple[int, int]) -> bool:
         return one != other and one[0] <= other[0] and one[1] <= other[1]
@@ -551,19 +558,16 @@ def test_no_point_dominates_the_pareto_front(points):
     assert front == sorted(set(front))
 
 
-def made_rows() -> tuple[list[Row], list[Axis]]:
+def test_figure_names_axes_units_settings_front_and_plan(tmp_path):
     axes = parse_axes(["dt=0.02,0.04", "n=4,6", "integrator=third-order,stormer-verlet"])
     rows = [
-        Row(one, Outcome("finished"), {SURFACE_ERROR: 0.01 / n, PHASE_ERROR: -0.1 / n}, {"CPU [s]": 0.0 + n})
-        for n, one in enumerate(combinations(CASE, axes), start=1)
+        Row(one.values, "finished", "", {SURFACE_ERROR: 0.01 / n, PHASE_ERROR: -0.1 / n}, {}, {"CPU [s]": 0.0 + n})
+        for n, one in enumerate(combinations(CASE, axes)[0], start=1)
     ]
     plan = marked_combination(CASE, ["dt=0.03", "p=4"])
-    return [*rows, Row(plan, Outcome("finished"), rows[0].errors, {"CPU [s]": 2.0}, "plan")], axes
-
-
-def test_figure_names_axes_units_settings_front_and_plan(tmp_path):
-    rows, axes = made_rows()
-    text = draw_trade(rows, axes, tmp_path / "study.svg", title="Title").read_text()
+    rows.append(Row(plan.values, "finished", "", rows[0].errors, {}, {"CPU [s]": 2.0}, plan.mark))
+    table = StudyTable(rows, [*axes, Axis.of("p")], read_case(CASE, ["title=Title"]))
+    text = draw_trade(table, tmp_path / "study.svg").read_text()
     words = set(part.split("-->")[0].strip() for part in text.split("<!--")[1:])
     assert {"CPU time of stepping [s]", SURFACE_ERROR, PHASE_ERROR} <= words
     assert {"third-order", "stormer-verlet", "n = 4", "n = 6"} <= words

@@ -12,16 +12,14 @@ from pictures import faults
 from rich.console import Console
 from scipy import stats
 
-from wavetank.analysis.quantities import AT_GAUGE, OF_RUN
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.output.writer import RunWriter
 from wavetank.studies.drawing import WARNED, draw_ensembles
-from wavetank.studies.measures import Response, responses, usual_responses
-from wavetank.studies.runs import Outcome
-from wavetank.studies.study import Study
-from wavetank.studies.sweep import Axis, Combination, combinations, parse_axes, parse_axis
-from wavetank.studies.table import Row, ensembles, write_ensembles, write_table
+from wavetank.studies.responses import QUANTITIES, evaluate_responses, parse_response, usual_responses
+from wavetank.studies.study import run_study
+from wavetank.studies.sweep import Axis, parse_axis
+from wavetank.studies.table import Row, StudyTable, ensembles
 from wavetank.waves.airy import wave_number
 
 CASE = CHECKOUT / "cases" / "wavemaker.toml"
@@ -52,7 +50,7 @@ def run(tmp_path_factory):
 
 
 def of(run, *texts, start=8.0):
-    told, causes = responses(run, [Response(text) for text in texts], start=start)
+    told, causes = evaluate_responses(run, [parse_response(text) for text in texts], start=start)
     assert not causes, causes
     return list(told.values())
 
@@ -68,27 +66,30 @@ def test_responses_are_those_of_the_waves(run):
     hm0, crest, trough = of(run, "hm0@2", "crest@3", "trough@3")
     assert hm0 == pytest.approx(4 * np.std(eta(10.0, late)), rel=1e-6)
     assert (crest, trough) == pytest.approx((eta(15.0, late).max(), eta(15.0, late).min()))
-    highest, where, when, lowest = responses(run, usual_responses(read_case(CASE)))[0].values()
+    highest, where, when, lowest = evaluate_responses(run, usual_responses(read_case(CASE)))[0].values()
     assert highest == pytest.approx(eta(where, when)) and lowest < 0 < highest
 
 
-@pytest.mark.parametrize("name", [*OF_RUN, *(f"{name}@2" for name in AT_GAUGE)])
-def test_every_quantity_is_a_number_with_its_unit(run, name):
+@pytest.mark.parametrize("key", [key for key in QUANTITIES if not key.endswith("@LOAD")])
+def test_every_quantity_is_a_number_with_its_unit(run, key):
+    name = key.replace("GAUGE", "2")
     (value,) = of(run, name)
-    response = Response(name)
-    assert np.isfinite(value) and response.label == f"{name} [{response.quantities[0].unit}]"
+    assert np.isfinite(value) and parse_response(name).label == f"{name} [{QUANTITIES[key].unit}]"
 
 
 def test_formulae_name_their_columns():
-    assert Response("transmission [-] = hm0@2 / hm0@1").label == "transmission [-]"
-    assert Response("sqrt(crest@1**2 + 1e-3) - 0.5*pi*hm0@'a b'").label == "sqrt(crest@1**2 + 1e-3) - 0.5*pi*hm0@'a b'"
-    assert [one.gauge for one in Response("max(hm0@A.3, crest) - hm0@'a b'").quantities] == ["A.3", None, "a b"]
+    assert parse_response("transmission [-] = hm0@2 / hm0@1").label == "transmission [-]"
+    assert (
+        parse_response("sqrt(crest@1**2 + 1e-3) - 0.5*pi*hm0@'a b'").label
+        == "sqrt(crest@1**2 + 1e-3) - 0.5*pi*hm0@'a b'"
+    )
+    assert [name for _, name in parse_response("max(hm0@A.3, crest) - hm0@'a b'").quantities] == ["A.3", "", "a b"]
 
 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("hm0", "'hm0' is no quantity; it is one of a gauge, hm0@GAUGE"),
+        ("hm0", "'hm0' is no quantity; it is hm0@GAUGE"),
         ("crst", "'crst' is no quantity; did you mean 'crest'? allowed are: crest"),
         ("run_up@1", "'run_up@1' is no quantity"),
         ("2 + 2", "allowed are formulae of crest, crest_x"),
@@ -100,21 +101,20 @@ def test_formulae_name_their_columns():
 )
 def test_bad_response_is_refused_before_anything_runs(tmp_path, text, said):
     with pytest.raises(InputError) as error:
-        Study(CASE, ["tank.depth=1,2"], requested=[text], out=tmp_path / "out", console=Console(file=io.StringIO()))
+        run_study(CASE, ["tank.depth=1,2"], requested=[text], out=tmp_path / "out", console=Console(file=io.StringIO()))
     assert said in str(error.value) and len(str(error.value).splitlines()) == 1
     assert not (tmp_path / "out").exists()
 
 
 def test_response_that_a_run_does_not_contain_is_nan_with_a_cause(run):
-    told, causes = responses(run, [Response("h_max@1"), Response("crest")], start=23.5)
+    told, causes = evaluate_responses(run, [parse_response("h_max@1"), parse_response("crest")], start=23.5)
     assert list(told) == ["h_max@1 [m]", "crest [m]"] and np.isnan(told["h_max@1 [m]"]) and len(causes) == 1
     assert causes[0].startswith("h_max@1 [m]: gauge 1: 0 whole waves")
 
 
 def test_response_of_no_run_is_an_empty_column(tmp_path):
-    (one,) = combinations(CASE, parse_axes(["tank.depth=1.0"]))
-    row = Row(one, Outcome("finished"), responses={"h_mean@2 [m]": np.nan, "crest [m]": 0.1})
-    write_table(tmp_path / "study.csv", [row], parse_axes(["tank.depth=1.0"]))
+    row = Row({"tank.depth": "1.0"}, "finished", responses={"h_mean@2 [m]": np.nan, "crest [m]": 0.1})
+    StudyTable([row], [Axis("tank.depth", ("1.0",))], read_case(CASE)).write(tmp_path / "study.csv")
     with (tmp_path / "study.csv").open() as file:
         (table,) = csv.DictReader(file)
     assert (table["h_mean@2 [m]"], table["crest [m]"]) == ("", "0.1")
@@ -130,35 +130,34 @@ def test_ranges_of_seeds_are_expanded():
 
 
 # ---------------------------------------------------------------- ensembles
-def made(seeds: int, settings: dict[str, list[str]], response) -> tuple[list[Row], list[Axis]]:
-    """Return rows and axes of a study of seeds, with a response of the settings and the seed."""
-    axes = [Axis(key, tuple(values)) for key, values in settings.items()]
-    (first, *_), rows = combinations(CASE, parse_axes(["tank.depth=1.0"])), []
+def made(seeds: int, settings: dict[str, list[str]], response) -> StudyTable:
+    """Return the table of a study of seeds, with a response of the settings and the seed."""
+    axes, rows = [Axis(key, tuple(values)) for key, values in settings.items()], []
     for *values, seed in product(*settings.values(), range(seeds)):
         named = dict(zip(settings, values, strict=True)) | {"wall.motion.seed": str(seed)}
-        one: Combination = replace(first, name=str(named), values=named)
-        rows.append(Row(one, Outcome("finished"), responses={"hm0 [m]": response(named), "crest [m]": 0.1 * seed}))
-    return rows, [*axes, Axis("wall.motion.seed", tuple(map(str, range(seeds))))]
+        rows.append(Row(named, "finished", responses={"hm0 [m]": response(named), "crest [m]": 0.1 * seed}))
+    axes.append(Axis("wall.motion.seed", tuple(map(str, range(seeds)))))
+    return StudyTable(rows, axes, read_case(CASE, ["title=A sea"]))
 
 
-def test_ensemble_has_mean_confidence_and_quantiles(tmp_path):
+def test_ensemble_has_mean_confidence_and_quantiles():
     """Oracle: scipy.stats' t interval, numpy's quantiles; settings apart, failed and marked runs left out."""
     rng = np.random.default_rng(1)
-    rows, axes = made(9, {"tank.depth": ["1", "2"]}, lambda named: float(named["tank.depth"]) + rng.normal())
-    rows[3] = replace(rows[3], responses={})
-    found = ensembles([*rows, replace(rows[0], mark="plan")], axes)
-    assert [(one.settings["tank.depth"], one.response, one.values.size) for one in found] == [
+    table = made(9, {"tank.depth": ["1", "2"]}, lambda named: float(named["tank.depth"]) + rng.normal())
+    table.rows[3] = table.rows[3]._replace(responses={})
+    found = ensembles(replace(table, rows=[*table.rows, table.rows[0]._replace(mark="plan")]))
+    assert [*found[["tank.depth", "response", "runs"]].itertuples(index=False, name=None)] == [
         ("1", "hm0 [m]", 8), ("2", "hm0 [m]", 9), ("1", "crest [m]", 8), ("2", "crest [m]", 9),
     ]  # fmt: skip
-    for one in found:
-        interval = stats.t.interval(0.95, one.values.size - 1, one.mean, stats.sem(one.values))
-        assert (one.mean - one.half_width, one.mean + one.half_width) == pytest.approx(interval)
-        assert one.quantiles == pytest.approx(np.quantile(one.values, (0.05, 0.5, 0.95)))
-    assert write_ensembles(tmp_path / "ensemble.csv", found).row_count == 4
-    with (tmp_path / "ensemble.csv").open() as file:
-        table = list(csv.DictReader(file))
-    assert (table[0]["tank.depth"], table[0]["runs"]) == ("1", "8")
-    assert float(table[1]["mean to"]) == pytest.approx(found[1].mean + found[1].half_width, rel=1e-6)
+    for _, one in found.iterrows():
+        chosen = [
+            row.responses for row in table.rows if row.values["tank.depth"] == one["tank.depth"] and row.responses
+        ]
+        values = [responses[one["response"]] for responses in chosen]
+        interval = stats.t.interval(0.95, len(values) - 1, one["mean"], stats.sem(values))
+        assert (one["mean from"], one["mean to"]) == pytest.approx(interval)
+        assert [*one[["5 %", "50 %", "95 %"]]] == pytest.approx(np.quantile(values, (0.05, 0.5, 0.95)))
+        assert one["standard deviation"] == pytest.approx(np.std(values, ddof=1))
 
 
 # ---------------------------------------------------------------- pictures
@@ -167,9 +166,9 @@ def test_ensemble_has_mean_confidence_and_quantiles(tmp_path):
 @pytest.mark.parametrize("settings", [{}, {"tank.depth": ["1", "2", "4"]}, {"water.type": ["linear", "nonlinear"]}])
 def test_ensembles_are_drawn(drawn, tmp_path, settings):
     rng = np.random.default_rng(1)
-    rows, axes = made(9, settings, lambda named: 1 + 0.1 * rng.normal())
-    rows[4], rows[6] = replace(rows[4], warnings=["it breaks"]), replace(rows[6], responses={})
-    draw_ensembles(rows, ensembles(rows, axes), axes, tmp_path / "study.png", title="A sea")
+    table = made(9, settings, lambda named: 1 + 0.1 * rng.normal())
+    table.rows[4:7:2] = table.rows[4]._replace(warnings="it breaks"), table.rows[6]._replace(responses={})
+    draw_ensembles(table, ensembles(table), tmp_path / "study.png")
     (figure,) = drawn
     crests = figure.axes[1]
     assert [

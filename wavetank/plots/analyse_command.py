@@ -1,7 +1,6 @@
 """``wavetank analyse RUN|DATA KIND``: light to import; what it needs is loaded when it is called."""
 
 from dataclasses import replace
-from math import isnan
 from pathlib import Path
 from typing import Annotated
 
@@ -67,7 +66,7 @@ def analyse(
     from wavetank.analysis.record import read_record
     from wavetank.analysis.results import analysed
     from wavetank.plots.analysis_figures import result_figure
-    from wavetank.plots.tables import terminal_table, write_rows
+    from wavetank.plots.tables import format_cell, terminal_table, write_rows
 
     record = read_record(source, start=start, end=end, gauges=names, along=_places(along), depth=depth, period=period)
     records = {REFLECTION: replace(record, given_period=None)} if sea else {}
@@ -92,7 +91,7 @@ def analyse(
     for kind, result in results.items():
         columns, rows = [*result.columns], result.rows
         more = f"and {len(rows) - MOST} more rows, in the file" if len(rows) > MOST else None
-        terminal.print(terminal_table(columns, (map(_cell, row) for row in rows[:MOST]), caption=more))
+        terminal.print(terminal_table(columns, (map(format_cell, row) for row in rows[:MOST]), caption=more))
         if result.notes:
             terminal.print(result.notes, highlight=False)
         replaced = ", in place of what was there (--out: elsewhere)" if files[kind].exists() else ""
@@ -126,8 +125,3 @@ def _places(text: str | None) -> tuple[float, float, int] | None:
     if not (result[0] < result[1] and 2 <= result[2] <= 2000):
         raise InputError(f"along {text!r} received; allowed is X,X,NUMBER: from x to x [m], 2 to 2000 places: 5,20,60.")
     return result
-
-
-def _cell(value: str | float) -> str:
-    """Return a value in the table on the terminal: empty for one that is unknown."""
-    return value if isinstance(value, str) else "" if isnan(value) else f"{value:.4g}"

@@ -136,7 +136,7 @@ def mark_places(axes: Axes, gauges: DataArray, *, rows: Collection[str] = (), in
     single = np.flatnonzero(~in_row) if np.count_nonzero(~in_row) <= NAMED else ()
     first = [int(np.argmax(in_row & (row_of == row))) for row in dict.fromkeys(row_of[in_row])]
     for n, name in (*((n, names[n]) for n in single), *((n, row_of[n]) for n in first)):
-        axes.annotate(name, (x[n], y[n]), xytext=(4, 3), textcoords="offset points", gid=GAUGE, **LABEL)
+        name_point(axes, name, (x[n], y[n]), (4, 3))
 
 
 def mark_along(axes: Axes, gauges: DataArray, *, top: float) -> None:
@@ -144,7 +144,12 @@ def mark_along(axes: Axes, gauges: DataArray, *, top: float) -> None:
     for x in gauges.x.values:
         axes.axvline(x, color=DARK, lw=0.7, ls=(0, (1, 3)))
     for name, x in zip(gauges.gauge.values, gauges.x.values, strict=True) if gauges.x.size <= NAMED else ():
-        axes.annotate(name, (x, top), xytext=(3, -3), textcoords="offset points", va="top", gid=GAUGE, **LABEL)
+        name_point(axes, name, (x, top), (3, -3), va="top")
+
+
+def name_point(axes: Axes, name: str, place: tuple[float, float], offset: tuple[int, int], **properties: Any) -> None:
+    """Write a name at an offset [points of print] from a place, where ``remove_overlaps`` may remove it."""
+    axes.annotate(name, place, xytext=offset, textcoords="offset points", gid=GAUGE, **LABEL, **properties)
 
 
 def mark_sponge(axes: Axes, place: tuple[float, float], **position: Any) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from io import StringIO
 from math import isnan
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.box import SIMPLE
@@ -14,6 +14,9 @@ from xarray import Dataset
 
 from wavetank.errors import InputError, WavetankError, write_errors
 from wavetank.output.files import write_atomically
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 HARMONICS = ("gauge", "x", "harmonic", "computed", "reference", "error", "ahead")  # columns
 
@@ -28,6 +31,13 @@ def write_rows(
     writer.writerows([f"{value:.6g}" if isinstance(value, float) else value for value in row] for row in rows)
     with write_errors(path, error):
         write_atomically(path, text.getvalue().encode())
+
+
+def write_frame(path: Path, frame: "DataFrame", *, digits: int = 7, error: type[WavetankError] = InputError) -> None:
+    """Write a DataFrame as CSV, complete or not at all; raises ``error`` if it cannot."""
+    text = frame.to_csv(index=False, float_format=f"%.{digits}g", lineterminator="\r\n")
+    with write_errors(path, error):
+        write_atomically(path, text.encode())
 
 
 def write_dataset(path: Path, data: Dataset, names: Sequence[str] = ()) -> None:
@@ -51,6 +61,17 @@ def terminal_table(columns: Sequence[str], rows: Iterable[Iterable[str]], *, cap
     for row in rows:
         table.add_row(*row)
     return table
+
+
+def frame_table(frame: "DataFrame", *, digits: int) -> Table:
+    """Return a DataFrame as a table for the terminal, numbers with so many digits, of nan none."""
+    rows = frame.itertuples(index=False, name=None)
+    return terminal_table([*frame.columns], ([format_cell(one, digits) for one in row] for row in rows))
+
+
+def format_cell(value: str | float, digits: int = 4) -> str:
+    """Return a text, or a number with so many digits, of nan none."""
+    return value if isinstance(value, str) else "" if isnan(value) else f"{value:.{digits}g}"
 
 
 # ---------------------------------------------------------------- gauges

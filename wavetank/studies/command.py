@@ -51,11 +51,11 @@ def study(
 
     from wavetank.console import console
     from wavetank.errors import InputError
-    from wavetank.studies.study import Study
+    from wavetank.studies.study import run_study
 
     if MPI.COMM_WORLD.size > 1:
         raise InputError(f"{MPI.COMM_WORLD.size} ranks received; a study starts its runs itself, without mpirun.")
-    Study(
+    run_study(
         case,
         sweep or [],
         out=Path("runs") / f"{case.stem}-study" if out is None else out,
@@ -68,7 +68,7 @@ def study(
         at_once=at_once,
         yes=yes,
         console=console(),
-    ).execute()
+    )
 
 
 def calibrate(

@@ -4,31 +4,46 @@ The figure shows error against cost, or, where a swept key changes what is model
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from wavetank.case import BasinTank, Case
-from wavetank.errors import InputError, RunError
+from wavetank.errors import InputError, RecordError, RunError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath
 from wavetank.output.manifest import MANIFEST
-from wavetank.studies import measures, sweep, table
+from wavetank.plots.tables import frame_table, write_frame
+from wavetank.studies import sweep
 from wavetank.studies.drawing import draw_ensembles, draw_responses, draw_trade
+from wavetank.studies.measures import Reference, exact_reference, run_reference
+from wavetank.studies.responses import Response, evaluate_responses, parse_response, usual_responses
 from wavetank.studies.runs import Outcome, Runner, cores
+from wavetank.studies.table import CPU, Row, StudyTable, costs, ensembles
 
 TABLE, PICTURE, ENSEMBLES = "study.csv", "study.png", "ensemble.csv"
 FINE, EXACT, NONE = "fine", "exact", "none"
 WIDTH = 120  # characters the table needs, on whatever terminal
 
-Outcomes = dict[str, Outcome]  # by the combination's name
 Group = Sequence[sweep.Combination]
 
 
-class Study:
-    """The runs of a study and their reference, validated before anything runs.
+def run_study(
+    case: Path,
+    sweeps: Sequence[str],
+    *,
+    out: Path,
+    overrides: Sequence[str] = (),
+    marked: Sequence[str] = (),
+    reference: str | None = None,
+    below: float | None = None,
+    requested: Sequence[str] = (),
+    start: float | None = None,
+    at_once: int | None = None,
+    yes: bool = False,
+    console: Console,
+) -> StudyTable:
+    """Run what is missing of a study, write ``study.csv`` and ``study.png``, and return the results.
 
     Parameters
     ----------
@@ -56,184 +71,159 @@ class Study:
         Runs at a time, each on one core; default: as many as there are cores.
     yes
         Whether runs that need days, or more memory than is free, are run, too.
+    console
+        Where progress, the table and warnings are printed.
 
-    Raises ``InputError`` if nothing can be run or compared. Values that are refused alone are rows.
+    Raises ``InputError`` before anything runs if nothing can be run or compared, or the folder cannot be made;
+    ``RunError`` if interrupted, and, after the table is written, if nothing could be measured. Values that are refused
+    alone are rows.
     """
-
-    def __init__(
-        self,
-        case: Path,
-        sweeps: Sequence[str],
-        *,
-        out: Path,
-        overrides: Sequence[str] = (),
-        marked: Sequence[str] = (),
-        reference: str | None = None,
-        below: float | None = None,
-        requested: Sequence[str] = (),
-        start: float | None = None,
-        at_once: int | None = None,
-        yes: bool = False,
-        console: Console,
-    ):
-        self._case, self._out, self._console = case, out, console
-        self._axes = sweep.parse_axes(sweeps, overrides)
-        self._swept, self._refused = sweep.swept(case, self._axes, overrides)
-        self._marked = [sweep.marked_combination(case, marked, overrides)] if marked else []
-        self._groups = sweep.same_but_numerics([*self._swept, *self._marked])
-        physical = any(axis.physical for axis in self._axes)
-        usual = measures.usual_responses(self._swept[0].scene) if physical else []
-        self._responses = [measures.Response(one) for one in requested] or usual
-        self._start, self._below = start, below
-        for response in self._responses:
-            for group in self._groups:
-                response.check(group[0].scene)
-        reference = reference or (NONE if all(axis.physical for axis in self._axes) else FINE)
-        if reference == NONE and not physical:
-            raise InputError(f"reference {NONE!r} received; without one there must be a sweep of what is modelled.")
-        if below is not None and reference in (NONE, EXACT):
-            raise InputError(f"below = {below:g} received, reference {reference!r}: only a run has gauges to compare.")
-        for group in self._groups:
-            _check_basin(group[0].scene, reference)
-        self._references = _references(reference, self._groups, below)
-        self._runner = Runner(case, out, at_once=at_once or cores(), yes=yes)
-
-    def execute(self) -> list[table.Row]:
-        """Run what is missing, write ``study.csv`` and ``study.png`` and return the rows, marked ones last.
-
-        Raises ``InputError`` if the folder cannot be made; ``RunError`` if interrupted, and, after the table is
-        written, if no error could be measured.
-        """
-        OutputPath(self._out, overwrite=True).folder()
-        for refused in self._refused:
-            self._print(f"{refused.name}: refused: {refused.cause}")
-        outcomes = self._run([*self._swept, *self._marked], "runs")
-        references = self._references or self._refined(outcomes)
-        rows, missing = [], list[str]()
-        for group, reference in zip(self._groups, references, strict=True):
-            for one in group:
-                row, causes = self._row(one, outcomes[one.name], reference)
-                rows.append(row)
-                missing += causes
-        rows += [table.Row(one, Outcome("refused", one.cause)) for one in self._refused]
-        rows.sort(key=self._position)
-        self._write(rows, list(dict.fromkeys(missing)))
-        return rows
-
-    def _print(self, line: str) -> None:
-        self._console.print(line, markup=False, highlight=False)
-
-    def _position(self, row: table.Row) -> tuple[bool, list[int]]:
-        """Return the position of a row: in the order of the given values, marked ones last."""
-        values = row.combination.values
-        return bool(row.mark), [] if row.mark else [axis.values.index(values[axis.name]) for axis in self._axes]
-
-    def _run(self, combinations: Group, what: str) -> Outcomes:
-        """Run combinations, and print how each has ended."""
-        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-        outcomes: Outcomes = {}
-        with Progress(*columns, console=self._console, disable=not self._console.is_terminal) as bar:
-            task = bar.add_task(what, total=len(combinations))
-            for one, outcome in self._runner.run(combinations):
-                outcomes[one.name] = outcome
-                bar.update(task, advance=1)
-                end = f"{outcome.status}: {outcome.cause}"
-                if outcome.status == "finished":
-                    cpu = self._costs(one)[table.CPU]
-                    end = f"{cpu:.1f} s of CPU time{'' if outcome.again else ', finished before'}"
-                self._print(f"{len(outcomes)}/{len(combinations)} {one.name}: {end}")
-        return outcomes
-
-    def _costs(self, one: sweep.Combination) -> dict[str, float]:
-        return table.costs(RunDirectory(self._runner.directory(one)).manifest)
-
-    def _refined(self, outcomes: Outcomes) -> list[measures.Reference | None]:
-        """Run a refined reference for each group; None for those whose finest run or reference has not finished."""
-        needed = {n: one for n, group in enumerate(self._groups) if (one := self._refinement(n, group, outcomes))}
-        ended = self._run(list(needed.values()), "reference")
-        return [
-            measures.RunReference(self._runner.directory(needed[n]), below=self._below)
-            if n in needed and ended[needed[n].name].status == "finished"
-            else None
-            for n in range(len(self._groups))
-        ]
-
-    def _refinement(self, n: int, group: Group, outcomes: Outcomes) -> sweep.Combination | None:
-        coarse = sweep.finest([one for one in group if one in self._swept] or group)
-        if outcomes[coarse.name].status != "finished":
-            return None
-        dt = RunDirectory(self._runner.directory(coarse)).manifest["numerics"]["dt"]
-        name = "reference" if len(self._groups) == 1 else f"reference-{n + 1}"
-        return sweep.refined(self._case, coarse, dt=dt, name=name)
-
-    def _row(
-        self, one: sweep.Combination, outcome: Outcome, reference: measures.Reference | None
-    ) -> tuple[table.Row, list[str]]:
-        """Return the row of a run, and why some of its responses are not a number."""
-        row, place = table.Row(one, outcome, mark="plan" if one in self._marked else ""), self._runner.directory(one)
-        if outcome.status == "refused" or not (place / MANIFEST).exists():
-            return row, []
-        run = RunDirectory(place)
-        row = replace(row, warnings=run.warnings, broke=run.manifest.get("breaking", {}).get("waves"))
-        if outcome.status != "finished":
-            return row, []
-        errors = reference.errors(run) if reference else {}
-        values, failures = measures.responses(run, self._responses, start=self._start)
-        row = replace(row, errors=errors, costs=self._costs(one), responses=values)
-        return row, [f"{one.name}: {cause}" for cause in failures]
-
-    def _write(self, rows: Sequence[table.Row], missing: Sequence[str]) -> None:
-        """Write and print the tables and the figure; ``missing``: why some responses are not a number."""
-        marked_axes = [sweep.Axis.of(name) for one in self._marked for name in one.values]
-        axes = list(dict.fromkeys([*(sweep.Axis.of(axis.name) for axis in self._axes), *marked_axes]))
-        table.write_table(self._out / TABLE, rows, axes)
-        wide = Console(file=self._console.file, width=max(self._console.width, WIDTH), soft_wrap=True, markup=False)
-        wide.print(table.study_table(rows, axes))
-        self._print(f"wrote {self._out / TABLE}")
-        for cause in missing:
-            self._print(f"warning: {cause}")
-        if warned := [row for row in rows if row.warnings]:
-            have = f"{table.counted(len(warned), rows)} {'has' if len(warned) == 1 else 'have'} warnings"
-            first = f"{warned[0].combination.name}: {warned[0].warnings[0]}"
-            self._print(f"warning: {have}, which are in {TABLE}; {first}")
-        for line in filter(None, (table.unfinished(rows), table.damped(rows))):
-            self._print(line)
-        if not any(measures.responded([row.results]) for row in rows):
-            causes = "; ".join([*dict.fromkeys(row.outcome.cause for row in rows if row.outcome.cause), *missing])
-            raise RunError(f"nothing could be measured: no run, or not its reference, has finished. {causes}")
-        path, title = self._out / PICTURE, self._swept[0].scene.title
-        if any(axis.seeds for axis in self._axes) and (statistics := table.ensembles(rows, self._axes)):
-            wide.print(table.write_ensembles(self._out / ENSEMBLES, statistics))
-            self._print(f"wrote {self._out / ENSEMBLES}")
-            draw_ensembles(rows, statistics, self._axes, path, title=title)
-        elif any(axis.physical for axis in self._axes):
-            draw_responses(rows, self._axes, path, title=title)
-        else:
-            draw_trade(rows, self._axes, path, title=title)
-        self._print(f"wrote {path}")
-
-
-def _check_basin(scene: Case, reference: str) -> None:
-    """Raise ``InputError`` for a basin whose runs cannot be compared with a reference: they are at gauges only."""
-    if not isinstance(scene.tank, BasinTank) or reference == NONE:
-        return
-    if reference == EXACT:
-        raise InputError(f"reference {EXACT!r} received; of a basin it must be {FINE}, {NONE} or a run directory.")
-    if not scene.all_gauges:
-        raise InputError("gauges: runs of a basin are compared at gauges; the case must have at least 1.")
-
-
-def _references(reference: str, groups: Sequence[Group], below: float | None) -> list[measures.Reference | None]:
-    """Return a reference for each group, or nothing if they are still to be computed."""
+    axes = sweep.parse_axes(sweeps, overrides)
+    swept, refused = sweep.combinations(case, axes, overrides)
+    plans = [sweep.marked_combination(case, marked, overrides)] if marked else []
+    groups = sweep.same_but_numerics([*swept, *plans])
+    physical = any(axis.physical for axis in axes)
+    columns = [parse_response(one) for one in requested]
+    columns = columns or (usual_responses(swept[0].scene) if physical else [])
+    for response in columns:
+        for group in groups:
+            response.check(group[0].scene)
+    reference = reference or (NONE if all(axis.physical for axis in axes) else FINE)
+    if reference == NONE and not physical:
+        raise InputError(f"reference {NONE!r} received; without one there must be a sweep of what is modelled.")
+    if below is not None and reference in (NONE, EXACT):
+        raise InputError(f"below = {below:g} received, reference {reference!r}: only a run has gauges to compare.")
+    references = [_reference(reference, group[0].scene, below) for group in groups]
+    OutputPath(out, overwrite=True).folder()
+    for name, _, cause in refused:
+        _print(console, f"{name}: refused: {cause}")
+    runner = Runner(case, out, at_once=at_once or cores(), yes=yes)
+    outcomes = _run(runner, [*swept, *plans], console)
     if reference == FINE:
-        return []
-    if reference == NONE:
-        return [None for _ in groups]
+        references = _refined_references(case, runner, groups, outcomes, below, console)
+    rows, missing = [Row(values, "refused", cause) for _, values, cause in refused], list[str]()
+    for group, errors in zip(groups, references, strict=True):
+        for one in group:
+            row, causes = _row(one, outcomes[one.name], runner.directory(one), errors, columns, start)
+            rows.append(row)
+            missing += causes
+    rows.sort(
+        key=lambda row: (row.mark, [] if row.mark else [axis.values.index(row.values[axis.name]) for axis in axes])
+    )
+    more = [sweep.Axis.of(name) for one in plans for name in one.values]
+    known = {axis.key for axis in axes}
+    table = StudyTable(rows, [*axes, *(axis for axis in more if axis.key not in known)], swept[0].scene)
+    _write(out, table, missing, console)
+    return table
+
+
+def _print(console: Console, line: str) -> None:
+    console.print(line, markup=False, highlight=False)
+
+
+def _reference(reference: str, scene: Case, below: float | None) -> Reference | None:
+    """Return a reference for a scene, None if there is none or it is still to be computed."""
+    if isinstance(scene.tank, BasinTank) and reference != NONE:
+        if reference == EXACT:
+            raise InputError(f"reference {EXACT!r} received; of a basin it must be {FINE}, {NONE} or a run directory.")
+        if not scene.all_gauges:
+            raise InputError("gauges: runs of a basin are compared at gauges; the case must have at least 1.")
+    if reference in (FINE, NONE):
+        return None
     if reference == EXACT:
-        return [measures.ExactReference(group[0].scene) for group in groups]
+        return exact_reference(scene)
     if not Path(reference).is_dir():
         raise InputError(f"reference {reference!r} received; allowed are {FINE}, {EXACT}, {NONE} and a run directory.")
-    run = measures.RunReference(Path(reference), below=below)
-    for group in groups:
-        run.check(group[0].scene)
-    return [run for _ in groups]
+    run = RunDirectory(Path(reference))
+    if run.manifest["scene"]["tank"] != scene.model_dump(mode="json")["tank"]:
+        raise InputError(f"reference {run.path}: is a run in another tank; the tank must be the case's.")
+    return run_reference(run, below=below)
+
+
+def _run(runner: Runner, combinations: Group, console: Console) -> dict[str, Outcome]:
+    """Run combinations, and print how each has ended; return the outcomes by their names."""
+    outcomes: dict[str, Outcome] = {}
+    for one, outcome in runner.run(combinations):
+        outcomes[one.name] = outcome
+        end = f"{outcome.status}: {outcome.cause}"
+        if outcome.status == "finished":
+            cpu = costs(RunDirectory(runner.directory(one)).manifest)[CPU]
+            end = f"{cpu:.1f} s of CPU time{'' if outcome.again else ', finished before'}"
+        _print(console, f"{len(outcomes)}/{len(combinations)} {one.name}: {end}")
+    return outcomes
+
+
+def _refined_references(
+    case: Path,
+    runner: Runner,
+    groups: Sequence[Group],
+    outcomes: dict[str, Outcome],
+    below: float | None,
+    console: Console,
+) -> list[Reference | None]:
+    """Run a refined reference for each group; None for those whose finest run or reference has not finished."""
+    needed: dict[int, sweep.Combination] = {}
+    for n, group in enumerate(groups):
+        coarse = sweep.finest([one for one in group if not one.mark] or group)
+        if outcomes[coarse.name].status == "finished":
+            dt = RunDirectory(runner.directory(coarse)).manifest["numerics"]["dt"]
+            name = "reference" if len(groups) == 1 else f"reference-{n + 1}"
+            needed[n] = sweep.refined(case, coarse, dt=dt, name=name)
+    ended = _run(runner, [*needed.values()], console)
+    references: list[Reference | None] = [None for _ in groups]
+    for n, one in needed.items():
+        if ended[one.name].status == "finished":
+            references[n] = run_reference(RunDirectory(runner.directory(one)), below=below)
+    return references
+
+
+def _row(
+    one: sweep.Combination,
+    outcome: Outcome,
+    directory: Path,
+    reference: Reference | None,
+    columns: Sequence[Response],
+    start: float | None,
+) -> tuple[Row, list[str]]:
+    """Return the row of a run, and why some of its responses are not a number."""
+    row = Row(one.values, outcome.status, outcome.cause, mark=one.mark)
+    if outcome.status == "refused" or not (directory / MANIFEST).exists():
+        return row, []
+    run = RunDirectory(directory)
+    broke = run.manifest.get("breaking", {}).get("waves", float("nan"))
+    row = row._replace(warnings="; ".join(map(str, run.warnings)), broke=broke)
+    if outcome.status != "finished":
+        return row, []
+    errors = reference(run) if reference else {}
+    responses, failures = evaluate_responses(run, columns, start=start)
+    row = row._replace(errors=errors, costs=costs(run.manifest), responses=responses)
+    return row, [f"{one.name}: {cause}" for cause in failures]
+
+
+def _write(out: Path, table: StudyTable, missing: Sequence[str], console: Console) -> None:
+    """Write and print the tables and the figure; ``missing``: why some responses are not a number."""
+    table.write(out / TABLE)
+    wide = Console(file=console.file, width=max(console.width, WIDTH), soft_wrap=True, markup=False)
+    wide.print(table.terminal())
+    _print(console, f"wrote {out / TABLE}")
+    for cause in dict.fromkeys(missing):
+        _print(console, f"warning: {cause}")
+    if warned := [row for row in table.rows if row.warnings]:
+        have = "has" if len(warned) == 1 else "have"
+        _print(console, f"warning: {table.counted(len(warned))} {have} warnings, which are in {TABLE}")
+    for line in filter(None, (table.unfinished, table.damped)):
+        _print(console, line)
+    if not table.errors and not table.responses:
+        causes = "; ".join(dict.fromkeys([*(row.cause for row in table.rows if row.cause), *missing]))
+        raise RunError(f"nothing could be measured: no run, or not its reference, has finished. {causes}")
+    if any(axis.seeds for axis in table.swept) and table.responses:
+        statistics = ensembles(table)
+        write_frame(out / ENSEMBLES, statistics, error=RecordError)
+        wide.print(frame_table(statistics, digits=4))
+        _print(console, f"wrote {out / ENSEMBLES}")
+        draw_ensembles(table, statistics, out / PICTURE)
+    elif any(axis.physical for axis in table.swept):
+        draw_responses(table, out / PICTURE)
+    else:
+        draw_trade(table, out / PICTURE)
+    _print(console, f"wrote {out / PICTURE}")

@@ -9,7 +9,9 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from math import isfinite
 from pathlib import Path
+from typing import NamedTuple
 from urllib.parse import quote
 
 from wavetank.case import BasinTank, Case
@@ -35,6 +37,14 @@ MOST = 1000  # values of FIRST..LAST
 UNESCAPED = "=,.+-"  # characters of a folder's name besides letters and digits
 TIGHTEST = 1e-12  # tolerance
 MOST_SNAPSHOTS = 2000
+
+
+def is_number(value: str) -> bool:
+    """Return whether a text is a finite number."""
+    try:
+        return isfinite(float(value))
+    except ValueError:
+        return False
 
 
 @dataclass(frozen=True)
@@ -73,6 +83,11 @@ class Axis:
         return self.key.partition(".")[0] not in NUMERICAL
 
     @property
+    def numeric(self) -> bool:
+        """Whether all values are finite numbers."""
+        return all(map(is_number, self.values))
+
+    @property
     def seeds(self) -> bool:
         """Whether its values are seeds of random phases."""
         return self.key.rpartition(".")[2] == "seed"
@@ -92,16 +107,18 @@ class Combination:
         All changes of the case, ``KEY=VALUE``; of two for one key the later one holds.
     scene
         The case.
+    mark
+        ``"plan"`` for a marked combination, else empty.
     """
 
     name: str
     values: dict[str, str]
     overrides: tuple[str, ...]
     scene: Case
+    mark: str = ""
 
 
-@dataclass(frozen=True)
-class Refused:
+class Refused(NamedTuple):
     """A combination that cannot be run, and why; see ``Combination``."""
 
     name: str
@@ -146,48 +163,39 @@ def parse_axes(texts: Sequence[str], overrides: Sequence[str] = ()) -> list[Axis
     return axes
 
 
-def combinations(case: Path, axes: Sequence[Axis], overrides: Sequence[str] = ()) -> list[Combination]:
-    """Return every combination that can be run; see ``swept``."""
-    return swept(case, axes, overrides)[0]
-
-
-def swept(case: Path, axes: Sequence[Axis], overrides: Sequence[str] = ()) -> tuple[list[Combination], list[Refused]]:
+def combinations(
+    case: Path, axes: Sequence[Axis], overrides: Sequence[str] = ()
+) -> tuple[list[Combination], list[Refused]]:
     """Return every combination, the last axis varying fastest, and those that are refused.
 
     Raises ``InputError`` if all are refused, and for two combinations that are the same run.
     """
-    runnable, refused = list[Combination](), list[Refused]()
+    runnable, refused, errors = list[Combination](), list[Refused](), list[InputError]()
     for values in product(*(axis.values for axis in axes)):
         settings = dict(zip(axes, values, strict=True))
         try:
             runnable.append(combination(case, settings, overrides))
         except InputError as error:
-            named = _named(settings)
-            refused.append(Refused(_folder(named), named, "; ".join(str(error).splitlines())))
-            if len(refused) == 1:
-                first = error
+            errors.append(error)
+            refused.append(Refused(*_named(settings), "; ".join(str(error).splitlines())))
     if not runnable:
-        raise first
+        raise errors[0]
     for n, one in enumerate(runnable):
-        same = next((other for other in runnable[:n] if other.scene == one.scene), None)
-        if same:
+        if same := next((other for other in runnable[:n] if other.scene == one.scene), None):
             raise InputError(f"the combinations {same.name} and {one.name} are the same run; values must be different.")
     return runnable, refused
 
 
-def _named(values: dict[Axis, str]) -> dict[str, str]:
-    return {axis.name: value for axis, value in values.items()}
+def _named(settings: dict[Axis, str]) -> tuple[str, dict[str, str]]:
+    """Return the name of a combination's run directory, and its values by the names of the axes."""
+    values = {axis.name: value for axis, value in settings.items()}
+    return quote(",".join(f"{key}={value}" for key, value in values.items()), safe=UNESCAPED), values
 
 
-def _folder(values: dict[str, str]) -> str:
-    return quote(",".join(f"{key}={value}" for key, value in values.items()), safe=UNESCAPED)
-
-
-def combination(case: Path, values: dict[Axis, str], overrides: Sequence[str] = ()) -> Combination:
+def combination(case: Path, settings: dict[Axis, str], overrides: Sequence[str] = ()) -> Combination:
     """Return one combination, validated; raises ``InputError``."""
-    changes = (*overrides, *(f"{axis.key}={value}" for axis, value in values.items()))
-    named = _named(values)
-    return Combination(_folder(named), named, changes, read_case(case, changes))
+    changes = (*overrides, *(f"{axis.key}={value}" for axis, value in settings.items()))
+    return Combination(*_named(settings), changes, read_case(case, changes))
 
 
 def marked_combination(case: Path, settings: Sequence[str], overrides: Sequence[str] = ()) -> Combination:
@@ -195,9 +203,8 @@ def marked_combination(case: Path, settings: Sequence[str], overrides: Sequence[
 
     Settings go before overrides of the same key.
     """
-    values = {axis: value for axis in map(parse_axis, settings) for value in axis.values}
-    one = combination(case, values, overrides)
-    return replace(one, name=f"plan,{one.name}")
+    one = combination(case, {axis: value for axis in map(parse_axis, settings) for value in axis.values}, overrides)
+    return replace(one, name=f"plan,{one.name}", mark="plan")
 
 
 def same_but_numerics(combinations: Iterable[Combination]) -> list[list[Combination]]:

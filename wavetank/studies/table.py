@@ -1,23 +1,24 @@
-"""Results of a study: a row for each combination, and statistics of ensembles of seeds, as CSV and for the terminal."""
+"""The results of a study, a row for each run, and statistics of ensembles of seeds, as CSV and for the terminal."""
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from rich.table import Table
 from scipy.special import stdtrit
+from xarray import Dataset
 
 from wavetank.case import Case
 from wavetank.errors import RecordError
-from wavetank.plots.tables import terminal_table, write_rows
-from wavetank.run_warning import RunWarning
-from wavetank.studies.measures import Errors, Responses, responded
-from wavetank.studies.runs import Outcome
-from wavetank.studies.sweep import Axis, Combination, Refused
-from wavetank.waves.airy import Array
+from wavetank.plots.tables import format_cell, terminal_table, write_frame
+from wavetank.studies.sweep import Axis
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 CPU, BROKE = "CPU [s]", "broke"
 COSTS = {  # column: keys of the manifest; CPU and wall time are those of stepping
@@ -30,65 +31,135 @@ COSTS = {  # column: keys of the manifest; CPU and wall time are those of steppi
     "iterations": ("counters", "interior_iterations"),
     "memory [MiB]": ("memory", "peak_mib"),
 }
-SHOWN = (CPU, "steps", "interior solves", "iterations", "memory [MiB]")  # costs in the terminal
+SHOWN = {CPU: 3, "steps": 6, "interior solves": 6, "iterations": 6, "memory [MiB]": 6}  # in the terminal, with digits
 CONFIDENCE = 0.95  # of the mean's confidence interval
-QUANTILES = (0.05, 0.5, 0.95)
-COLUMNS = ("runs", "mean", "mean from", "mean to", "standard deviation", *(f"{100 * q:g} %" for q in QUANTILES))
+TEXTS = ("mark", "status", "cause", "warnings")  # columns
+QUANTILES = {"5 %": 0.05, "50 %": 0.5, "95 %": 0.95}
 
 
-@dataclass(frozen=True)
-class Row:
+class Row(NamedTuple):
     """A combination with the results of its run.
 
     Attributes
     ----------
-    combination
-        One that was run, or refused before.
-    errors, costs
-        By column name; empty if the run is not finished, errors also if its reference is not.
+    values
+        Its settings by the names of the axes.
+    status, cause
+        How the run ended, and why it has not finished.
+    errors, responses, costs
+        By column; empty if the run has not finished, errors also if its reference has not.
     mark
         ``"plan"`` for a marked combination, else empty.
-    responses
-        By name, nan if the run does not contain it; of studies over what is modelled.
     warnings
-        Of the run's manifest.
+        Of the run's manifest, as text.
     broke
-        Number of waves that broke and were damped; None if the run does not dissipate breaking waves.
+        Number of waves that broke and were damped; not a number if the run does not dissipate breaking waves.
     """
 
-    combination: Combination | Refused
-    outcome: Outcome
-    errors: Errors = field(default_factory=dict)
-    costs: dict[str, float] = field(default_factory=dict)
+    values: Mapping[str, str]
+    status: str
+    cause: str = ""
+    errors: Mapping[str, float] = {}
+    responses: Mapping[str, float] = {}
+    costs: Mapping[str, float] = {}
     mark: str = ""
-    responses: Responses = field(default_factory=dict)
-    warnings: Sequence[RunWarning] = ()
-    broke: int | None = None
+    warnings: str = ""
+    broke: float = np.nan
+
+
+@dataclass(frozen=True)
+class StudyTable:
+    """The results of a study.
+
+    Attributes
+    ----------
+    rows
+        A row for each run.
+    axes
+        The swept keys, then those that only a marked combination sets, without values.
+    scene
+        The case of one of the runs.
+    """
+
+    rows: Sequence[Row]
+    axes: Sequence[Axis]
+    scene: Case
 
     @property
-    def scene(self) -> Case:
-        """The case of a combination that was run."""
-        assert isinstance(self.combination, Combination)
-        return self.combination.scene
+    def swept(self) -> list[Axis]:
+        """The swept keys."""
+        return [axis for axis in self.axes if axis.values]
 
     @property
-    def results(self) -> dict[str, float]:
-        """Responses and errors."""
-        return {**self.responses, **self.errors}
+    def responses(self) -> list[str]:
+        """The responses that any run has."""
+        return [name for name in _names(row.responses for row in self.rows) if self.runs[name].notna().any()]
 
-    def cells(self, names: Iterable[str], digits: Sequence[int]) -> list[str]:
-        """Return figures by their names as text; empty if there is no number."""
-        figures = {**self.results, **self.costs} | ({} if self.broke is None else {BROKE: self.broke})
-        return [number(figures.get(name, np.nan), n) for name, n in zip(names, digits, strict=True)]
+    @property
+    def errors(self) -> list[str]:
+        """The errors that any run has."""
+        return _names(row.errors for row in self.rows)
 
-    def settings(self, axes: Iterable[Axis]) -> list[str]:
-        """Return its values of some axes."""
-        return [self.combination.values.get(axis.name, "") for axis in axes]
+    @property
+    def measures(self) -> list[str]:
+        """The columns of results: responses, errors, and ``BROKE`` if a wave broke in any run."""
+        broke = [BROKE] if self.runs[BROKE].max() > 0 else []
+        return [*_names(row.responses for row in self.rows), *self.errors, *broke]
+
+    @cached_property
+    def runs(self) -> "DataFrame":
+        """The rows as pandas' DataFrame; numbers that a run does not have are not a number, texts are empty."""
+        settings = {axis.name: [row.values.get(axis.name, "") for row in self.rows] for axis in self.axes}
+        texts = {name: [str(getattr(row, name)) for row in self.rows] for name in TEXTS}
+        numbers = [{**row.responses, **row.errors, **row.costs, BROKE: row.broke} for row in self.rows]
+        names = dict.fromkeys([*_names(numbers), *COSTS, BROKE])
+        values = {name: np.array([one.get(name, np.nan) for one in numbers], dtype=float) for name in names}
+        return Dataset({name: ("run", column) for name, column in (settings | texts | values).items()}).to_dataframe()
+
+    @property
+    def unfinished(self) -> str:
+        """How many runs have ended otherwise, such as ``2 of 6 runs broke down``; "" if none has."""
+        phrases = []
+        for status, count in Counter(row.status for row in self.rows if row.status != "finished").items():
+            passive = status not in ("broke down", "failed")  # refused, killed or stopped
+            were = ("was " if count == 1 else "were ") if passive else ""
+            phrases.append(f"{self.counted(count)} {were}{status}")
+        return ", ".join(phrases)
+
+    @property
+    def damped(self) -> str:
+        """In how many runs waves broke and were damped; "" if in none."""
+        count = int((self.runs[BROKE] > 0).sum())
+        return f"waves broke and were damped in {self.counted(count)}" if count else ""
+
+    def counted(self, count: int) -> str:
+        """Return ``"2 of 6 runs"``."""
+        return f"{count} of {len(self.rows)} run{'' if len(self.rows) == 1 else 's'}"
+
+    def write(self, path: Path) -> None:
+        """Write ``study.csv``: settings, results, costs, status, cause and warnings; raises ``RecordError``."""
+        names = [axis.name for axis in self.axes]
+        columns = [*names, "mark", *self.measures, *COSTS, "status", "cause", "warnings"]
+        labels = {axis.name: axis.label for axis in self.axes}
+        write_frame(path, self.runs[columns].rename(columns=labels), error=RecordError)
+
+    def terminal(self) -> Table:
+        """Return the table for the terminal: settings, results, the main costs and the status of each run."""
+        digits = dict.fromkeys(self.measures, 3) | SHOWN
+        rows = (
+            [
+                *(run[axis.name] for axis in self.axes),
+                *(format_cell(run[name], n) for name, n in digits.items()),
+                ", ".join(filter(None, [run["mark"], run["status"]])),
+            ]
+            for _, run in self.runs.iterrows()
+        )
+        return terminal_table([*(axis.label for axis in self.axes), *digits, "status"], rows)
 
 
-def number(value: float, digits: int) -> str:
-    """Return a number as text, of nan an empty one."""
-    return "" if np.isnan(value) else f"{value:.{digits}g}"
+def _names(rows: Iterable[Mapping[str, float]]) -> list[str]:
+    """Return the keys of all rows in the order of their first appearance."""
+    return list(dict.fromkeys(name for row in rows for name in row))
 
 
 def costs(manifest: dict[str, Any]) -> dict[str, float]:
@@ -96,134 +167,23 @@ def costs(manifest: dict[str, Any]) -> dict[str, float]:
     return {column: manifest[part][figure] for column, (part, figure) in COSTS.items()}
 
 
-def measured(rows: Iterable[Row]) -> list[str]:
-    """Return the error measures that any row has."""
-    return list(dict.fromkeys(name for row in rows for name in row.errors))
+# ---------------------------------------------------------------- ensembles
+def ensembles(table: StudyTable) -> "DataFrame":
+    """Return the statistics of each response over the seeds of each setting of the other keys, without marked runs.
 
-
-def tabulated(rows: Sequence[Row]) -> list[str]:
-    """Return the columns besides costs: responses, error measures, and ``BROKE`` if a wave broke in any run."""
-    broke = [BROKE] if any(row.broke for row in rows) else []
-    return [*dict.fromkeys(name for row in rows for name in row.responses), *measured(rows), *broke]
-
-
-def counted(count: int, rows: Sequence[Row]) -> str:
-    """Return ``"2 of 6 runs"``."""
-    return f"{count} of {len(rows)} run{'' if len(rows) == 1 else 's'}"
-
-
-def unfinished(rows: Sequence[Row]) -> str:
-    """Return how many runs have ended otherwise, such as ``2 of 6 runs broke down``; "" if none has."""
-    phrases = []
-    for status, count in Counter(row.outcome.status for row in rows if row.outcome.status != "finished").items():
-        passive = status not in ("broke down", "failed")  # refused, killed or stopped
-        were = ("was " if count == 1 else "were ") if passive else ""
-        phrases.append(f"{counted(count, rows)} {were}{status}")
-    return ", ".join(phrases)
-
-
-def damped(rows: Sequence[Row]) -> str:
-    """Return in how many runs waves broke and were damped; "" if in none."""
-    count = sum(bool(row.broke) for row in rows)
-    return f"waves broke and were damped in {counted(count, rows)}" if count else ""
-
-
-def write_table(path: Path, rows: Sequence[Row], axes: Sequence[Axis]) -> None:
-    """Write ``study.csv``: settings, figures, status, cause and warnings; raises ``RecordError``."""
-    names = [*tabulated(rows), *COSTS]
-    lines = [
-        [
-            *row.settings(axes),
-            row.mark,
-            *row.cells(names, [7] * len(names)),
-            row.outcome.status,
-            row.outcome.cause,
-            "; ".join(map(str, row.warnings)),
-        ]
-        for row in rows
-    ]
-    columns = [*(axis.label for axis in axes), "mark", *names, "status", "cause", "warnings"]
-    write_rows(path, columns, lines, RecordError)
-
-
-def study_table(rows: Sequence[Row], axes: Sequence[Axis]) -> Table:
-    """Return the table for the terminal: settings, responses, errors, the main costs and the status of each run."""
-    names = [*tabulated(rows), *SHOWN]
-    digits = [6 if name in SHOWN[1:] else 3 for name in names]
-    lines = (
-        [*row.settings(axes), *row.cells(names, digits), ", ".join(filter(None, [row.mark, row.outcome.status]))]
-        for row in rows
-    )
-    return terminal_table([*(axis.label for axis in axes), *names, "status"], lines)
-
-
-class Ensemble(NamedTuple):
-    """A response over the seeds of one setting of the other keys.
-
-    Attributes
-    ----------
-    settings
-        The values of the other keys by name.
-    response
-        Its label.
-    values
-        Of the runs that have a number, shape (runs,).
-    warned
-        Which of these have warnings.
-    mean, half_width
-        The mean, and half the width of its 95 % confidence interval by Student's t; nan of one run.
-    spread, quantiles
-        The sample standard deviation, nan of one run; 5, 50 and 95 % quantiles, interpolated between the runs.
+    Columns: the other keys, ``response``, ``runs`` that have a number, ``mean`` with its 95 % confidence interval by
+    Student's t and the sample standard deviation, not a number for one run, and quantiles, interpolated between runs.
     """
-
-    settings: dict[str, str]
-    response: str
-    values: Array
-    warned: Sequence[int]
-    mean: float
-    half_width: float
-    spread: float
-    quantiles: tuple[float, ...]
-
-    @classmethod
-    def of(cls, settings: dict[str, str], response: str, values: Array, warned: Sequence[int]) -> "Ensemble":
-        """Return an ensemble with its statistics."""
-        runs = values.size
-        spread = float(values.std(ddof=1)) if runs > 1 else np.nan
-        half_width = float(stdtrit(runs - 1, (1 + CONFIDENCE) / 2)) * spread / runs**0.5 if runs > 1 else np.nan
-        quantiles = tuple(map(float, np.quantile(values, QUANTILES)))
-        return cls(settings, response, values, warned, float(values.mean()), half_width, spread, quantiles)
-
-    def cells(self, digits: int) -> list[str]:
-        """Return the statistics in ``COLUMNS`` as text."""
-        interval = self.mean - self.half_width, self.mean + self.half_width
-        figures = [self.values.size, self.mean, *interval, self.spread, *self.quantiles]
-        return [*self.settings.values(), self.response, *(number(figure, digits) for figure in figures)]
-
-
-def ensembles(rows: Sequence[Row], axes: Sequence[Axis]) -> list[Ensemble]:
-    """Return the ensembles of all responses, settings in the order of the rows, without marked rows."""
-    keys = [axis.name for axis in axes if not axis.seeds]
-    groups: dict[tuple[str, ...], list[Row]] = {}
-    for row in rows:
-        if row.responses and not row.mark:
-            groups.setdefault(tuple(row.combination.values[name] for name in keys), []).append(row)
-    result = []
-    for name in responded(row.responses for row in rows):
-        for key, group in groups.items():
-            finite = [row for row in group if not np.isnan(row.responses.get(name, np.nan))]
-            if finite:
-                values = np.array([row.responses[name] for row in finite])
-                warned = [n for n, row in enumerate(finite) if row.warnings]
-                result.append(Ensemble.of(dict(zip(keys, key, strict=True)), name, values, warned))
-    return result
-
-
-def write_ensembles(path: Path, statistics: Sequence[Ensemble]) -> Table:
-    """Write ``ensemble.csv``: settings, response, runs, mean with its 95 % confidence interval, spread, quantiles.
-
-    Return the table for the terminal; raise ``RecordError``.
-    """
-    columns = [*statistics[0].settings, "response", *COLUMNS]
-    write_rows(path, columns, [one.cells(7) for one in statistics], RecordError)
-    return terminal_table(columns, [one.cells(4) for one in statistics])
+    keys = [axis.name for axis in table.swept if not axis.seeds]
+    swept = table.runs[table.runs["mark"] == ""]
+    values = swept.melt(keys, table.responses, "response", "value").dropna()
+    groups = values.groupby(["response", *keys], sort=False)["value"]
+    result = groups.agg(runs="size", mean="mean")
+    deviation = groups.std()
+    half = stdtrit(result["runs"] - 1, (1 + CONFIDENCE) / 2) * deviation / result["runs"] ** 0.5
+    result = result.assign(**{"mean from": result["mean"] - half, "mean to": result["mean"] + half})
+    result["standard deviation"] = deviation
+    for name, quantile in QUANTILES.items():
+        result[name] = groups.quantile(quantile)
+    result = result.reset_index()
+    return result[[*keys, "response", *result.columns[len(keys) + 1 :]]]
