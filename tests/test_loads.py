@@ -160,7 +160,7 @@ def test_the_largest_force_is_a_response_of_studies(run):
     assert told == pytest.approx(wanted, nan_ok=True)
     assert len(causes) == 1 and causes[0].endswith("has no load 'far wall'; it has paddle, end.")
     assert "has no row of loads from 9 s on" in evaluate_responses(run, [parse_response("force@end")], start=9.0)[1][0]
-    with pytest.raises(InputError, match="'force' is no quantity; it is one of a load, force@LOAD"):
+    with pytest.raises(InputError, match="'force' is no quantity; it is force@LOAD"):
         parse_response("force")
 
 

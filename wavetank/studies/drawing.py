@@ -66,11 +66,11 @@ class LineStyles:
     """
 
     def __init__(self, axes: Sequence[Axis], along: Axis | None):
-        others = [axis for axis in axes if axis != along]
+        remaining = [axis for axis in axes if axis != along]
         self.axes = axes
-        self.keys = [axis.name for axis in others]
-        self.marked = next((axis for axis in others if axis.name != INTEGRATOR), None)
-        self.coloured = next((axis for axis in others if axis.name == INTEGRATOR), self.marked)
+        self.keys = [axis.name for axis in remaining]
+        self.marked = next((axis for axis in remaining if axis.name != INTEGRATOR), None)
+        self.coloured = next((axis for axis in remaining if axis.name == INTEGRATOR), self.marked)
         self.markers = dict(zip(self.marked.values if self.marked else (), cycle(MARKERS), strict=False))
         self.colours = dict(zip(self.coloured.values if self.coloured else (), cycle(COLOURS), strict=False))
 

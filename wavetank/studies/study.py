@@ -111,8 +111,8 @@ def run_study(
         key=lambda row: (row.mark, [] if row.mark else [axis.values.index(row.values[axis.name]) for axis in axes])
     )
     more = [sweep.Axis.of(name) for one in plans for name in one.values]
-    known = {axis.key for axis in axes}
-    table = StudyTable(rows, [*axes, *(axis for axis in more if axis.key not in known)], swept[0].scene)
+    keys = {axis.key for axis in axes}
+    table = StudyTable(rows, [*axes, *(axis for axis in more if axis.key not in keys)], swept[0].scene)
     _write(out, table, missing, console)
     return table
 
