@@ -145,7 +145,7 @@ def test_energies_expanded_about_an_evaluation_are_right_to_the_square_of_what_l
     for size in sizes:
         away = np.array([size * tank.mass.apply(bump), size * bump])
         before, after = (tank.evaluate(*(mean + sign * away), t) for sign in (-1, 1))
-        state = MeanAndJumps(mean, 2 * away, away, away, before, evaluation=after)
+        state = MeanAndJumps(np.array([mean, 2 * away, away, away]), before, evaluation=after)
         found, close = block_of(tank, (0, t, state)), 1e-12 + 0.02 * tank.wall.leans * size**2
         assert [*found.numbers[0, HIGHEST:]] == [found.eta[0].max(), np.abs(found.eta[0]).max()]
         assert positions_at(t, found.rates[0, :, 0]) == tank.wall.paddle_positions

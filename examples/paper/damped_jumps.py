@@ -6,7 +6,7 @@ H = (q² + 1)(p² + 1) / 2 on which (23) fails. All orbits are stepped as one ve
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import comb
 from typing import Any, NamedTuple
 
@@ -20,7 +20,9 @@ from examples.paper.watched import watched
 from wavetank.arrays import Vector
 from wavetank.integrators import GaussLegendre4, Simpson4, ThirdOrder
 from wavetank.integrators.contract import Integrator, State
+from wavetank.integrators.hamiltonian import HamiltonianSystem
 from wavetank.integrators.oscillators import Oscillators
+from wavetank.integrators.simpson import MeanAndJumps
 
 ORBITS = ((0.5, 0.25), (1.0, 0.5), (1.2, 0.5), (1.5, 0.5))
 STEPS = (24, 48)  # a period
@@ -110,12 +112,14 @@ class SideBySide(Simpson4):
     rules: tuple[Settle, ...] = (lambda jumps, smooth, n: jumps[0],)
     _count: list[int] = field(default_factory=list, compare=False)
 
-    def damped_jump(self, jumps: tuple[Vector, Vector, Vector, Vector], smooth: Vector) -> Vector:
-        """Return the newest jump by the rules."""
+    def step(self, system: HamiltonianSystem, state: MeanAndJumps, t: float, dt: float) -> MeanAndJumps:
+        """Return the state at t + dt, its newest jump by the rules."""
         self._count.append(0)
-        parts = [np.split(one, len(self.rules), axis=1) for one in (smooth, *jumps)]
+        after = Simpson4(0.0).step(system, state, t, dt)
+        jumps = after.values[1], *state.values[1:]
+        parts = [np.split(one, len(self.rules), axis=1) for one in ((jumps[0] + jumps[1]) / 2, *jumps)]
         new = [rule(own, smooth, len(self._count)) for rule, smooth, *own in zip(self.rules, *parts, strict=True)]
-        return np.concatenate(new, axis=1)
+        return replace(after, values=np.array([after.values[0], np.concatenate(new, axis=1), *after.values[2:]]))
 
 
 def difference(kappa: float, m: int) -> Settle:

@@ -62,7 +62,7 @@ def alternating_jumps(orbits: Orbits, *, steps: int, scheme: Simpson4 = UNDAMPED
     """Return the size of alternating jumps by second differences, shape (steps - 2, orbits)."""
 
     def both(state: MeanAndJumps, step: int) -> Array:
-        return state.jump
+        return state.values[1]
 
     jump = np.array(watched(orbits, scheme, both, start=(orbits.q, orbits.p), dt=1.0, steps=steps))[1:]
     return np.asarray(np.hypot(*(jump[2:] - 2 * jump[1:-1] + jump[:-2]).swapaxes(0, 1)) / 4)

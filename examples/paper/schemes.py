@@ -138,8 +138,7 @@ def simpson(integrator: Simpson4 | None = None) -> Scheme:
     """
 
     def state(*values: Vector) -> MeanAndJumps:
-        pairs = np.reshape(values, (4, 2, 1))
-        return MeanAndJumps(*pairs)
+        return MeanAndJumps(np.reshape(values, (4, 2, 1)))
 
     form, reverse = two_form(8, (0, 1, 1.0), (2, 3, -0.25)), np.diag([1.0, -1.0, -1.0, 1.0] + 4 * [0.0])
     scheme = integrator or Simpson4()

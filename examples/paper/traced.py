@@ -20,7 +20,7 @@ from wavetank.integrators.states import like, rows
 ITERATIONS = 20
 FLAGS = ["-O2", "-march=native", "-Wno-unused-variable"]
 SOURCE = """
-static void run(long periods, int steps, double dt, double *state, double *energies)
+static void run(long periods, int steps, double *state, double *energies)
 {
 %(begin)s
     for (long period = 0; period < periods; ++period) {
@@ -101,14 +101,13 @@ class Unrolled(NonSeparable):
         return z
 
 
-def source(integrator: Integrator[Any]) -> str:
-    """Return the code of a scheme's steps; states are theirs, one number after the other."""
+def source(integrator: Integrator[Any], dt: float) -> str:
+    """Return the code of a scheme's steps of length dt; states are theirs, one number after the other."""
     lines: list[str] = []
     start = integrator.start(np.zeros(1), np.zeros(1))
     names = [f"s{i}" for i in range(len(rows(start)))]
     lines += [f"const double before_{name} = {name};" for name in names]
     state = like(start, np.array([[Traced(f"before_{name}", lines)] for name in names]))
-    dt: Any = np.array([Traced("dt", lines)])
     new = integrator.step(Unrolled(), state, 0.0, dt)
     energy = 0.5 * (new.q[0] ** 2 + 1) * (new.p[0] ** 2 + 1)
     after = [f"{name} = {value[0]};" for name, value in zip(names, rows(new), strict=True)]
@@ -122,8 +121,8 @@ def source(integrator: Integrator[Any]) -> str:
 def energies(integrator: Integrator[Any], *, q: float, p: float, steps: int, periods: int) -> Vector:
     """Return the mean energy over each period of the orbit through (q, p), shape (periods,)."""
     state = rows(integrator.start(np.array([q]), np.array([p])))
-    found, code = np.empty(periods), source(integrator)
-    orbit = Unit(MPI.COMM_SELF, "orbit", flags=FLAGS).add("orbit", code, exports=["run"])
     dt = NonSeparable().period(q, p) / steps
-    orbit.function("run", periods, steps, dt, state, found)()
+    found, code = np.empty(periods), source(integrator, dt)
+    orbit = Unit(MPI.COMM_SELF, "orbit", flags=FLAGS).add("orbit", code, exports=["run"])
+    orbit.function("run", periods, steps, state, found)()
     return found

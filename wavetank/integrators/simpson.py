@@ -20,9 +20,9 @@ Damping dp/dt = -H_q - gamma p, [G16] (38), comes in by h = e^(-gamma dt/2) of m
 ``damped.py`` has it of any scheme, written in p instead of P: f½ is of the middle of the step, f₀ of its beginning.
 """
 
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Any, ClassVar, Self
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -37,53 +37,86 @@ KAPPA = 0.1
 
 @dataclass(frozen=True, eq=False)
 class MeanAndJumps(State):
-    """The mean of the traces at t, and the jumps there and after the two steps before; pairs [q, p], shape (2, n) each.
+    """The mean of the traces at t, and the jumps there and after the two steps before.
 
     Attributes
     ----------
+    values
+        Mean, jump, and the jumps one and two steps before: pairs [q, p], shape (4, 2, n).
     end
-        The evaluation at the minus trace as the step found it, whatever filters have made of the state since; None at
-        a start.
+        The evaluation at the minus trace at the end of the step, before filters; None at a start.
     """
 
-    mean: Vector
-    jump: Vector
-    jump_1: Vector
-    jump_2: Vector
+    values: Vector
     end: Any = None
 
-    @cached_property
+    @property
     def q(self) -> Vector:
         """The mean of the coordinates."""
-        q: Vector = self.mean[0]
+        q: Vector = self.values[0, 0]
         return q
 
-    @cached_property
+    @property
     def p(self) -> Vector:
         """The mean of the momenta."""
-        p: Vector = self.mean[1]
+        p: Vector = self.values[0, 1]
         return p
 
     @property
     def q_jump(self) -> Vector:
         """The jump of the coordinates."""
-        jump: Vector = self.jump[0]
+        jump: Vector = self.values[1, 0]
         return jump
 
     @property
     def next_point(self) -> Vector:
-        """The plus trace."""
-        return self.mean + self.jump / 2
+        """The plus trace, shape (2, n)."""
+        point: Vector = self.values[0] + 0.5 * self.values[1]
+        return point
 
-    @cached_property
+    @property
     def evaluations(self) -> tuple[Any, ...]:
-        """At both traces: that before the jump as the step found it, and that after it."""
+        """At both traces: that before the jump, and that after it."""
         return (self.evaluation,) if self.end is None else (self.end, self.evaluation)
 
     def mapped(self, of: Map) -> Self:
-        """Return the state with mean and plus trace mapped; the jumps of earlier steps are what they were."""
-        mean, plus = of(np.array([self.mean, self.next_point]))
-        return replace(self, mean=mean, jump=2 * (plus - mean), evaluation=None)
+        """Return the state with mean and plus trace mapped; the jumps of earlier steps are unchanged."""
+        mean, plus = of(np.array([self.values[0], self.next_point]))
+        return type(self)(np.array([mean, 2 * (plus - mean), *self.values[2:]]), self.end)
+
+
+class Coefficients(NamedTuple):
+    """The scheme as a general linear method: what it computes are linear combinations of its vectors.
+
+    The vectors are, in this order, z, d, f₀, dt/4 f½, f₁, d_n, d_n-1 and d_n-2: damping scales z and d, not d_n = d.
+
+    Attributes
+    ----------
+    known
+        Coefficients of the known part of the stage, shape (3,).
+    minus
+        Of the new minus trace, shape (4,).
+    update
+        Of the new mean and of the new jump, shape (2, 8).
+    """
+
+    known: Vector
+    minus: Vector
+    update: Vector
+
+
+@cache
+def coefficients(dt: float, kappa: float) -> Coefficients:
+    """Return the coefficients of a time step [s] and a damping kappa of jumps that alternate."""
+    z, d, f_0, quarter, f_1, d_n, d_1, d_2 = np.eye(8)
+    advance = 4 * quarter  # dt f½
+    smooth = dt / 6 * (f_0 + f_1) - advance / 3
+    jump = 2 * smooth - d
+    return Coefficients(
+        known=(z - d / 4 + dt / 4 * f_0)[:3],
+        minus=(z + d / 2 + advance)[:4],
+        update=np.array([z + advance + smooth, jump - kappa / 8 * (jump - 3 * d_n + 3 * d_1 - d_2)]),
+    )
 
 
 @dataclass(frozen=True)
@@ -107,42 +140,37 @@ class Simpson4:
         driven=(0.00037, 1.2e-07, 1.2e-08, 2.4e-05, 1.2e-07, 4.3e-09),
     )
     kappa: float = KAPPA
+    damping: Damping | None = None
 
-    def damped(self, damping: Damping) -> "DampedSimpson4":
-        """Return it with damping of the momenta."""
-        return DampedSimpson4(self.kappa, damping=damping)
-
-    def decay(self, dt: float, size: int) -> tuple[Any, Any]:
-        """Return h, what damping leaves of pairs [q, p] after half a step, and h² after a step, shape (2, size)."""
-        return 1.0, 1.0
+    def damped(self, damping: Damping) -> Self:
+        """Return it with damping of the momenta: of the same order and stability limit, however strong that is."""
+        return replace(self, damping=damping)
 
     def start(self, q: Vector, p: Vector) -> MeanAndJumps:
         """Return the state of a start without jumps."""
-        z = np.array([q, p])
-        return MeanAndJumps(z, 0 * z, 0 * z, 0 * z)
+        values = np.zeros((4, 2, len(q)))
+        values[0] = q, p
+        return MeanAndJumps(values)
 
     def step(self, system: HamiltonianSystem, state: MeanAndJumps, t: float, dt: float) -> MeanAndJumps:
         """Return the state at t + dt; collective."""
-        z, d, d_1, d_2 = state.mean, state.jump, state.jump_1, state.jump_2
-        h, h_2 = self.decay(dt, z.shape[1])
+        of, pair = coefficients(dt, self.kappa), state.values.shape[1:]
         begin = state.evaluated(system, t).evaluation
-        known = h * (z - d / 4 + dt / 4 * begin.flow)
-        z_half = system.solve_stage("(q, p) at 1/2", known, dt / 4, t + dt / 2, begin)
-        moved = 4 * h * (z_half - known)  # h dt f½
-        q_minus, p_minus = h_2 * begin.z + moved
-        end = system.evaluate(q_minus, p_minus, t + dt, begin)
-        smooth = dt / 6 * (h_2 * begin.flow + end.flow) - moved / 3
-        jump = 2 * smooth - h_2 * d
-        jump = jump - self.kappa / 8 * (jump - 3 * d + 3 * d_1 - d_2)
-        return MeanAndJumps(h_2 * z + moved + smooth, jump, d, d_1, end)
-
-
-@dataclass(frozen=True)
-class DampedSimpson4(Simpson4):
-    """The same with damping of the momenta: of the same order and stability limit, however strong it is."""
-
-    damping: Damping = field(kw_only=True)
-
-    def decay(self, dt: float, size: int) -> tuple[Any, Any]:
-        """Return what damping leaves of pairs [q, p] after half a step and after a step, shape (2, size)."""
-        return self.damping.of_pairs(dt / 2, size), self.damping.of_pairs(dt, size)
+        vectors = np.empty((8, *pair), dtype=state.values.dtype)
+        rows = vectors.reshape(8, -1)
+        vectors[:2], vectors[2], vectors[5:] = state.values[:2], begin.flow, state.values[1:]
+        known = (of.known @ rows[:3]).reshape(pair)
+        if self.damping is not None:
+            known *= self.damping.of_pairs(dt / 2, pair[1])
+        vectors[3] = system.solve_stage("(q, p) at 1/2", known, dt / 4, t + dt / 2, begin)
+        vectors[3] -= known
+        if self.damping is not None:
+            vectors[:3] *= self.damping.of_pairs(dt, pair[1])
+            vectors[3] *= self.damping.of_pairs(dt / 2, pair[1])
+        q, p = (of.minus @ rows[:4]).reshape(pair)
+        end = system.evaluate(q, p, t + dt, begin)
+        vectors[4] = end.flow
+        values = np.empty_like(state.values)
+        np.matmul(of.update, rows, out=values[:2].reshape(2, -1))
+        values[2:] = state.values[1:3]
+        return MeanAndJumps(values, end)

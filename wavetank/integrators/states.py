@@ -130,5 +130,5 @@ def like(state: Any, rows: NDArray[Any]) -> Any:
     for name, vector in vectors(state).items():
         count = vector.size // vector.shape[-1]
         part, start = rows[start : start + count], start + count
-        parts[name] = part if vector.ndim > 1 else part[0]
+        parts[name] = part.reshape(*vector.shape[:-1], *part.shape[1:])
     return replace(state, **parts, evaluation=None)

@@ -48,7 +48,7 @@ UNREADABLE = (
     NotImplementedError,
     RecursionError,
 )  # what zip may meet
-FORMAT = 3  # of checkpoints; a change of ``Description``, or of what else all runs have, increases it
+FORMAT = 4  # of checkpoints; a change of ``Description``, or of what else all runs have, increases it
 FULL = errno.ENOSPC, errno.EDQUOT
 
 

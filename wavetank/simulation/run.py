@@ -260,7 +260,7 @@ class Run:
         own["paddle work"] = self.paddle_work
         for scheme in schemes:
             own = {f"paddle {n}": one for n, one in enumerate(getattr(scheme, "paddles", ()))} | own
-            own |= {"damping": scheme.damping} if hasattr(scheme, "damping") else {}
+            own["damping"] = getattr(scheme, "damping", None)
         parts = {name: part for name, part in own.items() if has_state(part)}
         for diagnostic in self.diagnostics:
             if has_state(getattr(diagnostic, "water", None)):
