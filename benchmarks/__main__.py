@@ -17,7 +17,7 @@ from benchmarks import beside, costs, scaling
 from benchmarks.direct import DirectMinimum
 from wavetank.fem.plane import Plane
 from wavetank.integrators import INTEGRATORS
-from wavetank.motion import Ramped, Sinusoid
+from wavetank.motion import ramped, sinusoid
 from wavetank.simulation.clock import Clock
 from wavetank.simulation.run import Run
 from wavetank.tank.footprint import Slice
@@ -32,7 +32,7 @@ def make_waves(cells: int) -> NonlinearWaves:
     """Return a MARIN-like slice of cells of 0.2 m with its piston moving."""
     footprint = Slice(CELL * cells, cells, comm=MPI.COMM_SELF)
     plane = Plane(footprint.mesh, 3)
-    motion = Ramped(Sinusoid(0.008, 1.2), 2.0)
+    motion = ramped(sinusoid(0.008, 1.2), 2.0)
     wall = Piston(motion, plane=plane, reach=10.0, side=footprint.side())
     tolerances = Tolerances(stage=1e-7, interior=1e-8)
     return NonlinearWaves(plane, depth=1.0, wall=wall, vertical_order=VERTICAL_ORDER, tolerances=tolerances)

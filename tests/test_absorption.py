@@ -23,7 +23,7 @@ from wavetank.case.wall import ActiveAbsorption, SpringDamper
 from wavetank.cli import main
 from wavetank.errors import InputError, RunError
 from wavetank.integrators.states import Point
-from wavetank.motion import Sinusoid, feedback
+from wavetank.motion import feedback, sinusoid
 from wavetank.motion.feedback import FeedbackMotion, FilterState, StateSpaceFilter, elevation_at_face
 from wavetank.motion.motion import blending, largest_stroke
 from wavetank.output.columns import energy_columns
@@ -114,7 +114,7 @@ def test_a_motion_that_is_steered_is_smooth_and_known_up_to_the_end_of_its_step(
 
     Simpson's rule finds its way from its velocities, though those at knots do not fit their positions.
     """
-    motion = FeedbackMotion(Sinusoid(0.1, 2.0))
+    motion = FeedbackMotion(sinusoid(0.1, 2.0))
     for n, t in enumerate((0.1, 0.2, 0.3, 0.4)):
         motion.go_on(0.1 * n, 0.1, np.sin(t), 1.3 * np.cos(t))
     for n in range(4):
@@ -127,10 +127,10 @@ def test_a_motion_that_is_steered_is_smooth_and_known_up_to_the_end_of_its_step(
     for order, value in enumerate((np.sin(0.2), 1.3 * np.cos(0.2))):
         assert motion.added(np.array([0.2, 0.2 + 1e-12]), order) == pytest.approx(value, abs=1e-9)
     assert np.diff(motion.added(np.array([0.2, 0.2 + 1e-12]), 2)) == pytest.approx(0.0, abs=1e-6)
-    assert motion.position(0.3) == Sinusoid(0.1, 2.0).position(0.3) + motion.added(0.3, 0)
+    assert motion.position(0.3) == sinusoid(0.1, 2.0).position(0.3) + motion.added(0.3, 0)
     motion.keep(0.15, "somebody")
     kept = motion.position(0.15)
-    again = FeedbackMotion(Sinusoid(0.1, 2.0))
+    again = FeedbackMotion(sinusoid(0.1, 2.0))
     again.state = motion.state
     assert np.array_equal(again.position(t), motion.position(t))
     motion.go_on(0.2, 0.1, 0.0, 0.0)  # another way, from an earlier time
@@ -157,7 +157,7 @@ def test_a_filter_solves_its_equation_to_third_order():
 def test_a_paddles_own_elevation_at_its_face_is_that_of_theory():
     """Of a long train of regular waves, once all that begins with it is gone."""
     omega = 3.0
-    made = elevation_at_face(Sinusoid(0.01, 2 * np.pi / omega), Flap(0.0), depth=1.0, gravity=GRAVITY, duration=60.0)
+    made = elevation_at_face(sinusoid(0.01, 2 * np.pi / omega), Flap(0.0), depth=1.0, gravity=GRAVITY, duration=60.0)
     Z = face(Flap(0.0), np.array([omega]), 1.0, GRAVITY)[0]
     for t in (40.0, 40.3, 41.1):
         assert made(t) == pytest.approx((Z * 0.01 * omega * np.exp(1j * omega * t)).real, abs=2e-4 * 0.01)
@@ -286,7 +286,7 @@ def test_work_is_counted_of_paddles_that_go_unevenly():
     goes on what the paddle is told to do. To order 4 from the third step on, when a cubic is known.
     """
     x, weights = np.polynomial.legendre.leggauss(8)
-    told, mass, steps, errors = Sinusoid(0.4, 3.0), 0.7, np.array([0.2, 0.1, 0.05]), []
+    told, mass, steps, errors = sinusoid(0.4, 3.0), 0.7, np.array([0.2, 0.1, 0.05]), []
     for dt in steps:
         motion = FeedbackMotion(told)
         work = PaddleWork([motion], np.array([mass]))
@@ -306,7 +306,8 @@ def test_work_is_counted_of_paddles_that_go_unevenly():
                 continue
             times = t + 0.5 * dt * (x - 1.0)
             ((by_place, by_speed),) = slopes(None, None, times)
-            both = [by_place * of(times, 1) + by_speed * of(times, 2) for of in (motion.derivative, motion.added)]
+            rates = motion.rates(times)[1:], [motion.added(times, order) for order in (1, 2)]
+            both = [by_place * velocity + by_speed * acceleration for velocity, acceleration in rates]
             exact = exact + 0.5 * dt * np.array(both) @ weights
         errors.append(np.abs(found - exact))
     assert np.max(errors[-1]) < 1e-5
@@ -455,7 +456,7 @@ def test_what_a_spring_holds_and_a_damper_takes_is_the_work_of_the_water(monkeyp
         missing.append(abs(rows[-1, WORK] + kept) / rows[0, TOTAL])
         off.append(np.abs(rows[:, BALANCE]).max() / rows[0, TOTAL])
         ((by_position, by_velocity),) = run.state.evaluations[-1].slopes
-        rate = motion.velocity(run.t) * by_position + motion.acceleration(run.t) * by_velocity
+        rate = motion.velocity(run.t) * by_position + motion.rates(run.t)[2] * by_velocity
         assert run.state.evaluations[-1].power == pytest.approx(rate, rel=1e-12)
     assert missing[1] < 1e-4 and off[0] < 1e-6
     assert missing[0] / missing[1] > 5.6 and off[0] / off[1] > 4.0
@@ -464,7 +465,7 @@ def test_what_a_spring_holds_and_a_damper_takes_is_the_work_of_the_water(monkeyp
 # ---------------------------------------------------------------- what a paddle cannot do
 def test_absorbing_ends_where_the_mapping_folds_and_not_out_of_the_water():
     """J = 1 + s' f X with the least s' there is, and the largest f."""
-    motion, mode_shape, r = FeedbackMotion(Sinusoid(1.0, 4.0)), np.array([0.0, 0.3, 1.4]), np.linspace(0.0, 1.0, 1001)
+    motion, mode_shape, r = FeedbackMotion(sinusoid(1.0, 4.0)), np.array([0.0, 0.3, 1.4]), np.linspace(0.0, 1.0, 1001)
     paddle = SimpleNamespace(motion=motion, largest_stroke=largest_stroke(1.0))
     equation = StateSpaceFilter.of_transfer(np.ones(1), np.array([1.0, 3.0, 2.0]))
     answering = PaddleController(paddle, equation, lambda q, p, t: np.zeros(1), mode_shape=mode_shape, key="far_wall")

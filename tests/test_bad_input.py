@@ -113,17 +113,17 @@ def test_non_finite_motion_names_its_key(tmp_path, wall, position, capsys):
         assert error.endswith(" at t = 0; must be finite.\n")
 
 
-@pytest.mark.parametrize(("position", "code"), [("1e-4*sqrt((t-0.25)**2-1e-9)", 2), ("1e-4*abs(t-0.25)**1.5", 1)])
-def test_non_finite_motion_at_unchecked_time_names_its_key(tmp_path, position, code, capsys):
-    """Before the run, whose steps are tried; of the second it is the acceleration, which is found on the way."""
+@pytest.mark.parametrize("position", ["1e-4*sqrt((t-0.25)**2-1e-9)", "1e-4*abs(t-0.25)**1.5"])
+def test_non_finite_motion_at_unchecked_time_names_its_key(tmp_path, position, capsys):
+    """Before the run, whose steps are tried; of the second it is the acceleration."""
     motion = f"[wall]\ntype = 'piston'\nmotion = {{ type = 'formula', position = '{position}' }}\n"
     (tmp_path / "case.toml").write_text(TANK + motion)
     numerics = ("run.duration=0.75", "numerics.dt=0.125", "numerics.cells=8", "numerics.vertical_order=4")
     changes = [word for change in numerics for word in ("--set", change)]
-    assert main(["run", str(tmp_path / "case.toml"), *changes, "--no-plots", "--out", str(tmp_path / "run")]) == code
-    begin = "t = 0.125 s" if code == 1 else f"{tmp_path / 'case.toml'}, line 8"
+    assert main(["run", str(tmp_path / "case.toml"), *changes, "--no-plots", "--out", str(tmp_path / "run")]) == 2
+    begin = f"{tmp_path / 'case.toml'}, line 8"
     told = f"wavetank: {begin}: wall.motion.position: formula '{position}': nan at t = 0.25; must be finite.\n"
-    assert capsys.readouterr().err == told and (tmp_path / "run").exists() == (code == 1)
+    assert capsys.readouterr().err == told and not (tmp_path / "run").exists()
 
 
 def test_motion_may_be_nan_after_the_last_step(tmp_path):

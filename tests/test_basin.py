@@ -17,7 +17,7 @@ from wavetank.errors import InputError
 from wavetank.fem.plane import Plane
 from wavetank.fem.points import Points
 from wavetank.integrators import INTEGRATORS
-from wavetank.motion import Ramped, SegmentedMotion, Sinusoid
+from wavetank.motion import Motion, ramped, sinusoid
 from wavetank.output.columns import energy_columns
 from wavetank.simulation.clock import Clock
 from wavetank.simulation.construction import build_waves
@@ -32,7 +32,7 @@ from wavetank.waves.airy import angular_frequency
 
 GRAVITY = 9.81
 TIGHT = Tolerances(stage=1e-11, interior=1e-12)
-MOTION = Ramped(Sinusoid(0.05, 1.2), 0.5)
+MOTION = ramped(sinusoid(0.05, 1.2), 0.5)
 SLOPING = lambda x, y: 0.5 - 0.05 * x  # noqa: E731
 KINDS = {"quadrilaterals": mesh.CellType.quadrilateral, "triangles": mesh.CellType.triangle}
 
@@ -98,19 +98,13 @@ def test_a_basin_uniform_in_y_is_its_slice(kind, depth):
     assert energies < (1e-9 if same else 0.01 * narrow_rows[:, 3].max())
 
 
-class Segments(SegmentedMotion):
-    """A paddle whose segments move alike, but for a bow."""
-
-    def __init__(self, bow=0.5):
-        self.bow = bow
-
-    def derivative(self, t, order, y=None):
-        """Return the piston's motion times the bow's shape."""
-        return np.multiply.outer(MOTION.derivative(t, order), 1 + self.bow * np.cos(np.pi * y / 0.6))
+def bowed(bow=0.5):
+    """Return the motion of a paddle whose segments move alike, but for a bow."""
+    return Motion(lambda t, y: np.multiply.outer(MOTION.rates(t), 1 + bow * np.cos(np.pi * y / 0.6)))
 
 
 def test_a_segmented_paddle_without_a_bow_is_a_piston():
-    one, many = (basin(2.0, 0.6, (6, 2), motion=motion) for motion in (MOTION, Segments(bow=0.0)))
+    one, many = (basin(2.0, 0.6, (6, 2), motion=motion) for motion in (MOTION, bowed(bow=0.0)))
     (a, a_rows), (b, b_rows) = (run(waves, steps=6, dt=0.03) for waves in (one, many))
     assert np.abs(a.q - b.q).max() < 1e-12
     assert np.abs(a.p - b.p).max() < 1e-10
@@ -135,9 +129,9 @@ def test_a_turned_basin_is_itself():
     """The energies of a basin with segments, slope and all; its bed turned with it."""
     angle = 0.7
     c, s = np.cos(angle), np.sin(angle)
-    straight = basin(2.0, 0.6, (6, 2), motion=Segments(), depth=uneven)
+    straight = basin(2.0, 0.6, (6, 2), motion=bowed(), depth=uneven)
     turned = basin(
-        2.0, 0.6, (6, 2), motion=Segments(), depth=lambda x, y: uneven(c * x + s * y, c * y - s * x), angle=angle
+        2.0, 0.6, (6, 2), motion=bowed(), depth=lambda x, y: uneven(c * x + s * y, c * y - s * x), angle=angle
     )
     (_, rows), (_, turned_rows) = (run(waves, steps=6, dt=0.03) for waves in (straight, turned))
     assert np.abs(rows - turned_rows).max() < 1e-10
@@ -147,7 +141,7 @@ def test_a_turned_basin_is_itself():
 # ---------------------------------------------------------------- energy and mass
 def test_paddle_work_over_a_bed_balances_with_the_order_of_the_scheme():
     """Segments, their metric, and a bed that moves under the reference tank: all in the explicit rate."""
-    waves = basin(2.0, 0.6, (6, 2), motion=Segments(), depth=uneven)
+    waves = basin(2.0, 0.6, (6, 2), motion=bowed(), depth=uneven)
     balance, mass = (energy_columns(2).index(name) for name in ("balance [m^5/s^2]", "mass [m^3]"))
     steps, errors = (20, 28), []
     for count in steps:
@@ -216,7 +210,7 @@ def test_linear_waves_are_the_limit_of_nonlinear_ones_over_a_bed():
     """The difference falls with the square of the paddle's amplitude."""
     differences, amplitudes = [], (0.004, 0.016)
     for amplitude in amplitudes:
-        motion = Ramped(Sinusoid(amplitude, 1.2), 0.5)
+        motion = ramped(sinusoid(amplitude, 1.2), 0.5)
         nonlinear = basin(2.0, 0.6, (6, 2), motion=motion, depth=uneven, n=3)
         footprint, side = rectangle(2.0, 0.6, (6, 2))
         plane = Plane(footprint, 3)
@@ -282,7 +276,7 @@ def test_a_basin_is_the_same_on_any_number_of_ranks(on_ranks, kind):
 
 def last_row(kind):
     """Return the last row of a run."""
-    waves = basin(2.0, 1.2, (8, 6), motion=Segments(), depth=uneven, kind=kind, comm=MPI.COMM_WORLD)
+    waves = basin(2.0, 1.2, (8, 6), motion=bowed(), depth=uneven, kind=kind, comm=MPI.COMM_WORLD)
     _, rows = run(waves, steps=1, dt=0.12)
     return rows[-1, 1:]
 

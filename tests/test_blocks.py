@@ -16,7 +16,7 @@ from test_state import BASIN, FLAP, SLICE, Observed, differing
 from wavetank.case import Case, EndWall
 from wavetank.errors import BreakdownError, PaddleError, StoppedError
 from wavetank.integrators.states import Point
-from wavetank.motion import Ramped, Sinusoid
+from wavetank.motion import ramped, sinusoid
 from wavetank.output.directory import ENERGY, GAUGES, PADDLE, RunDirectory
 from wavetank.recording import record_run
 from wavetank.simulation import checkpoints
@@ -82,7 +82,7 @@ def surfaces(tank, times, elevation):
 
 def test_a_paddle_that_reaches_a_gauge_ends_the_record_before_and_is_named(make_tank):
     """Within one block it reaches the gauge and goes back."""
-    tank, rows = make_tank(length=6.0, cells=12, n=4, motion=Ramped(Sinusoid(0.4, 4.0), 1.0), reach=3.0), Memory()
+    tank, rows = make_tank(length=6.0, cells=12, n=4, motion=ramped(sinusoid(0.4, 4.0), 1.0), reach=3.0), Memory()
     called = Called(("gauges.0", "gauges.1"), ("wall",))
     gauges = Gauges(tank, [(0.2, 0.0), (5.0, 0.0)], record=rows, schedule=EverySteps(), called=called)
     times = [0.1 * step for step in range(25)]
@@ -97,7 +97,7 @@ def test_a_paddle_that_reaches_a_gauge_ends_the_record_before_and_is_named(make_
 
 def test_gauges_read_a_plane_surface_exactly_within_a_paddles_reach_and_beyond(make_tank):
     """Oracle: its height at the gauge, though the paddle displaces the mesh; at two times in one block."""
-    tank, rows = make_tank(length=6.0, cells=12, n=4, motion=Sinusoid(0.4, 4.0), reach=3.0), Memory()
+    tank, rows = make_tank(length=6.0, cells=12, n=4, motion=sinusoid(0.4, 4.0), reach=3.0), Memory()
     places = np.array([[0.7, 0.0], [5.0, 0.0], [2.0, 0.0]])
     gauges = Gauges(tank, places, record=rows, schedule=EverySteps())
     gauges.record(surfaces(tank, (0.4, 1.3), lambda t: 0.01 * tank.wall.to_physical(tank.plane.places)[:, 0]))
@@ -113,7 +113,7 @@ def alternating(tank, part):
 @pytest.mark.parametrize("steps", [1, 5, 16])
 def test_a_stability_watch_warns_of_the_same_time_and_place_in_blocks_of_any_length(make_tank, steps):
     """The 15th step is the first that shows what alternates from the 13th on, the 24th the tenth."""
-    motion = Sinusoid(0.2, 4.0)
+    motion = sinusoid(0.2, 4.0)
     tank, warnings = make_tank(length=2.0, cells=4, n=4, motion=motion, reach=1.0), list[str]()
     watch = StabilityWatch(tank, surface_of(tank), dt=0.02, limit=2.0, warn=warnings.append, alternating=IN_ELEVATION)
     block = alternating(tank, 0.1)

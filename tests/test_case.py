@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from ranks import CHECKOUT
 
-from wavetank import motion as motions
 from wavetank.case import (
     Case,
     Gauge,
@@ -121,7 +120,7 @@ def test_defaults_are_resolved_in_properties():
         "slice",
         9.81,
     )
-    assert isinstance(case.motion(), motions.AtRest)
+    assert not case.motion().moves
     piston = PistonWall(motion=SinusoidMotion(paddle_amplitude=0.01, period=1.0))
     assert Case(tank=case.tank, run=case.run, wall=piston).ends[0].reach == 10.0
     assert Case(tank=SliceTank(length=3.0, depth=1.0), run=case.run, wall=piston).ends[0].reach == 3.0

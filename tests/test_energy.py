@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 from wavetank.fem.charts import Straight
 from wavetank.fem.forms import ScalarForm
-from wavetank.motion import Sinusoid
+from wavetank.motion import sinusoid
 from wavetank.tank.energy import WaterEnergy
 from wavetank.tank.walls import Piston, Side
 
@@ -28,12 +28,12 @@ class Box:
         return Side(tags, np.zeros(2), np.array([1.0, 0.0]))
 
 
-MOVING = Sinusoid(0.1, 2.0)
+MOVING = sinusoid(0.1, 2.0)
 WALLS = {
     "fixed": {},
     "piston": {"motion": MOVING},
     "flap": {"motion": MOVING, "hinge": 0.0},
-    "both": {"motion": MOVING, "far": Sinusoid(0.05, 1.5), "reach": 1.5},
+    "both": {"motion": MOVING, "far": sinusoid(0.05, 1.5), "reach": 1.5},
     "basin": {"motion": MOVING, "footprint": Box},
 }
 FACTORS = {(WaterEnergy, "layer"): 1.2, (WaterEnergy, "potential"): 0.8}  # of densities

@@ -25,7 +25,7 @@ from wavetank.fem.plane import Plane
 from wavetank.fem.vertical import gauss_lobatto_legendre
 from wavetank.integrators import Simpson4, ThirdOrder
 from wavetank.integrators.states import Point, Traces
-from wavetank.motion import Sinusoid
+from wavetank.motion import sinusoid
 from wavetank.output.directory import RunDirectory
 from wavetank.planning.dispersion import elements
 from wavetank.run_warning import RunWarning
@@ -266,7 +266,7 @@ def test_three_ranks_are_told_what_one_is(on_ranks):
 def test_what_alternates_is_growth_where_the_paddle_cannot_have_made_it(make_tank, part, by_jump, grown):
     """Oracle: a surface, or its jump, up and down from step to step, by parts of a paddle's way that does so, too."""
     dt, amplitude, said = 0.02, 1e-4, list[RunWarning]()
-    tank = make_tank(length=2.0, cells=4, n=4, motion=Sinusoid(amplitude, 2 * dt))
+    tank = make_tank(length=2.0, cells=4, n=4, motion=sinusoid(amplitude, 2 * dt))
     alternating = IN_JUMP if by_jump else IN_ELEVATION
     watch = StabilityWatch(tank, surface_of(tank), dt=dt, limit=2.0, warn=said.append, alternating=alternating)
     height = part * np.pi * amplitude  # of the way by its velocity

@@ -15,7 +15,7 @@ from wavetank.case import Case
 from wavetank.errors import InputError, RunError
 from wavetank.fem.plane import Plane
 from wavetank.fem.vertical import VerticalBasis
-from wavetank.motion import Sinusoid
+from wavetank.motion import sinusoid
 from wavetank.output import fields
 from wavetank.output.directory import RunDirectory
 from wavetank.output.fields import VtkCells, VtuSeries
@@ -95,7 +95,7 @@ def driven(cells, order, **more):
     """Water in a slice of 3 m whose paddle is 0.2 m into it."""
     footprint = Slice(3.0, cells, comm=MPI.COMM_SELF)
     plane = along(footprint, order)
-    wall = Piston(Sinusoid(0.2, 4.0), plane=plane, reach=1.5, side=footprint.side())
+    wall = Piston(sinusoid(0.2, 4.0), plane=plane, reach=1.5, side=footprint.side())
     wall.set_time(1.0)
     return water(plane, wall=wall, **more)
 
@@ -190,7 +190,7 @@ def test_a_ring_is_drawn_open_with_its_first_corner_at_both_ends(tmp_path):
 def test_fields_are_on_the_laboratory_side_of_a_moving_wall(tmp_path):
     """Oracle: the paddle's position, the far end and the bed, which stay, and the formula of the elevation."""
     record(driven(6, 3), tmp_path)
-    position = Sinusoid(0.2, 4.0).position(1.0)
+    position = sinusoid(0.2, 4.0).position(1.0)
     assert abs(position) > 0.1
     for name in ("surface", "velocity"):
         assert read(tmp_path, name).bounds[:2] == pytest.approx((position, 3.0), abs=1e-7)

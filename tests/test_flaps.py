@@ -10,7 +10,7 @@ from wavetank.case import Case, ProfileWall
 from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.fem.plane import Plane
-from wavetank.motion import FlapAngle, Sinusoid
+from wavetank.motion import flap_motion, sinusoid
 from wavetank.output.columns import energy_columns
 from wavetank.planning.checks import run_warnings
 from wavetank.planning.plan import make_plan
@@ -105,11 +105,11 @@ def test_a_shape_with_a_kink_keeps_what_linear_theory_knows_of_it():
 
 def test_an_angle_is_a_motion():
     """X = arm tan(theta), and its derivatives by differences."""
-    motion, t = FlapAngle(Sinusoid(0.3, 2.0), 1.1), np.linspace(0.1, 3.0, 7)
+    motion, t = flap_motion(sinusoid(0.3, 2.0), 1.1), np.linspace(0.1, 3.0, 7)
     assert motion.position(t) == pytest.approx(1.1 * np.tan(0.3 * np.sin(np.pi * t)), rel=1e-12)
     for order in (1, 2):
-        steps = motion.derivative(t + 1e-5, order - 1) - motion.derivative(t - 1e-5, order - 1)
-        assert motion.derivative(t, order) == pytest.approx(steps / 2e-5, abs=1e-8)
+        steps = motion.rates(t + 1e-5)[order - 1] - motion.rates(t - 1e-5)[order - 1]
+        assert motion.rates(t)[order] == pytest.approx(steps / 2e-5, abs=1e-8)
 
 
 # ---------------------------------------------------------------- linear water
@@ -136,7 +136,7 @@ def misses(wavemaker, kd, *, exact, numerics=None):
     footprint = Slice(length, cells, comm=MPI.COMM_SELF)
     plane = Plane(footprint.mesh, order, footprint.chart)
     shape = Polynomial.fit(lambda z: wavemaker.mode_shape(z, 1.0), 1.0, plane.mesh, kinks=wavemaker.kinks(1.0))
-    wall = LinearPaddle(Sinusoid(1.0, 2 * np.pi), plane=plane, side=footprint.side(), shape=shape)
+    wall = LinearPaddle(sinusoid(1.0, 2 * np.pi), plane=plane, side=footprint.side(), shape=shape)
     waves = LinearWaves(plane, depth=1.0, wall=wall, vertical_order=n)
     units = np.eye(plane.owned)
     inflow = waves.H_p(units[0], 0.0 * units[0], 0.0)  # the paddle goes 1 m/s

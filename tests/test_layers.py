@@ -5,7 +5,7 @@ import pytest
 import scipy.sparse as sparse
 import ufl
 from mpi4py import MPI
-from test_basin import Segments, basin
+from test_basin import basin, bowed
 
 from wavetank.errors import ConvergenceError
 from wavetank.fem.decoupled import LayerMatrices
@@ -33,9 +33,9 @@ def ring(order, n):
 FEW = "few layers, many fields"
 WATERS = {
     "ring": lambda: ring(3, 4),
-    "quadrilaterals": lambda: basin(2.0, 0.6, (5, 3), order=3, n=4, motion=Segments(), depth=hilly, angle=0.3),
-    FEW: lambda: basin(2.0, 0.6, (5, 3), order=2, n=1, motion=Segments(), depth=hilly),
-    "triangles": lambda: basin(2.0, 0.6, (3, 2), kind="triangles", order=3, n=4, motion=Segments(), depth=hilly),
+    "quadrilaterals": lambda: basin(2.0, 0.6, (5, 3), order=3, n=4, motion=bowed(), depth=hilly, angle=0.3),
+    FEW: lambda: basin(2.0, 0.6, (5, 3), order=2, n=1, motion=bowed(), depth=hilly),
+    "triangles": lambda: basin(2.0, 0.6, (3, 2), kind="triangles", order=3, n=4, motion=bowed(), depth=hilly),
 }
 STILL = {
     "still quadrilaterals": lambda: basin(2.0, 0.6, (5, 3), order=3, n=4, angle=0.3),

@@ -10,7 +10,7 @@ from wavetank.case import Case
 from wavetank.fem.plane import Plane
 from wavetank.integrators import INTEGRATORS, ThirdOrder
 from wavetank.integrators.oscillators import Oscillators
-from wavetank.motion import AtRest, Ramped, Sinusoid
+from wavetank.motion import AT_REST, ramped, sinusoid
 from wavetank.output.columns import energy_columns
 from wavetank.simulation.build import build_run
 from wavetank.simulation.case_diagnostics import build_observers
@@ -150,7 +150,7 @@ def test_height_to_stroke_is_biesels(make_linear, kd):
     duration = 9 * period + gauge / float(group_velocity(kd, 1.0, GRAVITY))
     length = max(10.0, 0.5 * np.sqrt(GRAVITY) * duration + gauge)  # no reflection reaches the gauge
     cell = min(0.5, 2 * np.pi / kd / 8)
-    motion = Ramped(Sinusoid(1.0, period), 3 * period)
+    motion = ramped(sinusoid(1.0, period), 3 * period)
     waves = make_linear(length=length, cells=round(length / cell), n=6, motion=motion)
     record = Memory()
     gauges = Gauges(waves, [(gauge, 0.0)], record=record, schedule=EverySteps())
@@ -170,7 +170,7 @@ def test_energy_balances_the_work_of_the_paddle(make_linear, name, order):
     """What does not add up is the integrator's error, which falls with its order."""
     steps, errors = np.array([40, 56, 80]), []
     for count in steps:
-        waves = make_linear(length=2.0, cells=8, n=4, motion=Ramped(Sinusoid(1.0, 1.5), 1.0))
+        waves = make_linear(length=2.0, cells=8, n=4, motion=ramped(sinusoid(1.0, 1.5), 1.0))
         record = Memory()
         budget = EnergyBudget(waves, record=record)
         rest, scheme, dt = np.zeros(waves.plane.owned), INTEGRATORS[name](), 2.0 / count
@@ -199,7 +199,7 @@ class Displacement(Oscillators):
         return 0.0
 
 
-@pytest.mark.parametrize("motion", [AtRest(), Sinusoid(0.1, 1.5)], ids=["at rest", "moving"])
+@pytest.mark.parametrize("motion", [AT_REST, sinusoid(0.1, 1.5)], ids=["at rest", "moving"])
 @pytest.mark.parametrize("name", sorted(INTEGRATORS))
 def test_volume_follows_the_paddle_and_nothing_else(make_linear, name, motion):
     """The change of volume is the scheme's own integral of d X_p', to round-off."""
@@ -216,7 +216,7 @@ def test_volume_follows_the_paddle_and_nothing_else(make_linear, name, motion):
 # ------------------------------------------------------------------------------------------------ structure
 def test_derivatives_are_those_of_the_energy(make_linear):
     """H is quadratic: central differences are exact to round-off, and dH/dt is the explicit rate."""
-    waves = make_linear(length=2.0, cells=8, n=4, motion=Ramped(Sinusoid(0.1, 2.0), 4.0))
+    waves = make_linear(length=2.0, cells=8, n=4, motion=ramped(sinusoid(0.1, 2.0), 4.0))
     x, t = waves.plane.coordinates()[:, 0], 3.3
     q, p = waves.state(0.1 * np.cos(np.pi * x), np.sin(x))
     dq, dp = waves.mass.apply(np.cos(x)), np.cos(2 * x)
@@ -230,7 +230,7 @@ def test_derivatives_are_those_of_the_energy(make_linear):
 
 def test_the_operator_is_the_nonlinear_one_on_still_water(make_linear, make_tank):
     """H_psi and the energies with a moving paddle, at X_p = 0 where the mapping is the identity."""
-    motion = Sinusoid(0.1, 2.0)
+    motion = sinusoid(0.1, 2.0)
     linear, nonlinear = (make(length=2.0, cells=8, n=4, motion=motion) for make in (make_linear, make_tank))
     x = linear.plane.coordinates()[:, 0]
     q, p = linear.state(0 * x, np.sin(x))

@@ -17,7 +17,7 @@ from wavetank.fem.forms import ScalarForm
 from wavetank.fem.plane import Plane
 from wavetank.integrators import ThirdOrder
 from wavetank.integrators.states import Point
-from wavetank.motion import Ramped, SegmentedMotion, Sinusoid
+from wavetank.motion import Motion, ramped, sinusoid
 from wavetank.motion.motion import STEEPEST, blending, frequency_shift, largest_stroke
 from wavetank.simulation.clock import Clock, EverySteps
 from wavetank.simulation.diagnostics import Gauges, HighestCrest
@@ -37,11 +37,10 @@ from wavetank.tank.waves import NonlinearWaves, Tolerances
 TIGHT = Tolerances(stage=1e-12, interior=1e-13)
 
 
-class Shear(SegmentedMotion):
-    """A segmented paddle as a smooth function: X_p = (a + b y) sin(t)."""
-
-    def derivative(self, t, order, y=None):
-        return np.multiply.outer(np.sin(t + order * np.pi / 2), 0.15 + 0.2 * y)
+def shear():
+    """Return a segmented paddle as a smooth function: X_p = (a + b y) sin(t)."""
+    orders = np.arange(3)[:, None] * np.pi / 2
+    return Motion(lambda t, y: np.multiply.outer(np.sin(t + orders), 0.15 + 0.2 * y))
 
 
 # ---------------------------------------------------------------- its shape
@@ -82,7 +81,7 @@ def uniform_flow(waves, t, a, b):
 
 @pytest.mark.parametrize("order", [pytest.param(1, marks=pytest.mark.slow), pytest.param(2, marks=pytest.mark.slow), 3])
 def test_uniform_flow_has_its_kinetic_energy_under_the_mapping_of_a_slice(make_tank, order):
-    tank = make_tank(length=3.0, cells=6, order=order, n=4, motion=Sinusoid(0.5, 2 * np.pi), reach=2.0)
+    tank = make_tank(length=3.0, cells=6, order=order, n=4, motion=sinusoid(0.5, 2 * np.pi), reach=2.0)
     found, expected = uniform_flow(tank, 1.1, 0.3, 0.0)
     assert found == pytest.approx(expected, rel=1e-12)
 
@@ -94,7 +93,7 @@ def test_uniform_flow_has_its_kinetic_energy_under_the_mapping_of_a_segmented_pa
     facets = mesh.locate_entities_boundary(plan, 1, lambda x: np.isclose(x[0], 0.0))
     side = Side(mesh.meshtags(plan, 1, facets, np.ones(facets.size, dtype=np.int32)), np.zeros(2), np.eye(2)[0])
     plane = Plane(plan, 3)
-    wall = Piston(Shear(), plane=plane, reach=2.0, side=side)
+    wall = Piston(shear(), plane=plane, reach=2.0, side=side)
     waves = NonlinearWaves(plane, depth=0.7, wall=wall, vertical_order=4, tolerances=TIGHT)
     found, expected = uniform_flow(waves, 1.1, 0.3, -0.4)
     assert found == pytest.approx(expected, rel=1e-12)
@@ -152,7 +151,7 @@ def test_uniform_flow_has_its_kinetic_energy_under_a_mapping_that_leans(mapping_
 # ---------------------------------------------------------------- the laboratory knows of no reach
 def test_gauges_near_a_paddle_of_large_stroke_do_not_depend_on_the_reach(make_tank):
     """A stroke of 0.6 depths, gauges as near as 0.6 depths: what they see differs by the mesh's error alone."""
-    motion, records = Ramped(Sinusoid(0.3, 4.0), 4.0), []
+    motion, records = ramped(sinusoid(0.3, 4.0), 4.0), []
     for reach in (2.0, 4.0, 8.0):
         tank = make_tank(length=8.0, cells=32, n=4, motion=motion, reach=reach, tolerance=1e-9)
         run = Run(tank, ThirdOrder(), [], start=tank.state(*np.zeros((2, tank.plane.owned))), clock=Clock(0.04, 110))
@@ -177,7 +176,7 @@ def test_a_smooth_surface_is_smooth_to_the_penalty_wherever_the_paddle_stands(ma
     """Oracle: what the penalty changes falls with the cells by more than order 3, as with the paddle at rest."""
     sizes, changes = [], []
     for cells in (16, 32, 64):
-        tank = make_tank(length=8.0, cells=cells, n=4, motion=Sinusoid(1.0, 4.0), reach=4.0)
+        tank = make_tank(length=8.0, cells=cells, n=4, motion=sinusoid(1.0, 4.0), reach=4.0)
         tank.set_time(1.0)  # X_p = 1 m
         x = tank.wall.to_physical(tank.plane.places)[:, 0]
         psi = np.cos(np.pi * (x - 1.0) / 7.0 * 3)
@@ -190,7 +189,7 @@ def test_a_smooth_surface_is_smooth_to_the_penalty_wherever_the_paddle_stands(ma
 
 def test_an_even_slope_has_no_kink_where_the_mapping_has(make_tank):
     """Elements of order 2 do not have the shape of the mapping: it is in physical space that kinks are looked for."""
-    tank = make_tank(length=4.0, cells=8, order=2, n=2, motion=Sinusoid(0.5, 4.0), reach=2.0)
+    tank = make_tank(length=4.0, cells=8, order=2, n=2, motion=sinusoid(0.5, 4.0), reach=2.0)
     tank.set_time(1.0)  # X_p = 0.5 m
     x = tank.wall.to_physical(tank.plane.places)[:, 0]
     penalty = EdgePenalty(tank, SurfaceFlow(tank), cell_size=0.5, dt=0.01, threshold=0.0)
@@ -200,7 +199,7 @@ def test_an_even_slope_has_no_kink_where_the_mapping_has(make_tank):
 
 def test_viscosity_is_where_the_crest_is_in_the_laboratory(make_tank):
     """Oracle: short waves are flattened about the crest's own place; the reference tank has it 0.25 m beside."""
-    tank = make_tank(length=4.0, cells=32, n=4, motion=Sinusoid(0.5, 4.0), reach=4.0)
+    tank = make_tank(length=4.0, cells=32, n=4, motion=sinusoid(0.5, 4.0), reach=4.0)
     breaking = BreakingDissipation(tank, BreakingWatch(tank, SurfaceFlow(tank), length=None), dt=1e-3)
     tank.set_time(1.0)  # X_p = 0.5 m
     x = tank.wall.to_physical(tank.plane.places)[:, 0]
@@ -227,7 +226,7 @@ def test_viscosity_is_that_of_the_crest_over_the_current(make_tank):
 
 def test_the_highest_crest_is_located_in_the_laboratory(make_tank):
     """Its node is 0.5 m from the paddle at rest in the reference tank; the paddle has moved by 0.4 m."""
-    tank = make_tank(length=4.0, cells=8, n=4, motion=Sinusoid(0.4, 4.0), reach=4.0)
+    tank = make_tank(length=4.0, cells=8, n=4, motion=sinusoid(0.4, 4.0), reach=4.0)
     tank.set_time(1.0)
     place = tank.plane.places[[np.argmin(np.abs(tank.plane.x - 0.5))]]
     eta = np.where(tank.plane.x == place[0, 0], 0.1, 0.0)
@@ -239,7 +238,7 @@ def test_the_highest_crest_is_located_in_the_laboratory(make_tank):
 
 def test_a_penalty_is_that_of_where_the_paddle_has_gone(make_tank):
     """Oracle: a penalty that is made there."""
-    tank = make_tank(length=4.0, cells=8, n=4, motion=Sinusoid(0.5, 4.0), reach=2.0)
+    tank = make_tank(length=4.0, cells=8, n=4, motion=sinusoid(0.5, 4.0), reach=2.0)
     psi = np.cos(tank.plane.x) ** 3
 
     def penalty():
@@ -255,7 +254,7 @@ def test_a_penalty_is_that_of_where_the_paddle_has_gone(make_tank):
 
 def test_the_mass_matrix_is_inverted_as_it_is_wherever_the_paddle_has_been(make_tank):
     """Its product with the solution, which is to the bit that of one that has come another way: runs go on so."""
-    one = {"length": 20.0, "cells": 40, "n": 2, "motion": Sinusoid(0.5, 4.0), "reach": 2.0}
+    one = {"length": 20.0, "cells": 40, "n": 2, "motion": sinusoid(0.5, 4.0), "reach": 2.0}
     tank, other = make_tank(**one), make_tank(**one)
     right, solutions = np.cos(tank.plane.x), []
     for t in (0.3, 0.7, 1.0):
@@ -269,7 +268,7 @@ def test_the_mass_matrix_is_inverted_as_it_is_wherever_the_paddle_has_been(make_
 
 def test_a_filter_takes_the_wall_where_it_stands_at_the_end_of_the_step(make_tank):
     """Gauss-Legendre's last evaluation is within the step: the mass matrix then is that of another time."""
-    tank = make_tank(length=4.0, cells=16, n=4, motion=Sinusoid(0.5, 2.0), reach=2.0)
+    tank = make_tank(length=4.0, cells=16, n=4, motion=sinusoid(0.5, 2.0), reach=2.0)
     q, p = tank.state(0.05 * np.cos(tank.plane.x), 0 * tank.plane.x, 0.3)
     tank.set_time(0.2)
     flow = SurfaceFlow(tank)
@@ -288,7 +287,7 @@ def test_a_piston_quickens_waves_by_what_it_leaves_of_the_narrowest_cell(left):
 
 def test_viscosity_diffuses_in_the_laboratory(make_tank):
     """Oracle: an implicit step of diffusion leaves cos kx / (1 + nu dt k²) of cos kx."""
-    tank = make_tank(length=4.0, cells=32, n=2, motion=Sinusoid(0.5, 4.0), reach=4.0)
+    tank = make_tank(length=4.0, cells=32, n=2, motion=sinusoid(0.5, 4.0), reach=4.0)
     tank.set_time(1.0)
     x = tank.wall.to_physical(tank.plane.places)[:, 0]
     breaking = BreakingDissipation(tank, None, dt=0.01)

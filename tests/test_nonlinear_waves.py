@@ -11,7 +11,7 @@ from wavetank.errors import RunError
 from wavetank.integrators import INTEGRATORS, Simpson4
 from wavetank.integrators.simpson import MeanAndJumps
 from wavetank.integrators.states import Traces, rows
-from wavetank.motion import Ramped, Sinusoid
+from wavetank.motion import ramped, sinusoid
 from wavetank.output.columns import energy_columns
 from wavetank.simulation.build import build_run
 from wavetank.simulation.energy import EnergyBudget
@@ -33,7 +33,7 @@ def steep_state(tank, amplitude=0.12):
 
 
 def piston():
-    return Ramped(Sinusoid(0.04, 2.0), 4.0)
+    return ramped(sinusoid(0.04, 2.0), 4.0)
 
 
 @pytest.mark.parametrize("motion", [None, piston()], ids=["fixed wall", "piston"])
@@ -87,7 +87,7 @@ def test_a_stage_s_preconditioner_tells_a_paddle_s_mapping_from_a_current(make_t
     Still water alone leaves 0.02 of it and more; with squeezed columns taken for rising water 0.11 were left, and far
     in, with the mapping in the mass alone, 7.
     """
-    tank, a = make_tank(length=4.0, cells=30, n=5, motion=Sinusoid(0.8, 10.0), reach=2.0, hinge=hinge), 0.01
+    tank, a = make_tank(length=4.0, cells=30, n=5, motion=sinusoid(0.8, 10.0), reach=2.0, hinge=hinge), 0.01
     x, still = tank.plane.x, StillWaterWaves(tank)
     z = np.array(tank.state(0.05 * np.cos(2 * x), 0.5 * x * (1 - x / 8), t))
 
@@ -297,10 +297,10 @@ def test_mass_does_not_depend_on_how_well_the_stages_are_solved(make_tank, name)
 
 
 def test_a_paddle_at_rest_is_a_fixed_wall(make_tank):
-    from wavetank.motion import AtRest
+    from wavetank.motion import AT_REST
 
     results = []
-    for motion in (None, AtRest()):
+    for motion in (None, AT_REST):
         tank = make_tank(length=2.0, cells=8, n=4, motion=motion)
         state = Simpson4().start(*steep_state(tank))
         for step in range(10):

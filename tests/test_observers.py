@@ -11,7 +11,7 @@ from wavetank.errors import RunError
 from wavetank.integrators import StormerVerlet
 from wavetank.integrators.filtered import Filtered
 from wavetank.integrators.states import Point
-from wavetank.motion import Sinusoid
+from wavetank.motion import sinusoid
 from wavetank.output.columns import energy_columns
 from wavetank.simulation.clock import Clock, EverySteps, EveryTime, EveryTimeBetween
 from wavetank.simulation.diagnostics import SurfaceSnapshots
@@ -163,7 +163,7 @@ def test_a_run_ends_at_the_step_that_a_diagnostic_cannot_record(fails_at):
 
 def test_snapshots_are_on_the_laboratory_side_of_the_paddle(make_tank):
     """Oracle: the first place is the paddle's, the last that of the far wall, and x is ascending between them."""
-    motion = Sinusoid(0.5, 4.0)
+    motion = sinusoid(0.5, 4.0)
     tank, seen = make_tank(length=6.0, cells=12, n=4, motion=motion, reach=3.0), []
 
     class Kept:

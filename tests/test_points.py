@@ -9,7 +9,7 @@ from mpi4py import MPI
 from wavetank.errors import OutsideError
 from wavetank.fem.plane import Plane
 from wavetank.fem.points import LinePoints, Points
-from wavetank.motion import Ramped, Sinusoid
+from wavetank.motion import ramped, sinusoid
 from wavetank.tank.footprint import Slice
 from wavetank.tank.walls import Piston
 
@@ -63,7 +63,7 @@ def test_a_point_outside_is_refused_with_its_place(kind, x):
 
 @given(x=st.floats(0.5, 7.0), t=st.floats(0.0, 20.0))
 def test_the_mapping_and_its_inverse_agree(x, t):
-    motion = Ramped(Sinusoid(0.3, 3.0), 2.0)
+    motion = ramped(sinusoid(0.3, 3.0), 2.0)
     wall = Piston(motion, plane=PLANE, reach=4.0, side=FOOTPRINT.side())
     wall.set_time(t)
     X = wall.to_reference(np.array([[x, 0.0]]))

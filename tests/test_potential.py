@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wavetank.motion import Sinusoid
+from wavetank.motion import sinusoid
 
 
 def dense_operator(tank):
@@ -35,7 +35,7 @@ def test_interior_potential_is_the_direct_solution(steep_tank):
 
 @pytest.mark.parametrize(
     ("motion", "hinge"),
-    [(None, None), (Sinusoid(0.04, 2.0), None), (Sinusoid(0.1, 2.0), 0.0)],
+    [(None, None), (sinusoid(0.04, 2.0), None), (sinusoid(0.1, 2.0), 0.0)],
     ids=["fixed wall", "piston", "flap"],
 )
 def test_what_is_compiled_as_a_whole_is_what_its_parts_make_one_after_the_other(make_tank, motion, hinge):
@@ -57,9 +57,9 @@ def test_what_is_compiled_as_a_whole_is_what_its_parts_make_one_after_the_other(
 @pytest.mark.parametrize("speed", [1e-30, 1e-40, 1e-44])
 def test_a_paddle_that_hardly_moves_yet_has_a_potential_as_small(make_tank, speed):
     """Of a start like exp(-t²): the residual is found in single precision, which ends at 1e-45. Oracle: linearity."""
-    tank = make_tank(length=2.0, cells=8, n=4, motion=Sinusoid(speed, 2 * np.pi))
+    tank = make_tank(length=2.0, cells=8, n=4, motion=sinusoid(speed, 2 * np.pi))
     still, nothing = tank.state(np.zeros(tank.plane.owned), np.zeros(tank.plane.owned))
-    unit = make_tank(length=2.0, cells=8, n=4, motion=Sinusoid(1e-3, 2 * np.pi)).H_p(still, nothing, 0.0) / 1e-3
+    unit = make_tank(length=2.0, cells=8, n=4, motion=sinusoid(1e-3, 2 * np.pi)).H_p(still, nothing, 0.0) / 1e-3
     assert np.abs(tank.H_p(still, nothing, 0.0) / speed - unit).max() < max(1e-5, 1e-44 / speed) * np.abs(unit).max()
 
 

@@ -13,7 +13,7 @@ from examples.paper.theories import SteadyWater
 from wavetank.case import Case
 from wavetank.errors import InputError
 from wavetank.fem.plane import Plane
-from wavetank.motion import Sinusoid
+from wavetank.motion import sinusoid
 from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run, resume_run
 from wavetank.simulation.below_surface import Probes
@@ -95,7 +95,7 @@ def test_still_water_s_pressure_is_that_of_its_depth():
     assert np.abs(found[:2, :6]).max() < 1e-13 and np.isnan(found[2]).all()
 
 
-MOTION = Sinusoid(0.2, 2.0)
+MOTION = sinusoid(0.2, 2.0)
 
 
 def driven(cells, *, bed=1.0, order=3, n=8, kind=Piston, **more):

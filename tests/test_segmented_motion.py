@@ -8,7 +8,8 @@ from pydantic import ValidationError
 
 from wavetank.case import BasinTank, Case, DirectionalIrregularMotion
 from wavetank.case.paddle import span
-from wavetank.motion import PiecewiseLinear, Ramped, SegmentedMotion, SnakeMotion, first_order_motion
+from wavetank.motion import Motion, first_order_motion, hinged, ramped, snake_motion
+from wavetank.motion.harmonic import along_paddle
 from wavetank.motion.motion import joints, widest_segment
 from wavetank.waves import wavemaker
 from wavetank.waves.airy import wave_number
@@ -20,15 +21,16 @@ GRAVITY, DEPTH = 9.81, 0.5
 Y = np.linspace(-4.0, 4.0, 17)
 
 
-class Oblique(SegmentedMotion):
+class Oblique(Motion):
     """Independent of the package's sums: X = a cos(theta) / c sin(omega t - k sin(theta) y)."""
 
     def __init__(self, amplitude=0.02, period=1.3, angle=0.5, shape=wavemaker.PISTON, depth=DEPTH):
         self.amplitude, self.angle, self.omega = amplitude, angle, 2 * np.pi / period
         self.k = float(wave_number(self.omega, depth, GRAVITY))
         self.paddle_amplitude = float(amplitude * np.cos(angle) / shape.transfer(self.k, depth))
+        super().__init__(lambda t, y: [self.derivative(t, order, y) for order in range(3)])
 
-    def derivative(self, t, order, y=None):
+    def derivative(self, t, order, y):
         phase = np.subtract.outer(np.multiply(self.omega, t) + order * np.pi / 2, self.k * np.sin(self.angle) * y)
         return self.paddle_amplitude * self.omega**order * np.sin(phase)
 
@@ -61,16 +63,21 @@ def between_walls(waves):
 
 
 def snake(waves):
-    return SnakeMotion(waves.target, wavemaker.PISTON)
+    return snake_motion(waves.target, wavemaker.PISTON)
+
+
+def summed(target, y):
+    """Return the snake's motion at places y, summed without a table."""
+    return along_paddle(target, wavemaker.PISTON, y).motion()
 
 
 MOTIONS = {
-    "oblique": SnakeMotion(oblique_waves(), wavemaker.PISTON),
+    "oblique": snake_motion(oblique_waves(), wavemaker.PISTON),
     "focus": snake(focus()),
     "reflected": snake(between_walls(focus())),
-    "ramped": Ramped(Oblique(), 6.0, start=1.0),
-    "segments": PiecewiseLinear(snake(focus()), joints(-4.0, 4.0, segment=0.5)),
-    "all": PiecewiseLinear(Ramped(Oblique(), 5.0), joints(-4.0, 4.0, segment=0.5)),
+    "ramped": ramped(Oblique(), 6.0, start=1.0),
+    "segments": hinged(snake(focus()), joints(-4.0, 4.0, segment=0.5)),
+    "all": hinged(ramped(Oblique(), 5.0), joints(-4.0, 4.0, segment=0.5)),
 }
 
 
@@ -78,24 +85,24 @@ MOTIONS = {
 @given(st.floats(0.0, 20.0), st.integers(0, 2))
 def test_segments_that_move_alike_are_a_paddle_that_moves_as_a_whole_and_ramp_alike(t, order):
     whole, alike = first_order_motion(group().target, wavemaker.PISTON).tabulated(), snake(group(fan=Fan(0.5, 1)))
-    expected = whole.derivative(t, order)
-    assert whole.derivative(t, order, Y) == expected  # the same wherever it is looked at
+    expected = whole.rates(t)[order]
+    assert whole.rates(t, Y)[order] == expected  # the same wherever it is looked at
     tight = {"rtol": 1e-9, "atol": 1e-12}
-    np.testing.assert_allclose(alike.derivative(t, order, Y), np.full(Y.size, expected), **tight)
-    ramped = Ramped(whole, 3.0, start=1.0).derivative(t, order)
-    np.testing.assert_allclose(Ramped(alike, 3.0, start=1.0).derivative(t, order, Y), np.full(Y.size, ramped), **tight)
-    hinged = PiecewiseLinear(alike, joints(-4.0, 4.0, segment=0.7)).derivative(t, order, Y)
-    np.testing.assert_allclose(hinged, np.full(Y.size, expected), **tight)
+    np.testing.assert_allclose(alike.rates(t, Y)[order], np.full(Y.size, expected), **tight)
+    driven = ramped(whole, 3.0, start=1.0).rates(t)[order]
+    np.testing.assert_allclose(ramped(alike, 3.0, start=1.0).rates(t, Y)[order], np.full(Y.size, driven), **tight)
+    straight = hinged(alike, joints(-4.0, 4.0, segment=0.7)).rates(t, Y)[order]
+    np.testing.assert_allclose(straight, np.full(Y.size, expected), **tight)
 
 
 @given(st.floats(-3.9, 3.9), st.floats(0.0, 20.0))
 def test_segments_are_straight_between_joints_that_follow_the_motion(y, t):
     at, motion = joints(-4.0, 4.0, segment=0.5), snake(focus())
-    hinged = PiecewiseLinear(motion, at)
-    np.testing.assert_array_equal(hinged.position(t, at), motion.position(t, at))
+    straight = hinged(motion, at)
+    np.testing.assert_array_equal(straight.position(t, at), motion.position(t, at))
     expected = np.interp(y, at, motion.position(t, at))
-    assert hinged.position(t, np.array([y]))[0] == pytest.approx(expected, abs=1e-15)
-    ends = hinged.position(t, np.array([-9.0, 9.0]))
+    assert straight.position(t, np.array([y]))[0] == pytest.approx(expected, abs=1e-15)
+    ends = straight.position(t, np.array([-9.0, 9.0]))
     np.testing.assert_array_equal(ends, motion.position(t, at)[[0, -1]])
 
 
@@ -131,7 +138,7 @@ def test_wider_segments_make_a_second_wave_that_travels(angle):
 # ---------------------------------------------------------------- linear theory
 def test_the_oblique_wave_s_height_is_biesel_s_over_the_cosine():
     """Oracle: the flux, int u cos(theta) cosh k(z+d) dz = omega X int cosh k(z+d) dz at the paddle, by quadrature."""
-    wave, made = Oblique(angle=0.7), SnakeMotion(oblique_waves(angle=0.7), wavemaker.PISTON).at(np.zeros(1))
+    wave, made = Oblique(angle=0.7), along_paddle(oblique_waves(angle=0.7), wavemaker.PISTON, np.zeros(1))
     nodes, weights = np.polynomial.legendre.leggauss(40)
     profile = np.cosh(wave.k * DEPTH * (nodes + 1) / 2) / np.cosh(wave.k * DEPTH)
     speed = wave.amplitude * GRAVITY * wave.k / wave.omega * np.cos(wave.angle)
@@ -143,7 +150,7 @@ def test_the_oblique_wave_s_height_is_biesel_s_over_the_cosine():
 @given(st.floats(0.0, 5.0), st.floats(-1.2, 1.2))
 def test_the_oblique_wave_at_the_paddle_goes_with_its_velocity(t, angle):
     wave, x, target = Oblique(angle=angle), np.zeros_like(Y), oblique_waves(angle=angle)
-    made = SnakeMotion(target, wavemaker.PISTON).velocity(t, Y)
+    made = snake_motion(target, wavemaker.PISTON).velocity(t, Y)
     in_step = made / (wave.omega * wave.paddle_amplitude) * wave.amplitude
     np.testing.assert_allclose(made, wave.velocity(t, Y), atol=1e-12)
     np.testing.assert_allclose(target.elevation(x, t, y=Y), in_step, atol=1e-12)
@@ -155,11 +162,11 @@ def test_the_oblique_wave_at_the_paddle_goes_with_its_velocity(t, angle):
 
 def test_one_direction_is_the_wave_group():
     waves, t = group(), np.linspace(5.0, 25.0, 7)
-    whole = first_order_motion(waves.target, wavemaker.PISTON)
+    whole = first_order_motion(waves.target, wavemaker.PISTON).motion()
     for one in (group(fan=Fan(0.5, 1)), between_walls(group(fan=Fan(0.5, 1)))):
         for order in range(3):
-            expected = np.repeat(whole.derivative(t, order)[:, None], Y.size, axis=1)
-            np.testing.assert_allclose(snake(one).at(Y).derivative(t, order), expected, atol=1e-12)
+            expected = np.repeat(whole.rates(t)[order][:, None], Y.size, axis=1)
+            np.testing.assert_allclose(summed(one.target, Y).rates(t)[order], expected, atol=1e-12)
         np.testing.assert_allclose(
             one.target.elevation(np.full_like(Y, 5.0), 19.0, y=Y), waves.target.elevation(5.0, 19.0)
         )
@@ -228,7 +235,7 @@ def test_the_reflected_paddle_makes_the_waves_it_says():
                 wave = Oblique(amplitude=0.5 * abs(crest), period=1 / frequency, angle=side * angle)
                 phase = np.angle(crest) - between.along[j, n] * 6.0 + wave.omega * 20.0
                 total += wave.position(t - phase / wave.omega, y + 4.0)
-    np.testing.assert_allclose(snake(between).at(y).position(t), total, atol=1e-12)
+    np.testing.assert_allclose(summed(between.target, y).position(t), total, atol=1e-12)
 
 
 # ---------------------------------------------------------------- time enough
@@ -241,7 +248,7 @@ def test_a_ramp_that_ends_in_time_leaves_the_crest(walls):
     later = focus(focus_time=early)
     # open water is wide enough to be periodic: from 20 m aside nothing reaches the focus in time
     low, width = (-4.0, 8.0) if walls else (-20.3, 40.6)
-    crest = sent_to_focus(Ramped(snake(between_walls(later) if walls else later), ramp), early, low, width)
+    crest = sent_to_focus(ramped(snake(between_walls(later) if walls else later), ramp), early, low, width)
     assert crest == pytest.approx(0.05, rel=0.03)
 
 
@@ -325,12 +332,12 @@ SEA = {
 def test_a_directional_sea_is_the_sum_of_oblique_waves():
     """Oracle: each component as an oblique wave of its own, shifted in time so that its phase is right."""
     waves = DirectionalIrregularMotion.model_validate(SEA).target(BasinTank.model_validate(BASIN))
-    sea, total, t = SnakeMotion(waves, wavemaker.PISTON), np.zeros_like(Y), 7.3
+    sea, total, t = snake_motion(waves, wavemaker.PISTON), np.zeros_like(Y), 7.3
     for A, k_x, k_y, omega in zip(waves.amplitudes, waves.k_x, waves.k_y, waves.omega, strict=True):
         one = Oblique(amplitude=abs(A), period=2 * np.pi / omega, angle=np.arctan2(k_y, k_x))
         total += one.position(t - np.angle(A) / omega, Y)
     np.testing.assert_allclose(sea.position(t, Y), total, atol=1e-9)  # from a table
-    np.testing.assert_allclose(sea.at(Y).position(t), total, atol=1e-12)
+    np.testing.assert_allclose(summed(waves, Y).position(t), total, atol=1e-12)
 
 
 @pytest.mark.parametrize("spread", [{"deviation": 15.0}, {"deviation": None, "spreading": 14.0}])

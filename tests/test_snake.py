@@ -12,8 +12,7 @@ from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.fem.plane import Plane
-from wavetank.motion import PiecewiseLinear
-from wavetank.motion.motion import SegmentedMotion
+from wavetank.motion import Motion
 from wavetank.output.columns import energy_columns
 from wavetank.output.directory import RunDirectory
 from wavetank.simulation.build import build_run
@@ -47,13 +46,12 @@ def test_a_snake_of_flaps_moves_by_their_transfer_function():
     t = np.linspace(0.0, 9.0, 40)
     np.testing.assert_allclose(flap.position(t, Y), np.multiply.outer(regular.position(t), 1 + 0 * Y), atol=1e-9)
     flap, piston = case_of(hinge=0.2).motion(), case_of(type="segmented-piston").motion()
-    k = piston.motion.waves.k_x[0] / np.cos(np.radians(OBLIQUE["angle"]))
+    k = airy.wave_number(2 * np.pi / OBLIQUE["period"], DEPTH, GRAVITY)
     ratio = 2 * np.sinh(k) / (np.sinh(2 * k) / (2 * k) + 1) / k  # Biesel's, over an arm of 0.8 m
     ratio *= np.sinh(k) - (np.cosh(k) - np.cosh(0.2 * k)) / (0.8 * k)
     ratio /= 2 * (np.cosh(2 * k) - 1) / (np.sinh(2 * k) + 2 * k)
     np.testing.assert_allclose(flap.position(7.3, Y) * ratio, piston.position(7.3, Y), rtol=1e-9)
     segments = case_of(hinge=0.2, segment=0.5).motion()
-    assert isinstance(segments, PiecewiseLinear)
     np.testing.assert_allclose(segments.position(7.3, Y[::2]), flap.position(7.3, Y[::2]), rtol=1e-12)
     middles = segments.position(7.3, Y[1::2]) - 0.5 * (flap.position(7.3, Y[:-1:2]) + flap.position(7.3, Y[2::2]))
     assert np.abs(middles).max() < 1e-12
@@ -65,14 +63,15 @@ def test_components_of_a_file_go_their_own_ways(tmp_path):
     np.savetxt(tmp_path / "waves.txt", rows)
     told = {"columns": ["frequency", "amplitude", "phase", "direction"], "x": 1.5, "y": 0.7, "time": 4.0}
     motion = {"type": "components", "file": str(tmp_path / "waves.txt"), "ramp": 0, **told}
-    found, t, total = case_of(motion, hinge=-0.5).motion(), 7.3, 0.0
+    case, t, total = case_of(motion, hinge=-0.5), 7.3, 0.0
+    found, target = case.motion(), case.wall.motion.target(case.tank)
     for f, a, phase, angle in rows:
         one = Oblique(amplitude=a, period=1 / f, angle=np.radians(angle), shape=Flap(-0.5), depth=DEPTH)
         later = (one.k * (np.cos(one.angle) * 1.5 + np.sin(one.angle) * 0.7) + phase) / one.omega
         total = total + one.position(t - 4.0 + later, Y)
     np.testing.assert_allclose(found.position(t, Y), total, atol=1e-9)
     eta = sum(a * np.cos(2 * np.pi * f * (t - 4.0) + phase) for f, a, phase, _ in rows)
-    assert found.waves.elevation(1.5, t, y=0.7) == pytest.approx(eta, abs=1e-12)
+    assert target.elevation(1.5, t, y=0.7) == pytest.approx(eta, abs=1e-12)
     whole = {"type": "flap", "motion": {**motion, "columns": told["columns"]}}
     del whole["motion"]["y"]
     tank = {"length": 9.0, "depth": DEPTH}
@@ -90,9 +89,10 @@ def test_a_surface_that_is_wished_for_comes_at_an_angle(tmp_path):
     eta = 0.01 * np.cos(2 * np.pi * 0.8 * t) * np.exp(-(((t - 20.0) / 5.0) ** 2))
     np.savetxt(tmp_path / "eta.txt", np.column_stack([t, eta]))
     motion = {"type": "surface", "file": str(tmp_path / "eta.txt"), "x": 2.0, "y": 0.7, "delay": 10.0}
-    found = case_of({**motion, "angle": 35.0, "ramp": 0}, duration=60.0, segment=0.5).motion().motion
-    np.testing.assert_allclose(found.waves.elevation(2.0, t + 10.0, y=0.7), eta, atol=2e-5)
-    assert np.degrees(np.arctan2(found.waves.k_y, found.waves.k_x)) == pytest.approx(35.0)
+    case = case_of({**motion, "angle": 35.0, "ramp": 0}, duration=60.0, segment=0.5)
+    target = case.wall.motion.target(case.tank)
+    np.testing.assert_allclose(target.elevation(2.0, t + 10.0, y=0.7), eta, atol=2e-5)
+    assert np.degrees(np.arctan2(target.k_y, target.k_x)) == pytest.approx(35.0)
     straight = case_of(motion, duration=60.0, segment=0.5).motion().position(31.0, Y)
     assert np.ptp(straight) < 1e-9 < 1e-4 < np.abs(straight).max()
     with pytest.raises(InputError, match=r"delay = -20\.0: must be at least"):
@@ -100,15 +100,10 @@ def test_a_surface_that_is_wished_for_comes_at_an_angle(tmp_path):
 
 
 # ---------------------------------------------------------------- water
-class Standing(SegmentedMotion):
-    """X = sin(t) cos(k_y y): at t = 0 it stands upright, and goes 1 m/s where y = 0."""
-
-    def __init__(self, k_y):
-        self.k_y = k_y
-
-    def derivative(self, t, order, y=None):
-        """Return the sine's."""
-        return np.multiply.outer(np.sin(t + order * np.pi / 2), np.cos(self.k_y * y))
+def standing(k_y):
+    """Return X = sin(t) cos(k_y y): at t = 0 it is upright, and goes 1 m/s where y = 0."""
+    orders = np.arange(3)[:, None] * np.pi / 2
+    return Motion(lambda t, y: np.multiply.outer(np.sin(t + orders), np.cos(k_y * y)))
 
 
 def closed(wavemaker, omega, x, k_y):
@@ -131,7 +126,7 @@ def test_a_snake_of_flaps_makes_biesels_oblique_waves(hinge):
     footprint = build_footprint(case, MPI.COMM_SELF)
     plane = Plane(footprint.mesh, 3, footprint.chart, walls=footprint.facets_of)
     shape = Polynomial.fit(lambda z: wavemaker.mode_shape(z, DEPTH), DEPTH, plane.mesh, kinks=wavemaker.kinks(DEPTH))
-    wall = Shaped(Standing(k_y), plane=plane, reach=LENGTH, side=footprint.side(), shape=shape)
+    wall = Shaped(standing(k_y), plane=plane, reach=LENGTH, side=footprint.side(), shape=shape)
     fine = Tolerances(stage=1e-9, interior=1e-10)
     waves = NonlinearWaves(plane, depth=DEPTH, wall=wall, vertical_order=8, tolerances=fine)
     rest, units = waves.columns.apply(np.full(plane.owned, DEPTH)), np.eye(plane.owned)

@@ -24,7 +24,7 @@ from wavetank.case.tank import BeachBed, EndSponge, SliceTank
 from wavetank.fem.plane import Plane
 from wavetank.integrators import Damping, Simpson4, damped
 from wavetank.integrators.contract import State
-from wavetank.motion import Motion, Ramped, Sinusoid
+from wavetank.motion import Motion, ramped, sinusoid
 from wavetank.plots.style import BLUE, GREEN, LIGHT_BLUE, ORANGE, PALE_GREY, VERMILION, entry
 from wavetank.tank.dissipation import profile
 from wavetank.tank.footprint import Slice
@@ -104,7 +104,7 @@ class Operators:
     """The dense operators of a beach's linear waves."""
 
     def __init__(self, beach: Beach):
-        waves, units = beach.linear(Sinusoid(1.0, 2 * np.pi)), np.eye(beach.plane.owned)
+        waves, units = beach.linear(sinusoid(1.0, 2 * np.pi)), np.eye(beach.plane.owned)
         still, rest = waves.state(0 * beach.plane.x, 0 * beach.plane.x)
         self._beach, self._gravity = beach, waves.gravity
         self._inflow = waves.H_p(still, rest, 0.0)  # the motion's velocity is 1 m/s
@@ -138,7 +138,7 @@ def paddle(beach: Beach, steepness: float) -> Motion:
     """Return the piston's motion for waves of ka by linear theory."""
     period = 2 * np.pi / beach.omega
     stroke = steepness / beach.k / float(PISTON.transfer(beach.k, 1.0))
-    return Ramped(Sinusoid(stroke, period), 3 * period)
+    return ramped(sinusoid(stroke, period), 3 * period)
 
 
 class LengthRow(NamedTuple):

@@ -1,17 +1,18 @@
 """The walls at the ends of a tank: mode shape, motion and side."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from wavetank import motion as motions
 from wavetank.case.output import FAR, PADDLE
 from wavetank.case.tank import BasinTank, Context, paddle_period
 from wavetank.case.wall import BaseWall, MovingWallModel
-from wavetank.motion.motion import Extent, ValidatedMotion, extent, times, values
+from wavetank.errors import InputError
+from wavetank.motion import Array, Motion
+from wavetank.motion.motion import Extent, batches, extent, times
 from wavetank.values.case_model import CaseError, Problem, about, renamed
 
 CLOSE = 0.05  # of (d / g)^(1/2): times as close miss 0.1 % of the largest value for waves of k d = 4
@@ -24,7 +25,7 @@ class MeasuringPoint(NamedTuple):
     key: tuple[str | int, ...]
     x: float
     y: float
-    z: motions.Array
+    z: Array
     span: tuple[float, float]
 
 
@@ -63,7 +64,7 @@ class EndWall(Context):
         return self.case.x_min + self.tank.length - x if self.far else x - self.case.x_min
 
     # ---------------------------------------------------------------- its motion
-    def motion(self) -> motions.Motion:
+    def motion(self) -> Motion:
         """Return the motion, checked against the run and the tank; its file is read once.
 
         Raises ``CaseError`` if its file cannot be read, ends before the run, or leaves the mapping's reach.
@@ -71,7 +72,7 @@ class EndWall(Context):
         return self._checked
 
     @cached_property
-    def _checked(self) -> motions.Motion:
+    def _checked(self) -> Motion:
         with renamed("wall", self.key):
             keys = getattr(getattr(self.wall, "motion", None), "value_keys", None)
             with about("wall", "motion", *(keys or ())):
@@ -79,16 +80,31 @@ class EndWall(Context):
                 problems = list(self._motion_problems())
             if problems:
                 raise CaseError(problems)
-        if keys is None:
-            return self._unchecked
-        return ValidatedMotion(self._unchecked, self.key, "motion", *keys, run=self.duration)
+        return self._unchecked if keys is None else self._with_errors_of((self.key, "motion", *keys))
 
     @cached_property
-    def _unchecked(self) -> motions.Motion:
+    def _unchecked(self) -> Motion:
         wall: BaseWall = self.wall
         if isinstance(wall, MovingWallModel) and wall.reads_file and (problems := list(wall.motion_problems(self))):
             raise CaseError(problems)
         return wall.paddle(self.tank, self.physics)
+
+    def _with_errors_of(self, key: tuple[str, ...]) -> Motion:
+        """Return the motion with errors that name its key; one after the run says that the last step ends there."""
+        motion, run = self._unchecked, self.duration
+
+        def rates(t: Array, y: Any) -> Array:
+            with about(*key):
+                try:
+                    return motion.rates(t, y)
+                except InputError as error:
+                    if t.max() <= run:
+                        raise
+                    motion.rates(np.minimum(t, run), y)
+                    ends = f"the last step ends beyond run.duration = {run:g} s; a step that divides that does not"
+                    raise InputError(f"{str(error).removesuffix('.')}: {ends}.") from error
+
+        return motion.derived(rates)
 
     @property
     def generation(self) -> tuple[str | None, str]:
@@ -101,12 +117,9 @@ class EndWall(Context):
         names = ("_unchecked", "_checked")
         self.__dict__.update({name: other.__dict__[name] for name in names if name in other.__dict__})
 
-    def function(self, what: str, motion: motions.Motion | None = None) -> Callable[[motions.Array], motions.Array]:
-        """Return position, velocity or acceleration as a function of times, at all sampled places along the wall.
-
-        The motion is the wall's own by default.
-        """
-        return partial(getattr(self.motion() if motion is None else motion, what), y=self.wall.places(self.tank))
+    def rates(self, t: Array) -> Array:
+        """Return X, X' and X'' at times [s], shape (T,): shape (3, T), or (3, T, N) at all places along the paddle."""
+        return self.motion().rates(t, self.wall.places(self.tank))
 
     @property
     def period(self) -> float | None:
@@ -116,20 +129,21 @@ class EndWall(Context):
         """
         motion = self.motion()
         until = motion.duration if np.isfinite(motion.duration) else self.duration
-        return motion.power_period or paddle_period(self.function("velocity"), duration=until, tank=self.tank)
+        return motion.power_period or paddle_period(lambda t: self.rates(t)[1], duration=until, tank=self.tank)
 
     @cached_property
     def max_displacement(self) -> float:
         """The largest distance from rest in the run [m]."""
-        return float(np.abs(values(self.function("position", self._unchecked), self._times)).max())
+        places = self.wall.places(self.tank)
+        return max(float(np.abs(self._unchecked.position(t, places)).max()) for t in batches(self._times))
 
     @property
     def extent(self) -> Extent:
         """Stroke, largest speed and acceleration in the run."""
-        return extent(self._unchecked, self._times, self.wall.places(self.tank))
+        return extent(self._unchecked.rates(self._times, self.wall.places(self.tank)))
 
     @property
-    def _times(self) -> motions.Array:
+    def _times(self) -> Array:
         """Times at which the motion is sampled [s]."""
         step = CLOSE * (self.tank.depth / self.tank.gravity) ** 0.5
         return times(min(self.duration, self._unchecked.duration), step)
@@ -177,13 +191,13 @@ class EndWall(Context):
         if not prescribed or (isinstance(self.tank, BasinTank) and self.tank.layout.type != "rectangle"):
             return  # the mesh of linear water does not move
         motion, instants, uniform = self._unchecked, self._times, wall.places(self.tank) is None
-        points = [*self.case.measuring_points()]
+        points: Sequence[MeasuringPoint] = [*self.case.measuring_points()]
         farthest = wall.max_mode_shape(self.tank) * self.max_displacement if points else 0.0
         for key, x, y, z, (begin, until) in points:
             distance, t = self.distance(x), instants[(begin <= instants) & (instants <= until)]
             if farthest <= distance:
                 continue
-            position = values(partial(motion.position, y=None if uniform else np.array([y])), t).reshape(-1)
+            position = motion.position(t, None if uniform else np.array([y])).reshape(-1)
             into = np.multiply.outer(wall.wavemaker.mode_shape(z, self.tank.depth), position).max(axis=0)
             if into.max(initial=0.0) > distance:
                 there = f"stands {distance:.4g} m from the paddle of {self.key} at rest, which is there at"

@@ -8,7 +8,6 @@ Angles are in degrees from the wall's normal into the water, positive towards y,
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
@@ -689,8 +688,8 @@ class SolitaryWaveMotion(MotionModel):
 
     def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
         """Return the motion."""
-        push = self._pushed(tank).scaled(tank.depth / wavemaker.volume(tank.depth))
-        return push if self.crest_time is None else replace(push, begin=self.crest_time - push.lead)
+        push, factor = self._pushed(tank), tank.depth / wavemaker.volume(tank.depth)
+        return push.motion(begin=self.crest_time_in(tank) - push.lead, factor=factor)
 
     def problems(self, context: Context) -> Iterator[Problem]:
         """Yield a wave too high, and one too early."""
@@ -712,7 +711,7 @@ class AtRestMotion(MotionModel):
 
     def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
         """Return X = 0."""
-        return motions.AtRest()
+        return motions.AT_REST
 
 
 class SinusoidMotion(MotionModel):
@@ -726,7 +725,7 @@ class SinusoidMotion(MotionModel):
     def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
         """Return the ramped sinusoid."""
         ramp = 2 * self.period if self.ramp is None else self.ramp
-        return motions.ramped(motions.Sinusoid(self.paddle_amplitude, self.period), ramp)
+        return motions.ramped(motions.sinusoid(self.paddle_amplitude, self.period), ramp)
 
 
 class RecordedMotion(MotionModel):
@@ -758,12 +757,12 @@ class RecordedMotion(MotionModel):
         if self.position is not None:
             t, *state = self._record("position", self.position, "position [m]")
             if len(state) == 3:
-                record = motions.Recorded.of_states(t, *state)
+                record = motions.spline_motion(motions.hermite(t, *state), measured=False)
             else:
-                record = self._smooth(motions.Recorded.of_positions, t, *state)
+                record = self._smooth(motions.positions_motion, t, *state)
         else:
             rows = self._record("velocity", str(self.velocity), "velocity [m/s]")
-            record = self._smooth(motions.Recorded.of_velocities, *rows)
+            record = self._smooth(motions.velocities_motion, *rows)
         return motions.ramped(record, self.ramp, start=max(0.0, record.start))
 
     @property
@@ -771,7 +770,7 @@ class RecordedMotion(MotionModel):
         """See ``MotionModel``."""
         return in_metres(data.resolve(str(self.position or self.velocity), Path()), named=self.column)
 
-    def _smooth(self, of: Callable[..., motions.Recorded], *rows: motions.Array) -> motions.Recorded:
+    def _smooth(self, of: Callable[..., motions.Motion], *rows: motions.Array) -> motions.Motion:
         """Return the motion of a low-pass filtered record; raises ``CaseError`` for too few rows."""
         with about("wall", "motion", "highest_frequency"):
             return of(*rows, highest=self.highest_frequency)
@@ -798,7 +797,7 @@ class FormulaMotion(MotionModel):
     def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
         """Return the ramped motion."""
         formula = Formula(self.position, where=self.where, variables=("t",))
-        return motions.ramped(motions.ByFormula(formula), self.ramp)
+        return motions.ramped(motions.formula_motion(formula), self.ramp)
 
 
 class PythonMotion(MotionModel):
@@ -816,7 +815,7 @@ class PythonMotion(MotionModel):
         """Return the ramped motion; raises ``CaseError`` if the file cannot be executed, or has no such function."""
         with about("wall", "motion", "file"):
             function = load(data.resolve(self.file, Path()), self.function)
-        return motions.ramped(motions.Programmed(function), self.ramp)
+        return motions.ramped(motions.programmed_motion(function), self.ramp)
 
 
 PaddleMotion = Annotated[
@@ -856,7 +855,7 @@ class SegmentedWaves(GeneratingMotion):
 
     def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
         """Return the ramped motion; raises ``CaseError`` if a file cannot be read."""
-        motion = motions.SnakeMotion(self.target(tank), wavemaker, self.power_period(tank, wavemaker))
+        motion = motions.snake_motion(self.target(tank), wavemaker, self.power_period(tank, wavemaker))
         return motions.ramped(motion, self.ramp_in(tank))
 
     def power_period(self, tank: AnyTank, wavemaker: Wavemaker) -> float | None:
@@ -882,7 +881,7 @@ class SegmentedWaves(GeneratingMotion):
         """Return the width [m] beyond which segments make spurious waves, of all but a thousandth of the energy."""
         waves = self.target(tank)
         k, angles = np.hypot(waves.k_x, waves.k_y), np.arctan2(waves.k_y, waves.k_x)
-        widest = np.array([widest_segment(*map(float, one)) for one in zip(k, angles, strict=True)])
+        widest = np.asarray(widest_segment(k, angles))
         narrow_first = np.argsort(widest)
         energy = np.cumsum(np.abs(waves.amplitudes[narrow_first]) ** 2)
         return float(widest[narrow_first][np.searchsorted(energy, NARROW * energy[-1])])
@@ -932,7 +931,7 @@ class _FanOfWaves(FocusingWaves, SegmentedWaves):
     def widest_segment(self, tank: AnyTank) -> float:
         """Return the width [m] beyond which segments make spurious waves: the shortest and most oblique are first."""
         group = self.directional(tank)
-        return widest_segment(float(group.k[-1]), float(group.fan.angles[-1]))
+        return float(widest_segment(group.k[-1], group.fan.angles[-1]))
 
     def problems(self, context: Context) -> Iterator[Problem]:
         """Yield the problems of any focus, a focus outside the paddle's width, and too many waves to sum up."""
@@ -1012,7 +1011,7 @@ class DirectionalIrregularMotion(IrregularWaves, SegmentedWaves):
     def widest_segment(self, tank: AnyTank) -> float:
         """Return the width [m] beyond which segments make spurious waves: the shortest and most oblique are first."""
         k = airy.wave_number(2.0 * np.pi * self.band(tank)[1], tank.depth, tank.gravity)
-        return widest_segment(float(k), float(np.radians(self.largest_angle)))
+        return float(widest_segment(k, np.radians(self.largest_angle)))
 
     def problems(self, context: Context) -> Iterator[Problem]:
         """Yield the problems of any spectrum, and too many waves to sum up."""

@@ -21,7 +21,6 @@ from wavetank.errors import InputError
 from wavetank.mesh import Layout
 from wavetank.mesh.layouts import Box
 from wavetank.motion import Array
-from wavetank.motion.motion import values
 from wavetank.values.case_model import CaseError, CaseModel, FilePath, FormulaModel, FormulaText, Problem
 from wavetank.values.formula import Formula
 from wavetank.values.python_file import load
@@ -342,14 +341,14 @@ def paddle_period(
         count = max(256, int(np.ceil(part / step)))
         times = np.arange(count, dtype=np.float64)
         t: Array = part / count * times
-        velocities = values(velocity, t).reshape(count, -1)
+        velocities = velocity(t).reshape(count, -1)
         lines = (np.abs(np.fft.rfft(velocities, axis=0)) ** 2).sum(axis=1)[1:]
         number, power = np.arange(1.0, lines.size + 1), np.cumsum(lines)
         if not power[-1] > 0.0:
             return None
         soon = TIME_OFFSET * part / count
         between = np.minimum(t + part / count * np.modf(GOLDEN * times)[0], part - soon)
-        change = (values(velocity, between + soon) - values(velocity, between)).reshape(count, -1) / soon
+        change = (velocity(between + soon) - velocity(between)).reshape(count, -1) / soon
         power_of_rates = (part / (2 * np.pi)) ** 2 * count / 2 * float((change**2).sum())  # in line numbers squared
         aliased = (power_of_rates - float(number**2 @ lines)) / lines.size**2
         if aliased < ALIASED * (1 - fraction) * power[-1] or step < FINEST * longest:

@@ -1,7 +1,6 @@
 """The walls at the ends of the tank, fixed or moving, and how paddles absorb waves."""
 
 from collections.abc import Iterable, Iterator
-from functools import partial
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
@@ -208,7 +207,7 @@ class BaseWall(CaseModel):
 
     def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
         """Return its motion; raises ``CaseError`` if its file cannot be read. By default it is at rest."""
-        return motions.AtRest()
+        return motions.AT_REST
 
     def places(self, tank: AnyTank) -> Array | None:
         """Return positions y along the paddle [m], shape (N,), at which its motion is sampled; None if uniform."""
@@ -341,7 +340,7 @@ class SegmentedWall(MovingWallModel):
     def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
         """Return the motion of the paddle's segments, hinged to each other."""
         motion = self.motion.build(tank, self.wavemaker, physics)
-        return motion if self.segment is None else motions.PiecewiseLinear(motion, self.places(tank))
+        return motion if self.segment is None else motions.hinged(motion, self.places(tank))
 
     def places(self, tank: AnyTank) -> motions.Array:
         """Return positions y along the paddle [m], shape (N,), at which its motion is sampled: its joints, if any."""
@@ -451,7 +450,7 @@ class FlapWall(HingedWall, PaddleWall):
         motion = super().paddle(tank, physics)
         if self.motion_as == "stroke" or self.motion.in_metres:
             return motion
-        return motions.FlapAngle(motion, self.wavemaker.arm(tank.depth))
+        return motions.flap_motion(motion, self.wavemaker.arm(tank.depth))
 
     def amplitude(self, tank: AnyTank) -> float:
         """Return the amplitude of a sinusoid's displacement after its ramp [m]; 0 for other motions."""
@@ -482,7 +481,7 @@ class ProfileWall(ShapedWall, PaddleWall):
     def wavemaker(self) -> ProfileShape:
         """Its shape, by which it makes waves."""
         formula = Formula(self.shape, where=self.where, variables=("z",))
-        return ProfileShape(partial(formula.derivative, 0), partial(formula.derivative, 1))
+        return ProfileShape(formula, lambda z: formula.derivatives(z)[1])
 
     def problems(self, context: Context) -> Iterator[Problem]:
         """Yield a shape that is not finite, or displaces no water, and problems of any paddle."""

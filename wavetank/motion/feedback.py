@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from wavetank.motion.motion import Array, Motion, MotionWrapper
+from wavetank.motion.motion import Array, Motion
 from wavetank.state import Replicated, ascends
 from wavetank.waves.absorption import face
 from wavetank.waves.airy import angular_frequency
@@ -175,7 +175,7 @@ class FeedbackState:
             raise ValueError(f"{len(self.knots)} knots: must be at as many ascending times")
 
 
-class FeedbackMotion(MotionWrapper):
+class FeedbackMotion(Motion):
     """A motion plus a feedback part: a spline of degree 7 through position, velocity and acceleration at knots.
 
     All are continuous. The acceleration at a knot is that of the cubic through the last four velocities, or fewer at
@@ -191,6 +191,9 @@ class FeedbackMotion(MotionWrapper):
     """
 
     def __init__(self, motion: Motion):
+        super().__init__(
+            self._sum, duration=motion.duration, interval=motion.interval, power_period=motion.power_period
+        )
         self.motion = motion
         self._times: list[float] = []
         self._knots: list[Knot] = []
@@ -204,11 +207,6 @@ class FeedbackMotion(MotionWrapper):
     @state.setter
     def state(self, state: FeedbackState) -> None:
         self._times, self._knots, self._retained = [*state.times], [*state.knots], {**state.retained}
-
-    @property
-    def start(self) -> float:
-        """When the paddle may begin to move [s]: at once."""
-        return 0.0
 
     def forget(self) -> None:
         """Remove the feedback part, except at retained times."""
@@ -257,9 +255,8 @@ class FeedbackMotion(MotionWrapper):
             value = value * part + perm(n, order) * powers[n]
         return value / dt**order
 
-    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
-        """Return the derivative of the sum."""
-        return self.motion.derivative(t, order, y) + self.added(t, order)
+    def _sum(self, t: Array, y: Any) -> Array:
+        return np.asarray(self.motion.rates(t, y) + [self.added(t, order) for order in range(3)])
 
 
 STEP = 0.02  # of (d / g)^(1/2)

@@ -10,9 +10,9 @@ a delay. Of the velocity of an oblique wave only the part k_x / k = cos(theta) i
 generation adds the motion that suppresses free waves at sums and differences of frequencies
 (``wavetank.waves.second_order``).
 
-A sum of N sines costs N sines at every stage of every step. ``Tabulated`` therefore evaluates it, block by block of
-time, by the polynomials of degree 5 that have its position, velocity and acceleration at both ends of intervals h. With
-X^(6), the sixth derivative, their errors are at most
+A sum of N sines costs N sines at every stage of every step. ``HarmonicSum.tabulated`` therefore evaluates it, block by
+block of time, by the polynomials of degree 5 that have its position, velocity and acceleration at both ends of
+intervals h. With X^(6), the sixth derivative, their errors are at most
 
     h^6 / 46080 in X,    5^(1/2) h^5 / 30000 in X',    h^4 / 1920 in X''.
 
@@ -22,14 +22,14 @@ Arctic Engineering 111, 1989; G. Birkhoff and A. Priver, "Hermite interpolation 
 and Physics 46, 1967.
 """
 
-from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.motion.motion import Array, Motion, SegmentedMotion
+from wavetank.motion.motion import Array, Motion
 from wavetank.motion.recorded import hermite
 from wavetank.waves.plane_waves import PlaneWaves
 from wavetank.waves.second_order import Strokes, second_order
@@ -48,7 +48,7 @@ CACHED_NUMBERS, MIN_BLOCKS = 2**22, 4  # of the table of blocks: 32 MB; blocks, 
 
 
 @dataclass(frozen=True, eq=False)
-class HarmonicSum(Motion):
+class HarmonicSum:
     """X = Re sum b_j exp(-i omega_j t).
 
     Attributes
@@ -61,17 +61,6 @@ class HarmonicSum(Motion):
 
     omega: Array
     b: Complex
-
-    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
-        """Return the derivatives' sum; memory for an array of times is N times its size.
-
-        The order of summation does not depend on the number of times, so neither do the bits.
-        """
-        phasors = np.exp(-1j * np.multiply.outer(t, self.omega)) * (-1j * self.omega) ** order
-        if self.b.ndim == 1:
-            return np.real((phasors * self.b).sum(axis=-1))[()]
-        each = [np.real(one @ self.b) for one in phasors.reshape(-1, self.omega.size)]
-        return np.reshape(each, np.shape(t) + self.b.shape[1:])
 
     @property
     def power_period(self) -> float:
@@ -88,56 +77,51 @@ class HarmonicSum(Motion):
         second, sixth = (float(size @ self.omega**order) for order in (2, 6))
         return (1920 * TABLE_ERROR * second / sixth) ** 0.25 if sixth > 0.0 else 1.0
 
+    def rates(self, t: Array, y: Any = None) -> Array:
+        """Return X, X' and X'' at times [s], shape (T,): shape (3, T), or (3, T, M); memory goes with N T.
+
+        The order of summation does not depend on the number of times, so neither do the bits.
+        """
+        phasors = np.exp(-1j * np.multiply.outer(t, self.omega))
+        orders = ((-1j * self.omega) ** order for order in range(3))
+        if self.b.ndim == 1:
+            return np.array([np.real((phasors * order * self.b).sum(axis=-1)) for order in orders])
+        each = [[np.real(one @ self.b) for one in phasors * order] for order in orders]
+        return np.array(each).reshape(3, t.size, self.b.shape[1])
+
+    def motion(self) -> Motion:
+        """Return the motion, each value summed."""
+        return Motion(self.rates, power_period=self.power_period)
+
     def tabulated(self) -> Motion:
-        """Return the motion from a table; that of few sines itself."""
-        return self if self.omega.size <= FEW else Tabulated(self)
+        """Return the motion from a table of blocks of time, of which the last few are cached; few sines are summed."""
+        if self.omega.size <= FEW:
+            return self.motion()
+        places = self.b.shape[1:]
+        intervals = int(np.clip(TABLE_SIZE // self.omega.size, 16, BLOCK))
+        knots = self.step * np.arange(intervals + 1)  # of the first block [s]
+        phases = np.exp(-1j * np.multiply.outer(knots, self.omega))
+        orders = [(-1j * self.omega) ** order for order in range(3)]
 
+        @lru_cache(max(MIN_BLOCKS, CACHED_NUMBERS // (6 * intervals * (self.b.size // self.omega.size))))
+        def block(number: int) -> "PPoly":
+            begin = number * knots[-1]
+            phased = np.exp(-1j * self.omega * begin) * self.b.T
+            return hermite(begin + knots, *(np.real(phases @ (order * phased).T) for order in orders))
 
-class Tabulated(Motion):
-    """A sum of sines from a table of blocks of time, of which the last few are cached.
+        def rates(t: Array, y: Any) -> Array:
+            numbers = np.floor(t / knots[-1]).astype(np.int64)
+            blocks = np.unique(numbers)
+            if blocks.size > 1 and blocks.size * knots.size > SUMMED * t.size:  # far apart: as soon summed
+                return self.rates(t)
+            values = np.empty((3, t.size, *places))
+            for number in blocks.tolist():
+                here = numbers == number
+                for order in range(3):
+                    values[order, here] = block(number)(t[here], order)
+            return values
 
-    Attributes
-    ----------
-    lines
-        The sum.
-    """
-
-    def __init__(self, lines: HarmonicSum):
-        self.lines = lines
-        intervals = int(np.clip(TABLE_SIZE // lines.omega.size, 16, BLOCK))
-        self._knots = lines.step * np.arange(intervals + 1)  # of the first block [s]
-        most = max(MIN_BLOCKS, CACHED_NUMBERS // (6 * intervals * (lines.b.size // lines.omega.size)))
-        self._block = lru_cache(most)(self._new_block)
-
-    @property
-    def power_period(self) -> float:
-        """That of the sum [s]."""
-        return self.lines.power_period
-
-    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
-        """Return the spline's derivative."""
-        times = np.asarray(t, dtype=np.float64)
-        flat = times.ravel()
-        which = np.floor(flat / self._knots[-1]).astype(np.int64)
-        blocks = np.unique(which)
-        if blocks.size > 1 and blocks.size * self._knots.size > SUMMED * flat.size:  # far apart: as soon summed
-            return self.lines.derivative(t, order)
-        values = np.empty((flat.size, *self.lines.b.shape[1:]))
-        for block in blocks.tolist():
-            here = which == block
-            values[here] = self._block(block)(flat[here], order)
-        return values.reshape(times.shape + self.lines.b.shape[1:])[()]
-
-    @cached_property
-    def _turns(self) -> Complex:
-        """exp(-i omega t) at the knots of the first block, shape (knots, N)."""
-        return np.asarray(np.exp(-1j * np.multiply.outer(self._knots, self.lines.omega)))
-
-    def _new_block(self, number: int) -> "PPoly":
-        begin, omega, b = number * self._knots[-1], self.lines.omega, self.lines.b
-        phased = (np.exp(-1j * omega * begin) * b.T).T
-        rates = ((((-1j * omega) ** order) * phased.T).T for order in range(3))
-        return hermite(begin + self._knots, *(np.real(self._turns @ rate) for rate in rates))
+        return Motion(rates, power_period=self.power_period)
 
 
 # ---------------------------------------------------------------- motions for waves
@@ -164,46 +148,27 @@ def second_order_motion(waves: PlaneWaves, wavemaker: Wavemaker) -> HarmonicSum:
     return HarmonicSum(omega[order][starts], np.add.reduceat(b[order], starts))
 
 
-@dataclass(frozen=True, eq=False)
-class SnakeMotion(SegmentedMotion):
-    """The motion of a segmented paddle for plane waves of any directions.
+def along_paddle(waves: PlaneWaves, wavemaker: Wavemaker, y: Array) -> HarmonicSum:
+    """Return the motion of a segmented paddle at places y [m], shape (M,), with one line for each frequency."""
+    b = first_order_motion(waves, wavemaker).b
+    omega, line = np.unique(waves.omega, return_inverse=True)
+    order = np.argsort(line, kind="stable")
+    each = np.split(order, np.flatnonzero(np.diff(line[order])) + 1)
+    rows = [b[one] @ np.exp(1j * np.multiply.outer(waves.k_y[one], y)) for one in each]
+    return HarmonicSum(omega, np.array(rows))
 
-    Attributes
-    ----------
-    waves
-        The waves by linear theory, without a ramp or side walls.
-    wavemaker
-        The mode shape of the paddle.
-    period
-        The period that halves the power of its velocity [s]; None: of all waves added up incoherently.
+
+def snake_motion(waves: PlaneWaves, wavemaker: Wavemaker, power_period: float | None = None) -> Motion:
+    """Return the motion of a segmented paddle for plane waves of any directions, without a ramp or side walls.
+
+    It is summed, of few places from a table. The period that halves the power of its velocity [s] is by default that
+    of all waves added up incoherently.
     """
 
-    waves: PlaneWaves
-    wavemaker: Wavemaker
-    period: float | None = None
-    _cache: dict[bytes, Motion] = field(default_factory=dict, repr=False)
+    @lru_cache(MAX_CACHED_SETS)
+    def at(places: bytes) -> Motion:
+        lines = along_paddle(waves, wavemaker, np.frombuffer(places))
+        return lines.tabulated() if lines.b.shape[1] <= MAX_TABLED_PLACES else lines.motion()
 
-    @property
-    def power_period(self) -> float:
-        """See ``period``."""
-        return first_order_motion(self.waves, self.wavemaker).power_period if self.period is None else self.period
-
-    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
-        """Return the sum of the components' derivatives; of few places from a table."""
-        places = np.asarray(y, dtype=np.float64)
-        key = places.tobytes()
-        if key not in self._cache:
-            if len(self._cache) >= MAX_CACHED_SETS:
-                del self._cache[next(iter(self._cache))]
-            lines = self.at(places)
-            self._cache[key] = lines.tabulated() if places.size <= MAX_TABLED_PLACES else lines
-        return self._cache[key].derivative(t, order)
-
-    def at(self, y: Array) -> HarmonicSum:
-        """Return the motion at places y [m], shape (M,), with one line for each frequency."""
-        b = first_order_motion(self.waves, self.wavemaker).b
-        omega, line = np.unique(self.waves.omega, return_inverse=True)
-        order = np.argsort(line, kind="stable")
-        each = np.split(order, np.flatnonzero(np.diff(line[order])) + 1)
-        rows = [b[one] @ np.exp(1j * np.multiply.outer(self.waves.k_y[one], y)) for one in each]
-        return HarmonicSum(omega, np.array(rows))
+    period = first_order_motion(waves, wavemaker).power_period if power_period is None else power_period
+    return Motion(lambda t, y: at(np.asarray(y, dtype=np.float64).tobytes()).rates(t), power_period=period)

@@ -44,7 +44,7 @@ class PaddleKinematics:
         A motion that fails at one of them is evaluated when that time comes.
         """
         try:
-            rates = self._planned.kinematics(times, self._y)
+            rates = self._planned.rates(times, self._y)
         except WavetankError:
             rates = np.zeros((3, 0))
         self._evaluated = dict(zip(map(float, times), np.moveaxis(rates, 1, 0), strict=False))
@@ -54,7 +54,7 @@ class PaddleKinematics:
         """Return X, X' and X'' at t [s], shape (3,), or (3, N) at the places of a motion that is not rigid."""
         rates = self._evaluated.get(t)
         if rates is None:
-            rates = self._planned.kinematics(np.array([t]), self._y)[:, 0]
+            rates = self._planned.rates(np.array([t]), self._y)[:, 0]
         if self._feedback is not None:
             rates = (rates.T + [self._feedback.added(t, order) for order in range(3)]).T
         return rates if self.rigid else rates[:, self._place]

@@ -4,7 +4,6 @@ The ``paddle.csv`` of a run has positions, velocities and accelerations; a splin
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -104,22 +103,19 @@ DIFFERENCE_STEP = 1e-4  # s: short against any wave's period
 TRUE = 1e-3  # of the largest: derivatives that are farther from differences are refused
 
 
-class Programmed(Motion):
-    """X by a function of times t [s] and an order: X itself [m], or its derivative in time of order 1 or 2."""
+def programmed_motion(function: PythonFunction) -> Motion:
+    """Return X by a user's function of times t [s] and an order: X itself [m], or its derivative of order 1 or 2.
 
-    def __init__(self, function: PythonFunction):
-        self._function = function
+    Its check raises ``InputError`` if a derivative differs from the difference quotient of the order below.
+    """
 
-    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
-        """Return the function's value; raises ``InputError`` if it cannot be had."""
-        values = self._function.at({"t": np.asarray(t, dtype=np.float64)}, order)
-        return values if values.ndim else float(values)
+    def rates(t: Array, y: Any = None) -> list[Array]:
+        return [function.at({"t": t}, order) for order in range(3)]
 
-    def check(self, times: Array) -> None:
-        """Raise ``InputError`` if a derivative differs from the difference quotient of the order below at times [s]."""
-        for order in (1, 2):
-            below, above = (self.derivative(times + step, order - 1) for step in (-DIFFERENCE_STEP, DIFFERENCE_STEP))
-            given, differences = self.derivative(times, order), (above - below) / (2 * DIFFERENCE_STEP)
+    def check(times: Array) -> None:
+        below, above = rates(times - DIFFERENCE_STEP), rates(times + DIFFERENCE_STEP)
+        for order, given in enumerate(rates(times)[1:], start=1):
+            differences = (above[order - 1] - below[order - 1]) / (2 * DIFFERENCE_STEP)
             off = np.abs(given - differences)
             if (off > TRUE * np.abs(differences).max() + 1e-9).any():
                 worst = int(off.argmax())
@@ -127,72 +123,42 @@ class Programmed(Motion):
                 when = f"t = {times[worst]:.6g} s"
                 raise InputError(f"its derivative of order {order} at {when} is {given[worst]:.6g}; {allowed}.")
 
+    return Motion(rates, check=check)
+
 
 DEGREE, PIECES = 5, 2.5  # of a spline of least squares; of it in the period of the fastest that it takes
 
 
-@dataclass(frozen=True, eq=False)
-class Recorded(Motion):
-    """X(t) from one spline; before the record the paddle is at rest at its first position.
+def spline_motion(spline: "scipy.interpolate.PPoly", *, measured: bool = True) -> Motion:
+    """Return X(t) [m] of piecewise polynomials, whose breakpoints are the times of a record, ``measured`` with noise.
 
-    Build it with ``of_positions``, ``of_velocities`` or ``of_states``. Asking for times beyond the record raises
-    ``InputError``.
-
-    Attributes
-    ----------
-    spline
-        X(t) [m] as piecewise polynomials; its breakpoints are the record's times.
-    measured
-        Whether its rows have noise.
+    Before the record the paddle is at rest at its first position. Times beyond the record raise ``InputError``.
     """
+    start, end = (float(time) for time in spline.x[[0, -1]])
 
-    spline: "scipy.interpolate.PPoly"
-    measured: bool = True
-
-    @classmethod
-    def of_positions(cls, t: Array, X: Array, *, highest: float | None = None) -> "Recorded":
-        """Return the cubic spline through positions X [m] at times t [s], ascending, shapes (N,), N >= 4.
-
-        What is faster than the ``highest`` frequency [Hz] is left out. Raises ``InputError`` where rows are too few.
-        """
-        return cls(_through(t, X, highest))
-
-    @classmethod
-    def of_velocities(cls, t: Array, velocity: Array, *, highest: float | None = None) -> "Recorded":
-        """Return the integral, zero at t[0], of the cubic spline through velocities [m/s] at t [s], shapes (N,).
-
-        What is faster than the ``highest`` frequency [Hz] is left out. Raises ``InputError`` where rows are too few.
-        """
-        return cls(_through(t, velocity, highest).antiderivative())
-
-    @classmethod
-    def of_states(cls, t: Array, X: Array, velocity: Array, acceleration: Array) -> "Recorded":
-        """Return the motion that has positions [m], velocities and accelerations at t [s], all of shape (N,)."""
-        return cls(hermite(t, X, velocity, acceleration), measured=False)
-
-    @property
-    def start(self) -> float:
-        """When the record starts [s]."""
-        return float(self.spline.x[0])
-
-    @property
-    def duration(self) -> float:
-        """When the record ends [s]."""
-        return float(self.spline.x[-1])
-
-    @property
-    def interval(self) -> float | None:
-        """The mean time between two rows of the record [s], if it was measured."""
-        return float(np.mean(np.diff(self.spline.x))) if self.measured else None
-
-    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
-        """Return the spline's derivative; raise ``InputError`` beyond the record."""
+    def rates(t: Array, y: Any) -> list[Array]:
         # The last of many steps may end a rounding error late; the spline is smooth enough to go on that far.
-        last = np.max(t)
-        if last > self.duration + 1e-9 * max(1.0, abs(self.duration)):
-            raise InputError(f"paddle motion: t = {last:g} s asked for; the record ends at {self.duration:g} s.")
-        value = self.spline(np.maximum(t, self.start), order)[()]
-        return value if order == 0 else value * np.greater_equal(t, self.start)
+        last = t.max(initial=start)
+        if last > end + 1e-9 * max(1.0, abs(end)):
+            raise InputError(f"paddle motion: t = {last:g} s asked for; the record ends at {end:g} s.")
+        X, velocity, acceleration = (spline(np.maximum(t, start), order) for order in range(3))
+        return [X, velocity * (t >= start), acceleration * (t >= start)]
+
+    interval = float(np.mean(np.diff(spline.x))) if measured else None
+    return Motion(rates, start=start, duration=end, interval=interval)
+
+
+def positions_motion(t: Array, X: Array, *, highest: float | None = None) -> Motion:
+    """Return the cubic spline through positions X [m] at times t [s], ascending, shapes (N,), N >= 4.
+
+    What is faster than the ``highest`` frequency [Hz] is left out. Raises ``InputError`` where rows are too few.
+    """
+    return spline_motion(_through(t, X, highest))
+
+
+def velocities_motion(t: Array, velocity: Array, *, highest: float | None = None) -> Motion:
+    """Return the integral, zero at t[0], of the cubic spline through velocities [m/s]; as ``positions_motion``."""
+    return spline_motion(_through(t, velocity, highest).antiderivative())
 
 
 def _through(t: Array, values: Array, highest: float | None) -> "scipy.interpolate.PPoly":

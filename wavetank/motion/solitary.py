@@ -11,8 +11,7 @@ KH-R-38, 1978.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -25,38 +24,31 @@ TAIL = 1e-6  # of the crest: where the wave begins and ends
 POINTS = 1001  # from there to there
 
 
-@dataclass(frozen=True, eq=False)
-class SolitaryPush(Motion):
-    """The motion for a solitary wave.
+class SolitaryPush(NamedTuple):
+    """The motion for a solitary wave, from rest to rest.
 
     Attributes
     ----------
     spline
-        X(t) [m], from rest to rest.
+        X [m] at times since the motion begins [s].
     lead
         How long after the motion begins the crest would be at x = 0 had it come from afar [s].
-    begin
-        When the motion begins [s].
     """
 
     spline: "scipy.interpolate.PPoly"
     lead: float
-    begin: float = 0.0
 
-    @property
-    def start(self) -> float:
-        """When the paddle begins to move [s]."""
-        return self.begin
+    def motion(self, *, begin: float = 0.0, factor: float = 1.0) -> Motion:
+        """Return a factor times the motion, which begins at a time [s]."""
+        first, last = self.spline.x[[0, -1]]
+        spline = scipy.interpolate.PPoly(factor * self.spline.c, self.spline.x)
 
-    def scaled(self, factor: float) -> "SolitaryPush":
-        """Return the motion times a factor."""
-        return replace(self, spline=scipy.interpolate.PPoly(factor * self.spline.c, self.spline.x))
+        def rates(t: Array, y: Any) -> list[Array]:
+            since = t - begin
+            moving, within = (since >= first) & (since <= last), np.clip(since, first, last)
+            return [spline(within), *(np.where(moving, spline(within, order), 0.0) for order in (1, 2))]
 
-    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
-        """Return the spline's derivative; before and after it the paddle is at rest."""
-        since, (first, last) = np.subtract(t, self.begin), self.spline.x[[0, -1]]
-        moving = (since >= first) & (since <= last)
-        return np.where(moving | (order == 0), self.spline(np.clip(since, first, last), order), 0.0)[()]
+        return Motion(rates, start=begin)
 
 
 def pushed(elevation: Callable[[Array], Array], *, speed: float, depth: float, half: float) -> SolitaryPush:

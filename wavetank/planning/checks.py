@@ -35,7 +35,6 @@ from wavetank.case.tank import EndSponge, FormulaSponge, GroupSponge, SliceTank
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
-from wavetank.motion.motion import values
 from wavetank.planning.dispersion import Mesh, UniformCells, relative_frequency_error
 from wavetank.planning.plan import own_plan
 from wavetank.planning.requirements import analysed_duration, requirements, tapered, unplanned
@@ -145,7 +144,7 @@ def highest_wave(end: EndWall) -> HighWave | None:
     duration = min(end.duration, MOST_TIMES / fastest)
     count = int(fastest * duration) + 64  # six in the shortest period
     t = np.asarray(duration / count * np.arange(count), dtype=np.float64)
-    velocity = values(end.motion().velocity, t) * tapered(np.asarray(t / duration))
+    velocity = end.motion().velocity(t) * tapered(np.asarray(t / duration))
     omega = np.pi / duration * np.arange(1, count)
     k = airy.wave_number(omega, tank.depth, tank.gravity)
     transfer = end.wall.wavemaker.transfer(k, tank.depth)
@@ -301,8 +300,7 @@ def missed_motion(scene: Case, clock: Clock, nodes: Sequence[float]) -> Iterator
     for view in scene.paddles:
         motion = view.motion()
         missed = stroke_missed(
-            view.function("position"),
-            view.function("velocity"),
+            view.rates,
             dt=clock.dt,
             steps=max(clock.steps, int(analysed_duration(view, motion) / clock.dt)),
             nodes=nodes,

@@ -13,9 +13,9 @@ from wavetank.case.reading import read_case
 from wavetank.case.wall import HingedWall
 from wavetank.console import console
 from wavetank.errors import InputError
-from wavetank.motion.motion import Array, Extent, times, values
+from wavetank.motion.motion import Array, Extent, extent, times
 from wavetank.mpi import on_first
-from wavetank.output.columns import RATES, paddle_columns
+from wavetank.output.columns import paddle_columns
 
 MOST = 10**7  # rows
 ROWS, SMALL = 20, 0.1  # in the shortest period; of the stroke: smaller waves are not counted
@@ -66,15 +66,13 @@ class _Signal(NamedTuple):
     @property
     def extent(self) -> Extent:
         """Its largest values."""
-        position, velocity, acceleration = self.rates
-        largest = float(np.abs(velocity).max()), float(np.abs(acceleration).max())
-        return Extent(float(np.ptp(position, axis=0).max()), *largest)
+        return extent(self.rates)
 
 
 def _signal(end: EndWall, rate: float, *, ramp_down: bool) -> _Signal:
     """Return the rows of a case's paddle; raises ``InputError`` for too many, or a ramp-down beyond its limits."""
     t, limits = _times(end, rate), getattr(end.wall, "limits", None)
-    signal = _Signal(t, [values(end.function(name), t) for name in RATES])
+    signal = _Signal(t, [*end.rates(t)])
     _, velocity, _ = signal.rates
     if not ramp_down or not np.abs(velocity[-1]).max() > REST * np.abs(velocity).max():
         return signal
@@ -137,7 +135,7 @@ def _of_rate(end: EndWall, rate: float) -> list[str]:
     Half a period is the time between two reversals more than a tenth of the stroke from each other.
     """
     t = times(min(end.duration, end.motion().duration), 0.01)
-    X, v = (values(end.function(name), t).reshape(t.size, -1)[:, 0] for name in ("position", "velocity"))
+    X, v = (one.reshape(t.size, -1)[:, 0] for one in end.rates(t)[:2])
     ends = np.flatnonzero(v[:-1] * v[1:] < 0.0)
     at = t[ends] - v[ends] * (t[ends + 1] - t[ends]) / (v[ends + 1] - v[ends])
     halves = np.diff(at)[np.abs(np.diff(X[ends])) > SMALL * np.ptp(X)]

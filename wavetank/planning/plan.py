@@ -306,7 +306,7 @@ class _Steps:
 
     def _missed_motion(self, dt: float, motion: Motion) -> float:
         nodes, steps = INTEGRATORS[self._scheme].nodes, max(1, int(self._required.duration / dt))
-        return stroke_missed(motion.position, motion.velocity, dt=dt, steps=steps, nodes=nodes)
+        return stroke_missed(motion.rates, dt=dt, steps=steps, nodes=nodes)
 
     def largest(self, limit: float, space: ErrorPart) -> float | None:
         """Return the largest step below ``limit`` [s] that is accurate and resolves the motion; None if none is."""

@@ -55,7 +55,6 @@ from wavetank.case import Case, EndWall, Physics
 from wavetank.case.tank import AnyTank
 from wavetank.errors import InputError
 from wavetank.motion import Motion
-from wavetank.motion.motion import values
 from wavetank.planning import travel
 from wavetank.planning.dispersion import Mesh, relative_frequency_error
 from wavetank.values.case_model import CaseError, Problem
@@ -567,7 +566,7 @@ def _lines(end: EndWall, motion: Motion) -> _Lines:
     duration = min(analysed_duration(end, motion), float(MOST_TIMES / (4 * highest)))
     count = 2 * int(np.ceil(2 * highest * duration)) + 64
     t = np.asarray(duration / count * np.arange(count), dtype=np.float64)
-    positions = values(motion.position, t)
+    positions = motion.position(t)
     coefficients = np.fft.rfft(positions * tapered(np.asarray(t / duration)))[1:-1] * (2 / count)
     omega: Vector = 2 * np.pi / duration * np.arange(1, count // 2, dtype=np.float64)
     k = airy.wave_number(omega, tank.depth, tank.gravity)
@@ -583,7 +582,7 @@ def analysed_duration(end: EndWall, motion: Motion) -> float:
     until = min(least, motion.duration)
     if until > end.duration:
         try:
-            end.function("velocity", motion)(np.linspace(end.duration, until, TRIED, dtype=np.float64))
+            motion.rates(np.linspace(end.duration, until, TRIED, dtype=np.float64), end.wall.places(end.tank))
         except InputError:
             return end.duration
     return float(max(end.duration, until))

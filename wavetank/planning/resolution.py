@@ -192,10 +192,10 @@ def frequency_below(end: EndWall, fraction: float) -> float:
     motion = end.motion()
     if not motion.moves:
         return 0.0
-    velocity, duration = end.function("velocity"), analysed_duration(end, motion)
+    duration = analysed_duration(end, motion)
 
     def ending(t: Vector) -> Vector:  # gently: a motion that is cut has all frequencies
-        return np.asarray((velocity(t).T * tapered(np.asarray(t / duration))).T)
+        return np.asarray((end.rates(t)[1].T * tapered(np.asarray(t / duration))).T)
 
     period = paddle_period(ending, duration=duration, tank=end.tank, fraction=fraction)
     return 0.0 if period is None else min(2 * np.pi / period, highest_frequency(end, DEFAULT))
@@ -304,20 +304,14 @@ def too_short(scene: Case) -> Iterator[Problem]:
 ROW, BLOCKS = 500, 8  # consecutive steps over which it is summed, and number of such rows of a longer run
 
 
-def stroke_missed(
-    position: Callable[[Vector], Vector],
-    velocity: Callable[[Vector], Vector],
-    *,
-    dt: float,
-    steps: int,
-    nodes: Sequence[float],
-) -> float:
+def stroke_missed(rates: Callable[[Vector], Vector], *, dt: float, steps: int, nodes: Sequence[float]) -> float:
     """Return what a scheme misses of a paddle's displacement, root mean square, relative to that of the displacement.
 
     Parameters
     ----------
-    position, velocity
-        At times [s], shape (T,), in m and m/s, shape (T,), or (T, N) for places along the paddle.
+    rates
+        Position and velocity at times [s], shape (T,), in m and m/s, each of shape (T,), or (T, N) for places along
+        the paddle; what follows them is ignored.
     dt, steps
         The step [s], and how many there are.
     nodes
@@ -328,9 +322,9 @@ def stroke_missed(
     begin = dt * np.add.outer(starts, np.arange(row)).ravel()
     powers = np.arange(len(nodes))
     weights = np.linalg.solve(np.power.outer(np.asarray(nodes, dtype=float), powers).T, 1.0 / (powers + 1))
-    quadrature = dt * sum(weight * velocity(begin + node * dt) for weight, node in zip(weights, nodes, strict=True))
-    before = position(begin)
-    off = np.cumsum((quadrature - position(begin + dt) + before).reshape(starts.size, row, -1), axis=1)
+    quadrature = dt * sum(weight * rates(begin + node * dt)[1] for weight, node in zip(weights, nodes, strict=True))
+    before, after = rates(begin)[0], rates(begin + dt)[0]
+    off = np.cumsum((quadrature - after + before).reshape(starts.size, row, -1), axis=1)
     stroke = float(np.std(before))
     return float(np.sqrt(np.mean(off**2))) / stroke if stroke > 0.0 else 0.0
 

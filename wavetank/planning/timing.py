@@ -115,7 +115,7 @@ def _fill(run: Run, scene: Case, waves: AnyWaves) -> None:
     if period is None:
         return
     t = np.linspace(0.5, 1.0, TIMES, dtype=np.float64) * (scene.run.duration - run.clock.end)
-    velocity = end.function("velocity")(t).reshape(TIMES, -1)
+    velocity = end.rates(t)[1].reshape(TIMES, -1)
     omega, g = 2 * np.pi / period, scene.tank.gravity
     k = float(airy.wave_number(omega, waves.depth, g))
     amplitude = float(end.wall.wavemaker.transfer(k, waves.depth)) * np.sqrt(2 * np.mean(velocity**2)) / omega

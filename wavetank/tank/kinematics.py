@@ -322,7 +322,7 @@ class LinearRates(MovingWater):
 
     def find_rates(self, q: Vector, p: Vector, t: float) -> None:
         """Set potential and rate to those of a state."""
-        speeds, accelerations = ([motion.derivative(t, order) for motion, _ in self._paddles] for order in (1, 2))
+        speeds, accelerations = zip(*(motion.rates(t)[1:] for motion, _ in self._paddles), strict=True)
         self.level = self._solve(self.phi, p, speeds)
         self.level_rate = self._solve(self.phi_rate, -self.waves.gravity * self.waves.elevation(q, p, t), accelerations)
 

@@ -107,13 +107,16 @@ class Formula:
         places = dict(zip(self._variables, arrays, strict=True))
         return self._checked(self._evaluate(places), places)
 
-    def derivative(self, order: int, coordinate: ArrayLike) -> Array:
-        """Return the derivative of order 0 to 2 of a formula of one variable, exact; raise as a call does."""
+    def derivatives(self, coordinate: ArrayLike) -> Array:
+        """Return value, slope and curvature of a formula of one variable, exact; raise as a call does.
+
+        Shape (3, ...), for coordinates of shape (...).
+        """
         array = np.asarray(coordinate, dtype=np.float64)
         (variable,) = self._variables
         result = self._evaluate({variable: Jet(array, np.ones_like(array), np.zeros_like(array))})
         jet = result if isinstance(result, Jet) else Jet(result, 0.0, 0.0)
-        return self._checked(jet[order], {variable: array})
+        return np.array([self._checked(one, {variable: array}) for one in jet])
 
     def _evaluate(self, variables: Mapping[str, Any]) -> Any:
         values: Values = {**CONSTANTS, **variables}

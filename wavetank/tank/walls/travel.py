@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import numpy as np
 
@@ -118,7 +117,7 @@ class Travel:
         """The time [s] and X_p [m]; None of a paddle whose X_p depends on y."""
         return self.t, self.rigid_position
 
-    def rates(self, t: float, y: Vector | None) -> list[Any]:
+    def rates(self, t: float, y: Vector | None) -> Vector | list[float]:
         """Return X_p, X_p' and X_p'' at t [s] and places y along the paddle; what is known is not found again."""
         if self.offsets.ndim or t != self.t:
             return self.kinematics.motion.rates(t, y)
@@ -126,10 +125,8 @@ class Travel:
 
     def positions(self, t: float, y: Vector) -> Vector:
         """Return X_p at t [s] and places y along the paddle [m], shape (N,)."""
-        return np.full(y.shape, self.kinematics.motion.derivative(t, 0, y))
+        return np.full(y.shape, self.kinematics.motion.position(t, y))
 
     def speeds(self, y: Vector) -> Vector:
         """Return X_p' at places y along the paddle [m/s], shape (N,)."""
-        return np.full(
-            y.shape, self.kinematics.motion.derivative(self.t, 1, y) if self.velocities.ndim else self.velocities
-        )
+        return np.full(y.shape, self.kinematics.motion.velocity(self.t, y) if self.velocities.ndim else self.velocities)
