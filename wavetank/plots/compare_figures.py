@@ -31,7 +31,7 @@ def harmonics_figure(path: Path, compared: Dataset) -> None:
         axes.set(xlabel="x [m]" if placed else "gauge", ylabel="amplitude [mm]", ylim=(0, None))
         if not placed:
             axes.set_xticks(x, ordered.gauge.values)
-        common_legend(figure, ncols=3)
+        common_legend(figure)
 
 
 # ---------------------------------------------------------------- wave heights along sections

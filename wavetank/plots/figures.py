@@ -35,14 +35,14 @@ from wavetank.plots.style import (
     SATURATED,
     VERMILION,
     WATER,
-    common_legend,
+    draw_series,
     lay_out,
     mark_along,
     mark_sponge,
+    panels,
     picture,
     remove_overlaps,
     titled,
-    zero_line,
 )
 
 Array = NDArray[np.float64]
@@ -71,31 +71,36 @@ def surface_figure(
     is hatched. ``origin`` says what x is the distance from, or along. Returns ``path``.
     """
     t, x, eta = surface.time.values, surface.x.values, surface.elevation.values
-    crest = int(eta.max(axis=1).argmax())
-    paddle, far = (bool(np.ptp(x[:, node])) for node in (0, -1))
-    d = depth(x[crest], 0 * x[crest]) if callable(depth) else np.full_like(x[crest], depth)
-    heights, widths = (1, 0.3, 1.5) if callable(depth) else (1, 1.5), (1, 11, 1)[1 - paddle : 2 + far]
+    walls = {name: end for name, end in (("paddle", 0), ("far wall", -1)) if np.ptp(x[:, end])}
+    columns = [name for name in ("paddle", "diagram", "far wall") if name in walls or name == "diagram"]
+    heights = {"profile": 1.0, **({"bed": 0.3} if callable(depth) else {})}
+    mosaic: Any = [*[[name if column == "diagram" else "." for column in columns] for name in heights], columns]
+    ratios: dict[str, Any] = {"width_ratios": [11 if column == "diagram" else 1 for column in columns]}
+    ratios["height_ratios"] = [*heights.values(), 1.5]
     with picture(path, 11, 9.6 if callable(depth) else 8.6, title=title or "Surface elevation") as figure:
-        grid = figure.add_gridspec(len(heights), len(widths), height_ratios=heights, width_ratios=widths)
-        diagram = figure.add_subplot(grid[-1, int(paddle)], xlabel=f"distance {origin}, x [m]", ylabel="time [s]")
-        profile = figure.add_subplot(grid[0, int(paddle)], sharex=diagram)
+        axes = figure.subplot_mosaic(mosaic, **ratios)
+        diagram, profile = axes["diagram"], axes["profile"]
+        for name in heights:
+            axes[name].sharex(diagram)
+            axes[name].tick_params(labelbottom=False)
+            axes[name].grid(False)
         _draw_diagram(figure, diagram, t, x, eta)
+        diagram.set_xlabel(f"distance {origin}, x [m]")
         if gauges is not None:
             mark_along(diagram, gauges, top=float(t[-1]))
         if sponge is not None:
             diagram.axvspan(*sponge, fill=False, hatch="//", ec=DARK, lw=0, alpha=0.6)
             mark_sponge(diagram, (sum(sponge) / 2, 0.03), xycoords=diagram.get_xaxis_transform())
+        d = depth(x[0], 0 * x[0]) if callable(depth) else np.full_like(x[0], depth)
         _draw_profile(profile, t, x, eta, float(d.max()))
-        if callable(depth):
-            _draw_bed(figure.add_subplot(grid[1, int(paddle)], sharex=diagram), x[crest], d)
-        if paddle:
-            diagram.tick_params(labelleft=False)
-            diagram.set_ylabel("")
-            _draw_wall(figure.add_subplot(grid[-1, 0], sharey=diagram, ylabel="time [s]"), diagram, t, x[:, 0], 0.0)
-        if far:
-            panel = figure.add_subplot(grid[-1, -1], sharey=diagram)
-            panel.tick_params(labelleft=False)
-            _draw_wall(panel, diagram, t, x[:, -1], float(x[0, -1]), far=True)
+        if "bed" in axes:
+            _draw_bed(axes["bed"], x[0], d)
+        for name, end in walls.items():
+            axes[name].sharey(diagram)
+            _draw_wall(axes[name], diagram, t, x[:, end], name)
+        for name in columns[1:]:
+            axes[name].tick_params(labelleft=False)
+        axes[columns[0]].set_ylabel("time [s]")
         lay_out(figure)  # the panel's size, its exaggeration, and the places of names are final only now
         remove_overlaps(diagram)
         profile.set_title(f"vertical exaggeration {_exaggeration(profile):g}", loc="right", fontsize=9, color="#555555")
@@ -108,7 +113,6 @@ def _draw_profile(axes: Axes, t: Array, x: Array, eta: Array, depth: float) -> N
     place, height, largest = float(x[crest, top]), CM * float(eta[crest, top]), CM * float(np.abs(eta[crest]).max())
     limits = (max(-1.9 * max(largest, FLAT), -CM * depth), 1.55 * max(largest, FLAT))
     axes.set_facecolor(SKY)
-    axes.grid(False)
     _fill_water(axes, x[crest], CM * eta[crest], limits)
     below = np.flatnonzero(eta[crest:, top] < 0)
     step = max(1, 2 * int(below[0]) - 1) if below.size else 1  # half a period: twice the time that it takes to sink
@@ -132,7 +136,6 @@ def _draw_profile(axes: Axes, t: Array, x: Array, eta: Array, depth: float) -> N
     )
     axes.set(ylim=limits, ylabel="elevation [cm]")
     axes.yaxis.label.set_in_layout(False)  # it hangs over the empty corner, and must not part paddle and diagram
-    axes.tick_params(labelbottom=False)
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, borderaxespad=0.2)
 
 
@@ -152,8 +155,6 @@ def _draw_bed(axes: Axes, x: Array, depth: Array) -> None:
     axes.fill_between(x, -depth, -lowest, color=SAND, lw=0)
     axes.set(ylim=(-lowest, 0.0), ylabel="bed [m]")
     axes.yaxis.label.set_in_layout(False)
-    axes.tick_params(labelbottom=False)
-    axes.grid(False)
 
 
 def _exaggeration(axes: Axes) -> float:
@@ -188,15 +189,17 @@ def _resampled(t: Array, x: Array, eta: Array) -> Array:
     return np.asarray(CubicSpline(t, rows)(times))
 
 
-def _draw_wall(axes: Axes, diagram: Axes, t: Array, x: Array, rest: float, *, far: bool = False) -> None:
+def _draw_wall(axes: Axes, diagram: Axes, t: Array, x: Array, name: str) -> None:
     """Draw the position x [m] of a moving wall where it is in the diagram, and enlarged in a panel of its own."""
+    far = name != "paddle"
     diagram.plot(x, t, color=PADDLE, lw=1.5)
     diagram.fill_betweenx(t, x.max() if far else x.min(), x, color="#dddddd", lw=0)
-    axes.plot(CM * (x - rest), t, color=PADDLE)
-    reach = CM * float(np.abs(x - rest).max())
+    displacement = CM * (x - x[0] if far else x)
+    axes.plot(displacement, t, color=PADDLE)
+    reach = float(np.abs(displacement).max())
     tick = float(f"{reach:.0e}")  # one digit: the panel is narrow
     axes.set_xticks([-tick, 0.0, tick], [Formatter.fix_minus(f"{-tick:g}"), "0", f"{tick:g}"])
-    axes.set(xlim=(-1.4 * reach, 1.4 * reach), xlabel=f"{'far wall' if far else 'paddle'}\n[cm]")
+    axes.set(xlim=(-1.4 * reach, 1.4 * reach), xlabel=f"{name}\n[cm]")
 
 
 # ---------------------------------------------------------------- gauges
@@ -215,21 +218,18 @@ def gauges_overview(gauges: DataArray, path: Path, *, title: str = "") -> Path:
     shown = gauges.sortby("x")[:: -(-gauges.sizes["gauge"] // PANELS)]
     columns = 1 if len(shown) <= COLUMN else 2
     rows = -(-len(shown) // columns)
-    with picture(path, 10 if columns == 1 else 14, 1.2 + 1.25 * rows, title=title or "Wave gauges") as figure:
-        panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel(order="F")
-        for gauge, panel in zip(shown, panels, strict=False):
-            panel.plot(gauge.time, CM * gauge, color=COMPUTED)
-            zero_line(panel)
+    size = (10 if columns == 1 else 14, 1.2 + 1.25 * rows)
+    with panels(path, rows, columns, size=size, title=title or "Wave gauges", sharey=True) as axes:
+        order = axes.ravel(order="F")
+        for gauge, panel in zip(shown, order, strict=False):
             across = f", y = {float(gauge.y):g} m" if gauges.y.any() else ""
+            draw_series(panel, gauge.time, CM * gauge, color=COMPUTED)
             panel.set_title(f"gauge {gauge.gauge.item()}, x = {float(gauge.x):g} m{across}", pad=2, parse_math=False)
-            panel.margins(x=0)
-        for panel in panels[len(shown) :]:
+        for panel in order[len(shown) :]:
             panel.set_axis_off()
         if CM * float(np.abs(shown).max()) < FLAT:  # smaller waves are drawn as still water
-            panels[0].set_ylim(-FLAT, FLAT)
-        for panel in panels[rows - 1 : len(shown) : rows] if columns > 1 else panels[-1:]:
-            panel.set_xlabel("time [s]")
-        figure.supylabel("elevation [cm]", fontsize=10)
+            axes[0, 0].set_ylim(-FLAT, FLAT)
+        axes[0, 0].figure.supylabel("elevation [cm]", fontsize=10)
     return path
 
 
@@ -241,15 +241,13 @@ def gauges_figure(measured: DataArray, computed: DataArray, published: Sequence[
     """
     pairs = matched(computed, measured)
     computations = [one for records in published for one in records]
-    with picture(path, 14, 1.1 + 1.6 * len(pairs)) as figure:
-        axes = figure.subplots(len(pairs), 2, width_ratios=(2, 1), sharey="row", squeeze=False)
+    layout: dict[str, Any] = {"width_ratios": (2, 1), "sharex": False, "sharey": "row"}
+    size = (14, 1.1 + 1.6 * len(pairs))
+    with panels(path, len(pairs), 2, size=size, legend="outside upper center", **layout) as axes:
         for (one, reference), (full, zoom) in zip(pairs, axes, strict=True):
             same_place = [other.dropna("time") for other in computations if abs(other.x - reference.x) < MATCH]
             _draw_gauge(full, zoom, reference, [*same_place, one])
-        for panel in axes[-1]:
-            panel.set_xlabel("time [s]")
-        figure.supylabel("elevation [cm]", fontsize=10)
-        common_legend(figure, "outside upper center", ncols=2 + len(published))
+        axes[0, 0].figure.supylabel("elevation [cm]", fontsize=10)
     return path
 
 
@@ -279,118 +277,88 @@ NEGLIGIBLE = 1e-3  # of the largest energy; less dissipation is not drawn
 def energy_figure(energy: Dataset, path: Path, *, title: str = "") -> Path:
     """Draw the energy budget and, on an axis of its own, the error of the energy balance; return ``path``.
 
-    ``energy`` is ``RunDirectory.energy``; raises ``InputError`` if a quantity is missing or has no value.
+    The error is that over the largest sum of energy, dissipation and absorption. ``energy`` is ``RunDirectory.energy``;
+    raises ``InputError`` if a quantity is missing or has no value.
     """
     needed = ("kinetic", "potential", "total", "paddle_work", "balance")
     if missing := [name for name in needed if name not in energy or not energy.time.size]:
         raise InputError(f"{path}: the energy budget has no values of {', '.join(missing)}.")
-    basin = "m^5" in energy.total.units
-    with picture(path, 10, 6.5, title=titled(title, "energy budget")) as figure:
-        budget, error = figure.subplots(2, 1, height_ratios=(2, 1), sharex=True)
-        _draw_budget(budget, energy)
-        budget.set_ylabel("energy per density\n[m⁵/s²]" if basin else "energy per density\nand width [m⁴/s²]")
-        _draw_balance(error, energy)
-        figure.align_ylabels()
-    return path
-
-
-def _draw_budget(axes: Axes, energy: Dataset) -> None:
     t, total, work = energy.time, energy.total, energy.paddle_work
-    axes.plot(t, total, color=TOTAL, lw=4, label="total")
-    supplied = total[0] + work
-    axes.plot(t, supplied, "--", color=WORK, label="start + paddle work" if work.any() else "start")
-    if "dissipated" in energy and energy.dissipated[-1] > NEGLIGIBLE * np.abs(total).max():
-        remainder = supplied - energy.dissipated
-        axes.plot(t, remainder, ":", color=WORK, label="the same \N{MINUS SIGN} dissipated")
-    if "absorbed" in energy:
-        axes.plot(t, energy.absorbed, "-.", color=WORK, label="paddle absorption")
-    axes.plot(t, energy.kinetic, color=KINETIC, label="kinetic")
-    axes.plot(t, energy.potential, color=POTENTIAL, label="potential")
-    axes.legend(ncols=5, loc="lower center", bbox_to_anchor=(0.5, 1.0))
-
-
-def _draw_balance(axes: Axes, energy: Dataset) -> None:
-    """Draw the balance over the largest sum of energy, dissipation and absorption, as the run's warning has it."""
-    nothing = 0 * energy.total
-    removed = energy.get("dissipated", nothing) + np.maximum(energy.get("absorbed", nothing), 0.0)
-    largest = max(float(np.abs(energy.total + removed).max()), np.finfo(float).tiny)
-    axes.plot(energy.time, energy.balance / largest, color=COMPUTED)
-    axes.ticklabel_format(axis="y", scilimits=(-2, 2), useMathText=True)
-    limits = float(energy.time[0]), float(energy.time[-1])
-    axes.set(xlabel="time [s]", ylabel="energy error over\nlargest energy [-]", xlim=limits)
+    dissipated, absorbed = (energy.get(name, 0 * total) for name in ("dissipated", "absorbed"))
+    supplied, largest = total[0] + work, float(np.abs(total + dissipated + np.maximum(absorbed, 0.0)).max())
+    unit = "[m⁵/s²]" if "m^5" in total.units else "and width [m⁴/s²]"
+    title = titled(title, "energy budget")
+    with panels(path, 2, size=(10, 6.5), title=title, height_ratios=(2, 1)) as axes:
+        budget, error = axes[:, 0]
+        budget.plot(t, total, color=TOTAL, lw=4, label="total")
+        budget.plot(t, supplied, "--", color=WORK, label="start + paddle work" if work.any() else "start")
+        if dissipated[-1] > NEGLIGIBLE * np.abs(total).max():
+            budget.plot(t, supplied - dissipated, ":", color=WORK, label="the same \N{MINUS SIGN} dissipated")
+        if "absorbed" in energy:
+            budget.plot(t, absorbed, "-.", color=WORK, label="paddle absorption")
+        budget.plot(t, energy.kinetic, color=KINETIC, label="kinetic")
+        budget.plot(t, energy.potential, color=POTENTIAL, label="potential")
+        budget.set_ylabel(f"energy per density\n{unit}")
+        error.plot(t, energy.balance / max(largest, np.finfo(float).tiny), color=COMPUTED)
+        error.ticklabel_format(axis="y", scilimits=(-2, 2), useMathText=True)
+        error.set(ylabel="energy error over\nlargest energy [-]", xlim=(t[0], t[-1]))
+        budget.figure.align_ylabels()
+    return path
 
 
 # ---------------------------------------------------------------- breakdown
 LABELS = {"elevation": "elevation [cm]", "slope": "slope [-]", "velocity": "velocity u [m/s]"}
 ENLARGED, AROUND = 20.0, 0.1  # wave heights, at most, and parts of the tank shown enlarged on either side of a place
 PANEL = 3e4  # points² that cells of a basin fill
-STEEPEST_SLOPE = 0.58  # slope of the steepest progressive wave
 
 
 def broken_figure(run: RunDirectory) -> Path:
     """Draw the surface of a run that broke down, ``broken.png``; return its path.
 
-    In full and around its steepest place, of a basin in plan view. Raises ``InputError`` where none was recorded.
+    In full and around its steepest place, of a basin in plan view; of a slice with u/c at the steep crests. Raises
+    ``InputError`` where none was recorded.
     """
     surface, breakdown = run.broken(), run.manifest["broke_down"]
     path, steepest, basin = run.path / BROKEN_PICTURE, breakdown["steepest"], "y" in surface
+    extent = max(float(np.ptp(surface[axis].values)) for axis in ("x", "y") if axis in surface)
+    half = AROUND * extent if basin else min(ENLARGED * float(np.ptp(surface.elevation.values)), AROUND * extent)
+    inside = np.abs(surface.x - steepest["x"]) <= half
+    if basin:
+        inside &= np.abs(surface.y - steepest["y"]) <= half
     surface["elevation"] = CM * surface.elevation
+    parts = surface, surface.where(inside, drop=True)
     where = f"x = {steepest['x']:.4g} m" + (f", y = {steepest['y']:.4g} m" if basin else "")
     title = (
         f"{f'{run.title}: ' if run.title else ''}t = {breakdown['t']:.5g} s, from where the run could not go on\n"
         f"steepest at {where}: slope {steepest['slope']:.2g}, u = {steepest['velocity']:.3g} m/s"
     )
-    with picture(path, 11, 8.5, title=title) as figure:
-        panels = figure.subplots(3, 2, sharex="col", width_ratios=(2, 1) if not basin else (1, 1), squeeze=False)
-        if basin:
-            _draw_broken_basin(panels, surface, steepest)
-        else:
-            _draw_broken_slice(panels, surface, steepest, breakdown["crests"])
-        for panel in panels[-1]:
-            panel.set_xlabel("x [m]")
+    layout: dict[str, Any] = {"sharex": "col", "width_ratios": (1, 1) if basin else (2, 1)}
+    with panels(path, 3, 2, size=(11, 8.5), title=title, xlabel="x [m]", **layout) as axes:
+        for row, (name, label) in zip(axes, LABELS.items(), strict=True):
+            row[0].set_ylabel("y [m]" if basin else label)
+            for panel, part, marker in zip(row, parts, ("", "."), strict=True):
+                if basin:
+                    limits = {"vmin": float(surface[name].min()), "vmax": float(surface[name].max())}
+                    style = {"s": PANEL / part.sizes["point"], "marker": "s", "cmap": "viridis", "lw": 0, **limits}
+                    colours = panel.scatter(part.x, part.y, c=part[name], **style)
+                    panel.plot(steepest["x"], steepest["y"], "o", ms=12, mfc="none", mec=VERMILION)
+                    panel.set_aspect("equal", adjustable="datalim")
+                    panel.grid(False)
+                else:
+                    panel.plot(part.x, part[name], color=COMPUTED, lw=1.2, marker=marker, ms=3)
+                    panel.axvline(steepest["x"], color=VERMILION, lw=0.8)
+                    panel.margins(x=0)
+            if basin:
+                row[0].figure.colorbar(colours, ax=list(row), label=label)
+        axes[0, 0].set_title("in full", fontsize=10)
+        axes[0, 1].set_title("around the steepest place", fontsize=10, color=VERMILION)
+        for crest in () if basin else breakdown["crests"]:
+            for panel in axes[0]:
+                panel.axvline(crest["x"], color=ORANGE, lw=0.8, ls="--")
+            text, at = f"u/c = {crest['speed_ratio']:.2f}", ("data", "axes fraction")
+            style = {"color": ORANGE, "fontsize": 8, "rotation": 90, "va": "top"}
+            axes[0, 0].annotate(text, (crest["x"], 0.97), xycoords=at, **style)
     return path
-
-
-def _draw_broken_slice(
-    panels: NDArray[Any], surface: Dataset, steepest: dict[str, float], crests: list[dict[str, float]]
-) -> None:
-    """Draw each quantity over x, in full and around the steepest place, with u/c at the steep crests."""
-    half = min(ENLARGED * float(np.ptp(surface.elevation.values)) / CM, AROUND * float(np.ptp(surface.x.values)))
-    zoom = surface.where(np.abs(surface.x - steepest["x"]) <= half, drop=True)
-    for row, (name, label) in zip(panels, LABELS.items(), strict=True):
-        for axes, part, marker in zip(row, (surface, zoom), ("", "."), strict=True):
-            axes.plot(part.x, part[name], color=COMPUTED, lw=1.2, marker=marker, ms=3)
-            axes.axvline(steepest["x"], color=VERMILION, lw=0.8)
-            axes.margins(x=0)
-        row[0].set_ylabel(label)
-    for axes in panels[1]:
-        axes.axhline(STEEPEST_SLOPE, color=INK, lw=0.8, ls=":")
-    for crest in crests:
-        for axes in panels[0]:
-            axes.axvline(crest["x"], color=ORANGE, lw=0.8, ls="--")
-        text, at = f"u/c = {crest['speed_ratio']:.2f}", ("data", "axes fraction")
-        style = {"color": ORANGE, "fontsize": 8, "rotation": 90, "va": "top"}
-        panels[0, 0].annotate(text, (crest["x"], 0.97), xycoords=at, **style)
-    panels[0, 0].set_title("in full", fontsize=10)
-    panels[0, 1].set_title("around the steepest place", fontsize=10, color=VERMILION)
-    panels[1, 1].set_title("dotted: the steepest progressive wave", fontsize=8)
-
-
-def _draw_broken_basin(panels: NDArray[Any], surface: Dataset, steepest: dict[str, float]) -> None:
-    """Draw the cells in plan view, all of them and those around the steepest."""
-    half = AROUND * max(float(np.ptp(surface.x.values)), float(np.ptp(surface.y.values)))
-    inside = (np.abs(surface.x - steepest["x"]) <= half) & (np.abs(surface.y - steepest["y"]) <= half)
-    zoom = surface.where(inside, drop=True)
-    for row, (name, label) in zip(panels, LABELS.items(), strict=True):
-        limits = {"vmin": float(surface[name].min()), "vmax": float(surface[name].max())}
-        for axes, part in zip(row, (surface, zoom), strict=True):
-            style = {"s": PANEL / part.sizes["point"], "marker": "s", "cmap": "viridis", "lw": 0}
-            colours = axes.scatter(part.x, part.y, c=part[name], **style, **limits)
-            axes.plot(steepest["x"], steepest["y"], "o", ms=12, mfc="none", mec=VERMILION)
-            axes.set_aspect("equal", adjustable="datalim")
-            axes.grid(False)
-        row[0].figure.colorbar(colours, ax=list(row), label=label)
-        row[0].set_ylabel("y [m]")
 
 
 # ---------------------------------------------------------------- loads and probes
@@ -405,19 +373,20 @@ def probes_figure(run: RunDirectory, path: Path) -> Path:
     shown = probes.isel(probe=slice(None, None, -(-probes.sizes["probe"] // MAX_PROBES)))
     rows, tank = shown.sizes["probe"], run.manifest.get("scene", {}).get("tank", {})
     weight = tank.get("density", 1000.0) * tank.get("gravity", 9.81)
-    beyond = shown.pressure - weight * np.maximum(0.0, -shown.z)
-    scale, kilo = _scale(beyond)
-    with picture(path, 13, 1.1 + 1.6 * rows, title=titled(run.title, "probes")) as figure:
-        axes = figure.subplots(rows, 3, sharex=True, sharey="col", squeeze=False)
-        for n, (velocity, acceleration, pressure) in enumerate(axes):
+    pressure = shown.pressure - weight * np.maximum(0.0, -shown.z)
+    scale, kilo = _scale(pressure)
+    titles = ("velocity [m/s]", "acceleration [m/s²]", f"pressure beyond still water's [{kilo}Pa]")
+    size, title = (13, 1.1 + 1.6 * rows), titled(run.title, "probes")
+    with panels(path, rows, 3, size=size, title=title, legend="outside upper right", sharey="col") as axes:
+        for n, row in enumerate(axes):
             probe = shown.isel(probe=n)
             place = ", ".join(f"{axis} = {float(probe[axis]):g} m" for axis in "xyz" if axis != "y" or float(probe.y))
-            velocity.set_title(f"probe {probe.probe.item()}, {place}", pad=2, parse_math=False)
-            _draw_vector(velocity, probe, "velocity")
-            _draw_vector(acceleration, probe, "acceleration")
-            _draw(pressure, probe.time, beyond.isel(probe=n) / scale, color=BLUE)
-        text = ("velocity [m/s]", "acceleration [m/s²]", f"pressure beyond still water's [{kilo}Pa]")
-        _finish(figure, axes, text)
+            row[0].set_title(f"probe {probe.probe.item()}, {place}", pad=2, parse_math=False)
+            _draw_vector(row[0], probe, "velocity")
+            _draw_vector(row[1], probe, "acceleration")
+            draw_series(row[2], probe.time, pressure.isel(probe=n) / scale, color=BLUE)
+        for panel, text in zip(axes[0], titles, strict=True):
+            panel.set_title(text, loc="right", pad=2)
     return path
 
 
@@ -430,42 +399,28 @@ def loads_figure(run: RunDirectory, path: Path) -> Path:
     rows, beyond = loads.sizes["wall"], loads - loads.isel(time=0)
     scale, kilo = _scale(beyond[["force_x", "moment_y"]].to_array())
     units = {"force": loads.force_x.units, "moment": loads.moment_y.units}
-    with picture(path, 11, 1.1 + 1.9 * rows, title=titled(run.title, "loads")) as figure:
-        axes = figure.subplots(rows, 2, sharex=True, squeeze=False)
-        for n, panels in enumerate(axes):
-            for panel, name in zip(panels, units, strict=True):
+    size, title = (11, 1.1 + 1.9 * rows), titled(run.title, "loads")
+    with panels(path, rows, 2, size=size, title=title, legend="outside upper right") as axes:
+        for n, row in enumerate(axes):
+            for panel, name in zip(row, units, strict=True):
                 _draw_vector(panel, beyond.isel(wall=n) / scale, name)
-            panels[0].set_title(str(loads.wall[n].item()), pad=2, parse_math=False)
-        _finish(figure, axes, [f"{name} beyond that at the start [{kilo}{unit}]" for name, unit in units.items()])
+            row[0].set_title(str(loads.wall[n].item()), pad=2, parse_math=False)
+        for panel, (name, unit) in zip(axes[0], units.items(), strict=True):
+            panel.set_title(f"{name} beyond that at the start [{kilo}{unit}]", loc="right", pad=2)
     return path
 
 
-def _scale(values: Any) -> tuple[float, str]:
+def _scale(values: DataArray) -> tuple[float, str]:
     """Return the divisor of values that are shown, and the prefix of their unit."""
     return (KILO, "k") if float(np.abs(values).max()) > KILO else (1.0, "")
 
 
-def _draw_vector(panel: Axes, data: Any, name: str) -> None:
+def _draw_vector(panel: Axes, data: Dataset, name: str) -> None:
     """Draw the components of a vector that exist and are not all 0."""
     for axis, colour in COLOURS.items():
         if f"{name}_{axis}" in data and (values := data[f"{name}_{axis}"]).any():
             label = f"about {axis}" if name == "moment" else f"along {axis}"
-            _draw(panel, data.time, values, label=label, color=colour)
-
-
-def _draw(panel: Axes, t: Any, values: Any, **properties: Any) -> None:
-    panel.plot(t, values, **properties)
-    zero_line(panel)
-    panel.margins(x=0)
-
-
-def _finish(figure: Figure, axes: NDArray[Any], titles: Sequence[str]) -> None:
-    """Write the quantities above the columns, the time below them, and the legend."""
-    for panel, text in zip(axes[0], titles, strict=True):
-        panel.set_title(text, loc="right", pad=2)
-    for panel in axes[-1]:
-        panel.set_xlabel("time [s]")
-    common_legend(figure, "outside upper right", ncols=5)
+            draw_series(panel, data.time, values, label=label, color=colour)
 
 
 # ---------------------------------------------------------------- all figures of a run

@@ -1,8 +1,7 @@
 """Style of all figures: colours, sizes, axes, legends, and marks of gauges."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
-from math import floor, log10
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +13,9 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Annotation
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 from matplotlib.transforms import Bbox
+from numpy.typing import NDArray
 from xarray import DataArray
 
 from wavetank.output.files import atomic_file
@@ -31,6 +31,7 @@ FLAT = 1e-3  # cm; smaller waves are drawn as still water
 DAMPED = 1e-3  # of the largest rate of a sponge: where it begins
 SATURATED = 0.995  # quantile of the elevation at which colours end: one sharp crest must not bleach all other waves
 
+LEGEND_COLUMNS = 5  # at most
 COMPRESSION = 3  # of zlib's levels: files are a tenth larger than at the usual 6, and written in half the time
 
 STYLE: Any = {  # matplotlib 3.11 names every key in a type, earlier ones take any
@@ -69,19 +70,50 @@ def titled(run_title: str, kind: str) -> str:
     return f"{run_title}: {kind}" if run_title else kind.capitalize()
 
 
-def zero_line(axes: Axes) -> None:
-    """Draw a thin line at 0 behind the curves."""
+def draw_series(axes: Axes, t: Any, values: Any, **properties: Any) -> None:
+    """Draw values over times from end to end, over a thin line at 0."""
     axes.axhline(0.0, color="#888888", lw=0.6, zorder=0)
+    axes.plot(t, values, **properties)
+    axes.margins(x=0)
 
 
-def common_legend(figure: Figure, loc: Any = "outside lower center", ncols: int = 4) -> None:
-    """Draw one legend for all panels: each label once."""
-    entries = dict[str, Any]()
-    for axes in figure.axes:
-        handles, labels = axes.get_legend_handles_labels()
-        entries |= dict(zip(labels, handles, strict=True))
-    if entries:
-        figure.legend([*entries.values()], [*entries], loc=loc, ncols=ncols)
+@contextmanager
+def panels(
+    path: Path,
+    rows: int = 1,
+    columns: int = 1,
+    *,
+    size: tuple[float, float],
+    title: str = "",
+    xlabel: str = "time [s]",
+    legend: str = "outside lower center",
+    **layout: Any,
+) -> Iterator[NDArray[Any]]:
+    """Give the axes, shape (rows, columns), of a picture of that size [inch] over one x, with one legend for all.
+
+    ``layout`` are options of matplotlib's ``subplots``, such as ``height_ratios``.
+    """
+    with picture(path, *size, title=title) as figure:
+        axes = figure.subplots(rows, columns, squeeze=False, **({"sharex": True} | layout))
+        yield axes
+        for panel in axes[-1]:
+            panel.set_xlabel(xlabel)
+        common_legend(figure, legend)
+
+
+def common_legend(figure: Figure, loc: Any = "outside lower center", handles: Sequence[Line2D] = ()) -> None:
+    """Draw one legend below or above all panels: each label once, in as many columns as fit, at most five.
+
+    Its entries are handles, by default all labelled curves.
+    """
+    entries: dict[str, Any] = {str(handle.get_label()): handle for handle in handles}
+    for axes in () if handles else figure.axes:
+        entries |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+    for columns in range(min(LEGEND_COLUMNS, len(entries)), 0, -1):
+        legend = figure.legend([*entries.values()], [*entries], loc=loc, ncols=columns)
+        if columns == 1 or legend.get_window_extent().width <= figure.bbox.width:
+            return
+        legend.remove()
 
 
 def lay_out(figure: Figure) -> None:
@@ -105,16 +137,7 @@ def number_logarithms(axis: Axis) -> None:
     if high < FEW_DECADES * low:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_minor_formatter(NullFormatter())
-        axis.set_major_formatter(FuncFormatter(lambda value, _: _number(value)))
-
-
-def _number(value: float) -> str:
-    """Return a number as read: plain from a thousandth to ten thousand, else with its power of ten."""
-    if 1e-3 <= value < 1e5:
-        return f"{value:g}"
-    power = floor(log10(value) + 1e-9)
-    factor = f"{value / 10**power:.6g}"
-    return f"${'' if factor == '1' else factor + '·'}10^{{{power}}}$"
+        axis.set_major_formatter("{x:g}")
 
 
 # ---------------------------------------------------------------- marks of gauges

@@ -24,6 +24,7 @@ from wavetank.plots.style import (
     PALE_GREY,
     PURPLE,
     VERMILION,
+    common_legend,
     entry,
     lay_out,
     name_point,
@@ -48,7 +49,6 @@ CROSS: dict[str, Any] = {"marker": "x", "color": INK, "ms": 7, "mew": 1.5, "ls":
 FRONT: dict[str, Any] = {"color": INK, "ls": (0, (5, 3)), "lw": 1.4}
 RUN, MEAN, QUANTILE = PALE_GREY, BLUE, VERMILION  # of an ensemble
 WARNED = "open: the run has warnings (study.csv)"
-LEGEND_COLUMNS = 4  # at most
 PANEL_COLUMNS = 3  # at most
 TICKS = 5  # about the largest number of ticks of an axis
 MARGIN = 0.25  # part of the width left of the marks, and of the height below them, for texts
@@ -133,11 +133,7 @@ def _draw_panels(
             panel.set_ylabel(name)
         for empty in list(panels):
             empty.set_axis_off()
-        for columns in range(min(LEGEND_COLUMNS, len(handles)), 0, -1):
-            legend = figure.legend(handles=handles, loc="outside lower center", ncols=columns)
-            if columns == 1 or legend.get_window_extent().width <= figure.bbox.width:
-                break
-            legend.remove()
+        common_legend(figure, handles=handles)
         lay_out(figure)  # the places of names are final only now
         for panel in figure.axes:
             remove_overlaps(panel)
