@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from xarray import DataArray
+from xarray import DataArray, Dataset
 
 from wavetank import data
 from wavetank.analysis import signals
-from wavetank.analysis.signals import fundamental
+from wavetank.analysis.signals import fundamental, harmonics, resolved
 from wavetank.analysis.still_water import still_water
 from wavetank.case.tank import Depth
 from wavetank.errors import InputError
@@ -65,6 +65,14 @@ class WaveRecord:
     def forward(self) -> DataArray:
         """The elevation over x [m] in the direction in which the waves propagate."""
         return self.eta if self.far_end is None else self.eta.assign_coords(x=self.far_end - self.eta.x)
+
+    @cached_property
+    def harmonics(self) -> Dataset:
+        """The harmonics of the waves that the steps resolve, over gauges at x [m] in that direction.
+
+        All are fitted: over a part of a period others would count as the first.
+        """
+        return harmonics(self.forward, self.frequency, number=resolved(self.eta, self.frequency))
 
     @property
     def direction_note(self) -> str:

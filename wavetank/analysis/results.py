@@ -45,7 +45,6 @@ from wavetank.waves.airy import Array, group_velocity, wave_number
 COHERENT = 0.9  # frequencies of a smaller coherence have no phase speed
 DOUBTFUL = 0.1  # of the variance: a larger part of other periods is noted
 FEWEST_PERIODS = 3  # in a record that is analysed as regular waves although no period is given
-MIDDLE = 16  # mean periods that are examined before all of a record is
 MANY = 6  # pairs of gauges that are named
 SEVERAL = 5  # mean periods of a sea over which the beginning of its waves is sought
 SLIGHT, UNSURE = 1e-3, 0.5  # reflection, and part of it: a larger uncertainty is noted
@@ -128,23 +127,19 @@ def groups(record: WaveRecord) -> Result:
 # ---------------------------------------------------------------- harmonics
 def harmonic(record: WaveRecord) -> Result:
     """Amplitudes and phases of the waves' harmonics."""
-    f, number = record.frequency, resolved(record.eta, record.frequency)
-    result = harmonics(record.eta, f, number=number)
+    result = record.harmonics.assign_coords(x=record.eta.x)
     A, numbers = result.component.values, result.harmonic.values
     columns = {f"a{n} [m]": a for n, a in zip(numbers, np.abs(A).T, strict=True)}
     columns |= {f"phase{n} [rad]": phase for n, phase in zip(numbers, np.angle(A).T, strict=True)}
-    beginning = _beginning_note(record, 1 / f) or _unsteady_note(
+    unsteady = _beginning_note(record, 1 / record.frequency) or _unsteady_note(
         record,
-        lambda eta: np.abs(harmonics(eta, f, number=number).component.values),
+        lambda part: np.abs(part.harmonics.component.values),
         lambda a: np.maximum(UNSTEADY * a, MINOR * np.linalg.norm(a, axis=1, keepdims=True)),
         [[f"harmonic {n} at gauge {gauge}" for n in numbers] for gauge in record.eta.gauge.values],
     )
-    return Result(
-        _gauges(record) | columns | {"rest [m]": result.rest},
-        _notes(_period_note(record), _other_waves_note(record), beginning),
-        "harmonics",
-        {"result": result, "title": record.title},
-    )
+    notes = _notes(_period_note(record), _other_waves_note(record), unsteady)
+    arguments = {"result": result, "title": record.title}
+    return Result(_gauges(record) | columns | {"rest [m]": result.rest}, notes, "harmonics", arguments)
 
 
 def bound_free(record: WaveRecord) -> Result:
@@ -152,21 +147,20 @@ def bound_free(record: WaveRecord) -> Result:
     f, depth, g = record.frequency, record.depth, record.gravity
     names = ["bound", "free", "free, going back"][: 3 if record.eta.sizes["gauge"] > 3 else 2]
 
-    def second(eta: DataArray) -> tuple[DataArray, WaveFit]:
-        result = harmonics(replace(record, eta=eta).forward, f, number=max(2, resolved(record.eta, f)))
-        component = result.component[:, 1]
+    def second(part: WaveRecord) -> tuple[DataArray, WaveFit]:
+        component = harmonics(part.forward, f, number=max(2, resolved(part.eta, f))).component[:, 1]
         return component, bound_and_free(component, f, depth=depth, gravity=g, returning=len(names) > 2)
 
-    component, result = second(record.eta)
+    component, result = second(record)
     k, free = (float(one) for one in wave_number(2 * np.pi * f * np.array([1, 2]), depth, g))
     numbers = [2 * k, free, -free][: len(names)]
     condition, unsteady = f"condition {result.condition:.3g}", ""
     if result.condition > WORST:
         condition += f": {BADLY}, which should be apart by parts of the beat, not by all of it (--gauges, --along)"
     else:
-        unsteady = _unsteady_note(
+        unsteady = _free_waves_note(record, k, free) or _unsteady_note(
             record,
-            lambda eta: np.abs(second(eta)[1].amplitudes),
+            lambda part: np.abs(second(part)[1].amplitudes),
             lambda a: UNSTEADY_SECOND * a.max(keepdims=True),
             [f"the {name} wave" for name in ("bound", "free", "returning free")[: len(names)]],
         )
@@ -176,11 +170,11 @@ def bound_free(record: WaveRecord) -> Result:
         _residual_note(component, result),
         condition,
         _other_waves_note(record),
-        _free_waves_note(record, k, free) or unsteady,
+        unsteady,
         record.direction_note,
     )
-    title = f"{record.title}: second harmonic, T = {1 / f:.4g} s"
-    arguments = {"component": component, "wave_numbers": numbers, "names": names, "fit": result, "title": title}
+    kind = f"second harmonic, T = {1 / f:.4g} s"
+    arguments = {"component": component, "wave_numbers": numbers, "names": names, "fit": result, "kind": kind}
     a, phase = np.abs(result.amplitudes), np.angle(result.amplitudes)
     columns: dict[str, ArrayLike] = {
         "wave": names,
@@ -188,19 +182,27 @@ def bound_free(record: WaveRecord) -> Result:
         "amplitude [m]": a,
         "phase at x = 0 [rad]": phase,
     }
-    return Result(columns, notes, "bound-free", arguments)
+    return Result(columns, notes, "along", arguments | {"title": record.title})
 
 
 def _unsteady_note(
-    record: WaveRecord, amplitudes: Callable[[DataArray], Array], least: Callable[[Array], Array], names: ArrayLike
+    record: WaveRecord, amplitudes: Callable[[WaveRecord], Array], least: Callable[[Array], Array], names: ArrayLike
 ) -> str:
-    """Return a note on the named amplitude [m] that changes most over the record, if by more than ``least`` of it."""
-    early, full, late = (amplitudes(eta) for eta in _halves_of_full_periods(record))
+    """Return a note on the named amplitude [m] that changes most over the record, if by more than ``least`` of it.
+
+    Between the first and the last full periods of the record, as many as a half has, if more than one: over a part of a
+    period, waves above the highest harmonic would count as lower ones.
+    """
+    step, period = time_step(record.eta), 1 / record.frequency
+    periods = int((record.eta.time.size - 1) * step / period / 2)
+    halves = _ends(record, 1 + math.ceil(periods * period / step) if periods > 1 else record.eta.time.size)
+    early, late = (amplitudes(half) for half in halves)
+    full = amplitudes(record)
     change = np.ptp([early, full, late], axis=0) / np.maximum(least(full), SMALLEST)
     if not change.max() > 1.0:
         return ""
     worst = np.unravel_index(np.argmax(change), change.shape)
-    return _not_steady(np.asarray(names)[worst], *(f"{amplitude[worst]:.3g} m" for amplitude in (early, late)))
+    return _not_steady(np.asarray(names)[worst], f"{early[worst]:.3g} m", f"{late[worst]:.3g} m")
 
 
 def _not_steady(what: str, early: str, late: str) -> str:
@@ -208,21 +210,10 @@ def _not_steady(what: str, early: str, late: str) -> str:
     return f"{what} is not steady, {two}: a later --start tells it, or a longer record"
 
 
-def _ends(eta: DataArray, times: int) -> list[DataArray]:
-    """Return the first and the last so many times of a record."""
-    return [eta.isel(time=slice(times)), eta.isel(time=slice(-times, None))]
-
-
-def _halves_of_full_periods(record: WaveRecord) -> list[DataArray]:
-    """Return the first, all, and the last of a record, of as many full periods as a half has; all if these are few.
-
-    Over a part of a period, waves above the highest harmonic would count as lower ones.
-    """
-    step, period = time_step(record.eta), 1 / record.frequency
-    periods = int((record.eta.time.size - 1) * step / period / 2)
-    times = 1 + math.ceil(periods * period / step) if periods > 1 else record.eta.time.size
-    first, last = _ends(record.eta, times)
-    return [first, record.eta, last]
+def _ends(record: WaveRecord, times: int) -> list[WaveRecord]:
+    """Return the first and the last so many times of a record, with its period."""
+    parts = (slice(times), slice(-times, None))
+    return [replace(record, eta=record.eta.isel(time=part), given_period=1 / record.frequency) for part in parts]
 
 
 def _free_waves_note(record: WaveRecord, k: float, free: float) -> str:
@@ -262,12 +253,11 @@ def _period_note(record: WaveRecord) -> str:
 
 def _other_variance_ratio(record: WaveRecord) -> float:
     """Return the part of the variance that is neither at the waves' frequency nor at its harmonics."""
-    rest = harmonics(record.eta, record.frequency, number=resolved(record.eta, record.frequency)).rest
-    return float((rest**2).sum() / record.eta.var("time").sum())
+    return float((record.harmonics.rest**2).sum() / record.eta.var("time").sum())
 
 
 def _other_waves_note(record: WaveRecord) -> str:
-    """Return a note on the variance that is neither at the waves' frequency nor at its harmonics, if it is large."""
+    """Return a note on that part of the variance, if it is large."""
     fraction = _other_variance_ratio(record)
     if fraction <= DOUBTFUL:
         return ""
@@ -292,33 +282,28 @@ def reflection_coefficient(record: WaveRecord) -> float:
     Raises ``InputError`` where the gauges cannot separate them.
     """
     waving(record.eta)
-    if record.given_period:
-        _, result = _separate(record)
-        if result.condition > WORST:
-            raise InputError("the gauges stand where incident and reflected waves cannot be told apart.")
-        return result.coefficient
-    return float(reflected_spectra(record.forward, depth=record.depth, gravity=record.gravity).attrs["coefficient"])
+    if not record.given_period:
+        return float(reflected_spectra(record.forward, depth=record.depth, gravity=record.gravity).attrs["coefficient"])
+    result = _separate(record)
+    if result.condition > WORST:
+        raise InputError("the gauges stand where incident and reflected waves cannot be told apart.")
+    return result.coefficient
 
 
-def _separate(record: WaveRecord) -> tuple[DataArray, Reflection]:
-    """Return the harmonics over gauge, and the incident and reflected wave of the first.
-
-    All that the steps resolve are fitted: over a part of a period others would count as the first.
-    """
-    f = record.frequency
-    component = harmonics(record.forward, f, number=resolved(record.eta, f)).component
-    within = STEEP if component.sizes["gauge"] > 2 else 0.0
-    return component, regular_reflection(component[:, 0], f, depth=record.depth, gravity=record.gravity, within=within)
+def _separate(record: WaveRecord) -> Reflection:
+    """Return the incident and reflected wave of the first harmonic."""
+    first, within = record.harmonics.component[:, 0], STEEP if record.eta.sizes["gauge"] > 2 else 0.0
+    return regular_reflection(first, record.frequency, depth=record.depth, gravity=record.gravity, within=within)
 
 
 def _regular_reflection(record: WaveRecord) -> Result:
-    component, result = _separate(record)
+    first, result = record.harmonics.component[:, 0], _separate(record)
     badly = f": {BADLY}" if result.condition > WORST else ""
     uncertainty = _beginning_note(record, 1 / record.frequency)
     if not uncertainty and not badly:
-        uncertainty = _uncertainty_note(record, component, result)
+        uncertainty = _uncertainty_note(record, result)
     notes = _notes(
-        _residual_note(component, result),
+        _residual_note(first, result),
         f"condition {result.condition:.3g}{badly}",
         _other_waves_note(record),
         uncertainty,
@@ -331,30 +316,33 @@ def _regular_reflection(record: WaveRecord) -> Result:
         "reflected [m]": [abs(result.reflected)],
         "reflection [-]": [result.coefficient],
     }
-    arguments = {"component": component[:, 0], "result": result, "title": record.title}
-    return Result(columns, notes, "regular-reflection", arguments)
+    fit = WaveFit(np.array([result.incident, result.reflected]), result.rest, result.condition)
+    arguments = {"component": first, "wave_numbers": [result.k, -result.k], "names": ["incident", "reflected"]}
+    arguments |= {"fit": fit, "kind": f"reflection {result.coefficient:.3g}", "title": record.title}
+    return Result(columns, notes, "along", arguments)
 
 
-def _uncertainty_note(record: WaveRecord, component: DataArray, result: Reflection) -> str:
-    """Return why a reflection fitted to harmonics is uncertain, and what helps; empty if it is not.
+def _uncertainty_note(record: WaveRecord, result: Reflection) -> str:
+    """Return why a reflection of regular waves is uncertain, and what helps; empty if it is not.
 
     It changes, or it is not larger than what linear theory omits of the first harmonic: the residual of three gauges;
     two leave none, and the steepness of the second harmonic is taken for it.
     """
     doubtful = max(UNSURE * result.coefficient, SLIGHT)
-    halves = [replace(record, eta=half) for half in _ends(record.eta, record.eta.time.size // 2)]
+    halves = _ends(record, record.eta.time.size // 2)
     if all(np.ptp(half.eta.time.values) * record.frequency > 1 for half in halves):
-        early, late = (_separate(half)[1].coefficient for half in halves)
+        early, late = (_separate(half).coefficient for half in halves)
         if np.ptp([early, result.coefficient, late]) > doubtful:
             return _not_steady("the reflection", *(_percent(part, 2) for part in (early, late)))
-    number, steepness = component.sizes["gauge"], result.k * float(np.linalg.norm(component[:, 1:2])) / np.sqrt(2)
-    residual = result.rest / max(abs(result.incident), np.finfo(float).tiny)
-    error = residual * np.sqrt(2 / (2 * number - 5)) if number > 2 else steepness
+    second, number = record.harmonics.component[:, 1:2], record.eta.sizes["gauge"]
+    if number > 2:
+        error = result.rest / max(abs(result.incident), np.finfo(float).tiny) * np.sqrt(2 / (2 * number - 5))
+        why = "the gauges leave of the waves: more of them tell it better"
+    else:
+        error = result.k * float(np.linalg.norm(second)) / np.sqrt(2)
+        why = "two gauges cannot tell from free harmonics and steepness: three can"
     if (unsure := error * (result.condition + 1 / result.condition) / 2) <= doubtful:
         return ""
-    why = "the gauges leave of the waves: more of them tell it better"
-    if number == 2:
-        why = "two gauges cannot tell from free harmonics and steepness: three can"
     return f"the reflection is uncertain by {_percent(unsure, 1)}, which {why} (--gauges, --along)"
 
 
@@ -391,13 +379,6 @@ def _is_regular(record: WaveRecord) -> bool:
     """Return whether a period is given, or the fitted one has nearly all of the variance."""
     if record.given_period:
         return True
-    times, some = record.eta.time.size, round(MIDDLE * mean_period(record.eta) / time_step(record.eta))
-    middle = record.eta.isel(time=slice(max(0, (times - some) // 2), (times + some) // 2))
-    # most records that are not regular are not in their middle either, which takes no time
-    return all(_of_one_period(replace(record, eta=part)) for part in (middle, record.eta))
-
-
-def _of_one_period(record: WaveRecord) -> bool:
     if not record.eta.var("time").max() > SMALLEST**2:
         return False
     length = float(record.eta.time[-1] - record.eta.time[0])
@@ -405,10 +386,9 @@ def _of_one_period(record: WaveRecord) -> bool:
 
 
 def _regular_wave_speed(record: WaveRecord) -> Result:
-    f = record.frequency
-    component = harmonics(record.forward, f, number=resolved(record.eta, f)).component[:, 0]
-    result = regular_speed(component, f, depth=record.depth, gravity=record.gravity)
-    linear = 2 * np.pi * f / float(wave_number(2 * np.pi * f, record.depth, record.gravity))
+    f, depth, g = record.frequency, record.depth, record.gravity
+    result = regular_speed(record.harmonics.component[:, 0], f, depth=depth, gravity=g)
+    linear = 2 * np.pi * f / float(wave_number(2 * np.pi * f, depth, g))
     c, pairs = result.speed.values, result.pair.values
     columns = {"gauges": pairs, "distance [m]": result.distance, "delay [s]": result.delay}
     columns |= {"phase speed [m/s]": c, "linear [m/s]": np.full_like(c, linear)}

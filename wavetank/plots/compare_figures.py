@@ -13,7 +13,7 @@ from wavetank.analysis.compare import ComputedHeights, SectionProfile, line
 from wavetank.analysis.still_water import still_water
 from wavetank.data import HeightSeries
 from wavetank.output.directory import RunDirectory
-from wavetank.plots.style import BLUE, COMPUTED, GREEN, VERMILION, common_legend, picture
+from wavetank.plots.style import BLUE, COMPUTED, GREEN, VERMILION, common_legend, panels, picture
 
 
 # ---------------------------------------------------------------- harmonics
@@ -22,16 +22,14 @@ def harmonics_figure(path: Path, compared: Dataset) -> None:
     placed = bool(np.isfinite(compared.x).all())
     ordered = compared.sortby("x") if placed else compared
     x = ordered.x.values if placed else np.arange(ordered.gauge.size)
-    with picture(path, 9, 4.6) as figure:
-        axes = figure.add_subplot()
+    with panels(path, size=(9, 4.6), xlabel="x [m]" if placed else "gauge") as ((axes,),):
         for n, colour in zip(ordered.harmonic.values, (BLUE, VERMILION, GREEN), strict=True):
             one = 1e3 * ordered.sel(harmonic=n)
             axes.plot(x, one.reference, "o", ms=8, mfc="none", color=colour, label=f"reference, harmonic {n}")
             axes.plot(x, one.computed, ".-", color=colour, label=f"computed, harmonic {n}")
-        axes.set(xlabel="x [m]" if placed else "gauge", ylabel="amplitude [mm]", ylim=(0, None))
+        axes.set(ylabel="amplitude [mm]", ylim=(0, None))
         if not placed:
             axes.set_xticks(x, ordered.gauge.values)
-        common_legend(figure)
 
 
 # ---------------------------------------------------------------- wave heights along sections

@@ -97,7 +97,7 @@ def panels(
         axes = figure.subplots(rows, columns, squeeze=False, **({"sharex": True} | layout))
         yield axes
         for panel in axes[-1]:
-            panel.set_xlabel(xlabel)
+            panel.set_xlabel(panel.get_xlabel() or xlabel)
         common_legend(figure, legend)
 
 
