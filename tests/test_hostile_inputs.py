@@ -477,8 +477,8 @@ def test_picture_of_a_view_replaces_a_hard_link(tmp_path):
     outside.write_text("mine")
     still.parent.mkdir()
     still.hardlink_to(outside)
-    with writing(still):
-        still.write_text("picture")
+    with writing(still) as file:
+        file.write(b"picture")
     assert outside.read_text() == "mine" and still.read_text() == "picture"
 
 

@@ -14,6 +14,7 @@ from records import gauge, gauges, surface
 from scipy.optimize import brentq
 from xarray import Dataset
 
+from wavetank.analysis.still_water import closed
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.writer import RunWriter
@@ -118,7 +119,7 @@ def test_a_ring_is_drawn_closed_and_no_water_below_the_bed(tmp_path):
         for t in range(4):
             record.append(t, x, 0.01 * np.cos(np.pi / 4 * (x - t)), 0 * x)
     run = RunDirectory(tmp_path / "run")
-    ring = figures._closed(run.snapshots(), 8.0)
+    ring = closed(run.snapshots(), 8.0)
     assert np.all(ring.x[:, -1] == 8.0) and np.array_equal(ring.elevation[:, -1], ring.elevation[:, 0])
     text = words(lambda path: surface_figure(ring, path, depth=0.01, origin="along the ring"), tmp_path)
     assert "distance along the ring, x [m]" in text

@@ -15,7 +15,7 @@ from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.writer import RunWriter
 from wavetank.plots import view, view_command
-from wavetank.plots.surfaces import FlumeSurface, wave_history
+from wavetank.plots.surfaces import flume_surface, wave_history
 
 LENGTH, DEPTH, HEIGHT = 8.0, 1.0, 0.1  # m
 STEPS, PERIOD = 40, 2.0  # snapshots of one period [s]
@@ -65,7 +65,7 @@ def mesh(picture, name):
 
 # ---------------------------------------------------------------- surfaces
 def test_flume_surface_between_snapshots_is_the_wave(run):
-    surface = FlumeSurface(run)
+    surface = flume_surface(run)
     for t in (0.0, 0.61, 1.99):
         x, y, eta = surface.at(t).T
         assert eta == pytest.approx(travelling(x, t), abs=5e-4 * HEIGHT)
@@ -75,7 +75,7 @@ def test_flume_surface_between_snapshots_is_the_wave(run):
 
 
 def test_ring_surface_closes_at_its_length(tmp_path):
-    surface = FlumeSurface(record(tmp_path / "run", {**TANK, "type": "ring"}))
+    surface = flume_surface(record(tmp_path / "run", {**TANK, "type": "ring"}))
     x, _, eta = surface.first[:800].T
     assert x[-1] == pytest.approx(LENGTH) and eta == pytest.approx(travelling(x, 0.0), abs=1e-4)
 
@@ -84,7 +84,7 @@ def test_ring_surface_closes_at_its_length(tmp_path):
     "sponge", [{"type": "end", "length": 2.0}, {"type": "formula", "gamma": "5 * (max(x - 6, 0) / 2)**2"}]
 )
 def test_sponge_damps_with_the_square_of_the_distance(tmp_path, sponge):
-    surface = FlumeSurface(record(tmp_path / "run", sponge=sponge))
+    surface = flume_surface(record(tmp_path / "run", sponge=sponge))
     rate = surface.damping / surface.damping.max()
     assert rate == pytest.approx(np.maximum(surface.first[:, 0] - 6.0, 0.0) ** 2 / 4.0, abs=1e-9)
 

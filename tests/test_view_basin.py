@@ -14,7 +14,7 @@ from wavetank.output.fields import VtkCells, VtuSeries
 from wavetank.output.writer import RunWriter
 from wavetank.plots import basin, view
 from wavetank.plots.figures import draw_run
-from wavetank.plots.surfaces import BasinSurface, Extremes, wave_history
+from wavetank.plots.surfaces import Extremes, basin_surface, wave_history
 
 LENGTH, WIDTH, DEPTH, HEIGHT_OF_WAVES = 8.0, 4.0, 0.5, 0.1  # m
 PERIOD, STEPS = 1.6, 20  # snapshots of one period [s]
@@ -117,7 +117,7 @@ def around(x, y):
 # ---------------------------------------------------------------- the surface over time
 @pytest.mark.parametrize("triangles", [False, True])
 def test_the_surface_goes_on_between_snapshots(tmp_path, triangles):
-    surface = BasinSurface(record(tmp_path / "run", paddle=swinging, triangles=triangles))
+    surface = basin_surface(record(tmp_path / "run", paddle=swinging, triangles=triangles))
     for t in (TIMES[0] + 0.03, TIMES[20] + 0.05, TIMES[-1] - 0.01):
         x, y, eta = surface.at(t).T
         # cubic through four: at most (omega dt)^4 / 24 of each, 4e-4, at the ends; a straight line's is 1.2e-2
@@ -129,7 +129,7 @@ def test_the_surface_goes_on_between_snapshots(tmp_path, triangles):
 def test_pieces_of_two_and_three_ranks_are_one_surface(tmp_path):
     def told(ranks):
         parts = {"paddle": swinging, "depth": shoal, "kept": around, "times": TIMES[:12]}
-        surface = BasinSurface(record(tmp_path / str(ranks), ranks=ranks, **parts))
+        surface = basin_surface(record(tmp_path / str(ranks), ranks=ranks, **parts))
         waves = wave_history(surface)
         place = surface.first[:, :2].round(9)
         order = np.lexsort(place.T)
@@ -150,12 +150,12 @@ def test_pieces_of_two_and_three_ranks_are_one_surface(tmp_path):
 
 
 def test_rim_is_all_walls_and_paddles_are_those_that_move_across_themselves(tmp_path):
-    surface = BasinSurface(record(tmp_path / "run", paddle=swinging, far=swinging, kept=around, times=TIMES[:8]))
+    surface = basin_surface(record(tmp_path / "run", paddle=swinging, far=swinging, kept=around, times=TIMES[:8]))
     assert len(surface.rim) == 2 * (48 + 24) + 4 * 6
     moving = surface.first[surface.rim[surface.moving(wave_history(surface).displacement)]]
     ends = {x: np.sort(np.unique(moving[np.abs(moving[..., 0] - x) < 1e-9][:, 1].round(9))) for x in (0.0, LENGTH)}
     assert all(y == pytest.approx(np.linspace(0.0, WIDTH, 25)) for y in ends.values()) and len(moving) == 48
-    still = BasinSurface(record(tmp_path / "still", times=TIMES[:2]))
+    still = basin_surface(record(tmp_path / "still", times=TIMES[:2]))
     assert not still.moving(wave_history(still).displacement).any()
 
 
@@ -226,14 +226,14 @@ def test_heights_of_regular_waves_are_mapped_once_they_have_come(tmp_path):
     regular = {"type": "sinusoid", "period": PERIOD}
     times = PERIOD / 8 * np.arange(6 * 8 + 1)
     run = record(tmp_path / "run", motion=regular, times=times)
-    (heights,) = basin._wave_heights(run, BasinSurface(run))
+    (heights,) = basin._wave_heights(run, basin_surface(run))
     assert heights.values == pytest.approx(HEIGHT_OF_WAVES, rel=0.01)  # eight snapshots a period
     assert heights.title == "wave height from t = 4.80 to 9.60 s"
     assert "crest minus trough [cm]" in words(run, tmp_path)
     early = record(tmp_path / "early", motion=regular, times=times[:-1])
     seldom = record(tmp_path / "seldom", motion=regular, times=times[::4])
-    assert not basin._wave_heights(early, BasinSurface(early))
-    assert not basin._wave_heights(seldom, BasinSurface(seldom))
+    assert not basin._wave_heights(early, basin_surface(early))
+    assert not basin._wave_heights(seldom, basin_surface(seldom))
 
 
 # ---------------------------------------------------------------- the commands
@@ -298,7 +298,7 @@ def test_view_draws_a_run_resumed_on_other_ranks_with_a_paddle_at_an_angle(wavet
     said = wavetank("view", part, "--diagram", "--film", str(tmp_path / "film.gif"), "--size", "320x180")
     assert said.returncode == 0, said
     assert (tmp_path / "film.gif").exists() and (tmp_path / "part" / "surface.png").exists()
-    whole, resumed = (BasinSurface(RunDirectory(name)) for name in (one, part))
+    whole, resumed = (basin_surface(RunDirectory(name)) for name in (one, part))
     assert whole.times == pytest.approx(resumed.times) and len(whole.times) == 9
     order, reordered = (np.lexsort(np.round(each.first[:, :2], 6).T) for each in (whole, resumed))
     for number in range(9):

@@ -1,4 +1,4 @@
-"""The bed and the sponge of a run, from its scene; a bed by code from its record."""
+"""The bed and the sponge of a run, from its scene; a bed by code from its record; the surface of a ring closed."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 from scipy.spatial import QhullError
+from xarray import Dataset, concat
 
 from wavetank.case.tank import AnyTank, Depth, FormulaSponge, PythonBed, Tank
 from wavetank.errors import InputError
@@ -58,3 +59,10 @@ def sponge_rate(scene: Mapping[str, Any], x: NDArray[np.float64]) -> NDArray[np.
         case {"type": "formula", "gamma": _} as formula:
             return FormulaSponge.model_validate(formula).build()(x, 0 * x)
     return None
+
+
+def closed(surface: Dataset, length: float) -> Dataset:
+    """Return the snapshots of a ring of a length [m] with the first point of each once more at the end."""
+    first = surface.isel(point=[0])
+    both = [surface[["elevation"]], first[["elevation"]].assign_coords(x=first.x + length)]
+    return concat(both, "point", data_vars="minimal", coords="minimal", compat="override")

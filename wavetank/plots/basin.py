@@ -27,7 +27,7 @@ from wavetank.plots.style import (
     picture,
     remove_overlaps,
 )
-from wavetank.plots.surfaces import Array, BasinSurface, Extremes, Indices, wave_history
+from wavetank.plots.surfaces import Array, Extremes, Indices, TankSurface, basin_surface, wave_history
 
 LEVELS = 64  # of colours
 WIDTH, WIDE = 5.2, 9.5  # of a map [inch], the maps in a row or in a column
@@ -68,7 +68,7 @@ def basin_figure(run: RunDirectory, path: Path) -> Path:
     Over contours of the bed, with paddle and gauges; heights are crest minus trough over the last periods of a paddle
     that has one. Returns ``path``; raises ``InputError`` for less than two snapshots.
     """
-    surface = BasinSurface(run)
+    surface = basin_surface(run)
     if surface.times.size < 2:
         raise InputError(f"{path}: {surface.times.size} snapshots of the surface received; at least 2 are needed.")
     past, gauges = wave_history(surface), run.gauges
@@ -105,7 +105,7 @@ def _limits(values: Array) -> tuple[float, float]:
     return float(low), max(float(high), float(low) + FLAT / CM)
 
 
-def _wave_heights(run: RunDirectory, surface: BasinSurface) -> list[Map]:
+def _wave_heights(run: RunDirectory, surface: TankSurface) -> list[Map]:
     """Return the map of crest minus trough over the last periods; none without a period, or of too few snapshots."""
     motion = run.manifest.get("scene", {}).get("wall", {}).get("motion") or {}
     period, end = motion.get("period"), surface.times[-1]
@@ -122,7 +122,7 @@ def _wave_heights(run: RunDirectory, surface: BasinSurface) -> list[Map]:
     return [Map(title, "crest minus trough [cm]", surface.first, heights, _limits(heights))]
 
 
-def _draw_map(figure: Figure, axes: Axes, surface: BasinSurface, one: Map, bar: Any) -> None:
+def _draw_map(figure: Figure, axes: Axes, surface: TankSurface, one: Map, bar: Any) -> None:
     """Draw a map with the side of its colour bar, lines of the bed, sponge and rim."""
     plan = Triangulation(one.points[:, 0], one.points[:, 1], _triangles(surface.pieces))
     levels = CM * np.linspace(*one.limits, LEVELS)

@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import Formatter
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from xarray import DataArray, Dataset, concat
+from xarray import DataArray, Dataset
 
 from wavetank.analysis.compare import MATCH, compare_gauge, matched
-from wavetank.analysis.still_water import sponge_rate, still_water
+from wavetank.analysis.still_water import closed, sponge_rate, still_water
 from wavetank.case.tank import Depth
 from wavetank.errors import InputError
 from wavetank.output.directory import BROKEN, BROKEN_PICTURE, ENERGY, GAUGES, LOADS, PROBES, SURFACE, RunDirectory
@@ -470,7 +470,7 @@ def draw_surface(run: RunDirectory) -> Path:
     if surface.time.size < 2:
         number = surface.time.size
         raise InputError(f"{path}: {number} snapshots of the surface received; at least 2 are needed to draw.")
-    shown = _closed(surface, tank["length"]) if ring else surface
+    shown = closed(surface, tank["length"]) if ring else surface
     return surface_figure(
         shown,
         path,
@@ -488,10 +488,3 @@ def _sponge(scene: dict[str, Any], x: Array) -> tuple[float, float] | None:
         return None
     inside = x[rate > DAMPED * rate.max(initial=0.0)]
     return (float(inside.min()), float(inside.max())) if inside.size else None
-
-
-def _closed(surface: Dataset, length: float) -> Dataset:
-    """Return the surface of a ring [m] with its first point once more at the end."""
-    first = surface.isel(point=[0])
-    both = [surface[["elevation"]], first[["elevation"]].assign_coords(x=first.x + length)]
-    return concat(both, "point", data_vars="minimal", coords="minimal", compat="override")

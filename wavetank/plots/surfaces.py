@@ -1,17 +1,19 @@
 """The surface of a run as polygons that move, over its still-water depth, and the sizes of its waves."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pyvista as pv
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
-from scipy.interpolate import BarycentricInterpolator, CubicSpline
+from scipy.interpolate import CubicSpline
 from scipy.spatial import KDTree
 
-from wavetank.analysis.still_water import sponge_rate, still_water
+from wavetank.analysis.still_water import closed, sponge_rate, still_water
 from wavetank.errors import InputError
 from wavetank.output.directory import REST_POSITION, RunDirectory
 from wavetank.output.fields import piece_files
@@ -31,6 +33,7 @@ CORNERS = {pv.CellType.TRIANGLE: 3, pv.CellType.QUAD: 4}
 FINE, WIDTH = 800, 0.22  # points along a slice or ring, and the width it is drawn with, over its length
 
 
+@dataclass(frozen=True, eq=False)
 class TankSurface:
     """The surface of a run over time.
 
@@ -38,40 +41,40 @@ class TankSurface:
     ----------
     times
         Of the snapshots [s], shape (M,), increasing.
-    first
-        The points (x, y, eta) [m] of the first snapshot, shape (N, 3).
+    snapshot
+        Returns the points (x, y, eta) [m] of a snapshot by its number, shape (N, 3); raises ``InputError`` if it is
+        damaged.
     depth
         Still-water depth d at the points [m], shape (N,).
     damping
         Damping rate of the sponge at the points [1/s], shape (N,); None where there is none.
     pieces
         Corners of the triangles or quadrilaterals between the points, anticlockwise, shape (F, 3) or (F, 4).
-
-    Raises ``InputError`` if the run has no snapshot, or damaged ones; so do all methods that read one.
+    basin
+        Whether it is a basin's.
     """
 
     times: Array
-    first: Array
+    snapshot: Callable[[int], Array]
     depth: Array
     damping: Array | None
     pieces: Indices
+    basin: bool
 
-    def __init__(self) -> None:
-        self.snapshot = lru_cache(CACHED)(self._snapshot)
-
-    def _snapshot(self, number: int) -> Array:
-        """Return the points (x, y, eta) [m] of a snapshot by its number, shape (N, 3)."""
-        raise NotImplementedError
+    @cached_property
+    def first(self) -> Array:
+        """The points (x, y, eta) [m] of the first snapshot, shape (N, 3)."""
+        return self.snapshot(0)
 
     def at(self, t: float) -> Array:
         """Return the points (x, y, eta) [m] at t [s], shape (N, 3), interpolated between the snapshots around."""
         if self.times.size == 1:
-            return self.snapshot(0)
+            return self.first
         begin = int(np.searchsorted(self.times, t)) - AROUND // 2
         begin = int(np.clip(begin, 0, max(0, self.times.size - AROUND)))
         around = range(begin, min(begin + AROUND, self.times.size))
-        values = np.array([self.snapshot(number) for number in around])
-        return np.asarray(BarycentricInterpolator(self.times[around.start : around.stop], values)(t))
+        values = [self.snapshot(number) for number in around]
+        return np.asarray(CubicSpline(self.times[around.start : around.stop], values)(t))
 
     @property
     def contours(self) -> Array:
@@ -106,87 +109,91 @@ class TankSurface:
         return np.asarray(across > least)
 
 
-class FlumeSurface(TankSurface):
-    """The surface of a slice or a ring, the latter unrolled, drawn with a width."""
+def tank_surface(run: RunDirectory) -> TankSurface:
+    """Return the surface of a run.
 
-    def __init__(self, run: RunDirectory):
-        super().__init__()
-        scene = run.manifest.get("scene", {})
-        tank, surface = scene.get("tank", {}), run.snapshots()
-        if missing := [key for key in ("length", "depth") if tank.get(key) is None]:
-            raise InputError(f"{run.path}: its manifest does not say the tank's {missing[0]}.")
-        self.times, self._x, self._eta = surface.time.values, surface.x.values, surface.elevation.values
-        if not self.times.size:
-            raise InputError(f"{run.path}: has no snapshot of the surface; at least 1 is needed to view it.")
-        if tank["type"] == "ring":
-            self._x = np.column_stack([self._x, self._x[:, 0] + tank["length"]])
-            self._eta = np.column_stack([self._eta, self._eta[:, 0]])
-        increasing = np.all(np.diff(self.times) > 0) and np.all(np.diff(self._x) > 0)
-        if not (increasing and np.all(np.isfinite(self._eta))):
-            raise InputError(f"{run.path}: its snapshots are damaged; times and places must increase.")
-        self._half_width = WIDTH / 2 * tank["length"]
-        start = np.arange(FINE - 1)
-        self.pieces = np.column_stack([start, start + 1, start + 1 + FINE, start + FINE])
-        self.first = self.snapshot(0)
-        bed, x = still_water(run), np.clip(self.first[:, 0], 0.0, tank["length"])
-        self.depth = np.full_like(x, tank["depth"]) if bed is None else bed(x, 0 * x)
-        self.damping = sponge_rate(scene, x)
-
-    def _snapshot(self, number: int) -> Array:
-        x = np.linspace(self._x[number, 0], self._x[number, -1], FINE)
-        eta = CubicSpline(self._x[number], self._eta[number])(x)
-        sides = (np.full_like(x, side * self._half_width) for side in (-1, 1))
-        return np.concatenate([np.column_stack([x, y, eta]) for y in sides])
+    Raises ``InputError`` if its tank is of no type that can be viewed, and if it has no snapshot, or damaged ones.
+    """
+    kinds = {"slice": flume_surface, "ring": flume_surface, "basin": basin_surface}
+    kind = run.manifest.get("scene", {}).get("tank", {}).get("type")
+    if kind not in kinds:
+        raise InputError(f"{run.path}: its tank is of type {kind!r}; can be viewed: {', '.join(kinds)}.")
+    return kinds[kind](run)
 
 
-class BasinSurface(TankSurface):
-    """The surface of a run in a basin: the pieces of all ranks as one mesh.
+def flume_surface(run: RunDirectory) -> TankSurface:
+    """Return the surface of a slice or a ring, the latter unrolled, with a width."""
+    scene = run.manifest.get("scene", {})
+    tank, surface = scene.get("tank", {}), run.snapshots()
+    if missing := [key for key in ("length", "depth") if tank.get(key) is None]:
+        raise InputError(f"{run.path}: its manifest does not say the tank's {missing[0]}.")
+    times, length = surface.time.values, tank["length"]
+    if not times.size:
+        raise InputError(f"{run.path}: has no snapshot of the surface; at least 1 is needed to view it.")
+    surface = closed(surface, length) if tank["type"] == "ring" else surface
+    nodes, eta = surface.x.values, surface.elevation.values
+    if not (np.all(np.diff(times) > 0) and np.all(np.diff(nodes) > 0) and np.all(np.isfinite(eta))):
+        raise InputError(f"{run.path}: its snapshots are damaged; times and places must increase.")
+
+    @lru_cache(CACHED)
+    def snapshot(number: int) -> Array:
+        x = np.linspace(nodes[number, 0], nodes[number, -1], FINE)
+        z = CubicSpline(nodes[number], eta[number])(x)
+        return np.concatenate(
+            [np.column_stack([x, np.full_like(x, y), z]) for y in WIDTH / 2 * length * np.array([-1, 1])]
+        )
+
+    start, x = np.arange(FINE - 1), np.clip(snapshot(0)[:, 0], 0.0, length)
+    pieces, bed = np.column_stack([start, start + 1, start + 1 + FINE, start + FINE]), still_water(run)
+    depth = np.full_like(x, tank["depth"]) if bed is None else bed(x, 0 * x)
+    return TankSurface(times, snapshot, depth, sponge_rate(scene, x), pieces, basin=False)
+
+
+def basin_surface(run: RunDirectory) -> TankSurface:
+    """Return the surface of a run in a basin: the pieces of all ranks as one mesh.
 
     Points have the numbers of the first snapshot. The number of ranks may change where a run was resumed; points of
     later snapshots are then identified by their positions at rest.
     """
+    if not (snapshots := run.fields("surface")):
+        raise InputError(f"{run.path}: has no snapshot of the surface; at least 1 is needed to view it.")
+    times, files = zip(*snapshots, strict=True)
+    if not np.all(np.diff(times) > 0):
+        raise InputError(f"{run.path}: its snapshots are damaged; times must increase.")
+    first = _read(files[0])
+    flat, at_rest = first.copy(), _rest_positions(first)
+    flat.points = first.points * (1.0, 1.0, 0.0)
+    # in x and y: points on a border are computed by the ranks on both sides, equal to solver tolerance
+    merged = flat.clean(tolerance=SAME * first.length, produce_merge_map=True)
+    _, chosen = np.unique(merged.field_data["PointMergeMap"], return_index=True)
+    kinds = [kind for kind in CORNERS if kind in merged.cells_dict]
+    if len(kinds) != 1 or "depth" not in first.point_data:
+        raise InputError(f"{files[0]}: is no surface of triangles or quadrilaterals with their depth.")
 
-    def __init__(self, run: RunDirectory):
-        super().__init__()
-        snapshots = run.fields("surface")
-        if not snapshots:
-            raise InputError(f"{run.path}: has no snapshot of the surface; at least 1 is needed to view it.")
-        times, self._files = zip(*snapshots, strict=True)
-        self.times = np.array(times)
-        if not np.all(np.diff(self.times) > 0):
-            raise InputError(f"{run.path}: its snapshots are damaged; times must increase.")
-        parts = _read(self._files[0])
-        flat = parts.copy()
-        flat.points = parts.points * (1.0, 1.0, 0.0)
-        # in x and y: points on a border are computed by the ranks on both sides, equal to solver tolerance
-        merged = flat.clean(tolerance=SAME * parts.length, produce_merge_map=True)
-        self._chosen: Indices
-        _, self._chosen = np.unique(merged.field_data["PointMergeMap"], return_index=True)
-        self._stored, self._rest, self._size = parts.n_points, _rest_positions(parts), float(parts.length)
-        kinds = [kind for kind in CORNERS if kind in merged.cells_dict]
-        if len(kinds) != 1 or "depth" not in parts.point_data:
-            raise InputError(f"{self._files[0]}: is no surface of triangles or quadrilaterals with their depth.")
-        self.pieces = merged.cells_dict[kinds[0]].astype(np.int64)
-        self.depth = np.asarray(parts["depth"][self._chosen], float)
-        damping = np.asarray(parts[DAMPING][self._chosen], float) if DAMPING in parts.point_data else np.zeros(1)
-        self.damping = damping if damping.any() else None
-        self.first = np.asarray(parts.points[self._chosen], float)
-
-    def _snapshot(self, number: int) -> Array:
-        parts = _read(self._files[number])
-        return np.asarray(parts.points[self._numbers(parts, self._files[number])], float)
-
-    def _numbers(self, parts: pv.UnstructuredGrid, file: Path) -> Indices:
-        """Return the numbers that the points have in a snapshot, shape (N,)."""
+    @lru_cache(CACHED)
+    def snapshot(number: int) -> Array:
+        parts = _read(files[number])
         rest = _rest_positions(parts)
-        if np.array_equal(rest, self._rest) and parts.n_points == self._stored:
-            return self._chosen
-        if not (len(rest) and len(self._rest)):
-            raise InputError(f"{file}: {parts.n_points} points; the first snapshot has {self._stored}.")
-        distances, numbers = KDTree(rest).query(self._rest[self._chosen])
-        if distances.max() > SAME_AT_REST * self._size:
-            raise InputError(f"{file}: its cells differ from those of the first snapshot; they must be the same.")
-        return np.asarray(numbers, np.int64)
+        if np.array_equal(rest, at_rest) and parts.n_points == first.n_points:
+            return np.asarray(parts.points[chosen], float)
+        if not (len(rest) and len(at_rest)):
+            raise InputError(f"{files[number]}: {parts.n_points} points; the first snapshot has {first.n_points}.")
+        distances, numbers = KDTree(rest).query(at_rest[chosen])
+        if distances.max() > SAME_AT_REST * first.length:
+            raise InputError(
+                f"{files[number]}: its cells differ from those of the first snapshot; they must be the same."
+            )
+        return np.asarray(parts.points[numbers], float)
+
+    damping = np.asarray(first[DAMPING][chosen], float) if DAMPING in first.point_data else np.zeros(1)
+    return TankSurface(
+        np.array(times),
+        snapshot,
+        np.asarray(first["depth"][chosen], float),
+        damping if damping.any() else None,
+        merged.cells_dict[kinds[0]].astype(np.int64),
+        basin=True,
+    )
 
 
 def _rest_positions(parts: pv.UnstructuredGrid) -> Array:
@@ -199,16 +206,6 @@ def _read(file: Path) -> pv.UnstructuredGrid:
         if not one.is_file():
             raise InputError(f"{one}: is missing; the run directory names it.")
     return pv.read(file)
-
-
-def tank_surface(run: RunDirectory) -> TankSurface:
-    """Return the surface of a run; raises ``InputError`` if its tank is of no type that can be viewed."""
-    kinds: dict[Any, type[FlumeSurface | BasinSurface]]
-    kinds = {"slice": FlumeSurface, "ring": FlumeSurface, "basin": BasinSurface}
-    kind = run.manifest.get("scene", {}).get("tank", {}).get("type")
-    if kind not in kinds:
-        raise InputError(f"{run.path}: its tank is of type {kind!r}; can be viewed: {', '.join(kinds)}.")
-    return kinds[kind](run)
 
 
 # ---------------------------------------------------------------- sizes of waves over all snapshots

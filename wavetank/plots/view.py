@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from ctypes.util import find_library
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import pyvista as pv
@@ -23,11 +23,12 @@ from rich.console import Console
 from rich.progress import track
 from vtkmodules.vtkCommonCore import vtkLogger
 
-from wavetank.errors import InputError
+from wavetank.errors import InputError, write_errors
 from wavetank.output.directory import GAUGES, RunDirectory
+from wavetank.output.files import atomic_file
 from wavetank.plots.figures import draw_surface
 from wavetank.plots.style import CM, WATER
-from wavetank.plots.surfaces import Array, BasinSurface, Indices, tank_surface, wave_history
+from wavetank.plots.surfaces import Array, Indices, tank_surface, wave_history
 
 Size = tuple[int, int]
 Pixels = NDArray[np.uint8]
@@ -65,12 +66,12 @@ def still(run: RunDirectory, path: Path, *, t: float | None = None, size: Size =
     """
     if path.suffix.lower() != ".png":
         raise InputError(f"{path}: a still is written as .png alone.")
-    with writing(path), closing(View(run, size=size)) as view:
+    with writing(path) as file, closing(View(run, size=size)) as view:
         times, shown = view.surface.times, view.history.crest_time if t is None else t
         if not times[0] <= shown <= times[-1]:
             allowed = f"{times[0]:g} to {times[-1]:g} s, of which the run has snapshots"
             raise InputError(f"{run.path}: time {shown:g} s received; allowed is {allowed}.")
-        Image.fromarray(view.pixels(shown)).save(path)
+        Image.fromarray(view.pixels(shown)).save(file, "png")
     return path
 
 
@@ -84,7 +85,7 @@ def film(run: RunDirectory, path: Path, *, size: Size | None = None, console: Co
         raise InputError(f"{path}: a film of suffix {suffix!r} received; allowed are {', '.join(FILMS)}.")
     rate, usual_size = FILMS[suffix]
     width, height = size or usual_size
-    with writing(path), closing(View(run, size=(width, height))) as view:
+    with writing(path) as file, closing(View(run, size=(width, height))) as view:
         begin, end = view.surface.times[[0, -1]]
         if begin == end:
             raise InputError(f"{run.path}: has 1 snapshot of the surface; at least 2 are needed for a film.")
@@ -94,13 +95,13 @@ def film(run: RunDirectory, path: Path, *, size: Size | None = None, console: Co
         frames = (view.pixels(float(t)) for t in progress)
         if suffix == ".gif":
             first, *later = map(Image.fromarray, frames)
-            first.save(path, save_all=True, append_images=later, duration=1000 / rate, loop=0, optimize=True)
+            first.save(file, "gif", save_all=True, append_images=later, duration=1000 / rate, loop=0, optimize=True)
         else:
-            file = write_frames(str(path), (width, height), fps=rate, quality=QUALITY, macro_block_size=2)
-            file.send(None)
+            stream = write_frames(file.name, (width, height), fps=rate, quality=QUALITY, macro_block_size=2)
+            stream.send(None)
             for frame in frames:
-                file.send(np.ascontiguousarray(frame))
-            file.close()
+                stream.send(np.ascontiguousarray(frame))
+            stream.close()
     return path
 
 
@@ -109,28 +110,17 @@ def diagram(run: RunDirectory) -> Path:
 
     Raises ``InputError`` for a run of less than two snapshots, and for a file that cannot be written.
     """
-    with writing(run.path / "surface.png"):
+    with write_errors(run.path / "surface.png"):
         return draw_surface(run)
 
 
 @contextmanager
-def writing(path: Path) -> Iterator[None]:
-    """Make sure that a file can be written before work is put into it; raise ``InputError`` if it cannot, or then.
-
-    It replaces a hard link: the file keeps its content under its other name.
-    """
-    new = not path.exists()
-    try:
+def writing(path: Path) -> Iterator[BinaryIO]:
+    """Give a file that replaces the one at a path when it is complete; raise ``InputError`` if it cannot be written."""
+    with write_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        if path.is_file() and path.stat().st_nlink > 1:
-            path.unlink()
-        path.open("ab").close()
-        yield
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error}).") from None
-    finally:
-        if new and path.is_file() and not path.stat().st_size:
-            path.unlink()
+        with atomic_file(path) as file:
+            yield file
 
 
 # ---------------------------------------------------------------- the picture
@@ -176,7 +166,7 @@ class View:
         self.write_note()
         self.draw(float(surface.times[0]))
         self._add_axes(depth)
-        self._aim(EYES[isinstance(surface, BasinSurface)])
+        self._aim(EYES[surface.basin])
 
     def draw(self, t: float) -> None:
         """Show the tank at t [s]."""
@@ -274,7 +264,7 @@ class View:
         self.plotter.show_bounds(
             bounds=[*ends, -depth * self.exaggeration, 0.0],
             axes_ranges=[*ends, -depth, 0.0],
-            show_yaxis=isinstance(self.surface, BasinSurface),
+            show_yaxis=self.surface.basin,
             xtitle="x [m]",
             ytitle="y [m]",
             ztitle=HEIGHT,

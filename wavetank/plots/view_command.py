@@ -1,9 +1,7 @@
 """``wavetank view RUN``: the pictures and films of the command line, one after the other."""
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 from typing import Annotated
 
 import typer
@@ -29,27 +27,16 @@ def view(
     directory, terminal = RunDirectory(run), console()
     check_new(*(file for file in (out, film) if file is not None), overwrite=overwrite)
     given = {} if size is None else {"size": _pixels(size)}
-    drawing = _drawing()
-
-    def made() -> Iterator[Path]:
-        if time is not None or out is not None or not (film or diagram):
-            yield drawing.still(directory, out or run / "view.png", t=time, **given)
-        if film is not None:
-            yield drawing.film(directory, film, console=terminal, **given)
-        if diagram:
-            yield drawing.diagram(directory)
-
-    for picture in made():
-        terminal.print(f"wrote {picture}", highlight=False)
-
-
-def _drawing() -> ModuleType:
-    """Return what draws; raise ``InputError`` if a package that it needs is not here."""
     try:
-        from wavetank.plots import view
+        from wavetank.plots import view as drawing
     except ImportError as error:
         raise InputError(f"to view a run the package {error.name} is needed: pip install 'wavetank[view]'.") from None
-    return view
+    if time is not None or out is not None or not (film or diagram):
+        terminal.print(f"wrote {drawing.still(directory, out or run / 'view.png', t=time, **given)}", highlight=False)
+    if film is not None:
+        terminal.print(f"wrote {drawing.film(directory, film, console=terminal, **given)}", highlight=False)
+    if diagram:
+        terminal.print(f"wrote {drawing.diagram(directory)}", highlight=False)
 
 
 def _pixels(size: str) -> tuple[int, int]:
