@@ -60,11 +60,8 @@ def run(tmp_path):
     """Return a run directory with the group in it."""
     snapshots = group()
     with RunWriter(tmp_path / "run", {"scene": {"title": "A focusing group"}}) as writer:
-        table, energy, snapshot = (
-            writer.gauges([("1", 4.0), ("2", 10.0)]),
-            writer.table("energy.csv", ENERGY),
-            writer.surface(),
-        )
+        table, snapshot = writer.gauges([("1", 4.0), ("2", 10.0)]), writer.surface()
+        energy = writer.table("energy.csv", ENERGY)
         for t, x, eta in zip(T, snapshots.x.values, snapshots.elevation.values, strict=True):
             table.append([t, elevation(4.0, t), elevation(10.0, t)])
             energy.append([t, 0.1 * t, 0.2 * t, 0.3 * t, 0.3 * t, 1e-6 * np.sin(t), 24.0])
