@@ -5,6 +5,7 @@ the run that was not interrupted.
 """
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,7 +19,6 @@ from test_state import SLICE
 from wavetank.analysis.reflection import reflected
 from wavetank.case import Case
 from wavetank.case.reading import read_case
-from wavetank.case.tank import SliceTank
 from wavetank.case.wall import ActiveAbsorption, SpringDamper
 from wavetank.cli import main
 from wavetank.errors import InputError, RunError
@@ -63,6 +63,13 @@ def tank(wall, far_wall=None, *, length, duration, dt, cells, physics="linear", 
     return build_run(Case.model_validate({**parts, **walls, "numerics": numerics, **more}), MPI.COMM_SELF)
 
 
+def end_of(walls, *, length, paddle_periods=()):
+    """Return the first moving wall of a case, or a piston, whose paddles have some periods."""
+    parts = {"tank": {"length": length, "depth": 1.0}, "run": {"duration": 1.0}, "numerics": {"cells": 4}}
+    end = Case.model_validate({**parts, "wall": {"type": "piston", "motion": REST}, **walls}).ends[0]
+    return replace(end, case=SimpleNamespace(paddle_periods=paddle_periods))
+
+
 # ---------------------------------------------------------------- theory
 @pytest.mark.parametrize("wavemaker", MAKERS, ids=["piston", "flap", "flap above the bed"])
 def test_a_paddles_power_is_that_of_its_waves(wavemaker):
@@ -94,7 +101,7 @@ def test_a_filter_absorbs_its_band_and_feeds_no_wave(wavemaker, band, tuned):
 
 @pytest.mark.parametrize("given", [{"longest": 0.9}, {"shortest": 5.0}, {"shortest": 1.0, "longest": 2.0}])
 def test_a_band_is_one_whichever_end_of_it_is_given(given):
-    shortest, longest = ActiveAbsorption(**given).band(SliceTank(length=10.0, depth=1.0))
+    shortest, longest = ActiveAbsorption(**given).band(end_of({}, length=10.0))
     assert shortest < longest
     assert {"shortest": shortest, "longest": longest}.items() >= given.items()
 
@@ -202,13 +209,8 @@ def reflection(wall, *, kd, height, periods, steps, **more):
     run.diagnostics.append(Looking())
     run.execute()
     found = reflected(np.mean(rows, axis=0), waves.plane.x[seen], kd, within=0.03)
-    case = Case.model_validate(
-        {"tank": {"length": length, "depth": 1.0}, "wall": far, "run": {"duration": 1.0}, "numerics": {"cells": 4}}
-    )
-    omega = np.array([2 * np.pi / T])
-    Z = face(case.wall.wavemaker, omega, 1.0, GRAVITY)
-    expected = ActiveAbsorption().build(case.tank, case.wall.wavemaker, paddles=[T]).reflection(Z, omega)
-    return found.coefficient, float(np.abs(expected)[0])
+    end = end_of({"wall": far}, length=length, paddle_periods=[T])
+    return found.coefficient, float(ActiveAbsorption().reflection(np.array([2 * np.pi / T]), end)[0])
 
 
 def test_what_a_piston_sends_back_is_what_theory_says():
@@ -404,15 +406,8 @@ SPRING = {"type": "spring-damper", "mass": 200.0, "period": period(1.0)}
 
 def test_a_paddle_on_a_spring_that_is_tuned_sends_nothing_back_of_its_period():
     """By the series of theory, with b = r and k = omega² (M + mu); it does of others."""
-    case = Case.model_validate(
-        {
-            "tank": {"length": 9.0, "depth": 1.0},
-            "wall": {"type": "piston", "motion": REST, "absorb": SPRING},
-            "run": {"duration": 1.0},
-            "numerics": {"cells": 4},
-        }
-    )
-    mass, stiffness, damping = case.wall.absorb.resolved(case.tank, PISTON)
+    end = end_of({"wall": {"type": "piston", "motion": REST, "absorb": SPRING}}, length=9.0)
+    mass, stiffness, damping = end.wall.absorb.resolved(end)
     omega = 2 * np.pi / np.array([period(1.0), period(2.0)])
     r, mu = radiation(PISTON, omega, 1.0, GRAVITY)
     X = omega * (mass + mu) - stiffness / omega
@@ -442,7 +437,7 @@ def test_what_a_spring_holds_and_a_damper_takes_is_the_work_of_the_water(monkeyp
     far_away = {"type": "formula", "eta": "0.08*exp(-((x - 3.0)/0.8)**2)"}
     spring = {"type": "spring-damper", "mass": 100.0}
     piston, missing, off = {"type": "piston", "motion": REST, "absorb": spring}, [], []
-    mass, stiffness, damping = SpringDamper(mass=100.0).resolved(SliceTank(length=3.0, depth=1.0), PISTON)
+    mass, stiffness, damping = SpringDamper(mass=100.0).resolved(end_of({}, length=3.0))
     for dt in (0.032, 0.016):
         run, waves = tank(piston, length=3.0, duration=1.2, dt=dt, cells=6, physics="nonlinear", initial=far_away)
         budget = counted(run, waves, [sudden_mass(PISTON, 1.0)])

@@ -166,7 +166,7 @@ def test_recorded_motion_reads_a_named_column_with_gain(write_case, tmp_path):
     assert slow.velocity(np.linspace(1.0, 29.0, 9)) == pytest.approx(-0.02, rel=1e-9)
     with pytest.raises(InputError, match=r"2.4 Hz received; must be at most 1.9.* Hz, a fifth"):
         read_case(write_case(), [f'{motion}"flap", highest_frequency=2.4}}', "run.duration=20"])
-    with pytest.raises(InputError, match=r'motion.column = "piston": .*has no such column; allowed are flap, gauge'):
+    with pytest.raises(InputError, match="paddle.csv: has no column 'piston'; its columns are t, flap, gauge"):
         read_case(write_case(), [f'{motion}"piston"}}', "run.duration=20"])
 
 
@@ -285,7 +285,7 @@ def test_overrides_accept_toml_values_and_bare_text_at_any_depth(write_case):
         ("run.dt=0.01", "allowed are: checkpoint_every, duration, on_breaking; dt belongs to [numerics]."),
         (
             'wall.motion={type="sinusoid", paddle_amplitude=10, period=2}',
-            "paddle_amplitude = 10.0: takes the paddle 10 m from rest; it must stay below 7.5 m, 3/4 of its reach, "
+            "wall.motion: takes the paddle 10 m from rest; it must stay below 7.5 m, 3/4 of its reach, "
             "which is 10 m by default, at most the tank's length.",
         ),
         ("wall.reach=0.01", "wall.reach = 0.01: must be more than 0.06144 m, 4/3 of"),
@@ -294,7 +294,7 @@ def test_overrides_accept_toml_values_and_bare_text_at_any_depth(write_case):
         ("wall.motion.components=9", "components = 9: must be 22 or more: so few repeat the waves every 9.143 s"),
         (
             "wall.motion.lowest_frequency=0.7",
-            "wall.motion.spectrum.peak_frequency = 0.65: must be between the components' 0.7",
+            "wall.motion.spectrum: must have its peak, 0.65 Hz, within the components' band, 0.7",
         ),
         ('wall.motion={type="recorded"}', "must have exactly one of the keys 'position' and 'velocity'"),
         (
@@ -323,20 +323,12 @@ def test_refusal_names_file_key_value_and_allowed_values(write_case, override, s
     assert all(line.startswith(f"{path}, ") and line.endswith(".") for line in message.splitlines())
 
 
-def test_stroke_beyond_the_reach_after_the_run_is_refused(write_case):
-    case = ['wall.motion={type="sinusoid", paddle_amplitude=10, period=2}', "tank.length=4", "gauges=[1.0]"]
-    said = "takes the paddle 10 m from rest; it must stay below 3 m, 3/4 of its reach, which is 4 m by default"
-    for duration in (0.3, 40.0):
-        with pytest.raises(InputError, match=rf"wall\.motion\.paddle_amplitude = 10\.0: {said}, at most the tank's"):
-            read_case(write_case(), [*case, f"run.duration={duration}"])
-
-
 def test_refusal_names_the_line(write_case):
     said = refused(write_case(GROUP.replace("focus_x = 10.0", "focus_x = 30.0").replace("{x = 4.0}", "{x = -4.0}")))
     path = write_case()
     assert said.splitlines()[:2] == [
-        f"{path}, line 2: gauges.0.x = -4.0: must be inside the tank, 0 to 24 m.",
         f"{path}, line 17: wall.motion.focus_x = 30.0: must be inside the tank, below 24 m.",
+        f"{path}, line 2: gauges.0.x = -4.0: must be inside the tank, 0 to 24 m.",
     ]
     assert f"{path}, line 7: tank.depth: is missing; needed is still-water depth" in refused(
         write_case(GROUP.replace("depth", "#"))

@@ -232,7 +232,7 @@ def test_another_run_begins_where_both_walls_stand(run, case):
     [
         (["wall.reach=3", "far_wall.reach=2"], "far_wall.reach = 2.0: must be at most 1 m, not to overlap with wall"),
         (["far_wall.reach=4"], "far_wall.reach = 4.0: must leave some of the tank to the other wall"),
-        (["far_wall.motion.paddle_amplitude=3"], "far_wall.motion.paddle_amplitude = 3.0: takes the paddle 3 m"),
+        (["far_wall.motion.paddle_amplitude=3", "run.duration=4"], "far_wall.motion: takes the paddle 3 m"),
         (["far_wall.limits.speed=0.001"], "far_wall.limits.speed = 0.001: is too little: this motion needs"),
         (["far_wall.motion.height=0.1"], "far_wall.motion.height = 0.1: is an unknown key"),
         (["far_wall.type='flap'", "far_wall.hinge=2.0"], "far_wall.hinge = 2.0: must be below still water"),

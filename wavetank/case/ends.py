@@ -1,19 +1,18 @@
 """The walls at the ends of a tank: mode shape, motion and side."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from wavetank.case.output import FAR, PADDLE
 from wavetank.case.tank import BasinTank, Context, paddle_period
-from wavetank.case.wall import BaseWall, MovingWallModel
 from wavetank.errors import InputError
 from wavetank.motion import Array, Motion
-from wavetank.motion.motion import Extent, batches, extent, times
-from wavetank.values.case_model import CaseError, Problem, about, renamed
+from wavetank.motion.motion import STEEPEST, Extent, batches, extent, frequency_shift, largest_stroke, times
+from wavetank.values.case_model import CaseError, Key, Problem, about, renamed
 
 CLOSE = 0.05  # of (d / g)^(1/2): times as close miss 0.1 % of the largest value for waves of k d = 4
 CHECK_TIMES = 50  # times at which derivatives of a user's function are compared
@@ -22,7 +21,7 @@ CHECK_TIMES = 50  # times at which derivatives of a user's function are compared
 class MeasuringPoint(NamedTuple):
     """A place that is recorded, such as a gauge: its key, x and y [m], heights z [m], first and last time [s]."""
 
-    key: tuple[str | int, ...]
+    key: Key
     x: float
     y: float
     z: Array
@@ -33,26 +32,8 @@ class MeasuringPoint(NamedTuple):
 class EndWall(Context):
     """A wall at an end of the tank: the mode shape and motion of its table, and its side.
 
-    Distances count from its rest position into the water. Two are equal if their motions are.
-
-    Attributes
-    ----------
-    key
-        Its table in a case.
-    opposite
-        The table of the wall at the other end.
-    case
-        The ``Case`` that it is a wall of.
+    Distances count from its rest position into the water.
     """
-
-    key: Literal["wall", "far_wall"]
-    opposite: Any
-    case: Any = field(compare=False, repr=False)
-
-    @property
-    def far(self) -> bool:
-        """Whether it is the far wall."""
-        return self.key == "far_wall"
 
     @property
     def side(self) -> str:
@@ -73,23 +54,23 @@ class EndWall(Context):
 
     @cached_property
     def _checked(self) -> Motion:
-        with renamed("wall", self.key):
-            keys = getattr(getattr(self.wall, "motion", None), "value_keys", None)
-            with about("wall", "motion", *(keys or ())):
-                self._unchecked.check(self.duration * (np.arange(CHECK_TIMES, dtype=np.float64) + 0.5) / CHECK_TIMES)
-                problems = list(self._motion_problems())
-            if problems:
-                raise CaseError(problems)
+        keys = self.wall.motion.value_keys
+        with about(self.key, "motion", *(keys or ())), renamed("wall", self.key):
+            self._unchecked.check(self.duration * (np.arange(CHECK_TIMES, dtype=np.float64) + 0.5) / CHECK_TIMES)
+            problems = [*self._motion_problems()]
+        if problems:
+            raise CaseError(problems)
         return self._unchecked if keys is None else self._with_errors_of((self.key, "motion", *keys))
 
     @cached_property
     def _unchecked(self) -> Motion:
-        wall: BaseWall = self.wall
-        if isinstance(wall, MovingWallModel) and wall.reads_file and (problems := list(wall.motion_problems(self))):
+        model = self.wall.motion
+        if model.reads_file and (problems := model.problems(self, self.key, "motion")):
             raise CaseError(problems)
-        return wall.paddle(self.tank, self.physics)
+        motion: Motion = self.wall.paddle(self.tank, self.physics)
+        return motion
 
-    def _with_errors_of(self, key: tuple[str, ...]) -> Motion:
+    def _with_errors_of(self, key: Key) -> Motion:
         """Return the motion with errors that name its key; one after the run says that the last step ends there."""
         motion, run = self._unchecked, self.duration
 
@@ -109,7 +90,7 @@ class EndWall(Context):
     @property
     def generation(self) -> tuple[str | None, str]:
         """The order of generation of a paddle, default resolved, and why it is linear by default in nonlinear water."""
-        result: tuple[str | None, str] = self.wall.motion.generation_in(self.tank, self.wall.wavemaker, self.physics)
+        result: tuple[str | None, str] = self.wall.motion.generation_in(self.tank, self.physics)
         return result
 
     def with_motion_of(self, other: "EndWall") -> None:
@@ -117,9 +98,15 @@ class EndWall(Context):
         names = ("_unchecked", "_checked")
         self.__dict__.update({name: other.__dict__[name] for name in names if name in other.__dict__})
 
+    @property
+    def places(self) -> Array | None:
+        """Positions y along the paddle [m], shape (N,), at which its motion is sampled; None if it is uniform."""
+        result: Array | None = self.wall.places(self.tank)
+        return result
+
     def rates(self, t: Array) -> Array:
         """Return X, X' and X'' at times [s], shape (T,): shape (3, T), or (3, T, N) at all places along the paddle."""
-        return self.motion().rates(t, self.wall.places(self.tank))
+        return self.motion().rates(t, self.places)
 
     @property
     def period(self) -> float | None:
@@ -134,13 +121,12 @@ class EndWall(Context):
     @cached_property
     def max_displacement(self) -> float:
         """The largest distance from rest in the run [m]."""
-        places = self.wall.places(self.tank)
-        return max(float(np.abs(self._unchecked.position(t, places)).max()) for t in batches(self._times))
+        return max(float(np.abs(self._unchecked.position(t, self.places)).max()) for t in batches(self._times))
 
     @property
     def extent(self) -> Extent:
         """Stroke, largest speed and acceleration in the run."""
-        return extent(self._unchecked.rates(self._times, self.wall.places(self.tank)))
+        return extent(self._unchecked.rates(self._times, self.places))
 
     @property
     def _times(self) -> Array:
@@ -151,54 +137,73 @@ class EndWall(Context):
     # ---------------------------------------------------------------- its mapping
     @property
     def reach(self) -> float:
-        """Distance at which the mapping has died out [m], default resolved; ``inf`` for a fixed wall."""
-        return float(self.wall.reach_in(self.tank, self.available_reach))
+        """Distance at which the mapping has died out [m], by default ten depths; ``inf`` for a fixed wall."""
+        if not self.wall.moves:
+            return np.inf
+        return float(self.wall.reach or min(self.available_reach, 10 * self.tank.depth))
 
     @property
     def available_reach(self) -> float:
         """Largest reach of the mapping [m]: up to that of a moving opposite wall, by default half the length."""
-        length, own, other = self.tank.length, *(getattr(wall, "reach", None) for wall in (self.wall, self.opposite))
+        length, own, other = self.tank.length, self.wall.reach, self.opposite.reach
         if not self.opposite.moves:
             return length
         return 0.5 * length if own is None and other is None else length - (other or 0.0)
 
     @property
     def frequency_shift(self) -> float:
-        """Largest factor by which the mapping raises the frequency of the mesh's shortest waves in the run."""
+        """Largest factor on the frequency of the mesh's shortest waves in the run, of the wall's lean and mapping."""
         if self.physics == "linear" or not self.wall.moves:
             return 1.0
         self.motion()
-        return float(self.wall.frequency_shift(self.tank, self.reach, self.max_displacement))
+        z, displacement = self.tank.depth * np.linspace(-1.0, 0.0, 1001), self.max_displacement
+        mode_shape = self.wall.wavemaker.mode_shape(z, self.tank.depth)
+        slope = float(np.abs(np.diff(mode_shape) / np.diff(z)).max()) * displacement
+        return frequency_shift(slope, float(np.abs(mode_shape).max()) * displacement / self.reach)
 
     # ---------------------------------------------------------------- checks
     def _motion_problems(self) -> Iterator[Problem]:
-        motion = self._unchecked
+        motion, run = self._unchecked, (("run", "duration"), self.duration)
         if motion.duration < self.duration:
-            allowed = f"must be at most {motion.duration:g} s, where the recorded motion ends"
-            yield Problem(("run", "duration"), self.duration, allowed)
+            yield Problem(*run, f"must be at most {motion.duration:g} s, where the recorded motion ends")
         if motion.start >= self.duration:
-            allowed = f"must be more than {motion.start:g} s, where the recorded motion begins"
-            yield Problem(("run", "duration"), self.duration, allowed)
-        if isinstance(self.wall, MovingWallModel):
-            yield from self.wall.reach_problems(self.tank, self.available_reach, self.max_displacement)
-            if self.wall.limits is not None:
-                yield from self.wall.limits.exceeded(self.extent)
-            yield from self._reached_points(self.wall)
+            yield Problem(*run, f"must be more than {motion.start:g} s, where the recorded motion begins")
+        if self.wall.moves:
+            yield from self._reach_problems()
+            yield from self._reached_points()
+        if self.wall.limits is not None:
+            yield from self.wall.limits.exceeded(self.extent, self.key, "limits")
 
-    def _reached_points(self, wall: MovingWallModel) -> Iterator[Problem]:
+    @cached_property
+    def farthest(self) -> float:
+        """The largest distance of any part of the wall from rest in the run [m]."""
+        return float(self.wall.max_mode_shape(self.tank)) * self.max_displacement
+
+    def _reach_problems(self) -> Iterator[Problem]:
+        """Yield a displacement that exceeds what the mapping's reach allows."""
+        needed, reach = STEEPEST * self.farthest, self.reach
+        if needed < reach:
+            return
+        if self.wall.reach is not None and needed < self.available_reach:
+            allowed = f"must be more than {needed:.4g} m, 4/3 of the paddle's largest distance from rest"
+            yield Problem((self.key, "reach"), self.wall.reach, allowed)
+            return
+        least = f"{reach:.4g} m{'' if self.wall.reach else ' by default'}, at most the tank's length"
+        allowed = f"must stay below {largest_stroke(reach):.4g} m, 3/4 of its reach, which is {least}"
+        yield Problem((self.key, "motion"), None, f"takes the paddle {self.farthest:.4g} m from rest; it {allowed}")
+
+    def _reached_points(self) -> Iterator[Problem]:
         """Yield the first gauge, probe or window that a paddle of prescribed motion reaches."""
-        prescribed = self.physics == "nonlinear" and getattr(wall, "absorb", None) is None
+        prescribed = self.physics == "nonlinear" and self.wall.absorb is None
         if not prescribed or (isinstance(self.tank, BasinTank) and self.tank.layout.type != "rectangle"):
             return  # the mesh of linear water does not move
-        motion, instants, uniform = self._unchecked, self._times, wall.places(self.tank) is None
-        points: Sequence[MeasuringPoint] = [*self.case.measuring_points()]
-        farthest = wall.max_mode_shape(self.tank) * self.max_displacement if points else 0.0
-        for key, x, y, z, (begin, until) in points:
+        instants, uniform = self._times, self.places is None
+        for key, x, y, z, (begin, until) in self.case.measuring_points():
             distance, t = self.distance(x), instants[(begin <= instants) & (instants <= until)]
-            if farthest <= distance:
+            if self.farthest <= distance:
                 continue
-            position = motion.position(t, None if uniform else np.array([y])).reshape(-1)
-            into = np.multiply.outer(wall.wavemaker.mode_shape(z, self.tank.depth), position).max(axis=0)
+            position = self._unchecked.position(t, None if uniform else np.array([y])).reshape(-1)
+            into = np.multiply.outer(self.wall.wavemaker.mode_shape(z, self.tank.depth), position).max(axis=0)
             if into.max(initial=0.0) > distance:
                 there = f"stands {distance:.4g} m from the paddle of {self.key} at rest, which is there at"
                 allowed = f"must stand farther from it than {into.max():.4g} m, as far as that goes"

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +11,12 @@ from pydantic import Field
 
 from wavetank import data
 from wavetank import motion as motions
+from wavetank.case.output import inside
 from wavetank.case.paddle import GaussianSpectrum, JonswapSpectrum, PiersonMoskowitzSpectrum, TmaSpectrum
 from wavetank.case.tank import AnyTank, BasinTank, Context, RingTank, SliceTank
 from wavetank.errors import InputError
 from wavetank.mesh import Rectangle
-from wavetank.values.case_model import CaseModel, FilePath, FormulaModel, FormulaText, Problem, about, one_of
+from wavetank.values.case_model import CaseModel, Check, FilePath, FormulaModel, FormulaText, about, one_of
 from wavetank.values.columns import check_ascending, read_columns
 from wavetank.values.formula import Array
 from wavetank.values.quantities import Coordinate, Count, Fraction, Frequency, Height, metres
@@ -48,7 +49,7 @@ class FileSurface(CaseModel):
 
         Raises ``InputError`` for a file that cannot be read, or that does not reach there.
         """
-        path = data.resolve(self.file, Path())
+        path = data.resolve(self.file)
         axes = ["x", "y"] if isinstance(tank, BasinTank) else ["x"]
         allowed = f"allowed are finite numbers: {', '.join(axes)}, eta and, where the water moves, psi"
         table = read_columns(path, allowed=allowed)
@@ -135,13 +136,13 @@ Shape = Annotated[
 HIGHEST_OF_PEAK = 3.0
 MAX_WAVES = 10_000  # waves
 MIN_WAVES = 1.5  # waves, as many as would share the spectrum equally: (sum S df)² / sum (S df)²
+REFLECTED = "needs a ring (tank.type): walls reflect such waves"
 STEEPEST = 0.14  # height over length of the highest waves, in depth times tanh k d (Miche)
 
 
 class SpectralSurface(CaseModel):
     """Linear waves of a spectrum."""
 
-    location: ClassVar[tuple[str, ...]] = ("initial",)
     spectrum: Shape
     highest_frequency: Frequency | None = Field(default=None, description="last component [Hz]; default 3 fp")
 
@@ -172,31 +173,21 @@ class SpectralSurface(CaseModel):
         omega = np.asarray(angular_frequency(k, tank.depth, tank.gravity))
         return PlaneWaves(amplitudes=amplitudes, k_x=k, k_y=0 * k, omega=omega, depth=tank.depth, gravity=tank.gravity)
 
-    def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield a basin, and a spectrum without waves of whole numbers along the tank, or with too many."""
-        tank = context.tank
-        if isinstance(tank, BasinTank):
-            yield Problem(("initial", "type"), None, "needs a slice or ring (tank.type): waves go along it")
-            return
-        first = angular_frequency(2 * np.pi / tank.length, tank.depth, tank.gravity)
-        last = angular_frequency(2 * np.pi * MAX_WAVES / tank.length, tank.depth, tank.gravity)
-        highest = self._highest(tank)
-        if not first < highest < last:
-            low, high = first / (2 * np.pi), last / (2 * np.pi)
-            allowed = f"must be from {low:.4g} Hz, of a wave as long as the tank, to {high:.4g} Hz"
-            yield self.problem("highest_frequency", allowed)
-            return
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that waves go along the tank, several of which whole numbers fit, and not too many."""
+        tank = end.tank
+        along = "needs a slice or ring (tank.type): waves go along it"
+        yield "type", not isinstance(tank, BasinTank), along
+        ends = 2 * np.pi / tank.length * np.array([1, MAX_WAVES])
+        first, last = angular_frequency(ends, tank.depth, tank.gravity) / (2 * np.pi)
+        allowed = f"must be from {first:.4g} Hz, of a wave as long as the tank, to {last:.4g} Hz"
+        yield "highest_frequency", bool(first < self._highest(tank) / (2 * np.pi) < last), allowed
         k, variances = self._along(tank)
-        if not variances.sum() > 0.0:
-            yield Problem(("initial", "spectrum"), None, "must have waves, whole ones as long as the tank")
-        elif variances.sum() ** 2 < MIN_WAVES * np.square(variances).sum():
-            main, peak = k[variances.argmax()], self.spectrum.build(tank).peak_frequency
-            hertz = angular_frequency(main, tank.depth, tank.gravity) / (2 * np.pi)
-            allowed = (
-                f"must have more than one wave that fits: of whole ones along {metres(tank.length)} m nearly all is "
-                f"in that of {hertz:.4g} Hz, the peak being at {peak:.4g} Hz; the tank may be longer"
-            )
-            yield Problem(("initial", "spectrum"), None, allowed)
+        yield "spectrum", variances.sum() > 0.0, "must have waves, whole ones as long as the tank"
+        hertz = angular_frequency(k[variances.argmax()], tank.depth, tank.gravity) / (2 * np.pi)
+        allowed = f"must have more than one wave that fits: of whole ones along {metres(tank.length)} m nearly all is "
+        allowed += f"in that of {hertz:.4g} Hz; the tank may be longer"
+        yield "spectrum", variances.sum() ** 2 >= MIN_WAVES * np.square(variances).sum(), allowed
 
 
 class IrregularSurface(SpectralSurface):
@@ -212,17 +203,13 @@ class IrregularSurface(SpectralSurface):
         amplitudes = self.significant_height / 4.0 * np.sqrt(2.0 * variances / variances.sum())
         return self._waves(tank, k, amplitudes * np.exp(2j * np.pi * uniform(self.seed, k.size)))
 
-    def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield the problems of any spectrum, a slice, whose walls reflect the waves, and a sea too high."""
-        if not isinstance(context.tank, RingTank):
-            yield self.problem("type", "needs a ring (tank.type): walls reflect such waves")
-            return
-        problems = list(super().problems(context))
-        yield from problems
-        highest = STEEPEST * context.tank.length
-        if not problems and self.significant_height > min(highest, context.tank.depth):
-            allowed = f"must be at most {min(highest, context.tank.depth):.4g} m, of waves in that depth and tank"
-            yield self.problem("significant_height", allowed)
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that no walls reflect the waves, those of any spectrum, and that the sea is not too high."""
+        yield "type", isinstance(end.tank, RingTank), REFLECTED
+        yield from super().checks(end)
+        highest = min(STEEPEST * end.tank.length, end.tank.depth)
+        allowed = f"must be at most {highest:.4g} m, of waves in that depth and tank"
+        yield "significant_height", self.significant_height <= highest, allowed
 
 
 class FocusedSurface(SpectralSurface):
@@ -245,17 +232,12 @@ class FocusedSurface(SpectralSurface):
         phases = np.exp(1j * np.multiply.outer([-self.x, tank.length - self.x], k))
         return np.asarray(np.abs(phases @ variances) / variances.sum())
 
-    def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield as any, a place outside the tank, and a trough below the bed."""
-        problems = list(super().problems(context))
-        yield from problems
-        if problems:
-            return
-        if not 0.0 <= self.x <= context.tank.length:
-            yield self.problem("x", f"must be inside the tank, 0 to {metres(context.tank.length)} m")
-        if abs(self.linear_crest) >= context.tank.depth:
-            allowed = f"must be less than the still-water depth, {context.tank.depth:g} m, either way"
-            yield self.problem("linear_crest", allowed)
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield those of any spectrum, and that the focus is inside the tank, and no trough below the bed."""
+        yield from super().checks(end)
+        yield from inside(end.tank, (self.x, 0.0), "x", "x")
+        allowed = f"must be less than the still-water depth, {end.tank.depth:g} m, either way"
+        yield "linear_crest", abs(self.linear_crest) < end.tank.depth, allowed
 
 
 # ---------------------------------------------------------------- still water and steady or standing waves
@@ -282,8 +264,6 @@ class StillWater(CaseModel):
 class TheoreticalWave(CaseModel):
     """A wave of a theory at t = 0."""
 
-    location: ClassVar[tuple[str, ...]] = ("initial",)
-
     def wave(self, tank: AnyTank) -> SteadyWave:
         """Return the wave."""
         raise NotImplementedError
@@ -296,7 +276,6 @@ class TheoreticalWave(CaseModel):
 class StandingWave(CaseModel):
     """eta = a cos(m pi x / length), psi = 0; in a rectangular basin times cos(n pi y / width)."""
 
-    location: ClassVar[tuple[str, ...]] = ("initial",)
     type: Literal["standing-wave"] = "standing-wave"
     wave_amplitude: Height = Field(description="amplitude a of the elevation [m]")
     mode: Count = Field(default=1, description="number m of half waves along the tank")
@@ -309,24 +288,21 @@ class StandingWave(CaseModel):
         eta = self.wave_amplitude * np.cos(np.pi * self.mode * along) * np.cos(np.pi * self.mode_across * across)
         return eta, np.zeros_like(eta)
 
-    def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield an amplitude that lays the bed dry, half a wave too many for a ring, and a basin of another shape."""
-        if isinstance(context.tank, BasinTank) and not isinstance(context.tank.layout, Rectangle):
-            yield self.problem("type", "needs a rectangle (tank.layout.type)")
-        if self.mode_across and not isinstance(context.tank, BasinTank):
-            yield self.problem("mode_across", f"must be 0: a {context.tank.type} has no width")
-        depth, (x_min, y_min, x_max, y_max) = context.tank.depth, _box(context.tank)
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that the tank has such a mode, and that its wave neither breaks nor lays the bed dry."""
+        tank, depth = end.tank, end.tank.depth
+        rectangular = not isinstance(tank, BasinTank) or isinstance(tank.layout, Rectangle)
+        yield "type", rectangular, "needs a rectangle (tank.layout.type)"
+        wide = isinstance(tank, BasinTank) or not self.mode_across
+        yield "mode_across", wide, f"must be 0: a {tank.type} has no width"
+        even = not isinstance(tank, RingTank) or self.mode % 2 == 0
+        yield "mode", even, "must be even: whole waves, two halves each, fit a ring"
+        x_min, y_min, x_max, y_max = _box(tank)
         k = float(np.hypot(self.mode / (x_max - x_min), self.mode_across / (y_max - y_min))) * np.pi
-        if context.physics == "linear":
-            if self.wave_amplitude >= depth:
-                yield self.problem("wave_amplitude", f"must be below the still-water depth, {depth:g} m")
-        elif self.wave_amplitude > (highest := BREAKING * float(np.tanh(k * depth)) / k):
-            allowed = (
-                f"must be at most {highest:.4g} m, where standing waves of this length break in {depth:g} m of water"
-            )
-            yield self.problem("wave_amplitude", allowed)
-        if isinstance(context.tank, RingTank) and self.mode % 2:
-            yield self.problem("mode", "must be even: whole waves, two halves each, fit a ring")
+        highest = BREAKING * float(np.tanh(k * depth)) / k
+        allowed = f"must be at most {highest:.4g} m, where standing waves of this length break in {depth:g} m of water"
+        yield "wave_amplitude", end.physics == "linear" or self.wave_amplitude <= highest, allowed
+        yield "wave_amplitude", self.wave_amplitude < depth, f"must be below the still-water depth, {depth:g} m"
 
 
 class StreamFunctionWave(TheoreticalWave):
@@ -348,14 +324,12 @@ class StreamFunctionWave(TheoreticalWave):
         with about("initial"):
             return stream_function_wave(height, length, depth=tank.depth, gravity=tank.gravity)
 
-    def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield a tank that is no ring, and a height that no wave has."""
-        if not isinstance(context.tank, RingTank):
-            yield self.problem("type", "needs a ring (tank.type): walls reflect such waves")
-            return
-        highest = maximum_height(context.tank.length / self.waves, context.tank.depth)
-        if self.height is not None and self.height >= highest:
-            yield self.problem("height", f"must be below that of the highest wave of this length, {highest:.4g} m")
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that the tank is a ring, and that there is a wave as high."""
+        yield "type", isinstance(end.tank, RingTank), REFLECTED
+        highest = maximum_height(end.tank.length / self.waves, end.tank.depth)
+        exists = self.height is None or self.height < highest
+        yield "height", exists, f"must be below that of the highest wave of this length, {highest:.4g} m"
 
 
 class SolitaryWave(TheoreticalWave):
@@ -373,15 +347,13 @@ class SolitaryWave(TheoreticalWave):
         """Return the elevation at both ends of a slice over the height, shape (2,)."""
         return np.asarray(self.wave(tank).elevation(np.array([0.0, tank.length])) / self.height, dtype=np.float64)
 
-    def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield a tank without ends, a crest outside and a wave too high."""
-        if isinstance(context.tank, RingTank):
-            yield self.problem("type", "needs a slice (tank.type): its potential is not periodic")
-        if not isinstance(context.tank, BasinTank) and not 0 <= self.x <= context.tank.length:
-            yield self.problem("x", f"must be inside the tank, 0 to {metres(context.tank.length)} m")
-        if self.height > HIGHEST_SOLITARY * context.tank.depth:
-            allowed = f"must be at most {HIGHEST_SOLITARY:g} depths, {HIGHEST_SOLITARY * context.tank.depth:.4g} m"
-            yield self.problem("height", allowed)
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that the tank has ends, with the crest between them, and that there is such a wave."""
+        yield "type", not isinstance(end.tank, RingTank), "needs a slice (tank.type): its potential is not periodic"
+        between = isinstance(end.tank, BasinTank) or 0 <= self.x <= end.tank.length
+        yield "x", between, f"must be inside the tank, 0 to {metres(end.tank.length)} m"
+        highest = HIGHEST_SOLITARY * end.tank.depth
+        yield "height", self.height <= highest, f"must be at most {HIGHEST_SOLITARY:g} depths, {highest:.4g} m"
 
 
 Initial = Annotated[

@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from functools import cached_property
-from itertools import chain
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -14,11 +13,11 @@ from wavetank import motion as motions
 from wavetank.case.ends import EndWall, MeasuringPoint
 from wavetank.case.initial import Initial, StillWater
 from wavetank.case.numerics import Numerics, RunControl
-from wavetank.case.output import ENDS, Gauge, GaugeLine, Output, Probe, Target, WallLoad, Window, named
+from wavetank.case.output import Gauge, GaugeLine, Output, Probe, Target, WallLoad, Window, named
 from wavetank.case.tank import BasinTank, Depth, Sponge, Tank
 from wavetank.case.wall import FarWall, FixedWall, Wall
 from wavetank.values.case_model import CaseModel, Problem
-from wavetank.values.quantities import Label, metres
+from wavetank.values.quantities import Label
 
 CACHED = {"ends", "_depths"}  # attributes that are computed once
 SENSORS = {"gauges": "gauge", "gauge_lines": "row", "probes": "probe", "windows": "window", "loads": "load"}
@@ -93,10 +92,9 @@ class Case(CaseModel):
     @cached_property
     def ends(self) -> tuple[EndWall, EndWall]:
         """The walls at x = 0 and at the far end, fixed or moving."""
-        given: dict[str, Any] = {"tank": self.tank, "physics": self.physics}
-        given |= {"duration": self.run.duration, "case": self}
-        first = EndWall(key="wall", wall=self.wall, opposite=self.far_wall, **given)
-        return first, EndWall(key="far_wall", wall=self.far_wall, opposite=self.wall, **given)
+        water = self.tank, self.physics, self.run.duration
+        first = EndWall("wall", self.wall, self.far_wall, *water, case=self)
+        return first, EndWall("far_wall", self.far_wall, self.wall, *water, case=self)
 
     @property
     def paddles(self) -> tuple[EndWall, ...]:
@@ -106,7 +104,7 @@ class Case(CaseModel):
     @property
     def absorbing(self) -> list[int]:
         """Indices of the absorbing ones of ``paddles``."""
-        return [n for n, paddle in enumerate(self.paddles) if getattr(paddle.wall, "absorb", None) is not None]
+        return [n for n, paddle in enumerate(self.paddles) if paddle.wall.absorb is not None]
 
     @property
     def paddle_periods(self) -> tuple[float, ...]:
@@ -187,14 +185,28 @@ class Case(CaseModel):
 
     @model_validator(mode="after")
     def _check_consistency(self) -> Self:
-        parts = (self.wall, self.initial, self.target, self.numerics, self.output, self.sponge, self.tank.bed)
-        tank = chain(self._depth_problems(), self._far_problems())
-        places = chain(self._sensor_problems(), self._probe_problems(), self._load_problems(), self._window_problems())
-        problems = [*chain(tank, places, *(part.problems(self.ends[0]) for part in parts if part is not None))]
+        """Raise an error with the problems of all tables."""
+        first, far = self.ends
+        problems = [*self._own_problems()]
+        for part, key in self.models_inside():
+            problems += part.problems(far if part is self.far_wall else first, *key)
         if problems:
             text = "; ".join(str(problem) for problem in problems)
             raise PydanticCustomError("inconsistent", "{text}", {"text": text, "problems": problems})
         return self
+
+    def _own_problems(self) -> Iterator[Problem]:
+        """Yield a tank too deep, and names that two sensors of a kind have."""
+        if self.tank.depth > DEEPEST * self.tank.length:
+            allowed = f"must be at most {DEEPEST} lengths of the tank: two lengths are as deep for any of its waves"
+            yield Problem(("tank", "depth"), self.tank.depth, allowed)
+        gauges = Counter(gauge.name for gauge in self.all_gauges)
+        for table, kind in SENSORS.items():
+            sensors = getattr(self, table)
+            count = gauges if "gauge" in table else Counter(name for one in sensors for name in _names(one))
+            for n, sensor in enumerate(sensors):
+                if any(count[name] > 1 for name in _names(sensor)):
+                    yield Problem((table, n, "name"), sensor.name, f"must be a name that no other {kind} has")
 
     @property
     def all_gauges(self) -> tuple[Gauge, ...]:
@@ -210,78 +222,9 @@ class Case(CaseModel):
         ends = np.cumsum([line.count for line in self.gauge_lines])
         return "gauge_lines", int(np.searchsorted(ends, index, side="right"))
 
-    def _depth_problems(self) -> Iterator[Problem]:
-        if self.tank.depth > DEEPEST * self.tank.length:
-            allowed = f"must be at most {DEEPEST} lengths of the tank: two lengths are as deep for any of its waves"
-            yield Problem(("tank", "depth"), self.tank.depth, allowed)
 
-    def _far_problems(self) -> Iterator[Problem]:
-        """Yield a far wall that the tank does not allow, overlapping reaches, and the problems of any wall."""
-        first, far = self.ends
-        kind = ("far_wall", "type")
-        if not far.wall.moves:
-            return
-        tank = "basin that is no rectangle" if isinstance(self.tank, BasinTank) else self.tank.type
-        if self.tank.type == "ring" or (isinstance(self.tank, BasinTank) and self.tank.layout.type != "rectangle"):
-            yield Problem(kind, far.wall.type, f"must be fixed or left out: in a {tank} no far wall moves")
-            return
-        if self.sponge is not None and self.sponge.type in ("end", "group"):
-            yield Problem(kind, far.wall.type, "must be fixed or left out: there is a sponge before it (sponge.type)")
-            return
-        yield from (problem.at("wall", "far_wall") for problem in far.wall.problems(far))
-        if not first.wall.moves:
-            return
-        length, own, other = self.tank.length, first.reach, far.reach
-        if own + other > length * (1 + 1e-9) and max(own, other) <= length:
-            allowed = f"must be at most {metres(length - own)} m, not to overlap with wall.reach = {metres(own)} m"
-            yield Problem(("far_wall", "reach"), other, f"{allowed} in a tank of {metres(length)} m")
-        for key, reach, rest in (("wall", own, other), ("far_wall", other, own)):
-            if reach == length and not rest:
-                yield Problem((key, "reach"), reach, "must leave some of the tank to the other wall")
-
-    def _sensor_problems(self) -> Iterator[Problem]:
-        """Yield sensors outside the tank, and names that two of a kind have."""
-        gauges = Counter(gauge.name for gauge in self.all_gauges)
-        for table, kind in SENSORS.items():
-            sensors = getattr(self, table)
-            count = gauges if "gauge" in table else Counter(chain.from_iterable(one.names for one in sensors))
-            for n, sensor in enumerate(sensors):
-                for part, (x, y) in sensor.positions.items():
-                    yield from self._place_problems((table, n, *part), x, y)
-                if any(count[name] > 1 for name in sensor.names):
-                    yield Problem((table, n, "name"), sensor.name, f"must be a name that no other {kind} has")
-
-    def _probe_problems(self) -> Iterator[Problem]:
-        for n, probe in enumerate(self.probes):
-            if self.tank.bed is None and probe.z < -self.tank.depth:
-                allowed = f"must be in the water, above the bed at {metres(-self.tank.depth)} m"
-                yield Problem(("probes", n, "z"), probe.z, allowed)
-
-    def _window_problems(self) -> Iterator[Problem]:
-        for n, window in enumerate(self.windows):
-            if (window.end is None) != (window.columns == 1):
-                allowed = "must be at least 2 with an end of the line, and 1 without"
-                yield Problem(("windows", n, "columns"), window.columns, allowed)
-            elif window.columns > 1 and window.end == window.start:
-                yield Problem(("windows", n, "end"), window.end, "must be another place than the start")
-            if not window.begin <= self.run.duration:
-                allowed = f"must be before the end of the run, {self.run.duration:g} s"
-                yield Problem(("windows", n, "begin"), window.begin, allowed)
-            if window.until is not None and not window.begin <= window.until:
-                yield Problem(("windows", n, "until"), window.until, f"must be from {window.begin:g} s on, its begin")
-
-    def _load_problems(self) -> Iterator[Problem]:
-        for n, load in enumerate(self.loads):
-            if self.tank.type == "ring":
-                yield Problem(("loads", n, "on"), load.on, "must be left out: a ring has no walls")
-            elif self.tank.type == "slice" and load.on not in ENDS:
-                yield Problem(("loads", n, "on"), load.on, f"must be {' or '.join(map(repr, ENDS))} in a slice")
-
-    def _place_problems(self, key: tuple[str | int, ...], x: float, y: float) -> Iterator[Problem]:
-        if y and not isinstance(self.tank, BasinTank):
-            yield Problem((*key, "y"), y, f"must be left out: a {self.tank.type} has no width")
-            return
-        x_min, y_min, x_max, y_max = self.tank.box or (-np.inf, -np.inf, np.inf, np.inf)
-        for name, value, first, last in (("x", x, x_min, x_max), ("y", y, y_min, y_max)):
-            if not first <= value <= last:
-                yield Problem((*key, name), value, f"must be inside the tank, {metres(first)} to {metres(last)} m")
+def _names(sensor: Gauge | GaugeLine | Window | WallLoad) -> list[str]:
+    """Return the names of a sensor's records."""
+    if isinstance(sensor, GaugeLine):
+        return [name for name, _, _ in sensor.gauges()]
+    return [sensor.called if isinstance(sensor, WallLoad) else sensor.name]

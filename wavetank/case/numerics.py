@@ -1,12 +1,12 @@
 """How it is computed, for how long, and what is recorded."""
 
 from collections.abc import Iterator, Set
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from wavetank.case.tank import AnyTank, BasinTank, Context, RingTank, SliceTank
-from wavetank.values.case_model import CaseModel, Problem, one_of
+from wavetank.values.case_model import CaseModel, Check, one_of
 from wavetank.values.quantities import Count, Duration, Fraction, Length
 from wavetank.values.schemes import SCHEMES
 
@@ -46,7 +46,6 @@ class Numerics(CaseModel):
     order is then 4 along a slice over a bed if no cells are named, otherwise 3.
     """
 
-    location: ClassVar[tuple[str, ...]] = ("numerics",)
     accuracy: Fraction | None = Field(
         default=None,
         description="relative error of the elevation to plan for; default: 0.01 if nothing is set and a plan is made",
@@ -95,14 +94,12 @@ class Numerics(CaseModel):
         """Return the same with the default integrator."""
         return Numerics(**{key: getattr(self, key) for key in self.model_fields_set - {"integrator"}})
 
-    def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield too few cells for the tank, or a number of them for a basin."""
-        fewest = context.tank.fewest_cells
-        if self.cells is not None and isinstance(context.tank, BasinTank):
-            yield self.problem("cells", "must be left out: numerics.cell_size is a basin's key")
-            return
-        if self.cells is not None and self.cells < fewest:
-            yield self.problem("cells", f"must be at least {fewest} in a {context.tank.type}")
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that a number of cells is one of a tank of cells along x, and enough."""
+        if self.cells is not None:
+            along, fewest = not isinstance(end.tank, BasinTank), end.tank.fewest_cells
+            yield "cells", along, "must be left out: numerics.cell_size is a basin's key"
+            yield "cells", self.cells >= fewest, f"must be at least {fewest} in a {end.tank.type}"
 
     def cell_size_in(self, tank: AnyTank) -> float:
         """Return the size of a cell to aim at [m]; where none is given, a part of the depth."""

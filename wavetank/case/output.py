@@ -1,18 +1,17 @@
 """What is recorded: gauges, probes, loads, windows, and the target of a calibration."""
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
 from wavetank import data
 from wavetank import motion as motions
-from wavetank.case.tank import Context
+from wavetank.case.tank import AnyTank, BasinTank, Context, in_tank, read_file
 from wavetank.errors import InputError
 from wavetank.motion.recorded import read_record
-from wavetank.values.case_model import CaseModel, FilePath, Problem, about
+from wavetank.values.case_model import CaseModel, Check, FilePath, about
 from wavetank.values.quantities import (
     Coordinate,
     Count,
@@ -30,6 +29,15 @@ from wavetank.values.quantities import (
 
 
 # ---------------------------------------------------------------- gauges
+def inside(tank: AnyTank, place: tuple[float, float], *keys: str) -> Iterator[Check]:
+    """Yield that a place (x, y) [m] is inside the tank; keys are those of x and y."""
+    width = isinstance(tank, BasinTank) or not place[1]
+    yield keys[-1], width, f"must be left out: a {tank.type} has no width"
+    x_min, y_min, x_max, y_max = tank.box or (-np.inf, -np.inf, np.inf, np.inf)
+    for key, value, first, last in zip(keys, place, (x_min, y_min), (x_max, y_max), strict=True):
+        yield key, first <= value <= last, f"must be inside the tank, {metres(first)} to {metres(last)} m"
+
+
 class Gauge(CaseModel):
     """A position at which the elevation is recorded."""
 
@@ -37,15 +45,9 @@ class Gauge(CaseModel):
     x: Coordinate = Field(description="distance from the paddle at rest, or along the ring; in a basin its x [m]")
     y: Coordinate = Field(default=0.0, description="in a basin its y [m]")
 
-    @property
-    def names(self) -> list[str]:
-        """The names of its records."""
-        return [self.name]
-
-    @property
-    def positions(self) -> dict[tuple[str, ...], tuple[float, float]]:
-        """Position (x, y) [m] by key."""
-        return {(): (self.x, self.y)}
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that it is inside the tank."""
+        yield from inside(end.tank, (self.x, self.y), "x", "y")
 
 
 def named(gauges: Any) -> Any:
@@ -66,15 +68,10 @@ class GaugeLine(CaseModel):
     end: Pair = Field(description="x and y of the last gauge [m]")
     count: int = Field(ge=2, le=10_000, description="number of gauges")
 
-    @property
-    def names(self) -> list[str]:
-        """The names of its gauges."""
-        return [name for name, _, _ in self.gauges()]
-
-    @property
-    def positions(self) -> dict[tuple[str, ...], tuple[float, float]]:
-        """Positions (x, y) [m] of the ends, by key."""
-        return {("start",): self.start, ("end",): self.end}
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that it is inside the tank."""
+        yield from inside(end.tank, self.start, "start", "start")
+        yield from inside(end.tank, self.end, "end", "end")
 
     def gauges(self) -> tuple[tuple[str, float, float], ...]:
         """Return name, x and y [m] of each gauge."""
@@ -86,6 +83,12 @@ class Probe(Gauge):
     """A point at which velocity, acceleration and pressure are recorded while there is water."""
 
     z: Coordinate = Field(description="height above still water, negative below [m]")
+
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that it is inside the tank, and above a flat bed."""
+        yield from super().checks(end)
+        above = end.tank.bed is not None or self.z >= -end.tank.depth
+        yield "z", above, f"must be in the water, above the bed at {metres(-end.tank.depth)} m"
 
 
 # ---------------------------------------------------------------- loads on walls
@@ -105,17 +108,16 @@ class WallLoad(CaseModel):
         default=None, description="reference point of moments, x, y, z [m]; default: on the bed at x = y = 0"
     )
 
-    positions: ClassVar[dict[tuple[str, ...], tuple[float, float]]] = {}  # the wall's
-
     @property
     def called(self) -> str:
         """Its name, default resolved."""
         return self.on if self.name is None else self.name
 
-    @property
-    def names(self) -> list[str]:
-        """The names of its records."""
-        return [self.called]
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that the tank has such a wall."""
+        yield "on", end.tank.type != "ring", "must be left out: a ring has no walls"
+        exists = isinstance(end.tank, BasinTank) or self.on in ENDS
+        yield "on", exists, f"must be {' or '.join(map(repr, ENDS))} in a slice"
 
     def point(self, depth: float) -> tuple[float, float, float]:
         """Return the reference point of moments [m], default resolved for a still-water depth [m]."""
@@ -145,16 +147,16 @@ class Window(CaseModel):
         default="netcdf", description="CF-NetCDF, or a table with a row for each point at each time"
     )
 
-    @property
-    def names(self) -> list[str]:
-        """The names of its records."""
-        return [self.name]
-
-    @property
-    def positions(self) -> dict[tuple[str, ...], tuple[float, float]]:
-        """Positions (x, y) [m] of the ends, by key."""
-        ends = {"start": self.start, "end": self.end}
-        return {(key,): position for key, position in ends.items() if position is not None}
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that it is inside the tank, a point or a line, and recorded within the run."""
+        yield from inside(end.tank, self.start, "start", "start")
+        yield from inside(end.tank, self.end or self.start, "end", "end")
+        alone = "must be at least 2 with an end of the line, and 1 without"
+        yield "columns", (self.end is None) == (self.columns == 1), alone
+        yield "end", self.end != self.start, "must be another place than the start"
+        yield "begin", self.begin <= end.duration, f"must be before the end of the run, {end.duration:g} s"
+        later = self.until is None or self.begin <= self.until
+        yield "until", later, f"must be from {self.begin:g} s on, its begin"
 
     @property
     def places(self) -> list[tuple[float, float]]:
@@ -171,13 +173,11 @@ Time = Annotated[float, Field(ge=-1e9, le=1e9)]
 class _Placed(CaseModel):
     """A target at a place."""
 
-    location: ClassVar[tuple[str, ...]] = ("target",)
     x: Length = Field(description="where [m]")
 
-    def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield a place outside the tank."""
-        if not self.x < context.tank.length:
-            yield self.problem("x", f"must be inside the tank, below {metres(context.tank.length)} m")
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that the place is inside the tank."""
+        yield in_tank(end.tank, self.x)
 
 
 class CrestTarget(_Placed):
@@ -191,11 +191,10 @@ class CrestTarget(_Placed):
         description="of the height; of a wave length the place may miss twice as much, of a period the time",
     )
 
-    def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield a place outside the tank, and a time after the run."""
-        yield from super().problems(context)
-        if not self.time < context.duration:
-            yield self.problem("time", f"must be before the run ends, below {context.duration:g} s")
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that place and time are inside the tank and the run."""
+        yield from super().checks(end)
+        yield "time", self.time < end.duration, f"must be before the run ends, below {end.duration:g} s"
 
 
 class ComponentsTarget(_Placed):
@@ -226,20 +225,16 @@ class RecordTarget(_Placed):
 
     def record(self) -> tuple[motions.Array, motions.Array]:
         """Return times [s], delayed, and elevations [m], shapes (N,); raises ``CaseError`` if they cannot be read."""
-        with about(TARGET_KEY, "file"):
-            t, eta = self._alone() if self.gauge is None else self._at(self.gauge)
+        if self.gauge is None:
+            t, eta = read_file(self.file, lambda path: read_record(path, column="elevation [m]"), TARGET_KEY, "file")
             return t + self.delay, eta
-
-    def _alone(self) -> tuple[motions.Array, ...]:
-        return read_record(data.resolve(self.file, Path()), column="elevation [m]")
-
-    def _at(self, gauge: str) -> tuple[motions.Array, ...]:
-        records = data.gauge_records(data.opened(self.file.removeprefix("data:")))[0]
-        if gauge not in records.gauge:
-            have = ", ".join(records.gauge.values)
-            raise InputError(f"{self.file}: has no gauge {gauge!r}; there are {have}.")
-        record = records.sel(gauge=gauge).dropna("time")
-        return record.time.values, record.values
+        with about(TARGET_KEY, "file", received=self.file):
+            records = data.gauge_records(data.opened(self.file.removeprefix("data:")))[0]
+            if self.gauge not in records.gauge:
+                have = ", ".join(records.gauge.values)
+                raise InputError(f"{self.file}: has no gauge {self.gauge!r}; there are {have}.")
+        record = records.sel(gauge=self.gauge).dropna("time")
+        return record.time.values + self.delay, record.values
 
 
 Target = Annotated[
@@ -252,7 +247,6 @@ Target = Annotated[
 class Output(CaseModel):
     """What is recorded, and how often."""
 
-    location: ClassVar[tuple[str, ...]] = ("output",)
     energy_every: Count = Field(default=1, description="steps between rows of the energy budget")
     gauges_every: Count = Field(default=1, description="steps between rows of the gauges' record")
     probes_every: Count = Field(default=1, description="steps between rows of the probes' and loads' records")
@@ -263,7 +257,7 @@ class Output(CaseModel):
         default=None, description="time between snapshots of the velocity field [s]; default: none"
     )
 
-    def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield velocities of linear water, which keeps no potential below the surface."""
-        if self.velocity_every is not None and context.physics == "linear":
-            yield self.problem("velocity_every", "must be left out with linear water")
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that no velocities of linear water are wanted, which has no potential below the surface."""
+        without = self.velocity_every is None or end.physics != "linear"
+        yield "velocity_every", without, "must be left out with linear water"

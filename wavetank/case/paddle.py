@@ -1,14 +1,9 @@
-"""Motions of paddles: what all have, and waves by a spectrum or a file, of paddles of any kind.
-
-Motions of a paddle that moves as a whole.
-
-A segmented paddle: waves that leave it at an angle, or meet from many directions.
+"""Motions of paddles, of one that moves as a whole, or of segments that make waves at an angle.
 
 Angles are in degrees from the wall's normal into the water, positive towards y, at either end of a basin.
 """
 
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -17,17 +12,16 @@ from pydantic import Field, Strict, model_validator
 
 from wavetank import data
 from wavetank import motion as motions
-from wavetank.case.tank import AnyTank, BasinTank, Context
-from wavetank.errors import InputError
+from wavetank.case.tank import AnyTank, BasinTank, Context, in_tank, read_file
 from wavetank.mesh import MeshFile
 from wavetank.motion.motion import widest_segment
-from wavetank.motion.recorded import ColumnError, in_metres, read_record
+from wavetank.motion.recorded import hermite, in_metres, read_record
 from wavetank.run_warning import RunWarning
 from wavetank.values.case_model import (
-    CaseError,
     CaseModel,
+    Check,
     FilePath,
-    Problem,
+    Key,
     TimeFormulaText,
     TimeHelpers,
     about,
@@ -35,7 +29,7 @@ from wavetank.values.case_model import (
 )
 from wavetank.values.formula import Formula
 from wavetank.values.python_file import load
-from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, Length, Ramp, metres
+from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, Length, Ramp
 from wavetank.waves import airy, spectra
 from wavetank.waves.focusing import Fan, FocusedGroup, ReflectedGroup
 from wavetank.waves.measured import Components, WishedSurface, read_components, wished_surface
@@ -47,6 +41,7 @@ from wavetank.waves.wavemaker import Wavemaker
 
 # ---------------------------------------------------------------- motions
 MOTION_KEY = ("wall", "motion")
+FILE_KEY = (*MOTION_KEY, "file")
 
 
 class MotionModel(CaseModel):
@@ -56,34 +51,27 @@ class MotionModel(CaseModel):
     ----------
     generates
         Whether the motion follows from the waves to be generated.
-    reads_file
-        Whether it is checked when its file is read, and not before.
-    in_metres
-        Whether the header of its file has units of positions [m] or velocities [m/s].
+    value_keys
+        Keys that errors of its values name, of a motion by a user's function; None of others.
     """
 
-    location: ClassVar[tuple[str, ...]] = MOTION_KEY
     generates: ClassVar[bool] = False
-
-    @property
-    def reads_file(self) -> bool:
-        """See the class."""
-        return False
+    value_keys: ClassVar[tuple[str, ...] | None] = None
 
     @property
     def in_metres(self) -> bool:
-        """See the class."""
+        """Whether the header of its file has units of positions [m] or velocities [m/s]."""
         return False
 
     def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
         """Return the motion of a paddle of a mode shape; raises ``CaseError`` if its file cannot be read."""
         raise NotImplementedError
 
-    def generation_in(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> tuple[str | None, str]:
+    def generation_in(self, tank: AnyTank, physics: str) -> tuple[str | None, str]:
         """Return the order of generation, default resolved, and why it is linear by default in nonlinear water."""
         return None, ""
 
-    def warnings(self, tank: AnyTank, wavemaker: Wavemaker) -> Iterator[RunWarning]:
+    def warnings(self, tank: AnyTank) -> Iterator[RunWarning]:
         """Yield warnings of the motion; by default none."""
         yield from ()
 
@@ -101,8 +89,9 @@ class GeneratingMotion(MotionModel):
         raise NotImplementedError
 
     def default_ramp(self, tank: AnyTank) -> float:
-        """Return the default length of the ramp [s]."""
-        raise NotImplementedError
+        """Return the default length of the ramp [s]: two periods of the highest wave."""
+        waves = self.target(tank)
+        return 4.0 * np.pi / float(waves.omega[np.abs(waves.amplitudes).argmax()])
 
     def along(self, tank: AnyTank, f: ArrayLike, amplitudes: ArrayLike, phases: ArrayLike, **more: Any) -> PlaneWaves:
         """Return plane waves in a tank, at (x, y) if the motion names these; see ``waves_along``."""
@@ -115,7 +104,6 @@ class GeneratingMotion(MotionModel):
 
 
 # ---------------------------------------------------------------- spectra
-SPECTRUM_KEY = ("wall", "motion", "spectrum")
 Gamma = Annotated[float, Field(ge=1, le=100)]
 
 
@@ -180,8 +168,7 @@ class TableSpectrum(CaseModel):
 
     def build(self, tank: AnyTank) -> spectra.Spectrum:
         """Return the shape S(f); raises ``CaseError`` if the file cannot be read."""
-        with about(*SPECTRUM_KEY, "file"):
-            return spectra.read_spectrum(data.resolve(self.file, Path()))
+        return read_file(self.file, spectra.read_spectrum, *MOTION_KEY, "spectrum", "file")
 
 
 Spectrum = Annotated[
@@ -224,45 +211,26 @@ class SpectralWaves(GeneratingMotion):
         """Return the components' frequencies [Hz], shape (components,)."""
         return np.linspace(*self.band(tank), self.components, dtype=np.float64)
 
-    def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield a band without its peak or without waves."""
-        (lowest, highest), spectrum = self.band(context.tank), self.spectrum.build(context.tank)
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that the band has the peak and waves, which do not repeat within the run."""
+        (lowest, highest), spectrum = self.band(end.tank), self.spectrum.build(end.tank)
         peak = spectrum.peak_frequency
-        if not lowest < peak < highest:
-            yield self._outside(peak, lowest, highest)
-            return
-        total = spectrum.density(self.frequencies(context.tank)).sum()
-        if not total > MISSED * float(spectrum.density(np.array([peak]))[0]):
-            allowed = "must be more: none of their frequencies is where the spectrum has its waves"
-            yield self.problem("components", allowed)
-            return
-        timing = list(self.timing_problems(context))
-        yield from timing
-        repetition = (self.components - 1) / (highest - lowest)
-        if context.duration > repetition:
-            least = int(np.ceil(context.duration * (highest - lowest))) + 1
-            if least > MAX_COMPONENTS:
-                longest = (MAX_COMPONENTS - 1) / (highest - lowest)
-                most = f"{MAX_COMPONENTS} components, the most,"
-                allowed = f"must be at most {longest:.6g} s: {most} repeat the waves after it"
-                yield Problem(("run", "duration"), context.duration, allowed)
-                return
-            allowed = f"must be {least} or more: so few repeat the waves every {repetition:.4g} s, within the run"
-            yield self.problem("components", allowed)
-        elif not timing:
-            yield from super().problems(context)
+        within = f"must have its peak, {peak:g} Hz, within the components' band, {lowest:g} to {highest:g} Hz"
+        yield "spectrum", lowest < peak < highest, within
+        total = spectrum.density(self.frequencies(end.tank)).sum()
+        allowed = "must be more: none of their frequencies is where the spectrum has its waves"
+        yield "components", total > MISSED * float(spectrum.density(np.array([peak]))[0]), allowed
+        repetition, longest = ((count - 1) / (highest - lowest) for count in (self.components, MAX_COMPONENTS))
+        allowed = f"must be at most {longest:.6g} s: {MAX_COMPONENTS} components, the most, repeat the waves after it"
+        yield (("run", "duration"), end.duration), end.duration <= longest, allowed
+        least = int(np.ceil(end.duration * (highest - lowest))) + 1
+        allowed = f"must be {least} or more: so few repeat the waves every {repetition:.4g} s, within the run"
+        yield "components", end.duration <= repetition, allowed
+        yield from self.timing_checks(end)
+        yield from super().checks(end)
 
-    def _outside(self, peak: float, lowest: float, highest: float) -> Problem:
-        """Return the problem of a peak [Hz] outside the components' band."""
-        within, key = f"the components' {lowest:g} to {highest:g} Hz", (*MOTION_KEY, "spectrum")
-        if isinstance(self.spectrum, TableSpectrum):
-            return Problem((*key, "file"), self.spectrum.file, f"must have its peak, {peak:g} Hz, between {within}")
-        if self.spectrum.peak_period is not None:
-            return Problem((*key, "peak_period"), self.spectrum.peak_period, f"must be that of one of {within}")
-        return Problem((*key, "peak_frequency"), peak, f"must be between {within}")
-
-    def timing_problems(self, context: Context) -> Iterator[Problem]:
-        """Yield times that are too early; by default none."""
+    def timing_checks(self, end: Context) -> Iterator[Check]:
+        """Yield checks of times; by default none."""
         yield from ()
 
 
@@ -307,24 +275,21 @@ class FocusingWaves(SpectralWaves):
         """Return the waves by linear theory."""
         return self.focused(tank).target
 
-    def timing_problems(self, context: Context) -> Iterator[Problem]:
-        """Yield a focus too early."""
-        earliest = self.focused(context.tank).earliest_focus(self.ramp_in(context.tank))
-        if self.focus_time < earliest:
-            allowed = (
-                f"must be at least {earliest:.4g} s: the short waves need that long from the ramp's end to focus_x"
-            )
-            yield self.problem("focus_time", allowed)
+    def timing_checks(self, end: Context) -> Iterator[Check]:
+        """Yield that the short waves reach the focus in time."""
+        earliest = self.focused(end.tank).earliest_focus(self.ramp_in(end.tank))
+        allowed = f"must be at least {earliest:.4g} s: the short waves need that long from the ramp's end to focus_x"
+        yield "focus_time", self.focus_time >= earliest, allowed
 
-    def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield as any waves of a spectrum, and a focus outside the tank."""
-        if not self.focus_x < context.tank.length:
-            yield self.problem("focus_x", f"must be inside the tank, below {metres(context.tank.length)} m")
-        yield from super().problems(context)
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that the focus is inside the tank, and as any waves of a spectrum."""
+        yield in_tank(end.tank, self.focus_x, key="focus_x")
+        yield from super().checks(end)
 
 
 # ---------------------------------------------------------------- waves of a file
 Column = Literal["frequency", "omega", "amplitude", "phase", "lag", "direction", "other"]
+Time = Annotated[float, Field(ge=-1e9, le=1e9)]
 
 
 class WaveFile(GeneratingMotion):
@@ -348,7 +313,7 @@ class ComponentFile(WaveFile):
         "opposite; of paddles in segments direction in degrees from the wall's normal, positive towards y; other",
     )
     x: Coordinate = Field(default=0.0, description="x to which the phases refer [m]")
-    time: Annotated[float, Field(ge=-1e9, le=1e9)] = Field(default=0.0, description="time to which they refer [s]")
+    time: Time = Field(default=0.0, description="time to which they refer [s]")
     scale: float = Field(default=1.0, ge=1e-12, le=1e12, description="factor of the amplitudes [-]")
     phase: float = Field(default=0.0, ge=-360, le=360, description="added to all phases [deg]: 180 turns crests over")
     ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two periods of the highest")
@@ -365,18 +330,12 @@ class ComponentFile(WaveFile):
 
     def components(self) -> Components:
         """Return the components that are not 0; raises ``CaseError`` if the file cannot be read."""
-        with about(*MOTION_KEY, "file"):
-            return read_components(data.resolve(self.file, Path()), self.columns)
+        return read_file(self.file, lambda path: read_components(path, self.columns), *FILE_KEY)
 
     def target(self, tank: AnyTank) -> PlaneWaves:
         """Return the waves, whose phases hold at (x, y)."""
         f, a, phase, angles = self.components()
         return self.along(tank, f, self.scale * a, phase + np.radians(self.phase), angles=angles, time=self.time)
-
-    def default_ramp(self, tank: AnyTank) -> float:
-        """Return two periods of the highest wave [s]."""
-        waves = self.components()
-        return 2.0 / float(waves.frequencies[np.abs(waves.amplitudes).argmax()])
 
 
 class SurfaceFile(WaveFile):
@@ -384,7 +343,7 @@ class SurfaceFile(WaveFile):
 
     file: FilePath = Field(description="file of t [s] and eta [m]")
     x: Length = Field(description="x of the elevation [m]")
-    delay: Annotated[float, Field(ge=-1e9, le=1e9)] = Field(default=0.0, description="added to the file's times [s]")
+    delay: Time = Field(default=0.0, description="added to the file's times [s]")
     lowest_frequency: Frequency | None = Field(
         default=None, description="of waves that are made [Hz]; default a quarter of their mean"
     )
@@ -395,48 +354,41 @@ class SurfaceFile(WaveFile):
 
     def wished(self) -> WishedSurface:
         """Return the surface; raises ``CaseError`` if the file cannot be read, or has no such waves."""
-        with about(*MOTION_KEY, "file"):
-            t, eta = read_record(data.resolve(self.file, Path()), column="elevation [m]")
-            band = self.lowest_frequency, self.highest_frequency
-            return wished_surface(t + self.delay, eta, band=band)
+        t, eta = read_file(self.file, lambda path: read_record(path, column="elevation [m]"), *FILE_KEY)
+        with about(*FILE_KEY, received=self.file):
+            return wished_surface(t + self.delay, eta, band=(self.lowest_frequency, self.highest_frequency))
+
+    @property
+    def direction(self) -> float:
+        """The direction of the waves from the wall's normal [rad]."""
+        return float(np.radians(getattr(self, "angle", 0.0)))
 
     def target(self, tank: AnyTank) -> PlaneWaves:
         """Return the waves, all at one angle, of the elevation at (x, y)."""
-        surface, angle = self.wished(), np.radians(getattr(self, "angle", 0.0))
+        surface = self.wished()
         waves = surface.frequencies, surface.amplitudes, surface.phases
-        return self.along(tank, *waves, angles=angle, time=surface.begin)
+        return self.along(tank, *waves, angles=self.direction, time=surface.begin)
 
     def default_ramp(self, tank: AnyTank) -> float:
         """Return two mean periods [s]."""
         return 2.0 / self.wished().mean_frequency
 
-    def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield a place outside the tank, and waves that come too late."""
-        if not self.x < context.tank.length:
-            yield self.problem("x", f"must be inside the tank, below {metres(context.tank.length)} m")
-            return
-        surface, ramp = self.wished(), self.ramp_in(context.tank)
-        k = airy.wave_number(2.0 * np.pi * surface.mean_frequency, context.tank.depth, context.tank.gravity)
-        travel = self.travel_distance / float(airy.group_velocity(k, context.tank.depth, context.tank.gravity))
-        if surface.begin < ramp + travel:
-            least = self.delay + ramp + travel - surface.begin
-            ramped = f"after a ramp of {ramp:.4g} s{', the default,' if self.ramp is None else ''}"
-            yield self.problem("delay", f"must be at least {least:.4g} s: {ramped} its waves need {travel:.4g} s to x")
-        elif surface.begin > travel + surface.length:
-            allowed = (
-                f"must be at most {self.delay + travel + surface.length - surface.begin:.4g} s: a copy comes before"
-            )
-            yield self.problem("delay", allowed)
-        elif context.duration > (again := surface.begin + 2.0 * surface.length):
-            allowed = f"must be at most {again:.4g} s, when the record's waves come again"
-            yield Problem(("run", "duration"), context.duration, allowed)
-        else:
-            yield from super().problems(context)
-
-    @property
-    def travel_distance(self) -> float:
-        """Distance from the paddle to x along the waves' direction [m]."""
-        return self.x
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that the place is in the tank, and that the waves can come there in time, and once."""
+        yield in_tank(end.tank, self.x)
+        surface, ramp = self.wished(), self.ramp_in(end.tank)
+        k = airy.wave_number(2.0 * np.pi * surface.mean_frequency, end.tank.depth, end.tank.gravity)
+        speed = float(airy.group_velocity(k, end.tank.depth, end.tank.gravity))
+        travel, beyond = self.x / np.cos(self.direction) / speed, self.delay - surface.begin
+        ramped = f"after a ramp of {ramp:.4g} s{', the default,' if self.ramp is None else ''}"
+        allowed = f"must be at least {beyond + ramp + travel:.4g} s: {ramped} its waves need {travel:.4g} s to x"
+        yield "delay", surface.begin >= ramp + travel, allowed
+        allowed = f"must be at most {beyond + travel + surface.length:.4g} s: a copy comes before"
+        yield "delay", surface.begin <= travel + surface.length, allowed
+        again = surface.begin + 2.0 * surface.length
+        allowed = f"must be at most {again:.4g} s, when the record's waves come again"
+        yield (("run", "duration"), end.duration), end.duration <= again, allowed
+        yield from super().checks(end)
 
 
 # ---------------------------------------------------------------- motions by the waves that they make
@@ -463,53 +415,50 @@ class MadeWaves(GeneratingMotion):
 
     def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
         """Return the ramped motion, of many components from a table."""
-        second_order = self.generation_in(tank, wavemaker, physics)[0] == "second-order"
+        second_order = self.generation_in(tank, physics)[0] == "second-order"
         generate = motions.second_order_motion if second_order else motions.first_order_motion
         return motions.ramped(generate(self.target(tank), wavemaker).tabulated(), self.ramp_in(tank))
 
-    def generation_in(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> tuple[str, str]:
+    def generation_in(self, tank: AnyTank, physics: str) -> tuple[str, str]:
         """Return the order of generation, default resolved, and why it is linear by default in nonlinear water."""
         if self.generation is not None:
             return self.generation, ""
-        reason = "" if physics == "linear" else self._linear_reason(tank, wavemaker)
+        reason = "" if physics == "linear" else self.linear_reason(self.target(tank))
         return "linear" if physics == "linear" or reason else "second-order", reason
 
-    def _linear_reason(self, tank: AnyTank, wavemaker: Wavemaker) -> str:
+    def linear_reason(self, target: PlaneWaves) -> str:
         """Return why second-order generation is not the default: it does not hold or costs too much; else empty."""
-        target = self.target(tank)
-        count, shallowest = target.omega.size, float(target.k_x.min() * tank.depth)
+        count, shallowest, second = target.omega.size, _shallowest(target), bound_harmonic(target)
         if count > MOST_PAIRS:
             return f"{count} components are more than {MOST_PAIRS}"
         if count > MOST_UNEVEN and np.ptp(np.diff(np.sort(target.omega))) > UNEVEN * np.ptp(target.omega) / count:
             return f"{count} components of uneven frequencies are more than {MOST_UNEVEN}"
         if shallowest < SHALLOWEST:
             return f"k d = {shallowest:.2g} of the longest wave is below {SHALLOWEST:g}"
-        if (second := bound_harmonic(target)) > STOKES_ENDS:
-            return (
-                f"the bound second harmonic is {second:.2g} of the wave, and {STOKES_ENDS:g} is the limit of the theory"
-            )
-        return ""
+        limit = f"the bound second harmonic is {second:.2g} of the wave, and {STOKES_ENDS:g} is the limit of the theory"
+        return limit if second > STOKES_ENDS else ""
 
-    def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield waves for which second-order generation has no meaning."""
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that second-order generation has a meaning for the waves."""
         if self.generation != "second-order":
             return
-        target = self.target(context.tank)
-        if target.omega.size > MOST_PAIRS:
-            allowed = f"must be linear: there are {target.omega.size} components, and it is for at most {MOST_PAIRS}"
-            yield self.problem("generation", allowed)
-        elif target.k_x.min() * context.tank.depth < SHALLOWEST:
-            yield self.problem("generation", f"must be linear: its theory needs waves of k d of {SHALLOWEST:g} or more")
-        elif (second := bound_harmonic(target)) >= 1.0:
-            allowed = f"must be linear: the theory ends far below a second harmonic of {second:.3g} of the wave"
-            yield self.problem("generation", allowed)
+        target = self.target(end.tank)
+        count, second = target.omega.size, bound_harmonic(target)
+        allowed = f"must be linear: there are {count} components, and it is for at most {MOST_PAIRS}"
+        yield "generation", count <= MOST_PAIRS, allowed
+        allowed = f"must be linear: its theory needs waves of k d of {SHALLOWEST:g} or more"
+        yield "generation", _shallowest(target) >= SHALLOWEST, allowed
+        allowed = f"must be linear: the theory ends far below a second harmonic of {second:.3g} of the wave"
+        yield "generation", second < 1.0, allowed
 
-    def warnings(self, tank: AnyTank, wavemaker: Wavemaker) -> Iterator[RunWarning]:
+    def warnings(self, tank: AnyTank) -> Iterator[RunWarning]:
         """Yield a warning if second-order generation is beyond its theory."""
-        if self.generation != "second-order":
-            return
-        if (second := bound_harmonic(self.target(tank))) > STOKES_ENDS:
+        if self.generation == "second-order" and (second := bound_harmonic(self.target(tank))) > STOKES_ENDS:
             yield RunWarning("second-order-limit", key="wall.motion.generation", value=second, limit=STOKES_ENDS)
+
+
+def _shallowest(waves: PlaneWaves) -> float:
+    return float(waves.k_x.min() * waves.depth)
 
 
 def bound_harmonic(waves: PlaneWaves) -> float:
@@ -524,12 +473,12 @@ def bound_harmonic(waves: PlaneWaves) -> float:
     return k * a * (3.0 - sigma**2) / (4.0 * sigma**3)
 
 
-def _too_high(key: tuple[str | int, ...], height: float, frequency: float, tank: AnyTank) -> Iterator[Problem]:
-    """Yield a height [m] that no wave of a frequency [Hz] reaches."""
+def _below_highest(key: str | tuple[Key, float], height: float, frequency: float, tank: AnyTank) -> Check:
+    """Return the check that there is a wave of a height [m] and a frequency [Hz]."""
     length = 2.0 * np.pi / float(airy.wave_number(2.0 * np.pi * frequency, tank.depth, tank.gravity))
-    if height >= (highest := maximum_height(length, tank.depth)):
-        allowed = f"must be below that of the highest wave, {highest:.4g} m at a length of {length:.4g} m"
-        yield Problem((*MOTION_KEY, *key), height, allowed)
+    highest = maximum_height(length, tank.depth)
+    allowed = f"must be below that of the highest wave, {highest:.4g} m at a length of {length:.4g} m"
+    return key, height < highest, allowed
 
 
 class RegularMotion(MadeWaves):
@@ -557,14 +506,10 @@ class RegularMotion(MadeWaves):
         """Return the wave, with a crest at the paddle at t = 0."""
         return self.along(tank, [self.frequency_in(tank)], [self.height / 2.0], [0.0])
 
-    def default_ramp(self, tank: AnyTank) -> float:
-        """Return two periods [s]."""
-        return 2.0 / self.frequency_in(tank)
-
-    def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield a height that no wave reaches, and what second-order generation cannot do."""
-        too_high = list(_too_high(("height",), self.height, self.frequency_in(context.tank), context.tank))
-        yield from too_high or super().problems(context)
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that there is such a wave, and what second-order generation can do."""
+        yield _below_highest("height", self.height, self.frequency_in(end.tank), end.tank)
+        yield from super().checks(end)
 
 
 class BichromaticMotion(MadeWaves):
@@ -600,11 +545,11 @@ class BichromaticMotion(MadeWaves):
         """Return two of the longer periods [s]."""
         return 2.0 / min(self.pair)
 
-    def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield heights that no wave reaches, and what second-order generation cannot do."""
-        both = zip(range(2), self.heights, self.pair, strict=True)
-        too_high = [one for n, height, f in both for one in _too_high(("heights", n), height, f, context.tank)]
-        yield from too_high or super().problems(context)
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that there are such waves, and what second-order generation can do."""
+        for n, (height, f) in enumerate(zip(self.heights, self.pair, strict=True)):
+            yield _below_highest(((end.key, "motion", "heights", n), height), height, f, end.tank)
+        yield from super().checks(end)
 
 
 class IrregularMotion(IrregularWaves, MadeWaves):
@@ -627,11 +572,11 @@ class IrregularMotion(IrregularWaves, MadeWaves):
         )
         return self.along(tank, frequencies, amplitudes, phases)
 
-    def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield as any waves of a spectrum, a sea too high, and what second-order generation cannot do."""
-        yield from super().problems(context)
-        peak = self.spectrum.build(context.tank).peak_frequency
-        yield from _too_high(("significant_height",), self.significant_height, peak, context.tank)
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield as any waves of a spectrum, and that the sea is not too high."""
+        yield from super().checks(end)
+        peak = self.spectrum.build(end.tank).peak_frequency
+        yield _below_highest("significant_height", self.significant_height, peak, end.tank)
 
 
 class FocusedMotion(FocusingWaves, MadeWaves):
@@ -645,13 +590,11 @@ class ComponentsMotion(ComponentFile, MadeWaves):
 
     type: Literal["components"] = "components"
 
-    def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield directions, of which it has none, and what second-order generation cannot do."""
-        if "direction" in self.columns:
-            allowed = "must have no direction, unless wall.type is of segments: all waves go along x"
-            yield Problem((*MOTION_KEY, "columns"), None, allowed)
-            return
-        yield from super().problems(context)
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that the waves have no directions, and what second-order generation can do."""
+        allowed = "must have no direction, unless wall.type is of segments: all waves go along x"
+        yield "columns", "direction" not in self.columns, allowed
+        yield from super().checks(end)
 
 
 class SurfaceMotion(SurfaceFile, MadeWaves):
@@ -659,7 +602,7 @@ class SurfaceMotion(SurfaceFile, MadeWaves):
 
     type: Literal["surface"] = "surface"
 
-    def _linear_reason(self, tank: AnyTank, wavemaker: Wavemaker) -> str:
+    def linear_reason(self, target: PlaneWaves) -> str:
         """Return that a recorded elevation is not of first order."""
         return "the record of a surface has its bound waves already"
 
@@ -678,29 +621,30 @@ class SolitaryWaveMotion(MotionModel):
         default=None, description="when the crest would be at x = 0, as if from afar [s]; default: as early as can be"
     )
 
-    def _pushed(self, tank: AnyTank) -> motions.SolitaryPush:
+    def push(self, tank: AnyTank) -> motions.SolitaryPush:
+        """Return the motion of a piston that begins at t = 0."""
         make = motions.exact_solitary if self.generation == "exact" else motions.goring
         return make(self.height, depth=tank.depth, gravity=tank.gravity)
 
     def crest_time_in(self, tank: AnyTank) -> float:
         """Return when the crest would be at x = 0 [s], default resolved."""
-        return self._pushed(tank).lead if self.crest_time is None else self.crest_time
+        return self.push(tank).lead if self.crest_time is None else self.crest_time
 
     def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
         """Return the motion."""
-        push, factor = self._pushed(tank), tank.depth / wavemaker.volume(tank.depth)
+        push, factor = self.push(tank), tank.depth / wavemaker.volume(tank.depth)
         return push.motion(begin=self.crest_time_in(tank) - push.lead, factor=factor)
 
-    def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield a wave too high, and one too early."""
-        if self.height > HIGHEST_SOLITARY * context.tank.depth:
-            allowed = f"must be at most {HIGHEST_SOLITARY:g} depths, {HIGHEST_SOLITARY * context.tank.depth:.4g} m"
-            yield self.problem("height", allowed)
-        elif self.height < LOWEST_SOLITARY * context.tank.depth:
-            allowed = f"must be at least {LOWEST_SOLITARY:g} depths: the wave is hundreds of depths long"
-            yield self.problem("height", allowed)
-        elif self.crest_time is not None and self.crest_time < (lead := self._pushed(context.tank).lead):
-            yield self.problem("crest_time", f"must be at least {lead:.4g} s: the paddle begins to move as long before")
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that there is such a wave, and that the paddle begins to move in time."""
+        highest = HIGHEST_SOLITARY * end.tank.depth
+        yield "height", self.height <= highest, f"must be at most {HIGHEST_SOLITARY:g} depths, {highest:.4g} m"
+        allowed = f"must be at least {LOWEST_SOLITARY:g} depths: the wave is hundreds of depths long"
+        yield "height", self.height >= LOWEST_SOLITARY * end.tank.depth, allowed
+        if self.crest_time is not None:
+            lead = self.push(end.tank).lead
+            allowed = f"must be at least {lead:.4g} s: the paddle begins to move as long before"
+            yield "crest_time", self.crest_time >= lead, allowed
 
 
 # ---------------------------------------------------------------- motions by their position
@@ -754,42 +698,33 @@ class RecordedMotion(MotionModel):
 
     def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
         """Return the spline's motion; raises ``CaseError`` if the file cannot be read."""
-        if self.position is not None:
-            t, *state = self._record("position", self.position, "position [m]")
-            if len(state) == 3:
-                record = motions.spline_motion(motions.hermite(t, *state), measured=False)
-            else:
-                record = self._smooth(motions.positions_motion, t, *state)
+        key, column, through = "position", "position [m]", motions.positions_motion
+        if self.position is None:
+            key, column, through = "velocity", "velocity [m/s]", motions.velocities_motion
+        rows = read_file(self._file, lambda path: read_record(path, column=column, named=self.column), *MOTION_KEY, key)
+        t, *values = rows[0], *(self.gain * one for one in rows[1:])
+        if len(values) == 3:
+            record = motions.spline_motion(hermite(t, *values), measured=False)
         else:
-            rows = self._record("velocity", str(self.velocity), "velocity [m/s]")
-            record = self._smooth(motions.velocities_motion, *rows)
+            with about(*MOTION_KEY, "highest_frequency"):
+                record = through(t, *values, highest=self.highest_frequency)
         return motions.ramped(record, self.ramp, start=max(0.0, record.start))
+
+    @property
+    def _file(self) -> str:
+        return str(self.position or self.velocity)
 
     @property
     def in_metres(self) -> bool:
         """See ``MotionModel``."""
-        return in_metres(data.resolve(str(self.position or self.velocity), Path()), named=self.column)
-
-    def _smooth(self, of: Callable[..., motions.Motion], *rows: motions.Array) -> motions.Motion:
-        """Return the motion of a low-pass filtered record; raises ``CaseError`` for too few rows."""
-        with about("wall", "motion", "highest_frequency"):
-            return of(*rows, highest=self.highest_frequency)
-
-    def _record(self, key: str, reference: str, column: str) -> tuple[motions.Array, ...]:
-        """Return the times and the values, with their gain, of a file by its key; raises ``CaseError``."""
-        try:
-            t, *values = read_record(data.resolve(reference, Path()), column=column, named=self.column)
-        except InputError as error:
-            of, received = ("column", self.column) if isinstance(error, ColumnError) else (key, reference)
-            raise CaseError([Problem(("wall", "motion", of), received, str(error).removesuffix("."))]) from None
-        return t, *(self.gain * one for one in values)
+        return in_metres(data.resolve(self._file), named=self.column)
 
 
 class FormulaMotion(MotionModel):
     """X(t) as given, with its derivatives by the chain rule."""
 
     type: Literal["formula"] = "formula"
-    value_keys: ClassVar[tuple[str, ...]] = ("position",)  # keys that errors of its values name
+    value_keys: ClassVar[tuple[str, ...]] = ("position",)
     where: TimeHelpers = Field(default={}, description="parts of it by name, numbers or formulae; default: none")
     position: TimeFormulaText = Field(description="position X(t) [m], positive into the water")
     ramp: Ramp = Field(default=0.0, description="length of the ramp [s]; 0 is none")
@@ -813,8 +748,7 @@ class PythonMotion(MotionModel):
 
     def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
         """Return the ramped motion; raises ``CaseError`` if the file cannot be executed, or has no such function."""
-        with about("wall", "motion", "file"):
-            function = load(data.resolve(self.file, Path()), self.function)
+        function = read_file(self.file, lambda path: load(path, self.function), *FILE_KEY)
         return motions.ramped(motions.programmed_motion(function), self.ramp)
 
 
@@ -835,6 +769,7 @@ PaddleMotion = Annotated[
 ]
 
 
+# ---------------------------------------------------------------- segmented paddles
 Spreading = Annotated[float, Field(ge=0, le=1000)]
 Deviation = Annotated[float, Field(ge=0.1, le=90)]
 PLACES = 101  # samples of a paddle without segments
@@ -862,26 +797,34 @@ class SegmentedWaves(GeneratingMotion):
         """Return the period that halves the power of the paddle's velocity [s]; None: the sum of all waves decides."""
         return None
 
-    def generation_in(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> tuple[None, str]:
+    def generation_in(self, tank: AnyTank, physics: str) -> tuple[None, str]:
         """Return why the generation of segments is linear."""
         return None, "second-order generation is for paddles that move as a whole"
 
-    def terms_per_component(self, context: Context) -> int:
+    def terms_per_component(self, end: Context) -> int:
         """Return the number of places of the paddle at which the motion is summed."""
-        places = context.wall.places(context.tank)
-        return PLACES if places is None else int(places.size)
+        return int(end.wall.places(end.tank).size)
 
-    def too_many(self, context: Context, key: str, waves: int) -> Iterator[Problem]:
-        """Yield more waves than can be summed up at all places of the paddle."""
-        if (terms := waves * self.terms_per_component(context)) > TERMS:
-            allowed = f"must be fewer: at all places of the paddle there are {terms:.2g} waves, {TERMS:.2g} allowed"
-            yield self.problem(key, allowed)
+    def few_enough(self, end: Context, key: str, waves: int) -> Check:
+        """Return the check that waves can be summed up at all places of the paddle."""
+        terms = waves * self.terms_per_component(end)
+        allowed = f"must be fewer: at all places of the paddle there are {terms:.2g} waves, {TERMS:.2g} allowed"
+        return key, terms <= TERMS, allowed
+
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that segments are narrow enough for the waves."""
+        width, widest = end.wall.segment, self.widest_segment(end.tank)
+        allowed = (
+            f"must be at most {widest:.4g} m, the shortest wave's length over 1 + sin of its angle: wider segments "
+        )
+        allowed += "make spurious waves in other directions"
+        yield ((end.key, "segment"), width), width is None or width <= widest, allowed
+        yield from super().checks(end)
 
     def widest_segment(self, tank: AnyTank) -> float:
         """Return the width [m] beyond which segments make spurious waves, of all but a thousandth of the energy."""
         waves = self.target(tank)
-        k, angles = np.hypot(waves.k_x, waves.k_y), np.arctan2(waves.k_y, waves.k_x)
-        widest = np.asarray(widest_segment(k, angles))
+        widest = widest_segment(np.hypot(waves.k_x, waves.k_y), np.arctan2(waves.k_y, waves.k_x))
         narrow_first = np.argsort(widest)
         energy = np.cumsum(np.abs(waves.amplitudes[narrow_first]) ** 2)
         return float(widest[narrow_first][np.searchsorted(energy, NARROW * energy[-1])])
@@ -899,10 +842,6 @@ class ObliqueWaveMotion(SegmentedWaves):
     def target(self, tank: AnyTank) -> PlaneWaves:
         """Return the wave, with a crest at (0, 0) at t = 0."""
         return self.along(tank, [1.0 / self.period], [self.wave_amplitude], [0.0], angles=np.radians(self.angle))
-
-    def default_ramp(self, tank: AnyTank) -> float:
-        """Return two periods [s]."""
-        return 2 * self.period
 
 
 class _FanOfWaves(FocusingWaves, SegmentedWaves):
@@ -933,15 +872,12 @@ class _FanOfWaves(FocusingWaves, SegmentedWaves):
         group = self.directional(tank)
         return float(widest_segment(group.k[-1], group.fan.angles[-1]))
 
-    def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield the problems of any focus, a focus outside the paddle's width, and too many waves to sum up."""
-        low, high = span(context.tank)
-        if too_many := [*self.too_many(context, "components", self.components * self.directions)]:
-            yield from too_many
-            return
-        yield from super().problems(context)
-        if not low <= self.focus_y <= high:
-            yield self.problem("focus_y", f"must be before the paddle, {low:g} to {high:g} m")
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that the waves are few enough, those of any focus, and a focus before the paddle."""
+        low, high = span(end.tank)
+        yield self.few_enough(end, "components", self.components * self.directions)
+        yield from super().checks(end)
+        yield "focus_y", low <= self.focus_y <= high, f"must be before the paddle, {low:g} to {high:g} m"
 
 
 class DirectionalFocusMotion(_FanOfWaves):
@@ -949,18 +885,15 @@ class DirectionalFocusMotion(_FanOfWaves):
 
     type: Literal["directional-focus"] = "directional-focus"
 
-    def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield the problems of any focus, and directions that miss the paddle."""
-        yield from super().problems(context)
-        low, high = span(context.tank)
-        first, last = self.directional(context.tank).sources
-        if low <= self.focus_y <= high and (first < low or last > high):
-            widest = np.degrees(np.arctan(min(self.focus_y - low, high - self.focus_y) / self.focus_x))
-            allowed = (
-                f"must be at most {widest:.4g} deg: waves from further aside would have to come from beyond the "
-                "paddle's ends (type reflected-focus sends them by way of the side walls)"
-            )
-            yield self.problem("largest_angle", allowed)
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield those of any focus, and that all directions come from the paddle."""
+        yield from super().checks(end)
+        low, high = span(end.tank)
+        first, last = self.directional(end.tank).sources
+        widest = np.degrees(np.arctan(min(self.focus_y - low, high - self.focus_y) / self.focus_x))
+        allowed = f"must be at most {widest:.4g} deg: waves from further aside would have to come from beyond the "
+        allowed += "paddle's ends (type reflected-focus sends them by way of the side walls)"
+        yield "largest_angle", low <= first and last <= high, allowed
 
 
 class ReflectedFocusMotion(_FanOfWaves):
@@ -968,11 +901,11 @@ class ReflectedFocusMotion(_FanOfWaves):
 
     type: Literal["reflected-focus"] = "reflected-focus"
 
-    def terms_per_component(self, context: Context) -> int:
+    def terms_per_component(self, end: Context) -> int:
         """Return at how many places, or in how many of the basin's own waves, its motion is summed up."""
-        low, high = span(context.tank)
-        modes = (high - low) / np.pi * float(self.group(context.tank).k[-1])
-        return max(super().terms_per_component(context), int(min(modes, TERMS)))
+        low, high = span(end.tank)
+        modes = (high - low) / np.pi * float(self.group(end.tank).k[-1])
+        return max(super().terms_per_component(end), int(min(modes, TERMS)))
 
     def focused(self, tank: AnyTank) -> ReflectedGroup:
         """Return the group between the side walls."""
@@ -1013,10 +946,10 @@ class DirectionalIrregularMotion(IrregularWaves, SegmentedWaves):
         k = airy.wave_number(2.0 * np.pi * self.band(tank)[1], tank.depth, tank.gravity)
         return float(widest_segment(k, np.radians(self.largest_angle)))
 
-    def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield the problems of any spectrum, and too many waves to sum up."""
-        too_many = [*self.too_many(context, "components", self.components)]
-        yield from too_many or super().problems(context)
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that the waves are few enough, and those of any spectrum."""
+        yield self.few_enough(end, "components", self.components)
+        yield from super().checks(end)
 
 
 class _WavesOfFile(SegmentedWaves):
@@ -1024,9 +957,10 @@ class _WavesOfFile(SegmentedWaves):
 
     y: Coordinate = Field(default=0.0, description="y to which the phases refer [m]")
 
-    def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield too many waves to sum up."""
-        yield from self.too_many(context, "file", self.target(context.tank).omega.size)
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that the waves are few enough, and the segments narrow."""
+        yield self.few_enough(end, "file", self.target(end.tank).omega.size)
+        yield from super().checks(end)
 
 
 class DirectionalComponentsMotion(ComponentFile, _WavesOfFile):
@@ -1045,11 +979,6 @@ class DirectionalSurfaceMotion(SurfaceFile, _WavesOfFile):
         lt=90,
         description="direction of the waves from the wall's normal [deg], positive towards y",
     )
-
-    @property
-    def travel_distance(self) -> float:
-        """Distance from the paddle to x along the waves' direction [m]."""
-        return self.x / float(np.cos(np.radians(self.angle)))
 
 
 SegmentedPaddleMotion = Annotated[

@@ -273,7 +273,7 @@ def contents(case: CaseModel) -> dict[str, str]:
     """Return the SHA-256 of each existing file that a case names, by its dotted key."""
     checksums = {}
     for key, reference in named_files(case):
-        with suppress(InputError, OSError), regular(data.resolve(reference, Path()), largest=inf).open("rb") as file:
+        with suppress(InputError, OSError), regular(data.resolve(reference), largest=inf).open("rb") as file:
             checksums[key] = hashlib.file_digest(file, "sha256").hexdigest()
     return checksums
 

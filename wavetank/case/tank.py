@@ -8,7 +8,7 @@ with the sponge's length L and the wave's group velocity c_g and length lambda. 
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
@@ -17,26 +17,33 @@ from pydantic import BeforeValidator, Field
 
 from wavetank import data
 from wavetank import mesh as beds
-from wavetank.errors import InputError
 from wavetank.mesh import Layout
 from wavetank.mesh.layouts import Box
 from wavetank.motion import Array
-from wavetank.values.case_model import CaseError, CaseModel, FilePath, FormulaModel, FormulaText, Problem
+from wavetank.values.case_model import CaseModel, Check, FilePath, FormulaModel, FormulaText, about
 from wavetank.values.formula import Formula
 from wavetank.values.python_file import load
 from wavetank.values.quantities import Coordinate, Density, Duration, Gravity, Length, Rate, metres
 from wavetank.waves.airy import group_velocity, wave_number
 
-# ---------------------------------------------------------------- the bed
 T = TypeVar("T")
+
+
+def read_file(reference: str, read: Callable[[Path], T], *key: str) -> T:
+    """Return what is read from a file that a case names at a key; raises ``CaseError`` if it cannot be read."""
+    with about(*key, received=reference):
+        return read(data.resolve(reference))
+
+
+# ---------------------------------------------------------------- the bed
 Slope = Annotated[float, Field(ge=1e-6, le=10)]
 Depth = Callable[[Array, Array], Array]  # places x, y [m], each of shape (N,), to d [m], shape (N,)
+BED_FILE = ("tank", "bed", "file")
 
 
 class VaryingBedModel(CaseModel):
     """What all beds that vary have."""
 
-    location: ClassVar[tuple[str, ...]] = ("tank", "bed")
     minimum_depth: Length | None = Field(
         default=None, description="minimum depth: a bed that is shallower or dry is lowered to it [m]; default: nowhere"
     )
@@ -65,15 +72,14 @@ class BeachBed(VaryingBedModel):
         """Return d(x, y) without a minimum."""
         return lambda x, y: tank_depth - self.slope * np.maximum(x - self.start, 0.0)
 
-    def problems(self, context: Any) -> Iterator[Problem]:
-        """Yield a slope that comes out of the water, or does not begin in the tank."""
-        length, depth = context.tank.length, context.tank.depth
-        if self.start >= length:
-            yield self.problem("start", f"must be below the tank's length, {metres(length)} m")
-        elif self.minimum_depth is None and np.isfinite(length) and depth <= self.slope * (length - self.start):
-            wet = depth / (length - self.start)
-            allowed = f"must be below {wet:.4g} for a tank that is wet to its end, or have a tank.bed.minimum_depth"
-            yield self.problem("slope", allowed)
+    def checks(self, end: Any) -> Iterator[Check]:
+        """Yield that the slope begins in the tank, and leaves it wet."""
+        length, depth = end.tank.length, end.tank.depth
+        yield "start", self.start < length, f"must be below the tank's length, {metres(length)} m"
+        wet = depth / (length - self.start)
+        lowered = self.minimum_depth is not None or not np.isfinite(length)
+        allowed = f"must be below {wet:.4g} for a tank that is wet to its end, or have a tank.bed.minimum_depth"
+        yield "slope", lowered or depth > self.slope * (length - self.start), allowed
 
 
 class FormulaBed(VaryingBedModel, FormulaModel):
@@ -96,7 +102,7 @@ class PythonBed(VaryingBedModel):
 
     def as_given(self, tank_depth: float) -> Depth:
         """Return d(x, y); raises ``CaseError`` if the file cannot be executed, or has no such function."""
-        function = _of_file(self.file, lambda path: load(path, self.function))
+        function = read_file(self.file, lambda path: load(path, self.function), *BED_FILE)
         return lambda x, y: function.at({"x": x, "y": y})
 
 
@@ -119,14 +125,7 @@ class GriddedBed(VaryingBedModel):
         def read(path: Path) -> Depth:
             return beds.read_bed(path, variable=self.variable, interpolation=self.interpolation, positive=self.positive)
 
-        return _of_file(self.file, read)
-
-
-def _of_file(reference: str, read: Callable[[Path], T]) -> T:
-    try:
-        return read(data.resolve(reference, Path()))
-    except InputError as error:
-        raise CaseError([Problem(("tank", "bed", "file"), reference, str(error).removesuffix("."))]) from None
+        return read_file(self.file, read, *BED_FILE)
 
 
 Bed = Annotated[BeachBed | FormulaBed | PythonBed | GriddedBed, Field(discriminator="type", description="the bed")]
@@ -198,27 +197,46 @@ AnyTank = SliceTank | RingTank | BasinTank
 Tank = Annotated[AnyTank, Field(discriminator="type", description="the tank"), BeforeValidator(_slice_by_default)]
 
 
+def in_tank(tank: AnyTank, x: float, *, key: str = "x") -> Check:
+    """Return the check that a place x [m] from the paddle is before the far end."""
+    return key, x < tank.length, f"must be inside the tank, below {metres(tank.length)} m"
+
+
 # ---------------------------------------------------------------- what parts of a case are checked against
 @dataclass(frozen=True)
 class Context:
-    """Tank, wall, water and run: what the parts of a case are checked against.
+    """A wall at an end of the tank, with tank, water and run: what the parts of a case are checked against.
+
+    Two are equal if the motions of their walls are.
 
     Attributes
     ----------
+    key
+        The key of the wall in the case.
+    wall, opposite
+        The tables of the wall and of that at the other end.
     tank
         The tank.
-    wall
-        The table of the wall that generates the waves.
     physics
         The type of the water, default resolved.
     duration
         Of the run [s].
+    case
+        The ``Case`` that it is a wall of.
     """
 
-    tank: AnyTank
+    key: Literal["wall", "far_wall"]
     wall: Any
+    opposite: Any
+    tank: AnyTank
     physics: str
     duration: float
+    case: Any = field(compare=False, repr=False)
+
+    @property
+    def far(self) -> bool:
+        """Whether it is the far wall."""
+        return self.key == "far_wall"
 
 
 # ---------------------------------------------------------------- sponges
@@ -228,12 +246,12 @@ MAX_TIMES = 2**18  # times; of a longer motion the first part
 TIME_OFFSET, FINEST = 1e-3, 1e-3  # of a step, between two times for an acceleration; last step over the first
 GOLDEN = (5**0.5 - 1) / 2  # its multiples fill a step evenly
 STEP = 0.1  # of (d / g)^(1/2): between samples of a motion; no paddle makes waves as short
+RING = "must be left out: a ring has no end for waves to be absorbed at"
 
 
 class _Profiled(CaseModel):
     """A sponge whose damping grows with the distance from its inner edge, up to a strength."""
 
-    location: ClassVar[tuple[str, ...]] = ("sponge",)
     type: str
     strength: Rate | None = Field(
         default=None, description="largest damping rate gamma_0 [1/s]; default: of least reflection of the period"
@@ -264,11 +282,11 @@ class _Profiled(CaseModel):
         length, speed = 2 * np.pi / k, float(group_velocity(k, tank.depth, tank.gravity))
         return float(ABSORPTION * speed / np.sqrt(width * length))
 
-    def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield a ring, which has no end, and a period without use."""
-        yield from _ring_problems(self.type, context)
-        if self.strength is not None and self.period is not None:
-            yield self.problem("period", "must be left out: sponge.strength is given")
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that there is an end to absorb at, and that no period is without use."""
+        yield "type", not isinstance(end.tank, RingTank), RING
+        given = self.strength is not None and self.period is not None
+        yield "period", not given, "must be left out: sponge.strength is given"
 
 
 class EndSponge(_Profiled):
@@ -277,11 +295,10 @@ class EndSponge(_Profiled):
     type: Literal["end"] = "end"
     length: Length = Field(description="length of the sponge, along x [m]: one wave length or more")
 
-    def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield the problems of any sponge, and one longer than the tank."""
-        yield from super().problems(context)
-        if self.length >= context.tank.length:
-            yield self.problem("length", f"must be below the tank's length, {context.tank.length:g} m")
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield those of any sponge, and that it is shorter than the tank."""
+        yield from super().checks(end)
+        yield "length", self.length < end.tank.length, f"must be below the tank's length, {end.tank.length:g} m"
 
 
 class GroupSponge(_Profiled):
@@ -289,11 +306,10 @@ class GroupSponge(_Profiled):
 
     type: Literal["group"] = "group"
 
-    def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield the problems of any sponge, and a tank without groups of cells."""
-        yield from super().problems(context)
-        if isinstance(context.tank, SliceTank):
-            yield self.problem("type", "needs a basin (tank.type), whose mesh has groups of cells")
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield those of any sponge, and that cells have groups."""
+        yield from super().checks(end)
+        yield "type", isinstance(end.tank, BasinTank), "needs a basin (tank.type), whose mesh has groups of cells"
 
 
 class FormulaSponge(FormulaModel):
@@ -306,14 +322,9 @@ class FormulaSponge(FormulaModel):
         """Return gamma(x, y) [1/s]."""
         return self.formula(self.gamma)
 
-    def problems(self, context: Context) -> Iterator[Problem]:
-        """Yield a ring, which has no end."""
-        yield from _ring_problems(self.type, context)
-
-
-def _ring_problems(received: str, context: Context) -> Iterator[Problem]:
-    if isinstance(context.tank, RingTank):
-        yield Problem(("sponge", "type"), received, "must be left out: a ring has no end for waves to be absorbed at")
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that there is an end to absorb at."""
+        yield "type", not isinstance(end.tank, RingTank), RING
 
 
 def paddle_period(

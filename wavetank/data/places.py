@@ -159,7 +159,7 @@ def summary(name: str) -> str:
     return "\n".join([f"{name}: {data.title}", *(f"    {key}: {fact}" for key, fact in facts.items())])
 
 
-def resolve(reference: str, folder: Path) -> Path:
+def resolve(reference: str, folder: Path = Path()) -> Path:
     """Return the path that a case file in ``folder`` means: ``data:NAME/FILE``, or an ordinary path relative to it.
 
     Raises ``InputError`` if the reference is not of that form or the data are not there.

@@ -35,10 +35,6 @@ INTERVALS, PERIODS = 10.0, 0.25  # of the median, of the motion: allowed between
 _ALLOWED = "allowed are two finite numbers, a time [s] and a value, separated by blanks or a comma"
 
 
-class ColumnError(InputError):
-    """A file that has no column of a name."""
-
-
 def in_metres(path: Path, *, named: str | None = None) -> bool:
     """Return whether a file's first line, or the name of its column, says that its values are positions or velocities.
 
@@ -57,27 +53,26 @@ def read_record(path: Path, *, column: str = "position [m]", named: str | None =
     ``paddle.csv``, with the derivatives of a position if it has them, or the column ``named``, times being the first.
 
     Raises ``InputError`` naming the file and the line if it cannot be read, if a row is not as many finite numbers, if
-    times do not ascend or have a gap (``check_gaps``), if there are fewer than four rows; ``ColumnError`` if it has no
-    such column.
+    times do not ascend or have a gap (``check_gaps``), if there are fewer than four rows, or no such column.
     """
     names, values, lines = read_columns(path, allowed=_ALLOWED)
+    time, derivatives = TIME, STATE if column == STATE[0] and {*STATE} <= {*names} else (column,)
     if named is not None:
-        if named not in names[1:]:
-            there = f"allowed are {', '.join(names[1:])}" if names else "its columns have no names"
-            raise ColumnError(f"{path} has no such column; {there}.")
-        names, values = (TIME, column), values[:, [0, names.index(named)]]
-    if not names and values.shape[1] > 2:
-        raise InputError(f"{path}: {values.shape[1]} columns received; {_ALLOWED}, or columns with names above.")
-    if names and not {TIME, column} <= {*names}:
-        raise InputError(f"{path}: columns {', '.join(names)} received; allowed are '{TIME}' and '{column}'.")
+        time, derivatives = next(iter(names), ""), (named,)
+    elif not names:
+        names = (TIME, column)
+        if values.shape[1] > 2:
+            raise InputError(f"{path}: {values.shape[1]} columns received; {_ALLOWED}, or columns with names above.")
+    if missing := [name for name in (time, *derivatives) if name not in names]:
+        raise InputError(
+            f"{path}: has no column {missing[0]!r}; its columns are {', '.join(names) or 'without names'}."
+        )
     if len(lines) < 4:
         raise InputError(f"{path}: {len(lines)} rows received; at least 4 are needed for a cubic spline.")
-    wanted = names or (TIME, column)
-    t = values[:, wanted.index(TIME)]
+    t, *state = (values[:, names.index(name)] for name in (time, *derivatives))
     check_ascending(path, lines, t)
-    check_gaps(path, lines, t, values[:, wanted.index(column)])
-    has_derivatives = column == STATE[0] and {*STATE} <= {*names}
-    return t, *(values[:, wanted.index(name)] for name in (STATE if has_derivatives else (column,)))
+    check_gaps(path, lines, t, state[0])
+    return t, *state
 
 
 def check_gaps(path: Path, lines: Sequence[int], t: Array, values: Array) -> None:
@@ -148,17 +143,17 @@ def spline_motion(spline: "scipy.interpolate.PPoly", *, measured: bool = True) -
     return Motion(rates, start=start, duration=end, interval=interval)
 
 
-def positions_motion(t: Array, X: Array, *, highest: float | None = None) -> Motion:
-    """Return the cubic spline through positions X [m] at times t [s], ascending, shapes (N,), N >= 4.
+def positions_motion(t: Array, values: Array, *, highest: float | None = None) -> Motion:
+    """Return the cubic spline through positions [m] at times t [s], ascending, shapes (N,), N >= 4.
 
     What is faster than the ``highest`` frequency [Hz] is left out. Raises ``InputError`` where rows are too few.
     """
-    return spline_motion(_through(t, X, highest))
+    return spline_motion(_through(t, values, highest))
 
 
-def velocities_motion(t: Array, velocity: Array, *, highest: float | None = None) -> Motion:
+def velocities_motion(t: Array, values: Array, *, highest: float | None = None) -> Motion:
     """Return the integral, zero at t[0], of the cubic spline through velocities [m/s]; as ``positions_motion``."""
-    return spline_motion(_through(t, velocity, highest).antiderivative())
+    return spline_motion(_through(t, values, highest).antiderivative())
 
 
 def _through(t: Array, values: Array, highest: float | None) -> "scipy.interpolate.PPoly":

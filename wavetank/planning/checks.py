@@ -77,7 +77,7 @@ def run_warnings(
     return [
         *cut_starts(scene, accuracy),
         *(waves_missed(scene, waves.plane.cell_size) if no_prediction else predicted(scene)),
-        *(warning for view in scene.paddles for warning in view.wall.motion.warnings(scene.tank, view.wall.wavemaker)),
+        *(warning for view in scene.paddles for warning in view.wall.motion.warnings(scene.tank)),
         *too_high(scene),
         *reflecting_sponge(scene),
         *coarse(scene, waves.plane.cell_size),

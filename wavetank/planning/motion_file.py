@@ -77,8 +77,8 @@ def _signal(end: EndWall, rate: float, *, ramp_down: bool) -> _Signal:
     if not ramp_down or not np.abs(velocity[-1]).max() > REST * np.abs(velocity).max():
         return signal
     signal = _down(signal, rate)
-    for problem in limits.exceeded(signal.extent) if limits else ():
-        raise InputError(f"{problem.at('wall', end.key)} with its ramp-down; --no-ramp-down leaves that out.")
+    for problem in limits.exceeded(signal.extent, end.key, "limits") if limits else ():
+        raise InputError(f"{problem} with its ramp-down; --no-ramp-down leaves that out.")
     return signal
 
 

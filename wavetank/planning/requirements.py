@@ -386,8 +386,7 @@ def _paddle_reason(end: EndWall) -> str:
 
 def absorption(end: EndWall) -> str:
     """Return a description of a paddle's absorption; empty if it does not absorb."""
-    absorb, periods = getattr(end.wall, "absorb", None), end.case.paddle_periods
-    return "" if absorb is None else absorb.description(end.tank, end.wall.wavemaker, paddles=periods)
+    return "" if end.wall.absorb is None else str(end.wall.absorb.description(end))
 
 
 def _end_reason(scene: Case, waves: WaveComponents) -> str:

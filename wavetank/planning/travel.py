@@ -6,13 +6,13 @@ records what the paddle has generated up to a before the end of the run. The age
 of a over all passages, weighted with the recorded energy: the phase error of each grows with a.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
-from wavetank.case import Case, EndWall
+from wavetank.case import EndWall
 
 Complex = NDArray[np.complex128]
 
@@ -73,14 +73,12 @@ def reflections(end: EndWall, omega: Vector) -> Ends:
     """Return the reflections of frequencies [rad/s] at a wall of a slice and opposite; a sponge reflects nothing."""
     if end.case.sponge is not None:
         return Ends(np.zeros_like(omega), np.zeros_like(omega))
-    return Ends(_reflection(end.wall, end.case, omega), _reflection(end.opposite, end.case, omega))
+    return Ends(*(_reflection(one, omega) for one in sorted(end.case.ends, key=lambda one: one.key != end.key)))
 
 
-def _reflection(wall: Any, case: Case, omega: Vector) -> Vector:
-    absorb = getattr(wall, "absorb", None)
-    if absorb is None:
-        return np.ones_like(omega)
-    return np.asarray(absorb.reflection(2 * np.pi / omega, case.tank, wall.wavemaker, paddles=case.paddle_periods))
+def _reflection(end: EndWall, omega: Vector) -> Vector:
+    absorb = end.wall.absorb
+    return np.ones_like(omega) if absorb is None else np.asarray(absorb.reflection(omega, end))
 
 
 def travel(x: Vector, speed: Vector, *, length: float, at: Ends, generated: Generation, duration: float) -> Propagation:

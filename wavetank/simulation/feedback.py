@@ -33,8 +33,7 @@ def build_paddle_work(scene: Case, waves: AnyWaves) -> PaddleWork | None:
     """Return what counts the work of a scene's paddles, where some of them absorb."""
     if not scene.absorbing:
         return None
-    walls: list[Any] = [end.wall for end in scene.paddles]
-    masses = np.array([wall.added_mass(scene.tank) for wall in walls])
+    masses = np.array([end.wall.added_mass(scene.tank) for end in scene.paddles])
     return PaddleWork([paddle.motion for paddle in waves.wall.paddles], masses)
 
 
@@ -52,10 +51,10 @@ def build_filter(scene: Case, number: int, waves: AnyWaves) -> tuple[StateSpaceF
     wall: Any = end.wall
     paddle: Any = waves.wall.paddles[number]
     if isinstance(wall.absorb, SpringDamper):
-        mass, stiffness, damping = wall.absorb.resolved(tank, wall.wavemaker, paddles=scene.paddle_periods)
+        mass, stiffness, damping = wall.absorb.resolved(end)
         added = wall.added_mass(tank)
         return StateSpaceFilter.of_spring(mass + added, stiffness, damping), Push(waves, number, paddle, mass=added)
-    result = from_first(comm, lambda: wall.absorb.build(tank, wall.wavemaker, paddles=scene.paddle_periods))
+    result = from_first(comm, lambda: wall.absorb.build(end))
     above, below = result.over_s()
     made = raise_on_all_ranks(
         comm,

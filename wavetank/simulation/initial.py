@@ -148,7 +148,7 @@ def with_its_numerics(scene: Case, initial: RunState) -> Case:
     before = _its_scene(initial, _chosen(initial)[1])
     numerics = scene.numerics.over(before.numerics, named=scene.numerics.model_fields_set)
     result = scene.model_copy(update={"numerics": numerics})
-    if problems := [*numerics.problems(result.ends[0])]:
+    if problems := [*numerics.problems(result.ends[0], "numerics")]:
         raise CaseError(problems)
     return result
 

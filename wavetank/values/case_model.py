@@ -3,9 +3,8 @@
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar
+from typing import Annotated, Any, NamedTuple, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, model_validator
 
@@ -14,6 +13,7 @@ from wavetank.values.formula import Formula, Helper
 
 T = TypeVar("T")
 KEY_SHOWN = 200  # characters of a key in a message
+Key = tuple[str | int, ...]
 
 
 class Problem(NamedTuple):
@@ -27,7 +27,7 @@ class Problem(NamedTuple):
         The value there, and what it may be.
     """
 
-    key: tuple[str | int, ...]
+    key: Key
     received: Any
     allowed: str
 
@@ -62,14 +62,14 @@ class CaseError(InputError):
 
 
 @contextmanager
-def about(*key: str | int) -> Iterator[None]:
-    """Raise an ``InputError`` of the block as a ``CaseError`` that names a key."""
+def about(*key: str | int, received: Any = None) -> Iterator[None]:
+    """Raise an ``InputError`` of the block as a ``CaseError`` that names a key and the value received there."""
     try:
         yield
     except CaseError:
         raise
     except InputError as error:
-        raise CaseError([Problem(key, None, str(error).removesuffix("."))]) from error
+        raise CaseError([Problem(key, received, str(error).removesuffix("."))]) from error
 
 
 @contextmanager
@@ -81,20 +81,42 @@ def renamed(key: str, name: str) -> Iterator[None]:
         raise CaseError([problem.at(key, name) for problem in error.problems]) from error
 
 
+Check = tuple[str | tuple[Key, Any], bool, str]  # a field, or key and value elsewhere; whether it fits; what is allowed
+
+
 class CaseModel(BaseModel):
     """A part of the case: frozen, unknown keys refused, numbers finite."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
-    location: ClassVar[tuple[str, ...]] = ()  # its key in a case
+    @property
+    def reads_file(self) -> bool:
+        """Whether it is checked against the rest of the case when its file is read, and not before."""
+        return False
 
-    def problem(self, field: str, allowed: str) -> Problem:
-        """Return a problem of a field: its value, and what is allowed."""
-        return Problem((*self.location, field), getattr(self, field), allowed)
+    def checks(self, end: Any) -> Iterator[Check]:
+        """Yield what must fit the rest of the case, given as an ``EndWall``.
 
-    def problems(self, context: Any) -> Iterator[Problem]:
-        """Yield what does not fit the rest of the case, its ``Context``; by default nothing."""
+        The first check that fails is reported and ends the iteration, so each may rely on those before it.
+        """
         yield from ()
+
+    def problems(self, end: Any, *key: str | int) -> list[Problem]:
+        """Return the problem of this model, at a key, or else those of the models in it."""
+        for at, fits, allowed in self.checks(end):
+            if not fits:
+                where, received = ((*key, at), getattr(self, at)) if isinstance(at, str) else at
+                return [Problem(where, None if isinstance(received, CaseModel) else received, allowed)]
+        inside = ((part, (*key, *more)) for part, more in self.models_inside() if not part.reads_file)
+        return [problem for part, at in inside for problem in part.problems(end, *at)]
+
+    def models_inside(self) -> Iterator[tuple["CaseModel", Key]]:
+        """Yield the models in this one, also those in its lists, with their keys."""
+        for name, value in self:
+            if isinstance(value, CaseModel):
+                yield value, (name,)
+            elif isinstance(value, tuple):
+                yield from ((one, (name, n)) for n, one in enumerate(value) if isinstance(one, CaseModel))
 
 
 def entry(table: Mapping[type[CaseModel], T], model: CaseModel, name: str) -> T:
@@ -135,40 +157,32 @@ FilePath = Annotated[str, Field(min_length=1), AfterValidator(_located)]
 
 
 # ---------------------------------------------------------------- formulae
-def _valid_formula(text: str, info: ValidationInfo, *, variables: Sequence[str]) -> str:
-    """Return a formula's text if it parses with its helpers; invalid helpers have their own error."""
-    if "where" in info.data:
-        _parse(text, info.data["where"], variables)
-    return text
+def _parsed_with(*variables: str) -> AfterValidator:
+    """Return a validator of a formula, or of its helpers, in some variables; invalid helpers have their own error."""
+
+    def check(value: Any, info: ValidationInfo) -> Any:
+        text, helpers = ("0", value) if isinstance(value, dict) else (value, info.data.get("where"))
+        try:
+            if helpers is not None:
+                Formula(text, where=helpers, variables=variables)
+        except InputError as error:
+            raise ValueError(str(error).removesuffix(".")) from None
+        return value
+
+    return AfterValidator(check)
 
 
-def _parse_alone(where: dict[str, Helper], *, variables: Sequence[str]) -> dict[str, Helper]:
-    _parse("0", where, variables)
-    return where
-
-
-def _parse(text: str, where: dict[str, Helper], variables: Sequence[str]) -> None:
-    try:
-        Formula(text, where=where, variables=variables)
-    except InputError as error:
-        raise ValueError(str(error).removesuffix(".")) from None
-
-
-def _checked_by(check: Any, *variables: str) -> AfterValidator:
-    return AfterValidator(partial(check, variables=variables))
-
-
-FormulaText = Annotated[str, Field(min_length=1), _checked_by(_valid_formula, "x", "y")]
-TimeFormulaText = Annotated[str, Field(min_length=1), _checked_by(_valid_formula, "t")]
-HeightFormulaText = Annotated[str, Field(min_length=1), _checked_by(_valid_formula, "z")]
-HeightHelpers = Annotated[dict[str, Helper], _checked_by(_parse_alone, "z")]
-TimeHelpers = Annotated[dict[str, Helper], _checked_by(_parse_alone, "t")]
+FormulaText = Annotated[str, Field(min_length=1), _parsed_with("x", "y")]
+TimeFormulaText = Annotated[str, Field(min_length=1), _parsed_with("t")]
+HeightFormulaText = Annotated[str, Field(min_length=1), _parsed_with("z")]
+HeightHelpers = Annotated[dict[str, Helper], _parsed_with("z")]
+TimeHelpers = Annotated[dict[str, Helper], _parsed_with("t")]
 
 
 class FormulaModel(CaseModel):
     """A model whose ``FormulaText`` fields share named parts, defined first, as fields are checked with them."""
 
-    where: Annotated[dict[str, Helper], _checked_by(_parse_alone, "x", "y")] = Field(
+    where: Annotated[dict[str, Helper], _parsed_with("x", "y")] = Field(
         default={}, description="parts of the formula by name, numbers or formulae; default: none"
     )
 
