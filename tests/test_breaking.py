@@ -12,6 +12,7 @@ from itertools import count as counted
 import numpy as np
 import pytest
 import ufl
+from dolfinx import mesh
 from mpi4py import MPI
 from rich.console import Console
 from scipy.signal import find_peaks
@@ -21,7 +22,7 @@ from examples.paper.breaking import BreakingCase, bore, cases, dissipated, luth_
 from wavetank.arrays import largest
 from wavetank.case import Case
 from wavetank.errors import ConvergenceError, RunError
-from wavetank.fem.mass import FactoredSum, IterativeSum
+from wavetank.fem.mass import PenalisedMass, mass_matrix
 from wavetank.fem.plane import Plane
 from wavetank.integrators.states import Point
 from wavetank.output.directory import RunDirectory
@@ -70,19 +71,25 @@ def test_still_water_over_a_bed_stays_still(make):
     assert near > 1e-7 and far < 1e-12
 
 
-def test_conjugate_gradients_smooth_as_factors_do():
-    """Those are of basins and several ranks, these of slices; from nothing, and from what is found."""
-    waves = over_a_bar()
-    plane, right = waves.plane, waves.mass.apply(np.sin(40.0 * waves.plane.x))
+@pytest.mark.parametrize("dimensions", [1, 2])
+def test_a_sum_of_mass_matrix_and_penalty_is_inverted(dimensions):
+    """By factors in a slice, by conjugate gradients in a basin, from nothing and from the solution. Oracle: numpy."""
+    if dimensions == 1:
+        plane = Plane(mesh.create_interval(MPI.COMM_SELF, 8, [0.0, 1.0]), 3)
+    else:
+        plane = Plane(mesh.create_unit_square(MPI.COMM_SELF, 3, 3, cell_type=mesh.CellType.quadrilateral), 3)
+    mass, x = mass_matrix(plane, 1.0), plane.coordinates()[:, 0]
 
     def smoothing(u, v):
         return 0.01 * ufl.inner(ufl.grad(u), ufl.grad(v)) * plane.dx
 
-    exact = FactoredSum(plane, waves.mass, 1.0, smoothing).solve(right, 0 * right)
-    raised = IterativeSum(plane, waves.mass, smoothing)
-    found = raised.solve(right, 0 * right)
-    for one in (found, raised.solve(right, found)):
-        assert np.abs(one - exact).max() < 1e-7 * np.abs(exact).max()
+    raised, units = PenalisedMass(plane, mass, 1.0, smoothing), np.eye(plane.owned)
+    matrix = np.array([mass.apply(unit) + raised.penalty(unit) for unit in units])
+    assert np.abs(np.array([raised.penalty(unit) for unit in units]).sum(axis=0)).max() < 1e-13
+    right = mass.apply(np.sin(40.0 * x))
+    exact = np.linalg.solve(matrix, right)
+    for start in (0.0 * right, exact):
+        assert raised.solve(right, start) == pytest.approx(exact, abs=1e-7 * np.abs(exact).max())
 
 
 # ---------------------------------------------------------------- a crest's speed and its water's

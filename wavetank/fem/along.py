@@ -1,8 +1,8 @@
-"""Interior potentials along a slice or ring: conjugate gradients, whose preconditioner is one banded matrix a mode.
+"""Interior potentials along a slice or ring: conjugate gradients, whose preconditioner is one banded matrix per mode.
 
-Only what couples the vertical modes, the slope of the surface, is left out of the preconditioner (docs/method.md,
-section 4). A residual is of double precision; what is added to the potential for it is found in single precision, all
-of it compiled as one (``modes.c``), and takes the error down by up to five digits. Then there is a new residual.
+Only what couples the vertical modes, the slope of the surface, is omitted from the preconditioner (docs/method.md,
+section 4). Residuals have double precision; corrections to the potential are computed in single precision in one
+compiled function (``modes.c``) and reduce the error by up to five digits. Then there is a new residual.
 """
 
 from math import isfinite
@@ -13,86 +13,49 @@ import numpy as np
 from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
 from wavetank.fem.cells import lanes
-from wavetank.fem.chain import chain, followed
-from wavetank.fem.codegen import Buffer, Function, Unit, source
+from wavetank.fem.chain import Chain, order_along
+from wavetank.fem.codegen import Buffer, Unit, source
 from wavetank.fem.conjugate_gradients import condition_number
-from wavetank.fem.layers import LayerEnergy, LayerOperator
+from wavetank.fem.layers import LayerEnergy, LayerOperator, MoreCode
 from wavetank.fem.plane import Field, Plane
 from wavetank.fem.vertical import VerticalBasis
 
 MOST = 200  # iterations
-ABREAST = 8  # modes in a vector, at most
+ABREAST = 8  # largest number of modes in a vector
 NO_MINIMUM = "the interior potential has no minimum: the water column is not positive everywhere"
-
-
-def along(
-    energy: LayerEnergy, plane: Plane, vertical: VerticalBasis, *, column: Field, unit: Unit | None = None
-) -> LayerOperator:
-    """Return the operator of a slice or ring, with its modes where layers are averaged; see ``LayerOperator``."""
-    more = source("matrices.c", "banded") + source("modes.c", "slice")
-    sizes, exports = (
-        _sizes(plane, vertical.n + 1, "double", ordered=False),
-        ("take", "product", "derivative", "decouple", "respond"),
-    )
-    return LayerOperator(
-        energy, plane, vertical, column=column, more=more, exports=exports, more_sizes=sizes, unit=unit
-    )
-
-
-def _single(
-    energy: LayerEnergy, plane: Plane, vertical: VerticalBasis, *, column: Field, unit: Unit | None
-) -> LayerOperator:
-    """Return the same in single precision, its rows as places follow each other, with what is compiled for solves."""
-    return LayerOperator(
-        energy,
-        plane,
-        vertical,
-        column=column,
-        more=source("matrices.c", "banded") + source("modes.c", "slice", "correction"),
-        exports=("take", "decouple", "correct"),
-        more_sizes=_sizes(plane, vertical.n, "float", ordered=True),
-        unit=unit,
-        prefix="single",
-        real="float",
-        order=followed(plane),
-        stored=True,
-    )
-
-
-def _sizes(plane: Plane, modes: int, real: str, *, ordered: bool) -> dict[str, object]:
-    abreast, groups = _abreast(real), _padded(modes, real) // _abreast(real)
-    return {"MODES": modes, "BAND": plane.order, "ABREAST": abreast, "ORDERED": int(ordered), "GROUPS": groups}
 
 
 def _abreast(real: str) -> int:
     return min(ABREAST, lanes(real))
 
 
-def _padded(modes: int, real: str) -> int:
-    """Return the number of modes, filled up to whole vectors."""
-    return -(-modes // _abreast(real)) * _abreast(real)
+def _code(plane: Plane, modes: int, real: str, *sections: str) -> MoreCode:
+    """Return the code of modes that is compiled with an operator, and its functions."""
+    abreast = _abreast(real)
+    sizes = {"MODES": modes, "BAND": plane.order, "ABREAST": abreast, "GROUPS": -(-modes // abreast)}
+    functions = "take", "average", "factorise", *(("correct",) if sections else ("product", "derivative", "respond"))
+    code = source("matrices.c", "banded") + source("modes.c", "average", "slice", *sections)
+    return MoreCode(code, functions, sizes)
 
 
-class Averaged:
-    """A layer averaged over the depth, along a slice or ring; see ``LayerMatrices``.
+class SliceOperator(LayerOperator):
+    """The operator of a slice or ring on one rank, with its modes where layers are averaged; see ``LayerOperator``."""
 
-    Parameters
-    ----------
-    operator
-        Made by ``along``.
-    """
-
-    def __init__(self, operator: LayerOperator, plane: Plane):
-        self._operator, self._plane = operator, plane
+    def __init__(
+        self, energy: LayerEnergy, plane: Plane, vertical: VerticalBasis, *, column: Field, unit: Unit | None = None
+    ):
+        more = _code(plane, vertical.n + 1, "double")
+        super().__init__(energy, plane, vertical, column=column, unit=unit, more=more)
+        self._plane = plane
 
     def assemble(self) -> Vector:
         """Return the fields as they are, of which modes make averages themselves."""
-        self._operator.update()
-        return np.array(self._operator.rows)
+        self.update()
+        return np.array(self.rows)
 
     def modes(self, eigenvalues: Vector) -> "AveragedModes":
         """See ``LayerMatrices``."""
-        return AveragedModes(self._operator, self._plane, eigenvalues, padded=_padded(self._operator.numbers, "double"))
+        return AveragedModes(self, self._plane, eigenvalues)
 
 
 class AveragedModes:
@@ -101,25 +64,44 @@ class AveragedModes:
     Parameters
     ----------
     operator
-        Made by ``along``, or the same in single precision.
+        A ``SliceOperator``, or the same in single precision.
     eigenvalues
         Lambda_j, shape (m,).
-    padded
-        The number of modes that it is compiled for, m filled up to whole vectors.
+
+    Attributes
+    ----------
+    chain
+        The matrices in C, their number filled up to whole vectors.
     """
 
-    def __init__(self, operator: LayerOperator, plane: Plane, eigenvalues: Vector, *, padded: int):
-        instance, real, size = operator.instance, operator.instance.dtype, plane.size
-        eigenvalues = np.pad(eigenvalues, (0, padded - eigenvalues.size), mode="edge").astype(real)
+    def __init__(self, operator: LayerOperator, plane: Plane, eigenvalues: Vector):
+        instance, cells, size = operator.instance, operator.cell_values, plane.size
+        real, abreast = instance.dtype, _abreast(instance.real)
+        padded = -(-int(operator.more.sizes["MODES"]) // abreast) * abreast
+        self._eigenvalues = np.pad(eigenvalues, (0, padded - eigenvalues.size), mode="edge").astype(real)
         self._work, self._weights = np.empty((size, padded), dtype=real), np.zeros(padded, dtype=real)
-        self.chain, fields = chain(instance, plane, systems=padded), Buffer(operator.rows.size, real)
-        of = operator.cells, operator.layers
-        self.take = instance.function("decouple", *of, fields, eigenvalues, self.chain)
-        self._respond: Function | None = None
-        if real == np.float64:
-            self._respond = instance.function(
-                "respond", self.chain, self._weights, Buffer(size), Buffer(size), self._work
-            )
+        matrices = Chain(instance, plane, systems=padded, band=plane.order)
+        self._entries, self.chain = matrices.entries, matrices.struct
+        dofs = cells.parts["dofs"]
+        rows = dofs if operator.order is not None else matrices.row[dofs]
+        self._places = matrices.places(rows[:, :, None], rows[:, None, :]).ravel()
+        tables = (cells.parts["slopes"][0], cells.parts["values"])
+        self._products = [(one[:, :, None] * one[:, None, :]).reshape(len(one), -1).T for one in tables]
+        self._averages = np.empty((len(dofs), len(cells.points), 2, cells.lanes), dtype=real)
+        fields = Buffer(operator.rows.size, real)
+        self._average = instance.function("average", operator.cells, operator.layers, fields, self._averages)
+        self._factorise = instance.function("factorise", self.chain, 0)
+        self._respond = instance.function("respond", self.chain, self._weights, Buffer(size), Buffer(size), self._work)
+
+    def take(self, fields: Vector) -> None:
+        """Replace S_u and S_w by those of fields, (dofs, fields)."""
+        self._average(fields)
+        S_u, S_w = (
+            np.bincount(self._places, (product @ self._averages[:, :, k]).ravel(), len(self._entries) + 1)[:-1, None]
+            for k, product in enumerate(self._products)
+        )
+        self._entries[:] = S_u + S_w * self._eigenvalues
+        self._factorise()
 
     def compiled(self, weights: Vector) -> dict[str, Any]:
         """Return the parts of an ``Advection`` for responses with these weights; there are to be no others."""
@@ -130,7 +112,6 @@ class AveragedModes:
         """See ``Modes``; exactly."""
         result = np.empty_like(right)
         self._weights[: weights.size] = weights
-        assert self._respond is not None
         self._respond(np.ascontiguousarray(right), result)
         return result
 
@@ -141,7 +122,7 @@ class Minimum:
     Parameters
     ----------
     operator
-        Made by ``along``.
+        In double precision.
     energy, column
         As given to that.
     tolerance
@@ -170,24 +151,32 @@ class Minimum:
         tolerance: float,
         unit: Unit | None = None,
     ):
-        self._operator, self._tolerance = operator, tolerance
-        self._single = single = _single(energy, plane, vertical, column=column, unit=unit)
-        self._modes = AveragedModes(single, plane, vertical.eigenvalues, padded=_padded(vertical.n, "float"))
-        row = _padded(vertical.n, "float")
+        self._operator, self._tolerance, n = operator, tolerance, vertical.n
+        self._single = single = LayerOperator(
+            energy,
+            plane,
+            vertical,
+            column=column,
+            more=_code(plane, n, "float", "correction"),
+            unit=unit,
+            prefix="single",
+            real="float",
+            order=order_along(plane),
+            stored=True,
+        )
+        self._modes = AveragedModes(single, plane, vertical.eigenvalues)
+        row = -(-n // _abreast("float")) * _abreast("float")
         self._work = np.empty((plane.size, 5 * row + 2), dtype=np.float32)
         self._steps, self.last = np.empty((MOST + 1, 2)), 0
         self._correction = np.zeros(2)  # phi A phi, and the residual's energy over that wanted
-        layered = Buffer(plane.size * (vertical.n + 1))
+        of, layered = (single.cells, single.layers, single.state, self._modes.chain), Buffer(plane.size * (n + 1))
+        results = self._steps, self._correction, self._work
+        function = single.instance.function
         self._correct = {
-            stride: single.instance.function(
-                "correct",
-                *(single.cells, single.layers, single.state, self._modes.chain),
-                *(Buffer(plane.size * stride if stride else vertical.n + 1), stride, layered, layered, tolerance, int),
-                *(self._steps, self._correction, self._work),
-            )
-            for stride in (0, vertical.n + 1)
+            stride: function("correct", *of, wall, stride, layered, layered, tolerance, int, *results)
+            for stride, wall in ((0, Buffer(n + 1)), (n + 1, layered))
         }
-        self._image = np.zeros((plane.size, vertical.n + 1))
+        self._image = np.zeros((plane.size, n + 1))
         self.flow: Vector = np.zeros(plane.size)
         self.kinetic = 0.0
 

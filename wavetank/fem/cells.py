@@ -1,4 +1,4 @@
-"""Values on a rank's cells, for compiled kernels: quadrature, the element's values there, and the cells' geometry.
+"""Values on a rank's cells, for compiled kernels: points, the element's values there, and the cells' geometry.
 
 On quadrilaterals, where nodes and points are pairs of those of an edge, kernels go edge by edge (``cells.c``).
 """
@@ -17,76 +17,93 @@ from wavetank.fem.plane import Plane
 
 Indices = NDArray[np.integer[Any]]
 BYTES = {"double": 8, "float": 4}
-SAME = 1e-12  # relative: so alike are the Jacobians of a cell whose geometry is the same everywhere
+SAME = 1e-12  # relative difference below which a cell's Jacobians are equal
 
 
 def lanes(real: str) -> int:
-    """Return how many numbers the processor takes at a time: "double" or "float"."""
+    """Return how many numbers, "double" or "float", are in a vector of the processor."""
     return vector_size(processor()) // BYTES[real]
 
 
 class Cells:
-    """Those of a rank, LANES to a batch: as many as the processor takes at a time; collective.
+    """Cells of a rank in batches of as many as a vector of the processor has numbers; collective.
 
     Parameters
     ----------
     degree
-        Up to which quadrature is exact.
+        Polynomial degree up to which the quadrature is exact.
     real
-        What is calculated with: "double" or "float".
+        Type of the numbers, "double" or "float".
     only
-        These alone, in a mesh whose ranks have all of them; None: all that the rank owns.
+        Cells by number, in a mesh whose ranks have all of them; None: all that the rank owns.
+    lattice
+        Number of intervals along an edge between equally spaced points, which replace those of quadrature.
 
     Attributes
     ----------
     lanes
-        Cells at a time.
+        Cells in a batch.
     points
-        Of the quadrature, in the cell's own coordinates.
+        Points in the reference cell, shape (points, dimension).
     values, weights
-        Of the nodes at the points, and of these: of an edge where cells are products of edges.
+        Basis functions at the points, and weights of these: of an edge where cells are products of edges.
+    squares
+        Products of first derivatives (of axes 00, 10, 11; mixed ones twice) and squares of the basis functions, shape
+        (products + 1, points, nodes).
     sizes, parts
-        As ``cells.c`` has them.
+        Macros and members of ``Cells`` in C.
     """
 
-    def __init__(self, plane: Plane, degree: int, *, real: str = "double", only: Indices | None = None):
-        self._only = only
-        element, self.lanes = plane.V.element.basix_element, lanes(real)
-        dim = plane.mesh.topology.dim
-        if element.cell_type == basix.CellType.quadrilateral:
-            edge = basix.create_element(
-                basix.ElementFamily.P, basix.CellType.interval, plane.order, element.lagrange_variant
-            )
-            x, w = basix.make_quadrature(basix.CellType.interval, degree)
-            self.points = np.array([(a, b) for a in x[:, 0] for b in x[:, 0]])
-            self.weights, weights = w, np.outer(w, w).ravel()
-            along = np.argsort(edge.points[:, 0])
-            values, slopes = edge.tabulate(1, x)[:, :, along, 0]
-            self._order = np.lexsort((np.round(element.points[:, 1], 9), np.round(element.points[:, 0], 9)))
-            side, rule = values.shape[1], len(x)
+    def __init__(
+        self,
+        plane: Plane,
+        degree: int,
+        *,
+        real: str = "double",
+        only: Indices | None = None,
+        lattice: int | None = None,
+    ):
+        element, self.lanes, dim = plane.V.element.basix_element, lanes(real), plane.mesh.topology.dim
+        is_product = element.cell_type == basix.CellType.quadrilateral
+        cell = basix.CellType.interval if is_product else element.cell_type
+        if lattice is None:
+            x, self.weights = basix.make_quadrature(cell, degree)
         else:
-            self.points, weights = basix.make_quadrature(element.cell_type, degree)
-            self.weights = weights
-            self._order = np.arange(element.dim)
-            side = rule = 0
-        tabulated = element.tabulate(1, self.points)[..., 0][:, :, self._order]
-        if not side:
-            values, *slopes = tabulated
-        pairs = [tabulated[1 + a] * tabulated[1 + d] * (1 + (d < a)) for a in range(dim) for d in range(a + 1)]
-        self.values, geometry = values, self._geometry(plane)
+            x = basix.create_lattice(cell, lattice, basix.LatticeType.equispaced, True)
+            self.weights = np.ones(len(x))
+        if is_product:
+            edge = basix.create_element(basix.ElementFamily.P, cell, plane.order, element.lagrange_variant)
+            self.points = np.array([(a, b) for a in x[:, 0] for b in x[:, 0]])
+            weights = np.outer(self.weights, self.weights).ravel()
+            order = np.lexsort((np.round(element.points[:, 1], 9), np.round(element.points[:, 0], 9)))
+            tables = edge.tabulate(1, x)[:, :, np.argsort(edge.points[:, 0]), 0]
+            side, rule = tables.shape[2], len(x)
+        else:
+            self.points, weights, order = x, self.weights, np.arange(element.dim)
+            tables, side, rule = element.tabulate(1, x)[..., 0], 0, 0
+        basis = element.tabulate(1, self.points)[..., 0][:, :, order]
+        pairs = [basis[1 + a] * basis[1 + d] * (1 + (d < a)) for a in range(dim) for d in range(a + 1)]
+        self.values, self.squares = tables[0], np.array([*pairs, basis[0] ** 2])
+        topology = plane.mesh.topology
+        chosen = np.arange(topology.index_map(dim).size_local) if only is None else only
+        self._numbering, self._reached = plane.V.dofmap.index_map, plane.V.dofmap.list[chosen]
+        number = np.arange(-(-len(chosen) // self.lanes) * self.lanes).reshape(-1, self.lanes)
+        is_cell, number = number < len(chosen), np.minimum(number, len(chosen) - 1)  # the last batch is filled up
+        inverse, measure = _geometry(plane, chosen, self.points)
         self.parts = {
-            "values": values,
-            "slopes": np.array(slopes),
-            "squares": np.array([*pairs, tabulated[0] ** 2]),
+            "batches": len(number),
+            "dofs": self._reached[:, order][number].transpose(0, 2, 1),
+            "values": self.values,
+            "slopes": tables[1:],
             "weights": weights,
-            **geometry,
-            "batches": len(geometry["dofs"]),
+            "inverse": np.moveaxis(inverse[number], 1, -1),
+            "measure": np.moveaxis(np.where(is_cell[..., None], measure[number], 0.0), 1, -1),
         }
         self.sizes: dict[str, object] = {
             "LANES": self.lanes,
             "NODES": element.dim,
             "POINTS": len(self.points),
-            "PLACES": geometry["measure"].shape[1],
+            "PLACES": measure.shape[1],
             "SIDE": side,
             "RULE": rule,
             "DIM": dim,
@@ -94,31 +111,31 @@ class Cells:
         }
 
     def halo(self, components: int, real: DTypeLike = np.float64) -> Halo:
-        """Return room for values at what the cells reach; collective."""
+        """Return the exchange of values at the degrees of freedom of the cells; collective."""
         return Halo(self._numbering, components, real, reached=self._reached)
 
-    def _geometry(self, plane: Plane) -> dict[str, Vector]:
-        """Return degrees of freedom, inverse Jacobians and their determinants, the last two at a point or at all."""
-        mesh = plane.mesh
-        owned = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local)
-        chosen = owned if self._only is None else self._only
-        cells = len(chosen)
-        self._numbering, self._reached = plane.V.dofmap.index_map, plane.V.dofmap.list[chosen]
-        batches = -(-cells // self.lanes)
-        number = np.arange(batches * self.lanes).reshape(batches, self.lanes)  # near each other, and to one paddle
-        there, number = number < cells, np.minimum(number, cells - 1)
-        corners = mesh.geometry.x[mesh.geometry.dofmap[chosen]][:, :, : mesh.geometry.dim]
-        slopes = mesh.ufl_domain().ufl_coordinate_element().basix_element.tabulate(1, self.points)[1:, :, :, 0]
-        bent = (slopes[:, q] - slopes[:, 0] for q in range(len(self.points)))
-        most = max(float(np.abs(np.einsum("ai,cik->cka", one, corners)).max(initial=0.0)) for one in bent)
-        if mesh.comm.allreduce(most, op=MPI.MAX) < SAME * plane.cell_size:
-            slopes = slopes[:, :1]
-        jacobians = np.einsum("aqi,cik->cqka", slopes, corners)  # (cell, point, axis of space, axis of cell)
-        square = np.einsum("cqka,cqkb->cqab", jacobians, jacobians)
-        inverse = np.einsum("cqka,cqab->cqkb", jacobians, np.linalg.inv(square))
-        measure = np.sqrt(np.linalg.det(square))
-        return {
-            "dofs": self._reached[:, self._order][number].transpose(0, 2, 1),
-            "inverse": np.moveaxis(inverse[number], 1, -1),
-            "measure": np.moveaxis(np.where(there[..., None], measure[number], 0.0), 1, -1),
-        }
+    def diagonal(self, weights: NDArray[Any], tables: Vector) -> Vector:
+        """Return the sums over points of weights times tables, by degree of freedom, shape (owned + ghosts,).
+
+        Weights have the shape (batches, points, K, lanes), tables (K, points, nodes).
+        """
+        parts = np.einsum("bqkl,kqi->bil", weights, tables, optimize=True)
+        rows = self._numbering.size_local + self._numbering.num_ghosts
+        return np.asarray(np.bincount(self.parts["dofs"].ravel(), parts.ravel(), rows), dtype=np.float64)
+
+
+def _geometry(plane: Plane, cells: Indices, points: Vector) -> tuple[Vector, Vector]:
+    """Return inverse Jacobians, (cells, places, axes of space, of the cell), and determinants, (cells, places).
+
+    Places are the points, or one where the geometry is the same at all points of each cell; collective.
+    """
+    mesh = plane.mesh
+    corners = mesh.geometry.x[mesh.geometry.dofmap[cells]][:, :, : mesh.geometry.dim]
+    slopes = mesh.ufl_domain().ufl_coordinate_element().basix_element.tabulate(1, points)[1:, :, :, 0]
+    bent = (slopes[:, q] - slopes[:, 0] for q in range(len(points)))
+    most = max(float(np.abs(np.einsum("ai,cik->cka", one, corners)).max(initial=0.0)) for one in bent)
+    if mesh.comm.allreduce(most, op=MPI.MAX) < SAME * plane.cell_size:
+        slopes = slopes[:, :1]
+    jacobians = np.einsum("aqi,cik->cqka", slopes, corners)
+    square = np.einsum("cqka,cqkb->cqab", jacobians, jacobians)
+    return np.einsum("cqka,cqab->cqkb", jacobians, np.linalg.inv(square)), np.sqrt(np.linalg.det(square))

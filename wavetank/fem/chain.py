@@ -3,36 +3,59 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.fem.codegen import Instance, Struct
+from wavetank.fem.codegen import Instance
 from wavetank.fem.plane import Plane
 
-
-def followed(plane: Plane) -> NDArray[np.intp]:
-    """Return the degrees of freedom of one rank in the order in which they follow each other; a ring is cut."""
-    return np.roll(np.argsort(plane.x, kind="stable"), -1 if _closed(plane) else 0)  # at a vertex
+Indices = NDArray[np.intp]
 
 
-def chain(
-    instance: Instance, plane: Plane, *, systems: int, band: int | None = None, backwards: bool = False
-) -> Struct:
-    """Return a struct with room for matrices, by default of an element's bandwidth, so many that are treated at once.
+def order_along(plane: Plane) -> Indices:
+    """Return the degrees of freedom of one rank in the order of x; a ring is cut at a vertex, which is last."""
+    return np.roll(np.argsort(plane.x, kind="stable"), -1 if plane.mesh.geometry.dim == 2 else 0)
 
-    The rows of a slice begin at its near end, or, ``backwards``, end there.
+
+class Chain:
+    """Symmetric banded matrices of one sparsity; of a ring, the last row borders the rest.
+
+    Parameters
+    ----------
+    systems
+        Number of matrices.
+    band
+        Largest distance of coupled rows.
+    backwards
+        Whether the rows of a slice end at its near end.
+
+    Attributes
+    ----------
+    row
+        Row of each degree of freedom, shape (dofs,).
+    entries
+        The lower halves, then factors, shape (entries, systems): row by row, by the distance from the diagonal; then
+        the border and the corner.
+    struct
+        The matrices in C.
     """
-    cut, band = int(_closed(plane)), plane.order if band is None else band
-    order = followed(plane)[:: -1 if backwards and not cut else 1]
-    rows, border = plane.size - cut, (cut * (plane.size - cut), systems)
-    return instance.struct(
-        "Chain",
-        dofs=plane.size,
-        cut=cut,
-        row=np.argsort(order),
-        L=np.zeros((rows + band, band + 1, systems)),
-        column=np.zeros(border),
-        reduced=np.zeros(border),
-        corner=np.zeros(systems),
-    )
 
+    def __init__(self, instance: Instance, plane: Plane, *, systems: int, band: int, backwards: bool = False):
+        cut = int(plane.mesh.geometry.dim == 2)
+        self.row = np.argsort(order_along(plane)[:: -1 if backwards and not cut else 1])
+        self._band, self._rows = band, plane.size - cut
+        self._banded, border = (self._rows + band) * (band + 1), cut * self._rows
+        self.entries = np.zeros((self._banded + border + 1, systems), dtype=instance.dtype)
+        self.struct = instance.struct(
+            "Chain",
+            dofs=plane.size,
+            cut=cut,
+            row=self.row,
+            L=self.entries[: self._banded],
+            column=self.entries[self._banded : -1],
+            reduced=np.zeros((border, systems)),
+            corner=self.entries[-1],
+        )
 
-def _closed(plane: Plane) -> bool:
-    return bool(plane.mesh.geometry.dim == 2)
+    def places(self, row: Indices, other: Indices) -> Indices:
+        """Return which of the entries belong to rows and others; their number for those above the diagonal."""
+        border = np.where(other < self._rows, self._banded + other, len(self.entries) - 1)
+        result = np.where(row < self._rows, row * (self._band + 1) + row - other, border)
+        return np.where(other <= row, result, len(self.entries))

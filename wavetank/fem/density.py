@@ -19,6 +19,13 @@ Makes = Callable[[Any], Statements]  # of the density, as one
 LITERAL = re.compile(r"(?<![\w.])((?:\d+\.\d*|\.\d+)(?:[eE][-+]?\d+)?|\d+[eE][-+]?\d+)(?![\w.])")  # of C, a double
 
 
+def named(name: str, *component: int) -> Any:
+    """Return SymPy's symbol of an input, or of a component."""
+    from wavetank.fem import pointwise  # SymPy takes half a second to load, and only compilation needs it
+
+    return pointwise.named(name, *component)
+
+
 class Density:
     """A scalar density with all that it depends on.
 

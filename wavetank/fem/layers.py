@@ -8,9 +8,8 @@ derivatives there, and go back (``layers.c``). Nothing is assembled: each produc
 fields at the points, unless there are to be many with the same fields, and room for them (``stored``).
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from dolfinx import fem
@@ -19,15 +18,13 @@ from numpy.typing import NDArray
 from wavetank.arrays import Vector
 from wavetank.fem.cells import Cells
 from wavetank.fem.codegen import Buffer, Unit, source
-from wavetank.fem.density import Density, Statements
+from wavetank.fem.density import Density, Statements, named
 from wavetank.fem.plane import Field, Plane
 from wavetank.fem.vertical import VerticalBasis
 
 LayerEnergy = Callable[[Any, Any, Any], Any]  # (u, w, zeta) -> energy density
 Indices = NDArray[np.intp]
 Array = NDArray[Any]  # of the operator's precision
-
-FUNCTIONS = "take", "product", "interior_product", "derivative"
 
 
 class LayerDensity(Density):
@@ -54,19 +51,23 @@ class LayerDensity(Density):
 
     def second(self, e: Any) -> Statements:
         """Return the second derivatives by grad u and w."""
-        from wavetank.fem.pointwise import named
-
         u, w = [named("u", i) for i in self._axes], named("w")
         second = {f"uu[{i}][{j}]": e.diff(u[i], u[j]) for i in self._axes for j in self._axes}
         return second | {f"uw[{i}]": e.diff(u[i], w) for i in self._axes} | {"ww": e.diff(w, w)}
 
     def first(self, e: Any) -> Statements:
         """Return the derivatives by the column and its slope, of grad u in an array."""
-        from wavetank.fem.pointwise import named
-
         first = {"by": e.diff(named("f0"))} | {f"by_slope[{i}]": e.diff(named("f0", i)) for i in self._axes}
         slope = {named("u", i): named(f"u[{i}]") for i in self._axes}
         return {name: derivative.xreplace(slope) for name, derivative in first.items()}
+
+
+class MoreCode(NamedTuple):
+    """C code that is compiled with the operator's; all functions that Python calls; and macros of the code."""
+
+    code: str = ""
+    functions: tuple[str, ...] = ("take", "product", "interior_product", "derivative")
+    sizes: dict[str, Any] = {}  # noqa: RUF012
 
 
 class LayerOperator:
@@ -78,27 +79,29 @@ class LayerOperator:
         e(u, w, zeta), in UFL.
     column
         The field by which derivatives are taken.
-    more, exports, more_sizes
-        C code that is compiled with the operator's, all functions that Python calls, and sizes of the code.
+    more
+        Code beside the operator's.
     unit, prefix
         The translation unit that its functions belong to, and their prefix there; default: one of its own.
     real
-        What it calculates with: "double" or "float".
+        Precision: "double" or "float".
     order
-        The degrees of freedom in the order in which they stand in arrays; their own, if not given.
+        The degrees of freedom in the order of the rows of arrays; default: their own.
     stored
-        Whether the energy's second derivatives are kept from one state of the fields to the next.
+        Whether the energy's second derivatives are stored from one state of the fields to the next.
 
     Attributes
     ----------
     density
         The energy at a point.
     numbers
-        Of a degree of freedom: n + 1.
+        Numbers of a degree of freedom: n + 1.
+    cell_values
+        The quadrature on cells.
     instance, cells, layers, state
-        Its functions, and what they are called with; the state is the fields, or what is kept of them.
+        Its functions, and what they are called with; the state is the fields, or the derivatives stored.
     rows
-        The fields as they were taken over, [degree of freedom][field], as arrays stand here.
+        The fields as they were taken over, shape (dofs, fields), in the order of rows.
     least
         The column's least value at the points of this rank's cells: between nodes it may be lower than there.
     """
@@ -110,35 +113,32 @@ class LayerOperator:
         vertical: VerticalBasis,
         *,
         column: Field,
-        more: str = "",
-        exports: Sequence[str] = FUNCTIONS,
-        more_sizes: Mapping[str, object] | None = None,
+        more: MoreCode = MoreCode(),  # noqa: B008
         unit: Unit | None = None,
         prefix: str = "layers",
         real: str = "double",
         order: Indices | None = None,
         stored: bool = False,
     ):
-        self.density = LayerDensity(energy, plane, column)
-        self.numbers = vertical.n + 1
+        self.density, self.more, self.numbers = LayerDensity(energy, plane, column), more, vertical.n + 1
         self.order = None if order is None else np.ascontiguousarray(order, dtype=np.int32)
-        cells = Cells(plane, plane.degree, real=real)
+        self.cell_values = cells = Cells(plane, plane.degree, real=real)
         if order is not None:
             cells.parts["dofs"] = np.argsort(order)[cells.parts["dofs"]]
         sizes = {
-            "REAL": real,
             **cells.sizes,
             **self.density.sizes,
-            "NUMBERS": vertical.n + 1,
+            "NUMBERS": self.numbers,
             "LEVELS": len(vertical.zeta),
-            "MOST": vertical.n + 1 + self.density.fields,
+            "MOST": self.numbers + self.density.fields,
             "STORED": int(stored),
+            **more.sizes,
         }
         self.instance = instance = (unit or Unit(plane.comm)).add(
             prefix,
-            source("cells.c") + source("layers.c", "layer", "operator") + more,
-            exports=exports,
-            sizes={**sizes, **(more_sizes or {})},
+            source("cells.c") + source("layers.c", "layer", "operator") + more.code,
+            exports=more.functions,
+            sizes=sizes,
             real=real,
             density=self.density,
             made={"HESSIAN": self.density.second, "DERIVATIVE": self.density.first},
@@ -148,19 +148,19 @@ class LayerOperator:
         parts = {"zeta": vertical.zeta, "weights": vertical.weights, "P": vertical.values, "dP": vertical.slopes}
         self._constants = self.density.constants().astype(instance.dtype)
         self.layers = instance.struct("Layers", **parts, constants=self._constants)
-        stored_shape = (cells.parts["batches"], len(cells.points), len(vertical.zeta) * sizes["HESSIANS"], cells.lanes)
-        rows = self.density.rows()
-        self.rows, self.least = np.empty(rows.shape, dtype=instance.dtype), np.inf
-        self.state = np.empty(stored_shape, dtype=instance.dtype) if stored else self.rows
+        derivatives = len(vertical.zeta) * self.density.sizes["HESSIANS"]
+        self.rows, self.least = self.density.rows().astype(instance.dtype), np.inf
+        shape = cells.parts["batches"], len(cells.points), derivatives, cells.lanes
+        self.state = np.empty(shape, dtype=instance.dtype) if stored else self.rows
         self._halos = {count: cells.halo(count, instance.dtype) for count in (1, self.numbers)}
-        size = self._halos[1].size
-        one, layered = (Buffer(size * count, instance.dtype) for count in (1, self.numbers))
+        self._image = np.zeros((self._halos[1].size, self.numbers), dtype=instance.dtype)
+        one, layered = (Buffer(self._halos[1].size * count, instance.dtype) for count in (1, self.numbers))
         of, function = (self.cells, self.layers), instance.function
-        self._take_fields = function("take", *of, self.rows, self.state)
-        self._product, self._interior_product = (
-            function(name, *of, self.state, layered, layered) for name in ("product", "interior_product")
-        )
-        self._derivative = function("derivative", *of, self.rows, layered, one)
+        self._functions = {
+            "take": function("take", *of, self.rows, self.state),
+            "derivative": function("derivative", *of, self.rows, layered, one),
+            **{name: function(name, *of, self.state, layered, layered) for name in ("product", "interior_product")},
+        }
 
     def update(self) -> None:
         """Take over the fields as they are, ghosts included."""
@@ -168,22 +168,22 @@ class LayerOperator:
         self._take(self.density.rows())
 
     def follow(self, other: "LayerOperator") -> None:
-        """Take over the fields as another operator of the same energy has, which stand in their own order there."""
+        """Take over the fields as another operator of the same energy has them, in the degrees of freedom's order."""
         self._constants[:] = other._constants
         self._take(other.rows)
 
     def _take(self, rows: Array) -> None:
         self.rows[:] = rows if self.order is None else rows[self.order]
-        self.least = self._take_fields()
+        self.least = self._functions["take"]()
 
     def apply(self, rows: Array) -> Array:
         """Return A x, shape (owned, n+1), for the owned rows of x or more; collective."""
-        return self._applied(self._product, rows, self._nothing())
+        return self._applied("product", rows, np.zeros_like(self._image))
 
     def apply_to(self, rows: Array, image: Array) -> None:
         """Set A x, shape (dofs, n+1), for x of that shape, all of it on this rank."""
         image[:] = 0.0
-        self._product(rows, image)
+        self._functions["product"](rows, image)
 
     def apply_to_interior(self, rows: Array) -> Array:
         """Return A x, shape (owned, n+1), for an x of that shape whose last column is zero; collective.
@@ -191,23 +191,16 @@ class LayerOperator:
         The array is reused by the next call.
         """
         self._image[:] = 0.0
-        return self._applied(self._interior_product, rows, self._image)
+        return self._applied("interior_product", rows, self._image)
 
-    @cached_property
-    def _image(self) -> Array:
-        return self._nothing()
-
-    def _nothing(self) -> Array:
-        return np.zeros((self._halos[self.numbers].size, self.numbers), dtype=self.instance.dtype)
-
-    def _applied(self, product: Any, rows: Array, y: Array) -> Array:
+    def _applied(self, product: str, rows: Array, y: Array) -> Array:
         halo = self._halos[self.numbers]
-        product(halo.fetch(rows[: halo.owned]), y)
+        self._functions[product](halo.fetch(rows[: halo.owned]), y)
         return halo.collect(y)
 
     def derivative(self, rows: Vector) -> Vector:
         """Return the derivative of 1/2 x A x by the water column, shape (owned,), for x of (owned, n+1); collective."""
         halo = self._halos[1]
         x, y = self._halos[self.numbers].fetch(rows[: halo.owned]), np.zeros((halo.size, 1))
-        self._derivative(x, y)
+        self._functions["derivative"](x, y)
         return halo.collect(y)[:, 0]

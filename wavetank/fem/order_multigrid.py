@@ -25,7 +25,7 @@ Singles = NDArray[np.float32]
 FEW = 4  # modes at a time
 NOTHING, NONE = 1e-30, 1e-3  # of single precision; of the largest eigenvalue: as small is as bad
 LEAVES = 0.12  # of an error: what a cycle of multigrid does, and smoothing alone has to where it is all that is done
-FUNCTIONS = "average", "multiply", "diagonals", "smooth", "transfer"
+FUNCTIONS = "average", "multiply", "smooth", "transfer"
 
 
 class LayerMeans:
@@ -63,7 +63,7 @@ class LayerMeans:
         }
         self.instance = (unit or Unit(plane.comm)).add(
             "modes",
-            source("cells.c") + source("layers.c", "layer") + source("modes.c", "basin"),
+            source("cells.c") + source("layers.c", "layer") + source("modes.c", "average", "basin"),
             exports=FUNCTIONS,
             sizes=sizes,
             real="float",
@@ -71,7 +71,8 @@ class LayerMeans:
             made={"HESSIAN": density.second},
             points=cells.points,
         )
-        self.cells, self.halo = self.instance.struct("Cells", **cells.parts), cells.halo
+        self._cell_values, self.halo = cells, cells.halo
+        self.cells = self.instance.struct("Cells", **cells.parts)
         self._constants = density.constants().astype(np.float32)
         levels = {"zeta": np.array(LEVELS), "weights": np.full(len(LEVELS), 1 / len(LEVELS))}
         layers = self.instance.struct("Layers", **levels, constants=self._constants)
@@ -80,8 +81,6 @@ class LayerMeans:
         fields, averages = Buffer(density.rows().size, np.float32), Buffer(self.averages_size, np.float32)
         self._average = self.instance.function("average", self.cells, layers, fields, averages)
         self._two = self.halo(2, np.float32)
-        two = Buffer(2 * self._two.size, np.float32)
-        self._add_diagonals = self.instance.function("diagonals", self.cells, averages, two)
         numbering = plane.V.dofmap.index_map
         self._work = np.zeros((2, (numbering.size_local + numbering.num_ghosts) * (vertical_order + 1)), np.float32)
 
@@ -98,9 +97,9 @@ class LayerMeans:
 
     def diagonals(self, averages: Singles) -> Singles:
         """Return the diagonals of S_u and S_w, shape (owned, 2); collective."""
-        y = np.zeros((self._two.size, 2), dtype=np.float32)
-        self._add_diagonals(averages, y)
-        return np.asarray(self._two.collect(y))
+        cells, last = self._cell_values, averages.shape[2] - 1
+        parts = [cells.diagonal(averages[:, :, k], cells.squares[k]) for k in (slice(last), slice(last, None))]
+        return np.asarray(self._two.collect(np.stack(parts, axis=1).astype(np.float32)))
 
     def modes(self, eigenvalues: Vector) -> "OrderMultigrid":
         """See ``LayerMatrices``."""

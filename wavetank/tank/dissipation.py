@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 from wavetank.arrays import Vector
 from wavetank.errors import InputError
 from wavetank.fem.gradient_jumps import GradientJumpPenalty
-from wavetank.fem.mass import BandedMass, FactoredSum, IterativeSum
+from wavetank.fem.mass import BandedMass, PenalisedMass
 from wavetank.fem.plane import Plane
 from wavetank.integrators.states import State
 from wavetank.tank.surface_flow import SurfaceVelocity
@@ -153,16 +153,13 @@ class Smoothing:
         self._energy = state
 
     @cached_property
-    def _matrix(self) -> FactoredSum | IterativeSum | GradientJumpPenalty:
+    def _matrix(self) -> PenalisedMass | GradientJumpPenalty:
         """M_J + N, made where it is first needed; collective."""
-        return self._made()
+        return self._made(self._waves.wall.mapping.J(self._waves.densities.eta))
 
-    def _made(self) -> FactoredSum | IterativeSum | GradientJumpPenalty:
-        """Return M_J + N of the form; collective."""
-        plane, mass, J = self._waves.plane, self._waves.mass, self._waves.wall.mapping.J(self._waves.densities.eta)
-        if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
-            return FactoredSum(plane, mass, J, self._of)
-        return IterativeSum(plane, mass, self._of)
+    def _made(self, J: Any) -> PenalisedMass | GradientJumpPenalty:
+        """Return M_J + N of the form, for J in UFL; collective."""
+        return PenalisedMass(self._waves.plane, self._waves.mass, J, self._of)
 
     def update(self) -> None:
         """Assemble N for the present values of what its form depends on, the wall among them; collective."""
@@ -173,14 +170,11 @@ class Smoothing:
 
         The solution at one point is the start value at the next, which is close to it.
         """
-        matrix, still = self._matrix, self._waves.bed.still
-        if isinstance(matrix, GradientJumpPenalty):
-            return matrix.smoothed(pairs, still)
-        result, N = np.empty_like(pairs), matrix.penalty
+        result, solve, N = np.empty_like(pairs), self._matrix.solve, self._matrix.penalty
         by_eta = by_psi = np.zeros(pairs.shape[2:])  # v - v' = (M_J + N)^-1 N v
         for (q, psi), after in zip(pairs, result, strict=True):
-            eta = self._waves.columns.solve(q) - still
-            by_eta, by_psi = matrix.solve(N(eta), by_eta), matrix.solve(N(psi), by_psi)
+            eta = self._waves.columns.solve(q) - self._waves.bed.still
+            by_eta, by_psi = solve(N(eta), by_eta), solve(N(psi), by_psi)
             after[:] = q - N(eta - by_eta), psi - by_psi
         return result
 
@@ -238,13 +232,13 @@ class EdgePenalty(Smoothing):
         self._flow = flow
         self._fast = float(np.sqrt(threshold * waves.gravity / k)) if plane.order > 1 else np.inf  # so it is needed
 
-    def _made(self) -> FactoredSum | IterativeSum | GradientJumpPenalty:
-        """Return it written out along a slice on one rank, unless the wall's shape stretches what it carries."""
-        plane, mass, wall = self._waves.plane, self._waves.mass, self._waves.wall
-        if not isinstance(mass, BandedMass) or plane.mesh.geometry.dim > 1 or wall.leans:
-            return super()._made()
-        shift = next((far for far, _ in wall.shifts), None)
-        return GradientJumpPenalty(plane, mass, strength=self._kappa, shift=shift)
+    def _made(self, J: Any) -> PenalisedMass | GradientJumpPenalty:
+        """Return it banded along a slice on one rank, unless the wall's shape stretches what it displaces."""
+        plane, wall = self._waves.plane, self._waves.wall
+        if not isinstance(self._waves.mass, BandedMass) or plane.mesh.geometry.dim > 1 or wall.leans:
+            return super()._made(J)
+        shift = next((displacement for displacement, _ in wall.shifts), None)
+        return GradientJumpPenalty(plane, J, strength=self._kappa, shift=shift)
 
     def needed(self, state: State, t: float) -> bool:
         """Return whether the current overtakes the shortest waves by so much; never with p = 1; collective."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from wavetank.arrays import Vector, summed
 from wavetank.errors import ConvergenceError
-from wavetank.fem.along import NO_MINIMUM, Averaged, Minimum, along
+from wavetank.fem.along import NO_MINIMUM, Minimum, SliceOperator
 from wavetank.fem.codegen import Unit
 from wavetank.fem.conjugate_gradients import Array, Steps, condition_number, corrected, dot
 from wavetank.fem.decoupled import LayerMatrices
@@ -222,7 +222,7 @@ class Interior(NamedTuple):
     """The operator of a layer's energy, the layer averaged, and what makes a solver for its minimum."""
 
     operator: LayerOperator
-    layer: Averaged | LayerMatrices | LayerMeans
+    layer: SliceOperator | LayerMatrices | LayerMeans
     minimum: Callable[[], "Minimum | Krylov"]
 
 
@@ -238,11 +238,11 @@ def interior_of(
     """Return what a layer's energy makes, with functions of a unit; on slices of one rank compiled as a whole."""
     unit = unit or Unit(plane.comm)
     if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
-        operator = along(energy, plane, vertical, column=column, unit=unit)
+        along = SliceOperator(energy, plane, vertical, column=column, unit=unit)
         return Interior(
-            operator,
-            Averaged(operator, plane),
-            lambda: Minimum(operator, energy, plane, vertical, column=column, tolerance=tolerance, unit=unit),
+            along,
+            along,
+            lambda: Minimum(along, energy, plane, vertical, column=column, tolerance=tolerance, unit=unit),
         )
     operator = LayerOperator(energy, plane, vertical, column=column, unit=unit)
     single = LayerOperator(energy, plane, vertical, column=column, unit=unit, prefix="single", real="float")

@@ -14,17 +14,16 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector, largest
-from wavetank.fem.cell_places import tabulate
-from wavetank.fem.cells import lanes
-from wavetank.fem.codegen import Buffer, Instance, Unit, source
+from wavetank.fem.cells import Cells
+from wavetank.fem.codegen import Function, source
+from wavetank.fem.density import Density, Statements, named
 from wavetank.fem.forms import compile_expression
-from wavetank.fem.plane import Field, Plane
+from wavetank.fem.plane import Field
 from wavetank.integrators.states import State
 from wavetank.tank.crests import Profile
 from wavetank.tank.evaluation import WaterEvaluation
-from wavetank.tank.walls import Wall
 
-AMONG = {1: 2, 2: 1}  # so many times as close as nodes are points: as close in a basin, a look took 3 to 4 % of a step
+POINTS = {1: 2, 2: 1}  # intervals between points over intervals between nodes, by dimension
 
 
 class SurfaceCrest(NamedTuple):
@@ -43,6 +42,39 @@ class SurfaceCrest(NamedTuple):
     x: float
     height: float
     velocity: float
+
+
+def largest_function(waves: Any, eta: Field, psi: Field, result: Vector) -> Function:
+    """Return the compiled function that sets the largest velocity and slope of a surface, in the unit of the waves."""
+    plane, mapping = waves.plane, waves.wall.mapping
+    by_slope, by_velocity = (fem.Constant(plane.mesh, 0.0) for _ in range(2))
+    slope, velocity = (mapping.gradient(field.function, eta.function) for field in (eta, psi))
+    squares = by_slope * ufl.inner(slope, slope) + by_velocity * ufl.inner(velocity, velocity)
+    density = Density(squares, plane, inputs={by_slope: "by_slope", by_velocity: "by_velocity"})
+    cells = Cells(plane, 0, lattice=POINTS[plane.mesh.topology.dim] * plane.order)
+    instance = waves.unit.add(
+        "surface",
+        source("cells.c") + source("surface.c", "largest"),
+        exports=("largest",),
+        sizes={**cells.sizes, "FIELDS": density.fields, "MOST": density.fields},
+        density=density,
+        made={"SQUARES": _squares},
+        points=cells.points,
+    )
+    surface = instance.struct(
+        "Mass",
+        cells=instance.struct("Cells", **cells.parts),
+        dofs=len(eta.rows),
+        fields=density.values,
+        constants=density.constants(),
+        rows=density.rows(),
+    )
+    function: Function = instance.function("largest", surface, result)
+    return function
+
+
+def _squares(e: Any) -> Statements:
+    return {"slope": e.diff(named("by_slope")), "psi": e.diff(named("by_velocity"))}
 
 
 class SurfaceVelocity:
@@ -66,20 +98,15 @@ class SurfaceVelocity:
         self._waves, self._comm, dim = waves, plane.comm, plane.mesh.topology.dim
         self._eta, self._psi = plane.function("elevation"), plane.function("surface potential")
         cell = plane.mesh.basix_cell()
-        self._points = basix.create_lattice(cell, AMONG[dim] * plane.order, basix.LatticeType.equispaced, True)
+        points = basix.create_lattice(cell, POINTS[dim] * plane.order, basix.LatticeType.equispaced, True)
+        self._points = points[np.lexsort(points.T)]
         self._cells = np.arange(plane.mesh.topology.index_map(dim).size_local, dtype=np.int32)
-        self._set_up()
+        self._largest = np.zeros(2)
+        self._find_largest = largest_function(waves, self._eta, self._psi, self._largest)
         self._at: WaterEvaluation | None = None  # the evaluation last taken
         self.t = np.nan
-        self._speeds = self._slopes = np.zeros(self._cells.size)
+        self._speeds_and_slopes: Vector | None = None
         self.largest_velocity = self.largest_slope = 0.0
-
-    def _set_up(self) -> None:
-        eta, psi = self._eta.function, self._psi.function
-        slope, velocity = (self._waves.wall.mapping.gradient(field, eta) for field in (eta, psi))
-        square = ufl.inner(slope, slope)
-        speed = ufl.sqrt(ufl.inner(velocity, velocity)) / (1 + square)
-        self._expression = compile_expression(ufl.as_vector([speed, ufl.sqrt(square)]), self._points, self._comm)
 
     def update(self, q: Vector, p: Vector, t: float) -> None:
         """Take the surface of a point at t [s]."""
@@ -96,28 +123,28 @@ class SurfaceVelocity:
 
     def _take(self, eta: Vector, psi: Vector, t: float) -> None:
         """Take elevation and surface potential at t [s]."""
-        self._at, self.t = None, t
+        self._at, self.t, self._speeds_and_slopes = None, t, None
         self._waves.set_time(t)
         self._eta.set(eta)
         self._psi.set(psi)
-        self.largest_velocity, self.largest_slope = map(float, largest(self._comm, self._largest_here()))
-
-    def _largest_here(self) -> Vector:
-        """Return the largest velocity and slope of this rank, shape (2,)."""
-        values = self._expression.eval(self._waves.plane.mesh, self._cells)
-        rows = values.reshape(self._cells.size, len(self._points), 2)
-        self._speeds, self._slopes = rows.max(axis=1, initial=0.0).T
-        return np.array([self._speeds.max(initial=0.0), self._slopes.max(initial=0.0)])
+        self._find_largest.call()
+        self.largest_velocity, self.largest_slope = map(float, largest(self._comm, self._largest))
 
     @property
     def fields(self) -> tuple[Field, Field]:
         """Elevation and surface potential."""
         return self._eta, self._psi
 
+    def _evaluated(self, expression: fem.Expression, cells: NDArray[np.int32]) -> Vector:
+        """Return an expression in the points of cells, shape (cells, points, components)."""
+        if not np.isnan(self.t):
+            self._waves.set_time(self.t)
+        values = np.asarray(expression.eval(self._waves.plane.mesh, cells))
+        return values.reshape(len(cells), len(self._points), -1)
+
     def gradients(self, cells: NDArray[np.int32]) -> Vector:
         """Return x, y [m] in the reference tank and the elevation's gradient in points of cells, (cells, points, 4)."""
-        mesh = self._waves.plane.mesh
-        return np.asarray(self._gradients.eval(mesh, cells)).reshape(len(cells), len(self._points), 4)
+        return self._evaluated(self._gradients, cells)
 
     @cached_property
     def _gradients(self) -> fem.Expression:
@@ -125,23 +152,29 @@ class SurfaceVelocity:
         slope = self._waves.wall.mapping.gradient(eta, eta)
         return compile_expression(ufl.as_vector([x[0], x[1], slope[0], slope[1]]), self._points, self._comm)
 
+    @cached_property
+    def _speed_and_slope(self) -> fem.Expression:
+        eta, psi = self._eta.function, self._psi.function
+        slope, velocity = (self._waves.wall.mapping.gradient(field, eta) for field in (eta, psi))
+        square = ufl.inner(slope, slope)
+        speed = ufl.sqrt(ufl.inner(velocity, velocity)) / (1 + square)
+        return compile_expression(ufl.as_vector([speed, ufl.sqrt(square)]), self._points, self._comm)
+
+    def _largest_by_cell(self) -> Vector:
+        if self._speeds_and_slopes is None:
+            values = self._evaluated(self._speed_and_slope, self._cells)
+            self._speeds_and_slopes = values.max(axis=1, initial=0.0).T
+        return self._speeds_and_slopes
+
     @property
     def speeds(self) -> Vector:
         """The largest horizontal velocity of the surface in each of the cells of this rank [m/s], shape (cells,)."""
-        return self._speeds
+        return np.asarray(self._largest_by_cell()[0])
 
     @property
     def slopes(self) -> Vector:
         """The largest slope of the surface in each of the cells of this rank [-], shape (cells,)."""
-        return self._slopes
-
-
-def surface_functions(plane: Plane, wall: Wall, unit: Unit) -> Instance:
-    """Return what is compiled for the surface of a tank of one horizontal dimension, in the unit of its waves."""
-    degree = max((shape.degree for _, shape in wall.shifts), default=0)
-    points = AMONG[1] * plane.order + 1
-    sizes = {"NODES": plane.order + 1, "POINTS": points, "DEGREE": degree, "LANES": lanes("double")}
-    return unit.add("surface", source("surface.c", "profile"), exports=("surface", "largest"), sizes=sizes)
+        return np.asarray(self._largest_by_cell()[1])
 
 
 class SurfaceFlow(SurfaceVelocity):
@@ -153,91 +186,39 @@ class SurfaceFlow(SurfaceVelocity):
         The size of the largest cell [m].
     """
 
-    _computed: Vector | None = None
-
-    def _set_up(self) -> None:
-        plane = self._waves.plane
-        points = np.sort(self._points, axis=0)
-        places = compile_expression(ufl.SpatialCoordinate(plane.mesh), points, self._comm)
-        places = places.eval(plane.mesh, self._cells).reshape(self._cells.size * len(points), plane.mesh.geometry.dim)
-        coordinates = np.zeros((len(places), 3))
-        coordinates[:, : places.shape[1]] = places
-        x = plane.chart.continued(plane.chart.places(coordinates)[:, 0].reshape(self._cells.size, len(points)))
-        ordered = np.argsort(x.mean(axis=1))  # this rank's cells, and below what is of each
-        self._ranks = np.argsort(ordered)
-        backwards = x[ordered, 0] > x[ordered, -1]
-        self._places = np.where(backwards[:, None], x[ordered, ::-1], x[ordered])
-        nodes = np.argsort(plane.V.element.basix_element.points[:, 0])
-        dofs = plane.V.dofmap.list[ordered][:, nodes]
-        dofs = np.where(backwards[:, None], dofs[:, ::-1], dofs)
-        displaced = plane.function("carried")
-        displaced.owned[self._waves.wall.displaced_dofs] = 1.0
-        displaced.fetch()
-        on_displaced = displaced.rows[dofs, 0].any(axis=1)
-        self._compile(tabulate(plane.V.element.basix_element, 1, points)[:, :, nodes], dofs, on_displaced)
-        self._order = np.argsort(np.concatenate(self._comm.allgather(self._places.mean(axis=1))))  # all ranks' cells
+    def __init__(self, waves: Any):
+        super().__init__(waves)
+        plane, count = waves.plane, len(self._points)
+        corners = plane.mesh.geometry.x[plane.mesh.geometry.dofmap[self._cells]]
+        coordinates = corners[:, :1] + self._points[None] * (corners[:, 1:] - corners[:, :1])
+        x = plane.chart.places(coordinates.reshape(-1, 3))[:, 0].reshape(-1, count)
+        x = plane.chart.continued(x)
+        self._ordered = np.argsort(x.mean(axis=1))  # this rank's cells
+        self._backwards = (x[self._ordered, 0] > x[self._ordered, -1])[:, None]
+        self._x = self._along(x)
+        self._order = np.argsort(np.concatenate(self._comm.allgather(self._x.mean(axis=1))))  # all ranks' cells
         self.cell = float(self._comm.allreduce(float(np.ptp(x, axis=1).max(initial=0.0)), op=MPI.MAX))
 
-    def _compile(self, tables: Vector, dofs: NDArray[np.int32], on_displaced: NDArray[np.bool_]) -> None:
-        """Compile what finds the surface at the points of cells, given values and slopes of the basis there."""
-        values, slopes = tables
-        shifts, cells, width = self._waves.wall.shifts, self._cells.size, lanes("double")
-        degree = max((shape.degree for _, shape in shifts), default=0)
-        instance = surface_functions(self._waves.plane, self._waves.wall, self._waves.unit)
-        powers = np.zeros((len(shifts), degree + 1))
-        for row, (_, shape) in zip(powers, shifts, strict=True):
-            row[: shape.degree + 1] = shape.powers[0]
-        batch = np.minimum(np.arange(cells + -cells % width), cells - 1).reshape(-1, width)  # the last one is filled up
-        parts = {
-            "batches": len(batch),
-            "cells": cells,
-            "paddles": len(shifts),
-            "dofs": dofs[batch].transpose(0, 2, 1),
-            "carried": on_displaced[batch].any(axis=1).astype(np.int32),
-            "values": values,
-            "slopes": slopes,
-            "per_metre": 1.0 / np.ptp(self._places, axis=1)[batch],
-            "places": self._places,
-            "powers": powers,
-            "per_unit": np.array([-1.0 / shape.powers[1] for _, shape in shifts]),
-            "lengths": [length for length, _ in shifts],
-        }
-        lines, rows = instance.struct("Lines", **parts), Buffer(self._eta.rows.size)
-        self._largest = instance.function("largest", lines, rows, rows, Buffer(2))
-        self._surface = instance.function("surface", lines, rows, rows, Buffer(4 * self._places.size))
+    def _along(self, values: Vector) -> Vector:
+        """Return values in points of cells, (cells, points), in the order of x."""
+        return np.where(self._backwards, values[self._ordered, ::-1], values[self._ordered])
 
-    def _largest_here(self) -> Vector:
-        self._computed, result = None, np.zeros(2)
-        self._largest.call(self._eta.rows, self._psi.rows, result)
-        return result
-
-    def _find(self) -> Vector:
-        """Return place, height, slope and d psi / dx at this rank's points in the order of x, found when asked for.
-
-        Shape (4, cells, points).
-        """
-        if self._computed is None:
-            if not np.isnan(self.t):
-                self._waves.set_time(self.t)
-            self._computed = np.empty((4, *self._places.shape))
-            self._surface(self._eta.rows, self._psi.rows, self._computed)
-        return self._computed
-
-    @property
-    def speeds(self) -> Vector:
-        """See ``SurfaceVelocity``."""
-        _, _, slope, psi_x = self._find()
-        return np.asarray((np.abs(psi_x) / (1 + slope**2)).max(axis=1, initial=0.0))[self._ranks]
-
-    @property
-    def slopes(self) -> Vector:
-        """See ``SurfaceVelocity``."""
-        return np.asarray(np.abs(self._find()[2]).max(axis=1, initial=0.0))[self._ranks]
+    @cached_property
+    def _surface(self) -> fem.Expression:
+        """Height, slope and d psi / dx."""
+        mesh, eta, psi = self._waves.plane.mesh, self._eta.function, self._psi.function
+        along = self._waves.plane.chart.direction(mesh)
+        slopes = (ufl.inner(self._waves.wall.mapping.gradient(field, eta), along) for field in (eta, psi))
+        return compile_expression(ufl.as_vector([eta, *slopes]), self._points, self._comm)
 
     @property
     def profile(self) -> Profile:
-        """The surface last taken, the same on all ranks, found where it is asked for."""
-        mine = self._find()
+        """The surface last taken, the same on all ranks."""
+        values = self._evaluated(self._surface, self._cells)
+        height, slope, psi_x = (self._along(values[..., k]) for k in range(3))
+        places = np.column_stack([self._x.ravel(), np.zeros(self._x.size)])
+        x = self._waves.wall.to_physical(places, height.ravel())[:, 0].reshape(height.shape)
+        mine = np.array([x, height, slope, psi_x])
         if self._comm.size > 1:
             mine = np.concatenate(self._comm.allgather(mine.transpose(1, 0, 2)))[self._order].transpose(1, 0, 2)
         return Profile(*mine.reshape(4, -1))

@@ -33,7 +33,7 @@ from wavetank.tank.evaluation import WaterEvaluation
 from wavetank.tank.history import HistoryState, SolverHistory
 from wavetank.tank.potential import InteriorPotential, interior_of
 from wavetank.tank.still_water import StillWaterWaves, largest_frequency, scales
-from wavetank.tank.surface_flow import surface_functions
+from wavetank.tank.surface_flow import largest_function
 from wavetank.tank.walls import Wall
 from wavetank.tank.walls.shaped import ShapedColumns
 
@@ -248,7 +248,8 @@ class NonlinearWaves(DiscreteEnergy):
         history = SolverHistory(owner, interior, preconditioner_column=self.h.owned.copy())
         if not isinstance(minimum, Minimum) or not isinstance(self.mass, BandedMass) or walls is None:
             return history
-        surface_functions(self.plane, self.wall, self.unit)
+        eta, psi = (self.plane.function(name) for name in ("elevation", "surface potential"))
+        largest_function(self, eta, psi, np.zeros(2))
         history.compiled = SliceSolver(
             self.plane,
             self.unit,

@@ -1,54 +1,39 @@
-/* ==== slice ==== */
-/* The decoupled modes of layers along a slice or ring, of wavetank/fem/along.py; layers.c and banded systems stand before.
+/* ==== average ==== */
+/* Second derivatives of a layer's energy, averaged over the depth; the layer stands before.
 
-ORDERED         whether degrees of freedom are numbered as they follow each other */
-#define ROW_OF(c, dof) (ORDERED ? (dof) : (c)->row[dof])
-
-typedef struct {
-    const Layers *layers;
-    v along[POINTS], up[POINTS];    /* second derivatives by u and by w, averaged over the depth */
-} Averages;
-
+MEANS           those that do not couple u and w: DIM (DIM + 1) / 2 + 1 */
 INLINE void average_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
 {
-    Averages *averages = (Averages *)what;
-    v f[OF_FIELDS], k[HESSIANS];
+    const void *const *both = what;
+    const Layers *layers = both[0];
+    stored *mean = (stored *)both[1] + (b * POINTS + q) * MEANS;
+    v f[OF_FIELDS], sum[MEANS];
     in_space(c, b, q, FIELDS, u, FIELDS, f);
-    averages->along[q] = averages->up[q] = zero;
+    clear(MEANS, sum);
     EACH(z, LEVELS) {
-        second(c, averages->layers, b, q, z, f, k);
-        averages->along[q] += k[0], averages->up[q] += k[HESSIANS - 1];
+        v k[HESSIANS];
+        second(c, layers, b, q, z, f, k);
+        EACH(i, MEANS - 1)
+            sum[i] += k[i];
+        sum[MEANS - 1] += k[HESSIANS - 1];
+    }
+    EACH(i, MEANS)
+        mean[i] = sum[i];
+}
+
+/* The second derivatives averaged over the depth, without those that couple u and w: out[batch][point][uu ..., ww][lane]. */
+SHARED void average(const Cells *c, const Layers *layers, const REAL *fields, REAL *out)
+{
+    const void *what[] = {layers, out};
+    EACH(b, c->batches) {
+        v X[NODES * FIELDS];
+        gather(c, b, FIELDS, fields, FIELDS, X);
+        through(c, b, DIM, FIELDS, X, 0, X, average_at, what);
     }
 }
 
-/* Take over the modes of layers that are averaged over the depth, of the fields, [dof][field]; lambda[group][mode]. */
-SHARED void decouple(const Cells *cells, const Layers *layers, const REAL *fields, const REAL *lambda, const Chain *c)
-{
-    Averages averages = {.layers = layers};
-    clear_chain(c, 0);
-    EACH(b, cells->batches) {
-        v X[NODES * FIELDS], A[NODES][NODES] = {{{0.0}}}, B[NODES][NODES] = {{{0.0}}};
-        gather(cells, b, FIELDS, fields, FIELDS, X);
-        through(cells, b, DIM, FIELDS, X, 0, X, average_at, &averages);
-        EACH(q, POINTS)
-            EACH(i, NODES)
-                EACH(j, NODES) {
-                    A[i][j] += cells->slopes[q * NODES + i] * cells->slopes[q * NODES + j] * averages.along[q];
-                    B[i][j] += cells->values[q * NODES + i] * cells->values[q * NODES + j] * averages.up[q];
-                }
-        EACH(i, NODES)
-            EACH(j, NODES)
-                EACH(l, LANES) {
-                    const long row = ROW_OF(c, cells->dofs[(b * NODES + i) * LANES + l]);
-                    const long other = ROW_OF(c, cells->dofs[(b * NODES + j) * LANES + l]);
-                    if (other > row)
-                        continue;
-                    EACH(g, GROUPS)
-                        entry(c, row, other)[g] += A[i][j][l] + ((const abreast *)lambda)[g] * B[i][j][l];
-                }
-    }
-    factorise(c, 0);
-}
+/* ==== slice ==== */
+/* The decoupled modes of layers along a slice or ring, of wavetank/fem/along.py; banded systems stand before. */
 
 /* x <- the sum over modes j of s_j times the inverse of mode j of s_j r, all [degree of freedom]; s[group][mode]. */
 SHARED void respond(const Chain *c, const REAL *s, const double *r, double *x, REAL *work)
@@ -213,40 +198,9 @@ SHARED int correct(const Cells *cells, const Layers *layers, const REAL *state, 
 }
 
 /* ==== basin ==== */
-/* The decoupled modes of wavetank/fem/order_multigrid.py; the layer stands before.
+/* The decoupled modes of wavetank/fem/order_multigrid.py; averages stand before.
 
-MEANS           second derivatives that do not couple u and w: DIM (DIM + 1) / 2 + 1
 FEW             modes that are in work at a time */
-INLINE void average_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
-{
-    const void *const *both = what;
-    const Layers *layers = both[0];
-    stored *mean = (stored *)both[1] + (b * POINTS + q) * MEANS;
-    v f[OF_FIELDS], sum[MEANS];
-    in_space(c, b, q, FIELDS, u, FIELDS, f);
-    clear(MEANS, sum);
-    EACH(z, LEVELS) {
-        v k[HESSIANS];
-        second(c, layers, b, q, z, f, k);
-        EACH(i, MEANS - 1)
-            sum[i] += k[i];
-        sum[MEANS - 1] += k[HESSIANS - 1];
-    }
-    EACH(i, MEANS)
-        mean[i] = sum[i];
-}
-
-/* The second derivatives averaged over the depth, without those that couple u and w: out[batch][point][uu ..., ww][lane]. */
-SHARED void average(const Cells *c, const Layers *layers, const REAL *fields, REAL *out)
-{
-    const void *what[] = {layers, out};
-    EACH(b, c->batches) {
-        v X[NODES * FIELDS];
-        gather(c, b, FIELDS, fields, FIELDS, X);
-        through(c, b, DIM, FIELDS, X, 0, X, average_at, what);
-    }
-}
-
 typedef struct {
     const stored *averages;
     const REAL *lambda;
@@ -296,22 +250,6 @@ SHARED void multiply(const Cells *c, const REAL *averages, const REAL *lambda, i
         for (; j + FEW <= many; j += FEW)
             some_modes(FEW, c, b, averages, lambda + j, stride, x + j, y + j);
         OF_FEW(many - j, some_modes, c, b, averages, lambda + j, stride, x + j, y + j);
-    }
-}
-
-/* y += the diagonals of S_u and S_w, [dof][2]. */
-SHARED void diagonals(const Cells *c, const REAL *averages, REAL *y)
-{
-    EACH(b, c->batches) {
-        v Y[NODES * 2];
-        clear(NODES * 2, Y);
-        EACH(q, POINTS)
-            EACH(k, MEANS) {
-                const v mean = ((const stored *)averages)[((long)b * POINTS + q) * MEANS + k];
-                EACH(i, NODES)
-                    Y[i * 2 + (k == MEANS - 1)] += c->squares[(k * POINTS + q) * NODES + i] * mean;
-            }
-        scatter(c, b, 2, Y, y, 2);
     }
 }
 

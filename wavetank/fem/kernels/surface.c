@@ -3,7 +3,6 @@
 
 Velocities are [batch][point][axis of space][lane], by how far points are in the reference tank, and times M_J's J.
 FIELDS is 3, or 7 where a wall moves: elevation, potential and M_J^-1 dQ/dt, and what surface_points.py says of a wall. */
-#include <math.h>
 
 typedef struct {
     double most;
@@ -113,122 +112,47 @@ SHARED void carry(const Cells *c, const double *velocity, int slopes, const doub
     }
 }
 
-/* ==== profile ==== */
-/* Slopes and velocities of a surface along a slice, of wavetank/tank/surface_flow.py: of LANES cells at a time.
+/* ==== largest ==== */
+/* Largest velocity and slope of a surface at points of cells, of wavetank/tank/surface_flow.py; cells.c stands before.
 
-NODES, POINTS   of a cell
-DEGREE          of paddles' shapes, the highest */
+FIELDS          that the densities depend on
+SQUARES         sets the squares of the slope and of the gradient of psi, from UFL */
 typedef struct {
-    int batches, cells, paddles;
-    const int *dofs, *carried;
-    const double *values, *slopes, *per_metre, *places, *powers, *per_unit;
-    const double **lengths;
-} Lines;
-
-typedef double v __attribute__((vector_size(sizeof(double) * LANES)));
-typedef double stored __attribute__((vector_size(sizeof(double) * LANES), aligned(sizeof(double))));
-
-#define UNROLLED(i, most) _Pragma("GCC unroll 32") for (int i = 0; i < (most); ++i)
-
-/* Two fields, given at the degrees of freedom, at the nodes. */
-INLINE void gather(const Lines *s, int b, const double *one, const double *other, v at_nodes[2][NODES])
-{
-    UNROLLED(i, NODES)
-        UNROLLED(l, LANES) {
-            const int dof = s->dofs[(b * NODES + i) * LANES + l];
-            ((double *)&at_nodes[0][i])[l] = one[dof], ((double *)&at_nodes[1][i])[l] = other[dof];
-        }
-}
-
-/* These at the points, by a table of values, or of slopes in the cell's own coordinate. */
-INLINE void at_points(const double *table, const v at_nodes[2][NODES], v *one, v *other)
-{
-    UNROLLED(q, POINTS) {
-        one[q] = other[q] = (v){0.0};
-        UNROLLED(i, NODES)
-            one[q] += table[q * NODES + i] * at_nodes[0][i], other[q] += table[q * NODES + i] * at_nodes[1][i];
-    }
-}
-
-/* Height, slope and d psi / dx of the surface, and how far it is carried by paddles of shapes f: x = X + sum f L. */
-INLINE void find(const Lines *s, int b, const double *eta, const double *psi, v *far, v *height, v *slope, v *psi_x)
-{
-    v at_nodes[2][NODES], per_metre[POINTS], x_X[POINTS], length[POINTS], length_X[POINTS], unused[POINTS];
-    gather(s, b, eta, psi, at_nodes);
-    at_points(s->values, at_nodes, height, unused);
-    at_points(s->slopes, at_nodes, slope, psi_x);
-    UNROLLED(q, POINTS)
-        per_metre[q] = ((const stored *)s->per_metre)[b], far[q] = (v){0.0}, x_X[q] = far[q] + 1.0;
-    if (s->carried[b]) {
-        for (int k = 0; k < s->paddles; ++k) {
-            const double *powers = s->powers + k * (DEGREE + 1), per_unit = s->per_unit[k];
-            gather(s, b, s->lengths[k], s->lengths[k], at_nodes);
-            at_points(s->values, at_nodes, length, unused);
-            at_points(s->slopes, at_nodes, length_X, unused);
-            UNROLLED(q, POINTS) {
-                v f = powers[DEGREE] + (v){0.0}, f_z = {0.0};
-                for (int one = DEGREE - 1; one >= 0; --one)
-                    f_z = f + height[q] * per_unit * f_z, f = powers[one] + height[q] * per_unit * f;
-                far[q] += f * length[q];
-                x_X[q] += (f * length_X[q] + f_z * per_unit * slope[q] * length[q]) * per_metre[q];
-            }
-        }
-        UNROLLED(q, POINTS)
-            per_metre[q] /= x_X[q];
-    }
-    UNROLLED(q, POINTS)
-        slope[q] *= per_metre[q], psi_x[q] *= per_metre[q];
-}
-
-/* Place, height, slope and d psi / dx at the points, [quantity][cell][point]. */
-SHARED void surface(const Lines *s, const double *eta, const double *psi, double *found)
-{
-    for (int b = 0; b < s->batches; ++b) {
-        v of[4][POINTS];
-        find(s, b, eta, psi, of[0], of[1], of[2], of[3]);
-        for (int l = 0; l < LANES && b * LANES + l < s->cells; ++l) {
-            const long at = (b * LANES + l) * POINTS;
-            UNROLLED(k, 4)
-                UNROLLED(q, POINTS)
-                    found[k * s->cells * POINTS + at + q] = of[k][q][l] + (k ? 0.0 : s->places[at + q]);
-        }
-    }
-}
+    const double *constants;
+    v fast, steep;              /* the largest squares so far */
+} Largest;
 
 INLINE v larger(v a, v b)
 {
-    const __typeof__(a > b) which = a > b;
-    return (v)(((__typeof__(which))a & which) | ((__typeof__(which))b & ~which));
+    const __typeof__(a > b) is_larger = a > b;
+    return (v)(((__typeof__(is_larger))a & is_larger) | ((__typeof__(is_larger))b & ~is_larger));
 }
 
-INLINE v size(v a)
+INLINE void largest_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
 {
-    return (v)((__typeof__(a > a))a & 0x7fffffffffffffffLL);
+    Largest *most = (Largest *)what;
+    UNUSED const double *constants = most->constants;
+    v f[(1 + GDIM) * FIELDS], slope, psi;
+    in_space(c, b, q, FIELDS, u, FIELDS, f);
+    SQUARES
+    most->steep = larger(slope, most->steep);
+    most->fast = larger(psi / ((1.0 + slope) * (1.0 + slope)), most->fast);
 }
 
-INLINE double highest(v a)
+/* The largest |grad psi| / (1 + slope^2), and the largest slope. */
+SHARED void largest(const Mass *surface, double *found)
 {
-    double most = a[0];
-    UNROLLED(l, LANES)
-        most = a[l] > most ? a[l] : most;
-    return most;
-}
-
-/* The largest velocity, |psi_x| / (1 + slope^2), and the largest slope. Cells whose psi_x is less have none larger. */
-SHARED void largest(const Lines *s, const double *eta, const double *psi, double *found)
-{
-    double fastest = 0.0;
-    v steepest = {0.0};
-    for (int b = 0; b < s->batches; ++b) {
-        v far[POINTS], height[POINTS], slope[POINTS], psi_x[POINTS], swift = {0.0}, fast = {0.0};
-        find(s, b, eta, psi, far, height, slope, psi_x);
-        UNROLLED(q, POINTS)
-            steepest = larger(steepest, size(slope[q])), swift = larger(swift, size(psi_x[q]));
-        if (highest(swift) > fastest) {
-            UNROLLED(q, POINTS)
-                fast = larger(fast, size(psi_x[q]) / (1.0 + slope[q] * slope[q]));
-            fastest = highest(fast) > fastest ? highest(fast) : fastest;
-        }
+    const Cells *c = surface->cells;
+    Largest most = {.constants = surface->constants};
+    EACH(f, FIELDS)
+        EACH(i, surface->dofs)
+            surface->rows[i * FIELDS + f] = surface->fields[f][i];
+    EACH(b, c->batches) {
+        v X[NODES * FIELDS];
+        gather(c, b, FIELDS, surface->rows, FIELDS, X);
+        through(c, b, DIM, FIELDS, X, 0, X, largest_at, &most);
     }
-    found[0] = fastest, found[1] = highest(steepest);
+    found[0] = found[1] = 0.0;
+    EACH(l, LANES)
+        found[0] = fmax(found[0], sqrt(most.fast[l])), found[1] = fmax(found[1], sqrt(most.steep[l]));
 }

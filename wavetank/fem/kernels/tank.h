@@ -19,7 +19,6 @@ typedef struct {
     const int *dofs;        /* [batch][node][lane] */
     const REAL *values;     /* [point][node], or [point of an edge][node of an edge] */
     const REAL *slopes;     /* [axis][point][node] in the cell's own coordinates, or [point of an edge][node] */
-    const REAL *squares;    /* [product of slopes ..., of values][point][node] */
     const REAL *weights;    /* [point] */
     const REAL *inverse;    /* [batch][point, or 1][axis of space][axis of cell][lane]: of the Jacobian */
     const REAL *measure;    /* [batch][point, or 1][lane]: its determinant */
@@ -45,7 +44,15 @@ typedef struct {
     const REAL *constants;
 } Layers;
 
-/* A mass matrix without matrix; along a slice or ring on one rank with its factors. */
+/* The gradient-jump penalty N along a slice; see wavetank/fem/banded_mass.py. */
+typedef struct {
+    int facets;
+    double strength;
+    const int *dofs;        /* [facet][of the cell before it, and of that behind] */
+    const double *jumps;    /* of the slope, of each of these */
+} Penalty;
+
+/* A mass matrix without matrix; along a slice or ring on one rank with its factors, or those of its sum with a penalty. */
 typedef struct {
     const Cells *cells;
     int dofs, width;        /* degrees of freedom and fields that the density depends on */
@@ -55,7 +62,8 @@ typedef struct {
     double *weights;        /* [batch][point][lane]: density times weights of quadrature */
     const Chain *factors;
     double *factored;       /* the weights that the factors are of */
-    double *work;           /* [2][degree of freedom] */
+    double *work;           /* [degree of freedom] */
+    const Penalty *penalty; /* or null */
 } Mass;
 
 /* Earlier inputs and solutions of a sequence of similar problems; see wavetank/fem/initial_guess.py. */

@@ -15,7 +15,7 @@ from dolfinx import fem
 from wavetank.arrays import Vector
 from wavetank.fem.cells import Cells
 from wavetank.fem.codegen import Buffer, Unit, source
-from wavetank.fem.density import Density, Statements
+from wavetank.fem.density import Density, Statements, named
 from wavetank.fem.forms import ScalarForm, VectorForm, taylor_coefficients
 from wavetank.fem.plane import LayeredField, Plane
 from wavetank.fem.slice import WallStruct
@@ -233,20 +233,14 @@ class CompiledTerms(PistonTerms):
 
 
 def _rate(e: Any) -> Statements:
-    from wavetank.fem.pointwise import named
-
     return {"value": e.diff(named("rate"), named("dt")).subs(named("dt"), 0)}
 
 
 def _flux(e: Any) -> Statements:
-    from wavetank.fem.pointwise import named
-
     flux, slope = e.diff(named("by_cells")), named("psi", 0)
     return {"value": flux, "by_psi_0": flux.diff(slope), "by_h": flux.diff(named("f0"))}
 
 
 def _end(e: Any) -> Statements:
-    from wavetank.fem.pointwise import named
-
     flux = e.diff(named("by_levels"))
     return {"value": flux, "by_value": flux.diff(named("u")), "by_h": flux.diff(named("f0"))}
