@@ -99,8 +99,7 @@ def calibrate(
         case,
         out=Path("runs") / f"{case.stem}-calibration" if out is None else out,
         overrides=overrides or [],
-        most=most,
         yes=yes,
         overwrite=overwrite,
         console=console(),
-    ).execute()
+    ).execute(most)

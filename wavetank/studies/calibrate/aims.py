@@ -1,16 +1,12 @@
-"""Attempts of a calibration and their results; period, length, shifts and tables of plane waves.
+"""The aims of a calibration: what a case's target demands of runs, and the next waves after attempts.
 
 A setting is an array of numbers that determine the waves to generate: the mean of two settings is a setting, too.
 
 Calibration of a crest: amplitude, place and time of the waves are corrected until the highest crest is as wanted.
-
 Unknowns and results are three numbers each: ln of the height, place over wave length, time over period. Broyden's
 method starts from the Jacobian of waves that do not interact, the identity.
 
-Source: C. G. Broyden, "A class of methods for solving nonlinear simultaneous equations", Math. Comp. 19, 1965.
-
 Calibration of a record: amplitude and phase of each component are corrected until the tank's record is as wanted.
-
 Linear theory predicts the record u(t) of the generated waves at the place; the tank's is m(t), the target w(t). In
 bands of frequency the tank's transfer function is G = <M U*> / <U U*>, with its phase, and the coherence is
 c = |<M U*>|² / (<M M*> <U U*>). The correction is c / G times the difference W - M: bound harmonics, which the tank
@@ -18,24 +14,23 @@ generates by itself and the record contains, are not generated again. G is that 
 all phases changed by 180 degrees, which excludes second harmonics and whatever else is even. Where the components alone
 are the target, so is m.
 
-Sources: J. R. Chaplin, "On frequency-focusing unidirectional waves", Int. J. Offshore and Polar Eng. 6, 1996; S.
-Schmittner, S. Kosleck, J. Hennig, "A phase-amplitude iteration scheme for the optimization of deterministic wave
-sequences", OMAE 2009; E. Buldakov, D. Stagonas, R. Simons, "Extreme wave groups in a wave flume: controlled generation
-and breaking onset", Coastal Eng. 128, 2017, for runs with opposite phases.
-
-The aim of a calibration, from the target or the motion of a case.
+Sources: C. G. Broyden, "A class of methods for solving nonlinear simultaneous equations", Math. Comp. 19, 1965; J. R.
+Chaplin, "On frequency-focusing unidirectional waves", Int. J. Offshore and Polar Eng. 6, 1996; S. Schmittner, S.
+Kosleck, J. Hennig, "A phase-amplitude iteration scheme for the optimization of deterministic wave sequences", OMAE
+2009; E. Buldakov, D. Stagonas, R. Simons, "Extreme wave groups in a wave flume: controlled generation and breaking
+onset", Coastal Eng. 128, 2017, for runs with opposite phases.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal.windows import tukey
-from xarray import Dataset
+from xarray import DataArray, Dataset
 
 from wavetank.analysis.compare import rms
 from wavetank.case import LinearWater
@@ -45,21 +40,13 @@ from wavetank.case.output import ComponentsTarget, CrestTarget, RecordTarget, Ta
 from wavetank.case.paddle import FocusedMotion, MadeWaves, SurfaceMotion
 from wavetank.case.wall import PaddleWall
 from wavetank.output.directory import RunDirectory
-from wavetank.values.case_model import CaseError, Problem, about, entry
+from wavetank.values.case_model import CaseError, Problem, about
 from wavetank.waves import airy
 from wavetank.waves.airy import Array, wave_number
 from wavetank.waves.measured import WishedSurface, wished_surface
 from wavetank.waves.plane_waves import PlaneWaves, waves_along
 
 Setting = NDArray[Any]
-GAUGE_DISTANCE = 1e-3  # m, up to which a gauge is at the target
-
-
-class Elevation(NamedTuple):
-    """A record: times [s] and elevations [m] of shape (N,)."""
-
-    t: Array
-    eta: Array
 
 
 class CrestPosition(NamedTuple):
@@ -76,28 +63,31 @@ class AttemptResult:
 
     Attributes
     ----------
-    crest, x, t
-        Highest elevation [m] of the crest or record that is calibrated, its place [m] and time [s].
+    crest
+        Highest elevation of the crest or record that is calibrated, with its place and time.
     misfit
         Misfit over the tolerance: at 1 or less the target is reached.
-    elevation
-        Record at the target.
+    record
+        Elevation [m] over time [s] at the target.
     nrms
         Root mean square of the difference from a target record over that of the record; nan of a crest.
     odd
-        Odd part of the elevation, from two runs with opposite phases; None of one run.
+        Odd part of the record, from two runs with opposite phases; None of one run.
     """
 
-    crest: float
-    x: float
-    t: float
+    crest: CrestPosition
     misfit: float
-    elevation: Elevation
+    record: DataArray
     nrms: float = np.nan
     odd: Array | None = None
 
 
-NO_RESULT = AttemptResult(np.nan, np.nan, np.nan, np.inf, Elevation(np.zeros(0), np.zeros(0)))
+def record_of(t: ArrayLike, eta: ArrayLike) -> DataArray:
+    """Return the record of elevations [m] at times [s], both of shape (N,)."""
+    return DataArray(eta, {"time": t}, ("time",))
+
+
+NO_RESULT = AttemptResult(CrestPosition(np.nan, np.nan, np.nan), np.inf, record_of([], []))
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,13 +125,6 @@ class Attempt:
     cause: str = ""
 
 
-def record_at(run: RunDirectory, x: float) -> Elevation:
-    """Return the record of the gauge nearest to x [m]."""
-    gauges = run.gauges
-    record = gauges[int(np.argmin(np.abs(gauges.x.values - x)))].dropna("time")
-    return Elevation(record.time.values, record.values)
-
-
 class Scale(NamedTuple):
     """Energy-weighted mean period [s] and wave length [m]."""
 
@@ -156,16 +139,10 @@ def scale(waves: PlaneWaves) -> Scale:
     return Scale(2 * np.pi / omega, 2 * np.pi / k)
 
 
-def shifted(waves: PlaneWaves, dx: float, dt: float, *, factor: float = 1.0) -> PlaneWaves:
-    """Return waves times a factor, shifted by dx [m] downstream and dt [s] later."""
-    return replace(waves, amplitudes=factor * waves.amplitudes * np.exp(-1j * (waves.k_x * dx - waves.omega * dt)))
-
-
-def components_table(waves: PlaneWaves) -> str:
-    """Return the file of a motion of type components: frequency [Hz], amplitude [m] and phase [rad] in each row."""
-    rows = zip(waves.omega / (2 * np.pi), np.abs(waves.amplitudes), -np.angle(waves.amplitudes), strict=True)
-    lines = (f"{f:.12g},{a:.9g},{phase:.9g}" for f, a, phase in rows)
-    return "\n".join(["# frequency [Hz], amplitude [m], phase at the paddle at t = 0 [rad]", *lines]) + "\n"
+def gauge_at(run: RunDirectory, x: float) -> DataArray:
+    """Return the record of the gauge nearest to x [m]."""
+    gauges = run.gauges
+    return gauges[int(np.abs(gauges.x.values - x).argmin())].dropna("time")
 
 
 AROUND = 1.5  # wave lengths and periods around the target in which the highest crest is searched
@@ -191,16 +168,15 @@ class CrestAim:
     """
 
     def __init__(self, target: CrestTarget, waves: PlaneWaves):
-        self.x, self.start = target.x, np.zeros(3)
-        self.wanted = Elevation(np.array([target.time]), np.array([target.height]))
+        self.x, self.start, self.wanted = target.x, np.zeros(3), record_of([target.time], [target.height])
         self._target, self._waves, self._scale = target, waves, scale(waves)
-        self._allowed = target.tolerance * np.array([1.0, 2.0, 2.0])
 
     def waves(self, setting: Setting) -> PlaneWaves:
-        """Return the waves of a setting."""
+        """Return the waves of a setting: their amplitudes times a factor, shifted downstream and later."""
         log_factor, downstream, later = setting
         dx, dt = downstream * self._scale.length, later * self._scale.period
-        return shifted(self._waves, dx, dt, factor=float(np.exp(log_factor)))
+        factor = np.exp(log_factor - 1j * (self._waves.k_x * dx - self._waves.omega * dt))
+        return replace(self._waves, amplitudes=factor * self._waves.amplitudes)
 
     def phases(self, attempts: Sequence[Attempt]) -> tuple[float, ...]:
         """Return the phases [deg] to add to all waves, one run for each."""
@@ -209,22 +185,20 @@ class CrestAim:
     def evaluate(self, runs: Sequence[RunDirectory]) -> AttemptResult:
         """Return the highest crest around the target; of two within the tolerance the nearest."""
         (run,) = runs
-        surface, target = run.snapshots(), self._target
+        surface, target, reach = run.snapshots(), self._target, AROUND * self._scale.length
         around = np.abs(surface.time.values - target.time) < AROUND * self._scale.period
         if np.count_nonzero(around) > 3:
             surface = surface.isel(time=around)
-        reach = AROUND * self._scale.length
         tops = crests(surface, target.x - reach, target.x + reach, sizes=self._scale)
-        alike = (top for top in tops if top.height > (1 - target.tolerance) * tops[0].height)
-        results = (AttemptResult(*top, np.nan, record_at(run, self.x)) for top in alike)
-        result = min(results, key=lambda one: float(np.abs(self._missed(one)[1:]).sum()))
-        misfit = float((np.abs(self._missed(result)) / self._allowed).max())
-        return replace(result, misfit=misfit)
+        alike = [top for top in tops if top.height > (1 - target.tolerance) * tops[0].height]
+        crest = min(alike, key=lambda top: float(np.abs(self._missed(top)[1:]).sum()))
+        misfit = float((np.abs(self._missed(crest)) / [1.0, 2.0, 2.0]).max() / target.tolerance)
+        return AttemptResult(crest, misfit, gauge_at(run, self.x))
 
-    def _missed(self, result: AttemptResult) -> Array:
+    def _missed(self, crest: CrestPosition) -> Array:
         target, sizes = self._target, self._scale
-        dx, dt = (result.x - target.x) / sizes.length, (result.t - target.time) / sizes.period
-        return np.array([np.log(result.crest / target.height), dx, dt])
+        dx, dt = (crest.x - target.x) / sizes.length, (crest.t - target.time) / sizes.period
+        return np.array([np.log(crest.height / target.height), dx, dt])
 
     def next_setting(self, attempts: Sequence[Attempt]) -> Setting:
         """Return Broyden's next setting, a step from the best attempt with the newest one's numerics."""
@@ -232,11 +206,11 @@ class CrestAim:
         for one in attempts:
             if one is not best and one.numerics == best.numerics:
                 step = one.setting - best.setting
-                change = self._missed(one.result) - self._missed(best.result)
+                change = self._missed(one.result.crest) - self._missed(best.result.crest)
                 slopes += np.outer(change - slopes @ step, step) / (step @ step)
             if one.numerics != best.numerics or one.result.misfit < best.result.misfit:
                 best = one
-        step = -np.linalg.solve(slopes, self._missed(best.result))
+        step = -np.linalg.solve(slopes, self._missed(best.result.crest))
         return np.asarray(best.setting + step / max(1.0, np.abs(step / LARGEST).max()))
 
     def lowered(self, setting: Setting) -> Setting:
@@ -325,13 +299,6 @@ PADDING = 4
 Complex = NDArray[np.complex128]
 
 
-class LatePart(NamedTuple):
-    """Waves of a target that cannot arrive in time: rms over that of the target, and mean frequency [Hz]."""
-
-    part: float
-    frequency: float
-
-
 class Lines:
     """Fourier amplitudes of a record at given frequencies, and the record of these.
 
@@ -388,7 +355,7 @@ class RecordAim:
     def __init__(
         self,
         x: float,
-        wanted: Elevation,
+        wanted: DataArray,
         waves: PlaneWaves,
         *,
         tolerance: float,
@@ -398,19 +365,26 @@ class RecordAim:
         self.x, self.start, self.wanted, self._waves = x, waves.amplitudes, wanted, waves
         self._tolerance, self._linear = tolerance, linear
         period = scale(waves).period
-        self._lines = Lines(wanted.t, waves.omega, period=period)
-        self._judged = self._lines if judged is None else Lines(wanted.t, judged, period=period)
+        self._t, self._eta = wanted.time.values, wanted.values
+        self._lines = Lines(self._t, waves.omega, period=period)
+        self._judged = self._lines if judged is None else Lines(self._t, judged, period=period)
 
     def waves(self, setting: Setting) -> PlaneWaves:
         """Return the waves of a setting."""
         return replace(self._waves, amplitudes=setting)
 
-    def late(self) -> LatePart:
-        """Return the part of the target that cannot arrive from a paddle that starts at t = 0, by linear theory."""
-        missing = self.wanted.eta - started(self._waves, self.x, self.wanted.t)
+    def late(self) -> tuple[float, float]:
+        """Return what cannot arrive from a paddle that starts at t = 0, by linear theory.
+
+        Its rms over that of the target, and its mean frequency [Hz].
+        """
+        missing = self._eta - started(self._waves, self.x, self._t)
         energy = np.abs(self._judged.of(missing)) ** 2
-        part = rms(self._judged.part(missing)) / rms(self._judged.part(self.wanted.eta))
-        return LatePart(part, float(energy @ self._judged.omega / energy.sum() / (2 * np.pi)))
+        return self._misfit(missing), float(energy @ self._judged.omega / energy.sum() / (2 * np.pi))
+
+    def _misfit(self, missing: Array) -> float:
+        """Return the rms of missing elevations [m] over that of the target, both at the frequencies of the misfit."""
+        return rms(self._judged.part(missing)) / rms(self._judged.part(self._eta))
 
     def phases(self, attempts: Sequence[Attempt]) -> tuple[float, ...]:
         """Return the phases [deg] to add to all waves, one run for each: two while the transfer function is needed."""
@@ -418,29 +392,27 @@ class RecordAim:
 
     def evaluate(self, runs: Sequence[RunDirectory]) -> AttemptResult:
         """Return the record at the target's times and its misfit."""
-        t, wanted = self.wanted
-        splines = [CubicSpline(*record_at(run, self.x)) for run in runs]
-        crest, *trough = (spline(t) for spline in splines)
+        splines = [CubicSpline(gauge.time, gauge) for gauge in (gauge_at(run, self.x) for run in runs)]
+        crest, *trough = (spline(self._t) for spline in splines)
         odd = (crest - trough[0]) / 2 if trough else None
         eta = odd if self._linear and odd is not None else crest
-        nrms = rms(self._judged.part(wanted - eta)) / rms(self._judged.part(wanted))
-        fine = np.linspace(t[0], t[-1], FINER * t.size)
-        top = fine[splines[0](fine).argmax()]
-        height, misfit = float(splines[0](top)), nrms / self._tolerance
-        return AttemptResult(height, self.x, float(top), misfit, Elevation(t, eta), nrms=nrms, odd=odd)
+        nrms = self._misfit(self._eta - eta)
+        fine = np.linspace(self._t[0], self._t[-1], FINER * self._t.size)
+        top = float(fine[splines[0](fine).argmax()])
+        highest = CrestPosition(float(splines[0](top)), self.x, top)
+        return AttemptResult(highest, nrms / self._tolerance, record_of(self._t, eta), nrms=nrms, odd=odd)
 
     def next_setting(self, attempts: Sequence[Attempt]) -> Setting:
         """Return the newest setting with its correction, mixed with those before."""
         inverse = self._inverse(attempts) * np.exp(-1j * self._waves.k_x * self.x)
         same = [one for one in attempts if one.numerics == attempts[-1].numerics]
-        settings = np.array([one.setting for one in same])
-        missing = np.array([inverse * self._lines.of(self.wanted.eta - one.result.elevation.eta) for one in same])
-        return mixed(settings, missing)
+        missing = [inverse * self._lines.of(self._eta - one.result.record.values) for one in same]
+        return mixed(np.array([one.setting for one in same]), np.array(missing))
 
     def _inverse(self, attempts: Sequence[Attempt]) -> Complex:
         """Return coherence over transfer function, in bands, from the settings and from their changes."""
         odd = [(one, one.result.odd) for one in attempts if one.result.odd is not None]
-        linear = [self._lines.of(self.waves(one.setting).elevation(self.x, self.wanted.t)) for one, _ in odd]
+        linear = [self._lines.of(self.waves(one.setting).elevation(self.x, self._t)) for one, _ in odd]
         measured = [self._lines.of(eta) for _, eta in odd]
         U, M = (np.concatenate([each[-1:], np.diff(each, axis=0)]) for each in (linear, measured))
         band = self._band(linear[-1])
@@ -452,7 +424,7 @@ class RecordAim:
     def _band(self, linear: Complex) -> Array:
         """Return the weight of each frequency in the band of each other, shape (M, M)."""
         omega, energy = self._waves.omega, np.abs(linear) ** 2
-        width = max(BAND * float(energy @ omega / energy.sum()), 2 * np.pi / float(np.ptp(self.wanted.t)))
+        width = max(BAND * float(energy @ omega / energy.sum()), 2 * np.pi / float(np.ptp(self._t)))
         return np.asarray(np.exp(-0.5 * (np.subtract.outer(omega, omega) / width) ** 2))
 
     def lowered(self, setting: Setting) -> Setting:
@@ -517,8 +489,13 @@ def aim_of(scene: Case) -> Aim:
         raise CaseError([Problem(("wall", "type"), scene.wall.type, PADDLE)])
     if scene.far_wall.moves and not scene.motion().moves:
         raise CaseError([Problem(("wall", "motion", "type"), scene.wall.motion.type, OWN)])
-    target = implied_target(scene) if scene.target is None else scene.target
-    return entry(AIMS, target, f"AIMS of {__file__}")(target, scene)
+    match implied_target(scene) if scene.target is None else scene.target:
+        case CrestTarget() as target:
+            return _crest(target, scene)
+        case ComponentsTarget() as target:
+            return _components(target, scene)
+        case RecordTarget() as target:
+            return _record(target, scene)
 
 
 def implied_target(scene: Case) -> Target:
@@ -555,9 +532,10 @@ def _crest(target: CrestTarget, scene: Case) -> Aim:
 def _components(target: ComponentsTarget, scene: Case) -> Aim:
     waves = _generated(scene)
     t = _times(0.0, scene.run.duration, waves.omega)
-    wanted = Elevation(t, waves.elevation(target.x, t))
-    aim = RecordAim(target.x, wanted, waves, tolerance=target.tolerance, linear=True)
-    return _in_time(aim, scene, most=target.tolerance)
+    wanted = record_of(t, waves.elevation(target.x, t))
+    return _in_time(
+        RecordAim(target.x, wanted, waves, tolerance=target.tolerance, linear=True), scene, target.tolerance
+    )
 
 
 def _record(target: RecordTarget, scene: Case) -> Aim:
@@ -576,19 +554,19 @@ def _record(target: RecordTarget, scene: Case) -> Aim:
     judged = 2 * np.pi * result.frequencies
     fewest = min(t.size, int(MOST_NUMBERS / judged.size))
     times = _times(t[0], t[-1], judged, fewest=fewest)
-    wanted = Elevation(times, CubicSpline(t, eta)(times))
+    wanted = record_of(times, CubicSpline(t, eta)(times))
     aim = RecordAim(target.x, wanted, waves, tolerance=target.tolerance, linear=False, judged=judged)
-    return _in_time(aim, scene, most=max(target.tolerance, LATE))
+    return _in_time(aim, scene, max(target.tolerance, LATE))
 
 
-def _in_time(aim: RecordAim, scene: Case, *, most: float) -> Aim:
+def _in_time(aim: RecordAim, scene: Case, most: float) -> Aim:
     """Return an aim; raise ``CaseError`` if more than a part ``most`` of its rms cannot arrive in time."""
-    late = aim.late()
-    if late.part > most:
-        k = float(airy.wave_number(2 * np.pi * late.frequency, scene.tank.depth, scene.tank.gravity))
+    part, frequency = aim.late()
+    if part > most:
+        k = float(airy.wave_number(2 * np.pi * frequency, scene.tank.depth, scene.tank.gravity))
         arrival = aim.x / float(airy.group_velocity(k, scene.tank.depth, scene.tank.gravity))
-        what = f"{100 * late.part:.2g} % (rms) of the target cannot arrive in time, allowed are {100 * most:.2g} %"
-        when = f"waves of {late.frequency:.3g} Hz from a paddle that starts at t = 0 arrive at t = {arrival:.4g} s"
+        what = f"{100 * part:.2g} % (rms) of the target cannot arrive in time, allowed are {100 * most:.2g} %"
+        when = f"waves of {frequency:.3g} Hz from a paddle that starts at t = 0 arrive at t = {arrival:.4g} s"
         raise CaseError([Problem(("target", "x"), aim.x, f"{what}: {when}")])
     return aim
 
@@ -628,10 +606,3 @@ def _times(start: float, end: float, omega: Array, *, fewest: int = 2) -> Array:
         allowed = f"is too long: {received}; allowed are {MOST_LINES} frequencies, and {2 * MOST_NUMBERS:.0e} of both"
         raise CaseError([Problem(("target",), None, f"{allowed}, fewer by a shorter record or run, or components")])
     return np.linspace(start, end, number, dtype=np.float64)
-
-
-AIMS: dict[type, Callable[[Any, Case], Aim]] = {
-    CrestTarget: _crest,
-    ComponentsTarget: _components,
-    RecordTarget: _record,
-}

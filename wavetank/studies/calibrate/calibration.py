@@ -4,7 +4,7 @@ All state is in the run directories: the same command continues a calibration.
 """
 
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import count
 from pathlib import Path
 from typing import Any, NoReturn
@@ -15,7 +15,7 @@ from rich.console import Console
 from wavetank.case import Case, Gauge, LinearWater, NonlinearWater
 from wavetank.case.paddle import MadeWaves
 from wavetank.case.reading import located, read_case
-from wavetank.errors import InputError, RecordError, RunError
+from wavetank.errors import InputError, RecordError, RunError, write_errors
 from wavetank.output.directory import PADDLE, RunDirectory
 from wavetank.output.files import write_atomically
 from wavetank.planning.default_plan import default_plan
@@ -23,25 +23,25 @@ from wavetank.planning.plan import make_plan, own_plan
 from wavetank.planning.resolution import DEFAULT, resolved
 from wavetank.plots.tables import write_rows
 from wavetank.studies.calibrate.aims import (
-    GAUGE_DISTANCE,
     NO_RESULT,
     Aim,
     Attempt,
     Setting,
     aim_of,
-    components_table,
     scale,
 )
 from wavetank.studies.calibrate.drawing import draw
 from wavetank.studies.runs import Runner, cores, status_of
 from wavetank.studies.sweep import Combination
 from wavetank.values.toml import toml
+from wavetank.waves.plane_waves import PlaneWaves
 
 ROUGH = 0.1  # relative error of the elevation that cheap numerics are planned for; a third of it is expected
 WORTH = 0.45  # of the CPU time of the case's own numerics
 CLOSE = 4.0  # misfit over tolerance from which on the error of cheap numerics, a few percent, counts
 LESS = 0.8  # of the least misfit before: cheap numerics continue as long as they reduce it so far
 PER_PERIOD = 40  # snapshots of the surface
+GAUGE_DISTANCE = 1e-3  # m, up to which a gauge is at the target
 RAMP = 2.0  # mean periods
 COLUMNS = (
     *("attempt", "runs", "numerics", "crest [m]", "x [m]", "t [s]", "nrms", "misfit over allowed"),
@@ -74,27 +74,23 @@ def exhausted(misfits: Sequence[float]) -> bool:
     return last <= CLOSE or last > LESS * min(before, default=float("inf"))
 
 
-def with_waves(scene: Case, aim: Aim, file: str, *, recorded: bool) -> dict[str, Any]:
-    """Return the case of a scene whose paddle generates the waves in a file.
+def with_waves(scene: Case, aim: Aim, file: str, *, recorded: bool) -> bytes:
+    """Return the case file of a scene whose paddle generates the waves in a file.
 
     ``recorded``: whether its records are those that a calibration needs, all defaults written, or the user's own.
     """
     first = scale(aim.waves(aim.start))
     motion = getattr(scene.wall, "motion", None)
-    ramp = RAMP * first.period
-    generation: str | None = "linear"
+    components = {"type": "components", "file": file, "ramp": RAMP * first.period, "generation": "linear"}
     if isinstance(motion, MadeWaves):
-        ramp, generation = motion.ramp_in(scene.tank), motion.generation
-    components = {"type": "components", "file": file, "ramp": ramp}
-    if generation is not None:
-        components["generation"] = generation
+        components |= {"ramp": motion.ramp_in(scene.tank), "generation": motion.generation}
     changes: dict[str, Any] = {"gauges": _gauges(scene, aim.x)}
     if recorded:
         needed = {"surface_every": first.period / PER_PERIOD, "gauges_every": 1}
         changes["output"] = scene.output.model_copy(update=needed)
     changed = scene.model_copy(update=changes)
     text: dict[str, Any] = changed.model_dump(mode="json", exclude_unset=not recorded, exclude_none=True)
-    return text | {"wall": text["wall"] | {"motion": components}}
+    return toml(text | {"wall": text["wall"] | {"motion": components}}).encode()
 
 
 def _gauges(scene: Case, x: float) -> tuple[Gauge, ...]:
@@ -106,11 +102,18 @@ def _gauges(scene: Case, x: float) -> tuple[Gauge, ...]:
     return *scene.gauges, Gauge(name=next(name for name in names if name not in existing), x=x)
 
 
+def components_table(waves: PlaneWaves) -> bytes:
+    """Return the file of a motion of type components: frequency [Hz], amplitude [m] and phase [rad] in each row."""
+    rows = zip(waves.omega / (2 * np.pi), np.abs(waves.amplitudes), -np.angle(waves.amplitudes), strict=True)
+    lines = (f"{f:.12g},{a:.9g},{phase:.9g}" for f, a, phase in rows)
+    return "\n".join(["# frequency [Hz], amplitude [m], phase at the paddle at t = 0 [rad]", *lines, ""]).encode()
+
+
 def attempt_files(number: int, scene: Case, aim: Aim, setting: Setting) -> dict[str, bytes]:
     """Return the files of an attempt by their names: its waves and its case."""
     waves = f"attempt-{number}.csv"
-    text = toml(with_waves(scene, aim, waves, recorded=True))
-    return {waves: components_table(aim.waves(setting)).encode(), f"attempt-{number}.toml": text.encode()}
+    case = with_waves(scene, aim, waves, recorded=True)
+    return {waves: components_table(aim.waves(setting)), f"attempt-{number}.toml": case}
 
 
 def attempt_runs(case: Path, number: int, phases: Sequence[float]) -> list[Combination]:
@@ -133,23 +136,24 @@ def rounded(misfit: float) -> str:
 
 def describe(one: Attempt) -> str:
     """Return the result of an attempt as text."""
-    result = one.result
     if one.cause:
         return one.cause
-    broke = f"; waves break {one.broke} times" if one.broke > 1 else "; a wave breaks" if one.broke else ""
-    nrms = "" if np.isnan(result.nrms) else f"nrms {result.nrms:.3g}, "
-    return (
-        f"crest {result.crest:.4g} m at x = {result.x:.4g} m, t = {result.t:.4g} s; {nrms}misfit "
-        f"{rounded(result.misfit)} of what is allowed{broke}; {one.cpu:.1f} s of CPU time with {one.numerics} numerics"
-    )
+    (height, x, t), nrms = one.result.crest, one.result.nrms
+    parts = [
+        f"crest {height:.4g} m at x = {x:.4g} m, t = {t:.4g} s",
+        "" if np.isnan(nrms) else f"nrms {nrms:.3g}",
+        f"misfit {rounded(one.result.misfit)} of what is allowed",
+        f"waves that broke: {one.broke}" if one.broke else "",
+        f"{one.cpu:.1f} s of CPU time with {one.numerics} numerics",
+    ]
+    return "; ".join(filter(None, parts))
 
 
 def write_table(path: Path, attempts: Sequence[Attempt]) -> None:
     """Write ``calibration.csv``; raises ``RecordError``."""
     rows = []
     for one in attempts:
-        result = one.result
-        values = [result.crest, result.x, result.t, result.nrms, result.misfit]
+        values = [*one.result.crest, one.result.nrms, one.result.misfit]
         figures = [f"{value:.6g}" if np.isfinite(value) else "" for value in values]
         rows.append([one.number, one.runs, one.numerics, *figures, one.broke, f"{one.cpu:.3g}", one.cause])
     write_rows(path, COLUMNS, rows, RecordError)
@@ -166,8 +170,6 @@ class Calibration:
         Folder of the attempts and of the result.
     overrides
         ``KEY=VALUE`` changes of the case.
-    most
-        Largest number of runs.
     yes
         Whether runs that need days, or more memory than is free, are run, too.
     overwrite
@@ -182,37 +184,40 @@ class Calibration:
         *,
         out: Path,
         overrides: Sequence[str] = (),
-        most: int,
         yes: bool = False,
         overwrite: bool = False,
         console: Console,
     ):
-        self._out, self._most, self._yes, self._console = out, most, yes, console
-        _check_replaceable(out, case)
+        self._out, self._yes, self._console = out, yes, console
+        self._attempts = list[Attempt]()
+        results = [out / name for name in (CASE, WAVES, PADDLE, PICTURE)]
+        if case.resolve() == (out / CASE).resolve():
+            raise InputError(f"--out {out}: its {CASE} would be replaced, and is the case; another folder is needed.")
+        if not (out / TABLE).exists() and any(path.exists() for path in results):
+            raise InputError(f"--out {out}: holds files that would be replaced; another folder is needed.")
         self._scene = read_case(case, overrides)
         with located(case, overrides):
             self._aim = aim_of(self._scene)
         cheap = cheaper(self._scene)
         self._stages = [*([(CHEAP, cheap)] if cheap else []), (OWN, self._scene)]
-        self._attempts: list[Attempt] = []
-        self._replaces = not _is_same(out, attempt_files(1, self._stages[0][1], self._aim, self._aim.start))
-        if self._replaces and not overwrite:
+        first = attempt_files(1, self._stages[0][1], self._aim, self._aim.start)
+        same = all((out / name).exists() and (out / name).read_bytes() == text for name, text in first.items())
+        self._former = [] if same or not (out / TABLE).exists() else [*out.glob(ATTEMPTS), *results, out / TABLE]
+        if self._former and not overwrite:
             existing = "holds a calibration of another target or case already"
             raise InputError(f"{out}: {existing}; give another folder (--out), or --overwrite.")
 
-    def execute(self) -> None:
-        """Run attempts until the target is reached, and write the case that reaches it.
+    def execute(self, most: int) -> None:
+        """Run attempts of at most so many runs until the target is reached, and write the case that reaches it.
 
         Raises ``RunError`` if interrupted, and, after the case of the best attempt is written, if it is not reached.
         """
-        try:
+        with write_errors(f"--out {self._out}"):
             self._out.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"--out {self._out}: cannot be written ({error.strerror}).") from None
-        if self._replaces:
-            _remove(self._out)
+        for path in self._former:
+            path.unlink(missing_ok=True)
         setting = self._aim.start
-        while self._runs + len(self._aim.phases(self._finished)) <= self._most:
+        while self._runs + len(self._aim.phases(self._finished)) <= most:
             attempt = self._run(setting)
             self._attempts.append(attempt)
             self._report(attempt)
@@ -226,7 +231,7 @@ class Calibration:
             if cheap and exhausted([one.result.misfit for one in self._finished]):
                 self._stages.pop(0)
             setting = setting if reached else self._aim.next_setting(self._finished)
-        self._give_up(f"{self._runs} of at most {self._most} runs were not enough; --most allows more")
+        self._give_up(f"{self._runs} of at most {most} runs were not enough; --most allows more")
 
     @property
     def _runs(self) -> int:
@@ -235,6 +240,9 @@ class Calibration:
     @property
     def _finished(self) -> list[Attempt]:
         return [one for one in self._attempts if not one.cause]
+
+    def _print(self, line: str) -> None:
+        self._console.print(line, markup=False, highlight=False)
 
     def _run(self, setting: Setting) -> Attempt:
         """Return the attempt at a setting, from the run directories as far as they exist."""
@@ -264,19 +272,18 @@ class Calibration:
             cause=cause,
         )
 
-    def _report(self, last: Attempt) -> None:
+    def _report(self, attempt: Attempt) -> None:
         """Print, tabulate and draw the last attempt."""
-        self._console.print(f"attempt {last.number}: {describe(last)}", markup=False, highlight=False)
+        self._print(f"attempt {attempt.number}: {describe(attempt)}")
         write_table(self._out / TABLE, self._attempts)
-        picture = self._out / f"attempt-{last.number}.png"
-        draw(self._attempts, self._aim, picture, shown=last, title=self._scene.title)
-        shutil.copyfile(picture, self._out / PICTURE)
+        for name in (f"attempt-{attempt.number}.png", PICTURE):
+            draw(self._attempts, self._aim, self._out / name, shown=attempt, title=self._scene.title)
 
     def _lower(self, failed: Attempt) -> Setting:
         """Return a setting halfway from one that broke down to the last that did not."""
         finished = self._finished
         if len(self._attempts) - len(finished) == FAILURES:
-            highest = max((one.result.crest for one in finished), default=0.0)
+            highest = max((one.result.crest.height for one in finished), default=0.0)
             of = f"; the highest crest of those that could be run is {highest:.4g} m" if finished else ""
             self._give_up(f"waves as high as it needs cannot be run ({failed.cause.removesuffix('.')}){of}")
         if not finished:
@@ -286,20 +293,18 @@ class Calibration:
     def _finish(self, attempt: Attempt) -> None:
         """Write the result and print the largest values of the paddle motion."""
         self._write_result(attempt)
-        scene = read_case(self._out / CASE)
-        needed = scene.ends[0].extent
-        for line in (
+        needed = read_case(self._out / CASE).ends[0].extent
+        self._print(
             f"reached after {attempt.runs} runs, {sum(one.cpu for one in self._attempts):.3g} s of CPU time; the "
             f"paddle's stroke {needed.stroke:.4g} m, speed {needed.speed:.4g} m/s, acceleration "
-            f"{needed.acceleration:.4g} m/s^2",
-            f"wrote {', '.join(str(self._out / name) for name in (CASE, WAVES, PADDLE, TABLE, PICTURE))}",
-        ):
-            self._console.print(line, markup=False, highlight=False)
+            f"{needed.acceleration:.4g} m/s^2"
+        )
+        self._print(f"wrote {', '.join(str(self._out / name) for name in (CASE, WAVES, PADDLE, TABLE, PICTURE))}")
 
     def _write_result(self, attempt: Attempt) -> None:
         """Write the case of an attempt, its waves, and the paddle's motion."""
-        write_atomically(self._out / WAVES, components_table(self._aim.waves(attempt.setting)).encode())
-        write_atomically(self._out / CASE, toml(with_waves(self._scene, self._aim, WAVES, recorded=False)).encode())
+        write_atomically(self._out / WAVES, components_table(self._aim.waves(attempt.setting)))
+        write_atomically(self._out / CASE, with_waves(self._scene, self._aim, WAVES, recorded=False))
         shutil.copyfile(attempt.run / PADDLE, self._out / PADDLE)
 
     def _give_up(self, why: str) -> NoReturn:
@@ -327,24 +332,3 @@ def _breakdown(runner: Runner, runs: Sequence[Combination]) -> str:
         if outcome.status != "finished" and not broke_down(one):
             raise RunError(outcome.cause)
     return next((str(RunDirectory(runner.directory(one)).manifest["cause"]) for one in runs if broke_down(one)), "")
-
-
-def _check_replaceable(folder: Path, case: Path) -> None:
-    """Raise ``InputError`` for a folder whose files of the same names are no calibration's, or the case itself."""
-    if case.resolve() == (folder / CASE).resolve():
-        raise InputError(f"--out {folder}: its {CASE} would be replaced, and is the case; another folder is needed.")
-    if not (folder / TABLE).exists() and any((folder / name).exists() for name in (CASE, WAVES, PADDLE, PICTURE)):
-        raise InputError(f"--out {folder}: holds files that would be replaced; another folder is needed.")
-
-
-def _is_same(folder: Path, first: Mapping[str, bytes]) -> bool:
-    """Return whether a folder has no calibration, or one whose first attempt has the same files."""
-    written = (folder / name for name in first)
-    same = all(path.exists() and path.read_bytes() == first[path.name] for path in written)
-    return same or not (folder / TABLE).exists()
-
-
-def _remove(folder: Path) -> None:
-    """Remove the files of a calibration except its runs."""
-    for path in (*folder.glob(ATTEMPTS), *(folder / name for name in (CASE, WAVES, PADDLE, PICTURE, TABLE))):
-        path.unlink(missing_ok=True)
