@@ -48,6 +48,11 @@ def table(tmp_path_factory) -> Path:
     return path
 
 
+def rows(result) -> list[tuple]:
+    """Return the rows of an analysis."""
+    return [*zip(*(np.asarray(values).tolist() for values in result.columns.values()), strict=True)]
+
+
 def rows_of(folder: Path, kind: str) -> list[dict[str, str]]:
     with (folder / f"analysis-{kind}.csv").open() as file:
         return list(csv.DictReader(file))
@@ -106,7 +111,7 @@ def test_harmonics_over_a_bar_are_those_that_the_datas_readme_states():
     except InputError:
         pytest.skip("Beji and Battjes' data are not on this machine; wavetank data fetch beji_battjes_1994 brings them")
     record = read_record("beji_battjes_1994", start=20.0, end=20 + 11 * 2.02, period=2.02)
-    found = {row[0]: row[2:5] for row in results.analysed("harmonics", record).rows}
+    found = {row[0]: row[2:5] for row in rows(results.analysed("harmonics", record))}
     stated = {"a02": (10.44, 0.45, 0.08), "a10": (12.28, 1.86, 0.40), "a15": (6.11, 9.35, 4.23)}
     for name, amplitudes in stated.items():
         assert 1e3 * np.array(found[name]) == pytest.approx(amplitudes, abs=0.02), name
@@ -132,8 +137,8 @@ def test_regular_waves_go_with_their_phase_speed_and_no_other_frequency_has_one(
     """Oracle: c by the dispersion relation of the one period; the largest correlation of 3 m apart is at -0.3 s."""
     record, c = regular((2.0, 5.0, 5.5), way=way)
     found = results.analysed("speed", replace(record, given_period=period))
-    assert [*found.columns][3] == "phase speed [m/s]" and [row[1] for row in found.rows] == [3.0, 0.5]
-    for _, apart, late, speed, linear in found.rows:
+    assert [*found.columns][3] == "phase speed [m/s]" and [row[1] for row in rows(found)] == [3.0, 0.5]
+    for _, apart, late, speed, linear in rows(found):
         assert (speed, linear) == (pytest.approx(way * c, rel=1e-6), pytest.approx(c))
         assert late == pytest.approx(way * apart / c, rel=1e-6)
     assert "T = 1.6 s" in found.notes and "whole periods the one nearest to linear waves'" in found.notes
@@ -172,7 +177,7 @@ def test_where_whole_periods_cannot_be_told_it_is_said(tmp_path, drawn):
     result_figure(said, tmp_path / "speed.png")
     speeds = drawn[0].axes[0].lines[0].get_ydata()
     assert speeds[np.isfinite(speeds)] == pytest.approx([c, 2.1], rel=0.02)
-    assert {round(f, 2) for *_, f, _, _ in said.rows} == {0.62}
+    assert {round(f, 2) for *_, f, _, _ in rows(said)} == {0.62}
     assert results.analysed("speed", scaled(record, record.eta.time > 60.0)).columns.keys() >= {"speed [m/s]"}
 
 
@@ -208,7 +213,7 @@ def test_harmonics_of_a_record_that_is_not_whole_periods_do_not_count_as_reflect
     """Oracle: the waves it was made of, a fifth of them reflected; of first harmonics alone 20.7 and 20.5 %."""
     record = read_record(str(table), period=PERIOD, depth=DEPTH, end=2.4 * PERIOD)
     found = results.analysed("reflection", replace(record, eta=record.eta[:gauges]))
-    assert found.rows[0][-1] == pytest.approx(0.2, rel=1e-4) and "the reflection is" not in found.notes
+    assert rows(found)[0][-1] == pytest.approx(0.2, rel=1e-4) and "the reflection is" not in found.notes
     assert found.notes.startswith("condition" if gauges == 2 else "rest ")  # two gauges leave none
 
 

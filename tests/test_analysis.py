@@ -444,7 +444,9 @@ def test_what_comes_from_the_far_wall_goes_against_x(tmp_path):
     record = read_record(str(tmp_path))
     (tmp_path / "manifest.json").write_text(json.dumps({"scene": scene | {"wall": rest, "far_wall": driven}}))
     found, usual = KINDS["bound-free"](read_record(str(tmp_path))), KINDS["bound-free"](record)
-    assert found.rows[0][2] == pytest.approx(0.05, rel=1e-3) and usual.rows[0][2] != pytest.approx(0.05, rel=0.1)
+    assert found.columns["amplitude [m]"][0] == pytest.approx(0.05, rel=1e-3) and usual.columns["amplitude [m]"][
+        0
+    ] != pytest.approx(0.05, rel=0.1)
     assert "x is that from the far wall" in found.notes and "far wall" not in usual.notes
 
 

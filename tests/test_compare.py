@@ -17,7 +17,7 @@ from wavetank.analysis.compare import compare, compare_harmonics, matched
 from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.output.writer import RunWriter
-from wavetank.plots.tables import comparison_table, extremes_table, harmonics_table
+from wavetank.plots.tables import COMPARISON, EXTREMES, HARMONICS, terminal_table
 
 
 def group(t, t0):
@@ -29,10 +29,10 @@ def only(compared):
     return SimpleNamespace(**{name: one.item() for name, one in compared.isel(gauge=0).items()})
 
 
-def printed(*tables, width=100):
-    """Return tables as a terminal shows them."""
-    text = StringIO()
-    Console(file=text, width=width, markup=False).print(*tables)
+def printed(compared, *tables, width=100):
+    """Return tables of a comparison as a terminal shows them."""
+    text, frame = StringIO(), compared.to_dataframe().reset_index()
+    Console(file=text, width=width, markup=False).print(*(terminal_table(frame, columns) for columns in tables))
     return text.getvalue()
 
 
@@ -178,10 +178,10 @@ def test_what_is_neither_a_run_nor_a_data_set_is_said(tmp_path, capsys):
 
 def test_the_tables_show_units_and_the_digits_of_small_crests_in_a_narrow_terminal():
     found, small = compared(waves(T), 1.1 * waves(T - 0.2)), compared(1e-4 * waves(T), 1e-4 * waves(T))
-    shown = printed(comparison_table(found), extremes_table(found), width=80)
+    shown = printed(found, COMPARISON, EXTREMES, width=80)
     assert all(word in shown for word in ("x [m]", "shift [s]", "correlation", "similarity", "1.100", "0.200"))
-    assert all(word in shown for word in ("crest [m]", "trough [m]", "arrival [s]", "-9.1 %"))
-    assert printed(extremes_table(small)).count(f"{1e-4 * waves(20.0):.4g}") == 2
+    assert all(word in shown for word in ("crest [m]", "trough [m]", "arrival [s]", "-9.1%"))
+    assert printed(small, EXTREMES).count(f"{1e-4 * waves(20.0):.4g}") == 2
 
 
 def test_troughs_arrival_and_similarity_are_those_of_the_group():
@@ -202,7 +202,7 @@ def test_what_makes_no_sense_has_no_number():
     steady = 0.05 + 0.01 * np.cos(3 * T)
     found = against(steady, steady)
     assert np.isnan(found.arrival_error) and np.isnan(found.trough_error) and found.crest_error < 1e-3
-    shown = printed(extremes_table(compared(steady, steady)))
+    shown = printed(compared(steady, steady), EXTREMES)
     assert "nan" not in shown and "arrival" not in shown
 
 
@@ -225,8 +225,8 @@ def test_harmonics_are_compared_in_amplitude_and_phase():
     assert (first.error, first.ahead) == (pytest.approx(0.1, abs=1e-9), pytest.approx(0.2, abs=1e-9))
     assert (second.error, second.ahead) == (pytest.approx(0.0, abs=1e-9), pytest.approx(-0.3, abs=1e-9))
     assert np.isnan(third.error) and third.reference < 1e-10
-    shown = printed(harmonics_table(found), width=80)
-    assert all(word in shown for word in ("+10.0 %", "+0.200", "computed [mm]", "55"))
+    shown = printed(found, HARMONICS, width=80)
+    assert all(word in shown for word in ("+10.0%", "+0.200", "computed [m]", "0.055"))
 
 
 def test_a_clock_and_harmonics_are_asked_for_on_the_command_line(tmp_path):

@@ -31,7 +31,7 @@ from wavetank.output.fields import piece_files
 from wavetank.output.files import open_regular
 from wavetank.plots.figures import draw_run
 from wavetank.plots.style import picture
-from wavetank.plots.tables import write_rows
+from wavetank.plots.tables import data_frame, write_frame
 from wavetank.plots.view import writing
 from wavetank.values import python_file
 
@@ -465,7 +465,7 @@ def test_tables_and_pictures_replace_a_link(tmp_path):
     outside.write_text("a file of the user")
     for link in (table, drawn, tmp_path / ".table.csv", tmp_path / ".picture.png"):
         link.symlink_to(outside)
-    write_rows(table, ["x"], [[1.0]])
+    write_frame(table, data_frame({"x": [1.0]}))
     with picture(drawn, 2, 2) as figure:
         figure.subplots()
     assert table.read_text() == "x\n1\n" and drawn.read_bytes().startswith(b"\x89PNG")

@@ -430,7 +430,9 @@ def test_broken_and_marked_combinations_are_rows(tmp_path):
     good, broken, plan = rows
     run = RunDirectory(folders(tmp_path, sweeps, overrides)[1])
     assert broken.cause == run.manifest["cause"] and broken.warnings == "; ".join(map(str, run.warnings)) != ""
-    assert "\n1 of 3 runs broke down\n" in said and re.search(r" status +\n", said) and "plan, finished" in said
+    assert (
+        "\n1 of 3 runs broke down\n" in said and re.search(r" status +\n", said) and re.search(r" plan +finished", said)
+    )
     assert broken.cause.rstrip(".") in " ".join(said.split()) and not broken.errors
     assert GAUGE_ERROR in good.errors
     assert plan.mark == "plan" and plan.errors[SURFACE_ERROR] < 0.5 * good.errors[SURFACE_ERROR] < 0.05

@@ -24,12 +24,12 @@ Gauges are ``DataArray`` of elevation [m] over gauge and time [s], as ``RunDirec
 return them; the record of one gauge is one over time, without times at which it has no value.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import isnan, nan
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 from scipy.signal import argrelextrema
@@ -44,6 +44,7 @@ Array = NDArray[np.float64]
 
 # ---------------------------------------------------------------- gauges
 MINIMA = 4  # minima of the misfit over clock offsets that are refined
+TINY = np.finfo(float).tiny
 LARGEST_SHIFT = 1.0  # s; a larger one would be another wave, not another clock
 ARRIVED = 0.1  # of the reference's largest elevation: where waves have come
 FLANK = 0.25  # of a mean period, from still water to a crest: a level is crossed within it, whatever the amplitude
@@ -120,33 +121,37 @@ def _bounds(pairs: Sequence[tuple[DataArray, DataArray]], first: float, last: fl
 
 
 def _offset(pairs: Sequence[tuple[DataArray, DataArray]], first: float, last: float) -> float:
-    """Return the offset [s] of least misfit: a scan of a mean period in twelve finds the minima, which are refined."""
+    """Return the offset [s] of least misfit between two bounds: a scan of a mean period in twelve, refined."""
     splines = [(_spline(one), other.time.values, other.values) for one, other in pairs]
 
-    def misfit(offset: float, every: int = 1) -> float:
+    def misfit(offset: float) -> float:
         squares = []
         for spline, t, eta in splines:
             common = (t + offset >= spline.x[0]) & (t + offset <= spline.x[-1])
-            expected = eta[common][::every]
-            error = spline(t[common][::every] + offset) - expected
-            squares.append(np.mean(error**2) / max(np.mean(expected**2), np.finfo(float).tiny))
+            error = spline(t[common] + offset) - eta[common]
+            squares.append(np.mean(error**2) / max(np.mean(eta[common] ** 2), TINY))
         return float(np.mean(squares))
 
     spline = splines[0][0]
-    pace = rms(spline(spline.x, 1)) / max(rms(spline(spline.x)), np.finfo(float).tiny)  # rad/s
-    number = int(np.clip((last - first) * pace * 12 / (2 * np.pi), 24, 4000))
-    scan, step = np.linspace(first, last, number + 1, retstep=True)
-    sparse = max(1, max(t.size for _, t, _ in splines) // 1000)
-    misfits = np.array([misfit(offset, sparse) for offset in scan])
+    pace = rms(spline(spline.x, 1)) / max(rms(spline(spline.x)), TINY)  # rad/s
+    return _least(misfit, first, last, int(np.clip((last - first) * pace * 12 / (2 * np.pi), 24, 4000)))
+
+
+def _least(misfit: Callable[[float], float], first: float, last: float, steps: int) -> float:
+    """Return where a misfit with many minima, one a wave period, is least between two bounds.
+
+    The lowest minima of a scan in so many steps are refined.
+    """
+    scan, step = np.linspace(first, last, steps + 1, retstep=True)
+    misfits = np.array([misfit(one) for one in scan])
     minima = argrelextrema(np.pad(misfits, 1, constant_values=np.inf), np.less_equal)[0] - 1
     starts = [float(scan[n]) for n in minima[np.argsort(misfits[minima])][:MINIMA]]
-    return min((*starts, *(_refined(misfit, start, float(step), first, last) for start in starts)), key=misfit)
-
-
-def _refined(misfit: Any, start: float, step: float, first: float, last: float) -> float:
-    """Return where a misfit is least within a step of a start and within bounds [s]."""
-    bounds = (max(first, start - step), min(last, start + step))
-    return float(minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 1e-6}).x)
+    refined = []
+    for start in starts:
+        bounds = (max(first, start - step), min(last, start + step))
+        best = minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 1e-6})
+        refined.append(float(best.x))
+    return min((*starts, *refined), key=misfit)
 
 
 def _spline(record: DataArray) -> CubicSpline:
@@ -215,7 +220,7 @@ def _delay(spline: CubicSpline, t: Array, eta: Array, late: float) -> float:
 
     The same wave crosses the level within one flank. A longer delay is accepted where a shift by it reduces the misfit.
     """
-    period = 2 * np.pi * rms(eta) / max(rms(np.gradient(eta, t)), np.finfo(float).tiny)
+    period = 2 * np.pi * rms(eta) / max(rms(np.gradient(eta, t)), TINY)
     if isnan(late) or abs(late) <= FLANK * period:
         return late
     common = (t + late >= spline.x[0]) & (t + late <= spline.x[-1])
@@ -233,23 +238,17 @@ def _arrival(t: Array, eta: Array, level: float) -> float:
 def _fit(spline: CubicSpline, t: Array, eta: Array) -> tuple[float, float, float]:
     """Return the shift [s] and the gain of the best gain * computed(t - shift), between them its misfit: nrms.
 
-    A scan finds the right one of the many minima, one a wave period; each shift is compared over the times that the
-    shifted record has.
+    Each shift is compared over the times that the shifted record has.
     """
 
     def fit(shift: float) -> tuple[float, float]:
         common = (t - shift >= spline.x[0]) & (t - shift <= spline.x[-1])
         shifted, expected = spline(t[common] - shift), eta[common]
-        gain = max(0.0, float(shifted @ expected / max(shifted @ shifted, np.finfo(float).tiny)))  # no inverted waves
-        return rms(gain * shifted - expected) / max(rms(expected), np.finfo(float).tiny), gain
-
-    def misfit(shift: float) -> float:
-        return fit(shift)[0]
+        gain = max(0.0, float(shifted @ expected / max(shifted @ shifted, TINY)))  # no inverted waves
+        return rms(gain * shifted - expected) / max(rms(expected), TINY), gain
 
     reach = min(LARGEST_SHIFT, 0.25 * (t[-1] - t[0]))  # of a short record, most must remain
-    scan, step = np.linspace(-reach, reach, 201, retstep=True)
-    start = float(min(scan, key=misfit))
-    shift = min((start, _refined(misfit, start, float(step), -reach, reach)), key=misfit)
+    shift = _least(lambda one: fit(one)[0], -reach, reach, 200)
     return shift, *fit(shift)
 
 
@@ -261,7 +260,7 @@ def rms(values: Array) -> float:
 def _correlation(one: Array, other: Array) -> float:
     """Return the correlation coefficient; 0 where one does not vary."""
     one, other = one - one.mean(), other - other.mean()
-    return float(one @ other / max(np.linalg.norm(one) * np.linalg.norm(other), np.finfo(float).tiny))
+    return float(one @ other / max(np.linalg.norm(one) * np.linalg.norm(other), TINY))
 
 
 # ---------------------------------------------------------------- harmonics
@@ -297,45 +296,35 @@ FEWEST = 4  # gauges along a section: a cubic's
 ALL = "all"  # name of the row over all sections
 
 
-class SectionProfile(NamedTuple):
-    """Wave heights along a section, computed: places along its axis [m], ascending, and H [m], both of shape (N,)."""
-
-    section: Section
-    places: Array
-    heights: Array
-
-    def at(self, places: Array) -> Array:
-        """Return H [m] at other places along the section [m]."""
-        return np.asarray(CubicSpline(self.places, self.heights)(places))
-
-    def reaches(self, places: Array) -> NDArray[np.bool_]:
-        """Return which places [m] are between the first and the last gauge."""
-        first, last = self.places[0] - MATCH, self.places[-1] + MATCH
-        return np.asarray((places >= first) & (places <= last))
-
-
-def profile(gauges: DataArray, section: Section, *, start: float) -> SectionProfile | None:
-    """Return the mean wave heights after ``start`` [s] along a section; None with fewer than four gauges there.
-
-    Raises ``InputError`` if a record is too short for wave heights.
-    """
-    along = {}
-    for gauge in gauges:
-        place, distance = section.coordinates(float(gauge.x), float(gauge.y))
-        if abs(distance) < MATCH and section.reach[0] - MATCH <= place <= section.reach[1] + MATCH:
-            along[round(place / MATCH)] = (place, gauge)  # where sections cross, several gauges are at one place
-    if len(along) < FEWEST:
-        return None
-    places, records = zip(*(along[key] for key in sorted(along)), strict=True)
-    heights = [mean_wave_height(record.dropna("time"), start=start) for record in records]
-    return SectionProfile(section, np.array(places), np.array(heights))
-
-
 class ComputedHeights(NamedTuple):
-    """A run's wave heights: along each section that has gauges, and H of its incident wave [m], None if unknown."""
+    """A run's wave heights [m] over ``place`` [m], ascending, along each section that has gauges.
 
-    profiles: list[SectionProfile]
-    incident: float | None
+    ``incident`` is the mean height of its incident wave [m], nan if unknown.
+    """
+
+    profiles: list[tuple[Section, DataArray]]
+    incident: float
+
+
+def profile(gauges: DataArray, section: Section, *, start: float) -> DataArray | None:
+    """Return the mean wave heights [m] after ``start`` [s] over ``place`` [m] along a section.
+
+    None with fewer than four gauges there. Raises ``InputError`` if a record is too short for wave heights.
+    """
+    at = {"x": gauges.x.values, "y": gauges.y.values}
+    place, (first, last) = at[section.along], section.reach
+    on = (np.abs(at[section.across] - section.at) < MATCH) & (place >= first - MATCH) & (place <= last + MATCH)
+    _, numbers = np.unique(np.round(place[on] / MATCH), return_index=True)  # several are at one place where lines cross
+    numbers = np.flatnonzero(on)[numbers]
+    if numbers.size < FEWEST:
+        return None
+    heights = [mean_wave_height(gauges[n].dropna("time"), start=start) for n in numbers]
+    return DataArray(heights, {"place": place[numbers]}, ("place",))
+
+
+def interpolated(heights: DataArray, places: ArrayLike) -> Array:
+    """Return wave heights [m] at other places [m] of their section, by a cubic spline."""
+    return np.asarray(CubicSpline(heights.place, heights)(places))
 
 
 def computed_heights(gauges: DataArray, measured: WaveHeights) -> ComputedHeights:
@@ -343,15 +332,14 @@ def computed_heights(gauges: DataArray, measured: WaveHeights) -> ComputedHeight
 
     Raises ``InputError`` if no section has gauges, or if a record is too short for wave heights.
     """
-    profiles = [profile(gauges, section, start=measured.start) for section in measured.sections]
-    if not any(profiles):
+    each = [(section, profile(gauges, section, start=measured.start)) for section in measured.sections]
+    profiles = [(section, heights) for section, heights in each if heights is not None]
+    if not profiles:
         lines = ", ".join(line(section) for section in measured.sections)
         needed = f"needed are {FEWEST} along one of {lines}"
         raise InputError(f"no section with gauges: the run has {gauges.sizes['gauge']} gauges; {needed}.")
     incident = profile(gauges, measured.incident, start=measured.start)
-    return ComputedHeights(
-        [one for one in profiles if one is not None], None if incident is None else float(incident.heights.mean())
-    )
+    return ComputedHeights(profiles, nan if incident is None else float(incident.mean()))
 
 
 def line(section: Section) -> str:
@@ -365,36 +353,37 @@ def compare_heights(
     """Return a row for each measured section that has gauges, and for each origin one of all its sections.
 
     Rows have the keys of ``compare.csv``: ``section``, its ``line``, the origin ``measured``, how many ``points``, the
-    misfits ``nrms``, ``bias``, ``nrms_incident`` (None without a computed incident height), and the largest ratios
+    misfits ``nrms``, ``bias``, ``nrms_incident`` (nan without a computed incident height), and the largest ratios
     H / H0 ``largest_computed`` and ``largest_measured``. ``incident`` is the experiment's incident height H0 [m].
     """
-    along = {one.section.name: one for one in computed.profiles}
-    rows = []
+    profiles, rows = {section.name: heights for section, heights in computed.profiles}, []
     for source in dict.fromkeys(series.source for series in measured):
-        compared = []
+        parts = list[tuple[str, str, Array, Array]]()
         for series in measured:
-            if series.source == source and (one := along.get(series.section.name)):
-                inside = one.reaches(series.places)
-                compared.append((one.section, one.at(series.places[inside]), series.ratios[inside]))
-        parts = [(section.name, line(section), heights, ratios) for section, heights, ratios in compared]
+            heights = profiles.get(series.section.name)
+            if series.source == source and heights is not None:
+                first, last = heights.place.values[[0, -1]]
+                inside = (series.places >= first - MATCH) & (series.places <= last + MATCH)
+                both = interpolated(heights, series.places[inside]), series.ratios[inside]
+                parts.append((series.section.name, line(series.section), *both))
         if parts:
-            heights, ratios = (np.concatenate(values) for values in list(zip(*compared, strict=True))[1:])
-            parts.append((ALL, "", heights, ratios))
-        for name, where, heights, ratios in parts:
-            if ratios.size:
-                start = {"section": name, "line": where, "measured": source}
-                rows.append(start | _misfits(heights, ratios, incident, computed.incident))
+            all_heights, all_ratios = (np.concatenate([part[n] for part in parts]) for n in (2, 3))
+            parts.append((ALL, "", all_heights, all_ratios))
+        for name, where, H, ratios in parts:
+            if not ratios.size:
+                continue
+            misfit = H / incident - ratios
+            rows.append(
+                {
+                    "section": name,
+                    "line": where,
+                    "measured": source,
+                    "points": ratios.size,
+                    "nrms": rms(misfit) / rms(ratios),
+                    "bias": float(misfit.mean() / ratios.mean()),
+                    "nrms_incident": rms(H / computed.incident - ratios) / rms(ratios),
+                    "largest_computed": float(H.max() / incident),
+                    "largest_measured": float(ratios.max()),
+                }
+            )
     return rows
-
-
-def _misfits(heights: Array, ratios: Array, nominal: float, own: float | None) -> dict[str, Any]:
-    """Return the misfits of heights [m] to measured ratios, by the experiment's H0 and by the computation's own [m]."""
-    misfit = heights / nominal - ratios
-    return {
-        "points": ratios.size,
-        "nrms": rms(misfit) / rms(ratios),
-        "bias": float(misfit.mean() / ratios.mean()),
-        "nrms_incident": None if own is None else rms(heights / own - ratios) / rms(ratios),
-        "largest_computed": float(heights.max() / nominal),
-        "largest_measured": float(ratios.max()),
-    }

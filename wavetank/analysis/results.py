@@ -62,11 +62,6 @@ class Result(NamedTuple):
     figure: str
     arguments: dict[str, Any]
 
-    @property
-    def rows(self) -> list[tuple[str | float, ...]]:
-        """The rows of the table."""
-        return [*zip(*(np.asarray(values).tolist() for values in self.columns.values()), strict=True)]
-
 
 def _gauges(record: WaveRecord) -> dict[str, ArrayLike]:
     """Return the first columns of a table over gauges."""

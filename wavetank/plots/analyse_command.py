@@ -66,7 +66,7 @@ def analyse(
     from wavetank.analysis.record import read_record
     from wavetank.analysis.results import analysed
     from wavetank.plots.analysis_figures import result_figure
-    from wavetank.plots.tables import format_cell, terminal_table, write_rows
+    from wavetank.plots.tables import data_frame, plain_columns, terminal_table, write_frame
 
     record = read_record(source, start=start, end=end, gauges=names, along=_places(along), depth=depth, period=period)
     records = {REFLECTION: replace(record, given_period=None)} if sea else {}
@@ -89,13 +89,13 @@ def analyse(
     if units := data.units_note(source):
         terminal.print(units, highlight=False)
     for kind, result in results.items():
-        columns, rows = [*result.columns], result.rows
-        more = f"and {len(rows) - MOST} more rows, in the file" if len(rows) > MOST else None
-        terminal.print(terminal_table(columns, (map(format_cell, row) for row in rows[:MOST]), caption=more))
+        table = data_frame(result.columns)
+        more = f"and {len(table) - MOST} more rows, in the file" if len(table) > MOST else None
+        terminal.print(terminal_table(table[:MOST], plain_columns(table, digits=4), caption=more))
         if result.notes:
             terminal.print(result.notes, highlight=False)
         replaced = ", in place of what was there (--out: elsewhere)" if files[kind].exists() else ""
-        write_rows(files[kind], columns, rows)
+        write_frame(files[kind], table)
         picture = result_figure(result, files[kind].with_suffix(".png"))
         terminal.print(f"wrote {files[kind]} and {picture}{replaced}", highlight=False)
     if refused:

@@ -101,13 +101,16 @@ def _compare_gauges(
     harmonic = compare_harmonics(computed, measured, period=period, start=start) if period else None
     folder.mkdir(parents=True, exist_ok=True)
     tables.write_dataset(folder / "compare.csv", compared)
-    result = [tables.comparison_table(compared), tables.extremes_table(compared)]
+    frame = compared.to_dataframe().reset_index()
+    result = [tables.terminal_table(frame, columns) for columns in (tables.COMPARISON, tables.EXTREMES)]
     if harmonic is not None:
-        tables.write_dataset(folder / "compare-harmonics.csv", harmonic, tables.HARMONICS)
+        names = [column.name for column in tables.HARMONICS]
+        tables.write_dataset(folder / "compare-harmonics.csv", harmonic, names)
         harmonics_figure(folder / "compare-harmonics.png", harmonic)
-        result.append(tables.harmonics_table(harmonic))
+        result.append(tables.terminal_table(harmonic.to_dataframe().reset_index(), tables.HARMONICS))
     gauges_figure(measured, computed, [one for one, _ in rest], folder / "compare.png")
-    return result, [tables.clock_line(offset)]
+    added = f"clock: {offset:+.4g} s added to the reference's times; shifts and arrivals are relative to it"
+    return result, [added] if offset else []
 
 
 def _compare_heights(
@@ -116,13 +119,14 @@ def _compare_heights(
     """Compare wave heights along sections, and draw them; return the table."""
     from wavetank.analysis.compare import compare_heights, computed_heights
     from wavetank.plots.compare_figures import bathymetry, sections_figure
-    from wavetank.plots.tables import heights_table, write_rows
+    from wavetank.plots.tables import HEIGHTS, data_frame, terminal_table, write_frame
 
     gauges, incident = run.gauges, reference.incident_height
     computed = computed_heights(gauges, reference)
     rows = compare_heights(computed, measured, incident=incident)
     folder.mkdir(parents=True, exist_ok=True)
-    write_rows(folder / "compare.csv", [*rows[0]], ([*row.values()] for row in rows))
+    frame = data_frame({name: [row[name] for row in rows] for name in rows[0]})
+    write_frame(folder / "compare.csv", frame)
     bed = bathymetry(run, gauges)
     sections_figure(computed, measured, rows, folder / "compare.png", incident=incident, bed=bed, title=run.title)
-    return heights_table(rows)
+    return terminal_table(frame, HEIGHTS)

@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from xarray import DataArray, Dataset
 
-from wavetank.analysis.compare import ComputedHeights, SectionProfile, line
+from wavetank.analysis.compare import ComputedHeights, interpolated, line
 from wavetank.analysis.still_water import still_water
-from wavetank.data import HeightSeries
+from wavetank.data import HeightSeries, Section
 from wavetank.output.directory import RunDirectory
 from wavetank.plots.style import BLUE, COMPUTED, GREEN, VERMILION, common_legend, panels, picture
 
@@ -69,14 +69,13 @@ def sections_figure(
     """
     panels = len(computed.profiles) + (bed is not None)
     rows, columns = -(-panels // ROW), min(ROW, panels)
-    highest = max(profile.heights.max() / incident for profile in computed.profiles)
+    highest = max(float(heights.max()) / incident for _, heights in computed.profiles)
     highest = HEADROOM * max(highest, *(series.ratios.max() for series in measured))
     with picture(path, 1 + 4.3 * columns, 1.0 + 2.9 * rows, title=title or "Wave heights") as figure:
         grid = figure.add_gridspec(rows, columns)
-        for n, profile in enumerate(computed.profiles):
+        for n, (section, heights) in enumerate(computed.profiles):
             axes = figure.add_subplot(grid[divmod(n, columns)], ylim=(0.0, highest))
-            _draw_section(axes, profile, measured, incident)
-            section = profile.section
+            _draw_section(axes, section, heights / incident, measured)
             nrms = " / ".join(f"{row['nrms']:.3f}" for row in compared if row["section"] == section.name)
             axes.set_title(f"section {section.name}, {line(section)};  nrms {nrms}", pad=4)
         common_legend(figure)
@@ -85,12 +84,12 @@ def sections_figure(
     return path
 
 
-def _draw_section(axes: Axes, profile: SectionProfile, measured: Sequence[HeightSeries], incident: float) -> None:
-    """Draw computed and measured H / H0 along a section; ``incident`` is H0 [m]."""
-    section = profile.section
-    fine = np.linspace(profile.places[0], profile.places[-1], 8 * profile.places.size)
+def _draw_section(axes: Axes, section: Section, computed: DataArray, measured: Sequence[HeightSeries]) -> None:
+    """Draw computed and measured H / H0 along a section."""
+    first, last = computed.place.values[[0, -1]]
+    fine = np.linspace(first, last, 8 * computed.size)
     axes.axhline(1.0, color="#888888", lw=0.6, zorder=0)
-    axes.plot(fine, profile.at(fine) / incident, color=COMPUTED, lw=1.6, label="computed")
+    axes.plot(fine, interpolated(computed, fine), color=COMPUTED, lw=1.6, label="computed")
     for source, (mark, colour) in zip(dict.fromkeys(series.source for series in measured), MARKS, strict=False):
         for one in measured:
             if one.source == source and one.section.name == section.name:
@@ -103,7 +102,7 @@ def _draw_layout(figure: Figure, axes: Axes, computed: ComputedHeights, bed: Dat
     filled = axes.contourf(bed.x, bed.y, bed, CONTOURS, cmap="Blues")
     axes.contour(bed.x, bed.y, bed, filled.levels, colors="#0b2d5c", linewidths=0.4)
     figure.colorbar(filled, ax=axes, shrink=0.7, label="still-water depth d [m]")
-    for section in (profile.section for profile in computed.profiles):
+    for section, _ in computed.profiles:
         ends = {section.along: section.reach, section.across: (section.at, section.at)}
         axes.plot(ends["x"], ends["y"], color="#d55e00", lw=1.0)
         last = (ends["x"][1], ends["y"][1])

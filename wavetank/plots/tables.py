@@ -1,13 +1,11 @@
-"""CSV files and terminal tables of analyses and comparisons."""
+"""CSV files and terminal tables of studies, analyses and comparisons."""
 
-import csv
 from collections.abc import Iterable, Mapping, Sequence
-from io import StringIO
-from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from rich.box import SIMPLE
 from rich.table import Table
 from xarray import Dataset
@@ -18,23 +16,64 @@ from wavetank.output.files import write_atomically
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-HARMONICS = ("gauge", "x", "harmonic", "computed", "reference", "error", "ahead")  # columns
+
+class Column(NamedTuple):
+    """A column of a terminal table: its name in a data frame, its head, and the format of its values."""
+
+    name: str
+    head: str
+    format: str = "{}"
 
 
-def write_rows(
-    path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]], error: type[WavetankError] = InputError
-) -> None:
-    """Write a table as CSV, numbers with six digits, complete or not at all; raises ``error`` if it cannot."""
-    text = StringIO()
-    writer = csv.writer(text)
-    writer.writerow(columns)
-    writer.writerows([f"{value:.6g}" if isinstance(value, float) else value for value in row] for row in rows)
-    with write_errors(path, error):
-        write_atomically(path, text.getvalue().encode())
+COMPARISON = [
+    Column("gauge", "gauge"),
+    Column("x", "x [m]", "{:g}"),
+    Column("nrms", "nrms", "{:.3f}"),
+    Column("nrms_fitted", "fitted", "{:.3f}"),
+    Column("gain", "gain", "{:.3f}"),
+    Column("shift", "shift [s]", "{:.3f}"),
+    Column("correlation", "correlation", "{:.3f}"),
+    Column("similarity", "similarity", "{:.3f}"),
+]
+EXTREMES = [
+    Column("gauge", "gauge"),
+    Column("crest_computed", "crest [m]", "{:.4g}"),
+    Column("crest_reference", "reference", "{:.4g}"),
+    Column("crest_error", "error", "{:+.1%}"),
+    Column("trough_computed", "trough [m]", "{:.4g}"),
+    Column("trough_reference", "reference", "{:.4g}"),
+    Column("trough_error", "error", "{:+.1%}"),
+    Column("arrival_error", "arrival [s]", "{:+.3f}"),
+]
+HARMONICS = [
+    Column("gauge", "gauge"),
+    Column("x", "x [m]", "{:g}"),
+    Column("harmonic", "harmonic"),
+    Column("computed", "computed [m]", "{:.4g}"),
+    Column("reference", "reference", "{:.4g}"),
+    Column("error", "error", "{:+.1%}"),
+    Column("ahead", "ahead [rad]", "{:+.3f}"),
+]
+HEIGHTS = [
+    Column("section", "section"),
+    Column("line", "line"),
+    Column("measured", "measured"),
+    Column("points", "points"),
+    Column("nrms", "nrms", "{:.3f}"),
+    Column("bias", "bias", "{:+.3f}"),
+    Column("nrms_incident", "own H0", "{:.3f}"),
+    Column("largest_computed", "max", "{:.2f}"),
+    Column("largest_measured", "measured", "{:.2f}"),
+]
 
 
-def write_frame(path: Path, frame: "DataFrame", *, digits: int = 7, error: type[WavetankError] = InputError) -> None:
-    """Write a DataFrame as CSV, complete or not at all; raises ``error`` if it cannot."""
+def data_frame(columns: Mapping[str, ArrayLike]) -> "DataFrame":
+    """Return columns of one length as pandas' DataFrame."""
+    return Dataset({name: ("row", np.asarray(values)) for name, values in columns.items()}).to_dataframe()
+
+
+def write_frame(path: Path, frame: "DataFrame", *, digits: int = 6, error: type[WavetankError] = InputError) -> None:
+    """Write a data frame as CSV, complete or not at all, of numbers so many digits; raises ``error`` if it cannot."""
     text = frame.to_csv(index=False, float_format=f"%.{digits}g", lineterminator="\r\n")
     with write_errors(path, error):
         write_atomically(path, text.encode())
@@ -42,87 +81,23 @@ def write_frame(path: Path, frame: "DataFrame", *, digits: int = 7, error: type[
 
 def write_dataset(path: Path, data: Dataset, names: Sequence[str] = ()) -> None:
     """Write a data set as CSV, all quantities or those named: a row for each combination of its dimensions."""
-    columns, rows = table_rows(data, names)
-    write_rows(path, columns, rows)
-
-
-def table_rows(data: Dataset, names: Sequence[str] = ()) -> tuple[list[str], list[tuple[Any, ...]]]:
-    """Return the columns of a data set, with their units, and its rows."""
     frame = data.to_dataframe().reset_index()
     frame = frame[[*names]] if names else frame
-    units = [data[name].attrs.get("units") for name in frame]
-    columns = [f"{name} [{unit}]" if unit else str(name) for name, unit in zip(frame, units, strict=True)]
-    return columns, [*frame.itertuples(index=False, name=None)]
+    units = {name: data[name].attrs.get("units") for name in frame}
+    write_frame(path, frame.rename(columns=lambda name: f"{name} [{units[name]}]" if units[name] else name))
 
 
-def terminal_table(columns: Sequence[str], rows: Iterable[Iterable[str]], *, caption: str | None = None) -> Table:
-    """Return a table for the terminal."""
-    table = Table(*columns, box=SIMPLE, padding=0, caption=caption)
-    for row in rows:
+def plain_columns(frame: "DataFrame", digits: int) -> list[Column]:
+    """Return all columns of a data frame by their names, numbers with so many digits."""
+    numbers = {*frame.select_dtypes("number")}
+    return [Column(name, name, f"{{:.{digits}g}}" if name in numbers else "{}") for name in frame]
+
+
+def terminal_table(frame: "DataFrame", columns: Iterable[Column], *, caption: str | None = None) -> Table:
+    """Return columns of a data frame for the terminal: nan is empty, and columns of nothing else are omitted."""
+    shown = [column for column in columns if frame[column.name].notna().any()]
+    table = Table(*(column.head for column in shown), box=SIMPLE, padding=0, caption=caption)
+    cells = [["" if one != one else column.format.format(one) for one in frame[column.name]] for column in shown]
+    for row in zip(*cells, strict=True):
         table.add_row(*row)
     return table
-
-
-def frame_table(frame: "DataFrame", *, digits: int) -> Table:
-    """Return a DataFrame as a table for the terminal, numbers with so many digits, of nan none."""
-    rows = frame.itertuples(index=False, name=None)
-    return terminal_table([*frame.columns], ([format_cell(one, digits) for one in row] for row in rows))
-
-
-def format_cell(value: str | float, digits: int = 4) -> str:
-    """Return a text, or a number with so many digits, of nan none."""
-    return value if isinstance(value, str) else "" if isnan(value) else f"{value:.{digits}g}"
-
-
-# ---------------------------------------------------------------- gauges
-def clock_line(offset: float) -> str:
-    """Return the line about an offset [s] between both clocks; empty where it is zero."""
-    added = f"{offset:+.4g} s added to the reference's times"
-    return f"clock: {added}; shifts and arrivals are relative to it" if offset else ""
-
-
-def comparison_table(compared: Dataset) -> Table:
-    """Return the misfits as a table for the terminal."""
-    names = ("gauge", "x", "nrms", "nrms_fitted", "gain", "shift", "correlation", "similarity")
-    heads = ("gauge", "x [m]", "nrms", "fitted", "gain", "shift [s]", "correlation", "similarity")
-    _, rows = table_rows(compared, names)
-    return terminal_table(heads, ([gauge, f"{x:g}", *(f"{one:.3f}" for one in numbers)] for gauge, x, *numbers in rows))
-
-
-def extremes_table(compared: Dataset) -> Table:
-    """Return crests, troughs and arrivals as a table for the terminal; arrivals are omitted if no gauge has one."""
-    heads = ["gauge", "crest [m]", "reference", "error", "trough [m]", "reference", "error", "arrival [s]"]
-    extremes = [(f"{name}_computed", f"{name}_reference", f"{name}_error") for name in ("crest", "trough")]
-    rows = []
-    for gauge, *numbers, arrival in table_rows(compared, ["gauge", *extremes[0], *extremes[1], "arrival_error"])[1]:
-        cells = [_percent(one) if n in (2, 5) else f"{one:.4g}" for n, one in enumerate(numbers)]
-        rows.append([gauge, *cells, "" if isnan(arrival) else f"{arrival:+.3f}"])
-    number = len(heads) - bool(np.isnan(compared.arrival_error).all())
-    return terminal_table(heads[:number], (row[:number] for row in rows))
-
-
-def _percent(fraction: float) -> str:
-    return "" if isnan(fraction) else f"{round(100 * fraction, 1) + 0.0:+.1f} %"
-
-
-def harmonics_table(compared: Dataset) -> Table:
-    """Return the harmonics as a table for the terminal, amplitudes in mm."""
-    heads = ("gauge", "x [m]", "harmonic", "computed [mm]", "reference", "error", "ahead [rad]")
-    rows = []
-    for gauge, x, harmonic, computed, reference, error, ahead in table_rows(compared, HARMONICS)[1]:
-        errors = ("", "") if isnan(error) else (f"{100 * error:+.1f} %", f"{ahead:+.3f}")
-        rows.append([gauge, f"{x:g}", f"{harmonic}", f"{1e3 * computed:.4g}", f"{1e3 * reference:.4g}", *errors])
-    return terminal_table(heads, rows)
-
-
-# ---------------------------------------------------------------- wave heights along sections
-def heights_table(rows: Iterable[Mapping[str, Any]]) -> Table:
-    """Return the comparison of wave heights as a table for the terminal."""
-    heads = ("section", "line", "measured", "points", "nrms", "bias", "own H0", "max", "measured")
-    cells = []
-    for row in rows:
-        own = "" if row["nrms_incident"] is None else f"{row['nrms_incident']:.3f}"
-        misfits = (f"{row['nrms']:.3f}", f"{row['bias']:+.3f}", own)
-        largest = (f"{row['largest_computed']:.2f}", f"{row['largest_measured']:.2f}")
-        cells.append([row["section"], row["line"], row["measured"], str(row["points"]), *misfits, *largest])
-    return terminal_table(heads, cells)

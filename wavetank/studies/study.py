@@ -13,7 +13,7 @@ from wavetank.errors import InputError, RecordError, RunError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath
 from wavetank.output.manifest import MANIFEST
-from wavetank.plots.tables import frame_table, write_frame
+from wavetank.plots.tables import plain_columns, terminal_table, write_frame
 from wavetank.studies import sweep
 from wavetank.studies.drawing import draw_ensembles, draw_responses, draw_trade
 from wavetank.studies.measures import Reference, exact_reference, run_reference
@@ -218,8 +218,8 @@ def _write(out: Path, table: StudyTable, missing: Sequence[str], console: Consol
         raise RunError(f"nothing could be measured: no run, or not its reference, has finished. {causes}")
     if any(axis.seeds for axis in table.swept) and table.responses:
         statistics = ensembles(table)
-        write_frame(out / ENSEMBLES, statistics, error=RecordError)
-        wide.print(frame_table(statistics, digits=4))
+        write_frame(out / ENSEMBLES, statistics, digits=7, error=RecordError)
+        wide.print(terminal_table(statistics, plain_columns(statistics, digits=4)))
         _print(console, f"wrote {out / ENSEMBLES}")
         draw_ensembles(table, statistics, out / PICTURE)
     elif any(axis.physical for axis in table.swept):

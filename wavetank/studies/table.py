@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from rich.table import Table
 from scipy.special import stdtrit
-from xarray import Dataset
 
 from wavetank.case import Case
 from wavetank.errors import RecordError
-from wavetank.plots.tables import format_cell, terminal_table, write_frame
+from wavetank.plots.tables import Column, data_frame, terminal_table, write_frame
 from wavetank.studies.sweep import Axis
 
 if TYPE_CHECKING:
@@ -109,12 +109,14 @@ class StudyTable:
     @cached_property
     def runs(self) -> "DataFrame":
         """The rows as pandas' DataFrame; numbers that a run does not have are not a number, texts are empty."""
-        settings = {axis.name: [row.values.get(axis.name, "") for row in self.rows] for axis in self.axes}
-        texts = {name: [str(getattr(row, name)) for row in self.rows] for name in TEXTS}
+        columns: dict[str, ArrayLike] = {
+            axis.name: [row.values.get(axis.name, "") for row in self.rows] for axis in self.axes
+        }
+        columns |= {name: [getattr(row, name) for row in self.rows] for name in TEXTS}
         numbers = [{**row.responses, **row.errors, **row.costs, BROKE: row.broke} for row in self.rows]
         names = dict.fromkeys([*_names(numbers), *COSTS, BROKE])
-        values = {name: np.array([one.get(name, np.nan) for one in numbers], dtype=float) for name in names}
-        return Dataset({name: ("run", column) for name, column in (settings | texts | values).items()}).to_dataframe()
+        columns |= {name: np.array([one.get(name, np.nan) for one in numbers], dtype=float) for name in names}
+        return data_frame(columns)
 
     @property
     def unfinished(self) -> str:
@@ -141,20 +143,15 @@ class StudyTable:
         names = [axis.name for axis in self.axes]
         columns = [*names, "mark", *self.measures, *COSTS, "status", "cause", "warnings"]
         labels = {axis.name: axis.label for axis in self.axes}
-        write_frame(path, self.runs[columns].rename(columns=labels), error=RecordError)
+        write_frame(path, self.runs[columns].rename(columns=labels), digits=7, error=RecordError)
 
     def terminal(self) -> Table:
         """Return the table for the terminal: settings, results, the main costs and the status of each run."""
         digits = dict.fromkeys(self.measures, 3) | SHOWN
-        rows = (
-            [
-                *(run[axis.name] for axis in self.axes),
-                *(format_cell(run[name], n) for name, n in digits.items()),
-                ", ".join(filter(None, [run["mark"], run["status"]])),
-            ]
-            for _, run in self.runs.iterrows()
-        )
-        return terminal_table([*(axis.label for axis in self.axes), *digits, "status"], rows)
+        columns = [Column(axis.name, axis.label) for axis in self.axes]
+        columns += [Column(name, name, f"{{:.{number}g}}") for name, number in digits.items()]
+        more = [Column("mark", "mark")] if any(self.runs["mark"]) else []
+        return terminal_table(self.runs, [*columns, *more, Column("status", "status")])
 
 
 def _names(rows: Iterable[Mapping[str, float]]) -> list[str]:

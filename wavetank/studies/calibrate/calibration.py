@@ -21,7 +21,7 @@ from wavetank.output.files import write_atomically
 from wavetank.planning.default_plan import default_plan
 from wavetank.planning.plan import make_plan, own_plan
 from wavetank.planning.resolution import DEFAULT, resolved
-from wavetank.plots.tables import write_rows
+from wavetank.plots.tables import data_frame, write_frame
 from wavetank.studies.calibrate.aims import (
     NO_RESULT,
     Aim,
@@ -151,12 +151,13 @@ def describe(one: Attempt) -> str:
 
 def write_table(path: Path, attempts: Sequence[Attempt]) -> None:
     """Write ``calibration.csv``; raises ``RecordError``."""
-    rows = []
-    for one in attempts:
-        values = [*one.result.crest, one.result.nrms, one.result.misfit]
-        figures = [f"{value:.6g}" if np.isfinite(value) else "" for value in values]
-        rows.append([one.number, one.runs, one.numerics, *figures, one.broke, f"{one.cpu:.3g}", one.cause])
-    write_rows(path, COLUMNS, rows, RecordError)
+    rows = [
+        (one.number, one.runs, one.numerics, *one.result.crest, one.result.nrms, one.result.misfit)
+        + (one.broke, f"{one.cpu:.3g}", one.cause)
+        for one in attempts
+    ]
+    table = data_frame(dict(zip(COLUMNS, zip(*rows, strict=True), strict=True)))
+    write_frame(path, table.replace(np.inf, np.nan), error=RecordError)
 
 
 class Calibration:
