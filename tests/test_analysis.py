@@ -10,13 +10,7 @@ from records import gauge, gauges, surface
 from scipy.integrate import quad
 
 from wavetank.analysis.record import read_record
-from wavetank.analysis.reflection import (
-    beat_length,
-    bound_and_free,
-    reflected,
-    reflected_spectra,
-    regular_reflection,
-)
+from wavetank.analysis.reflection import beat_length, bound_and_free, reflected, reflected_spectra, regular_reflection
 from wavetank.analysis.results import KINDS, reflection_coefficient
 from wavetank.analysis.signals import (
     ENTIRE,
@@ -399,8 +393,7 @@ def test_the_reflection_of_a_group_has_no_bound_harmonics(planted):
 
 
 @pytest.mark.parametrize(
-    ("start", "end"),
-    [(0, 80), (10, 80), (19, 55), (20, 100), (19, 400), (28, 60), (0, 31), (31, 60), (27, 36)],
+    ("start", "end"), [(0, 80), (10, 80), (19, 55), (20, 100), (19, 400), (28, 60), (0, 31), (31, 60), (27, 36)]
 )
 def test_the_incident_height_of_a_group_is_that_of_its_spectrum_or_refused(start, end):
     """Windows that contain the group, and four that cut it; in Hann windows the ratio was 0.6 to 1.7."""

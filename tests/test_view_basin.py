@@ -258,10 +258,7 @@ def write_turned_mesh(path):
     x, y = (one.ravel() for one in np.meshgrid(np.linspace(0.0, 2.0, 5), np.linspace(0.0, 1.0, 3), indexing="ij"))
     c, s = np.cos(TURNED), np.sin(TURNED)
     first = (3 * np.arange(4)[:, None] + np.arange(2)).ravel() + 1
-    paddle, walls = (
-        [(1, 2), (2, 3)],
-        [*((n, n + 3) for m in (1, 3) for n in range(m, m + 10, 3)), (13, 14), (14, 15)],
-    )
+    paddle, walls = ([(1, 2), (2, 3)], [*((n, n + 3) for m in (1, 3) for n in range(m, m + 10, 3)), (13, 14), (14, 15)])
     lines = [*(f"1 2 1 1 {a} {b}" for a, b in paddle), *(f"1 2 2 2 {a} {b}" for a, b in walls)]
     lines += [f"3 2 3 1 {n} {n + 3} {n + 4} {n + 1}" for n in first]
     path.write_text(
