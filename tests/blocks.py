@@ -3,7 +3,7 @@
 from typing import Any
 
 from wavetank.simulation.run import Rows
-from wavetank.tank.seen import Block
+from wavetank.tank.block import Block
 
 
 def block_of(system: Any, *states: tuple[int, float, Any], sinks: Any = (), work: Any = None) -> Block:

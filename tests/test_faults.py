@@ -31,7 +31,7 @@ from wavetank.recording import record_run
 from wavetank.simulation import run as running
 from wavetank.simulation.clock import EverySteps
 from wavetank.status import line, run_status
-from wavetank.tank.seen import Block
+from wavetank.tank.block import Block
 from wavetank.values.toml import toml
 
 REGULAR = {  # waves of a period of 2.3 s

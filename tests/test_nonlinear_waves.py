@@ -16,8 +16,8 @@ from wavetank.output.columns import energy_columns
 from wavetank.simulation.build import build_run
 from wavetank.simulation.energy import EnergyBudget
 from wavetank.simulation.records import Memory
+from wavetank.tank.block import DAMPED, HIGHEST, POWER
 from wavetank.tank.carried_waves import AdvectionPreconditioner
-from wavetank.tank.seen import DAMPED, HIGHEST, POWER
 from wavetank.tank.still_water import StillWaterWaves, scales
 from wavetank.tank.walls.contract import positions_at
 
@@ -64,16 +64,16 @@ def test_a_stage_s_preconditioner_knows_the_current(make_tank):
     guess, still, costs = tank.evaluate(*known, 0.0), StillWaterWaves(tank), []
     for own in (True, False):
         if not own:
-            tank.begin_stage, tank.precondition = lambda *stage: None, still
+            tank.history.compiled, tank.begin_stage, tank.precondition = None, lambda *stage: None, still
         before = tank.stages.counters.evaluations
         tank.solve_stage(f"q, p {own}", known, a, 0.0, guess)
         costs.append(tank.stages.counters.evaluations - before)
     assert costs[0] < 0.7 * costs[1]
     size, residual, of_parts = np.stack(scales(tank)), -a * guess.flow, AdvectionPreconditioner(tank, still)
-    of_parts._compiled[a] = None  # one call after the other
+    of_parts.compiled[a] = None  # one call after the other
     inverses = AdvectionPreconditioner(tank, still), of_parts
     for inverse in inverses:
-        inverse.at(a, guess)
+        inverse.set_velocity(a, guess)
     whole, parts, uncarried = (inverse(a, residual) / size for inverse in (*inverses, still))
     assert np.abs(whole - parts).max() < 1e-12 * np.abs(parts).max()
     assert np.abs(uncarried - parts).max() > 1e-3 * np.abs(parts).max()
@@ -102,9 +102,9 @@ def test_a_stage_s_preconditioner_tells_a_paddle_s_mapping_from_a_current(make_t
         AdvectionPreconditioner(tank, still),
         AdvectionPreconditioner(tank, still),
     )
-    of_parts._compiled[a] = None  # one call after the other
+    of_parts.compiled[a] = None  # one call after the other
     for inverse in (full, of_parts):
-        inverse.at(a, guess)
+        inverse.set_velocity(a, guess)
     left = [np.linalg.norm((inverse(a, residual) - change) / size) for inverse in (full, of_parts, still)]
     left /= np.linalg.norm(change / size)
     assert left[0] == pytest.approx(left[1], rel=1e-6)
@@ -145,7 +145,7 @@ def test_energies_expanded_about_an_evaluation_are_right_to_the_square_of_what_l
     for size in sizes:
         away = np.array([size * tank.mass.apply(bump), size * bump])
         before, after = (tank.evaluate(*(mean + sign * away), t) for sign in (-1, 1))
-        state = MeanAndJumps(np.array([mean, 2 * away, away, away]), before, evaluation=after)
+        state = MeanAndJumps(np.array([mean, 2 * away, away, away]), end=before, evaluation=after)
         found, close = block_of(tank, (0, t, state)), 1e-12 + 0.02 * tank.wall.leans * size**2
         assert [*found.numbers[0, HIGHEST:]] == [found.eta[0].max(), np.abs(found.eta[0]).max()]
         assert positions_at(t, found.rates[0, :, 0]) == tank.wall.paddle_positions

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from blocks import block_of
+from mpi4py import MPI
 
 from examples.paper.oscillators import Harmonic, NonSeparable
 from wavetank.errors import RunError
@@ -180,14 +181,15 @@ def test_snapshots_are_on_the_laboratory_side_of_the_paddle(make_tank):
 class Steady:
     """Water whose energy stays what it is, whatever is put in and taken out."""
 
-    depth, gravity = 1.0, 9.81
+    depth, gravity, plane = 1.0, 9.81, SimpleNamespace(comm=MPI.COMM_SELF)
     wall = SimpleNamespace(rates=np.zeros((0, 3)), velocities=np.zeros(1))
 
     def power(self, t):
         return 8.9
 
-    def see(self, state, t, into, row):
+    def write_row(self, state, t, into, row):
         into.numbers[row, :5] = 0.5, 0.5, 0.0, 1.0, self.power(t)
+        return 0.0, 0.0, 1.0, 0.0
 
 
 def still(step, *, sinks=(), water=None, work=None):

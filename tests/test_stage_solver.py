@@ -20,7 +20,7 @@ class System:
     def __init__(self, f):
         self._f = f
 
-    def begin_stage(self, weight, t, guess, history):
+    def begin_stage(self, weight, t, guess):
         return None
 
     def precondition(self, weight, residual):

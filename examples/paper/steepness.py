@@ -17,8 +17,8 @@ from wavetank.errors import RunError
 from wavetank.plots.style import BLUE, GREEN, ORANGE, VERMILION, entry, number_logarithms
 from wavetank.simulation.build import build_run
 from wavetank.simulation.clock import EverySteps
+from wavetank.tank.block import Block
 from wavetank.tank.dissipation import EdgePenalty
-from wavetank.tank.seen import Block
 from wavetank.tank.surface_flow import SurfaceFlow
 from wavetank.tank.waves import NonlinearWaves
 from wavetank.waves.stream_function import maximum_height, stream_function_wave

@@ -8,7 +8,7 @@ from wavetank.integrators.contract import Integrator
 from wavetank.integrators.hamiltonian import HamiltonianSystem
 from wavetank.simulation.clock import Clock, EverySteps
 from wavetank.simulation.run import Run
-from wavetank.tank.seen import Block
+from wavetank.tank.block import Block
 
 T = TypeVar("T")
 Look = Callable[[Any, int], T]  # at the scheme's state after so many steps

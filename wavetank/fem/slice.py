@@ -5,17 +5,15 @@ the arrays of the Python objects. The Python objects do the rest: the first solv
 fail, so that one place reports the cause.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
-from wavetank.fem.along import Minimum
 from wavetank.fem.anderson import AndersonMixing
 from wavetank.fem.codegen import Buffer, Function, Struct, Unit, source
-from wavetank.fem.initial_guess import InitialGuessProjection
 from wavetank.fem.layers import LayerOperator
 from wavetank.fem.mass import BandedMass, MassMatrix
 from wavetank.fem.plane import Field, LayeredField, Plane
@@ -80,26 +78,24 @@ class Solution(NamedTuple):
     level: float
     kinetic: float
     square: float
-    energies: tuple[float, ...] = ()
+    energies: Sequence[float] = ()
 
 
 class StageResult(NamedTuple):
-    """The result of a stage.
+    """The result of a compiled stage.
 
     Attributes
     ----------
     z
-        The solution, or where it is not solved the start value for another solver; shape (2, dofs).
+        The solution, or where it does not converge a start value for another solver; shape (2, dofs).
     history_size
         The size by which the tolerance is scaled, as ``StageHistory`` has it.
     size
         The size of the last iterate.
     contraction
         The contraction of the first iteration, if there were two; else nan.
-    evaluations, iterations
-        How many it took, and of the interior solves together.
-    worn
-        Whether the preconditioner of the interior is to be renewed.
+    evaluations
+        Of f.
     """
 
     z: Vector
@@ -108,8 +104,6 @@ class StageResult(NamedTuple):
     size: float
     contraction: float
     evaluations: int
-    iterations: int
-    worn: bool
 
 
 class SliceSolver:
@@ -119,8 +113,8 @@ class SliceSolver:
     ----------
     unit
         That of all components; no instance is added to it after this one.
-    mass, potential, operator, minimum, recall
-        What is called; ``potential`` integrates the potential energy.
+    mass, potential, operator, interior
+        What is called; ``potential`` integrates the potential energy, ``interior`` is an ``InteriorPotential``.
     column, phi
         Where column and potential are found.
     walls, leaning
@@ -149,8 +143,7 @@ class SliceSolver:
         mass: BandedMass,
         potential: MassMatrix,
         operator: LayerOperator,
-        minimum: Minimum,
-        recall: InitialGuessProjection,
+        interior: Any,
         column: Field,
         phi: LayeredField,
         walls: Sequence[WallStruct],
@@ -162,7 +155,7 @@ class SliceSolver:
         scales: Vector,
         position: Vector | None,
     ):
-        self._minimum, self._recall, self._following = minimum, recall, walls if on_varying_bed else ()
+        self._interior, self._following = interior, walls if on_varying_bed else ()
         self._n, numbers = plane.size, phi.rows.shape[1]
         self.instance = unit.add(
             "",
@@ -190,7 +183,7 @@ class SliceSolver:
             cells=operator.cells,
             layers=operator.layers,
             rows=operator.rows,
-            guesses=recall.struct,
+            guesses=interior.recall.struct,
             walls_moving=len(walls),
             walls=[wall.struct for wall in walls],
             wall=of_walls[0] if len(of_walls) == 1 else np.zeros(shape),
@@ -203,7 +196,7 @@ class SliceSolver:
             inputs=inputs,
             scales=scales,
             position=position,
-            **minimum.compiled,
+            **interior.minimiser.compiled,
             **lean,
         )
         self._numbers, self._at_rest = np.zeros(6), np.zeros(plane.size)
@@ -214,14 +207,14 @@ class SliceSolver:
         self._stages: dict[tuple[Struct, AndersonMixing], tuple[Any, Callable[..., int]]] = {}
         self._functions = list[Function]()  # which own the structs of the stages
 
-    def evaluate(self, q: Vector, p: Vector, eta: Vector | None, still: Vector) -> tuple[Solution, int] | None:
-        """Return the solution for masses q and surface potential p, (dofs,) each, with energies; and its iterations.
+    def evaluate(self, q: Vector, p: Vector, eta: Vector | None, still: Vector) -> Solution | None:
+        """Return the solution for masses q and surface potential p, (dofs,) each, with energies.
 
         ``eta`` is the elevation of a near state [m], ``still`` the column of still water [m]. None where the general
         solver must do it.
         """
-        recall, result = self._recall, np.empty((6, self._n))
-        if not recall.recorded:
+        recall, result = self._interior.recall, np.empty((6, self._n))
+        if not recall.recorded or self._interior.patience is None:
             return None
         for wall in self._following:
             wall.follow()
@@ -230,9 +223,10 @@ class SliceSolver:
         if iterations < 0:
             return None
         recall.recorded += 1
-        self._minimum.last = self.struct.c.iterations
+        self._interior.minimiser.last = self.struct.c.iterations
+        self._interior.count(iterations)
         level, kinetic, square, *energies = self._numbers.tolist()
-        return Solution(result, level, kinetic, square, tuple(energies)), iterations
+        return Solution(result, level, kinetic, square, energies)
 
     def elevation_change(self, eta: Vector, still: Vector, dq: Vector) -> Vector:
         """Return by how much the elevation changes with the masses, to first order [m], shape (dofs,)."""
@@ -241,70 +235,49 @@ class SliceSolver:
         return change
 
     def solve_stage(
-        self,
-        near: tuple[Vector, Vector],
-        c: Vector,
-        a: float,
-        still: Vector,
-        preconditioner: Struct,
-        mixings: tuple[AndersonMixing, AndersonMixing],
-        history: tuple[float, float],
-        limits: Mapping[str, float],
-        patience: int,
+        self, solver: Any, history: Any, advection: Struct, c: Vector, a: float, guess: Any, still: Vector
     ) -> StageResult | None:
-        """Return the result of a stage z = c + a f(z), shape (2, dofs); None where the general solver must do it.
+        """Return the result of a stage z = c + a f(z); None where the general solver must do it.
 
         Parameters
         ----------
-        near
-            A point with f there.
+        solver, history
+            The ``StageSolver`` and the ``StageHistory``.
+        advection
+            The preconditioner for a.
+        guess
+            An evaluation next to z.
         c, a, still
             See above, with a [s]; and the column of still water [m].
-        preconditioner
-            The ``Advection``.
-        mixings
-            Of the stage's earlier solutions, and of its iterates.
-        history
-            Size and contraction of the stage's history; a size of nan before the first solve.
-        limits
-            Those of the stage solver, by their names in the C code.
-        patience
-            Iterations of an interior solve above which the preconditioner is to be renewed.
         """
-        recall, (points, _) = self._recall, mixings
-        if not recall.recorded:
+        interior, points = self._interior, history.points
+        if not interior.recall.recorded or interior.patience is None:
             return None
-        stage = self._stages.get((preconditioner, points))
-        if stage is None:
-            stage = self._stages[preconditioner, points] = self._stage(preconditioner, *mixings, limits)
-        (struct, solve), z = stage, np.empty_like(c)
-        struct.size, struct.contraction = history
-        known = recall.recorded, patience, points.recorded
-        solved = bool(solve(*near, c, a, still, *known, z))
-        recall.recorded += struct.evaluations
+        if (advection, points) not in self._stages:
+            self._stages[advection, points] = self._stage(solver, points, advection)
+        (struct, solve), z = self._stages[advection, points], np.empty_like(c)
+        struct.size = np.nan if history.size is None else history.size
+        struct.contraction = history.usable_contraction
+        known = interior.recall.recorded, interior.patience, points.recorded
+        solved = bool(solve(guess.z, guess.flow, c, a, still, *known, z))
+        interior.recall.recorded += struct.evaluations
         points.recorded += 1 + solved
-        self._minimum.last = self.struct.c.iterations
-        of_iterates = struct.size, struct.last_size, struct.measured
-        return StageResult(z, solved, *of_iterates, struct.evaluations, struct.iterations, bool(struct.worn))
+        interior.minimiser.last = self.struct.c.iterations
+        interior.count(struct.iterations, struct.evaluations, worn=bool(struct.worn))
+        return StageResult(z, solved, struct.size, struct.last_size, struct.measured, struct.evaluations)
 
-    def _stage(
-        self,
-        preconditioner: Struct,
-        points: AndersonMixing,
-        iterates: AndersonMixing,
-        limits: Mapping[str, float],
-    ) -> tuple[Any, Callable[..., int]]:
+    def _stage(self, solver: Any, points: AndersonMixing, advection: Struct) -> tuple[Any, Callable[..., int]]:
         """Return the struct and the function of stages of a weight and a history."""
         struct, size = self.instance.struct, 2 * self._n
         stage = struct(
             "Stage",
             tank=self.struct,
-            advection=preconditioner,
-            iterates=struct("Mixing", **iterates.compiled),
+            advection=advection,
+            iterates=struct("Mixing", **solver.mixing(1).compiled),
             points=struct("Mixing", **points.compiled),
             found=np.empty((6, self._n)),
             **{name: np.zeros(size) for name in ("residual", "image", "nothing", "missed")},
-            **limits,
+            **solver.limits,
         )
         n, z = Buffer(self._n), Buffer(size)
         function = self.instance.function("solve_stage", stage, z, z, z, float, n, int, int, int, z)

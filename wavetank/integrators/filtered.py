@@ -54,7 +54,7 @@ class Filtered(Wrapper[S]):
         state, t = self.scheme.step(system, state, t, dt), t + dt
         before = [one.state for one in self.filters]
         try:
-            if self.filters and state.evaluations[0] is None:
+            if self.filters and state.end is None:
                 state = state.evaluated(system, t)
             acting = [one for one in self.filters if one.needed(state, t)]
             return self._filtered(system, state, t, acting) if acting else state.evaluated(system, t)
@@ -67,8 +67,8 @@ class Filtered(Wrapper[S]):
         """Return the state at t after the filters that act then, one at least; collective."""
         passed = list(itertools.accumulate(acting, lambda before, one: before.mapped(one.passed), initial=state))
         ways = [_between(*pair) for pair in itertools.pairwise(passed)] if len(acting) > 1 else []
-        begin, after = state.evaluations[0], passed[-1].evaluated(system, t)
-        end = after.evaluations[-1]
+        begin, after = state.end or state.evaluation, passed[-1].evaluated(system, t)
+        end = after.evaluation
         energy, remaining = (_energy(system, at, one) for at, one in ((begin, state), (end, after)))
         taken = [-(energy_change(system, begin, way) + energy_change(system, end, way)) / 2 for way in ways] or [0.0]
         most = max(range(len(taken)), key=lambda n: abs(taken[n]))

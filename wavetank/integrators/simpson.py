@@ -22,7 +22,7 @@ Damping dp/dt = -H_q - gamma p, [G16] (38), comes in by h = e^(-gamma dt/2) of m
 
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -43,12 +43,9 @@ class MeanAndJumps(State):
     ----------
     values
         Mean, jump, and the jumps one and two steps before: pairs [q, p], shape (4, 2, n).
-    end
-        The evaluation at the minus trace at the end of the step, before filters; None at a start.
     """
 
     values: Vector
-    end: Any = None
 
     @property
     def q(self) -> Vector:
@@ -74,15 +71,10 @@ class MeanAndJumps(State):
         point: Vector = self.values[0] + 0.5 * self.values[1]
         return point
 
-    @property
-    def evaluations(self) -> tuple[Any, ...]:
-        """At both traces: that before the jump, and that after it."""
-        return (self.evaluation,) if self.end is None else (self.end, self.evaluation)
-
     def mapped(self, of: Map) -> Self:
         """Return the state with mean and plus trace mapped; the jumps of earlier steps are unchanged."""
         mean, plus = of(np.array([self.values[0], self.next_point]))
-        return type(self)(np.array([mean, 2 * (plus - mean), *self.values[2:]]), self.end)
+        return type(self)(np.array([mean, 2 * (plus - mean), *self.values[2:]]), end=self.end)
 
 
 class Coefficients(NamedTuple):
@@ -173,4 +165,4 @@ class Simpson4:
         values = np.empty_like(state.values)
         np.matmul(of.update, rows, out=values[:2].reshape(2, -1))
         values[2:] = state.values[1:3]
-        return MeanAndJumps(values, end)
+        return MeanAndJumps(values, end=end)

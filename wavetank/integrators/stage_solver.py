@@ -13,7 +13,7 @@ f need not have been evaluated; a scheme has its slope there from the stage itse
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import isfinite, sqrt
 from typing import Any
@@ -49,15 +49,6 @@ class StageCounters:
     newton_solves: int = 0
 
 
-CompiledSolver = Callable[
-    [Vector, tuple[AndersonMixing, AndersonMixing], tuple[float, float], Mapping[str, float]], Any
-]
-"""Returns a ``StageResult``, or None where the general solver must do it.
-
-Of c; the memories of earlier solutions and of iterates; size and contraction of the history; and limits by their names.
-"""
-
-
 class Stage(ABC):
     """A stage z = g(z) with g(z) = c + a f(z) of a system.
 
@@ -69,8 +60,6 @@ class Stage(ABC):
         See above, of the shape of z; and by what earlier solutions are combined to a start value.
     weight
         a [s], on which images depend.
-    compiled
-        Solves it in one compiled call, or None.
     """
 
     name: str
@@ -78,7 +67,6 @@ class Stage(ABC):
     c: Vector
     key: Vector
     weight: float
-    compiled: CompiledSolver | None = None
 
     @abstractmethod
     def image(self, z: Vector) -> tuple[Vector, float]:
@@ -141,13 +129,17 @@ class StageHistory:
         """The contraction while it is new enough; then inf."""
         return self.contraction if self.age < CONFIRMED else np.inf
 
-    def update(self, result: StageResult) -> None:
-        """Take over the size and the contraction of a result."""
+    def update(self, result: StageResult, counters: StageCounters) -> bool:
+        """Take over what a compiled solve has measured; return whether it has converged."""
+        counters.evaluations += result.evaluations
+        counters.solves += result.solved
         if result.evaluations:
-            self.size = result.history_size
-            self.age += 1
+            self.size, self.age = result.history_size, self.age + 1
         if result.evaluations > 1:
             self.contraction, self.age = result.contraction, 0
+        if result.solved:
+            self.size = max(result.size, MEMORY * result.history_size)
+        return result.solved
 
     @property
     def state(self) -> StageState:
@@ -206,15 +198,20 @@ class StageSolver:
         What round-off is a part of even where the solution is zero [scaled units].
     petsc
         Whether the mixing is that of PETSc's SNES.
+
+    Attributes
+    ----------
+    limits
+        The numbers above, for compiled code.
     """
 
     def __init__(self, comm: MPI.Comm, scale: Vector, *, tolerance: float, floor: float, petsc: bool = False):
         self._comm, self._scale, self._tolerance, self._floor = comm, scale, tolerance, floor
-        self._petsc = petsc
+        self.petsc = petsc
         self._mixings = dict[int, AndersonMixing]()  # by the number of pairs
         self._size = comm.allreduce(scale.size)
-        self._limits = {"tolerance": tolerance, "floor": floor, "round_off": ROUND_OFF, "safety": SAFETY}
-        self._limits |= {"uncertainty": UNCERTAINTY, "root": sqrt(self._size), "most": ITERATIONS}
+        self.limits = {"tolerance": tolerance, "floor": floor, "round_off": ROUND_OFF, "safety": SAFETY}
+        self.limits |= {"uncertainty": UNCERTAINTY, "root": sqrt(self._size), "most": ITERATIONS}
 
     def points(self, pairs: int) -> AndersonMixing:
         """Return the memory for points of so many pairs."""
@@ -224,47 +221,34 @@ class StageSolver:
         scale = np.concatenate(pairs * [self._scale])
         return AndersonMixing(self._comm, scale.ravel(), scale.shape, **how)
 
-    def solve(self, stage: Stage, histories: StageHistories) -> Vector:
-        """Return z with z = g(z), of the shape of the stage's c; collective.
+    def history(self, name: str, pairs: int, weight: float, histories: StageHistories) -> StageHistory:
+        """Return the history of the stage of that name, without points that were computed for another weight [s]."""
+        history = histories.stages.get(name)
+        if history is None or history.pairs != pairs:  # that of another scheme: compiled code relies on sizes
+            history = histories.stages[name] = StageHistory(pairs, self.points(pairs))
+        if history.points.weight != weight:
+            history.points.forget(weight)
+        return history
+
+    def solve(self, stage: Stage, histories: StageHistories, begin: Vector | None = None) -> Vector:
+        """Return z with z = g(z), of the shape of the stage's c; ``begin`` is a start value; collective.
 
         Raises ``ConvergenceError`` naming time, stage and residual.
         """
         pairs, counters = len(stage.c) if stage.c.ndim == 3 else 1, histories.counters
-        history = histories.stages.get(stage.name)
-        if history is None or history.pairs != pairs:  # that of another scheme: compiled code relies on sizes
-            history = histories.stages[stage.name] = StageHistory(pairs, self.points(pairs))
-        if history.points.weight != stage.weight:  # images depend on it
-            history.points.forget(stage.weight)
+        history = self.history(stage.name, pairs, stage.weight, histories)
         counters.solves += 1
-        solution, begin, size = None, None, np.nan
-        if stage.compiled is not None and not self._petsc:
-            mixings = history.points, self._mixings.get(1) or self._mixing(1)
-            numbers = np.nan if history.size is None else history.size, history.usable_contraction
-            result = stage.compiled(stage.c, mixings, numbers, self._limits)
-            if result is not None:
-                counters.evaluations += result.evaluations
-                history.update(result)
-                begin, size = result.z, result.size
-                solution = result.z if result.solved else None
-        if solution is None:
-            solution, size = self._solve(stage, begin, history, counters)
-            history.points.add(solution, stage.key)
-        history.size = max(size, MEMORY * (history.size or 0.0))
-        return solution
-
-    def _solve(
-        self, stage: Stage, begin: Vector | None, history: StageHistory, counters: StageCounters
-    ) -> tuple[Vector, float]:
-        """Return the solution, by Newton-Krylov where mixing does not converge, and its size; collective."""
-        root = sqrt(history.pairs * self._size)
+        root = sqrt(pairs * self._size)
         if begin is None:
             begin = stage.begin(history.points, UNCERTAINTY * root * self._tolerance * (history.size or 0.0))
         how = stage, begin, history, counters, root
-        solution, size = self._mixed(*how) if self._petsc else self._iterated(*how)
+        solution, size = self._mixed(*how) if self.petsc else self._iterated(*how)
         if solution is None:
             counters.newton_solves += 1
-            return self._snes("newtonls", *how)
-        return solution, size
+            solution, size = self._snes("newtonls", *how)
+        history.points.add(solution, stage.key)
+        history.size = max(size, MEMORY * (history.size or 0.0))
+        return solution
 
     def _mixed(self, stage: Stage, *how: Any) -> tuple[Vector | None, float]:
         """Return the solution by PETSc's Anderson mixing, or None where it does not converge; collective."""
@@ -277,7 +261,7 @@ class StageSolver:
         self, stage: Stage, z: Vector, history: StageHistory, counters: StageCounters, root: float
     ) -> tuple[Vector | None, float]:
         """Return the solution by Anderson's mixing from z on, or None where it does not converge; collective."""
-        mixing = self._mixing(history.pairs)
+        mixing = self.mixing(history.pairs)
         mixing.forget()
         contraction = history.usable_contraction
         norm = target = np.nan
@@ -308,7 +292,7 @@ class StageSolver:
         scaled = (z / self._scale).ravel()
         return sqrt(summed(self._comm, float(scaled @ scaled)))
 
-    def _mixing(self, pairs: int) -> AndersonMixing:
+    def mixing(self, pairs: int) -> AndersonMixing:
         """Return Anderson's memory of iterates z - r(z), combined as their residuals r come closest to zero."""
         if pairs not in self._mixings:
             self._mixings[pairs] = self._combination(pairs, most=1 + MIXED, shortest=SHORTEST)

@@ -9,7 +9,7 @@ import numpy as np
 from wavetank.arrays import Vector
 from wavetank.fem.anderson import AndersonMixing
 from wavetank.integrators.hamiltonian import Weights, coupled, pair
-from wavetank.integrators.stage_solver import CompiledSolver, Stage, StageSolver
+from wavetank.integrators.stage_solver import Stage, StageSolver
 
 
 class StagedSystem(ABC):
@@ -27,11 +27,8 @@ class StagedSystem(ABC):
     stage_solver: StageSolver
 
     @abstractmethod
-    def begin_stage(self, weight: float | None, t: float, guess: Any, history: Any) -> CompiledSolver | None:
-        """Prepare for stages at t near a guess, preconditioned for a weight [s] unless that is None.
-
-        Returns the compiled solver of such a stage, or None; see ``Stage.compiled``.
-        """
+    def begin_stage(self, weight: float | None, t: float, guess: Any) -> None:
+        """Prepare for stages at t next to a guess, preconditioned for a weight [s] unless that is None."""
 
     @abstractmethod
     def precondition(self, weight: float, residual: Vector) -> Vector:
@@ -82,7 +79,7 @@ class PairStage(Stage):
         self._both = not isinstance(a, tuple)
         self._a: Any = a if self._both else np.array([[one] for one in pair(a)])
         self.weight = float(np.sum(self._a))
-        self.compiled = system.begin_stage(self.weight if self._both else None, t, guess, history)
+        system.begin_stage(self.weight if self._both else None, t, guess)
 
     def image(self, z: Vector) -> tuple[Vector, float]:
         """Return c + a f(z, t), and how far from rest z is; collective."""
@@ -124,7 +121,7 @@ class CoupledStages(Stage):
         self.weight, self._guess = float(np.trace(a[0])) / stages, guess
         steps = a[0].sum(axis=1)[:, None, None]  # from the guess to the stages
         self.key = self.c if guess is None else self.c + steps * guess.flow
-        system.begin_stage(self.weight, times[0], guess, history)
+        system.begin_stage(self.weight, times[0], guess)
 
     def image(self, z: Vector) -> tuple[Vector, float]:
         """Return the right-hand sides, and how far from rest the last stage is; collective."""

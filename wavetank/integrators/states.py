@@ -23,9 +23,12 @@ class State(ABC):
     ----------
     evaluation
         Of the system where the next step begins; None until it is asked for.
+    end
+        The evaluation where the step has ended, before filters; None if that is where the next one begins.
     """
 
     evaluation: Any = field(default=None, kw_only=True)
+    end: Any = field(default=None, kw_only=True)
 
     if TYPE_CHECKING:  # fields or properties
 
@@ -39,19 +42,15 @@ class State(ABC):
 
     @property
     def evaluations(self) -> tuple[Any, ...]:
-        """The evaluations next to (q, p), at its time, of which (q, p) is the mean, or nearly so.
-
-        That where the step has ended, if it is another, and that where the next one begins.
-        """
-        return (self.evaluation,)
+        """The evaluations of which (q, p) is the mean: where the step has ended, and where the next one begins."""
+        return (self.evaluation,) if self.end is None else (self.end, self.evaluation)
 
     def evaluated(self, system: HamiltonianSystem, t: float) -> Self:
         """Return the state at t with its evaluation; collective."""
         if self.evaluation is not None:
             return self
-        (q, p), (before, *_) = self.next_point, self.evaluations
-        values = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        return type(self)(**{**values, "evaluation": system.evaluate(q, p, t, before)})
+        q, p = self.next_point
+        return replace(self, evaluation=system.evaluate(q, p, t, self.end))
 
     @property
     def next_point(self) -> Vector:

@@ -17,7 +17,7 @@ from wavetank.simulation.construction import AnyWaves
 from wavetank.simulation.memory import peak_memory
 from wavetank.simulation.records import Memory, Records
 from wavetank.simulation.run import Run
-from wavetank.tank.seen import Block
+from wavetank.tank.block import Block
 from wavetank.waves import airy
 
 STEEPEST = 0.2  # k a, and a over the depth: steeper waves may break

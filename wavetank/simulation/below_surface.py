@@ -14,8 +14,8 @@ from wavetank.simulation.clock import EverySteps, Schedule
 from wavetank.simulation.contract import Diagnostic, displacement, due_steps
 from wavetank.simulation.diagnostics import Called, LatticePlaces, PaddleReach
 from wavetank.simulation.records import DeferredErrors, Discard, Record
+from wavetank.tank.block import Block
 from wavetank.tank.kinematics import MovingWater, NonlinearRates, Sounding, Velocity
-from wavetank.tank.seen import Block
 from wavetank.tank.surface_points import SurfaceOverPlaces
 from wavetank.tank.wall_pressure import WallPressure
 

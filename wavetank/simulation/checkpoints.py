@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from mpi4py import MPI
 
-from wavetank.tank.seen import Block
+from wavetank.tank.block import Block
 
 USUALLY, SOON = 60.0, 1.0  # s of computing between two of them, and between the first ones
 COST = 0.005  # of the time of computing, at most

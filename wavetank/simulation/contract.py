@@ -6,8 +6,8 @@ import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.simulation.clock import EverySteps, Schedule
+from wavetank.tank.block import Block
 from wavetank.tank.linear_waves import LinearWaves
-from wavetank.tank.seen import Block
 from wavetank.tank.walls.contract import Wall, displacements_at, positions_at
 from wavetank.tank.waves import NonlinearWaves
 

@@ -20,7 +20,7 @@ from wavetank.run_warning import RunWarning
 from wavetank.simulation.clock import EverySteps, Schedule
 from wavetank.simulation.contract import Waves, displacement, displacements
 from wavetank.simulation.records import Record
-from wavetank.tank.seen import Block
+from wavetank.tank.block import Block
 from wavetank.tank.surface_points import SurfaceOverPlaces
 from wavetank.tank.wall_pressure import PaddlePush
 from wavetank.tank.walls.contract import Wall

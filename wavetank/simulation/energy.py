@@ -8,7 +8,7 @@ integrated over all steps (``supply.py``), however few of them are recorded; so 
 H_psi. What is dissipated between steps its sinks count themselves. The balance, E - E(0) - work + dissipated, is then
 the error of the time integrator. A scheme that reports the mean of two traces evaluates these, not the mean: power is
 the mean of theirs, and H of the mean is that of the plus trace and its derivatives times what lies between
-(``tank/seen.py``); both are right to the square of the jump. Where something acts between steps, these are the minus
+(``tank/block.py``); both are right to the square of the jump. Where something acts between steps, these are the minus
 trace before and the plus trace after.
 """
 
@@ -23,8 +23,8 @@ from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.contract import Waves
 from wavetank.simulation.records import Record
 from wavetank.simulation.supply import Integral
+from wavetank.tank.block import Block
 from wavetank.tank.dissipation import Smoothing
-from wavetank.tank.seen import Block
 
 ROUNDING = 1e-12  # of g d² of the whole tank: less energy is round-off
 TRUE = 0.01  # of the energy, what has gone included: a balance that is farther off is told

@@ -13,8 +13,8 @@ from wavetank.arrays import largest
 from wavetank.errors import StoppedError
 from wavetank.output.files import RunLog
 from wavetank.simulation.clock import EverySteps
+from wavetank.tank.block import Block
 from wavetank.tank.breaking import BreakingDissipation
-from wavetank.tank.seen import Block
 
 
 class BreakingNews:

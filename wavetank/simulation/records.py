@@ -18,7 +18,7 @@ from wavetank.output.fields import VtuSeries
 from wavetank.output.tables import Rows
 from wavetank.output.writer import RunWriter
 from wavetank.simulation.clock import EverySteps
-from wavetank.tank.seen import Block
+from wavetank.tank.block import Block
 
 
 class Discard:

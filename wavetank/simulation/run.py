@@ -19,9 +19,9 @@ from wavetank.simulation.contract import Diagnostic, due_steps
 from wavetank.simulation.supply import PaddleWork
 from wavetank.simulation.surviving import MAY_BE_NEW, restore_surviving, survives
 from wavetank.state import StateTree, check_like, has_state, hints_of, named, plain, restore_all, typed
+from wavetank.tank.block import Block, Parts, write_sums
 from wavetank.tank.dissipation import Smoothing
 from wavetank.tank.history import Solves
-from wavetank.tank.seen import Block, Parts, write_sums
 
 LONGEST, FEW, NUMBERS = 256, 16, 5e4  # steps of a block; unknowns of all of them, which caches hold
 SECONDS = 0.5  # of computing, of a block
@@ -47,7 +47,7 @@ class Rows:
     def __init__(
         self, system: Any, size: int, most: int, *, sinks: Sequence[Smoothing] = (), work: PaddleWork | None = None
     ):
-        self._system, self._sinks, self._work, self._waves = system, sinks, work, hasattr(system, "see")
+        self._system, self._sinks, self._work, self._waves = system, sinks, work, hasattr(system, "write_row")
         wall = {}
         if self._waves:
             wall = {"paddles": len(system.wall.rates), "velocities": system.wall.velocities.size}
@@ -62,12 +62,11 @@ class Rows:
         if self._work is not None:
             block.work[row] = self._work.advance(state, t)
         if self._waves:
-            parts = self._system.see(state, t, block, row)
-            if parts is not None:
-                self._parts.append(parts)
+            self._parts.append(self._system.write_row(state, t, block, row))
         else:
             block.q[row], block.psi[row] = state.q, state.p
-        block.dissipated[row] = [sink.energy_taken for sink in self._sinks]
+        if self._sinks:
+            block.dissipated[row] = [sink.energy_taken for sink in self._sinks]
         self._count += 1
 
     def take(self, state: Any, dt: float) -> Block | None:
@@ -80,7 +79,7 @@ class Rows:
         if not count:
             return None
         if parts:
-            write_sums(self._system, self._block.at(slice(count)), parts)
+            write_sums(self._system.plane.comm, self._block.at(slice(count)), parts)
         return self._block.read_only(count, dt=dt, state=state)
 
 

@@ -26,8 +26,8 @@ from wavetank.arrays import Vector, largest
 from wavetank.run_warning import RunWarning
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.contract import displacement
+from wavetank.tank.block import Block
 from wavetank.tank.breakdown import FARTHEST, ShortWaves
-from wavetank.tank.seen import Block
 from wavetank.tank.surface_flow import SurfaceVelocity
 from wavetank.tank.waves import NonlinearWaves
 

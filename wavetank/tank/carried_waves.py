@@ -41,11 +41,11 @@ class Compiled:
         The ``Advection`` of ``slice.c``.
     """
 
-    def __init__(self, instance: Instance, struct: Struct, *, dofs: int):
+    def __init__(self, instance: Instance, struct: Struct, *, dofs: int, most: float):
         n, z = Buffer(dofs), Buffer(2 * dofs)
         self.struct = struct
         self.precondition = instance.function("precondition", struct, float, z, z)
-        self.set_velocity = instance.function("set_velocity", struct, float, float, z, z, n, n)
+        self.set_velocity = instance.function("set_velocity", struct, most, LEAST / LARGEST * most, z, z, n, n)
 
 
 def surface_points(plane: Plane, wall: Wall, unit: Unit) -> SurfacePoints:
@@ -66,6 +66,11 @@ class AdvectionPreconditioner:
         ``NonlinearWaves``.
     still
         That of linear waves on still water.
+
+    Attributes
+    ----------
+    compiled
+        By weights [s]: what is compiled along a slice on one rank; None elsewhere.
     """
 
     def __init__(self, waves: Any, still: StillWaterWaves):
@@ -73,11 +78,11 @@ class AdvectionPreconditioner:
         self._shortest = waves.plane.cell_size / (np.pi * waves.plane.order)
         self._B: Vector = np.zeros(waves.plane.owned)
         self._has_velocity = False  # whether the velocities at the surface are
-        self._compiled: dict[float, Compiled | None] = {}  # by weights
+        self.compiled: dict[float, Compiled | None] = {}
 
     def __call__(self, weight: float, residual: Vector) -> Vector:
         """Return the preconditioned residual of a stage of that weight [s], shape (2, owned); collective."""
-        compiled = self._of_weight(weight)
+        compiled = self.compiled.get(weight)
         if compiled is not None:
             result = np.empty_like(residual)
             compiled.precondition(weight, residual, result)
@@ -91,28 +96,24 @@ class AdvectionPreconditioner:
         smoothed = self._still.keeping(q, mass.apply(eta) + advected)
         return np.array([smoothed, chi + self._B * (eta + solve(advected))])
 
-    def at(self, weight: float, evaluation: WaterEvaluation | None) -> Compiled | None:
-        """Take the velocities at the surface of an evaluation for stages of a weight [s]; collective.
+    def set_velocity(self, weight: float, at: WaterEvaluation | None) -> None:
+        """Set the velocities at the surface from an evaluation, for stages of a weight [s]; collective.
 
-        The wall is where it was there, outside slices the mass matrix, too. Returns what is compiled for such stages,
-        along a slice on one rank; None where nothing is.
+        The wall is where it was there, outside slices the mass matrix, too.
         """
-        compiled = self._compiled[weight] if weight in self._compiled else self._of_weight(weight)
-        most = LARGEST * self._shortest / abs(weight)
+        if weight not in self.compiled:
+            self.compiled[weight] = self._along(weight)
+        compiled = self.compiled[weight]
         if compiled is None:
-            self._has_velocity = evaluation is not None and self._set_velocity(evaluation, most)
-        elif evaluation is None:
+            self._has_velocity = at is not None and self._velocity_counts(at, self._most(weight))
+        elif at is None:
             compiled.struct.c.carried = False
         else:
-            at, still = evaluation, self._waves.bed.still
-            compiled.set_velocity.call(most, LEAST / LARGEST * most, at.z, at.flow, at.eta, still)
-        return compiled
+            compiled.set_velocity.call(at.z, at.flow, at.eta, self._waves.bed.still)
 
-    def _of_weight(self, weight: float) -> Compiled | None:
-        """Return what is compiled for stages of a weight [s], along a slice on one rank, made once; else None."""
-        if weight not in self._compiled:
-            self._compiled[weight] = self._along(weight)
-        return self._compiled[weight]
+    def _most(self, weight: float) -> float:
+        """Return the velocity at which that at the surface is cut off [m/s]."""
+        return float(LARGEST * self._shortest / abs(weight))
 
     def _along(self, weight: float) -> Compiled | None:
         waves, (modes, mode_weights) = self._waves, self._still.solver(weight)
@@ -136,14 +137,14 @@ class AdvectionPreconditioner:
             **modes.compiled(mode_weights),
             **self._points.compiled,
         )
-        return Compiled(instance, struct, dofs=dofs)
+        return Compiled(instance, struct, dofs=dofs, most=self._most(weight))
 
     def _solved(self, right: Vector) -> Vector:
         """Return what the mass matrix makes of that, roughly; collective."""
         result: Vector = self._waves.mass.solve(right, within=ROUGHLY)
         return result
 
-    def _set_velocity(self, at: WaterEvaluation, most: float) -> bool:
+    def _velocity_counts(self, at: WaterEvaluation, most: float) -> bool:
         """Set the velocities at the surface from an evaluation, cut off at ``most`` [m/s]; return whether they count.
 
         Collective.

@@ -13,11 +13,9 @@ from wavetank.fem.codegen import Unit
 from wavetank.fem.mass import MassMatrix, mass_matrix
 from wavetank.fem.plane import Plane
 from wavetank.fem.vertical import VerticalBasis
-from wavetank.integrators.states import State
 from wavetank.tank.bed import Depth, bed_of
 from wavetank.tank.energy import KINETIC, POTENTIAL, Part, WaterEnergy
 from wavetank.tank.evaluation import Water
-from wavetank.tank.seen import Block, Parts, see
 from wavetank.tank.surface_flow import SurfaceVelocity, surface_of
 from wavetank.tank.walls import Wall
 
@@ -94,10 +92,6 @@ class DiscreteEnergy(Water):
             POTENTIAL: energy.potential() * dx,
             **self.wall_terms.hamiltonian,
         }
-
-    def see(self, state: State, t: float, into: Block, row: int) -> Parts:
-        """Write a state at t [s] into a row of a block, and return its parts of sums; collective."""
-        return see(self, state, t, into, row)
 
     @cached_property
     def surface(self) -> SurfaceVelocity:

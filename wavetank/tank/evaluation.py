@@ -13,7 +13,9 @@ from wavetank.fem.plane import Plane
 from wavetank.fem.vertical import VerticalBasis
 from wavetank.integrators.hamiltonian import Evaluation
 from wavetank.integrators.stages import StagedSystem
+from wavetank.integrators.states import State
 from wavetank.tank.bed import Bed
+from wavetank.tank.block import POWER, Block, Parts
 from wavetank.tank.energy import Energies
 
 
@@ -110,6 +112,31 @@ class Water(StagedSystem):
         """The history of the solves for all the methods below, which leave steps as they are."""
         return self.new_history("aside")
 
+    def write_row(self, state: State, t: float, into: Block, row: int) -> Parts:
+        """Write a reported state at t [s] into a row of a block; return this rank's parts of its sums; collective.
+
+        Elevation and energies are first-order expansions about the last evaluation of the state. Power, and the power
+        of damping, are the means of those at the first and the last.
+        """
+        if state.evaluation is None:
+            state = state.evaluated(self, t)
+        after, before, q, p = state.evaluation, state.end or state.evaluation, state.q, state.p
+        dq, (flow_q, flow_p), jump = q - after.z[0], after.flow, state.q_jump
+        into.q[row], into.psi[row], into.eta[row], into.rise[row] = q, p, after.eta, 0.0
+        if summed(self.plane.comm, float(dq @ dq)) > 0.0:
+            change = self.elevation_change(after, dq)
+            into.eta[row] += change
+            into.rise[row] = -change
+        elif jump is not None:
+            into.rise[row] = 0.5 * self.elevation_change(after, jump)
+        self.set_time(after.t)
+        into.rates[row], into.velocities[row] = self.wall.rates, self.wall.velocities
+        power = 0.5 * (before.power + after.power)
+        into.numbers[row, : POWER + 1] = after.kinetic, after.potential, after.wall, 0.0, power
+        energy = float(flow_q @ (p - after.z[1])) - float(flow_p @ dq)
+        damped = 0.0 if self.damping is None else 0.5 * float((before.dq + flow_q) @ (self.damping * p))
+        return energy, self.gravity * float(after.eta @ dq), float(q.sum()), damped
+
     def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return dH/dq, shape (owned,), to be read."""
         return read_only(-self.evaluate(q, p, t, history=self.aside).dp)
@@ -136,7 +163,7 @@ class Water(StagedSystem):
         return self.plane.sum(q)
 
     def damp(self, rate: Vector) -> None:
-        """Let ``see`` tell what a damping of the momenta takes, of rate [1/s], shape (owned,)."""
+        """Set the rate at which momenta are damped [1/s], shape (owned,), of which ``write_row`` reports the power."""
         self.damping = rate
 
 

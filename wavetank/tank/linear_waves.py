@@ -37,12 +37,10 @@ from wavetank.fem.plane import Plane
 from wavetank.fem.vertical import VerticalBasis
 from wavetank.integrators.hamiltonian import Weights, pair
 from wavetank.integrators.stage_solver import StageHistories, StageSolver, StagesState
-from wavetank.integrators.states import State
 from wavetank.tank.bed import Depth, FlatBed, bed_of
 from wavetank.tank.energy import POTENTIAL, Part, WaterEnergy
 from wavetank.tank.evaluation import Water, WaterEvaluation, distance_from_rest
 from wavetank.tank.potential import InteriorPotential, InteriorState, SolveCounters, interior_of
-from wavetank.tank.seen import Block, Parts, see
 from wavetank.tank.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.tank.walls import Wall
 
@@ -212,10 +210,6 @@ class LinearWaves(Water):
         """Return by how much eta changes with the masses [m]; collective."""
         return self.mass.solve(dq)
 
-    def see(self, state: State, t: float, into: Block, row: int) -> Parts:
-        """Write a state at t [s] into a row of a block, and return its parts of sums; collective."""
-        return see(self, state, t, into, row)
-
     @cached_property
     def largest_frequency(self) -> float:
         """The largest angular frequency the mesh carries [rad/s], by Lanczos iteration; collective."""
@@ -266,7 +260,7 @@ class LinearWaves(Water):
         image = c + np.array([a_q * dq * np.ones_like(q), a_p * dp * np.ones_like(p)])
         return image if isinstance(a, tuple) else start - self._inverse(a, start - image)
 
-    def begin_stage(self, weight: float | None, t: float, guess: Any, history: Any) -> None:
+    def begin_stage(self, weight: float | None, t: float, guess: Any) -> None:
         """Do nothing; see ``StagedSystem``."""
 
     def precondition(self, weight: float, residual: Vector) -> Vector:

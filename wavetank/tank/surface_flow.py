@@ -103,7 +103,7 @@ class SurfaceVelocity:
         self._cells = np.arange(plane.mesh.topology.index_map(dim).size_local, dtype=np.int32)
         self._largest = np.zeros(2)
         self._find_largest = largest_function(waves, self._eta, self._psi, self._largest)
-        self._at: WaterEvaluation | None = None  # the evaluation last taken
+        self.evaluation: WaterEvaluation | None = None
         self.t = np.nan
         self._speeds_and_slopes: Vector | None = None
         self.largest_velocity = self.largest_slope = 0.0
@@ -114,16 +114,16 @@ class SurfaceVelocity:
 
     def update_from(self, state: State, t: float) -> None:
         """Take the surface where the step to a state has ended, at t [s]; nothing to do for the one last taken."""
-        at = state.evaluations[0]
+        at = state.end or state.evaluation
         if at is None:
             self.update(state.q, state.p, t)
-        elif at is not self._at:
-            self._take(at.eta, at.p, at.t)
-        self._at = at
+        elif at is not self.evaluation:
+            self._take(at.eta, at.z[1], at.t)
+        self.evaluation = at
 
     def _take(self, eta: Vector, psi: Vector, t: float) -> None:
         """Take elevation and surface potential at t [s]."""
-        self._at, self.t, self._speeds_and_slopes = None, t, None
+        self.evaluation, self.t, self._speeds_and_slopes = None, t, None
         self._waves.set_time(t)
         self._eta.set(eta)
         self._psi.set(psi)

@@ -8,9 +8,9 @@ derivative is a partial derivative of the one discrete functional K(phi, h) + V(
 stationary.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from math import sqrt
 from typing import Any
 
@@ -19,12 +19,12 @@ import numpy as np
 from wavetank.arrays import Vector, summed
 from wavetank.errors import BreakdownError, ConvergenceError
 from wavetank.fem.along import Minimum
-from wavetank.fem.anderson import AndersonMixing
-from wavetank.fem.codegen import Struct
 from wavetank.fem.mass import BandedMass
 from wavetank.fem.plane import Plane
-from wavetank.fem.slice import SliceSolver, Solution, StageResult
-from wavetank.integrators.stage_solver import CompiledSolver, StageHistories, StageSolver
+from wavetank.fem.slice import SliceSolver, Solution
+from wavetank.integrators.hamiltonian import Weights
+from wavetank.integrators.stage_solver import StageHistories, StageSolver
+from wavetank.integrators.stages import PairStage
 from wavetank.motion.feedback import FeedbackMotion
 from wavetank.tank.bed import Depth
 from wavetank.tank.carried_waves import AdvectionPreconditioner, surface_points
@@ -149,12 +149,10 @@ class NonlinearWaves(DiscreteEnergy):
         history = history or self.history
         if t != self._t:
             self._move(t)
-        solution, found = None, None
-        if history.compiled is not None and history.interior.patience is not None:
-            found = history.compiled.evaluate(q, p, None if guess is None else guess.eta, self.bed.still)
-        if found is not None:
-            solution, iterations = found
-            history.interior.count(iterations)
+        solution = None
+        if history.compiled is not None:
+            solution = history.compiled.evaluate(q, p, None if guess is None else guess.eta, self.bed.still)
+        if solution is not None:
             self.level = solution.level
             potential, wall, power = solution.energies
         else:
@@ -256,8 +254,7 @@ class NonlinearWaves(DiscreteEnergy):
             mass=self.mass,
             potential=self.potential_energy,
             operator=self.operator,
-            minimum=minimum,
-            recall=interior.recall,
+            interior=interior,
             column=self.h,
             phi=self.phi,
             walls=walls,
@@ -307,45 +304,39 @@ class NonlinearWaves(DiscreteEnergy):
     def _inverse(self) -> AdvectionPreconditioner:
         return AdvectionPreconditioner(self, self._over_still_water)
 
-    def begin_stage(
-        self, weight: float | None, t: float, guess: WaterEvaluation | None, history: SolverHistory
-    ) -> CompiledSolver | None:
+    def solve_stage(
+        self,
+        name: str,
+        c: Vector,
+        a: Weights,
+        t: float,
+        guess: WaterEvaluation | None = None,
+        *,
+        history: SolverHistory | None = None,
+    ) -> Vector:
+        """See ``StagedSystem``; of a slice on one rank by one compiled call, unless that does not converge."""
+        history = history or self.history
+        compiled, solver, stages, begin = history.compiled, self.stage_solver, history.stages, None
+        if compiled is not None and guess is not None and not isinstance(a, tuple) and not solver.petsc:
+            self.begin_stage(a, t, guess)
+            advection = self._inverse.compiled[a]
+            if advection is not None:
+                stage = solver.history(name, 1, a, stages)
+                result = compiled.solve_stage(solver, stage, advection.struct, c, a, guess, self.bed.still)
+                if result is not None and stage.update(result, stages.counters):
+                    return result.z
+                begin = None if result is None else result.z
+        return solver.solve(PairStage(self, history, name, c, a, t, guess), stages, begin)
+
+    def begin_stage(self, weight: float | None, t: float, guess: WaterEvaluation | None) -> None:
         """See ``StagedSystem``."""
-        near = t if guess is None else guess.t
-        if near != self._t:
-            self._move(near)
-        if history.compiled is None or weight is None:
+        self.set_time(t if guess is None else guess.t)
+        if self.history.compiled is None or weight is None:
             self._begin_at(guess)
-        inverse = None if weight is None else self._inverse.at(weight, guess)
+        if weight is not None:
+            self._inverse.set_velocity(weight, guess)
         if t != self._t:
             self._move(t)
-        if inverse is None or weight is None or guess is None or history.compiled is None:
-            return None
-        return partial(self._solve_compiled, history, history.compiled, inverse.struct, weight, guess)
-
-    def _solve_compiled(
-        self,
-        history: SolverHistory,
-        compiled: SliceSolver,
-        preconditioner: Struct,
-        weight: float,
-        guess: WaterEvaluation,
-        c: Vector,
-        mixings: tuple[AndersonMixing, AndersonMixing],
-        numbers: tuple[float, float],
-        limits: Mapping[str, float],
-    ) -> StageResult | None:
-        """Return the result of a stage along a slice on one rank; see ``SliceSolver.solve_stage``."""
-        interior = history.interior
-        near, still = (guess.z, guess.flow), self.bed.still
-        if interior.patience is None:
-            return None
-        result = compiled.solve_stage(
-            near, c, weight, still, preconditioner, mixings, numbers, limits, interior.patience
-        )
-        if result is not None:
-            interior.count(result.iterations, result.evaluations, worn=result.worn)
-        return result
 
     def precondition(self, weight: float, residual: Vector) -> Vector:
         """See ``StagedSystem``."""

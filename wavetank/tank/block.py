@@ -9,11 +9,10 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
+from mpi4py import MPI
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector, summed
-from wavetank.integrators.states import State
-from wavetank.tank.evaluation import Water
 
 NUMBERS = KINETIC, POTENTIAL, WALL, MASS, POWER, DAMPED, HIGHEST, LARGEST = range(8)  # in a row
 
@@ -128,34 +127,9 @@ Parts = tuple[float, float, float, float]
 """This rank's parts of sums at a state: changes of the energy and of the potential energy, mass, power of damping."""
 
 
-def see(water: Water, state: State, t: float, into: Block, row: int) -> Parts:
-    """Write a state at t [s] into a row, and return this rank's parts of its sums; collective.
-
-    Elevation and energies are first-order expansions about the last evaluation of the state. Power, and what damping
-    takes, are the means of those at the first and the last.
-    """
-    if state.evaluation is None:
-        state = state.evaluated(water, t)
-    (before, *_), after, q, p = state.evaluations, state.evaluation, state.q, state.p
-    dq, flow = q - after.z[0], after.flow
-    into.q[row], into.psi[row], into.eta[row], into.rise[row] = q, p, after.eta, 0.0
-    if summed(water.plane.comm, float(dq @ dq)) > 0.0:
-        into.rise[row] = -water.elevation_change(after, dq)
-        into.eta[row] -= into.rise[row]
-    elif state.q_jump is not None:
-        into.rise[row] = 0.5 * water.elevation_change(after, state.q_jump)
-    water.set_time(after.t)
-    wall, power = water.wall, 0.5 * (before.power + after.power)
-    into.rates[row], into.velocities[row] = wall.rates, wall.velocities
-    into.numbers[row, : POWER + 1] = after.kinetic, after.potential, after.wall, 0.0, power
-    change = float(flow[0] @ (p - after.z[1])) - float(flow[1] @ dq)
-    damped = 0.0 if water.damping is None else 0.5 * float((before.dq + flow[0]) @ (water.damping * p))
-    return change, water.gravity * float(after.eta @ dq), float(q.sum()), damped
-
-
-def write_sums(water: Water, block: Block, parts: Sequence[Parts]) -> None:
+def write_sums(comm: MPI.Comm, block: Block, parts: Sequence[Parts]) -> None:
     """Complete the numbers of a block by the sums over all ranks; collective."""
-    change, lift, mass, damped = summed(water.plane.comm, np.array(parts, dtype=np.float64).T)
+    change, lift, mass, damped = summed(comm, np.array(parts, dtype=np.float64).T)
     numbers, highest = block.numbers, block.eta.max(axis=1, initial=-np.inf)
     numbers[:, KINETIC] += change - lift
     numbers[:, POTENTIAL] += lift
