@@ -348,8 +348,8 @@ class StopAtBreaking(BreakingAlarm):
     def needed(self, state: State, t: float) -> bool:
         """Return False, or raise ``RunError`` if a wave overturns; collective."""
         self.watch.search(state, t)
-        for index, crest in self.watch.active:
-            periods = self.watch.alarms[index].outrun
+        for index, crest in self.watch.state.active:
+            periods = self.watch.state.alarms[index].outrun
             if crest.outrun > OVERTURNS or periods > SUSTAINED:
                 raise RunError(
                     f"t = {t:.6g} s, {self.watch.place(crest)}: a wave breaks: the water outruns the crest for "

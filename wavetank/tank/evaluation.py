@@ -64,6 +64,8 @@ class Water(StagedSystem):
         The layer averaged over the depth, and its averages for the mean depth.
     damping
         The rate at which momenta are damped [1/s], shape (owned,); None where they are not.
+    t
+        The time of the position of the wall [s].
     """
 
     plane: Plane
@@ -76,6 +78,7 @@ class Water(StagedSystem):
     layer: Any
     still: Any
     damping: Vector | None = None
+    t: float = 0.0
     evaluation_type: type[WaterEvaluation] = WaterEvaluation
 
     @abstractmethod
@@ -121,15 +124,16 @@ class Water(StagedSystem):
         if state.evaluation is None:
             state = state.evaluated(self, t)
         after, before, q, p = state.evaluation, state.end or state.evaluation, state.q, state.p
-        dq, (flow_q, flow_p), jump = q - after.z[0], after.flow, state.q_jump
+        dq, (flow_q, flow_p) = q - after.z[0], after.flow
         into.q[row], into.psi[row], into.eta[row], into.rise[row] = q, p, after.eta, 0.0
         if summed(self.plane.comm, float(dq @ dq)) > 0.0:
             change = self.elevation_change(after, dq)
             into.eta[row] += change
             into.rise[row] = -change
-        elif jump is not None:
-            into.rise[row] = 0.5 * self.elevation_change(after, jump)
-        self.set_time(after.t)
+        elif state.q_jump is not None:
+            into.rise[row] = 0.5 * self.elevation_change(after, state.q_jump)
+        if self.t != after.t:
+            self.set_time(after.t)
         into.rates[row], into.velocities[row] = self.wall.rates, self.wall.velocities
         power = 0.5 * (before.power + after.power)
         into.numbers[row, : POWER + 1] = after.kinetic, after.potential, after.wall, 0.0, power

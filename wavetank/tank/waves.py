@@ -103,7 +103,7 @@ class NonlinearWaves(DiscreteEnergy):
             unit=self.unit,
         )
         self._inputs = np.zeros((3 if wall.moves else 2, plane.owned))  # what a potential depends on [m]
-        self._t, self.level = 0.0, 0.0
+        self.level = 0.0
         self._paddles: Sequence[Any] = wall.paddles
         self._has_feedback = any(isinstance(one.motion, FeedbackMotion) for one in self._paddles)
         self.history: SolverHistory = self.new_history("steps")  # before anything that is compiled with it is called
@@ -147,7 +147,7 @@ class NonlinearWaves(DiscreteEnergy):
         Raises ``BreakdownError`` and ``ConvergenceError``.
         """
         history = history or self.history
-        if t != self._t:
+        if t != self.t:
             self._move(t)
         solution = None
         if history.compiled is not None:
@@ -184,9 +184,9 @@ class NonlinearWaves(DiscreteEnergy):
         """Return the solution at (q, p), the wall as it is at t; column and potential are set; collective."""
         self._set_surface(q, p, t)
         if history.interior.patience is None:
-            history.preconditioner_t, history.preconditioner_column = self._t, self.h.owned.copy()
+            history.preconditioner_t, history.preconditioner_column = self.t, self.h.owned.copy()
             for paddle in self.wall.paddles:
-                paddle.motion.keep(self._t, history.owner)
+                paddle.motion.keep(self.t, history.owner)
         by_wall = self.wall_terms.vector()
         try:
             flow = history.interior.solve(by_wall, self._inputs.reshape(-1))
@@ -217,12 +217,12 @@ class NonlinearWaves(DiscreteEnergy):
 
     def set_time(self, t: float) -> None:
         """Move the wall to where it stands at t [s], and with it the mass matrix and the bed; collective."""
-        if t != self._t:
+        if t != self.t:
             self._move(t)
 
     def _move(self, t: float) -> None:
         """Move the wall; collective."""
-        self._t = t
+        self.t = t
         if not self.wall.moves:
             return
         if self.history.compiled is not None:
@@ -282,7 +282,7 @@ class NonlinearWaves(DiscreteEnergy):
 
     def elevation_change(self, at: WaterEvaluation, dq: Vector) -> Vector:
         """Return by how much eta changes with the masses at an evaluation, to first order [m]; collective."""
-        if at.t != self._t:
+        if at.t != self.t:
             self._move(at.t)
         if self.history.compiled is not None:
             return self.history.compiled.elevation_change(at.eta, self.bed.still, dq)
@@ -330,12 +330,14 @@ class NonlinearWaves(DiscreteEnergy):
 
     def begin_stage(self, weight: float | None, t: float, guess: WaterEvaluation | None) -> None:
         """See ``StagedSystem``."""
-        self.set_time(t if guess is None else guess.t)
+        near = t if guess is None else guess.t
+        if near != self.t:
+            self._move(near)
         if self.history.compiled is None or weight is None:
             self._begin_at(guess)
         if weight is not None:
             self._inverse.set_velocity(weight, guess)
-        if t != self._t:
+        if t != self.t:
             self._move(t)
 
     def precondition(self, weight: float, residual: Vector) -> Vector:
