@@ -189,7 +189,7 @@ class Steady:
 
     def write_row(self, state, t, into, row):
         into.numbers[row, :5] = 0.5, 0.5, 0.0, 1.0, self.power(t)
-        return 0.0, 0.0, 1.0, 0.0
+        return 0.0, 0.0, 0.0
 
 
 def still(step, *, sinks=(), water=None, work=None):

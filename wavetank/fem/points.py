@@ -158,6 +158,7 @@ class LinePoints:
         first, last = self._edges[0] - PADDING, self._edges[-1] + PADDING
         if not (self._x.min(initial=first) >= first and self._x.max(initial=last) <= last):
             refuse(points, int(((self._x >= first) & (self._x <= last)).argmin()))
+        self._cell_dofs, self._weights = self._functions()
 
     def evaluate(self, field: Field) -> Vector:
         """See ``Points``."""
@@ -165,14 +166,12 @@ class LinePoints:
 
     def each(self, values: Vector) -> Vector:
         """See ``Points``."""
-        dofs, weights = self._functions()
         field = np.arange(len(self._x)) // max(1, len(self._x) // len(values))
-        return self._summed(weights, values[field[:, None], dofs])
+        return self._summed(self._weights, values[field[:, None], self._cell_dofs])
 
     def of_all(self, values: Vector) -> Vector:
         """See ``Points``."""
-        dofs, weights = self._functions()
-        return self._summed(weights, values[:, dofs])
+        return self._summed(self._weights, values[:, self._cell_dofs])
 
     def _functions(self) -> tuple[NDArray[np.int32], Vector]:
         """Return degrees of freedom of the cells in which the points are, and the basis there, shape (N, p + 1)."""

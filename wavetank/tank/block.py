@@ -123,13 +123,14 @@ class Block:
     largest = property(lambda self: self.numbers[:, LARGEST], doc="Largest magnitude of the elevation there [m].")
 
 
-Parts = tuple[float, float, float, float]
-"""This rank's parts of sums at a state: changes of the energy and of the potential energy, mass, power of damping."""
+Parts = tuple[float, float, float]
+"""This rank's parts of sums at a state: changes of the energy and of the potential energy, power of damping."""
 
 
 def write_sums(comm: MPI.Comm, block: Block, parts: Sequence[Parts]) -> None:
     """Complete the numbers of a block by the sums over all ranks; collective."""
-    change, lift, mass, damped = summed(comm, np.array(parts, dtype=np.float64).T)
+    sums = np.column_stack([np.array(parts, dtype=np.float64), block.q.sum(axis=1)])
+    change, lift, damped, mass = summed(comm, sums).T
     numbers, highest = block.numbers, block.eta.max(axis=1, initial=-np.inf)
     numbers[:, KINETIC] += change - lift
     numbers[:, POTENTIAL] += lift

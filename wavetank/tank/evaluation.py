@@ -125,13 +125,13 @@ class Water(StagedSystem):
             state = state.evaluated(self, t)
         after, before, q, p = state.evaluation, state.end or state.evaluation, state.q, state.p
         dq, (flow_q, flow_p) = q - after.z[0], after.flow
-        into.q[row], into.psi[row], into.eta[row], into.rise[row] = q, p, after.eta, 0.0
+        into.q[row], into.psi[row] = q, p
         if summed(self.plane.comm, float(dq @ dq)) > 0.0:
             change = self.elevation_change(after, dq)
-            into.eta[row] += change
-            into.rise[row] = -change
-        elif state.q_jump is not None:
-            into.rise[row] = 0.5 * self.elevation_change(after, state.q_jump)
+            into.eta[row], into.rise[row] = after.eta + change, -change
+        else:
+            into.eta[row], jump = after.eta, state.q_jump
+            into.rise[row] = 0.0 if jump is None else 0.5 * self.elevation_change(after, jump)
         if self.t != after.t:
             self.set_time(after.t)
         into.rates[row], into.velocities[row] = self.wall.rates, self.wall.velocities
@@ -139,7 +139,7 @@ class Water(StagedSystem):
         into.numbers[row, : POWER + 1] = after.kinetic, after.potential, after.wall, 0.0, power
         energy = float(flow_q @ (p - after.z[1])) - float(flow_p @ dq)
         damped = 0.0 if self.damping is None else 0.5 * float((before.dq + flow_q) @ (self.damping * p))
-        return energy, self.gravity * float(after.eta @ dq), float(q.sum()), damped
+        return energy, self.gravity * float(after.eta @ dq), damped
 
     def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return dH/dq, shape (owned,), to be read."""
