@@ -16,7 +16,7 @@ from wavetank.case import Case
 from wavetank.integrators import INTEGRATORS
 from wavetank.planning.cost import CONSTANTS, KINDS, features, step_costs
 from wavetank.planning.resolution import LOOSEST
-from wavetank.planning.timing import STEPS, WARM_UP, Stopwatch
+from wavetank.planning.timing import STEPS, WARM_UP, step_time
 from wavetank.simulation.build import initial_state
 from wavetank.simulation.case_diagnostics import build_observers
 from wavetank.simulation.clock import Clock
@@ -98,11 +98,10 @@ def _scene(kind: str, cells: int, order: int, n: int) -> Case:
 
 def _time_a_step(scene: Case, waves: AnyWaves, name: str, dt_omega_max: float) -> float:
     """Return the CPU seconds of a step, after some for the initial guesses of solves."""
-    dt, watch = dt_omega_max / waves.largest_frequency, Stopwatch()
+    dt = dt_omega_max / waves.largest_frequency
     filters, records = build_filters(scene, waves, dt), Records(Memory(), Memory(), None)
     sinks = [one for one in filters if isinstance(one, Smoothing)]
-    observers = [*build_observers(scene, waves, records, sinks=sinks), watch]
+    observers = build_observers(scene, waves, records, sinks=sinks)
     scheme: Any = INTEGRATORS[name]()
-    start = initial_state(scene, waves)
-    Run(waves, scheme, observers, start=start, clock=Clock(dt, WARM_UP + STEPS), filters=filters).execute()
-    return watch.per_step(after=WARM_UP).cpu
+    start, clock = initial_state(scene, waves), Clock(dt, WARM_UP + STEPS)
+    return step_time(Run(waves, scheme, observers, start=start, clock=clock, filters=filters))[0]

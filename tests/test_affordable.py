@@ -8,7 +8,7 @@ from mpi4py import MPI
 from wavetank.case import Case
 from wavetank.cli import main
 from wavetank.planning import cost
-from wavetank.planning.cost import OutputCost, needs_of
+from wavetank.planning.cost import POINT, needs_of
 from wavetank.simulation import memory
 from wavetank.simulation.build import build_run
 from wavetank.simulation.clock import Clock, EverySteps, EveryTimeBetween
@@ -65,7 +65,7 @@ def test_rows_below_the_surface_are_counted(name):
     """As often as the schedules of its observers are due; the CPU time says so, and memory has a second water."""
     dt, asked = 0.02, {"tank": TANKS["slice"], "run": {"duration": 5.0}, "numerics": {"cells": 9, "dt": 0.02}}
     bare, watched = (Case.model_validate(asked | more) for more in ({}, RECORDS[name]))
-    output_cost, clock = OutputCost.of(watched, dt), Clock.covering(5.0, dt)
+    output_cost, clock = cost.output_cost(watched, dt), Clock.covering(5.0, dt)
     schedule = {
         "probes": EverySteps(3),
         "paddle": EverySteps(7),
@@ -80,9 +80,8 @@ def test_rows_below_the_surface_are_counted(name):
         "window": 20 * output_cost.rows,
         "table": 20 * output_cost.rows,
     }[name]
-    assert output_cost.csv_points + output_cost.netcdf_points == pytest.approx(points) and (
-        output_cost.csv_points == points
-    ) == (name != "window")
+    assert output_cost.points == pytest.approx(points)
+    assert output_cost.writing == pytest.approx(points * POINT["netcdf" if name == "window" else "csv"])
     without, needs = needs_of(bare), needs_of(watched)
     assert needs.cpu - without.cpu == pytest.approx(needs.output) and needs.output > 2e-3 * output_cost.rows
     assert needs.memory > without.memory and without.output == 0.0

@@ -24,7 +24,8 @@ from wavetank.case.reading import read_case
 from wavetank.errors import InputError, WavetankError
 from wavetank.planning.cost import CONSTANTS
 from wavetank.planning.plan import Plan, make_plan
-from wavetank.planning.resolution import Settings, resolved
+from wavetank.planning.prediction import Settings
+from wavetank.planning.resolution import resolved
 from wavetank.simulation.build import build_run
 from wavetank.simulation.case_diagnostics import build_observers
 from wavetank.simulation.diagnostics import HighestCrest
@@ -171,7 +172,7 @@ class Trial:
         """Return the scene's row of the table."""
         plan, (error, cpu) = self.plan, self.measure(self.plan.settings)
         chosen = plan.settings
-        numerics = f"{chosen.order} | {chosen.cells} | {chosen.vertical_order} | {plan.steps}"
+        numerics = f"{chosen.order} | {chosen.cells} | {chosen.vertical_order} | {plan.cost.steps}"
         figures = f"{plan.error:.1e} | {error:.1e} | {plan.cost.cpu:.2g} | {cpu:.2g}"
         return f"| {name} | {plan.physics} | {self.accuracy:g} | {numerics} | {figures} |"
 

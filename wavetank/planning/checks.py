@@ -24,20 +24,22 @@ farthest break down (tests/test_flaps.py).
 """
 
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from wavetank.case import BasinTank, Case, EndWall
 from wavetank.case.initial import FocusedSurface, SolitaryWave
 from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER
-from wavetank.case.tank import EndSponge, FormulaSponge, GroupSponge, SliceTank
+from wavetank.case.tank import EndSponge, FormulaSponge, SliceTank
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
 from wavetank.planning.dispersion import Mesh, UniformCells, relative_frequency_error
+from wavetank.planning.paddle_waves import analysed_duration, tapered
 from wavetank.planning.plan import own_plan
-from wavetank.planning.requirements import analysed_duration, requirements, tapered, unplanned
+from wavetank.planning.prediction import stroke_missed
+from wavetank.planning.requirements import requirements, unplanned
 from wavetank.planning.resolution import (
     DEFAULT,
     MISSED,
@@ -45,7 +47,6 @@ from wavetank.planning.resolution import (
     by_rule,
     cell_size_for,
     frequency_below,
-    stroke_missed,
     too_short,
     vertical_order_for,
 )
@@ -56,7 +57,7 @@ from wavetank.tank.breakdown import FARTHEST
 from wavetank.tank.dissipation import profile
 from wavetank.waves import airy, damped_waves, stream_function
 
-Details = dict[str, float | str]
+CELL_SIZE, ORDER = "numerics.cell_size", "numerics.vertical_order"
 
 
 def run_warnings(
@@ -112,32 +113,26 @@ LARGE = 0.5  # of the highest wave: lower ones ride on others
 MOST_TIMES = 2**15  # an hour in a metre of water: of longer runs the first part
 
 
-class HighWave(NamedTuple):
-    """A wave by linear theory: its height, length [m], place [m] and time [s], and the highest of its length [m]."""
-
-    height: float
-    length: float
-    x: float
-    t: float
-    highest: float
-
-
 def too_high(scene: Case) -> Iterator[RunWarning]:
     """Yield a warning for each paddle along a slice whose waves are to break, unless the run dissipates them."""
     breaks = scene.physics == "nonlinear" and scene.run.on_breaking != "dissipate"
     for view in scene.paddles if breaks and not isinstance(scene.tank, BasinTank) else ():
-        wave = highest_wave(view) if view.motion().moves else None
-        if wave is not None and wave.height > BREAKS * wave.highest:
-            x = float(view.distance(wave.x))
-            details = {"length": wave.length, "breaks": BREAKS}
-            place: dict[str, Any] = {"key": view.key, "x": x, "t": wave.t, "details": details}
-            yield RunWarning("wave-too-high", value=wave.height, limit=wave.highest, **place)
+        height, length, x, t = _paddle_wave_heights(view) if view.motion().moves else np.empty((4, 0))
+        large = height >= LARGE * height.max(initial=0.0)
+        highest = np.array([stream_function.maximum_height(one, scene.tank.depth) for one in length])
+        if not large.any() or (height / highest)[large].max() <= BREAKS:
+            continue
+        n = int(np.argmax(np.where(large, height / highest, 0.0)))
+        place = {"x": float(view.distance(x[n])), "t": float(t[n])}
+        details = {"length": float(length[n]), "breaks": BREAKS}
+        limit = float(highest[n])
+        yield RunWarning("wave-too-high", view.key, float(height[n]), limit, **place, details=details)
 
 
-def highest_wave(end: EndWall) -> HighWave | None:
-    """Return the wave of the paddle that is highest for its length in the run; None without any.
+def _paddle_wave_heights(end: EndWall) -> np.ndarray[Any, Any]:
+    """Return heights, lengths and places [m], and times [s] of a paddle's waves, by linear theory, shape (4, N).
 
-    Over a bed the waves are those at the paddle.
+    Over a bed they are those at the paddle.
     """
     tank, k = end.tank, np.array([SHORTEST / end.tank.depth])
     fastest = float(airy.angular_frequency(k, tank.depth, tank.gravity)[0])
@@ -150,7 +145,7 @@ def highest_wave(end: EndWall) -> HighWave | None:
     transfer = end.wall.wavemaker.transfer(k, tank.depth)
     at_paddle = transfer / omega * np.fft.rfft(velocity, 2 * count)[1:-1]  # at rest after the run
     at_paddle[k * tank.depth > SHORTEST] = 0.0
-    speed, result = airy.group_velocity(k, tank.depth, tank.gravity), list[HighWave]()
+    speed, result = airy.group_velocity(k, tank.depth, tank.gravity), [np.empty((4, 0))]
     for x in np.linspace(0.0, tank.length, TANK_PLACES) if tank.bed is None else [0.0]:
         at_x = at_paddle * np.exp(-1j * k * x) * (x <= speed * duration)
         eta = np.fft.irfft(np.concatenate([[0.0], at_x, [0.0]]), 2 * count)[:count]
@@ -158,12 +153,8 @@ def highest_wave(end: EndWall) -> HighWave | None:
         if ups.size > 1:
             period, height = np.diff(t[ups]), (np.maximum.reduceat(eta, ups) - np.minimum.reduceat(eta, ups))[:-1]
             length = 2 * np.pi / airy.wave_number(2 * np.pi / period, tank.depth, tank.gravity)
-            each = zip(height, length, t[ups[:-1]] + period / 2, strict=True)
-            for high, long, at in each:
-                highest = stream_function.maximum_height(long, tank.depth)
-                result.append(HighWave(high, long, float(x), at, highest))
-    large = LARGE * max((one.height for one in result), default=0.0)
-    return max((one for one in result if one.height >= large), key=lambda one: one.height / one.highest, default=None)
+            result.append(np.array([height, length, np.full(height.shape, x), t[ups[:-1]] + period / 2]))
+    return np.concatenate(result, axis=1)
 
 
 # ------------------------------------------------------------------------------------------ sponges and absorption
@@ -176,8 +167,12 @@ def reflecting_sponge(scene: Case) -> Iterator[RunWarning]:
 
     That is within the sponge along a slice, and in all water of a basin; sponges of basins by formula are not checked.
     """
-    sponge, tank, bed = scene.sponge, scene.tank, scene.depths()
-    length = tank.length if isinstance(sponge, FormulaSponge) and isinstance(tank, SliceTank) else _length(scene)
+    sponge, tank, bed, depth = scene.sponge, scene.tank, scene.depths(), bed_shape(scene).shallow
+    length: float | None = getattr(getattr(tank, "layout", None), "sponge_length", None)
+    if isinstance(sponge, EndSponge):
+        length = sponge.length
+    elif isinstance(sponge, FormulaSponge):
+        length = tank.length if isinstance(tank, SliceTank) else None
     if sponge is None or length is None:
         return
     step = length / LAYERS
@@ -189,24 +184,13 @@ def reflecting_sponge(scene: Case) -> Iterator[RunWarning]:
             gamma = sponge.build()(x[::-1] if view.far else x, 0 * x)
         else:
             gamma = profile(x, width=length, strength=sponge.strength_for(length, tank, paddle=scene.ends[0].period))
-        omega, end = 2 * np.pi / period, 0.0 if getattr(view.opposite, "absorb", None) else 1.0
-        depth = bed_shape(scene).shallow
         if callable(bed) and isinstance(tank, SliceTank) and gamma.any():
-            from_wall = tank.length - length + x
-            depth = float(bed(view.distance(from_wall), 0 * x)[gamma > 0].min())
+            depth = float(bed(view.distance(tank.length - length + x), 0 * x)[gamma > 0].min())
+        omega, end = 2 * np.pi / period, 0.0 if getattr(view.opposite, "absorb", None) else 1.0
         back = damped_waves.reflection(gamma, step, omega=omega, depth=depth, gravity=tank.gravity, end=end)
         if back > REFLECTED:
-            wave_length = 2 * np.pi / float(airy.wave_number(omega, depth, tank.gravity))
-            details = {"period": period, "length": wave_length}
+            details = {"period": period, "length": 2 * np.pi / float(airy.wave_number(omega, depth, tank.gravity))}
             yield RunWarning("sponge-reflects", key="sponge", value=back, limit=REFLECTED, details=details)
-
-
-def _length(scene: Case) -> float | None:
-    """Return the length [m] of a sponge that grows from its inner edge, if the case names it."""
-    if isinstance(scene.sponge, EndSponge):
-        return scene.sponge.length
-    layout = getattr(scene.tank, "layout", None) if isinstance(scene.sponge, GroupSponge) else None
-    return getattr(layout, "sponge_length", None)
 
 
 # ------------------------------------------------------------------------------------------ cells, orders, steps
@@ -221,13 +205,11 @@ def predicted(scene: Case) -> Iterator[RunWarning]:
         error = min(own_plan(scene, DEFAULT).error, 1.0)
     except InputError:
         return  # no plan can be made
-    if error <= INACCURATE:
-        return
-    required = requirements(scene, DEFAULT)
-    kd = required.k * required.tank.depth
-    deep = relative_frequency_error(kd, HIGHEST_VERTICAL_ORDER) >= MISSED
-    code = "inaccurate-deep-waves" if deep else "inaccurate"
-    yield RunWarning(code, key="numerics", value=error, limit=INACCURATE, details={"kd": kd})
+    if error > INACCURATE:
+        kd = requirements(scene, DEFAULT).k * scene.tank.depth
+        deep = relative_frequency_error(kd, HIGHEST_VERTICAL_ORDER) >= MISSED
+        code = "inaccurate-deep-waves" if deep else "inaccurate"
+        yield RunWarning(code, key="numerics", value=error, limit=INACCURATE, details={"kd": kd})
 
 
 def waves_missed(scene: Case, cell_size: float) -> Iterator[RunWarning]:
@@ -236,48 +218,32 @@ def waves_missed(scene: Case, cell_size: float) -> Iterator[RunWarning]:
     Checked are the waves of the mean frequency, then the shortest tenth; cells at the smallest depth, where waves are
     short, the vertical order at the largest.
     """
-    bed = bed_shape(scene)
+    bed, order, n, g = bed_shape(scene), scene.numerics.order, scene.numerics.vertical_order, scene.tank.gravity
+    cells = UniformCells(order, cell_size)
+    mesh = Mesh(cells=cells, vertical_order=n, depth=bed.shallow, gravity=g)
     for view in scene.paddles:
         if (period := view.period) is None:
             continue
         frequencies = 2 * np.pi / period, frequency_below(view, 1 - SHORT)
-        for check, depth in ((_missed_by_cells, bed.shallow), (_missed_by_order, bed.deep)):
-            missed = (check(view, cell_size, depth, omega) for omega in frequencies)
-            yield from [one for one in missed if one is not None][:1]
-
-
-def _missed_by_cells(view: EndWall, cell_size: float, depth: float, omega: float) -> RunWarning | None:
-    """Return a warning if the cells miss the speed of waves of a frequency [rad/s]."""
-    numerics, g = view.case.numerics, view.tank.gravity
-    k = float(airy.wave_number(omega, depth, g))
-    cells = UniformCells(numerics.order, cell_size)
-    mesh = Mesh(cells=cells, vertical_order=numerics.vertical_order, depth=depth, gravity=g)
-    missed = float(mesh.surface_frequency(cells.waves(k).mean) / mesh.surface_frequency(k**2)) - 1.0
-    if missed <= MISSED:
-        return None
-    length = 2 * np.pi / k
-    details: Details = {
-        "order": numerics.order,
-        "nodes": numerics.order * length / cell_size,
-        "wall": view.key,
-        "period": 2 * np.pi / omega,
-        "length": length,
-        "depth": depth,
-        "missed": 1.0 if np.isnan(missed) else missed,  # no such waves on these cells
-    }
-    limit = cell_size_for(k, numerics.order)
-    return RunWarning("cells-too-large", key="numerics.cell_size", value=cell_size, limit=limit, details=details)
-
-
-def _missed_by_order(view: EndWall, cell_size: float, depth: float, omega: float) -> RunWarning | None:
-    """Return a warning if the vertical order misses the speed of waves of a frequency [rad/s]."""
-    kd, order = float(airy.wave_number(omega, depth, view.tank.gravity)) * depth, view.case.numerics.vertical_order
-    missed, enough = relative_frequency_error(kd, order), vertical_order_for(kd)
-    if missed <= MISSED:
-        return None
-    code = "vertical-order-too-low" if relative_frequency_error(kd, enough) <= MISSED else "waves-too-deep"
-    details: Details = {"wall": view.key, "period": 2 * np.pi / omega, "depth": depth, "kd": kd, "missed": missed}
-    return RunWarning(code, key="numerics.vertical_order", value=order, limit=enough, details=details)
+        for omega in frequencies:
+            k = float(airy.wave_number(omega, bed.shallow, g))
+            missed = float(mesh.frequency(cells.waves(k).mu) / mesh.frequency(k**2)) - 1.0
+            if missed <= MISSED:
+                continue
+            details: dict[str, float | str] = {"order": order, "nodes": order * 2 * np.pi / k / cell_size}
+            details |= {"wall": view.key, "period": 2 * np.pi / omega, "length": 2 * np.pi / k, "depth": bed.shallow}
+            details["missed"] = 1.0 if np.isnan(missed) else missed  # no such waves on these cells
+            yield RunWarning("cells-too-large", CELL_SIZE, cell_size, cell_size_for(k, order), details=details)
+            break
+        for omega in frequencies:
+            kd = float(airy.wave_number(omega, bed.deep, g)) * bed.deep
+            missed, enough = relative_frequency_error(kd, n), vertical_order_for(kd)
+            if missed <= MISSED:
+                continue
+            details = {"wall": view.key, "period": 2 * np.pi / omega, "depth": bed.deep, "kd": kd, "missed": missed}
+            code = "vertical-order-too-low" if relative_frequency_error(kd, enough) <= MISSED else "waves-too-deep"
+            yield RunWarning(code, ORDER, n, enough, details=details)
+            break
 
 
 def coarse(scene: Case, cell_size: float) -> Iterator[RunWarning]:
@@ -287,9 +253,9 @@ def coarse(scene: Case, cell_size: float) -> Iterator[RunWarning]:
     rule, order = by_rule(scene), scene.numerics.vertical_order
     finer = max(scene.numerics.order / 3, 1.0)  # by the distance of nodes; the rule is the same from order 3 on
     if cell_size > COARSE * (1 + ROUNDING) * finer * rule.cell_size:
-        yield RunWarning("coarse-over-bed", key="numerics.cell_size", value=cell_size, limit=rule.cell_size)
-    if order < LOW * (enough := rule.numerics.vertical_order):
-        yield RunWarning("low-order-over-bed", key="numerics.vertical_order", value=order, limit=enough)
+        yield RunWarning("coarse-over-bed", CELL_SIZE, cell_size, rule.cell_size)
+    if order < LOW * rule.numerics.vertical_order:
+        yield RunWarning("low-order-over-bed", ORDER, order, rule.numerics.vertical_order)
 
 
 def missed_motion(scene: Case, clock: Clock, nodes: Sequence[float]) -> Iterator[RunWarning]:
@@ -298,16 +264,11 @@ def missed_motion(scene: Case, clock: Clock, nodes: Sequence[float]) -> Iterator
     Of a short run the motion is analysed beyond its end: within it most paddles have hardly moved.
     """
     for view in scene.paddles:
-        motion = view.motion()
-        missed = stroke_missed(
-            view.rates,
-            dt=clock.dt,
-            steps=max(clock.steps, int(analysed_duration(view, motion) / clock.dt)),
-            nodes=nodes,
-        )
+        steps = max(clock.steps, int(analysed_duration(view) / clock.dt))
+        missed = stroke_missed(view, dt=clock.dt, steps=steps, nodes=nodes)
         if missed > MISSED:
-            details: Details = {"dt": clock.dt, "wall": view.key}
-            yield RunWarning("step-misses-motion", key="numerics.dt", value=missed, limit=MISSED, details=details)
+            details: dict[str, float | str] = {"dt": clock.dt, "wall": view.key}
+            yield RunWarning("step-misses-motion", "numerics.dt", missed, MISSED, details=details)
 
 
 def unstable_step(scene: Case, clock: Clock, waves: AnyWaves, integrator: Integrator[Any]) -> Iterator[RunWarning]:
@@ -315,5 +276,5 @@ def unstable_step(scene: Case, clock: Clock, waves: AnyWaves, integrator: Integr
     shift = scene.frequency_shift
     longest = integrator.stability_limit / (waves.largest_frequency * shift)
     if clock.dt > longest:
-        limit, details = FARTHEST * longest, {"shift": shift}
-        yield RunWarning("unstable-at-stroke", key="numerics.dt", value=clock.dt, limit=limit, details=details)
+        details = {"shift": shift}
+        yield RunWarning("unstable-at-stroke", "numerics.dt", clock.dt, FARTHEST * longest, details=details)

@@ -43,16 +43,17 @@ from wavetank.integrators import INTEGRATORS, Simpson4
 from wavetank.integrators.contract import StepCosts
 from wavetank.mesh import MeshFile
 from wavetank.mpi import on_first
-from wavetank.planning.resolution import Settings, still_mesh
+from wavetank.planning.prediction import Settings
+from wavetank.planning.resolution import still_mesh
 from wavetank.simulation.build import build_clock
 from wavetank.simulation.clock import Clock, EveryTimeBetween
 from wavetank.simulation.memory import available_memory
-from wavetank.values.case_model import CaseError, CaseModel, Problem
+from wavetank.values.case_model import CaseError, Problem
 
 FITTED, STEEPER = 0.1, 3.0  # steepness at which constants are fitted, and factor of steeper waves
 KINDS = {"linear": ("linear", False), "nonlinear": ("nonlinear", False), "driven": ("nonlinear", True)}
 BASE = 185e6  # bytes: Python with dolfinx and PETSc, and a tank of ten cells; largest resident size, x86-64
-PER_ENTRY = {"linear": 130.0, "nonlinear": 185.0, "driven": 185.0}  # bytes per E, from (p, n) = (3, 8) and (5, 5)
+PER_ENTRY = {"linear": 130.0, "nonlinear": 185.0}  # bytes per E, from (p, n) = (3, 8) and (5, 5)
 A_DAY = 86_400.0  # s of wall time, if each rank has a core of its own
 STEP, PER_UNKNOWN = 0.01, 1.2e-6  # s of a basin's step
 PER_NODE, PER_MODE = 900.0, 130.0  # bytes a degree of freedom of a basin's surface
@@ -68,30 +69,6 @@ def step_costs(name: str) -> StepCosts:
 
 # factors of paddles over a piston: flaps hinged at the bed or below it; other shapes, of one or both walls
 PADDLE_FACTORS = {"leaning": 1.3, "bent": 1.5, "both bent": 2.1}
-
-
-def kind_of(scene: Case, physics: Physics) -> str:
-    """Return the kind of waves by the cost of a step: "linear", "nonlinear", "driven" or a key of ``PADDLE_FACTORS``.
-
-    A second paddle costs nothing unless both are bent.
-    """
-    kinds = [_kind_of_wall(end.wall) for end in scene.paddles]
-    if physics == "linear" or not kinds:
-        return physics
-    return "both bent" if kinds == ["bent", "bent"] else max(kinds, key=lambda kind: PADDLE_FACTORS.get(kind, 1.0))
-
-
-def _kind_of_wall(wall: CaseModel) -> str:
-    if isinstance(wall, ShapedWall):
-        return "leaning" if isinstance(wall, HingedWall) and wall.hinge <= 0.0 else "bent"
-    return "driven"
-
-
-def entries_of(order: int, cells: int, vertical_order: int) -> int:
-    """Return E, the number of entries of the operator of a slice or ring."""
-    return (order * cells + 1) * (vertical_order + 1) * (order + 2)
-
-
 ROW = 2.5e-3, 5e-8  # s, and s an entry of a slice's operator
 ROW_OF_STEP = 0.55  # of a basin's step
 BELOW = 0.4  # of the memory of a run
@@ -100,90 +77,99 @@ ABSORPTION: dict[type, tuple[float, float]] = {  # s, and s an entry, a step of 
     SpringDamper: (0.7e-3, 2.3e-8),
 }
 POINT = {"netcdf": 4e-6, "csv": 23e-6}  # s
+CONSTANTS: dict[str, tuple[float, ...]] = {  # (a, b, c, a', b', c') [s] by kind of waves and integrator
+    f"{kind} {name}": getattr(step_costs(name), kind) for kind in KINDS for name in INTEGRATORS
+}
 
 
 class OutputCost(NamedTuple):
-    """Rows of records below the surface in a run, and points written to CSV and NetCDF files.
-
-    ``absorption`` is the CPU time of absorbing paddles: [s], and [s] an entry of the operator.
-    """
+    """Rows of records below the surface in a run, the points that are written, and CPU time [s] of writing these."""
 
     rows: float
-    csv_points: float = 0.0
-    netcdf_points: float = 0.0
-    absorption: tuple[float, float] = (0.0, 0.0)
+    points: float
+    writing: float
 
-    @classmethod
-    def of(cls, scene: Case, dt: float) -> "OutputCost":
-        """Return the output cost of a scene with time steps of dt [s]."""
-        output, steps = scene.output, scene.run.duration / dt
-        every = [output.probes_every] if scene.probes or scene.loads else []
-        if any(load.on == PADDLE for load in scene.loads):
-            every.append(output.gauges_every)  # with which paddle.csv has force and power
-        rows = steps / min(every) if every else 0.0
-        written = {"csv": steps / output.probes_every * len(scene.probes), "netcdf": 0.0}
-        for window in scene.windows:
-            until = scene.run.duration if window.until is None else min(window.until, scene.run.duration)
-            spacing = EveryTimeBetween(window.every, window.begin, inf).spacing(dt)
-            times = max(0.0, until - window.begin) / spacing
-            rows += times
-            written[window.format] += times * window.columns * window.levels
-        if output.velocity_every is not None and scene.physics == "nonlinear":
-            rows += scene.run.duration / output.velocity_every
-        walls: list[Any] = [scene.paddles[number].wall for number in scene.absorbing]
-        once, of_entry = (steps * sum(ABSORPTION[type(wall.absorb)][n] for wall in walls) for n in (0, 1))
-        return cls(min(rows, steps), written["csv"], written["netcdf"], (once, of_entry))
+    def cpu(self, row: float) -> float:
+        """Return the CPU time [s] where a row takes ``row`` [s]."""
+        return self.rows * row + self.writing
 
-    @property
-    def systems(self) -> float:
-        """Memory of the run with records below the surface, over that without."""
-        return 1.0 + BELOW if self.rows else 1.0
-
-    @property
-    def writing(self) -> float:
-        """CPU time of writing points [s]."""
-        return self.csv_points * POINT["csv"] + self.netcdf_points * POINT["netcdf"]
-
-    def in_slice(self, entries: float) -> float:
-        """Return the CPU time [s] in a slice or ring whose operator has so many entries."""
-        return self.rows * (ROW[0] + ROW[1] * entries) + self.writing
-
-    def absorbing_cost(self, entries: float) -> float:
-        """Return the CPU time of paddles that absorb [s], in a slice whose operator has so many entries."""
-        return self.absorption[0] + self.absorption[1] * entries
-
-    def in_basin(self, step: float) -> float:
-        """Return the CPU time [s] in a basin whose step takes ``step`` [s]."""
-        return self.rows * ROW_OF_STEP * step + self.writing
-
-    def description(self, part: float) -> str:
+    def message(self, part: float) -> str:
         """Return the number of rows below the surface and their part of CPU time as text; empty without any."""
-        if not self.rows:
-            return ""
-        points = f", {self.csv_points + self.netcdf_points:.0f} points are written" if self.writing else ""
+        points = f", {self.points:.0f} points are written" if self.points else ""
         what = "probes, loads, windows and velocity fields"
-        return f"{what} are evaluated {self.rows:.0f} times{points}: {part:.0%} of the time"
-
-
-NO_OUTPUT = OutputCost(0.0)
+        return f"{what} are evaluated {self.rows:.0f} times{points}: {part:.0%} of the time" if self.rows else ""
 
 
 class Cost(NamedTuple):
-    """The cost of a run on one core: CPU time [s] and memory [bytes]."""
+    """What a run needs.
 
+    Attributes
+    ----------
+    unknowns, steps
+        Their numbers.
+    cpu, memory
+        CPU time [s] and memory [bytes] of all ranks.
+    output, absorption
+        The parts of the CPU time for records below the surface and for absorbing paddles [s].
+    records
+        The records below the surface as text; empty without any.
+    """
+
+    unknowns: float
+    steps: float
     cpu: float
     memory: float
+    output: float = 0.0
+    absorption: float = 0.0
+    records: str = ""
+
+
+def kind_of(scene: Case, physics: Physics) -> str:
+    """Return the kind of waves by the cost of a step: "linear", "nonlinear", "driven" or a key of ``PADDLE_FACTORS``.
+
+    A second paddle costs nothing unless both are bent.
+    """
+    kinds = list[str]()
+    for wall in (end.wall for end in scene.paddles):
+        upright = "bent" if isinstance(wall, ShapedWall) else "driven"
+        kinds.append("leaning" if isinstance(wall, HingedWall) and wall.hinge <= 0.0 else upright)
+    if physics == "linear" or not kinds:
+        return physics
+    return "both bent" if kinds == ["bent", "bent"] else max(kinds, key=lambda kind: PADDLE_FACTORS.get(kind, 1.0))
+
+
+def entries_of(order: int, cells: int, vertical_order: int) -> int:
+    """Return E, the number of entries of the operator of a slice or ring."""
+    return (order * cells + 1) * (vertical_order + 1) * (order + 2)
+
+
+def row_cost(entries: float) -> float:
+    """Return the CPU time [s] of a row below the surface of a slice whose operator has so many entries."""
+    return ROW[0] + ROW[1] * entries
+
+
+def output_cost(scene: Case, dt: float) -> OutputCost:
+    """Return the output cost of a scene with time steps of dt [s]."""
+    output, steps = scene.output, scene.run.duration / dt
+    every = [output.probes_every] if scene.probes or scene.loads else []
+    if any(load.on == PADDLE for load in scene.loads):
+        every.append(output.gauges_every)  # with which paddle.csv has force and power
+    rows = steps / min(every) if every else 0.0
+    written = {"csv": steps / output.probes_every * len(scene.probes), "netcdf": 0.0}
+    for window in scene.windows:
+        until = scene.run.duration if window.until is None else min(window.until, scene.run.duration)
+        times = max(0.0, until - window.begin) / EveryTimeBetween(window.every, window.begin, inf).spacing(dt)
+        rows += times
+        written[window.format] += times * window.columns * window.levels
+    if output.velocity_every is not None and scene.physics == "nonlinear":
+        rows += scene.run.duration / output.velocity_every
+    return OutputCost(min(rows, steps), sum(written.values()), sum(written[form] * POINT[form] for form in written))
 
 
 def features(order: int, cells: int, vertical_order: int, dt_omega_max: float) -> Vector:
     """Return the factors of the constants in the cost of a step, shape (6,)."""
     sizes = [1.0, order * cells + 1, entries_of(order, cells, vertical_order)]
     return np.asarray(np.outer([1.0, dt_omega_max], sizes).ravel(), dtype=np.float64)
-
-
-CONSTANTS: dict[str, tuple[float, ...]] = {  # (a, b, c, a', b', c') [s] by kind of waves and integrator
-    f"{kind} {name}": getattr(step_costs(name), kind) for kind in KINDS for name in INTEGRATORS
-}
 
 
 def step_cost(kind: str, settings: Settings, dt_omega_max: float, *, steepness: float = FITTED) -> float:
@@ -195,104 +181,74 @@ def step_cost(kind: str, settings: Settings, dt_omega_max: float, *, steepness: 
     return PADDLE_FACTORS.get(kind, 1.0) * steeper * float(sizes @ constants)
 
 
-def run_cost(
-    kind: str,
-    settings: Settings,
-    *,
-    duration: float,
-    dt_omega_max: float,
-    steepness: float = FITTED,
-    output_cost: OutputCost = NO_OUTPUT,
+def slice_cost(
+    scene: Case, settings: Settings, physics: Physics, *, dt_omega_max: float, steepness: float = FITTED
 ) -> Cost:
-    """Return the cost of a run of ``duration`` seconds, its output included."""
-    steps = Clock.covering(duration, settings.dt).steps
+    """Return the cost of a run in a slice or ring, its output included, on one core."""
+    steps = Clock.covering(scene.run.duration, settings.dt).steps
     entries = entries_of(settings.order, settings.cells, settings.vertical_order)
-    more = output_cost.in_slice(entries) + output_cost.absorbing_cost(entries)
-    cpu = steps * step_cost(kind, settings, dt_omega_max, steepness=steepness) + more
-    per_entry = PER_ENTRY["driven" if kind in PADDLE_FACTORS else kind]
-    return Cost(float(cpu), BASE + output_cost.systems * per_entry * entries)
+    walls: list[Any] = [scene.paddles[number].wall for number in scene.absorbing]
+    absorbers = (ABSORPTION[type(wall.absorb)] for wall in walls)
+    absorption = steps * sum(once + of_entry * entries for once, of_entry in absorbers)
+    records = output_cost(scene, settings.dt)
+    output = records.cpu(row_cost(entries))
+    step = step_cost(kind_of(scene, physics), settings, dt_omega_max, steepness=steepness)
+    cpu = steps * step + output + absorption
+    memory = BASE + (1.0 + BELOW * bool(records.rows)) * PER_ENTRY[physics] * entries
+    unknowns = (settings.order * settings.cells + 1) * (settings.vertical_order + 2.0)
+    return Cost(unknowns, steps, cpu, memory, output, absorption, records.message(output / cpu))
 
 
-class Needs(NamedTuple):
-    """Unknowns and steps of a run, CPU time [s] and memory [bytes] of all ranks.
+def needs_of(scene: Case, ranks: int = 1) -> Cost:
+    """Return the needs of a scene with all numerics."""
+    chosen, tank, integrator = scene.numerics, scene.tank, INTEGRATORS[scene.numerics.integrator]()
+    cells, smallest = _cells_of_basin(scene, tank) if isinstance(tank, BasinTank) else (0.0, scene.cell_size)
+    largest = still_mesh(scene, smallest).largest_frequency
+    dt = build_clock(scene, largest, integrator).dt if chosen.dt is None else chosen.dt
+    if not isinstance(tank, BasinTank):
+        given = {name: getattr(chosen, name) for name in ("order", "vertical_order", "integrator")}
+        settings = Settings(cells=scene.cells, dt=dt, **given)
+        product = float(min(dt * largest, integrator.stability_limit))
+        cost = slice_cost(scene, settings, scene.physics, dt_omega_max=product)
+        return cost._replace(memory=cost.memory + (ranks - 1) * BASE)
+    steps, records, nodes = scene.run.duration / dt, output_cost(scene, dt), chosen.order**2 * cells
+    unknowns = nodes * (chosen.vertical_order + 2.0)
+    per_node = (PER_NODE + PER_MODE * chosen.vertical_order) * (1.0 + BELOW * bool(records.rows))
+    step = ranks * STEP + PER_UNKNOWN * unknowns
+    output = records.cpu(ROW_OF_STEP * step)
+    return Cost(unknowns, steps, steps * step + output, ranks * BASE + nodes * per_node, output)
 
-    ``output`` is the part of the CPU time for records below the surface.
-    """
 
-    unknowns: float
-    steps: float
-    cpu: float
-    memory: float
-    output: float = 0.0
+def _cells_of_basin(scene: Case, tank: BasinTank) -> tuple[float, float]:
+    """Return the number of cells in a basin, and the size of the smallest [m]."""
+    if not isinstance(tank.layout, MeshFile):
+        return tank.layout.count_cells(scene.cell_size)
+    file = Path(tank.layout.file)
+    return (file.stat().st_size / PER_CELL if file.exists() else 0.0), scene.cell_size
 
 
 def check_affordable(scene: Case, comm: MPI.Comm, *, longest: float = A_DAY) -> None:
     """Raise ``CaseError`` for a scene with all numerics that needs longer [s], or too much memory; collective."""
     available = available_memory(comm)
-    on_first(comm, lambda: _check(needs_of(scene, comm.size), available, ranks=comm.size, longest=longest))
+    on_first(comm, lambda: _check_affordable(needs_of(scene, comm.size), available, ranks=comm.size, longest=longest))
 
 
-def _check(needs: Needs, available: float, *, ranks: int, longest: float) -> None:
-    wall = needs.cpu / ranks
-    if wall <= longest and needs.memory <= available:
+def _check_affordable(needs: Cost, available: float, *, ranks: int, longest: float) -> None:
+    if needs.cpu / ranks <= longest and needs.memory <= available:
         return
-    on = "1 rank" if ranks == 1 else f"{ranks} ranks"
     records = ""
     if needs.output >= RELEVANT * needs.cpu:
         time = format_duration(needs.output / ranks)
         records = f"; {time} of it are for records below the surface, of which fewer rows need less"
     allowed = (
-        f"needs about {format_duration(wall)} on {on} and {needs.memory / 1e9:.2g} GB of memory, "
-        f"of which {available / 1e9:.2g} GB are free, for {needs.steps:.2g} steps of {needs.unknowns:.2g} unknowns: "
-        f"a larger cell_size or dt and a shorter run.duration need less{records}; wavetank run --yes runs it as it is"
+        f"needs about {format_duration(needs.cpu / ranks)} on {ranks_text(ranks)} and {needs.memory / 1e9:.2g} GB of "
+        f"memory, of which {available / 1e9:.2g} GB are free, for {needs.steps:.2g} steps of {needs.unknowns:.2g} "
+        f"unknowns: a larger cell_size or dt and a shorter run.duration need less{records}; wavetank run --yes runs it "
+        "as it is"
     )
     raise CaseError([Problem(("numerics",), None, allowed)])
 
 
-def needs_of(scene: Case, ranks: int = 1) -> Needs:
-    """Return the needs of a scene with all numerics."""
-    if isinstance(scene.tank, BasinTank):
-        return _of_basin(scene, scene.tank, ranks)
-    return _of_slice(scene, ranks)
-
-
-def _of_slice(scene: Case, ranks: int) -> Needs:
-    chosen, kind = scene.numerics, kind_of(scene, scene.physics)
-    dt, steps, product = _steps(scene, scene.cell_size)
-    settings = Settings(
-        order=chosen.order, cells=scene.cells, vertical_order=chosen.vertical_order, dt=dt, integrator=chosen.integrator
-    )
-    nodes, output_cost = chosen.order * scene.cells + 1, OutputCost.of(scene, dt)
-    cost = run_cost(kind, settings, duration=scene.run.duration, dt_omega_max=product, output_cost=output_cost)
-    output = output_cost.in_slice(entries_of(chosen.order, scene.cells, chosen.vertical_order))
-    memory = cost.memory + (ranks - 1) * BASE
-    return Needs(nodes * (chosen.vertical_order + 2.0), steps, cost.cpu, memory, output)
-
-
-def _of_basin(scene: Case, tank: BasinTank, ranks: int) -> Needs:
-    chosen = scene.numerics
-    cells, smallest = _cells_of_basin(tank, scene.cell_size)
-    dt, steps, _ = _steps(scene, smallest)
-    output_cost = OutputCost.of(scene, dt)
-    nodes = chosen.order**2 * cells
-    unknowns = nodes * (chosen.vertical_order + 2.0)
-    memory = ranks * BASE + nodes * (PER_NODE + PER_MODE * chosen.vertical_order) * output_cost.systems
-    step = ranks * STEP + PER_UNKNOWN * unknowns
-    output = output_cost.in_basin(step)
-    return Needs(unknowns, steps, steps * step + output, memory, output)
-
-
-def _cells_of_basin(tank: BasinTank, size: float) -> tuple[float, float]:
-    """Return the number of cells of a size [m] in a basin, and the size of the smallest [m]."""
-    if isinstance(tank.layout, MeshFile):
-        file = Path(tank.layout.file)
-        return (file.stat().st_size / PER_CELL if file.exists() else 0.0), size
-    return tank.layout.count_cells(size)
-
-
-def _steps(scene: Case, cell_size: float) -> tuple[float, float, float]:
-    """Return the step [s], the number of steps, and dt omega_max, on still water of the tank's depth."""
-    chosen, integrator = scene.numerics, INTEGRATORS[scene.numerics.integrator]()
-    omega = still_mesh(scene, cell_size).largest_frequency
-    dt = build_clock(scene, omega, integrator).dt if chosen.dt is None else chosen.dt
-    return dt, scene.run.duration / dt, float(min(dt * omega, integrator.stability_limit))
+def ranks_text(ranks: int) -> str:
+    """Return the number of ranks as text."""
+    return "1 rank" if ranks == 1 else f"{ranks} ranks"

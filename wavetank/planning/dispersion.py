@@ -18,7 +18,7 @@ of its principal eigenvalue, (25)-(31) of Gagarina et al. 2016, is omega_num dt;
 """
 
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,78 +32,74 @@ from wavetank.integrators.oscillators import Oscillators
 from wavetank.integrators.states import like, rows
 from wavetank.waves import airy
 
-POINTS = 64  # of Gauss' rule over a cell: exact for waves of a tenth of it, and longer
-
-Complex = NDArray[np.complex128]
+XI, WEIGHTS = legendre.leggauss(64)  # Gauss' rule over a cell: exact for waves of a tenth of it, and longer
 
 
 # ---------------------------------------------------------------------------------------------------- space
-class Elements(NamedTuple):
-    """The element matrices of order p on a cell of size 1: mass, and stiffness, shape (p+1, p+1) each."""
-
-    mass: Vector
-    stiffness: Vector
-
-
 @cache
-def elements(order: int) -> Elements:
-    """Return the element matrices of Lagrange elements on Gauss-Lobatto-Legendre nodes."""
+def elements(order: int) -> tuple[Vector, Vector, Vector]:
+    """Return Gauss-Lobatto nodes, shape (p+1,), mass and stiffness, (p+1, p+1), of a Lagrange element of size 1."""
     nodes, (points, weights) = gauss_lobatto_legendre(order), gauss_legendre(order + 1)
     basis = [Polynomial.fromroots(np.delete(nodes, i)) for i in range(order + 1)]
     basis = [one / one(node) for one, node in zip(basis, nodes, strict=True)]
     values = np.array([one(points) for one in basis])
     slopes = np.array([one.deriv()(points) for one in basis])
-    return Elements((values * weights) @ values.T, (slopes * weights) @ slopes.T)
+    return nodes, (values * weights) @ values.T, (slopes * weights) @ slopes.T
 
 
-class UniformCells:
-    """Equal cells along x and their Bloch waves.
+class BlochWaves(NamedTuple):
+    """Discrete waves, per wave number.
 
-    Parameters
+    Attributes
     ----------
-    order
-        p.
-    size
-        dx [m].
+    mu
+        The eigenvalue [1/m²], k² in the limit: the mean of its branch and of the branch that faces it at the next end,
+        weighted with their parts of exp(i k x). There it has no jump, and elsewhere it is that of its branch.
+    profile_error
+        How far nodal values of exp(i k x) are from the discrete wave, relative, in the norm of M. The rest belongs
+        to other branches: a bounded error, while that in the frequency grows with time. Of a branch of nearly the same
+        frequency, as two have that face each other, it is as small as they differ.
     """
 
-    def __init__(self, order: int, size: float):
-        self.order, self.size = order, size
-        self._elements = elements(order)
-        self._x = size * gauss_lobatto_legendre(order)[:-1]
+    mu: Vector
+    profile_error: Vector
 
-    def _bloch(self, k: Vector) -> tuple[Vector, Complex, Complex]:
-        """Return mu [1/m²], shape (N, p), ascending; orthonormal modes (N, p, p); Cholesky factors of M (N, p, p)."""
-        p = self.order
-        lift = np.zeros((k.size, p + 1, p), dtype=complex)  # p + 1 nodal values of a cell from its p unknowns
-        lift[:, :p, :] = np.eye(p)
-        lift[:, p, 0] = np.exp(1j * k * self.size)
-        mass, stiffness = (_adjoint(lift) @ matrix @ lift for matrix in self._elements)
-        lower: Complex = np.linalg.cholesky(mass).astype(complex)
-        inverse: Complex = np.linalg.inv(lower).astype(complex)
+
+@dataclass(frozen=True)
+class UniformCells:
+    """Equal cells of order p along x, of a size [m], and their Bloch waves."""
+
+    order: int
+    size: float
+
+    def branches(self, k: Vector) -> tuple[Vector, Vector]:
+        """Return mu of all branches [1/m²], ascending, and their parts of exp(i k x), for k [rad/m]: shape (..., p)."""
+        p, (nodes, *matrices) = self.order, elements(self.order)
+        lift = np.zeros((*k.shape, p + 1, p), dtype=complex)  # p + 1 nodal values of a cell from its p unknowns
+        lift[..., :p, :] = np.eye(p)
+        lift[..., p, 0] = np.exp(1j * k * self.size)
+        mass, stiffness = (_adjoint(lift) @ matrix @ lift for matrix in matrices)
+        lower = np.linalg.cholesky(mass)
+        inverse = np.linalg.inv(lower)
         squares, modes = np.linalg.eigh(inverse @ stiffness @ _adjoint(inverse))
-        return np.maximum(squares, 0.0) / self.size**2, modes, lower
+        nodal = np.exp(1j * np.multiply.outer(k, self.size * nodes[:-1]))
+        parts = np.abs(_adjoint(modes) @ (_adjoint(lower) @ nodal[..., None]))[..., 0] ** 2
+        return np.maximum(squares, 0.0) / self.size**2, parts / parts.sum(axis=-1, keepdims=True)
 
-    def waves(self, k: ArrayLike) -> "BlochWaves":
+    def waves(self, k: ArrayLike) -> BlochWaves:
         """Return the discrete waves of wave numbers k [rad/m], positive, any shape; ``nan`` beyond p pi / dx."""
-        flat = np.asarray(k, dtype=float).ravel()
-        place = flat * self.size / np.pi * (1 - 1e-14)
-        branch, nearest = np.floor(place).astype(int), np.round(place).astype(int)  # the end next to it
-        rows, last = np.arange(flat.size), self.order - 1
+        k = np.asarray(k, dtype=float)
+        position = k * self.size / np.pi * (1 - 1e-14)
+        branch, nearest = np.floor(position)[..., None], np.round(position)[..., None]  # the end next to it
+        last, numbers = self.order - 1, np.arange(self.order)
         own, facing = np.minimum(branch, last), np.clip(2 * nearest - 1 - branch, 0, last)
-        mu, modes, lower = self._bloch(flat)
-        nodal = np.exp(1j * np.outer(flat, self._x))[..., None]
-        fractions = np.abs(_adjoint(modes) @ (_adjoint(lower) @ nodal))[..., 0] ** 2
-        fractions = fractions / fractions.sum(axis=1, keepdims=True)
-        both = np.zeros_like(fractions)
-        for which in (own, facing):
-            both[rows, which] = fractions[rows, which]
-        mean = np.sum(both * mu, axis=1) / np.sum(both, axis=1)
-        detuning = np.minimum(np.sqrt(mu / mean[:, None]) - 1.0, 1.0)
-        profile = np.sqrt(np.sum(fractions * detuning**2, axis=1))
-        resolved, shape = branch < self.order, np.shape(k)
-        result = (mu[rows, own], np.nan), (mean, np.nan), (profile, 1.0)
-        return BlochWaves(*(np.where(resolved, one, beyond).reshape(shape) for one, beyond in result))
+        mu, parts = self.branches(k)
+        both = np.where((numbers == own) | (numbers == facing), parts, 0.0)
+        mean = np.sum(both * mu, axis=-1) / np.sum(both, axis=-1)
+        detuning = np.minimum(np.sqrt(mu / mean[..., None]) - 1.0, 1.0)
+        profile = np.sqrt(np.sum(parts * detuning**2, axis=-1))
+        resolved = branch[..., 0] < self.order
+        return BlochWaves(np.where(resolved, mean, np.nan), np.where(resolved, profile, 1.0))
 
     def truncation_error(self, k: ArrayLike) -> Vector:
         """Return what no polynomial of degree p in each cell holds of exp(i k x), relative, in the mean square.
@@ -113,86 +109,61 @@ class UniformCells:
         """
         kappa = np.asarray(k, dtype=float) * self.size / 2
         degrees = np.arange(self.order + 1, self.order + 13)
-        xi, weights = legendre.leggauss(POINTS)
-        parts = weights[:, None] * legendre.legvander(xi, degrees[-1])[:, degrees] / 2
-        fraction = np.abs(np.exp(1j * kappa[..., None] * xi) @ parts) ** 2 @ (2 * degrees + 1)
+        parts = WEIGHTS[:, None] * legendre.legvander(XI, degrees[-1])[:, degrees] / 2
+        fraction = np.abs(np.exp(1j * kappa[..., None] * XI) @ parts) ** 2 @ (2 * degrees + 1)
         return np.asarray(np.sqrt(np.minimum(fraction, 1.0)))
 
-    @cached_property
+    @property
     def largest(self) -> float:
-        """The largest mu of all branches and k [1/m²], which lies at an end of one."""
-        return float(self._bloch(np.array([0.0, np.pi / self.size]))[0].max())
+        """The largest mu of all branches and k [1/m²]."""
+        return _largest(self.order) / self.size**2
 
 
-def _adjoint(matrices: Complex) -> Complex:
+@cache
+def _largest(order: int) -> float:
+    """Return the largest mu of all branches and k for cells of size 1; it is at an end of a branch."""
+    return float(UniformCells(order, 1.0).branches(np.array([0.0, np.pi]))[0].max())
+
+
+def _adjoint(matrices: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(np.conj(matrices.swapaxes(-1, -2)))
-
-
-class BlochWaves(NamedTuple):
-    """Discrete waves, per wave number.
-
-    Attributes
-    ----------
-    mu
-        The eigenvalue [1/m²], k² in the limit.
-    mean
-        Of it and that of the branch that faces it at the next end, by their shares in exp(i k x): there it has no jump,
-        and farther away it is mu.
-    profile_error
-        How far nodal values of exp(i k x) are from the discrete wave, relative, in the norm of M. The rest belongs
-        to other branches: a bounded error, while that in the frequency grows with time. Of a branch of nearly the same
-        frequency, as two have that face each other, it is as small as they differ.
-    """
-
-    mu: Vector
-    mean: Vector
-    profile_error: Vector
 
 
 @dataclass(frozen=True, kw_only=True)
 class Mesh:
-    """Equal cells over still water of constant depth.
-
-    Attributes
-    ----------
-    cells
-        Along x.
-    vertical_order
-        n.
-    depth, gravity
-        Still-water depth d [m] and gravity g [m/s²].
-    """
+    """Equal cells along x and the vertical order n, over still water of constant depth [m] under gravity [m/s²]."""
 
     cells: UniformCells
     vertical_order: int
     depth: float
     gravity: float = 9.81
 
-    def surface_frequency(self, mu: ArrayLike) -> Vector:
+    def frequency(self, mu: ArrayLike) -> Vector:
         """Return omega [rad/s] of horizontal eigenvalues mu [1/m²], any shape."""
-        fractions, eigenvalues = _vertical(self.vertical_order)
+        parts, eigenvalues = _vertical_modes(self.vertical_order)
         scaled = np.asarray(mu)[..., None] * self.depth**2
-        tanh = np.asarray(mu) * self.depth * (1.0 - (scaled / (scaled + eigenvalues)) @ fractions)
+        tanh = np.asarray(mu) * self.depth * (1.0 - (scaled / (scaled + eigenvalues)) @ parts)
         return np.asarray(np.sqrt(self.gravity * tanh))
 
-    def frequency(self, k: ArrayLike) -> Vector:
-        """Return omega_h [rad/s] of wave numbers k [rad/m], positive, any shape; ``nan`` beyond p pi / dx."""
-        return self.surface_frequency(self.cells.waves(k).mu)
-
-    @cached_property
+    @property
     def largest_frequency(self) -> float:
         """omega_max [rad/s] over all branches; that of a tank of finite length is at most as large."""
-        return float(self.surface_frequency(self.cells.largest))
+        return float(self.frequency(self.cells.largest))
+
+    @property
+    def largest_wave_number(self) -> float:
+        """The wave number of the shortest waves, p pi / dx [rad/m]."""
+        return self.cells.order * np.pi / self.cells.size
 
 
 def relative_frequency_error(kd: float, vertical_order: int) -> float:
     """Return the error of the frequency that the vertical order alone makes of a wave of k d."""
     mesh = Mesh(cells=UniformCells(1, 1.0), vertical_order=vertical_order, depth=1.0)
-    return float(mesh.surface_frequency(kd**2) / airy.angular_frequency(kd, 1.0, mesh.gravity) - 1.0)
+    return float(mesh.frequency(kd**2) / airy.angular_frequency(kd, 1.0, mesh.gravity) - 1.0)
 
 
 @cache
-def _vertical(n: int) -> tuple[Vector, Vector]:
+def _vertical_modes(n: int) -> tuple[Vector, Vector]:
     """Return b_i² and Lambda_i of the vertical modes, shape (n,) each."""
     basis = VerticalBasis(n)
     return basis.moment(0, basis.values, basis.values)[:-1, -1] ** 2, basis.eigenvalues
@@ -244,24 +215,14 @@ def step_errors(scheme: Integrator[Any], x: ArrayLike) -> StepErrors:
     flat = np.asarray(x, dtype=float).ravel()
     factors, modes = np.linalg.eig(amplification(scheme, flat))
     principal = np.argmin(np.abs(factors - np.exp(-1j * flat)[:, None]), axis=1)
-    each = np.arange(flat.size)
+    each, zero, one = np.arange(flat.size), np.zeros(1), np.ones(1)
     angle = -np.angle(factors[each, principal])
     stable = (np.abs(factors).max(axis=1) < 1 + 1e-7) & (flat < np.pi)  # double roots at x -> 0 split by round-off
-    start = _start(scheme)
-    amplitudes = np.linalg.solve(modes, np.broadcast_to(start[:, None], (flat.size, start.size, 1)))[..., 0]
-    results = _reported(scheme, modes) * amplitudes
+    start = rows(scheme.start(one, zero)) - 1j * rows(scheme.start(zero, one))  # exp(-i omega t): q = 1, p = -i
+    amplitudes = np.linalg.solve(modes, np.broadcast_to(start, (flat.size, *start.shape)))[..., 0]
+    reported = like(scheme.start(zero, zero), modes.transpose(1, 0, 2)).q  # of each mode, shape (N, m)
+    results = reported * amplitudes
     main = results[each, principal]
     shape = np.abs(main - 1.0) + np.abs(results).sum(axis=1) - np.abs(main)
     frequency = np.where(stable, angle / flat - 1.0, np.nan)
     return StepErrors(frequency.reshape(np.shape(x)), shape.reshape(np.shape(x)))
-
-
-def _start(scheme: Integrator[Any]) -> Complex:
-    """Return the state that begins exp(-i omega t): q = 1, p = -i, shape (m,)."""
-    zero, one = np.zeros(1), np.ones(1)
-    return np.asarray(rows(scheme.start(one, zero)) - 1j * rows(scheme.start(zero, one)))[:, 0]
-
-
-def _reported(scheme: Integrator[Any], modes: Complex) -> Complex:
-    """Return the coordinate that a scheme reports of each mode, shape (N, m)."""
-    return np.asarray(like(scheme.start(np.zeros(1), np.zeros(1)), modes.transpose(1, 0, 2)).q)

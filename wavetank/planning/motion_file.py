@@ -2,7 +2,6 @@
 
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from mpi4py import MPI
@@ -33,84 +32,63 @@ def write_motion(
     path = Path(f"{case.stem}-paddle.{form}") if out is None else out
     for n, view in enumerate(moving):
         file = path.with_stem(f"{path.stem}-far") if n else path
-        signal = _signal(view, rate, ramp_down=ramp_down)
-        needs = [_largest(view, signal), *_reference(view)]
-        lines = [*needs, *_of_rate(view, rate)]
-        if signal.down:
-            lines.insert(len(needs), f"ramp-down to rest within {signal.down:.4g} s after the run")
-        on_first(MPI.COMM_WORLD, partial(_write, file, view, signal, form, "; ".join(needs)))
+        signal, end = _signal(view, rate, ramp_down=ramp_down)
+        t, needs = np.arange(signal.shape[1]) / rate, [_largest(view, signal)]
+        if heights := _heights(view):
+            needs.append("position {:.4g} m above the bed, {:.4g} m above the hinge".format(*heights))
+        on_first(MPI.COMM_WORLD, partial(_write, file, view, t, signal, form, "; ".join(needs)))
+        prefix = f"{view.key}: " if len(moving) > 1 else ""
         absorbs = getattr(view.wall, "absorb", None) is not None
-        lines[0] += " (without what absorbing adds, which only a run knows)" if absorbs else ""
-        lines[0] = f"{view.key}: {lines[0]}" if len(moving) > 1 else lines[0]
-        wrote = f"wrote {file}: {signal.t.size} rows, {rate:g} a second"
-        console().print("\n".join([*lines, wrote]), highlight=False)
+        needs[0] = prefix + needs[0] + (" (without what absorbing adds, which only a run knows)" if absorbs else "")
+        ramp = [f"ramp-down to rest within {t[-1] - end:.4g} s after the run"] if t[-1] > end else []
+        lines = [*needs, *ramp, *_rate_warning(view, rate), f"wrote {file}: {t.size} rows, {rate:g} a second"]
+        console().print("\n".join(lines), highlight=False)
 
 
-class _Signal(NamedTuple):
-    """The rows of a file.
+def _signal(end: EndWall, rate: float, *, ramp_down: bool) -> tuple[Array, float]:
+    """Return position, velocity and acceleration at equal steps, and the time of the last one before a ramp-down.
 
-    Attributes
-    ----------
-    t
-        Times [s], shape (T,).
-    rates
-        Position [m], velocity [m/s] and acceleration [m/s²], each of shape (T,), or (T, P) of a paddle in segments.
-    down
-        How long its ramp-down is [s]; 0 without one.
+    They have shape (3, T), or (3, T, P) of a paddle in segments, as far as the motion is defined. Raises ``InputError``
+    for too many rows, or a ramp-down beyond the limits of the paddle.
     """
-
-    t: Array
-    rates: list[Array]
-    down: float = 0.0
-
-    @property
-    def extent(self) -> Extent:
-        """Its largest values."""
-        return extent(self.rates)
-
-
-def _signal(end: EndWall, rate: float, *, ramp_down: bool) -> _Signal:
-    """Return the rows of a case's paddle; raises ``InputError`` for too many, or a ramp-down beyond its limits."""
-    t, limits = _times(end, rate), getattr(end.wall, "limits", None)
-    signal = _Signal(t, [*end.rates(t)])
-    _, velocity, _ = signal.rates
-    if not ramp_down or not np.abs(velocity[-1]).max() > REST * np.abs(velocity).max():
-        return signal
-    signal = _down(signal, rate)
-    for problem in limits.exceeded(signal.extent, end.key, "limits") if limits else ():
+    rows = int(np.ceil(end.duration * rate * (1 - 1e-12))) + 1
+    if rows > MOST:
+        raise InputError(f"--rate {rate:g}: must be at most {MOST / end.duration:.4g}, for {MOST} rows.")
+    t = np.arange(rows) / rate
+    t = np.asarray(t[t <= end.motion().duration])
+    signal = end.rates(t)
+    if not ramp_down or not np.abs(signal[1, -1]).max() > REST * np.abs(signal[1]).max():
+        return signal, float(t[-1])
+    signal = np.concatenate([signal, _ramp_down(signal, rate)], axis=1)
+    limits = getattr(end.wall, "limits", None)
+    for problem in limits.exceeded(extent(signal), end.key, "limits") if limits else ():
         raise InputError(f"{problem} with its ramp-down; --no-ramp-down leaves that out.")
-    return signal
+    return signal, float(t[-1])
 
 
-def _down(signal: _Signal, rate: float) -> _Signal:
-    """Return a signal that continues to rest at X = 0: by a quintic with its last position, velocity and acceleration.
+def _ramp_down(signal: Array, rate: float) -> Array:
+    """Return the continuation of a signal to rest at X = 0: a quintic from its last values.
 
-    The quintic's length is that for which its largest values are least, of those that the signal has.
+    The quintic's length is that for which its largest values are least, relative to those of the signal.
     """
-    end = np.array([one[-1] for one in signal.rates])
-    largest = np.array([np.abs(one).max() for one in signal.rates])
-    result: list[tuple[float, float, list[Array]]] = []
-    for length in 2 * np.pi * largest[0] / largest[1] * np.geomspace(0.25, 4.0, 41):
+    last, largest = signal[:, -1], np.abs(signal).reshape(3, -1).max(axis=1)
+
+    def quintic(length: float) -> Array:
         rows = max(2, int(np.ceil(length * rate)))
-        quintic = BPoly.from_derivatives([0.0, rows / rate], [end, 0.0 * end])
-        after = np.arange(1, rows + 1) / rate
-        rates = [quintic(after), *(quintic.derivative(order)(after) for order in (1, 2))]
-        needs = max(float(np.abs(one).max() / most) for one, most in zip(rates, largest, strict=True))
-        result.append((needs, rows / rate, rates))
-    _, length, rates = min(result, key=lambda one: one[0])
-    t = signal.t[-1] + np.arange(1, rates[0].shape[0] + 1) / rate
-    joined = [np.concatenate([one, two]) for one, two in zip(signal.rates, rates, strict=True)]
-    return _Signal(np.concatenate([signal.t, t]), joined, length)
+        position, t = BPoly.from_derivatives([0.0, rows / rate], [last, 0.0 * last]), np.arange(1, rows + 1) / rate
+        return np.array([position(t), position.derivative()(t), position.derivative(2)(t)])
+
+    lengths = 2 * np.pi * largest[0] / largest[1] * np.geomspace(0.25, 4.0, 41)
+    return min(map(quintic, lengths), key=lambda one: (np.abs(one).reshape(3, -1).max(axis=1) / largest).max())
 
 
-def _largest(end: EndWall, signal: _Signal) -> str:
-    """Return the signal's largest values, each with its limit if there is one."""
-    units, limits = ("m", "m/s", "m/s^2"), getattr(end.wall, "limits", None)
-    parts, both = [], zip(signal.extent, end.extent, strict=True)
-    for name, unit, pair in zip(signal.extent._fields, units, both, strict=True):
+def _largest(end: EndWall, signal: Array) -> str:
+    """Return the signal's largest values as text, each with its limit if there is one."""
+    limits, parts = getattr(end.wall, "limits", None), []
+    both = zip(Extent._fields, ("m", "m/s", "m/s^2"), extent(signal), end.extent, strict=True)
+    for name, unit, *pair in both:
         limit = getattr(limits, name, None)
-        parts.append(f"{name} {max(pair):.4g} {unit}")
-        parts[-1] += "" if limit is None else f" (limit {limit:g} {unit})"
+        parts.append(f"{name} {max(pair):.4g} {unit}" + ("" if limit is None else f" (limit {limit:g} {unit})"))
     return ", ".join(parts)
 
 
@@ -123,13 +101,7 @@ def _heights(end: EndWall) -> tuple[float, float] | None:
     return height, height - wall.hinge
 
 
-def _reference(end: EndWall) -> list[str]:
-    """Return the heights of a flap's position as text, in a list; empty of other paddles."""
-    heights = _heights(end)
-    return [f"position {heights[0]:.4g} m above the bed, {heights[1]:.4g} m above the hinge"] if heights else []
-
-
-def _of_rate(end: EndWall, rate: float) -> list[str]:
+def _rate_warning(end: EndWall, rate: float) -> list[str]:
     """Return a warning for a rate that gives the shortest period of the motion few rows.
 
     Half a period is the time between two reversals more than a tenth of the stroke from each other.
@@ -145,28 +117,21 @@ def _of_rate(end: EndWall, rate: float) -> list[str]:
     return [f"warning: {few}; {ROWS} or more are needed, --rate {ROWS / period:.3g}"]
 
 
-def _times(end: EndWall, rate: float) -> Array:
-    """Return times that cover the run [s], shape (T,), as far as the motion is defined."""
-    rows = int(np.ceil(end.duration * rate * (1 - 1e-12))) + 1
-    if rows > MOST:
-        raise InputError(f"--rate {rate:g}: must be at most {MOST / end.duration:.4g}, for {MOST} rows.")
-    t = np.arange(rows) / rate
-    return np.asarray(t[t <= end.motion().duration])
-
-
-def _write(path: Path, end: EndWall, signal: _Signal, form: str, needs: str) -> None:
+def _write(path: Path, end: EndWall, t: Array, signal: Array, form: str, needs: str) -> None:
     """Write a signal; raises ``InputError`` where there is a file, or none can be."""
-    places, heights = end.wall.places(end.tank), _heights(end)
-    rates, names = (signal.rates, paddle_columns(places)) if form == "csv" else (signal.rates[:1], [])
-    if heights and form == "csv":
-        at = [""] if places is None else [f"@y={y:.6g}" for y in places]
-        rates = [*rates, np.arctan(signal.rates[0] / heights[1]), np.full(signal.t.shape, heights[0])]
-        names = [*names, *(f"angle{place} [rad]" for place in at), "height of position above bed [m]"]
-    table = np.column_stack([signal.t, *rates])
-    comma, header = (",", ",".join(names)) if form == "csv" else (" ", f"# t [s], position [m]; {needs}")
+    places, columns, header = end.wall.places(end.tank), [signal[0]], f"# t [s], position [m]; {needs}"
+    if form == "csv":
+        columns, names = [*signal], paddle_columns(places)
+        if heights := _heights(end):
+            at = [""] if places is None else [f"@y={y:.6g}" for y in places]
+            columns += [np.arctan(signal[0] / heights[1]), np.full(t.shape, heights[0])]
+            names += [*(f"angle{place} [rad]" for place in at), "height of position above bed [m]"]
+        header = ",".join(names)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("xb") as file:
-            np.savetxt(file, table, fmt="%.10g", delimiter=comma, header=header, comments="")
+            delimiter = "," if form == "csv" else " "
+            table = np.column_stack([t, *columns])
+            np.savetxt(file, table, fmt="%.10g", delimiter=delimiter, header=header, comments="")
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror}); --out FILE names another.") from None

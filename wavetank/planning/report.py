@@ -1,6 +1,6 @@
 """The report of ``wavetank plan``: a table of numerics, or the cost of some steps; energy, sponge and warnings."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from math import inf
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from wavetank.case.reading import located, read_case
 from wavetank.console import console, format_duration
 from wavetank.errors import InputError
 from wavetank.planning.checks import run_warnings
-from wavetank.planning.cost import check_affordable
+from wavetank.planning.cost import check_affordable, ranks_text
 from wavetank.planning.default_plan import check_resolvable, default_plan, planned
 from wavetank.planning.plan import Plan, make_plan, own_plan
 from wavetank.planning.requirements import absorption, unplanned
@@ -33,8 +33,6 @@ def report(path: Path, accuracy: float | None, overrides: Sequence[str]) -> None
         The case file, and ``KEY=VALUE`` changes.
     accuracy
         Relative error of the elevation; default: the case's, or ``DEFAULT``.
-    calibrate
-        Whether the cost of steps is measured on this machine before.
     """
     scene, terminal = read_case(path, overrides), console()
     why = unplanned(scene)
@@ -59,11 +57,10 @@ def _report_trial(case: Case, why: str, terminal: Console) -> None:
     scene, warnings = planned(case, comm)
     check_affordable(scene, comm, longest=inf)
     result = trial(scene, comm)
-    ranks = "1 rank" if comm.size == 1 else f"{comm.size} ranks"
     lines = (
         str(shortest_wave(case)),
-        f"a step: {result.step:.2g} CPU s on {ranks}, {result.solves:.1f} interior solves",
-        result.output_cost.description(result.output / result.duration),
+        f"a step: {result.step:.2g} CPU s on {ranks_text(comm.size)}, {result.solves:.1f} interior solves",
+        result.records,
         f"the run: {format_duration(result.duration)}, on as many free cores",
         f"memory: {result.memory / 1e6:.0f} MB",
         *(f"paddle of {view.key}: {absorbs}" for view in scene.paddles if (absorbs := absorption(view))),
@@ -111,26 +108,22 @@ def _report_plan(case: Case, name: str, accuracy: float | None, terminal: Consol
 
 
 def _table(plans: dict[str, Plan]) -> Table:
+    """Return a table of plans, a column each."""
     table = Table("", *plans)
-    columns = [_figures(one) for one in plans.values()]
-    for name in columns[0]:
-        table.add_row(name, *(column[name] for column in columns))
-    return table
-
-
-def _figures(plan: Plan) -> dict[str, str]:
-    settings, cost = plan.settings, plan.cost
-    return {
-        "water": plan.physics,
-        "order p": f"{settings.order}",
-        "cells": f"{settings.cells}",
-        "cell size dx [m]": f"{plan.cell_size:.4g}",
-        "vertical order n": f"{settings.vertical_order}",
-        "step dt [s]": f"{settings.dt:.4g}",
-        "steps": f"{plan.steps}",
-        "integrator": settings.integrator,
-        "dt omega_max": f"{plan.dt_omega_max:.3g}",
-        "predicted error": f"{plan.error:.2g}",
-        "predicted cost [CPU s]": f"{cost.cpu:.2g}",
-        "predicted memory [MB]": f"{cost.memory / 1e6:.0f}",
+    rows: dict[str, Callable[[Plan], object]] = {
+        "water": lambda plan: plan.physics,
+        "order p": lambda plan: plan.settings.order,
+        "cells": lambda plan: plan.settings.cells,
+        "cell size dx [m]": lambda plan: f"{plan.cell_size:.4g}",
+        "vertical order n": lambda plan: plan.settings.vertical_order,
+        "step dt [s]": lambda plan: f"{plan.settings.dt:.4g}",
+        "steps": lambda plan: plan.cost.steps,
+        "integrator": lambda plan: plan.settings.integrator,
+        "dt omega_max": lambda plan: f"{plan.dt_omega_max:.3g}",
+        "predicted error": lambda plan: f"{plan.error:.2g}",
+        "predicted cost [CPU s]": lambda plan: f"{plan.cost.cpu:.2g}",
+        "predicted memory [MB]": lambda plan: f"{plan.cost.memory / 1e6:.0f}",
     }
+    for name, figure in rows.items():
+        table.add_row(name, *(str(figure(plan)) for plan in plans.values()))
+    return table

@@ -9,15 +9,14 @@ import numpy as np
 from mpi4py import MPI
 
 from wavetank.case import Case
-from wavetank.planning.cost import OutputCost, entries_of
+from wavetank.planning.cost import ROW_OF_STEP, entries_of, output_cost, row_cost
 from wavetank.simulation.build import build_run, summary
 from wavetank.simulation.case_diagnostics import build_observers
-from wavetank.simulation.clock import Clock, EverySteps
+from wavetank.simulation.clock import Clock
 from wavetank.simulation.construction import AnyWaves
 from wavetank.simulation.memory import peak_memory
 from wavetank.simulation.records import Memory, Records
 from wavetank.simulation.run import Run
-from wavetank.tank.block import Block
 from wavetank.waves import airy
 
 STEEPEST = 0.2  # k a, and a over the depth: steeper waves may break
@@ -40,10 +39,10 @@ class Trial(NamedTuple):
         Interior solves a step.
     memory
         Of all ranks together, so far [bytes].
-    output_cost
-        Rows below the surface in the complete run; the timed steps have none.
-    output
-        CPU time of these [s].
+    duration
+        CPU time of the complete run on each rank, if all its steps cost the same [s].
+    records
+        The records below the surface in the complete run as text; empty without any. The timed steps have none.
     """
 
     summary: str
@@ -52,61 +51,39 @@ class Trial(NamedTuple):
     step: float
     solves: float
     memory: float
-    output_cost: OutputCost
-    output: float
-
-    @property
-    def duration(self) -> float:
-        """CPU time of the complete run on each rank, if all its steps cost the same [s]."""
-        return self.clock.steps * self.step + self.output
+    duration: float
+    records: str
 
 
-class PerStep(NamedTuple):
-    """Wall time and this rank's CPU time [s] of a step, and its interior solves."""
-
-    wall: float
-    cpu: float
-    solves: float
-
-
-class Stopwatch:
-    """Diagnostic: wall time, this rank's CPU time [s] and number of solves at the end of each block."""
-
-    def __init__(self, solves: Callable[[], int] = lambda: 0) -> None:
-        self.schedule, self._solves = EverySteps(), solves
-        self.notes: list[tuple[int, float, float, int]] = []  # number of the step, and the three
-
-    def record(self, block: Block) -> None:
-        """Record the times."""
-        self.notes.append((int(block.step[-1]), time.monotonic(), time.process_time(), self._solves()))
-
-    def per_step(self, *, after: int) -> PerStep:
-        """Return the mean of the steps after so many, or of those of the last block."""
-        *before, (last, *end) = self.notes
-        first, *begin = next((note for note in before if note[0] >= after), before[-1])
-        return PerStep(*((b - a) / (last - first) for a, b in zip(begin, end, strict=True)))
+def step_time(run: Run, steps: int = WARM_UP + STEPS, count: Callable[[], int] = lambda: 0) -> tuple[float, float]:
+    """Return this rank's CPU time [s] and increment of a count, a step, after ``WARM_UP`` of so many; collective."""
+    warm_up, clock = min(WARM_UP, steps - 1), run.clock
+    run.clock = replace(clock, steps=warm_up)
+    run.execute()
+    start = time.process_time(), count()
+    run.clock = replace(clock, steps=steps)
+    run.execute()
+    end = time.process_time(), count()
+    return (end[0] - start[0]) / (steps - warm_up), (end[1] - start[1]) / (steps - warm_up)
 
 
 def trial(scene: Case, comm: MPI.Comm) -> Trial:
     """Return the cost of some steps of a run, with its waves in the tank; collective. Raises the errors of a run."""
     continuing = scene.model_copy(update={"run": scene.run.model_copy(update={"on_breaking": "dissipate"})})
     run, waves = build_run(continuing, comm)
-    clock, line = run.clock, summary(scene, run, waves)
-    watch = Stopwatch(lambda: waves.potential.counters.solves)
-    records = Records(Memory(), Memory(), None)
-    run.diagnostics += [*build_observers(scene, waves, records, sinks=run.sinks), watch]
-    run.clock = Clock(clock.dt, min(clock.steps, WARM_UP + STEPS))
-    _fill(run, scene, waves)
-    run.execute()
-    each = watch.per_step(after=WARM_UP)
-    step, output_cost = comm.allreduce(each.cpu, op=MPI.MAX), OutputCost.of(scene, clock.dt)
+    clock, line, steps = run.clock, summary(scene, run, waves), min(run.clock.steps, WARM_UP + STEPS)
+    run.diagnostics += build_observers(scene, waves, Records(Memory(), Memory(), None), sinks=run.sinks)
+    _fill(run, scene, waves, steps)
+    spent, solves = step_time(run, steps, lambda: waves.potential.counters.solves)
+    step, output = comm.allreduce(spent, op=MPI.MAX), output_cost(scene, clock.dt)
     entries = entries_of(waves.plane.order, waves.plane.cells, waves.vertical.n)
-    output = output_cost.in_basin(step) if waves.plane.mesh.topology.dim == 2 else output_cost.in_slice(entries)
-    return Trial(line, clock, waves, step, each.solves, comm.allreduce(peak_memory()), output_cost, output)
+    below = output.cpu(ROW_OF_STEP * step if waves.plane.mesh.topology.dim == 2 else row_cost(entries))
+    duration, memory = clock.steps * step + below, comm.allreduce(peak_memory())
+    return Trial(line, clock, waves, step, solves, memory, duration, output.message(below / duration))
 
 
-def _fill(run: Run, scene: Case, waves: AnyWaves) -> None:
-    """Start with regular waves of the paddle's period at a time at which it moves fast; collective.
+def _fill(run: Run, scene: Case, waves: AnyWaves, steps: int) -> None:
+    """Start some steps with regular waves of the paddle's period at a time at which it moves fast; collective.
 
     They are linear, on the mean depth, and at most as steep as ``STEEPEST``. Without a moving paddle the start stays.
     """
@@ -114,7 +91,7 @@ def _fill(run: Run, scene: Case, waves: AnyWaves) -> None:
     period = end.period
     if period is None:
         return
-    t = np.linspace(0.5, 1.0, TIMES, dtype=np.float64) * (scene.run.duration - run.clock.end)
+    t = np.linspace(0.5, 1.0, TIMES, dtype=np.float64) * (scene.run.duration - steps * run.clock.dt)
     velocity = end.rates(t)[1].reshape(TIMES, -1)
     omega, g = 2 * np.pi / period, scene.tank.gravity
     k = float(airy.wave_number(omega, waves.depth, g))

@@ -1,0 +1,270 @@
+"""The waves of a paddle, by linear wavemaker theory.
+
+Their spectral lines are a_j = c(k_j) |X_j|, with X_j the Fourier coefficients of its motion over the run (of a short
+run, and beyond it: ``WINDOW``) and c the paddle's transfer function (``waves/wavemaker.py``). Groups of lines are
+components. Each is followed from the paddle to the farthest gauge that it reaches within the run, with all later
+passages after reflections at both ends (``travel.py``); if there is no gauge, or most of the energy has not arrived, to
+the far wall. The energy that a gauge records weights its error.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavetank.arrays import Vector
+from wavetank.case import EndWall
+from wavetank.errors import InputError
+from wavetank.planning import travel
+from wavetank.waves import airy
+from wavetank.waves.second_order import Strokes, second_order
+
+REMAINING = 0.05  # of the free second harmonic after second-order generation, in steep waves
+MOST_COMPONENTS = 40
+MOST_TIMES = 2**16  # at which a motion is sampled: an hour of it in a tank 0.5 m deep
+DEEPEST = 40.0  # k d of the highest frequency of a motion
+TAPER = 0.25  # fraction of a motion that is tapered at its end, or its spectrum is that of a jump
+TRIED = 4001  # times beyond a short run's end
+WINDOW = 36.0  # (d / g)^(1/2): least analysed duration of a motion; part of a period has the spectrum of short waves
+NOISE = 1 / 30  # of a measured motion's strongest lines: what is shorter and weaker is the instrument's
+NEGLECTED = 0.05  # of the accuracy squared: energy neglected at either end of the spectrum
+RETURNING = 0.1  # of the recorded energy: where less is reflected, the crest is that of waves that travel away
+REACHED = 0.9  # of the energy: of a run that ends before it gets to a gauge all that is in the tank counts
+PLACES = 33  # at which the highest crest is searched
+AROUND = 4  # groups of lines on either side: of fewer the envelope has no place in time
+TIMES = 512  # at which an envelope is sampled
+TINY = 1e-300
+
+
+class WaveComponents(NamedTuple):
+    """Linear waves, shape (N,) each.
+
+    Attributes
+    ----------
+    k, omega
+        Wave numbers [rad/m] and angular frequencies [rad/s].
+    amplitude
+        Amplitudes of the elevation [m].
+    age
+        For how long each is followed [s].
+    """
+
+    k: Vector
+    omega: Vector
+    amplitude: Vector
+    age: Vector
+
+
+class RunUp(NamedTuple):
+    """The run-up of a solitary wave at a wall: its peak's elevation R and length l, and the depth [m]."""
+
+    elevation: float
+    length: float
+    depth: float
+
+
+class Form(NamedTuple):
+    """A wave of permanent form, or a standing one; or the bound harmonics of any other.
+
+    Attributes
+    ----------
+    harmonics
+        Amplitudes of its harmonics relative to the first, shape (M,).
+    excess
+        Its frequency over that of linear theory, less 1.
+    velocity
+        The largest of the water at the surface [m/s].
+    crest
+        The highest it gets [m].
+    """
+
+    harmonics: Vector
+    excess: float
+    velocity: float
+    crest: float
+
+
+class CaseWaves(NamedTuple):
+    """The waves of a start or a paddle, or of all of a case.
+
+    Attributes
+    ----------
+    components
+        Those that a gauge records, without ``free``.
+    crest, progressive
+        The highest crest of their sum by linear theory, and that of the waves of one direction [m].
+    steep_time
+        The time for which they are about as high [s].
+    free
+        The free second harmonics of paddles, in nonlinear water.
+    form
+        The exact wave if they are one.
+    run_up
+        The run-up of a solitary wave at a wall.
+    """
+
+    components: WaveComponents
+    crest: float
+    progressive: float = 0.0
+    steep_time: float = np.inf
+    free: WaveComponents = WaveComponents(*np.empty((4, 0)))
+    form: Form | None = None
+    run_up: RunUp | None = None
+
+
+class _Lines(NamedTuple):
+    """Spectral lines, shape (N,) each: omega [rad/s], k [rad/m], and the elevation at the paddle [m], complex."""
+
+    omega: Vector
+    k: Vector
+    elevation: NDArray[np.complex128]
+
+    def squared_envelope(self, first: int, last: int) -> Vector:
+        """Return the squared envelope [m²] of lines from the first to before the last, at ``TIMES`` equal steps."""
+        step = -(-(last - first) // TIMES)  # of more lines than times, by means over so many
+        envelope = np.fft.ifft(self.elevation[first:last], TIMES * step, norm="forward")
+        return np.asarray(np.mean(np.abs(envelope.reshape(TIMES, step)) ** 2, axis=1))
+
+    def grouped(self, highest: float, neglected: float) -> tuple[NDArray[np.int_], Vector, Vector]:
+        """Return the first lines of few groups and the end of the last, shape (N + 1,), frequencies and amplitudes.
+
+        Lines above the highest frequency [rad/s], and ends of a fraction of the energy, are neglected.
+        """
+        energy = np.abs(self.elevation[self.omega <= highest]) ** 2
+        below = np.append(0.0, np.cumsum(energy) / np.sum(energy))
+        chosen = np.flatnonzero((below[1:] > neglected) & (below[:-1] < 1 - neglected))
+        groups = np.array_split(chosen, min(MOST_COMPONENTS, chosen.size))
+        edges = np.array([*(group[0] for group in groups), chosen[-1] + 1])
+        energies, moments = (
+            np.add.reduceat(of[: edges[-1]], edges[:-1]) for of in (energy, energy * self.omega[: energy.size])
+        )
+        return edges, moments / energies, np.sqrt(energies)
+
+
+def analysed_duration(end: EndWall) -> float:
+    """Return the duration of a motion whose spectrum is analysed [s]: longer than a short run, where it is defined.
+
+    A user's motion need not be finite after the run: it is evaluated there first.
+    """
+    until = min(WINDOW * float(np.sqrt(end.tank.depth / end.tank.gravity)), end.motion().duration)
+    if until > end.duration:
+        try:
+            end.rates(np.linspace(end.duration, until, TRIED, dtype=np.float64))
+        except InputError:
+            return end.duration
+    return float(max(end.duration, until))
+
+
+def tapered(part: Vector) -> Vector:
+    """Return the taper at fractions of the analysed duration, shape (N,)."""
+    return np.asarray(np.cos(np.pi / 2 * np.maximum(0.0, (part - 1.0) / TAPER + 1.0)) ** 4)
+
+
+def highest_frequency(end: EndWall, accuracy: float) -> float:
+    """Return the frequency [rad/s] above which a measured motion is noise; ``inf`` of any other."""
+    if end.motion().interval is None:
+        return np.inf
+    _, omega, amplitude = _lines(end).grouped(np.inf, NEGLECTED * accuracy**2)
+    return float(omega[amplitude > NOISE * amplitude.max()].max())
+
+
+def paddle_waves(end: EndWall, accuracy: float) -> CaseWaves:
+    """Return the waves of a paddle that moves, for a relative error of the elevation."""
+    tank, lines = end.tank, _lines(end)
+    edges, omega, amplitude = lines.grouped(highest_frequency(end, accuracy), NEGLECTED * accuracy**2)
+    k, energy = airy.wave_number(omega, tank.depth, tank.gravity), amplitude**2
+    count = omega.size
+    squares = [
+        lines.squared_envelope(edges[max(0, n - AROUND)], edges[min(n + AROUND + 1, count)]) for n in range(count)
+    ]
+    all_squares = lines.squared_envelope(0, lines.omega.size)
+    free_k, free_omega, ratio = _free_harmonic(end, float(energy @ k / energy.sum()), all_squares)
+    each = np.append(k, free_k), np.append(omega, free_omega)
+    age, fraction, reflected = _travel(end, *each, np.append(energy, 0.0), np.array([*squares, all_squares**2]))
+    returning = bool(reflected[:-1] @ energy > RETURNING * (fraction[:-1] @ energy))
+    recorded = np.append(amplitude, ratio * np.sqrt(energy.sum())) * np.sqrt(fraction)
+    several, free = (
+        WaveComponents(*(part[one][fraction[one] > 0.0] for part in (*each, recorded, age)))
+        for one in (slice(count), slice(count, None))
+    )
+    crest, mean_square = _crest(end, lines, returning)
+    progressive = max(crest / 2, _crest(end, lines, False)[0])  # at a wall that reflects both directions add up
+    steep_time = 4 * 2 * np.pi / float(lines.omega[0]) * mean_square / max(crest, TINY) ** 2
+    return CaseWaves(several, crest, progressive, steep_time, free)
+
+
+def _lines(end: EndWall) -> _Lines:
+    """Return the spectral lines of the paddle's waves, from 1 / duration to the k d of ``DEEPEST``.
+
+    Of a motion of more than ``MOST_TIMES``, those of its first part.
+    """
+    tank = end.tank
+    highest = np.sqrt(DEEPEST * tank.gravity / tank.depth) / (2 * np.pi)
+    duration = min(analysed_duration(end), float(MOST_TIMES / (4 * highest)))
+    count = 2 * int(np.ceil(2 * highest * duration)) + 64
+    t = np.asarray(duration / count * np.arange(count), dtype=np.float64)
+    positions = end.motion().position(t)
+    coefficients = np.fft.rfft(positions * tapered(np.asarray(t / duration)))[1:-1] * (2 / count)
+    omega: Vector = 2 * np.pi / duration * np.arange(1, count // 2, dtype=np.float64)
+    k = airy.wave_number(omega, tank.depth, tank.gravity)
+    return _Lines(omega, k, 1j * end.wall.wavemaker.transfer(k, tank.depth) * coefficients)
+
+
+def _free_harmonic(end: EndWall, k: float, squares: Vector) -> tuple[Vector, Vector, Vector]:
+    """Return wave number and frequency of the free second harmonic, and its amplitude over that of the waves.
+
+    Shape (1,) each. The amplitude is that of a regular wave of k [rad/m] as high (``waves/second_order.py``), at most
+    the wave's. It grows with the square of the envelope, ``squares`` [m²].
+    """
+    depth, g, wavemaker = end.tank.depth, end.tank.gravity, end.wall.wavemaker
+    size = float(np.sqrt(np.sum(squares**2) / max(np.sum(squares), TINY)))
+    omega = 2 * airy.angular_frequency(np.array([k]), depth, g)
+    free = airy.wave_number(omega, depth, g)
+    stroke = Strokes(omega / 2, np.array([size / complex(wavemaker.transfer(k, depth))]))
+    motion = second_order(stroke, wavemaker, depth=depth, gravity=g).b[:1]
+    ratio = np.minimum(1.0, np.abs(motion) * wavemaker.transfer(free, depth) / max(size, TINY))
+    return free, omega, (REMAINING if end.generation[0] == "second-order" else 1.0) * ratio
+
+
+def _crest(end: EndWall, lines: _Lines, returning: bool) -> tuple[float, float]:
+    """Return the largest elevation [m] between the paddle and the farthest gauge, and the mean square [m²] there.
+
+    Where waves return to the gauges, that is along the tank, with all reflections.
+    """
+    tank = end.tank
+    spectra = np.zeros((PLACES, lines.omega.size + 2), dtype=complex)
+    count = 2 * (lines.omega.size + 1)
+    if returning:
+        x, speed = (
+            np.linspace(0.0, tank.length, PLACES, dtype=np.float64),
+            airy.group_velocity(lines.k, tank.depth, tank.gravity),
+        )
+        at = travel.reflections(end, lines.omega)
+        at_x = travel.response(x, lines.k, speed, length=tank.length, reflected=at, duration=end.duration)
+    else:
+        farthest = max((float(end.distance(gauge.x)) for gauge in end.case.all_gauges), default=tank.length)
+        at_x = np.exp(-1j * np.outer(np.linspace(0.0, farthest, PLACES), lines.k))
+    spectra[:, 1:-1] = lines.elevation * at_x * (count / 2)
+    elevation = np.fft.irfft(spectra, count)
+    return float(np.abs(elevation).max()), float(np.mean(elevation**2))
+
+
+def _travel(end: EndWall, k: Vector, omega: Vector, energy: Vector, rates: Vector) -> travel.Propagation:
+    """Return the travel of components to the farthest gauge they reach, of energies generated at rates, shape (N, M).
+
+    The fraction is 0 of those that reach none; where gauges are reached by less than ``REACHED`` of the energy, the
+    rest being on its way to them, all travel along the tank.
+    """
+    length, duration = end.tank.length, end.duration
+    speed = airy.group_velocity(k, end.tank.depth, end.tank.gravity)
+    x = np.array([float(end.distance(gauge.x)) for gauge in end.case.all_gauges])
+    reached = np.divide.outer(x, speed) < duration
+    reaching = np.any(reached, axis=0)
+    everywhere = energy @ reaching < REACHED * energy.sum()
+    farthest = np.full_like(k, length) if everywhere else np.where(reached, x[:, None], 0.0).max(axis=0)
+    at, sampled = travel.reflections(end, omega), analysed_duration(end)
+    result = travel.travel(farthest, speed, rates, sampled=sampled, length=length, reflected=at, duration=duration)
+    if everywhere:
+        age = np.maximum(result.age, np.minimum(duration, length / speed))
+        return result._replace(age=age, fraction=np.maximum(result.fraction, 1.0))
+    return result._replace(fraction=np.where(reaching, result.fraction, 0.0))
