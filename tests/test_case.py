@@ -273,16 +273,19 @@ def test_overrides_accept_toml_values_and_bare_text_at_any_depth(write_case):
         ("tank.type=pond", 'tank.type = "pond": is an unknown type; allowed are: slice, ring, basin'),
         ("wall.type=crane", 'wall.type = "crane": is an unknown type; allowed are: fixed, piston, flap, profile'),
         ("wall={reach=3}", "wall.type: is missing; allowed are: fixed, piston"),
-        ("tank.sponge={length=2.0}", "sponge belongs to the top of the case, before all tables."),
+        ("tank.sponge={length=2.0}", "tank.sponge = "),
         ("gauge=[{x=1.0}]", "is an unknown key; did you mean 'gauges'? allowed are: far_wall, gauge_lines, "),
         ("wall={type='profile',shape='1 + z/d'}", "tanh, where, z; what it stands for is said by where = { d = ... }"),
         ("wall.absorb=true", "wall.absorb = true: must be a table; allowed are: damping, longest, mass, period, "),
-        ("wall.absorb={type='active', period=2.0}", "spring-damper or [sponge] of type end or group."),
-        ("numerics.phase=0.1", "focused or components or directional-focus or reflected-focus."),
+        (
+            "wall.absorb={type='active', period=2.0}",
+            "absorb.period = 2.0: is an unknown key; allowed are: longest, ",
+        ),
+        ("numerics.phase=0.1", "numerics.phase = 0.1: is an unknown key"),
         ("wall.motion={type='oblique-wave'}", 'wall.motion.type = "oblique-wave": is an unknown type;'),
         ("wall={type='segmented-piston', motion={type='at-rest'}}", "is an unknown type; allowed are: oblique-wave, "),
         ("wall.type=fixed", "wall.motion = {"),
-        ("run.dt=0.01", "allowed are: checkpoint_every, duration, on_breaking; dt belongs to [numerics]."),
+        ("run.dt=0.01", "allowed are: checkpoint_every, duration, on_breaking."),
         (
             'wall.motion={type="sinusoid", paddle_amplitude=10, period=2}',
             "wall.motion: takes the paddle 10 m from rest; it must stay below 7.5 m, 3/4 of its reach, "
@@ -323,33 +326,26 @@ def test_refusal_names_file_key_value_and_allowed_values(write_case, override, s
     assert all(line.startswith(f"{path}, ") and line.endswith(".") for line in message.splitlines())
 
 
-def test_refusal_names_the_line(write_case):
-    said = refused(write_case(GROUP.replace("focus_x = 10.0", "focus_x = 30.0").replace("{x = 4.0}", "{x = -4.0}")))
-    path = write_case()
-    assert said.splitlines()[:2] == [
-        f"{path}, line 17: wall.motion.focus_x = 30.0: must be inside the tank, below 24 m.",
-        f"{path}, line 2: gauges.0.x = -4.0: must be inside the tank, 0 to 24 m.",
-    ]
-    assert f"{path}, line 7: tank.depth: is missing; needed is still-water depth" in refused(
-        write_case(GROUP.replace("depth", "#"))
-    )
-    assert f"{path}, line 10: gauges.1.x = " in refused(
-        write_case(
-            '[tank]\nlength = 3\ndepth = 1\n[run]\nduration = 1\n[[gauges]]\nx = 2\n[[gauges]]\nname = "b"\nx = 9\n'
-        )
-    )
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (GROUP.replace("focus_x = 10.0", "focus_x = 30.0"), "line 17: wall.motion.focus_x = 30.0: must be inside the"),
+        (GROUP.replace("{x = 4.0}", "{x = -4.0}"), "line 2: gauges.0.x = -4.0: must be inside the tank, 0 to 24 m."),
+        (GROUP.replace("depth", "#"), "line 7: tank.depth: is missing; needed is still-water depth"),
+        (
+            "[tank]\nlength = 3\ndepth = 1\n[run]\nduration = 1\n[[gauges]]\nx = 2\n[[gauges]]\nx = 9\n",
+            "line 9: gauges.1.x",
+        ),
+        ("title = 3\n[tank\n", "line 2, column 6"),
+    ],
+)
+def test_refusal_names_the_line(write_case, text, said):
+    assert said in refused(write_case(text))
 
 
 def test_all_errors_are_listed(write_case):
     said = refused(write_case(), "tank.depth=0", "run.duration=0", "numerics.dt=-1", "colour=blue")
     assert len(said.splitlines()) == 4
-
-
-def test_toml_error_names_line_and_column(write_case):
-    path = write_case("title = 3\n[tank\n")
-    said = refused(path)
-    assert said.startswith(f"{path}: not valid TOML: ")
-    assert "line 2, column 6" in said
 
 
 @pytest.mark.parametrize("content", [None, b"\xff\xfe"])
@@ -363,15 +359,12 @@ def test_unreadable_case_is_refused(tmp_path, content):
 @pytest.mark.parametrize(
     ("override", "said"),
     [
-        ("numerics.dt", "override 'numerics.dt' received; allowed is KEY=VALUE, such as numerics.dt=0.01."),
-        ("=3", "override '=3' received; allowed is KEY=VALUE, such as numerics.dt=0.01."),
-        ("gauges.2.x=3", "override 'gauges.2.x=3' received; 2 must be an index from 0 to 1."),
-        ("gauges.x=3", "override 'gauges.x=3' received; 'x' must be an index from 0 to 1."),
-        ("title.x=3", "override 'title.x=3' received; 'x' is asked of 'a group', which has no keys."),
+        *((text, "allowed is KEY=VALUE, such as numerics.dt=0.01.") for text in ("numerics.dt", "=3")),
+        *((f"{key}.x=3", "there is no table or list to set it in.") for key in ("gauges.2", "gauges", "title")),
     ],
 )
 def test_override_of_no_key_is_refused(write_case, override, said):
-    assert refused(write_case(), override) == said
+    assert refused(write_case(), override) == f"override {override!r} received; {said}"
 
 
 WORDS = "tank wall motion type gauges 0 7 x depth run duration numerics initial"

@@ -135,7 +135,7 @@ def test_a_branch_that_is_not_taken_makes_no_warning():
 KNOWN = (
     "allowed are: abs, arccos, arccosh, arcsin, arcsinh, arctan, arctan2, arctanh, clip, cos, cosh, exp, hypot, log, "
 )
-NOT_ALLOWED = "allowed are numbers, names, + - * / **, comparisons, and, or, not, and functions."
+NOT_ALLOWED = "allowed are numbers, names, + - * / **, comparisons < <= > >= == !=, and, or, not, and functions."
 
 
 @pytest.mark.parametrize(
@@ -156,7 +156,7 @@ NOT_ALLOWED = "allowed are numbers, names, + - * / **, comparisons, and, or, not
         ("1 + x ^ 2", "formula, column 1: '1 + x ^ 2' holds an operator that is not allowed; a power is written **."),
         ("x % 2", f"formula, column 1: 'x % 2' holds an operator that is not allowed; {NOT_ALLOWED}"),
         ("1 if x > 0 else 2", "is not allowed in a formula; a choice is written where(condition, a, b)."),
-        ("x is y", "'x is y' holds a comparison that is not allowed; allowed are < <= > >= == !=."),
+        ("x is y", f"formula, column 1: 'x is y' holds an operator that is not allowed; {NOT_ALLOWED}"),
         ("2 + sin", "formula, column 5: 'sin' is a function and needs its arguments, sin(...)."),
         (
             "atan2(y, x)",

@@ -9,7 +9,6 @@ import numpy as np
 
 from wavetank.case.output import FAR, PADDLE
 from wavetank.case.tank import BasinTank, Context, paddle_period
-from wavetank.errors import InputError
 from wavetank.motion import Array, Motion
 from wavetank.motion.motion import STEEPEST, Extent, batches, extent, frequency_shift, largest_stroke, times
 from wavetank.values.case_model import CaseError, Key, Problem, about, renamed
@@ -60,7 +59,10 @@ class EndWall(Context):
             problems = [*self._motion_problems()]
         if problems:
             raise CaseError(problems)
-        return self._unchecked if keys is None else self._with_errors_of((self.key, "motion", *keys))
+        if keys is None:
+            return self._unchecked
+        rates = about(self.key, "motion", *keys)(self._unchecked.rates)
+        return self._unchecked.derived(rates)
 
     @cached_property
     def _unchecked(self) -> Motion:
@@ -69,23 +71,6 @@ class EndWall(Context):
             raise CaseError(problems)
         motion: Motion = self.wall.paddle(self.tank, self.physics)
         return motion
-
-    def _with_errors_of(self, key: Key) -> Motion:
-        """Return the motion with errors that name its key; one after the run says that the last step ends there."""
-        motion, run = self._unchecked, self.duration
-
-        def rates(t: Array, y: Any) -> Array:
-            with about(*key):
-                try:
-                    return motion.rates(t, y)
-                except InputError as error:
-                    if t.max() <= run:
-                        raise
-                    motion.rates(np.minimum(t, run), y)
-                    ends = f"the last step ends beyond run.duration = {run:g} s; a step that divides that does not"
-                    raise InputError(f"{str(error).removesuffix('.')}: {ends}.") from error
-
-        return motion.derived(rates)
 
     @property
     def generation(self) -> tuple[str | None, str]:

@@ -23,6 +23,7 @@ from wavetank.values.quantities import (
     Length,
     Pair,
     Ramp,
+    Time,
     Triple,
     metres,
 )
@@ -167,7 +168,6 @@ class Window(CaseModel):
 
 # ---------------------------------------------------------------- targets of `wavetank calibrate`
 TARGET_KEY = "target"
-Time = Annotated[float, Field(ge=-1e9, le=1e9)]
 
 
 class _Placed(CaseModel):

@@ -4,6 +4,7 @@ Angles are in degrees from the wall's normal into the water, positive towards y,
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -17,22 +18,13 @@ from wavetank.mesh import MeshFile
 from wavetank.motion.motion import widest_segment
 from wavetank.motion.recorded import hermite, in_metres, read_record
 from wavetank.run_warning import RunWarning
-from wavetank.values.case_model import (
-    CaseModel,
-    Check,
-    FilePath,
-    Key,
-    TimeFormulaText,
-    TimeHelpers,
-    about,
-    one_of,
-)
+from wavetank.values.case_model import CaseModel, Check, FilePath, Key, TimeFormulaText, TimeHelpers, about, one_of
 from wavetank.values.formula import Formula
 from wavetank.values.python_file import load
-from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, Length, Ramp
+from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, Length, Ramp, Time
 from wavetank.waves import airy, spectra
 from wavetank.waves.focusing import Fan, FocusedGroup, ReflectedGroup
-from wavetank.waves.measured import Components, WishedSurface, read_components, wished_surface
+from wavetank.waves.measured import WishedSurface, read_components, wished_surface
 from wavetank.waves.plane_waves import PlaneWaves, waves_along
 from wavetank.waves.solitary_wave import HIGHEST_SOLITARY
 from wavetank.waves.spectra import irregular, random_directions, uniform
@@ -49,19 +41,16 @@ class MotionModel(CaseModel):
 
     Attributes
     ----------
-    generates
-        Whether the motion follows from the waves to be generated.
     value_keys
         Keys that errors of its values name, of a motion by a user's function; None of others.
     """
 
-    generates: ClassVar[bool] = False
     value_keys: ClassVar[tuple[str, ...] | None] = None
 
     @property
-    def in_metres(self) -> bool:
-        """Whether the header of its file has units of positions [m] or velocities [m/s]."""
-        return False
+    def reads_file(self) -> bool:
+        """Whether it is checked when its file is read, and not before: if it has one."""
+        return any(self.named_files())
 
     def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
         """Return the motion of a paddle of a mode shape; raises ``CaseError`` if its file cannot be read."""
@@ -81,8 +70,6 @@ class GeneratingMotion(MotionModel):
 
     if TYPE_CHECKING:
         ramp: Ramp | None  # of its own default in each type
-
-    generates: ClassVar[bool] = True
 
     def target(self, tank: AnyTank) -> PlaneWaves:
         """Return the waves by linear theory, without a ramp; raises ``CaseError`` if a file cannot be read."""
@@ -192,11 +179,6 @@ class SpectralWaves(GeneratingMotion):
     components: int = Field(default=128, ge=2, le=MAX_COMPONENTS, description="number of components")
     ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two peak periods")
 
-    @property
-    def reads_file(self) -> bool:
-        """Whether the spectrum is a file's."""
-        return isinstance(self.spectrum, TableSpectrum)
-
     def default_ramp(self, tank: AnyTank) -> float:
         """Return two peak periods [s]."""
         return 2 / self.spectrum.build(tank).peak_frequency
@@ -226,12 +208,7 @@ class SpectralWaves(GeneratingMotion):
         least = int(np.ceil(end.duration * (highest - lowest))) + 1
         allowed = f"must be {least} or more: so few repeat the waves every {repetition:.4g} s, within the run"
         yield "components", end.duration <= repetition, allowed
-        yield from self.timing_checks(end)
         yield from super().checks(end)
-
-    def timing_checks(self, end: Context) -> Iterator[Check]:
-        """Yield checks of times; by default none."""
-        yield from ()
 
 
 class IrregularWaves(SpectralWaves):
@@ -252,20 +229,25 @@ class FocusingWaves(SpectralWaves):
     focus_time: Duration = Field(description="when the crests meet [s]")
     phase: float = Field(default=0.0, ge=-360, le=360, description="at the focus [deg]: 0 of a crest, 180 of a trough")
 
-    def group(self, tank: AnyTank, *, fan: Fan | None = None, focus_y: float = 0.0) -> FocusedGroup:
-        """Return the group, by default of waves along x."""
+    def group(self, tank: AnyTank) -> FocusedGroup:
+        """Return the group, as in a sea without side walls."""
         return FocusedGroup(
             amplitude=self.linear_crest,
             spectrum=self.spectrum.build(tank),
             frequencies=self.frequencies(tank),
             focus_x=self.focus_x,
-            focus_y=focus_y,
+            focus_y=getattr(self, "focus_y", 0.0),
             focus_time=self.focus_time,
             depth=tank.depth,
             gravity=tank.gravity,
             phase=float(np.radians(self.phase)),
-            fan=fan or Fan(),
+            fan=self.fan,
         )
+
+    @property
+    def fan(self) -> Fan:
+        """The directions of the waves: along x."""
+        return Fan()
 
     def focused(self, tank: AnyTank) -> FocusedGroup | ReflectedGroup:
         """Return the group as it is to be generated."""
@@ -275,33 +257,20 @@ class FocusingWaves(SpectralWaves):
         """Return the waves by linear theory."""
         return self.focused(tank).target
 
-    def timing_checks(self, end: Context) -> Iterator[Check]:
-        """Yield that the short waves reach the focus in time."""
+    def checks(self, end: Context) -> Iterator[Check]:
+        """Yield that the focus is inside the tank, as any waves of a spectrum, and that they are there in time."""
+        yield in_tank(end.tank, self.focus_x, key="focus_x")
+        yield from super().checks(end)
         earliest = self.focused(end.tank).earliest_focus(self.ramp_in(end.tank))
         allowed = f"must be at least {earliest:.4g} s: the short waves need that long from the ramp's end to focus_x"
         yield "focus_time", self.focus_time >= earliest, allowed
 
-    def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that the focus is inside the tank, and as any waves of a spectrum."""
-        yield in_tank(end.tank, self.focus_x, key="focus_x")
-        yield from super().checks(end)
-
 
 # ---------------------------------------------------------------- waves of a file
 Column = Literal["frequency", "omega", "amplitude", "phase", "lag", "direction", "other"]
-Time = Annotated[float, Field(ge=-1e9, le=1e9)]
 
 
-class WaveFile(GeneratingMotion):
-    """Waves from a file."""
-
-    @property
-    def reads_file(self) -> bool:
-        """Whether it is checked when its file is read: yes."""
-        return True
-
-
-class ComponentFile(WaveFile):
+class ComponentFile(GeneratingMotion):
     """Components eta = scale sum a cos(omega (t - time) + phase) at a place, by linear theory."""
 
     file: FilePath = Field(description="file with a row for each component")
@@ -328,17 +297,13 @@ class ComponentFile(WaveFile):
             raise ValueError("columns must each be named once, but for other")
         return self
 
-    def components(self) -> Components:
-        """Return the components that are not 0; raises ``CaseError`` if the file cannot be read."""
-        return read_file(self.file, lambda path: read_components(path, self.columns), *FILE_KEY)
-
     def target(self, tank: AnyTank) -> PlaneWaves:
-        """Return the waves, whose phases hold at (x, y)."""
-        f, a, phase, angles = self.components()
+        """Return the waves, whose phases hold at (x, y); raises ``CaseError`` if the file cannot be read."""
+        f, a, phase, angles = read_file(self.file, lambda path: read_components(path, self.columns), *FILE_KEY)
         return self.along(tank, f, self.scale * a, phase + np.radians(self.phase), angles=angles, time=self.time)
 
 
-class SurfaceFile(WaveFile):
+class SurfaceFile(GeneratingMotion):
     """The elevation that is wished for at a place."""
 
     file: FilePath = Field(description="file of t [s] and eta [m]")
@@ -428,7 +393,7 @@ class MadeWaves(GeneratingMotion):
 
     def linear_reason(self, target: PlaneWaves) -> str:
         """Return why second-order generation is not the default: it does not hold or costs too much; else empty."""
-        count, shallowest, second = target.omega.size, _shallowest(target), bound_harmonic(target)
+        count, shallowest, second = target.omega.size, float(target.k_x.min() * target.depth), bound_harmonic(target)
         if count > MOST_PAIRS:
             return f"{count} components are more than {MOST_PAIRS}"
         if count > MOST_UNEVEN and np.ptp(np.diff(np.sort(target.omega))) > UNEVEN * np.ptp(target.omega) / count:
@@ -447,7 +412,7 @@ class MadeWaves(GeneratingMotion):
         allowed = f"must be linear: there are {count} components, and it is for at most {MOST_PAIRS}"
         yield "generation", count <= MOST_PAIRS, allowed
         allowed = f"must be linear: its theory needs waves of k d of {SHALLOWEST:g} or more"
-        yield "generation", _shallowest(target) >= SHALLOWEST, allowed
+        yield "generation", target.k_x.min() * target.depth >= SHALLOWEST, allowed
         allowed = f"must be linear: the theory ends far below a second harmonic of {second:.3g} of the wave"
         yield "generation", second < 1.0, allowed
 
@@ -455,10 +420,6 @@ class MadeWaves(GeneratingMotion):
         """Yield a warning if second-order generation is beyond its theory."""
         if self.generation == "second-order" and (second := bound_harmonic(self.target(tank))) > STOKES_ENDS:
             yield RunWarning("second-order-limit", key="wall.motion.generation", value=second, limit=STOKES_ENDS)
-
-
-def _shallowest(waves: PlaneWaves) -> float:
-    return float(waves.k_x.min() * waves.depth)
 
 
 def bound_harmonic(waves: PlaneWaves) -> float:
@@ -610,8 +571,6 @@ class SurfaceMotion(SurfaceFile, MadeWaves):
 class SolitaryWaveMotion(MotionModel):
     """A solitary wave: the paddle moves as the water does in the mean over the depth."""
 
-    generates: ClassVar[bool] = True
-
     type: Literal["solitary-wave"] = "solitary-wave"
     height: Height = Field(description="height H of the crest above still water [m]")
     generation: Literal["exact", "goring"] = Field(
@@ -716,7 +675,7 @@ class RecordedMotion(MotionModel):
 
     @property
     def in_metres(self) -> bool:
-        """See ``MotionModel``."""
+        """Whether the header of its file has units of positions [m] or velocities [m/s]."""
         return in_metres(data.resolve(self._file), named=self.column)
 
 
@@ -854,22 +813,18 @@ class _FanOfWaves(FocusingWaves, SegmentedWaves):
         default=0.0, ge=0, le=1000, description="exponent s of the directional spreading cos^2s(theta/2); 0: uniform"
     )
 
-    def directional(self, tank: AnyTank) -> FocusedGroup:
-        """Return the group as in a sea without side walls."""
-        fan = Fan(float(np.radians(self.largest_angle)), self.directions, self.spreading)
-        return self.group(tank, fan=fan, focus_y=self.focus_y)
-
-    def focused(self, tank: AnyTank) -> FocusedGroup | ReflectedGroup:
-        """Return the group as it is to be generated."""
-        return self.directional(tank)
+    @property
+    def fan(self) -> Fan:
+        """The directions of the waves."""
+        return Fan(float(np.radians(self.largest_angle)), self.directions, self.spreading)
 
     def power_period(self, tank: AnyTank, wavemaker: Wavemaker) -> float:
         """Return the period of the group in one direction [s]."""
-        return motions.first_order_motion(self.group(tank).target, wavemaker).power_period
+        return motions.first_order_motion(replace(self.group(tank), fan=Fan()).target, wavemaker).power_period
 
     def widest_segment(self, tank: AnyTank) -> float:
         """Return the width [m] beyond which segments make spurious waves: the shortest and most oblique are first."""
-        group = self.directional(tank)
+        group = self.group(tank)
         return float(widest_segment(group.k[-1], group.fan.angles[-1]))
 
     def checks(self, end: Context) -> Iterator[Check]:
@@ -889,7 +844,7 @@ class DirectionalFocusMotion(_FanOfWaves):
         """Yield those of any focus, and that all directions come from the paddle."""
         yield from super().checks(end)
         low, high = span(end.tank)
-        first, last = self.directional(end.tank).sources
+        first, last = self.group(end.tank).sources
         widest = np.degrees(np.arctan(min(self.focus_y - low, high - self.focus_y) / self.focus_x))
         allowed = f"must be at most {widest:.4g} deg: waves from further aside would have to come from beyond the "
         allowed += "paddle's ends (type reflected-focus sends them by way of the side walls)"
@@ -910,7 +865,7 @@ class ReflectedFocusMotion(_FanOfWaves):
     def focused(self, tank: AnyTank) -> ReflectedGroup:
         """Return the group between the side walls."""
         y_min, y_max = span(tank)
-        return ReflectedGroup(group=self.directional(tank), y_min=y_min, y_max=y_max)
+        return ReflectedGroup(group=self.group(tank), y_min=y_min, y_max=y_max)
 
 
 class DirectionalIrregularMotion(IrregularWaves, SegmentedWaves):

@@ -18,9 +18,9 @@ from pydantic_core import ErrorDetails
 from wavetank import data
 from wavetank.case import Case
 from wavetank.case.new import cases_at_hand
-from wavetank.case.schema import models, tables_with_key, tag
+from wavetank.case.schema import models, tag
 from wavetank.errors import InputError, choice
-from wavetank.values.case_model import CaseError, CaseModel, Located, Problem
+from wavetank.values.case_model import CaseError, CaseModel, Problem
 from wavetank.values.files import regular
 from wavetank.values.python_file import trusting
 
@@ -108,29 +108,20 @@ def _parse(path: Path, text: str) -> dict[str, Any]:
 # ---------------------------------------------------------------- overrides
 def set_key(content: dict[str, Any], override: str) -> Key:
     """Set one ``KEY=VALUE`` in the content and return its key; tables on the way are made where missing."""
-    dotted, equals, value = override.partition("=")
+    dotted, equals, text = override.partition("=")
     if not (dotted.strip() and equals):
         raise InputError(f"override {override!r} received; allowed is KEY=VALUE, such as numerics.dt=0.01.")
-    key = _split(dotted)
+    key, value = _split(dotted), _value(text.strip())
     place: Any = content
-    for part in key[:-1]:
-        if isinstance(place, dict):
-            place.setdefault(part, {})
-        _check_item(place, part, override)
-        place = place[part]
-    _check_item(place, key[-1], override)
-    place[key[-1]] = _value(value.strip())
+    try:
+        for part in key[:-1]:
+            place = place.setdefault(part, {}) if isinstance(place, dict) else place[part]
+        if not isinstance(place, dict):
+            place[key[-1]]  # it must be there
+        place[key[-1]] = value
+    except (IndexError, TypeError):
+        raise InputError(f"override {override!r} received; there is no table or list to set it in.") from None
     return key
-
-
-def _check_item(place: Any, part: str | int, override: str) -> None:
-    """Raise ``InputError`` unless ``place[part]`` can be set."""
-    if isinstance(place, dict):
-        return
-    if not isinstance(place, list):
-        raise InputError(f"override {override!r} received; {part!r} is asked of {place!r}, which has no keys.")
-    if not (isinstance(part, int) and part < len(place)):
-        raise InputError(f"override {override!r} received; {part!r} must be an index from 0 to {len(place) - 1}.")
 
 
 def _value(text: str) -> Any:
@@ -224,19 +215,17 @@ def _place(location: Key) -> _Place:
 def _problems(details: ErrorDetails) -> Iterator[Problem]:
     """Yield the problems of one of pydantic's errors: key, value received, what is allowed."""
     context = details.get("ctx", {})
-    place, holder = _place(details["loc"]), _place(details["loc"][:-1])
-    received = details["input"]
+    place, received = _place(details["loc"]), details["input"]
     match details["type"]:
         case "inconsistent":
             yield from context["problems"]
         case "missing":
             yield Problem(place.key, None, f"is missing; needed is {place.meaning or 'a table'}")
         case "extra_forbidden":
-            yield _unknown(place.key, received, holder)
+            fields = _place(details["loc"][:-1]).fields
+            yield Problem(place.key, received, f"is an unknown key{choice(str(place.key[-1]), fields)}")
         case "union_tag_not_found":
             yield Problem((*place.key, "type"), None, f"is missing{choice('', place.tags)}")
-            unknown = sorted({*received} - {*place.fields} if isinstance(received, dict) else ())
-            yield from (_unknown((*place.key, name), received[name], place) for name in unknown)
         case "union_tag_invalid":
             received = str(context["tag"])
             yield Problem((*place.key, "type"), received, f"is an unknown type{choice(received, place.tags)}")
@@ -246,14 +235,6 @@ def _problems(details: ErrorDetails) -> Iterator[Problem]:
             yield Problem(place.key, received, str(context["error"]))
         case _:
             yield Problem(place.key, received, _in_words(details["msg"], place.meaning))
-
-
-def _unknown(key: Key, received: Any, holder: _Place) -> Problem:
-    """Return the problem of an unknown key, with similar and allowed keys, and the tables that have such a key."""
-    name = str(key[-1])
-    where = tables_with_key(name)
-    belongs = f"; {name} belongs to {where}" if where else ""
-    return Problem(key, received, f"is an unknown key{choice(name, holder.fields)}{belongs}")
 
 
 def _in_words(message: str, meaning: str) -> str:
@@ -272,16 +253,7 @@ def _in_words(message: str, meaning: str) -> str:
 def contents(case: CaseModel) -> dict[str, str]:
     """Return the SHA-256 of each existing file that a case names, by its dotted key."""
     checksums = {}
-    for key, reference in named_files(case):
+    for key, reference in case.named_files():
         with suppress(InputError, OSError), regular(data.resolve(reference), largest=inf).open("rb") as file:
             checksums[key] = hashlib.file_digest(file, "sha256").hexdigest()
     return checksums
-
-
-def named_files(model: CaseModel, *keys: str) -> Iterator[tuple[str, str]]:
-    """Yield dotted key and path of each file that a table, at ``keys``, and those in it name."""
-    for name, value in model:
-        if isinstance(value, Located):
-            yield ".".join((*keys, name)), value
-        elif isinstance(value, CaseModel):
-            yield from named_files(value, *keys, name)

@@ -36,14 +36,6 @@ class Table(NamedTuple):
         name = ".".join(self.path)
         return f"[[{name}]]" if self.listed else f"[{name}]"
 
-    def with_key(self, key: str) -> str:
-        """Return the header, with the types that have a key; empty if none has it."""
-        matching = [model for model in self.models if key in model.model_fields]
-        if not matching or not self.path:
-            return "the top of the case, before all tables" if matching else ""
-        some = f" of type {' or '.join(dict.fromkeys(map(tag, matching)))}" if len(matching) < len(self.models) else ""
-        return f"{self.header}{some}"
-
 
 def models(annotation: Any) -> Iterator[type[BaseModel]]:
     """Yield the models that an annotation allows."""
@@ -86,14 +78,6 @@ def table_at(path: tuple[str, ...], field: FieldInfo) -> Table | None:
 
 def _listed(field: FieldInfo) -> bool:
     return get_origin(field.annotation) is tuple
-
-
-def tables_with_key(key: str) -> str:
-    """Return the headers of the tables that have a key, joined by "or"; empty if there are none."""
-    if key == "type":
-        return ""
-    places = [where for table in tables() if (where := table.with_key(key))]
-    return " or ".join(filter(None, (", ".join(places[:-1]), *places[-1:])))
 
 
 # ---------------------------------------------------------------- JSON schema

@@ -7,24 +7,24 @@ import numpy as np
 from pydantic import Field
 
 from wavetank import motion as motions
-from wavetank.case.paddle import PLACES, AtRestMotion, MotionModel, PaddleMotion, SegmentedPaddleMotion, span
+from wavetank.case.paddle import (
+    PLACES,
+    AtRestMotion,
+    GeneratingMotion,
+    MotionModel,
+    PaddleMotion,
+    RecordedMotion,
+    SegmentedPaddleMotion,
+    SolitaryWaveMotion,
+    span,
+)
 from wavetank.case.tank import AnyTank, BasinTank, Context, RingTank, SliceTank
 from wavetank.errors import InputError
 from wavetank.motion import Array
 from wavetank.motion.motion import TOP, Extent, joints
 from wavetank.values.case_model import CaseModel, Check, HeightFormulaText, HeightHelpers, Problem
 from wavetank.values.formula import Formula
-from wavetank.values.quantities import (
-    Acceleration,
-    Coordinate,
-    Damping,
-    Duration,
-    Length,
-    Mass,
-    Speed,
-    Stiffness,
-    metres,
-)
+from wavetank.values.quantities import Acceleration, Coordinate, Duration, Length, PerWidth, Speed, metres
 from wavetank.waves.absorption import PassiveFilter, face, radiation, sudden_mass
 from wavetank.waves.airy import angular_frequency
 from wavetank.waves.wavemaker import PISTON, Flap, ProfileShape, Wavemaker
@@ -104,11 +104,11 @@ class SpringDamper(CaseModel):
     period: Duration | None = Field(
         default=None, description="period that it is tuned to [s]; default: that of the paddle opposite, or of k d = 1"
     )
-    mass: Mass = Field(default=0.0, description="mass [kg/m], for a metre's width")
-    stiffness: Stiffness | None = Field(
+    mass: PerWidth = Field(default=0.0, description="mass [kg/m], for a metre's width")
+    stiffness: PerWidth | None = Field(
         default=None, description="of the spring [N/m²], for a metre's width; default: none of the period comes back"
     )
-    damping: Damping | None = Field(
+    damping: PerWidth | None = Field(
         default=None, description="of the damper [N s/m²], for a metre's width; default: none of the period comes back"
     )
 
@@ -372,7 +372,7 @@ class FlapWall(HingedWall, PaddleWall):
     def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
         """Return the motion at the stroke's height; raises ``CaseError`` if its file cannot be read."""
         motion = super().paddle(tank, physics)
-        if self.motion_as == "stroke" or self.motion.in_metres:
+        if self.motion_as == "stroke" or (isinstance(self.motion, RecordedMotion) and self.motion.in_metres):
             return motion
         return motions.flap_motion(motion, self.wavemaker.arm(tank.depth))
 
@@ -380,7 +380,8 @@ class FlapWall(HingedWall, PaddleWall):
         """Yield those of any hinged wall, and that an angle is given for a motion that can have one."""
         yield from super().checks(end)
         allowed = f"must be left out: a motion of type {self.motion.type} follows from its waves"
-        yield "motion_as", self.motion_as == "stroke" or not self.motion.generates, allowed
+        generates = isinstance(self.motion, GeneratingMotion | SolitaryWaveMotion)
+        yield "motion_as", self.motion_as == "stroke" or not generates, allowed
 
 
 class ProfileWall(ShapedWall, PaddleWall):

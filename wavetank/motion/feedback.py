@@ -13,9 +13,9 @@ with its velocity, and, as waves of k d > 100 are omitted, with its velocity sho
 summation do not depend on the duration of the run, so an extended run has identical bits.
 """
 
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import perm
 from typing import Any
@@ -166,8 +166,8 @@ class FeedbackState:
         By owner: a time, and position, velocity and acceleration then.
     """
 
-    times: list[float]
-    knots: list[Knot]
+    times: list[float] = field(default_factory=list)
+    knots: list[Knot] = field(default_factory=list)
     retained: dict[str, tuple[float, float, float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -184,69 +184,68 @@ class FeedbackMotion(Motion):
     for the work, which both use these three times. Old knots are dropped; outside the knots the feedback part is
     constant.
 
-    Parameters
+    Attributes
     ----------
     motion
-        The motion of a uniform paddle.
+        The motion of a uniform paddle, without feedback.
+    state
+        The feedback part, as plain data.
     """
 
     def __init__(self, motion: Motion):
         super().__init__(
             self._sum, duration=motion.duration, interval=motion.interval, power_period=motion.power_period
         )
-        self.motion = motion
-        self._times: list[float] = []
-        self._knots: list[Knot] = []
-        self._retained = dict[str, tuple[float, float, float, float]]()  # see ``FeedbackState``
+        self.motion, self.state = motion, FeedbackState()
+        self._planned = lru_cache(maxsize=8)(motion.rates)  # a step needs some times repeatedly
 
-    @property
-    def state(self) -> FeedbackState:
-        """The feedback part, as plain data."""
-        return FeedbackState([*self._times], [*self._knots], {**self._retained})
+    def position(self, t: Any, y: Any = None) -> Any:
+        """See ``Motion``."""
+        return (self.motion.rates(t, y) if np.ndim(t) else self._planned(t))[0] + self.added(t, 0)
 
-    @state.setter
-    def state(self, state: FeedbackState) -> None:
-        self._times, self._knots, self._retained = [*state.times], [*state.knots], {**state.retained}
+    def velocity(self, t: Any, y: Any = None) -> Any:
+        """See ``Motion``."""
+        return (self.motion.rates(t, y) if np.ndim(t) else self._planned(t))[1] + self.added(t, 1)
 
     def forget(self) -> None:
         """Remove the feedback part, except at retained times."""
-        self._times, self._knots = [], []
+        self.state = FeedbackState(retained=self.state.retained)
 
     def go_on(self, t: float, dt: float, position: float, velocity: float) -> None:
         """Add a knot at t + dt with a position [m] and a velocity [m/s]; later knots are removed.
 
         The first interval begins at rest.
         """
-        while len(self._times) > 1 and self._times[-1] > t + 0.5 * dt:
-            del self._times[-1], self._knots[-1]
-        if not self._times:
-            self._times, self._knots = [t], [REST]
-        times = [*self._times, t + dt]
-        velocities = [*(knot[1] for knot in self._knots[-3:]), velocity]
+        count = max(1, bisect_right(self.state.times, t + 0.5 * dt))
+        before, knots = self.state.times[:count] or [t], self.state.knots[:count] or [REST]
+        times = [*before, t + dt]
+        velocities = [*(knot[1] for knot in knots[-3:]), velocity]
         since = (np.array(times[-4:]) - times[-1]) / dt
         acceleration = float(np.linalg.solve(np.vander(since, increasing=True), velocities)[1] / dt)
-        if len(self._knots) == 1:  # waves may be there when it begins
-            self._knots[0] = (0.0, 0.0, acceleration)
-        self._times, self._knots = times[-KNOTS:], [*self._knots, (position, velocity, acceleration)][-KNOTS:]
+        if len(knots) == 1:  # waves may be there when it begins
+            knots = [(0.0, 0.0, acceleration)]
+        knots = [*knots, (position, velocity, acceleration)]
+        self.state = FeedbackState(times[-KNOTS:], knots[-KNOTS:], self.state.retained)
 
     def keep(self, t: float, who: str) -> None:
         """See ``Motion``."""
         position, velocity, acceleration = (float(self.added(t, order)) for order in range(3))
-        self._retained[who] = t, position, velocity, acceleration
+        self.state = replace(self.state, retained={**self.state.retained, who: (t, position, velocity, acceleration)})
 
     def added(self, t: Any, order: int) -> Any:
         """Return the derivative of the feedback part, in m/s^order, at times t [s] of any shape."""
         if np.ndim(t):
             return np.reshape([self.added(float(one), order) for one in np.ravel(t)], np.shape(t))
-        for when, *then in self._retained.values():
+        for when, *then in self.state.retained.values():
             if t == when:
                 return then[order]
-        if len(self._times) < 2:
+        times = self.state.times
+        if len(times) < 2:
             return 0.0
-        within = min(max(float(t), self._times[0]), self._times[-1])
-        last = max(bisect_left(self._times, within), 1)
-        begin, dt = self._times[last - 1], self._times[last] - self._times[last - 1]
-        (x0, v0, a0), (x1, v1, a1) = self._knots[last - 1 : last + 1]
+        within = min(max(float(t), times[0]), times[-1])
+        last = max(bisect_left(times, within), 1)
+        begin, dt = times[last - 1], times[last] - times[last - 1]
+        (x0, v0, a0), (x1, v1, a1) = self.state.knots[last - 1 : last + 1]
         x = x1 - x0 - dt * (v0 + 0.5 * dt * a0)
         v, a = dt * (v1 - v0 - dt * a0), dt**2 * (a1 - a0)
         powers = (x0, dt * v0, 0.5 * dt**2 * a0, *(SEVENTH @ (x, v, a)))

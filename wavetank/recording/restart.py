@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from wavetank.arrays import Vector
 from wavetank.case import Case, Numerics, StillWater
-from wavetank.case.reading import contents, named_files
+from wavetank.case.reading import contents
 from wavetank.errors import InputError
 from wavetank.fem.by_place import at_dofs
 from wavetank.mpi import on_first, raise_on_all_ranks
@@ -178,7 +178,7 @@ class Restart:
         now, allowed = contents(requested), "its content must be what it was when the run began, and has changed since"
         return [
             Problem(tuple(key.split(".")), name, allowed)
-            for key, name in named_files(requested)
+            for key, name in requested.named_files()
             if key in self.about["files"] and now.get(key) != self.about["files"][key]
         ]
 

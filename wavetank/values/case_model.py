@@ -94,6 +94,14 @@ class CaseModel(BaseModel):
         """Whether it is checked against the rest of the case when its file is read, and not before."""
         return False
 
+    def named_files(self, *key: str) -> Iterator[tuple[str, str]]:
+        """Yield dotted key and path of each file that the model, at a key, and those in it name."""
+        for name, value in self:
+            if isinstance(value, Located):
+                yield ".".join((*key, name)), value
+            elif isinstance(value, CaseModel):
+                yield from value.named_files(*key, name)
+
     def checks(self, end: Any) -> Iterator[Check]:
         """Yield what must fit the rest of the case, given as an ``EndWall``.
 

@@ -8,9 +8,7 @@ import ast
 import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from functools import reduce
 from graphlib import CycleError, TopologicalSorter
-from itertools import pairwise
 from keyword import iskeyword
 from typing import Any, Literal, NamedTuple, NoReturn
 
@@ -27,31 +25,25 @@ LONGEST = 4000  # characters of one formula
 DEEPEST = 100  # levels of its tree, terms of a sum among them: well inside Python's own limit
 
 CONSTANTS = {"pi": np.pi}
-UNARY: dict[type[ast.unaryop], tuple[np.ufunc, Kind]] = {  # operator -> function, and what it takes and gives
-    ast.USub: (np.negative, "number"),
-    ast.UAdd: (np.positive, "number"),
-    ast.Not: (np.logical_not, "condition"),
-    ast.Invert: (np.logical_not, "condition"),
+OPERATORS: dict[type[ast.AST], tuple[np.ufunc, Kind, Kind]] = {  # operator -> function, what it takes, what it gives
+    ast.USub: (np.negative, "number", "number"),
+    ast.UAdd: (np.positive, "number", "number"),
+    ast.Add: (np.add, "number", "number"),
+    ast.Sub: (np.subtract, "number", "number"),
+    ast.Mult: (np.multiply, "number", "number"),
+    ast.Div: (np.divide, "number", "number"),
+    ast.Pow: (np.power, "number", "number"),
+    ast.Lt: (np.less, "number", "condition"),
+    ast.LtE: (np.less_equal, "number", "condition"),
+    ast.Gt: (np.greater, "number", "condition"),
+    ast.GtE: (np.greater_equal, "number", "condition"),
+    ast.Eq: (np.equal, "number", "condition"),
+    ast.NotEq: (np.not_equal, "number", "condition"),
+    **dict.fromkeys((ast.Not, ast.Invert), (np.logical_not, "condition", "condition")),
+    **dict.fromkeys((ast.And, ast.BitAnd), (np.logical_and, "condition", "condition")),
+    **dict.fromkeys((ast.Or, ast.BitOr), (np.logical_or, "condition", "condition")),
 }
-BINARY: dict[type[ast.operator], tuple[np.ufunc, Kind]] = {
-    ast.Add: (np.add, "number"),
-    ast.Sub: (np.subtract, "number"),
-    ast.Mult: (np.multiply, "number"),
-    ast.Div: (np.divide, "number"),
-    ast.Pow: (np.power, "number"),
-    ast.BitAnd: (np.logical_and, "condition"),
-    ast.BitOr: (np.logical_or, "condition"),
-}
-JOINS: dict[type[ast.boolop], np.ufunc] = {ast.And: np.logical_and, ast.Or: np.logical_or}
-COMPARISONS: dict[type[ast.cmpop], np.ufunc] = {
-    ast.Lt: np.less,
-    ast.LtE: np.less_equal,
-    ast.Gt: np.greater,
-    ast.GtE: np.greater_equal,
-    ast.Eq: np.equal,
-    ast.NotEq: np.not_equal,
-}
-ALLOWED = "allowed are numbers, names, + - * / **, comparisons, and, or, not, and functions"
+ALLOWED = "allowed are numbers, names, + - * / **, comparisons < <= > >= == !=, and, or, not, and functions"
 HINTS: dict[type[ast.AST], str] = {
     ast.BitXor: "a power is written **",
     ast.IfExp: "a choice is written where(condition, a, b)",
@@ -96,10 +88,11 @@ class Formula:
         trees = {name: _parsed(helper, f"helper {name!r}") for name, helper in helpers.items()}
         self._helpers: dict[str, _Part] = {}
         for name in _in_order(trees):
-            part = _Translator(f"helper {name!r}", helpers[name], kinds, helped=True).visit(trees[name])
-            self._helpers[name], kinds[name] = part, part.kind
-        translator = _Translator("formula", self.text, kinds, helped=where is not None)
-        self._part = translator.number(_parsed(self.text, "formula"))
+            source = _Source(f"helper {name!r}", helpers[name], kinds, helped=True)
+            self._helpers[name] = source.part(trees[name])
+            kinds[name] = self._helpers[name].kind
+        source = _Source("formula", self.text, kinds, helped=where is not None)
+        self._part = source.part(_parsed(self.text, "formula"), "number")
 
     def __call__(self, *coordinates: ArrayLike) -> Array:
         """Return the values, float64 of the coordinates' common shape; raise ``InputError`` where one is not finite."""
@@ -191,10 +184,10 @@ def _in_order(trees: Mapping[str, ast.expr]) -> list[str]:
 
 
 # ---------------------------------------------------------------- translating
-class _Translator(ast.NodeVisitor):
-    """Translates a text's tree into parts; a node without a method here is refused.
+class _Source(NamedTuple):
+    """A text whose tree is translated into parts.
 
-    Parameters
+    Attributes
     ----------
     label
         What the text is, for errors.
@@ -206,97 +199,69 @@ class _Translator(ast.NodeVisitor):
         Whether others may be given in ``where``.
     """
 
-    def __init__(self, label: str, text: str, kinds: Mapping[str, Kind], *, helped: bool):
-        self._label, self._text, self._kinds, self._helped, self._depth = label, text, kinds, helped, 0
+    label: str
+    text: str
+    kinds: Mapping[str, Kind]
+    helped: bool
 
     def refuse(self, node: ast.AST, what: str) -> NoReturn:
         """Raise the ``InputError`` on a node."""
-        received = ast.get_source_segment(self._text, node) or self._text
-        raise InputError(f"{self._label}, column {getattr(node, 'col_offset', 0) + 1}: {received[:60]!r} {what}.")
+        received = ast.get_source_segment(self.text, node) or self.text
+        raise InputError(f"{self.label}, column {getattr(node, 'col_offset', 0) + 1}: {received[:60]!r} {what}.")
 
-    def visit(self, node: ast.AST) -> _Part:
-        """Return the part that a node is."""
-        self._depth += 1
-        if self._depth > DEEPEST:
+    def part(self, node: ast.AST, needed: Kind | None = None, depth: int = 1) -> _Part:
+        """Return the part that a node is, of a kind if one is needed; refuse what is not in the tables."""
+        if depth > DEEPEST:
             self.refuse(node, f"is nested too deeply; at most {DEEPEST} levels, or terms of a sum, are allowed")
-        part: _Part = super().visit(node)
-        self._depth -= 1
-        return part
+        match node:
+            case ast.Constant(value=value):
+                if not isinstance(value, int | float) or isinstance(value, bool) or abs(value) > sys.float_info.max:
+                    self.refuse(node, "is not a finite real number")
+                number = np.float64(value)  # whatever its spelling
+                result = _Part(lambda values: number, "number")
+            case ast.Name(id=name):
+                result = _Part(lambda values: values[name], self._kind(node, name))
+            case _:
+                function, kinds, kind, nodes = self._operation(node)
+                parts = [self.part(*pair, depth + 1) for pair in zip(nodes, kinds, strict=True)]
+                result = _Part(lambda values: function(*[one.value(values) for one in parts]), kind)
+        if needed not in (None, result.kind):
+            self.refuse(node, f"is a {result.kind}; a {needed} is needed here")
+        return result
 
-    def of_kind(self, kind: Kind, node: ast.expr) -> _Part:
-        """Return the part that a node is, which must be of a kind."""
-        part = self.visit(node)
-        if part.kind != kind:
-            self.refuse(node, f"is a {part.kind}; a {kind} is needed here")
-        return part
-
-    def number(self, node: ast.expr) -> _Part:
-        """Return the part that a node is, which must be a number."""
-        return self.of_kind("number", node)
-
-    def generic_visit(self, node: ast.AST) -> NoReturn:
-        """Refuse what has no method of its own."""
-        self.refuse(node, f"is not allowed in a formula; {HINTS.get(type(node), ALLOWED)}")
-
-    def visit_Constant(self, node: ast.Constant) -> _Part:
-        """Return a number, float64 whatever its spelling."""
-        value = node.value
-        if not isinstance(value, int | float) or isinstance(value, bool) or abs(value) > sys.float_info.max:
-            self.refuse(node, "is not a finite real number")
-        number = np.float64(value)
-        return _Part(lambda values: number, "number")
-
-    def visit_Name(self, node: ast.Name) -> _Part:
-        """Return the value of a name."""
-        name = node.id
+    def _kind(self, node: ast.AST, name: str) -> Kind:
+        """Return what the value of a name is."""
         if name in FUNCTIONS:
             self.refuse(node, f"is a function and needs its arguments, {name}(...)")
-        if name not in self._kinds:
-            own = f"; what it stands for is said by where = {{ {name} = ... }}" if self._helped else ""
-            self.refuse(node, f"is an unknown name{choice(name, sorted([*self._kinds, *FUNCTIONS]))}{own}")
-        return _Part(lambda values: values[name], self._kinds[name])
+        if name not in self.kinds:
+            own = f"; what it stands for is said by where = {{ {name} = ... }}" if self.helped else ""
+            self.refuse(node, f"is an unknown name{choice(name, sorted([*self.kinds, *FUNCTIONS]))}{own}")
+        return self.kinds[name]
 
-    def visit_UnaryOp(self, node: ast.UnaryOp) -> _Part:
-        """Return a number with a sign, or a negated condition."""
-        function, kind = UNARY[type(node.op)]
-        return _applied(function, kind, [self.of_kind(kind, node.operand)])
-
-    def visit_BinOp(self, node: ast.BinOp) -> _Part:
-        """Return two numbers, or conditions, joined by an operator."""
-        if type(node.op) not in BINARY:
-            self.refuse(node, f"holds an operator that is not allowed; {HINTS.get(type(node.op), ALLOWED)}")
-        function, kind = BINARY[type(node.op)]
-        return _applied(function, kind, [self.of_kind(kind, side) for side in (node.left, node.right)])
-
-    def visit_BoolOp(self, node: ast.BoolOp) -> _Part:
-        """Return conditions joined by ``and`` or ``or``."""
-        conditions = [self.of_kind("condition", one) for one in node.values]
-        return _applied(lambda *values: reduce(JOINS[type(node.op)], values), "condition", conditions)
-
-    def visit_Compare(self, node: ast.Compare) -> _Part:
-        """Return the condition of a comparison, such as ``0 < x <= 1``: all of its neighbours compare so."""
-        if not all(type(one) in COMPARISONS for one in node.ops):
-            self.refuse(node, "holds a comparison that is not allowed; allowed are < <= > >= == !=")
-        functions = [COMPARISONS[type(one)] for one in node.ops]
-
-        def compare(*values: Any) -> Any:
-            pairs = zip(functions, pairwise(values), strict=True)
-            return reduce(np.logical_and, [function(*pair) for function, pair in pairs])
-
-        return _applied(compare, "condition", [self.number(one) for one in (node.left, *node.comparators)])
-
-    def visit_Call(self, node: ast.Call) -> _Part:
-        """Return a function of its arguments."""
-        name = node.func.id if isinstance(node.func, ast.Name) else ""
-        if name not in FUNCTIONS:
-            self.refuse(node.func, f"is not a function of a formula{choice(name, sorted(FUNCTIONS))}")
-        function, kinds = FUNCTIONS[name]
-        if node.keywords or len(node.args) != len(kinds):
-            self.refuse(node, f"must have {len(kinds)} argument{'s' * (len(kinds) > 1)}")
-        arguments = zip(kinds, node.args, strict=True)
-        return _applied(function, "number", [self.of_kind(kind, argument) for kind, argument in arguments])
-
-
-def _applied(function: Callable[..., Any], kind: Kind, parts: Sequence[_Part]) -> _Part:
-    """Return the part that is a function of parts."""
-    return _Part(lambda values: function(*[part.value(values) for part in parts]), kind)
+    def _operation(self, node: ast.AST) -> tuple[Callable[..., Any], Sequence[Kind], Kind, Sequence[ast.AST]]:
+        """Return the function of a node, the kinds that it takes and gives, and the nodes of its arguments."""
+        match node:
+            case ast.UnaryOp(op=op, operand=operand):
+                nodes = [operand]
+            case ast.BinOp(left=left, op=op, right=right) | ast.Compare(left=left, ops=[op], comparators=[right]):
+                nodes = [left, right]
+            case ast.BoolOp(op=op, values=[first, *others]):
+                rest = ast.copy_location(ast.BoolOp(op, others), others[0])
+                nodes = [first, rest if len(others) > 1 else others[0]]
+            case ast.Compare(left=left, ops=[first, *others], comparators=[middle, *rest]):
+                pair, following = ast.Compare(left, [first], [middle]), ast.Compare(middle, others, rest)
+                op, nodes = ast.And(), [ast.copy_location(one, node) for one in (pair, following)]
+            case ast.Call(func=called, args=nodes, keywords=keywords):
+                name = called.id if isinstance(called, ast.Name) else ""
+                if name not in FUNCTIONS:
+                    self.refuse(called, f"is not a function of a formula{choice(name, sorted(FUNCTIONS))}")
+                function, kinds = FUNCTIONS[name]
+                if keywords or len(nodes) != len(kinds):
+                    self.refuse(node, f"must have {len(kinds)} argument{'s' * (len(kinds) > 1)}")
+                return function, kinds, "number", nodes
+            case _:
+                self.refuse(node, f"is not allowed in a formula; {HINTS.get(type(node), ALLOWED)}")
+        if type(op) not in OPERATORS:
+            self.refuse(node, f"holds an operator that is not allowed; {HINTS.get(type(op), ALLOWED)}")
+        ufunc, takes, gives = OPERATORS[type(op)]
+        return ufunc, [takes] * len(nodes), gives, nodes

@@ -38,13 +38,12 @@ Height = Annotated[float, Field(ge=1e-12, le=1e6)]  # m, of waves and strokes, a
 Duration = Annotated[float, Field(ge=SHORTEST, le=1e9)]  # s, of runs, periods and steps
 Ramp = Annotated[float, Field(ge=0, le=1e9), AfterValidator(_zero_or_long_enough)]  # s
 Frequency = Annotated[float, Field(ge=1e-6, le=1e6)]  # Hz
+Time = Annotated[float, Field(ge=-1e9, le=1e9)]  # s, of a clock
 Rate = Annotated[float, Field(ge=1e-9, le=1e6)]  # 1/s
 Speed = Annotated[float, Field(ge=1e-12, le=1e6)]  # m/s
 Acceleration = Annotated[float, Field(ge=1e-12, le=1e6)]  # m/s^2
 Density = Annotated[float, Field(ge=1e-3, le=1e5)]  # kg/m^3
-Mass = Annotated[float, Field(ge=0, le=1e9)]  # kg/m, of a metre's width
-Stiffness = Annotated[float, Field(ge=0, le=1e9)]  # N/m² of the same
-Damping = Annotated[float, Field(ge=0, le=1e9)]  # N s/m² of the same
+PerWidth = Annotated[float, Field(ge=0, le=1e9)]  # mass kg/m, stiffness N/m², damping N s/m² of a metre's width
 Gravity = Annotated[float, Field(ge=1e-3, le=1e3)]  # m/s^2
 Count = Annotated[int, Field(ge=1, le=10**9)]
 Fraction = Annotated[float, Field(ge=1e-9, lt=1)]  # of one
