@@ -85,6 +85,11 @@ class WaveRecord:
         return 1 / self.given_period if self.given_period else fundamental(self.eta)
 
     @property
+    def water(self) -> dict[str, float]:
+        """The depth [m] and gravity [m/s²]; raises ``InputError`` as ``depth`` does."""
+        return {"depth": self.depth, "gravity": self.gravity}
+
+    @property
     def optional_depth(self) -> float | None:
         """The depth [m] at the gauges; None if it is unknown, or differs between them."""
         return self._one_depth(self.eta.x.values, self.eta.y.values)

@@ -9,35 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from xarray import DataArray, Dataset
 
+from wavetank.analysis import reflection, signals
 from wavetank.analysis.record import WaveRecord
-from wavetank.analysis.reflection import (
-    ENERGETIC,
-    FREE,
-    WORST,
-    Reflection,
-    WaveFit,
-    beat_length,
-    bound_and_free,
-    reflected_spectra,
-    regular_reflection,
-)
-from wavetank.analysis.signals import (
-    PERIODS,
-    SMALLEST,
-    envelope,
-    groupiness,
-    harmonics,
-    mean_period,
-    phase_speed,
-    regular_speed,
-    resolved,
-    sea_state,
-    spectrum,
-    time_step,
-    travel,
-    waves_begin,
-    waving,
-)
 from wavetank.analysis.statistics import forristall_crests, height_statistics, zero_crossing_waves
 from wavetank.errors import InputError
 from wavetank.waves.airy import Array, group_velocity, wave_number
@@ -75,8 +48,8 @@ def _notes(*notes: str) -> str:
 # ---------------------------------------------------------------- seas and groups
 def spectra(record: WaveRecord) -> Result:
     """Spectra, with Hm0 and the periods that follow from their moments."""
-    S = spectrum(record.eta)
-    state = sea_state(S)
+    S = signals.spectrum(record.eta)
+    state = signals.sea_state(S)
     names = {"Hm0 [m]": "hm0", "Tp [s]": "tp", "Tm01 [s]": "tm01", "Tm02 [s]": "tm02", "Tm-10 [s]": "tm_10"}
     columns = _gauges(record) | {column: state[name] for column, name in names.items()}
     count = S.attrs["segments"]
@@ -89,7 +62,7 @@ def heights(record: WaveRecord) -> Result:
     """Waves by zero up-crossings, and the exceedance of their heights, compared with Rayleigh and Forristall."""
     waves = [(one, zero_crossing_waves(one)) for one in record.eta]
     statistics = [height_statistics(result) for _, result in waves]
-    states = sea_state(spectrum(record.eta))
+    states = signals.sea_state(signals.spectrum(record.eta))
     units = {"waves": "-", "t_mean": "s", "t_1_3": "s"}
     columns = {f"{name} [{units.get(name, 'm')}]": [one[name] for one in statistics] for name in statistics[0]}
     hm0, tm01, depth = float(states.hm0.mean()), float(states.tm01.mean()), record.optional_depth
@@ -108,7 +81,7 @@ def heights(record: WaveRecord) -> Result:
 
 def groups(record: WaveRecord) -> Result:
     """The waves' envelope, and how much it varies."""
-    around, factor = envelope(record.eta), groupiness(record.eta)
+    around, factor = signals.envelope(record.eta), signals.groupiness(record.eta)
     largest, mean = around.max("time"), around.mean("time")
     columns = {"largest envelope [m]": largest, "mean envelope [m]": mean, "groupiness [-]": factor}
     return Result(
@@ -139,18 +112,18 @@ def harmonic(record: WaveRecord) -> Result:
 
 def bound_free(record: WaveRecord) -> Result:
     """The second harmonic along the tank: bound to the first, free, and free in the opposite direction."""
-    f, depth, g = record.frequency, record.depth, record.gravity
+    f, frequencies = record.frequency, record.frequency * np.array([1, 2])
     names = ["bound", "free", "free, going back"][: 3 if record.eta.sizes["gauge"] > 3 else 2]
 
-    def second(part: WaveRecord) -> tuple[DataArray, WaveFit]:
-        component = harmonics(part.forward, f, number=max(2, resolved(part.eta, f))).component[:, 1]
-        return component, bound_and_free(component, f, depth=depth, gravity=g, returning=len(names) > 2)
+    def second(part: WaveRecord) -> tuple[DataArray, reflection.WaveFit]:
+        component = signals.harmonics(part.forward, f, number=max(2, signals.resolved(part.eta, f))).component[:, 1]
+        return component, reflection.bound_and_free(component, f, **record.water, returning=len(names) > 2)
 
     component, result = second(record)
-    k, free = (float(one) for one in wave_number(2 * np.pi * f * np.array([1, 2]), depth, g))
+    k, free = (float(one) for one in wave_number(2 * np.pi * frequencies, record.depth, record.gravity))
     numbers = [2 * k, free, -free][: len(names)]
     condition, unsteady = f"condition {result.condition:.3g}", ""
-    if result.condition > WORST:
+    if result.condition > reflection.WORST:
         condition += f": {BADLY}, which should be apart by parts of the beat, not by all of it (--gauges, --along)"
     else:
         unsteady = _free_waves_note(record, k, free) or _unsteady_note(
@@ -161,7 +134,7 @@ def bound_free(record: WaveRecord) -> Result:
         )
     notes = _notes(
         f"T = {1 / f:.6g} s",
-        f"beat {beat_length(f, depth=depth, gravity=g):.4g} m",
+        f"beat {reflection.beat_length(f, **record.water):.4g} m",
         _residual_note(component, result),
         condition,
         _other_waves_note(record),
@@ -188,12 +161,12 @@ def _unsteady_note(
     Between the first and the last full periods of the record, as many as a half has, if more than one: over a part of a
     period, waves above the highest harmonic would count as lower ones.
     """
-    step, period = time_step(record.eta), 1 / record.frequency
+    step, period = signals.time_step(record.eta), 1 / record.frequency
     periods = int((record.eta.time.size - 1) * step / period / 2)
     halves = _ends(record, 1 + math.ceil(periods * period / step) if periods > 1 else record.eta.time.size)
     early, late = (amplitudes(half) for half in halves)
     full = amplitudes(record)
-    change = np.ptp([early, full, late], axis=0) / np.maximum(least(full), SMALLEST)
+    change = np.ptp([early, full, late], axis=0) / np.maximum(least(full), signals.SMALLEST)
     if not change.max() > 1.0:
         return ""
     worst = np.unravel_index(np.argmax(change), change.shape)
@@ -219,7 +192,7 @@ def _free_waves_note(record: WaveRecord, k: float, free: float) -> str:
     the record, too.
     """
     eta, period = record.eta if record.before is None else record.before, 1 / record.frequency
-    if (begin := waves_begin(eta, period)) is None:
+    if (begin := signals.waves_begin(eta, period)) is None:
         return ""
     first, second = (float(group_velocity(q, record.depth, record.gravity)) for q in (k, free))
     x = record.forward.x.values
@@ -232,7 +205,7 @@ def _free_waves_note(record: WaveRecord, k: float, free: float) -> str:
     return f"the free second harmonic, which is slower, has come to all gauges by {start:.4g} s: {advice}"
 
 
-def _residual_note(component: DataArray, fit: WaveFit | Reflection) -> str:
+def _residual_note(component: DataArray, fit: reflection.WaveFit | reflection.Reflection) -> str:
     """Return the residual of waves fitted to complex amplitudes over gauge, which of two gauges is nothing."""
     return f"rest {fit.rest:.3g} m (rms)" if component.sizes["gauge"] > 2 else ""
 
@@ -261,12 +234,12 @@ def _other_waves_note(record: WaveRecord) -> str:
 
 def _beginning_note(record: WaveRecord, period: float) -> str:
     """Return how to leave out the beginning of the waves, examined over a period [s], if the record has it."""
-    start = waves_begin(record.eta, period)
+    start = signals.waves_begin(record.eta, period)
     return "" if start is None else f"its waves begin in this record: --start {start:.4g} leaves that out"
 
 
 # ---------------------------------------------------------------- reflection
-def reflection(record: WaveRecord) -> Result:
+def reflected_waves(record: WaveRecord) -> Result:
     """Incident and reflected waves by least squares: of regular waves if a period is given, else of a sea."""
     return _regular_reflection(record) if record.given_period else _sea_reflection(record)
 
@@ -276,24 +249,24 @@ def reflection_coefficient(record: WaveRecord) -> float:
 
     Raises ``InputError`` where the gauges cannot separate them.
     """
-    waving(record.eta)
+    signals.waving(record.eta)
     if not record.given_period:
-        return float(reflected_spectra(record.forward, depth=record.depth, gravity=record.gravity).attrs["coefficient"])
+        return float(reflection.reflected_spectra(record.forward, **record.water).attrs["coefficient"])
     result = _separate(record)
-    if result.condition > WORST:
+    if result.condition > reflection.WORST:
         raise InputError("the gauges stand where incident and reflected waves cannot be told apart.")
     return result.coefficient
 
 
-def _separate(record: WaveRecord) -> Reflection:
+def _separate(record: WaveRecord) -> reflection.Reflection:
     """Return the incident and reflected wave of the first harmonic."""
     first, within = record.harmonics.component[:, 0], STEEP if record.eta.sizes["gauge"] > 2 else 0.0
-    return regular_reflection(first, record.frequency, depth=record.depth, gravity=record.gravity, within=within)
+    return reflection.regular_reflection(first, record.frequency, **record.water, within=within)
 
 
 def _regular_reflection(record: WaveRecord) -> Result:
     first, result = record.harmonics.component[:, 0], _separate(record)
-    badly = f": {BADLY}" if result.condition > WORST else ""
+    badly = f": {BADLY}" if result.condition > reflection.WORST else ""
     uncertainty = _beginning_note(record, 1 / record.frequency)
     if not uncertainty and not badly:
         uncertainty = _uncertainty_note(record, result)
@@ -311,13 +284,13 @@ def _regular_reflection(record: WaveRecord) -> Result:
         "reflected [m]": [abs(result.reflected)],
         "reflection [-]": [result.coefficient],
     }
-    fit = WaveFit(np.array([result.incident, result.reflected]), result.rest, result.condition)
+    fit = reflection.WaveFit(np.array([result.incident, result.reflected]), result.rest, result.condition)
     arguments = {"component": first, "wave_numbers": [result.k, -result.k], "names": ["incident", "reflected"]}
     arguments |= {"fit": fit, "kind": f"reflection {result.coefficient:.3g}", "title": record.title}
     return Result(columns, notes, "along", arguments)
 
 
-def _uncertainty_note(record: WaveRecord, result: Reflection) -> str:
+def _uncertainty_note(record: WaveRecord, result: reflection.Reflection) -> str:
     """Return why a reflection of regular waves is uncertain, and what helps; empty if it is not.
 
     It changes, or it is not larger than what linear theory omits of the first harmonic: the residual of three gauges;
@@ -342,18 +315,17 @@ def _uncertainty_note(record: WaveRecord, result: Reflection) -> str:
 
 
 def _sea_reflection(record: WaveRecord) -> Result:
-    result = reflected_spectra(record.forward, depth=record.depth, gravity=record.gravity)
-    enough = f"{2 * PERIODS * mean_period(record.eta):.3g} s"
+    result = reflection.reflected_spectra(record.forward, **record.water)
+    enough = f"{2 * signals.PERIODS * signals.mean_period(record.eta):.3g} s"
     one = f"the record is one window, whose middle counts most: of {enough} it would be several"
     notes = _notes(
         f"{record.eta.sizes['gauge']} gauges",
-        f"reflection of frequencies that they resolve, that have above {100 * ENERGETIC:g} % of the largest density "
-        f"and are below {result.attrs['highest_frequency']:.3g} Hz, {FREE:g} times the peak's (harmonics above are "
-        "bound waves)",
+        f"reflection of frequencies that they resolve, above {100 * reflection.ENERGETIC:g} % of the largest density "
+        f"and below {result.attrs['highest_frequency']:.3g} Hz (harmonics above are bound waves)",
         "Hm0 of all frequencies, in that ratio",
         one if result.attrs["one_window"] else "",
         record.direction_note,
-        _beginning_note(record, SEVERAL * mean_period(record.eta)),
+        _beginning_note(record, SEVERAL * signals.mean_period(record.eta)),
     )
     columns = {
         "Hm0 incident [m]": [result.attrs["hm0_incident"]],
@@ -374,16 +346,16 @@ def _is_regular(record: WaveRecord) -> bool:
     """Return whether a period is given, or the fitted one has nearly all of the variance."""
     if record.given_period:
         return True
-    if not record.eta.var("time").max() > SMALLEST**2:
+    if not record.eta.var("time").max() > signals.SMALLEST**2:
         return False
     length = float(record.eta.time[-1] - record.eta.time[0])
     return record.frequency * length > FEWEST_PERIODS and _other_variance_ratio(record) < DOUBTFUL
 
 
 def _regular_wave_speed(record: WaveRecord) -> Result:
-    f, depth, g = record.frequency, record.depth, record.gravity
-    result = regular_speed(record.harmonics.component[:, 0], f, depth=depth, gravity=g)
-    linear = 2 * np.pi * f / float(wave_number(2 * np.pi * f, depth, g))
+    f = record.frequency
+    result = signals.regular_speed(record.harmonics.component[:, 0], f, **record.water)
+    linear = 2 * np.pi * f / float(wave_number(2 * np.pi * f, record.depth, record.gravity))
     c, pairs = result.speed.values, result.pair.values
     columns = {"gauges": pairs, "distance [m]": result.distance, "delay [s]": result.delay}
     columns |= {"phase speed [m/s]": c, "linear [m/s]": np.full_like(c, linear)}
@@ -400,15 +372,16 @@ def _regular_wave_speed(record: WaveRecord) -> Result:
 
 def _speed_arguments(record: WaveRecord, c: Array, pairs: Array, frequencies: Array) -> dict[str, Any]:
     """Return the arguments of the figure of phase speeds [m/s], shape (pairs, frequencies)."""
-    arguments = {"speed": c, "pairs": list(pairs), "frequencies": frequencies, "title": record.title}
-    return {**arguments, "depth": record.depth, "gravity": record.gravity}
+    return {"speed": c, "pairs": list(pairs), "frequencies": frequencies, "title": record.title} | record.water
 
 
 def _sea_speed(record: WaveRecord) -> Result:
     eta = record.forward
-    result, between = phase_speed(eta, depth=record.depth, gravity=record.gravity), travel(eta)
+    result, between = signals.phase_speed(eta, **record.water), signals.travel(eta)
     density, frequencies = result.density.values, result.frequency.values
-    counted = (result.coherence.values > COHERENT) & (density > ENERGETIC * density.max(axis=1, keepdims=True))
+    counted = (result.coherence.values > COHERENT) & (
+        density > reflection.ENERGETIC * density.max(axis=1, keepdims=True)
+    )
     counted &= result.own.values
     if not counted.any():
         raise InputError(f"{record.title}: from gauge to gauge no frequency has a coherence of {COHERENT:g}.")
@@ -436,7 +409,7 @@ def _uncertain_note(result: Dataset, why: str) -> str:
 
 def analysed(kind: str, record: WaveRecord) -> Result:
     """Return the result of an analysis of one of ``KINDS``; raises ``InputError`` for a gauge without waves, too."""
-    waving(record.eta)
+    signals.waving(record.eta)
     return KINDS[kind](record)
 
 
@@ -446,6 +419,6 @@ KINDS: dict[str, Callable[[WaveRecord], Result]] = {
     "harmonics": harmonic,
     "bound-free": bound_free,
     "groups": groups,
-    "reflection": reflection,
+    "reflection": reflected_waves,
     "speed": speed,
 }

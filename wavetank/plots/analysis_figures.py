@@ -11,22 +11,10 @@ from xarray import DataArray, Dataset
 from wavetank.analysis.reflection import WaveFit
 from wavetank.analysis.results import Result
 from wavetank.analysis.statistics import exceedance, forristall_heights, rayleigh_crests, rayleigh_heights
-from wavetank.plots.style import (
-    BLUE,
-    CM,
-    COMPUTED,
-    GREEN,
-    INK,
-    ORANGE,
-    PURPLE,
-    VERMILION,
-    draw_series,
-    panels,
-    titled,
-)
+from wavetank.plots import style
 from wavetank.waves.airy import Array, wave_number
 
-FEW = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, INK)
+FEW = (style.BLUE, style.VERMILION, style.GREEN, style.ORANGE, style.PURPLE, style.INK)
 ONE = (9, 5.4)  # size of a picture of one panel [inch]
 MARGIN = 0.1  # of frequencies: how far beyond them linear waves are drawn
 MOST = 12  # gauges in one panel; of more, some between are left out
@@ -58,9 +46,9 @@ def _highest(S: DataArray) -> float:
 
 def spectrum_figure(S: DataArray, path: Path, *, title: str) -> Path:
     """Draw the spectra S [m²/Hz] of gauges over frequency; return ``path``."""
-    with panels(path, size=ONE, title=titled(title, "spectra"), xlabel="frequency [Hz]") as ((axes,),):
+    with style.panels(path, size=ONE, title=style.titled(title, "spectra"), xlabel="frequency [Hz]") as ((axes,),):
         for n, colour in _chosen(S.sizes["gauge"]).items():
-            axes.plot(S.frequency, CM**2 * S[n], color=colour, label=_label(S[n]))
+            axes.plot(S.frequency, style.CM**2 * S[n], color=colour, label=_label(S[n]))
         axes.set(ylabel="variance density [cm²/Hz]", xlim=(0, _highest(S)), ylim=(0, None))
     return path
 
@@ -82,8 +70,8 @@ def heights_figure(
         "height": (lambda height: rayleigh_heights(height, 1.0), lambda height: forristall_heights(height, 1.0)),
         "crest": (lambda crest: rayleigh_crests(crest, 1.0), second),
     }
-    title, least = titled(title, "heights of waves"), 0.5 / (1 + max(result.begin.size for _, result in waves))
-    with panels(path, 1, 2, size=(11, 5.6), title=title, sharex=False, sharey=True) as (axes,):
+    title, least = style.titled(title, "heights of waves"), 0.5 / (1 + max(result.begin.size for _, result in waves))
+    with style.panels(path, 1, 2, size=(11, 5.6), title=title, sharex=False, sharey=True) as (axes,):
         for panel, (name, (rayleigh, forristall)) in zip(axes, theories.items(), strict=True):
             largest = 1.0
             for n, colour in _chosen(len(waves)).items():
@@ -92,9 +80,9 @@ def heights_figure(
                 largest = max(largest, float(part.value.max()))
                 panel.plot(part.value, part, ".", ms=5, color=colour, label=_label(gauge))
             values = np.linspace(0, 1.02 * largest, 200, dtype=np.float64)
-            panel.plot(values, rayleigh(values), "--", color=INK, label="Rayleigh")
+            panel.plot(values, rayleigh(values), "--", color=style.INK, label="Rayleigh")
             if forristall:
-                panel.plot(values, forristall(values), "-", color=INK, label="Forristall")
+                panel.plot(values, forristall(values), "-", color=style.INK, label="Forristall")
             panel.set_xlabel(f"{name} over Hm0 [-]")
         axes[0].set(yscale="log", ylim=(least, 1.1), ylabel="exceedance [-]")
     return path
@@ -104,13 +92,13 @@ def harmonics_figure(result: Dataset, path: Path, *, title: str) -> Path:
     """Draw the amplitudes of harmonics along x, or of two gauges and fewer over their number; return ``path``."""
     along = result.sizes["gauge"] > 2 and not np.isnan(result.x.values).any()
     result = result.sortby("x") if along else result
-    component, numbers = CM * np.abs(result.component), result.harmonic.values
-    title = titled(title, f"harmonics of T = {1 / result.attrs['frequency']:.4g} s")
-    with panels(path, size=ONE, title=title, xlabel="x [m]" if along else "harmonic [-]") as ((axes,),):
+    component, numbers = style.CM * np.abs(result.component), result.harmonic.values
+    title = style.titled(title, f"harmonics of T = {1 / result.attrs['frequency']:.4g} s")
+    with style.panels(path, size=ONE, title=title, xlabel="x [m]" if along else "harmonic [-]") as ((axes,),):
         if along:
             for n, colour in enumerate(_colours(numbers.size)):
                 axes.plot(result.x, component[:, n], "o-", ms=4, color=colour, label=f"harmonic {numbers[n]}")
-            axes.plot(result.x, CM * result.rest, ":", color=INK, label="rest (rms)")
+            axes.plot(result.x, style.CM * result.rest, ":", color=style.INK, label="rest (rms)")
         else:
             for one, colour in zip(component, _colours(result.sizes["gauge"]), strict=True):
                 axes.plot(numbers, one, "o-", color=colour, label=_label(one))
@@ -136,11 +124,12 @@ def along_figure(
     x = np.asarray(component.x.values, dtype=float)
     fine = np.linspace(x.min(), x.max(), 1000)
     total = np.abs(np.exp(1j * np.outer(fine, wave_numbers)) @ fit.amplitudes)
-    with panels(path, size=ONE, title=titled(title, kind), xlabel="x [m]") as ((axes,),):
-        axes.plot(x, CM * np.abs(component.values), "o", ms=5, color=COMPUTED, label="at the gauges")
-        axes.plot(fine, CM * total, "-", color=COMPUTED, lw=1, label="all waves")
+    with style.panels(path, size=ONE, title=style.titled(title, kind), xlabel="x [m]") as ((axes,),):
+        axes.plot(x, style.CM * np.abs(component.values), "o", ms=5, color=style.COMPUTED, label="at the gauges")
+        axes.plot(fine, style.CM * total, "-", color=style.COMPUTED, lw=1, label="all waves")
         for name, a, colour in zip(names, fit.amplitudes, FEW[1:], strict=False):
-            axes.plot(fine, np.full_like(fine, CM * abs(a)), "--", color=colour, label=f"{name}: {CM * abs(a):.3g} cm")
+            size = style.CM * abs(a)
+            axes.plot(fine, np.full_like(fine, size), "--", color=colour, label=f"{name}: {size:.3g} cm")
         axes.set(ylabel="amplitude [cm]", ylim=(0, None))
     return path
 
@@ -149,12 +138,14 @@ def groups_figure(eta: DataArray, envelope: DataArray, groupiness: DataArray, pa
     """Draw records with their envelopes, a panel a gauge; return ``path``."""
     shown, number = _chosen(eta.sizes["gauge"], 8), eta.sizes["gauge"]
     some = f", {len(shown)} of {number} gauges (--gauges)" * (len(shown) < number)
-    title, rows = titled(title, f"elevation η and its groups{some}"), len(shown)
-    with panels(path, rows, size=(10, 1.4 + 1.5 * rows), title=title, sharey=True) as axes:
+    title, rows = style.titled(title, f"elevation η and its groups{some}"), len(shown)
+    with style.panels(path, rows, size=(10, 1.4 + 1.5 * rows), title=title, sharey=True) as axes:
         for n, panel in zip(shown, axes[:, 0], strict=True):
             about = eta[n] - eta[n].mean("time")
-            draw_series(panel, eta.time, CM * about, color=COMPUTED, lw=0.8, label="elevation about its mean")
-            panel.plot(eta.time, CM * envelope[n], color=VERMILION, label="envelope")
+            style.draw_series(
+                panel, eta.time, style.CM * about, color=style.COMPUTED, lw=0.8, label="elevation about its mean"
+            )
+            panel.plot(eta.time, style.CM * envelope[n], color=style.VERMILION, label="envelope")
             panel.set_title(f"{_label(eta[n])};  groupiness {float(groupiness[n]):.2f}", pad=2, parse_math=False)
             panel.set_ylabel("η [cm]")
     return path
@@ -164,13 +155,13 @@ def reflection_figure(result: Dataset, path: Path, *, title: str) -> Path:
     """Draw incident and reflected spectra, and the ratio of their amplitudes where it counts; return ``path``."""
     density = result.incident.fillna(0.0) + result.reflected.fillna(0.0)
     ratio = np.sqrt(result.reflected / result.incident.where(result.incident > 0)).where(result.counted)
-    title = titled(title, f"reflection {result.attrs['coefficient']:.3g}")
-    with panels(path, 2, size=(9, 7), title=title, xlabel="frequency [Hz]", height_ratios=(2, 1)) as axes:
+    title = style.titled(title, f"reflection {result.attrs['coefficient']:.3g}")
+    with style.panels(path, 2, size=(9, 7), title=title, xlabel="frequency [Hz]", height_ratios=(2, 1)) as axes:
         spectra, below = axes[:, 0]
-        spectra.plot(result.frequency, CM**2 * result.incident, color=BLUE, label="incident")
-        spectra.plot(result.frequency, CM**2 * result.reflected, color=VERMILION, label="reflected")
+        spectra.plot(result.frequency, style.CM**2 * result.incident, color=style.BLUE, label="incident")
+        spectra.plot(result.frequency, style.CM**2 * result.reflected, color=style.VERMILION, label="reflected")
         spectra.set(ylabel="variance density [cm²/Hz]", ylim=(0, None), xlim=(0, _highest(density)))
-        below.plot(result.frequency, ratio, ".-", color=GREEN, label="reflected over incident amplitude")
+        below.plot(result.frequency, ratio, ".-", color=style.GREEN, label="reflected over incident amplitude")
         below.set(ylabel="reflection [-]", ylim=(0, None))
     return path
 
@@ -185,10 +176,12 @@ def speed_figure(
     drawn = frequencies[np.isfinite(speed).any(axis=0)]
     f = np.linspace((1 - MARGIN) * drawn.min(), (1 + MARGIN) * drawn.max(), 200)
     linear = 2 * np.pi * f / wave_number(2 * np.pi * f, depth, gravity)
-    with panels(path, size=ONE, title=titled(title, "speed between gauges"), xlabel="frequency [Hz]") as ((axes,),):
+    with style.panels(path, size=ONE, title=style.titled(title, "speed between gauges"), xlabel="frequency [Hz]") as (
+        (axes,),
+    ):
         for n, colour in _chosen(len(pairs)).items():
             axes.plot(frequencies, speed[n], ".", color=colour, label=f"gauges {pairs[n]}")
-        axes.plot(f, linear, "-", color=INK, lw=1, label="linear waves")
+        axes.plot(f, linear, "-", color=style.INK, lw=1, label="linear waves")
         axes.set_ylabel("phase speed [m/s]")
     return path
 

@@ -12,21 +12,7 @@ from matplotlib.tri import Triangulation
 
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
-from wavetank.plots.style import (
-    CM,
-    DAMPED,
-    DARK,
-    DEPTH,
-    FLAT,
-    LIGHT,
-    PADDLE,
-    SATURATED,
-    lay_out,
-    mark_places,
-    mark_sponge,
-    picture,
-    remove_overlaps,
-)
+from wavetank.plots import style
 from wavetank.plots.surfaces import Array, Extremes, Indices, TankSurface, basin_surface, wave_history
 
 LEVELS = 64  # of colours
@@ -59,7 +45,7 @@ class Map(NamedTuple):
     values: Array
     limits: tuple[float, float]
     colours: str = "viridis"
-    ink: str = LIGHT
+    ink: str = style.LIGHT
 
 
 def basin_figure(run: RunDirectory, path: Path) -> Path:
@@ -75,7 +61,7 @@ def basin_figure(run: RunDirectory, path: Path) -> Path:
     usual, crest, high = past.usual, past.crest, past.high
     title = f"at the highest crest of the snapshots, t = {past.crest_time:.2f} s"
     maps = [
-        Map(title, "elevation [cm]", crest, crest[:, 2], (-usual, usual), "RdBu_r", DARK),
+        Map(title, "elevation [cm]", crest, crest[:, 2], (-usual, usual), "RdBu_r", style.DARK),
         Map("the highest elevation of the snapshots", "elevation [cm]", surface.first, high, _limits(high)),
         *_wave_heights(run, surface),
     ]
@@ -85,24 +71,24 @@ def basin_figure(run: RunDirectory, path: Path) -> Path:
     size = (WIDTH * number, float(np.clip(1.8 + 0.94 * WIDTH * shape, 3.5, 14.0)))
     if shape < ELONGATED:
         size = (WIDE, 0.5 + number * (0.8 + 0.95 * WIDE * shape))
-    with picture(path, *size, title=run.title or "Surface elevation") as figure:
+    with style.picture(path, *size, title=run.title or "Surface elevation") as figure:
         grid, bar = ((number, 1), "right") if shape < ELONGATED else ((1, number), "bottom")
         panels = figure.subplots(*grid, squeeze=False, sharex=True, sharey=True).ravel()
         for axes, one in zip(panels, maps, strict=True):
             _draw_map(figure, axes, surface, one, bar)
             paddles = one.points[surface.rim[surface.moving(past.displacement)], :2]
-            axes.add_collection(LineCollection([*paddles], colors=PADDLE, linewidths=3.5))
-            mark_places(axes, gauges, rows=rows, ink=one.ink)
-        lay_out(figure)  # the places of names are final only now
+            axes.add_collection(LineCollection([*paddles], colors=style.PADDLE, linewidths=3.5))
+            style.mark_places(axes, gauges, rows=rows, ink=one.ink)
+        style.lay_out(figure)  # the places of names are final only now
         for axes in panels:
-            remove_overlaps(axes)
+            style.remove_overlaps(axes)
     return path
 
 
 def _limits(values: Array) -> tuple[float, float]:
     """Return the values [m] at which colours begin and end, single sharp crests left out."""
-    low, high = np.quantile(values, [1 - SATURATED, SATURATED])
-    return float(low), max(float(high), float(low) + FLAT / CM)
+    low, high = np.quantile(values, [1 - style.SATURATED, style.SATURATED])
+    return float(low), max(float(high), float(low) + style.FLAT / style.CM)
 
 
 def _wave_heights(run: RunDirectory, surface: TankSurface) -> list[Map]:
@@ -125,19 +111,19 @@ def _wave_heights(run: RunDirectory, surface: TankSurface) -> list[Map]:
 def _draw_map(figure: Figure, axes: Axes, surface: TankSurface, one: Map, bar: Any) -> None:
     """Draw a map with the side of its colour bar, lines of the bed, sponge and rim."""
     plan = Triangulation(one.points[:, 0], one.points[:, 1], _triangles(surface.pieces))
-    levels = CM * np.linspace(*one.limits, LEVELS)
-    filled = axes.tricontourf(plan, CM * one.values, levels, cmap=one.colours, extend="both")
+    levels = style.CM * np.linspace(*one.limits, LEVELS)
+    filled = axes.tricontourf(plan, style.CM * one.values, levels, cmap=one.colours, extend="both")
     colours = figure.colorbar(filled, ax=axes, location=bar, shrink=0.85, aspect=35, pad=0.02, label=one.label)
     colours.set_ticks(MaxNLocator(7).tick_values(levels[0], levels[-1])[1:-1])
     if surface.contours.size:
         lines = axes.tricontour(plan, surface.depth, surface.contours, colors=one.ink, linewidths=0.6)
         for text in axes.clabel(lines, fmt=lambda depth: f"{depth:g} m", fontsize=7):
-            text.set_gid(DEPTH)
+            text.set_gid(style.DEPTH)
     if surface.damping is not None:
         damping = surface.damping / surface.damping.max()
-        axes.tricontourf(plan, damping, [DAMPED, 1.0], colors="none", hatches=["//"], extend="max")
-        inside = damping > DAMPED
-        mark_sponge(axes, (float(plan.x[inside].mean()), float(plan.y[inside].mean())), va="center")
+        axes.tricontourf(plan, damping, [style.DAMPED, 1.0], colors="none", hatches=["//"], extend="max")
+        inside = damping > style.DAMPED
+        style.mark_sponge(axes, (float(plan.x[inside].mean()), float(plan.y[inside].mean())), va="center")
     axes.add_collection(LineCollection([*one.points[surface.rim, :2]], colors=RIM, linewidths=0.8))
     axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title=one.title)
     axes.label_outer()

@@ -19,36 +19,12 @@ from wavetank.case.tank import Depth
 from wavetank.errors import InputError
 from wavetank.output.directory import BROKEN, BROKEN_PICTURE, ENERGY, GAUGES, LOADS, PROBES, SURFACE, RunDirectory
 from wavetank.output.fields import index_file
-from wavetank.plots.style import (
-    BLUE,
-    CM,
-    COMPUTED,
-    DAMPED,
-    DARK,
-    FLAT,
-    GREEN,
-    INK,
-    MEASURED,
-    ORANGE,
-    PADDLE,
-    PUBLISHED,
-    SATURATED,
-    VERMILION,
-    WATER,
-    draw_series,
-    lay_out,
-    mark_along,
-    mark_sponge,
-    panels,
-    picture,
-    remove_overlaps,
-    titled,
-)
+from wavetank.plots import style
 
 Array = NDArray[np.float64]
 
 # ---------------------------------------------------------------- the surface
-BEFORE, CREST, AFTER = ORANGE, "#0b2d5c", "#a0417f"
+BEFORE, CREST, AFTER = style.ORANGE, "#0b2d5c", "#a0417f"
 SKY, STILL, SAND = "#f4f9fd", "#a8d3ee", "#cdb990"
 PIXELS = 1200, 540  # of the (x, t) plane
 
@@ -77,7 +53,7 @@ def surface_figure(
     mosaic: Any = [*[[name if column == "diagram" else "." for column in columns] for name in heights], columns]
     ratios: dict[str, Any] = {"width_ratios": [11 if column == "diagram" else 1 for column in columns]}
     ratios["height_ratios"] = [*heights.values(), 1.5]
-    with picture(path, 11, 9.6 if callable(depth) else 8.6, title=title or "Surface elevation") as figure:
+    with style.picture(path, 11, 9.6 if callable(depth) else 8.6, title=title or "Surface elevation") as figure:
         axes = figure.subplot_mosaic(mosaic, **ratios)
         diagram, profile = axes["diagram"], axes["profile"]
         for name in heights:
@@ -87,10 +63,10 @@ def surface_figure(
         _draw_diagram(figure, diagram, t, x, eta)
         diagram.set_xlabel(f"distance {origin}, x [m]")
         if gauges is not None:
-            mark_along(diagram, gauges, top=float(t[-1]))
+            style.mark_along(diagram, gauges, top=float(t[-1]))
         if sponge is not None:
-            diagram.axvspan(*sponge, fill=False, hatch="//", ec=DARK, lw=0, alpha=0.6)
-            mark_sponge(diagram, (sum(sponge) / 2, 0.03), xycoords=diagram.get_xaxis_transform())
+            diagram.axvspan(*sponge, fill=False, hatch="//", ec=style.DARK, lw=0, alpha=0.6)
+            style.mark_sponge(diagram, (sum(sponge) / 2, 0.03), xycoords=diagram.get_xaxis_transform())
         d = depth(x[0], 0 * x[0]) if callable(depth) else np.full_like(x[0], depth)
         _draw_profile(profile, t, x, eta, float(d.max()))
         if "bed" in axes:
@@ -101,8 +77,8 @@ def surface_figure(
         for name in columns[1:]:
             axes[name].tick_params(labelleft=False)
         axes[columns[0]].set_ylabel("time [s]")
-        lay_out(figure)  # the panel's size, its exaggeration, and the places of names are final only now
-        remove_overlaps(diagram)
+        style.lay_out(figure)  # the panel's size, its exaggeration, and the places of names are final only now
+        style.remove_overlaps(diagram)
         profile.set_title(f"vertical exaggeration {_exaggeration(profile):g}", loc="right", fontsize=9, color="#555555")
     return path
 
@@ -110,10 +86,11 @@ def surface_figure(
 def _draw_profile(axes: Axes, t: Array, x: Array, eta: Array, depth: float) -> None:
     """Draw the highest crest over the water, and the surface half a period before and after it."""
     crest, top = (int(n) for n in np.unravel_index(np.argmax(eta), eta.shape))
-    place, height, largest = float(x[crest, top]), CM * float(eta[crest, top]), CM * float(np.abs(eta[crest]).max())
-    limits = (max(-1.9 * max(largest, FLAT), -CM * depth), 1.55 * max(largest, FLAT))
+    place, height = float(x[crest, top]), style.CM * float(eta[crest, top])
+    largest = style.CM * float(np.abs(eta[crest]).max())
+    limits = (max(-1.9 * max(largest, style.FLAT), -style.CM * depth), 1.55 * max(largest, style.FLAT))
     axes.set_facecolor(SKY)
-    _fill_water(axes, x[crest], CM * eta[crest], limits)
+    _fill_water(axes, x[crest], style.CM * eta[crest], limits)
     below = np.flatnonzero(eta[crest:, top] < 0)
     step = max(1, 2 * int(below[0]) - 1) if below.size else 1  # half a period: twice the time that it takes to sink
     for snapshot, colour, note in (
@@ -123,7 +100,7 @@ def _draw_profile(axes: Axes, t: Array, x: Array, eta: Array, depth: float) -> N
     ):
         if 0 <= snapshot < t.size:
             label, width = f"t = {t[snapshot]:.2f} s{note}", 2.2 if note else 1.3
-            axes.plot(x[snapshot], CM * eta[snapshot], color=colour, lw=width, zorder=width, label=label)
+            axes.plot(x[snapshot], style.CM * eta[snapshot], color=colour, lw=width, zorder=width, label=label)
     side, offset = ("right", -14) if place > x[crest].mean() else ("left", 14)
     axes.annotate(
         f"{height:.3g} cm at x = {place:.2f} m",
@@ -144,7 +121,7 @@ def _fill_water(axes: Axes, x: Array, eta: Array, limits: tuple[float, float]) -
     outline = axes.fill_between(x, eta, limits[0], color="none")
     extent = (float(x[0]), float(x[-1]), limits[0], float(eta.max()))
     shade = np.linspace(0.0, 1.0, 256)[:, None]
-    water = axes.imshow(shade, extent=extent, cmap=WATER, origin="lower", aspect="auto", interpolation="bilinear")
+    water = axes.imshow(shade, extent=extent, cmap=style.WATER, origin="lower", aspect="auto", interpolation="bilinear")
     water.set_clip_path(outline.get_paths()[0], axes.transData)
 
 
@@ -160,15 +137,15 @@ def _draw_bed(axes: Axes, x: Array, depth: Array) -> None:
 def _exaggeration(axes: Axes) -> float:
     """Return how many times steeper than in the tank a slope is drawn, to two digits; x in m, y in cm."""
     box, (first, last), (low, high) = axes.get_window_extent(), axes.get_xlim(), axes.get_ylim()
-    return float(f"{CM * (box.height / (high - low)) / (box.width / (last - first)):.2g}")
+    return float(f"{style.CM * (box.height / (high - low)) / (box.width / (last - first)):.2g}")
 
 
 def _draw_diagram(figure: Figure, axes: Axes, t: Array, x: Array, eta: Array) -> None:
     """Draw the elevation over x and t as colours, with the highest crest marked."""
-    largest = max(CM * float(np.quantile(np.abs(eta), SATURATED)), FLAT)
+    largest = max(style.CM * float(np.quantile(np.abs(eta), style.SATURATED)), style.FLAT)
     limits: dict[str, Any] = {"vmin": -largest, "vmax": largest}
     extent = (float(x.min()), float(x.max()), float(t[0]), float(t[-1]))
-    values = CM * _resampled(t, x, eta)
+    values = style.CM * _resampled(t, x, eta)
     colours = axes.imshow(values, extent=extent, cmap="RdBu_r", origin="lower", aspect="auto", **limits)
     axes.grid(False)
     crest, top = np.unravel_index(np.argmax(eta), eta.shape)
@@ -192,10 +169,10 @@ def _resampled(t: Array, x: Array, eta: Array) -> Array:
 def _draw_wall(axes: Axes, diagram: Axes, t: Array, x: Array, name: str) -> None:
     """Draw the position x [m] of a moving wall where it is in the diagram, and enlarged in a panel of its own."""
     far = name != "paddle"
-    diagram.plot(x, t, color=PADDLE, lw=1.5)
+    diagram.plot(x, t, color=style.PADDLE, lw=1.5)
     diagram.fill_betweenx(t, x.max() if far else x.min(), x, color="#dddddd", lw=0)
-    displacement = CM * (x - x[0] if far else x)
-    axes.plot(displacement, t, color=PADDLE)
+    displacement = style.CM * (x - x[0] if far else x)
+    axes.plot(displacement, t, color=style.PADDLE)
     reach = float(np.abs(displacement).max())
     tick = float(f"{reach:.0e}")  # one digit: the panel is narrow
     axes.set_xticks([-tick, 0.0, tick], [Formatter.fix_minus(f"{-tick:g}"), "0", f"{tick:g}"])
@@ -219,16 +196,16 @@ def gauges_overview(gauges: DataArray, path: Path, *, title: str = "") -> Path:
     columns = 1 if len(shown) <= COLUMN else 2
     rows = -(-len(shown) // columns)
     size = (10 if columns == 1 else 14, 1.2 + 1.25 * rows)
-    with panels(path, rows, columns, size=size, title=title or "Wave gauges", sharey=True) as axes:
+    with style.panels(path, rows, columns, size=size, title=title or "Wave gauges", sharey=True) as axes:
         order = axes.ravel(order="F")
         for gauge, panel in zip(shown, order, strict=False):
             across = f", y = {float(gauge.y):g} m" if gauges.y.any() else ""
-            draw_series(panel, gauge.time, CM * gauge, color=COMPUTED)
+            style.draw_series(panel, gauge.time, style.CM * gauge, color=style.COMPUTED)
             panel.set_title(f"gauge {gauge.gauge.item()}, x = {float(gauge.x):g} m{across}", pad=2, parse_math=False)
         for panel in order[len(shown) :]:
             panel.set_axis_off()
-        if CM * float(np.abs(shown).max()) < FLAT:  # smaller waves are drawn as still water
-            axes[0, 0].set_ylim(-FLAT, FLAT)
+        if style.CM * float(np.abs(shown).max()) < style.FLAT:  # smaller waves are drawn as still water
+            axes[0, 0].set_ylim(-style.FLAT, style.FLAT)
         axes[0, 0].figure.supylabel("elevation [cm]", fontsize=10)
     return path
 
@@ -243,7 +220,7 @@ def gauges_figure(measured: DataArray, computed: DataArray, published: Sequence[
     computations = [one for records in published for one in records]
     layout: dict[str, Any] = {"width_ratios": (2, 1), "sharex": False, "sharey": "row"}
     size = (14, 1.1 + 1.6 * len(pairs))
-    with panels(path, len(pairs), 2, size=size, legend="outside upper center", **layout) as axes:
+    with style.panels(path, len(pairs), 2, size=size, legend="outside upper center", **layout) as axes:
         for (one, reference), (full, zoom) in zip(pairs, axes, strict=True):
             same_place = [other.dropna("time") for other in computations if abs(other.x - reference.x) < MATCH]
             _draw_gauge(full, zoom, reference, [*same_place, one])
@@ -257,11 +234,15 @@ def _draw_gauge(full: Axes, zoom: Axes, reference: DataArray, computations: Sequ
     shared = reference.sel(time=slice(run.time[0], run.time[-1]))
     misfits = ", ".join(f"{one.source} {compare_gauge(one, shared)['nrms']:.3f}" for one in reversed(computations))
     focus, (first, last) = float(shared.idxmax("time")), shared.time.values[[0, -1]]
-    styles = [(MEASURED, "-", 2.0), *[(PUBLISHED, "--", 1.1)] * (len(computations) - 1), (COMPUTED, "-", 1.2)]
+    styles = [
+        (style.MEASURED, "-", 2.0),
+        *[(style.PUBLISHED, "--", 1.1)] * (len(computations) - 1),
+        (style.COMPUTED, "-", 1.2),
+    ]
     for record, (colour, line, width) in zip([reference, *computations], styles, strict=True):
         part = record.sel(time=slice(first, last))
         for panel, scale in ((full, 0.6), (zoom, 1.0)):
-            panel.plot(part.time, CM * part, line, color=colour, lw=scale * width, label=record.source)
+            panel.plot(part.time, style.CM * part, line, color=colour, lw=scale * width, label=record.source)
     name = f"gauge {reference.gauge.item()}, x = {float(reference.x):g} m"
     full.set_title(f"{name};  nrms: {misfits}", pad=3, parse_math=False)
     full.set_xlim(first, last)
@@ -270,7 +251,7 @@ def _draw_gauge(full: Axes, zoom: Axes, reference: DataArray, computations: Sequ
 
 
 # ---------------------------------------------------------------- energy
-KINETIC, POTENTIAL, TOTAL, WORK = VERMILION, GREEN, "#8cc5e8", INK
+KINETIC, POTENTIAL, TOTAL, WORK = style.VERMILION, style.GREEN, "#8cc5e8", style.INK
 NEGLIGIBLE = 1e-3  # of the largest energy; less dissipation is not drawn
 
 
@@ -287,8 +268,8 @@ def energy_figure(energy: Dataset, path: Path, *, title: str = "") -> Path:
     dissipated, absorbed = (energy.get(name, 0 * total) for name in ("dissipated", "absorbed"))
     supplied, largest = total[0] + work, float(np.abs(total + dissipated + np.maximum(absorbed, 0.0)).max())
     unit = "[m⁵/s²]" if "m^5" in total.units else "and width [m⁴/s²]"
-    title = titled(title, "energy budget")
-    with panels(path, 2, size=(10, 6.5), title=title, height_ratios=(2, 1)) as axes:
+    title = style.titled(title, "energy budget")
+    with style.panels(path, 2, size=(10, 6.5), title=title, height_ratios=(2, 1)) as axes:
         budget, error = axes[:, 0]
         budget.plot(t, total, color=TOTAL, lw=4, label="total")
         budget.plot(t, supplied, "--", color=WORK, label="start + paddle work" if work.any() else "start")
@@ -299,7 +280,7 @@ def energy_figure(energy: Dataset, path: Path, *, title: str = "") -> Path:
         budget.plot(t, energy.kinetic, color=KINETIC, label="kinetic")
         budget.plot(t, energy.potential, color=POTENTIAL, label="potential")
         budget.set_ylabel(f"energy per density\n{unit}")
-        error.plot(t, energy.balance / max(largest, np.finfo(float).tiny), color=COMPUTED)
+        error.plot(t, energy.balance / max(largest, np.finfo(float).tiny), color=style.COMPUTED)
         error.ticklabel_format(axis="y", scilimits=(-2, 2), useMathText=True)
         error.set(ylabel="energy error over\nlargest energy [-]", xlim=(t[0], t[-1]))
         budget.figure.align_ylabels()
@@ -325,7 +306,7 @@ def broken_figure(run: RunDirectory) -> Path:
     inside = np.abs(surface.x - steepest["x"]) <= half
     if basin:
         inside &= np.abs(surface.y - steepest["y"]) <= half
-    surface["elevation"] = CM * surface.elevation
+    surface["elevation"] = style.CM * surface.elevation
     parts = surface, surface.where(inside, drop=True)
     where = f"x = {steepest['x']:.4g} m" + (f", y = {steepest['y']:.4g} m" if basin else "")
     title = (
@@ -333,36 +314,36 @@ def broken_figure(run: RunDirectory) -> Path:
         f"steepest at {where}: slope {steepest['slope']:.2g}, u = {steepest['velocity']:.3g} m/s"
     )
     layout: dict[str, Any] = {"sharex": "col", "width_ratios": (1, 1) if basin else (2, 1)}
-    with panels(path, 3, 2, size=(11, 8.5), title=title, xlabel="x [m]", **layout) as axes:
+    with style.panels(path, 3, 2, size=(11, 8.5), title=title, xlabel="x [m]", **layout) as axes:
         for row, (name, label) in zip(axes, LABELS.items(), strict=True):
             row[0].set_ylabel("y [m]" if basin else label)
             for panel, part, marker in zip(row, parts, ("", "."), strict=True):
                 if basin:
                     limits = {"vmin": float(surface[name].min()), "vmax": float(surface[name].max())}
-                    style = {"s": PANEL / part.sizes["point"], "marker": "s", "cmap": "viridis", "lw": 0, **limits}
-                    colours = panel.scatter(part.x, part.y, c=part[name], **style)
-                    panel.plot(steepest["x"], steepest["y"], "o", ms=12, mfc="none", mec=VERMILION)
+                    marks = {"s": PANEL / part.sizes["point"], "marker": "s", "cmap": "viridis", "lw": 0, **limits}
+                    colours = panel.scatter(part.x, part.y, c=part[name], **marks)
+                    panel.plot(steepest["x"], steepest["y"], "o", ms=12, mfc="none", mec=style.VERMILION)
                     panel.set_aspect("equal", adjustable="datalim")
                     panel.grid(False)
                 else:
-                    panel.plot(part.x, part[name], color=COMPUTED, lw=1.2, marker=marker, ms=3)
-                    panel.axvline(steepest["x"], color=VERMILION, lw=0.8)
+                    panel.plot(part.x, part[name], color=style.COMPUTED, lw=1.2, marker=marker, ms=3)
+                    panel.axvline(steepest["x"], color=style.VERMILION, lw=0.8)
                     panel.margins(x=0)
             if basin:
                 row[0].figure.colorbar(colours, ax=list(row), label=label)
         axes[0, 0].set_title("in full", fontsize=10)
-        axes[0, 1].set_title("around the steepest place", fontsize=10, color=VERMILION)
+        axes[0, 1].set_title("around the steepest place", fontsize=10, color=style.VERMILION)
         for crest in () if basin else breakdown["crests"]:
             for panel in axes[0]:
-                panel.axvline(crest["x"], color=ORANGE, lw=0.8, ls="--")
+                panel.axvline(crest["x"], color=style.ORANGE, lw=0.8, ls="--")
             text, at = f"u/c = {crest['speed_ratio']:.2f}", ("data", "axes fraction")
-            style = {"color": ORANGE, "fontsize": 8, "rotation": 90, "va": "top"}
-            axes[0, 0].annotate(text, (crest["x"], 0.97), xycoords=at, **style)
+            text_style = {"color": style.ORANGE, "fontsize": 8, "rotation": 90, "va": "top"}
+            axes[0, 0].annotate(text, (crest["x"], 0.97), xycoords=at, **text_style)
     return path
 
 
 # ---------------------------------------------------------------- loads and probes
-COLOURS = {"x": BLUE, "y": GREEN, "z": VERMILION}
+COLOURS = {"x": style.BLUE, "y": style.GREEN, "z": style.VERMILION}
 MAX_PROBES = 8  # probes; of more every second, third ... is drawn
 KILO = 1e3  # Pa, N, N m
 
@@ -376,15 +357,15 @@ def probes_figure(run: RunDirectory, path: Path) -> Path:
     pressure = shown.pressure - weight * np.maximum(0.0, -shown.z)
     scale, kilo = _scale(pressure)
     titles = ("velocity [m/s]", "acceleration [m/s²]", f"pressure beyond still water's [{kilo}Pa]")
-    size, title = (13, 1.1 + 1.6 * rows), titled(run.title, "probes")
-    with panels(path, rows, 3, size=size, title=title, legend="outside upper right", sharey="col") as axes:
+    size, title = (13, 1.1 + 1.6 * rows), style.titled(run.title, "probes")
+    with style.panels(path, rows, 3, size=size, title=title, legend="outside upper right", sharey="col") as axes:
         for n, row in enumerate(axes):
             probe = shown.isel(probe=n)
             place = ", ".join(f"{axis} = {float(probe[axis]):g} m" for axis in "xyz" if axis != "y" or float(probe.y))
             row[0].set_title(f"probe {probe.probe.item()}, {place}", pad=2, parse_math=False)
             _draw_vector(row[0], probe, "velocity")
             _draw_vector(row[1], probe, "acceleration")
-            draw_series(row[2], probe.time, pressure.isel(probe=n) / scale, color=BLUE)
+            style.draw_series(row[2], probe.time, pressure.isel(probe=n) / scale, color=style.BLUE)
         for panel, text in zip(axes[0], titles, strict=True):
             panel.set_title(text, loc="right", pad=2)
     return path
@@ -399,8 +380,8 @@ def loads_figure(run: RunDirectory, path: Path) -> Path:
     rows, beyond = loads.sizes["wall"], loads - loads.isel(time=0)
     scale, kilo = _scale(beyond[["force_x", "moment_y"]].to_array())
     units = {"force": loads.force_x.units, "moment": loads.moment_y.units}
-    size, title = (11, 1.1 + 1.9 * rows), titled(run.title, "loads")
-    with panels(path, rows, 2, size=size, title=title, legend="outside upper right") as axes:
+    size, title = (11, 1.1 + 1.9 * rows), style.titled(run.title, "loads")
+    with style.panels(path, rows, 2, size=size, title=title, legend="outside upper right") as axes:
         for n, row in enumerate(axes):
             for panel, name in zip(row, units, strict=True):
                 _draw_vector(panel, beyond.isel(wall=n) / scale, name)
@@ -420,7 +401,7 @@ def _draw_vector(panel: Axes, data: Dataset, name: str) -> None:
     for axis, colour in COLOURS.items():
         if f"{name}_{axis}" in data and (values := data[f"{name}_{axis}"]).any():
             label = f"about {axis}" if name == "moment" else f"along {axis}"
-            draw_series(panel, data.time, values, label=label, color=colour)
+            style.draw_series(panel, data.time, values, label=label, color=colour)
 
 
 # ---------------------------------------------------------------- all figures of a run
@@ -486,5 +467,5 @@ def _sponge(scene: dict[str, Any], x: Array) -> tuple[float, float] | None:
     """Return from where to where [m] a slice's sponge damps, x [m] the surface's points; None where there is none."""
     if (rate := sponge_rate(scene, x)) is None:
         return None
-    inside = x[rate > DAMPED * rate.max(initial=0.0)]
+    inside = x[rate > style.DAMPED * rate.max(initial=0.0)]
     return (float(inside.min()), float(inside.max())) if inside.size else None
