@@ -87,7 +87,7 @@ def test_work_and_precision(drawn, tmp_path):
     (figure,) = drawn
     assert not faults(figure)
     point = [rows[1].costs["CPU [s]"], rows[1].errors[SURFACE_ERROR]]
-    assert opened(figure.axes[0]) == [point] and {WARNED, "1 of 7 runs broke down"} <= told(figure)
+    assert opened(figure.axes[0]) == [point] and {WARNED, "broke down: 1 of 7 runs"} <= told(figure)
     for panel in figure.axes:
         assert len(panel.texts) > 2
         assert {text.get_text() for text in panel.texts} <= {f"{float(step):.3g}" for step in steps}
@@ -122,7 +122,7 @@ def test_a_study_over_what_is_modelled_draws_the_waters_response_over_it(drawn, 
         assert {place for line in panel.lines if line.get_marker() == "x" for place in line.get_xdata()} == {0.08}
         assert panel.get_xlim()[1] > 0.08
     assert {panel.get_xlabel() for panel in figure.axes if panel.axison} == {"initial.wave_amplitude [m]"}
-    of_runs = {WARNED, "2 of 9 runs broke down", "waves broke and were damped in 1 of 9 runs"}
+    of_runs = {WARNED, "broke down: 2 of 9 runs", "waves broke and were damped: 1 of 9 runs"}
     assert told(figure) == {"n = 4", "n = 6", "plan: initial.wave_amplitude 0.01, n 6", *of_runs}
     crest = figure.axes[0].lines[0]
     np.testing.assert_allclose(crest.get_xydata(), [(a, 1.2 * a) for a in (0.01, 0.02, 0.04)])

@@ -402,8 +402,7 @@ def test_warnings_and_broken_waves_of_runs_are_printed_and_tabulated(linear_stud
     more = {"warnings": ["it leans", "it leaks"], "breaking": {"waves": 15}}
     manifest.write_text(json.dumps(json.loads(manifest.read_text()) | more))
     _, said = done_study(tmp_path / "study", reference="exact")
-    told = f"warning: 1 of {len(rows)} runs has warnings, which are in study.csv"
-    assert f"{told} waves broke and were damped in 1 of {len(rows)} runs" in " ".join(said.split())
+    assert f"warnings, in study.csv: 1 of {len(rows)} runs\nwaves broke and were damped: 1 of {len(rows)} runs" in said
     with (tmp_path / "study" / "study.csv").open() as file:
         found = [(line["warnings"], line["broke"]) for line in csv.DictReader(file)]
     assert found == [("", ""), ("it leans; it leaks", "15")]
@@ -431,7 +430,9 @@ def test_broken_and_marked_combinations_are_rows(tmp_path):
     run = RunDirectory(folders(tmp_path, sweeps, overrides)[1])
     assert broken.cause == run.manifest["cause"] and broken.warnings == "; ".join(map(str, run.warnings)) != ""
     assert (
-        "\n1 of 3 runs broke down\n" in said and re.search(r" status +\n", said) and re.search(r" plan +finished", said)
+        "\nbroke down: 1 of 3 runs\n" in said
+        and re.search(r" status +\n", said)
+        and re.search(r" plan +finished", said)
     )
     assert broken.cause.rstrip(".") in " ".join(said.split()) and not broken.errors
     assert GAUGE_ERROR in good.errors

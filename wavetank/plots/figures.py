@@ -79,7 +79,9 @@ def surface_figure(
         axes[columns[0]].set_ylabel("time [s]")
         style.lay_out(figure)  # the panel's size, its exaggeration, and the places of names are final only now
         style.remove_overlaps(diagram)
-        profile.set_title(f"vertical exaggeration {_exaggeration(profile):g}", loc="right", fontsize=9, color="#555555")
+        box, (first, last), (low, high) = profile.get_window_extent(), profile.get_xlim(), profile.get_ylim()
+        times = style.CM * (box.height / (high - low)) / (box.width / (last - first))
+        profile.set_title(f"vertical exaggeration {float(f'{times:.2g}'):g}", loc="right", fontsize=9, color="#555555")
     return path
 
 
@@ -134,36 +136,25 @@ def _draw_bed(axes: Axes, x: Array, depth: Array) -> None:
     axes.yaxis.label.set_in_layout(False)
 
 
-def _exaggeration(axes: Axes) -> float:
-    """Return how many times steeper than in the tank a slope is drawn, to two digits; x in m, y in cm."""
-    box, (first, last), (low, high) = axes.get_window_extent(), axes.get_xlim(), axes.get_ylim()
-    return float(f"{style.CM * (box.height / (high - low)) / (box.width / (last - first)):.2g}")
-
-
 def _draw_diagram(figure: Figure, axes: Axes, t: Array, x: Array, eta: Array) -> None:
-    """Draw the elevation over x and t as colours, with the highest crest marked."""
-    largest = max(style.CM * float(np.quantile(np.abs(eta), style.SATURATED)), style.FLAT)
-    limits: dict[str, Any] = {"vmin": -largest, "vmax": largest}
-    extent = (float(x.min()), float(x.max()), float(t[0]), float(t[-1]))
-    values = style.CM * _resampled(t, x, eta)
-    colours = axes.imshow(values, extent=extent, cmap="RdBu_r", origin="lower", aspect="auto", **limits)
-    axes.grid(False)
-    crest, top = np.unravel_index(np.argmax(eta), eta.shape)
-    axes.axhline(t[crest], color=CREST, lw=0.8, ls=(0, (6, 4)))
-    axes.plot(x[crest, top], t[crest], "o", ms=9, mfc="none", mec=CREST, mew=1.3)
-    axes.set(xlim=extent[:2], ylim=extent[2:])
-    bar: dict[str, Any] = {"orientation": "horizontal", "aspect": 70, "pad": 0.02, "extend": "both"}
-    figure.colorbar(colours, ax=axes, extendfrac=0.015, label="elevation [cm]", **bar)
+    """Draw the elevation over x and t as colours, with the highest crest marked.
 
-
-def _resampled(t: Array, x: Array, eta: Array) -> Array:
-    """Return eta [m] on a regular grid of about the picture's pixels, shape (times, places).
-
-    The elevation is interpolated, not the colour: halfway between red and blue there is white, not purple.
+    The elevation is interpolated to about the picture's pixels, not the colour: halfway between red and blue there is
+    white, not purple.
     """
     columns, times = np.linspace(x.min(), x.max(), PIXELS[0]), np.linspace(t[0], t[-1], PIXELS[1])
     rows = np.array([np.interp(columns, *snapshot) for snapshot in zip(x, eta, strict=True)])
-    return np.asarray(CubicSpline(t, rows)(times))
+    largest = max(style.CM * float(np.quantile(np.abs(eta), style.SATURATED)), style.FLAT)
+    values: dict[str, Any] = {"vmin": -largest, "vmax": largest, "cmap": "RdBu_r"}
+    values["extent"] = (columns[0], columns[-1], t[0], t[-1])
+    colours = axes.imshow(style.CM * CubicSpline(t, rows)(times), origin="lower", aspect="auto", **values)
+    crest, top = np.unravel_index(np.argmax(eta), eta.shape)
+    axes.axhline(t[crest], color=CREST, lw=0.8, ls=(0, (6, 4)))
+    axes.plot(x[crest, top], t[crest], "o", ms=9, mfc="none", mec=CREST, mew=1.3)
+    axes.set(xlim=(columns[0], columns[-1]), ylim=(t[0], t[-1]))
+    axes.grid(False)
+    bar: dict[str, Any] = {"orientation": "horizontal", "aspect": 70, "pad": 0.02, "extend": "both"}
+    figure.colorbar(colours, ax=axes, extendfrac=0.015, label="elevation [cm]", **bar)
 
 
 def _draw_wall(axes: Axes, diagram: Axes, t: Array, x: Array, name: str) -> None:

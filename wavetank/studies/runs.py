@@ -13,6 +13,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -150,12 +151,8 @@ def start_command(words: Sequence[str]) -> subprocess.Popen[str]:
         text=True,
         errors="replace",
         env={**os.environ, "OMP_NUM_THREADS": "1"},  # without what MPI has set for this process alone
-        preexec_fn=_end_with_parent if sys.platform == "linux" else None,
+        preexec_fn=partial(LIBC.prctl, PARENT_DEATH_SIGNAL, signal.SIGTERM) if sys.platform == "linux" else None,
     )
-
-
-def _end_with_parent() -> None:
-    LIBC.prctl(PARENT_DEATH_SIGNAL, signal.SIGTERM)
 
 
 @contextmanager

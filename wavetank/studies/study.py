@@ -208,10 +208,8 @@ def _write(out: Path, table: StudyTable, missing: Sequence[str], console: Consol
     _print(console, f"wrote {out / TABLE}")
     for cause in dict.fromkeys(missing):
         _print(console, f"warning: {cause}")
-    if warned := [row for row in table.rows if row.warnings]:
-        have = "has" if len(warned) == 1 else "have"
-        _print(console, f"warning: {table.counted(len(warned))} {have} warnings, which are in {TABLE}")
-    for line in filter(None, (table.unfinished, table.damped)):
+    warned = table.counted(f"warnings, in {TABLE}", sum(bool(row.warnings) for row in table.rows))
+    for line in filter(None, (warned, table.unfinished, table.damped)):
         _print(console, line)
     if not table.errors and not table.responses:
         causes = "; ".join(dict.fromkeys([*(row.cause for row in table.rows if row.cause), *missing]))

@@ -120,23 +120,18 @@ class StudyTable:
 
     @property
     def unfinished(self) -> str:
-        """How many runs have ended otherwise, such as ``2 of 6 runs broke down``; "" if none has."""
-        phrases = []
-        for status, count in Counter(row.status for row in self.rows if row.status != "finished").items():
-            passive = status not in ("broke down", "failed")  # refused, killed or stopped
-            were = ("was " if count == 1 else "were ") if passive else ""
-            phrases.append(f"{self.counted(count)} {were}{status}")
-        return ", ".join(phrases)
+        """How many runs have ended otherwise, such as ``broke down: 2 of 6 runs``; "" if none has."""
+        statuses = Counter(row.status for row in self.rows if row.status != "finished")
+        return ", ".join(self.counted(status, count) for status, count in statuses.items())
 
     @property
     def damped(self) -> str:
         """In how many runs waves broke and were damped; "" if in none."""
-        count = int((self.runs[BROKE] > 0).sum())
-        return f"waves broke and were damped in {self.counted(count)}" if count else ""
+        return self.counted("waves broke and were damped", int((self.runs[BROKE] > 0).sum()))
 
-    def counted(self, count: int) -> str:
-        """Return ``"2 of 6 runs"``."""
-        return f"{count} of {len(self.rows)} run{'' if len(self.rows) == 1 else 's'}"
+    def counted(self, what: str, count: int) -> str:
+        """Return what is true of so many runs, such as ``refused: 2 of 6 runs``; "" of none."""
+        return f"{what}: {count} of {len(self.rows)} runs" if count else ""
 
     def write(self, path: Path) -> None:
         """Write ``study.csv``: settings, results, costs, status, cause and warnings; raises ``RecordError``."""
