@@ -219,7 +219,7 @@ def test_a_minimum_depth_lowers_what_is_shallow_and_says_where(physics):
 
     bed = {"type": "formula", "depth": "1 - 0.4*x", "minimum_depth": 0.2}  # reached at x = 2, dry from x = 2.5
     content = {"tank": {"length": 8.0, "depth": 1.0, "bed": bed}, "run": {"duration": 1.0}}
-    scene = Case.model_validate({**content, "water": {"type": physics}, "numerics": {"cells": 16}})
+    scene = Case.model_validate({**content, "water": {"type": physics}, "numerics": {"cells": 16, "vertical_order": 4}})
     assert Case.model_validate(scene.model_dump(mode="json")) == scene
     waves = build_waves(scene, MPI.COMM_SELF)
     np.testing.assert_allclose(waves.bed.still, np.maximum(0.2, 1.0 - 0.4 * waves.plane.x), rtol=1e-12)

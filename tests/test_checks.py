@@ -138,7 +138,8 @@ def test_run_warns_by_code_and_key(name):
 
 
 CASES = sorted(path.stem for path in (CHECKOUT / "cases").glob("*.toml"))
-LONG = {"berkhoff-1982", "cylinder", "directional-focus", "flap", "irregular", "ntnu-flap", "planned"}
+LONG = {"berkhoff-1982", "cylinder", "directional-focus", "ecn-flap", "flap", "irregular", "ntnu-flap", "planned"}
+LONG |= {"shaken-tank", "shoaling-release", "steep-ring"}  # whose kernels no other test needs
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in LONG else n for n in CASES])

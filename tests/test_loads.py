@@ -122,7 +122,7 @@ CASE = {
     "wall": {"type": "piston", "motion": {"type": "sinusoid", "paddle_amplitude": 0.02, "period": 1.2, "ramp": 0.8}},
     "loads": [{"on": "paddle"}, {"on": "far wall", "name": "end", "about": [0.0, 0.0, 0.0]}],
     "run": {"duration": 1.2},
-    "numerics": {"cell_size": 0.25, "order": 3, "vertical_order": 8, "dt": 0.025},
+    "numerics": {"cell_size": 0.25, "order": 3, "vertical_order": 4, "dt": 0.025},
 }
 
 

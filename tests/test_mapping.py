@@ -188,8 +188,8 @@ def test_a_smooth_surface_is_smooth_to_the_penalty_wherever_the_paddle_stands(ma
 
 
 def test_an_even_slope_has_no_kink_where_the_mapping_has(make_tank):
-    """Elements of order 2 do not have the shape of the mapping: it is in physical space that kinks are looked for."""
-    tank = make_tank(length=4.0, cells=8, order=2, n=2, motion=sinusoid(0.5, 4.0), reach=2.0)
+    """Elements of order 3 do not have the shape of the mapping: it is in physical space that kinks are penalised."""
+    tank = make_tank(length=4.0, cells=8, n=4, motion=sinusoid(0.5, 4.0), reach=2.0)
     tank.set_time(1.0)  # X_p = 0.5 m
     x = tank.wall.to_physical(tank.plane.places)[:, 0]
     penalty = EdgePenalty(tank, SurfaceFlow(tank), cell_size=0.5, dt=0.01, threshold=0.0)
@@ -254,7 +254,7 @@ def test_a_penalty_is_that_of_where_the_paddle_has_gone(make_tank):
 
 def test_the_mass_matrix_is_inverted_as_it_is_wherever_the_paddle_has_been(make_tank):
     """Its product with the solution, which is to the bit that of one that has come another way: runs go on so."""
-    one = {"length": 20.0, "cells": 40, "n": 2, "motion": sinusoid(0.5, 4.0), "reach": 2.0}
+    one = {"length": 20.0, "cells": 40, "n": 4, "motion": sinusoid(0.5, 4.0), "reach": 2.0}
     tank, other = make_tank(**one), make_tank(**one)
     right, solutions = np.cos(tank.plane.x), []
     for t in (0.3, 0.7, 1.0):
@@ -287,7 +287,7 @@ def test_a_piston_quickens_waves_by_what_it_leaves_of_the_narrowest_cell(left):
 
 def test_viscosity_diffuses_in_the_laboratory(make_tank):
     """Oracle: an implicit step of diffusion leaves cos kx / (1 + nu dt k²) of cos kx."""
-    tank = make_tank(length=4.0, cells=32, n=2, motion=sinusoid(0.5, 4.0), reach=4.0)
+    tank = make_tank(length=4.0, cells=32, n=4, motion=sinusoid(0.5, 4.0), reach=4.0)
     tank.set_time(1.0)
     x = tank.wall.to_physical(tank.plane.places)[:, 0]
     breaking = BreakingDissipation(tank, None, dt=0.01)

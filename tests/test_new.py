@@ -29,7 +29,7 @@ def test_a_new_case_names_the_schema_and_its_title_and_runs(kind, tmp_path):
     assert RunDirectory(tmp_path / "run").manifest["status"] == "finished"
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [pytest.param(one, marks=[pytest.mark.slow] * (one != "slice")) for one in KINDS])
 def test_new_case_has_no_warning_before_its_run(kind, tmp_path):
     scene, warnings = planned(read_case(write_case(f"{tmp_path}/waves.toml", kind)), MPI.COMM_SELF)
     run, waves = build_run(scene, MPI.COMM_SELF)

@@ -258,7 +258,7 @@ ABSORBING = SLICE | {"wall": SLICE["wall"] | {"absorb": {"type": "active"}}, "pr
 @pytest.fixture(scope="module")
 def absorbing():
     """Return a run with an absorbing paddle, sponge, filters and probes, and its tree at the fifth step."""
-    one = Observed(changed(ABSORBING, edge_penalty=0.25, cells=6, vertical_order=2), MPI.COMM_SELF)
+    one = Observed(changed(ABSORBING, edge_penalty=0.25, cells=6, vertical_order=4), MPI.COMM_SELF)
     one.run.clock = replace(one.run.clock, steps=5)
     one.run.execute()
     return one.run, through_a_file(one.run.tree())

@@ -1,30 +1,35 @@
-"""Where points are in the cells of a mesh: in reference coordinates, cells being straight or curved."""
+"""Cells of a mesh in which points are, and their reference coordinates there; cells are straight or curved."""
 
 from typing import NamedTuple
 
 import basix
 import numpy as np
 from basix.polynomials import tabulate_polynomial_set
+from dolfinx import geometry
 from dolfinx.mesh import CellType, Mesh
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 
-ITERATIONS = 25  # of Gauss and Newton's method; a few do where a point is in its cell
-SETTLED = 1e-13  # a smaller step in reference coordinates is round-off
+PADDING = 1e-9  # m; distance from the mesh up to which a point is in it
+ITERATIONS = 25  # of the Gauss-Newton method; a few do where a point is in its cell
+SETTLED = 1e-13  # step in reference coordinates that is round-off
 
 
 class Nearest(NamedTuple):
-    """The nearest places of points in cells.
+    """The nearest places of N points in cells.
 
     Attributes
     ----------
+    cells
+        Of this rank, shape (N,); -1 where none is near.
     local
-        In reference coordinates [-], shape (N, dimension of the cells).
+        Reference coordinates [-], shape (N, dimension of the cells).
     distances
-        From the points [m], shape (N,).
+        From the points [m], shape (N,); inf where no cell is near.
     """
 
+    cells: NDArray[np.int32]
     local: Vector
     distances: Vector
 
@@ -32,9 +37,9 @@ class Nearest(NamedTuple):
 def tabulate(element: basix.finite_element.FiniteElement, derivatives: int, local: Vector) -> Vector:
     """Return a scalar element's basis functions and their derivatives, shape (of derivatives, points, functions).
 
-    At each point bit for bit what they are there alone: what basix multiplies is rounded as the matrix's size has it.
+    Values at a point do not depend on the others: basix's matrix products are rounded as the matrix's size has it.
     """
-    points = local if len(local) else element.points[:1]  # basix takes none for a mistake
+    points = local if len(local) else element.points[:1]  # basix refuses an empty array
     degree, kind = element.embedded_superdegree, element.polyset_type
     polynomials = np.asarray(tabulate_polynomial_set(element.cell_type, kind, degree, derivatives, points))
     each = np.moveaxis(polynomials, 1, 2)[:, : len(local), :, None]  # summed in this order, however many there are
@@ -42,40 +47,59 @@ def tabulate(element: basix.finite_element.FiniteElement, derivatives: int, loca
 
 
 class CellPlaces:
-    """Finds places in the cells of this rank.
+    """Finds places in the cells that this rank owns.
 
     Attributes
     ----------
     arches
-        How far a cell's nodes are from where they would be with straight sides [m], shape (cells,).
+        Distance of a cell's nodes from where they would be with straight sides [m], shape (cells,).
     """
 
     def __init__(self, mesh: Mesh):
-        cmap, self._gdim = mesh.geometry.cmap, mesh.geometry.dim
+        cmap, dim, kind = mesh.geometry.cmap, mesh.topology.dim, mesh.basix_cell()
         variant = basix.LagrangeVariant(cmap.variant)
-        self._element = basix.create_element(basix.ElementFamily.P, mesh.basix_cell(), cmap.degree, variant)
+        self._element = basix.create_element(basix.ElementFamily.P, kind, cmap.degree, variant)
         self._is_triangle = mesh.topology.cell_type == CellType.triangle
-        self._nodes = mesh.geometry.x[mesh.geometry.dofmap][:, :, : self._gdim]
-        self.arches = self._off_straight(basix.create_element(basix.ElementFamily.P, mesh.basix_cell(), 1))
+        self._nodes = mesh.geometry.x[mesh.geometry.dofmap][:, :, : mesh.geometry.dim]
+        straight = basix.create_element(basix.ElementFamily.P, kind, 1)
+        off = self._nodes - tabulate(straight, 0, self._element.points)[0] @ self._nodes[:, : straight.dim]
+        self.arches: Vector = np.linalg.norm(off, axis=2).max(axis=1, initial=0.0)
+        owned = np.arange(mesh.topology.index_map(dim).size_local, dtype=np.int32)
+        padding = PADDING + float(self.arches.max(initial=0.0))  # boxes are those of nodes
+        self._order, starts = None, self._nodes[:, :, 0].min(axis=1)
+        if mesh.geometry.dim == 1 and len(owned) == len(starts):  # a slice on one rank
+            self._order = np.argsort(starts).astype(np.int32)
+            self._starts = starts[self._order]
+        else:
+            self._tree = geometry.bb_tree(mesh, dim, entities=owned, padding=padding)
 
-    def _off_straight(self, straight: basix.finite_element.FiniteElement) -> Vector:
-        weights = tabulate(straight, 0, self._element.points)[0]
-        off = self._nodes - weights @ self._nodes[:, : straight.dim]  # corners come first
-        return np.asarray(np.linalg.norm(off, axis=2).max(axis=1, initial=0.0))
+    def find(self, points: Vector) -> Nearest:
+        """Return the nearest cell and place of each point [m], shape (N, 3)."""
+        if self._order is not None:
+            number = np.searchsorted(self._starts, points[:, 0], side="right") - 1
+            return self._in_cells(points, self._order[np.maximum(number, 0)])
+        boxes = geometry.compute_collisions_points(self._tree, points)  # those of cells around a point, and more
+        which = np.repeat(np.arange(len(points)), np.diff(boxes.offsets))
+        candidates = self._in_cells(points[which], boxes.array)
+        order = np.lexsort((candidates.cells, candidates.distances, which))
+        inside, first = np.unique(which[order], return_index=True)
+        count, dim = len(points), candidates.local.shape[1]
+        result = Nearest(np.full(count, -1, dtype=np.int32), np.zeros((count, dim)), np.full(count, np.inf))
+        best = order[first]
+        result.cells[inside], result.local[inside] = candidates.cells[best], candidates.local[best]
+        result.distances[inside] = candidates.distances[best]
+        return result
 
-    def find(self, points: Vector, cells: NDArray[np.int32]) -> Nearest:
-        """Return the nearest place of each point in the cell that is named with it.
-
-        Parameters
-        ----------
-        points
-            [m], shape (N, 3).
-        cells
-            Shape (N,).
-        """
-        nodes, targets = self._nodes[cells], points[:, : self._gdim]
+    def _in_cells(self, points: Vector, cells: NDArray[np.int32]) -> Nearest:
+        """Return the nearest place of each point, shape (N, 3), in the cell of the same number, shape (N,)."""
+        nodes = self._nodes[cells]
+        targets = points[:, : nodes.shape[2]]
         if nodes.shape[1] == 2:  # a straight piece of a line
-            return _on_line(targets, nodes[:, 0], nodes[:, 1] - nodes[:, 0])
+            start, along = nodes[:, 0], nodes[:, 1] - nodes[:, 0]
+            off = targets - start
+            local = np.clip(((off * along).sum(axis=1) / (along * along).sum(axis=1))[:, None], 0.0, 1.0)
+            distances = np.sqrt(((off - local * along) ** 2).sum(axis=1))
+            return Nearest(cells, local, np.nan_to_num(distances, nan=np.inf))
         local = np.tile(basix.geometry(self._element.cell_type).mean(axis=0), (len(points), 1))
         step = np.full(len(points), np.inf)
         for _ in range(ITERATIONS):
@@ -88,7 +112,7 @@ class CellPlaces:
             if step.max(initial=0.0) < SETTLED:
                 break
         result = np.einsum("nd,ndg->ng", tabulate(self._element, 0, local)[0], nodes)
-        return Nearest(local, np.linalg.norm(targets - result, axis=1))
+        return Nearest(cells, local, np.linalg.norm(targets - result, axis=1))
 
     def _inside(self, local: Vector) -> Vector:
         """Return the nearest places in the reference cell."""
@@ -97,12 +121,3 @@ class CellPlaces:
             local = np.maximum(local, 0.0)
             return np.asarray(local / np.maximum(1.0, local.sum(axis=1, keepdims=True)))
         return np.clip(local, 0.0, 1.0)
-
-
-def _on_line(targets: Vector, start: Vector, along: Vector) -> Nearest:
-    """Return the nearest places of points on pieces of lines from a start along something, all of shape (N, axes)."""
-    off = targets - start
-    part = ((off * along).sum(axis=1) / (along * along).sum(axis=1))[:, None]
-    local = np.minimum(np.maximum(part, 0.0), 1.0)
-    away = off - local * along
-    return Nearest(local, np.sqrt((away * away).sum(axis=1)))

@@ -233,24 +233,21 @@ class Unit:
         real: str = "double",
         density: Density | None = None,
         made: Mapping[str, Makes] | None = None,
-        points: NDArray[np.float64] | None = None,
     ) -> Instance:
         """Return an instance of a template, its macros defined by ``sizes``.
 
-        ``points`` are those at which a density is evaluated. Of a prefix that is there already, or when the unit has
+        Of a prefix that is there already, or when the unit has
         been compiled, it belongs to a unit of its own, unless it is the same.
         """
         code = "".join(f"#define {key} {value}\n" for key, value in {"REAL": real, **(sizes or {})}.items()) + template
-        signature = density.signature(points) if density is not None and points is not None else ""
+        signature = "" if density is None else density.signature()
         result = Instance(self, prefix, code, tuple(exports), real, density, made, signature)
         before = self._instances.get(prefix)
         if before is not None and (before.template, before.signature) == (code, signature):
             return before
         if before is not None or "_module" in vars(self):
             alone = Unit(self._comm, self._name, flags=self._flags)
-            return alone.add(
-                prefix, template, exports=exports, sizes=sizes, real=real, density=density, made=made, points=points
-            )
+            return alone.add(prefix, template, exports=exports, sizes=sizes, real=real, density=density, made=made)
         self._instances[prefix] = result
         return result
 

@@ -5,7 +5,9 @@ from collections.abc import Callable, Mapping
 from itertools import chain
 from typing import Any
 
+import basix.ufl
 import numpy as np
+import ufl
 from dolfinx import fem
 from ffcx.naming import compute_signature
 from ufl.algorithms import extract_coefficients
@@ -61,10 +63,16 @@ class Density:
         self._names |= {one: f"f{n}" for n, one in enumerate(self._fields)}
         self._names |= {one: f"c{n}" for n, one in enumerate(self._constants)}
 
-    def signature(self, points: Vector) -> str:
-        """Return what tells it from another, with fields in another order, too."""
-        order = [self._fields.index(one) for one in extract_coefficients(self._e) if one in self._fields]
-        return f"{compute_signature([(self._e, points)], '')} {order}"
+    def signature(self) -> str:
+        """Return a text that is the same for densities of the same code, whatever the mesh."""
+        cell, dim = self._plane.mesh.basix_cell(), self._plane.mesh.geometry.dim
+        domain = ufl.Mesh(basix.ufl.element("Lagrange", cell, 1, shape=(dim,)), ufl_id=0)
+        space = ufl.FunctionSpace(domain, basix.ufl.element("Lagrange", cell, 1))
+        usual = dict[Any, Any]()
+        for n, one in enumerate(self._names):
+            is_field = isinstance(one, fem.Function)
+            usual[one] = ufl.Coefficient(space, count=n) if is_field else ufl.Constant(domain, one.ufl_shape, count=n)
+        return f"{compute_signature([(ufl.replace(self._e, usual), np.zeros((1, dim)))], '')} {[*self._names.values()]}"
 
     def rows(self) -> Vector:
         """Return the fields as they are at all degrees of freedom that this rank sees, shape (size, fields).

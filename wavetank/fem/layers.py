@@ -142,7 +142,6 @@ class LayerOperator:
             real=real,
             density=self.density,
             made={"HESSIAN": self.density.second, "DERIVATIVE": self.density.first},
-            points=cells.points,
         )
         self.cells = instance.struct("Cells", **cells.parts)
         parts = {"zeta": vertical.zeta, "weights": vertical.weights, "P": vertical.values, "dP": vertical.slopes}

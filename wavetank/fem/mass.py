@@ -141,7 +141,6 @@ class MassMatrix:
             sizes={**cells.sizes, "FIELDS": density.fields, "MOST": max(1, density.fields), **self._sizes(plane)},
             density=density,
             made={"DENSITY": lambda density: {"density": density}},
-            points=cells.points,
         )
         self.weights = np.empty((cells.parts["batches"], len(cells.points), cells.lanes))
         self._parts: dict[str, Any] = {

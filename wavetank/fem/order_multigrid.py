@@ -69,7 +69,6 @@ class LayerMeans:
             real="float",
             density=density,
             made={"HESSIAN": density.second},
-            points=cells.points,
         )
         self._cell_values, self.halo = cells, cells.halo
         self.cells = self.instance.struct("Cells", **cells.parts)

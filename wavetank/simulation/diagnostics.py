@@ -12,7 +12,7 @@ from wavetank.errors import ConvergenceError, OutsideError, PaddleError, RunErro
 from wavetank.fem.by_place import SAME
 from wavetank.fem.lattice import Lattice
 from wavetank.fem.plane import Field
-from wavetank.fem.points import Points, points_in
+from wavetank.fem.points import Points
 from wavetank.output.columns import RATES as RATES
 from wavetank.output.directory import REST_POSITION
 from wavetank.output.fields import VtkCells, VtuSeries
@@ -122,7 +122,7 @@ class Gauges:
         self._waves, self._record, self.schedule = waves, record, schedule
         self._elevation = waves.plane.function("elevation")
         wall = waves.wall
-        self._points = points_in(waves.plane, waves.plane.chart.place(wall.to_reference(places)))  # far ones stay there
+        self._points = Points(waves.plane, waves.plane.chart.place(wall.to_reference(places)))  # far ones stay there
         reached = wall.reaches(places)
         self._reached = np.flatnonzero(reached)
         self._displaced = SurfaceOverPlaces(waves.plane, wall, places[reached])
@@ -133,7 +133,7 @@ class Gauges:
     def record(self, block: Block) -> None:
         """Append a row for each step; raises ``PaddleError`` if a paddle has passed a gauge; collective."""
         rows = self._rows(block)
-        elevations = self._points.of_all(rows)
+        elevations = self._points.of(rows.T).T
         try:
             if self._reached.size:
                 elevations[:, self._reached] = self._within_reach(block, rows)

@@ -43,7 +43,8 @@ from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.errors import RunError
-from wavetank.fem.points import PADDING, Located, Points
+from wavetank.fem.cell_places import PADDING
+from wavetank.fem.points import Located, Points
 from wavetank.integrators.states import State
 from wavetank.tank.crests import Profile, SteepCrest, steep_crests
 from wavetank.tank.dissipation import Smoothing, SmoothingState
@@ -437,7 +438,7 @@ class InsidePoints(Points):
     inside: NDArray[np.bool_]
 
     def _owned(self, points: Vector) -> Located:
-        cells, (local, distances) = self._nearest(points)
+        cells, local, distances = self._places.find(points)
         rank, size = self._plane.comm.rank, self._plane.comm.size
         nearest = self._least(distances)
         self.inside = nearest <= PADDING
@@ -486,7 +487,7 @@ class BasinBreakingWatch(BreakingWatch):
         points[:, :2] = lines.reshape(-1, 2)
         self._points.move(points)
         rows = [self._rows(values) for values in (*before, *surface)]
-        result = self._points.of_all(np.array(rows)).reshape(8, *lines.shape[:2])
+        result = self._points.of(np.array(rows).T).T.reshape(8, *lines.shape[:2])
         inside = self._points.inside.reshape(lines.shape[:2])
         crests = list[SteepCrest]()
         for n, direction in enumerate(directions):

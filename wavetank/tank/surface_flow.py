@@ -59,7 +59,6 @@ def largest_function(waves: Any, eta: Field, psi: Field, result: Vector) -> Func
         sizes={**cells.sizes, "FIELDS": density.fields, "MOST": density.fields},
         density=density,
         made={"SQUARES": _squares},
-        points=cells.points,
     )
     surface = instance.struct(
         "Mass",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
 from wavetank.fem.plane import Field, Plane
-from wavetank.fem.points import points_in
+from wavetank.fem.points import Points
 from wavetank.tank.walls.contract import Heights, Wall
 
 MOST = 50  # repetitions
@@ -37,7 +37,7 @@ class SurfaceOverPlaces:
 
     def __init__(self, plane: Plane, wall: Wall, places: Vector):
         self._plane, self._wall, self.places = plane, wall, places
-        self.points = points_in(plane, plane.chart.place(wall.to_reference(places)))
+        self.points = Points(plane, plane.chart.place(wall.to_reference(places)))
 
     def elevations(self, field: Field) -> Vector:
         """Return the elevation over the places [m], shape (N,), of the field of it, for the wall as it stands."""

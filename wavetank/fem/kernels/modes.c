@@ -227,10 +227,6 @@ INLINE void mode_at(const void *what, const Cells *c, long b, int q, const v *u,
     }
 }
 
-/* f with a number of modes that the compiler knows, where they are few; of none nothing. */
-#define OF_FEW(many, f, ...) \
-    ((many) == 1 ? f(1, __VA_ARGS__) : (many) == 2 ? f(2, __VA_ARGS__) : (many) == 3 ? f(3, __VA_ARGS__) : (void)0)
-
 INLINE void some_modes(int few, const Cells *c, long b, const REAL *averages, const REAL *lambda, int stride,
                        const REAL *x, REAL *y)
 {
@@ -246,10 +242,13 @@ INLINE void some_modes(int few, const Cells *c, long b, const REAL *averages, co
 SHARED void multiply(const Cells *c, const REAL *averages, const REAL *lambda, int many, int stride, const REAL *x, REAL *y)
 {
     EACH(b, c->batches) {
-        int j = 0;
-        for (; j + FEW <= many; j += FEW)
-            some_modes(FEW, c, b, averages, lambda + j, stride, x + j, y + j);
-        OF_FEW(many - j, some_modes, c, b, averages, lambda + j, stride, x + j, y + j);
+        for (int j = 0; j < many; j += FEW)
+            switch (many - j) {  /* the compiler knows each number */
+            case 1: some_modes(1, c, b, averages, lambda + j, stride, x + j, y + j); break;
+            case 2: some_modes(2, c, b, averages, lambda + j, stride, x + j, y + j); break;
+            case 3: some_modes(3, c, b, averages, lambda + j, stride, x + j, y + j); break;
+            default: some_modes(FEW, c, b, averages, lambda + j, stride, x + j, y + j);
+            }
     }
 }
 
@@ -277,25 +276,14 @@ SHARED void smooth(long rows, const REAL *diagonals, const REAL *lambda, const R
         smooth_rows(rows, diagonals, lambda, keep, take, NUMBERS - 1, Ad, r, d, x);
 }
 
-INLINE void transfer_rows(int many, int to_fine, long rows, const int *pointers, const int *columns, const REAL *entries,
-                          int stride, REAL *restrict fine, REAL *restrict coarse)
+/* fine += P coarse, or coarse += P' fine, P of sparse rows; fine[row][stride], coarse[column][mode] of the first modes. */
+SHARED void transfer(int to_fine, long rows, const int *pointers, const int *columns, const REAL *entries, int many,
+                     int stride, REAL *fine, REAL *coarse)
 {
-    for (long i = 0; i < rows; ++i)
+    EACH(i, rows)
         for (int k = pointers[i]; k < pointers[i + 1]; ++k) {
             REAL *restrict f = fine + i * stride, *restrict c = coarse + (long)columns[k] * many;
             EACH(j, many)
                 *(to_fine ? f + j : c + j) += entries[k] * (to_fine ? c[j] : f[j]);
         }
-}
-
-/* fine += P coarse, or coarse += P' fine, P of sparse rows; fine[row][stride], coarse[column][mode] of the first modes. */
-SHARED void transfer(int to_fine, long rows, const int *pointers, const int *columns, const REAL *entries, int many,
-                     int stride, REAL *fine, REAL *coarse)
-{
-    if (many < FEW)
-        OF_FEW(many, transfer_rows, to_fine, rows, pointers, columns, entries, stride, fine, coarse);
-    else if (many == FEW)
-        transfer_rows(FEW, to_fine, rows, pointers, columns, entries, stride, fine, coarse);
-    else
-        transfer_rows(many, to_fine, rows, pointers, columns, entries, stride, fine, coarse);
 }

@@ -170,7 +170,6 @@ class CompiledTerms(PistonTerms):
             sizes={**cells.sizes, **sizes},
             density=density,
             made={"RATE": _rate, "FLUX": _flux, "END": _end},
-            points=cells.points,
         )
         dofs = np.unique(plane.V.dofmap.list[wall.cells])
         water = {"zeta": vertical.zeta, "weights": vertical.weights, "P": vertical.values, "dP": vertical.slopes}
