@@ -28,7 +28,7 @@ from wavetank.motion.feedback import FeedbackMotion, FilterState, StateSpaceFilt
 from wavetank.motion.motion import blending, largest_stroke
 from wavetank.output.columns import energy_columns
 from wavetank.output.directory import PADDLE, RunDirectory
-from wavetank.planning.default_plan import planned
+from wavetank.planning.plan import planned
 from wavetank.planning.requirements import requirements
 from wavetank.simulation.build import ANSWERED, build_run
 from wavetank.simulation.clock import EverySteps

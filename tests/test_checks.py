@@ -17,8 +17,8 @@ from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.planning.checks import coarse, run_warnings, too_high, waves_missed
-from wavetank.planning.default_plan import planned, rule_summary
 from wavetank.planning.dispersion import Mesh, UniformCells
+from wavetank.planning.plan import planned, rule_summary
 from wavetank.planning.requirements import requirements
 from wavetank.planning.resolution import resolved
 from wavetank.recording import record_run

@@ -9,7 +9,7 @@ from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.planning.checks import run_warnings
-from wavetank.planning.default_plan import planned
+from wavetank.planning.plan import planned
 from wavetank.simulation.build import build_run
 
 TWICE = ("run.duration=0.02", "numerics={dt=0.01, cell_size=1.0, vertical_order=4}")

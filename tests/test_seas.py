@@ -30,8 +30,7 @@ from wavetank.motion import (
 )
 from wavetank.motion.recorded import read_record
 from wavetank.output.directory import RunDirectory
-from wavetank.planning.default_plan import planned
-from wavetank.planning.plan import STEP_RATIO, make_plan
+from wavetank.planning.plan import STEP_RATIO, make_plan, planned
 from wavetank.simulation.build import build_run
 from wavetank.values.case_model import CaseError
 from wavetank.values.formula import Formula

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from wavetank.case import Case
 from wavetank.errors import InputError
 from wavetank.planning.checks import cut_starts
-from wavetank.planning.default_plan import planned
+from wavetank.planning.plan import planned
 from wavetank.simulation.build import build_run
 from wavetank.simulation.case_diagnostics import build_observers
 from wavetank.simulation.records import Memory, Records

@@ -15,7 +15,7 @@ from examples.paper.report import Report
 from examples.paper.steepness import scene as ring
 from wavetank.case import Case, RingTank
 from wavetank.errors import RunError
-from wavetank.planning.default_plan import planned
+from wavetank.planning.plan import planned
 from wavetank.simulation.build import build_run
 from wavetank.tank.breaking import STEEP, BreakingDissipation, BreakingWatch, StopAtBreaking
 from wavetank.tank.crests import SteepCrest

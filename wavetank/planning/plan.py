@@ -16,22 +16,28 @@ from dataclasses import asdict, dataclass
 from functools import cache
 from itertools import product
 from math import ceil
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from mpi4py import MPI
 
-from wavetank.case import Case, LinearWater, NonlinearWater, Physics
+from wavetank.case import BasinTank, Case, LinearWater, NonlinearWater, Physics, RunState
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
+from wavetank.mesh import MeshFile
+from wavetank.mpi import from_first
 from wavetank.planning.cost import Cost, slice_cost
 from wavetank.planning.dispersion import Mesh
 from wavetank.planning.prediction import ErrorModel, Settings, stroke_missed
-from wavetank.planning.requirements import Requirements, requirements
-from wavetank.planning.resolution import solved_to
+from wavetank.planning.requirements import Requirements, requirements, unplanned
+from wavetank.planning.resolution import DEFAULT, resolved, shortest_wave, solved_to, too_short
+from wavetank.run_warning import RunWarning
 from wavetank.simulation.build import ANSWERED, build_clock
 from wavetank.simulation.clock import ROUNDING, Clock
+from wavetank.simulation.initial import with_its_numerics
 from wavetank.tank.breakdown import FARTHEST
 from wavetank.tank.dissipation import NEEDED
+from wavetank.values.case_model import CaseError, about
 
 ORDERS = (2, 3, 4, 5)
 VERTICAL_ORDERS = tuple(range(2, 17))
@@ -42,6 +48,7 @@ PER_PEAK = np.geomspace(0.5, 4.0, 16)  # cells in the length of a run-up peak
 STEP_RATIO = 1.08  # between neighbouring steps
 MARGIN = 0.9  # of the stability limit
 AIM = 1 / 3  # of the accuracy: the cheapest of all settings lean to those whose error is underestimated, by up to 3
+LESS = (0.03, 0.1)  # accuracies that are tried if the default one cannot be reached
 OF_MOTION = 1 / 3  # of the accuracy: what a step may miss of a measured motion's displacement
 BETWEEN = np.pi / 2  # rows, no whole number of them
 ROWS = (0.5, 0.25)  # of its record in a step: what alternates from row to row must not do so from step to step
@@ -144,6 +151,79 @@ def own_plan(scene: Case, accuracy: float) -> Plan:
     dt = build_clock(scene, largest, INTEGRATORS[numerics.integrator]()).dt
     settings = Settings(cells=scene.cells, dt=dt, integrator=numerics.integrator, **chosen)
     return _predicted(errors, required, settings)
+
+
+class PlannedCase(NamedTuple):
+    """A scene whose numerics are planned or resolved, and warnings of the plan."""
+
+    scene: Case
+    warnings: tuple[RunWarning, ...] = ()
+
+
+def planned(scene: Case, comm: MPI.Comm) -> PlannedCase:
+    """Return the scene with the water and numerics that its accuracy, or the default one, requires.
+
+    If no plan can be made, or some numerics are named, the rest follows its shortest wave. Made on the first
+    rank; collective. Raises ``InputError`` on all ranks if an accuracy is named that cannot be planned for.
+    """
+    return from_first(comm, lambda: _planned(scene))
+
+
+def _planned(scene: Case) -> PlannedCase:
+    if isinstance(scene.initial, RunState) and scene.numerics.accuracy is None:
+        with about("initial"):
+            return PlannedCase(with_its_numerics(scene, scene.initial))
+    numerics, on_file = scene.numerics, isinstance(scene.tank, BasinTank) and isinstance(scene.tank.layout, MeshFile)
+    if numerics.open or not (on_file or numerics.model_fields_set & {"cells", "cell_size"}):
+        check_resolvable(scene)
+    try:
+        plan = default_plan(scene)
+    except UnreachableError:
+        if numerics.accuracy is not None:
+            raise
+        plan = None
+    if plan is None:
+        return PlannedCase(resolved(scene))
+    accurate = plan.accuracy == (numerics.accuracy or DEFAULT)
+    warning = RunWarning("less-accurate", key="numerics.accuracy", value=plan.accuracy, limit=DEFAULT)
+    return PlannedCase(plan.applied_to(scene), () if accurate else (warning,))
+
+
+def check_resolvable(scene: Case) -> None:
+    """Raise ``CaseError`` if no numerics resolve a paddle's waves."""
+    named = "; cells that the case names are not replaced"
+    if problems := [one._replace(allowed=one.allowed + named) for one in too_short(scene)]:
+        raise CaseError(problems)
+
+
+def default_plan(scene: Case) -> Plan | None:
+    """Return the plan of a scene for its accuracy or, if it names no numerics, for the best of the usual ones.
+
+    None of a scene that names some numerics and no accuracy, or for which no plan is made. Raises ``InputError`` for an
+    accuracy that cannot be planned for, ``UnreachableError`` if none of the usual ones can be reached.
+    """
+    if scene.numerics.accuracy is not None:
+        return make_plan(scene, scene.numerics.accuracy)
+    if not scene.numerics.open:
+        return None
+    for accuracy in (DEFAULT, *LESS):
+        try:
+            return make_plan(scene, accuracy)
+        except UnreachableError as error:
+            least = error
+        except InputError:  # nothing moves, or nothing that a plan knows
+            return None
+    raise UnreachableError(f"the case names no accuracy, and none that is tried then can be had: {least}")
+
+
+def rule_summary(requested: Case) -> str:
+    """Return why no accuracy is predicted of a scene that names no numerics, with its shortest wave; else nothing."""
+    ruled = requested.numerics.open and not isinstance(requested.initial, RunState)
+    why = unplanned(requested) if ruled else None
+    if why is None:
+        return ""
+    rule = f"no accuracy is predicted, cells and vertical order follow a rule (docs/plan.md): {why}"
+    return f"{rule}; {wave}" if (wave := str(shortest_wave(requested))) else rule
 
 
 def current_parameter(required: Requirements, mesh: Mesh) -> float:

@@ -55,7 +55,7 @@ from wavetank.case import EndWall
 from wavetank.integrators import INTEGRATORS
 from wavetank.planning.dispersion import Mesh, UniformCells, relative_frequency_error, step_errors
 from wavetank.planning.paddle_waves import RunUp
-from wavetank.planning.requirements import Requirements
+from wavetank.planning.requirements import Requirements, absorption_error
 from wavetank.waves import airy
 
 ABSORPTION_POWER = 3.5  # of omega dt; measured 3.2 to 3.9
@@ -87,6 +87,7 @@ class ErrorModel:
         m = np.arange(1, ratios.size + 1)
         self._weights = m * ratios**2 / np.sum(m * ratios**2)
         self._slope = float(np.sqrt(m**2 @ ratios**2 / np.sum(ratios**2)))
+        self._absorbing = absorption_error(required.scene, waves.k)
         self._energy = waves.amplitude**2 / np.sum(waves.amplitude**2)
         self._k, self._omega = (np.multiply.outer(of, m) for of in (waves.k, waves.omega))
         self._exact = airy.angular_frequency(self._k, self._tank.depth, self._tank.gravity)
@@ -120,7 +121,7 @@ class ErrorModel:
     def _of_time(self, integrator: str, dt: float) -> Vector:
         x = self._omega * dt
         frequency, shape = step_errors(INTEGRATORS[integrator](), x)
-        absorbing = self._required.absorption_error * x[:, 0] ** ABSORPTION_POWER
+        absorbing = self._absorbing * x[:, 0] ** ABSORPTION_POWER
         bounded = np.hypot(np.sqrt(shape**2 @ self._required.harmonics**2), absorbing)
         return np.array([self._phase(frequency), bounded])
 

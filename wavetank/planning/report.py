@@ -1,27 +1,37 @@
 """The report of ``wavetank plan``: a table of numerics, or the cost of some steps; energy, sponge and warnings."""
 
+import time
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from math import inf
 from pathlib import Path
 
+import numpy as np
 from mpi4py import MPI
 from rich.console import Console
 from rich.table import Table
 
-from wavetank.case import Case
+from wavetank.case import BasinTank, Case
 from wavetank.case.reading import located, read_case
 from wavetank.console import console, format_duration
 from wavetank.errors import InputError
 from wavetank.planning.checks import run_warnings
-from wavetank.planning.cost import check_affordable, ranks_text
-from wavetank.planning.default_plan import check_resolvable, default_plan, planned
-from wavetank.planning.plan import Plan, make_plan, own_plan
+from wavetank.planning.cost import ROW_OF_STEP, check_affordable, entries_of, output_cost, ranks_text, row_cost
+from wavetank.planning.plan import Plan, check_resolvable, default_plan, make_plan, own_plan, planned
 from wavetank.planning.requirements import absorption, unplanned
 from wavetank.planning.resolution import DEFAULT, resolved, shortest_wave
-from wavetank.planning.timing import trial
 from wavetank.run_warning import RunWarning
-from wavetank.simulation.build import build_run
-from wavetank.simulation.construction import describe_energy, sponge_message
+from wavetank.simulation.build import build_run, summary
+from wavetank.simulation.case_diagnostics import build_observers
+from wavetank.simulation.construction import AnyWaves, describe_energy, sponge_message
+from wavetank.simulation.memory import peak_memory
+from wavetank.simulation.records import Memory, Records
+from wavetank.simulation.run import Run
+from wavetank.waves import airy
+
+STEEPEST = 0.2  # k a, and a over the depth: steeper waves may break
+TIMES = 1001  # at which the paddle motion is sampled in the second half of the run
+WARM_UP, STEPS = 5, 8  # steps before the timed ones, for the initial guesses of solves, and timed steps
 
 
 def report(path: Path, accuracy: float | None, overrides: Sequence[str]) -> None:
@@ -51,25 +61,70 @@ def _print(terminal: Console, lines: Iterable[str], warnings: Iterable[RunWarnin
 
 
 def _report_trial(case: Case, why: str, terminal: Console) -> None:
-    """Print the cost of the case's own numerics; collective."""
+    """Print the measured cost of some steps of the case, with its waves in the tank; collective.
+
+    The timed steps have no records below the surface; the cost of these is estimated.
+    """
     comm = MPI.COMM_WORLD
     _print(terminal, [f"{why}; timing some steps of this one, with its waves in the tank"])
     scene, warnings = planned(case, comm)
     check_affordable(scene, comm, longest=inf)
-    result = trial(scene, comm)
+    continuing = scene.model_copy(update={"run": scene.run.model_copy(update={"on_breaking": "dissipate"})})
+    run, waves = build_run(continuing, comm)
+    clock, line, steps = run.clock, summary(scene, run, waves), min(run.clock.steps, WARM_UP + STEPS)
+    run.diagnostics += build_observers(scene, waves, Records(Memory(), Memory(), None), sinks=run.sinks)
+    _fill(run, scene, waves, steps)
+    spent, solves = step_time(run, steps, lambda: waves.potential.counters.solves)
+    step, output = comm.allreduce(spent, op=MPI.MAX), output_cost(scene, clock.dt)
+    entries = entries_of(waves.plane.order, waves.plane.cells, waves.vertical.n)
+    below = output.cpu(ROW_OF_STEP * step if isinstance(scene.tank, BasinTank) else row_cost(entries))
+    duration = clock.steps * step + below  # on each rank, if all its steps cost the same
     lines = (
         str(shortest_wave(case)),
-        f"a step: {result.step:.2g} CPU s on {ranks_text(comm.size)}, {result.solves:.1f} interior solves",
-        result.records,
-        f"the run: {format_duration(result.duration)}, on as many free cores",
-        f"memory: {result.memory / 1e6:.0f} MB",
+        f"a step: {step:.2g} CPU s on {ranks_text(comm.size)}, {solves:.1f} interior solves",
+        output.message(below / duration),
+        f"the run: {format_duration(duration)}, on as many free cores",
+        f"memory: {comm.allreduce(peak_memory()) / 1e6:.0f} MB",
         *(f"paddle of {view.key}: {absorbs}" for view in scene.paddles if (absorbs := absorption(view))),
-        sponge_message(scene, result.waves),
+        sponge_message(scene, waves),
         *scene.linear_generation,
         *_energy(scene),
     )
-    warnings = *warnings, *run_warnings(scene, result.clock, result.waves, accuracy=case.numerics.accuracy)
-    _print(terminal, [result.summary, *(f"  {line}" for line in lines if line)], warnings)
+    warnings = *warnings, *run_warnings(scene, clock, waves, accuracy=case.numerics.accuracy)
+    _print(terminal, [line, *(f"  {line}" for line in lines if line)], warnings)
+
+
+def step_time(run: Run, steps: int = WARM_UP + STEPS, count: Callable[[], int] = lambda: 0) -> tuple[float, float]:
+    """Return this rank's CPU time [s] and increment of a count, a step, after ``WARM_UP`` of so many; collective."""
+    warm_up, clock = min(WARM_UP, steps - 1), run.clock
+    run.clock = replace(clock, steps=warm_up)
+    run.execute()
+    start = time.process_time(), count()
+    run.clock = replace(clock, steps=steps)
+    run.execute()
+    end = time.process_time(), count()
+    return (end[0] - start[0]) / (steps - warm_up), (end[1] - start[1]) / (steps - warm_up)
+
+
+def _fill(run: Run, scene: Case, waves: AnyWaves, steps: int) -> None:
+    """Start some steps with regular waves of the paddle's period at a time at which it moves fast; collective.
+
+    They are linear, on the mean depth, and at most as steep as ``STEEPEST``. Without a moving paddle the start stays.
+    """
+    end = next((paddle for paddle in scene.paddles if paddle.motion().moves), scene.ends[0])
+    period = end.period
+    if period is None:
+        return
+    t = np.linspace(0.5, 1.0, TIMES, dtype=np.float64) * (scene.run.duration - steps * run.clock.dt)
+    velocity = end.rates(t)[1].reshape(TIMES, -1)
+    omega, g = 2 * np.pi / period, scene.tank.gravity
+    k = float(airy.wave_number(omega, waves.depth, g))
+    amplitude = float(end.wall.wavemaker.transfer(k, waves.depth)) * np.sqrt(2 * np.mean(velocity**2)) / omega
+    amplitude = min(amplitude, STEEPEST / k, STEEPEST * waves.depth)
+    phase = k * waves.plane.x
+    run.clock = replace(run.clock, begin=float(t[np.argmax(velocity.mean(axis=1))]))
+    start = waves.state(amplitude * np.cos(phase), g * amplitude / omega * np.sin(phase), run.clock.begin)
+    run.state = run.integrator.start(*start)
 
 
 def _energy(scene: Case) -> list[str]:

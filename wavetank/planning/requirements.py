@@ -88,8 +88,6 @@ class Requirements:
         Amplitudes of bound harmonics relative to the first, shape (M,): one where linear waves do.
     run_up
         The highest run-up of a solitary wave at a wall; None where there is none.
-    absorption_error
-        Of each component: its error by paddles that absorb, over (omega dt)^(7/2), shape (N,).
     physics
         "linear" or "nonlinear".
     reasons
@@ -106,7 +104,6 @@ class Requirements:
     velocity: float
     harmonics: Vector
     run_up: RunUp | None
-    absorption_error: Vector
     physics: Physics
     reasons: tuple[str, ...]
 
@@ -168,7 +165,6 @@ def requirements(scene: Case, accuracy: float) -> Requirements:
         velocity=form.velocity,
         harmonics=form.harmonics if physics == "nonlinear" else np.ones(1),
         run_up=total.run_up,
-        absorption_error=absorption_error(scene, waves.k),
         physics=physics,
         reasons=tuple(reasons),
     )
@@ -216,15 +212,12 @@ def _wall_reasons(scene: Case, waves: WaveComponents) -> tuple[str, str]:
     if isinstance(scene.tank, RingTank):
         return "wall at x = 0: none in a ring.", "far end: none, a ring needs no sponge."
     first, far = (_paddle_reason(end) if end.wall.moves else "" for end in scene.ends)
-    fastest = float(airy.group_velocity(waves.k, scene.tank.depth, scene.tank.gravity).max())
     energy = waves.amplitude**2
     if scene.sponge is not None:
         far = f"a sponge (type {scene.sponge.type}) absorbs what comes; what it reflects is not planned for"
-    elif not far and first and fastest * scene.run.duration <= scene.tank.length:
-        far = "a wall, no sponge is needed, no wave gets there within the run"
     elif not far:
         age = float(np.sqrt(energy @ waves.age**2 / energy.sum()))
-        far = f"a wall that reflects; waves are followed over the run, for {age:.3g} s (root mean square)"
+        far = f"a wall that reflects; waves are followed for {age:.3g} s (root mean square)"
     return f"wall at x = 0: {first or 'fixed, nothing moves there'}.", f"far end: {far}."
 
 

@@ -12,7 +12,7 @@ from wavetank.mpi import on_first
 from wavetank.output.directory import ANALYSES, BED, LOG, RunDirectory
 from wavetank.output.files import RunLog
 from wavetank.output.writer import RunWriter
-from wavetank.planning.default_plan import rule_summary
+from wavetank.planning.plan import rule_summary
 from wavetank.run_warning import RunWarning, run_warning
 from wavetank.simulation.build import end_message, ranks_message, summary
 from wavetank.simulation.case_diagnostics import window_messages

@@ -15,7 +15,7 @@ from wavetank.output.directory import RunDirectory
 from wavetank.output.manifest import MANIFEST
 from wavetank.planning.checks import run_warnings
 from wavetank.planning.cost import check_affordable
-from wavetank.planning.default_plan import planned
+from wavetank.planning.plan import planned
 from wavetank.planning.resolution import check_stable
 from wavetank.recording.log import Warnings
 from wavetank.recording.restart import Restart

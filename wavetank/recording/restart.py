@@ -19,7 +19,7 @@ from wavetank.output.checkpoint import Checkpoint, checked_tree
 from wavetank.output.fields import VtuSeries
 from wavetank.output.writer import RunWriter
 from wavetank.planning.checks import predicted, too_high
-from wavetank.planning.default_plan import PlannedCase, planned
+from wavetank.planning.plan import PlannedCase, planned
 from wavetank.run_warning import RunWarning, run_warning
 from wavetank.simulation.build import Beginning
 from wavetank.simulation.clock import Clock

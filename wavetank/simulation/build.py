@@ -104,7 +104,7 @@ def build_run(
 
     It is observed only by what stops it where a wave breaks, if the scene is to stop there; its integrator is the
     scene's, or the one given; it begins with the scene's initial state, unless others have come further. Raises
-    ``InputError`` for numerics that cannot work, or that are still to be planned (``wavetank.planning.default_plan``).
+    ``InputError`` for numerics that cannot work, or that are still to be planned (``wavetank.planning.plan``).
     """
     if scene.numerics.accuracy is not None:
         raise InputError(f"numerics.accuracy = {scene.numerics.accuracy:g}: must have been planned for before the run.")

@@ -18,8 +18,7 @@ from wavetank.case.reading import located, read_case
 from wavetank.errors import InputError, RecordError, RunError, write_errors
 from wavetank.output.directory import PADDLE, RunDirectory
 from wavetank.output.files import write_atomically
-from wavetank.planning.default_plan import default_plan
-from wavetank.planning.plan import make_plan, own_plan
+from wavetank.planning.plan import default_plan, make_plan, own_plan
 from wavetank.planning.resolution import DEFAULT, resolved
 from wavetank.plots.tables import data_frame, write_frame
 from wavetank.studies.calibrate.aims import (
@@ -56,11 +55,7 @@ ATTEMPTS = "attempt-[0-9]*.*"
 def cheaper(scene: Case) -> Case | None:
     """Return the scene with cheap numerics and the water of its own numerics; None if they do not save enough."""
     try:
-        own = default_plan(scene) or (
-            make_plan(scene, scene.numerics.accuracy)
-            if scene.numerics.accuracy is not None
-            else own_plan(resolved(scene), DEFAULT)
-        )
+        own = default_plan(scene) or own_plan(resolved(scene), DEFAULT)
         water = LinearWater() if own.physics == "linear" else NonlinearWater()
         rough = make_plan(scene.model_copy(update={"water": water}), ROUGH)
     except InputError:  # no plan is made of such scenes
