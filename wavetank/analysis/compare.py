@@ -35,7 +35,7 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import argrelextrema
 from xarray import DataArray, Dataset
 
-from wavetank.analysis.signals import common_clock, harmonics, surface_similarity
+from wavetank.analysis.signals import common_clock, harmonics, surface_similarity, with_units
 from wavetank.analysis.statistics import mean_wave_height
 from wavetank.data import HeightSeries, Section, WaveHeights
 from wavetank.errors import InputError
@@ -49,19 +49,6 @@ LARGEST_SHIFT = 1.0  # s; a larger one would be another wave, not another clock
 ARRIVED = 0.1  # of the reference's largest elevation: where waves have come
 FLANK = 0.25  # of a mean period, from still water to a crest: a level is crossed within it, whatever the amplitude
 MATCH = 1e-3  # m; two gauges nearer than that are at one place
-
-UNITS = {
-    "x": "m",
-    "shift": "s",
-    "crest_computed": "m",
-    "t_crest_computed": "s",
-    "crest_reference": "m",
-    "t_crest_reference": "s",
-    "clock_offset": "s",
-    "trough_computed": "m",
-    "trough_reference": "m",
-    "arrival_error": "s",
-}
 
 
 def matched(computed: DataArray, reference: DataArray) -> list[tuple[DataArray, DataArray]]:
@@ -167,9 +154,7 @@ def compare(computed: DataArray, reference: DataArray, *, clock_offset: float = 
     pairs = matched(computed, reference)
     rows = [compare_gauge(*pair, clock_offset=clock_offset) for pair in pairs]
     result = Dataset({name: ("gauge", [row[name] for row in rows]) for name in rows[0]})
-    for name, unit in UNITS.items():
-        result[name].attrs["units"] = unit
-    return result.assign_coords(gauge=[other.gauge.item() for _, other in pairs])
+    return with_units(result.assign_coords(gauge=[other.gauge.item() for _, other in pairs]))
 
 
 def compare_gauge(computed: DataArray, reference: DataArray, *, clock_offset: float = 0.0) -> dict[str, float]:
@@ -284,11 +269,10 @@ def compare_harmonics(
     counted = (np.abs(B) > LEAST * np.abs(B[:, :1])) & (A != 0)
     ratio = np.divide(A, B, out=np.full(A.shape, nan, dtype=complex), where=counted)
     result = {"computed": np.abs(A), "reference": np.abs(B), "error": np.abs(ratio) - 1, "ahead": -np.angle(ratio)}
-    units = {"computed": {"units": "m"}, "reference": {"units": "m"}, "ahead": {"units": "rad"}}
-    quantities = {name: (("gauge", "harmonic"), values, units.get(name, {})) for name, values in result.items()}
-    places = {"x": ("gauge", [float(other.x) for _, other in pairs], {"units": "m"})}
+    quantities = {name: (("gauge", "harmonic"), values) for name, values in result.items()}
+    places = {"x": ("gauge", [float(other.x) for _, other in pairs])}
     names = [other.gauge.item() for _, other in pairs]
-    return Dataset(quantities | places, {"gauge": names, "harmonic": 1 + np.arange(NUMBER)})
+    return with_units(Dataset(quantities | places, {"gauge": names, "harmonic": 1 + np.arange(NUMBER)}))
 
 
 # ---------------------------------------------------------------- wave heights along sections

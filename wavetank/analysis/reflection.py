@@ -16,7 +16,7 @@ from scipy import signal
 from scipy.optimize import minimize_scalar
 from xarray import DataArray, Dataset
 
-from wavetank.analysis.signals import ends_low, moment, peak_frequency, places, samples, spectrum, time_step
+from wavetank.analysis.signals import ends_low, moment, peak_frequency, places, samples, spectrum, time_step, with_units
 from wavetank.errors import InputError
 from wavetank.waves.airy import group_velocity, wave_number
 
@@ -183,23 +183,17 @@ def reflected_spectra(eta: DataArray, *, depth: float, gravity: float = 9.81, se
     coefficient = float(np.sqrt(back[counted].sum() / max(incident[counted].sum(), np.finfo(float).tiny)))
     remainder = density[~counted].sum() / (1 + coefficient**2)
     hm0 = 4 * float(np.sqrt((incident[counted].sum() + remainder) * f[0]))
-    return Dataset(
-        {
-            "incident": ("frequency", incident, {"units": "m2 Hz-1"}),
-            "reflected": ("frequency", back, {"units": "m2 Hz-1"}),
-            "condition": ("frequency", condition, {"units": "1"}),
-            "counted": ("frequency", counted),
-        },
-        {"frequency": ("frequency", f, {"units": "Hz"})},
-        {
-            "hm0_incident": hm0,
-            "hm0_reflected": coefficient * hm0,
-            "coefficient": coefficient,
-            "told_apart": float(density[counted].sum() / density.sum()),
-            "highest_frequency": FREE * peak,
-            "one_window": single and not low,
-        },
-    )
+    spectra = {"incident": incident, "reflected": back, "condition": condition, "counted": counted}
+    attributes = {
+        "hm0_incident": hm0,
+        "hm0_reflected": coefficient * hm0,
+        "coefficient": coefficient,
+        "told_apart": float(density[counted].sum() / density.sum()),
+        "highest_frequency": FREE * peak,
+        "one_window": single and not low,
+    }
+    over = {name: ("frequency", values) for name, values in spectra.items()}
+    return with_units(Dataset(over, {"frequency": f}, attributes))
 
 
 class _CrossSpectra(NamedTuple):

@@ -6,6 +6,7 @@ is ambiguous by whole turns; the wave number nearest to that of linear waves is 
 """
 
 from collections.abc import Hashable, Iterable, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,25 @@ from xarray import DataArray, Dataset
 from wavetank.errors import InputError
 from wavetank.output.columns import gauge_array
 from wavetank.waves.airy import Array, wave_number
+
+UNITS = {  # of quantities by their names
+    **dict.fromkeys(("height", "crest", "trough", "hm0", "component", "level", "rest", "distance", "x"), "m"),
+    **dict.fromkeys(("begin", "period", "tp", "tm01", "tm02", "tm_10", "delay"), "s"),
+    **dict.fromkeys(("computed", "reference", "crest_computed", "crest_reference"), "m"),  # of a comparison
+    **dict.fromkeys(("trough_computed", "trough_reference"), "m"),
+    **dict.fromkeys(("shift", "t_crest_computed", "t_crest_reference", "clock_offset", "arrival_error"), "s"),
+    **dict.fromkeys(("density", "incident", "reflected"), "m2 Hz-1"),
+    **{"frequency": "Hz", "speed": "m s-1", "coherence": "1", "condition": "1", "ahead": "rad"},
+}
+
+
+def with_units(data: Dataset) -> Dataset:
+    """Return a data set whose quantities have the attribute ``units``."""
+    for name in data.variables:
+        if name in UNITS:
+            data[name].attrs["units"] = UNITS[str(name)]
+    return data
+
 
 # ---------------------------------------------------------------- records
 MIN_SAMPLES = 8  # times of a record
@@ -220,14 +240,8 @@ def sea_state(S: DataArray) -> Dataset:
     Tm02 depends on the density at high frequencies, Tm-10 (the energy period) on that at low ones.
     """
     m = {n: moment(S, n) for n in (-1, 0, 1, 2)}
-    result = {
-        "hm0": 4 * m[0] ** 0.5,
-        "tp": 1 / peak_frequency(S),
-        "tm01": m[0] / m[1],
-        "tm02": (m[0] / m[2]) ** 0.5,
-        "tm_10": m[-1] / m[0],
-    }
-    return Dataset({name: one.assign_attrs(units="m" if name == "hm0" else "s") for name, one in result.items()})
+    periods = {"tp": 1 / peak_frequency(S), "tm01": m[0] / m[1], "tm02": (m[0] / m[2]) ** 0.5, "tm_10": m[-1] / m[0]}
+    return with_units(Dataset({"hm0": 4 * m[0] ** 0.5, **periods}))
 
 
 # ---------------------------------------------------------------- harmonics
@@ -260,15 +274,13 @@ def harmonics(eta: DataArray, frequency: float, *, number: int = NUMBER) -> Data
     rest = eta.transpose("time", ...).values - columns @ result
     cosines, sines = result[1::2], result[2::2]
     gauges = tuple(dim for dim in eta.dims if dim != "time")
-    return Dataset(
-        {
-            "component": ((*gauges, "harmonic"), np.moveaxis(cosines + 1j * sines, 0, -1), {"units": "m"}),
-            "level": (gauges, result[0], {"units": "m"}),
-            "rest": (gauges, np.sqrt(np.mean(rest**2, axis=0)), {"units": "m"}),
-        },
-        {**_stations(eta), "harmonic": 1 + np.arange(number)},
-        {"frequency": frequency},
-    )
+    quantities = {
+        "component": ((*gauges, "harmonic"), np.moveaxis(cosines + 1j * sines, 0, -1)),
+        "level": (gauges, result[0]),
+        "rest": (gauges, np.sqrt(np.mean(rest**2, axis=0))),
+    }
+    coordinates = {**_stations(eta), "harmonic": 1 + np.arange(number)}
+    return with_units(Dataset(quantities, coordinates, {"frequency": frequency}))
 
 
 def resolved(eta: DataArray, frequency: float) -> int:
@@ -387,11 +399,11 @@ def travel(eta: DataArray) -> Dataset:
     ``certain`` is true of delays that fit better than those a mean period earlier or later. Without a delay the speed
     is not a number. Raises ``InputError`` for fewer than two gauges.
     """
-    ordered = _ordered(eta)
-    pairs = [(ordered[n], ordered[n + 1]) for n in range(ordered.gauge.size - 1)]
-    delays = np.array([delay(*pair) for pair in pairs])
-    certain = [is_unambiguous(*pair, late) for pair, late in zip(pairs, delays, strict=True)]
-    return _from_gauge_to_gauge(ordered, delays).assign(certain=("pair", certain))
+    ordered, pairs = _adjacent(eta)
+    both = [(ordered[n], ordered[n + 1]) for n in range(pairs.sizes["pair"])]
+    delays = np.array([delay(*records) for records in both])
+    certain = [is_unambiguous(*records, late) for records, late in zip(both, delays, strict=True)]
+    return _with_speed(pairs, delays, certain)
 
 
 def regular_speed(component: DataArray, frequency: float, *, depth: float, gravity: float = 9.81) -> Dataset:
@@ -401,29 +413,32 @@ def regular_speed(component: DataArray, frequency: float, *, depth: float, gravi
     m. Waves go to -x, at a negative speed, where linear ones that do fit the phases clearly better. ``certain`` is
     true of phases within a quarter of a turn of those of linear waves.
     """
-    ordered = _ordered(component)
+    ordered, pairs = _adjacent(component)
     omega = 2 * np.pi * frequency
-    linear = float(wave_number(omega, depth, gravity)) * np.diff(places(ordered))
+    linear = float(wave_number(omega, depth, gravity)) * pairs.distance.values
     phase = np.angle(ordered.values[1:] * ordered.values[:-1].conj())
     forward, backward = (float(np.mean(np.cos(phase - sign * linear))) for sign in (1, -1))
     linear *= -1 if backward > forward + CLEARLY else 1
     phase = _nearest_phase(phase, linear)
-    certain = np.abs(phase - linear) < np.pi / 2
-    return _from_gauge_to_gauge(ordered, np.asarray(phase / omega, dtype=np.float64)).assign(certain=("pair", certain))
+    return _with_speed(pairs, np.asarray(phase / omega, dtype=float), np.abs(phase - linear) < np.pi / 2)
 
 
-def _from_gauge_to_gauge(ordered: DataArray, delays: Array) -> Dataset:
-    distance = np.diff(places(ordered))
-    speed = np.divide(distance, delays, out=np.full(delays.size, np.nan), where=delays != 0)
-    result = {"distance": (distance, "m"), "delay": (delays, "s"), "speed": (speed, "m s-1")}
-    return Dataset(
-        {name: ("pair", values, {"units": unit}) for name, (values, unit) in result.items()}, {"pair": _pairs(ordered)}
-    )
+def _adjacent(eta: DataArray) -> tuple[DataArray, Dataset]:
+    """Return the gauges in the order of x, and the ``distance`` [m] of each to the next, over ``pair``.
+
+    Raises ``InputError`` for fewer than two gauges.
+    """
+    if eta.sizes.get("gauge", 1) < 2:
+        raise InputError("1 gauge received; at least 2 are needed for a speed between them.")
+    ordered = eta.isel(gauge=np.argsort(places(eta)))
+    names = [f"{one}-{other}" for one, other in pairwise(ordered.gauge.values)]
+    return ordered, Dataset({"distance": ("pair", np.diff(places(ordered)))}, {"pair": names})
 
 
-def _pairs(ordered: DataArray) -> list[str]:
-    names = [str(name) for name in ordered.gauge.values]
-    return [f"{one}-{other}" for one, other in zip(names, names[1:], strict=False)]
+def _with_speed(pairs: Dataset, delays: Array, certain: ArrayLike) -> Dataset:
+    """Return pairs of gauges with delays [s], shape (pairs,), whether these are certain, and the speed [m/s]."""
+    pairs = pairs.assign(delay=("pair", delays), certain=("pair", certain))
+    return with_units(pairs.assign(speed=pairs.distance / pairs.delay.where(pairs.delay != 0)))
 
 
 def _nearest_phase(phase: Array, linear: Array) -> Array:
@@ -440,33 +455,20 @@ def phase_speed(eta: DataArray, *, depth: float, gravity: float = 9.81, segment:
     segment), the ``density`` [m²/Hz] of the cross spectrum, and ``own``, whether that is a local maximum: smaller
     values may be leakage from there, with its phase, but not in a single segment without a window.
     """
-    ordered = _ordered(eta)
-    x, values = places(ordered), ordered.transpose("gauge", "time").values
-    size = samples(eta, segment)
+    ordered, pairs = _adjacent(eta)
+    values, size = ordered.transpose("gauge", "time").values, samples(eta, segment)
     single = size == eta.time.size and ends_low(values, round(mean_period(eta) / time_step(eta)))
     welch: dict[str, Any] = {"window": "boxcar" if single else "hann", "nperseg": size, "detrend": "constant"}
     f, cross = signal.csd(values[:-1], values[1:], 1 / time_step(eta), **welch)
     _, each = signal.welch(values, 1 / time_step(eta), **welch)
     f, cross, each = f[1:], cross[:, 1:], each[:, 1:]
-    k = wave_number(2 * np.pi * f, depth, gravity)
-    distance = np.diff(x)[:, None]
-    phase = _nearest_phase(-np.angle(cross), k * distance)
+    distance = pairs.distance.values[:, None]
+    phase = _nearest_phase(-np.angle(cross), wave_number(2 * np.pi * f, depth, gravity) * distance)
     speed = np.where(np.abs(phase) > STILL, 2 * np.pi * f * distance / np.where(phase == 0.0, 1.0, phase), np.nan)
-    both = each[:-1] * each[1:]
-    coherence = np.divide(np.abs(cross) ** 2, both, out=np.zeros(both.shape), where=both > 0)
-    density = np.abs(cross)
+    both, density = each[:-1] * each[1:], np.abs(cross)
+    coherence = np.divide(density**2, both, out=np.zeros(both.shape), where=both > 0)
     padded = np.pad(density, ((0, 0), (1, 1)))
     own = single | (density >= np.maximum(padded[:, :-2], padded[:, 2:]))
-    result = {"speed": (speed, "m s-1"), "coherence": (coherence, "1"), "density": (density, "m2 Hz-1")}
-    return Dataset(
-        {name: (("pair", "frequency"), values, {"units": unit}) for name, (values, unit) in result.items()}
-        | {"own": (("pair", "frequency"), own)},
-        {"pair": _pairs(ordered), "frequency": ("frequency", f, {"units": "Hz"})},
-    )
-
-
-def _ordered(eta: DataArray) -> DataArray:
-    """Return the gauges in the order of x; raise ``InputError`` for fewer than two."""
-    if eta.sizes.get("gauge", 1) < 2:
-        raise InputError("1 gauge received; at least 2 are needed for a speed between them.")
-    return eta.isel(gauge=np.argsort(places(eta)))
+    result = {"speed": speed, "coherence": coherence, "density": density, "own": own}
+    over = {name: (("pair", "frequency"), values) for name, values in result.items()}
+    return with_units(Dataset(over, {"pair": pairs.pair, "frequency": f}))

@@ -4,13 +4,12 @@ Sources: M. S. Longuet-Higgins, J. Marine Res. 11, 1952 (Rayleigh); G. Z. Forris
 (heights) and J. Phys. Oceanogr. 30, 2000 (crests of second order).
 """
 
-from itertools import pairwise
-
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 from xarray import DataArray, Dataset
 
+from wavetank.analysis.signals import with_units
 from wavetank.errors import InputError
 from wavetank.waves.airy import Array, wave_number
 
@@ -25,19 +24,19 @@ def zero_crossing_waves(eta: DataArray) -> Dataset:
     spline. Crests and troughs are above the mean level; a trough is negative.
     """
     t, values = eta.time.values, eta.values
-    ups, extremes = np.zeros(0), list[tuple[float, float]]()
+    ups: Array = np.zeros(0)
+    crest, trough = ups, ups
     if t.size >= 4 and np.ptp(values):
         spline = CubicSpline(t, values - values.mean())
         crossings, turns = spline.roots(extrapolate=False), spline.derivative().roots(extrapolate=False)
-        ups, heights = crossings[spline(crossings, 1) > 0], spline(turns)
-        waves = (heights[begin:end] for begin, end in pairwise(np.searchsorted(turns, ups)))
-        extremes = [(wave.max(), wave.min()) for wave in waves]
-    begin, period, (crest, trough) = ups[:-1], np.diff(ups), np.array(extremes).reshape(-1, 2).T
-    result = {"period": (period, "s"), "crest": (crest, "m"), "trough": (trough, "m"), "height": (crest - trough, "m")}
-    return Dataset(
-        {name: ("begin", values, {"units": unit}) for name, (values, unit) in result.items()},
-        {"begin": ("begin", begin, {"units": "s"}), "gauge": eta.gauge.values},
-    )
+        ups = crossings[spline(crossings, 1) > 0]
+        begins = np.searchsorted(turns, ups)
+        if ups.size > 1:
+            waves = spline(turns[: begins[-1]])
+            crest, trough = (extreme.reduceat(waves, begins[:-1]) for extreme in (np.maximum, np.minimum))
+    result = {"period": np.diff(ups), "crest": crest, "trough": trough, "height": crest - trough}
+    quantities = {name: ("begin", values) for name, values in result.items()}
+    return with_units(Dataset(quantities, {"begin": ups[:-1], "gauge": eta.gauge.values}))
 
 
 def height_statistics(waves: Dataset) -> dict[str, float]:
