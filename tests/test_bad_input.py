@@ -376,16 +376,9 @@ class Entry(NamedTuple):
 
 def entries(table: BaseModel, key: str = "") -> Iterator[Entry]:
     """Yield all keys that a case could have with the models that are in it."""
-    for name in type(table).model_fields:
-        value, own = getattr(table, name), f"{key}{name}"
-        yield Entry(own, type(table), name)
-        for part, at in (
-            [(value, own)]
-            if isinstance(value, BaseModel)
-            else ([(one, f"{own}.{n}") for n, one in enumerate(value)] if isinstance(value, tuple) else [])
-        ):
-            if isinstance(part, BaseModel):
-                yield from entries(part, f"{at}.")
+    yield from (Entry(f"{key}{name}", type(table), name) for name in type(table).model_fields)
+    for part, at in table.models_inside():
+        yield from entries(part, f"{key}{'.'.join(map(str, at))}.")
 
 
 @pytest.fixture(scope="module")

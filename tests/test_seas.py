@@ -385,12 +385,12 @@ SEA = {"type": "irregular", "significant_height": 0.05, "spectrum": {"type": "tm
         (
             SEA | {"generation": "second-order", "components": 2001},
             None,
-            'generation = "second-order": must be linear: there are 2001 components, and it is for at most 2000',
+            'generation = "second-order": must be linear: 2001 components are more than 2000',
         ),
         (
             REGULAR | {"period": 120.0, "generation": "second-order"},
             None,
-            'generation = "second-order": must be linear: its theory needs waves of k d of 0.02 or more',
+            'generation = "second-order": must be linear: k d = 0.017 of the longest wave is below 0.02',
         ),
         (FOCUSED | {"spectrum": {"type": "jonswap"}}, None, "one of the keys 'peak_frequency' and 'peak_period'"),
     ],

@@ -9,6 +9,7 @@ import numpy as np
 
 from wavetank.case.output import FAR, PADDLE
 from wavetank.case.tank import BasinTank, Context, paddle_period
+from wavetank.case.wall import AnyWall
 from wavetank.motion import Array, Motion
 from wavetank.motion.motion import STEEPEST, Extent, batches, extent, frequency_shift, largest_stroke, times
 from wavetank.values.case_model import CaseError, Key, Problem, about, renamed
@@ -33,6 +34,9 @@ class EndWall(Context):
 
     Distances count from its rest position into the water.
     """
+
+    wall: AnyWall
+    opposite: AnyWall
 
     @property
     def side(self) -> str:
@@ -69,14 +73,12 @@ class EndWall(Context):
         model = self.wall.motion
         if model.reads_file and (problems := model.problems(self, self.key, "motion")):
             raise CaseError(problems)
-        motion: Motion = self.wall.paddle(self.tank, self.physics)
-        return motion
+        return self.wall.paddle(self.tank, self.physics)
 
     @property
     def generation(self) -> tuple[str | None, str]:
         """The order of generation of a paddle, default resolved, and why it is linear by default in nonlinear water."""
-        result: tuple[str | None, str] = self.wall.motion.generation_in(self.tank, self.physics)
-        return result
+        return self.wall.motion.generation_in(self.tank, self.physics)
 
     def with_motion_of(self, other: "EndWall") -> None:
         """Keep the motion of an equal wall, whose file is then not read again."""
@@ -86,8 +88,7 @@ class EndWall(Context):
     @property
     def places(self) -> Array | None:
         """Positions y along the paddle [m], shape (N,), at which its motion is sampled; None if it is uniform."""
-        result: Array | None = self.wall.places(self.tank)
-        return result
+        return self.wall.places(self.tank)
 
     def rates(self, t: Array) -> Array:
         """Return X, X' and X'' at times [s], shape (T,): shape (3, T), or (3, T, N) at all places along the paddle."""
@@ -125,7 +126,7 @@ class EndWall(Context):
         """Distance at which the mapping has died out [m], by default ten depths; ``inf`` for a fixed wall."""
         if not self.wall.moves:
             return np.inf
-        return float(self.wall.reach or min(self.available_reach, 10 * self.tank.depth))
+        return self.wall.reach or min(self.available_reach, 10 * self.tank.depth)
 
     @property
     def available_reach(self) -> float:
@@ -162,7 +163,7 @@ class EndWall(Context):
     @cached_property
     def farthest(self) -> float:
         """The largest distance of any part of the wall from rest in the run [m]."""
-        return float(self.wall.max_mode_shape(self.tank)) * self.max_displacement
+        return self.wall.max_mode_shape(self.tank) * self.max_displacement
 
     def _reach_problems(self) -> Iterator[Problem]:
         """Yield a displacement that exceeds what the mapping's reach allows."""

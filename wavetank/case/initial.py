@@ -11,9 +11,8 @@ from pydantic import Field
 
 from wavetank import data
 from wavetank import motion as motions
-from wavetank.case.output import inside
 from wavetank.case.paddle import GaussianSpectrum, JonswapSpectrum, PiersonMoskowitzSpectrum, TmaSpectrum
-from wavetank.case.tank import AnyTank, BasinTank, Context, RingTank, SliceTank
+from wavetank.case.tank import AnyTank, BasinTank, Context, RingTank, SliceTank, inside
 from wavetank.errors import InputError
 from wavetank.mesh import Rectangle
 from wavetank.values.case_model import CaseModel, Check, FilePath, FormulaModel, FormulaText, about, one_of
@@ -58,32 +57,32 @@ class FileSurface(CaseModel):
             raise InputError(
                 f"{path}: {rows} rows of {columns} columns received; {allowed}, {MIN_POINTS} rows or more."
             )
-        at, values = table.values[:, : len(axes)], table.values[:, len(axes) :]
+        at, values = np.split(table.values, [len(axes)], axis=1)
         if isinstance(tank, BasinTank):
             surface = _over(path, at, values)(np.column_stack([x, y]))
         else:
             check_ascending(path, table.lines, at[:, 0], what=("x =", "places"))
-            surface = _along(path, at[:, 0], values, around=tank.length if isinstance(tank, RingTank) else None)(x)
+            around = tank.length if isinstance(tank, RingTank) else None
+            surface = _along(path, at[:, 0], values, around=around)(x)
         if np.isnan(surface).any():
-            where = int(np.flatnonzero(np.isnan(surface).any(axis=1))[0])
+            where = int(np.isnan(surface).any(axis=1).argmax())
             place = ", ".join(f"{axis} = {one[where]:.6g} m" for axis, one in zip(axes, (x, y), strict=False))
             raise InputError(f"{path}: does not reach {place}, where there is water.")
-        eta, psi = surface[:, 0], surface[:, 1] if columns == len(axes) + 2 else np.zeros_like(x)
-        return eta, psi
+        return surface[:, 0], surface[:, 1] if values.shape[1] > 1 else np.zeros_like(x)
 
 
 def _along(path: Path, at: motions.Array, values: motions.Array, *, around: float | None) -> Any:
-    """Return values [.] along x, by a spline; nan beyond its ends, and round a ring [m] none."""
+    """Return values [.] along x, by a spline; nan beyond its ends, and periodic around a ring [m]."""
     from scipy.interpolate import CubicSpline
 
     if around is None:
         return CubicSpline(at, values, extrapolate=False)
-    if at[-1] - at[0] > around * (1 + 1e-9):
-        raise InputError(f"{path}: x from {at[0]:g} to {at[-1]:g} m received; a ring of {around:g} m is shorter.")
-    gap, widest = around - (at[-1] - at[0]), float(np.diff(at).max())
+    gap, widest = around - np.ptp(at), float(np.diff(at).max())
+    received = f"{path}: x from {at[0]:g} to {at[-1]:g} m received"
+    if gap < -around * 1e-9:
+        raise InputError(f"{received}; a ring of {around:g} m is shorter.")
     if gap > LARGEST_GAP_RATIO * widest:
-        reach = f"{path}: x from {at[0]:g} to {at[-1]:g} m received, {widest:.3g} m apart at the most"
-        raise InputError(f"{reach}; {gap:.3g} m of a ring of {around:g} m are left out: points must go all round.")
+        raise InputError(f"{received}; {gap:.3g} m of a ring of {around:g} m are left out: points must go all round.")
     if gap > around * 1e-9:
         at, values = np.append(at, at[0] + around), np.vstack([values, values[:1]])
     values = np.vstack([values[:-1], values[:1]])  # which is the last

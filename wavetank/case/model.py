@@ -189,7 +189,7 @@ class Case(CaseModel):
         first, far = self.ends
         problems = [*self._own_problems()]
         for part, key in self.models_inside():
-            problems += part.problems(far if part is self.far_wall else first, *key)
+            problems += part.problems(far if key == ("far_wall",) else first, *key)
         if problems:
             text = "; ".join(str(problem) for problem in problems)
             raise PydanticCustomError("inconsistent", "{text}", {"text": text, "problems": problems})

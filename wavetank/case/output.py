@@ -8,7 +8,7 @@ from pydantic import Field
 
 from wavetank import data
 from wavetank import motion as motions
-from wavetank.case.tank import AnyTank, BasinTank, Context, in_tank, read_file
+from wavetank.case.tank import BasinTank, Context, in_tank, inside, read_file
 from wavetank.errors import InputError
 from wavetank.motion.recorded import read_record
 from wavetank.values.case_model import CaseModel, Check, FilePath, about
@@ -30,15 +30,6 @@ from wavetank.values.quantities import (
 
 
 # ---------------------------------------------------------------- gauges
-def inside(tank: AnyTank, place: tuple[float, float], *keys: str) -> Iterator[Check]:
-    """Yield that a place (x, y) [m] is inside the tank; keys are those of x and y."""
-    width = isinstance(tank, BasinTank) or not place[1]
-    yield keys[-1], width, f"must be left out: a {tank.type} has no width"
-    x_min, y_min, x_max, y_max = tank.box or (-np.inf, -np.inf, np.inf, np.inf)
-    for key, value, first, last in zip(keys, place, (x_min, y_min), (x_max, y_max), strict=True):
-        yield key, first <= value <= last, f"must be inside the tank, {metres(first)} to {metres(last)} m"
-
-
 class Gauge(CaseModel):
     """A position at which the elevation is recorded."""
 

@@ -393,33 +393,36 @@ class MadeWaves(GeneratingMotion):
 
     def linear_reason(self, target: PlaneWaves) -> str:
         """Return why second-order generation is not the default: it does not hold or costs too much; else empty."""
-        count, shallowest, second = target.omega.size, float(target.k_x.min() * target.depth), bound_harmonic(target)
-        if count > MOST_PAIRS:
-            return f"{count} components are more than {MOST_PAIRS}"
+        count, second = target.omega.size, bound_harmonic(target)
+        if reason := _no_second_order(target):
+            return reason
         if count > MOST_UNEVEN and np.ptp(np.diff(np.sort(target.omega))) > UNEVEN * np.ptp(target.omega) / count:
             return f"{count} components of uneven frequencies are more than {MOST_UNEVEN}"
-        if shallowest < SHALLOWEST:
-            return f"k d = {shallowest:.2g} of the longest wave is below {SHALLOWEST:g}"
         limit = f"the bound second harmonic is {second:.2g} of the wave, and {STOKES_ENDS:g} is the limit of the theory"
         return limit if second > STOKES_ENDS else ""
 
     def checks(self, end: Context) -> Iterator[Check]:
         """Yield that second-order generation has a meaning for the waves."""
-        if self.generation != "second-order":
-            return
-        target = self.target(end.tank)
-        count, second = target.omega.size, bound_harmonic(target)
-        allowed = f"must be linear: there are {count} components, and it is for at most {MOST_PAIRS}"
-        yield "generation", count <= MOST_PAIRS, allowed
-        allowed = f"must be linear: its theory needs waves of k d of {SHALLOWEST:g} or more"
-        yield "generation", target.k_x.min() * target.depth >= SHALLOWEST, allowed
-        allowed = f"must be linear: the theory ends far below a second harmonic of {second:.3g} of the wave"
-        yield "generation", second < 1.0, allowed
+        if self.generation == "second-order":
+            target = self.target(end.tank)
+            reason, second = _no_second_order(target), bound_harmonic(target)
+            yield "generation", not reason, f"must be linear: {reason}"
+            allowed = f"must be linear: the theory ends far below a second harmonic of {second:.3g} of the wave"
+            yield "generation", second < 1.0, allowed
 
     def warnings(self, tank: AnyTank) -> Iterator[RunWarning]:
         """Yield a warning if second-order generation is beyond its theory."""
         if self.generation == "second-order" and (second := bound_harmonic(self.target(tank))) > STOKES_ENDS:
             yield RunWarning("second-order-limit", key="wall.motion.generation", value=second, limit=STOKES_ENDS)
+
+
+def _no_second_order(waves: PlaneWaves) -> str:
+    """Return why there is no motion to second order for waves; empty if there is one."""
+    count, shallowest = waves.omega.size, float(waves.k_x.min() * waves.depth)
+    if count > MOST_PAIRS:
+        return f"{count} components are more than {MOST_PAIRS}"
+    shallow = f"k d = {shallowest:.2g} of the longest wave is below {SHALLOWEST:g}"
+    return shallow if shallowest < SHALLOWEST else ""
 
 
 def bound_harmonic(waves: PlaneWaves) -> float:

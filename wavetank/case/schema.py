@@ -62,7 +62,9 @@ def _tables(table: Table) -> Iterator[Table]:
     for name, field in ((name, field) for model in table.models for name, field in model.model_fields.items()):
         if types := tuple(models(field.annotation)):
             earlier = inside.get(name, Table((), ())).models
-            inside[name] = Table((*table.path, name), tuple(dict.fromkeys((*earlier, *types))), _listed(field))
+            inside[name] = Table(
+                (*table.path, name), tuple(dict.fromkeys((*earlier, *types))), get_origin(field.annotation) is tuple
+            )
     first = dict[tuple[type[BaseModel], ...], Table]()
     for one in inside.values():
         if first.setdefault(one.models, one) is one:  # the far wall is documented with the wall
@@ -74,10 +76,6 @@ def table_at(path: tuple[str, ...], field: FieldInfo) -> Table | None:
     types = tuple(models(field.annotation))
     same = [one for one in tables() if one.path == path or (types and one.models == types)]
     return max(same, key=lambda one: one.path == path, default=None)
-
-
-def _listed(field: FieldInfo) -> bool:
-    return get_origin(field.annotation) is tuple
 
 
 # ---------------------------------------------------------------- JSON schema
@@ -100,28 +98,18 @@ def schema() -> dict[str, Any]:
 
 
 def _plain(part: Any) -> Any:
-    """Return a part of the schema without entries of pydantic and Python."""
+    """Return a part of the schema without class names, tags, and defaults that TOML does not have.
+
+    A key of a case with such a name has a table as its value.
+    """
     if isinstance(part, list):
         return [_plain(one) for one in part]
     if not isinstance(part, dict):
         return part
-    part = {key: _plain(value) for key, value in part.items() if not _is_python(key, value)}
+    useless = {"discriminator": object, "title": str, "default": dict | None}
+    part = {key: _plain(value) for key, value in part.items() if not isinstance(value, useless.get(key, ()))}
     if "description" in part and isinstance(part["description"], str):
         part["description"] = " ".join(part["description"].partition("\n\n")[0].split())
     if alternatives := [one for one in part.pop("anyOf", ()) if one != {"type": "null"}]:
         part = {**alternatives[0], **part} if len(alternatives) == 1 else {**part, "anyOf": alternatives}
     return part
-
-
-def _is_python(key: str, value: Any) -> bool:
-    """Return whether a key of the schema is useless in an editor: class names, tags, defaults that TOML does not have.
-
-    A key of a case with such a name has a table as its value.
-    """
-    match key:
-        case "title":
-            return isinstance(value, str)
-        case "default":
-            return value is None or isinstance(value, dict)
-        case _:
-            return key == "discriminator"

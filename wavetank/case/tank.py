@@ -202,6 +202,15 @@ def in_tank(tank: AnyTank, x: float, *, key: str = "x") -> Check:
     return key, x < tank.length, f"must be inside the tank, below {metres(tank.length)} m"
 
 
+def inside(tank: AnyTank, place: tuple[float, float], *keys: str) -> Iterator[Check]:
+    """Yield that a place (x, y) [m] is inside the tank; keys are those of x and y."""
+    width = isinstance(tank, BasinTank) or not place[1]
+    yield keys[-1], width, f"must be left out: a {tank.type} has no width"
+    x_min, y_min, x_max, y_max = tank.box or (-np.inf, -np.inf, np.inf, np.inf)
+    for key, value, first, last in zip(keys, place, (x_min, y_min), (x_max, y_max), strict=True):
+        yield key, first <= value <= last, f"must be inside the tank, {metres(first)} to {metres(last)} m"
+
+
 # ---------------------------------------------------------------- what parts of a case are checked against
 @dataclass(frozen=True)
 class Context:

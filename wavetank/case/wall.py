@@ -7,17 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from wavetank import motion as motions
-from wavetank.case.paddle import (
-    PLACES,
-    AtRestMotion,
-    GeneratingMotion,
-    MotionModel,
-    PaddleMotion,
-    RecordedMotion,
-    SegmentedPaddleMotion,
-    SolitaryWaveMotion,
-    span,
-)
+from wavetank.case import paddle as paddles
 from wavetank.case.tank import AnyTank, BasinTank, Context, RingTank, SliceTank
 from wavetank.errors import InputError
 from wavetank.motion import Array
@@ -185,6 +175,10 @@ class BaseWall(CaseModel):
         """Return positions y along the paddle [m], shape (N,), at which its motion is sampled; None if uniform."""
         return None
 
+    def added_mass(self, tank: AnyTank) -> float:
+        """Return the added mass of a sudden motion [m²], over the density."""
+        return sudden_mass(self.wavemaker, tank.depth)
+
     def max_mode_shape(self, tank: AnyTank) -> float:
         """Return the largest absolute value of the mode shape f(z)."""
         return float(np.abs(self.mode_shape(tank)).max())
@@ -199,7 +193,7 @@ class MovingWallModel(BaseWall):
 
     if TYPE_CHECKING:
         type: str
-        motion: MotionModel  # of other types at other walls
+        motion: paddles.MotionModel  # of other types at other walls
 
     moves: ClassVar[bool] = True
     reach: Length | None = Field(
@@ -209,10 +203,6 @@ class MovingWallModel(BaseWall):
     )
 
     limits: Limits | None = Field(default=None, description="limits of the paddle's drive; default: all")
-
-    def added_mass(self, tank: AnyTank) -> float:
-        """Return the added mass of a sudden motion [m²], over the density."""
-        return sudden_mass(self.wavemaker, tank.depth)
 
     def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
         """Return the paddle's motion in the water; raises ``CaseError`` if its file cannot be read."""
@@ -280,7 +270,7 @@ class SegmentedWall(MovingWallModel):
     """A wall of many paddles in a row, with separate motions."""
 
     absorb: ClassVar[None] = None
-    motion: SegmentedPaddleMotion
+    motion: paddles.SegmentedPaddleMotion
     segment: Length | None = Field(
         default=None, description="largest width of a segment [m]; default: no segments, continuous in y"
     )
@@ -292,12 +282,12 @@ class SegmentedWall(MovingWallModel):
 
     def places(self, tank: AnyTank) -> motions.Array:
         """Return positions y along the paddle [m], shape (N,), at which its motion is sampled: its joints, if any."""
-        low, high = span(tank)
-        return joints(low, high, segment=(high - low) / (PLACES - 1) if self.segment is None else self.segment)
+        low, high = paddles.span(tank)
+        return joints(low, high, segment=(high - low) / (paddles.PLACES - 1) if self.segment is None else self.segment)
 
     def checks(self, end: Context) -> Iterator[Check]:
         """Yield that the paddle has a width, in nonlinear water, those of any paddle, and a number of segments."""
-        low, high = span(end.tank)
+        low, high = paddles.span(end.tank)
         recipe = "needs a basin (tank.type) whose layout says how wide it is: a recipe, not a file"
         yield "type", bool(np.isfinite(low)), recipe
         yield "type", end.physics != "linear", "needs nonlinear water (water.type), or must be a piston"
@@ -323,7 +313,7 @@ class SegmentedFlapWall(HingedWall, SegmentedWall):
 class FixedWall(BaseWall):
     """A fixed wall."""
 
-    motion: ClassVar[MotionModel] = AtRestMotion()
+    motion: ClassVar[paddles.MotionModel] = paddles.AtRestMotion()
     absorb: ClassVar[None] = None
     reach: ClassVar[None] = None
     limits: ClassVar[None] = None
@@ -337,7 +327,7 @@ class FixedWall(BaseWall):
 class PaddleWall(MovingWallModel):
     """A wall that moves as a whole."""
 
-    motion: PaddleMotion
+    motion: paddles.PaddleMotion
     absorb: Absorption | None = Field(
         default=None, description="how it absorbs the waves that come back to it, in a slice; default: not at all"
     )
@@ -372,7 +362,7 @@ class FlapWall(HingedWall, PaddleWall):
     def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
         """Return the motion at the stroke's height; raises ``CaseError`` if its file cannot be read."""
         motion = super().paddle(tank, physics)
-        if self.motion_as == "stroke" or (isinstance(self.motion, RecordedMotion) and self.motion.in_metres):
+        if self.motion_as == "stroke" or (isinstance(self.motion, paddles.RecordedMotion) and self.motion.in_metres):
             return motion
         return motions.flap_motion(motion, self.wavemaker.arm(tank.depth))
 
@@ -380,7 +370,7 @@ class FlapWall(HingedWall, PaddleWall):
         """Yield those of any hinged wall, and that an angle is given for a motion that can have one."""
         yield from super().checks(end)
         allowed = f"must be left out: a motion of type {self.motion.type} follows from its waves"
-        generates = isinstance(self.motion, GeneratingMotion | SolitaryWaveMotion)
+        generates = isinstance(self.motion, paddles.GeneratingMotion | paddles.SolitaryWaveMotion)
         yield "motion_as", self.motion_as == "stroke" or not generates, allowed
 
 
