@@ -69,11 +69,7 @@ def test_a_group_meets_in_its_crest_and_a_trough_is_one_upside_down():
     ("initial", "kind", "said"),
     [
         (SEA, "slice", "needs a ring"),
-        (
-            SEA | {"spectrum": JONSWAP | {"peak_period": 6.0}},
-            "ring",
-            "nearly all is in that of .* Hz",
-        ),
+        (SEA | {"spectrum": JONSWAP | {"peak_period": 6.0}}, "ring", "nearly all is in that of .* Hz"),
         (SEA | {"highest_frequency": 0.05}, "ring", "of a wave as long as the tank"),
         ({"type": "focused", "linear_crest": 0.05, "x": 40.0, "spectrum": JONSWAP}, "slice", "inside the tank"),
         ({"type": "focused", "linear_crest": 0.9, "x": 4.0, "spectrum": JONSWAP}, "ring", "less than the still-water"),
