@@ -58,7 +58,7 @@ def rows_of(folder: Path, kind: str) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def test_a_table_of_ones_own_is_analysed_in_every_way(table, tmp_path, drawn):
+def test_every_analysis_of_a_csv_recovers_its_waves(table, tmp_path, drawn):
     """Oracle: the waves it was made of. Its numbers have seven digits."""
     done = commanded("analyse", str(table), *KINDS, "--period", "2", "--depth", "1", "--out", str(tmp_path))
     assert done.returncode == 0, done.stderr
@@ -79,7 +79,7 @@ def test_a_table_of_ones_own_is_analysed_in_every_way(table, tmp_path, drawn):
     assert float(rows_of(tmp_path, "speed")[0]["distance [m]"]) == pytest.approx(0.5)
 
 
-def test_a_run_knows_its_depth_and_its_surface_is_as_many_gauges(tmp_path):
+def test_analysis_of_a_run_uses_its_depth_and_surface(tmp_path):
     run, x = tmp_path / "run", np.linspace(0, 24, 241)
     regular = 'wall.motion={type="regular",height=0.1,period=2.0}'
     scene = read_case(CHECKOUT / "cases" / "focusing.toml", [regular])
@@ -104,7 +104,7 @@ def test_a_run_knows_its_depth_and_its_surface_is_as_many_gauges(tmp_path):
     assert {row["gauge"] for row in rows_of(run, "spectrum")} == {"1", "2"}
 
 
-def test_harmonics_over_a_bar_are_those_that_the_datas_readme_states():
+def test_harmonics_over_a_bar_match_the_readme_of_the_data():
     """Oracle: its table of case A [mm], least squares of its own over eleven periods from 20 s."""
     try:
         data.find("beji_battjes_1994", "a02.dat")
@@ -133,7 +133,7 @@ def regular(x, *, length=40.0, way=1):
 
 
 @pytest.mark.parametrize(("period", "way"), [(None, 1), (1.6, -1)])
-def test_regular_waves_go_with_their_phase_speed_and_no_other_frequency_has_one(period, way, tmp_path, drawn):
+def test_speed_of_regular_waves_is_their_phase_speed(period, way, tmp_path, drawn):
     """Oracle: c by the dispersion relation of the one period; the largest correlation of 3 m apart is at -0.3 s."""
     record, c = regular((2.0, 5.0, 5.5), way=way)
     found = results.analysed("speed", replace(record, given_period=period))
@@ -163,7 +163,7 @@ def test_gauges_on_either_side_of_a_bar_are_refused_where_one_depth_is_needed():
     assert "left out" not in results.analysed("heights", over).notes  # each has its own waves, over that depth
 
 
-def test_where_whole_periods_cannot_be_told_it_is_said(tmp_path, drawn):
+def test_ambiguous_number_of_periods_is_noted(tmp_path, drawn):
     """Oracle: of records of two frequencies alike a period later; of a depth whose waves are off by over a quarter.
 
     The two have speeds, to half of what frequencies are apart, and none of those that they leak into.
@@ -182,7 +182,7 @@ def test_where_whole_periods_cannot_be_told_it_is_said(tmp_path, drawn):
 
 
 @pytest.mark.parametrize("kind", ["reflection", "harmonics", "bound-free"])
-def test_what_is_not_of_the_period_is_told(table, kind):
+def test_variance_of_other_periods_is_noted(table, kind):
     """Oracle: of amplitudes 50 and 30 mm, at places where they do not beat with themselves, 9/34 of the variance."""
     regular = read_record(str(table), period=PERIOD, depth=DEPTH)
     assert "of this period" not in results.analysed(kind, regular).notes
@@ -193,7 +193,7 @@ def test_what_is_not_of_the_period_is_told(table, kind):
 
 
 @pytest.mark.parametrize("kind", ["reflection", "harmonics", "speed"])
-def test_a_record_that_begins_before_its_waves_advises_a_start_that_leaves_that_out(table, kind):
+def test_start_is_advised_for_a_record_that_begins_before_its_waves(table, kind):
     """Oracle: waves that are of their height from 20 s on, and a group, whose beginning is its own."""
     regular = read_record(str(table), period=PERIOD, depth=DEPTH)
     told = r"; its waves begin in this record: --start (\S+) leaves that out"
@@ -217,7 +217,7 @@ def test_harmonics_of_a_record_that_is_not_whole_periods_do_not_count_as_reflect
     assert found.notes.startswith("condition" if gauges == 2 else "rest ")  # two gauges leave none
 
 
-def test_a_reflection_that_is_not_to_be_trusted_is_said_to_be_so(table):
+def test_uncertain_reflection_is_noted(table):
     """Oracle: of waves of 50 mm a tenth reflected from half the time on; a wave of 2 mm that is neither; 5 mm at 2 f.
 
     Of no steepness two gauges are believed, and where what is uncertain is less than half of what comes back.
@@ -243,7 +243,7 @@ def test_a_reflection_that_is_not_to_be_trusted_is_said_to_be_so(table):
     assert "the reflection is" not in said(reflected=0.03, second=0.005, gauges=2)
 
 
-def test_harmonics_and_free_waves_that_are_not_steady_are_said_to_be_so(table):
+def test_unsteady_harmonics_and_free_waves_are_noted(table):
     """Oracle: of waves of 50 mm a third or a free second harmonic of 1 mm that is of 6 mm from half the time on.
 
     Less than counts is not told, nor over a few periods what a fifth harmonic leaves of a half that is not whole ones.
@@ -266,7 +266,7 @@ def test_harmonics_and_free_waves_that_are_not_steady_are_said_to_be_so(table):
     assert "not steady" not in said("harmonics", K, 5, 0.03, part=0.17)
 
 
-def test_bound_and_free_waves_are_waited_for(table):
+def test_start_is_advised_for_free_waves_that_arrive_later(table):
     """Oracle: both leave the paddle at once, or the first gauge, and go with their group velocities."""
     regular = replace(read_record(str(table), period=PERIOD, depth=DEPTH), from_wavemaker=True)
     late = X[-1] * (1 / group_velocity(FREE, DEPTH, 9.81) - 1 / group_velocity(K, DEPTH, 9.81))
@@ -285,7 +285,7 @@ def test_bound_and_free_waves_are_waited_for(table):
     assert start - float(re.search(told, of_a_bar)[1]) == pytest.approx(late * X[0] / X[-1], abs=0.01)
 
 
-def test_gauges_a_beat_apart_are_said_to_stand_badly_and_a_new_slices_are_not(tmp_path):
+def test_gauges_a_beat_apart_are_noted_and_those_of_a_new_slice_are_not(tmp_path):
     """Oracle: condition of two waves at three gauges; at 2, 4 and 6 m the beat of 1.887 m is nearly as far."""
     scene = read_case(write_case(f"{tmp_path}/waves", "slice"))
     period, t = scene.wall.motion.period, np.arange(0.0, 14.0, 0.05)
@@ -295,7 +295,7 @@ def test_gauges_a_beat_apart_are_said_to_stand_badly_and_a_new_slices_are_not(tm
         assert ("gauges stand badly" in said) == badly and ("condition 6.47: " in said) == badly
 
 
-def test_a_record_of_one_window_is_said_to_be(table):
+def test_record_of_one_window_is_noted(table):
     """Of 64 mean periods there are several."""
     record = read_record(str(table), depth=DEPTH)
     assert "one window" in results.analysed("reflection", record).notes
@@ -323,13 +323,13 @@ def test_a_record_of_one_window_is_said_to_be(table):
         (["speed", "--depth", "1", "--gauges", "G1"], "1 gauge received; at least 2 are needed"),
     ],
 )
-def test_what_cannot_be_analysed_is_said_before_anything_is_written(table, tmp_path, words, said):
+def test_invalid_analysis_is_refused_before_anything_is_written(table, tmp_path, words, said):
     done = commanded("analyse", str(table), *words, "--out", str(tmp_path / "out"))
     assert (done.returncode, done.stderr.count("\n")) == (2, 1) and said in done.stderr, done.stderr
     assert not (tmp_path / "out").exists()
 
 
-def test_of_several_kinds_those_that_can_be_are_done_and_the_others_told(table, tmp_path, monkeypatch):
+def test_possible_analyses_are_written_and_impossible_ones_named(table, tmp_path, monkeypatch):
     monkeypatch.setattr(Figure, "savefig", lambda *_, **__: None)
     done = commanded("analyse", str(table), "reflection", "groups", "bound-free", "--out", str(tmp_path))
     why = "reflection, bound-free: flume: the depth is needed for this; give --depth METRES."
@@ -337,7 +337,7 @@ def test_of_several_kinds_those_that_can_be_are_done_and_the_others_told(table, 
     assert {file.name for file in tmp_path.iterdir()} == {"analysis-groups.csv", "analysis-groups.png"}
 
 
-def test_what_is_there_is_not_replaced_unasked(table, tmp_path):
+def test_analysis_is_replaced_with_overwrite_only(table, tmp_path):
     words = ("analyse", str(table), "--out", str(tmp_path))
     assert commanded(*words).returncode == 0
     done = commanded(*words)

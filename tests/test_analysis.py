@@ -75,7 +75,7 @@ def jonswap_like(f, peak=0.7):
 
 
 # ---------------------------------------------------------------- records
-def test_records_on_one_clock_are_taken_as_they_are_others_by_splines():
+def test_records_on_one_clock_are_unchanged_and_others_interpolated():
     def eta(x, t):
         return np.sin(2 * t - x)
 
@@ -91,7 +91,7 @@ def test_records_on_one_clock_are_taken_as_they_are_others_by_splines():
     assert list(chosen(same, ["b", "a"]).x.values) == [2.0, 1.0]
 
 
-def test_snapshots_are_read_at_places_that_stand_still_while_the_paddle_moves():
+def test_snapshots_of_a_moving_mesh_are_read_at_fixed_places():
     t, mesh = np.linspace(0, 20, 401), np.linspace(0, 12, 241)
     x = mesh + 0.1 * np.sin(t)[:, None] * (1 - mesh / 12)
     read = along(surface(t, x, np.cos(2 * x - 3 * t[:, None])), np.array([2.0, 5.5]))
@@ -99,7 +99,7 @@ def test_snapshots_are_read_at_places_that_stand_still_while_the_paddle_moves():
     assert list(read.gauge.values) == ["2", "5.5"]
 
 
-def test_records_that_cannot_be_used_are_refused_in_a_sentence():
+def test_invalid_records_are_refused():
     one = recorded(lambda x, t: np.sin(t), (1.0, 1.0))
     unknown = recorded(lambda x, t: np.sin(t), (1.0, np.nan))
     short = gauge("a", 1.0, T[:3], T[:3], "made")
@@ -180,7 +180,7 @@ def test_means_of_the_highest_waves():
     assert stats["t_mean"] == pytest.approx(1.0, rel=0.01)
 
 
-def test_a_narrow_sea_is_rayleighs_and_its_waves_are_counted_as_often_as_expected():
+def test_narrow_sea_has_rayleigh_distributed_heights_and_crests():
     f = np.linspace(0.95, 1.05, 150)
     t = np.arange(0, 1500.0, 0.1)
     eta = sea(f, np.full(f.size, 0.05 / 4 * np.sqrt(2 / f.size)))
@@ -195,7 +195,7 @@ def test_a_narrow_sea_is_rayleighs_and_its_waves_are_counted_as_often_as_expecte
     assert height_statistics(found)["h_1_3"] == pytest.approx(0.05, rel=0.05)
 
 
-def test_forristalls_distributions_are_those_of_the_papers():
+def test_forristalls_distributions_match_the_papers():
     """Oracles: the highest third of his heights is 0.942 Hm0; crests of no steepness are Rayleigh's."""
     third = (8.42 * np.log(3)) ** (1 / 2.126) / 4
     mean = third + 3 * quad(lambda h: float(forristall_heights(h, 1.0)), third, 5.0)[0]
@@ -214,7 +214,7 @@ AMPLITUDES = st.floats(1e-3, 0.1)
 
 @settings(max_examples=8)
 @given(a=st.lists(AMPLITUDES, min_size=4, max_size=4), f=st.floats(0.3, 1.5), phase=st.floats(-3.1, 3.1))
-def test_harmonics_of_any_amplitudes_and_phases_are_found_from_any_piece_of_them(a, f, phase):
+def test_harmonics_are_exact_for_any_amplitudes_phases_and_length(a, f, phase):
     def eta(x, t):
         return 0.2 + sum(one * np.cos(-2 * np.pi * f * n * t + n * phase) for n, one in enumerate(a, 1))
 
@@ -224,7 +224,7 @@ def test_harmonics_of_any_amplitudes_and_phases_are_found_from_any_piece_of_them
     assert float(found.level[0]) == pytest.approx(0.2, abs=1e-10) and float(found.rest[0]) < 1e-10
 
 
-def test_harmonics_in_noise_are_as_uncertain_as_least_squares_are():
+def test_harmonics_in_noise_have_the_variance_of_least_squares():
     noise = 0.01 * np.random.default_rng(3).standard_normal((2, T.size))
     record = recorded(lambda x, t: 0.05 * np.cos(x - 4 * t) + 0.01 * np.cos(3 * x - 8 * t), (0.0, 1.0))
     found = harmonics(record + noise, 4 / (2 * np.pi))
@@ -236,14 +236,14 @@ def test_harmonics_in_noise_are_as_uncertain_as_least_squares_are():
 
 @settings(max_examples=10)
 @given(f=st.floats(0.4, 1.5))
-def test_the_fundamental_is_found_by_the_waves_themselves(f):
+def test_fundamental_is_the_frequency_of_the_waves(f):
     record = recorded(lambda x, t: np.cos(2 * np.pi * f * t - x) + 0.3 * np.cos(4 * np.pi * f * t), (0.0, 1.0), T[:800])
     assert fundamental(record) == pytest.approx(f, rel=1e-6)
 
 
 @settings(max_examples=8)
 @given(bound=AMPLITUDES, free=AMPLITUDES, back=AMPLITUDES, phases=st.tuples(*3 * [st.floats(0, 6.2)]))
-def test_bound_and_free_second_harmonics_are_told_apart(bound, free, back, phases):
+def test_bound_and_free_second_harmonics_are_separated(bound, free, back, phases):
     f, x = 0.6, np.array([3.0, 3.4, 4.1, 5.0, 6.2])
     k, k_free = k_of([f, 2 * f])
     waves = [(bound, 2 * k), (free, k_free), (back, -k_free)]
@@ -280,7 +280,7 @@ GAUGES = {2: (4.0, 4.5), 3: (4.0, 4.3, 4.8), 6: (4.0, 4.3, 4.8, 5.1, 6.0, 6.3)}
 @pytest.mark.parametrize("number", GAUGES)
 @settings(max_examples=10)
 @given(incident=AMPLITUDES, ratio=st.floats(0.0, 1.0), f=st.floats(0.5, 0.9), phase=st.floats(0, 6.2))
-def test_regular_waves_and_their_reflection_are_told_apart(number, incident, ratio, f, phase):
+def test_regular_waves_and_their_reflection_are_separated(number, incident, ratio, f, phase):
     k = float(k_of(f))
 
     def eta(x, t):
@@ -294,7 +294,7 @@ def test_regular_waves_and_their_reflection_are_told_apart(number, incident, rat
     assert found.rest < 1e-9
 
 
-def test_the_wave_number_is_found_where_waves_are_longer_than_linear_ones():
+def test_wave_number_of_waves_longer_than_linear_ones_is_fitted():
     x = np.linspace(0, 10, 12)
     k = float(k_of(0.7))
     found = reflected(np.exp(0.97j * k * x) + 0.05 * np.exp(-0.97j * k * x), x, k, within=0.05)
@@ -303,7 +303,7 @@ def test_the_wave_number_is_found_where_waves_are_longer_than_linear_ones():
 
 
 @pytest.mark.parametrize("number", GAUGES)
-def test_a_sea_and_its_reflection_are_told_apart(number):
+def test_sea_and_its_reflection_are_separated(number):
     """Oracle: a linear sea of 160 components, a third of each reflected; Welch's windows spread what depends on f."""
     f = np.linspace(0.35, 1.2, 160)
     there, back = sea(f, jonswap_like(f, 0.6)), sea(f, jonswap_like(f, 0.6) / 3, seed=2)
@@ -316,7 +316,7 @@ def test_a_sea_and_its_reflection_are_told_apart(number):
     assert found.attrs["told_apart"] > 0.8
 
 
-def test_a_short_record_of_gauges_far_apart_sees_no_reflection_where_there_is_none():
+def test_short_record_of_distant_gauges_has_no_spurious_reflection():
     """Windows that stood still would take a fifth of these waves for reflected."""
     f = np.linspace(0.35, 1.2, 160)
     record = recorded(sea(f, jonswap_like(f, 0.6)), (3.0, 6.0, 9.0), np.arange(0, 60, 0.05))
@@ -324,7 +324,7 @@ def test_a_short_record_of_gauges_far_apart_sees_no_reflection_where_there_is_no
     assert found["coefficient"] < 0.05 and found["hm0_incident"] == pytest.approx(hm0, rel=0.01)
 
 
-def test_a_group_counts_wherever_it_lies_in_the_record():
+def test_incident_height_of_a_group_does_not_depend_on_its_time():
     """Oracle: Parseval's: of components df apart that pass once, m0 times the record's length is Σ a² / (2 df)."""
     f, t = np.linspace(0.3, 1.3, 101), np.arange(0, 60, 0.05)
     a = 5e-3 * np.exp(-(((f - 0.7) / 0.12) ** 2))
@@ -342,7 +342,7 @@ def test_a_group_counts_wherever_it_lies_in_the_record():
         assert found["hm0_reflected"] / found["hm0_incident"] == pytest.approx(found["coefficient"], rel=1e-12)
 
 
-def test_waves_that_do_not_count_are_incident_and_reflected_as_those_that_do():
+def test_unresolved_frequencies_have_the_reflection_of_resolved_ones():
     """A group of which two gauges resolve a part only; 0.4 of it returns after it has passed."""
     f, t = np.linspace(0.3, 1.3, 101), np.arange(0, 100, 0.05)
     a = 5e-3 * np.exp(-(((f - 0.7) / 0.12) ** 2))
@@ -410,7 +410,7 @@ def test_the_incident_height_of_a_group_is_that_of_its_spectrum_or_refused(start
     assert found["coefficient"] == pytest.approx(0.1, abs=0.01)
 
 
-def test_gauges_half_a_wave_length_apart_tell_nothing():
+def test_gauges_half_a_wave_length_apart_are_refused():
     f = 0.7
     x = (3.0, 3.0 + np.pi / float(k_of(f)))
     record = recorded(lambda x, t: np.cos(float(k_of(f)) * x - 2 * np.pi * f * t), x)
@@ -418,7 +418,7 @@ def test_gauges_half_a_wave_length_apart_tell_nothing():
         reflected_spectra(record, depth=DEPTH)
 
 
-def test_what_comes_from_the_far_wall_goes_against_x(tmp_path):
+def test_waves_of_the_far_wall_propagate_against_x(tmp_path):
     """A run's waves come from the wall that is told to move; its period is that wall's."""
     k, omega, x = float(k_of(0.7)), 2 * np.pi * 0.7, np.array([3.0, 3.4, 3.9, 4.5])
     first = np.cos(k * x + omega * T[:600, None]) + 0.2 * np.cos(k * x - omega * T[:600, None])

@@ -55,7 +55,7 @@ def test_the_mean_height_of_a_group_is_that_of_its_waves():
     assert heights == pytest.approx(2e-3 * np.arange(9 - heights.size, 9)[: heights.size], rel=0.02)
 
 
-def test_too_few_waves_are_said():
+def test_too_few_waves_are_refused():
     with pytest.raises(InputError, match="gauge g: 0 whole waves from t = 30 s to the record's end, 12 s; at least 3"):
         mean_wave_height(record(np.sin(T[:301]), T[:301]), start=30.0)
     with pytest.raises(InputError, match="0 whole waves"):
@@ -155,7 +155,7 @@ def test_known_misfits_are_found():
     assert one["bias"] == pytest.approx(-0.1 / there.mean(), rel=5e-3)
 
 
-def test_the_own_incident_height_takes_a_gain_away():
+def test_misfit_by_the_own_incident_height_excludes_a_gain():
     """All waves 20 % too high, the incident ones among them."""
     flat = gauges_of()
     flat[:] = wave(1.2 * H0, 0)
@@ -172,7 +172,7 @@ def test_sections_without_gauges_are_left_out():
     assert all(np.isnan(one["nrms_incident"]) for one in compared)
 
 
-def test_a_run_without_those_gauges_is_told_what_is_needed():
+def test_run_without_gauges_along_sections_is_refused():
     elsewhere = gauges(*(record(wave(H0, x), x=x, y=0.3, name=f"{x}") for x in (1.0, 2.0)))
     with pytest.raises(InputError, match="the run has 2 gauges; needed are 4 along one of x = 1 m, .*, y = 2 m"):
         computed_heights(elsewhere, KNOWN)

@@ -46,7 +46,7 @@ def test_a_record_of_few_samples_a_wave_compares_exactly_with_itself():
     assert result.nrms < 1e-12 and result.correlation == pytest.approx(1.0)
 
 
-def test_gauges_without_a_partner_are_said():
+def test_gauges_without_a_partner_are_refused_by_name():
     t = np.arange(0, 1, 0.02)
     with pytest.raises(InputError, match=r"the run has 'a' at x = 1 m; the reference 'b' at x = 2 m"):
         compare(gauges(gauge("a", 1.0, t, t)), gauges(gauge("b", 2.0, t, t)))
@@ -167,7 +167,7 @@ def test_records_that_cannot_be_compared_are_bad_input():
             compare(computed, reference)
 
 
-def test_what_is_neither_a_run_nor_a_data_set_is_said(tmp_path, capsys):
+def test_reference_that_is_neither_run_nor_data_is_refused(tmp_path, capsys):
     with RunWriter(tmp_path / "run", {}) as writer:
         writer.gauges([("1", 1.0)]).append([0.0, 0.0])
         writer.finish("finished", {})
@@ -197,7 +197,7 @@ def test_troughs_arrival_and_similarity_are_those_of_the_group():
     assert found.similarity == pytest.approx(by_spectra, abs=1e-9)
 
 
-def test_what_makes_no_sense_has_no_number():
+def test_arrival_and_trough_are_nan_where_undefined():
     """Waves from the start have no arrival; a record that is above still water has no trough; its errors are blank."""
     steady = 0.05 + 0.01 * np.cos(3 * T)
     found = against(steady, steady)
@@ -229,7 +229,7 @@ def test_harmonics_are_compared_in_amplitude_and_phase():
     assert all(word in shown for word in ("+10.0%", "+0.200", "computed [m]", "0.055"))
 
 
-def test_a_clock_and_harmonics_are_asked_for_on_the_command_line(tmp_path):
+def test_compare_finds_a_clock_offset_and_harmonics(tmp_path):
     """Oracle: the same record, 1.7 s late on a clock of its own."""
     with RunWriter(tmp_path / "run", {}) as writer:
         table = writer.gauges([("1", 1.0)])

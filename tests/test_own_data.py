@@ -62,7 +62,7 @@ def compared(run, reference, tmp_path):
         ("t [s],1@x=2,5@x=7.5", ""),
     ],
 )
-def test_a_table_that_says_no_units_is_told_to_be_taken_in_metres(tmp_path, header, said):
+def test_table_without_units_is_noted_as_metres(tmp_path, header, said):
     (tmp_path / "u.csv").write_text(f"{header}\n" + rows(T, eta(T, 2.0), eta(T, 7.5)))
     told = data.units_note(str(tmp_path / "u.csv"))
     assert told.startswith(said.replace("FILE", str(tmp_path / "u.csv"))) and bool(told) == bool(said)
@@ -119,7 +119,7 @@ def test_columns_units_gains_and_clock_are_as_described(run, folder, tmp_path, o
         assert row["nrms"] < 1e-4
 
 
-def test_a_bound_that_keeps_the_true_clock_out_is_kept(run, folder, tmp_path):
+def test_clock_offset_stays_within_its_bounds(run, folder, tmp_path):
     found = compared(run, folder("[-3.0, -2.5]"), tmp_path)
     assert found["focus"]["clock_offset [s]"] == pytest.approx(-3.0, abs=1e-5)
     assert found["focus"]["shift [s]"] == pytest.approx(0.21, abs=1e-4)  # what its own fit finds on top of it
@@ -136,7 +136,7 @@ def test_one_clock_serves_all_gauges():
     assert offset == pytest.approx(-1.05, abs=1e-3)
 
 
-def test_a_clock_is_not_off_by_a_wave_of_slow_groups():
+def test_clock_offset_of_a_slow_group_is_not_a_period_off():
     """A wave on costs 0.17 of them, and half a step of the scan, by which it may miss the right one, more."""
 
     def group(t):
@@ -151,7 +151,7 @@ def test_a_clock_is_not_off_by_a_wave_of_slow_groups():
         assert offset == pytest.approx(-lag, abs=1e-4)
 
 
-def test_a_file_for_each_gauge(tmp_path):
+def test_each_gauge_may_have_a_file(tmp_path):
     """As benchmarks come: no header, blanks; the second column is the elevation."""
     for n in (1, 2):
         (tmp_path / f"g{n}.dat").write_text("# t eta\n" + "".join(f" {t} {n * t}\n" for t in range(5)))
@@ -241,7 +241,7 @@ def test_invalid_table_is_refused(tmp_path, text, said):
         data.gauge_records(data.opened(str(tmp_path / "mine.csv")))
 
 
-def test_of_a_campaign_one_test_is_chosen_and_records_are_compared_without_a_run(tmp_path):
+def test_one_source_of_a_data_set_is_compared_without_a_run(tmp_path):
     """Oracle: the test that is 1.2 times as high, by its name; a record that is there is compared as a run is."""
     for name, gain in (("low", 1.0), ("high", 1.2)):
         (tmp_path / f"{name}.csv").write_text("t,1,5\n" + rows(T, *(gain * eta(T, x) for x in PLACES.values())))

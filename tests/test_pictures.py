@@ -27,7 +27,7 @@ def report(tmp_path):
     return Report(tmp_path, Console(quiet=True))
 
 
-def test_what_is_hard_to_read_is_found(drawn, tmp_path):
+def test_faults_of_pictures_are_detected(drawn, tmp_path):
     """Each fault that the pictures had, in a figure that has them all."""
     with picture(tmp_path / "a.png", 4, 3) as figure:
         axes = figure.subplots()
@@ -69,7 +69,7 @@ def told(figure):
     return {text.get_text() for legend in figure.legends for text in legend.get_texts()}
 
 
-def test_work_and_precision(drawn, tmp_path):
+def test_trade_labels_the_pareto_front_and_opens_marks_of_warnings(drawn, tmp_path):
     """As the steep ring's: numbers on axes of less than a decade, each point of the front named, no name on another."""
     steps = ("0.055875", "0.0279375", "0.01396875")
     sizes = {"third-order": (2.6e-4, 1.2e-4, 1.19e-4), "simpson-4": (2e-4, 1.18e-4, 1.17e-4)}
@@ -93,7 +93,7 @@ def test_work_and_precision(drawn, tmp_path):
         assert {text.get_text() for text in panel.texts} <= {f"{float(step):.3g}" for step in steps}
 
 
-def test_a_study_over_what_is_modelled_draws_the_waters_response_over_it(drawn, tmp_path):
+def test_study_of_a_physical_key_draws_responses_over_it(drawn, tmp_path):
     """No front and no CPU time: crests over heights, in metres both, a line for each vertical order; errors beside.
 
     Where no run has finished stands a cross on the axis.
@@ -128,7 +128,7 @@ def test_a_study_over_what_is_modelled_draws_the_waters_response_over_it(drawn, 
     np.testing.assert_allclose(crest.get_xydata(), [(a, 1.2 * a) for a in (0.01, 0.02, 0.04)])
 
 
-def test_what_is_modelled_may_be_no_number(drawn, tmp_path):
+def test_study_of_a_physical_key_without_numbers_names_its_values(drawn, tmp_path):
     def measures(n, values):
         return {SURFACE_ERROR: 0.1}, {CREST: 0.1 + n, TROUGH: -0.1, CREST_PLACE: 0.0}
 

@@ -149,7 +149,7 @@ def test_the_comparison_names_gauges_sources_and_misfits(tmp_path):
         assert word in text
 
 
-def test_all_misfits_are_of_the_time_that_the_run_has(tmp_path):
+def test_misfits_of_all_records_cover_the_time_of_the_run(tmp_path):
     early, eta = T <= 20.0, elevation(10.0, T)
     wrong_later = record(10.0, np.where(early, 0.8 * eta, 5.0), "Published 2014")
     short = record(10.0, 0.9 * eta[early], t=T[early])
@@ -183,7 +183,7 @@ def test_the_energy_picture_names_the_budget_and_its_units(run, tmp_path):
     assert "start" in text and "paddle" not in text
 
 
-def test_nothing_to_draw_is_bad_input(tmp_path):
+def test_figures_without_data_are_refused(tmp_path):
     for tank in ({"type": "ring", "length": 8.0}, {"type": "slice", "length": 8.0}):  # killed before the first
         with RunWriter(tmp_path / tank["type"], {"scene": {"tank": tank, "sponge": {"type": "end", "length": 2.0}}}):
             pass

@@ -161,7 +161,7 @@ def command(*arguments):
     return CliRunner().invoke(app, list(map(str, arguments)))
 
 
-def test_the_command_makes_a_still_by_default_and_what_else_is_asked_for(run, tmp_path):
+def test_view_draws_a_still_by_default(run, tmp_path):
     done = command(run.path, "--size", "300x200")
     assert done.exit_code == 0 and f"wrote {run.path / 'view.png'}" in done.output.replace("\n", "")
     done = command(run.path, "--diagram", "--time", 1.0, "--out", tmp_path / "a.png", "--size", "300x200")
@@ -184,7 +184,7 @@ def test_the_command_makes_a_still_by_default_and_what_else_is_asked_for(run, tm
         (["--film", "manifest.json/film.gif"], "film.gif: cannot be written"),
     ],
 )
-def test_what_cannot_be_viewed_is_refused_and_leaves_no_file(run, monkeypatch, arguments, sentence):
+def test_invalid_view_is_refused_and_leaves_no_file(run, monkeypatch, arguments, sentence):
     monkeypatch.chdir(run.path)
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)

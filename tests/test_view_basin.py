@@ -116,7 +116,7 @@ def around(x, y):
 
 # ---------------------------------------------------------------- the surface over time
 @pytest.mark.parametrize("triangles", [False, True])
-def test_the_surface_goes_on_between_snapshots(tmp_path, triangles):
+def test_basin_surface_is_interpolated_between_snapshots(tmp_path, triangles):
     surface = basin_surface(record(tmp_path / "run", paddle=swinging, triangles=triangles))
     for t in (TIMES[0] + 0.03, TIMES[20] + 0.05, TIMES[-1] - 0.01):
         x, y, eta = surface.at(t).T
@@ -185,7 +185,7 @@ def test_view_shows_bed_contours_sponge_and_paddles(tmp_path):
     picture.close()
 
 
-def test_crests_between_snapshots_are_found():
+def test_extremes_include_crests_between_snapshots():
     t = PERIOD / 9 * np.arange(20)  # nine snapshots a period
     phase = np.linspace(0.0, 2 * np.pi, 200)
     extremes = Extremes(200)
@@ -204,7 +204,7 @@ def words(run, tmp_path):
         return basin.basin_figure(run, tmp_path / "map.svg").read_text()
 
 
-def test_the_maps_say_what_they_show(tmp_path):
+def test_maps_name_quantities_times_and_places(tmp_path):
     parts = {"depth": shoal, "paddle": swinging, "damping": lambda x, y: x - 0.0, "times": TIMES[:6]}
     text = words(record(tmp_path / "run", **parts), tmp_path)
     for word in ("A basin", "at the highest crest of the snapshots, t = ", "elevation of the snapshots"):
@@ -214,7 +214,7 @@ def test_the_maps_say_what_they_show(tmp_path):
     assert "crest minus trough" not in text  # no period is known
 
 
-def test_heights_of_regular_waves_are_mapped_once_they_have_come(tmp_path):
+def test_wave_heights_are_mapped_when_the_run_is_long_enough(tmp_path):
     regular = {"type": "sinusoid", "period": PERIOD}
     times = PERIOD / 8 * np.arange(6 * 8 + 1)
     run = record(tmp_path / "run", motion=regular, times=times)

@@ -221,8 +221,9 @@ class CrestAim:
 def crests(surface: Dataset, first: float, last: float, *, sizes: Scale) -> list[CrestPosition]:
     """Return the highest crest between two places [m], and the highest of the others.
 
-    Along its path, a third of a wave length to either side, the height of a crest is fitted by exp(-x²): on coarse
-    cells there are ripples as long as a cell, whose highest sample changes from one to another.
+    Along its path, a third of a wave length to either side, the height of a crest is fitted by exp(-x²), again around
+    each fit until the place no longer changes: on coarse cells there are ripples as long as a cell, whose highest
+    sample changes from one to another.
     """
     t = surface.time.values
     first, last = max(first, float(surface.x[:, 0].max())), min(last, float(surface.x[:, -1].min()))
@@ -231,20 +232,15 @@ def crests(surface: Dataset, first: float, last: float, *, sizes: Scale) -> list
     remaining = np.ones((t.size, places.size), dtype=bool)
     while len(result) < 2 and remaining.any():
         row, column = divmod(int(np.argmax(np.where(remaining, eta, -np.inf))), places.size)
-        guess = CrestPosition(float(eta[row, column]), float(places[column]), float(t[row]))
-        result.append(_top(surface, guess, first, last, sizes=sizes))
+        guess = top = CrestPosition(float(eta[row, column]), float(places[column]), float(t[row]))
+        for _ in range(ROUNDS):
+            before, top = top, _fitted(surface, top, first, last, sizes=sizes)
+            if abs(top.x - before.x) < SAME * sizes.length:
+                break
+        result.append(top)
         arrival = guess.t + (places - guess.x) * sizes.period / sizes.length
         remaining &= np.abs(t[:, None] - arrival) > SAME_CREST * sizes.period
     return sorted(result, reverse=True)
-
-
-def _top(surface: Dataset, guess: CrestPosition, first: float, last: float, *, sizes: Scale) -> CrestPosition:
-    """Return the top of a crest, fitted again around each fit until the place no longer changes."""
-    for _ in range(ROUNDS):
-        before, guess = guess, _fitted(surface, guess, first, last, sizes=sizes)
-        if abs(guess.x - before.x) < SAME * sizes.length:
-            break
-    return guess
 
 
 def _fitted(surface: Dataset, top: CrestPosition, first: float, last: float, *, sizes: Scale) -> CrestPosition:
