@@ -147,7 +147,7 @@ class Simpson4:
     def step(self, system: HamiltonianSystem, state: MeanAndJumps, t: float, dt: float) -> MeanAndJumps:
         """Return the state at t + dt; collective."""
         of, pair = coefficients(dt, self.kappa), state.values.shape[1:]
-        begin = state.evaluated(system, t).evaluation
+        begin = state.evaluation or state.evaluated(system, t).evaluation
         vectors = np.empty((8, *pair), dtype=state.values.dtype)
         rows = vectors.reshape(8, -1)
         vectors[:2], vectors[2], vectors[5:] = state.values[:2], begin.flow, state.values[1:]

@@ -123,7 +123,8 @@ class SurfaceVelocity:
     def _take(self, eta: Vector, psi: Vector, t: float) -> None:
         """Take elevation and surface potential at t [s]."""
         self.evaluation, self.t, self._speeds_and_slopes = None, t, None
-        self._waves.set_time(t)
+        if t != self._waves.t:
+            self._waves.set_time(t)
         self._eta.set(eta)
         self._psi.set(psi)
         self._find_largest.call()
