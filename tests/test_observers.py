@@ -13,7 +13,7 @@ from wavetank.integrators import StormerVerlet
 from wavetank.integrators.filtered import Filtered
 from wavetank.integrators.states import Point
 from wavetank.motion import sinusoid
-from wavetank.output.columns import energy_columns
+from wavetank.output.columns import energy_columns, energy_rows
 from wavetank.simulation.clock import Clock, EverySteps, EveryTime, EveryTimeBetween
 from wavetank.simulation.diagnostics import SurfaceSnapshots
 from wavetank.simulation.energy import EnergyBudget
@@ -195,6 +195,11 @@ class Steady:
 def still(step, *, sinks=(), water=None, work=None):
     """Return the block of a step of half a second of steady water."""
     return block_of(water or Steady(), (step, 0.5 * step, Point(np.zeros(1), np.zeros(1))), sinks=sinks, work=work)
+
+
+def test_a_value_of_the_budget_without_a_column_names_the_file_of_columns():
+    with pytest.raises(ValueError, match=r"^enstrophy: not in ENERGY of wavetank/output/columns\.py$"):
+        energy_rows({"t": np.zeros(1), "enstrophy": np.zeros(1)})
 
 
 def test_a_balance_is_judged_by_all_the_energy_there_was_also_what_has_been_dissipated():

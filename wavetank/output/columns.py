@@ -85,15 +85,27 @@ def parse_gauge_column(column: str) -> tuple[str, float, float]:
     return name, at["x"], at["y"]
 
 
+ENERGY = ("t", "kinetic", "potential", "total", "paddle_work", "dissipated", "balance", "mass", "absorbed")
+
+
 def energy_columns(dimensions: int, *, absorbed: bool = False) -> tuple[str, ...]:
     """Return the columns of the energy budget with their units, for a tank of one or two horizontal dimensions.
 
-    Energies are per unit of density, and of width where the tank has none. What is absorbed is one where paddles do.
+    Energies are per unit of density, and of width where the tank has none. ``absorbed`` is a column if paddles absorb.
     """
-    energy, volume = f"[m^{3 + dimensions}/s^2]", f"[m^{1 + dimensions}]"
-    energies = ("kinetic", "potential", "total", "paddle_work", "dissipated", "balance")
-    more = (f"absorbed {energy}",) if absorbed else ()
-    return "t [s]", *(f"{name} {energy}" for name in energies), f"mass {volume}", *more
+    units = {"t": "s", "mass": f"m^{1 + dimensions}"}
+    names = ENERGY if absorbed else ENERGY[:-1]
+    return tuple(f"{name} [{units.get(name, f'm^{3 + dimensions}/s^2')}]" for name in names)
+
+
+def energy_rows(values: Mapping[str, Vector]) -> Vector:
+    """Return rows of the energy budget, shape (K, columns), of values by the names of ``ENERGY``, shape (K,) each.
+
+    Raises ``ValueError`` for a name that is not there.
+    """
+    if unknown := values.keys() - set(ENERGY):
+        raise ValueError(f"{', '.join(unknown)}: not in ENERGY of wavetank/output/columns.py")
+    return np.column_stack([values[name] for name in ENERGY if name in values])
 
 
 def load_columns(walls: Sequence[str], dimensions: int) -> list[str]:

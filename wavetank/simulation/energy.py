@@ -18,6 +18,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from wavetank.arrays import Vector
+from wavetank.output.columns import energy_rows
 from wavetank.run_warning import RunWarning
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.contract import Waves
@@ -84,7 +85,7 @@ class EnergyTotals:
 
 
 class EnergyBudget:
-    """Kinetic, potential and total energy, paddle work, dissipation, balance and mass; see ``energy_columns``.
+    """Kinetic, potential and total energy, paddle work, dissipation, balance and mass; see ``ENERGY``.
 
     Parameters
     ----------
@@ -127,25 +128,23 @@ class EnergyBudget:
         damped, by_sponge = state.damped.advance(t, block.damped)
         by_sinks = zip(self._sinks, block.dissipated.T, strict=False)  # without sinks none is counted
         losses = {SPONGE: by_sponge} | dict(by_sinks)
-        rows = np.empty((9 if has_feedback else 8, len(t)))
-        total, work, dissipated, balance = rows[3:7]
-        rows[0], rows[1], rows[2], rows[7] = t, kinetic, potential, mass
-        total[:] = kinetic + potential
-        work[:] = (put_in if has_feedback else by_power) - (wall - state.wall)
-        dissipated[:] = state.earlier + sum(losses.values())
-        balance[:] = total - state.total - work + dissipated
-        energy = total + dissipated
+        total = kinetic + potential
+        work = (put_in if has_feedback else by_power) - (wall - state.wall)
+        dissipated = state.earlier + np.sum([*losses.values()], axis=0)
+        balance = total - state.total - work + dissipated
+        energy, due = total + dissipated, slice(-first % self._every, None, self._every)
+        values = {"t": t, "kinetic": kinetic, "potential": potential, "total": total, "paddle_work": work}
+        values |= {"dissipated": dissipated, "balance": balance, "mass": mass}
         if has_feedback:
-            rows[8], energy = absorbed, energy + np.fmax(absorbed, 0.0)
+            values["absorbed"], energy = absorbed, energy + np.fmax(absorbed, 0.0)
         jumped = abs(float(balance[0]) - state.balance) if self._renewed else 0.0
-        due = rows[:, -first % self._every :: self._every]
         most, given = _largest_losses(state, t, losses)
         self._renewed = False
         self.state = replace(
             state,
             energy=_most(state.energy, energy),
             off=_most(state.off, np.abs(balance)),
-            lost=_most(state.lost, np.abs(due[7] - state.mass)),
+            lost=_most(state.lost, np.abs(mass[due] - state.mass)),
             dissipated=float(dissipated[-1]),
             balance=float(balance[-1]),
             jumped=state.jumped + jumped,
@@ -154,7 +153,7 @@ class EnergyBudget:
             supplied=supplied,
             damped=damped,
         )
-        self._record.extend(due.T)
+        self._record.extend(energy_rows(values)[due])
 
     def change_numerics(self, before: EnergyTotals, *, renewed: bool) -> None:
         """Continue the totals of a run; with ``renewed`` numerics its surface may have another energy."""
