@@ -44,20 +44,16 @@ def compare(
     if given and given.heights is not None:
         if clock is not None or period is not None:
             raise InputError(f"{reference}: holds wave heights; --clock and --period are for records of gauges.")
-        tables = [_compare_heights(RunDirectory(run), given.heights, data.height_series(given), folder=folder)]
-        lines = list[str]()
+        results: list[Table | str] = [_compare_heights(RunDirectory(run), given, folder)]
     else:
-        if given:
-            first, *published = data.gauge_records(given)
-        else:
-            first, published = RunDirectory(reference).gauges.assign_attrs(source=Path(reference).name), []
-        references = [first.assign_attrs(clock_offset=_clock(clock)) if clock is not None else first, *published]
-        tables, lines = _compare_gauges(_computed(run), references, folder=folder, period=period, start=start)
+        itself = [] if given else [RunDirectory(reference).gauges.assign_attrs(source=Path(reference).name)]
+        records = data.gauge_records(given) if given else itself
+        if clock is not None:
+            records[0] = records[0].assign_attrs(clock_offset=_clock(clock))
+        results = _compare_gauges(_computed(run), records, folder, period=period, start=start)
     terminal = console()
-    for table in tables:
-        terminal.print(table)
-    for line in filter(None, (*lines, *map(data.units_note, (run, reference)))):
-        terminal.print(line, highlight=False)
+    for one in (*results, *filter(None, map(data.units_note, (run, reference)))):
+        terminal.print(one, highlight=False)
     terminal.print(f"wrote {', '.join(str(folder / name) for name in names)}", highlight=False)
 
 
@@ -87,9 +83,9 @@ def _computed(source: str) -> "DataArray":
 
 
 def _compare_gauges(
-    computed: "DataArray", references: "list[DataArray]", *, folder: Path, period: float | None, start: float | None
-) -> tuple[list[Table], list[str]]:
-    """Compare with the first of the references, and draw them all; return tables and lines on the clocks."""
+    computed: "DataArray", references: "list[DataArray]", folder: Path, *, period: float | None, start: float | None
+) -> list[Table | str]:
+    """Compare with the first of the references, and draw them all; return tables, and a line on the clocks."""
     from wavetank.analysis.compare import compare as compare_gauges
     from wavetank.analysis.compare import compare_harmonics, synchronised
     from wavetank.plots import tables
@@ -102,27 +98,27 @@ def _compare_gauges(
     folder.mkdir(parents=True, exist_ok=True)
     tables.write_dataset(folder / "compare.csv", compared)
     frame = compared.to_dataframe().reset_index()
-    result = [tables.terminal_table(frame, columns) for columns in (tables.COMPARISON, tables.EXTREMES)]
+    result: list[Table | str] = [tables.terminal_table(frame, one) for one in (tables.COMPARISON, tables.EXTREMES)]
     if harmonic is not None:
         names = [column.name for column in tables.HARMONICS]
         tables.write_dataset(folder / "compare-harmonics.csv", harmonic, names)
         harmonics_figure(folder / "compare-harmonics.png", harmonic)
         result.append(tables.terminal_table(harmonic.to_dataframe().reset_index(), tables.HARMONICS))
     gauges_figure(measured, computed, [one for one, _ in rest], folder / "compare.png")
-    added = f"clock: {offset:+.4g} s added to the reference's times; shifts and arrivals are relative to it"
-    return result, [added] if offset else []
+    if offset:
+        result.append(f"clock: {offset:+.4g} s added to the reference's times; shifts and arrivals are relative to it")
+    return result
 
 
-def _compare_heights(
-    run: RunDirectory, reference: "data.WaveHeights", measured: "list[data.HeightSeries]", *, folder: Path
-) -> Table:
+def _compare_heights(run: RunDirectory, reference: data.Dataset, folder: Path) -> Table:
     """Compare wave heights along sections, and draw them; return the table."""
     from wavetank.analysis.compare import compare_heights, computed_heights
     from wavetank.plots.compare_figures import bathymetry, sections_figure
     from wavetank.plots.tables import HEIGHTS, data_frame, terminal_table, write_frame
 
-    gauges, incident = run.gauges, reference.incident_height
-    computed = computed_heights(gauges, reference)
+    assert reference.heights is not None
+    gauges, incident, measured = run.gauges, reference.heights.incident_height, data.height_series(reference)
+    computed = computed_heights(gauges, reference.heights)
     rows = compare_heights(computed, measured, incident=incident)
     folder.mkdir(parents=True, exist_ok=True)
     frame = data_frame({name: [row[name] for row in rows] for name in rows[0]})
