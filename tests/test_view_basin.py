@@ -81,12 +81,8 @@ def record(
 
     And a sponge of damping(x, y) [1/s].
     """
-    layout = {"type": "rectangle", "length": LENGTH, "width": WIDTH}
-    scene = {
-        "title": "A basin",
-        "tank": {"type": "basin", "depth": DEPTH, "layout": layout},
-        "wall": {"motion": motion},
-    }
+    tank = {"type": "basin", "depth": DEPTH, "layout": {"type": "rectangle", "length": LENGTH, "width": WIDTH}}
+    scene = {"title": "A basin", "tank": tank, "wall": {"motion": motion}}
     places, pieces = mesh(kept, triangles)
     with RunWriter(path, {"scene": scene}) as writer:
         gauges = writer.gauges([("mast", 3.0, 1.0)])
