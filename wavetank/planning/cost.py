@@ -67,8 +67,7 @@ def step_costs(name: str) -> StepCosts:
     return costs
 
 
-# factors of paddles over a piston: flaps hinged at the bed or below it; other shapes, of one or both walls
-PADDLE_FACTORS = {"leaning": 1.3, "bent": 1.5, "both bent": 2.1}
+LEANING, BENT, BOTH_BENT = 1.3, 1.5, 2.1  # cost of flaps hinged at the bed or below, and of other shapes, over pistons
 ROW = 2.5e-3, 5e-8  # s, and s an entry of a slice's operator
 ROW_OF_STEP = 0.55  # of a basin's step
 BELOW = 0.4  # of the memory of a run
@@ -124,18 +123,13 @@ class Cost(NamedTuple):
     records: str = ""
 
 
-def kind_of(scene: Case, physics: Physics) -> str:
-    """Return the kind of waves by the cost of a step: "linear", "nonlinear", "driven" or a key of ``PADDLE_FACTORS``.
-
-    A second paddle costs nothing unless both are bent.
-    """
-    kinds = list[str]()
+def paddle_factor(scene: Case) -> float:
+    """Return the cost of a step with the scene's paddles over that with a piston; a second one counts if both bend."""
+    factors = [1.0]
     for wall in (end.wall for end in scene.paddles):
-        upright = "bent" if isinstance(wall, ShapedWall) else "driven"
-        kinds.append("leaning" if isinstance(wall, HingedWall) and wall.hinge <= 0.0 else upright)
-    if physics == "linear" or not kinds:
-        return physics
-    return "both bent" if kinds == ["bent", "bent"] else max(kinds, key=lambda kind: PADDLE_FACTORS.get(kind, 1.0))
+        if isinstance(wall, ShapedWall):
+            factors.append(LEANING if isinstance(wall, HingedWall) and wall.hinge <= 0.0 else BENT)
+    return BOTH_BENT if factors.count(BENT) == 2 else max(factors)
 
 
 def entries_of(order: int, cells: int, vertical_order: int) -> int:
@@ -173,12 +167,11 @@ def features(order: int, cells: int, vertical_order: int, dt_omega_max: float) -
 
 
 def step_cost(kind: str, settings: Settings, dt_omega_max: float, *, steepness: float = FITTED) -> float:
-    """Return the CPU seconds of a step in waves of a steepness k times the crest's height."""
-    fitted = "driven" if kind in PADDLE_FACTORS else kind
+    """Return the CPU seconds of a step in waves of a kind and of a steepness k times the crest's height."""
     steeper = 1.0 if kind == "linear" else 1.0 + STEEPER * (steepness**2 - FITTED**2)
     sizes = features(settings.order, settings.cells, settings.vertical_order, dt_omega_max)
-    constants = np.array(CONSTANTS[f"{fitted} {settings.integrator}"])
-    return PADDLE_FACTORS.get(kind, 1.0) * steeper * float(sizes @ constants)
+    constants = np.array(CONSTANTS[f"{kind} {settings.integrator}"])
+    return steeper * float(sizes @ constants)
 
 
 def slice_cost(
@@ -192,7 +185,8 @@ def slice_cost(
     absorption = steps * sum(once + of_entry * entries for once, of_entry in absorbers)
     records = output_cost(scene, settings.dt)
     output = records.cpu(row_cost(entries))
-    step = step_cost(kind_of(scene, physics), settings, dt_omega_max, steepness=steepness)
+    kind, factor = ("driven", paddle_factor(scene)) if physics == "nonlinear" and scene.paddles else (physics, 1.0)
+    step = factor * step_cost(kind, settings, dt_omega_max, steepness=steepness)
     cpu = steps * step + output + absorption
     memory = BASE + (1.0 + BELOW * bool(records.rows)) * PER_ENTRY[physics] * entries
     unknowns = (settings.order * settings.cells + 1) * (settings.vertical_order + 2.0)

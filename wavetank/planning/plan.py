@@ -228,9 +228,7 @@ def rule_summary(requested: Case) -> str:
 
 def current_parameter(required: Requirements, mesh: Mesh) -> float:
     """Return u² k_grid / g under the highest crest; 0 for linear waves, which have no current."""
-    if required.physics == "linear":
-        return 0.0
-    return required.velocity**2 * mesh.largest_wave_number / mesh.gravity
+    return required.form.velocity**2 * mesh.largest_wave_number / mesh.gravity
 
 
 def _numbers_of_cells(required: Requirements) -> list[int]:
@@ -244,8 +242,8 @@ def _numbers_of_cells(required: Requirements) -> list[int]:
 
 
 def _cost(required: Requirements, settings: Settings, mesh: Mesh) -> Cost:
-    dt_omega_max = settings.dt * mesh.largest_frequency
-    return slice_cost(required.scene, settings, required.physics, dt_omega_max=dt_omega_max, steepness=required.highest)
+    product, steepness = settings.dt * mesh.largest_frequency, required.k * required.form.crest
+    return slice_cost(required.scene, settings, required.physics, dt_omega_max=product, steepness=steepness)
 
 
 def _predicted(errors: ErrorModel, required: Requirements, settings: Settings) -> Plan:
@@ -307,7 +305,7 @@ class _Steps:
         limit = MARGIN * min(stable, ANSWERED if required.scene.absorbing else np.inf)
         if required.physics == "linear":
             return limit / mesh.largest_frequency
-        shifted = mesh.largest_frequency + required.velocity * mesh.largest_wave_number
+        shifted = mesh.largest_frequency + required.form.velocity * mesh.largest_wave_number
         solvable = min(float(self._integrator.solvable), FARTHEST * stable / self._shift)
         return min(limit / shifted, solvable / mesh.largest_frequency)
 

@@ -83,7 +83,7 @@ class ErrorModel:
 
     def __init__(self, required: Requirements):
         self._required, self._tank = required, required.scene.tank
-        ratios, waves = required.harmonics, required.waves
+        ratios, waves = required.form.harmonics, required.waves
         m = np.arange(1, ratios.size + 1)
         self._weights = m * ratios**2 / np.sum(m * ratios**2)
         self._slope = float(np.sqrt(m**2 @ ratios**2 / np.sum(ratios**2)))
@@ -108,11 +108,11 @@ class ErrorModel:
 
         Bound harmonics are forced, not free: of them the cells miss what the products have, not a mix of branches.
         """
-        required, ratios = self._required, self._required.harmonics
+        required, ratios = self._required, self._required.form.harmonics
         mu, profile = cells.waves(self._k)
         missing = np.sqrt(cells.truncation_error(self._k[:, 1:]) ** 2 @ ratios[1:] ** 2)
         steep = required.waves.omega * np.minimum(required.waves.age, required.steep_time)
-        return mu, np.hypot(profile[:, 0], PRODUCTS * np.sqrt(required.steepness * steep) * missing)
+        return mu, np.hypot(profile[:, 0], PRODUCTS * np.sqrt(required.k * required.crest * steep) * missing)
 
     def _of_space(self, mesh: Mesh) -> Vector:
         mu, bounded = self._waves_on(mesh.cells)
@@ -122,7 +122,7 @@ class ErrorModel:
         x = self._omega * dt
         frequency, shape = step_errors(INTEGRATORS[integrator](), x)
         absorbing = self._absorbing * x[:, 0] ** ABSORPTION_POWER
-        bounded = np.hypot(np.sqrt(shape**2 @ self._required.harmonics**2), absorbing)
+        bounded = np.hypot(np.sqrt(shape**2 @ self._required.form.harmonics**2), absorbing)
         return np.array([self._phase(frequency), bounded])
 
     def total(self, mesh: Mesh, time: Vector | float = 0.0) -> float:

@@ -76,16 +76,12 @@ class Requirements:
         The scene, and the largest relative error of the elevation.
     waves
         The components.
-    k
-        Wave number of the mean energy [rad/m].
-    steepness, highest
-        k a of the highest crest, by linear theory or of a wave of permanent form; and of what a standing wave gets to.
+    k, crest
+        Wave number of the mean energy [rad/m], and the highest crest of the components by linear theory [m].
+    form
+        The form of the waves; in linear water the first harmonic without current.
     steep_time
         The time for which the waves are about as high [s].
-    velocity
-        The horizontal velocity in the crest, a omega / tanh(k d) [m/s].
-    harmonics
-        Amplitudes of bound harmonics relative to the first, shape (M,): one where linear waves do.
     run_up
         The highest run-up of a solitary wave at a wall; None where there is none.
     physics
@@ -98,11 +94,9 @@ class Requirements:
     accuracy: float
     waves: WaveComponents
     k: float
-    steepness: float
-    highest: float
+    crest: float
+    form: Form
     steep_time: float
-    velocity: float
-    harmonics: Vector
     run_up: RunUp | None
     physics: Physics
     reasons: tuple[str, ...]
@@ -143,6 +137,8 @@ def requirements(scene: Case, accuracy: float) -> Requirements:
         physics = choice = "linear" if enough else "nonlinear"
     if physics == "nonlinear":
         waves = WaveComponents(*np.hstack([waves, total.free]))
+    else:
+        form = form._replace(harmonics=np.ones(1), velocity=0.0)
     misses = f"a second harmonic of {second:.2g} of the first and {abs(phase):.2g} rad of phase"
     limit = f"{'at most' if enough else 'more than'} the accuracy of {accuracy:g}"
     reasons = [
@@ -159,11 +155,9 @@ def requirements(scene: Case, accuracy: float) -> Requirements:
         accuracy=accuracy,
         waves=waves,
         k=k,
-        steepness=k * total.crest,
-        highest=k * form.crest,
+        crest=total.crest,
+        form=form,
         steep_time=total.steep_time,
-        velocity=form.velocity,
-        harmonics=form.harmonics if physics == "nonlinear" else np.ones(1),
         run_up=total.run_up,
         physics=physics,
         reasons=tuple(reasons),
