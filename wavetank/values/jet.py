@@ -9,6 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 ONE_OF: dict[Any, Callable[[Any, Any], tuple[Any, Any]]] = {  # function -> slope and curvature, of u and the value f
+    np.positive: lambda u, f: (1.0, 0.0),
+    np.negative: lambda u, f: (-1.0, 0.0),
     np.absolute: lambda u, f: (np.sign(u), 0.0 * u),
     np.sqrt: lambda u, f: (0.5 / f, -0.25 / (f * u)),
     np.exp: lambda u, f: (f, f),
@@ -28,6 +30,38 @@ ONE_OF: dict[Any, Callable[[Any, Any], tuple[Any, Any]]] = {  # function -> slop
 }
 
 
+def _times(value: Any, factor: Any) -> Any:
+    """Return a product that is zero where the factor is, whatever the value."""
+    return np.where(factor == 0.0, 0.0, value * factor)
+
+
+def _sum(products: Any) -> Any:
+    """Return the sum of products of partial derivatives and rates, without those of constants."""
+    return sum((partial * rate for partial, rate in products if np.any(rate)), start=0.0)
+
+
+TWO_OF: dict[Any, Callable[[Any, Any, Any], tuple[Any, ...]]] = {  # of a, b and f: by a, by b, by aa, by ab, by bb
+    np.add: lambda a, b, f: (1.0, 1.0, 0.0, 0.0, 0.0),
+    np.subtract: lambda a, b, f: (1.0, -1.0, 0.0, 0.0, 0.0),
+    np.multiply: lambda a, b, f: (b, a, 0.0, 1.0, 0.0),
+    np.divide: lambda a, b, f: (1.0 / b, -f / b, 0.0, -1.0 / b**2, 2.0 * f / b**2),
+    np.power: lambda a, b, f: (
+        _times(a ** (b - 1.0), b),
+        f * np.log(a),
+        _times(a ** (b - 2.0), b * (b - 1.0)),
+        a ** (b - 1.0) * (1.0 + b * np.log(a)),
+        f * np.log(a) ** 2,
+    ),
+    np.hypot: lambda a, b, f: (a / f, b / f, b**2 / f**3, -a * b / f**3, a**2 / f**3),
+    np.arctan2: lambda a, b, f: tuple(
+        part / (a**2 + b**2) ** n
+        for part, n in ((b, 1), (-a, 1), (-2.0 * a * b, 2), (a**2 - b**2, 2), (2.0 * a * b, 2))
+    ),
+    np.minimum: lambda a, b, f: (1.0 * (a <= b), 1.0 * (a > b), 0.0, 0.0, 0.0),
+    np.maximum: lambda a, b, f: (1.0 * (a >= b), 1.0 * (a < b), 0.0, 0.0, 0.0),
+}
+
+
 class Jet(NamedTuple):
     """A value f with f' and f'', arrays of one shape."""
 
@@ -36,15 +70,26 @@ class Jet(NamedTuple):
     curvature: Any
 
     def __array_ufunc__(self, function: Any, method: str, *arguments: Any, **more: Any) -> Any:
+        jets = [_jet(one) for one in arguments]
+        f = function(*(one.f for one in jets))
         if function in ONE_OF:
-            return _of(function, arguments[0])
-        parts = [_jet(one) for one in arguments]
-        return TWO_OF[function](*parts) if function in TWO_OF else function(*(one.f for one in parts))
+            (u,) = jets
+            first, second = ONE_OF[function](u.f, f)
+            return Jet(f, first * u.slope, second * u.slope**2 + first * u.curvature)
+        if function not in TWO_OF:
+            return f
+        a, b = jets
+        by_a, by_b, by_aa, by_ab, by_bb = TWO_OF[function](a.f, b.f, f)
+        first = (by_a, a.slope), (by_b, b.slope)
+        second = (by_aa, a.slope**2), (2.0 * by_ab, a.slope * b.slope), (by_bb, b.slope**2)
+        second = *second, (by_a, a.curvature), (by_b, b.curvature)
+        return Jet(f, _sum(first), _sum(second))
 
     def __array_function__(self, function: Any, types: Any, arguments: Any, more: Any) -> Any:
         if function is np.where:
             condition, chosen, other = arguments
-            return _chosen(condition, _jet(chosen), _jet(other))
+            pairs = zip(_jet(chosen), _jet(other), strict=True)
+            return Jet(*(np.where(condition, *pair) for pair in pairs))
         if function is np.clip:
             return np.minimum(np.maximum(*arguments[:2]), arguments[2])
         return NotImplemented
@@ -52,65 +97,3 @@ class Jet(NamedTuple):
 
 def _jet(value: Any) -> Jet:
     return value if isinstance(value, Jet) else Jet(value, 0.0, 0.0)
-
-
-def _of(function: Any, a: Jet) -> Jet:
-    """Return a function of one value."""
-    f = function(a.f)
-    first, second = ONE_OF[function](a.f, f)
-    return Jet(f, first * a.slope, second * a.slope**2 + first * a.curvature)
-
-
-def _chosen(condition: Any, a: Jet, b: Jet) -> Jet:
-    return Jet(*(np.where(condition, *pair) for pair in zip(a, b, strict=True)))
-
-
-def _product(a: Jet, b: Jet) -> Jet:
-    curvature = a.curvature * b.f + 2.0 * a.slope * b.slope + a.f * b.curvature
-    return Jet(a.f * b.f, a.slope * b.f + a.f * b.slope, curvature)
-
-
-def _quotient(a: Jet, b: Jet) -> Jet:
-    f = a.f / b.f
-    slope = (a.slope - f * b.slope) / b.f
-    return Jet(f, slope, (a.curvature - 2.0 * slope * b.slope - f * b.curvature) / b.f)
-
-
-def _power(a: Jet, b: Jet) -> Jet:
-    """Return a**b; of a constant b also where a is not positive."""
-    if not (np.any(b.slope) or np.any(b.curvature)):
-        n = np.asarray(b.f)
-        first = np.where(n == 0.0, 0.0, n * np.power(a.f, np.where(n == 0.0, 1.0, n - 1.0)))
-        second = np.where(n * (n - 1.0) == 0.0, 0.0, n * (n - 1.0) * np.power(a.f, np.where(n == 1.0, 1.0, n - 2.0)))
-        return Jet(np.power(a.f, n), first * a.slope, second * a.slope**2 + first * a.curvature)
-    return _of(np.exp, _product(b, _of(np.log, a)))
-
-
-def _angle(a: Jet, b: Jet) -> Jet:
-    square, turning = a.f**2 + b.f**2, b.f * a.slope - a.f * b.slope
-    changing = b.f * a.curvature - a.f * b.curvature
-    second = changing / square - 2.0 * turning * (a.f * a.slope + b.f * b.slope) / square**2
-    return Jet(np.arctan2(a.f, b.f), turning / square, second)
-
-
-def _sum(a: Jet, b: Jet, sign: float = 1.0) -> Jet:
-    return Jet(*(one + sign * other for one, other in zip(a, b, strict=True)))
-
-
-def _hypot(a: Jet, b: Jet) -> Jet:
-    return _of(np.sqrt, _sum(_product(a, a), _product(b, b)))
-
-
-TWO_OF: dict[Any, Callable[..., Jet]] = {
-    np.positive: lambda a: a,
-    np.negative: lambda a: Jet(-a.f, -a.slope, -a.curvature),
-    np.add: _sum,
-    np.subtract: lambda a, b: _sum(a, b, -1.0),
-    np.multiply: _product,
-    np.divide: _quotient,
-    np.power: _power,
-    np.hypot: _hypot,
-    np.arctan2: _angle,
-    np.minimum: lambda a, b: _chosen(a.f <= b.f, a, b),
-    np.maximum: lambda a, b: _chosen(a.f >= b.f, a, b),
-}
