@@ -23,7 +23,8 @@ def cases_at_hand() -> Iterator[tuple[Path, str]]:
             title = None if path.resolve() in listed else _title(path)
             if title is not None:
                 listed.add(path.resolve())
-                yield _relative(path), title
+                path, here = path.resolve(), Path.cwd()
+                yield path.relative_to(here) if path.is_relative_to(here) else path, title
 
 
 def _title(path: Path) -> str | None:
@@ -33,12 +34,6 @@ def _title(path: Path) -> str | None:
     except (OSError, ValueError, RecursionError):
         return None
     return str(content.get("title", "")) if content.keys() >= NEEDED else None
-
-
-def _relative(path: Path) -> Path:
-    """Return a path as it is typed from the present folder."""
-    here, path = Path.cwd(), path.resolve()
-    return path.relative_to(here) if path.is_relative_to(here) else path
 
 
 # ---------------------------------------------------------------- new cases
@@ -67,10 +62,7 @@ def write_case(name: str, kind: str) -> Path:
     with write_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("x", encoding="utf-8") as file:
-            file.write(f"#:schema {_schema(path.resolve().parent)}\n{text}")
+            folder = path.resolve().parent
+            schema = os.path.relpath(SCHEMA, folder) if folder.is_relative_to(CHECKOUT) else SCHEMA
+            file.write(f"#:schema {schema}\n{text}")
     return path
-
-
-def _schema(folder: Path) -> str:
-    """Return how a case in a folder names the schema: within a checkout by the way from there."""
-    return os.path.relpath(SCHEMA, folder) if folder.is_relative_to(CHECKOUT) else str(SCHEMA)

@@ -5,7 +5,6 @@ from collections import Counter
 from math import inf, isfinite
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
-from urllib.parse import quote
 
 from pydantic import BeforeValidator, Field, Strict, ValidationError, model_validator
 from pydantic_core import ErrorDetails
@@ -59,11 +58,6 @@ class DataFile(CaseModel):
     sha256: str = Field(pattern="^[0-9a-f]{64}$", description="its checksum")
     source: str = Field(default="", description="its name at the source, if that differs")
     every: int = Field(default=1, ge=1, description="which rows of the source it keeps: 20 for each twentieth")
-
-    @property
-    def address(self) -> str:
-        """Its path below the source's address, quoted for a URL."""
-        return quote(self.source or self.name)
 
     @property
     def derived(self) -> bool:
@@ -153,11 +147,6 @@ class WaveHeights(CaseModel):
     sections: Annotated[tuple[Section, ...], Strict(False)]
     records: Annotated[tuple[HeightRecords, ...], Strict(False)]
 
-    def lost_sections(self) -> list[str]:
-        """Return the names of sections that have heights and are not described."""
-        described = {section.name for section in self.sections}
-        return [one.section for records in self.records for one in records.columns if one.section not in described]
-
 
 class Dataset(CaseModel):
     """A data set; its first records are the reference of comparisons."""
@@ -188,8 +177,11 @@ class Dataset(CaseModel):
             ):
                 if received not in allowed:
                     raise ValueError(f"records.{n}.{key}: {received} received; there are {number} gauges")
-        if self.heights and (lost := self.heights.lost_sections()):
-            raise ValueError(f"heights: section {lost[0]!r} has heights, and is not one of the sections")
+        if self.heights is not None:
+            described = {section.name for section in self.heights.sections}
+            for section in (one.section for records in self.heights.records for one in records.columns):
+                if section not in described:
+                    raise ValueError(f"heights: section {section!r} has heights, and is not one of the sections")
         return self
 
     def parts(self) -> list[str]:

@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
+from urllib.parse import quote
 
 from wavetank.cache import writable
 from wavetank.data.description import DataFile, Dataset
@@ -41,10 +42,10 @@ def _download(file: DataFile, urls: tuple[str, ...], folder: Path) -> None:
     import pooch  # loads long
 
     failures = []
-    for url in urls:
+    for address in (url + quote(file.source or file.name) for url in urls):
         try:
             pooch.retrieve(
-                url + file.address,
+                address,
                 known_hash=None if file.derived else file.sha256,
                 fname=Path(file.source).name if file.derived else file.name,
                 path=folder,
@@ -52,7 +53,7 @@ def _download(file: DataFile, urls: tuple[str, ...], folder: Path) -> None:
             )
             return
         except Exception as error:  # the network has many ways to fail; the next address may do
-            failures.append(f"{url + file.address} ({error})")
+            failures.append(f"{address} ({error})")
     raise WavetankError(f"{file.name} could not be downloaded from any of: {'; '.join(failures)}.")
 
 

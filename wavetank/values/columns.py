@@ -101,16 +101,10 @@ def _lines(path: Path) -> list[tuple[int, str]]:
 
 
 def _text(path: Path) -> str:
+    """Return the text of a file, of a compressed one at most ``TEXT`` bytes; raises ``InputError``."""
     try:
-        return _content(path).decode("utf-8-sig")
+        with (gzip.open if path.suffix == ".gz" else open)(regular(path), "rb") as file:
+            return file.read(TEXT).decode("utf-8-sig")
     except (OSError, EOFError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
         raise InputError(f"{path}: cannot be read ({reason}); a text file of columns is needed.") from None
-
-
-def _content(path: Path) -> bytes:
-    """Return the content of a file, of a compressed one at most ``TEXT`` bytes; raises ``OSError``."""
-    if path.suffix != ".gz":
-        return regular(path).read_bytes()
-    with gzip.open(regular(path)) as file:
-        return file.read(TEXT)
