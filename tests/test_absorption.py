@@ -210,7 +210,7 @@ def reflection(wall, *, kd, height, periods, steps, **more):
     run.execute()
     found = reflected(np.mean(rows, axis=0), waves.plane.x[seen], kd, within=0.03)
     end = end_of({"wall": far}, length=length, paddle_periods=[T])
-    return found.coefficient, float(ActiveAbsorption().reflection(np.array([2 * np.pi / T]), end)[0])
+    return found.reflection, float(ActiveAbsorption().reflection(np.array([2 * np.pi / T]), end)[0])
 
 
 def test_what_a_piston_sends_back_is_what_theory_says():

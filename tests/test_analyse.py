@@ -141,8 +141,8 @@ def test_speed_of_regular_waves_is_their_phase_speed(period, way, tmp_path, draw
     for _, apart, late, speed, linear in rows(found):
         assert (speed, linear) == (pytest.approx(way * c, rel=1e-6), pytest.approx(c))
         assert late == pytest.approx(way * apart / c, rel=1e-6)
-    assert "T = 1.6 s" in found.notes and "whole periods the one nearest to linear waves'" in found.notes
-    assert "cannot be told" not in found.notes
+    assert "T = 1.6 s" in found.text and "whole periods the one nearest to linear waves'" in found.text
+    assert "cannot be told" not in found.text
     result_figure(found, tmp_path / "speed.png")
     assert not faults(drawn[0]) and [line.get_xdata().size for line in drawn[0].axes[0].lines] == [1, 1, 200]
 
@@ -160,7 +160,7 @@ def test_gauges_on_either_side_of_a_bar_are_refused_where_one_depth_is_needed():
             results.analysed(kind, replace(over, given_period=1.6))
         for one in (over.eta[:2], over.eta[2:]):
             results.analysed(kind, replace(over, given_period=1.6, eta=one))
-    assert "left out" not in results.analysed("heights", over).notes  # each has its own waves, over that depth
+    assert "left out" not in results.analysed("heights", over).text  # each has its own waves, over that depth
 
 
 def test_ambiguous_number_of_periods_is_noted(tmp_path, drawn):
@@ -169,11 +169,11 @@ def test_ambiguous_number_of_periods_is_noted(tmp_path, drawn):
     The two have speeds, to half of what frequencies are apart, and none of those that they leak into.
     """
     record, c = regular((2.0, 5.0, 5.5), length=48.0)
-    wrong = results.analysed("speed", replace(record, given_depth=0.2)).notes
+    wrong = results.analysed("speed", replace(record, given_depth=0.2)).text
     assert "whole periods cannot be told between gauges 1-2: they differ by more than a quarter" in wrong
     other = 0.03 * np.cos(2 * np.pi * 0.7 * (record.eta.time - record.eta.x / 2.1))
     said = results.analysed("speed", replace(record, eta=record.eta + other.transpose(*record.eta.dims)))
-    assert "whole periods cannot be told between gauges" in said.notes
+    assert "whole periods cannot be told between gauges" in said.text
     result_figure(said, tmp_path / "speed.png")
     speeds = drawn[0].axes[0].lines[0].get_ydata()
     assert speeds[np.isfinite(speeds)] == pytest.approx([c, 2.1], rel=0.02)
@@ -185,11 +185,11 @@ def test_ambiguous_number_of_periods_is_noted(tmp_path, drawn):
 def test_variance_of_other_periods_is_noted(table, kind):
     """Oracle: of amplitudes 50 and 30 mm, at places where they do not beat with themselves, 9/34 of the variance."""
     regular = read_record(str(table), period=PERIOD, depth=DEPTH)
-    assert "of this period" not in results.analysed(kind, regular).notes
+    assert "of this period" not in results.analysed(kind, regular).text
     k, omega = K, 1.25 * OMEGA  # T holds whole periods of both
     trains = [0.05 * np.cos(k * x - OMEGA * T) + 0.03 * np.cos(k * x + omega * T) for x in X]
     mixed = replace(regular, eta=regular.eta.copy(data=np.array(trains)))
-    assert "; 26 % of the variance is not of this period" in results.analysed(kind, mixed).notes
+    assert "; 26 % of the variance is not of this period" in results.analysed(kind, mixed).text
 
 
 @pytest.mark.parametrize("kind", ["reflection", "harmonics", "speed"])
@@ -197,15 +197,15 @@ def test_start_is_advised_for_a_record_that_begins_before_its_waves(table, kind)
     """Oracle: waves that are of their height from 20 s on, and a group, whose beginning is its own."""
     regular = read_record(str(table), period=PERIOD, depth=DEPTH)
     told = r"; its waves begin in this record: --start (\S+) leaves that out"
-    assert not re.search(told, results.analysed(kind, regular).notes)
+    assert not re.search(told, results.analysed(kind, regular).text)
     grown = np.clip((regular.eta.time - 12.0) / 8.0, 0.0, 1.0)
     begun = scaled(regular, grown)
-    start = float(re.search(told, results.analysed(kind, begun).notes)[1])
+    start = float(re.search(told, results.analysed(kind, begun).text)[1])
     assert 17.0 < start < 20.0
     later = replace(begun, eta=between(begun.eta, start))
-    assert not re.search(told, results.analysed(kind, later).notes)
+    assert not re.search(told, results.analysed(kind, later).text)
     group = scaled(regular, np.exp(-(((regular.eta.time - 30.0) / 8.0) ** 2)))
-    assert not re.search(told, results.analysed(kind, group).notes)
+    assert not re.search(told, results.analysed(kind, group).text)
 
 
 @pytest.mark.parametrize("gauges", [2, 5])
@@ -213,8 +213,8 @@ def test_harmonics_of_a_record_that_is_not_whole_periods_do_not_count_as_reflect
     """Oracle: the waves it was made of, a fifth of them reflected; of first harmonics alone 20.7 and 20.5 %."""
     record = read_record(str(table), period=PERIOD, depth=DEPTH, end=2.4 * PERIOD)
     found = results.analysed("reflection", replace(record, eta=record.eta[:gauges]))
-    assert rows(found)[0][-1] == pytest.approx(0.2, rel=1e-4) and "the reflection is" not in found.notes
-    assert found.notes.startswith("condition" if gauges == 2 else "rest ")  # two gauges leave none
+    assert rows(found)[0][-1] == pytest.approx(0.2, rel=1e-4) and "the reflection is" not in found.text
+    assert found.text.startswith("condition" if gauges == 2 else "rest ")  # two gauges leave none
 
 
 def test_uncertain_reflection_is_noted(table):
@@ -229,7 +229,7 @@ def test_uncertain_reflection_is_noted(table):
         back = 0.05 * (reflected + late * (T > 30.0)) * np.cos(K * x + OMEGA * T)
         more = other * np.cos(1.3 * K * x - OMEGA * T) + second * np.cos(2 * K * x - 2 * OMEGA * T)
         eta = 0.05 * np.cos(K * x - OMEGA * T) + back + more
-        return results.analysed("reflection", replace(record, eta=record.eta[:gauges].copy(data=eta))).notes
+        return results.analysed("reflection", replace(record, eta=record.eta[:gauges].copy(data=eta))).text
 
     for gauges in (2, 5):
         assert "not steady, 1 % in the first half of this record, 10 % in the second" in said(
@@ -254,7 +254,7 @@ def test_unsteady_harmonics_and_free_waves_are_noted(table):
     def said(kind, k, n, amplitude, *, part=1.0):
         more = [amplitude * np.cos(k * x - n * OMEGA * T) for x in X]
         record = replace(regular, eta=regular.eta.copy(data=regular.eta.values + np.array(more)))
-        return results.analysed(kind, replace(record, eta=between(record.eta, None, part * T[-1]))).notes
+        return results.analysed(kind, replace(record, eta=between(record.eta, None, part * T[-1]))).text
 
     two = "is not steady, {} m in the first half of this record, {} m in the second: a later --start tells it, or a"
     assert re.search(
@@ -273,15 +273,15 @@ def test_start_is_advised_for_free_waves_that_arrive_later(table):
     told = r"the free second harmonic, which is slower, has come to all gauges by (\S+) s: --start \1 leaves out"
     grown = np.clip((regular.eta.time - 12.0) / 8.0, 0.0, 1.0)
     begun = scaled(regular, grown)
-    start = float(re.search(told, results.analysed("bound-free", begun).notes)[1])
+    start = float(re.search(told, results.analysed("bound-free", begun).text)[1])
     assert 5.0 < late < 6.0 and 17.0 < start - late < 20.0
     for first, early in ((21.0, True), (round(start, 2), False)):  # the first harmonic is there in both
         cut = replace(begun, eta=between(begun.eta, first), before=begun.eta)
-        assert bool(re.search(told, results.analysed("bound-free", cut).notes)) == early
+        assert bool(re.search(told, results.analysed("bound-free", cut).text)) == early
     short = replace(begun, eta=between(begun.eta, 21.0, start), before=begun.eta)
-    assert f"by {start:.4g} s: the record is too short for it" in results.analysed("bound-free", short).notes
-    assert "free second harmonic" not in results.analysed("bound-free", regular).notes
-    of_a_bar = results.analysed("bound-free", replace(begun, from_wavemaker=False)).notes
+    assert f"by {start:.4g} s: the record is too short for it" in results.analysed("bound-free", short).text
+    assert "free second harmonic" not in results.analysed("bound-free", regular).text
+    of_a_bar = results.analysed("bound-free", replace(begun, from_wavemaker=False)).text
     assert start - float(re.search(told, of_a_bar)[1]) == pytest.approx(late * X[0] / X[-1], abs=0.01)
 
 
@@ -291,19 +291,19 @@ def test_gauges_a_beat_apart_are_noted_and_those_of_a_new_slice_are_not(tmp_path
     period, t = scene.wall.motion.period, np.arange(0.0, 14.0, 0.05)
     for x, badly in (((2.0, 4.0, 6.0), True), ([one.x for one in scene.gauges], False)):
         eta = common_clock(gauge(str(at), at, t, np.cos(2 * np.pi * t / period - at)) for at in x)
-        said = results.analysed("bound-free", WaveRecord(eta, "made", period, scene.tank.depth)).notes
+        said = results.analysed("bound-free", WaveRecord(eta, "made", period, scene.tank.depth)).text
         assert ("gauges stand badly" in said) == badly and ("condition 6.47: " in said) == badly
 
 
 def test_record_of_one_window_is_noted(table):
     """Of 64 mean periods there are several."""
     record = read_record(str(table), depth=DEPTH)
-    assert "one window" in results.analysed("reflection", record).notes
+    assert "one window" in results.analysed("reflection", record).text
     parts = [record.eta.assign_coords(time=T + n * 60.0) for n in range(3)]  # of whole periods
     longer = concat(parts, "time")
-    assert "window" not in results.analysed("reflection", replace(record, eta=longer)).notes
+    assert "window" not in results.analysed("reflection", replace(record, eta=longer)).text
     group = scaled(record, np.exp(-(((record.eta.time - 30.0) / 8.0) ** 2)))  # low at either end: in no window
-    assert "window" not in results.analysed("reflection", group).notes
+    assert "window" not in results.analysed("reflection", group).text
 
 
 @pytest.mark.parametrize(

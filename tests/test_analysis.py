@@ -289,8 +289,8 @@ def test_regular_waves_and_their_reflection_are_separated(number, incident, rati
 
     component = harmonics(recorded(eta, GAUGES[number], T[:300]), f, number=1).component[:, 0]
     found = regular_reflection(component, f, depth=DEPTH)
-    assert abs(found.incident) == pytest.approx(incident, rel=1e-6)
-    assert found.coefficient == pytest.approx(ratio, abs=1e-8)
+    assert abs(found.amplitudes[0]) == pytest.approx(incident, rel=1e-6)
+    assert found.reflection == pytest.approx(ratio, abs=1e-8)
     assert found.rest < 1e-9
 
 
@@ -298,7 +298,9 @@ def test_wave_number_of_waves_longer_than_linear_ones_is_fitted():
     x = np.linspace(0, 10, 12)
     k = float(k_of(0.7))
     found = reflected(np.exp(0.97j * k * x) + 0.05 * np.exp(-0.97j * k * x), x, k, within=0.05)
-    assert found.k == pytest.approx(0.97 * k, rel=1e-6) and found.coefficient == pytest.approx(0.05, abs=1e-6)
+    assert found.wave_numbers[0] == pytest.approx(0.97 * k, rel=1e-6) and found.reflection == pytest.approx(
+        0.05, abs=1e-6
+    )
     assert reflected(np.exp(0.97j * k * x), x, k).rest > 0.1  # by the other wave number it is not told
 
 
@@ -440,7 +442,7 @@ def test_waves_of_the_far_wall_propagate_against_x(tmp_path):
     assert found.columns["amplitude [m]"][0] == pytest.approx(0.05, rel=1e-3) and usual.columns["amplitude [m]"][
         0
     ] != pytest.approx(0.05, rel=0.1)
-    assert "x is that from the far wall" in found.notes and "far wall" not in usual.notes
+    assert "x is that from the far wall" in found.text and "far wall" not in usual.text
 
 
 # ---------------------------------------------------------------- similarity and speed

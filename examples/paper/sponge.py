@@ -97,7 +97,7 @@ class Beach:
         """Return reflected over incident amplitude of values at the degrees of freedom, of frequency omega."""
         k = float(wave_number(omega, 1.0, 9.81))
         seen = (self.plane.x > QUIET) & (self.plane.x < self.start - 0.2)
-        return reflected(values[seen], self.plane.x[seen], k, within=0.03).coefficient
+        return reflected(values[seen], self.plane.x[seen], k, within=0.03).reflection
 
 
 class Operators:

@@ -30,6 +30,8 @@ class WaveFit(NamedTuple):
 
     Attributes
     ----------
+    wave_numbers
+        k_j [rad/m], shape (waves,).
     amplitudes
         a_j, shape (waves,), as those of A.
     rest
@@ -38,18 +40,25 @@ class WaveFit(NamedTuple):
         Amplification of an error of A in the amplitudes: the condition number of the least squares.
     """
 
+    wave_numbers: Array
     amplitudes: Complex
     rest: float
     condition: float
 
+    @property
+    def reflection(self) -> float:
+        """Second over first amplitude: reflected over incident."""
+        incident, back = np.abs(self.amplitudes)
+        return float(back / max(incident, np.finfo(float).tiny))
+
 
 def fit_waves(components: ArrayLike, x: ArrayLike, wave_numbers: ArrayLike) -> WaveFit:
     """Return the waves of some wave numbers [rad/m] in components A of shape (gauges,) at x [m] of that shape."""
-    A = np.asarray(components, dtype=complex)
-    waves = np.exp(1j * np.outer(np.asarray(x, float), np.asarray(wave_numbers, float)))
+    A, k = np.asarray(components, dtype=complex), np.asarray(wave_numbers, dtype=float)
+    waves = np.exp(1j * np.outer(np.asarray(x, float), k))
     amplitudes = np.linalg.lstsq(waves, A, rcond=None)[0]
     rest = np.sqrt(np.mean(np.abs(A - waves @ amplitudes) ** 2))
-    return WaveFit(amplitudes, float(rest), float(np.linalg.cond(waves)))
+    return WaveFit(k, amplitudes, float(rest), float(np.linalg.cond(waves)))
 
 
 # ---------------------------------------------------------------- bound and free second harmonics
@@ -85,45 +94,25 @@ STEADY = 0.7, 1.4  # Hm0 in Hann windows over that of a record: 0.74 to 1.26 of 
 MIN_PERIODS = 10  # peak periods of a piece of a sea: of less the coefficient differs by a factor of two
 
 
-class Reflection(NamedTuple):
-    """Complex amplitudes at x = 0 of incident and reflected wave, their wave number k [rad/m], and the residual.
-
-    ``condition`` is the amplification of an error at the gauges in the amplitudes, at most 6 of well-placed gauges.
-    """
-
-    incident: complex
-    reflected: complex
-    k: float
-    rest: float
-    condition: float
-
-    @property
-    def coefficient(self) -> float:
-        """Reflected over incident amplitude."""
-        return abs(self.reflected) / max(abs(self.incident), np.finfo(float).tiny)
-
-
-def reflected(components: ArrayLike, x: ArrayLike, k: float, *, within: float = 0.0) -> Reflection:
-    """Return the waves of one frequency in complex amplitudes at gauges, shape (gauges,), at x [m] of that shape.
+def reflected(components: ArrayLike, x: ArrayLike, k: float, *, within: float = 0.0) -> WaveFit:
+    """Return incident and reflected wave of one frequency in complex amplitudes at x [m], both of shape (gauges,).
 
     The wave number is k [rad/m], or the one of least residual ``within`` this part of it: steep waves are longer. This
     nonlinear least squares needs three gauges.
     """
-
-    def at(k: float) -> Reflection:
-        (incident, back), rest, condition = fit_waves(components, x, [k, -k])
-        return Reflection(complex(incident), complex(back), k, rest, condition)
-
-    if not within:
-        return at(k)
-    bounds = ((1 - within) * k, (1 + within) * k)
-    best = minimize_scalar(lambda k: at(k).rest, bounds=bounds, method="bounded", options={"xatol": 1e-9 * k})
-    return at(float(best.x))
+    if within:
+        bounds = ((1 - within) * k, (1 + within) * k)
+        options = {"xatol": 1e-9 * k}
+        best = minimize_scalar(
+            lambda k: fit_waves(components, x, [k, -k]).rest, bounds=bounds, method="bounded", options=options
+        )
+        k = float(best.x)
+    return fit_waves(components, x, [k, -k])
 
 
 def regular_reflection(
     component: DataArray, frequency: float, *, depth: float, gravity: float = 9.81, within: float = 0.0
-) -> Reflection:
+) -> WaveFit:
     """Return the incident and reflected wave of a harmonic, as ``harmonics`` returns it, of this frequency [Hz].
 
     The depth is in m; ``within`` as in ``reflected``. Raises ``InputError`` for fewer than two gauges, or three where

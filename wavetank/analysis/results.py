@@ -31,18 +31,19 @@ class Result(NamedTuple):
     """A table, its columns of one length by their names with units, notes below it, and its figure's arguments."""
 
     columns: Mapping[str, ArrayLike]
-    notes: str
+    notes: list[str]
     figure: str
     arguments: dict[str, Any]
+
+    @property
+    def text(self) -> str:
+        """The notes."""
+        return "; ".join(filter(None, self.notes))
 
 
 def _gauges(record: WaveRecord) -> dict[str, ArrayLike]:
     """Return the first columns of a table over gauges."""
     return {"gauge": record.eta.gauge.values.astype(str), "x [m]": record.eta.x}
-
-
-def _notes(*notes: str) -> str:
-    return "; ".join(filter(None, notes))
 
 
 # ---------------------------------------------------------------- seas and groups
@@ -55,7 +56,7 @@ def spectra(record: WaveRecord) -> Result:
     count = S.attrs["segments"]
     segments = f"{count} segments" if count > 1 else "the whole record as one segment"
     text = f"{segments}, {float(S.frequency[1] - S.frequency[0]):.3g} Hz apart"
-    return Result(columns, text, "spectrum", {"S": S, "title": record.title})
+    return Result(columns, [text], "spectrum", {"S": S})
 
 
 def heights(record: WaveRecord) -> Result:
@@ -75,8 +76,8 @@ def heights(record: WaveRecord) -> Result:
         crests(np.ones(1))
     except InputError as error:
         text = f"they are left out; {error}"
-    arguments = {"waves": waves, "states": states, "second": None if text else crests, "title": record.title}
-    return Result(_gauges(record) | columns | {"Hm0 [m]": states.hm0}, text, "heights", arguments)
+    arguments = {"waves": waves, "states": states, "second": None if text else crests}
+    return Result(_gauges(record) | columns | {"Hm0 [m]": states.hm0}, [text], "heights", arguments)
 
 
 def groups(record: WaveRecord) -> Result:
@@ -84,12 +85,9 @@ def groups(record: WaveRecord) -> Result:
     around, factor = signals.envelope(record.eta), signals.groupiness(record.eta)
     largest, mean = around.max("time"), around.mean("time")
     columns = {"largest envelope [m]": largest, "mean envelope [m]": mean, "groupiness [-]": factor}
-    return Result(
-        _gauges(record) | columns,
-        "groupiness: 0 of regular waves, 1 of a linear random sea",
-        "groups",
-        {"eta": record.eta, "envelope": around, "groupiness": factor, "title": record.title},
-    )
+    arguments = {"eta": record.eta, "envelope": around, "groupiness": factor}
+    note = "groupiness: 0 of regular waves, 1 of a linear random sea"
+    return Result(_gauges(record) | columns, [note], "groups", arguments)
 
 
 # ---------------------------------------------------------------- harmonics
@@ -105,14 +103,13 @@ def harmonic(record: WaveRecord) -> Result:
         lambda a: np.maximum(UNSTEADY * a, MINOR * np.linalg.norm(a, axis=1, keepdims=True)),
         [[f"harmonic {n} at gauge {gauge}" for n in numbers] for gauge in record.eta.gauge.values],
     )
-    notes = _notes(_period_note(record), _other_waves_note(record), unsteady)
-    arguments = {"result": result, "title": record.title}
-    return Result(_gauges(record) | columns | {"rest [m]": result.rest}, notes, "harmonics", arguments)
+    notes = [_period_note(record), _other_waves_note(record), unsteady]
+    return Result(_gauges(record) | columns | {"rest [m]": result.rest}, notes, "harmonics", {"result": result})
 
 
 def bound_free(record: WaveRecord) -> Result:
     """The second harmonic along the tank: bound to the first, free, and free in the opposite direction."""
-    f, frequencies = record.frequency, record.frequency * np.array([1, 2])
+    f = record.frequency
     names = ["bound", "free", "free, going back"][: 3 if record.eta.sizes["gauge"] > 3 else 2]
 
     def second(part: WaveRecord) -> tuple[DataArray, reflection.WaveFit]:
@@ -120,19 +117,17 @@ def bound_free(record: WaveRecord) -> Result:
         return component, reflection.bound_and_free(component, f, **record.water, returning=len(names) > 2)
 
     component, result = second(record)
-    k, free = (float(one) for one in wave_number(2 * np.pi * frequencies, record.depth, record.gravity))
-    numbers = [2 * k, free, -free][: len(names)]
     condition, unsteady = f"condition {result.condition:.3g}", ""
     if result.condition > reflection.WORST:
         condition += f": {BADLY}, which should be apart by parts of the beat, not by all of it (--gauges, --along)"
     else:
-        unsteady = _free_waves_note(record, k, free) or _unsteady_note(
+        unsteady = _free_waves_note(record, *result.wave_numbers[:2]) or _unsteady_note(
             record,
             lambda part: np.abs(second(part)[1].amplitudes),
             lambda a: UNSTEADY_SECOND * a.max(keepdims=True),
             [f"the {name} wave" for name in ("bound", "free", "returning free")[: len(names)]],
         )
-    notes = _notes(
+    notes = [
         f"T = {1 / f:.6g} s",
         f"beat {reflection.beat_length(f, **record.water):.4g} m",
         _residual_note(component, result),
@@ -140,17 +135,16 @@ def bound_free(record: WaveRecord) -> Result:
         _other_waves_note(record),
         unsteady,
         record.direction_note,
-    )
+    ]
     kind = f"second harmonic, T = {1 / f:.4g} s"
-    arguments = {"component": component, "wave_numbers": numbers, "names": names, "fit": result, "kind": kind}
     a, phase = np.abs(result.amplitudes), np.angle(result.amplitudes)
     columns: dict[str, ArrayLike] = {
         "wave": names,
-        "k [rad/m]": numbers,
+        "k [rad/m]": result.wave_numbers,
         "amplitude [m]": a,
         "phase at x = 0 [rad]": phase,
     }
-    return Result(columns, notes, "along", arguments | {"title": record.title})
+    return Result(columns, notes, "along", {"component": component, "names": names, "fit": result, "kind": kind})
 
 
 def _unsteady_note(
@@ -184,17 +178,17 @@ def _ends(record: WaveRecord, times: int) -> list[WaveRecord]:
     return [replace(record, eta=record.eta.isel(time=part), given_period=1 / record.frequency) for part in parts]
 
 
-def _free_waves_note(record: WaveRecord, k: float, free: float) -> str:
+def _free_waves_note(record: WaveRecord, bound: float, free: float) -> str:
     """Return a note on the time from which free second harmonics are at all gauges, if the record begins earlier.
 
-    Their wave number is ``free`` [rad/m]. They leave the wall with the first harmonic, of wave number k [rad/m], or, if
-    no wall is known, or a bed may make them, the first gauge at the latest. The beginning is sought before the start of
-    the record, too.
+    Their wave number is ``free`` [rad/m], that of the bound ones ``bound``, twice the first harmonic's. They leave the
+    wall with that, or, if no wall is known, or a bed may make them, the first gauge at the latest. The beginning is
+    sought before the start of the record, too.
     """
     eta, period = record.eta if record.before is None else record.before, 1 / record.frequency
     if (begin := signals.waves_begin(eta, period)) is None:
         return ""
-    first, second = (float(group_velocity(q, record.depth, record.gravity)) for q in (k, free))
+    first, second = (float(group_velocity(q, record.depth, record.gravity)) for q in (bound / 2, free))
     x = record.forward.x.values
     distance = float(x.max() if record.from_wavemaker else np.ptp(x))
     start = begin + distance * (1 / second - 1 / first)
@@ -205,7 +199,7 @@ def _free_waves_note(record: WaveRecord, k: float, free: float) -> str:
     return f"the free second harmonic, which is slower, has come to all gauges by {start:.4g} s: {advice}"
 
 
-def _residual_note(component: DataArray, fit: reflection.WaveFit | reflection.Reflection) -> str:
+def _residual_note(component: DataArray, fit: reflection.WaveFit) -> str:
     """Return the residual of waves fitted to complex amplitudes over gauge, which of two gauges is nothing."""
     return f"rest {fit.rest:.3g} m (rms)" if component.sizes["gauge"] > 2 else ""
 
@@ -255,10 +249,10 @@ def reflection_coefficient(record: WaveRecord) -> float:
     result = _separate(record)
     if result.condition > reflection.WORST:
         raise InputError("the gauges stand where incident and reflected waves cannot be told apart.")
-    return result.coefficient
+    return result.reflection
 
 
-def _separate(record: WaveRecord) -> reflection.Reflection:
+def _separate(record: WaveRecord) -> reflection.WaveFit:
     """Return the incident and reflected wave of the first harmonic."""
     first, within = record.harmonics.component[:, 0], STEEP if record.eta.sizes["gauge"] > 2 else 0.0
     return reflection.regular_reflection(first, record.frequency, **record.water, within=within)
@@ -270,44 +264,43 @@ def _regular_reflection(record: WaveRecord) -> Result:
     uncertainty = _beginning_note(record, 1 / record.frequency)
     if not uncertainty and not badly:
         uncertainty = _uncertainty_note(record, result)
-    notes = _notes(
+    notes = [
         _residual_note(first, result),
         f"condition {result.condition:.3g}{badly}",
         _other_waves_note(record),
         uncertainty,
         record.direction_note,
-    )
-    columns = {
+    ]
+    incident, back = np.abs(result.amplitudes)
+    columns: dict[str, ArrayLike] = {
         "period [s]": [1 / record.frequency],
-        "k [rad/m]": [result.k],
-        "incident [m]": [abs(result.incident)],
-        "reflected [m]": [abs(result.reflected)],
-        "reflection [-]": [result.coefficient],
+        "k [rad/m]": result.wave_numbers[:1],
+        "incident [m]": [incident],
+        "reflected [m]": [back],
+        "reflection [-]": [result.reflection],
     }
-    fit = reflection.WaveFit(np.array([result.incident, result.reflected]), result.rest, result.condition)
-    arguments = {"component": first, "wave_numbers": [result.k, -result.k], "names": ["incident", "reflected"]}
-    arguments |= {"fit": fit, "kind": f"reflection {result.coefficient:.3g}", "title": record.title}
-    return Result(columns, notes, "along", arguments)
+    arguments = {"component": first, "names": ["incident", "reflected"], "fit": result}
+    return Result(columns, notes, "along", arguments | {"kind": f"reflection {result.reflection:.3g}"})
 
 
-def _uncertainty_note(record: WaveRecord, result: reflection.Reflection) -> str:
+def _uncertainty_note(record: WaveRecord, result: reflection.WaveFit) -> str:
     """Return why a reflection of regular waves is uncertain, and what helps; empty if it is not.
 
     It changes, or it is not larger than what linear theory omits of the first harmonic: the residual of three gauges;
     two leave none, and the steepness of the second harmonic is taken for it.
     """
-    doubtful = max(UNSURE * result.coefficient, SLIGHT)
+    doubtful = max(UNSURE * result.reflection, SLIGHT)
     halves = _ends(record, record.eta.time.size // 2)
     if all(np.ptp(half.eta.time.values) * record.frequency > 1 for half in halves):
-        early, late = (_separate(half).coefficient for half in halves)
-        if np.ptp([early, result.coefficient, late]) > doubtful:
+        early, late = (_separate(half).reflection for half in halves)
+        if np.ptp([early, result.reflection, late]) > doubtful:
             return _not_steady("the reflection", *(_percent(part, 2) for part in (early, late)))
     second, number = record.harmonics.component[:, 1:2], record.eta.sizes["gauge"]
     if number > 2:
-        error = result.rest / max(abs(result.incident), np.finfo(float).tiny) * np.sqrt(2 / (2 * number - 5))
+        error = result.rest / max(abs(result.amplitudes[0]), np.finfo(float).tiny) * np.sqrt(2 / (2 * number - 5))
         why = "the gauges leave of the waves: more of them tell it better"
     else:
-        error = result.k * float(np.linalg.norm(second)) / np.sqrt(2)
+        error = result.wave_numbers[0] * float(np.linalg.norm(second)) / np.sqrt(2)
         why = "two gauges cannot tell from free harmonics and steepness: three can"
     if (unsure := error * (result.condition + 1 / result.condition) / 2) <= doubtful:
         return ""
@@ -318,7 +311,7 @@ def _sea_reflection(record: WaveRecord) -> Result:
     result = reflection.reflected_spectra(record.forward, **record.water)
     enough = f"{2 * signals.PERIODS * signals.mean_period(record.eta):.3g} s"
     one = f"the record is one window, whose middle counts most: of {enough} it would be several"
-    notes = _notes(
+    notes = [
         f"{record.eta.sizes['gauge']} gauges",
         f"reflection of frequencies that they resolve, above {100 * reflection.ENERGETIC:g} % of the largest density "
         f"and below {result.attrs['highest_frequency']:.3g} Hz (harmonics above are bound waves)",
@@ -326,14 +319,14 @@ def _sea_reflection(record: WaveRecord) -> Result:
         one if result.attrs["one_window"] else "",
         record.direction_note,
         _beginning_note(record, SEVERAL * signals.mean_period(record.eta)),
-    )
+    ]
     columns = {
         "Hm0 incident [m]": [result.attrs["hm0_incident"]],
         "Hm0 reflected [m]": [result.attrs["hm0_reflected"]],
         "reflection [-]": [result.attrs["coefficient"]],
         "variance told apart [-]": [result.attrs["told_apart"]],
     }
-    return Result(columns, notes, "reflection", {"result": result, "title": record.title})
+    return Result(columns, notes, "reflection", {"result": result})
 
 
 # ---------------------------------------------------------------- speed
@@ -359,20 +352,20 @@ def _regular_wave_speed(record: WaveRecord) -> Result:
     c, pairs = result.speed.values, result.pair.values
     columns = {"gauges": pairs, "distance [m]": result.distance, "delay [s]": result.delay}
     columns |= {"phase speed [m/s]": c, "linear [m/s]": np.full_like(c, linear)}
-    notes = _notes(
+    notes = [
         _period_note(record),
         "of delays that differ by whole periods the one nearest to linear waves' is told",
         _uncertain_note(result, "they differ by more than a quarter of one"),
         _other_waves_note(record),
         _beginning_note(record, 1 / f),
         record.direction_note,
-    )
+    ]
     return Result(columns, notes, "speed", _speed_arguments(record, c[:, None], pairs, np.array([f])))
 
 
 def _speed_arguments(record: WaveRecord, c: Array, pairs: Array, frequencies: Array) -> dict[str, Any]:
     """Return the arguments of the figure of phase speeds [m/s], shape (pairs, frequencies)."""
-    return {"speed": c, "pairs": list(pairs), "frequencies": frequencies, "title": record.title} | record.water
+    return {"speed": c, "pairs": list(pairs), "frequencies": frequencies} | record.water
 
 
 def _sea_speed(record: WaveRecord) -> Result:
@@ -390,12 +383,12 @@ def _sea_speed(record: WaveRecord) -> Result:
     linear = 2 * np.pi * f / wave_number(2 * np.pi * f, record.depth, record.gravity)
     columns = {"gauges": between.pair, "distance [m]": between.distance, "delay [s]": between.delay}
     columns |= {"speed [m/s]": between.speed, "peak [Hz]": f, "phase speed there [m/s]": c, "linear [m/s]": linear}
-    notes = _notes(
+    notes = [
         "delay and speed are those of the largest cross-correlation",
         _uncertain_note(between, "a period earlier or later the records are as alike"),
         f"frequencies are {frequencies[0]:.3g} Hz apart",
         record.direction_note,
-    )
+    ]
     arguments = _speed_arguments(record, result.speed.where(counted).values, result.pair.values, frequencies)
     return Result(columns, notes, "speed", arguments)
 
@@ -410,7 +403,8 @@ def _uncertain_note(result: Dataset, why: str) -> str:
 def analysed(kind: str, record: WaveRecord) -> Result:
     """Return the result of an analysis of one of ``KINDS``; raises ``InputError`` for a gauge without waves, too."""
     signals.waving(record.eta)
-    return KINDS[kind](record)
+    result = KINDS[kind](record)
+    return result._replace(arguments=result.arguments | {"title": record.title})
 
 
 KINDS: dict[str, Callable[[WaveRecord], Result]] = {

@@ -92,8 +92,8 @@ def analyse(
         table = data_frame(result.columns)
         more = f"and {len(table) - MOST} more rows, in the file" if len(table) > MOST else None
         terminal.print(terminal_table(table[:MOST], plain_columns(table, digits=4), caption=more))
-        if result.notes:
-            terminal.print(result.notes, highlight=False)
+        if result.text:
+            terminal.print(result.text, highlight=False)
         replaced = ", in place of what was there (--out: elsewhere)" if files[kind].exists() else ""
         write_frame(files[kind], table)
         picture = result_figure(result, files[kind].with_suffix(".png"))

@@ -108,22 +108,15 @@ def harmonics_figure(result: Dataset, path: Path, *, title: str) -> Path:
 
 
 def along_figure(
-    component: DataArray,
-    wave_numbers: Sequence[float],
-    names: Sequence[str],
-    fit: WaveFit,
-    path: Path,
-    *,
-    kind: str,
-    title: str,
+    component: DataArray, names: Sequence[str], fit: WaveFit, path: Path, *, kind: str, title: str
 ) -> Path:
     """Draw a harmonic's amplitude along x with the waves that are fitted to it; return ``path``.
 
-    ``component`` [m] is over gauge; wave numbers [rad/m] and names are those of ``fit.amplitudes``.
+    ``component`` [m] is over gauge; names are those of the waves of the fit.
     """
     x = np.asarray(component.x.values, dtype=float)
     fine = np.linspace(x.min(), x.max(), 1000)
-    total = np.abs(np.exp(1j * np.outer(fine, wave_numbers)) @ fit.amplitudes)
+    total = np.abs(np.exp(1j * np.outer(fine, fit.wave_numbers)) @ fit.amplitudes)
     with style.panels(path, size=ONE, title=style.titled(title, kind), xlabel="x [m]") as ((axes,),):
         axes.plot(x, style.CM * np.abs(component.values), "o", ms=5, color=style.COMPUTED, label="at the gauges")
         axes.plot(fine, style.CM * total, "-", color=style.COMPUTED, lw=1, label="all waves")
