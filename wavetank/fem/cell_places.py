@@ -67,7 +67,7 @@ class CellPlaces:
         owned = np.arange(mesh.topology.index_map(dim).size_local, dtype=np.int32)
         padding = PADDING + float(self.arches.max(initial=0.0))  # boxes are those of nodes
         self._order, starts = None, self._nodes[:, :, 0].min(axis=1)
-        if mesh.geometry.dim == 1 and len(owned) == len(starts):  # a slice on one rank
+        if mesh.geometry.dim == 1 and 0 < len(owned) == len(starts):  # a slice, all of it on this rank
             self._order = np.argsort(starts).astype(np.int32)
             self._starts = starts[self._order]
         else:

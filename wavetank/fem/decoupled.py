@@ -25,6 +25,7 @@ from wavetank.fem.sparse_rows import SparseRows
 
 Averages = tuple[Vector, ...]  # all that decoupled problems are made of
 
+FEW_ROWS = 3000  # of a basin's matrix, up to which LU is faster than a cycle of BoomerAMG
 LEVELS = 0.5 - 0.5 / sqrt(3), 0.5 + 0.5 / sqrt(3)  # of Gauss: exact for cubics
 
 
@@ -95,7 +96,7 @@ class InterlacedModes(Modes):
         self._ksp.setOperators(self._rows.matrix)
         self._ksp.setType("richardson")
         self._ksp.setNormType(PETSc.KSP.NormType.NONE)
-        _choose_factorisation(self._ksp.getPC(), plane)
+        _choose_factorisation(self._ksp.getPC(), plane, rows=plane.size * eigenvalues.size)
         self._in, self._out = self._rows.matrix.createVecs()
 
     def take(self, averages: Averages) -> None:
@@ -112,12 +113,13 @@ class InterlacedModes(Modes):
         return np.array(self._out.array_r).reshape(right.shape)
 
 
-def _choose_factorisation(pc: PETSc.PC, plane: Plane) -> None:
-    if plane.mesh.topology.dim == 2:
+def _choose_factorisation(pc: PETSc.PC, plane: Plane, *, rows: int) -> None:
+    is_slice, is_alone = plane.mesh.topology.dim == 1, plane.comm.size == 1
+    if not is_slice and not (is_alone and rows <= FEW_ROWS):
         pc.setType("hypre")
         return
     pc.setType("lu")
-    if plane.comm.size > 1:
+    if not is_alone:
         pc.setFactorSolverType("mumps")
-    else:
+    elif is_slice:
         pc.setFactorOrdering("natural")

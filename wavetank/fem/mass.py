@@ -126,7 +126,7 @@ class MassMatrix:
 
     most = 200  # iterations
     sections: tuple[str, ...] = ("mass",)  # of the C code
-    functions: tuple[str, ...] = ("weigh", "multiply")  # that Python calls
+    functions: tuple[str, ...] = ("weigh", "multiply", "solve_by_cells")  # that Python calls
 
     def __init__(
         self, plane: Plane, J: Any, *, unit: Unit | None = None, prefix: str = "mass", functions: Sequence[str] = ()
@@ -164,7 +164,9 @@ class MassMatrix:
         self._cell_weights = np.empty_like(self.weights)
         cells = self._instance.struct("Cells", **{**self._cells.parts, "values": self._cell_factors()})
         of_cells = self._instance.struct("Mass", cells=cells, weights=self._cell_weights)
-        self._multiply_cells = function("multiply", of_cells, n, n)
+        self._multiply_cells, self._diagonal = function("multiply", of_cells, n, n), np.empty(self._halo.owned)
+        work = self._diagonal, n, float, self.most, n, np.empty(4 * self._halo.size)
+        self._solve_by_cells = function("solve_by_cells", self.struct, of_cells, *work)
 
     def _sizes(self, plane: Plane) -> dict[str, object]:
         return {}
@@ -208,7 +210,7 @@ class MassMatrix:
         """Compute what solves need, if it is not there."""
         self._update_if_new()
         if not self._is_ready:
-            self._diagonal = self.diagonal()
+            self._diagonal[:] = self.diagonal()
             means = self.weights.sum(axis=1, keepdims=True) / np.sum(self._cells.parts["weights"])
             self._cell_weights[:] = means  # at all points of a cell
             self._is_ready = True
@@ -230,6 +232,10 @@ class MassMatrix:
         """Return the solution for owned values r, shape (owned,), with an error of ``within`` in its energy norm."""
         self._make_ready()
         result, residual = np.zeros(right.size), np.array(right)
+        if self._comm.size == 1:
+            if self._solve_by_cells(residual, within, result) < 0:
+                raise ConvergenceError(f"the mass matrix: no convergence in {self.most} iterations")
+            return result
         conjugate_gradients(
             self.apply,
             self._precondition,

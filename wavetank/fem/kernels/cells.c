@@ -42,7 +42,7 @@ INLINE void transpose(const piece *rows, piece *columns)
 }
 
 /* X[node][number] of ``width`` numbers, of which these are some. */
-INLINE void gather_among(const Cells *c, long b, int numbers, const REAL *x, int stride, v *X, int width)
+INLINE void gather(const Cells *c, long b, int numbers, const REAL *x, int stride, v *X, int width)
 {
     EACH(i, NODES)
         EACH(l, LANES / ROWS) {
@@ -65,13 +65,8 @@ INLINE void gather_among(const Cells *c, long b, int numbers, const REAL *x, int
         }
 }
 
-INLINE void gather(const Cells *c, long b, int numbers, const REAL *x, int stride, v *X)
-{
-    gather_among(c, b, numbers, x, stride, X, numbers);
-}
-
 /* y += Y[node][number] of ``width`` numbers, of which the first are wanted. */
-INLINE void scatter_among(const Cells *c, long b, int numbers, const v *Y, int width, REAL *y, int stride)
+INLINE void scatter(const Cells *c, long b, int numbers, const v *Y, int width, REAL *y, int stride)
 {
     EACH(i, NODES)
         EACH(l, LANES / ROWS) {
@@ -92,11 +87,6 @@ INLINE void scatter_among(const Cells *c, long b, int numbers, const v *Y, int w
                 EACH(k, ROWS)
                     row[k][j] += ((const REAL *)&Y[i * width + j])[ROWS * l + k];
         }
-}
-
-INLINE void scatter(const Cells *c, long b, int numbers, const v *Y, REAL *y, int stride)
-{
-    scatter_among(c, b, numbers, Y, numbers, y, stride);
 }
 
 INLINE void clear(int size, v *Y)

@@ -72,7 +72,7 @@ SHARED REAL take(const Cells *c, const Layers *layers, const REAL *fields, REAL 
     const Fields what = {layers, (stored *)state, &least};
     EACH(b, c->batches) {
         v X[NODES * FIELDS];
-        gather(c, b, STORED ? FIELDS : 1, fields, FIELDS, X);
+        gather(c, b, STORED ? FIELDS : 1, fields, FIELDS, X, STORED ? FIELDS : 1);
         through(c, b, STORED ? DIM : 0, STORED ? FIELDS : 1, X, 0, X, take_at, &what);
     }
     return least;
@@ -167,12 +167,12 @@ INLINE void product_of(const Cells *c, const Layers *layers, const REAL *state, 
     const int width = given + BESIDE;
     EACH(b, c->batches) {
         v X[NODES * MOST], Y[NODES * NUMBERS];
-        gather_among(c, b, given, x, NUMBERS, X, width);
+        gather(c, b, given, x, NUMBERS, X, width);
         if (!STORED)
-            gather_among(c, b, FIELDS, state, FIELDS, X + given, width);
+            gather(c, b, FIELDS, state, FIELDS, X + given, width);
         clear(NODES * NUMBERS, Y);
         through(c, b, DIM, width, X, NUMBERS, Y, at, &what);
-        scatter(c, b, NUMBERS, Y, y, NUMBERS);
+        scatter(c, b, NUMBERS, Y, NUMBERS, y, NUMBERS);
     }
 }
 
@@ -228,11 +228,11 @@ SHARED void derivative(const Cells *c, const Layers *layers, const REAL *fields,
 {
     EACH(b, c->batches) {
         v X[NODES * MOST], Y[NODES];
-        gather_among(c, b, NUMBERS, x, NUMBERS, X, MOST);
-        gather_among(c, b, FIELDS, fields, FIELDS, X + NUMBERS, MOST);
+        gather(c, b, NUMBERS, x, NUMBERS, X, MOST);
+        gather(c, b, FIELDS, fields, FIELDS, X + NUMBERS, MOST);
         clear(NODES, Y);
         through(c, b, DIM, MOST, X, 1, Y, derive_at, layers);
-        scatter(c, b, 1, Y, y, 1);
+        scatter(c, b, 1, Y, 1, y, 1);
     }
 }
 
@@ -329,10 +329,10 @@ SHARED void by_potential(const Wall *wall, const double *column)
         y[(long)wall->dofs[k] * NUMBERS + NUMBERS - 1] = 0.0;
     EACH(b, c->batches) {
         v X[NODES * FIELDS], Y[NODES];
-        gather(c, b, FIELDS, wall->rows, FIELDS, X);
+        gather(c, b, FIELDS, wall->rows, FIELDS, X, FIELDS);
         clear(NODES, Y);
         through(c, b, 1, FIELDS, X, 1, Y, by_slope_at, &terms);
-        scatter(c, b, 1, Y, y + NUMBERS - 1, NUMBERS);
+        scatter(c, b, 1, Y, 1, y + NUMBERS - 1, NUMBERS);
     }
     at_wall(wall, f);
     y += (long)wall->node * NUMBERS;
@@ -367,11 +367,11 @@ SHARED void by_column(const Wall *wall, const double *column, const double *phi)
         y[wall->dofs[k]] = 0.0;
     EACH(b, c->batches) {
         v X[NODES * (FIELDS + 1)], Y[NODES];
-        gather_among(c, b, FIELDS, wall->rows, FIELDS, X, FIELDS + 1);
-        gather_among(c, b, 1, phi + NUMBERS - 1, NUMBERS, X + FIELDS, FIELDS + 1);
+        gather(c, b, FIELDS, wall->rows, FIELDS, X, FIELDS + 1);
+        gather(c, b, 1, phi + NUMBERS - 1, NUMBERS, X + FIELDS, FIELDS + 1);
         clear(NODES, Y);
         through(c, b, 1, FIELDS + 1, X, 1, Y, by_column_at, &terms);
-        scatter(c, b, 1, Y, y, 1);
+        scatter(c, b, 1, Y, 1, y, 1);
     }
     at_wall(wall, f);
     EACH(z, ENDS) {
@@ -407,8 +407,8 @@ SHARED void power(const Wall *wall, const double *column, const double *phi, con
     take_over(wall, column, mu);
     EACH(b, c->batches) {
         v X[NODES * MOST];
-        gather_among(c, b, NUMBERS, phi, NUMBERS, X, MOST);
-        gather_among(c, b, FIELDS, wall->rows, FIELDS, X + NUMBERS, MOST);
+        gather(c, b, NUMBERS, phi, NUMBERS, X, MOST);
+        gather(c, b, FIELDS, wall->rows, FIELDS, X + NUMBERS, MOST);
         through(c, b, 1, MOST, X, 0, X, power_at, &terms);
     }
     found[0] = found[1] = 0.0;

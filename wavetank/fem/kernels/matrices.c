@@ -28,7 +28,7 @@ SHARED void weigh(const Mass *m)
             m->rows[i * FIELDS + f] = m->fields[f][i];
     EACH(b, m->cells->batches) {
         v X[NODES * FIELDS + 1];
-        gather(m->cells, b, FIELDS, m->rows, FIELDS, X);
+        gather(m->cells, b, FIELDS, m->rows, FIELDS, X, FIELDS);
         through(m->cells, b, DIM, FIELDS, X, 0, X, weigh_at, &what);
     }
 }
@@ -44,10 +44,45 @@ SHARED void multiply(const Mass *m, const double *x, double *y)
     const Cells *c = m->cells;
     EACH(b, c->batches) {
         v X[NODES], Y[NODES];
-        gather(c, b, 1, x, 1, X);
+        gather(c, b, 1, x, 1, X, 1);
         clear(NODES, Y);
         through(c, b, 0, 1, X, 1, Y, multiply_at, m->weights);
-        scatter(c, b, 1, Y, y, 1);
+        scatter(c, b, 1, Y, 1, y, 1);
+    }
+}
+
+/* Solve M x = b by conjugate gradients from x = 0, preconditioned by the product with ``cells`` between divisions by the
+   diagonal, until the residual's energy is ``within``² of the first. Returns the iterations, or -1 without convergence. */
+SHARED int solve_by_cells(const Mass *m, const Mass *cells, const double *restrict diagonal, const double *b, double within,
+                          int most, double *restrict x, double *work)
+{
+    const long n = m->dofs;
+    double *restrict r = work, *restrict z = r + n, *restrict p = z + n, *restrict image = p + n;
+    double energy = 0.0, target = 0.0;
+    memset(x, 0, sizeof(double) * n);
+    memset(p, 0, sizeof(double) * n);
+    memcpy(r, b, sizeof(double) * n);
+    for (int k = 0;; ++k) {
+        const double before = energy;
+        double bend = 0.0;
+        EACH(i, n)
+            image[i] = r[i] / diagonal[i], z[i] = 0.0;
+        multiply(cells, image, z);
+        energy = 0.0;
+        EACH(i, n)
+            z[i] /= diagonal[i], energy += r[i] * z[i];
+        target = k ? target : within * within * energy;
+        if (fabs(energy) <= target)
+            return k;
+        if (k == most || !(energy > 0.0))
+            return -1;
+        EACH(i, n)
+            p[i] = z[i] + (k ? energy / before : 0.0) * p[i], image[i] = 0.0;
+        multiply(m, p, image);
+        EACH(i, n)
+            bend += p[i] * image[i];
+        EACH(i, n)
+            x[i] += energy / bend * p[i], r[i] -= energy / bend * image[i];
     }
 }
 
@@ -73,12 +108,9 @@ GROUPS          number of such vectors */
 
 /* What is computed before the rest: a row depends on its neighbour by one product alone. One system alone subtracts the
    products one after the other, the farthest row first. */
-#ifdef __has_builtin
 #if __has_builtin(__builtin_assoc_barrier)
 #define FIRST __builtin_assoc_barrier
-#endif
-#endif
-#ifndef FIRST
+#else
 #define FIRST
 #endif
 
@@ -201,15 +233,6 @@ INLINE long first_changed(const Mass *m)
     return first;
 }
 
-/* Whether one of some degrees of freedom has that row, or one behind. */
-INLINE int reaches(const Chain *c, long first, const int *dofs, int count)
-{
-    int any = 0;
-    EACH(i, count)
-        any |= c->row[dofs[i]] >= first;
-    return any;
-}
-
 /* Add to the entry of two degrees of freedom, if its row is the first or behind it; a matrix has the lower half alone. */
 INLINE void add_entry(const Chain *c, long first, int dof, int other_dof, double value)
 {
@@ -230,7 +253,10 @@ INLINE void add_mass(const Mass *m, long first)
     const Cells *cells = m->cells;
     EACH(b, cells->batches) {
         const int *dofs = cells->dofs + b * NODES * LANES;
-        if (!reaches(m->factors, first, dofs, NODES * LANES))
+        int any = 0;
+        EACH(i, NODES * LANES)
+            any |= m->factors->row[dofs[i]] >= first;
+        if (!any)
             continue;
         v A[NODES][NODES] = {{{0.0}}};
         EACH(q, POINTS) {
@@ -278,8 +304,6 @@ SHARED void factor(const Mass *m)
     EACH(f, N ? N->facets : 0) {
         const int *at = N->dofs + f * SIDES;
         const double *jumps = N->jumps + f * SIDES;
-        if (!reaches(c, first, at, SIDES))
-            continue;
         EACH(i, SIDES)
             EACH(j, SIDES)
                 add_entry(c, first, at[i], at[j], N->strength * jumps[i] * jumps[j]);

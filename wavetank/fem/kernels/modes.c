@@ -7,18 +7,13 @@ INLINE void average_at(const void *what, const Cells *c, long b, int q, const v 
     const void *const *both = what;
     const Layers *layers = both[0];
     stored *mean = (stored *)both[1] + (b * POINTS + q) * MEANS;
-    v f[OF_FIELDS], sum[MEANS];
+    v f[OF_FIELDS], k[HESSIANS];
     in_space(c, b, q, FIELDS, u, FIELDS, f);
-    clear(MEANS, sum);
     EACH(z, LEVELS) {
-        v k[HESSIANS];
         second(c, layers, b, q, z, f, k);
-        EACH(i, MEANS - 1)
-            sum[i] += k[i];
-        sum[MEANS - 1] += k[HESSIANS - 1];
+        EACH(i, MEANS)
+            mean[i] = (z ? mean[i] : zero) + k[i < MEANS - 1 ? i : HESSIANS - 1];
     }
-    EACH(i, MEANS)
-        mean[i] = sum[i];
 }
 
 /* The second derivatives averaged over the depth, without those that couple u and w: out[batch][point][uu ..., ww][lane]. */
@@ -27,7 +22,7 @@ SHARED void average(const Cells *c, const Layers *layers, const REAL *fields, RE
     const void *what[] = {layers, out};
     EACH(b, c->batches) {
         v X[NODES * FIELDS];
-        gather(c, b, FIELDS, fields, FIELDS, X);
+        gather(c, b, FIELDS, fields, FIELDS, X, FIELDS);
         through(c, b, DIM, FIELDS, X, 0, X, average_at, what);
     }
 }
@@ -73,11 +68,11 @@ SHARED void product_within(const Cells *c, const Layers *layers, const REAL *sta
     const Multiplied what = {layers, state};
     EACH(b, c->batches) {
         v X[NODES * MODES], Y[NODES * NUMBERS];
-        gather(c, b, MODES, x, ROW, X);
+        gather(c, b, MODES, x, ROW, X, MODES);
         clear(NODES * NUMBERS, Y);
         through(c, b, DIM, MODES, X, NUMBERS, Y, within_at, &what);
-        scatter_among(c, b, MODES, Y, NUMBERS, y, ROW);
-        scatter_among(c, b, 1, Y + MODES, NUMBERS, by_surface, 1);
+        scatter(c, b, MODES, Y, NUMBERS, y, ROW);
+        scatter(c, b, 1, Y + MODES, NUMBERS, by_surface, 1);
     }
 }
 
@@ -92,10 +87,10 @@ SHARED void surface_within(const Cells *c, const Layers *layers, const REAL *sta
     const Multiplied what = {layers, state};
     EACH(b, c->batches) {
         v X[NODES * MODES], Y[NODES];
-        gather(c, b, MODES, x, ROW, X);
+        gather(c, b, MODES, x, ROW, X, MODES);
         clear(NODES, Y);
         through(c, b, DIM, MODES, X, 1, Y, surface_at, &what);
-        scatter(c, b, 1, Y, by_surface, 1);
+        scatter(c, b, 1, Y, 1, by_surface, 1);
     }
 }
 
@@ -232,10 +227,10 @@ INLINE void some_modes(int few, const Cells *c, long b, const REAL *averages, co
 {
     const Modes what = {(const stored *)averages, lambda, few};
     v X[NODES * FEW], Y[NODES * FEW];
-    gather(c, b, few, x, stride, X);
+    gather(c, b, few, x, stride, X, few);
     clear(NODES * few, Y);
     through(c, b, DIM, few, X, few, Y, mode_at, &what);
-    scatter(c, b, few, Y, y, stride);
+    scatter(c, b, few, Y, few, y, stride);
 }
 
 /* y += (S_u + lambda_j S_w) x_j, [dof][mode] with ``stride`` numbers of a row, for the first modes j, ``many``. */

@@ -70,10 +70,10 @@ SHARED double move(const Cells *c, double most, const double *axis, const double
     const Moving what = {most, axis, (stored *)velocity, &fastest};
     EACH(b, c->batches) {
         v X[NODES * FIELDS], Y[NODES];
-        gather(c, b, FIELDS, surface, FIELDS, X);
+        gather(c, b, FIELDS, surface, FIELDS, X, FIELDS);
         clear(NODES, Y);
         through(c, b, DIM, FIELDS, X, 1, Y, move_at, &what);
-        scatter(c, b, 1, Y, y, 1);
+        scatter(c, b, 1, Y, 1, y, 1);
     }
     return fastest;
 }
@@ -105,10 +105,10 @@ SHARED void carry(const Cells *c, const double *velocity, int slopes, const doub
     const Carried what = {(const stored *)velocity, slopes};
     EACH(b, c->batches) {
         v X[NODES], Y[NODES];
-        gather(c, b, 1, x, 1, X);
+        gather(c, b, 1, x, 1, X, 1);
         clear(NODES, Y);
         through(c, b, DIM, 1, X, 1, Y, carry_at, &what);
-        scatter(c, b, 1, Y, y, 1);
+        scatter(c, b, 1, Y, 1, y, 1);
     }
 }
 
@@ -149,7 +149,7 @@ SHARED void largest(const Mass *surface, double *found)
             surface->rows[i * FIELDS + f] = surface->fields[f][i];
     EACH(b, c->batches) {
         v X[NODES * FIELDS];
-        gather(c, b, FIELDS, surface->rows, FIELDS, X);
+        gather(c, b, FIELDS, surface->rows, FIELDS, X, FIELDS);
         through(c, b, DIM, FIELDS, X, 0, X, largest_at, &most);
     }
     found[0] = found[1] = 0.0;
