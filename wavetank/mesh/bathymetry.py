@@ -7,7 +7,7 @@ Between scattered survey points, Clough and Tocher's cubics on Delaunay's triang
 that the bed bends least (Nielson, Math. Comp. 40, 1983; SciPy's ``CloughTocher2DInterpolator``).
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -20,7 +20,6 @@ from wavetank.values.formula import Array, finite
 
 if TYPE_CHECKING:  # half a second to import, which few cases need
     from pandas import DataFrame
-    from xarray import DataArray, Dataset
 
 
 Interpolation = Literal["cubic", "linear"]
@@ -63,8 +62,8 @@ class Gridded:
         self._missing = f"{missing.sum()} of {d.size} depths are missing"
         self._gap: Callable[..., Any] | None = None
         if missing.any():
-            d, self._gap = _extrapolated(d, missing), SPLINES[d.ndim](*axes.values(), 1.0 * missing, 1)
-        self._spline: Callable[..., Any] = SPLINES[d.ndim](*axes.values(), d, degree)
+            d, self._gap = _extrapolated(d, missing), _spline(axes.values(), 1.0 * missing, 1)
+        self._spline = _spline(axes.values(), d, degree)
 
     def __call__(self, x: Array, y: Array) -> Array:
         """Return d [m] at places x, y [m], each of shape (N,); raise ``InputError`` where there are no data."""
@@ -95,15 +94,11 @@ def _extrapolated(d: Array, missing: Array) -> Array:
     return np.where(missing & np.isfinite(mirrored), 2 * nearest - mirrored, nearest)
 
 
-def _along(x: Array, d: Array, degree: int) -> Any:
-    return scipy.interpolate.make_interp_spline(x, d, k=degree)
-
-
-def _over(x: Array, y: Array, d: Array, degree: int) -> Any:
-    return scipy.interpolate.RectBivariateSpline(x, y, d, kx=degree, ky=degree, s=0).ev
-
-
-SPLINES: dict[int, Callable[..., Callable[..., Any]]] = {1: _along, 2: _over}
+def _spline(axes: Iterable[Array], d: Array, degree: int) -> Any:
+    """Return the spline of data on one or two axes, a function of places on these."""
+    if d.ndim == 1:
+        return scipy.interpolate.make_interp_spline(*axes, d, k=degree)
+    return scipy.interpolate.RectBivariateSpline(*axes, d, kx=degree, ky=degree, s=0).ev
 
 
 INWARD = 1e-9  # of the way to the middle: from the survey's edge into its triangles
@@ -141,7 +136,9 @@ class Survey:
         of = scipy.interpolate
         kinds: dict[Interpolation, Any] = {"cubic": of.CloughTocher2DInterpolator, "linear": of.LinearNDInterpolator}
         self._depth = kinds[interpolation](self._triangles, depths)
-        self._spacing = np.sqrt(_area(self._triangles) / len(points))
+        a, b, c = np.moveaxis(self._triangles.points[self._triangles.simplices], 1, 0)
+        area = float(np.abs(np.linalg.det(np.stack([b - a, c - a], axis=-1))).sum() / 2)
+        self._spacing = np.sqrt(area / len(points))
 
     def __call__(self, x: Array, y: Array) -> Array:
         """Return d [m] at places x, y [m], each of shape (N,); raise ``InputError`` far outside the points."""
@@ -165,11 +162,6 @@ class Survey:
             reach = f"its points end {distance[n]:.3g} m from there and are {self._spacing:.3g} m apart"
             raise InputError(f"{self._source}: asked at x = {x:.6g} m, y = {y:.6g} m; {reach}.")
         return (1.0 - INWARD) * nearest
-
-
-def _area(triangles: "scipy.spatial.Delaunay") -> float:
-    a, b, c = np.moveaxis(triangles.points[triangles.simplices], 1, 0)
-    return float(np.abs(np.linalg.det(np.stack([b - a, c - a], axis=-1))).sum() / 2)
 
 
 Positive = Literal["down", "up"]
@@ -239,35 +231,21 @@ def _netcdf(path: Path, variable: str | None) -> Measured:
     import xarray
 
     with xarray.open_dataset(path, engine="netcdf4", decode_times=False) as dataset:
-        data = _variable(dataset.load(), variable, path)
-    names = _axes(data, path)
-    data = data.sortby(names).transpose(*names)
-    axes = {name: np.asarray(data[name], dtype=np.float64) for name in names}
-    return Measured(axes, np.asarray(data, dtype=np.float64), gridded=True, positive=_positive(data, path))
-
-
-def _variable(dataset: "Dataset", variable: str | None, path: Path) -> "DataArray":
-    return dataset[_select_variable([str(name) for name in dataset.data_vars], variable, path)]
-
-
-def _axes(data: "DataArray", path: Path) -> list[str]:
-    """Return the names of the variable's coordinates, which must be in metres, as it must be itself."""
+        dataset.load()
+    data = dataset[_select_variable([str(name) for name in dataset.data_vars], variable, path)]
     names = sorted(str(name) for name in data.dims)
     if names not in (["x"], ["x", "y"]) or not all(name in data.coords for name in names):
-        received = ", ".join(names) or "none"
-        how = "survey points go into a file of CSV or XYZ"
-        raise InputError(f"{path}: coordinates of {data.name!r} must be x, or x and y; they are: {received}; {how}.")
+        received = f"{', '.join(names) or 'none'}; survey points go into a file of CSV or XYZ"
+        raise InputError(f"{path}: coordinates of {data.name!r} must be x, or x and y; they are: {received}.")
     for part in (data, *(data[name] for name in names)):
         if (units := part.attrs.get("units", "m")) not in METRES:
             raise InputError(f"{path}: {part.name!r} is in {units!r}; must be in metres, 'm'.")
-    return names
-
-
-def _positive(data: "DataArray", path: Path) -> str:
     positive = str(data.attrs.get("positive", "down"))
     if positive not in SIGN:
         raise InputError(f"{path}: {data.name!r} is positive {positive!r}; must be positive 'down' or 'up'.")
-    return positive
+    data = data.sortby(names).transpose(*names)
+    axes = {name: np.asarray(data[name], dtype=np.float64) for name in names}
+    return Measured(axes, np.asarray(data, dtype=np.float64), gridded=True, positive=positive)
 
 
 # ---------------------------------------------------------------- tables

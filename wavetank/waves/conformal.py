@@ -65,12 +65,9 @@ class SteadyWave:
 
     def surface(self, x: ArrayLike, t: ArrayLike = 0.0, *, y: ArrayLike = 0.0) -> tuple[Array, Array]:
         """Return the elevation [m] and the potential at the surface [m²/s]."""
-        place, _ = np.broadcast_arrays(self._from_crest(x, t), y)
+        place, _ = np.broadcast_arrays(np.subtract(x, self.crest) - np.multiply(self.speed, t), y)
         values = self.shape(place)
         return values[..., 0], values[..., 1]
-
-    def _from_crest(self, x: ArrayLike, t: ArrayLike) -> Array:
-        return np.asarray(np.subtract(x, self.crest) - np.multiply(self.speed, t))
 
 
 class Strip:
