@@ -34,8 +34,8 @@ MIN_POINTS = 4  # points: of a cubic spline, or of triangles
 class FileSurface(CaseModel):
     """Elevation and potential of a file: columns x, eta and psi of a slice or ring, x, y, eta and psi of a basin.
 
-    Released from rest where psi is left out. Between its points is a cubic spline along a slice or ring, periodic round
-    this, and in basins a surface on triangles with continuous slopes.
+    The water is at rest if psi is left out. Points are interpolated by a cubic spline along a slice, a periodic one
+    around a ring, and in basins by a surface on triangles with continuous slopes.
     """
 
     type: Literal["file"] = "file"
@@ -72,7 +72,7 @@ class FileSurface(CaseModel):
 
 
 def _along(path: Path, at: motions.Array, values: motions.Array, *, around: float | None) -> Any:
-    """Return values [.] along x, by a spline; nan beyond its ends, and periodic around a ring [m]."""
+    """Return the spline of values along x: nan beyond its ends, or periodic around a ring of a length [m]."""
     from scipy.interpolate import CubicSpline
 
     if around is None:
@@ -90,7 +90,7 @@ def _along(path: Path, at: motions.Array, values: motions.Array, *, around: floa
 
 
 def _over(path: Path, at: motions.Array, values: motions.Array) -> Any:
-    """Return values over (x, y) on triangles; nan beyond."""
+    """Return the interpolation of values over (x, y) on triangles; nan outside of them."""
     from scipy.interpolate import CloughTocher2DInterpolator
     from scipy.spatial import QhullError
 
@@ -155,7 +155,7 @@ class SpectralSurface(CaseModel):
         raise NotImplementedError
 
     def _along(self, tank: AnyTank) -> tuple[motions.Array, motions.Array]:
-        """Return wave numbers [rad/m], whole waves along the tank, and S(f) df of each but for a factor."""
+        """Return wave numbers of modes that fit the tank [rad/m], and S(f) df of each up to a factor, shape (N,)."""
         highest, step = self._highest(tank), 2 * np.pi / tank.length
         k = step * np.arange(1, MAX_WAVES + 1, dtype=np.float64)
         k = k[angular_frequency(k, tank.depth, tank.gravity) <= highest]
@@ -173,7 +173,7 @@ class SpectralSurface(CaseModel):
         return PlaneWaves(amplitudes=amplitudes, k_x=k, k_y=0 * k, omega=omega, depth=tank.depth, gravity=tank.gravity)
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that waves go along the tank, several of which whole numbers fit, and not too many."""
+        """Yield that the tank is a slice or ring, which several modes of the spectrum fit, but not too many."""
         tank = end.tank
         along = "needs a slice or ring (tank.type): waves go along it"
         yield "type", not isinstance(tank, BasinTank), along

@@ -249,6 +249,6 @@ class Output(CaseModel):
     )
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that no velocities of linear water are wanted, which has no potential below the surface."""
+        """Yield that velocities are recorded in nonlinear water: linear water has no potential below the surface."""
         without = self.velocity_every is None or end.physics != "linear"
         yield "velocity_every", without, "must be left out with linear water"

@@ -304,7 +304,7 @@ class ComponentFile(GeneratingMotion):
 
 
 class SurfaceFile(GeneratingMotion):
-    """The elevation that is wished for at a place."""
+    """Waves with a given elevation at a place, from a file."""
 
     file: FilePath = Field(description="file of t [s] and eta [m]")
     x: Length = Field(description="x of the elevation [m]")

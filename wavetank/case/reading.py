@@ -142,7 +142,7 @@ def _split(dotted: str) -> Key:
     return tuple(int(part) if part.isdecimal() and len(part) < LONGEST_INDEX else part for part in parts)
 
 
-# ---------------------------------------------------------------- where it stands
+# ---------------------------------------------------------------- lines of keys
 def _where(text: str, key: Key, overridden: Iterable[Key]) -> str:
     """Return where a key comes from: the command line if that set it or all there is of it, else its line."""
     line = _line(text, key)

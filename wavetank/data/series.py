@@ -1,4 +1,4 @@
-"""RecordFiles of data sets: elevations at gauges, wave heights along sections."""
+"""Records of data sets: elevations at gauges, wave heights along sections."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple

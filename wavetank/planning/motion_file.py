@@ -38,7 +38,7 @@ def write_motion(
             needs.append("position {:.4g} m above the bed, {:.4g} m above the hinge".format(*heights))
         on_first(MPI.COMM_WORLD, partial(_write, file, view, t, signal, form, "; ".join(needs)))
         prefix = f"{view.key}: " if len(moving) > 1 else ""
-        absorbs = getattr(view.wall, "absorb", None) is not None
+        absorbs = view.wall.absorb is not None
         needs[0] = prefix + needs[0] + (" (without what absorbing adds, which only a run knows)" if absorbs else "")
         ramp = [f"ramp-down to rest within {t[-1] - end:.4g} s after the run"] if t[-1] > end else []
         lines = [*needs, *ramp, *_rate_warning(view, rate), f"wrote {file}: {t.size} rows, {rate:g} a second"]
@@ -60,7 +60,7 @@ def _signal(end: EndWall, rate: float, *, ramp_down: bool) -> tuple[Array, float
     if not ramp_down or not np.abs(signal[1, -1]).max() > REST * np.abs(signal[1]).max():
         return signal, float(t[-1])
     signal = np.concatenate([signal, _ramp_down(signal, rate)], axis=1)
-    limits = getattr(end.wall, "limits", None)
+    limits = end.wall.limits
     for problem in limits.exceeded(extent(signal), end.key, "limits") if limits else ():
         raise InputError(f"{problem} with its ramp-down; --no-ramp-down leaves that out.")
     return signal, float(t[-1])
@@ -84,7 +84,7 @@ def _ramp_down(signal: Array, rate: float) -> Array:
 
 def _largest(end: EndWall, signal: Array) -> str:
     """Return the signal's largest values as text, each with its limit if there is one."""
-    limits, parts = getattr(end.wall, "limits", None), []
+    limits, parts = end.wall.limits, []
     both = zip(Extent._fields, ("m", "m/s", "m/s^2"), extent(signal), end.extent, strict=True)
     for name, unit, *pair in both:
         limit = getattr(limits, name, None)

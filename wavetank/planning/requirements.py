@@ -234,7 +234,7 @@ def _all_waves(scene: Case, accuracy: float) -> CaseWaves:
 
 def _waves_of(end: EndWall, accuracy: float) -> CaseWaves:
     """Return the waves of a paddle."""
-    if isinstance(motion := getattr(end.wall, "motion", None), SolitaryWaveMotion):
+    if isinstance(motion := end.wall.motion, SolitaryWaveMotion):
         exact = solitary_wave(motion.height, depth=end.tank.depth, gravity=end.tank.gravity)
         arrival = motion.crest_time_in(end.tank) + end.tank.length / exact.speed
         return _solitary_wave(exact, motion.height, end.case, arrival, end.opposite)

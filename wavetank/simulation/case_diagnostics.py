@@ -62,7 +62,7 @@ def build_observers(
     diagnostics += _surface_fields(scene, waves, records)
     loaded = {load.on for load in scene.loads} if records.loads is not None else set()
     for number, view in enumerate(scene.paddles):
-        limits: Any = getattr(view.wall, "limits", None)
+        limits: Any = view.wall.limits
         if limits is not None and number in scene.absorbing:
             most = limits.model_dump(exclude_none=True)
             diagnostics.append(PaddleLimits(_rates(scene, waves, number), most, key=view.key))

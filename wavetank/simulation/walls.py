@@ -77,7 +77,7 @@ def _both(scene: Case, first: Piston, second: Piston, *, plane: Plane) -> BothEn
 
 def motion_of(end: EndWall) -> Motion:
     """Return what moves the wall: of a paddle that absorbs a motion of this run's own."""
-    return end.motion() if getattr(end.wall, "absorb", None) is None else FeedbackMotion(end.motion())
+    return end.motion() if end.wall.absorb is None else FeedbackMotion(end.motion())
 
 
 def _shape(end: EndWall, model: ShapedWall, plane: Plane) -> Polynomial:

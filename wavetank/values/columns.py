@@ -41,7 +41,7 @@ def read_columns(
     """Return the numbers in a file, which may be packed (``.gz``).
 
     Raises ``InputError`` naming the file and the line if it cannot be read, or if a row is not finite numbers, as many
-    as there are ``columns``; where no number is given, the first line tells it, which then may be names.
+    as there are ``columns``; where no number is given, it is that of the first line, which may be names.
     ``allowed`` ends the sentence.
     """
     names, rows, numbers = tuple[str, ...](), list[list[float]](), list[int]()

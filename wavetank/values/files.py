@@ -1,16 +1,16 @@
-"""What a case may name as a file: one that ends, and that is no larger than what is meant to be there."""
+"""Files that a case may name: regular files up to a size."""
 
 import errno
 from pathlib import Path
 from stat import S_ISDIR, S_ISREG
 
-TEXT = 10**8  # bytes of a text that is read whole: a day at 50 rows a second has 10^8
+TEXT = 10**8  # bytes of a text file: a day at 50 rows a second has 10^8
 
 
 def regular(path: Path, *, largest: float = TEXT) -> Path:
-    """Return a path; raise ``OSError`` where it leads to a device, a pipe or a socket, of which none need ever end.
+    """Return a path; raise ``OSError`` for a device, a pipe or a socket, which may be endless.
 
-    And where there are more than ``largest`` bytes.
+    Files of more than ``largest`` bytes raise it, too.
     """
     state = path.stat()
     if not (S_ISREG(state.st_mode) or S_ISDIR(state.st_mode)):  # of a folder, the reader says so

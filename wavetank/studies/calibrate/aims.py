@@ -496,7 +496,7 @@ def aim_of(scene: Case) -> Aim:
 
 def implied_target(scene: Case) -> Target:
     """Return the target of a case that names none: the crest of focused waves or the record of a surface."""
-    motion = getattr(scene.wall, "motion", None)
+    motion = scene.wall.motion
     if isinstance(motion, FocusedMotion) and motion.phase == 0.0:
         return CrestTarget(height=motion.linear_crest, x=motion.focus_x, time=motion.focus_time)
     if isinstance(motion, SurfaceMotion):
@@ -507,7 +507,7 @@ def implied_target(scene: Case) -> Target:
 
 
 def _generated(scene: Case) -> PlaneWaves:
-    motion = getattr(scene.wall, "motion", None)
+    motion = scene.wall.motion
     if not isinstance(motion, MadeWaves):
         raise CaseError([Problem(("wall", "motion", "type"), getattr(motion, "type", None), f"must be {MADE}")])
     return motion.target(scene.tank)

@@ -75,7 +75,7 @@ def with_waves(scene: Case, aim: Aim, file: str, *, recorded: bool) -> bytes:
     ``recorded``: whether its records are those that a calibration needs, all defaults written, or the user's own.
     """
     first = scale(aim.waves(aim.start))
-    motion = getattr(scene.wall, "motion", None)
+    motion = scene.wall.motion
     components = {"type": "components", "file": file, "ramp": RAMP * first.period, "generation": "linear"}
     if isinstance(motion, MadeWaves):
         components |= {"ramp": motion.ramp_in(scene.tank), "generation": motion.generation}
