@@ -33,7 +33,7 @@ class DirectMinimum:
         self._ksp.getPC().setFactorOrdering("nd")
         self._A = self._coupling = None
 
-    condition_number = 1.0
+    steps = ()  # of conjugate gradients
 
     def factor(self) -> None:
         """Do nothing: the matrix is factored at every solve."""

@@ -9,7 +9,8 @@ from conftest import fitted_slope
 from dolfinx import mesh
 from mpi4py import MPI
 
-from wavetank.fem.conjugate_gradients import condition_number, conjugate_gradients, corrected
+from examples.paper.shape import condition_number
+from wavetank.fem.conjugate_gradients import conjugate_gradients, corrected
 from wavetank.fem.plane import Plane
 from wavetank.tank.walls import StillWall
 from wavetank.tank.waves import NonlinearWaves, Tolerances

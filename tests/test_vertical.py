@@ -18,8 +18,8 @@ def test_nodes_are_extrema_of_the_legendre_polynomial(n):
 @pytest.mark.parametrize("n", [1, 2, 4, 8, 16])
 def test_modes_are_orthogonal_and_vanish_at_the_surface(n):
     basis = VerticalBasis(n)
-    mass = basis.moment(0, basis.values, basis.values)
-    stiffness = basis.moment(0, basis.slopes, basis.slopes)
+    mass = basis.inner(basis.values, basis.values)
+    stiffness = basis.inner(basis.slopes, basis.slopes)
     assert np.allclose(mass[:n, :n], np.eye(n), atol=1e-12)
     assert np.allclose(stiffness[:n, :n], np.diag(basis.eigenvalues), atol=1e-11 * basis.eigenvalues[-1])
     assert np.allclose(stiffness[n], 0, atol=1e-14)
@@ -42,7 +42,7 @@ def test_moments_are_exact_for_polynomials_of_the_basis():
 def test_robin_modes_diagonalise_both_matrices():
     basis = VerticalBasis(6)
     eigenvalues, modes = basis.robin_modes(3.7)
-    stiffness = basis.moment(0, basis.slopes, basis.slopes)
+    stiffness = basis.inner(basis.slopes, basis.slopes)
     stiffness[-1, -1] += 3.7
-    assert np.allclose(modes.T @ basis.moment(0, basis.values, basis.values) @ modes, np.eye(7), atol=1e-12)
+    assert np.allclose(modes.T @ basis.inner(basis.values, basis.values) @ modes, np.eye(7), atol=1e-12)
     assert np.allclose(modes.T @ stiffness @ modes, np.diag(eigenvalues), atol=1e-10 * eigenvalues[-1])

@@ -50,7 +50,18 @@ def row(kd: float, *, cells: int, n: int) -> Row:
     before = waves.potential.counters.iterations
     waves.evaluate(*waves.state(*half_of_the_maximum(kd, waves.plane.x)), 0.0)
     iterations = waves.potential.counters.iterations - before
-    return Row(kd, cells, n, length / cells, error, iterations, waves.potential.minimiser.condition_number)
+    return Row(kd, cells, n, length / cells, error, iterations, condition_number(waves.potential.minimiser.steps))
+
+
+def condition_number(steps: Sequence[tuple[float, float]] | Vector) -> float:
+    """Return the estimate of the preconditioned operator's that steps of conjugate gradients give, by Lanczos."""
+    if not len(steps):
+        return 1.0
+    lengths, ratios = np.array(steps).T
+    diagonal = 1 / lengths + np.append(0.0, ratios[:-1] / lengths[:-1])
+    off_diagonal = np.sqrt(ratios[:-1]) / lengths[:-1]
+    eigenvalues = np.linalg.eigvalsh(np.diag(diagonal) + np.diag(off_diagonal, -1))  # of the lower half
+    return float(eigenvalues[-1] / eigenvalues[0])
 
 
 def frequency(waves: NonlinearWaves, kd: float) -> float:

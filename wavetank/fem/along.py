@@ -15,7 +15,6 @@ from wavetank.errors import ConvergenceError
 from wavetank.fem.cells import lanes
 from wavetank.fem.chain import Chain, order_along
 from wavetank.fem.codegen import Buffer, Unit, source
-from wavetank.fem.conjugate_gradients import condition_number
 from wavetank.fem.layers import LayerEnergy, LayerOperator, MoreCode
 from wavetank.fem.plane import Field, Plane
 from wavetank.fem.vertical import VerticalBasis
@@ -227,6 +226,6 @@ class Minimum:
         }
 
     @property
-    def condition_number(self) -> float:
-        """The estimate that the last solve gave of the preconditioned operator's, by Lanczos."""
-        return condition_number(self._steps[: self.last])
+    def steps(self) -> Vector:
+        """Lengths of the steps of the last correction, and parts of each direction in the next, shape (steps, 2)."""
+        return self._steps[: self.last]

@@ -147,14 +147,3 @@ def add(factor: float, x: Array, y: Array) -> None:
     if x.size:
         axpy = saxpy if y.dtype == np.float32 else daxpy
         axpy(x.reshape(-1), y.reshape(-1), a=factor)
-
-
-def condition_number(steps: Steps | Vector) -> float:
-    """Return the estimate of the preconditioned operator's that iterations give, by Lanczos."""
-    if not len(steps):
-        return 1.0
-    lengths, ratios = np.array(steps).T
-    diagonal = 1 / lengths + np.append(0.0, ratios[:-1] / lengths[:-1])
-    off_diagonal = np.sqrt(ratios[:-1]) / lengths[:-1]
-    eigenvalues = np.linalg.eigvalsh(np.diag(diagonal) + np.diag(off_diagonal, -1))  # of the lower half
-    return float(eigenvalues[-1] / eigenvalues[0])

@@ -6,7 +6,6 @@ of the kernels and changes results by round-off only.
 
 import os
 from collections.abc import Callable
-from math import factorial
 from pathlib import Path
 from typing import Any
 
@@ -62,16 +61,11 @@ def _cache_options(ufl_object: Any, comm: MPI.Comm) -> dict[str, Any]:
     return {**JIT_OPTIONS, "cache_dir": compiled(comm, signature, build=build)}
 
 
-def taylor_coefficients(f: Callable[[Any], Any], highest: int, plan_mesh: mesh.Mesh) -> list[Any]:
-    """Return the coefficients of 1, x, ..., x^highest in a density f(x), x a number, in UFL; what vanishes is left out.
-
-    Each is a derivative of the one before it, so that all take little more than the last one alone.
-    """
+def derivative_at_zero(f: Callable[[Any], Any], plan_mesh: mesh.Mesh) -> Any:
+    """Return the derivative of a density f(x) at x = 0, x a number, in UFL, without terms that vanish."""
     x = ufl.variable(ufl.Constant(plan_mesh.ufl_domain()))
-    derivatives = [apply_algebra_lowering(f(x))]
-    for _ in range(highest):
-        derivatives.append(apply_derivatives(apply_algebra_lowering(ufl.diff(derivatives[-1], x))))
-    return [ufl.replace(one, {x: ufl.as_ufl(0)}) / factorial(power) for power, one in enumerate(derivatives)]
+    derivative = apply_derivatives(apply_algebra_lowering(ufl.diff(apply_algebra_lowering(f(x)), x)))
+    return ufl.replace(derivative, {x: ufl.as_ufl(0)})
 
 
 class ScalarForm:

@@ -53,8 +53,8 @@ class VerticalBasis:
         values, slopes = self._legendre(self.zeta)
         values, slopes = values @ coefficients, slopes @ coefficients
         self.eigenvalues, modes = _orthonormal(
-            self._inner(slopes, slopes)[:n, :n],
-            self._inner(values, values)[:n, :n],
+            self.inner(slopes, slopes)[:n, :n],
+            self.inner(values, values)[:n, :n],
         )
         change = np.ones((n + 1, n + 1))
         change[:n, :n], change[n, :n] = modes, 0.0
@@ -67,7 +67,8 @@ class VerticalBasis:
         derivative = 2.0 * legendre.legder(np.eye(self.n + 1))
         return np.asarray(legendre.legvander(x, self.n)), legendre.legvander(x, max(self.n - 1, 0)) @ derivative
 
-    def _inner(self, a: Vector, b: Vector) -> Vector:
+    def inner(self, a: Vector, b: Vector) -> Vector:
+        """Return int a_i b_j dzeta, shape (n+1, n+1), for columns tabulated at ``zeta``."""
         return np.asarray((a.T * self.weights) @ b)
 
     def at(self, zeta: Vector) -> Vector:
@@ -78,15 +79,16 @@ class VerticalBasis:
         """Return P_j'(zeta), shape (len(zeta), n+1)."""
         return np.asarray(self._legendre(zeta)[1] @ self._change)
 
-    def moment(self, power: int, first: Vector, second: Vector) -> Vector:
-        """Return int zeta^power left_i right_j dzeta, shape (n+1, n+1), for columns tabulated at ``zeta``."""
-        return np.asarray((first.T * (self.weights * self.zeta**power)) @ second)
+    @property
+    def means(self) -> Vector:
+        """Means of the n interior modes over the column, shape (n,)."""
+        return self.inner(self.values, self.values)[:-1, -1]
 
     def robin_modes(self, sigma: float) -> tuple[Vector, Vector]:
         """Return eigenvalues (n+1,) and B-orthonormal modes (n+1, n+1) of (E + sigma e_n e_n', B)."""
-        stiffness = self._inner(self.slopes, self.slopes)
+        stiffness = self.inner(self.slopes, self.slopes)
         stiffness[-1, -1] += sigma
-        return _orthonormal(stiffness, self._inner(self.values, self.values))
+        return _orthonormal(stiffness, self.inner(self.values, self.values))
 
 
 def _orthonormal(A: Vector, B: Vector) -> tuple[Vector, Vector]:

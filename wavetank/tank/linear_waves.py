@@ -356,7 +356,7 @@ class DirectPotential:
     def __init__(self, matrices: LayerMatrices, vertical: VerticalBasis):
         self.counters = SolveCounters(factorisations=1)
         self._plane = plane = matrices.plane
-        self._b = vertical.moment(0, vertical.values, vertical.values)[:-1, -1]
+        self._b = vertical.means
         self._solver, still = matrices.modes(vertical.eigenvalues), matrices.assemble()
         self._solver.take(still)
         self._field = plane.function("surface potential")

@@ -16,7 +16,7 @@ from wavetank.arrays import Vector, summed
 from wavetank.errors import ConvergenceError
 from wavetank.fem.along import NO_MINIMUM, Minimum, SliceOperator
 from wavetank.fem.codegen import Unit
-from wavetank.fem.conjugate_gradients import Array, Steps, condition_number, corrected, dot
+from wavetank.fem.conjugate_gradients import Array, Steps, corrected, dot
 from wavetank.fem.decoupled import LayerMatrices
 from wavetank.fem.initial_guess import GuessState, InitialGuessProjection
 from wavetank.fem.layers import LayerDensity, LayerEnergy, LayerOperator
@@ -134,6 +134,8 @@ class Krylov:
     ----------
     single
         The operator in single precision.
+    steps
+        Lengths of the steps of the last solve, and parts of each direction in the next.
     flow
         The last column of A phi, of the potential found last, shape (owned,).
     kinetic
@@ -159,7 +161,7 @@ class Krylov:
         self._plane, self._tolerance = plane, tolerance
         self._modes = layer.modes(vertical.eigenvalues)
         self._preconditioned = np.zeros((plane.owned, vertical.n + 1), dtype=np.float32)
-        self._steps: Steps = []
+        self.steps: Steps = []
         self.flow: Vector = np.zeros(plane.owned)
         self.kinetic = 0.0
 
@@ -195,7 +197,7 @@ class Krylov:
 
         self.single.update()
         try:
-            self._steps, last = corrected(
+            self.steps, last = corrected(
                 residual_of,
                 self.single.apply_to_interior,
                 self._precondition,
@@ -210,12 +212,7 @@ class Krylov:
         last[:, -1] = 0.0
         of_interior = np.einsum("ij,ij->", phi, last) + np.einsum("ij,ij->", phi[:, :-1], wall[:, :-1])
         self.kinetic = summed(self._plane.comm, float(phi[:, -1] @ self.flow - of_interior))
-        return len(self._steps)
-
-    @property
-    def condition_number(self) -> float:
-        """The estimate that the last solve gave of the preconditioned operator's condition number; collective."""
-        return condition_number(self._steps)
+        return len(self.steps)
 
 
 class Interior(NamedTuple):

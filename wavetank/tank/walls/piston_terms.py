@@ -16,7 +16,7 @@ from wavetank.arrays import Vector
 from wavetank.fem.cells import Cells
 from wavetank.fem.codegen import Buffer, Unit, source
 from wavetank.fem.density import Density, Statements, named
-from wavetank.fem.forms import ScalarForm, VectorForm, taylor_coefficients
+from wavetank.fem.forms import ScalarForm, VectorForm, derivative_at_zero
 from wavetank.fem.plane import LayeredField, Plane
 from wavetank.fem.slice import WallStruct
 from wavetank.fem.vertical import VerticalBasis, gauss_legendre
@@ -63,7 +63,7 @@ class PistonTerms:
             after = later(self._wall, energy, self._bed, dt)
             return after.kinetic(phi.function, vertical) + after.potential()
 
-        _, rate = taylor_coefficients(density, 1, plane.mesh)
+        rate = derivative_at_zero(density, plane.mesh)
         rate += by_stretching(self._wall, energy, self._mu.function)
         self._power = ScalarForm(rate * self._wall.displaced_measure + flux(self._wall.travel.acceleration), plane.comm)
 
