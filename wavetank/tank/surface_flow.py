@@ -140,7 +140,7 @@ class SurfaceVelocity:
         if not np.isnan(self.t):
             self._waves.set_time(self.t)
         values = np.asarray(expression.eval(self._waves.plane.mesh, cells))
-        return values.reshape(len(cells), len(self._points), -1)
+        return values.reshape(len(cells), len(self._points), expression.value_size)  # a rank may have no cell
 
     def gradients(self, cells: NDArray[np.int32]) -> Vector:
         """Return x, y [m] in the reference tank and the elevation's gradient in points of cells, (cells, points, 4)."""
