@@ -1,13 +1,14 @@
 """The plan: the discrete dispersion relation against the tank itself, predicted errors against measured ones."""
 
 import re
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from conftest import recorded
 from mpi4py import MPI
+from records import gauge_rows
 
 from wavetank.case import Case
 from wavetank.case.reading import read_case
@@ -23,10 +24,8 @@ from wavetank.planning.prediction import ErrorModel, Settings
 from wavetank.planning.requirements import requirements, stokes_harmonics
 from wavetank.planning.resolution import LOOSEST, solved_to
 from wavetank.simulation.build import build_run
-from wavetank.simulation.case_diagnostics import build_observers
 from wavetank.simulation.clock import Clock
 from wavetank.simulation.construction import build_waves, describe_energy
-from wavetank.simulation.records import Memory, Records
 from wavetank.tank.footprint import Slice
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.walls import StillWall
@@ -301,19 +300,9 @@ def test_unstable_step_has_an_infinite_error():
 
 def gauge_records(scene, settings, *, every=1, at=None):
     """Elevations at both walls, or at places, every so many steps."""
-    numerics = {
-        "cells": settings.cells,
-        "order": settings.order,
-        "vertical_order": settings.vertical_order,
-        "dt": settings.dt,
-        "integrator": settings.integrator,
-    }
-    changes = {"numerics": numerics, "output": {"gauges_every": every}, "gauges": at or [0.0, scene.tank.length]}
-    scene, gauges = Case.model_validate(scene.model_dump(mode="json") | changes), Memory()
-    run, waves = build_run(scene, MPI.COMM_SELF)
-    run.diagnostics += build_observers(scene, waves, Records(gauges, Memory(), None))
-    run.execute()
-    return gauges.array()
+    changes = {"output": {"gauges_every": every}, "gauges": at or [0.0, scene.tank.length]}
+    case = Case.model_validate(scene.model_dump(mode="json") | changes)
+    return gauge_rows(case, **asdict(settings))
 
 
 # ------------------------------------------------------------------------------------------------ the plan

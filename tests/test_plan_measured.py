@@ -7,21 +7,22 @@ last period, of waves in a ring at the end.
 
 import time
 from dataclasses import replace
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import NamedTuple
 from unittest.mock import patch
 
 import numpy as np
 import pytest
+from conftest import needs_marin
 from mpi4py import MPI
+from records import gauge_rows, with_numerics
 from scipy.interpolate import CubicSpline
 
 from benchmarks.costs import calibrate
-from wavetank import data
 from wavetank.case import Case
 from wavetank.case.reading import read_case
-from wavetank.errors import InputError, WavetankError
+from wavetank.errors import WavetankError
 from wavetank.planning.cost import CONSTANTS
 from wavetank.planning.plan import Plan, make_plan
 from wavetank.planning.prediction import Settings
@@ -101,8 +102,7 @@ def run(scene: Case) -> Measured:
 
 
 def with_settings(scene: Case, plan: Plan, settings: Settings, **changes) -> Case:
-    planned = replace(plan, settings=settings).applied_to(scene)
-    return planned.model_copy(update={"numerics": planned.numerics.model_copy(update=changes)})
+    return with_numerics(replace(plan, settings=settings).applied_to(scene), **changes)
 
 
 class Trial:
@@ -114,7 +114,7 @@ class Trial:
         self.plan = make_plan(self.scene, self.accuracy)
         self._tried: dict[Settings, tuple[float, float]] = {}
 
-    @property
+    @cached_property
     def reference(self) -> Measured:
         best = self.plan.settings
         finer = replace(
@@ -146,10 +146,8 @@ class Trial:
     def _error(self, found: Measured) -> float:
         if self.scene.tank.type == "ring":
             return found.at_the_end
-        if not hasattr(self, "_fine"):
-            self._fine = self.reference
         late = found.t >= (0.9 * found.t[-1] if self.scene.initial.type == "standing-wave" else 0.0)
-        exact = np.interp(found.t, self._fine.t, self._fine.eta)[late]
+        exact = np.interp(found.t, self.reference.t, self.reference.eta)[late]
         return float(np.sqrt(np.mean((found.eta[late] - exact) ** 2) / np.mean(exact**2)))
 
     def search(self) -> None:
@@ -196,14 +194,6 @@ class Trial:
 def this_machine() -> dict[str, tuple[float, ...]]:
     """Measured now: a machine that is busy with other work is slower at some times than at others."""
     return calibrate()
-
-
-def needs_data(name: str) -> None:
-    if name == "marin":
-        try:
-            data.find("marin-202002", "PistonVelocity.dat")
-        except InputError:
-            pytest.skip("the MARIN data are not on this machine; wavetank data fetch marin-202002 brings them")
 
 
 @pytest.mark.parametrize(
@@ -291,7 +281,8 @@ def test_error_and_cost_are_the_predicted_ones_and_hardly_anything_is_cheaper(na
     cells 3^(1/5) as large, by the orders of the scheme and of most plans' elements, 1.64 together; it is not twice as
     cheap. Prints the rows of the table of docs/plan.md.
     """
-    needs_data(name)
+    if name == "marin":
+        needs_marin()
     with patch.dict(CONSTANTS, this_machine()):
         trial = Trial(name)
     error, _ = trial.measure(trial.plan.settings)
@@ -323,7 +314,7 @@ def test_default_order_over_a_bar_is_more_accurate_for_the_same_unknowns(waves, 
     chosen = resolved(asked)
     assert chosen.numerics.order * chosen.cells < 0.81 * 3 * 337
     settings = REFINED, {}, {"cells": 337, "order": 3, "vertical_order": 8}
-    exact, default, lower = (at_all_gauges(chosen, one) for one in settings)
+    exact, default, lower = (gauge_rows(chosen, **one) for one in settings)
     errors = [worst(one, exact) for one in (default, lower)]
     assert errors[0] < 0.013 and errors[1] > gain * errors[0]
 
@@ -343,24 +334,10 @@ def test_default_cells_of_a_modulated_train_are_fine_enough():
 
 def highest(scene: Case, settings: dict) -> float:
     """Return the highest crest of a run with changed numerics [m]."""
-    running, waves = build_run(with_numerics(scene, settings), MPI.COMM_SELF)
+    running, waves = build_run(with_numerics(scene, **settings), MPI.COMM_SELF)
     running.diagnostics += [crest := HighestCrest(waves)]
     running.execute()
     return crest.state.height
-
-
-def with_numerics(scene: Case, settings: dict) -> Case:
-    changes = ({"cell_size": None} if "cells" in settings else {}) | settings
-    return scene.model_copy(update={"numerics": scene.numerics.model_copy(update=changes)})
-
-
-def at_all_gauges(scene: Case, settings: dict) -> np.ndarray:
-    """Return times [s] and elevations [m] at all gauges of a run with changed numerics, shape (N, 1 + gauges)."""
-    gauges = Memory()
-    running, waves = build_run(with_numerics(scene, settings), MPI.COMM_SELF)
-    running.diagnostics += build_observers(scene, waves, Records(gauges, Memory(), None), sinks=running.sinks)
-    running.execute()
-    return gauges.array()
 
 
 def worst(found: np.ndarray, exact: np.ndarray) -> float:

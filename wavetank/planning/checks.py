@@ -109,7 +109,7 @@ def cut_starts(scene: Case, accuracy: float | None) -> Iterator[RunWarning]:
 TANK_PLACES = 25  # along the tank
 SHORTEST = 10.0  # k d of the shortest waves that are included
 BREAKS = 0.81  # of the highest wave: nearly all that were made higher, by linear theory, broke (docs/breaking.md)
-LARGE = 0.5  # of the highest wave: lower ones ride on others
+LARGE = 0.5  # of the highest wave: lower ones are on the crests of longer waves
 MOST_TIMES = 2**15  # an hour in a metre of water: of longer runs the first part
 
 

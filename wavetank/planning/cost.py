@@ -70,7 +70,7 @@ def step_costs(name: str) -> StepCosts:
 LEANING, BENT, BOTH_BENT = 1.3, 1.5, 2.1  # cost of flaps hinged at the bed or below, and of other shapes, over pistons
 ROW = 2.5e-3, 5e-8  # s, and s an entry of a slice's operator
 ROW_OF_STEP = 0.55  # of a basin's step
-BELOW = 0.4  # of the memory of a run
+BELOW = 0.4  # memory for records below the surface, over that of a run without
 ABSORPTION: dict[type, tuple[float, float]] = {  # s, and s an entry, a step of each paddle
     ActiveAbsorption: (0.45e-3, 7e-9),
     SpringDamper: (0.7e-3, 2.3e-8),

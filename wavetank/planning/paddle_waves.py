@@ -19,19 +19,19 @@ from wavetank.planning import travel
 from wavetank.waves import airy
 from wavetank.waves.second_order import Strokes, second_order
 
-REMAINING = 0.05  # of the free second harmonic after second-order generation, in steep waves
+REMAINING = 0.05  # part of the free second harmonic that second-order generation leaves in steep waves
 MOST_COMPONENTS = 40
 MOST_TIMES = 2**16  # at which a motion is sampled: an hour of it in a tank 0.5 m deep
 DEEPEST = 40.0  # k d of the highest frequency of a motion
-TAPER = 0.25  # fraction of a motion that is tapered at its end, or its spectrum is that of a jump
-TRIED = 4001  # times beyond a short run's end
+TAPER = 0.25  # fraction of a motion that is tapered at its end: a motion that is cut has the spectrum of a jump
+TRIED = 4001  # times after the end of a short run at which a motion is evaluated
 WINDOW = 36.0  # (d / g)^(1/2): least analysed duration of a motion; part of a period has the spectrum of short waves
-NOISE = 1 / 30  # of a measured motion's strongest lines: what is shorter and weaker is the instrument's
+NOISE = 1 / 30  # of a measured motion's largest component: shorter waves below it are noise of the instrument
 NEGLECTED = 0.05  # of the accuracy squared: energy neglected at either end of the spectrum
-RETURNING = 0.1  # of the recorded energy: where less is reflected, the crest is that of waves that travel away
-REACHED = 0.9  # of the energy: of a run that ends before it gets to a gauge all that is in the tank counts
+RETURNING = 0.1  # of the recorded energy: with less reflection the crest is that of waves of one direction
+REACHED = 0.9  # of the energy: if less reaches a gauge within the run, all waves in the tank count
 PLACES = 33  # at which the highest crest is searched
-AROUND = 4  # groups of lines on either side: of fewer the envelope has no place in time
+AROUND = 4  # groups of lines on either side that form the envelope of a group; fewer do not resolve it in time
 TIMES = 512  # at which an envelope is sampled
 TINY = 1e-300
 

@@ -3,8 +3,8 @@
 Searched are p in {2, 3, 4, 5}, n from 2 to 16, cells on a geometric grid, and for each of these meshes the largest
 step of the default scheme that accuracy and stability allow: other schemes cost as much or more, and are less accurate
 (docs/plan.md). Errors of space and time add up (``prediction.py``), so the step follows from what the mesh leaves of
-the accuracy. It must resolve a measured motion, too (``OF_MOTION``): steps of a few rows of the record are among those
-searched, as they do best. What a case names beside an accuracy is not searched.
+the accuracy. It must resolve a measured motion, too (``OF_MOTION``): the search includes steps of half and
+a quarter of a row of its record, which resolve noise. Numerics that a case names with an accuracy are not searched.
 
 The stability limit is that of the largest frequency on still water, shifted by the current u under the highest crest,
 dt (omega_max + u k_grid) < limit with k_grid = p pi / dx. Implicit stages of nonlinear waves, solved with the still
@@ -47,11 +47,11 @@ PER_WAVE = np.geomspace(0.7, 40.0, 30)  # cells in a wave length
 PER_PEAK = np.geomspace(0.5, 4.0, 16)  # cells in the length of a run-up peak
 STEP_RATIO = 1.08  # between neighbouring steps
 MARGIN = 0.9  # of the stability limit
-AIM = 1 / 3  # of the accuracy: the cheapest of all settings lean to those whose error is underestimated, by up to 3
+AIM = 1 / 3  # of the accuracy: the error of the cheapest settings is up to 3 times the predicted one
 LESS = (0.03, 0.1)  # accuracies that are tried if the default one cannot be reached
-OF_MOTION = 1 / 3  # of the accuracy: what a step may miss of a measured motion's displacement
-BETWEEN = np.pi / 2  # rows, no whole number of them
-ROWS = (0.5, 0.25)  # of its record in a step: what alternates from row to row must not do so from step to step
+OF_MOTION = 1 / 3  # of the accuracy: largest error of the displacement of a measured motion
+BETWEEN = np.pi / 2  # step in rows of a record, no whole number of them, whose error detects noise
+ROWS = (0.5, 0.25)  # steps in rows of a record: noise that alternates from row to row is resolved
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,7 +98,7 @@ class UnreachableError(InputError):
 
 
 def named_numerics(scene: Case) -> dict[str, Any]:
-    """Return the numerics that a case names beside an accuracy, by their names in ``Settings``."""
+    """Return the numerics that a case names with an accuracy, by their names in ``Settings``."""
     numerics, names = scene.numerics, scene.numerics.model_fields_set
     if numerics.accuracy is None:
         return {}
@@ -284,7 +284,7 @@ class _Steps:
         recorded = [Clock.covering(duration, part * row) for row in rows for part in ROWS]
         steps = [clock.dt for clock in recorded if clock.end <= scene.motions_end * (1 + ROUNDING)]
         steps += [*duration / np.unique(np.maximum(1, np.ceil(counts)))]
-        # if a step of BETWEEN rows does not resolve the motion, noise counts: longer steps resolve it by chance
+        # if a step of BETWEEN rows does not resolve a noisy motion, longer ones that do are accurate by chance
         noisy = [ROWS[0] * row * (1 + ROUNDING) for row in rows if not self._resolves(BETWEEN * row)]
         longest = min(noisy, default=np.inf)
         self._dt = [named["dt"]] if "dt" in named else sorted((dt for dt in steps if dt <= longest), reverse=True)
@@ -310,7 +310,7 @@ class _Steps:
         return min(limit / shifted, solvable / mesh.largest_frequency)
 
     def _motion_missed(self, dt: float) -> float:
-        """Return what a step misses of the measured motions, the most of all; of a named step the run warns."""
+        """Return the largest error of a measured motion's displacement; 0 for a named step, of which the run warns."""
         steps, nodes = max(1, int(self._required.scene.run.duration / dt)), self._integrator.nodes
         return max((stroke_missed(end, dt=dt, steps=steps, nodes=nodes) for end in self._measured), default=0.0)
 

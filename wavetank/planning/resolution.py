@@ -36,17 +36,17 @@ from wavetank.simulation.build import build_clock
 from wavetank.values.case_model import CaseError, Problem
 from wavetank.waves import airy
 
-DEFAULT = 1e-2  # relative error of the elevation that a case gets which does not ask for another
+DEFAULT = 1e-2  # relative error of the elevation of a case that names none
 POWER = 0.99  # fraction of the power that counts
 PER_WAVE = {1: 60.0, 2: 7.0}  # cells of an order in the shortest wave: its frequency is right to 2e-4
 OF_HIGHER_ORDER = 3.0  # so it is by order 3
 BED_ORDER, COARSER = 4, 5 / 3  # along a slice over a bed: the order, and its cells over those of order 3
 ROUGH = 0.01  # of the depth: smaller variations of a bed need not be resolved
 VERTICAL = 1e-4  # largest relative error of its frequency by the vertical order
-SOLVED, LOOSEST = 1e-3, 1e-5  # of the accuracy, and at most: tolerances of a step's solves
-LEAST = 1e-9  # wave number [rad/m] and frequency [rad/s] that stand for none
+SOLVED, LOOSEST = 1e-3, 1e-5  # tolerance of a step's solves over the accuracy, and the largest one
+LEAST = 1e-9  # wave number [rad/m] and frequency [rad/s] of a scene without waves
 POINTS, LINES = 8192, 5  # at which surface and bed are sampled, along each of so many lines
-MISSED = 0.01  # that mesh and step may miss: of the speed of waves, of a paddle's displacement
+MISSED = 0.01  # largest relative error of the speed of waves and of a paddle's displacement
 SURELY = 1.1  # of the longest step: a tank's largest frequency is below that of endless cells, by a hundredth at most
 
 
@@ -102,7 +102,7 @@ def by_rule(scene: Case) -> Case:
 
 
 def solved_to(accuracy: float, scene: Case) -> dict[str, float]:
-    """Return the tolerance of a step's solves that an accuracy asks for, by its key; nothing if the scene names one."""
+    """Return the tolerance of a step's solves for an accuracy, by its key; nothing if the scene names one."""
     named = "tolerance" in scene.numerics.model_fields_set
     return {} if named else {"tolerance": min(SOLVED * accuracy, LOOSEST)}
 
@@ -140,7 +140,7 @@ def frequency_below(end: EndWall, fraction: float) -> float:
         return 0.0
     duration = analysed_duration(end)
 
-    def ending(t: Vector) -> Vector:  # gently: a motion that is cut has all frequencies
+    def ending(t: Vector) -> Vector:  # a motion that is cut has all frequencies
         return np.asarray((end.rates(t)[1].T * tapered(np.asarray(t / duration))).T)
 
     period = paddle_period(ending, duration=duration, tank=end.tank, fraction=fraction)
