@@ -4,8 +4,8 @@ S_u and S_w are the second derivatives by u and by w of the layer's energy, aver
 couple u and w, with the slopes of surface and bed, are left out. They vanish for still water over a flat bed.
 
 On slices and on elements of order 1 the problems are interlaced in one sparse matrix. On a slice one banded LU solves
-them without fill between the modes. In a basin of higher order they are solved by multigrid in the order
-(``order_multigrid.py``).
+them without fill between the modes, in a basin LU (few unknowns, one rank) or a cycle of BoomerAMG. In a basin of
+higher order they are solved by multigrid in the order (``order_multigrid.py``).
 """
 
 from abc import ABC, abstractmethod
@@ -86,7 +86,7 @@ class Modes(ABC):
 
 
 class InterlacedModes(Modes):
-    """All problems in one sparse matrix, rows ordered (degree of freedom, mode): LU on slices, in basins BoomerAMG."""
+    """All problems in one sparse matrix, rows ordered (degree of freedom, mode)."""
 
     def __init__(self, layer: LayerMatrices, eigenvalues: Vector):
         self._eigenvalues, plane = eigenvalues, layer.plane

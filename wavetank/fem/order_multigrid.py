@@ -52,7 +52,6 @@ class LayerMeans:
         self.linear = LayerMatrices(energy, Plane(plane.mesh, 1))
         cells = Cells(plane, 2 * plane.order + 1, real="float")
         sizes = {
-            "REAL": "float",
             **cells.sizes,
             **density.sizes,
             "NUMBERS": vertical_order + 1,
@@ -84,15 +83,11 @@ class LayerMeans:
         self._work = np.zeros((2, (numbering.size_local + numbering.num_ghosts) * (vertical_order + 1)), np.float32)
 
     def assemble(self) -> "Means":
-        """See ``LayerMatrices``."""
-        return self.averages(), self.linear.assemble()
-
-    def averages(self) -> Singles:
-        """Return the second derivatives by u and by w alone at the points, averaged over the depth."""
+        """Return the second derivatives by u and by w alone, averaged over the depth, at points and as matrices."""
         self._constants[:] = self._density.constants()
-        out = np.empty(self._shape, dtype=np.float32)
-        self._average(self._density.rows().astype(np.float32), out)
-        return out
+        averages = np.empty(self._shape, dtype=np.float32)
+        self._average(self._density.rows().astype(np.float32), averages)
+        return averages, self.linear.assemble()
 
     def diagonals(self, averages: Singles) -> Singles:
         """Return the diagonals of S_u and S_w, shape (owned, 2); collective."""

@@ -80,14 +80,11 @@ def check(gmsh: Any, source: str) -> None:
         raise InputError(f"{source}: has cells of the kind {names}; a side must have two or three nodes, a cell all.")
     if not set(get.getElements(CURVE)[0]) <= {SIDES[kinds[0]]}:
         raise InputError(f"{source}: has curves of another order than its cells ({names}); both must be of the same.")
-    _check_points(get.getNodes()[1].reshape(-1, 3), source)
-    _check_cells(gmsh, kinds[0], source)
-
-
-def _check_points(points: Array, source: str) -> None:
-    size, off = float(np.ptp(points[:, :2], axis=0).max()), np.abs(points[:, 2]).max()
-    if off > FLAT * size:
+    points = get.getNodes()[1].reshape(-1, 3)
+    off = np.abs(points[:, 2]).max()
+    if off > FLAT * np.ptp(points[:, :2], axis=0).max():
         raise InputError(f"{source}: has points up to {off:.4g} m off the plane z = 0, in which a layout must lie.")
+    _check_cells(gmsh, kinds[0], source)
 
 
 def _check_cells(gmsh: Any, kind: int, source: str) -> None:
