@@ -12,7 +12,7 @@ from matplotlib.axis import Axis
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.text import Annotation
+from matplotlib.text import Annotation, Text
 from matplotlib.ticker import LogLocator, NullFormatter
 from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
@@ -181,22 +181,19 @@ def mark_sponge(axes: Axes, place: tuple[float, float], **position: Any) -> None
 
 
 def remove_overlaps(axes: Axes) -> None:
-    """Remove names of gauges that overlap an earlier one or another gauge, and depths that overlap any of these.
+    """Remove names of points that overlap an earlier one or another point, and depths that overlap any of these.
 
     Their places must be final.
     """
     axes.apply_aspect()
-    names = [text for text in axes.texts if isinstance(text, Annotation) and text.get_gid() == GAUGE]
-    places = [axes.transData.transform(name.xy) for name in names]
-    marks = [Bbox.from_extents(*(place - AROUND), *(place + AROUND)) for place in places]
-    depths = [text for text in axes.texts if text.get_gid() == DEPTH]
-    drawn: list[Bbox] = []
-    for number, name in enumerate(names):
-        box = name.get_window_extent()
-        if box.count_overlaps([*drawn, *marks[:number], *marks[number + 1 :]]):
-            name.remove()
+    marks, drawn = dict[Text, Bbox](), list[Bbox]()
+    for text in axes.texts:
+        if isinstance(text, Annotation) and text.get_gid() == GAUGE:
+            place = axes.transData.transform(text.xy)
+            marks[text] = Bbox.from_extents(*(place - AROUND), *(place + AROUND))
+    for text in (*marks, *(text for text in axes.texts if text.get_gid() == DEPTH)):
+        box = text.get_window_extent()
+        if box.count_overlaps([*drawn, *(mark for name, mark in marks.items() if name is not text)]):
+            text.remove()
         else:
             drawn.append(box)
-    for depth in depths:
-        if depth.get_window_extent().count_overlaps([*drawn, *marks]):
-            depth.remove()
