@@ -282,17 +282,28 @@ def sorted_fields(path, name):
     return rows[first]
 
 
-def test_a_series_cut_anywhere_is_read_up_to_there(tmp_path):
-    """Each snapshot is written over the end of the file, so that a kill may leave some of the last alone."""
-    record(water(basin(comm=MPI.COMM_SELF)), tmp_path, snapshots=3)
-    index, run = tmp_path / "surface.pvd", RunDirectory(tmp_path)
-    whole, times = index.read_bytes(), [0.0, 0.25, 0.5]
-    second, third = (whole.index(b"/>", whole.index(name)) + 2 for name in (b"_000001", b"_000002"))
-    for cut in range(second, len(whole)):
-        index.write_bytes(whole[:cut])
-        found = run.fields("surface")
-        assert [t for t, _ in found] == times[: 3 if cut >= third else 2]
+def test_index_names_a_snapshot_when_it_is_complete(tmp_path, monkeypatch):
+    """A kill while the third is written leaves the index of two."""
+    waves = water(basin(comm=MPI.COMM_SELF))
+    record(waves, tmp_path, snapshots=2)
+    series, write = VtuSeries(tmp_path, "surface", comm=MPI.COMM_SELF), fields.write_atomically
+    series.resume_at({"snapshots": 2})
+
+    def killed(file, *content):
+        if file.suffix == ".pvd":
+            raise KeyboardInterrupt
+        write(file, *content)
+
+    monkeypatch.setattr(fields, "write_atomically", killed)
+    observer = SurfaceFields(waves, series, schedule=EverySteps())
+    with pytest.raises(KeyboardInterrupt):
+        observer.record(shown(waves, 2, 0.5, np.sin(waves.plane.x)))
+    found = RunDirectory(tmp_path).fields("surface")
+    assert [t for t, _ in found] == [0.0, 0.25]
     assert found[1][1] == tmp_path / "fields" / "surface_000001.pvtu" and found[1][1].exists()
+    monkeypatch.undo()
+    observer.record(shown(waves, 2, 0.5, np.sin(waves.plane.x)))
+    assert [t for t, _ in RunDirectory(tmp_path).fields("surface")] == [0.0, 0.25, 0.5]
 
 
 def test_a_number_that_is_not_finite_is_refused_before_the_index_names_it(tmp_path):

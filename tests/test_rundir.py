@@ -35,7 +35,7 @@ def complete_run(tmp_path):
         for n in range(3):
             gauges.append([n * 0.1, 1 / 3, np.pi * 1e-9, -n / 7])
             energy.append([n * 0.1, np.e * n])
-            surface.append(*snapshot(n))
+            surface.append(np.hstack(snapshot(n)))
         writer.finish("finished", {"counters": {"steps": 3}})
     return path
 
@@ -66,7 +66,7 @@ def test_numbers_are_written_with_the_digits_that_an_exact_round_trip_needs(row)
     def digits(text):
         return text.lower().partition("e")[0].replace(".", "").strip("-0")
 
-    *cells, empty = csv_lines([[*row, None]]).decode().removesuffix("\n").split(",")
+    *cells, empty = csv_lines(np.array([[*row, None]], dtype=object)).decode().removesuffix("\n").split(",")
     assert [np.float64(cell).tobytes() for cell in cells] == [np.float64(value).tobytes() for value in row]
     assert [*map(digits, cells)] == [digits(repr(value)) for value in row] and not empty
 
@@ -97,7 +97,7 @@ writer = RunWriter(Path({str(path)!r}), {{}}).begin()
 gauges, surface = writer.gauges([("1", 1.0)]), writer.surface()
 for n in range(100):
     gauges.append([n * 0.1, 0.5])
-    surface.append(n * 0.1, np.arange(4.0), np.ones(4), np.ones(4))
+    surface.append([n * 0.1, *range(4), *np.ones(8)])
 os.kill(os.getpid(), signal.SIGKILL)
 """
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == -signal.SIGKILL
@@ -119,10 +119,10 @@ def test_an_error_in_the_block_makes_it_a_failed_run_with_its_cause(tmp_path):
 def test_numbers_that_are_not_finite_are_refused_before_writing(tmp_path, bad):
     with RunWriter(tmp_path, {}) as writer:
         table, surface = writer.table("energy.csv", COLUMNS), writer.surface()
-        surface.append(*snapshot(0))
+        surface.append(np.hstack(snapshot(0)))
         _, x, eta, psi = snapshot(1)
         with pytest.raises(RunError, match=r"t = 0\.5 s.*surface\.nc"):
-            surface.append(0.5, x, np.where(x > 7, bad, eta), psi)
+            surface.append(np.hstack([0.5, x, np.where(x > 7, bad, eta), psi]))
         with pytest.raises(RunError, match=r"t = 0\.5 s: .*energy\.csv"):
             table.append([0.5, bad])
     run = RunDirectory(tmp_path)

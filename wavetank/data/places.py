@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from wavetank.cache import places
 from wavetank.data.description import DATASET, Dataset, GaugePosition, RecordFiles, read_dataset, refused
 from wavetank.errors import InputError
-from wavetank.output.columns import parse_gauge_column
+from wavetank.output.columns import parse_position_label
 from wavetank.values.columns import read_columns
 
 PART = "data"  # of the cache
@@ -107,7 +107,7 @@ def _without_unit(path: Path, column: str) -> str:
 
 def _gauge(column: str) -> GaugePosition:
     try:
-        name, x, y = parse_gauge_column(column)
+        name, x, y, _ = parse_position_label(column)
         return GaugePosition(name=name, x=x, y=y)
     except ValueError:
         return GaugePosition(name=column)

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from wavetank.arrays import Vector
 from wavetank.errors import InputError
 from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, RunDirectory
-from wavetank.output.files import flush_to_disk, open_regular, temporary_path
+from wavetank.output.files import atomic_file, open_regular
 from wavetank.run_warning import RunWarning
 from wavetank.state import check_fields, deserialize, typed
 
@@ -190,44 +190,24 @@ def write_checkpoint(run: Path, checkpoint: Checkpoint, *, own: bool = False, at
     at_any_price
         Whether the one before is given up where the disk is full; the last never is.
     """
-    path = run / CHECKPOINT
+    path, before = run / CHECKPOINT, run / CHECKPOINT_BEFORE
     serves = _may_replace_previous(path, own=own)
-    try:
-        size = _written(path, checkpoint)
-    except OSError as error:
-        if not (at_any_price and serves and error.errno in FULL):
-            raise
-        (run / CHECKPOINT_BEFORE).unlink(missing_ok=True)
-        size = _written(path, checkpoint)
-    if serves:
-        os.replace(path, run / CHECKPOINT_BEFORE)
-    os.replace(temporary_path(path), path)
-    flush_to_disk(run)
-    return size
-
-
-def _written(path: Path, checkpoint: Checkpoint) -> int:
-    """Write a checkpoint beside the last one, on the disk; return its size in bytes."""
-    temporary = temporary_path(path)
-    try:
-        temporary.unlink(missing_ok=True)
-        with temporary.open("xb") as file:
-            with ZipFile(file, "w") as archive:
-                archive.writestr("about.json", json.dumps(checkpoint.about))
-                archive.writestr("held.json", checkpoint.tree_json)
-                for name, values in (("places", checkpoint.places), *enumerate(checkpoint.arrays)):
-                    content = BytesIO()
-                    np.save(content, values)
-                    archive.writestr(
-                        f"{name}.npy", content.getvalue()
-                    )  # a view of it would outlive a full disk's error
-            file.flush()
-            os.fsync(file.fileno())
-            return os.fstat(file.fileno()).st_size
-    except OSError:
-        with suppress(OSError):
-            temporary.unlink()
-        raise
+    for last_try in (not (at_any_price and serves), True):
+        try:
+            with atomic_file(path, durable=True, former=before if serves else None) as file:
+                with ZipFile(file, "w") as archive:
+                    archive.writestr("about.json", json.dumps(checkpoint.about))
+                    archive.writestr("held.json", checkpoint.tree_json)
+                    for name, values in (("places", checkpoint.places), *enumerate(checkpoint.arrays)):
+                        content = BytesIO()
+                        np.save(content, values)
+                        archive.writestr(f"{name}.npy", content.getvalue())  # a view would outlive a full disk's error
+                return file.tell()
+        except OSError as error:
+            if last_try or error.errno not in FULL:
+                raise
+            before.unlink(missing_ok=True)
+    raise AssertionError("the last try returns or raises")
 
 
 def _may_replace_previous(path: Path, *, own: bool) -> bool:
@@ -258,19 +238,19 @@ def read_checkpoint(
     """
     useless, times = list[str](), list[str]()
     for name in CHECKPOINT_FILES:
-        result = read_checkpoint_file(run / name)
-        if isinstance(result, Checkpoint) and at is not None and not is_at(result.about, at):
-            times.append(f"{result.about['t']:.6g} s")
-        elif isinstance(result, Checkpoint):
-            try:
-                why = why_not(result.about)
-            except UNREADABLE as error:  # of an edited one
-                why = f"its description has a value of another type: {error}"
-            if not why:
-                return result, useless
-            useless.append(f"{run / name} cannot be used ({why})")
-        elif result is not None:
-            useless.append(f"{run / name} cannot be used ({result})")
+        try:
+            result = read_checkpoint_file(run / name)
+            if at is not None and not is_at(result.about, at):
+                times.append(f"{result.about['t']:.6g} s")
+                continue
+            why = why_not(result.about)
+        except FileNotFoundError:
+            continue
+        except UNREADABLE as error:
+            why = str(error)
+        if not why:
+            return result, useless
+        useless.append(f"{run / name} cannot be used ({why})")
     none = "holds no checkpoint to go on from" if at is None else f"holds no checkpoint of t = {at:g} s"
     those = f"; there is one of {' and of '.join(times)}" if times else ""
     raise InputError(f"{run}: {none}{those}{''.join(f'; {one}' for one in useless)}.")
@@ -281,14 +261,16 @@ def is_at(about: dict[str, Any], t: float) -> bool:
     return bool(abs(about["t"] - t) <= 0.5 * about["clock"]["dt"])
 
 
-def read_checkpoint_file(path: Path) -> Checkpoint | str | None:
-    """Return what is in a file, all checksums right; why it cannot be had, of what cannot; None if none is there."""
-    try:
-        return _read(path)
-    except FileNotFoundError:
-        return None
-    except UNREADABLE as error:
-        return str(error)
+def read_checkpoint_file(path: Path) -> Checkpoint:
+    """Return the checkpoint in a file, every checksum right; raises one of ``UNREADABLE``."""
+    with _archive(path) as archive:
+        about, tree_json = _metadata(archive, path.parent), archive.read("held.json").decode()
+
+        def array(name: object) -> NDArray[np.float64]:
+            return _array(archive.read(f"{name}.npy"))
+
+        numbers = range(sum(name.removesuffix(".npy").isdigit() for name in archive.namelist()))
+        return Checkpoint(about, tree_json, [array(number) for number in numbers], array("places"))
 
 
 def last_checkpoint(run: Path) -> float | None:
@@ -344,15 +326,3 @@ def _metadata(archive: ZipFile, run: Path) -> dict[str, Any]:
     typed(float, about["t"], "about.t")
     typed(int, about["step"], "about.step")
     return about
-
-
-def _read(path: Path) -> Checkpoint:
-    """Return a checkpoint of this run, every checksum right."""
-    with _archive(path) as archive:
-        about, tree_json = _metadata(archive, path.parent), archive.read("held.json").decode()
-
-        def array(name: object) -> NDArray[np.float64]:
-            return _array(archive.read(f"{name}.npy"))
-
-        numbers = range(sum(name.removesuffix(".npy").isdigit() for name in archive.namelist()))
-        return Checkpoint(about, tree_json, [array(number) for number in numbers], array("places"))

@@ -57,13 +57,14 @@ class Variable(NamedTuple):
 
 
 # ---------------------------------------------------------------- names
-def position_label(name: str, position: Mapping[str, float]) -> str:
-    """Return a name with its position [m], axis by axis from x on, as ``5@x=50;y=2``: without a table's comma."""
-    return f"{name}@" + ";".join(f"{axis}={np.format_float_positional(at, trim='-')}" for axis, at in position.items())
+def position_label(name: str, x: float, y: float = 0.0, z: float | None = None) -> str:
+    """Return a name with its position [m], as ``5@x=50;y=2``: without a table's comma, and without y = 0."""
+    axes = {"x": x} | ({"y": y} if y else {}) | ({} if z is None else {"z": z})
+    return f"{name}@" + ";".join(f"{axis}={np.format_float_positional(at, trim='-')}" for axis, at in axes.items())
 
 
-def parse_position_label(label: str) -> tuple[str, dict[str, float]]:
-    """Return name and position [m] by axis of a label by ``position_label``, also with commas.
+def parse_position_label(label: str) -> tuple[str, float, float, float]:
+    """Return name, x, y and z [m] of a label by ``position_label``, also with commas; y and z are 0 where it has none.
 
     Raises ``ValueError`` for anything else.
     """
@@ -71,18 +72,8 @@ def parse_position_label(label: str) -> tuple[str, dict[str, float]]:
     if not separator:
         raise ValueError(f"{label!r} has no position")
     axes = (part.partition("=") for part in f"x={position}".replace(",", ";").split(";"))
-    return name, {"y": 0.0} | {axis: float(at) for axis, _, at in axes}
-
-
-def gauge_column(name: str, x: float, y: float = 0.0) -> str:
-    """Return the column name of a gauge."""
-    return position_label(name, {"x": x, "y": y} if y else {"x": x})
-
-
-def parse_gauge_column(column: str) -> tuple[str, float, float]:
-    """Return name, x and y [m] of a gauge from its column name; raises ``ValueError`` for another text."""
-    name, at = parse_position_label(column)
-    return name, at["x"], at["y"]
+    at = {axis: float(value) for axis, _, value in axes}
+    return name, at["x"], at.get("y", 0.0), at.get("z", 0.0)
 
 
 ENERGY = ("t", "kinetic", "potential", "total", "paddle_work", "dissipated", "balance", "mass", "absorbed")
@@ -138,9 +129,8 @@ def probe_quantities(dimensions: int) -> dict[str, tuple[str, str]]:
 
 def probe_columns(points: Sequence[tuple[str, float, float, float]], dimensions: int) -> list[str]:
     """Return the columns of probes: all quantities of the first point, given name, x, y and z [m], then of the next."""
-    labels = [position_label(name, {"x": x, **({"y": y} if y else {}), "z": z}) for name, x, y, z in points]
     quantities = probe_quantities(dimensions).items()
-    return ["t [s]", *(f"{name} {label} [{units}]" for label in labels for name, (units, _) in quantities)]
+    return ["t [s]", *(f"{name} {position_label(*at)} [{units}]" for at in points for name, (units, _) in quantities)]
 
 
 # ---------------------------------------------------------------- variables
@@ -200,15 +190,15 @@ def station_variables(dimension: str, header: Sequence[str], rows: Vector) -> di
 def _parsed(dimension: str, column: str) -> tuple[str, str, tuple[float, ...], Mapping[str, str]]:
     """Return quantity, station, its position [m] and the quantity's attributes."""
     if dimension == "gauge":
-        name, x, y = parse_gauge_column(column)
+        name, x, y, _ = parse_position_label(column)
         return "elevation", name, (x, y), ELEVATION
     label, _, units = column.removesuffix("]").rpartition(" [")
     quantity, _, station = label.partition(" ")
     if dimension == "wall":
         return quantity, station, (), {"units": units, "long_name": quantity.replace("_", " along ")}
-    name, at = parse_position_label(station)
+    name, *at = parse_position_label(station)
     attributes = dict(zip(("units", "long_name"), probe_quantities(2)[quantity], strict=True))
-    return quantity, name, (at["x"], at["y"], at["z"]), attributes
+    return quantity, name, tuple(at), attributes
 
 
 def time_variables(header: Sequence[str], rows: Vector) -> dict[str, Variable]:
@@ -227,6 +217,13 @@ def time_variables(header: Sequence[str], rows: Vector) -> dict[str, Variable]:
             result["y"] = Variable(("y",), np.array([*map(float, by_place)]), ACROSS)
             result[name] = Variable(("time", "y"), np.column_stack([*by_place.values()]), attributes)
     return result
+
+
+def point_variables(header: Sequence[str], rows: Vector) -> dict[str, Variable]:
+    """Return the columns of a table without times over point, by their names, with their units."""
+    heads = [head.removesuffix("]").partition(" [") for head in header]
+    columns = zip(heads, rows.T, strict=True)
+    return {name: Variable(("point",), column, {"units": units}) for (name, _, units), column in columns}
 
 
 def window_variables(header: Sequence[str], rows: Vector) -> dict[str, Variable]:

@@ -28,21 +28,19 @@ on some of its ranks; a resumed run computes them again. Incomplete records are 
 """
 
 import os
-import re
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
 from socket import gethostname
 from typing import TYPE_CHECKING, BinaryIO
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.errors import InputError
-from wavetank.output.columns import Variable, station_variables, time_variables, window_variables
-from wavetank.output.fields import INDEX_END, index_file, read_snapshots, window_file
+from wavetank.output.columns import Variable, point_variables, station_variables, time_variables, window_variables
+from wavetank.output.fields import index_file, read_index, read_snapshots, window_file
 from wavetank.output.files import FIELDS, check_entries, is_locked, open_regular
 from wavetank.output.manifest import read_manifest
 from wavetank.output.netcdf import complete_records, conventions, write_records
@@ -64,6 +62,8 @@ CHECKPOINT, CHECKPOINT_BEFORE = "checkpoint.zip", "checkpoint-before.zip"
 BED = "bed.csv"
 BROKEN, BROKEN_PICTURE = BROKENS = "broken.csv", "broken.png"
 BREAKING = "breaking.csv"
+POINT_TABLES = BROKEN, BED  # tables without times
+PLACES = ["x", "y", "z", "zeta"]  # coordinates
 CHECKPOINTS = CHECKPOINT, CHECKPOINT_BEFORE, f".{CHECKPOINT}"  # the last while it is written
 SERIES, LOG = ("surface", "velocity"), "run.log"
 REST_POSITION = "rest position"  # (x, y) [m] in the reference tank, of the points of a surface
@@ -143,15 +143,13 @@ class RunDirectory:
     @property
     def gauges(self) -> "xarray.DataArray":
         """The elevation [m] over gauge and time [s]; gauges by their names, with their places x and y [m]."""
-        from xarray import DataArray, Dataset
-
-        elevation: DataArray = Dataset(self._stations(GAUGES)).set_coords(["x", "y"]).elevation
+        elevation: xarray.DataArray = self._dataset(GAUGES).elevation
         return elevation.assign_attrs(source="computed")
 
     @property
     def energy(self) -> "xarray.Dataset":
         """The energy budget over time [s], each column by its name, with its units."""
-        return self._over_time(ENERGY)
+        return self._dataset(ENERGY)
 
     @property
     def paddle(self) -> "xarray.Dataset":
@@ -171,7 +169,7 @@ class RunDirectory:
         if self.manifest.get("scene", {}).get(wall, {}).get("type") == "fixed":
             name = wall.replace("_", " ")
             raise InputError(f"{self.path}: the {name} does not move in this run, so there is no record of a paddle.")
-        return self._over_time(PADDLES[wall])
+        return self._dataset(PADDLES[wall])
 
     @property
     def probes(self) -> "xarray.Dataset":
@@ -179,9 +177,7 @@ class RunDirectory:
 
         Probes by their names, with their places x, y and z [m]. Raises ``InputError`` where there are none.
         """
-        from xarray import Dataset
-
-        return Dataset(self._stations(PROBES)).set_coords(["x", "y", "z"])
+        return self._dataset(PROBES)
 
     @property
     def loads(self) -> "xarray.Dataset":
@@ -189,9 +185,7 @@ class RunDirectory:
 
         Walls by their loads' names. Raises ``InputError`` where there are none.
         """
-        from xarray import Dataset
-
-        return Dataset(self._stations(LOADS))
+        return self._dataset(LOADS)
 
     @property
     def surface(self) -> "xarray.Dataset":
@@ -212,41 +206,43 @@ class RunDirectory:
 
         ``x`` [m] of each point depends on time, because the paddle moves the mesh; at point 0 it is the paddle's.
         """
-        return read_snapshots(self._surface(), self.path / SURFACE)
+        if index_file(self.path, "surface").exists():
+            raise InputError(f"{self.path}: its surface is a basin's, in surface.pvd, which pyvista and ParaView open.")
+        return read_snapshots(self._complete_netcdf(SURFACE), self.path / SURFACE)
 
     def window(self, name: str) -> "xarray.Dataset":
         """Return the kinematics of a window over time [s], column and level; of a table those that it has.
 
         Raises ``InputError`` if there is no such window, or no row of it.
         """
-        from xarray import Dataset, load_dataset
+        from xarray import load_dataset
 
         file, table = (window_file(name, form) for form in ("netcdf", "csv"))
         if (self.path / table).exists():
-            variables = window_variables(*self._table(table))
-            if not variables["time"].values.size:
+            data = self._dataset(table)
+            if not data.time.size:
                 raise InputError(f"{self.path / table}: has no row.")
-            return Dataset(variables).set_coords(["x", "y", "z", "zeta"])
+            return data
         if not (self.path / file).exists():
             there = ", ".join(sorted(path.stem.removeprefix("window-") for path in self.path.glob("window-*.*")))
             raise InputError(f"{self.path}: has no window {name!r}; there are {there or 'none'}.")
         if not (content := self._complete_netcdf(file)):
             raise InputError(f"{self.path / file}: has no row.")
-        return load_dataset(BytesIO(content), engine="scipy").set_coords(["x", "y", "z", "zeta"])
+        return load_dataset(BytesIO(content), engine="scipy").set_coords(PLACES)
 
     def broken(self) -> "xarray.Dataset":
         """Return the last surface of a run that broke down, over point.
 
         x, y (of a basin) [m], elevation [m], slope [-], velocity [m/s]. Raises ``InputError`` where there is none.
         """
-        return self._over_points(BROKEN)
+        return self._dataset(BROKEN)
 
     def bed(self) -> "xarray.Dataset":
         """Return the depth of a bed by a Python function over point: x, y (of a basin) and depth [m].
 
         Raises ``InputError`` where the run has no such record.
         """
-        return self._over_points(BED)
+        return self._dataset(BED)
 
     # ------------------------------------------------------------ as files
     def write_netcdf(self, table: str, file: BinaryIO) -> None:
@@ -254,75 +250,57 @@ class RunDirectory:
 
         The memory needed does not depend on the number of rows. Raises ``InputError`` where there is none.
         """
-        blocks = (self._described(table, header, rows) for header, rows in self._blocks(table) if rows.size)
+
+        def described(variables: dict[str, Variable]) -> dict[str, Variable]:
+            details: dict[str, str | np.float64] = {
+                "coordinates": " ".join(name for name in PLACES if name in variables),
+                "_FillValue": np.float64(np.nan),  # before a gauge was there, while a probe is dry
+            }
+            return {
+                name: Variable(one.dimensions[::-1], one.values.T, {**one.attributes, **details})
+                if len(one.dimensions) == 2
+                else one
+                for name, one in variables.items()
+            }
+
+        blocks = (described(self._variables(table, *block)) for block in self._blocks(table) if block[1].size)
         if not write_records(file, blocks, conventions(self.manifest) | {"featureType": "timeSeries"}):
             raise InputError(f"{table} has no row")
 
-    def _described(self, table: str, header: Sequence[str], rows: NDArray[np.float64]) -> dict[str, Variable]:
-        """Return rows of one of ``COPIES`` as variables with the attributes of CF, time first."""
-        variables = self._variables(table, header, rows)
-        places = " ".join(name for name in ("x", "y", "z") if name in variables)
-        missing = {"_FillValue": np.float64(np.nan)}  # before a gauge was there, while a probe is dry
-        for name, (dimensions, values, attributes) in variables.items():
-            if len(dimensions) == 2:
-                attributes = {**attributes, "coordinates": places, **missing}
-                variables[name] = Variable(dimensions[::-1], values.T, attributes)
-        return variables
-
     def fields(self, name: str) -> list[tuple[float, Path]]:
         """Return time [s] and file, for pyvista or ParaView, of each snapshot of a series, one of ``SERIES``."""
-        index = index_file(self.path, name)
         if name == "surface" and (self.path / SURFACE).exists():
             raise InputError(f"{self.path}: its surface is a slice's or ring's, in {SURFACE}: `.surface` reads it.")
-        content = self._read(index.name)
-        complete = content.rfind(b"/>") + len(b"/>")  # a killed run may have cut what follows
-        try:
-            snapshots = ElementTree.fromstring(content[:complete] + INDEX_END).iter("DataSet") if content else ()
-            result = [(float(one.attrib["timestep"]), one.attrib["file"]) for one in snapshots]
-            if not all(re.fullmatch(rf"{FIELDS}/{name}_\d+\.pvtu", file) for _, file in result):
-                raise ValueError
-            return [(t, self.path / file) for t, file in result]
-        except (ElementTree.ParseError, KeyError, ValueError):
-            raise InputError(f"{index}: is no collection of snapshots that this program wrote.") from None
-
-    def _surface(self) -> bytes:
-        """Return the surface's file with all its complete snapshots; raises ``InputError`` for that of a basin."""
-        if index_file(self.path, "surface").exists():
-            raise InputError(f"{self.path}: its surface is a basin's, in surface.pvd, which pyvista and ParaView open.")
-        return self._complete_netcdf(SURFACE)
+        with self._reading(index_file(self.path, name).name):
+            return read_index(self.path, name)
 
     def _complete_netcdf(self, file: str) -> bytes:
         """Return a NetCDF file that grows with all its complete records."""
-        try:
-            return complete_records(self._read(file))
-        except ValueError as error:
-            raise InputError(f"{self.path / file}: {error}.") from None
+        with self._reading(file), open_regular(self.path / file) as content:
+            try:
+                return complete_records(content.read())
+            except ValueError as error:
+                raise InputError(f"{self.path / file}: {error}.") from None
 
-    def _stations(self, table: str) -> dict[str, Variable]:
-        """Return the stations of a table, their positions and their quantities over time."""
-        return self._variables(table, *self._table(table))
+    def _dataset(self, file: str) -> "xarray.Dataset":
+        """Return a table as a data set."""
+        from xarray import Dataset
 
-    def _variables(self, table: str, header: Sequence[str], rows: NDArray[np.float64]) -> dict[str, Variable]:
+        variables = self._variables(file, *self._table(file))
+        coordinates = [] if file in POINT_TABLES else [name for name in PLACES if name in variables]
+        return Dataset(variables).set_coords(coordinates)
+
+    def _variables(self, file: str, header: Sequence[str], rows: NDArray[np.float64]) -> dict[str, Variable]:
+        """Return columns of a table as variables: over stations, over points, over time, or those of a window."""
+        if file in POINT_TABLES:
+            return point_variables(header, rows)
+        if file not in STATIONS:
+            return time_variables(header, rows) if file in TABLES else window_variables(header, rows)
         try:
-            return station_variables(STATIONS[table], header, rows)
+            return station_variables(STATIONS[file], header, rows)
         except (KeyError, ValueError):
-            allowed = f"; allowed are {NAMES[table]}" if table in NAMES else ""
-            raise InputError(f"{self.path / table}: column names {header[1:]}{allowed}.") from None
-
-    def _over_time(self, file: str) -> "xarray.Dataset":
-        """Return a table over time: columns by their names, those at several places y [m] over these, too."""
-        from xarray import Dataset
-
-        return Dataset(time_variables(*self._table(file)))
-
-    def _over_points(self, file: str) -> "xarray.Dataset":
-        """Return a table without times over point: columns by their names, with their units."""
-        from xarray import Dataset
-
-        header, rows = self._table(file)
-        heads = [head.removesuffix("]").partition(" [") for head in header]
-        columns = zip(heads, rows.T, strict=True)
-        return Dataset({name: ("point", column, {"units": units}) for (name, _, units), column in columns})
+            allowed = f"; allowed are {NAMES[file]}" if file in NAMES else ""
+            raise InputError(f"{self.path / file}: column names {header[1:]}{allowed}.") from None
 
     def _table(self, file: str) -> tuple[list[str], NDArray[np.float64]]:
         """Return column names and complete rows, shape (rows, columns)."""
@@ -331,21 +309,16 @@ class RunDirectory:
 
     def _blocks(self, file: str) -> Iterator[tuple[list[str], NDArray[np.float64]]]:
         """Yield column names and complete rows in blocks, each of shape (rows, columns); the first has no row."""
-        try:
-            with open_regular(self.path / file) as table:
-                yield from read_blocks(table, self.path / file, ascending=file in TABLES)
-        except OSError as error:
-            raise self._unreadable(file, error) from None
+        with self._reading(file), open_regular(self.path / file) as table:
+            yield from read_blocks(table, self.path / file, ascending=file in TABLES)
 
-    def _read(self, file: str) -> bytes:
+    @contextmanager
+    def _reading(self, file: str) -> Iterator[None]:
+        """Raise ``InputError`` that names the file for an ``OSError`` of the block."""
         try:
-            with open_regular(self.path / file) as result:
-                return bytes(result.read())
+            yield
         except OSError as error:
-            raise self._unreadable(file, error) from None
-
-    def _unreadable(self, file: str, error: OSError) -> InputError:
-        return InputError(f"{self.path}: has no readable {file} ({error.strerror}).")
+            raise InputError(f"{self.path}: has no readable {file} ({error.strerror}).") from None
 
 
 def open_run(path: Path | str) -> RunDirectory:

@@ -82,10 +82,11 @@ def write_atomically(path: Path, *content: bytes | memoryview, durable: bool = F
 
 
 @contextmanager
-def atomic_file(path: Path, *, durable: bool = False) -> Iterator[BinaryIO]:
+def atomic_file(path: Path, *, durable: bool = False, former: Path | None = None) -> Iterator[BinaryIO]:
     """Yield a temporary file that replaces the file at ``path`` at the end of the block, and is deleted on any error.
 
-    The block may also write the temporary file by its ``name``. Raises ``OSError``.
+    The block may also write the temporary file by its ``name``. The replaced file is renamed to ``former``, if that is
+    given. Raises ``OSError``.
     """
     temporary = temporary_path(path)
     try:
@@ -95,6 +96,8 @@ def atomic_file(path: Path, *, durable: bool = False) -> Iterator[BinaryIO]:
             if durable:
                 file.flush()
                 os.fsync(file.fileno())
+        if former is not None:
+            os.replace(path, former)
         os.replace(temporary, path)
         if durable:
             flush_to_disk(path.parent)

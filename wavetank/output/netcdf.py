@@ -109,11 +109,15 @@ class AppendNetCDF(AppendFile):
     ----------
     attributes
         Global attributes, such as the title.
+    layout
+        Returns the variables of the first record, in the order of its numbers, time first.
     """
 
-    def __init__(self, path: Path, attributes: Mapping[str, str]):
+    def __init__(
+        self, path: Path, attributes: Mapping[str, str], layout: Callable[[NDArray[np.float64]], dict[str, Variable]]
+    ):
         super().__init__(path)
-        self._attributes = attributes
+        self._attributes, self._layout = attributes, layout
         self._records = self._begin = 0
 
     def open(self) -> None:
@@ -130,33 +134,19 @@ class AppendNetCDF(AppendFile):
         super().resume_at(extent)
         self._records, self._begin = extent["_records"], extent["_begin"]
 
-    def append_records(self, rows: NDArray[np.float64], first: Callable[[], dict[str, Variable]]) -> None:
-        """Append records, (K, numbers) in the order of the variables, time first; ``first`` are those of the first one.
-
-        Raises ``RunError`` for a number that is not finite, after the records before it are written; ``RecordError``
-        for a file that cannot be written, which then has none of them.
-        """
-        finite = rows if np.isfinite(np.vdot(rows, rows)) else _finite_rows(rows)
-        content = memoryview(finite.astype(NUMBER).ravel().view(np.uint8))
-        if not self._records and len(finite):
-            head, each = netcdf(first(), self._attributes, unlimited="time"), len(content) // len(finite)
+    def _write_rows(self, rows: NDArray[Any]) -> None:
+        content = memoryview(rows.astype(NUMBER).ravel().view(np.uint8))
+        if not self._records and len(rows):
+            head, each = netcdf(self._layout(rows[0]), self._attributes, unlimited="time"), len(content) // len(rows)
             self._begin, content = len(head) - each, memoryview(head + content[each:])
         self.write(content)
-        self._records += len(finite)
+        self._records += len(rows)
         self._write_count()
-        if len(finite) < len(rows):
-            self._check(rows[len(finite)])
 
     def _write_count(self) -> None:
         """Write the number of records into the header."""
         if self._size:
             self.write(self._records.to_bytes(4, "big"), at=COUNT.start)
-
-
-def _finite_rows(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the rows before the first with a number that is not finite, if there is one."""
-    finite = np.isfinite(rows).all(axis=1)
-    return rows if finite.all() else rows[: finite.argmin()]
 
 
 def complete_records(content: bytes) -> bytes:

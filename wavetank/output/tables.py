@@ -6,7 +6,8 @@ Appended bytes are passed to the operating system at once, so that a killed run 
 import csv
 import errno
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from io import StringIO
 from itertools import islice
@@ -28,8 +29,7 @@ def csv_table(columns: Mapping[str, NDArray[np.float64]]) -> bytes:
 
 BLOCK = 2**16  # bytes of a table that are read together
 Extent = dict[str, Any]  # of a record in a checkpoint, as JSON has it
-Rows = NDArray[np.float64] | Sequence[Sequence[float | None]]
-INDEX = ".xdmf"  # of a file that has one
+Rows = NDArray[np.float64] | Sequence[NDArray[np.float64] | Sequence[float | None]]
 
 
 def _csv_line(cells: Iterable[str]) -> bytes:
@@ -38,14 +38,14 @@ def _csv_line(cells: Iterable[str]) -> bytes:
     return line.getvalue().encode()
 
 
-def csv_lines(rows: Rows) -> bytes:
+def csv_lines(rows: NDArray[Any]) -> bytes:
     """Return lines of numbers, each with the digits that an exact round trip needs, and empty cells at None.
 
     Seven times as fast as by ``repr``.
     """
     from pydantic_core import to_json
 
-    text = to_json(rows.tolist()) if isinstance(rows, np.ndarray) else to_json(rows).replace(b"null", b"")
+    text = to_json(rows.tolist()).replace(b"null", b"")
     return text.replace(b"],[", b"\n")[2:-2] + b"\n" if len(rows) else b""
 
 
@@ -89,9 +89,7 @@ def unusable(path: Path, extent: Extent, t: float) -> str:
     if not path.exists():
         return missing
     if "rows" not in extent:
-        if path.stat().st_size < extent["size"]:
-            return missing
-        return unusable(path.with_suffix(INDEX), extent["index"], t) if "index" in extent else ""
+        return missing if path.stat().st_size < extent["size"] else ""
     end, checksum = _scan(path, extent["rows"], extent["columns"])
     if end is None:
         return missing
@@ -118,20 +116,7 @@ def _scan(path: Path, rows: int, columns: Sequence[str]) -> tuple[int | None, in
     return size if count == rows else None, checksum if len(chosen) == len(columns) else None
 
 
-def append_until_failure(append: Callable[[Any], None], parts: Any) -> None:
-    """Append the parts of a sequence or an array together, or, if that fails, one by one up to the part that fails.
-
-    Parts appended together are written completely or not at all. Raises the ``RecordError``.
-    """
-    try:
-        append(parts)
-    except RecordError:
-        for n in range(len(parts) if len(parts) > 1 else 0):
-            append(parts[n : n + 1])
-        raise
-
-
-class AppendFile:
+class AppendFile(ABC):
     """A file to which rows of finite numbers are appended, time [s] first."""
 
     def __init__(self, path: Path):
@@ -162,23 +147,48 @@ class AppendFile:
         """Flush the file to the disk; raises ``OSError``."""
         os.fsync(self._file.fileno())
 
-    def _check(self, row: NDArray[np.float64]) -> None:
-        if not np.isfinite(row).all():
-            message = f"a value for {self._path.name} is not a finite number; the run has broken down."
-            raise RunError(f"t = {row[0]:.6g} s: {message}", t=float(row[0]))
+    def append(self, row: NDArray[np.float64] | Sequence[float | None]) -> None:
+        """Append one row; see ``extend``."""
+        self.extend([row])
 
-    def write(self, content: bytes | memoryview, *, at: int | None = None, over: int = 0) -> None:
-        """Write bytes over the last ``over`` bytes, or ``at`` an offset, and pass them to the operating system at once.
+    def extend(self, rows: Rows) -> None:
+        """Append rows, time [s] first, a value for each column or None, which leaves it empty.
+
+        Raises ``RunError`` for a number that is not finite, after the rows before it are written; ``RecordError`` for a
+        file that cannot be written, after as many rows as there is room for; ``ValueError`` for a row of another
+        length.
+        """
+        values: NDArray[Any] = np.asarray(rows, dtype=np.float64)  # nan at None
+        usable = np.isfinite(values)
+        if not usable.all():
+            empty = np.asarray(rows, dtype=object) == np.array(None)
+            values = np.where(empty, np.array(None), values) if empty.any() else values
+            usable |= empty
+        count = len(values) if usable.all() else int(usable.all(axis=1).argmin())
+        try:
+            self._write_rows(values[:count])
+        except RecordError:
+            for n in range(count if count > 1 else 0):
+                self._write_rows(values[n : n + 1])
+            raise
+        if count < len(values):
+            t, message = float(values[count, 0]), "is not a finite number; the run has broken down."
+            raise RunError(f"t = {t:.6g} s: a value for {self._path.name} {message}", t=t)
+
+    @abstractmethod
+    def _write_rows(self, rows: NDArray[Any]) -> None:
+        """Write rows, all or none; raises ``RecordError``."""
+
+    def write(self, content: bytes | memoryview, *, at: int | None = None) -> None:
+        """Append bytes, or write them ``at`` an offset, and pass them to the operating system at once.
 
         That takes microseconds, and a kill loses nothing. Appended bytes are written completely or, if that fails, not
         at all. Raises ``RecordError``.
         """
-        last = b""
         try:
             if at is None and _identity(os.stat(self._path)) != self._identity:
                 raise FileNotFoundError(errno.ENOENT, "replaced by another file")
-            place = self._size - over if at is None else at
-            last = os.pread(self._file.fileno(), over, place) if over else b""
+            place = self._size if at is None else at
             while content:  # rarely more than once
                 written = os.pwrite(self._file.fileno(), content, place)
                 content, place = content[written:], place + written
@@ -186,45 +196,14 @@ class AppendFile:
         except FileNotFoundError:
             raise RecordError(f"{self._path}: is no longer there; moved or deleted during the run.") from None
         except OSError as error:
-            self.shorten(self._size, last)
+            with suppress(OSError):
+                os.ftruncate(self._file.fileno(), self._size)
             raise RecordError(f"{self._path}: cannot be written ({error.strerror}).") from None
-
-    def shorten(self, size: int, last: bytes = b"") -> None:
-        """Truncate the file to ``size`` bytes, the last of which are replaced by ``last``."""
-        with suppress(OSError):
-            os.pwrite(self._file.fileno(), last, size - len(last))
-            os.ftruncate(self._file.fileno(), size)
-        self._size = size
 
     def close(self) -> None:
         """Close the file; nothing is buffered."""
         with suppress(OSError, AttributeError):  # a full disk has been reported by the write that met it
             self._file.close()
-
-
-class IndexFile(AppendFile):
-    """An XML file whose last lines close its elements: entries are written over them, with new ones.
-
-    Parameters
-    ----------
-    head, tail
-        The first and the last bytes of the file.
-    """
-
-    def __init__(self, path: Path, head: bytes, tail: bytes):
-        super().__init__(path)
-        self._head, self._tail = head, tail
-
-    def open(self) -> None:
-        """Create the file, or open it to append; raises ``RecordError``."""
-        super().open()
-        if self._size:
-            self.write(self._tail, over=len(self._tail))  # a later entry had replaced it
-
-    def append(self, entries: bytes) -> None:
-        """Append entries; raises ``RecordError``."""
-        head, over = (b"", len(self._tail)) if self._size else (self._head, 0)
-        self.write(head + entries + self._tail, over=over)
 
 
 class TableWriter(AppendFile):
@@ -237,11 +216,6 @@ class TableWriter(AppendFile):
         super().__init__(path)
         self._columns, self._rows = list(columns), 0
         self._checksum = 0  # CRC-32 of the rows
-
-    @property
-    def has_values(self) -> bool:
-        """Whether it has columns other than the time's."""
-        return len(self._columns) > 1
 
     def open(self) -> None:
         """Create the file with its header, or open it to append; raises ``RecordError``."""
@@ -276,28 +250,14 @@ class TableWriter(AppendFile):
         end, _ = _scan(self._path, extent["rows"], self._columns)
         self._rows, self._initial_size = extent["rows"], end or 0
 
-    def append(self, row: Sequence[float | None]) -> None:
-        """Append one row; see ``extend``."""
-        self.extend([row])
-
     def extend(self, rows: Rows) -> None:
-        """Append rows, time [s] first, a value for each column or None, which leaves it empty.
-
-        Raises ``RunError`` for a number that is not finite, after the rows before it are written; ``RecordError`` for a
-        file that cannot be written; ``ValueError`` for a row of another length.
-        """
+        """Append rows; see ``AppendFile``. Raises ``ValueError`` for rows of another number of columns."""
         for length in {rows.shape[1]} if isinstance(rows, np.ndarray) else set(map(len, rows)):
             if length != len(self._columns):
                 raise ValueError(f"{self._path.name}: {length} values received; it has {len(self._columns)} columns.")
-        values = np.asarray(rows, dtype=np.float64)  # nan at None
-        if np.isfinite(values).all():
-            return append_until_failure(self._write_rows, values)
-        for row in rows:
-            given = [None if value is None else float(value) for value in row]
-            self._check(np.array([value for value in given if value is not None]))
-            self._write_rows([given])
+        super().extend(rows)
 
-    def _write_rows(self, rows: Rows) -> None:
+    def _write_rows(self, rows: NDArray[Any]) -> None:
         lines = csv_lines(rows)
         self.write(lines)
         self._rows, self._checksum = self._rows + len(rows), crc32(lines, self._checksum)

@@ -4,6 +4,7 @@ import json
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TypeVar
@@ -12,7 +13,7 @@ from uuid import uuid4
 from wavetank.arrays import Vector
 from wavetank.errors import InputError, RecordError, RunError, WavetankError, worded, write_errors
 from wavetank.output.checkpoint import Checkpoint, read_checkpoint, readable_checkpoints, write_checkpoint
-from wavetank.output.columns import gauge_column
+from wavetank.output.columns import position_label
 from wavetank.output.directory import (
     CHECKPOINT,
     CHECKPOINT_BEFORE,
@@ -21,11 +22,21 @@ from wavetank.output.directory import (
     GAUGES,
     SERIES,
     SURFACE,
+    SURFACE_INDEX,
     RunDirectory,
     derived_files,
     record_files,
 )
-from wavetank.output.fields import SurfaceWriter, WindowFile, WindowTable, missing_file, window_file
+from wavetank.output.fields import (
+    missing_file,
+    surface_index,
+    surface_variables,
+    window_columns,
+    window_file,
+    window_record,
+    window_row,
+    window_rows,
+)
 from wavetank.output.files import (
     LOCK,
     OutputPath,
@@ -37,7 +48,7 @@ from wavetank.output.files import (
     write_atomically,
 )
 from wavetank.output.manifest import MANIFEST, now
-from wavetank.output.netcdf import conventions
+from wavetank.output.netcdf import AppendNetCDF, conventions
 from wavetank.output.tables import AppendFile, Extent, TableWriter, csv_table, unusable
 from wavetank.run_warning import RunWarning
 
@@ -97,6 +108,7 @@ class RunWriter:
                     os.replace(self.path / CHECKPOINT_BEFORE, self.path / CHECKPOINT)  # the newest is unusable
                 for record in self._records:
                     record.open()
+                self._write_surface_index()
         except WavetankError as error:
             self.fail(error)
             raise
@@ -141,7 +153,7 @@ class RunWriter:
 
     def gauges(self, gauges: Sequence[tuple[str, float] | tuple[str, float, float]]) -> TableWriter:
         """Return the gauges' table, rows (t [s], eta_1 [m], ..., eta_N [m]), given name, x and, unless 0, y [m]."""
-        return self.table(GAUGES, ["t [s]", *(gauge_column(*gauge) for gauge in gauges)])
+        return self.table(GAUGES, ["t [s]", *(position_label(*gauge) for gauge in gauges)])
 
     def table(self, file: str, columns: Sequence[str]) -> TableWriter:
         """Return a new table with these columns, time first, units in their names."""
@@ -150,18 +162,18 @@ class RunWriter:
     def window(
         self, name: str, *, form: str, places: Vector, levels: int, dimensions: int
     ) -> Callable[[float, Vector, Vector, Vector], None]:
-        """Return the function that appends to a window's record, ``form`` netcdf or csv; see ``fields.py``."""
+        """Return the function that appends to a window's record, ``form`` netcdf or csv; see ``WindowObserver``."""
         path = self.path / window_file(name, form)
         if form == "csv":
-            return self._add_record(WindowTable(path, places=places, dimensions=dimensions)).append_columns
-        attributes = conventions(self._manifest)
-        return self._add_record(
-            WindowFile(path, attributes, places=places, levels=levels, dimensions=dimensions)
-        ).append
+            table = self.table(path.name, window_columns(dimensions))
+            return lambda *state: table.extend(window_rows(*state, places=places, dimensions=dimensions))
+        layout = partial(window_record, places=places, levels=levels, dimensions=dimensions)
+        record = self._add_record(AppendNetCDF(path, conventions(self._manifest), layout))
+        return lambda *state: record.append(window_row(*state))
 
-    def surface(self) -> SurfaceWriter:
-        """Return the record of snapshots."""
-        return self._add_record(SurfaceWriter(self.path / SURFACE, conventions(self._manifest)))
+    def surface(self) -> AppendNetCDF:
+        """Return the record of snapshots, rows (t [s], x [m], eta [m], psi [m²/s]) of the points, shape (1 + 3 N,)."""
+        return self._add_record(AppendNetCDF(self.path / SURFACE, conventions(self._manifest), surface_variables))
 
     def _add_record(self, record: R) -> R:
         """Add a record, which is open from the beginning of the run to its end, and return it."""
@@ -209,6 +221,8 @@ class RunWriter:
             if at_any_price:
                 self._lock.reserve(self._reserved)
             size = write_checkpoint(self.path, identified, own=self._wrote_checkpoint, at_any_price=at_any_price)
+        with suppress(OSError):
+            self._write_surface_index()
         self._wrote_checkpoint = True
         spare = (self.path / CHECKPOINT_BEFORE).exists() or at_any_price
         with suppress(OSError):
@@ -253,16 +267,17 @@ class RunWriter:
         self._manifest |= figures
 
     def finish(self, status: str, figures: dict[str, Any]) -> None:
-        """Close all files, copy gauges and probes to CF-NetCDF, and write the final manifest.
+        """Close all files, copy gauges and probes to CF-NetCDF, write the surface's index and the final manifest.
 
         A copy that cannot be written is a warning in the manifest. Raises ``RunError`` if the manifest cannot be
         written and for a figure that is not finite, ``RecordError`` if the directory has been replaced.
         """
         self._close()
         self._check_owned()
-        for one in self._records:
-            if one.name in COPIES and isinstance(one, TableWriter) and one.has_values:
-                self._copy(one.name)
+        tables = [one.name for one in self._records if one.name in COPIES and len(one.extent()["columns"]) > 1]
+        for name in tables:
+            self._warn_unless_written(COPIES[name], name, partial(self._copy, name))
+        self._warn_unless_written(SURFACE_INDEX, SURFACE, self._write_surface_index)
         with write_errors(self.path, RunError):
             self._lock.reserve(0)
             last = self._manifest | {"status": status, "finished": now(), **figures}
@@ -270,12 +285,22 @@ class RunWriter:
 
     def _copy(self, name: str) -> None:
         """Write a copy of a table as CF-NetCDF."""
+        with atomic_file(self.path / COPIES[name]) as copy:
+            RunDirectory(self.path).write_netcdf(name, copy)
+
+    def _write_surface_index(self) -> None:
+        """Write the XDMF file of the surface's snapshots so far, if there are any; raises ``OSError``."""
+        for record in self._records:
+            if record.name == SURFACE and record.extent()["_records"]:
+                write_atomically(self.path / SURFACE_INDEX, surface_index(self.path / SURFACE, record.extent()))
+
+    def _warn_unless_written(self, file: str, record: str, write: Callable[[], None]) -> None:
+        """Write a file that has what a record has; one that cannot be written is a warning in the manifest."""
         try:
-            with atomic_file(self.path / COPIES[name]) as copy:
-                RunDirectory(self.path).write_netcdf(name, copy)
+            write()
         except (OSError, InputError) as error:
             why = getattr(error, "strerror", None) or str(error)
-            failed = RunWarning("copy-failed", key=COPIES[name], details={"reason": why, "table": name})
+            failed = RunWarning("copy-failed", key=file, details={"reason": why, "table": record})
             self._manifest.setdefault("warnings", []).append(failed)
 
     def _check_owned(self) -> None:

@@ -20,7 +20,14 @@ from wavetank.fem.plane import Plane
 from wavetank.fem.points import Points
 from wavetank.motion import Motion
 from wavetank.mpi import from_first, raise_on_all_ranks
-from wavetank.output.checkpoint import Checkpoint, checked_tree, is_at, read_checkpoint_file, readable_checkpoints
+from wavetank.output.checkpoint import (
+    UNREADABLE,
+    Checkpoint,
+    checked_tree,
+    is_at,
+    read_checkpoint_file,
+    readable_checkpoints,
+)
 from wavetank.output.directory import RunDirectory
 from wavetank.simulation.construction import AnyWaves, build_footprint
 from wavetank.simulation.feedback import restore_paddles
@@ -122,12 +129,11 @@ def stored_surface(scene: Case, initial: RunState, waves: AnyWaves) -> StoredSur
 
     def read() -> tuple[dict[str, Any], Case, StateTree]:
         path, about = _chosen(initial)
-        before, checkpoint = _its_scene(initial, about), read_checkpoint_file(path)
-        if not isinstance(checkpoint, Checkpoint):
-            raise InputError(f"{path}: cannot be used ({checkpoint or 'it is no longer there'}).")
+        before = _its_scene(initial, about)
         try:
+            checkpoint = read_checkpoint_file(path)
             tree = checked_tree(checkpoint.about, checkpoint.tree_json, [np.zeros(0)] * len(checkpoint.arrays))
-        except ValueError as error:
+        except UNREADABLE as error:
             raise InputError(f"{path}: cannot be used ({error}).") from None
         scheme = tree["run"]["parts"]
         _check(scene, before, about["t"], scheme)
