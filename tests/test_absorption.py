@@ -237,7 +237,7 @@ def test_and_a_flap_at_any_depth(wall, kd):
 
 @pytest.mark.slow
 def test_and_in_nonlinear_water():
-    gentle = {"kd": 1.0, "height": 0.03, "periods": 16, "steps": 40, "cells": 30}
+    gentle = {"kd": 1.0, "height": 0.03, "periods": 16, "steps": 42, "cells": 30}
     found, expected = reflection({"type": "piston"}, physics="nonlinear", **gentle)
     assert found == pytest.approx(expected, abs=5e-3)
 
