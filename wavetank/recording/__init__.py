@@ -88,7 +88,8 @@ def record_run(
     warnings = Warnings(log)
     if integrator is not None:
         scene = scene.model_copy(update={"numerics": scene.numerics.without_integrator()})
-    content = {"scene": scene_content(scene, integrator), "files": contents(scene), "ranks": comm.size, **environment()}
+    requested, files = scene, contents(scene)
+    content = {"scene": scene_content(scene, integrator), "files": files, "ranks": comm.size, **environment()}
     content["warnings"] = warnings.records  # found until its end
     writer = on_first(comm, lambda: RunWriter(place, content, resume=resume))
     with abort_unless_all_fail(comm, LATEST), ExitStack() as at_the_end:
@@ -96,7 +97,7 @@ def record_run(
             at_the_end.callback(writer.release)
         restart = Restart(writer, comm, warn=warnings.add, at=at) if resume else None
         with console.status("preparing the run"):
-            requested, scene, run, waves = prepared(
+            scene, run, waves = prepared(
                 scene, comm, warnings=warnings, integrator=integrator, restart=restart, unasked=unasked
             )
         series = add_diagnostics(run, scene, waves, writer, warnings=warnings, log=log, observers=observers)
@@ -106,17 +107,8 @@ def record_run(
         earlier, counting_on = (restart.about["parts"], restart.counting_on) if restart else ([], False)
         parts = Parts(run, waves, start_time=start, earlier=earlier, counting_on=counting_on)
         checkpointer = Checkpointer(
-            requested,
-            scene,
-            run=run,
-            waves=waves,
-            fields=series,
-            parts=parts,
-            writer=writer,
-            warnings=warnings.records,
-            observers=called(observers),
+            requested, scene, run, waves, series, parts, writer, warnings.records, called(observers), files
         )
-
         report = EndReport(run, waves, parts, warnings, log, writer, content, drawn=draw is not None)
         with Interruption(comm) as interruption:  # from now on SIGTERM is written down
             figures = {"parts": parts.so_far()} | planned_content(requested, scene, integrator)

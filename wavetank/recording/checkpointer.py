@@ -1,6 +1,7 @@
 """Checkpoints of a run and its records, written at intervals and where it ends."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,7 +9,6 @@ from mpi4py import MPI
 
 from wavetank.arrays import Vector
 from wavetank.case import Case
-from wavetank.case.reading import contents
 from wavetank.errors import RecordError, RunError
 from wavetank.fem.by_place import gathered
 from wavetank.mpi import on_first, raise_on_all_ranks
@@ -49,13 +49,16 @@ class CompletedStep(NamedTuple):
     fields: dict[str, StateTree]
 
 
+@dataclass
 class Checkpointer:
     """Writes checkpoints of a run and its records; all methods are collective.
 
-    Parameters
+    Attributes
     ----------
     requested, computed
         The scene as requested, and with the planned numerics.
+    run, waves
+        The run and its waves.
     fields
         The series that all ranks write, by their names.
     parts
@@ -65,56 +68,44 @@ class Checkpointer:
     warnings
         For whoever reads the results, so far: one may be added.
     observers
-        What a user's own are called.
+        The names of a user's own.
+    files
+        Checksums of the files of the case.
     """
 
-    def __init__(
-        self,
-        requested: Case,
-        computed: Case,
-        *,
-        run: Run,
-        waves: AnyWaves,
-        fields: Mapping[str, VtuSeries],
-        parts: Parts,
-        writer: RunWriter | None,
-        warnings: list[RunWarning],
-        observers: Sequence[str] = (),
-    ):
-        self._scene, self._chosen = (one.model_dump(mode="json") for one in (requested, computed))
-        self._files = contents(requested)
-        self._run, self._waves, self._fields, self._parts = run, waves, fields, parts
-        self._writer, self._warnings, self._observers = writer, warnings, list(observers)
-        self._written = -1  # the last step of which there is one
-        self._reached: CompletedStep | None = None
-        self._missed: RunWarning | None = None  # that the last one could not be written, and why
+    requested: Case
+    computed: Case
+    run: Run
+    waves: AnyWaves
+    fields: Mapping[str, VtuSeries]
+    parts: Parts
+    writer: RunWriter | None
+    warnings: list[RunWarning]
+    observers: Sequence[str]
+    files: dict[str, str]
+    _written: int = -1  # the last step of which there is one
+    _reached: CompletedStep | None = None
+    _missed: RunWarning | None = None  # that the last one could not be written, and why
 
     def control(self, every: float | None) -> Checkpoints:
         """Return the control that writes checkpoints."""
-        return Checkpoints(self._waves.plane.comm, self.write, note=self._note, every=every)
+        return Checkpoints(self.waves.plane.comm, self.write, note=self._note, every=every)
 
     def _note(self) -> None:
         """Store the present step, which all observers have recorded; collective."""
-        run, fields = self._run, {name: series.extent() for name, series in self._fields.items()}
-        records = {} if self._writer is None else self._writer.extents()
+        run, fields = self.run, {name: series.extent() for name, series in self.fields.items()}
+        records = {} if self.writer is None else self.writer.extents()
         self._reached = CompletedStep(run.step, run.t, run.state.q, run.state.p, run.snapshot(), records, fields)
 
     def write(self) -> None:
-        """Write one of all that the run holds, if there is none of this step; collective.
-
-        One that cannot be written is warned of: the records are there.
-        """
+        """Write one of all that the run holds, if there is none of this step; collective."""
         self._note()
-        self._update_warning(self._failure(with_history=True))
+        self._write_first_possible(True)
 
     def write_last(self) -> None:
-        """The same at the last step, or before a signal makes it the last; collective.
-
-        Where that cannot be written it is what ``save`` writes.
-        """
+        """The same at the last step, or before a signal makes it the last; else what ``save`` writes; collective."""
         self._note()
-        failure = self._failure(with_history=True)
-        self._update_warning(self._failure(with_history=False) if isinstance(failure, RunError) else failure)
+        self._write_first_possible(True, False)
 
     def save(self) -> None:
         """Write one where a run fails, if there is none; collective.
@@ -123,40 +114,43 @@ class Checkpointer:
         that fails leaves solves with memories of it: only the surface and the sums are held, which need little room,
         and where there is none they take that of the checkpoint before the last.
         """
-        if self._run.recorded:
+        if self.run.recorded:
             self._note()
-        self._update_warning(self._failure(with_history=False))
+        self._write_first_possible(False)
 
-    def _update_warning(self, failure: Exception | None) -> None:
-        """Warn of a checkpoint that is missing now, and of no earlier one."""
-        if self._missed in self._warnings:
-            self._warnings.remove(self._missed)
+    def _write_first_possible(self, *histories: bool) -> None:
+        """Write the step that was noted, with the history of the solvers or without, as the first of these that can be.
+
+        If none can be, warn of that, and of no earlier one: the records are there.
+        """
+        failure: Exception | None = None
+        reached = self._reached
+        for with_history in histories:
+            if reached is None or reached.step == self._written:
+                break
+            try:
+                self._write(reached, with_history=with_history)
+                self._written, failure = reached.step, None
+            except RecordError:
+                failure = None  # the directory is another's, by which the run ends
+            except (RunError, TypeError) as error:  # the latter: what somebody's own part holds
+                failure = error
+                continue
+            break
+        if self._missed in self.warnings:
+            self.warnings.remove(self._missed)
         self._missed = None
         if failure is not None:
             self._missed = RunWarning("not-resumable", details={"reason": str(failure).removesuffix(".")})
-            self._warnings.append(self._missed)
-
-    def _failure(self, *, with_history: bool) -> Exception | None:
-        """Write one, and return why that cannot be; nothing where it is written, or nothing is to be."""
-        reached = self._reached
-        if reached is None or reached.step == self._written:
-            return None
-        try:
-            self._write(reached, with_history=with_history)
-        except RecordError:
-            return None  # the directory is another's, by which the run ends
-        except (RunError, TypeError) as error:  # the latter: what somebody's own part holds
-            return error
-        self._written = reached.step
-        return None
+            self.warnings.append(self._missed)
 
     def _write(self, reached: CompletedStep, *, with_history: bool) -> None:
-        waves, clock = self._waves, self._run.clock
+        waves, clock = self.waves, self.run.clock
         if not waves.plane.comm.allreduce(bool(np.isfinite([reached.q, reached.p]).all()), op=MPI.LAND):
             return  # nothing could go on from there, as the run will say
         surface = self._surface(reached)
         tree = reached.tree()
-        text, arrays = serialize({"surface": surface, "run": self._run.tree() if with_history else tree})
+        text, arrays = serialize({"surface": surface, "run": self.run.tree() if with_history else tree})
         least = len(serialize({"surface": surface, "run": tree})[1])
         values, places = gathered(waves.plane, arrays)
         about = {
@@ -166,30 +160,30 @@ class Checkpointer:
             "clock": {"dt": clock.dt, "begin": clock.begin, "first": clock.first},
             "whole": with_history,
             "mass": waves.total_mass(reached.q),
-            "scene": self._scene,
-            "chosen": self._chosen,
-            "files": self._files,
-            "observers": self._observers,
-            "parts": self._parts.so_far(reached.step),
-            "warnings": [one.as_json() for one in self._warnings if one != self._missed],
+            "scene": self.requested.model_dump(mode="json"),
+            "chosen": self.computed.model_dump(mode="json"),
+            "files": self.files,
+            "observers": [*self.observers],
+            "parts": self.parts.so_far(reached.step),
+            "warnings": [one.as_json() for one in self.warnings if one != self._missed],
             "records": reached.records,
             "fields": reached.fields,
         }
 
         def put() -> None:
-            if self._writer is not None:
+            if self.writer is not None:
                 checkpoint = Checkpoint(about, text, values, places)
-                self._writer.checkpoint(
+                self.writer.checkpoint(
                     checkpoint, last_size=(least + 3) * places.nbytes // 3, at_any_price=not with_history
                 )
 
-        for series in self._fields.values():
+        for series in self.fields.values():
             raise_on_all_ranks(waves.plane.comm, series.sync)
         on_first(waves.plane.comm, put)
 
     def _surface(self, reached: CompletedStep) -> dict[str, Any]:
         """Return elevation [m] and potential [m²/s] of the surface, and where that is in the laboratory [m]."""
-        waves = self._waves
+        waves = self.waves
         waves.set_time(reached.t)
         elevation = waves.elevation(reached.q, reached.p, reached.t)
         x, y = np.ascontiguousarray(waves.wall.to_physical(waves.plane.places, elevation).T)

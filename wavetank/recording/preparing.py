@@ -34,8 +34,8 @@ def prepared(
     integrator: Integrator[Any] | None,
     restart: Restart | None,
     unasked: bool,
-) -> tuple[Case, Case, Run, AnyWaves]:
-    """Return the case as requested and with its numerics, its run and its waves; collective.
+) -> tuple[Case, Run, AnyWaves]:
+    """Return the case with its numerics, its run and its waves; collective.
 
     Raises ``InputError`` for a case that cannot run.
 
@@ -60,7 +60,7 @@ def prepared(
     accuracy = requested.numerics.accuracy
     for warning in (*plan_warnings, *run_warnings(scene, run.clock, waves, own=integrator, accuracy=accuracy)):
         warnings.add(warning)
-    return requested, scene, run, waves
+    return scene, run, waves
 
 
 def stored_scene(run: Path | str, changes: Sequence[str] = (), *, extend: float | None = None) -> Case:

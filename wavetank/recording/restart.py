@@ -193,18 +193,14 @@ class Restart:
         """Where a run with other numerics begins; None of one that goes on as it was."""
         if not self.anew:
             return None
-        return Beginning(self.about["t"], self.about["step"], self._tree["run"]["parts"], self._surface.on)
-
-    @property
-    def _surface(self) -> StoredSurface:
         values: tuple[Vector, Vector] = np.zeros(0), np.zeros(0)
         places: Vector = np.zeros((0, 3))
         if self._checkpoint is not None:
             surface = deserialize(self._text, self._checkpoint.arrays)["surface"]
             values, places = (surface["elevation"], surface["potential"]), self._checkpoint.places
-        return StoredSurface(
-            self._chosen, self.about["t"], self.about["mass"], values, places, parts=self._tree["run"]["parts"]
-        )
+        t, parts = self.about["t"], self._tree["run"]["parts"]
+        stored = StoredSurface(self._chosen, t, self.about["mass"], values, places, parts=parts)
+        return Beginning(t, self.about["step"], parts, stored.on)
 
     def take(self, run: Run, waves: AnyWaves, *, scene: Case, fields: Mapping[str, VtuSeries]) -> str:
         """Let a run take what was held, and its records go on; return what there is to say; collective.
