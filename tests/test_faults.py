@@ -30,7 +30,7 @@ from wavetank.output.manifest import MANIFEST
 from wavetank.recording import record_run
 from wavetank.simulation import run as running
 from wavetank.simulation.clock import EverySteps
-from wavetank.status import line, run_status
+from wavetank.status import status_line
 from wavetank.tank.block import Block
 from wavetank.values.toml import toml
 
@@ -82,7 +82,7 @@ def readable(out: Path) -> float:
         return 0.0
     run = RunDirectory(out)
     assert run.status in ("killed", "finished")
-    assert line(run_status(out)).startswith(f"{out}: {run.status}")
+    assert status_line(out).startswith(f"{out}: {run.status}")
     for read in (lambda: run.gauges, lambda: run.energy, run.snapshots):
         try:
             read()

@@ -14,7 +14,7 @@ from wavetank.output.directory import RunDirectory
 from wavetank.output.manifest import MANIFEST
 from wavetank.output.writer import RunWriter
 from wavetank.recording.preparing import stored_scene
-from wavetank.status import line, run_status
+from wavetank.status import status_line
 
 SCENE = {
     "tank": {"type": "slice", "length": 12.0, "depth": 0.5},
@@ -86,7 +86,7 @@ def test_any_wrong_value_is_refused_or_read(run, write):
     for path, wrong in random.Random(33).sample(every, 300):
         write(changed(manifest, path, wrong))
         for read in (
-            lambda: line(run_status(run)),
+            lambda: status_line(run),
             lambda: read_record(str(run)),
             lambda: stored_scene(run, extend=1.0),
         ):

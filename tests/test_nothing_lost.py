@@ -232,7 +232,7 @@ def test_a_termination_before_the_first_step_is_written_down(tmp_path):
 
 
 def test_on_a_full_disk_the_cause_has_its_place(tmp_path):
-    """A file system of 160 kB: records fill it, the manifest still gets its last word, and the last step is kept.
+    """A file system of 130 kB: records fill it, the manifest still gets its last word, and the last step is kept.
 
     The checkpoint before the last, for which there is no room any more, has made room for it.
     """
@@ -240,7 +240,7 @@ def test_on_a_full_disk_the_cause_has_its_place(tmp_path):
     disk.mkdir()
     changes = "--set run.duration=100 --set run.checkpoint_every=1e-6 --set numerics.dt=0.02 --set numerics.cells=8"
     run = f"{sys.executable} -m wavetank run {CASE} --out disk/run {changes}"
-    here = f"mount -t tmpfs -o size=160k tmpfs disk || exit; {run}; echo $? > code; cp -r disk/run .; umount disk"
+    here = f"mount -t tmpfs -o size=130k tmpfs disk || exit; {run}; echo $? > code; cp -r disk/run .; umount disk"
     command = ["unshare", "--mount", "--propagation", "unchanged", "sh", "-c", here]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     if not (tmp_path / "code").exists():

@@ -4,7 +4,7 @@ import os
 from collections.abc import Iterator, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import typer
 
@@ -15,57 +15,35 @@ from wavetank.output.directory import RunDirectory
 from wavetank.output.files import is_locked
 from wavetank.output.manifest import MANIFEST, current_time
 
-COLUMNS = "state", "t", "speed", "left", "written", "checkpoint"
 
-
-class RunStatus(NamedTuple):
-    """Status of a run.
-
-    Attributes
-    ----------
-    path
-        Its directory.
-    cells
-        What the table has in each of ``COLUMNS``; "-" for what is unknown.
-    note
-        Why it has ended, or else the worst of its warnings.
-    """
-
-    path: Path
-    cells: dict[str, str]
-    note: str
-
-
-def run_status(path: Path) -> RunStatus:
-    """Return the status of the run in a directory."""
-    cells = dict.fromkeys(COLUMNS, "-")
+def status_line(path: Path) -> str:
+    """Return the status of the run in a directory as a line of text, with the cause of its end or a warning."""
     try:
         run = RunDirectory(path)
     except InputError as error:
-        if is_locked(path):
-            return RunStatus(path, cells | {"state": "setting up"}, "")
-        return RunStatus(path, cells | {"state": "unreadable"}, str(error))
-    manifest, cells["state"] = run.manifest, run.status
+        return f"{path}: setting up" if is_locked(path) else f"{path}: unreadable; {error}"
+    manifest, state = run.manifest, run.status
     progress, checkpoint = manifest.get("progress", {}), last_checkpoint(path)
     times = [one for one in (progress.get("t"), checkpoint, run.reached) if one is not None]
     t, end = max(times, default=None), progress.get("end")  # the latest: each is written at other times
     computed = progress.get("t", 0.0) - progress.get("begin", 0.0)
+    parts = [state]
     if t is not None:
-        cells["t"] = f"{t:.5g} s" if end is None else f"{t:.5g} of {end:.5g} s"
+        parts.append(f"t {t:.5g} s" if end is None else f"t {t:.5g} of {end:.5g} s")
     if computed > 0.0 and progress["wall_s"]:
         speed = computed / progress["wall_s"]
-        cells["speed"] = f"{speed:.2g} s a second"
-        if cells["state"] == "running" and t is not None and end is not None:
-            cells["left"] = format_duration(max(0.0, end - t) / speed)
+        parts.append(f"speed {speed:.2g} s a second")
+        if state == "running" and t is not None and end is not None:
+            parts.append(f"left {format_duration(max(0.0, end - t) / speed)}")
     if written := manifest.get("written"):  # not later than now, whatever the clocks show
         age = max(0.0, (current_time() - datetime.fromisoformat(written)).total_seconds())
-        cells["written"] = f"{format_duration(age)} ago"
+        parts.append(f"written {format_duration(age)} ago")
     if checkpoint is not None:
-        cells["checkpoint"] = f"t = {checkpoint:.5g} s"
+        parts.append(f"checkpoint t = {checkpoint:.5g} s")
     note = manifest.get("cause") or (f"warning: {run.warnings[0]}" if run.warnings else "")
-    if cells["state"] == "unknown":
+    if state == "unknown":
         note = f"it is computed on {manifest['host']}, which alone knows whether it still is"
-    return RunStatus(path, cells, note)
+    return f"{path}: {', '.join(parts)}{f'; {note}' if note else ''}"
 
 
 def runs(paths: Sequence[Path]) -> Iterator[Path]:
@@ -86,12 +64,6 @@ def runs(paths: Sequence[Path]) -> Iterator[Path]:
         raise InputError(f"{', '.join(map(str, paths))}: no run there.")
 
 
-def line(one: RunStatus) -> str:
-    """Return the status of a run as a line of text."""
-    words = [f"{name} {cell}" for name, cell in one.cells.items() if cell != "-"]
-    return f"{one.path}: {', '.join(words).removeprefix('state ')}{f'; {one.note}' if one.note else ''}"
-
-
 def status(
     paths: Annotated[
         list[Path] | None,
@@ -104,4 +76,4 @@ def status(
     """
     terminal = console()
     for path in runs(paths or [Path("runs")]):
-        terminal.print(line(run_status(path)), highlight=False)
+        terminal.print(status_line(path), highlight=False)

@@ -132,11 +132,12 @@ class Checkpointer:
                 self._write(reached, with_history=with_history)
                 self._written, failure = reached.step, None
             except RecordError:
-                failure = None  # the directory is another's, by which the run ends
-            except (RunError, TypeError) as error:  # the latter: what somebody's own part holds
+                return  # the directory is another's, by which the run ends
+            except TypeError as error:  # what somebody's own part holds
                 failure = error
-                continue
-            break
+                break
+            except RunError as error:
+                failure = error
         if self._missed in self.warnings:
             self.warnings.remove(self._missed)
         self._missed = None
