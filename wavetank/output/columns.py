@@ -127,6 +127,11 @@ def probe_quantities(dimensions: int) -> dict[str, tuple[str, str]]:
     return vectors | {"pressure": PRESSURE}
 
 
+def gauge_columns(gauges: Sequence[tuple[str, float] | tuple[str, float, float]]) -> list[str]:
+    """Return the columns of gauges, given name, x and, unless 0, y [m]."""
+    return ["t [s]", *(position_label(*gauge) for gauge in gauges)]
+
+
 def probe_columns(points: Sequence[tuple[str, float, float, float]], dimensions: int) -> list[str]:
     """Return the columns of probes: all quantities of the first point, given name, x, y and z [m], then of the next."""
     quantities = probe_quantities(dimensions).items()

@@ -58,6 +58,7 @@ PADDLES = {"wall": PADDLE, "far_wall": FAR_PADDLE}  # by the key of the wall
 STATIONS = {GAUGES: "gauge", PROBES: "probe", LOADS: "wall"}  # dimensions of the tables of stations
 NAMES = {GAUGES: "NAME@x=METRES, NAME@x=METRES;y=METRES", PROBES: "QUANTITY NAME@x=METRES;z=METRES [UNITS]"}
 COPIES = {GAUGES: "gauges.nc", PROBES: "probes.nc"}  # as CF-NetCDF, when the run has ended
+DERIVED = COPIES | {SURFACE: SURFACE_INDEX}
 CHECKPOINT, CHECKPOINT_BEFORE = "checkpoint.zip", "checkpoint-before.zip"
 BED = "bed.csv"
 BROKEN, BROKEN_PICTURE = BROKENS = "broken.csv", "broken.png"

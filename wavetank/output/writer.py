@@ -13,11 +13,12 @@ from uuid import uuid4
 from wavetank.arrays import Vector
 from wavetank.errors import InputError, RecordError, RunError, WavetankError, worded, write_errors
 from wavetank.output.checkpoint import Checkpoint, read_checkpoint, readable_checkpoints, write_checkpoint
-from wavetank.output.columns import position_label
+from wavetank.output.columns import gauge_columns
 from wavetank.output.directory import (
     CHECKPOINT,
     CHECKPOINT_BEFORE,
     COPIES,
+    DERIVED,
     FINAL_MANIFEST_SIZE,
     GAUGES,
     SERIES,
@@ -108,7 +109,7 @@ class RunWriter:
                     os.replace(self.path / CHECKPOINT_BEFORE, self.path / CHECKPOINT)  # the newest is unusable
                 for record in self._records:
                     record.open()
-                self._write_surface_index()
+                self._write_derived(SURFACE)
         except WavetankError as error:
             self.fail(error)
             raise
@@ -153,7 +154,7 @@ class RunWriter:
 
     def gauges(self, gauges: Sequence[tuple[str, float] | tuple[str, float, float]]) -> TableWriter:
         """Return the gauges' table, rows (t [s], eta_1 [m], ..., eta_N [m]), given name, x and, unless 0, y [m]."""
-        return self.table(GAUGES, ["t [s]", *(position_label(*gauge) for gauge in gauges)])
+        return self.table(GAUGES, gauge_columns(gauges))
 
     def table(self, file: str, columns: Sequence[str]) -> TableWriter:
         """Return a new table with these columns, time first, units in their names."""
@@ -222,7 +223,7 @@ class RunWriter:
                 self._lock.reserve(self._reserved)
             size = write_checkpoint(self.path, identified, own=self._wrote_checkpoint, at_any_price=at_any_price)
         with suppress(OSError):
-            self._write_surface_index()
+            self._write_derived(SURFACE)
         self._wrote_checkpoint = True
         spare = (self.path / CHECKPOINT_BEFORE).exists() or at_any_price
         with suppress(OSError):
@@ -274,34 +275,29 @@ class RunWriter:
         """
         self._close()
         self._check_owned()
-        tables = [one.name for one in self._records if one.name in COPIES and len(one.extent()["columns"]) > 1]
-        for name in tables:
-            self._warn_unless_written(COPIES[name], name, partial(self._copy, name))
-        self._warn_unless_written(SURFACE_INDEX, SURFACE, self._write_surface_index)
+        for name in [one.name for one in self._records]:
+            try:
+                self._write_derived(name)
+            except (OSError, InputError) as error:
+                details = {"reason": getattr(error, "strerror", None) or str(error), "table": name}
+                failed = RunWarning("copy-failed", key=DERIVED[name], details=details)
+                self._manifest.setdefault("warnings", []).append(failed)
         with write_errors(self.path, RunError):
             self._lock.reserve(0)
             last = self._manifest | {"status": status, "finished": now(), **figures}
             self._write_manifest(last, durable=True)
 
-    def _copy(self, name: str) -> None:
-        """Write a copy of a table as CF-NetCDF."""
-        with atomic_file(self.path / COPIES[name]) as copy:
-            RunDirectory(self.path).write_netcdf(name, copy)
+    def _write_derived(self, name: str) -> None:
+        """Write the copy of a table as CF-NetCDF, or the XDMF file of the surface's snapshots so far.
 
-    def _write_surface_index(self) -> None:
-        """Write the XDMF file of the surface's snapshots so far, if there are any; raises ``OSError``."""
-        for record in self._records:
-            if record.name == SURFACE and record.extent()["_records"]:
-                write_atomically(self.path / SURFACE_INDEX, surface_index(self.path / SURFACE, record.extent()))
-
-    def _warn_unless_written(self, file: str, record: str, write: Callable[[], None]) -> None:
-        """Write a file that has what a record has; one that cannot be written is a warning in the manifest."""
-        try:
-            write()
-        except (OSError, InputError) as error:
-            why = getattr(error, "strerror", None) or str(error)
-            failed = RunWarning("copy-failed", key=file, details={"reason": why, "table": record})
-            self._manifest.setdefault("warnings", []).append(failed)
+        Nothing is written of a record without values. Raises ``OSError`` and ``InputError``.
+        """
+        extent = self.extents().get(name, {})
+        if name in COPIES and len(extent["columns"]) > 1:
+            with atomic_file(self.path / COPIES[name]) as copy:
+                RunDirectory(self.path).write_netcdf(name, copy)
+        elif name == SURFACE and extent.get("_records"):
+            write_atomically(self.path / SURFACE_INDEX, surface_index(self.path / SURFACE, extent))
 
     def _check_owned(self) -> None:
         """Raise ``RecordError`` if the directory has been deleted or replaced."""

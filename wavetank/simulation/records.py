@@ -12,8 +12,8 @@ from wavetank.case import Case, EndWall
 from wavetank.case.output import Window
 from wavetank.errors import RecordError, RunError
 from wavetank.mpi import raise_on_all_ranks
-from wavetank.output.columns import PUSH, energy_columns, load_columns, paddle_columns, probe_columns
-from wavetank.output.directory import ENERGY, LOADS, PADDLES, PROBES
+from wavetank.output.columns import PUSH, energy_columns, gauge_columns, load_columns, paddle_columns, probe_columns
+from wavetank.output.directory import ENERGY, GAUGES, LOADS, PADDLES, PROBES
 from wavetank.output.fields import VtuSeries
 from wavetank.output.tables import Rows
 from wavetank.output.writer import RunWriter
@@ -129,30 +129,29 @@ class Records(NamedTuple):
 
 def records_of(scene: Case, dimensions: int, writer: RunWriter | None) -> Records:
     """Return the records of a case, opened when the run begins; without a writer those of the other ranks."""
-    if writer is None:
-        probed, loaded = (Discard() if there else None for there in (scene.probes, scene.loads))
-        no_windows, no_paddles = [Discard() for _ in scene.windows], [Discard() for _ in scene.paddles]
-        return Records(Discard(), Discard(), None, probes=probed, loads=loaded, paddles=no_paddles, windows=no_windows)
-    gauges = writer.gauges([(gauge.name, gauge.x, gauge.y) for gauge in scene.all_gauges])
-    energy = writer.table(ENERGY, energy_columns(dimensions, absorbed=bool(scene.absorbing)))
-    surface = DeferredErrors(writer.surface().extend) if dimensions == 1 else None
-    motions = [writer.table(PADDLES[end.key], _paddle_columns(scene, end, dimensions)) for end in scene.paddles]
+
+    def table(file: str, columns: Sequence[str]) -> Record:
+        return Discard() if writer is None else DeferredErrors(writer.table(file, columns).extend)
+
+    def window(one: Window) -> DeferredErrors | Discard:
+        if writer is None:
+            return Discard()
+        places = np.array(one.places)
+        shape = {"levels": one.levels, "dimensions": dimensions}
+        return DeferredErrors(writer.window(one.name, form=one.format, places=places, **shape))
+
+    def paddle(end: EndWall) -> Record:
+        pushed = PUSH[dimensions] if any(load.on == end.side for load in scene.loads) else ()
+        return table(PADDLES[end.key], [*paddle_columns(end.wall.places(end.tank)), *pushed])
+
     points = [(probe.name, probe.x, probe.y, probe.z) for probe in scene.probes]
-    probes = DeferredErrors(writer.table(PROBES, probe_columns(points, dimensions)).extend) if points else None
     walls = [load.called for load in scene.loads]
-    loads = DeferredErrors(writer.table(LOADS, load_columns(walls, dimensions)).extend) if walls else None
-    windows = [DeferredErrors(_window(one, writer, dimensions)) for one in scene.windows]
-    tables = Records(DeferredErrors(gauges.extend), DeferredErrors(energy.extend), surface, probes=probes, loads=loads)
-    return tables._replace(paddles=[DeferredErrors(one.extend) for one in motions], windows=windows)
-
-
-def _paddle_columns(scene: Case, end: EndWall, dimensions: int) -> list[str]:
-    """Return the columns of the record of a paddle."""
-    pushed = PUSH[dimensions] if any(load.on == end.side for load in scene.loads) else ()
-    return [*paddle_columns(end.wall.places(end.tank)), *pushed]
-
-
-def _window(window: Window, writer: RunWriter, dimensions: int) -> Callable[..., None]:
-    """Return what appends to a window's record."""
-    places = np.array(window.places)
-    return writer.window(window.name, form=window.format, places=places, levels=window.levels, dimensions=dimensions)
+    return Records(
+        gauges=table(GAUGES, gauge_columns([(gauge.name, gauge.x, gauge.y) for gauge in scene.all_gauges])),
+        energy=table(ENERGY, energy_columns(dimensions, absorbed=bool(scene.absorbing))),
+        surface=DeferredErrors(writer.surface().extend) if writer is not None and dimensions == 1 else None,
+        probes=table(PROBES, probe_columns(points, dimensions)) if points else None,
+        loads=table(LOADS, load_columns(walls, dimensions)) if walls else None,
+        paddles=[paddle(end) for end in scene.paddles],
+        windows=[window(one) for one in scene.windows],
+    )
