@@ -1,19 +1,19 @@
-"""Checkpoints: what a run has held at the end of a step, on disk, so that it can go on from there.
+"""Checkpoints: files with the state of a run at the end of a step, from which it is resumed.
 
     checkpoint.zip          the last one
     checkpoint-before.zip   the one before
 
 Each is a zip archive of files that are not compressed, every one with its checksum (CRC-32):
 
-    about.json    the run's id and the program's revision, as in its manifest; its scene and parts, where it stands, how
-                  far its records had grown; ``whole``: whether all is held that the run remembers
-    held.json     the surface, and what the run holds (``wavetank/state.py``), {"array": n} in the place of its n-th
+    about.json    the run's id and the program's revision, as in its manifest; its scene and parts, time and step, the
+                  extents of its records; ``whole``: whether the state has the history of the solvers
+    held.json     the surface, and the state of the run (``wavetank/state.py``), {"array": n} in the place of its n-th
                   array
     places.npy    coordinates in the mesh of all degrees of freedom [m], shape (N, 3), in the order of ...
     0.npy ...     ... the last axis of each array: so values belong to places, whatever ranks had them
 
-It is written beside the last one, forced to the disk, and takes its place in one step: a kill leaves one that is whole.
-One that is left where a run fails has the surface and the sums of what was computed, and not what solves remember.
+It is written to a temporary file, flushed to the disk, and renamed: a kill leaves a complete one. The checkpoint of a
+failed run has the surface and the sums of what was computed, without the history of the solvers.
 """
 
 import errno
@@ -75,7 +75,7 @@ class PartCosts:
 
 @dataclass(frozen=True)
 class Description:
-    """The types of what about.json tells of a checkpoint.
+    """The types of the values of about.json.
 
     Attributes
     ----------
@@ -157,7 +157,7 @@ def checked_tree(about: dict[str, Any], tree_json: str, arrays: Sequence[Vector]
 
 
 class Checkpoint(NamedTuple):
-    """What is in one.
+    """The content of a checkpoint.
 
     Attributes
     ----------
@@ -180,15 +180,17 @@ class Checkpoint(NamedTuple):
 def write_checkpoint(run: Path, checkpoint: Checkpoint, *, own: bool = False, at_any_price: bool = False) -> int:
     """Write a checkpoint to a run directory and return its size in bytes; raises ``OSError``.
 
-    The last one becomes the one before, if it can be read, as is known of this process's ``own``, and has not been left
-    where a run failed: it may be too late, and the one before is kept to go back to.
+    The last one becomes the one before, if it can be read and is not of a failed run: that may be too late, and the one
+    before stays.
 
     Parameters
     ----------
-    run, checkpoint, own
-        See above.
+    run, checkpoint
+        The directory, and what is written.
+    own
+        Whether this process has written the last one, which is not checked then.
     at_any_price
-        Whether the one before is given up where the disk is full; the last never is.
+        Whether the one before is deleted if the disk is full; the last never is.
     """
     path, before = run / CHECKPOINT, run / CHECKPOINT_BEFORE
     serves = _may_replace_previous(path, own=own)
@@ -232,9 +234,9 @@ def read_checkpoint(
     run
         The directory.
     why_not
-        Says of what is told about one why it cannot be used; nothing where it can.
+        Returns why a checkpoint of this description cannot be used; empty if it can.
     at
-        The time of the one that is wanted [s]; default: of any.
+        The requested time [s]; default: any.
     """
     useless, times = list[str](), list[str]()
     for name in CHECKPOINT_FILES:
@@ -257,7 +259,7 @@ def read_checkpoint(
 
 
 def is_at(about: dict[str, Any], t: float) -> bool:
-    """Return whether what is told about a checkpoint is of a time [s], to half a step."""
+    """Return whether a description is of a checkpoint at a time [s], to half a step."""
     return bool(abs(about["t"] - t) <= 0.5 * about["clock"]["dt"])
 
 
@@ -279,7 +281,7 @@ def last_checkpoint(run: Path) -> float | None:
 
 
 def readable_checkpoints(run: Path) -> Iterator[tuple[Path, dict[str, Any]]]:
-    """Yield the files of the checkpoints that can be opened, the newest first, and what is told of each."""
+    """Yield the files of the checkpoints that can be opened, the newest first, and their descriptions."""
     for name in CHECKPOINT_FILES:
         with suppress(*UNREADABLE), _archive(run / name) as archive:
             yield run / name, _metadata(archive, run)
@@ -313,7 +315,7 @@ def _array(content: bytes) -> NDArray[np.float64]:
 
 
 def _metadata(archive: ZipFile, run: Path) -> dict[str, Any]:
-    """Return what a checkpoint says of itself; raises ``ValueError`` for another format or run."""
+    """Return the description of a checkpoint; raises ``ValueError`` for another format or run."""
     about: dict[str, Any] = json.loads(archive.read("about.json"))
     if (number := about.get("format", 1)) != FORMAT:
         by = f" by revision {about['git']}" if about.get("git") else ""

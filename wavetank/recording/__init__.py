@@ -1,4 +1,4 @@
-"""A run recorded in a run directory, from the case to the manifest's last word; the same on any number of ranks."""
+"""A run recorded in a run directory, from the case to the final manifest; the same on any number of ranks."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -57,8 +57,8 @@ def record_run(
 ) -> None:
     """Run a scene into a directory; collective.
 
-    What can be refused is refused before anything is changed there. Raises ``RunError`` where the run breaks down;
-    everything up to then is in the directory, the cause in its manifest.
+    Raises ``InputError`` before anything is changed there, and ``RunError`` if the run breaks down; then everything
+    before is in the directory, and the cause in its manifest.
 
     Parameters
     ----------
@@ -67,22 +67,22 @@ def record_run(
     comm
         The ranks.
     console
-        Where its messages go; they are kept in the directory, too.
+        Where its messages go; they are also in ``run.log``.
     place
-        The directory, which is taken for this run alone.
+        The directory, which is locked for this run.
     draw
-        Draws pictures of the run into its directory once it has ended, however it has, and gives their paths. What it
-        raises is said, and nothing more: the records are there.
+        Draws pictures of the run into its directory at its end, also of a failed run, and returns their paths. Its
+        errors are messages.
     unasked
-        Whether a run that takes days, or more memory than there is, begins; otherwise it is refused.
+        Whether a run that takes days, or more memory than there is, is accepted.
     observers
         Further observers: functions of the waves that return an observer.
     integrator
-        In place of the scene's.
+        An integrator in place of the scene's.
     resume
-        Whether the run that is there goes on, from a checkpoint.
+        Whether the run in the directory is resumed from a checkpoint.
     at
-        The time of that [s]; default: of the last.
+        The time of the checkpoint [s]; default: the last.
     """
     start, log = time.monotonic(), RunLog(console)
     warnings = Warnings(log)
@@ -138,7 +138,7 @@ def resume_run(
     console: Console,
     **options: Any,
 ) -> None:
-    """Go on with the run in a directory, which keeps its scene; collective. A finished one is left as it is.
+    """Resume the run in a directory, which contains its scene; collective. A finished one is not changed.
 
     Raises as ``record_run``, which takes the other options, and ``stored_scene``.
 
@@ -149,9 +149,9 @@ def resume_run(
     changes
         ``KEY=VALUE``, such as ``"numerics.dt=0.01"``.
     extend
-        How much longer it is to be [s]; then a finished one goes on, too.
+        Additional duration [s]; with it a finished run is resumed, too.
     at
-        The time of the checkpoint to go on from [s], one of the two that are kept; default: of the last.
+        The time of one of the two checkpoints [s]; default: the last.
     comm, console, options
         As ``record_run`` takes them.
     """

@@ -98,30 +98,30 @@ class Checkpointer:
         self._reached = CompletedStep(run.step, run.t, run.state.q, run.state.p, run.snapshot(), records, fields)
 
     def write(self) -> None:
-        """Write one of all that the run holds, if there is none of this step; collective."""
+        """Write the whole state of the run, unless there is a checkpoint of this step; collective."""
         self._note()
         self._write_first_possible(True)
 
     def write_last(self) -> None:
-        """The same at the last step, or before a signal makes it the last; else what ``save`` writes; collective."""
+        """Write it at the last step, or before a signal makes it the last, or else as ``save``; collective."""
         self._note()
         self._write_first_possible(True, False)
 
     def save(self) -> None:
-        """Write one where a run fails, if there is none; collective.
+        """Write the state of a run that fails, unless there is a checkpoint of it; collective.
 
-        That is the step before, or, where observers fail, who have seen some of a step, the last that was noted. A step
-        that fails leaves solves with memories of it: only the surface and the sums are held, which need little room,
-        and where there is none they take that of the checkpoint before the last.
+        It is that of the step before, or, if an observer fails within a step, of the last step that was noted. The
+        history of the solvers is left out, since the failed step has altered it. On a full disk the checkpoint replaces
+        the one before the last.
         """
         if self.run.recorded:
             self._note()
         self._write_first_possible(False)
 
     def _write_first_possible(self, *histories: bool) -> None:
-        """Write the step that was noted, with the history of the solvers or without, as the first of these that can be.
+        """Write the step that was noted, with the history of the solvers or without: the first that can be written.
 
-        If none can be, warn of that, and of no earlier one: the records are there.
+        If there is none, a warning of it replaces that of an earlier step.
         """
         failure: Exception | None = None
         reached = self._reached

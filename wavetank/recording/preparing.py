@@ -1,4 +1,4 @@
-"""The case of a run that is stored, and a run that is planned, checked and built, before anything is written."""
+"""The stored case of a run, and a run that is planned, checked and built before anything is written."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -37,14 +37,14 @@ RECORDED = {"output", "gauge_lines", *ALL_OF}
 class Restart:
     """A restart from a checkpoint.
 
-    With the same numerics that is all that it held; with others the surface, and sums that outlive them.
+    With the same numerics it restores the whole state; with others the surface, and sums that do not depend on them.
 
     Parameters
     ----------
     writer
         Of the run directory; None on all ranks but the first.
     warn
-        Takes a sentence for whoever reads the results.
+        Adds a warning.
     at
         The time of the checkpoint [s]; default: of the last.
 
@@ -203,9 +203,9 @@ class Restart:
         return Beginning(t, self.about["step"], parts, stored.on)
 
     def take(self, run: Run, waves: AnyWaves, *, scene: Case, fields: Mapping[str, VtuSeries]) -> str:
-        """Let a run take what was held, and its records go on; return what there is to say; collective.
+        """Give the state to a run, and the extents to its records; return a message; collective.
 
-        Raises ``InputError`` where it is another run's, or of a scheme of somebody's own that is not given.
+        Raises ``InputError`` for the checkpoint of another run, or of a user's own integrator that is not given.
         """
         its, mine = self.about["parts"][-1]["numerics"]["integrator"], run.integrator.name
         if its != mine and scene.numerics.integrator == self._chosen.numerics.integrator:
@@ -222,7 +222,7 @@ class Restart:
         return message
 
     def warn_of_missing_observers(self, observers: Sequence[str]) -> None:
-        """Warn of a user's own observers that the run had and has no longer, now called ``observers``."""
+        """Warn of a user's own observers that are missing in the present ``observers``."""
         if gone := [one for one in self.about.get("observers", []) if one not in observers]:
             self._warn(RunWarning("missing-observers", t=self.about["t"], details={"names": ", ".join(gone)}))
 
@@ -233,7 +233,7 @@ class Restart:
             self._writer.resume_at(its)
 
     def _take(self, run: Run, waves: AnyWaves, scene: Case) -> str:
-        """Take all of it: the run is the one that wrote it."""
+        """Restore the whole state of the run, which has the same numerics."""
         clock = self.about["clock"]
         remaining, until = scene.run.duration - clock["begin"], scene.motions_end - clock["begin"]
         run.clock = Clock.covering(remaining, clock["dt"], until=until).after(clock["begin"], clock["first"])
@@ -246,7 +246,7 @@ class Restart:
         return f"going on from t = {run.t:.6g} s"
 
     def _take_surface(self, run: Run, waves: AnyWaves, scene: Case) -> str:
-        """Take what outlives other numerics: the run has begun with the surface."""
+        """Restore what does not depend on the numerics; the run has begun with the surface."""
         run.change_numerics(self._tree["run"])
         mass = waves.total_mass(run.state.q) / self.about["mass"] - 1.0
         former, now = (one.model_dump(mode="json", include={"numerics", "run"}) for one in (self._chosen, scene))
