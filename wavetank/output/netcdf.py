@@ -40,26 +40,25 @@ def netcdf(variables: Mapping[str, Variable], attributes: Mapping[str, str], *, 
     Text is characters in UTF-8, along a dimension of its own. Raises ``ValueError`` for a length of zero: the format
     takes that for unlimited.
     """
-    from scipy.io import netcdf_file
+    from netCDF4 import Dataset
 
-    content = BytesIO()
-    with netcdf_file(content, "w", version=2) as file:
-        _set_attributes(file, attributes)
-        for name, (dimensions, values, details) in variables.items():
-            if values.dtype.kind == "U":
-                encoded = np.char.encode(values, "utf-8")
-                values = encoded.view("S1").reshape(*values.shape, encoded.itemsize)
-                dimensions, details = (*dimensions, f"{name}_length"), {**details, "_Encoding": "utf-8"}
-            for dimension, length in zip(dimensions, values.shape, strict=True):
-                if dimension not in file.dimensions:
-                    if not length:
-                        raise ValueError(f"{name}: has no {dimension}")
-                    file.createDimension(dimension, None if dimension == unlimited else length)
-            variable = file.createVariable(name, values.dtype, dimensions)
-            variable[:] = values
-            _set_attributes(variable, details)
-        file.flush()
-        return content.getvalue()
+    file = Dataset("memory", "w", format="NETCDF3_64BIT_OFFSET", memory=1)
+    file.setncatts(attributes)
+    for name, (dimensions, values, details) in variables.items():
+        if values.dtype.kind == "U":
+            encoded = np.char.encode(values, "utf-8")
+            values = encoded.view("S1").reshape(*values.shape, encoded.itemsize)
+            dimensions, details = (*dimensions, f"{name}_length"), {**details, "_Encoding": "utf-8"}
+        for dimension, length in zip(dimensions, values.shape, strict=True):
+            if dimension not in file.dimensions:
+                if not length:
+                    raise ValueError(f"{name}: has no {dimension}")
+                file.createDimension(dimension, None if dimension == unlimited else length)
+        variable = file.createVariable(name, values.dtype, dimensions)
+        variable.set_auto_chartostring(False)
+        variable[:] = values
+        variable.setncatts(details)
+    return bytes(file.close())
 
 
 def write_records(file: BinaryIO, blocks: Iterable[Mapping[str, Variable]], attributes: Mapping[str, str]) -> int:
@@ -91,12 +90,6 @@ def write_records(file: BinaryIO, blocks: Iterable[Mapping[str, Variable]], attr
         file.seek(COUNT.start)
         file.write(count.to_bytes(4, "big"))
     return count
-
-
-def _set_attributes(named: Any, attributes: Mapping[str, str | np.float64]) -> None:
-    """Give a file, or a variable of one, its attributes."""
-    for name, value in attributes.items():
-        setattr(named, name, value.encode() if isinstance(value, str) else value)
 
 
 MAGIC = b"CDF\x02"  # the first bytes of the header
