@@ -20,7 +20,8 @@ from wavetank.simulation.below_surface import Probes
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.records import Memory
 from wavetank.tank.footprint import Ring, Slice
-from wavetank.tank.kinematics import NonlinearRates, Sounding
+from wavetank.tank.kinematics import LinearRates, NonlinearRates, Sounding
+from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.walls import Piston, StillWall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 from wavetank.waves.stream_function import stream_function_wave
@@ -44,6 +45,19 @@ def ring(cells, *, order, n):
     footprint = Ring(2 * np.pi, cells, comm=MPI.COMM_SELF)
     plane = Plane(footprint.mesh, order, footprint.chart)
     return NonlinearRates(NonlinearWaves(plane, depth=1.0, wall=StillWall(), vertical_order=n, tolerances=FINE))
+
+
+def test_pressure_below_linear_waves_without_paddles_is_that_of_airy_theory():
+    """Of a standing wave of 1 cm at its highest: rho g (eta cosh k(z + d) / cosh kd - z), the water at rest."""
+    footprint = Ring(2 * np.pi, 12, comm=MPI.COMM_SELF)
+    plane = Plane(footprint.mesh, 4, footprint.chart)
+    waves = LinearWaves(plane, depth=1.0, wall=StillWall(), vertical_order=6, gravity=GRAVITY)
+    points = [(x, z) for x in (0.3, 2.0) for z in (-0.9, -0.2)]
+    found = seen(LinearRates(waves, tolerance=1e-12), waves.state(0.01 * np.cos(plane.x), 0 * plane.x), points)
+    x, z = np.array(points).T
+    exact = DENSITY * GRAVITY * (0.01 * np.cos(x) * np.cosh(z + 1.0) / np.cosh(1.0) - z)
+    assert found[:, -1] == pytest.approx(exact, abs=1e-5 * DENSITY * GRAVITY)
+    assert np.abs(found[:, :2]).max() < 1e-12
 
 
 def exact_kinematics(wave, x, z):

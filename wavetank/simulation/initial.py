@@ -217,7 +217,7 @@ def _check(scene: Case, before: Case, t: float, scheme: StateTree) -> None:
         difference = at_start - at_end
         if np.abs(difference).max() > TOLERANCE * scene.tank.depth:
             most = int(np.abs(difference).argmax())
-            there, here = (np.broadcast_to(one, difference.shape).flat[most] for one in (at_end, at_start))
+            there, here = (np.broadcast_to(one, difference.shape).flat[most] + 0.0 for one in (at_end, at_start))
             where = f"the {name} stood at {there:.4g} m when t = {t:.6g} s, and begins at {here:.4g} m"
             raise InputError(
                 f"{where}: must be as near as {TOLERANCE:g} of the depth; it may wait until it is at rest."

@@ -322,9 +322,10 @@ class LinearRates(MovingWater):
 
     def find_rates(self, q: Vector, p: Vector, t: float) -> None:
         """Set potential and rate to those of a state."""
-        speeds, accelerations = zip(*(motion.rates(t)[1:] for motion, _ in self._paddles), strict=True)
-        self.level = self._solve(self.phi, p, speeds)
-        self.level_rate = self._solve(self.phi_rate, -self.waves.gravity * self.waves.elevation(q, p, t), accelerations)
+        rates = [motion.rates(t) for motion, _ in self._paddles]
+        self.level = self._solve(self.phi, p, [speed for _, speed, _ in rates])
+        p_rate = -self.waves.gravity * self.waves.elevation(q, p, t)
+        self.level_rate = self._solve(self.phi_rate, p_rate, [acceleration for _, _, acceleration in rates])
 
     def _solve(self, field: LayeredField, surface: Vector, speeds: Sequence[float]) -> float:
         """Set a field to the potential below a surface's, less its mean there, which is returned; collective."""
