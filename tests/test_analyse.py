@@ -86,7 +86,7 @@ def test_analysis_of_a_run_uses_its_depth_and_surface(tmp_path):
     with RunWriter(run, {"scene": scene.model_dump(mode="json")}) as writer:
         surface, gauges = writer.surface(), writer.gauges([("1", 4.0), ("2", 7.0)])
         for t in T[:400]:
-            surface.append(t, x, eta(x, t), 0 * x)
+            surface.append(np.hstack([t, x, eta(x, t), 0 * x]))
             gauges.append([t, *eta(np.array([4.0, 7.0]), t)])
         writer.finish(
             "broke down", {"warnings": ["the energy balance is off: shorter", "another"], "cause": "It broke."}

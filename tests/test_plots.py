@@ -65,7 +65,7 @@ def run(tmp_path):
         for t, x, eta in zip(T, snapshots.x.values, snapshots.elevation.values, strict=True):
             table.append([t, elevation(4.0, t), elevation(10.0, t)])
             energy.append([t, 0.1 * t, 0.2 * t, 0.3 * t, 0.3 * t, 1e-6 * np.sin(t), 24.0])
-            snapshot.append(t, x, eta, 0 * eta)
+            snapshot.append(np.hstack([t, x, eta, 0 * eta]))
         writer.finish("finished", {})
     return RunDirectory(tmp_path / "run")
 
@@ -114,7 +114,7 @@ def test_a_ring_is_drawn_closed_and_no_water_below_the_bed(tmp_path):
         x = np.arange(8.0)
         record = writer.surface()
         for t in range(4):
-            record.append(t, x, 0.01 * np.cos(np.pi / 4 * (x - t)), 0 * x)
+            record.append(np.hstack([t, x, 0.01 * np.cos(np.pi / 4 * (x - t)), 0 * x]))
     run = RunDirectory(tmp_path / "run")
     ring = closed(run.snapshots(), 8.0)
     assert np.all(ring.x[:, -1] == 8.0) and np.array_equal(ring.elevation[:, -1], ring.elevation[:, 0])

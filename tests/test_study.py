@@ -255,7 +255,7 @@ def write_run(path: Path, scene: Case, x, eta, psi=lambda x, t: 0 * x, *, times=
         surface, records = writer.surface(), writer.gauges([(g.name, g.x) for g in scene.gauges if gauges])
         places = np.array([g.x for g in scene.gauges if gauges])
         for t in times:
-            surface.append(t, x, eta(x, t), psi(x, t))
+            surface.append(np.hstack([t, x, eta(x, t), psi(x, t)]))
             records.append([t, *eta(places, t)])
         writer.finish("finished", {})
     return RunDirectory(path)

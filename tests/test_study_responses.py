@@ -44,7 +44,7 @@ def run(tmp_path_factory):
         gauges, surface = writer.gauges([(gauge.name, gauge.x) for gauge in scene.all_gauges]), writer.surface()
         for t in np.arange(0, 24, 0.05):
             gauges.append([t, *eta(places, t)])
-            surface.append(t, x, eta(x, t), 0 * x)
+            surface.append(np.hstack([t, x, eta(x, t), 0 * x]))
         writer.finish("finished", {})
     return RunDirectory(path)
 

@@ -38,7 +38,7 @@ def record(path, tank=TANK, *, elevation=travelling, paddle=0.0, far=0.0, times=
         x = np.linspace(0.0, LENGTH, 81)[: -1 if tank["type"] == "ring" else None]
         for t in times:
             moved = x + np.sin(2 * np.pi * t / PERIOD) * (paddle * (1 - x / LENGTH) + far * x / LENGTH)
-            surface.append(t, moved, elevation(moved, t), 0 * x)
+            surface.append(np.hstack([t, moved, elevation(moved, t), 0 * x]))
             table.append([t, *(0.0 for _ in gauges)])
     return RunDirectory(path)
 

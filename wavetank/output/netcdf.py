@@ -2,7 +2,8 @@
 
 Records can be appended to a file. The number of records is in four bytes of the header, which are rewritten after each;
 incomplete records are not counted. The netCDF library itself cannot truncate a file to the records of a checkpoint, nor
-remove a record that a full disk has cut.
+remove a record that a full disk has cut. Files that it writes can end in bytes without meaning (4096 in place of
+1064), after which no record can be appended.
 """
 
 import shlex
@@ -40,25 +41,26 @@ def netcdf(variables: Mapping[str, Variable], attributes: Mapping[str, str], *, 
     Text is characters in UTF-8, along a dimension of its own. Raises ``ValueError`` for a length of zero: the format
     takes that for unlimited.
     """
-    from netCDF4 import Dataset
+    from scipy.io import netcdf_file
 
-    file = Dataset("memory", "w", format="NETCDF3_64BIT_OFFSET", memory=1)
-    file.setncatts(attributes)
-    for name, (dimensions, values, details) in variables.items():
-        if values.dtype.kind == "U":
-            encoded = np.char.encode(values, "utf-8")
-            values = encoded.view("S1").reshape(*values.shape, encoded.itemsize)
-            dimensions, details = (*dimensions, f"{name}_length"), {**details, "_Encoding": "utf-8"}
-        for dimension, length in zip(dimensions, values.shape, strict=True):
-            if dimension not in file.dimensions:
-                if not length:
-                    raise ValueError(f"{name}: has no {dimension}")
-                file.createDimension(dimension, None if dimension == unlimited else length)
-        variable = file.createVariable(name, values.dtype, dimensions)
-        variable.set_auto_chartostring(False)
-        variable[:] = values
-        variable.setncatts(details)
-    return bytes(file.close())
+    content = BytesIO()
+    with netcdf_file(content, "w", version=2) as file:
+        _set_attributes(file, attributes)
+        for name, (dimensions, values, details) in variables.items():
+            if values.dtype.kind == "U":
+                encoded = np.char.encode(values, "utf-8")
+                values = encoded.view("S1").reshape(*values.shape, encoded.itemsize)
+                dimensions, details = (*dimensions, f"{name}_length"), {**details, "_Encoding": "utf-8"}
+            for dimension, length in zip(dimensions, values.shape, strict=True):
+                if dimension not in file.dimensions:
+                    if not length:
+                        raise ValueError(f"{name}: has no {dimension}")
+                    file.createDimension(dimension, None if dimension == unlimited else length)
+            variable = file.createVariable(name, values.dtype, dimensions)
+            variable[:] = values
+            _set_attributes(variable, details)
+        file.flush()
+        return content.getvalue()
 
 
 def write_records(file: BinaryIO, blocks: Iterable[Mapping[str, Variable]], attributes: Mapping[str, str]) -> int:
@@ -90,6 +92,12 @@ def write_records(file: BinaryIO, blocks: Iterable[Mapping[str, Variable]], attr
         file.seek(COUNT.start)
         file.write(count.to_bytes(4, "big"))
     return count
+
+
+def _set_attributes(named: Any, attributes: Mapping[str, str | np.float64]) -> None:
+    """Give a file, or a variable of one, its attributes."""
+    for name, value in attributes.items():
+        setattr(named, name, value.encode() if isinstance(value, str) else value)
 
 
 MAGIC = b"CDF\x02"  # the first bytes of the header
