@@ -84,6 +84,8 @@ def test_the_directory_alone_is_enough(uninterrupted, part, capsys):
     before = contents(part)
     assert resumed(part).status == "finished" and contents(part) == before
     assert f"{part} has finished; --extend SECONDS goes on with it" in capsys.readouterr().out
+    record(SLICE, part, {}, resume=True)  # as by wavetank run --resume
+    assert contents(part) == before
 
 
 def test_a_run_goes_on_from_the_checkpoint_before_its_last(uninterrupted, part, capsys):
@@ -154,8 +156,8 @@ def test_a_finished_run_goes_on_by_some_seconds(uninterrupted, tmp_path):
         file.touch()
     run = wt.resume(tmp_path / "run", extend=0.2)
     assert not any(file.exists() for file in of_the_record)
-    told = "removed, as the record they are of goes on: analysis-spectrum.csv, compare-harmonics.png, compare.png\n"
-    assert told in (tmp_path / "run" / "run.log").read_text()
+    removed = "analysis-spectrum.csv, compare-harmonics.png, compare.png, view.mp4"
+    assert f"removed, as the record they are of goes on: {removed}\n" in (tmp_path / "run" / "run.log").read_text()
     same(uninterrupted, tmp_path / "run")
     assert run.manifest["scene"]["run"]["duration"] == 0.5
     assert [part["steps"] for part in run.manifest["parts"]] == [6, 4]

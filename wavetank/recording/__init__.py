@@ -1,5 +1,6 @@
 """A run recorded in a run directory, from the case to the final manifest; the same on any number of ranks."""
 
+import json
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -55,7 +56,7 @@ def record_run(
     resume: bool = False,
     at: float | None = None,
 ) -> None:
-    """Run a scene into a directory; collective.
+    """Run a scene into a directory; collective. A finished run of that scene that is to be resumed is not changed.
 
     Raises ``InputError`` before anything is changed there, and ``RunError`` if the run breaks down; then everything
     before is in the directory, and the cause in its manifest.
@@ -90,6 +91,10 @@ def record_run(
         scene = scene.model_copy(update={"numerics": scene.numerics.without_integrator()})
     requested, files = scene, contents(scene)
     content = {"scene": scene_content(scene, integrator), "files": files, "ranks": comm.size, **environment()}
+    path = place.path if isinstance(place, OutputPath) else place
+    if resume and at is None and from_first(comm, lambda: _has_finished(path, content["scene"])):
+        console.print(f"{path} has finished; --extend SECONDS goes on with it", markup=False, highlight=False)
+        return
     content["warnings"] = warnings.records  # found until its end
     writer = on_first(comm, lambda: RunWriter(place, content, resume=resume))
     with abort_unless_all_fail(comm, LATEST), ExitStack() as at_the_end:
@@ -128,6 +133,12 @@ def record_run(
                     writer.finish("finished", {})
 
 
+def _has_finished(path: Path, scene: dict[str, Any]) -> bool:
+    """Return whether a directory has the finished run of a scene."""
+    manifest = RunDirectory(path).manifest
+    return manifest.get("status") == "finished" and manifest.get("scene") == json.loads(json.dumps(scene))
+
+
 def resume_run(
     directory: Path | str,
     changes: Sequence[str] = (),
@@ -157,10 +168,6 @@ def resume_run(
     """
     path = Path(directory)
     scene = raise_on_all_ranks(comm, lambda: stored_scene(path, changes, extend=extend))
-    unchanged = not changes and extend is None and at is None
-    if unchanged and from_first(comm, lambda: RunDirectory(path).status) == "finished":
-        console.print(f"{path} has finished; --extend SECONDS goes on with it", markup=False, highlight=False)
-        return
     try:
         record_run(scene, path, comm=comm, console=console, resume=True, at=at, **options)
     except CaseError as error:

@@ -9,7 +9,7 @@ from wavetank.case import Case
 from wavetank.errors import worded
 from wavetank.integrators.contract import Integrator
 from wavetank.mpi import on_first
-from wavetank.output.directory import ANALYSES, BED, LOG, RunDirectory
+from wavetank.output.directory import ANALYSES, BED, LOG, VIEWS, RunDirectory
 from wavetank.output.files import RunLog
 from wavetank.output.writer import RunWriter
 from wavetank.planning.plan import rule_summary
@@ -85,7 +85,8 @@ def begin_directory(
 
     def begin() -> None:
         if writer is not None:
-            old = [path.name for pattern in ANALYSES for path in writer.path.glob(pattern)] if resumed else []
+            patterns = (*VIEWS, *ANALYSES) if resumed else ()
+            old = [path.name for pattern in patterns for path in writer.path.glob(pattern)]
             writer.begin(figures)
             if bed:
                 writer.write_table(BED, bed)
