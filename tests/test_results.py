@@ -1,5 +1,6 @@
 """A run's results as xarray, its surface as CF-NetCDF, and that as a line that ParaView and pyvista open."""
 
+import os
 import resource
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -139,6 +140,20 @@ def test_resumed_surface_has_the_snapshots_of_the_checkpoint(tmp_path):
     assert surface_index(path, later.extent()) == index
     np.testing.assert_array_equal(read_snapshots(path.read_bytes(), path).elevation, [x])
     later.close()
+
+
+def test_a_surface_refuses_a_record_of_another_length_and_an_index_of_a_cut_file(tmp_path):
+    x, path = np.linspace(0.0, 1.0, 5), tmp_path / "surface.nc"
+    record = surface_record(path)
+    record.open()
+    record.append(np.hstack([0.0, x, x, x]))
+    with pytest.raises(ValueError, match=r"^surface.nc: 19 values received; it has 16 in a record\.$"):
+        record.append(np.hstack([0.1, np.ones(18)]))
+    extent = record.extent()
+    record.close()
+    os.truncate(path, 150)
+    with pytest.raises(InputError, match="surface.nc: has 150 bytes; 1064 have been written"):
+        surface_index(path, extent)
 
 
 def test_of_many_snapshots_those_before_one_that_is_no_number_are_kept(tmp_path):

@@ -84,8 +84,13 @@ def read_snapshots(content: bytes, path: Path) -> "xarray.Dataset":
 
 
 def surface_index(path: Path, extent: Extent) -> bytes:
-    """Return the XDMF file of a record of the surface: times of its snapshots and offsets of the arrays in it."""
+    """Return the XDMF file of a record of the surface: times of its snapshots and offsets of the arrays in it.
+
+    Raises ``InputError`` if the record is shorter than its extent.
+    """
     records, begin = extent["_records"], extent["_begin"]
+    if path.stat().st_size < extent["size"]:
+        raise InputError(f"{path}: has {path.stat().st_size} bytes; {extent['size']} have been written.")
     rows = np.memmap(path, NUMBER, "r", begin, (records, (extent["size"] - begin) // NUMBER.itemsize // records))
     n, each = rows.shape[1] // 3, rows.strides[0]
     item = f'<DataItem Dimensions="{n}" NumberType="Float" Precision="8" Format="Binary" Endian="Big" Seek="'

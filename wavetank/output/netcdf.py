@@ -140,6 +140,9 @@ class AppendNetCDF(AppendFile):
         if not self._records and len(rows):
             head, each = netcdf(self._layout(rows[0]), self._attributes, unlimited="time"), len(content) // len(rows)
             self._begin, content = len(head) - each, memoryview(head + content[each:])
+        elif len(rows) and len(content) // len(rows) != (length := (self._size - self._begin) // self._records):
+            received, length = rows.shape[1], length // NUMBER.itemsize
+            raise ValueError(f"{self._path.name}: {received} values received; it has {length} in a record.")
         self.write(content)
         self._records += len(rows)
         self._write_count()

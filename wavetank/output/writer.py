@@ -222,7 +222,7 @@ class RunWriter:
             if at_any_price:
                 self._lock.reserve(self._reserved)
             size = write_checkpoint(self.path, identified, own=self._wrote_checkpoint, at_any_price=at_any_price)
-        with suppress(OSError):
+        with suppress(OSError, InputError):
             self._write_derived(SURFACE)
         self._wrote_checkpoint = True
         spare = (self.path / CHECKPOINT_BEFORE).exists() or at_any_price
