@@ -117,6 +117,8 @@ class AppendNetCDF(AppendFile):
     def __init__(
         self, path: Path, attributes: Mapping[str, str], layout: Callable[[NDArray[np.float64]], dict[str, Variable]]
     ):
+        import scipy.io  # noqa: F401  # 0.13 CPU s, which would count as the cost of the first steps
+
         super().__init__(path)
         self._attributes, self._layout = attributes, layout
         self._records = self._begin = 0
