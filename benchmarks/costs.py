@@ -11,7 +11,7 @@ import scipy
 from mpi4py import MPI
 from rich.console import Console
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.case import Case
 from wavetank.integrators import INTEGRATORS
 from wavetank.planning.cost import CONSTANTS, KINDS, features, step_costs

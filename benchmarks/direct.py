@@ -8,7 +8,7 @@ import ufl
 from dolfinx.fem.petsc import assemble_matrix, create_matrix
 from petsc4py import PETSc
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.fem.forms import compile_form
 from wavetank.tank.waves import NonlinearWaves
 

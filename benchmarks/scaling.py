@@ -18,7 +18,7 @@ from mpi4py import MPI
 from rich.console import Console
 from rich.table import Table
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.fem.decoupled import LayerMatrices
 from wavetank.fem.plane import Plane
 from wavetank.simulation.memory import peak_memory

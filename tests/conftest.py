@@ -49,7 +49,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[object]:
 @pytest.fixture
 def trusted() -> Iterator[None]:
     """Trust the Python files that cases name."""
-    from wavetank.values.python_file import trusting
+    from wavetank.base.python_file import trusting
 
     with trusting():
         yield
@@ -171,7 +171,7 @@ def needs_marin() -> None:
 def needs_data(name: str, file: str) -> None:
     """Skip a test that reads a file of a known data set, where it is not."""
     from wavetank import data
-    from wavetank.errors import InputError
+    from wavetank.base.errors import InputError
 
     try:
         data.find(name, file)

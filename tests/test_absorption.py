@@ -17,11 +17,11 @@ from test_checkpoint import record, record_until, same
 from test_state import SLICE
 
 from wavetank.analysis.reflection import reflected
+from wavetank.base.errors import InputError, RunError
 from wavetank.case import Case
 from wavetank.case.reading import read_case
 from wavetank.case.wall import ActiveAbsorption, SpringDamper
 from wavetank.cli import main
-from wavetank.errors import InputError, RunError
 from wavetank.integrators.states import Point
 from wavetank.motion import feedback, sinusoid
 from wavetank.motion.feedback import FeedbackMotion, FilterState, StateSpaceFilter, elevation_at_face

@@ -17,9 +17,9 @@ from wavetank import data
 from wavetank.analysis import results
 from wavetank.analysis.record import WaveRecord, read_record
 from wavetank.analysis.signals import between, common_clock
+from wavetank.base.errors import InputError
 from wavetank.case.new import write_case
 from wavetank.case.reading import read_case
-from wavetank.errors import InputError
 from wavetank.output.writer import RunWriter
 from wavetank.plots.analyse_command import KINDS
 from wavetank.plots.analysis_figures import result_figure

@@ -41,7 +41,7 @@ from wavetank.analysis.statistics import (
     rayleigh_heights,
     zero_crossing_waves,
 )
-from wavetank.errors import InputError
+from wavetank.base.errors import InputError
 from wavetank.waves.airy import group_velocity, wave_number
 
 T = np.arange(0.0, 200.0, 0.05)

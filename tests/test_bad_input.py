@@ -20,15 +20,15 @@ from wavetank import data
 from wavetank.analysis import results
 from wavetank.analysis.record import WaveRecord
 from wavetank.analysis.signals import common_clock
+from wavetank.base.case_model import CaseError, Problem
+from wavetank.base.errors import InputError, OutsideError, WavetankError
+from wavetank.base.python_file import load
 from wavetank.case import Case
 from wavetank.case.reading import SHOWN, read_case
 from wavetank.cli import main
-from wavetank.errors import InputError, OutsideError, WavetankError
 from wavetank.mesh.bathymetry import read_bed
 from wavetank.motion.recorded import read_record
 from wavetank.planning.paddle_waves import analysed_duration
-from wavetank.values.case_model import CaseError, Problem
-from wavetank.values.python_file import load
 
 pytestmark = pytest.mark.usefixtures("trusted")
 

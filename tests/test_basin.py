@@ -12,8 +12,8 @@ from mpi4py import MPI
 from pydantic import ValidationError
 
 from examples.paper.standing_wave import ThirdOrderStandingWave
+from wavetank.base.errors import InputError
 from wavetank.case import Case
-from wavetank.errors import InputError
 from wavetank.fem.plane import Plane
 from wavetank.fem.points import Points
 from wavetank.integrators import INTEGRATORS

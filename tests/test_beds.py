@@ -9,13 +9,13 @@ from conftest import fitted_slope
 from mpi4py import MPI
 from pydantic import TypeAdapter, ValidationError
 
+from wavetank.base.errors import InputError
+from wavetank.base.python_file import load
 from wavetank.case import Case, CaseError
 from wavetank.case.reading import read_case
 from wavetank.case.tank import BeachBed, Bed, FormulaBed, GriddedBed, PythonBed
-from wavetank.errors import InputError
 from wavetank.fem.plane import Plane
 from wavetank.mesh import Gridded, Survey, read_bed
-from wavetank.values.python_file import load
 
 pytestmark = pytest.mark.usefixtures("trusted")
 

@@ -17,9 +17,9 @@ from typer.testing import CliRunner
 from wavetank import data
 from wavetank.analysis.compare import compare_heights, computed_heights, matched
 from wavetank.analysis.statistics import mean_wave_height, zero_crossing_waves
+from wavetank.base.errors import InputError
 from wavetank.case.output import GaugeLine
 from wavetank.data import HeightSeries, Section
-from wavetank.errors import InputError
 from wavetank.output.writer import RunWriter
 from wavetank.plots.compare_command import compare
 

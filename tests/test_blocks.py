@@ -13,8 +13,9 @@ from rich.console import Console
 from test_checkpoint import same, scene
 from test_state import BASIN, FLAP, SLICE, Observed, differing
 
+from wavetank.base.errors import BreakdownError, PaddleError, StoppedError
+from wavetank.base.state import plain
 from wavetank.case import Case, EndWall
-from wavetank.errors import BreakdownError, PaddleError, StoppedError
 from wavetank.integrators.states import Point
 from wavetank.motion import ramped, sinusoid
 from wavetank.output.directory import ENERGY, GAUGES, PADDLE, RunDirectory
@@ -26,7 +27,6 @@ from wavetank.simulation.diagnostics import Called, Gauges
 from wavetank.simulation.records import Memory
 from wavetank.simulation.stability import IN_ELEVATION, StabilityWatch
 from wavetank.simulation.surviving import restore_surviving
-from wavetank.state import plain
 from wavetank.tank.surface_flow import surface_of
 
 BESIDE = {"gauges": [0.4, 1.0, 1.5, 2.5]}  # within the paddle's reach, two of them where cells meet

@@ -12,9 +12,9 @@ from PIL import Image
 from rich.console import Console
 
 from examples.paper.breaking import over_steep
+from wavetank.base.errors import InputError, PaddleError, RunError
 from wavetank.case import Case
 from wavetank.cli import main
-from wavetank.errors import InputError, PaddleError, RunError
 from wavetank.output.directory import RunDirectory
 from wavetank.plots.figures import draw_run
 from wavetank.recording import record_run

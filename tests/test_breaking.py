@@ -19,9 +19,9 @@ from scipy.signal import find_peaks
 
 import wavetank
 from examples.paper.breaking import BreakingCase, bore, cases, dissipated, luth_c, over_steep, refined, release, row
-from wavetank.arrays import largest
+from wavetank.base.arrays import largest
+from wavetank.base.errors import ConvergenceError, RunError
 from wavetank.case import Case
-from wavetank.errors import ConvergenceError, RunError
 from wavetank.fem.mass import PenalisedMass, mass_matrix
 from wavetank.fem.plane import Plane
 from wavetank.integrators.states import Point

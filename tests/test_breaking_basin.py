@@ -11,8 +11,8 @@ from mpi4py import MPI
 from rich.console import Console
 from test_basin import basin
 
+from wavetank.base.errors import RunError
 from wavetank.case import Case
-from wavetank.errors import RunError
 from wavetank.integrators.states import Point
 from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run

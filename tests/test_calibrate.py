@@ -12,11 +12,12 @@ import pytest
 from conftest import CHECKOUT, commanded
 from records import gauge, gauges, surface
 
+from wavetank.base.errors import InputError
+from wavetank.base.toml import toml
 from wavetank.case import Case
 from wavetank.case.output import CrestTarget
 from wavetank.case.reading import contents, read_case
 from wavetank.cli import main
-from wavetank.errors import InputError
 from wavetank.output.directory import PADDLE, RunDirectory
 from wavetank.output.writer import RunWriter
 from wavetank.studies.calibrate import calibration as module
@@ -36,7 +37,6 @@ from wavetank.studies.calibrate.aims import (
 )
 from wavetank.studies.calibrate.calibration import CASE, PICTURE, TABLE, WAVES, cheaper, components_table
 from wavetank.studies.runs import Outcome, Runner, status_of
-from wavetank.values.toml import toml
 
 FOCUSING = CHECKOUT / "cases" / "focusing.toml"
 CASES = [CHECKOUT / "cases" / f"{name}.toml" for name in ("focusing", "berkhoff-1982", "shoaling-release")]

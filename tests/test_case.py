@@ -11,6 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from ranks import CHECKOUT
 
+from wavetank.base.errors import InputError
+from wavetank.base.schemes import SCHEMES
 from wavetank.case import (
     Case,
     Gauge,
@@ -23,10 +25,8 @@ from wavetank.case import (
 from wavetank.case.reading import read_case
 from wavetank.case.wall import AnyWall, ShapedWall
 from wavetank.cli import main
-from wavetank.errors import InputError
 from wavetank.integrators import Simpson4, registered
 from wavetank.planning.cost import CONSTANTS, KINDS
-from wavetank.values.schemes import SCHEMES
 
 CASES = Path(__file__).resolve().parents[1] / "cases"
 
@@ -203,7 +203,7 @@ def test_every_integrator_with_costs_is_registered():
         for scheme in schemes:
             if any(ast.unparse(line).startswith("costs: ClassVar") for line in scheme.body):
                 entry = file.stem, scheme.name
-                assert entry in SCHEMES.values(), f"{entry} is missing in wavetank/values/schemes.py"
+                assert entry in SCHEMES.values(), f"{entry} is missing in wavetank/base/schemes.py"
 
 
 def test_every_shape_of_a_wall_is_one_that_a_case_can_name():

@@ -23,10 +23,10 @@ from ranks import begun
 from test_state import BASIN, FLAP, RING, SLICE
 
 from examples.paper.breaking import over_steep
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
+from wavetank.base.console import console
+from wavetank.base.errors import InputError, RunError
 from wavetank.case import Case
-from wavetank.console import console
-from wavetank.errors import InputError, RunError
 from wavetank.integrators import INTEGRATORS, ThirdOrder
 from wavetank.output import checkpoint
 from wavetank.output.checkpoint import FORMAT, Checkpoint, read_checkpoint, write_checkpoint

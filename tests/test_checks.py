@@ -13,9 +13,9 @@ from mpi4py import MPI
 from records import gauge_rows
 from rich.console import Console
 
+from wavetank.base.errors import InputError
 from wavetank.case import Case, LinearWater
 from wavetank.case.reading import read_case
-from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.planning.checks import coarse, run_warnings, too_high, waves_missed
 from wavetank.planning.dispersion import Mesh, UniformCells

@@ -203,7 +203,7 @@ ALONE = """
 import sys
 from mpi4py import MPI
 from wavetank import cli
-from wavetank.errors import InputError
+from wavetank.base.errors import InputError
 
 def app(arguments):
     if MPI.COMM_WORLD.rank == 1:

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from mpi4py import MPI
 from ranks import CHECKOUT
 
+from wavetank.base.errors import InputError
 from wavetank.case.reading import read_case
-from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
 from wavetank.simulation.build import build_clock, build_run, end_message
 from wavetank.simulation.clock import Clock

@@ -14,8 +14,8 @@ from rich.console import Console
 
 from wavetank import data
 from wavetank.analysis.compare import compare, compare_harmonics, matched
+from wavetank.base.errors import InputError
 from wavetank.cli import main
-from wavetank.errors import InputError
 from wavetank.output.writer import RunWriter
 from wavetank.plots.tables import COMPARISON, EXTREMES, HARMONICS, terminal_table
 

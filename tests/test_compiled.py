@@ -17,7 +17,7 @@ import pytest
 from mpi4py import MPI
 from ranks import begun, on
 
-from wavetank.errors import WavetankError
+from wavetank.base.errors import WavetankError
 from wavetank.fem import codegen, compiled
 from wavetank.fem.codegen import Buffer, Unit, source
 
@@ -134,7 +134,7 @@ def test_a_piece_that_others_can_write_is_refused(tmp_path, monkeypatch):
 def test_where_nothing_can_be_kept_and_where_nothing_compiles_all_ranks_say_so(world, tmp_path):
     (tmp_path / CACHE).write_text("a file in the folder's place")
     code = f"""
-from wavetank.errors import WavetankError
+from wavetank.base.errors import WavetankError
 try:
     exec({FORM!r})
 except WavetankError as error:

@@ -11,10 +11,10 @@ import pytest
 from conftest import commanded, needs_marin
 
 from wavetank import data
+from wavetank.base.errors import InputError, WavetankError
 from wavetank.data import DATASET
 from wavetank.data.description import read_dataset
 from wavetank.data.places import BUILT_IN
-from wavetank.errors import InputError, WavetankError
 
 ROWS = [(0.001 * n, 0.01 * np.sin(0.003 * n)) for n in range(101)]
 PLAIN = "".join(f"{t:.2f} {eta:.4f}\n" for t, eta in ROWS[::20])

@@ -5,10 +5,11 @@ import pytest
 from conftest import fitted_slope, recorded
 from mpi4py import MPI
 
+from wavetank.base.case_model import CaseError
+from wavetank.base.errors import InputError
 from wavetank.case import Case
 from wavetank.case.reading import read_case
 from wavetank.cli import main
-from wavetank.errors import InputError
 from wavetank.integrators import GaussLegendre4
 from wavetank.output.columns import energy_columns
 from wavetank.output.directory import RunDirectory
@@ -18,7 +19,6 @@ from wavetank.simulation.case_diagnostics import build_observers
 from wavetank.simulation.energy import EnergyBudget
 from wavetank.simulation.records import Memory, Records
 from wavetank.tank.surface_flow import SurfaceFlow
-from wavetank.values.case_model import CaseError
 
 GRAVITY = 9.81
 BALANCE, MASS = energy_columns(1).index("balance [m^4/s^2]"), energy_columns(1).index("mass [m^2]")

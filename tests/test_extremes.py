@@ -18,9 +18,10 @@ from mpi4py import MPI
 from examples.paper import steepness
 from examples.paper.growth import Setting, row
 from examples.paper.linearised import LinearisedFlow
+from wavetank.base.errors import RunError
+from wavetank.base.run_warning import RunWarning
 from wavetank.case import Case
 from wavetank.case.reading import read_case
-from wavetank.errors import RunError
 from wavetank.fem.plane import Plane
 from wavetank.fem.vertical import gauss_lobatto_legendre
 from wavetank.integrators import Simpson4, ThirdOrder
@@ -28,7 +29,6 @@ from wavetank.integrators.states import Point, Traces
 from wavetank.motion import sinusoid
 from wavetank.output.directory import RunDirectory
 from wavetank.planning.dispersion import elements
-from wavetank.run_warning import RunWarning
 from wavetank.simulation.build import build_run
 from wavetank.simulation.case_diagnostics import build_watch
 from wavetank.simulation.clock import Clock, EverySteps

@@ -21,18 +21,18 @@ from rich.console import Console
 from test_checkpoint import OUTPUT, same, scene
 from test_state import BASIN, SLICE
 
+from wavetank.base.errors import BreakdownError, InputError
+from wavetank.base.toml import toml
 from wavetank.case import Case
-from wavetank.errors import BreakdownError, InputError
 from wavetank.output.checkpoint import read_checkpoint
 from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, RunDirectory
 from wavetank.output.files import LOCK, OutputPath, temporary_path
 from wavetank.output.manifest import MANIFEST
+from wavetank.output.status import status_line
 from wavetank.recording import record_run
 from wavetank.simulation import run as running
 from wavetank.simulation.clock import EverySteps
-from wavetank.status import status_line
 from wavetank.tank.block import Block
-from wavetank.values.toml import toml
 
 REGULAR = {  # waves of a period of 2.3 s
     "tank": {"type": "ring", "length": 2 * np.pi, "depth": 1.0},
@@ -128,7 +128,7 @@ import wavetank as wt
 from wavetank import recording
 from wavetank.recording import ending
 from wavetank.simulation import run
-from wavetank.errors import RunError
+from wavetank.base.errors import RunError
 from wavetank.simulation import run as running
 from wavetank.simulation.clock import EverySteps
 

@@ -11,8 +11,8 @@ from dolfinx import mesh
 from mpi4py import MPI
 from rich.console import Console
 
+from wavetank.base.errors import InputError, RunError
 from wavetank.case import Case
-from wavetank.errors import InputError, RunError
 from wavetank.fem.plane import Plane
 from wavetank.fem.vertical import VerticalBasis
 from wavetank.motion import sinusoid

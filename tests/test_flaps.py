@@ -6,9 +6,9 @@ from conftest import fitted_slope, needs_data
 from mpi4py import MPI
 
 from examples.paper.measured_flap import waves
+from wavetank.base.errors import InputError
 from wavetank.case import Case, ProfileWall
 from wavetank.cli import main
-from wavetank.errors import InputError
 from wavetank.fem.plane import Plane
 from wavetank.motion import flap_motion, sinusoid
 from wavetank.output.columns import energy_columns

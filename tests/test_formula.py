@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wavetank.errors import InputError
-from wavetank.values.formula import DEEPEST, FUNCTIONS, LONGEST, Formula
+from wavetank.base.errors import InputError
+from wavetank.base.formula import DEEPEST, FUNCTIONS, LONGEST, Formula
 
 X, Y = np.meshgrid(np.linspace(-3.0, 7.0, 9), np.linspace(-2.0, 2.0, 5))
 

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from wavetank.errors import RunError
+from wavetank.base.errors import RunError
 from wavetank.output.columns import parse_position_label
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath

@@ -21,9 +21,10 @@ from ranks import CHECKOUT, begun
 
 import wavetank as wt
 from wavetank.analysis.still_water import still_water
+from wavetank.base import python_file
+from wavetank.base.errors import InputError
 from wavetank.case import Case
 from wavetank.cli import main
-from wavetank.errors import InputError
 from wavetank.fem.compiled import compiled
 from wavetank.fem.layout_mesh import read_layout
 from wavetank.output.directory import RunDirectory, open_run
@@ -33,7 +34,6 @@ from wavetank.plots.figures import draw_run
 from wavetank.plots.style import picture
 from wavetank.plots.tables import data_frame, write_frame
 from wavetank.plots.view import writing
-from wavetank.values import python_file
 
 SQUARE = """$MeshFormat
 2.2 0 8

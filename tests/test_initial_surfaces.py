@@ -5,10 +5,10 @@ import pytest
 from mpi4py import MPI
 from rich.console import Console
 
+from wavetank.base.errors import InputError
 from wavetank.case import Case
 from wavetank.case.initial import FileSurface
 from wavetank.case.reading import read_case
-from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run
 from wavetank.simulation.build import build_run

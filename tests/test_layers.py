@@ -7,7 +7,7 @@ import ufl
 from mpi4py import MPI
 from test_basin import basin, bowed
 
-from wavetank.errors import ConvergenceError
+from wavetank.base.errors import ConvergenceError
 from wavetank.fem.decoupled import LayerMatrices
 from wavetank.fem.forms import ScalarForm, VectorForm
 from wavetank.fem.halo import Halo

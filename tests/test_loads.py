@@ -12,9 +12,9 @@ from examples.paper.cylinder import HalfBasin
 from examples.paper.mccamy_fuchs import CylinderDiffraction
 from examples.paper.standing_wave import ThirdOrderStandingWave
 from examples.paper.watched import watched
+from wavetank.base.errors import InputError
 from wavetank.case import Case
 from wavetank.case.reading import read_case
-from wavetank.errors import InputError
 from wavetank.fem.forms import ScalarForm
 from wavetank.fem.plane import Plane
 from wavetank.integrators import Simpson4, StormerVerlet

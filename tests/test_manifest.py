@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from wavetank.analysis.record import read_record
+from wavetank.base.errors import InputError
 from wavetank.case import Case
 from wavetank.cli import main
-from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.manifest import MANIFEST
+from wavetank.output.status import status_line
 from wavetank.output.writer import RunWriter
 from wavetank.recording.preparing import stored_scene
-from wavetank.status import status_line
 
 SCENE = {
     "tank": {"type": "slice", "length": 12.0, "depth": 0.5},

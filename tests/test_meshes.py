@@ -9,8 +9,8 @@ from conftest import CHECKOUT, fitted_slope
 from dolfinx import fem, mesh
 from mpi4py import MPI
 
+from wavetank.base.errors import InputError
 from wavetank.cli import main
-from wavetank.errors import InputError
 from wavetank.fem.layout_mesh import draw_layout, read_layout
 from wavetank.fem.plane import Plane, usual_size
 from wavetank.fem.points import Points

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from test_segmented_motion import MOTIONS as SEGMENTED
 from test_segmented_motion import Y, bisected_wave_number
 
-from wavetank.errors import InputError
+from wavetank.base.errors import InputError
 from wavetank.motion import (
     AT_REST,
     HarmonicSum,

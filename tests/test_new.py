@@ -4,9 +4,9 @@ import pytest
 from conftest import commanded, recorded
 from mpi4py import MPI
 
+from wavetank.base.errors import InputError
 from wavetank.case.new import KINDS, SCHEMA, write_case
 from wavetank.case.reading import read_case
-from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.planning.checks import run_warnings
 from wavetank.planning.plan import planned

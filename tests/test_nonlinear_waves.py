@@ -6,8 +6,8 @@ from blocks import block_of
 from conftest import fitted_slope
 from mpi4py import MPI
 
+from wavetank.base.errors import RunError
 from wavetank.case import Case
-from wavetank.errors import RunError
 from wavetank.integrators import INTEGRATORS, Simpson4
 from wavetank.integrators.simpson import MeanAndJumps
 from wavetank.integrators.states import Traces, rows

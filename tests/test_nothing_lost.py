@@ -17,9 +17,9 @@ from mpi4py import MPI
 from ranks import CHECKOUT, begun, on
 from rich.console import Console
 
+from wavetank.base.errors import InputError, RecordError
 from wavetank.case.reading import read_case
 from wavetank.cli import main
-from wavetank.errors import InputError, RecordError
 from wavetank.output.checkpoint import read_checkpoint
 from wavetank.output.directory import LOG, RunDirectory
 from wavetank.output.files import LOCK, OutputPath, RunLock, is_locked

@@ -8,7 +8,7 @@ from blocks import block_of
 from mpi4py import MPI
 
 from examples.paper.oscillators import Harmonic, NonSeparable
-from wavetank.errors import RunError
+from wavetank.base.errors import RunError
 from wavetank.integrators import StormerVerlet
 from wavetank.integrators.filtered import Filtered
 from wavetank.integrators.states import Point

@@ -13,7 +13,7 @@ from records import gauge, gauges
 
 from wavetank import data
 from wavetank.analysis.compare import synchronised
-from wavetank.errors import InputError
+from wavetank.base.errors import InputError
 from wavetank.output.writer import RunWriter
 
 T = np.arange(0.0, 30.0, 0.05)

@@ -20,9 +20,9 @@ from records import gauge_rows, with_numerics
 from scipy.interpolate import CubicSpline
 
 from benchmarks.costs import calibrate
+from wavetank.base.errors import WavetankError
 from wavetank.case import Case
 from wavetank.case.reading import read_case
-from wavetank.errors import WavetankError
 from wavetank.planning.cost import CONSTANTS
 from wavetank.planning.plan import Plan, make_plan
 from wavetank.planning.prediction import Settings

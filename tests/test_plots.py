@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 from xarray import Dataset
 
 from wavetank.analysis.still_water import closed
-from wavetank.errors import InputError
+from wavetank.base.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.writer import RunWriter
 from wavetank.plots import figures

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mpi4py import MPI
 
-from wavetank.errors import OutsideError
+from wavetank.base.errors import OutsideError
 from wavetank.fem.plane import Plane
 from wavetank.fem.points import Points
 from wavetank.motion import ramped, sinusoid

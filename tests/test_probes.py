@@ -10,8 +10,8 @@ from mpi4py import MPI
 from rich.console import Console
 
 from examples.paper.theories import SteadyWater
+from wavetank.base.errors import InputError
 from wavetank.case import Case
-from wavetank.errors import InputError
 from wavetank.fem.plane import Plane
 from wavetank.motion import sinusoid
 from wavetank.output.directory import RunDirectory

@@ -10,7 +10,7 @@ import pytest
 from ranks import CHECKOUT, launch
 
 import wavetank as wt
-from wavetank.errors import InputError
+from wavetank.base.errors import InputError
 from wavetank.integrators import StormerVerlet
 
 PAGE = CHECKOUT / "docs" / "extend.md"

@@ -10,7 +10,7 @@ import pytest
 from mpi4py import MPI
 from ranks import Crew, begun, members
 
-from wavetank.mpi import on_first
+from wavetank.base.mpi import on_first
 
 
 def alone_in_a_barrier():

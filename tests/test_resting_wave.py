@@ -9,7 +9,7 @@ from conftest import fitted_slope
 from examples.paper import standing
 from examples.paper.resting_wave import resting_wave
 from examples.paper.standing_wave import ThirdOrderStandingWave
-from wavetank.errors import InputError
+from wavetank.base.errors import InputError
 
 LENGTH, DEPTH = 2.0, 0.6
 

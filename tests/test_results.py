@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from conftest import recorded
 
+from wavetank.base.errors import InputError, RecordError, RunError
 from wavetank.case.reading import read_case
-from wavetank.errors import InputError, RecordError, RunError
 from wavetank.output.columns import paddle_columns
 from wavetank.output.directory import RunDirectory
 from wavetank.output.fields import read_snapshots, surface_index, surface_variables

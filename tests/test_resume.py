@@ -19,15 +19,15 @@ from test_checkpoint import ending, record, record_until, same, scene
 from test_state import SLICE
 
 import wavetank as wt
+from wavetank.base.errors import InputError, RunError
+from wavetank.base.run_warning import RunWarning
 from wavetank.case import Case
 from wavetank.cli import main
-from wavetank.errors import InputError, RunError
 from wavetank.integrators import INTEGRATORS, StormerVerlet
 from wavetank.output import files
 from wavetank.output.checkpoint import read_checkpoint_file, write_checkpoint
 from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, ENERGY, GAUGES, RunDirectory
 from wavetank.planning import checks
-from wavetank.run_warning import RunWarning
 from wavetank.simulation import energy
 from wavetank.simulation import run as running
 from wavetank.simulation.clock import EverySteps

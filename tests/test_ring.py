@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mpi4py import MPI
 
+from wavetank.base.errors import InputError
 from wavetank.case import Case
 from wavetank.case.reading import read_case
-from wavetank.errors import InputError
 from wavetank.fem.charts import Polygon
 from wavetank.integrators import Simpson4
 from wavetank.output.columns import energy_columns

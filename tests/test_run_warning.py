@@ -7,9 +7,9 @@ from string import Formatter
 
 import pytest
 
+from wavetank.base.run_warning import MESSAGES, TEXT, RunWarning, run_warning
 from wavetank.output.directory import RunDirectory
 from wavetank.output.writer import RunWriter
-from wavetank.run_warning import MESSAGES, TEXT, RunWarning, run_warning
 
 FAILED = RunWarning("copy-failed", key="gauges.nc", details={"reason": "no space", "table": "gauges.csv"})
 SENTENCE = "gauges.nc could not be written (no space); gauges.csv has the same"

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from wavetank.base.errors import InputError, RunError
 from wavetank.cli import main
-from wavetank.errors import InputError, RunError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath
 from wavetank.output.tables import csv_lines

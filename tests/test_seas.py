@@ -16,10 +16,12 @@ from scipy.special import gamma as gamma_function
 from examples.paper.second_order import GENERATIONS, row
 from examples.paper.watched import Surfaces
 from wavetank.analysis.compare import rms
+from wavetank.base.case_model import CaseError
+from wavetank.base.errors import InputError
+from wavetank.base.formula import Formula
 from wavetank.case import Case
 from wavetank.case.reading import read_case
 from wavetank.cli import main
-from wavetank.errors import InputError
 from wavetank.motion import (
     HarmonicSum,
     exact_solitary,
@@ -32,8 +34,6 @@ from wavetank.motion.recorded import read_record
 from wavetank.output.directory import RunDirectory
 from wavetank.planning.plan import STEP_RATIO, make_plan, planned
 from wavetank.simulation.build import build_run
-from wavetank.values.case_model import CaseError
-from wavetank.values.formula import Formula
 from wavetank.waves import airy
 from wavetank.waves.plane_waves import waves_along
 from wavetank.waves.second_order import MANY, Strokes, second_order

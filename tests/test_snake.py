@@ -7,10 +7,10 @@ from mpi4py import MPI
 from test_flaps import BALANCE, GRAVITY
 from test_segmented_motion import Oblique
 
+from wavetank.base.errors import InputError
 from wavetank.case import Case, RegularMotion, SliceTank
 from wavetank.case.reading import read_case
 from wavetank.cli import main
-from wavetank.errors import InputError
 from wavetank.fem.plane import Plane
 from wavetank.motion import Motion
 from wavetank.output.columns import energy_columns

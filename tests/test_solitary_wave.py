@@ -8,8 +8,8 @@ from conftest import fitted_slope
 from mpi4py import MPI
 from scipy.interpolate import CubicSpline
 
+from wavetank.base.errors import InputError
 from wavetank.case import Case
-from wavetank.errors import InputError
 from wavetank.planning.checks import cut_starts
 from wavetank.planning.plan import planned
 from wavetank.simulation.build import build_run

@@ -15,9 +15,9 @@ from mpi4py import MPI
 
 from examples.paper.oscillators import Harmonic
 from examples.paper.sponge import Beach, Operators, in_time, paddle
+from wavetank.base.errors import InputError
 from wavetank.case import Case
 from wavetank.case.tank import EndSponge, GroupSponge, SliceTank, paddle_period
-from wavetank.errors import InputError
 from wavetank.fem.plane import Plane
 from wavetank.integrators import (
     Damped,

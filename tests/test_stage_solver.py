@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from wavetank.base.errors import ConvergenceError, RunError
 from wavetank.case import Case
-from wavetank.errors import ConvergenceError, RunError
 from wavetank.fem.anderson import AndersonMixing
 from wavetank.integrators.stage_solver import StageHistories, StageSolver
 from wavetank.integrators.stages import CoupledStages, PairStage

@@ -8,10 +8,10 @@ from mpi4py import MPI
 from test_checkpoint import record
 from test_state import BASIN, RING, SLICE
 
+from wavetank.base.console import console
+from wavetank.base.errors import InputError
 from wavetank.case import Case
 from wavetank.cli import main
-from wavetank.console import console
-from wavetank.errors import InputError
 from wavetank.output.checkpoint import readable_checkpoints
 from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run

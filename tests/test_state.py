@@ -18,9 +18,10 @@ from mpi4py import MPI
 from ranks import Crew
 
 from examples.paper.oscillators import NonSeparable
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
+from wavetank.base.errors import InputError, RunError
+from wavetank.base.state import deserialize, named, plain, restore_all, serialize, typed
 from wavetank.case import Case
-from wavetank.errors import InputError, RunError
 from wavetank.integrators import INTEGRATORS, Damped, Damping, GaussLegendre4
 from wavetank.integrators.filtered import Filtered
 from wavetank.simulation.build import build_run
@@ -28,7 +29,6 @@ from wavetank.simulation.case_diagnostics import build_observers, build_watch
 from wavetank.simulation.clock import Clock
 from wavetank.simulation.records import Memory, Records
 from wavetank.simulation.run import Run
-from wavetank.state import deserialize, named, plain, restore_all, serialize, typed
 from wavetank.tank.dissipation import EdgePenalty
 
 SLICE = {

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from blocks import at
 
-from wavetank import status
+from wavetank.base.errors import StoppedError
 from wavetank.cli import main
-from wavetank.errors import StoppedError
-from wavetank.output import files, manifest
+from wavetank.output import files, manifest, status
 from wavetank.output.checkpoint import FORMAT, Checkpoint
 from wavetank.output.directory import CHECKPOINT, ENERGY, RunDirectory
 from wavetank.output.manifest import MANIFEST

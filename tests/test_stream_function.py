@@ -5,7 +5,7 @@ import pytest
 import raschii
 from conftest import fitted_slope
 
-from wavetank.errors import InputError
+from wavetank.base.errors import InputError
 from wavetank.waves.airy import angular_frequency
 from wavetank.waves.solitary_wave import solitary_wave
 from wavetank.waves.stream_function import maximum_height, stream_function_wave

@@ -23,9 +23,9 @@ from ranks import begun, members
 from rich.console import Console
 from xarray import Dataset
 
+from wavetank.base.errors import InputError, RecordError, RunError, StoppedError
 from wavetank.case import Case
 from wavetank.case.reading import read_case
-from wavetank.errors import InputError, RecordError, RunError, StoppedError
 from wavetank.output.checkpoint import FORMAT, Checkpoint, last_checkpoint
 from wavetank.output.directory import CHECKPOINT, RunDirectory
 from wavetank.output.writer import RunWriter

@@ -12,8 +12,8 @@ from pictures import faults
 from rich.console import Console
 from scipy import stats
 
+from wavetank.base.errors import InputError
 from wavetank.case.reading import read_case
-from wavetank.errors import InputError
 from wavetank.output.writer import RunWriter
 from wavetank.studies.drawing import WARNED, draw_ensembles
 from wavetank.studies.responses import QUANTITIES, evaluate_responses, parse_response, usual_responses

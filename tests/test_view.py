@@ -11,7 +11,7 @@ from PIL import Image
 from rich.console import Console
 from typer.testing import CliRunner
 
-from wavetank.errors import InputError
+from wavetank.base.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.writer import RunWriter
 from wavetank.plots import view, view_command

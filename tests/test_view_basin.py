@@ -8,7 +8,7 @@ from conftest import commanded
 from matplotlib import rc_context
 from matplotlib.image import imread
 
-from wavetank.errors import InputError
+from wavetank.base.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.fields import VtkCells, VtuSeries
 from wavetank.output.writer import RunWriter

@@ -13,12 +13,12 @@ What is not in ``__all__`` may change; what loads long, dolfinx first, is loaded
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from wavetank.working_directory import check_working_directory
+from wavetank.base.working_directory import check_working_directory
 
 if TYPE_CHECKING:
     from wavetank.case.reading import read_case
     from wavetank.output.directory import open_run
-    from wavetank.public import resume, run
+    from wavetank.recording.public import resume, run
 
 __version__ = "0.1.0"
 __all__ = ["open_run", "read_case", "resume", "run"]
@@ -26,8 +26,8 @@ __all__ = ["open_run", "read_case", "resume", "run"]
 HOMES = {
     "open_run": "wavetank.output.directory",
     "read_case": "wavetank.case.reading",
-    "resume": "wavetank.public",
-    "run": "wavetank.public",
+    "resume": "wavetank.recording.public",
+    "run": "wavetank.recording.public",
 }
 
 

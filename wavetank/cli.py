@@ -17,19 +17,19 @@ import typer
 
 import wavetank
 from wavetank import data
+from wavetank.base.console import console
+from wavetank.base.errors import InputError, WavetankError, printable
+from wavetank.base.mpi import MPI, all_ranks_arrive, on_first
+from wavetank.base.python_file import trusting
 from wavetank.case.new import KINDS, cases_at_hand, write_case
-from wavetank.console import console
-from wavetank.errors import InputError, WavetankError, printable
-from wavetank.mpi import MPI, all_ranks_arrive, on_first
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath
+from wavetank.output.status import status
 from wavetank.planning.command import motion, plan
 from wavetank.plots.analyse_command import analyse
 from wavetank.plots.compare_command import compare
 from wavetank.plots.view_command import view
-from wavetank.status import status
 from wavetank.studies.command import calibrate, study
-from wavetank.values.python_file import trusting
 
 Trust = Annotated[bool, typer.Option("--trust", help="execute the Python files that the case or the run names")]
 

@@ -13,8 +13,8 @@ from scipy.integrate import solve_ivp
 
 from examples.paper.report import Report
 from examples.paper.steepness import scene as ring
+from wavetank.base.errors import RunError
 from wavetank.case import Case, RingTank
-from wavetank.errors import RunError
 from wavetank.planning.plan import planned
 from wavetank.simulation.build import build_run
 from wavetank.tank.breaking import STEEP, BreakingDissipation, BreakingWatch, StopAtBreaking

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from itertools import accumulate
 from typing import ClassVar
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.integrators.hamiltonian import HamiltonianSystem
 from wavetank.integrators.states import Point
 from wavetank.integrators.stormer_verlet import StormerVerlet

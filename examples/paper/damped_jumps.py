@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from examples.paper.oscillators import NonSeparable
 from examples.paper.report import Report
 from examples.paper.watched import watched
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.integrators import GaussLegendre4, Simpson4, ThirdOrder
 from wavetank.integrators.contract import Integrator, State
 from wavetank.integrators.hamiltonian import HamiltonianSystem

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from examples.paper.report import Report
 from examples.paper.watched import Surfaces
+from wavetank.base.errors import InputError
 from wavetank.case import Case, ReflectedFocusMotion, SegmentedPistonWall
 from wavetank.case.reading import read_case
-from wavetank.errors import InputError
 from wavetank.simulation.build import build_run
 
 CASE = Path(__file__).resolve().parents[2] / "cases" / "directional-focus.toml"

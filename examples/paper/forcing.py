@@ -17,7 +17,7 @@ from examples.paper.oscillators import Forced
 from examples.paper.report import Report
 from examples.paper.schemes import point
 from examples.paper.watched import watched
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.integrators import Simpson4, StormerVerlet, StormerVerletAdjoint, ThirdOrder
 from wavetank.integrators.contract import Integrator, State
 from wavetank.integrators.oscillators import Oscillators

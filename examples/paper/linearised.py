@@ -8,7 +8,7 @@ The current of a steep wave shifts the frequency of short waves by current times
 import numpy as np
 from mpi4py import MPI
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.tank.still_water import scales
 from wavetank.tank.waves import NonlinearWaves
 

@@ -17,7 +17,7 @@ from matplotlib.axes import Axes
 from examples.paper.oscillators import NonSeparable
 from examples.paper.report import Report
 from examples.paper.traced import energies
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.integrators import GaussLegendre4, Simpson4
 from wavetank.integrators.contract import Integrator
 

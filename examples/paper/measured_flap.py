@@ -18,13 +18,13 @@ from scipy.optimize import minimize_scalar
 
 from examples.paper.report import Report
 from wavetank import data
+from wavetank.base.columns import read_columns
 from wavetank.case import Case
 from wavetank.plots.style import COMPUTED
 from wavetank.simulation.build import build_run
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.diagnostics import Gauges
 from wavetank.simulation.records import Memory
-from wavetank.values.columns import read_columns
 from wavetank.waves.airy import group_velocity, wave_number
 
 DATA, GRAVITY, DEPTH = "ntnu_flap_2025", 9.81, 1.0

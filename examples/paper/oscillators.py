@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 from mpi4py import MPI
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.integrators.hamiltonian import Weights
 from wavetank.integrators.oscillators import Oscillators
 from wavetank.integrators.stage_solver import StageHistories, StageSolver

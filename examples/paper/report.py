@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from wavetank.errors import InputError
+from wavetank.base.errors import InputError
 from wavetank.plots.style import picture
 
 

@@ -26,7 +26,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from examples.paper.theories import Image, Wave
-from wavetank.errors import InputError
+from wavetank.base.errors import InputError
 from wavetank.waves.airy import Array
 
 STEP = 0.01  # of height over length, from one wave to the next

@@ -13,7 +13,7 @@ from examples.paper.lobatto import P2N3Q4Lob
 from examples.paper.midpoint import ModifiedMidpoint
 from examples.paper.symplectic_euler import SymplecticEuler, SymplecticEulerAdjoint
 from examples.paper.watched import watched
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.integrators import (
     GaussLegendre4,
     Point,

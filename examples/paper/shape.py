@@ -12,8 +12,8 @@ import numpy as np
 from mpi4py import MPI
 
 from examples.paper.report import Report
-from wavetank.arrays import Vector
-from wavetank.errors import InputError
+from wavetank.base.arrays import Vector
+from wavetank.base.errors import InputError
 from wavetank.fem.plane import Plane
 from wavetank.plots.style import BLUE, GREEN, ORANGE, VERMILION
 from wavetank.tank.footprint import Ring

@@ -18,7 +18,7 @@ from mpi4py import MPI
 from examples.paper.report import Report
 from examples.paper.resting_wave import HIGHEST, RestingWave, resting_wave
 from examples.paper.watched import Watch
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.case import Case
 from wavetank.plots.style import BLUE, GREEN, ORANGE, VERMILION
 from wavetank.simulation.build import build_run

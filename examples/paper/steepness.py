@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from mpi4py import MPI
 
 from examples.paper.report import Report
+from wavetank.base.errors import RunError
 from wavetank.case import Case
-from wavetank.errors import RunError
 from wavetank.plots.style import BLUE, GREEN, ORANGE, VERMILION, entry, number_logarithms
 from wavetank.simulation.build import build_run
 from wavetank.simulation.clock import EverySteps

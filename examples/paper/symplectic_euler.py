@@ -15,7 +15,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.integrators.hamiltonian import HamiltonianSystem
 from wavetank.integrators.states import Point
 

@@ -16,7 +16,7 @@ from examples.paper import symbolic
 from examples.paper.oscillators import NonSeparable
 from examples.paper.report import Report
 from examples.paper.schemes import Scheme, all_schemes, discontinuous, discontinuous_adjoint, simpson, third_order
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.integrators import Simpson4
 from wavetank.integrators.hamiltonian import HamiltonianSystem
 

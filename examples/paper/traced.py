@@ -12,7 +12,7 @@ import numpy as np
 from mpi4py import MPI
 
 from examples.paper.oscillators import NonSeparable
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.fem.codegen import Unit
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.states import like, rows

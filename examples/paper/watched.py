@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any, Generic, TypeVar
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.hamiltonian import HamiltonianSystem
 from wavetank.simulation.clock import Clock, EverySteps

@@ -11,7 +11,7 @@ from mpi4py import MPI
 from examples.paper.oscillators import Counted, Harmonic, Iterated, NonSeparable
 from examples.paper.report import Report
 from examples.paper.schemes import Scheme, all_schemes, amplification, simpson, trajectory
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.fem.plane import Plane
 from wavetank.integrators import GaussLegendre4
 from wavetank.simulation.clock import Clock

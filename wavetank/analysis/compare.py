@@ -37,8 +37,8 @@ from xarray import DataArray, Dataset
 
 from wavetank.analysis.signals import common_clock, harmonics, surface_similarity, with_units
 from wavetank.analysis.statistics import mean_wave_height
+from wavetank.base.errors import InputError
 from wavetank.data import HeightSeries, Section, WaveHeights
-from wavetank.errors import InputError
 
 Array = NDArray[np.float64]
 

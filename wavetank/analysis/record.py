@@ -12,11 +12,11 @@ from wavetank import data
 from wavetank.analysis import signals
 from wavetank.analysis.signals import fundamental, harmonics, resolved
 from wavetank.analysis.still_water import still_water
+from wavetank.base.errors import InputError
+from wavetank.base.run_warning import RunWarning
 from wavetank.case.tank import Depth
-from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.manifest import MANIFEST
-from wavetank.run_warning import RunWarning
 from wavetank.waves.airy import Array
 
 GRAVITY = 9.81  # m/s^2; of records that are of no run

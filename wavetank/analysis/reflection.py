@@ -17,7 +17,7 @@ from scipy.optimize import minimize_scalar
 from xarray import DataArray, Dataset
 
 from wavetank.analysis.signals import ends_low, moment, peak_frequency, places, samples, spectrum, time_step, with_units
-from wavetank.errors import InputError
+from wavetank.base.errors import InputError
 from wavetank.waves.airy import group_velocity, wave_number
 
 # ---------------------------------------------------------------- waves by their wave numbers

@@ -12,7 +12,7 @@ from xarray import DataArray, Dataset
 from wavetank.analysis import reflection, signals
 from wavetank.analysis.record import WaveRecord
 from wavetank.analysis.statistics import forristall_crests, height_statistics, zero_crossing_waves
-from wavetank.errors import InputError
+from wavetank.base.errors import InputError
 from wavetank.waves.airy import Array, group_velocity, wave_number
 
 COHERENT = 0.9  # frequencies of a smaller coherence have no phase speed

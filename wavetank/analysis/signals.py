@@ -17,7 +17,7 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import hilbert
 from xarray import DataArray, Dataset
 
-from wavetank.errors import InputError
+from wavetank.base.errors import InputError
 from wavetank.output.columns import gauge_array
 from wavetank.waves.airy import Array, wave_number
 

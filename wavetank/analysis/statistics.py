@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from xarray import DataArray, Dataset
 
 from wavetank.analysis.signals import with_units
-from wavetank.errors import InputError
+from wavetank.base.errors import InputError
 from wavetank.waves.airy import Array, wave_number
 
 # ---------------------------------------------------------------- zero up-crossing waves

@@ -10,8 +10,8 @@ from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 from scipy.spatial import QhullError
 from xarray import Dataset, concat
 
+from wavetank.base.errors import InputError
 from wavetank.case.tank import AnyTank, Depth, FormulaSponge, PythonBed, Tank
-from wavetank.errors import InputError
 from wavetank.output.directory import BED, RunDirectory
 
 

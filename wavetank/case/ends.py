@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from wavetank.base.case_model import CaseError, Key, Problem, about, renamed
 from wavetank.case.output import FAR, PADDLE
 from wavetank.case.tank import BasinTank, Context, paddle_period
 from wavetank.case.wall import AnyWall
 from wavetank.motion import Array, Motion
 from wavetank.motion.motion import STEEPEST, Extent, batches, extent, frequency_shift, largest_stroke, times
-from wavetank.values.case_model import CaseError, Key, Problem, about, renamed
 
 CLOSE = 0.05  # of (d / g)^(1/2): times as close miss 0.1 % of the largest value for waves of k d = 4
 CHECK_TIMES = 50  # times at which derivatives of a user's function are compared

@@ -11,14 +11,14 @@ from pydantic import Field
 
 from wavetank import data
 from wavetank import motion as motions
+from wavetank.base.case_model import CaseModel, Check, FilePath, FormulaModel, FormulaText, about, one_of
+from wavetank.base.columns import check_ascending, read_columns
+from wavetank.base.errors import InputError
+from wavetank.base.formula import Array
+from wavetank.base.quantities import Coordinate, Count, Fraction, Frequency, Height, metres
 from wavetank.case.paddle import GaussianSpectrum, JonswapSpectrum, PiersonMoskowitzSpectrum, TmaSpectrum
 from wavetank.case.tank import AnyTank, BasinTank, Context, RingTank, SliceTank, inside
-from wavetank.errors import InputError
 from wavetank.mesh import Rectangle
-from wavetank.values.case_model import CaseModel, Check, FilePath, FormulaModel, FormulaText, about, one_of
-from wavetank.values.columns import check_ascending, read_columns
-from wavetank.values.formula import Array
-from wavetank.values.quantities import Coordinate, Count, Fraction, Frequency, Height, metres
 from wavetank.waves.airy import angular_frequency, group_velocity
 from wavetank.waves.conformal import SteadyWave
 from wavetank.waves.plane_waves import PlaneWaves

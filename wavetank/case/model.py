@@ -10,14 +10,14 @@ from pydantic import BeforeValidator, Field, Strict, model_validator
 from pydantic_core import PydanticCustomError
 
 from wavetank import motion as motions
+from wavetank.base.case_model import CaseModel, Problem
+from wavetank.base.quantities import Label
 from wavetank.case.ends import EndWall, MeasuringPoint
 from wavetank.case.initial import Initial, StillWater
 from wavetank.case.numerics import Numerics, RunControl
 from wavetank.case.output import Gauge, GaugeLine, Output, Probe, Target, WallLoad, Window, named
 from wavetank.case.tank import BasinTank, Depth, Sponge, Tank
 from wavetank.case.wall import FarWall, FixedWall, Wall
-from wavetank.values.case_model import CaseModel, Problem
-from wavetank.values.quantities import Label
 
 CACHED = {"ends", "_depths"}  # attributes that are computed once
 SENSORS = {"gauges": "gauge", "gauge_lines": "row", "probes": "probe", "windows": "window", "loads": "load"}

@@ -6,8 +6,8 @@ import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
-from wavetank.errors import InputError, choice, write_errors
-from wavetank.values.files import regular
+from wavetank.base.errors import InputError, choice, write_errors
+from wavetank.base.files import regular
 
 # ---------------------------------------------------------------- existing cases
 CHECKOUT = Path(__file__).resolve().parents[2]

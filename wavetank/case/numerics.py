@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
+from wavetank.base.case_model import CaseModel, Check, one_of
+from wavetank.base.quantities import Count, Duration, Fraction, Length
+from wavetank.base.schemes import SCHEMES
 from wavetank.case.tank import AnyTank, BasinTank, Context, RingTank, SliceTank
-from wavetank.values.case_model import CaseModel, Check, one_of
-from wavetank.values.quantities import Count, Duration, Fraction, Length
-from wavetank.values.schemes import SCHEMES
 
 
 class RunControl(CaseModel):

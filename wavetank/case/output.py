@@ -8,11 +8,9 @@ from pydantic import Field
 
 from wavetank import data
 from wavetank import motion as motions
-from wavetank.case.tank import BasinTank, Context, in_tank, inside, read_file
-from wavetank.errors import InputError
-from wavetank.motion.recorded import read_record
-from wavetank.values.case_model import CaseModel, Check, FilePath, about
-from wavetank.values.quantities import (
+from wavetank.base.case_model import CaseModel, Check, FilePath, about
+from wavetank.base.errors import InputError
+from wavetank.base.quantities import (
     Coordinate,
     Count,
     Duration,
@@ -27,6 +25,8 @@ from wavetank.values.quantities import (
     Triple,
     metres,
 )
+from wavetank.case.tank import BasinTank, Context, in_tank, inside, read_file
+from wavetank.motion.recorded import read_record
 
 
 # ---------------------------------------------------------------- gauges

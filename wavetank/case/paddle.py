@@ -13,15 +13,15 @@ from pydantic import Field, Strict, model_validator
 
 from wavetank import data
 from wavetank import motion as motions
+from wavetank.base.case_model import CaseModel, Check, FilePath, Key, TimeFormulaText, TimeHelpers, about, one_of
+from wavetank.base.formula import Formula
+from wavetank.base.python_file import load
+from wavetank.base.quantities import Coordinate, Duration, Frequency, Height, Length, Ramp, Time
+from wavetank.base.run_warning import RunWarning
 from wavetank.case.tank import AnyTank, BasinTank, Context, in_tank, read_file
 from wavetank.mesh import MeshFile
 from wavetank.motion.motion import widest_segment
 from wavetank.motion.recorded import hermite, in_metres, read_record
-from wavetank.run_warning import RunWarning
-from wavetank.values.case_model import CaseModel, Check, FilePath, Key, TimeFormulaText, TimeHelpers, about, one_of
-from wavetank.values.formula import Formula
-from wavetank.values.python_file import load
-from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, Length, Ramp, Time
 from wavetank.waves import airy, spectra
 from wavetank.waves.focusing import Fan, FocusedGroup, ReflectedGroup
 from wavetank.waves.measured import WishedSurface, read_components, wished_surface

@@ -16,13 +16,13 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from wavetank import data
+from wavetank.base.case_model import CaseError, CaseModel, Problem
+from wavetank.base.errors import InputError, choice
+from wavetank.base.files import regular
+from wavetank.base.python_file import trusting
 from wavetank.case import Case
 from wavetank.case.new import cases_at_hand
 from wavetank.case.schema import models, tag
-from wavetank.errors import InputError, choice
-from wavetank.values.case_model import CaseError, CaseModel, Problem
-from wavetank.values.files import regular
-from wavetank.values.python_file import trusting
 
 Key = tuple[str | int, ...]
 LONGEST_INDEX = 9  # digits

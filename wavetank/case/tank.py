@@ -17,13 +17,13 @@ from pydantic import BeforeValidator, Field
 
 from wavetank import data
 from wavetank import mesh as beds
+from wavetank.base.case_model import CaseModel, Check, FilePath, FormulaModel, FormulaText, about
+from wavetank.base.formula import Formula
+from wavetank.base.python_file import load
+from wavetank.base.quantities import Coordinate, Density, Duration, Gravity, Length, Rate, metres
 from wavetank.mesh import Layout
 from wavetank.mesh.layouts import Box
 from wavetank.motion import Array
-from wavetank.values.case_model import CaseModel, Check, FilePath, FormulaModel, FormulaText, about
-from wavetank.values.formula import Formula
-from wavetank.values.python_file import load
-from wavetank.values.quantities import Coordinate, Density, Duration, Gravity, Length, Rate, metres
 from wavetank.waves.airy import group_velocity, wave_number
 
 T = TypeVar("T")

@@ -7,14 +7,14 @@ import numpy as np
 from pydantic import Field
 
 from wavetank import motion as motions
+from wavetank.base.case_model import CaseModel, Check, HeightFormulaText, HeightHelpers, Problem
+from wavetank.base.errors import InputError
+from wavetank.base.formula import Formula
+from wavetank.base.quantities import Acceleration, Coordinate, Duration, Length, PerWidth, Speed, metres
 from wavetank.case import paddle as paddles
 from wavetank.case.tank import AnyTank, BasinTank, Context, RingTank, SliceTank
-from wavetank.errors import InputError
 from wavetank.motion import Array
 from wavetank.motion.motion import TOP, Extent, joints
-from wavetank.values.case_model import CaseModel, Check, HeightFormulaText, HeightHelpers, Problem
-from wavetank.values.formula import Formula
-from wavetank.values.quantities import Acceleration, Coordinate, Duration, Length, PerWidth, Speed, metres
 from wavetank.waves.absorption import PassiveFilter, face, radiation, sudden_mass
 from wavetank.waves.airy import angular_frequency
 from wavetank.waves.wavemaker import PISTON, Flap, ProfileShape, Wavemaker

@@ -9,10 +9,10 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, Strict, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
-from wavetank.errors import InputError
-from wavetank.values.case_model import CaseModel, Problem
-from wavetank.values.files import regular
-from wavetank.values.quantities import Coordinate, Height, Label, Pair
+from wavetank.base.case_model import CaseModel, Problem
+from wavetank.base.errors import InputError
+from wavetank.base.files import regular
+from wavetank.base.quantities import Coordinate, Height, Label, Pair
 
 DATASET = "dataset.toml"
 MEASURED = "measured"

@@ -5,11 +5,11 @@ from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import quote
 
-from wavetank.cache import writable
+from wavetank.base.cache import writable
+from wavetank.base.columns import read_columns
+from wavetank.base.errors import WavetankError
 from wavetank.data.description import DataFile, Dataset
 from wavetank.data.places import PART, dataset
-from wavetank.errors import WavetankError
-from wavetank.values.columns import read_columns
 
 
 def fetch(name: str) -> Path:

@@ -5,11 +5,11 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from wavetank.cache import places
+from wavetank.base.cache import places
+from wavetank.base.columns import read_columns
+from wavetank.base.errors import InputError
 from wavetank.data.description import DATASET, Dataset, GaugePosition, RecordFiles, read_dataset, refused
-from wavetank.errors import InputError
 from wavetank.output.columns import parse_position_label
-from wavetank.values.columns import read_columns
 
 PART = "data"  # of the cache
 HERE = Path(__file__).resolve().parent

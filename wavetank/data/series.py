@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from wavetank.base.columns import ColumnTable, check_ascending, read_columns
+from wavetank.base.errors import InputError
 from wavetank.data.description import (
     METRES,
     SECONDS,
@@ -17,9 +19,7 @@ from wavetank.data.description import (
     Section,
 )
 from wavetank.data.places import located, present
-from wavetank.errors import InputError
 from wavetank.output.columns import gauge_array
-from wavetank.values.columns import ColumnTable, check_ascending, read_columns
 
 if TYPE_CHECKING:
     from xarray import DataArray

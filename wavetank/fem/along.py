@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from wavetank.arrays import Vector
-from wavetank.errors import ConvergenceError
+from wavetank.base.arrays import Vector
+from wavetank.base.errors import ConvergenceError
 from wavetank.fem.cells import lanes
 from wavetank.fem.chain import Chain, order_along
 from wavetank.fem.codegen import Buffer, Unit, source

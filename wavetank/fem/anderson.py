@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from mpi4py import MPI
 
-from wavetank.arrays import Vector, summed
+from wavetank.base.arrays import Vector, summed
+from wavetank.base.state import Replicated, count
 from wavetank.fem.codegen import HISTORY, Buffer, Unit, source
-from wavetank.state import Replicated, count
 
 SHORTEST = 1e-13  # squared, of directions against the longest
 

@@ -7,8 +7,8 @@ import scipy
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector
-from wavetank.errors import InputError
+from wavetank.base.arrays import Vector
+from wavetank.base.errors import InputError
 from wavetank.fem.plane import Plane
 
 SAME = 1e-6  # of a cell: so near are the places of one degree of freedom on different ranks

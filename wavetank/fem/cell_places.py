@@ -9,7 +9,7 @@ from dolfinx import geometry
 from dolfinx.mesh import CellType, Mesh
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 
 PADDING = 1e-9  # m; distance from the mesh up to which a point is in it
 ITERATIONS = 25  # of the Gauss-Newton method; a few do where a point is in its cell

@@ -10,7 +10,7 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import DTypeLike, NDArray
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.fem.compiled import processor, vector_size
 from wavetank.fem.halo import Halo
 from wavetank.fem.plane import Plane

@@ -6,7 +6,7 @@ import numpy as np
 import ufl
 from dolfinx.mesh import Mesh
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 
 
 class Straight:

@@ -18,9 +18,9 @@ from typing import TypeVar
 
 from mpi4py import MPI
 
-from wavetank.cache import VARIABLE, is_ours, places, warn, writable
-from wavetank.errors import WavetankError
-from wavetank.mpi import raise_on_all_ranks
+from wavetank.base.cache import VARIABLE, is_ours, places, warn, writable
+from wavetank.base.errors import WavetankError
+from wavetank.base.mpi import raise_on_all_ranks
 
 COMPILER_FLAGS = ["-O3", "-march=native", "-ffast-math"]
 PART = "compiled"  # of the cache

@@ -11,8 +11,8 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector, summed
-from wavetank.errors import ConvergenceError
+from wavetank.base.arrays import Vector, summed
+from wavetank.base.errors import ConvergenceError
 
 Array = NDArray[Any]  # of double or single precision
 Map = Callable[[Array], Array]

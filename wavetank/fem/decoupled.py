@@ -17,7 +17,7 @@ import ufl
 from dolfinx import fem
 from petsc4py import PETSc
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.fem.forms import compile_form, owned_rows
 from wavetank.fem.layers import Array, LayerEnergy
 from wavetank.fem.plane import Plane

@@ -13,7 +13,7 @@ from ffcx.naming import compute_signature
 from ufl.algorithms import extract_coefficients
 from ufl.algorithms.analysis import extract_constants
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.fem.plane import Plane
 
 Statements = dict[str, Any]  # what is set, to expressions of SymPy's

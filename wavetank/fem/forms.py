@@ -18,7 +18,7 @@ from mpi4py import MPI
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives
 
-from wavetank.arrays import Vector, summed
+from wavetank.base.arrays import Vector, summed
 from wavetank.fem.compiled import COMPILER_FLAGS, compiled, loaded
 
 JIT_OPTIONS = {"cffi_extra_compile_args": COMPILER_FLAGS, "cffi_debug": False, "cffi_libraries": None}

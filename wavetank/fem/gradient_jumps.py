@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.fem.cell_places import tabulate
 from wavetank.fem.codegen import Buffer, Instance, Struct, Unit
 from wavetank.fem.mass import ROUND_OFF, BandedMass

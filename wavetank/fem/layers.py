@@ -15,7 +15,7 @@ import numpy as np
 from dolfinx import fem
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.fem.cells import Cells
 from wavetank.fem.codegen import Buffer, Unit, source
 from wavetank.fem.density import Density, Statements, named

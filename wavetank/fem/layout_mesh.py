@@ -13,10 +13,10 @@ from dolfinx import mesh
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector
-from wavetank.errors import InputError
+from wavetank.base.arrays import Vector
+from wavetank.base.errors import InputError
+from wavetank.base.mpi import from_first
 from wavetank.mesh.gmsh_model import CURVE, FLAT, SURFACE, Groups, empty_model, open_mesh, prepare_model
-from wavetank.mpi import from_first
 
 try:
     from dolfinx.io.gmsh import model_to_mesh

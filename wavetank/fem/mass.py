@@ -14,8 +14,8 @@ import ufl
 from dolfinx import fem
 from petsc4py import PETSc
 
-from wavetank.arrays import Vector
-from wavetank.errors import ConvergenceError
+from wavetank.base.arrays import Vector
+from wavetank.base.errors import ConvergenceError
 from wavetank.fem.cells import Cells
 from wavetank.fem.chain import Chain
 from wavetank.fem.codegen import Buffer, Instance, Struct, Unit, source

@@ -11,7 +11,7 @@ import numpy as np
 from dolfinx.fem.petsc import interpolation_matrix
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector, summed
+from wavetank.base.arrays import Vector, summed
 from wavetank.fem.cells import Cells
 from wavetank.fem.codegen import Buffer, Unit, source
 from wavetank.fem.conjugate_gradients import dot

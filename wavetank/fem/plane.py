@@ -9,8 +9,8 @@ from dolfinx import fem, la, mesh
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector, summed
-from wavetank.errors import InputError
+from wavetank.base.arrays import Vector, summed
+from wavetank.base.errors import InputError
 from wavetank.fem.charts import Chart, Straight
 from wavetank.fem.forms import ScalarForm
 

@@ -9,8 +9,8 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector, summed
-from wavetank.errors import OutsideError
+from wavetank.base.arrays import Vector, summed
+from wavetank.base.errors import OutsideError
 from wavetank.fem.cell_places import PADDING, CellPlaces, tabulate
 from wavetank.fem.plane import Field, Plane
 

@@ -30,7 +30,7 @@ from ufl.classes import (
     Zero,
 )
 
-from wavetank.errors import WavetankError
+from wavetank.base.errors import WavetankError
 
 
 def symbols(density: Any, names: Mapping[Any, str]) -> Any:

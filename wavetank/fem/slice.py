@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.fem.anderson import AndersonMixing
 from wavetank.fem.codegen import Buffer, Function, Struct, Unit, source
 from wavetank.fem.layers import LayerOperator

@@ -5,7 +5,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 
 
 class SparseRows:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from wavetank.arrays import Vector, largest
+from wavetank.base.arrays import Vector, largest
 from wavetank.fem.cells import Cells
 from wavetank.fem.codegen import Buffer, Unit, source
 from wavetank.fem.plane import Plane

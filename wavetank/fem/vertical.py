@@ -12,7 +12,7 @@ problems S1 + Lambda_i S4 (docs/method.md, section 2).
 import numpy as np
 from numpy.polynomial import legendre
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 
 
 def gauss_lobatto_legendre(n: int) -> Vector:

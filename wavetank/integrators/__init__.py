@@ -1,6 +1,6 @@
 """Time integrators from a discontinuous-in-time variational principle, one method a file.
 
-``INTEGRATORS`` are those that a case can name; ``wavetank/values/schemes.py`` registers them.
+``INTEGRATORS`` are those that a case can name; ``wavetank/base/schemes.py`` registers them.
 ``examples/paper`` has further schemes for comparison.
 """
 
@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
 
+from wavetank.base.schemes import SCHEMES
 from wavetank.integrators.damped import Damped, Damping, damped
 from wavetank.integrators.filtered import Filtered
 from wavetank.integrators.gauss_legendre import GaussLegendre4
@@ -15,7 +16,6 @@ from wavetank.integrators.simpson import Simpson4
 from wavetank.integrators.states import Point, Traces
 from wavetank.integrators.stormer_verlet import StormerVerlet, StormerVerletAdjoint
 from wavetank.integrators.third_order import ThirdOrder
-from wavetank.values.schemes import SCHEMES
 
 NEEDED = (
     *("name", "order", "stability_limit", "frequency_error", "nodes", "start", "step"),

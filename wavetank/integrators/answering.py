@@ -7,7 +7,7 @@ stay what they are. The error of the control is that measurements are taken at t
 from collections.abc import Sequence
 from typing import Protocol
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.integrators.contract import Integrator, S
 from wavetank.integrators.hamiltonian import HamiltonianSystem
 from wavetank.integrators.wrapper import Wrapper

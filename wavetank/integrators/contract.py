@@ -2,7 +2,7 @@
 
 from typing import NamedTuple, Protocol
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.integrators.hamiltonian import HamiltonianSystem
 from wavetank.integrators.states import Map, S, State
 

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.integrators.contract import Integrator, S
 from wavetank.integrators.hamiltonian import Evaluation, HamiltonianSystem, Weights
 from wavetank.integrators.wrapper import Wrapper

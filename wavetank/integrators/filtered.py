@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.integrators.contract import Integrator, S
 from wavetank.integrators.hamiltonian import Evaluation, HamiltonianSystem, energy_change
 from wavetank.integrators.states import State

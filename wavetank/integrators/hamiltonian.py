@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 
 Weights = float | tuple[float, float]
 """The factor a of a stage z = c + a f(z), or two: of the coordinates and of the momenta. One that is 0 leaves its part

@@ -6,8 +6,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from wavetank.arrays import Vector
-from wavetank.errors import ConvergenceError
+from wavetank.base.arrays import Vector
+from wavetank.base.errors import ConvergenceError
 from wavetank.integrators.hamiltonian import Evaluation, Weights, coupled, pair
 
 ITERATIONS = 50  # of Newton's method

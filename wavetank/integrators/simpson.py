@@ -26,7 +26,7 @@ from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.integrators.contract import StepCosts
 from wavetank.integrators.damped import Damping
 from wavetank.integrators.hamiltonian import HamiltonianSystem

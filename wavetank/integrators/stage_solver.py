@@ -22,11 +22,11 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from wavetank.arrays import Vector, summed
-from wavetank.errors import ConvergenceError, WavetankError
+from wavetank.base.arrays import Vector, summed
+from wavetank.base.errors import ConvergenceError, WavetankError
+from wavetank.base.state import check_like, count
 from wavetank.fem.anderson import AndersonMixing, MixingState
 from wavetank.fem.slice import StageResult
-from wavetank.state import check_like, count
 
 ITERATES = 2.0  # dt omega at which any implicit stage still does, of schemes that are stable at any step too
 ITERATIONS = 25

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.fem.anderson import AndersonMixing
 from wavetank.integrators.hamiltonian import Weights, coupled, pair
 from wavetank.integrators.stage_solver import Stage, StageSolver

@@ -2,7 +2,7 @@
 
 from typing import Generic
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.integrators.contract import Integrator, S
 
 

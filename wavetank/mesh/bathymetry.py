@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 import scipy
 
-from wavetank.errors import InputError
-from wavetank.values.files import regular
-from wavetank.values.formula import Array, finite
+from wavetank.base.errors import InputError
+from wavetank.base.files import regular
+from wavetank.base.formula import Array, finite
 
 if TYPE_CHECKING:  # half a second to import, which few cases need
     from pandas import DataFrame

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.errors import InputError
+from wavetank.base.errors import InputError
 
 CURVE, SURFACE, VOLUME = 1, 2, 3  # gmsh's dimensions
 SIDES = {2: 1, 3: 1, 9: 8, 10: 8}  # gmsh's numbers of triangles and quadrilaterals, order 1 and 2, with their sides'

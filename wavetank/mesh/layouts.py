@@ -13,9 +13,9 @@ from typing import Any, Literal, NamedTuple, Self
 import numpy as np
 from pydantic import Field, model_validator
 
+from wavetank.base.case_model import CaseModel, FilePath
+from wavetank.base.quantities import Length, Pair
 from wavetank.mesh.gmsh_model import CURVE, SURFACE
-from wavetank.values.case_model import CaseModel, FilePath
-from wavetank.values.quantities import Length, Pair
 
 DIGITS = 12  # decimals of coordinates [m], to which equal points agree
 

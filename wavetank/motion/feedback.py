@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 import scipy
 
+from wavetank.base.state import Replicated, ascends
 from wavetank.motion.motion import Array, Motion
-from wavetank.state import Replicated, ascends
 from wavetank.waves.absorption import face
 from wavetank.waves.airy import angular_frequency
 from wavetank.waves.wavemaker import Wavemaker

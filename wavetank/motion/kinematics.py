@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wavetank.errors import WavetankError
+from wavetank.base.errors import WavetankError
 from wavetank.motion.feedback import FeedbackMotion
 from wavetank.motion.motion import Array, Motion
 

@@ -21,8 +21,8 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from wavetank.errors import InputError
-from wavetank.values.formula import Formula
+from wavetank.base.errors import InputError
+from wavetank.base.formula import Formula
 
 Array = NDArray[np.float64]
 Rates = Callable[[Array, Any], Sequence[Array] | Array]

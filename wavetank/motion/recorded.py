@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import scipy
 
-from wavetank.errors import InputError
+from wavetank.base.columns import check_ascending, first_line, read_columns
+from wavetank.base.errors import InputError
+from wavetank.base.python_file import PythonFunction
 from wavetank.motion.motion import Array, Motion
-from wavetank.values.columns import check_ascending, first_line, read_columns
-from wavetank.values.python_file import PythonFunction
 
 
 def hermite(t: Array, X: Array, velocity: Array, acceleration: Array) -> "scipy.interpolate.PPoly":

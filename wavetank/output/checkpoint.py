@@ -7,8 +7,8 @@ Each is a zip archive of files that are not compressed, every one with its check
 
     about.json    the run's id and the program's revision, as in its manifest; its scene and parts, time and step, the
                   extents of its records; ``whole``: whether the state has the history of the solvers
-    held.json     the surface, and the state of the run (``wavetank/state.py``), {"array": n} in the place of its n-th
-                  array
+    held.json     the surface, and the state of the run (``wavetank/base/state.py``), {"array": n} in the place of its
+                  n-th array
     places.npy    coordinates in the mesh of all degrees of freedom [m], shape (N, 3), in the order of ...
     0.npy ...     ... the last axis of each array: so values belong to places, whatever ranks had them
 
@@ -30,12 +30,12 @@ from zipfile import ZIP_STORED, BadZipFile, ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector
-from wavetank.errors import InputError
+from wavetank.base.arrays import Vector
+from wavetank.base.errors import InputError
+from wavetank.base.run_warning import RunWarning
+from wavetank.base.state import check_fields, deserialize, typed
 from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, RunDirectory
 from wavetank.output.files import atomic_file, open_regular
-from wavetank.run_warning import RunWarning
-from wavetank.state import check_fields, deserialize, typed
 
 CHECKPOINT_FILES = CHECKPOINT, CHECKPOINT_BEFORE  # the newest first
 UNREADABLE = (

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 
 if TYPE_CHECKING:
     from xarray import DataArray

@@ -38,14 +38,14 @@ from typing import TYPE_CHECKING, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.errors import InputError
+from wavetank.base.errors import InputError
+from wavetank.base.run_warning import RunWarning, run_warning
 from wavetank.output.columns import Variable, point_variables, station_variables, time_variables, window_variables
 from wavetank.output.fields import index_file, read_index, read_snapshots, window_file
 from wavetank.output.files import FIELDS, check_entries, is_locked, open_regular
 from wavetank.output.manifest import read_manifest
 from wavetank.output.netcdf import complete_records, conventions, write_records
 from wavetank.output.tables import read_blocks
-from wavetank.run_warning import RunWarning, run_warning
 
 if TYPE_CHECKING:
     import xarray

@@ -26,7 +26,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.errors import InputError, RecordError, RunError, write_errors
+from wavetank.base.errors import InputError, RecordError, RunError, write_errors
 from wavetank.output.columns import (
     ACROSS,
     ALONG,
@@ -45,7 +45,7 @@ from wavetank.output.tables import Extent
 if TYPE_CHECKING:
     import xarray
 
-    from wavetank.mpi import MPI
+    from wavetank.base.mpi import MPI
 
 Array = NDArray[np.float64]
 
@@ -301,7 +301,7 @@ class VtuSeries:
         Arrays have shape (N,) or (N, components), by their names; each is written in the precision it has.
         Raises ``RunError`` on all ranks for a number that is not finite or a file that cannot be written on one.
         """
-        from wavetank.mpi import on_first, raise_on_all_ranks  # which initialises MPI
+        from wavetank.base.mpi import on_first, raise_on_all_ranks  # which initialises MPI
 
         stem = _snapshot_stem(self._name, len(self._times))
         described = [encoded("points", points), *(encoded(name, values) for name, values in arrays.items())]

@@ -20,7 +20,7 @@ from typing import IO, Any, BinaryIO, NamedTuple, TextIO
 
 from rich.console import Console
 
-from wavetank.errors import InputError, printable, write_errors
+from wavetank.base.errors import InputError, printable, write_errors
 
 FIELDS = "fields"  # the folder of a run directory
 

@@ -18,7 +18,7 @@ from typing import Any
 
 from pydantic import AwareDatetime, ConfigDict, ValidationError, create_model
 
-from wavetank.errors import InputError, printable
+from wavetank.base.errors import InputError, printable
 from wavetank.output.files import open_regular
 
 MANIFEST = "manifest.json"

@@ -18,7 +18,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.errors import InputError, RecordError, RunError, write_errors
+from wavetank.base.errors import InputError, RecordError, RunError, write_errors
 from wavetank.output.files import atomic_file, open_regular
 
 

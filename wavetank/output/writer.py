@@ -10,8 +10,9 @@ from types import TracebackType
 from typing import Any, Self, TypeVar
 from uuid import uuid4
 
-from wavetank.arrays import Vector
-from wavetank.errors import InputError, RecordError, RunError, WavetankError, worded, write_errors
+from wavetank.base.arrays import Vector
+from wavetank.base.errors import InputError, RecordError, RunError, WavetankError, worded, write_errors
+from wavetank.base.run_warning import RunWarning
 from wavetank.output.checkpoint import Checkpoint, read_checkpoint, readable_checkpoints, write_checkpoint
 from wavetank.output.columns import gauge_columns
 from wavetank.output.directory import (
@@ -51,7 +52,6 @@ from wavetank.output.files import (
 from wavetank.output.manifest import MANIFEST, now
 from wavetank.output.netcdf import AppendNetCDF, conventions
 from wavetank.output.tables import AppendFile, Extent, TableWriter, csv_table, unusable
-from wavetank.run_warning import RunWarning
 
 R = TypeVar("R", bound=AppendFile)
 

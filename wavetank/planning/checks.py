@@ -28,11 +28,12 @@ from typing import Any
 
 import numpy as np
 
+from wavetank.base.errors import InputError
+from wavetank.base.run_warning import RunWarning
 from wavetank.case import BasinTank, Case, EndWall
 from wavetank.case.initial import FocusedSurface, SolitaryWave
 from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER
 from wavetank.case.tank import EndSponge, FormulaSponge, SliceTank
-from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
 from wavetank.planning.dispersion import Mesh, UniformCells, relative_frequency_error
@@ -50,7 +51,6 @@ from wavetank.planning.resolution import (
     too_short,
     vertical_order_for,
 )
-from wavetank.run_warning import RunWarning
 from wavetank.simulation.clock import ROUNDING, Clock
 from wavetank.simulation.construction import AnyWaves
 from wavetank.tank.breakdown import FARTHEST

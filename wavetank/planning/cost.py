@@ -34,21 +34,21 @@ from typing import Any, NamedTuple
 import numpy as np
 from mpi4py import MPI
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
+from wavetank.base.case_model import CaseError, Problem
+from wavetank.base.console import format_duration
+from wavetank.base.mpi import on_first
 from wavetank.case import BasinTank, Case, Physics
 from wavetank.case.output import PADDLE
 from wavetank.case.wall import ActiveAbsorption, HingedWall, ShapedWall, SpringDamper
-from wavetank.console import format_duration
 from wavetank.integrators import INTEGRATORS, Simpson4
 from wavetank.integrators.contract import StepCosts
 from wavetank.mesh import MeshFile
-from wavetank.mpi import on_first
 from wavetank.planning.prediction import Settings
 from wavetank.planning.resolution import still_mesh
 from wavetank.simulation.build import build_clock
 from wavetank.simulation.clock import Clock, EveryTimeBetween
 from wavetank.simulation.memory import available_memory
-from wavetank.values.case_model import CaseError, Problem
 
 FITTED, STEEPER = 0.1, 3.0  # steepness at which constants are fitted, and factor of steeper waves
 KINDS = {"linear": ("linear", False), "nonlinear": ("nonlinear", False), "driven": ("nonlinear", True)}

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.polynomial import Polynomial, legendre
 from numpy.typing import ArrayLike, NDArray
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.fem.vertical import VerticalBasis, gauss_legendre, gauss_lobatto_legendre
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.oscillators import Oscillators

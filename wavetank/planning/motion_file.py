@@ -7,13 +7,13 @@ import numpy as np
 from mpi4py import MPI
 from scipy.interpolate import BPoly
 
+from wavetank.base.console import console
+from wavetank.base.errors import InputError
+from wavetank.base.mpi import on_first
 from wavetank.case import EndWall
 from wavetank.case.reading import read_case
 from wavetank.case.wall import HingedWall
-from wavetank.console import console
-from wavetank.errors import InputError
 from wavetank.motion.motion import Array, Extent, extent, times
-from wavetank.mpi import on_first
 from wavetank.output.columns import paddle_columns
 
 MOST = 10**7  # rows

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
+from wavetank.base.errors import InputError
 from wavetank.case import EndWall
-from wavetank.errors import InputError
 from wavetank.planning import travel
 from wavetank.waves import airy
 from wavetank.waves.second_order import Strokes, second_order

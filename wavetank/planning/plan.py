@@ -21,23 +21,23 @@ from typing import Any, NamedTuple
 import numpy as np
 from mpi4py import MPI
 
+from wavetank.base.case_model import CaseError, about
+from wavetank.base.errors import InputError
+from wavetank.base.mpi import from_first
+from wavetank.base.run_warning import RunWarning
 from wavetank.case import BasinTank, Case, LinearWater, NonlinearWater, Physics, RunState
-from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
 from wavetank.mesh import MeshFile
-from wavetank.mpi import from_first
 from wavetank.planning.cost import Cost, slice_cost
 from wavetank.planning.dispersion import Mesh
 from wavetank.planning.prediction import ErrorModel, Settings, stroke_missed
 from wavetank.planning.requirements import Requirements, requirements, unplanned
 from wavetank.planning.resolution import DEFAULT, resolved, shortest_wave, solved_to, too_short
-from wavetank.run_warning import RunWarning
 from wavetank.simulation.build import ANSWERED, build_clock
 from wavetank.simulation.clock import ROUNDING, Clock
 from wavetank.simulation.initial import with_its_numerics
 from wavetank.tank.breakdown import FARTHEST
 from wavetank.tank.dissipation import NEEDED
-from wavetank.values.case_model import CaseError, about
 
 ORDERS = (2, 3, 4, 5)
 VERTICAL_ORDERS = tuple(range(2, 17))

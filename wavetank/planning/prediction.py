@@ -50,7 +50,7 @@ from functools import cache
 
 import numpy as np
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.case import EndWall
 from wavetank.integrators import INTEGRATORS
 from wavetank.planning.dispersion import Mesh, UniformCells, relative_frequency_error, step_errors

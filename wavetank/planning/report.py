@@ -11,16 +11,16 @@ from mpi4py import MPI
 from rich.console import Console
 from rich.table import Table
 
+from wavetank.base.console import console, format_duration
+from wavetank.base.errors import InputError
+from wavetank.base.run_warning import RunWarning
 from wavetank.case import BasinTank, Case
 from wavetank.case.reading import located, read_case
-from wavetank.console import console, format_duration
-from wavetank.errors import InputError
 from wavetank.planning.checks import run_warnings
 from wavetank.planning.cost import ROW_OF_STEP, check_affordable, entries_of, output_cost, ranks_text, row_cost
 from wavetank.planning.plan import Plan, check_resolvable, default_plan, make_plan, own_plan, planned
 from wavetank.planning.requirements import absorption, unplanned
 from wavetank.planning.resolution import DEFAULT, resolved, shortest_wave
-from wavetank.run_warning import RunWarning
 from wavetank.simulation.build import build_run, summary
 from wavetank.simulation.case_diagnostics import build_observers
 from wavetank.simulation.construction import AnyWaves, describe_energy, sponge_message

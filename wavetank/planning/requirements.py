@@ -32,14 +32,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
+from wavetank.base.case_model import CaseError, Problem
+from wavetank.base.errors import InputError
 from wavetank.case import Case, EndWall, Physics, RingTank
 from wavetank.case import initial as starts
 from wavetank.case.paddle import SolitaryWaveMotion
 from wavetank.case.tank import BasinTank
-from wavetank.errors import InputError
 from wavetank.planning.paddle_waves import NOISE, CaseWaves, Form, RunUp, WaveComponents, paddle_waves
-from wavetank.values.case_model import CaseError, Problem
 from wavetank.waves import airy
 from wavetank.waves.conformal import SteadyWave
 from wavetank.waves.solitary_wave import solitary_wave

@@ -21,19 +21,19 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
+from wavetank.base.case_model import CaseError, Problem
+from wavetank.base.errors import InputError
+from wavetank.base.mpi import on_first
 from wavetank.case import BasinTank, Case, EndWall, RingTank, SliceTank
 from wavetank.case.initial import RunState, StillWater
 from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER, Numerics
 from wavetank.case.tank import paddle_period
-from wavetank.errors import InputError
 from wavetank.integrators.contract import Integrator
-from wavetank.mpi import on_first
 from wavetank.planning.dispersion import Mesh, UniformCells, relative_frequency_error
 from wavetank.planning.paddle_waves import analysed_duration, highest_frequency, tapered
 from wavetank.planning.requirements import stokes_harmonics
 from wavetank.simulation.build import build_clock
-from wavetank.values.case_model import CaseError, Problem
 from wavetank.waves import airy
 
 DEFAULT = 1e-2  # relative error of the elevation of a case that names none

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.case import EndWall
 
 TRIPS = 20_000  # samples of the round trips; later ones represent several, or a long run would fill the memory

@@ -7,11 +7,11 @@ from typing import Annotated
 import typer
 
 from wavetank import data
-from wavetank.console import console
-from wavetank.errors import InputError, choice, write_errors
+from wavetank.base.console import console
+from wavetank.base.errors import InputError, choice, write_errors
+from wavetank.base.run_warning import summarise_warnings
 from wavetank.output.files import check_new
 from wavetank.output.manifest import MANIFEST
-from wavetank.run_warning import summarise_warnings
 
 KINDS = ("spectrum", "heights", "harmonics", "bound-free", "groups", "reflection", "speed")
 WIDTH = 120  # characters that a table may need, on any terminal

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
-from wavetank.errors import InputError
+from wavetank.base.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.plots import style
 from wavetank.plots.surfaces import Array, Extremes, Indices, TankSurface, basin_surface, wave_history

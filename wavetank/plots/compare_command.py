@@ -7,8 +7,8 @@ import typer
 from rich.table import Table
 
 from wavetank import data
-from wavetank.console import console
-from wavetank.errors import InputError
+from wavetank.base.console import console
+from wavetank.base.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import check_new
 from wavetank.output.manifest import MANIFEST

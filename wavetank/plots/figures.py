@@ -15,8 +15,8 @@ from xarray import DataArray, Dataset
 
 from wavetank.analysis.compare import MATCH, compare_gauge, matched
 from wavetank.analysis.still_water import closed, sponge_rate, still_water
+from wavetank.base.errors import InputError
 from wavetank.case.tank import Depth
-from wavetank.errors import InputError
 from wavetank.output.directory import BROKEN, BROKEN_PICTURE, ENERGY, GAUGES, LOADS, PROBES, SURFACE, RunDirectory
 from wavetank.output.fields import index_file
 from wavetank.plots import style

@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial import KDTree
 
 from wavetank.analysis.still_water import closed, sponge_rate, still_water
-from wavetank.errors import InputError
+from wavetank.base.errors import InputError
 from wavetank.output.directory import REST_POSITION, RunDirectory
 from wavetank.output.fields import piece_files
 from wavetank.plots.style import CM, FLAT, SATURATED

@@ -10,7 +10,7 @@ from rich.box import SIMPLE
 from rich.table import Table
 from xarray import Dataset
 
-from wavetank.errors import InputError, WavetankError, write_errors
+from wavetank.base.errors import InputError, WavetankError, write_errors
 from wavetank.output.files import write_atomically
 
 if TYPE_CHECKING:

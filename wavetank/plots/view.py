@@ -23,7 +23,7 @@ from rich.console import Console
 from rich.progress import track
 from vtkmodules.vtkCommonCore import vtkLogger
 
-from wavetank.errors import InputError, write_errors
+from wavetank.base.errors import InputError, write_errors
 from wavetank.output.directory import GAUGES, RunDirectory
 from wavetank.output.files import atomic_file
 from wavetank.plots.figures import draw_surface

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from wavetank.console import console
-from wavetank.errors import InputError
+from wavetank.base.console import console
+from wavetank.base.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import check_new
 

@@ -10,11 +10,12 @@ from typing import Any
 from mpi4py import MPI
 from rich.console import Console
 
+from wavetank.base.case_model import CaseError
+from wavetank.base.errors import InputError
+from wavetank.base.mpi import abort_unless_all_fail, from_first, on_first, raise_on_all_ranks
 from wavetank.case import Case
 from wavetank.case.reading import contents
-from wavetank.errors import InputError
 from wavetank.integrators.contract import Integrator
-from wavetank.mpi import abort_unless_all_fail, from_first, on_first, raise_on_all_ranks
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath, RunLog
 from wavetank.output.manifest import environment
@@ -38,7 +39,6 @@ from wavetank.recording.restart import Restart
 from wavetank.simulation.monitoring import Interruption
 from wavetank.simulation.own import called
 from wavetank.simulation.summary import Parts
-from wavetank.values.case_model import CaseError
 
 LATEST = 60.0  # s after an error in which the first rank has drawn pictures
 

@@ -7,20 +7,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from mpi4py import MPI
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
+from wavetank.base.errors import RecordError, RunError
+from wavetank.base.mpi import on_first, raise_on_all_ranks
+from wavetank.base.run_warning import RunWarning
+from wavetank.base.state import StateTree, serialize
 from wavetank.case import Case
-from wavetank.errors import RecordError, RunError
 from wavetank.fem.by_place import gathered
-from wavetank.mpi import on_first, raise_on_all_ranks
 from wavetank.output.checkpoint import FORMAT, Checkpoint
 from wavetank.output.fields import VtuSeries
 from wavetank.output.writer import RunWriter
-from wavetank.run_warning import RunWarning
 from wavetank.simulation.checkpoints import Checkpoints
 from wavetank.simulation.construction import AnyWaves
 from wavetank.simulation.run import Run
 from wavetank.simulation.summary import Parts
-from wavetank.state import StateTree, serialize
 
 
 class CompletedStep(NamedTuple):

@@ -3,9 +3,10 @@
 from dataclasses import dataclass
 from typing import Any
 
+from wavetank.base.case_model import CaseError
+from wavetank.base.errors import BreakdownError, PaddleError, RecordError, RunError
+from wavetank.base.mpi import all_ranks_arrive
 from wavetank.case import Case
-from wavetank.errors import BreakdownError, PaddleError, RecordError, RunError
-from wavetank.mpi import all_ranks_arrive
 from wavetank.output.checkpoint import last_checkpoint, readable_checkpoints
 from wavetank.output.directory import BREAKING, BROKEN
 from wavetank.output.files import RunLog
@@ -20,7 +21,6 @@ from wavetank.simulation.summary import BrokenSurface, Parts, RunOutcome, closin
 from wavetank.tank.breakdown import cause, folds
 from wavetank.tank.breaking import BreakingDissipation, BreakingFilter
 from wavetank.tank.waves import NonlinearWaves
-from wavetank.values.case_model import CaseError
 
 ALIKE = 20.0  # s after an error in which all ranks have met it
 

@@ -5,15 +5,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from wavetank.base.errors import worded
+from wavetank.base.mpi import on_first
+from wavetank.base.run_warning import RunWarning, run_warning
 from wavetank.case import Case
-from wavetank.errors import worded
 from wavetank.integrators.contract import Integrator
-from wavetank.mpi import on_first
 from wavetank.output.directory import ANALYSES, BED, LOG, VIEWS, RunDirectory
 from wavetank.output.files import RunLog
 from wavetank.output.writer import RunWriter
 from wavetank.planning.plan import rule_summary
-from wavetank.run_warning import RunWarning, run_warning
 from wavetank.simulation.build import end_message, ranks_message, summary
 from wavetank.simulation.case_diagnostics import window_messages
 from wavetank.simulation.construction import AnyWaves, bed_by_code, bed_message, sponge_message

@@ -6,9 +6,9 @@ from typing import Any
 
 from mpi4py import MPI
 
+from wavetank.base.errors import InputError
 from wavetank.case import Case
 from wavetank.case.reading import changed_case
-from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
 from wavetank.output.directory import RunDirectory

@@ -9,25 +9,25 @@ import numpy as np
 from mpi4py import MPI
 from pydantic import ValidationError
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
+from wavetank.base.case_model import CaseError, Problem
+from wavetank.base.errors import InputError
+from wavetank.base.mpi import on_first, raise_on_all_ranks
+from wavetank.base.run_warning import RunWarning, run_warning
+from wavetank.base.state import check_like, deserialize
 from wavetank.case import Case, Numerics, StillWater
 from wavetank.case.reading import contents
-from wavetank.errors import InputError
 from wavetank.fem.by_place import at_dofs
-from wavetank.mpi import on_first, raise_on_all_ranks
 from wavetank.output.checkpoint import Checkpoint, checked_tree
 from wavetank.output.fields import VtuSeries
 from wavetank.output.writer import RunWriter
 from wavetank.planning.checks import predicted, too_high
 from wavetank.planning.plan import PlannedCase, planned
-from wavetank.run_warning import RunWarning, run_warning
 from wavetank.simulation.build import Beginning
 from wavetank.simulation.clock import Clock
 from wavetank.simulation.construction import AnyWaves
 from wavetank.simulation.initial import StoredSurface
 from wavetank.simulation.run import Run
-from wavetank.state import check_like, deserialize
-from wavetank.values.case_model import CaseError, Problem
 
 FREE = {("title",), ("run", "duration"), ("run", "checkpoint_every"), ("run", "on_breaking")}
 ALL_OF = {"gauges": "all_gauges", "probes": "probes", "loads": "loads", "windows": "windows"}  # may be more: of a scene

@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from wavetank.arrays import Vector
-from wavetank.errors import InputError, OutsideError, PaddleError
+from wavetank.base.arrays import Vector
+from wavetank.base.errors import InputError, OutsideError, PaddleError
+from wavetank.base.run_warning import RunWarning
 from wavetank.output.columns import RATES as RATES
 from wavetank.output.fields import VtkCells, VtuSeries
-from wavetank.run_warning import RunWarning
 from wavetank.simulation.clock import EverySteps, Schedule
 from wavetank.simulation.contract import Diagnostic, displacement, due_steps
 from wavetank.simulation.diagnostics import Called, LatticePlaces, PaddleReach

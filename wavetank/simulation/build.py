@@ -7,14 +7,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from mpi4py import MPI
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
+from wavetank.base.case_model import CaseError, Problem, about
+from wavetank.base.errors import InputError
+from wavetank.base.mpi import raise_on_all_ranks
+from wavetank.base.state import StateTree
 from wavetank.case import Case
-from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS, Damping, damped
 from wavetank.integrators.answering import ControlledPaddles
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.stage_solver import ITERATES
-from wavetank.mpi import raise_on_all_ranks
 from wavetank.simulation.clock import ROUNDING, Clock
 from wavetank.simulation.construction import AnyWaves, build_filters, build_footprint, build_sponge, fill
 from wavetank.simulation.feedback import build_controllers, build_paddle_work
@@ -22,10 +24,8 @@ from wavetank.simulation.initial import initial_surface
 from wavetank.simulation.own import check_states, own_scheme
 from wavetank.simulation.run import Run
 from wavetank.simulation.surviving import restore_surviving
-from wavetank.state import StateTree
 from wavetank.tank.breakdown import FARTHEST, ShortWaves
 from wavetank.tank.linear_waves import LinearWaves
-from wavetank.values.case_model import CaseError, Problem, about
 
 ENOUGH = 100_000  # unknowns of a basin, from which on several ranks pay
 ANSWERED = 1.25  # omega_max dt: of longer steps flaps that answer have been unstable

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 from dolfinx.mesh import MeshTags
 
+from wavetank.base.case_model import CaseError, Problem, about
+from wavetank.base.errors import OutsideError
+from wavetank.base.run_warning import RunWarning
 from wavetank.case import Case
 from wavetank.case.output import Window
-from wavetank.errors import OutsideError
-from wavetank.run_warning import RunWarning
 from wavetank.simulation.below_surface import BelowSurface, Loads, Probes, VelocityFields, WindowObserver
 from wavetank.simulation.clock import Clock, EverySteps, EveryTime, EveryTimeBetween
 from wavetank.simulation.construction import AnyWaves, moving_water
@@ -36,7 +37,6 @@ from wavetank.tank.kinematics import MovingWater, NonlinearRates, Sounding
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.wall_pressure import PaddlePush, WallPressure
 from wavetank.tank.waves import NonlinearWaves
-from wavetank.values.case_model import CaseError, Problem, about
 
 
 def build_watch(scene: Case, run: Run, waves: AnyWaves, warn: Callable[[RunWarning], None]) -> list[Diagnostic]:

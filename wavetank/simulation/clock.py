@@ -11,8 +11,8 @@ from typing import Any, overload
 
 import numpy as np
 
-from wavetank.arrays import Vector
-from wavetank.errors import InputError
+from wavetank.base.arrays import Vector
+from wavetank.base.errors import InputError
 
 ROUNDING = 1e-9  # relative, by which a number of steps may miss a whole one
 

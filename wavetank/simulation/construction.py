@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
+from wavetank.base.case_model import CaseError, Problem, about
+from wavetank.base.mpi import raise_on_all_ranks
 from wavetank.case import (
     Case,
     PythonBed,
@@ -20,7 +22,6 @@ from wavetank.fem.layout_mesh import draw_layout, read_layout
 from wavetank.fem.plane import Plane
 from wavetank.integrators.filtered import Filter
 from wavetank.mesh import MeshFile, Rectangle
-from wavetank.mpi import raise_on_all_ranks
 from wavetank.simulation.walls import Footprint, build_wall, wall_classes
 from wavetank.tank.bed import FlatBed, VaryingBed
 from wavetank.tank.breaking import BasinBreakingWatch, BreakingAlarm, BreakingDissipation, BreakingWatch, StopAtBreaking
@@ -30,7 +31,6 @@ from wavetank.tank.kinematics import LinearRates, MovingWater, NonlinearRates
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.surface_flow import SurfaceFlow
 from wavetank.tank.waves import NonlinearWaves, Tolerances
-from wavetank.values.case_model import CaseError, Problem, about
 
 
 def build_footprint(scene: Case, comm: MPI.Comm) -> Footprint:

@@ -4,7 +4,7 @@ from typing import Protocol
 
 import numpy as np
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.simulation.clock import EverySteps, Schedule
 from wavetank.tank.block import Block
 from wavetank.tank.linear_waves import LinearWaves

@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector, largest
-from wavetank.errors import ConvergenceError, OutsideError, PaddleError, RunError
+from wavetank.base.arrays import Vector, largest
+from wavetank.base.errors import ConvergenceError, OutsideError, PaddleError, RunError
+from wavetank.base.run_warning import RunWarning
 from wavetank.fem.by_place import SAME
 from wavetank.fem.lattice import Lattice
 from wavetank.fem.plane import Field
@@ -16,7 +17,6 @@ from wavetank.fem.points import Points
 from wavetank.output.columns import RATES as RATES
 from wavetank.output.directory import REST_POSITION
 from wavetank.output.fields import VtkCells, VtuSeries
-from wavetank.run_warning import RunWarning
 from wavetank.simulation.clock import EverySteps, Schedule
 from wavetank.simulation.contract import Waves, displacement, displacements
 from wavetank.simulation.records import Record

@@ -17,9 +17,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
+from wavetank.base.run_warning import RunWarning
 from wavetank.output.columns import energy_rows
-from wavetank.run_warning import RunWarning
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.contract import Waves
 from wavetank.simulation.records import Record

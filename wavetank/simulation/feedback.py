@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from wavetank.base.mpi import from_first, raise_on_all_ranks
+from wavetank.base.state import StateTree, typed
 from wavetank.case import Case
 from wavetank.case.wall import SpringDamper
 from wavetank.motion.feedback import FeedbackState, StateSpaceFilter, elevation_at_face
-from wavetank.mpi import from_first, raise_on_all_ranks
 from wavetank.simulation.construction import AnyWaves
 from wavetank.simulation.supply import PaddleWork
-from wavetank.state import StateTree, typed
 from wavetank.tank.answering import Excess, Measurement, PaddleController, Push
 
 

@@ -8,18 +8,20 @@ import numpy as np
 from mpi4py import MPI
 from pydantic import ValidationError
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
+from wavetank.base.case_model import CaseError
+from wavetank.base.errors import InputError
+from wavetank.base.mpi import from_first, raise_on_all_ranks
+from wavetank.base.state import StateTree, deserialize
 from wavetank.case import (
     Case,
     RunState,
 )
 from wavetank.case.initial import FileSurface, FormulaSurface
-from wavetank.errors import InputError
 from wavetank.fem.by_place import at_dofs, has_places
 from wavetank.fem.plane import Plane
 from wavetank.fem.points import Points
 from wavetank.motion import Motion
-from wavetank.mpi import from_first, raise_on_all_ranks
 from wavetank.output.checkpoint import (
     UNREADABLE,
     Checkpoint,
@@ -32,8 +34,6 @@ from wavetank.output.directory import RunDirectory
 from wavetank.simulation.construction import AnyWaves, build_footprint
 from wavetank.simulation.feedback import restore_paddles
 from wavetank.simulation.walls import build_wall, motion_of
-from wavetank.state import StateTree, deserialize
-from wavetank.values.case_model import CaseError
 
 TRIALS = 6  # each ten times as near: the slopes of surface and paddle are a few tenths at most
 

@@ -9,8 +9,8 @@ from types import FrameType
 from mpi4py import MPI
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from wavetank.arrays import largest
-from wavetank.errors import StoppedError
+from wavetank.base.arrays import largest
+from wavetank.base.errors import StoppedError
 from wavetank.output.files import RunLog
 from wavetank.simulation.clock import EverySteps
 from wavetank.tank.block import Block

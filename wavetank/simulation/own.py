@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from functools import cached_property, partial
 from typing import Any
 
-from wavetank.errors import InputError, locate
+from wavetank.base.errors import InputError, locate
 from wavetank.integrators.contract import Integrator
 from wavetank.simulation.construction import AnyWaves
 from wavetank.simulation.contract import Diagnostic

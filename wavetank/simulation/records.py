@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from mpi4py import MPI
 
-from wavetank.arrays import Vector, summed
+from wavetank.base.arrays import Vector, summed
+from wavetank.base.errors import RecordError, RunError
+from wavetank.base.mpi import raise_on_all_ranks
 from wavetank.case import Case, EndWall
 from wavetank.case.output import Window
-from wavetank.errors import RecordError, RunError
-from wavetank.mpi import raise_on_all_ranks
 from wavetank.output.columns import PUSH, energy_columns, gauge_columns, load_columns, paddle_columns, probe_columns
 from wavetank.output.directory import ENERGY, GAUGES, LOADS, PADDLES, PROBES
 from wavetank.output.fields import VtuSeries

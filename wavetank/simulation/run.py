@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from wavetank.arrays import Vector
-from wavetank.errors import RunError, locate
+from wavetank.base.arrays import Vector
+from wavetank.base.errors import RunError, locate
+from wavetank.base.state import StateTree, check_like, has_state, hints_of, named, plain, restore_all, typed
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.filtered import Filter, Filtered
 from wavetank.integrators.hamiltonian import HamiltonianSystem
@@ -18,7 +19,6 @@ from wavetank.simulation.clock import Clock
 from wavetank.simulation.contract import Diagnostic, due_steps
 from wavetank.simulation.supply import PaddleWork
 from wavetank.simulation.surviving import MAY_BE_NEW, restore_surviving, survives
-from wavetank.state import StateTree, check_like, has_state, hints_of, named, plain, restore_all, typed
 from wavetank.tank.block import Block, Parts, write_sums
 from wavetank.tank.dissipation import Smoothing
 from wavetank.tank.history import Solves

@@ -22,8 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from wavetank.arrays import Vector, largest
-from wavetank.run_warning import RunWarning
+from wavetank.base.arrays import Vector, largest
+from wavetank.base.run_warning import RunWarning
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.contract import displacement
 from wavetank.tank.block import Block

@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from mpi4py import MPI
 
-from wavetank.arrays import Vector
-from wavetank.errors import RunError
+from wavetank.base.arrays import Vector
+from wavetank.base.errors import RunError
+from wavetank.base.run_warning import RunWarning, summarise_warnings
 from wavetank.output.directory import BROKEN, BROKEN_PICTURE, CHECKPOINT
-from wavetank.run_warning import RunWarning, summarise_warnings
 from wavetank.simulation.construction import AnyWaves
 from wavetank.simulation.diagnostics import Crest, HighestCrest
 from wavetank.simulation.energy import EnergyBudget

@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
+from wavetank.base.state import Replicated, ascends
 from wavetank.integrators.states import State
-from wavetank.state import Replicated, ascends
 
 CUBIC_POINTS = 4  # values that a cubic goes through
 SAME_STEP = 1e-6  # largest relative difference of two steps of one length

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from wavetank.base.state import restore, typed
 from wavetank.simulation.energy import EnergyBudget, EnergyTotals
 from wavetank.simulation.stability import StabilityWatch
-from wavetank.state import restore, typed
 from wavetank.tank.breaking import BasinBreakingWatch
 
 SURVIVING = (

@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from wavetank.base.case_model import CaseError, Problem, renamed
+from wavetank.base.mpi import raise_on_all_ranks
 from wavetank.case import (
     Case,
     EndWall,
@@ -14,10 +16,8 @@ from wavetank.fem.plane import Plane
 from wavetank.motion import Motion
 from wavetank.motion.feedback import FeedbackMotion
 from wavetank.motion.motion import STEEPEST
-from wavetank.mpi import raise_on_all_ranks
 from wavetank.tank.footprint import Basin, Ring, Slice
 from wavetank.tank.walls import BothEnds, LinearEnds, LinearPaddle, Piston, Polynomial, Shaped, Side, StillWall, Wall
-from wavetank.values.case_model import CaseError, Problem, renamed
 
 Footprint = Slice | Ring | Basin
 

@@ -49,8 +49,8 @@ def study(
     """
     from mpi4py import MPI
 
-    from wavetank.console import console
-    from wavetank.errors import InputError
+    from wavetank.base.console import console
+    from wavetank.base.errors import InputError
     from wavetank.studies.study import run_study
 
     if MPI.COMM_WORLD.size > 1:
@@ -89,8 +89,8 @@ def calibrate(
     """
     from mpi4py import MPI
 
-    from wavetank.console import console
-    from wavetank.errors import InputError
+    from wavetank.base.console import console
+    from wavetank.base.errors import InputError
     from wavetank.studies.calibrate.calibration import Calibration
 
     if MPI.COMM_WORLD.size > 1:

@@ -14,6 +14,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
+from wavetank.base.case_model import CaseModel
 from wavetank.case import Case
 from wavetank.plots.style import (
     BLUE,
@@ -36,7 +37,6 @@ from wavetank.studies.measures import CREST_ERROR
 from wavetank.studies.responses import CREST_TIME
 from wavetank.studies.sweep import Axis, is_number
 from wavetank.studies.table import CPU, QUANTILES, StudyTable
-from wavetank.values.case_model import CaseModel
 
 if TYPE_CHECKING:
     from pandas import DataFrame, Series

@@ -19,8 +19,8 @@ from scipy.interpolate import BSpline, make_interp_spline
 from scipy.optimize import minimize_scalar
 
 from wavetank.analysis.compare import matched
+from wavetank.base.errors import InputError
 from wavetank.case import Case, LinearWater, StandingWave, StreamFunctionWave
-from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.waves.airy import Array, angular_frequency
 

@@ -12,10 +12,10 @@ from wavetank.analysis.record import WaveRecord, read_record
 from wavetank.analysis.results import reflection_coefficient
 from wavetank.analysis.signals import NUMBER, chosen, groupiness, harmonics, sea_state, spectrum, waving
 from wavetank.analysis.statistics import height_statistics, zero_crossing_waves
+from wavetank.base.errors import InputError, choice
+from wavetank.base.formula import CONSTANTS, FUNCTIONS, Formula
 from wavetank.case import Case
-from wavetank.errors import InputError, choice
 from wavetank.output.directory import SURFACE, RunDirectory
-from wavetank.values.formula import CONSTANTS, FUNCTIONS, Formula
 
 CREST, CREST_PLACE, CREST_TIME = "highest crest [m]", "crest's place x [m]", "crest's time [s]"
 TROUGH = "deepest trough [m]"

@@ -1,7 +1,7 @@
 """Runs of combinations, each in a process of its own, several at a time.
 
-A run is ``python -m wavetank.worker run CASE ...``, which prints its exit code and cause as JSON. A crash ends one run
-only.
+A run is the command ``run CASE ...`` of ``wavetank.__main__.report``, which prints its exit code and cause as JSON.
+A crash ends one run only.
 """
 
 import ctypes
@@ -17,14 +17,14 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+from wavetank.base.errors import InputError, RunError
+from wavetank.base.python_file import is_trusting
 from wavetank.case.reading import contents
-from wavetank.errors import InputError, RunError
 from wavetank.output.checkpoint import last_checkpoint
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath
 from wavetank.output.manifest import MANIFEST
 from wavetank.studies.sweep import Combination
-from wavetank.values.python_file import is_trusting
 
 RESUMABLE = ("killed", "stopped", "failed", "unknown")  # a run that broke down would do so again
 PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of Linux's prctl
@@ -144,7 +144,13 @@ class Runner:
 def start_command(words: Sequence[str]) -> subprocess.Popen[str]:
     """Return a new process of a command of ``wavetank``; on Linux it gets SIGTERM when this process dies."""
     return subprocess.Popen(
-        [sys.executable, "-P", "-m", "wavetank.worker", *words],  # no module of the current directory
+        [
+            sys.executable,
+            "-P",
+            "-c",
+            "from wavetank.__main__ import report; report()",
+            *words,
+        ],  # no module of the current directory
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from rich.console import Console
 
+from wavetank.base.errors import InputError, RecordError, RunError
 from wavetank.case import BasinTank, Case
-from wavetank.errors import InputError, RecordError, RunError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath
 from wavetank.output.manifest import MANIFEST

@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import quote
 
+from wavetank.base.errors import InputError
 from wavetank.case import BasinTank, Case
 from wavetank.case.numerics import HIGHEST_ORDER, HIGHEST_VERTICAL_ORDER
 from wavetank.case.reading import read_case
-from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
 from wavetank.mesh import MeshFile
 

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from rich.table import Table
 from scipy.special import stdtrit
 
+from wavetank.base.errors import RecordError
 from wavetank.case import Case
-from wavetank.errors import RecordError
 from wavetank.plots.tables import Column, data_frame, terminal_table, write_frame
 from wavetank.studies.sweep import Axis
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from wavetank.arrays import Vector
-from wavetank.errors import PaddleError
+from wavetank.base.arrays import Vector
+from wavetank.base.errors import PaddleError
 from wavetank.motion.feedback import FeedbackState, FilterState, StateSpaceFilter
 from wavetank.tank.evaluation import Water
 

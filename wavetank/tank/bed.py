@@ -14,11 +14,11 @@ from dolfinx import fem
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector, largest
-from wavetank.errors import InputError
+from wavetank.base.arrays import Vector, largest
+from wavetank.base.errors import InputError
+from wavetank.base.mpi import raise_on_all_ranks
 from wavetank.fem.forms import ScalarForm
 from wavetank.fem.plane import Plane
-from wavetank.mpi import raise_on_all_ranks
 
 Depth = Callable[[Vector, Vector], Vector]  # d [m] at places x, y [m], all of shape (N,)
 ASIDE, SOUNDINGS = 0.1, 2001  # of the length of what is carried; over it and that, for a bed that is flat there

@@ -41,8 +41,8 @@ import numpy as np
 import ufl
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector
-from wavetank.errors import RunError
+from wavetank.base.arrays import Vector
+from wavetank.base.errors import RunError
 from wavetank.fem.cell_places import PADDING
 from wavetank.fem.points import Located, Points
 from wavetank.integrators.states import State

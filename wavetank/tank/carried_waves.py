@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.fem.along import AveragedModes
 from wavetank.fem.codegen import Buffer, Instance, Struct, Unit
 from wavetank.fem.plane import Plane

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavetank.state import Replicated
+from wavetank.base.state import Replicated
 
 LEAST = 0.05  # of all that lies between the lowest and the highest surface: less is a ripple, neither crest nor trough
 SAME = 1e-9  # of that: so little apart is one height, computed twice, where cells meet

@@ -8,7 +8,7 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
-from wavetank.errors import BreakdownError, RunError
+from wavetank.base.errors import BreakdownError, RunError
 from wavetank.fem.codegen import Unit
 from wavetank.fem.mass import MassMatrix, mass_matrix
 from wavetank.fem.plane import Plane

@@ -34,8 +34,8 @@ from dolfinx import fem, la
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector
-from wavetank.errors import InputError
+from wavetank.base.arrays import Vector
+from wavetank.base.errors import InputError
 from wavetank.fem.gradient_jumps import GradientJumpPenalty
 from wavetank.fem.mass import BandedMass, PenalisedMass
 from wavetank.fem.plane import Plane

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wavetank.arrays import Vector, read_only, summed
+from wavetank.base.arrays import Vector, read_only, summed
 from wavetank.fem.mass import MassMatrix
 from wavetank.fem.plane import Plane
 from wavetank.fem.vertical import VerticalBasis

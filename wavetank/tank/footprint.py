@@ -8,7 +8,7 @@ import numpy as np
 from dolfinx import mesh
 from mpi4py import MPI
 
-from wavetank.errors import InputError
+from wavetank.base.errors import InputError
 from wavetank.fem.charts import Polygon, Straight
 from wavetank.fem.layout_mesh import LayoutMesh, cell_partitioner
 from wavetank.fem.plane import usual_size

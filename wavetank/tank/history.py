@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.fem.slice import SliceSolver
 from wavetank.integrators.stage_solver import StageHistories, StagesState
 from wavetank.tank.potential import InteriorPotential, InteriorState

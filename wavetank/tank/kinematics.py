@@ -35,7 +35,7 @@ from dolfinx import fem, la
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector, summed
+from wavetank.base.arrays import Vector, summed
 from wavetank.fem.forms import compile_expression
 from wavetank.fem.plane import Field, LayeredField, Plane
 from wavetank.fem.points import Cells, Points

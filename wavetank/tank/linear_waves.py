@@ -28,7 +28,7 @@ import scipy
 import ufl
 from dolfinx import fem
 
-from wavetank.arrays import Vector, summed
+from wavetank.base.arrays import Vector, summed
 from wavetank.fem.codegen import Unit
 from wavetank.fem.decoupled import LayerMatrices
 from wavetank.fem.forms import VectorForm

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wavetank.arrays import Vector, summed
-from wavetank.errors import ConvergenceError
+from wavetank.base.arrays import Vector, summed
+from wavetank.base.errors import ConvergenceError
 from wavetank.fem.along import NO_MINIMUM, Minimum, SliceOperator
 from wavetank.fem.codegen import Unit
 from wavetank.fem.conjugate_gradients import Array, Steps, corrected, dot

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.tank.evaluation import Water
 
 ROUGHLY = 1e-3  # of what mass matrices are inverted for

@@ -13,7 +13,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector, largest
+from wavetank.base.arrays import Vector, largest
 from wavetank.fem.cells import Cells
 from wavetank.fem.codegen import Function, source
 from wavetank.fem.density import Density, Statements, named

@@ -7,8 +7,8 @@ that is found by repetition, each time with the height last found.
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector
-from wavetank.errors import ConvergenceError
+from wavetank.base.arrays import Vector
+from wavetank.base.errors import ConvergenceError
 from wavetank.fem.plane import Field, Plane
 from wavetank.fem.points import Points
 from wavetank.tank.walls.contract import Heights, Wall

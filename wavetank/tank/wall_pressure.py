@@ -15,7 +15,7 @@ import ufl
 from dolfinx import mesh
 from ufl.constantvalue import Zero
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.fem.forms import ScalarForm
 from wavetank.fem.plane import Plane
 from wavetank.fem.points import Cells

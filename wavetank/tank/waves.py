@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from wavetank.arrays import Vector, summed
-from wavetank.errors import BreakdownError, ConvergenceError
+from wavetank.base.arrays import Vector, summed
+from wavetank.base.errors import BreakdownError, ConvergenceError
 from wavetank.fem.along import Minimum
 from wavetank.fem.mass import BandedMass
 from wavetank.fem.plane import Plane

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from wavetank.errors import InputError
-from wavetank.values.columns import read_columns
+from wavetank.base.columns import read_columns
+from wavetank.base.errors import InputError
 from wavetank.waves.airy import Array
 
 MAX_COMPONENTS = 10_000

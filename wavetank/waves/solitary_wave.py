@@ -17,7 +17,7 @@ from math import ceil
 import numpy as np
 import scipy
 
-from wavetank.errors import InputError
+from wavetank.base.errors import InputError
 from wavetank.waves.airy import Array
 from wavetank.waves.conformal import SPLINE_DEGREE, Shape, SteadySolution, SteadyWave, Strip, at_height
 

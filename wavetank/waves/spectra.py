@@ -12,8 +12,8 @@ import numpy as np
 from numpy.random import PCG64, SeedSequence
 from numpy.typing import NDArray
 
-from wavetank.errors import InputError
-from wavetank.values.columns import check_ascending, read_columns
+from wavetank.base.columns import check_ascending, read_columns
+from wavetank.base.errors import InputError
 from wavetank.waves import airy
 
 Array = NDArray[np.float64]

@@ -33,6 +33,7 @@ from scipy.signal.windows import tukey
 from xarray import DataArray, Dataset
 
 from wavetank.analysis.compare import rms
+from wavetank.base.case_model import CaseError, Problem, about
 from wavetank.case import LinearWater
 from wavetank.case.initial import STEEPEST
 from wavetank.case.model import Case
@@ -40,7 +41,6 @@ from wavetank.case.output import ComponentsTarget, CrestTarget, RecordTarget, Ta
 from wavetank.case.paddle import FocusedMotion, MadeWaves, SurfaceMotion
 from wavetank.case.wall import PaddleWall
 from wavetank.output.directory import RunDirectory
-from wavetank.values.case_model import CaseError, Problem, about
 from wavetank.waves import airy
 from wavetank.waves.airy import Array, wave_number
 from wavetank.waves.measured import WishedSurface, wished_surface

@@ -12,10 +12,11 @@ from typing import Any, NoReturn
 import numpy as np
 from rich.console import Console
 
+from wavetank.base.errors import InputError, RecordError, RunError, write_errors
+from wavetank.base.toml import toml
 from wavetank.case import Case, Gauge, LinearWater, NonlinearWater
 from wavetank.case.paddle import MadeWaves
 from wavetank.case.reading import located, read_case
-from wavetank.errors import InputError, RecordError, RunError, write_errors
 from wavetank.output.directory import PADDLE, RunDirectory
 from wavetank.output.files import write_atomically
 from wavetank.planning.plan import default_plan, make_plan, own_plan
@@ -32,7 +33,6 @@ from wavetank.studies.calibrate.aims import (
 from wavetank.studies.calibrate.drawing import draw
 from wavetank.studies.runs import Runner, cores, status_of
 from wavetank.studies.sweep import Combination
-from wavetank.values.toml import toml
 from wavetank.waves.plane_waves import PlaneWaves
 
 ROUGH = 0.1  # relative error of the elevation that cheap numerics are planned for; a third of it is expected

@@ -3,7 +3,7 @@
 import numpy as np
 import ufl
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.fem.plane import Plane
 from wavetank.motion import Motion
 from wavetank.motion.kinematics import PaddleKinematics

@@ -12,7 +12,7 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.fem.cells import Cells
 from wavetank.fem.codegen import Buffer, Unit, source
 from wavetank.fem.density import Density, Statements, named

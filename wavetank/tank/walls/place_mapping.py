@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.motion.motion import blending, blending_slope
 from wavetank.tank.walls.side import Side
 

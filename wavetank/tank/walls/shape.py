@@ -19,7 +19,7 @@ from dolfinx import fem, mesh
 from numpy.polynomial import Polynomial as Powers
 from numpy.polynomial import legendre
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 from wavetank.motion.motion import TOP
 
 DEGREES, HIGHEST, MOMENTS = (0, 1, 2, 4, 8), 16, 9

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import ufl
 
-from wavetank.arrays import Vector, summed
-from wavetank.errors import ConvergenceError
+from wavetank.base.arrays import Vector, summed
+from wavetank.base.errors import ConvergenceError
 from wavetank.fem.codegen import Unit
 from wavetank.fem.mass import PRODUCTS, MassMatrix
 from wavetank.fem.plane import Plane

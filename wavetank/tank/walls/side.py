@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from dolfinx import mesh
 
-from wavetank.arrays import Vector
+from wavetank.base.arrays import Vector
 
 
 class Side(NamedTuple):

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from wavetank.arrays import Vector, summed
+from wavetank.base.arrays import Vector, summed
 from wavetank.fem.plane import Field, Plane
 from wavetank.motion import Motion
 from wavetank.motion.kinematics import PaddleKinematics

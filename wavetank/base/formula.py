@@ -15,8 +15,8 @@ from typing import Any, Literal, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavetank.errors import InputError, choice
-from wavetank.values.jet import Jet
+from wavetank.base.errors import InputError, choice
+from wavetank.base.jet import Jet
 
 Array = NDArray[np.float64]
 Helper = float | str  # a number, or a formula of its own

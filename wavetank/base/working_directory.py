@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from wavetank.errors import InputError
+from wavetank.base.errors import InputError
 
 SETTINGS = ".petscrc", "petscrc", "petsc.cfg", "ucx.conf", "dolfinx_jit_options.json", "ffcx_options.json"
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from wavetank.errors import InputError
-from wavetank.values.files import regular
-from wavetank.values.formula import Array, finite
+from wavetank.base.errors import InputError
+from wavetank.base.files import regular
+from wavetank.base.formula import Array, finite
 
 Say = Callable[[str], object]
 

@@ -8,7 +8,7 @@ from math import inf
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, TypeVar
 
-from wavetank.errors import WavetankError
+from wavetank.base.errors import WavetankError
 
 T = TypeVar("T")
 

@@ -9,7 +9,7 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
-from wavetank.errors import InputError
+from wavetank.base.errors import InputError
 
 VARIABLE = "XDG_CACHE_HOME"
 PRIVATE = 0o700

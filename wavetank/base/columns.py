@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.errors import InputError
-from wavetank.values.files import TEXT, regular
+from wavetank.base.errors import InputError
+from wavetank.base.files import TEXT, regular
 
 Array = NDArray[np.float64]
 CELL = re.compile(r"[-+]?\d*(,\d+)?([eE][-+]?\d+)?")  # a number with a decimal comma, or a whole number

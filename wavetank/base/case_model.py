@@ -8,8 +8,8 @@ from typing import Annotated, Any, NamedTuple, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, model_validator
 
-from wavetank.errors import InputError, printable
-from wavetank.values.formula import Formula, Helper
+from wavetank.base.errors import InputError, printable
+from wavetank.base.formula import Formula, Helper
 
 T = TypeVar("T")
 KEY_SHOWN = 200  # characters of a key in a message

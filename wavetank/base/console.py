@@ -11,8 +11,8 @@ from typing import Any, TextIO, cast
 from rich.console import Console
 from rich.segment import Segment
 
-from wavetank.errors import printable
-from wavetank.mpi import MPI
+from wavetank.base.errors import printable
+from wavetank.base.mpi import MPI
 
 
 class SafeConsole(Console):

@@ -16,8 +16,8 @@ from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from wavetank.arrays import Vector
-from wavetank.errors import InputError
+from wavetank.base.arrays import Vector
+from wavetank.base.errors import InputError
 
 Replicated = Annotated[Vector, "the same on all ranks"]
 _HINTS = dict[type, dict[str, Any]]()  # of the types of states so far

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from wavetank.console import console, format_duration
-from wavetank.errors import InputError
+from wavetank.base.console import console, format_duration
+from wavetank.base.errors import InputError
 from wavetank.output.checkpoint import last_checkpoint
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import is_locked

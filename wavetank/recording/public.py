@@ -7,16 +7,16 @@ from typing import Any
 from mpi4py import MPI
 from rich.console import Console
 
+from wavetank.base.console import console
+from wavetank.base.errors import InputError
+from wavetank.base.python_file import trusting
 from wavetank.case import Case
-from wavetank.console import console
-from wavetank.errors import InputError
 from wavetank.integrators.contract import Integrator
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath
 from wavetank.recording import record_run, resume_run
 from wavetank.simulation.construction import AnyWaves
 from wavetank.simulation.contract import Diagnostic
-from wavetank.values.python_file import trusting
 
 
 def run(
