@@ -65,21 +65,6 @@ def test_a_group_meets_in_its_crest_and_a_trough_is_one_upside_down():
     assert on(trough, x)[0] == pytest.approx(-eta)
 
 
-@pytest.mark.parametrize(
-    ("initial", "kind", "said"),
-    [
-        (SEA, "slice", "needs a ring"),
-        (SEA | {"spectrum": JONSWAP | {"peak_period": 6.0}}, "ring", "nearly all is in that of .* Hz"),
-        (SEA | {"highest_frequency": 0.05}, "ring", "of a wave as long as the tank"),
-        ({"type": "focused", "linear_crest": 0.05, "x": 40.0, "spectrum": JONSWAP}, "slice", "inside the tank"),
-        ({"type": "focused", "linear_crest": 0.9, "x": 4.0, "spectrum": JONSWAP}, "ring", "less than the still-water"),
-    ],
-)
-def test_initial_surface_that_does_not_fit_the_tank_is_refused(initial, kind, said):
-    with pytest.raises(ValueError, match=said):
-        case_of(initial, kind=kind)
-
-
 # ---------------------------------------------------------------- files
 def written(path, *columns):
     np.savetxt(path, np.column_stack(columns))
