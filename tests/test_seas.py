@@ -336,7 +336,7 @@ def test_a_solitary_wave_begins_when_it_is_wanted():
     assert motion.position(9.0) == pytest.approx(early.position(lead))
 
 
-def test_the_paddle_for_a_wished_surface_makes_it_there(tmp_path):
+def test_the_paddle_for_a_target_elevation_makes_it_there(tmp_path):
     """A group as the wish: its linear waves have the record at x, and the paddle is that of the linear group."""
     target = waves(FOCUSED)
     t = np.arange(0.0, 24.0, 0.05)

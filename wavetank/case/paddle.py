@@ -24,7 +24,7 @@ from wavetank.motion.motion import widest_segment
 from wavetank.motion.recorded import hermite, in_metres, read_record
 from wavetank.waves import airy, spectra
 from wavetank.waves.focusing import Fan, FocusedGroup, ReflectedGroup
-from wavetank.waves.measured import WishedSurface, read_components, wished_surface
+from wavetank.waves.measured import TargetElevation, read_components, target_elevation
 from wavetank.waves.plane_waves import PlaneWaves, waves_along
 from wavetank.waves.solitary_wave import HIGHEST_SOLITARY
 from wavetank.waves.spectra import irregular, random_directions, uniform
@@ -317,11 +317,11 @@ class SurfaceFile(GeneratingMotion):
     )
     ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two of the mean periods")
 
-    def wished(self) -> WishedSurface:
+    def wished(self) -> TargetElevation:
         """Return the surface; raises ``CaseError`` if the file cannot be read, or has no such waves."""
         t, eta = read_file(self.file, lambda path: read_record(path, column="elevation [m]"), *FILE_KEY)
         with about(*FILE_KEY, received=self.file):
-            return wished_surface(t + self.delay, eta, band=(self.lowest_frequency, self.highest_frequency))
+            return target_elevation(t + self.delay, eta, band=(self.lowest_frequency, self.highest_frequency))
 
     @property
     def direction(self) -> float:

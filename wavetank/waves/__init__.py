@@ -1,1 +1,1 @@
-"""Exact and independent solutions, in numpy and scipy alone; waves by the protocol of ``wave.py``."""
+"""Wave theories: exact and linear solutions in numpy and scipy, without finite elements."""

@@ -1,12 +1,13 @@
-"""Linear theory of paddles that absorb: what a paddle's motion does at the paddle itself, and what answers waves best.
+"""Linear theory of absorbing paddles: elevation and force at the paddle, and the filter of least reflection.
 
-Of a paddle that moves at the velocity U exp(i omega t) (``wavemaker.py``; k_0 the wave, k_j = -i kappa_j what dies out)
-the elevation at its face and the force f of the water on it over the density are
+A paddle moves at the velocity U exp(i omega t). With the wave numbers of ``wavemaker.py`` (k_0 of the progressive wave,
+k_j = -i kappa_j of evanescent modes), the elevation at its face and the force f of the water on it, over the density,
+are
 
     eta = Z U,    Z = omega/g sum_j m(k_j) / (k_j N(k_j)),
     f = -(r + i omega mu) U,    r = omega m(k_0)² / (k_0 N(k_0)),    mu = sum_j m(kappa_j)² / (kappa_j N(kappa_j)),
 
-of which Re Z = c / omega and r belong to the wave. An incident wave of amplitude a has elevation 2a at a fixed wall.
+Re Z = c / omega and r belong to the progressive wave. An incident wave of amplitude a has elevation 2a at a fixed wall.
 The controller moves the paddle at U = -F(i omega) e in addition to the prescribed motion. Its input e is the elevation
 at the face minus that of the prescribed motion. The wave of the additional motion is part of e:
 
@@ -23,7 +24,7 @@ R = (b - r + i X) / (b + r + i X), X = omega (M + mu) - k / omega, M, b and k ov
 
 Sources: H. A. Schaffer and K. P. Jakobsen, "Non-linear wave generation and active absorption in wave flumes", Proc.
 Long Waves Symposium, Thessaloniki, 2003, who fit F likewise; J. Falnes, "Ocean Waves and Oscillating Systems", 2002,
-chapters 3 and 6. That Re F >= 0 is ours.
+chapters 3 and 6. The condition Re F >= 0 is ours.
 """
 
 from dataclasses import dataclass
@@ -39,38 +40,38 @@ from wavetank.waves.wavemaker import Wavemaker, modes, norm
 
 Complex = NDArray[np.complex128]
 
-MODES = 100  # that die out
-WAVES = 40  # of the band, at which the filter is judged
-ALL = np.geomspace(0.005, 20.0, 160)  # k d over the band's ends, at which it must not send back more than comes
-FASTEST, DAMPED = 5.0, (0.5, 10.0)  # of a section: w_i over the shortest waves', and z_i: a step later must be as good
-STARTS = np.array(  # of a fit, three sections as ``built`` has them: the better is taken
+MODES = 100  # evanescent modes
+WAVES = 40  # frequencies of the band at which the reflection is minimised
+ALL = np.geomspace(0.005, 20.0, 160)  # k d over that of the band's ends, where |R| <= 1
+FASTEST, DAMPED = 5.0, (0.5, 10.0)  # limits of w_i over the highest frequency and of z_i; a delay of a step is harmless
+STARTS = np.array(  # initial values of two fits, three sections each, as in ``built``; the better result is used
     [
         [[-0.9, 0.2, 2.0, 0.0], [0.9, -0.6, 1.0, 0.0], [1.9, -0.6, 4.0, 0.0]],
         [[-0.9, 0.2, 2.0, 0.0], [0.9, -0.2, 2.0, 0.0], [1.3, -0.2, 2.0, 0.0]],
     ]
 )
-FITS = ((4, 30.0), (8, 30.0), (16, 300.0))  # one after another: exponents of the mean of |R|, weights of Re F < 0
-INSIDE = 1e-6  # of bounds, where a fit begins
+FITS = ((4, 30.0), (8, 30.0), (16, 300.0))  # successive fits: exponents of the mean of |R|, weights of Re F < 0
+INSIDE = 1e-6  # distance of initial values from the bounds
 
 
 def face(wavemaker: Wavemaker, omega: Array, depth: float, gravity: float) -> Complex:
     """Return Z(i omega) [s], shape (N,), at angular frequencies > 0 [rad/s], shape (N,)."""
     k = np.asarray(wave_number(omega, depth, gravity))
-    kappa, moments, norms = _dying(wavemaker, omega, depth, gravity)
+    kappa, moments, norms = _evanescent(wavemaker, omega, depth, gravity)
     wave = wavemaker.transfer(k, depth) / omega
     return np.asarray(wave + 1j * omega / gravity * (moments / (kappa * norms)).sum(axis=1))
 
 
 def radiation(wavemaker: Wavemaker, omega: Array, depth: float, gravity: float) -> tuple[Array, Array]:
-    """Return the damping r [m²/s] and the added mass mu [m²], over the density and a metre's width, shape (N,) each."""
+    """Return damping r [m²/s] and added mass mu [m²], shape (N,) each, over the density, per metre of width."""
     k = np.asarray(wave_number(omega, depth, gravity))
-    kappa, moments, norms = _dying(wavemaker, omega, depth, gravity)
+    kappa, moments, norms = _evanescent(wavemaker, omega, depth, gravity)
     damping = omega * wavemaker.moment(k, depth) ** 2 / (k * norm(k, depth))
     return np.asarray(damping), np.asarray((moments**2 / (kappa * norms)).sum(axis=1))
 
 
 def sudden_mass(wavemaker: Wavemaker, depth: float) -> float:
-    """Return the added mass at infinite frequency [m²], over the density and a metre's width."""
+    """Return the added mass at infinite frequency [m²], over the density, per metre of width."""
     kappa = (np.arange(MODES) + 0.5) * np.pi / depth
     x, weights = np.polynomial.legendre.leggauss(4 * MODES)
     z = 0.5 * depth * (x - 1.0)
@@ -78,29 +79,29 @@ def sudden_mass(wavemaker: Wavemaker, depth: float) -> float:
     return float((moments**2 / kappa).sum() * 2.0 / depth)
 
 
-def _dying(wavemaker: Wavemaker, omega: Array, depth: float, gravity: float) -> tuple[Array, Array, Array]:
-    """Return kappa_j, m and N of modes that die out, shape (N, MODES) each."""
+def _evanescent(wavemaker: Wavemaker, omega: Array, depth: float, gravity: float) -> tuple[Array, Array, Array]:
+    """Return kappa_j, m and N of the evanescent modes, shape (N, MODES) each."""
     kappa = modes(np.asarray(omega), depth, gravity, count=MODES)
     return kappa, np.real(wavemaker.moment(1j * kappa, depth)), np.real(norm(1j * kappa, depth))
 
 
 @dataclass(frozen=True)
 class PassiveFilter:
-    """F(s) = gain sum_i (c_i y + e_i) / (y² + 2 z_i y + 1), y = s / w_i, with F(0) = 0: no drift of the paddle.
+    """The filter F(s) = gain sum_i (c_i y + e_i) / (y² + 2 z_i y + 1), y = s / w_i; F(0) = 0 prevents drift.
 
     Attributes
     ----------
     gain
-        [1/s].
+        Gain [1/s].
     sections
-        w_i [rad/s], z_i, c_i and e_i of each, shape (n, 4).
+        w_i [rad/s], z_i, c_i and e_i of each section, shape (n, 4).
     """
 
     gain: float
     sections: Array
 
     def __call__(self, s: Any) -> Any:
-        """Return F [1/s] at s [1/s], of any shape."""
+        """Return F [1/s] at s [1/s]; the shapes are equal."""
         total: Any = 0.0
         for w, z, c, e in self.sections:
             y = s / w
@@ -108,7 +109,7 @@ class PassiveFilter:
         return total
 
     def reflection(self, at_face: Complex, omega: Array) -> Complex:
-        """Return R of waves [rad/s], shape (N,), for Z there."""
+        """Return R at frequencies omega [rad/s], shape (N,); ``at_face`` is Z at these frequencies."""
         F = self(1j * omega)
         return np.asarray((1.0 - F * at_face.conj()) / (1.0 + F * at_face))
 
@@ -128,7 +129,7 @@ class PassiveFilter:
     def fitted(
         cls, wavemaker: Wavemaker, *, depth: float, gravity: float, shortest: float, longest: float
     ) -> "PassiveFilter":
-        """Return the filter of least largest reflection of waves of periods from the shortest to the longest [s]."""
+        """Return the filter whose largest reflection between two periods [s] is least."""
         ends = 2 * np.pi / np.array([longest, shortest])
         low, high = depth * np.asarray(wave_number(ends, depth, gravity))
         kd, wide = np.geomspace(low, high, WAVES), np.geomspace(ALL[0] * low, ALL[-1] * high, len(ALL))

@@ -14,7 +14,7 @@ _DEEP = 40.0
 
 
 def relative_depth(k: ArrayLike, depth: float) -> Array:
-    """Return k d, cut off where depth has no influence left.
+    """Return k d, limited to where the depth has no influence.
 
     Parameters
     ----------
@@ -34,8 +34,8 @@ def angular_frequency(k: ArrayLike, depth: float, gravity: float) -> Array:
 def wave_number(omega: ArrayLike, depth: float, gravity: float) -> Array:
     """Return k [rad/m] of angular frequencies omega [rad/s], positive, any shape, to round-off.
 
-    Newton's method for y tanh y = omega^2 d / g from Eckart's approximation, which is within 6 % everywhere: four
-    steps reach round-off, one more is for safety.
+    Newton's method solves y tanh y = omega^2 d / g. It starts from Eckart's approximation, whose error is below 6 %.
+    Four iterations reach round-off; a fifth is for safety.
     """
     deep = np.square(omega) / gravity
     if np.isinf(depth):

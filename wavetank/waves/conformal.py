@@ -1,4 +1,4 @@
-"""Steady waves in conformal variables: what periodic and solitary waves have in common.
+"""Steady waves in conformal variables: the common part of periodic and solitary waves.
 
 In the frame that moves with the wave, the water is the conformal image of a strip of depth D in which the flow is
 uniform. On the surface, with an operator K that multiplies Fourier coefficients by k coth(k D),
@@ -29,12 +29,12 @@ from wavetank.waves.airy import Array
 
 Shape = Callable[[ArrayLike], Array]
 
-SPLINE_DEGREE = 7  # of x -> (eta, psi): on a grid FINER times as fine as the wave needs, exact to round-off
+SPLINE_DEGREE = 7  # degree of the splines of eta(x), psi(x) on a grid refined FINER times: exact to round-off
 FINER = 4
-_DEEP = 300.0  # beyond this k D the multipliers are those of infinite depth, and the hyperbolic functions overflow
-SETTLED = 1e-9  # a correction whose square is round-off is the last
-CORRECTED, SPACE = 1e-8, 100  # of a correction, relative; the most iterations
-STAGNANT = 1e-6  # b - 2 eta, the squared speed along the surface over g, is positive but for rough guesses
+_DEEP = 300.0  # largest k D in coth(k D): coth is 1 there, and larger arguments overflow
+SETTLED = 1e-9  # correction at which Newton's method has converged: its square is round-off
+CORRECTED, SPACE = 1e-8, 100  # relative tolerance and dimension of the Krylov space of GMRES
+STAGNANT = 1e-6  # least b - 2 eta in the preconditioner; only poor initial guesses have less
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,13 +44,13 @@ class SteadyWave:
     Attributes
     ----------
     speed
-        c [m/s].
+        Speed c [m/s].
     shape
-        Elevation [m] and surface potential [m²/s] at places x [m] from the crest, in a last axis of 2.
+        Function of distances x [m] from the crest; returns elevation [m] and surface potential [m²/s] in a last axis.
     solution, depth
-        The solution, and the still-water depth [m].
+        The dimensionless solution and the still-water depth [m].
     crest
-        Where a crest is at t = 0 [m].
+        Position of a crest at t = 0 [m].
     """
 
     speed: float
@@ -71,7 +71,7 @@ class SteadyWave:
 
 
 class Strip:
-    """The strip for waves symmetric about their crest: functions at M + 1 equidistant points of half a period.
+    """The strip of a wave that is symmetric about its crest; functions have values at M + 1 points of half a period.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ class Strip:
     Attributes
     ----------
     xi, k, K
-        Points from the crest on, wave numbers and K's multipliers, shape (M + 1,).
+        Points from the crest to the trough, wave numbers and multipliers of K, shape (M + 1,).
     """
 
     def __init__(self, length: float, depth: float, *, mean: float, intervals: int):
@@ -112,7 +112,7 @@ class Strip:
     def shift(self, eta: Array) -> Array:
         """Return x - xi, the integral of K eta."""
         coefficients = self.K * scipy.fft.dct(eta, type=1)
-        wave_numbers = np.append(1.0, self.k[1:])  # the mean, which has no sine, is integrated by itself
+        wave_numbers = np.append(1.0, self.k[1:])  # the mean is integrated separately
         return np.asarray(coefficients[0] / (2 * self.intervals) * self.xi + self._sines(coefficients / wave_numbers))
 
     def _sines(self, coefficients: Array) -> Array:
@@ -122,16 +122,16 @@ class Strip:
 
 
 def refined(f: Array, factor: int) -> Array:
-    """Return an even function at ``factor`` times as many intervals, by its cosine series."""
+    """Return the values of an even function on ``factor`` times as many intervals, by its cosine series."""
     coefficients = np.zeros(factor * (f.size - 1) + 1)
     coefficients[: f.size] = factor * scipy.fft.dct(f, type=1)
-    coefficients[f.size - 1] /= 2  # the last term of the short series is two of the long one
+    coefficients[f.size - 1] /= 2  # the last term of the short series equals two terms of the long one
     return np.asarray(scipy.fft.idct(coefficients, type=1))
 
 
 @dataclass(frozen=True)
 class SteadySolution:
-    """An elevation on its strip, and b; with d = g = 1."""
+    """A solution of Babenko's equation with d = g = 1: elevation, its strip, and b."""
 
     strip: Strip
     eta: Array
@@ -154,12 +154,12 @@ class SteadySolution:
         return (self.b - 2 * self.eta) * (self.strip.stretch(self.eta) ** 2 + self.strip.slope(self.eta) ** 2)
 
     def residual(self) -> float:
-        """Return Bernoulli's: how much the squared speed varies on finer points, relative to its mean."""
+        """Return the Bernoulli residual: relative variation of the squared speed on a refined grid."""
         squares = self.refined(FINER).squared_speed()
         return float(np.ptp(squares) / abs(squares.mean()))
 
     def has_one_crest(self) -> bool:
-        """Return whether the surface falls all the way from crest to trough."""
+        """Return whether the elevation decreases from crest to trough."""
         return bool(np.all(np.diff(self.refined(FINER).eta) < 0.0))
 
     def wave(self, depth: float, gravity: float, *, interpolate: Callable[[Array, Array], Shape]) -> SteadyWave:
@@ -182,17 +182,18 @@ def at_height(
     hopeless: float = np.inf,
     most: int,
 ) -> SteadySolution:
-    """Return the solution of another height over the depth, on as many points as it needs.
+    """Return the solution of a relative height, on a grid that is refined until the residual is small.
 
     Parameters
     ----------
     start, height
-        A solution of near height, and the height.
+        A solution of a similar height, and the requested height over the depth.
     weights
-        Those of the mean over so many intervals for a periodic wave, whose height is from trough to crest and whose
-        strip depends on its elevation; None for a solitary wave.
+        Function of the number of intervals that returns quadrature weights of the mean, for a periodic wave; its height
+        is from trough to crest, and its strip depends on its mean elevation. None for a solitary wave.
     resolved, hopeless, most
-        Residual that is not refined, residual from which on refinement does not help, and most intervals.
+        Residual below which the grid is fine enough, residual above which refinement does not help, and largest
+        number of intervals.
     """
     solution = _corrected(start, height, weights)
     while not solution.residual() < resolved and solution.strip.intervals < most:
@@ -205,7 +206,7 @@ def at_height(
 def _corrected(start: SteadySolution, height: float, weights: Callable[[int], Array] | None) -> SteadySolution:
     """Return the solution of Babenko's equation for eta and b together at a given height, by Newton's method."""
     mean = None if weights is None else weights(start.strip.intervals)
-    last = 0.0 if mean is None else 1.0  # factor of the trough in the height
+    last = 0.0 if mean is None else 1.0  # factor of the trough elevation in the height
 
     def strip(eta: Array) -> Strip:
         if mean is None:
@@ -226,10 +227,10 @@ def _corrected(start: SteadySolution, height: float, weights: Callable[[int], Ar
 
 
 def _jacobian(now: SteadySolution, mean: Array | None, last: float) -> "scipy.sparse.linalg.LinearOperator":
-    """Return the derivatives of Babenko's equation, then of the height, by eta and by b."""
+    """Return the Jacobian of Babenko's equation and of the height with respect to eta and b."""
     strip, eta, b = now.strip, now.eta, now.b
     K_eta = strip.multiply(strip.K, eta)
-    by_depth = np.append(0.0, strip.k[1:] ** 2 - strip.K[1:] ** 2)  # dK/dD; D takes part in the mean of eta
+    by_depth = np.append(0.0, strip.k[1:] ** 2 - strip.K[1:] ** 2)  # dK/dD: D depends on the mean of eta
     change = (b - eta) * strip.multiply(by_depth, eta) - 0.5 * strip.multiply(by_depth, eta**2)
 
     def of(correction: Array) -> Array:
@@ -244,7 +245,7 @@ def _jacobian(now: SteadySolution, mean: Array | None, last: float) -> "scipy.sp
 
 
 def _principal(now: SteadySolution) -> "scipy.sparse.linalg.LinearOperator":
-    """Return what nearly inverts the derivatives for short waves, sqrt(b - 2 eta) (K + 1) sqrt(b - 2 eta)."""
+    """Return a preconditioner, the inverse of sqrt(b - 2 eta) (K + 1) sqrt(b - 2 eta), exact for short waves."""
     strip, root = now.strip, np.sqrt(np.maximum(now.b - 2 * now.eta, STAGNANT))
     inverse = np.reciprocal(strip.K + 1.0)
 

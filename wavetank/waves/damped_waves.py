@@ -1,10 +1,11 @@
-"""Linear waves of one frequency where the surface potential is damped: psi_t = -g eta - gamma psi.
+"""Reflection of linear waves by damping of the surface potential, psi_t = -g eta - gamma psi.
 
-Along x, and where they do not change much over a depth, psi e^(-i omega t) of these has
+The amplitude psi(x) of a wave psi e^(-i omega t) satisfies
 
-    psi'' + (k² + i k gamma / c_g) psi = 0,
+    psi'' + (k² + i k gamma / c_g) psi = 0.
 
-exactly so in shallow water; else with the attenuation gamma / (2 c_g) of waves that are damped little.
+This is exact in shallow water. Elsewhere gamma must vary slowly over a depth, and the attenuation gamma / (2 c_g) is
+that of weak damping.
 """
 
 import numpy as np
@@ -14,10 +15,10 @@ from wavetank.waves.airy import Array
 
 
 def reflection(gamma: Array, step: float, *, omega: float, depth: float, gravity: float, end: float = 1.0) -> float:
-    """Return what part of waves [rad/s] that come from x = 0 a damping rate [1/s] and what is behind it send back.
+    """Return the reflection coefficient of damped layers for waves from x = 0 of frequency omega [rad/s].
 
-    The rate is that of layers of a width [m], shape (layers,); ``end`` is what part comes back of what has gone through
-    them, 1 of a wall. That the first layer damps is not counted.
+    ``gamma`` is the damping rate [1/s] of each layer, shape (layers,), ``step`` its width [m]. ``end`` is the
+    reflection coefficient behind the last layer, 1 for a wall. The damping within the first layer is neglected.
     """
     k = float(airy.wave_number(omega, depth, gravity))
     numbers = np.sqrt(k**2 + 1j * k / float(airy.group_velocity(k, depth, gravity)) * gamma)

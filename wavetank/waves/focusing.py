@@ -1,4 +1,4 @@
-"""Wave groups that meet, by linear theory, in one crest at a given place and time.
+"""Focused wave groups: linear theory of components whose crests coincide at a given place and time.
 
 The group is a NewWave: components of amplitude A_j = A S(f_j) / sum S (equally spaced f_j), each spread over directions
 theta_m with weights D_m, all crests together at (x_f, y_f, t_f):
@@ -6,8 +6,8 @@ theta_m with weights D_m, all crests together at (x_f, y_f, t_f):
     eta = sum A_j D_m cos(k_j cos(theta_m) (x - x_f) + k_j sin(theta_m) (y - y_f) - omega_j (t - t_f) - phase).
 
 In one direction its shape at the focus is the mean shape of a high crest in a sea of spectrum S. The phase 0 gives a
-crest, half a turn a trough. Between side walls the focus is undisturbed if each component comes straight from the
-paddle, from y_f - x_f tan(theta_m).
+crest, half a turn a trough. Between side walls the focus is undisturbed if each component reaches it from the
+paddle without reflection, from y_f - x_f tan(theta_m).
 
 Side walls at y_0 and y_1 can also be used (``ReflectedGroup``). Across the basin at x_f the group is
 
@@ -18,8 +18,8 @@ Expanded in the modes of the basin, lambda_n = n pi / (y_1 - y_0),
     T_j = sum C_jn cos(lambda_n (y - y_0)),
     eta = Re sum C_jn exp(i kappa_jn (x - x_f)) cos(lambda_n (y - y_0)) exp(-i omega_j (t - t_f)),
 
-kappa_jn = (k_j^2 - lambda_n^2)^(1/2) of progressive modes n; evanescent ones are omitted. This is exact in linear
-theory for walls from the paddle to x_f, at any angle: waves from beyond the walls come reflected.
+with kappa_jn = (k_j^2 - lambda_n^2)^(1/2) for progressive modes n; evanescent modes are omitted. This is exact in
+linear theory for walls from the paddle to x_f, at any angle: the walls reflect the waves of the images.
 
 Sources: P. S. Tromans, A. R. Anaturk, P. Hagemeijer, "A new model for the kinematics of large ocean waves", ISOPE 1991;
 R. A. Dalrymple, "Directional wavemaker theory with sidewall reflection", J. Hydraulic Research 27, 1989.
@@ -37,7 +37,7 @@ from wavetank.waves.plane_waves import PlaneWaves
 from wavetank.waves.spectra import Spectrum
 
 Complex = NDArray[np.complex128]
-LATE = 0.02  # of the crest: components that may leave before the ramp ends
+LATE = 0.02  # largest part of the crest amplitude whose components leave the paddle before the ramp ends
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Fan:
     count
         Number of directions; a single one is theta = 0.
     exponent
-        s.
+        Exponent s.
     """
 
     largest: float = 0.0
@@ -92,9 +92,9 @@ class FocusedGroup:
     depth, gravity
         Still-water depth [m] and gravity [m/s^2].
     phase
-        At the focus [rad].
+        Phase at the focus [rad].
     fan
-        Directions.
+        Directions of the components.
     """
 
     amplitude: float
@@ -136,7 +136,7 @@ class FocusedGroup:
 
     @property
     def sources(self) -> tuple[float, float]:
-        """The lowest and the highest y [m] of the paddle from which a component goes straight to the focus."""
+        """Lowest and highest y [m] at the paddle from which components reach the focus without reflection."""
         offset = self.focus_x * np.tan(self.fan.angles)
         return float(self.focus_y - offset.max()), float(self.focus_y - offset.min())
 
@@ -148,8 +148,8 @@ class FocusedGroup:
     def earliest_focus(self, ramp: float) -> float:
         """Return the earliest focus time [s] that a ramp of length ``ramp`` [s] allows.
 
-        A component leaves the paddle, about a peak period more or less, its own travel time before the focus; short
-        and oblique waves travel longest. At most ``LATE`` of the crest may have to leave before the ramp ends.
+        A component leaves the paddle its travel time before the focus, within about a peak period. Short and oblique
+        waves have the longest travel times. At most ``LATE`` of the crest may leave before the ramp ends.
         """
         travel = self.focus_x / np.multiply.outer(self.group_velocities, np.cos(self.fan.angles))
         return ramp + _longest(travel, self.crest_amplitudes) + 1.0 / self.spectrum.peak_frequency
@@ -170,7 +170,10 @@ class FocusedGroup:
 
 
 def _longest(travel: Array, amplitudes: Array) -> float:
-    """Return the travel time [s] that components with at most ``LATE`` of the amplitude exceed; of one shape."""
+    """Return the travel time [s] that is exceeded by components with at most ``LATE`` of the total amplitude.
+
+    Both arrays have the same shape.
+    """
     slowest_first = np.argsort(-travel, axis=None)
     fractions = np.cumsum(amplitudes.ravel()[slowest_first]) / amplitudes.sum()
     return float(travel.ravel()[slowest_first[np.searchsorted(fractions, LATE)]])
@@ -194,19 +197,19 @@ class ReflectedGroup:
 
     @cached_property
     def across(self) -> Array:
-        """lambda_n [rad/m], shape (modes,), of all that are progressive at the highest frequency."""
+        """lambda_n [rad/m], shape (modes,), of the modes that are progressive at the highest frequency."""
         first = np.pi / (self.y_max - self.y_min)
         return np.asarray(first * np.arange(int(self.group.k[-1] / first) + 1), dtype=np.float64)
 
     @cached_property
     def along(self) -> Array:
-        """kappa_jn [rad/m], shape (components, modes); 0 of evanescent modes."""
+        """kappa_jn [rad/m], shape (components, modes); 0 for evanescent modes."""
         squares = np.subtract.outer(self.group.k**2, self.across**2)
         return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
     @cached_property
     def crests(self) -> Complex:
-        """C_jn [m], shape (components, modes); 0 of evanescent modes."""
+        """C_jn [m], shape (components, modes); 0 for evanescent modes."""
         group, width = self.group, self.y_max - self.y_min
         start = group.crest_amplitudes * np.exp(1j * (group.k_y * (self.y_min - group.focus_y) - group.phase))
         sums = (self._mean(np.add.outer(group.k_y, sign * self.across), width) for sign in (1.0, -1.0))
@@ -218,9 +221,10 @@ class ReflectedGroup:
         return np.asarray(np.exp(0.5j * k * width) * np.sinc(k * width / (2.0 * np.pi)))
 
     def earliest_focus(self, ramp: float) -> float:
-        """Return the earliest focus time [s] that a ramp [s] allows, as of a ``FocusedGroup``.
+        """Return the earliest focus time [s] that a ramp [s] allows, by the rule of ``FocusedGroup``.
 
-        The fractions of the crest are those of the modes at the focus; mode n is slower by kappa_jn / k_j.
+        The amplitudes are those of the modes at the focus. The group velocity of mode n along x is that of the
+        component times kappa_jn / k_j.
         """
         group = self.group
         speeds = group.group_velocities[:, None] * self.along / group.k[:, None]

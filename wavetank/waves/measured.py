@@ -1,7 +1,7 @@
-"""Waves by measured data: components listed in a file, and those of a record of the surface at one place.
+"""Wave components from measured data: from a list in a file, or from a record of the elevation at one place.
 
-A record, its mean removed and its ends tapered, is followed by still water of the same length, so that the waves of its
-end do not come before its beginning. Its Fourier components within a band are the waves.
+The mean of a record is removed, its ends are tapered, and still water of the same length follows it. Thus waves of its
+end do not precede its beginning. The wave components are its Fourier components within a frequency band.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ MAX_COMPONENTS = 10_000
 
 
 class Components(NamedTuple):
-    """Waves by their frequencies [Hz], amplitudes [m], phases [rad] and angles to x [rad], shape (N,) each."""
+    """Wave components: frequencies [Hz], amplitudes [m], phases [rad], angles to the x axis [rad], shape (N,) each."""
 
     frequencies: Array
     amplitudes: Array
@@ -28,18 +28,18 @@ class Components(NamedTuple):
 
 
 def read_components(path: Path, columns: Sequence[str]) -> Components:
-    """Return the components that are not 0; angles are 0 where no column has them.
+    """Return the components of nonzero amplitude in a file; angles are 0 if there is no column of directions.
 
     Parameters
     ----------
     path
         The file.
     columns
-        What is in its columns: "frequency" [Hz] or "omega" [rad/s], "amplitude", "phase" or "lag", its
-        opposite, "direction" [deg], and what else there is.
+        Quantities of its columns: "frequency" [Hz] or "omega" [rad/s], "amplitude", "phase" or its negative "lag",
+        "direction" [deg]; others are ignored.
 
-    Raises ``InputError`` naming the file and the line if it cannot be read, if a row is not that many finite numbers,
-    if a frequency is not positive, or where no component is left, or more than ``MAX_COMPONENTS``.
+    Raises ``InputError`` that names file and line if the file cannot be read, if a row does not have a finite number
+    for each column, if a frequency is not positive, or if there is no component, or more than ``MAX_COMPONENTS``.
     """
     allowed = f"allowed are {len(columns)} finite numbers: {', '.join(columns)}"
     _, values, lines = read_columns(path, columns=len(columns), allowed=allowed)
@@ -60,21 +60,21 @@ def read_components(path: Path, columns: Sequence[str]) -> Components:
     return Components(f[selected], by_name["amplitude"][selected], phase[selected], angles[selected])
 
 
-TAPERED = 0.02  # of the record, at either end
-MAX_ROWS = 2**18  # of the record
+TAPERED = 0.02  # tapered fraction of the record at each end
+MAX_ROWS = 2**18  # largest number of samples
 
 
-class WishedSurface(NamedTuple):
-    """Components a cos(2 pi f (t - begin) + phase).
+class TargetElevation(NamedTuple):
+    """A target elevation as a sum of components a cos(2 pi f (t - begin) + phase).
 
     Attributes
     ----------
     frequencies, amplitudes, phases
-        [Hz], [m] and [rad], shape (N,).
+        f [Hz], a [m] and phase [rad], shape (N,).
     begin, length
-        When the record begins, and how long it is [s]; its waves come again after twice as long.
+        Start and duration of the record [s]; the period of the sum is twice the duration.
     mean_frequency
-        Of its energy [Hz].
+        Mean frequency of its energy [Hz].
     """
 
     frequencies: Array
@@ -85,11 +85,11 @@ class WishedSurface(NamedTuple):
     mean_frequency: float
 
 
-def wished_surface(t: Array, eta: Array, *, band: tuple[float | None, float | None]) -> WishedSurface:
-    """Return the components of elevations [m] at times t [s], shape (N,), ascending.
+def target_elevation(t: Array, eta: Array, *, band: tuple[float | None, float | None]) -> TargetElevation:
+    """Return the components of elevations [m] at ascending times t [s], shape (N,).
 
-    The band are the lowest and the highest frequency [Hz], by default a quarter and four times the mean. Raises
-    ``InputError`` where there are no waves in it, too many, or a record too long for them.
+    ``band`` has the lowest and the highest frequency [Hz], by default a quarter of and four times the mean frequency.
+    Raises ``InputError`` if the band has no waves or too many components, or if the record is too long.
     """
     rows = int(np.ceil(np.ptp(t) / np.diff(t).min() * (1 - 1e-9))) + 1
     if rows > MAX_ROWS:
@@ -111,6 +111,6 @@ def wished_surface(t: Array, eta: Array, *, band: tuple[float | None, float | No
     if not (0 < selected.sum() <= MAX_COMPONENTS and energy[selected].sum() > 0.0):
         received = f"{selected.sum()} components from {lowest:g} to {highest:g} Hz received"
         raise InputError(f"{received}; allowed are 1 to {MAX_COMPONENTS}, and waves among them.")
-    return WishedSurface(
+    return TargetElevation(
         f[selected], np.abs(lines[selected]), np.angle(lines[selected]), float(even[0]), float(np.ptp(t)), mean
     )

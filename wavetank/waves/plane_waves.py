@@ -1,4 +1,4 @@
-"""Linear waves as a sum of plane waves, each in its own direction: the target of paddles."""
+"""Linear waves as a sum of plane waves of any direction: the target of paddles."""
 
 from dataclasses import dataclass
 
@@ -10,14 +10,14 @@ from wavetank.waves.airy import Array, wave_number
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlaneWaves:
-    """eta = Re sum A exp(i (k_x x + k_y y - omega t)), with omega² = g k tanh(k d).
+    """The waves eta = Re sum A exp(i (k_x x + k_y y - omega t)), with omega² = g k tanh(k d).
 
     Attributes
     ----------
     amplitudes
         A [m], complex, shape (N,).
     k_x, k_y, omega
-        Wave numbers [rad/m] and angular frequencies [rad/s], shape (N,); waves go to where (k_x, k_y) points.
+        Wave numbers [rad/m] and angular frequencies [rad/s], shape (N,); a wave propagates in the direction (k_x, k_y).
     depth, gravity
         Still-water depth d [m] or ``inf``, and gravity g [m/s²].
     """
@@ -30,7 +30,7 @@ class PlaneWaves:
     gravity: float
 
     def elevation(self, x: ArrayLike, t: ArrayLike = 0.0, *, y: ArrayLike = 0.0) -> Array:
-        """Return the elevation [m]; memory is the number of waves times that of places."""
+        """Return the elevation [m]; the memory is proportional to the number of waves times the number of points."""
         return np.asarray((self._phasors(x, t, y) @ self.amplitudes).real)
 
     def potential(self, x: ArrayLike, t: ArrayLike = 0.0, *, y: ArrayLike = 0.0) -> Array:
@@ -55,10 +55,10 @@ def waves_along(
     angles: ArrayLike = 0.0,
     y: float = 0.0,
 ) -> PlaneWaves:
-    """Return waves along x, or at angles to it [rad], that are sum a cos(omega (t - time) + phase) at (x, y).
+    """Return the waves whose elevation at (x, y) is sum a cos(omega (t - time) + phase).
 
-    Frequencies [Hz], amplitudes [m] and phases [rad] of one shape, (N,), angles of that or one for all; x, y [m],
-    time [s], depth [m], gravity [m/s²].
+    Frequencies [Hz], amplitudes [m] and phases [rad] have shape (N,), angles to the x axis [rad] (N,) or (). x, y and
+    depth are in m, time in s, gravity in m/s².
     """
     omega = np.asarray(2.0 * np.pi * np.asarray(frequencies, dtype=np.float64))
     k = wave_number(omega, depth, gravity)

@@ -1,11 +1,12 @@
-"""The solitary wave: Babenko's equation by Petviashvili's iteration, of the highest waves by Newton's method.
+"""The solitary wave: Babenko's equation by Petviashvili's iteration, for the highest waves by Newton's method.
 
     L eta = N(eta),   L = c^2 K - g,   N = g [ eta K eta + 1/2 K(eta^2) ],
     eta <- S^2 L^-1 N(eta),   S = <eta, L eta> / <eta, N(eta)>,
 
-S being 1 on the solution; its exponent is that of a quadratic N. The speed that gives the height is found by the secant
-method from the series of Fenton 1972 (J. Fluid Mech. 53). Towards the highest wave that gets slow, and from H/d = 0.796
-on higher waves are slower: there Newton's method finds shape and speed of a height, stepping up from lower ones.
+S is 1 at the solution; its exponent 2 is that of a quadratic N. The secant method determines the speed for a height. It
+starts from the series of Fenton 1972 (J. Fluid Mech. 53). The iteration converges slowly near the highest wave, and
+above H/d = 0.796 the speed decreases with the height. There Newton's method solves for shape and speed at a height, by
+continuation from lower waves.
 
 Sources: D. Dutykh and D. Clamond, "Efficient computation of steady solitary gravity waves", Wave Motion 51, 2014; V. I.
 Petviashvili, Sov. J. Plasma Phys. 2, 1976; those of ``conformal.py``.
@@ -22,17 +23,17 @@ from wavetank.waves.airy import Array
 from wavetank.waves.conformal import SPLINE_DEGREE, Shape, SteadySolution, SteadyWave, Strip, at_height
 
 HIGHEST_SOLITARY = 0.8  # relative to the depth; the highest wave has 0.833
-ITERATED, STEP = 0.7, 0.02  # relative to the depth: up to where by iteration, and how far apart above
-DECAY = 37.0  # e-foldings of the tail that are computed: to round-off
-RESOLVED = 1e-10  # Bernoulli residual that is not refined further
-FEWEST, MOST = 1024, 16384  # intervals of half the wave
+ITERATED, STEP = 0.7, 0.02  # relative to the depth: largest height for the iteration, steps of continuation above
+DECAY = 37.0  # length of the computed tail in e-foldings: to round-off
+RESOLVED = 1e-10  # Bernoulli residual at which the grid is fine enough
+FEWEST, MOST = 1024, 16384  # least and largest number of intervals of half the wave
 
 
 @lru_cache(maxsize=16)  # a run evaluates its start many times
 def solitary_wave(height: float, *, depth: float, gravity: float = 9.81) -> SteadyWave:
     """Return the solitary wave of a height above still water [m], in a depth [m]; gravity in m/s².
 
-    The potential is odd; it rises by c (x - xi) from one end to the other. Raises ``InputError`` for a height that is
+    The potential is odd in x. Raises ``InputError`` for a height that is
     not below ``HIGHEST_SOLITARY`` depths.
     """
     if not 0.0 < height <= HIGHEST_SOLITARY * depth:

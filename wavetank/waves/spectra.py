@@ -21,14 +21,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Spectrum:
-    """The shape S(f) of a spectrum; its size does not matter.
+    """The shape S(f) of a spectrum, up to a factor.
 
     Attributes
     ----------
     peak_frequency
-        The frequency of the largest S [Hz], before factors of the depth.
+        Frequency of the largest S [Hz], without the factor of finite depth.
     density
-        S at frequencies f [Hz], positive, up to a factor.
+        Function that returns S at frequencies f > 0 [Hz].
     """
 
     peak_frequency: float
@@ -55,9 +55,9 @@ def jonswap(peak: float, gamma: float = 3.3) -> Spectrum:
 def tma(deep: Spectrum, depth: float, gravity: float) -> Spectrum:
     """Return a JONSWAP spectrum in a depth [m]: times tanh^2(k d) / (1 + 2 k d / sinh 2 k d).
 
-    Its peak is a little above that of ``deep``. Source: E. Bouws, H. Guenther, W. Rosenthal and C. L. Vincent,
-    "Similarity of the wind wave spectrum in finite depth water", J. Geophysical Research 90, 1985; the factor is that
-    of S. A. Kitaigorodskii et al., J. Physical Oceanography 5, 1975.
+    Its peak frequency is slightly higher than that of ``deep``. Source: E. Bouws, H. Guenther, W. Rosenthal and C. L.
+    Vincent, "Similarity of the wind wave spectrum in finite depth water", J. Geophysical Research 90, 1985; the factor
+    is that of S. A. Kitaigorodskii et al., J. Physical Oceanography 5, 1975.
     """
 
     def density(f: Array) -> Array:

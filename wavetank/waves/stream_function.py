@@ -1,10 +1,10 @@
-"""Periodic waves of permanent form: what a stream-function wave (Rienecker and Fenton 1981) approaches, exactly.
+"""Periodic waves of permanent form: the limit of stream-function waves (Rienecker and Fenton 1981) of infinite order.
 
-Babenko's equation for a given height by Newton's method in conformal variables, stepping up in height and refining the
-points until Bernoulli's equation holds between them, too. Corrections are found by GMRES; about the short waves' part
-of the equation, whose coefficient vanishes at the crest of the highest wave, it takes 15 iterations for any wave, on
-any number of points. A series in x stops at 1e-5 for steep waves, or settles on waves with several crests; this
-reaches 1e-10.
+Newton's method solves Babenko's equation in conformal variables for a given height, by continuation from lower waves.
+The grid is refined until Bernoulli's equation holds between its points. GMRES solves for the corrections. Its
+preconditioner is the part of the equation that dominates for short waves; it needs 15 iterations for any wave and any
+number of points. The residual reaches 1e-10. A Fourier series in x stops at 1e-5 for steep waves or converges to waves
+with several crests.
 
 Sources: those of ``conformal.py``; for the maximum height J. D. Fenton, "Nonlinear wave theories", The Sea 9, 1990,
 equation (32), which fits J. M. Williams, Phil. Trans. R. Soc. A 302, 1981.
@@ -21,11 +21,11 @@ from wavetank.base.errors import InputError
 from wavetank.waves.airy import Array
 from wavetank.waves.conformal import SPLINE_DEGREE, Shape, SteadySolution, SteadyWave, Strip, at_height
 
-STEP = 0.1  # in height, relative to the maximum: so close, and closer as it comes near, waves keep to one crest
-RESOLVED, ACCEPTED, HOPELESS = 1e-10, 1e-9, 1.0  # Bernoulli residuals: fine enough; still a wave; not to be cured
-FEWEST, MOST = 64, 8192  # intervals of half a wave length: for waves of LONG depths to begin with; at most
+STEP = 0.1  # largest step of continuation, relative to the maximum height: waves have one crest
+RESOLVED, ACCEPTED, HOPELESS = 1e-10, 1e-9, 1.0  # Bernoulli residuals: target, largest accepted, no convergence
+FEWEST, MOST = 64, 8192  # intervals of half a wave length: first for each LONG depths, and at most
 LONG = 16.0
-SHALLOWEST = 1.0 - 1e-15  # parameter m of the elliptic functions, which is 1 for a solitary wave
+SHALLOWEST = 1.0 - 1e-15  # largest parameter m of the elliptic functions; m = 1 is a solitary wave
 
 
 def maximum_height(length: float, depth: float) -> float:
@@ -39,8 +39,8 @@ def maximum_height(length: float, depth: float) -> float:
 def stream_function_wave(height: float, length: float, *, depth: float, gravity: float = 9.81) -> SteadyWave:
     """Return the wave of a height, crest above trough [m], and length [m], without mean Eulerian current.
 
-    Depth is that of still water [m], gravity in m/s². Raises ``InputError`` if there is no such wave, or none that
-    ``MOST`` intervals resolve.
+    ``depth`` is the still-water depth [m], gravity is in m/s². Raises ``InputError`` if there is no such wave, or if
+    ``MOST`` intervals do not resolve it.
     """
     highest = maximum_height(length, depth)
     if not 0.0 < height < highest:
@@ -64,7 +64,7 @@ def _periodic(x: Array, values: Array) -> Shape:
 
 
 def _strip(length: float, eta: Array) -> Strip:
-    """Return the strip that belongs to an elevation."""
+    """Return the strip of an elevation."""
     intervals = eta.size - 1
     return Strip(length, 1.0 + float(_weights(intervals) @ eta), mean=0.0, intervals=intervals)
 
@@ -77,7 +77,7 @@ def _weights(intervals: int) -> Array:
 
 
 def _cnoidal_wave(height: float, length: float) -> SteadySolution:
-    """Return H cn^2(2 K x / length), H length^2 = 16/3 m K(m)^2: the wave in shallow water, in deep water a cosine."""
+    """Return H cn^2(2 K x / length), H length^2 = 16/3 m K(m)^2: cnoidal in shallow water, a cosine in deep water."""
 
     def excess(m: float) -> float:
         return float(m * scipy.special.ellipk(m) ** 2 - 3.0 / 16.0 * height * length**2)
@@ -88,4 +88,4 @@ def _cnoidal_wave(height: float, length: float) -> SteadySolution:
     eta -= _weights(intervals) @ eta
     now = SteadySolution(_strip(length, eta), eta, 0.0)
     K_eta = now.strip.multiply(now.strip.K, eta)
-    return replace(now, b=-float(K_eta @ now.babenko() / (K_eta @ K_eta)))  # the best in the mean square
+    return replace(now, b=-float(K_eta @ now.babenko() / (K_eta @ K_eta)))  # least squares

@@ -1,16 +1,16 @@
-"""Linear wavemaker theory: how high a wave a paddle makes.
+"""Linear wavemaker theory: the transfer function from paddle motion to wave height.
 
-A paddle stands at x = f(z) X(t), with f = 1 at the height where its motion X is told. With X = Re(b exp(-i omega t))
-the water's potential is, by eigenfunctions,
+The position of a paddle is x = f(z) X(t), with f = 1 at the height to which its motion X refers. For
+X = Re(b exp(-i omega t)) the expansion of the potential in eigenfunctions is
 
     phi = Re sum_j P_j cosh k_j (z + d) / cosh k_j d exp(i (k_j x - omega t)),     P_j = -omega b m(k_j) / (k_j N(k_j)),
     m(k) = int f cosh k (z + d) / cosh k d dz,     N(k) = int (cosh k (z + d) / cosh k d)^2 dz,
 
-k_0 > 0 the wave that travels, k_j = i kappa_j those that die out (``modes``). The first is, far from the paddle,
+with k_0 > 0 for the progressive wave and k_j = i kappa_j for evanescent modes (``modes``). Far from the paddle,
 
     eta = Re(-i c b exp(i (k x - omega t))),     c = tanh(k d) m / N,
 
-so that at the paddle the elevation is in phase with the paddle's velocity.
+so that the elevation at the paddle is in phase with the paddle's velocity.
 
 Source: F. Biesel and F. Suquet, "Les appareils generateurs de houle en laboratoire", La Houille Blanche 6, 1951;
 Dean and Dalrymple 1991, section 6.3.
@@ -28,13 +28,13 @@ from wavetank.waves.airy import Array, relative_depth
 
 Complex = NDArray[np.complex128]
 
-EQUAL = 1e-6  # of k²: wave numbers that differ by less are equal
-CLOSE = 1e-2  # of q d: below it, series of fourth order are more accurate than differences
-POINTS = 200  # of Gauss' rule over the depth
+EQUAL = 1e-6  # relative difference of k² below which wave numbers are equal
+CLOSE = 1e-2  # q d below which series of fourth order are more accurate than differences
+POINTS = 200  # points of the Gauss rule over the depth
 
 
 class Wavemaker(ABC):
-    """The shape f(z) of a paddle; wave numbers [rad/m] of any shape, the depth [m] or ``inf``."""
+    """The mode shape f(z) of a paddle; wave numbers [rad/m] have any shape, the depth [m] may be ``inf``."""
 
     @abstractmethod
     def mode_shape(self, z: ArrayLike, depth: float) -> Any:
@@ -46,22 +46,22 @@ class Wavemaker(ABC):
 
     @abstractmethod
     def moment(self, k: ArrayLike, depth: float) -> Any:
-        """Return m(k) [m], real of a real k, complex of a complex one."""
+        """Return m(k) [m]; it is complex if k is complex."""
 
     @abstractmethod
     def displaced(self, k: ArrayLike, K: ArrayLike, depth: float) -> Any:
-        """Return int (f p_xx - f' p_z) cosh K (z + d) / cosh K d dz [1/m] of p = cosh k (z + d) / cosh k d exp(i k x).
+        """Return the second-order flux of a mode k through the displaced paddle, projected onto a mode K [1/m].
 
-        It is the second-order flux of a mode k through the displaced paddle, in a mode K.
+        It is int (f p_xx - f' p_z) cosh K (z + d) / cosh K d dz with p = cosh k (z + d) / cosh k d exp(i k x).
         """
 
     def volume(self, depth: float) -> float:
-        """Return int f dz over the depth [m], to 1e-4 where f has a kink."""
+        """Return int f dz over the depth [m], with an error of 1e-4 if f has a kink."""
         z, weights = _gauss(depth)
         return float(weights @ self.mode_shape(z, depth))
 
     def transfer(self, k: ArrayLike, depth: float) -> Array:
-        """Return c, the height of the wave over the paddle's stroke, for wave numbers k > 0."""
+        """Return c, wave height over stroke, for wave numbers k > 0."""
         kd = relative_depth(k, depth)
         tanh = np.tanh(kd)
         twice_norm = kd / np.cosh(kd) ** 2 + tanh  # 2 k N
@@ -70,7 +70,7 @@ class Wavemaker(ABC):
 
 @dataclass(frozen=True)
 class PistonShape(Wavemaker):
-    """f = 1, for which c = 2 (cosh 2kd - 1) / (sinh 2kd + 2kd)."""
+    """The mode shape of a piston, f = 1; c = 2 (cosh 2kd - 1) / (sinh 2kd + 2kd)."""
 
     def mode_shape(self, z: ArrayLike, depth: float) -> Any:
         """Return ones."""
@@ -85,7 +85,7 @@ class PistonShape(Wavemaker):
         return np.tanh(_limited(k, depth)) / k
 
     def displaced(self, k: ArrayLike, K: ArrayLike, depth: float) -> Any:
-        """Return -k² int cosh cosh dz, by the dispersion relation of both; of k = K it is -k² N."""
+        """Return -k² int cosh cosh dz, by the dispersion relation; for k = K it is -k² N."""
         k, K = np.asarray(k), np.asarray(K)
         difference = K**2 - k**2
         small = np.abs(difference) < EQUAL * np.abs(k) ** 2
@@ -98,12 +98,12 @@ PISTON = PistonShape()
 
 @dataclass(frozen=True)
 class Flap(Wavemaker):
-    """A rigid flap that turns about a hinge: f = (z - z_h) / (z_s - z_h) above it, 0 below.
+    """The mode shape of a flap that turns about a hinge: f = (z - z_h) / (z_s - z_h) above the hinge, 0 below.
 
     Attributes
     ----------
     hinge
-        Height of the hinge above the bed [m]; below it negative.
+        Height of the hinge above the bed [m]; negative below the bed.
     stroke_height
         Height above the bed [m] at which X is the position, z_s + d; None: at still water.
     """
@@ -116,7 +116,7 @@ class Flap(Wavemaker):
         return (depth if self.stroke_height is None else self.stroke_height) - self.hinge
 
     def mode_shape(self, z: ArrayLike, depth: float) -> Any:
-        """Return f at heights z [m]; of a hinge below the bed it continues below it."""
+        """Return f at heights z [m]; for a hinge below the bed it is linear at all heights."""
         above = np.asarray(z) + depth - self.hinge
         return (np.maximum(above, 0.0) if self.hinge > 0.0 else above) / self.arm(depth)
 
@@ -125,7 +125,7 @@ class Flap(Wavemaker):
         return (self.hinge - depth,) if self.hinge > 0.0 else ()
 
     def moment(self, k: ArrayLike, depth: float) -> Any:
-        """Return [l tanh(k d) / k - (1 - cosh k e / cosh k d) / k²] / arm, l = d - hinge, e the hinge above the bed."""
+        """Return [l tanh(k d) / k - (1 - cosh k e / cosh k d) / k²] / arm, l = d - hinge, e = max(hinge, 0)."""
         low, _ = _below(k, self._lowest, depth)
         above = (depth - self.hinge) * np.tanh(_limited(k, depth)) / k
         return (above - (1.0 - low) / np.square(k)) / self.arm(depth)
@@ -135,7 +135,7 @@ class Flap(Wavemaker):
         return max(0.0, self.hinge)
 
     def displaced(self, k: ArrayLike, K: ArrayLike, depth: float) -> Any:
-        """Return -k² int f cosh cosh dz - k int f' sinh cosh dz, by the sums and differences of k and K."""
+        """Return -k² int f cosh cosh dz - k int f' sinh cosh dz, from sums and differences of k and K."""
         k, K = np.asarray(k), np.asarray(K)
         (low_k, rise_k), (low_K, rise_K) = (_below(one, self._lowest, depth) for one in (k, K))
         tanh_k, tanh_K = (np.tanh(_limited(one, depth)) for one in (k, K))
@@ -157,12 +157,12 @@ class Flap(Wavemaker):
 
 @dataclass(frozen=True)
 class ProfileShape(Wavemaker):
-    """Any shape, its integrals by Gauss' rule.
+    """A mode shape given as a function; integrals are by the Gauss rule.
 
     Attributes
     ----------
     f, slope
-        f(z) and f'(z) [1/m] of heights z [m], shape (N,).
+        Functions f(z) and f'(z) [1/m] of heights z [m], shape (N,).
     """
 
     f: Callable[[Array], Array]
@@ -188,7 +188,7 @@ class ProfileShape(Wavemaker):
 
 
 def norm(k: ArrayLike, depth: float) -> Any:
-    """Return N(k) [m], real of a real k, complex of a complex one."""
+    """Return N(k) [m]; it is complex if k is complex."""
     tanh = np.tanh(_limited(k, depth))
     return 0.5 * (depth * (1.0 - tanh**2) + tanh / k)
 
@@ -196,7 +196,7 @@ def norm(k: ArrayLike, depth: float) -> Any:
 def modes(omega: Array, depth: float, gravity: float, *, count: int) -> Array:
     """Return kappa_j [1/m], shape (N, count), of evanescent modes, j = 1, 2, ...: omega² = -g kappa tan(kappa d).
 
-    By Newton's method for delta = j pi - kappa d in (0, pi / 2), from where it converges for all depths.
+    Newton's method solves for delta = j pi - kappa d in (0, pi / 2); it converges for all depths.
     """
     target = (np.square(omega) * depth / gravity)[:, None]
     j_pi = np.pi * np.arange(1, count + 1)
@@ -209,13 +209,13 @@ def modes(omega: Array, depth: float, gravity: float, *, count: int) -> Array:
 
 
 def _gauss(depth: float) -> tuple[Array, Array]:
-    """Return heights [m] and weights [m] of Gauss' rule over the depth."""
+    """Return points [m] and weights [m] of the Gauss rule over the depth."""
     x, weights = np.polynomial.legendre.leggauss(POINTS)
     return 0.5 * depth * (x - 1.0), 0.5 * depth * weights
 
 
 def _below(k: ArrayLike, height: Any, depth: float) -> tuple[Any, Any]:
-    """Return cosh and sinh of k times a height above the bed [m], over cosh k d."""
+    """Return cosh(k h) / cosh(k d) and sinh(k h) / cosh(k d) for heights h above the bed [m]."""
     if np.iscomplexobj(k):
         scale = np.cosh(np.asarray(k) * depth)
         return np.cosh(np.asarray(k) * height) / scale, np.sinh(np.asarray(k) * height) / scale
@@ -225,7 +225,7 @@ def _below(k: ArrayLike, height: Any, depth: float) -> tuple[Any, Any]:
 
 
 def _limited(k: ArrayLike, depth: float) -> Any:
-    """Return k d, real parts cut off where depth has no influence left."""
+    """Return k d; if k is real, it is limited to where the depth has no influence."""
     if np.iscomplexobj(k):
         return np.asarray(k) * depth
     return relative_depth(k, depth)

@@ -43,7 +43,7 @@ from wavetank.case.wall import PaddleWall
 from wavetank.output.directory import RunDirectory
 from wavetank.waves import airy
 from wavetank.waves.airy import Array, wave_number
-from wavetank.waves.measured import WishedSurface, wished_surface
+from wavetank.waves.measured import TargetElevation, target_elevation
 from wavetank.waves.plane_waves import PlaneWaves, waves_along
 
 Setting = NDArray[Any]
@@ -580,12 +580,12 @@ def _counting(target: RecordTarget, scene: Case) -> tuple[Array, Array]:
     return t[inside], eta[inside]
 
 
-def _waves_in(t: Array, eta: Array, *, band: tuple[float | None, float | None]) -> WishedSurface:
+def _waves_in(t: Array, eta: Array, *, band: tuple[float | None, float | None]) -> TargetElevation:
     """Return the waves in a record; before it the water is still from t = 0, so that no periodic copy precedes it."""
     lull = np.arange(0.0, t[0], float(np.diff(t).mean()))[:-1]
-    period = 1 / wished_surface(t, eta, band=band).mean_frequency
+    period = 1 / target_elevation(t, eta, band=band).mean_frequency
     waving = (eta - eta.mean()) * eased(t, period)
-    return wished_surface(np.append(lull, t), np.append(0 * lull, waving), band=band)
+    return target_elevation(np.append(lull, t), np.append(0 * lull, waving), band=band)
 
 
 def _middle(t: Array, eta: Array) -> float:
