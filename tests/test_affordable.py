@@ -4,8 +4,8 @@ from math import inf
 
 import pytest
 from mpi4py import MPI
+from scenes import scene
 
-from wavetank.case import Case
 from wavetank.cli import main
 from wavetank.planning import cost
 from wavetank.planning.cost import POINT, needs_of
@@ -26,15 +26,14 @@ TANKS = {name: {"type": "basin", "depth": 0.5, "layout": layout} for name, layou
 TANKS |= {"slice": {"length": 20.0, "depth": 0.5}, "ring": {"type": "ring", "length": 20.0, "depth": 0.5}}
 
 
-def scene(tank, **more):
-    numerics = {"order": 3, "vertical_order": 4, **more}
-    return Case.model_validate({"tank": tank, "run": {"duration": 5.0}, "numerics": numerics})
+def numbered(tank, **more):
+    return scene(tank, duration=5.0, numerics={"order": 3, "vertical_order": 4, **more})
 
 
 @pytest.mark.parametrize("name", TANKS)
 def test_unknowns_and_steps_are_those_of_the_built_run(name):
     """To a factor of 1.6 and of 3, without a mesh: in basins the largest frequency depends on its worst cell."""
-    asked = scene(TANKS[name], **({} if name in ("slice", "ring") else {"cell_size": 0.4}))
+    asked = numbered(TANKS[name], **({} if name in ("slice", "ring") else {"cell_size": 0.4}))
     run, waves = build_run(asked, MPI.COMM_SELF)
     needs = needs_of(asked)
     assert 1 / 1.6 < needs.unknowns / (waves.plane.size * (waves.vertical.n + 2)) < 1.6
@@ -43,59 +42,65 @@ def test_unknowns_and_steps_are_those_of_the_built_run(name):
 
 def test_memory_and_time_of_a_large_basin_are_the_measured_ones():
     """docs/scaling.md: 192 bytes an unknown of order 3, n = 8, start values kept; docs/peers.md: 0.96 us a step."""
-    layout = RECTANGLE | {"length": 166.0, "width": 166.0}
-    tank = {"type": "basin", "depth": 0.5, "layout": layout}
-    needs = needs_of(scene(tank, order=3, vertical_order=8, cell_size=0.5, dt=0.01))
+    tank = {"type": "basin", "depth": 0.5, "layout": RECTANGLE | {"length": 166.0, "width": 166.0}}
+    needs = needs_of(numbered(tank, vertical_order=8, cell_size=0.5, dt=0.01))
     assert needs.unknowns == pytest.approx(1e7, rel=0.02)
-    assert needs.memory == pytest.approx(1.92e9, rel=0.4)
-    assert needs.cpu == pytest.approx(500 * 9.6, rel=0.4)
+    assert (needs.memory, needs.cpu) == pytest.approx((1.92e9, 500 * 9.6), rel=0.4)
 
 
 WINDOW = {"name": "a", "start": [1.0, 0.0], "end": [2.0, 0.0], "columns": 4, "levels": 5, "every": 0.07}
-RECORDS = {
-    "probes": {"probes": [{"x": 1.0, "z": -0.1}], "output": {"probes_every": 3}},
-    "paddle": {"loads": [{"on": "paddle"}], "output": {"probes_every": 30, "gauges_every": 7}},
-    "window": {"windows": [{**WINDOW, "begin": 1.0, "until": 2.5}]},
-    "table": {"windows": [{**WINDOW, "format": "csv"}]},
+CSV, NETCDF = POINT["csv"], POINT["netcdf"]
+PROBE = {"probes": [{"x": 1.0, "z": -0.1}], "output": {"probes_every": 3}}
+LOADS = {"loads": [{"on": "paddle"}], "output": {"probes_every": 30, "gauges_every": 7}}
+RECORDS = {  # name: tables, schedule of their observer, points in a row, cost of writing one
+    "probes": (PROBE, EverySteps(3), 1, CSV),
+    "paddle": (LOADS, EverySteps(7), 0, CSV),
+    "window": ({"windows": [{**WINDOW, "begin": 1.0, "until": 2.5}]}, EveryTimeBetween(0.07, 1.0, 2.5), 20, NETCDF),
+    "table": ({"windows": [{**WINDOW, "format": "csv"}]}, EveryTimeBetween(0.07, 0.0, inf), 20, CSV),
 }
 
 
 @pytest.mark.parametrize("name", RECORDS)
 def test_rows_below_the_surface_are_counted(name):
     """As often as the schedules of its observers are due; the CPU time says so, and memory has a second water."""
-    dt, asked = 0.02, {"tank": TANKS["slice"], "run": {"duration": 5.0}, "numerics": {"cells": 9, "dt": 0.02}}
-    bare, watched = (Case.model_validate(asked | more) for more in ({}, RECORDS[name]))
-    output_cost, clock = cost.output_cost(watched, dt), Clock.covering(5.0, dt)
-    schedule = {
-        "probes": EverySteps(3),
-        "paddle": EverySteps(7),
-        "window": EveryTimeBetween(0.07, 1.0, 2.5),
-        "table": EveryTimeBetween(0.07, 0.0, inf),
-    }[name]
+    more, schedule, points, writing = RECORDS[name]
+    bare, watched = (
+        scene(TANKS["slice"], duration=5.0, numerics={"cells": 9, "dt": 0.02}, **parts) for parts in ({}, more)
+    )
+    found, clock = cost.output_cost(watched, 0.02), Clock.covering(5.0, 0.02)
     due = sum(schedule.due(step, clock.time(step), clock.time(step - 1)) for step in range(1 + clock.steps))
-    assert abs(output_cost.rows - due) <= 2
-    points = {
-        "probes": output_cost.rows,
-        "paddle": 0.0,
-        "window": 20 * output_cost.rows,
-        "table": 20 * output_cost.rows,
-    }[name]
-    assert output_cost.points == pytest.approx(points)
-    assert output_cost.writing == pytest.approx(points * POINT["netcdf" if name == "window" else "csv"])
+    assert abs(found.rows - due) <= 2
+    assert found.points == pytest.approx(points * found.rows)
+    assert found.writing == pytest.approx(points * found.rows * writing)
     without, needs = needs_of(bare), needs_of(watched)
-    assert needs.cpu - without.cpu == pytest.approx(needs.output) and needs.output > 2e-3 * output_cost.rows
+    assert needs.cpu - without.cpu == pytest.approx(needs.output) and needs.output > 2e-3 * found.rows
     assert needs.memory > without.memory and without.output == 0.0
 
 
-def test_run_with_days_of_rows_is_refused(tmp_path, capsys):
-    case = tmp_path / "case.toml"
-    case.write_text("[tank]\nlength = 20.0\ndepth = 1.0\n[run]\nduration = 3e5\n[numerics]\ncells = 9\ndt = 0.05\n")
+@pytest.fixture
+def run(tmp_path, capsys):
+    """Return a function that runs a case with changes: exit code, and what the command wrote to stderr."""
+
+    def run(*changes, flags=()):
+        case = tmp_path / "case.toml"
+        case.write_text("tank = {length = 20.0, depth = 1.0}\nrun.duration = 1.0\nnumerics.order = 2\n")
+        changed = [word for change in changes for word in ("--set", change)]
+        code = main(["run", str(case), *changed, "--no-plots", "--out", str(tmp_path / "run"), *flags])
+        return code, capsys.readouterr().err
+
+    return run
+
+
+def test_run_with_days_of_rows_is_refused(run):
     window = 'windows=[{name="a", start=[1.0, 0.0], end=[2.0, 0.0], columns=99, levels=50, every=0.05, format="csv"}]'
-    assert main(["run", str(case), "--set", window, "--out", str(tmp_path / "run")]) == 2
-    said = capsys.readouterr().err
-    assert "of it are for records below the surface" in said and said.count("\n") == 1
+    code, said = run("run.duration=3e5", "numerics={cells=9, dt=0.05}", window)
+    assert code == 2 and "of it are for records below the surface" in said and said.count("\n") == 1
 
 
+PADDLE = 'wall={type="piston", motion={type="sinusoid", paddle_amplitude=0.03, period=1.6}}'
+SPONGE, PLANNED = 'sponge={type="end", length=6.0}', "numerics={accuracy=0.01, order=4, vertical_order=6}"
+LAYOUT = 'tank={{type="basin", depth=1.0, layout={{type="rectangle", {}}}}}'
+FINE = "length=100.0, width=100.0, refine={x=[0.0, 100.0], y=[0.0, 100.0], factor=0.001}"
 HUGE = [
     ["numerics.cells=1000000000"],
     ["numerics.cells=10000000", "numerics.dt=1e-6"],
@@ -103,42 +108,25 @@ HUGE = [
     ["run.duration=1e9"],
     ["tank.length=1e6", "tank.depth=1e-3"],
     ["numerics.cell_size=1e-6"],
-    [
-        "numerics={accuracy=0.01, order=4, vertical_order=6}",
-        'wall={type="piston", motion={type="sinusoid", paddle_amplitude=0.03, period=1.6}}',
-        'sponge={type="end", length=6.0}',
-        "run.duration=1e9",
-    ],
-    ['tank={type="basin", depth=1.0, layout={type="rectangle", length=1e3, width=1e3}}', "numerics.cell_size=0.01"],
-    [
-        'tank={type="basin", depth=1.0, layout={type="rectangle", length=100.0, width=100.0, refine={x=[0.0, 100.0], '
-        "y=[0.0, 100.0], factor=0.001}}}",
-        "numerics.cell_size=0.1",
-    ],
+    [PLANNED, PADDLE, SPONGE, "run.duration=1e9"],
+    [LAYOUT.format("length=1e3, width=1e3"), "numerics.cell_size=0.01"],
+    [LAYOUT.format(FINE), "numerics.cell_size=0.1"],
 ]
 
 
 @pytest.mark.parametrize("changes", HUGE, ids=["; ".join(changes)[:50] for changes in HUGE])
-def test_run_of_days_or_too_much_memory_is_refused_before_it_is_built(changes, tmp_path, capsys):
-    case = tmp_path / "case.toml"
-    case.write_text("[tank]\nlength = 20.0\ndepth = 1.0\n[run]\nduration = 1.0\n[numerics]\norder = 2\n")
-    changed = [word for change in changes for word in ("--set", change)]
-    assert main(["run", str(case), *changed, "--out", str(tmp_path / "run")]) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1 and "numerics: needs about" in said and "--yes" in said
+def test_run_of_days_or_too_much_memory_is_refused_before_it_is_built(changes, run, tmp_path):
+    code, said = run(*changes)
+    assert code == 2 and said.count("\n") == 1 and "numerics: needs about" in said and "--yes" in said
     assert not (tmp_path / "run").exists()
 
 
-def test_yes_runs_what_is_refused_otherwise(tmp_path, monkeypatch, capsys):
+def test_yes_runs_what_is_refused_otherwise(run, monkeypatch):
     monkeypatch.setattr(cost, "available_memory", lambda comm: 1e6)
-    case = tmp_path / "case.toml"
-    case.write_text(
-        "[tank]\nlength = 2.0\ndepth = 1.0\n[run]\nduration = 0.1\n[numerics]\nvertical_order = 4\ncells = 3\n"
-    )
-    command = ["run", str(case), "--no-plots", "--out", str(tmp_path / "run")]
-    assert main(command) == 2
-    assert "of which 0.001 GB are free" in capsys.readouterr().err
-    assert main([*command, "--yes"]) == 0
+    small = "tank.length=2.0", "run.duration=0.1", "numerics={vertical_order=4, cells=3}"
+    code, said = run(*small)
+    assert code == 2 and "of which 0.001 GB are free" in said
+    assert run(*small, flags=["--yes"])[0] == 0
 
 
 # ---------------------------------------------------------------- how much there is

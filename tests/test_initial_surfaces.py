@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from rich.console import Console
+from scenes import scene
 
 from wavetank.base.errors import InputError
-from wavetank.case import Case
 from wavetank.case.initial import FileSurface
 from wavetank.case.reading import read_case
+from wavetank.case.tank import BasinTank
 from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run
 from wavetank.simulation.build import build_run
@@ -19,8 +20,7 @@ JONSWAP = {"type": "jonswap", "peak_period": 1.6}
 
 
 def case_of(initial, *, kind="ring", length=12.0, **more):
-    tank = {"type": kind, "length": length, "depth": 0.8}
-    return Case.model_validate({"tank": tank, "initial": initial, "run": {"duration": 0.5}, **more})
+    return scene({"type": kind, "length": length, "depth": 0.8}, duration=0.5, initial=initial, **more)
 
 
 def on(case, x):
@@ -54,14 +54,14 @@ def test_a_linear_tank_carries_the_sea_on_as_its_theory_does(tmp_path):
 
 def test_a_group_meets_in_its_crest_and_a_trough_is_one_upside_down():
     """Oracle: sum a = the crest; surface velocity omega a cosh / sinh of each, all in phase there."""
-    group = case_of({"type": "focused", "linear_crest": 0.05, "x": 4.0, "spectrum": JONSWAP}, kind="slice")
+    motion = {"type": "focused", "x": 4.0, "spectrum": JONSWAP}
+    group, trough = (case_of(motion | {"linear_crest": crest}, kind="slice") for crest in (0.05, -0.05))
     x = np.linspace(3.0, 5.0, 201)
     eta, psi = on(group, x)
     assert eta.max() == pytest.approx(0.05, rel=1e-12) and x[eta.argmax()] == pytest.approx(4.0)
     waves = group.initial.waves(group.tank)
     velocity = np.sum(9.81 * waves.k_x / angular_frequency(waves.k_x, 0.8, 9.81) * np.abs(waves.amplitudes))
     assert np.gradient(psi, x)[100] == pytest.approx(velocity, rel=1e-2)
-    trough = case_of({"type": "focused", "linear_crest": -0.05, "x": 4.0, "spectrum": JONSWAP}, kind="slice")
     assert on(trough, x)[0] == pytest.approx(-eta)
 
 
@@ -71,28 +71,24 @@ def written(path, *columns):
     return FileSurface(file=str(path))
 
 
-def test_a_file_is_followed_between_its_points(tmp_path):
+@pytest.mark.parametrize(("kind", "points"), [("slice", 121), ("ring", 120), ("ring", 121)])
+def test_a_file_is_followed_between_its_points(tmp_path, kind, points):
     """Oracle: the function that was written; along a slice, and round a ring also across its seam."""
-    x, k = np.linspace(0.0, 12.0, 121), 2 * np.pi / 12.0
-    places = np.linspace(0.03, 11.97, 50)
-    for kind, points in (("slice", x), ("ring", x[:-1]), ("ring", x)):
-        start = written(tmp_path / "start.txt", points, 0.02 * np.cos(3 * k * points), 0.1 * np.sin(k * points))
-        tank = case_of(SEA).tank if kind == "ring" else slice_of(12.0)
-        eta, psi = start.surface(tank, places, 0 * places)
-        assert eta == pytest.approx(0.02 * np.cos(3 * k * places), abs=2e-6)
-        assert psi == pytest.approx(0.1 * np.sin(k * places), abs=2e-6)
+    x, k, places = 0.1 * np.arange(points), 2 * np.pi / 12.0, np.linspace(0.03, 11.97, 50)
+    start = written(tmp_path / "start.txt", x, 0.02 * np.cos(3 * k * x), 0.1 * np.sin(k * x))
+    eta, psi = start.surface(tank_of(12.0, kind), places, 0 * places)
+    assert eta == pytest.approx(0.02 * np.cos(3 * k * places), abs=2e-6)
+    assert psi == pytest.approx(0.1 * np.sin(k * places), abs=2e-6)
     at_rest = written(tmp_path / "start.txt", x, 0.02 * np.cos(k * x))
-    assert not at_rest.surface(slice_of(12.0), places, 0 * places)[1].any()
+    assert not at_rest.surface(tank_of(12.0, kind), places, 0 * places)[1].any()
 
 
-def slice_of(length):
-    return case_of({"type": "still-water"}, kind="slice", length=length).tank
+def tank_of(length, kind="slice"):
+    return case_of({"type": "still-water"}, kind=kind, length=length).tank
 
 
 def test_a_basin_s_file_may_have_its_points_anywhere(tmp_path):
     """Oracle: the function that was written, at 2 000 random places and the corners."""
-    from wavetank.case.tank import BasinTank
-
     layout = {"type": "rectangle", "length": 4.0, "width": 2.0}
     tank = BasinTank.model_validate({"type": "basin", "depth": 0.5, "layout": layout})
     corners = [(0, 0), (4, 0), (0, 2), (4, 2)]
@@ -103,21 +99,14 @@ def test_a_basin_s_file_may_have_its_points_anywhere(tmp_path):
     assert eta == pytest.approx((0.02 * np.cos(x) * np.cos(y)).ravel(), abs=1e-4) and not psi.any()
 
 
-def test_a_file_goes_all_round_a_ring_or_is_refused(tmp_path):
-    x = np.linspace(0.0, 6.0, 61)
-    half = written(tmp_path / "start.txt", x, 0.02 * np.cos(np.pi * x / 3))
-    with pytest.raises(InputError, match=r"x from 0 to 6 m received; 6 m of a ring of 12 m"):
-        half.surface(case_of(SEA).tank, x, 0 * x)
-
-
-@pytest.mark.parametrize(("mean", "told"), [(0.02, True), (0.0, False)])
-def test_a_start_tells_where_its_mean_is(mean, told):
-    """Oracle: the mean that was added to a wave of whole lengths."""
+@pytest.mark.parametrize(("mean", "message"), [(0.02, "has a mean of +0.02 m: at rest"), (0.0, "")])
+def test_a_start_has_a_message_of_its_mean(mean, message):
+    """Oracle: the mean that was added to a wave of complete lengths."""
     start = {"type": "formula", "eta": f"{mean} + 0.01 * cos(pi * x)"}
     one = case_of(start, kind="slice", length=4.0, numerics={"cells": 8, "order": 3, "vertical_order": 4})
     run, waves = build_run(one, MPI.COMM_SELF)
     said = start_message(one, waves, run.state.q)
-    assert ("has a mean of +0.02 m: at rest" in said) if told else said == ""
+    assert message in said and bool(said) == bool(message)
 
 
 @pytest.mark.parametrize(
@@ -130,17 +119,22 @@ def test_a_start_tells_where_its_mean_is(mean, told):
     ],
 )
 def test_a_file_that_is_no_surface_is_refused(tmp_path, rows, said):
-    path = tmp_path / "start.txt"
-    path.write_text(rows)
+    (tmp_path / "start.txt").write_text(rows)
     with pytest.raises(InputError, match=said):
-        FileSurface(file=str(path)).surface(slice_of(4.0), np.array([0.5, 4.0]), np.zeros(2))
+        FileSurface(file=str(tmp_path / "start.txt")).surface(tank_of(4.0), np.array([0.5, 4.0]), np.zeros(2))
 
 
-def test_a_case_that_begins_with_a_file_says_where_it_is(tmp_path):
+def test_a_file_of_a_part_of_a_ring_is_refused(tmp_path):
+    half = written(tmp_path / "start.txt", 0.1 * np.arange(61), np.zeros(61))
+    with pytest.raises(InputError, match=r"x from 0 to 6 m received; 6 m of a ring of 12 m"):
+        half.surface(tank_of(12.0, "ring"), np.zeros(2), np.zeros(2))
+
+
+def test_a_case_that_begins_with_a_file_names_it(tmp_path):
     (tmp_path / "start.txt").write_text("0 0\n1 0\n2 0\n3 0\n")
     (tmp_path / "case.toml").write_text(
-        "[tank]\nlength = 4.0\ndepth = 0.5\n[initial]\ntype = 'file'\nfile = 'start.txt'\n[run]\nduration = 0.1\n"
-        "[numerics]\ncells = 4\nvertical_order = 4\n"
+        "tank = {length = 4.0, depth = 0.5}\ninitial = {type = 'file', file = 'start.txt'}\nrun.duration = 0.1\n"
+        "numerics = {cells = 4, vertical_order = 4}\n"
     )
     with pytest.raises(InputError, match=r"initial: .*start\.txt: does not reach x = "):
         record_run(read_case(tmp_path / "case.toml"), tmp_path / "run", comm=MPI.COMM_SELF, console=Console(quiet=True))

@@ -10,6 +10,7 @@ from conftest import needs_data, recorded
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpi4py import MPI
+from scenes import SLICE, scene
 from scipy.interpolate import CubicSpline
 from scipy.special import gamma as gamma_function
 
@@ -19,17 +20,9 @@ from wavetank.analysis.compare import rms
 from wavetank.base.case_model import CaseError
 from wavetank.base.errors import InputError
 from wavetank.base.formula import Formula
-from wavetank.case import Case
 from wavetank.case.reading import read_case
 from wavetank.cli import main
-from wavetank.motion import (
-    HarmonicSum,
-    exact_solitary,
-    first_order_motion,
-    goring,
-    second_order_motion,
-    sinusoid,
-)
+from wavetank.motion import HarmonicSum, exact_solitary, first_order_motion, goring, second_order_motion, sinusoid
 from wavetank.motion.recorded import read_record
 from wavetank.output.directory import RunDirectory
 from wavetank.planning.plan import STEP_RATIO, make_plan, planned
@@ -42,12 +35,12 @@ from wavetank.waves.spectra import gaussian, irregular, jonswap, tma, uniform
 from wavetank.waves.wavemaker import PISTON
 
 GRAVITY, DEPTH = 9.81, 1.0
-TANK = {"length": 20.0, "depth": DEPTH}
 
 
-def case_of(motion, *, duration=20.0, limits=None, tank=TANK, **more):
-    wall = {"type": "piston", "motion": motion} | ({} if limits is None else {"limits": limits})
-    return Case.model_validate({"tank": tank, "wall": wall, "run": {"duration": duration}} | more)
+def case_of(motion, *, duration=20.0, tank=SLICE, limits=None, **more):
+    """Return the case of a piston with a motion."""
+    wall = {"type": "piston", "motion": motion, **({"limits": limits} if limits else {})}
+    return scene(tank, duration=duration, wall=wall, **more)
 
 
 def seen(case, *, start):
@@ -95,11 +88,11 @@ def moment(spectrum, n):
     return float(spectrum.density(F) @ F**n) * (F[1] - F[0])
 
 
-def test_pierson_moskowitz_has_its_closed_moments():
+@pytest.mark.parametrize("n", [0, 1, 2])
+def test_pierson_moskowitz_has_its_closed_moments(n):
     """Of f^-5 exp(-5/4 f^-4): m0 = 1/5; m_n is (5/4)^(n/4 - 1) Gamma(1 - n/4) / 4."""
-    for n in (0, 1, 2):
-        exact = 1.25 ** (n / 4 - 1) * gamma_function(1 - n / 4) / 4
-        assert moment(jonswap(1.0, 1.0), n) == pytest.approx(exact, rel=1e-3)
+    exact = 1.25 ** (n / 4 - 1) * gamma_function(1 - n / 4) / 4
+    assert moment(jonswap(1.0, 1.0), n) == pytest.approx(exact, rel=1e-3)
 
 
 @pytest.mark.parametrize("peak", [1.0, 3.3, 6.0])
@@ -121,11 +114,26 @@ def test_tma_is_jonswap_in_deep_water_and_by_thompson_and_vincent_in_shallow():
     np.testing.assert_allclose(tma(deep, DEPTH, GRAVITY).density(f), deep.density(f) * omega**2 / 2, rtol=0.04)
 
 
+TABLE = """
+tank = {length = 20.0, depth = 1.0}
+run.duration = 9.0
+wall.type = "piston"
+[wall.motion]
+type = "irregular"
+significant_height = 0.05
+spectrum = {type = "table", file = "S.txt"}
+"""
+
+
+def read_table(folder, text):
+    """Return the case of a sea whose spectrum is in a file."""
+    (folder / "S.txt").write_text(text)
+    (folder / "case.toml").write_text(TABLE)
+    return read_case(folder / "case.toml")
+
+
 def test_a_table_s_spectrum_is_straight_between_its_rows(tmp_path):
-    (tmp_path / "S.txt").write_text("# f S\n0.4 0.0\n0.5, 2.0\n1.0 0.0\n")
-    table = {"type": "table", "file": str(tmp_path / "S.txt")}
-    motion = {"type": "irregular", "significant_height": 0.1, "spectrum": table}
-    case = case_of(motion, duration=10.0)
+    case = read_table(tmp_path, "# f S\n0.4 0.0\n0.5, 2.0\n1.0 0.0\n")
     spectrum = case.wall.motion.spectrum.build(case.tank)
     assert spectrum.peak_frequency == 0.5
     np.testing.assert_array_equal(spectrum.density(np.array([0.3, 0.45, 0.75, 1.2])), [0.0, 1.0, 1.0, 0.0])
@@ -141,15 +149,8 @@ def test_a_table_s_spectrum_is_straight_between_its_rows(tmp_path):
     ],
 )
 def test_invalid_spectrum_file_is_refused_with_line(tmp_path, text, said):
-    (tmp_path / "S.txt").write_text(text)
-    case = tmp_path / "case.toml"
-    case.write_text(
-        "[tank]\nlength = 20.0\ndepth = 1.0\n[run]\nduration = 9.0\n[wall]\ntype = 'piston'\n[wall.motion]\n"
-        "type = 'irregular'\nsignificant_height = 0.05\nspectrum = {type = 'table', file = 'S.txt'}\n"
-    )
-    with pytest.raises(InputError, match=said) as error:
-        read_case(case)
-    assert "line 11: wall.motion.spectrum.file = " in str(error.value)
+    with pytest.raises(InputError, match=rf"line 8: wall\.motion\.spectrum\.file = .*{said}"):
+        read_table(tmp_path, text)
 
 
 # ---------------------------------------------------------------- seas
@@ -173,11 +174,11 @@ def test_an_irregular_sea_has_its_height_and_its_spectrum(spectrum):
 def test_random_amplitudes_are_rayleigh_s_about_the_spectrum_s():
     """Over many seeds a² / a_spectrum² has mean 1 and variance 1."""
     f = np.linspace(0.3, 1.8, 50)
-    smooth = irregular(jonswap(0.6), f, significant_height=0.2, seed=0)[0]
-    ratios = np.array(
-        [irregular(jonswap(0.6), f, significant_height=0.2, seed=n, random_amplitudes=True)[0] for n in range(200)]
-    )
-    squares = (ratios / smooth) ** 2  # 10^4 of them
+
+    def amplitudes(seed, random):
+        return irregular(jonswap(0.6), f, significant_height=0.2, seed=seed, random_amplitudes=random)[0]
+
+    squares = (np.array([amplitudes(n, True) for n in range(200)]) / amplitudes(0, False)) ** 2  # 10^4 of them
     assert squares.mean() == pytest.approx(1.0, abs=0.04) and squares.var() == pytest.approx(1.0, abs=0.12)
 
 
@@ -188,17 +189,15 @@ FREQUENCY = float(airy.angular_frequency(K, DEPTH, GRAVITY)) / (2 * np.pi)
 
 
 def test_regular_waves_by_period_frequency_or_length_are_the_same():
-    ways = ({"period": 1 / FREQUENCY}, {"frequency": FREQUENCY}, {"wave_length": 3.0})
-    cases = [case_of(REGULAR | LINEAR | way) for way in ways]
-    motions, ramps = [case.motion() for case in cases], [case.wall.motion.ramp_in(case.tank) for case in cases]
-    t = np.linspace(0.0, 20.0, 40)
-    assert ramps == pytest.approx(3 * [2 / FREQUENCY])
-    for motion in motions:
-        np.testing.assert_allclose(motion.position(t), motions[0].position(t), atol=1e-12)
-    # c = H / S of a piston: the paddle goes H / (2 c) to either side, as a sine
+    """C = H / S of a piston: the paddle goes H / (2 c) to either side, as a sine."""
     expected = sinusoid(0.02 / float(PISTON.transfer(K, DEPTH)), 1 / FREQUENCY)
-    late = t[t > ramps[0]]
-    np.testing.assert_allclose(motions[0].position(late), expected.position(late), atol=1e-12)
+    t, late, motions = np.linspace(0.0, 20.0, 40), np.linspace(2.1 / FREQUENCY, 20.0, 40), []
+    for key in ({"period": 1 / FREQUENCY}, {"frequency": FREQUENCY}, {"wave_length": 3.0}):
+        case = case_of(REGULAR | LINEAR | key)
+        motions.append(case.motion())
+        assert case.wall.motion.ramp_in(case.tank) == pytest.approx(2 / FREQUENCY)
+        np.testing.assert_allclose(motions[-1].position(t), motions[0].position(t), atol=1e-12)
+        np.testing.assert_allclose(motions[-1].position(late), expected.position(late), atol=1e-12)
 
 
 def test_two_waves_are_the_sum_of_each():
@@ -235,48 +234,41 @@ def test_a_peak_by_its_period_is_that_by_its_frequency():
 
 def test_components_of_a_file_meet_where_they_were_published_to():
     """Vyzikas et al. 2018: a linear crest of 0.1516 m at x = 14.1 m, t = 64 s (the target was 0.154 m)."""
-    motion = {
-        "type": "components",
-        "file": "data:vyzikas_2018_focused_components/datwaves.txt",
-        "columns": ["amplitude", "omega", "phase", "other"],
-        "x": 14.1,
-        "time": 64.0,
-        "scale": 0.154 / 0.05,
-    }
     needs_data("vyzikas_2018_focused_components", "datwaves.txt")
-    target = waves(motion)
+    file = {"type": "components", "file": "data:vyzikas_2018_focused_components/datwaves.txt"}
+    columns = {"columns": ["amplitude", "omega", "phase", "other"], "scale": 0.154 / 0.05}
     t = np.linspace(62.0, 66.0, 401)
-    eta = target.elevation(14.1, t)
+    eta = waves(file | columns | {"x": 14.1, "time": 64.0}).elevation(14.1, t)
     assert eta.max() == pytest.approx(0.1516, abs=2e-4) and t[eta.argmax()] == pytest.approx(64.0, abs=0.03)
 
 
-def test_a_lag_is_a_phase_the_other_way(tmp_path):
+@pytest.mark.parametrize(("column", "crest"), [("phase", 2.5), ("lag", 3.5)])
+def test_a_lag_is_a_phase_the_other_way(tmp_path, column, crest):
     """In a crest at t = 3 s of a wave of 0.5 Hz a phase of pi / 2 comes half a second earlier, a lag later."""
     (tmp_path / "one.txt").write_text(f"0.5 0.02 {np.pi / 2}\n")
     motion = {"type": "components", "file": str(tmp_path / "one.txt"), "time": 3.0}
-    for column, crest in (("phase", 2.5), ("lag", 3.5)):
-        target = waves(motion | {"columns": ["frequency", "amplitude", column]})
-        assert target.elevation(0.0, crest) == pytest.approx(0.02)
+    target = waves(motion | {"columns": ["frequency", "amplitude", column]})
+    assert target.elevation(0.0, crest) == pytest.approx(0.02)
 
 
 # ---------------------------------------------------------------- formulae
-@pytest.mark.parametrize(
-    "text",
-    [
-        "0.1*sin(2*t)**2 + cos(t)/(1 + t**2) - 3",
-        "exp(-(t - 2)**2)*tan(t/4) + log(1 + t) + sqrt(t)*2**t",
-        "arctan2(sin(t), 1 + t) + hypot(t, 2) + tanh(t)*sinh(t/3)*cosh(t/3)",
-        "arcsin(t/9) + arccos(t/9) + arctan(t) + arcsinh(t) + arccosh(1 + t) + arctanh(t/9) + abs(-t)",
-        "where(t < 2, t**3, 12*t - 16) + min(t, 2*t)*max(t, t/2) + clip(t, 1, 6) + (-t)**3 + t**t",
-        "7",
-    ],
-)
+FORMULAE = [
+    "0.1*sin(2*t)**2 + cos(t)/(1 + t**2) - 3",
+    "exp(-(t - 2)**2)*tan(t/4) + log(1 + t) + sqrt(t)*2**t",
+    "arctan2(sin(t), 1 + t) + hypot(t, 2) + tanh(t)*sinh(t/3)*cosh(t/3)",
+    "arcsin(t/9) + arccos(t/9) + arctan(t) + arcsinh(t) + arccosh(1 + t) + arctanh(t/9) + abs(-t)",
+    "where(t < 2, t**3, 12*t - 16) + min(t, 2*t)*max(t, t/2) + clip(t, 1, 6) + (-t)**3 + t**t",
+    "7",
+]
+
+
+@pytest.mark.parametrize("text", FORMULAE)
 def test_derivatives_of_formulae_are_those_of_sympy(text):
     """Piece by piece, between its kinks."""
     t = sympy.Symbol("t", positive=True)
-    names = {"arcsin": "asin", "arccos": "acos", "arctan2": "atan2", "arctan": "atan", "arcsinh": "asinh"}
-    names |= {"arccosh": "acosh", "arctanh": "atanh", "abs": "Abs", "min": "Min", "max": "Max"}
-    known = {name: getattr(sympy, other) for name, other in names.items()} | {
+    arcs = {f"arc{name}": f"a{name}" for name in ("sin", "cos", "tan", "tan2", "sinh", "cosh", "tanh")}
+    known = {name: getattr(sympy, other) for name, other in (arcs | {"abs": "Abs", "min": "Min", "max": "Max"}).items()}
+    known |= {
         "hypot": lambda a, b: sympy.sqrt(a**2 + b**2),
         "where": lambda c, a, b: sympy.Piecewise((a, c), (b, True)),
         "clip": lambda a, low, high: sympy.Piecewise((low, a < low), (high, a > high), (a, True)),
@@ -318,7 +310,7 @@ def test_a_solitary_wave_of_the_tank_is_the_exact_one(generation, crest, missed,
     """H/d = 0.3, 28 depths on: crest, root mean square within 5 depths of it, the largest 8 depths behind, over H."""
     height, place = 0.3, 28.0
     motion = {"type": "solitary-wave", "height": height, "generation": generation}
-    _, surfaces = seen(case_of(motion, duration=14.0, tank=TANK | {"length": 45.0}), start=11.0)
+    _, surfaces = seen(case_of(motion, duration=14.0, tank=SLICE | {"length": 45.0}), start=11.0)
     x = np.linspace(0.0, 45.0, 4501)
     eta = min((surface(x) for surface in surfaces), key=lambda one: abs(x[one.argmax()] - place))
     from_crest = x - x[eta.argmax()]
@@ -338,23 +330,19 @@ def test_a_solitary_wave_begins_when_it_is_wanted():
 
 def test_the_paddle_for_a_target_elevation_makes_it_there(tmp_path):
     """A group as the wish: its linear waves have the record at x, and the paddle is that of the linear group."""
-    target = waves(FOCUSED)
-    t = np.arange(0.0, 24.0, 0.05)
+    target, t = waves(FOCUSED), np.arange(0.0, 24.0, 0.05)
     np.savetxt(tmp_path / "eta.csv", np.column_stack([t, target.elevation(3.0, t)]), delimiter=",")
     wish = {"type": "surface", "file": str(tmp_path / "eta.csv"), "x": 3.0, "delay": 15.0, "ramp": 3.0}
-    made = waves(wish)
-    seen = (t > 3.0) & (t < 21.0)
-    wanted = target.elevation(3.0, t[seen])
-    assert np.abs(made.elevation(3.0, t[seen] + 15.0) - wanted).max() < 0.01 * np.abs(wanted).max()
-    motion = case_of(wish, duration=30.0).motion()
-    group = first_order_motion(target, PISTON).motion()
-    paddle = group.position(t[seen])
-    assert np.abs(motion.position(t[seen] + 15.0) - paddle).max() < 0.02 * np.abs(paddle).max()
+    t = t[(t > 3.0) & (t < 21.0)]
+    wanted, paddle = target.elevation(3.0, t), first_order_motion(target, PISTON).motion().position(t)
+    assert np.abs(waves(wish).elevation(3.0, t + 15.0) - wanted).max() < 0.01 * np.abs(wanted).max()
+    made = case_of(wish, duration=30.0).motion().position(t + 15.0)
+    assert np.abs(made - paddle).max() < 0.02 * np.abs(paddle).max()
     late = r"wall\.motion\.delay = 1\.0: must be at least 5\.\d+ s: after a ramp of 3 s its waves need 2\.\d+ s to x"
-    with pytest.raises(CaseError, match=late):
-        case_of(wish | {"delay": 1.0}).motion()
-    with pytest.raises(CaseError, match=r"after a ramp of \d\.\d+ s, the default, its waves need"):
-        case_of({**wish, "ramp": None, "delay": 1.0}).motion()
+    default = r"after a ramp of \d\.\d+ s, the default, its waves need"
+    for ramp, said in ((3.0, late), (None, default)):
+        with pytest.raises(CaseError, match=said):
+            case_of(wish | {"delay": 1.0, "ramp": ramp}).motion()
 
 
 # ---------------------------------------------------------------- what is refused
@@ -363,93 +351,101 @@ SEA = {"type": "irregular", "significant_height": 0.05, "spectrum": {"type": "tm
 
 # ---------------------------------------------------------------- the paddle's signal out
 def test_the_file_for_a_wave_board_has_the_motion_and_says_what_it_needs(tmp_path, capsys):
-    out = tmp_path / "board.csv"
+    out, motion = tmp_path / "board.csv", read_case("cases/focusing.toml").motion()
     assert main(["motion", "cases/focusing.toml", "--rate", "50", "--no-ramp-down", "--out", str(out)]) == 0
     said = capsys.readouterr().out
-    case = read_case("cases/focusing.toml")
     t, X, velocity, acceleration = read_record(out)
     assert t.size == 24 * 50 + 1 and t[1] == 0.02
-    for order, values in enumerate((X, velocity, acceleration)):
-        np.testing.assert_allclose(values, case.motion().rates(t)[order], atol=1e-9)
-    stroke = float(said.split("stroke ")[1].split(" m")[0])
-    assert stroke == pytest.approx(np.ptp(X), rel=1e-3)
-    assert float(said.split("acceleration ")[1].split(" m")[0]) == pytest.approx(np.abs(acceleration).max(), rel=1e-3)
+    np.testing.assert_allclose([X, velocity, acceleration], motion.rates(t), atol=1e-9)
+    for name, needed in (("stroke", np.ptp(X)), ("acceleration", np.abs(acceleration).max())):
+        assert float(re.search(rf"{name} ([\d.]+) m", said)[1]) == pytest.approx(needed, rel=1e-3)
     assert main(["motion", "cases/focusing.toml", "--out", str(out)]) == 2
     assert "cannot be written (File exists)" in capsys.readouterr().err
     assert main(["motion", "cases/focusing.toml", "--out", str(tmp_path / "b.txt"), "--format", "txt"]) == 0
     t, X = read_record(tmp_path / "b.txt")
     run = t <= 24
-    np.testing.assert_allclose(X[run], case.motion().position(t[run]), atol=1e-9)
+    np.testing.assert_allclose(X[run], motion.position(t[run]), atol=1e-9)
     assert not run.all() and X[-1] == 0.0
 
 
-WAVES = "[tank]\nlength = 9.0\ndepth = 0.9\n[run]\nduration = {}\n[wall]\ntype = {}\n"
-REGULAR_WAVES = 'motion = {{type = "regular", height = 0.03, period = 1.3}}\n'
+@pytest.fixture
+def write(tmp_path):
+    """Return a function that writes a case of a wall with a motion and returns its path."""
+
+    def case(motion, *, duration, wall='type = "piston"', limits="limits = {}"):
+        text = f"tank = {{length = 9.0, depth = 0.9}}\nrun.duration = {duration}\n[wall]\n{wall}\n{limits}\n"
+        (tmp_path / "case.toml").write_text(f"{text}motion = {{{motion}}}\n")
+        return str(tmp_path / "case.toml")
+
+    return case
+
+
+WALLS = ['type = "piston"', 'type = "flap"\nhinge = 0.2\nstroke_height = 0.8']
 
 
 @pytest.mark.parametrize(("end", "height"), [(7.0, 0.03), (7.4, 0.03), (7.8, 0.03), (8.2, 0.0003)])
-@pytest.mark.parametrize("wall", ['"piston"', '"flap"\nhinge = 0.2\nstroke_height = 0.8'])
-def test_a_file_for_a_wave_board_ends_at_rest_within_what_the_motion_needs(wall, end, height, tmp_path, capsys):
+@pytest.mark.parametrize("wall", WALLS, ids=["piston", "flap"])
+def test_a_file_for_a_wave_board_ends_at_rest_within_what_the_motion_needs(write, wall, end, height, tmp_path, capsys):
     """At any phase and speed; until the run ends it has the motion, and of a flap the angle by X = arm tan(angle)."""
-    case, out = tmp_path / "case.toml", tmp_path / "board.csv"
-    waves = REGULAR_WAVES.replace("0.03", f"{height:f}")
-    case.write_text((WAVES + waves).format(end, wall) + "limits = {stroke = 0.2, acceleration = 5.0}\n")
-    assert main(["motion", str(case), "--out", str(out)]) == 0
+    case = write(
+        f'type = "regular", height = {height:f}, period = 1.3',
+        duration=end,
+        wall=wall,
+        limits="limits = {stroke = 0.2, acceleration = 5.0}",
+    )
+    out, flap = tmp_path / "board.csv", "flap" in wall
+    assert main(["motion", case, "--out", str(out)]) == 0
     said, names = capsys.readouterr().out, out.read_text().splitlines()[0].split(",")
     table = np.loadtxt(out, delimiter=",", skiprows=1)
     t, *rates = table.T[:4]
-    built, run = read_case(case), t <= end
-    for order, values in enumerate(rates):
-        np.testing.assert_allclose(values[run], built.motion().rates(t[run])[order], atol=1e-9)
-        assert values[-1] == pytest.approx(0.0, abs=1e-9)
-        assert np.abs(values).max() < 1.3 * np.abs(values[run]).max()
-    for order, values in enumerate(rates[:2]):  # each rate is the derivative of the one before it
-        assert np.gradient(values, t)[2:-2] == pytest.approx(
-            rates[order + 1][2:-2], abs=6e-2 * np.abs(rates[order + 1]).max()
-        )
-    assert re.search(
-        r"stroke [\d.]+ m \(limit 0\.2 m\), speed [\d.]+ m/s, acceleration [\d.]+ m/s\^2 \(limit 5 m/s\^2\)", said
-    )
-    assert ("position 0.8 m above the bed, 0.6 m above the hinge" in said) == ("flap" in wall)
-    assert names[4:] == (["angle [rad]", "height of position above bed [m]"] if "flap" in wall else [])
-    if "flap" in wall:
+    run = t <= end
+    assert t.size == read_record(out)[0].size
+    np.testing.assert_allclose(table[run, 1:4].T, read_case(case).motion().rates(t[run]), atol=1e-9)
+    assert table[-1, 1:4] == pytest.approx(0.0, abs=1e-9)
+    assert (np.abs(table[:, 1:4]).max(axis=0) < 1.3 * np.abs(table[run, 1:4]).max(axis=0)).all()
+    for values, rate in zip(rates[:2], rates[1:], strict=True):
+        assert np.gradient(values, t)[2:-2] == pytest.approx(rate[2:-2], abs=6e-2 * np.abs(rate).max())
+    needed = r"stroke [\d.]+ m \(limit 0\.2 m\), speed [\d.]+ m/s, acceleration [\d.]+ m/s\^2 \(limit 5 m/s\^2\)"
+    assert re.search(needed, said)
+    assert ("position 0.8 m above the bed, 0.6 m above the hinge" in said) == flap
+    assert names[4:] == (["angle [rad]", "height of position above bed [m]"] if flap else [])
+    if flap:
         np.testing.assert_allclose(0.6 * np.tan(table[:, 4]), table[:, 1], atol=1e-9)
         assert set(table[:, 5]) == {0.8}
-    assert t.size == read_record(out)[0].size
 
 
 @pytest.mark.parametrize(("rate", "warned"), [(1, True), (15.2, True), (18.5, False)])
-def test_a_rate_of_few_rows_in_the_shortest_period_is_warned_of(rate, warned, tmp_path, capsys):
+def test_a_rate_of_few_rows_in_the_shortest_period_is_warned_of(write, rate, warned, tmp_path, capsys):
     """Of regular waves of 1.3 s: 20 rows are 15.4 a second, and 18.1 in the ramp, whose shortest is 1.1 s."""
-    case = tmp_path / "case.toml"
-    case.write_text((WAVES + REGULAR_WAVES).format(13.0, '"piston"'))
-    assert main(["motion", str(case), "--rate", str(rate), "--out", str(tmp_path / "board.csv")]) == 0
+    case = write('type = "regular", height = 0.03, period = 1.3', duration=13.0)
+    assert main(["motion", case, "--rate", str(rate), "--out", str(tmp_path / "board.csv")]) == 0
     assert ("20 or more are needed" in capsys.readouterr().out) == warned
 
 
-def test_a_ramp_down_beyond_the_limits_of_the_drive_is_refused(tmp_path, capsys):
-    case, out = tmp_path / "case.toml", tmp_path / "board.csv"
-    case.write_text((WAVES.format(1.3, '"piston"') + 'motion = {type = "formula", position = "0.1*(1-cos(2*t))/2"}\n')
-                    + "limits = {acceleration = 0.201}\n")  # fmt: skip
-    assert main(["motion", str(case), "--out", str(out)]) == 2 and not out.exists()
+def test_a_ramp_down_beyond_the_limits_of_the_drive_is_refused(write, tmp_path, capsys):
+    motion, out = 'type = "formula", position = "0.1*(1-cos(2*t))/2"', tmp_path / "board.csv"
+    command = ["motion", write(motion, duration=1.3, limits="limits = {acceleration = 0.201}"), "--out", str(out)]
+    assert main(command) == 2 and not out.exists()
     assert "with its ramp-down; --no-ramp-down leaves that out" in capsys.readouterr().err
-    assert main(["motion", str(case), "--out", str(out), "--no-ramp-down"]) == 0
+    assert main([*command, "--no-ramp-down"]) == 0
 
 
 SHORT = ("run.duration=2.0", "numerics.dt=0.02", "numerics.cell_size=0.5", "numerics.vertical_order=4")
 
 
 def test_a_record_that_is_read_back_gives_the_same_run(tmp_path):
-    """From the file for the board, and from the table that the run itself keeps; rows at 100 Hz miss 1e-7 of it."""
+    """From the file for the board, and from the table of the run itself; rows at 100 Hz miss 1e-7 of it."""
     board = tmp_path / "board.csv"
     assert main(["motion", "cases/wavemaker.toml", "--out", str(board), "--set", "run.duration=2.0"]) == 0
-    recorded("cases/wavemaker.toml", SHORT, tmp_path / "first")
-    whole = RunDirectory(tmp_path / "first").snapshots().elevation.values
+
+    def surface(name, *changes):
+        recorded("cases/wavemaker.toml", (*SHORT, *changes), tmp_path / name)
+        return RunDirectory(tmp_path / name).snapshots().elevation.values
+
+    first = surface("first")
     for name, record in (("board", board), ("own", tmp_path / "first" / "paddle.csv")):
-        motion = f'wall.motion={{type="recorded", position="{record}"}}'
-        recorded("cases/wavemaker.toml", (*SHORT, motion), tmp_path / name)
-        again = RunDirectory(tmp_path / name).snapshots().elevation.values
-        assert np.abs(again - whole).max() < 1e-6 * np.abs(whole).max()
+        again = surface(name, f'wall.motion={{type="recorded", position="{record}"}}')
+        assert np.abs(again - first).max() < 1e-6 * np.abs(first).max()
 
 
 # ---------------------------------------------------------------- second order
@@ -508,15 +504,12 @@ def test_a_frequency_and_its_double_meet_where_modes_are_alike():
 
 
 def test_second_order_generation_gathers_equal_frequencies():
-    motion = {"type": "irregular", "significant_height": 0.05, "components": 60, "highest_frequency": 1.5}
-    motion |= {"spectrum": {"type": "jonswap", "peak_frequency": 0.6}, "generation": "second-order"}
-    case = case_of(motion)
-    wave = first_order_motion(case.wall.motion.target(case.tank), PISTON)
-    lines = second_order_motion(case.wall.motion.target(case.tank), PISTON)
-    assert lines.omega.size == 60 + 59 + 119 and np.all(np.diff(lines.omega) > 0)  # the lines, 59 differences, 119 sums
-    t = np.linspace(3.0, 9.0, 5)
-    first = Strokes(wave.omega, wave.b)
-    more = second_order(first, PISTON, depth=DEPTH, gravity=GRAVITY)
+    """60 lines with 59 differences and 119 sums of their frequencies."""
+    motion = SEA | {"components": 60, "highest_frequency": 1.5, "spectrum": {"type": "jonswap", "peak_frequency": 0.6}}
+    target = waves(motion)
+    wave, lines = first_order_motion(target, PISTON), second_order_motion(target, PISTON)
+    assert lines.omega.size == 60 + 59 + 119 and np.all(np.diff(lines.omega) > 0)
+    t, more = np.linspace(3.0, 9.0, 5), added(wave.omega, wave.b)
     expected = wave.motion().position(t) + HarmonicSum(more.omega, more.b).motion().position(t)
     np.testing.assert_allclose(lines.motion().position(t), expected, atol=1e-12)
 
@@ -563,14 +556,8 @@ def test_in_shallow_water_second_order_generation_leaves_as_little():
 @pytest.mark.slow
 def test_a_low_sea_in_the_tank_is_the_one_that_is_wanted():
     """Of Hm0 = 1 cm at two gauges, by linear theory, within 1.5 %: what is left is of second order."""
-    motion = SEA | {
-        "significant_height": 0.01,
-        "components": 200,
-        "highest_frequency": 1.2,
-        "generation": "second-order",
-    }
-    case = case_of(motion, duration=40.0, sponge={"type": "end", "length": 8.0})
-    t, surfaces = seen(case, start=15.0)
+    motion = SEA | SECOND | {"significant_height": 0.01, "components": 200, "highest_frequency": 1.2}
+    t, surfaces = seen(case_of(motion, duration=40.0, sponge={"type": "end", "length": 8.0}), start=15.0)
     for x in (3.0, 8.0):
         wanted = waves(motion).elevation(x, t)
         assert rms(np.array([eta(x) for eta in surfaces]) - wanted) < 0.015 * rms(wanted)
@@ -589,21 +576,23 @@ def test_a_plan_takes_the_second_harmonic_of_the_paddle_for_what_it_is():
 LONG = REGULAR | {"wave_length": 18.0, "height": 0.12}  # H L² / d³ = 39
 
 
-@pytest.mark.parametrize(
-    ("motion", "more", "same_as", "reason"),
-    [
-        (REGULAR | {"period": 2.0}, {}, SECOND, ""),
-        (FOCUSED, {}, SECOND, ""),
-        (SEA | {"components": 200}, {}, SECOND, ""),
-        ({"type": "bichromatic", "heights": [0.04, 0.03], "periods": [2.0, 1.6]}, {}, SECOND, ""),
-        (REGULAR | {"period": 2.0}, {"water": {"type": "linear"}}, LINEAR, ""),
-        (REGULAR | {"period": 2.0} | LINEAR, {}, LINEAR, ""),
-        (LONG, {}, LINEAR, "the bound second harmonic is 0.4"),
-        (LONG | SECOND, {}, SECOND, ""),
-        (REGULAR | {"period": 120.0}, {}, LINEAR, "k d = 0.017 of the longest wave is below 0.02"),
-        (SEA | {"components": 2001}, {}, LINEAR, "2001 components are more than 2000"),
-    ],
-)
+REGULAR_2S = REGULAR | {"period": 2.0}
+TWO = {"type": "bichromatic", "heights": [0.04, 0.03], "periods": [2.0, 1.6]}
+GENERATED = [  # motion, other tables, the generation, and why it is linear
+    (REGULAR_2S, {}, SECOND, ""),
+    (FOCUSED, {}, SECOND, ""),
+    (SEA | {"components": 200}, {}, SECOND, ""),
+    (TWO, {}, SECOND, ""),
+    (REGULAR_2S, {"water": {"type": "linear"}}, LINEAR, ""),
+    (REGULAR_2S | LINEAR, {}, LINEAR, ""),
+    (LONG, {}, LINEAR, "the bound second harmonic is 0.4"),
+    (LONG | SECOND, {}, SECOND, ""),
+    (REGULAR | {"period": 120.0}, {}, LINEAR, "k d = 0.017 of the longest wave is below 0.02"),
+    (SEA | {"components": 2001}, {}, LINEAR, "2001 components are more than 2000"),
+]
+
+
+@pytest.mark.parametrize(("motion", "more", "same_as", "reason"), GENERATED)
 def test_waves_are_generated_to_second_order_where_its_theory_holds(motion, more, same_as, reason):
     """Oracle: the motion with the key. Where the theory does not hold a line says why, in nonlinear water only."""
     one, other = (case_of(each, **more) for each in (motion, motion | same_as))
@@ -625,13 +614,12 @@ def test_second_order_generation_beyond_its_theory_is_warned_of():
 
 def test_water_that_a_plan_makes_linear_changes_the_generation():
     """Oracle: the motion with the key."""
-    low = case_of(REGULAR | {"period": 2.0, "height": 1e-4})
+    motion = REGULAR | {"period": 2.0, "height": 1e-4}
+    low = case_of(motion)
     assert low.ends[0].generation[0] == "second-order" and low.motion().position(9.0)
     found = planned(low, MPI.COMM_SELF).scene
     assert found.physics == "linear"
-    assert found.motion().position(9.0) == case_of(
-        REGULAR | LINEAR | {"period": 2.0, "height": 1e-4}
-    ).motion().position(9.0)
+    assert found.motion().position(9.0) == case_of(motion | LINEAR).motion().position(9.0)
 
 
 def test_many_components_of_uneven_frequencies_are_generated_linearly(tmp_path):
