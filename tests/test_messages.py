@@ -60,6 +60,23 @@ REFUSED = {
         {"record": "0 0\n0,5\t1,2e-3\n2,0 0,003\n3,0 0,004\n"},
         "paddle.txt, line 2: '0,5\\t1,2e-3' received: decimal commas; allowed are decimal points",
     ),
+    "a paddle beyond its reach": (
+        SLICE + '[wall]\ntype = "piston"\nmotion = {{type = "sinusoid", paddle_amplitude = 5.0, period = 2.0}}\n',
+        {"duration": 9.0},
+        "line 11: wall.motion.paddle_amplitude = 5.0: takes the paddle 5 m from rest; it must stay below 3 m",
+    ),
+    "a window outside the tank after the run": (  # all of its problems appear at once
+        '[[windows]]\nname = "a"\nstart = [5.0, 0.0]\nevery = 0.1\nbegin = 2.0\nuntil = 1.5\n' + SLICE,
+        {},
+        "start = [5.0, 0.0]: must be inside the tank, 0 to 4 m.\n"
+        "CASE, line 5: windows.0.begin = 2.0: must be before the end of the run, 1 s.\n"
+        "CASE, line 6: windows.0.until = 1.5: must be from 2 s on, its begin.",
+    ),
+    "files of both walls": (
+        SLICE + RECORD + RECORD.replace("[wall]", "[far_wall]").replace("paddle", "other"),
+        {"record": "0 0\n1 1\n"},
+        "2 rows received; at least 4 are needed for a cubic spline.\nCASE, line 14: far_wall.motion.position",
+    ),
     "a steady wave that cannot be computed": (
         RING + '[initial]\ntype = "stream-function"\nsteepness = 0.97\n',
         {},
@@ -71,8 +88,9 @@ REFUSED = {
 @pytest.mark.parametrize("which", REFUSED)
 def test_a_case_that_cannot_be_run_is_refused_with_key_and_limit(which, case, capsys):
     text, parts, said = REFUSED[which]
-    assert main(["plan", str(case(text, **parts))]) == 2
-    assert said in capsys.readouterr().err
+    path = str(case(text, **parts))
+    assert main(["plan", path]) == 2
+    assert said in capsys.readouterr().err.replace(path, "CASE")
 
 
 def formula(position: str) -> str:

@@ -376,7 +376,7 @@ DEEP = PISTON_CASE.replace("{motion}", '{ type = "regular", height = 0.04, perio
 DEEP += "[numerics]\ncell_size = 0.25\nvertical_order = 5\ndt = 0.08\n"
 BEACH = '[tank]\nlength = 4.0\ndepth = 1.0\nbed = { type = "beach", start = 2.0, slope = 0.1 }\n[run]\nduration = 1.0\n'
 BEACH += "[numerics]\naccuracy = 0.01\n"
-TOO_SHORT = "line 6: wall.motion: no vertical order resolves its waves of T = 0.05 s, 0.0039 m long in water"
+TOO_SHORT = r"line 6: wall.motion.position = .*: no vertical order resolves its waves of T = 0.05 s, 0.0039 m long"
 LEFT_OUT = "numerics.accuracy = 0.01: must be left out, then cells and vertical order follow a rule: tank."
 DEEPER = ["tank.depth=500", "tank.length=10000"]
 REFUSED = [  # case, its changes, whether plan and run refuse it, message

@@ -81,7 +81,8 @@ def renamed(key: str, name: str) -> Iterator[None]:
         raise CaseError([problem.at(key, name) for problem in error.problems]) from error
 
 
-Check = tuple[str | tuple[Key, Any], bool, str]  # a field, or key and value elsewhere; whether it fits; what is allowed
+Checked = str | tuple[Key, Any]  # a field, or key and value elsewhere
+Check = tuple[Checked, bool, str] | tuple[Checked, bool, str, bool]  # whether it fits, what is allowed, if decisive
 
 
 class CaseModel(BaseModel):
@@ -105,18 +106,23 @@ class CaseModel(BaseModel):
     def checks(self, end: Any) -> Iterator[Check]:
         """Yield what must fit the rest of the case, given as an ``EndWall``.
 
-        The first check that fails is reported and ends the iteration, so each may rely on those before it.
+        The first problem of each key is reported. A failed check of ``type``, or one whose fourth entry is true, ends
+        the iteration: later checks, and those of the models inside, may rely on it.
         """
         yield from ()
 
     def problems(self, end: Any, *key: str | int) -> list[Problem]:
-        """Return the problem of this model, at a key, or else those of the models in it."""
-        for at, fits, allowed in self.checks(end):
+        """Return the problems of this model, at a key, and of the models in it."""
+        result: dict[Key, Problem] = {}
+        for at, fits, allowed, *decisive in self.checks(end):
             if not fits:
                 where, received = ((*key, at), getattr(self, at)) if isinstance(at, str) else at
-                return [Problem(where, None if isinstance(received, CaseModel) else received, allowed)]
+                shown = None if isinstance(received, CaseModel) else received
+                result.setdefault(where, Problem(where, shown, allowed))
+                if at == "type" or any(decisive):
+                    return [*result.values()]
         inside = ((part, (*key, *more)) for part, more in self.models_inside() if not part.reads_file)
-        return [problem for part, at in inside for problem in part.problems(end, *at)]
+        return [*result.values(), *(problem for part, at in inside for problem in part.problems(end, *at))]
 
     def models_inside(self) -> Iterator[tuple["CaseModel", Key]]:
         """Yield the models in this one, also those in its lists, with their keys."""

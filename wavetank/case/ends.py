@@ -9,6 +9,7 @@ import numpy as np
 
 from wavetank.base.case_model import CaseError, Key, Problem, about, renamed
 from wavetank.case.output import FAR, PADDLE
+from wavetank.case.paddle import SIZES
 from wavetank.case.tank import BasinTank, Context, paddle_period
 from wavetank.case.wall import AnyWall
 from wavetank.motion import Array, Motion
@@ -155,8 +156,7 @@ class EndWall(Context):
         if motion.start >= self.duration:
             yield Problem(*run, f"must be more than {motion.start:g} s, where the recorded motion begins")
         if self.wall.moves:
-            yield from self._reach_problems()
-            yield from self._reached_points()
+            yield from [*self._reach_problems()] or self._reached_points()
         if self.wall.limits is not None:
             yield from self.wall.limits.exceeded(self.extent, self.key, "limits")
 
@@ -176,10 +176,11 @@ class EndWall(Context):
             return
         least = f"{reach:.4g} m{'' if self.wall.reach else ' by default'}, at most the tank's length"
         allowed = f"must stay below {largest_stroke(reach):.4g} m, 3/4 of its reach, which is {least}"
-        yield Problem((self.key, "motion"), None, f"takes the paddle {self.farthest:.4g} m from rest; it {allowed}")
+        sentence = f"takes the paddle {self.farthest:.4g} m from rest; it {allowed}"
+        yield self.wall.motion.problem(self.key, SIZES, sentence)
 
     def _reached_points(self) -> Iterator[Problem]:
-        """Yield the first gauge, probe or window that a paddle of prescribed motion reaches."""
+        """Yield each gauge, probe or window that a paddle of prescribed motion reaches."""
         prescribed = self.physics == "nonlinear" and self.wall.absorb is None
         if not prescribed or (isinstance(self.tank, BasinTank) and self.tank.layout.type != "rectangle"):
             return  # the mesh of linear water does not move
@@ -191,7 +192,6 @@ class EndWall(Context):
             position = self._unchecked.position(t, None if uniform else np.array([y])).reshape(-1)
             into = np.multiply.outer(self.wall.wavemaker.mode_shape(z, self.tank.depth), position).max(axis=0)
             if into.max(initial=0.0) > distance:
-                there = f"stands {distance:.4g} m from the paddle of {self.key} at rest, which is there at"
-                allowed = f"must stand farther from it than {into.max():.4g} m, as far as that goes"
-                yield Problem(key, None, f"{there} t = {t[np.argmax(into > distance)]:.4g} s: {allowed}")
-                return
+                reached = f"the paddle of {self.key} reaches it at t = {t[np.argmax(into > distance)]:.4g} s"
+                allowed = f"must be more than {into.max():.4g} m from the paddle at rest, not {distance:.4g} m"
+                yield Problem(key, None, f"{allowed}: {reached}")

@@ -180,7 +180,7 @@ class SpectralSurface(CaseModel):
         ends = 2 * np.pi / tank.length * np.array([1, MAX_WAVES])
         first, last = angular_frequency(ends, tank.depth, tank.gravity) / (2 * np.pi)
         allowed = f"must be from {first:.4g} Hz, of a wave as long as the tank, to {last:.4g} Hz"
-        yield "highest_frequency", bool(first < self._highest(tank) / (2 * np.pi) < last), allowed
+        yield "highest_frequency", bool(first < self._highest(tank) / (2 * np.pi) < last), allowed, True
         k, variances = self._along(tank)
         yield "spectrum", variances.sum() > 0.0, "must have waves, whole ones as long as the tank"
         hertz = angular_frequency(k[variances.argmax()], tank.depth, tank.gravity) / (2 * np.pi)

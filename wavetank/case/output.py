@@ -142,7 +142,8 @@ class Window(CaseModel):
     def checks(self, end: Context) -> Iterator[Check]:
         """Yield that it is inside the tank, a point or a line, and recorded within the run."""
         yield from inside(end.tank, self.start, "start", "start")
-        yield from inside(end.tank, self.end or self.start, "end", "end")
+        if self.end is not None:
+            yield from inside(end.tank, self.end, "end", "end")
         alone = "must be at least 2 with an end of the line, and 1 without"
         yield "columns", (self.end is None) == (self.columns == 1), alone
         yield "end", self.end != self.start, "must be another place than the start"

@@ -3,7 +3,7 @@
 Angles are in degrees from the wall's normal into the water, positive towards y, at either end of a basin.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
@@ -13,7 +13,17 @@ from pydantic import Field, Strict, model_validator
 
 from wavetank import data
 from wavetank import motion as motions
-from wavetank.base.case_model import CaseModel, Check, FilePath, Key, TimeFormulaText, TimeHelpers, about, one_of
+from wavetank.base.case_model import (
+    CaseModel,
+    Check,
+    FilePath,
+    Key,
+    Problem,
+    TimeFormulaText,
+    TimeHelpers,
+    about,
+    one_of,
+)
 from wavetank.base.formula import Formula
 from wavetank.base.python_file import load
 from wavetank.base.quantities import Coordinate, Duration, Frequency, Height, Length, Ramp, Time
@@ -33,6 +43,9 @@ from wavetank.waves.wavemaker import Wavemaker
 
 # ---------------------------------------------------------------- motions
 MOTION_KEY = ("wall", "motion")
+SIZES = ("paddle_amplitude", "wave_amplitude", "linear_crest", "significant_height", "height", "heights")
+PERIODS = ("period", "frequency", "wave_length", "periods", "frequencies", "spectrum")
+VALUES = ("position", "velocity", "file")
 FILE_KEY = (*MOTION_KEY, "file")
 
 
@@ -59,6 +72,12 @@ class MotionModel(CaseModel):
     def generation_in(self, tank: AnyTank, physics: str) -> tuple[str | None, str]:
         """Return the order of generation, default resolved, and why it is linear by default in nonlinear water."""
         return None, ""
+
+    def problem(self, wall: str, keys: Sequence[str], allowed: str) -> Problem:
+        """Return a problem of the motion of a wall at the first of some keys, or of its values, that is set."""
+        key = next(key for key in (*keys, *VALUES, "type") if getattr(self, key, None) is not None)
+        value = getattr(self, key)
+        return Problem((wall, "motion", key), None if isinstance(value, CaseModel) else value, allowed)
 
     def warnings(self, tank: AnyTank) -> Iterator[RunWarning]:
         """Yield warnings of the motion; by default none."""
@@ -198,13 +217,13 @@ class SpectralWaves(GeneratingMotion):
         (lowest, highest), spectrum = self.band(end.tank), self.spectrum.build(end.tank)
         peak = spectrum.peak_frequency
         within = f"must have its peak, {peak:g} Hz, within the components' band, {lowest:g} to {highest:g} Hz"
-        yield "spectrum", lowest < peak < highest, within
+        yield "spectrum", lowest < peak < highest, within, True
         total = spectrum.density(self.frequencies(end.tank)).sum()
         allowed = "must be more: none of their frequencies is where the spectrum has its waves"
-        yield "components", total > MISSED * float(spectrum.density(np.array([peak]))[0]), allowed
+        yield "components", total > MISSED * float(spectrum.density(np.array([peak]))[0]), allowed, True
         repetition, longest = ((count - 1) / (highest - lowest) for count in (self.components, MAX_COMPONENTS))
         allowed = f"must be at most {longest:.6g} s: {MAX_COMPONENTS} components, the most, repeat the waves after it"
-        yield (("run", "duration"), end.duration), end.duration <= longest, allowed
+        yield (("run", "duration"), end.duration), end.duration <= longest, allowed, True
         least = int(np.ceil(end.duration * (highest - lowest))) + 1
         allowed = f"must be {least} or more: so few repeat the waves every {repetition:.4g} s, within the run"
         yield "components", end.duration <= repetition, allowed
@@ -771,7 +790,7 @@ class SegmentedWaves(GeneratingMotion):
         """Return the check that waves can be summed up at all places of the paddle."""
         terms = waves * self.terms_per_component(end)
         allowed = f"must be fewer: at all places of the paddle there are {terms:.2g} waves, {TERMS:.2g} allowed"
-        return key, terms <= TERMS, allowed
+        return key, terms <= TERMS, allowed, True
 
     def checks(self, end: Context) -> Iterator[Check]:
         """Yield that segments are narrow enough for the waves."""
@@ -835,7 +854,7 @@ class _FanOfWaves(FocusingWaves, SegmentedWaves):
         low, high = span(end.tank)
         yield self.few_enough(end, "components", self.components * self.directions)
         yield from super().checks(end)
-        yield "focus_y", low <= self.focus_y <= high, f"must be before the paddle, {low:g} to {high:g} m"
+        yield "focus_y", low <= self.focus_y <= high, f"must be before the paddle, {low:g} to {high:g} m", True
 
 
 class DirectionalFocusMotion(_FanOfWaves):

@@ -49,15 +49,16 @@ def changed_case(path: Path, content: dict[str, Any], overrides: Sequence[str]) 
 def _validated(path: Path, text: str, content: dict[str, Any], overrides: Sequence[str]) -> Case:
     overridden, context = [set_key(content, override) for override in overrides], {"folder": path.resolve().parent}
     try:
-        case = Case.model_validate(content, context=context)
-        for end in case.ends:
-            end.motion()
-        case.depths()
-        return case
+        case, problems = Case.model_validate(content, context=context), list[Problem]()
+        for read in (*(end.motion for end in case.ends), case.depths):
+            try:
+                read()
+            except CaseError as error:
+                problems += error.problems
+        if not problems:
+            return case
     except ValidationError as error:
         problems = [one for details in error.errors(include_url=False) for one in _problems(details)]
-    except CaseError as error:
-        problems = list(error.problems)
     raise InputError(_sentences(path, text, problems, overridden))
 
 

@@ -75,7 +75,7 @@ class BeachBed(VaryingBedModel):
     def checks(self, end: Any) -> Iterator[Check]:
         """Yield that the slope begins in the tank, and leaves it wet."""
         length, depth = end.tank.length, end.tank.depth
-        yield "start", self.start < length, f"must be below the tank's length, {metres(length)} m"
+        yield "start", self.start < length, f"must be below the tank's length, {metres(length)} m", True
         wet = depth / (length - self.start)
         lowered = self.minimum_depth is not None or not np.isfinite(length)
         allowed = f"must be below {wet:.4g} for a tank that is wet to its end, or have a tank.bed.minimum_depth"

@@ -294,7 +294,7 @@ class SegmentedWall(MovingWallModel):
         yield from super().checks(end)
         least = (high - low) / SEGMENTS
         wide = self.segment is None or self.segment >= least
-        yield "segment", wide, f"must be at least {least:.4g} m, for {SEGMENTS} segments"
+        yield "segment", wide, f"must be at least {least:.4g} m, for {SEGMENTS} segments", True
 
 
 class SegmentedPistonWall(SegmentedWall):

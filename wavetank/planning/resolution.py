@@ -28,6 +28,7 @@ from wavetank.base.mpi import on_first
 from wavetank.case import BasinTank, Case, EndWall, RingTank, SliceTank
 from wavetank.case.initial import RunState, StillWater
 from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER, Numerics
+from wavetank.case.paddle import PERIODS
 from wavetank.case.tank import paddle_period
 from wavetank.integrators.contract import Integrator
 from wavetank.planning.dispersion import Mesh, UniformCells, relative_frequency_error
@@ -235,7 +236,7 @@ def too_short(scene: Case) -> Iterator[Problem]:
         if relative_frequency_error(k * depth, HIGHEST_VERTICAL_ORDER) > MISSED:
             size = f"T = {2 * np.pi / omega:.3g} s, {2 * np.pi / k:.2g} m long in water {depth:.3g} m deep"
             allowed = f"no vertical order resolves its waves of {size}: they are the same in a tank that is less deep"
-            yield Problem((view.key, "motion"), None, allowed)
+            yield view.wall.motion.problem(view.key, PERIODS, allowed)
 
 
 def still_mesh(scene: Case, cell_size: float) -> Mesh:

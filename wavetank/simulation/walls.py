@@ -11,6 +11,7 @@ from wavetank.case import (
     Case,
     EndWall,
 )
+from wavetank.case.paddle import SIZES
 from wavetank.case.wall import MovingWallModel, ShapedWall
 from wavetank.fem.plane import Plane
 from wavetank.motion import Motion
@@ -119,10 +120,10 @@ def _check_stroke(end: EndWall, model: MovingWallModel, wall: Piston) -> None:
     excursion, allowed = model.max_mode_shape(end.tank) * end.max_displacement, wall.largest_stroke
     if excursion >= allowed:
         limit = (
-            f"goes {excursion:.4g} m from rest; must stay below {allowed:.4g} m, 3/4 of the reach in which its mapping "
-            f"dies out, which is {wall.reach:.4g} m on this mesh and before any wall that stands still"
+            f"takes the paddle {excursion:.4g} m from rest; it must stay below {allowed:.4g} m, 3/4 of its reach, "
+            f"which is {wall.reach:.4g} m on this mesh, up to the first fixed wall"
         )
-        raise CaseError([Problem(("wall", "motion"), None, limit)])
+        raise CaseError([model.motion.problem("wall", SIZES, limit)])
 
 
 def _reach(end: EndWall, model: MovingWallModel, footprint: Slice | Basin, side: Side) -> float:
