@@ -16,7 +16,7 @@ from wavetank.case import Case
 from wavetank.integrators import INTEGRATORS
 from wavetank.planning.cost import CONSTANTS, KINDS, features, step_costs
 from wavetank.planning.report import STEPS, WARM_UP, step_time
-from wavetank.planning.resolution import LOOSEST
+from wavetank.planning.resolution import MAX_TOLERANCE
 from wavetank.simulation.build import initial_state
 from wavetank.simulation.case_diagnostics import build_observers
 from wavetank.simulation.clock import Clock
@@ -91,7 +91,7 @@ def _scene(kind: str, cells: int, order: int, n: int) -> Case:
             "initial": {"type": "standing-wave", "wave_amplitude": 0.05, "mode": halves},
             "gauges": [0.3 * length, 0.6 * length],
             "run": {"duration": 100.0},
-            "numerics": {"cells": cells, "order": order, "vertical_order": n, "tolerance": LOOSEST},
+            "numerics": {"cells": cells, "order": order, "vertical_order": n, "tolerance": MAX_TOLERANCE},
         }
     )
 

@@ -22,7 +22,7 @@ from wavetank.planning.dispersion import Mesh, UniformCells, step_errors
 from wavetank.planning.plan import AIM, UnreachableError, make_plan, named_numerics, own_plan
 from wavetank.planning.prediction import ErrorModel, Settings
 from wavetank.planning.requirements import requirements, stokes_harmonics
-from wavetank.planning.resolution import LOOSEST, solved_to
+from wavetank.planning.resolution import MAX_TOLERANCE, solved_to
 from wavetank.simulation.build import build_run
 from wavetank.simulation.clock import Clock
 from wavetank.simulation.construction import build_waves, describe_energy
@@ -183,7 +183,7 @@ def test_cost_of_steep_waves_is_that_of_their_solves():
     steepness, solves = (0.02, 0.1, 0.3), []
     for one in steepness:
         _, period = standing(np.pi / 2, 1)
-        numerics = {"cells": 4, "order": 4, "vertical_order": 8, "dt": period / 20, "tolerance": LOOSEST}
+        numerics = {"cells": 4, "order": 4, "vertical_order": 8, "dt": period / 20, "tolerance": MAX_TOLERANCE}
         case, _ = standing(np.pi / 2, 1, amplitude=one / (np.pi / 2), periods=1, numerics=numerics)
         run, waves = build_run(case, MPI.COMM_SELF)
         before = waves.potential.counters.solves
@@ -313,7 +313,7 @@ def test_coarser_numerics_than_planned_miss_the_accuracy():
 
 def test_tolerance_is_a_thousandth_of_the_accuracy_unless_named():
     plain, named = (standing(1.0, 1, amplitude=0.01, **more)[0] for more in ({}, {"numerics": {"tolerance": 1e-9}}))
-    for case, tolerances in ((plain, (LOOSEST, 1e-6)), (named, (1e-9, 1e-9))):
+    for case, tolerances in ((plain, (MAX_TOLERANCE, 1e-6)), (named, (1e-9, 1e-9))):
         found = [own_plan(case, accuracy).applied_to(case).numerics.tolerance for accuracy in (1e-1, 1e-3)]
         assert found == pytest.approx(tolerances)
     assert solved_to(1e-2, plain) == {"tolerance": 1e-5} and solved_to(1e-2, named) == {}

@@ -45,10 +45,10 @@ Array = NDArray[np.float64]
 # ---------------------------------------------------------------- gauges
 MINIMA = 4  # minima of the misfit over clock offsets that are refined
 TINY = np.finfo(float).tiny
-LARGEST_SHIFT = 1.0  # s; a larger one would be another wave, not another clock
-ARRIVED = 0.1  # of the reference's largest elevation: where waves have come
-FLANK = 0.25  # of a mean period, from still water to a crest: a level is crossed within it, whatever the amplitude
-MATCH = 1e-3  # m; two gauges nearer than that are at one place
+MAX_TIME_SHIFT = 1.0  # largest time shift between two clocks [s]; a larger one would match another wave
+ARRIVAL_LEVEL = 0.1  # elevation over the largest one of the reference at which waves have arrived
+RISE_TIME = 0.25  # mean periods from still water to a crest: the uncertainty of an arrival time
+GAUGE_TOLERANCE = 1e-3  # largest distance of two gauges at the same position [m]
 
 
 def matched(computed: DataArray, reference: DataArray) -> list[tuple[DataArray, DataArray]]:
@@ -76,7 +76,7 @@ def _gauge_label(gauge: DataArray) -> str:
 def _partner(gauge: DataArray, candidates: DataArray) -> int | None:
     namesakes = candidates.gauge.values == gauge.gauge.item()
     distances = np.hypot(candidates.x - gauge.x, candidates.y - gauge.y).values
-    possible = np.flatnonzero(distances < MATCH)
+    possible = np.flatnonzero(distances < GAUGE_TOLERANCE)
     if not possible.size:
         possible = np.flatnonzero(np.isnan(distances) & namesakes)
     return min(possible, key=lambda n: (not namesakes[n], distances[n]), default=None)
@@ -173,7 +173,7 @@ def compare_gauge(computed: DataArray, reference: DataArray, *, clock_offset: fl
     shift, nrms_fitted, gain = _fit(spline, t, eta)
     fine = np.interp(np.arange(8 * t.size - 7) / 8, np.arange(t.size), t)  # the samples among them
     values, curve, expected = spline(t), spline(fine), _spline(reference)(fine)
-    crest, peak, level = int(np.argmax(curve)), int(np.argmax(expected)), ARRIVED * float(np.abs(expected).max())
+    crest, peak, level = int(np.argmax(curve)), int(np.argmax(expected)), ARRIVAL_LEVEL * float(np.abs(expected).max())
     return {
         "x": float(reference.x),
         "nrms": rms(values - eta) / rms(eta),
@@ -206,7 +206,7 @@ def _delay(spline: CubicSpline, t: Array, eta: Array, late: float) -> float:
     The same wave crosses the level within one flank. A longer delay is accepted where a shift by it reduces the misfit.
     """
     period = 2 * np.pi * rms(eta) / max(rms(np.gradient(eta, t)), TINY)
-    if isnan(late) or abs(late) <= FLANK * period:
+    if isnan(late) or abs(late) <= RISE_TIME * period:
         return late
     common = (t + late >= spline.x[0]) & (t + late <= spline.x[-1])
     before, after = (rms(spline(t[common] + shift) - eta[common]) for shift in (0.0, late))
@@ -232,7 +232,7 @@ def _fit(spline: CubicSpline, t: Array, eta: Array) -> tuple[float, float, float
         gain = max(0.0, float(shifted @ expected / max(shifted @ shifted, TINY)))  # no inverted waves
         return rms(gain * shifted - expected) / max(rms(expected), TINY), gain
 
-    reach = min(LARGEST_SHIFT, 0.25 * (t[-1] - t[0]))  # of a short record, most must remain
+    reach = min(MAX_TIME_SHIFT, 0.25 * (t[-1] - t[0]))  # of a short record, most must remain
     shift = _least(lambda one: fit(one)[0], -reach, reach, 200)
     return shift, *fit(shift)
 
@@ -249,8 +249,8 @@ def _correlation(one: Array, other: Array) -> float:
 
 
 # ---------------------------------------------------------------- harmonics
-NUMBER = 3  # harmonics compared
-LEAST = 0.01  # of the first harmonic in the reference: smaller ones have neither an error nor a phase
+HARMONICS = 3  # number of harmonics that are compared
+MIN_HARMONIC = 0.01  # least harmonic of the reference, relative to the first, that has an error and a phase
 
 
 def compare_harmonics(
@@ -264,15 +264,15 @@ def compare_harmonics(
     """
     pairs = matched(computed, reference)
     both = [common_clock(pair).sel(time=slice(start, None)) for pair in pairs]
-    components = np.array([harmonics(eta, 1 / period, number=NUMBER).component.values for eta in both])
+    components = np.array([harmonics(eta, 1 / period, number=HARMONICS).component.values for eta in both])
     A, B = components[:, 0], components[:, 1]
-    counted = (np.abs(B) > LEAST * np.abs(B[:, :1])) & (A != 0)
+    counted = (np.abs(B) > MIN_HARMONIC * np.abs(B[:, :1])) & (A != 0)
     ratio = np.divide(A, B, out=np.full(A.shape, nan, dtype=complex), where=counted)
     result = {"computed": np.abs(A), "reference": np.abs(B), "error": np.abs(ratio) - 1, "ahead": -np.angle(ratio)}
     quantities = {name: (("gauge", "harmonic"), values) for name, values in result.items()}
     places = {"x": ("gauge", [float(other.x) for _, other in pairs])}
     names = [other.gauge.item() for _, other in pairs]
-    return with_units(Dataset(quantities | places, {"gauge": names, "harmonic": 1 + np.arange(NUMBER)}))
+    return with_units(Dataset(quantities | places, {"gauge": names, "harmonic": 1 + np.arange(HARMONICS)}))
 
 
 # ---------------------------------------------------------------- wave heights along sections
@@ -297,8 +297,14 @@ def profile(gauges: DataArray, section: Section, *, start: float) -> DataArray |
     """
     at = {"x": gauges.x.values, "y": gauges.y.values}
     place, (first, last) = at[section.along], section.reach
-    on = (np.abs(at[section.across] - section.at) < MATCH) & (place >= first - MATCH) & (place <= last + MATCH)
-    _, numbers = np.unique(np.round(place[on] / MATCH), return_index=True)  # several are at one place where lines cross
+    on = (
+        (np.abs(at[section.across] - section.at) < GAUGE_TOLERANCE)
+        & (place >= first - GAUGE_TOLERANCE)
+        & (place <= last + GAUGE_TOLERANCE)
+    )
+    _, numbers = np.unique(
+        np.round(place[on] / GAUGE_TOLERANCE), return_index=True
+    )  # several are at one place where lines cross
     numbers = np.flatnonzero(on)[numbers]
     if numbers.size < FEWEST:
         return None
@@ -347,7 +353,7 @@ def compare_heights(
             heights = profiles.get(series.section.name)
             if series.source == source and heights is not None:
                 first, last = heights.place.values[[0, -1]]
-                inside = (series.places >= first - MATCH) & (series.places <= last + MATCH)
+                inside = (series.places >= first - GAUGE_TOLERANCE) & (series.places <= last + GAUGE_TOLERANCE)
                 both = interpolated(heights, series.places[inside]), series.ratios[inside]
                 parts.append((series.section.name, line(series.section), *both))
         if parts:

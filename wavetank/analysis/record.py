@@ -19,9 +19,9 @@ from wavetank.output.directory import RunDirectory
 from wavetank.output.manifest import MANIFEST
 from wavetank.waves.airy import Array
 
-GRAVITY = 9.81  # m/s^2; of records that are of no run
-BETWEEN = 64  # places from gauge to gauge at which the bed is evaluated
-SAME = 0.01  # of the depth: depths at gauges that differ by less are one
+GRAVITY = 9.81  # gravity [m/s²] for records that do not belong to a run
+BED_POINTS = 64  # points between two gauges at which the bed is evaluated
+DEPTH_TOLERANCE = 0.01  # relative difference of depths at gauges below which they are equal
 
 
 @dataclass(frozen=True)
@@ -99,13 +99,13 @@ class WaveRecord:
         if not callable(self.given_depth):
             return self.given_depth
         depths = self.given_depth(x, y)
-        return float(depths.mean()) if np.ptp(depths) < SAME * depths.mean() else None
+        return float(depths.mean()) if np.ptp(depths) < DEPTH_TOLERANCE * depths.mean() else None
 
     @cached_property
     def depth(self) -> float:
         """The depth [m] from gauge to gauge; raises ``InputError`` if it is unknown, or differs between them."""
         gauges = np.arange(self.eta.sizes["gauge"])
-        path = np.linspace(0, gauges[-1], 1 + BETWEEN * gauges[-1])
+        path = np.linspace(0, gauges[-1], 1 + BED_POINTS * gauges[-1])
         x, y = (np.interp(path, gauges, at.values) for at in (self.eta.x, self.eta.y))
         if (depth := self._one_depth(x, y)) is None:
             differs = "it differs between the gauges: --gauges names those that stand over one"

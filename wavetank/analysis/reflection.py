@@ -87,11 +87,11 @@ def beat_length(frequency: float, *, depth: float, gravity: float = 9.81) -> flo
 
 
 # ---------------------------------------------------------------- incident and reflected waves
-WORST = 6.3  # condition at which Goda and Suzuki's two gauges end: 0.05 and 0.45 wave lengths apart
-ENERGETIC = 0.02  # of the largest density: frequencies of less have no reflection
-FREE = 1.5  # of the peak's frequency: harmonics above are bound to the waves
-STEADY = 0.7, 1.4  # Hm0 in Hann windows over that of a record: 0.74 to 1.26 of seas of 18 periods, less of cut groups
-MIN_PERIODS = 10  # peak periods of a piece of a sea: of less the coefficient differs by a factor of two
+MAX_CONDITION = 6.3  # that of Goda and Suzuki's two gauges at the limits of 0.05 and 0.45 wave lengths
+MIN_DENSITY = 0.02  # least spectral density, relative to the largest, of frequencies that have a reflection
+BOUND_FROM = 1.5  # frequency over the peak frequency above which waves are bound
+STEADY = 0.7, 1.4  # range of Hm0 in Hann windows over that of a steady record: 0.74 to 1.26 in seas of 18 periods
+MIN_PERIODS = 10  # least peak periods in a part of a sea: with less the coefficient differs by a factor of two
 
 
 def reflected(components: ArrayLike, x: ArrayLike, k: float, *, within: float = 0.0) -> WaveFit:
@@ -162,11 +162,11 @@ def reflected_spectra(eta: DataArray, *, depth: float, gravity: float = 9.81, se
     # of e^(i(kx - ωt)), scipy's transform over e^(-iωt) is the conjugate of A
     waves = np.exp(-1j * k[:, None, None] * np.multiply.outer(x, [1, -1]))
     condition = np.linalg.cond(waves)
-    usable = condition < WORST
+    usable = condition < MAX_CONDITION
     inverse = np.linalg.pinv(waves)
     densities = np.einsum("fag,fgh,fah->fa", inverse.conj(), cross, inverse).real
     incident, back = np.where(usable, np.maximum(densities.T, 0.0), np.nan)
-    counted = usable & (density > ENERGETIC * density.max()) & (f < FREE * peak)
+    counted = usable & (density > MIN_DENSITY * density.max()) & (f < BOUND_FROM * peak)
     if not counted.any():
         raise InputError("the gauges stand where incident and reflected waves cannot be told apart.")
     coefficient = float(np.sqrt(back[counted].sum() / max(incident[counted].sum(), np.finfo(float).tiny)))
@@ -178,7 +178,7 @@ def reflected_spectra(eta: DataArray, *, depth: float, gravity: float = 9.81, se
         "hm0_reflected": coefficient * hm0,
         "coefficient": coefficient,
         "told_apart": float(density[counted].sum() / density.sum()),
-        "highest_frequency": FREE * peak,
+        "highest_frequency": BOUND_FROM * peak,
         "one_window": single and not low,
     }
     over = {name: ("frequency", values) for name, values in spectra.items()}

@@ -15,15 +15,21 @@ from wavetank.analysis.statistics import forristall_crests, height_statistics, z
 from wavetank.base.errors import InputError
 from wavetank.waves.airy import Array, group_velocity, wave_number
 
-COHERENT = 0.9  # frequencies of a smaller coherence have no phase speed
-DOUBTFUL = 0.1  # of the variance: a larger part of other periods is noted
-FEWEST_PERIODS = 3  # in a record that is analysed as regular waves although no period is given
-MANY = 6  # pairs of gauges that are named
-SEVERAL = 5  # mean periods of a sea over which the beginning of its waves is sought
-SLIGHT, UNSURE = 1e-3, 0.5  # reflection, and part of it: a larger uncertainty is noted
-UNSTEADY, MINOR = 0.15, 0.05  # of itself, and of all harmonics: a harmonic that changes by more than both is noted
-UNSTEADY_SECOND = 0.1  # of the largest: a bound or free wave that changes by more is noted
-STEEP = 0.05  # of the wave number: range in which that of regular waves is fitted, where gauges allow
+MIN_COHERENCE = 0.9  # least coherence of frequencies that have a phase speed
+OTHER_PERIODS = 0.1  # part of the variance at other periods above which a note is given
+MIN_PERIODS = 3  # least number of periods in a record of regular waves whose period is not given
+MAX_NAMED_PAIRS = 6  # largest number of gauge pairs that a note names
+ONSET_PERIODS = 5  # mean periods of a sea within which its waves begin
+UNCERTAIN, RELATIVELY_UNCERTAIN = (
+    1e-3,
+    0.5,
+)  # uncertainty of a reflection, absolute and relative, above which a note is given
+UNSTEADY, UNSTEADY_TOTAL = (
+    0.15,
+    0.05,
+)  # change of a harmonic relative to itself, and to all harmonics, above which a note is given
+UNSTEADY_SECOND = 0.1  # relative change of a bound or free wave above which a note is given
+WAVE_NUMBER_RANGE = 0.05  # relative range in which the wave number of regular waves is fitted if gauges allow
 BADLY = "gauges stand badly"
 
 
@@ -100,7 +106,7 @@ def harmonic(record: WaveRecord) -> Result:
     unsteady = _beginning_note(record, 1 / record.frequency) or _unsteady_note(
         record,
         lambda part: np.abs(part.harmonics.component.values),
-        lambda a: np.maximum(UNSTEADY * a, MINOR * np.linalg.norm(a, axis=1, keepdims=True)),
+        lambda a: np.maximum(UNSTEADY * a, UNSTEADY_TOTAL * np.linalg.norm(a, axis=1, keepdims=True)),
         [[f"harmonic {n} at gauge {gauge}" for n in numbers] for gauge in record.eta.gauge.values],
     )
     notes = [_period_note(record), _other_waves_note(record), unsteady]
@@ -118,7 +124,7 @@ def bound_free(record: WaveRecord) -> Result:
 
     component, result = second(record)
     condition, unsteady = f"condition {result.condition:.3g}", ""
-    if result.condition > reflection.WORST:
+    if result.condition > reflection.MAX_CONDITION:
         condition += f": {BADLY}, which should be apart by parts of the beat, not by all of it (--gauges, --along)"
     else:
         unsteady = _free_waves_note(record, *result.wave_numbers[:2]) or _unsteady_note(
@@ -160,7 +166,7 @@ def _unsteady_note(
     halves = _ends(record, 1 + math.ceil(periods * period / step) if periods > 1 else record.eta.time.size)
     early, late = (amplitudes(half) for half in halves)
     full = amplitudes(record)
-    change = np.ptp([early, full, late], axis=0) / np.maximum(least(full), signals.SMALLEST)
+    change = np.ptp([early, full, late], axis=0) / np.maximum(least(full), signals.MIN_HEIGHT)
     if not change.max() > 1.0:
         return ""
     worst = np.unravel_index(np.argmax(change), change.shape)
@@ -221,7 +227,7 @@ def _other_variance_ratio(record: WaveRecord) -> float:
 def _other_waves_note(record: WaveRecord) -> str:
     """Return a note on that part of the variance, if it is large."""
     fraction = _other_variance_ratio(record)
-    if fraction <= DOUBTFUL:
+    if fraction <= OTHER_PERIODS:
         return ""
     return f"{_percent(fraction, 2)} of the variance is not of this period, but of other waves or of growing ones"
 
@@ -247,20 +253,20 @@ def reflection_coefficient(record: WaveRecord) -> float:
     if not record.given_period:
         return float(reflection.reflected_spectra(record.forward, **record.water).attrs["coefficient"])
     result = _separate(record)
-    if result.condition > reflection.WORST:
+    if result.condition > reflection.MAX_CONDITION:
         raise InputError("the gauges stand where incident and reflected waves cannot be told apart.")
     return result.reflection
 
 
 def _separate(record: WaveRecord) -> reflection.WaveFit:
     """Return the incident and reflected wave of the first harmonic."""
-    first, within = record.harmonics.component[:, 0], STEEP if record.eta.sizes["gauge"] > 2 else 0.0
+    first, within = record.harmonics.component[:, 0], WAVE_NUMBER_RANGE if record.eta.sizes["gauge"] > 2 else 0.0
     return reflection.regular_reflection(first, record.frequency, **record.water, within=within)
 
 
 def _regular_reflection(record: WaveRecord) -> Result:
     first, result = record.harmonics.component[:, 0], _separate(record)
-    badly = f": {BADLY}" if result.condition > reflection.WORST else ""
+    badly = f": {BADLY}" if result.condition > reflection.MAX_CONDITION else ""
     uncertainty = _beginning_note(record, 1 / record.frequency)
     if not uncertainty and not badly:
         uncertainty = _uncertainty_note(record, result)
@@ -289,7 +295,7 @@ def _uncertainty_note(record: WaveRecord, result: reflection.WaveFit) -> str:
     It changes, or it is not larger than what linear theory omits of the first harmonic: the residual of three gauges;
     two leave none, and the steepness of the second harmonic is taken for it.
     """
-    doubtful = max(UNSURE * result.reflection, SLIGHT)
+    doubtful = max(RELATIVELY_UNCERTAIN * result.reflection, UNCERTAIN)
     halves = _ends(record, record.eta.time.size // 2)
     if all(np.ptp(half.eta.time.values) * record.frequency > 1 for half in halves):
         early, late = (_separate(half).reflection for half in halves)
@@ -309,16 +315,16 @@ def _uncertainty_note(record: WaveRecord, result: reflection.WaveFit) -> str:
 
 def _sea_reflection(record: WaveRecord) -> Result:
     result = reflection.reflected_spectra(record.forward, **record.water)
-    enough = f"{2 * signals.PERIODS * signals.mean_period(record.eta):.3g} s"
+    enough = f"{2 * signals.SEGMENT_PERIODS * signals.mean_period(record.eta):.3g} s"
     one = f"the record is one window, whose middle counts most: of {enough} it would be several"
     notes = [
         f"{record.eta.sizes['gauge']} gauges",
-        f"reflection of frequencies that they resolve, above {100 * reflection.ENERGETIC:g} % of the largest density "
+        f"reflection of frequencies that they resolve, above {100 * reflection.MIN_DENSITY:g} % of the largest density "
         f"and below {result.attrs['highest_frequency']:.3g} Hz (harmonics above are bound waves)",
         "Hm0 of all frequencies, in that ratio",
         one if result.attrs["one_window"] else "",
         record.direction_note,
-        _beginning_note(record, SEVERAL * signals.mean_period(record.eta)),
+        _beginning_note(record, ONSET_PERIODS * signals.mean_period(record.eta)),
     ]
     columns = {
         "Hm0 incident [m]": [result.attrs["hm0_incident"]],
@@ -339,10 +345,10 @@ def _is_regular(record: WaveRecord) -> bool:
     """Return whether a period is given, or the fitted one has nearly all of the variance."""
     if record.given_period:
         return True
-    if not record.eta.var("time").max() > signals.SMALLEST**2:
+    if not record.eta.var("time").max() > signals.MIN_HEIGHT**2:
         return False
     length = float(record.eta.time[-1] - record.eta.time[0])
-    return record.frequency * length > FEWEST_PERIODS and _other_variance_ratio(record) < DOUBTFUL
+    return record.frequency * length > MIN_PERIODS and _other_variance_ratio(record) < OTHER_PERIODS
 
 
 def _regular_wave_speed(record: WaveRecord) -> Result:
@@ -372,12 +378,12 @@ def _sea_speed(record: WaveRecord) -> Result:
     eta = record.forward
     result, between = signals.phase_speed(eta, **record.water), signals.travel(eta)
     density, frequencies = result.density.values, result.frequency.values
-    counted = (result.coherence.values > COHERENT) & (
-        density > reflection.ENERGETIC * density.max(axis=1, keepdims=True)
+    counted = (result.coherence.values > MIN_COHERENCE) & (
+        density > reflection.MIN_DENSITY * density.max(axis=1, keepdims=True)
     )
     counted &= result.own.values
     if not counted.any():
-        raise InputError(f"{record.title}: from gauge to gauge no frequency has a coherence of {COHERENT:g}.")
+        raise InputError(f"{record.title}: from gauge to gauge no frequency has a coherence of {MIN_COHERENCE:g}.")
     peak = np.argmax(np.where(counted, density, 0.0), axis=1)
     f, c = frequencies[peak], result.speed.values[np.arange(peak.size), peak]
     linear = 2 * np.pi * f / wave_number(2 * np.pi * f, record.depth, record.gravity)
@@ -396,7 +402,9 @@ def _sea_speed(record: WaveRecord) -> Result:
 def _uncertain_note(result: Dataset, why: str) -> str:
     """Return a note on pairs of gauges between which the number of periods is ambiguous."""
     pairs = result.pair.values[~result.certain.values]
-    some = ", ".join(map(str, pairs[:MANY])) + (f" and {pairs.size - MANY} more" if pairs.size > MANY else "")
+    some = ", ".join(map(str, pairs[:MAX_NAMED_PAIRS])) + (
+        f" and {pairs.size - MAX_NAMED_PAIRS} more" if pairs.size > MAX_NAMED_PAIRS else ""
+    )
     return f"whole periods cannot be told between gauges {some}: {why}" if pairs.size else ""
 
 

@@ -41,10 +41,10 @@ def with_units(data: Dataset) -> Dataset:
 
 
 # ---------------------------------------------------------------- records
-MIN_SAMPLES = 8  # times of a record
-SMALLEST, LARGEST = 1e-9, 1e4  # m; between them are the heights of waves
-BEGIN, HIGH, GROWN = 0.25, 0.5, 0.9  # of the final height: below it waves begin, above them they stay, are grown
-EVEN = 1e-3  # of a step: times that differ by less are equally spaced
+MIN_SAMPLES = 8  # least number of samples of a record
+MIN_HEIGHT, MAX_HEIGHT = 1e-9, 1e4  # range of wave heights [m]
+BEGIN, HIGH, GROWN = 0.25, 0.5, 0.9  # wave heights over the final height: onset, least in steady waves, end of growth
+EVEN = 1e-3  # relative deviation of intervals below which times are equally spaced
 
 
 def common_clock(records: Iterable[DataArray]) -> DataArray:
@@ -131,10 +131,10 @@ def time_step(eta: DataArray) -> float:
 def waving(eta: DataArray) -> DataArray:
     """Return a record; raise ``InputError`` for a gauge whose elevation varies by too little or too much for waves."""
     for gauge, size in zip(np.atleast_1d(eta.gauge.values), np.atleast_1d(np.ptp(eta.values, axis=-1)), strict=True):
-        if not SMALLEST < size < LARGEST:
+        if not MIN_HEIGHT < size < MAX_HEIGHT:
             t = eta.time.values[[0, -1]]
             why = f"its elevation varies by {size:.3g} m from {t[0]:g} to {t[1]:g} s"
-            raise InputError(f"gauge {gauge}: {why}; waves from {SMALLEST:g} to {LARGEST:g} m are analysed.")
+            raise InputError(f"gauge {gauge}: {why}; waves from {MIN_HEIGHT:g} to {MAX_HEIGHT:g} m are analysed.")
     return eta
 
 
@@ -171,10 +171,10 @@ def places(eta: DataArray) -> Array:
 
 
 # ---------------------------------------------------------------- spectra
-PERIODS = 32  # mean periods in a segment
-ENTIRE = np.inf  # s; a segment that is all of a record
-LOW = 0.25  # of the highest: where waves at the ends of a record are lower, no window is needed
-PEAKED = 4  # power of S by which the peak's frequency is weighted: I. R. Young, Ocean Eng. 22, 1995
+SEGMENT_PERIODS = 32  # mean periods in a segment
+ENTIRE = np.inf  # duration of a segment that is the complete record [s]
+LOW_ENDS = 0.25  # height of waves at both ends of a record over the largest one, below which no window is applied
+PEAK_POWER = 4  # power of S in the weighted peak frequency: I. R. Young, Ocean Eng. 22, 1995
 
 
 def mean_period(eta: DataArray) -> float:
@@ -186,7 +186,7 @@ def mean_period(eta: DataArray) -> float:
 
 def samples(eta: DataArray, segment: float | None = None) -> int:
     """Return how many samples a segment [s] has, by default one of 32 mean periods; all where there are not two."""
-    wanted = (PERIODS * mean_period(eta) if segment is None else segment) / time_step(eta)
+    wanted = (SEGMENT_PERIODS * mean_period(eta) if segment is None else segment) / time_step(eta)
     return max(round(wanted), 4) if 2 * wanted <= eta.time.size else int(eta.time.size)
 
 
@@ -217,7 +217,7 @@ def _stations(eta: DataArray) -> dict[Hashable, DataArray]:
 def ends_low(values: Array, period: int) -> bool:
     """Return whether the first and last waves of records, in that many samples, are low compared with the highest."""
     high = np.abs(values - values.mean(axis=1, keepdims=True))
-    return bool(max(high[:, :period].max(), high[:, -period:].max()) < LOW * high.max())
+    return bool(max(high[:, :period].max(), high[:, -period:].max()) < LOW_ENDS * high.max())
 
 
 def moment(S: DataArray, n: int) -> DataArray:
@@ -229,7 +229,7 @@ def moment(S: DataArray, n: int) -> DataArray:
 
 def peak_frequency(S: DataArray) -> DataArray:
     """Return the frequency [Hz] of a spectrum's peak, ∫ f S⁴ df / ∫ S⁴ df (Young 1995), which noise does not move."""
-    peaked = (S / S.max("frequency")) ** PEAKED
+    peaked = (S / S.max("frequency")) ** PEAK_POWER
     result: DataArray = (peaked * S.frequency).sum("frequency") / peaked.sum("frequency")
     return result
 
@@ -245,11 +245,11 @@ def sea_state(S: DataArray) -> Dataset:
 
 
 # ---------------------------------------------------------------- harmonics
-NUMBER = 4  # harmonics at most
-SEARCH = 0.1  # of the peak frequency: range in which the waves' frequency is sought
+MAX_HARMONICS = 4
+FREQUENCY_RANGE = 0.1  # relative range around the peak frequency in which the frequency of the waves is fitted
 
 
-def harmonics(eta: DataArray, frequency: float, *, number: int = NUMBER) -> Dataset:
+def harmonics(eta: DataArray, frequency: float, *, number: int = MAX_HARMONICS) -> Dataset:
     """Return the harmonics 1 ... ``number`` of a frequency [Hz] in a record over at least a period.
 
     Returns
@@ -286,7 +286,7 @@ def harmonics(eta: DataArray, frequency: float, *, number: int = NUMBER) -> Data
 def resolved(eta: DataArray, frequency: float) -> int:
     """Return how many harmonics of a frequency [Hz] a record's steps resolve: one at least, and four at most."""
     step = float(eta.time[-1] - eta.time[0]) / (eta.time.size - 1)
-    return max(1, min(NUMBER, int(0.49 / (frequency * step))))
+    return max(1, min(MAX_HARMONICS, int(0.49 / (frequency * step))))
 
 
 def _columns(t: Array, frequency: float, number: int) -> Array:
@@ -301,13 +301,17 @@ def fundamental(eta: DataArray) -> float:
     S = S.mean([dim for dim in S.dims if dim != "frequency"])
     peak, length = float(peak_frequency(S)), float(eta.time[-1] - eta.time[0])
     t, values = eta.time.values, eta.transpose("time", ...).values.reshape(eta.time.size, -1)
-    most = resolved(eta, peak * (1 + SEARCH))
+    most = resolved(eta, peak * (1 + FREQUENCY_RANGE))
 
     def residual(frequency: float) -> float:
         columns = _columns(t, frequency, most)
         return float(np.sum((values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]) ** 2))
 
-    scan = np.linspace((1 - SEARCH) * peak, (1 + SEARCH) * peak, 1 + 2 * max(4, round(4 * SEARCH * peak * length)))
+    scan = np.linspace(
+        (1 - FREQUENCY_RANGE) * peak,
+        (1 + FREQUENCY_RANGE) * peak,
+        1 + 2 * max(4, round(4 * FREQUENCY_RANGE * peak * length)),
+    )
     best, step = float(min(scan, key=residual)), float(scan[1] - scan[0])
     options = {"xatol": 1e-9 * peak}
     return float(minimize_scalar(residual, bounds=(best - step, best + step), method="bounded", options=options).x)
@@ -348,12 +352,12 @@ def surface_similarity(one: ArrayLike, other: ArrayLike) -> float:
 
 
 # ---------------------------------------------------------------- speed between gauges
-AROUND = 6  # samples on either side of the best delay, through which a spline goes
-STILL = 1e-6  # rad; a smaller phase between two gauges has no speed
-FINER = 200  # places on it between two samples
-RIVAL = 0.95  # of the largest coefficient: as large a mean period away, and delays are as likely
-CLEARLY = 0.5  # of the mean cosine of phases: by which waves that go to -x fit better
-TRIED = 32  # delays in a mean period at which that is evaluated
+SPLINE_SAMPLES = 6  # samples on each side of the best delay that a spline interpolates
+MIN_PHASE = 1e-6  # least phase between two gauges [rad] from which a speed follows
+SPLINE_POINTS = 200  # points of the spline between two samples
+AMBIGUOUS = 0.95  # ratio of the correlation a mean period away to the largest one above which the delay is ambiguous
+OPPOSITE = 0.5  # increase of the mean cosine of phases by which waves towards -x are identified
+DELAYS = 32  # delays in a mean period at which the mean cosine is evaluated
 
 
 def delay(one: DataArray, other: DataArray) -> float:
@@ -367,12 +371,12 @@ def delay(one: DataArray, other: DataArray) -> float:
     furthest, best = a.size - MIN_SAMPLES, int(np.argmax(signal.correlate(b, a, method="fft"))) - (a.size - 1)
 
     def around(lag: int) -> list[int]:
-        return [n for n in range(lag - AROUND, lag + AROUND + 1) if abs(n) <= furthest]
+        return [n for n in range(lag - SPLINE_SAMPLES, lag + SPLINE_SAMPLES + 1) if abs(n) <= furthest]
 
     while (climbed := max(around(best), key=lambda lag: _correlation(a, b, lag), default=best)) != best:
         best = climbed
     lags = around(best)
-    fine = np.linspace(lags[0], lags[-1], FINER * (len(lags) - 1) + 1)
+    fine = np.linspace(lags[0], lags[-1], SPLINE_POINTS * (len(lags) - 1) + 1)
     correlation = CubicSpline(lags, [_correlation(a, b, lag) for lag in lags])
     return float(fine[np.argmax(correlation(fine))] * time_step(one))
 
@@ -381,9 +385,9 @@ def is_unambiguous(one: DataArray, other: DataArray, late: float) -> bool:
     """Return whether a delay [s] fits two records better than any a mean period earlier or later."""
     a, b = (record.values for record in (one, other))
     best, period = round(late / time_step(one)), mean_period(one) / time_step(one)
-    shifts = np.rint(period * np.linspace(0.5, 1.5, TRIED + 1)).astype(int)
+    shifts = np.rint(period * np.linspace(0.5, 1.5, DELAYS + 1)).astype(int)
     lags = [lag for lag in (*(best - shifts), *(best + shifts)) if abs(lag) <= a.size - MIN_SAMPLES]
-    return max((_correlation(a, b, lag) for lag in lags), default=0.0) < RIVAL * _correlation(a, b, best)
+    return max((_correlation(a, b, lag) for lag in lags), default=0.0) < AMBIGUOUS * _correlation(a, b, best)
 
 
 def _correlation(a: Array, b: Array, lag: int) -> float:
@@ -418,7 +422,7 @@ def regular_speed(component: DataArray, frequency: float, *, depth: float, gravi
     linear = float(wave_number(omega, depth, gravity)) * pairs.distance.values
     phase = np.angle(ordered.values[1:] * ordered.values[:-1].conj())
     forward, backward = (float(np.mean(np.cos(phase - sign * linear))) for sign in (1, -1))
-    linear *= -1 if backward > forward + CLEARLY else 1
+    linear *= -1 if backward > forward + OPPOSITE else 1
     phase = _nearest_phase(phase, linear)
     return _with_speed(pairs, np.asarray(phase / omega, dtype=float), np.abs(phase - linear) < np.pi / 2)
 
@@ -464,7 +468,7 @@ def phase_speed(eta: DataArray, *, depth: float, gravity: float = 9.81, segment:
     f, cross, each = f[1:], cross[:, 1:], each[:, 1:]
     distance = pairs.distance.values[:, None]
     phase = _nearest_phase(-np.angle(cross), wave_number(2 * np.pi * f, depth, gravity) * distance)
-    speed = np.where(np.abs(phase) > STILL, 2 * np.pi * f * distance / np.where(phase == 0.0, 1.0, phase), np.nan)
+    speed = np.where(np.abs(phase) > MIN_PHASE, 2 * np.pi * f * distance / np.where(phase == 0.0, 1.0, phase), np.nan)
     both, density = each[:-1] * each[1:], np.abs(cross)
     coherence = np.divide(density**2, both, out=np.zeros(both.shape), where=both > 0)
     padded = np.pad(density, ((0, 0), (1, 1)))

@@ -13,7 +13,7 @@ def regular(path: Path, *, largest: float = TEXT) -> Path:
     Files of more than ``largest`` bytes raise it, too.
     """
     state = path.stat()
-    if not (S_ISREG(state.st_mode) or S_ISDIR(state.st_mode)):  # of a folder, the reader says so
+    if not (S_ISREG(state.st_mode) or S_ISDIR(state.st_mode)):  # a folder: reading it raises an error
         raise OSError(errno.EINVAL, "not a regular file")
     if state.st_size > largest:
         raise OSError(errno.EFBIG, f"{state.st_size / 1e9:.3g} GB; at most {largest / 1e9:g} are read")

@@ -40,7 +40,9 @@ def _sum(products: Any) -> Any:
     return sum((partial * rate for partial, rate in products if np.any(rate)), start=0.0)
 
 
-TWO_OF: dict[Any, Callable[[Any, Any, Any], tuple[Any, ...]]] = {  # of a, b and f: by a, by b, by aa, by ab, by bb
+TWO_OF: dict[
+    Any, Callable[[Any, Any, Any], tuple[Any, ...]]
+] = {  # partial derivatives of f(a, b): by a, by b, by aa, by ab, by bb
     np.add: lambda a, b, f: (1.0, 1.0, 0.0, 0.0, 0.0),
     np.subtract: lambda a, b, f: (1.0, -1.0, 0.0, 0.0, 0.0),
     np.multiply: lambda a, b, f: (b, a, 0.0, 1.0, 0.0),

@@ -39,8 +39,8 @@ else:
     except ModuleNotFoundError:
         MPI = SimpleNamespace(COMM_WORLD=OneRank(), Comm=OneRank)
 
-SPIN = 0.002  # s for which a rank polls the others without a pause
-PAUSE = 0.001  # s between later polls: MPI's own wait would take a processor as long as it lasts
+SPIN = 0.002  # time for which a rank polls the others without a pause [s]
+PAUSE = 0.001  # time between later polls [s]: MPI's wait would occupy a processor
 
 
 def raise_on_all_ranks(comm: MPI.Comm, evaluate: Callable[[], T]) -> T:

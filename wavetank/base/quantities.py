@@ -32,13 +32,13 @@ SHORTEST = 1e-6  # s
 
 Label = Annotated[str, AfterValidator(_one_line)]  # a title or name in tables, pictures and messages
 
-Length = Annotated[float, Field(ge=1e-6, le=1e6)]  # m, of tanks, walls, cells
+Length = Annotated[float, Field(ge=1e-6, le=1e6)]  # m: tanks, walls, cells
 Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]  # m
-Height = Annotated[float, Field(ge=1e-12, le=1e6)]  # m, of waves and strokes, also very small ones for linear theory
-Duration = Annotated[float, Field(ge=SHORTEST, le=1e9)]  # s, of runs, periods and steps
+Height = Annotated[float, Field(ge=1e-12, le=1e6)]  # m: waves and strokes, also very small ones for linear theory
+Duration = Annotated[float, Field(ge=SHORTEST, le=1e9)]  # s: runs, periods, steps
 Ramp = Annotated[float, Field(ge=0, le=1e9), AfterValidator(_zero_or_long_enough)]  # s
 Frequency = Annotated[float, Field(ge=1e-6, le=1e6)]  # Hz
-Time = Annotated[float, Field(ge=-1e9, le=1e9)]  # s, of a clock
+Time = Annotated[float, Field(ge=-1e9, le=1e9)]  # s: times of a clock
 Rate = Annotated[float, Field(ge=1e-9, le=1e6)]  # 1/s
 Speed = Annotated[float, Field(ge=1e-12, le=1e6)]  # m/s
 Acceleration = Annotated[float, Field(ge=1e-12, le=1e6)]  # m/s^2
@@ -46,7 +46,7 @@ Density = Annotated[float, Field(ge=1e-3, le=1e5)]  # kg/m^3
 PerWidth = Annotated[float, Field(ge=0, le=1e9)]  # mass kg/m, stiffness N/m², damping N s/m² of a metre's width
 Gravity = Annotated[float, Field(ge=1e-3, le=1e3)]  # m/s^2
 Count = Annotated[int, Field(ge=1, le=10**9)]
-Fraction = Annotated[float, Field(ge=1e-9, lt=1)]  # of one
+Fraction = Annotated[float, Field(ge=1e-9, lt=1)]  # part of one
 
 Triple = Annotated[tuple[Coordinate, Coordinate, Coordinate], Strict(False)]  # x, y and z [m]; a list of three
 Pair = Annotated[tuple[Coordinate, Coordinate], Strict(False)]  # x and y, or from where to where [m]; a list of two

@@ -15,7 +15,7 @@ from wavetank.case.wall import AnyWall
 from wavetank.motion import Array, Motion
 from wavetank.motion.motion import STEEPEST, Extent, batches, extent, frequency_shift, largest_stroke, times
 
-CLOSE = 0.05  # of (d / g)^(1/2): times as close miss 0.1 % of the largest value for waves of k d = 4
+SAMPLING = 0.05  # interval of samples over (d / g)^(1/2): the largest value has an error of 0.1 % at k d = 4
 CHECK_TIMES = 50  # times at which derivatives of a user's function are compared
 
 
@@ -118,7 +118,7 @@ class EndWall(Context):
     @property
     def _times(self) -> Array:
         """Times at which the motion is sampled [s]."""
-        step = CLOSE * (self.tank.depth / self.tank.gravity) ** 0.5
+        step = SAMPLING * (self.tank.depth / self.tank.gravity) ** 0.5
         return times(min(self.duration, self._unchecked.duration), step)
 
     # ---------------------------------------------------------------- its mapping

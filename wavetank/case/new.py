@@ -11,7 +11,7 @@ from wavetank.base.files import regular
 
 # ---------------------------------------------------------------- existing cases
 CHECKOUT = Path(__file__).resolve().parents[2]
-SCHEMA = Path(__file__).with_name("schema.json")  # of this version, for the first line of cases
+SCHEMA = Path(__file__).with_name("schema.json")  # this version's schema, named in the first line of cases
 NEEDED = {"tank", "run"}  # tables that every case has
 
 

@@ -34,7 +34,9 @@ else:
     IntegratorName = Literal[tuple(SCHEMES)]
 
 
-STEPPING = frozenset({"cells", "cell_size", "order", "vertical_order", "integrator"})  # what a step follows from
+STEPPING = frozenset(
+    {"cells", "cell_size", "order", "vertical_order", "integrator"}
+)  # keys on which the time step depends
 CHOSEN = STEPPING | {"dt"}  # by a plan
 
 

@@ -85,7 +85,7 @@ class Probe(Gauge):
 
 # ---------------------------------------------------------------- loads on walls
 PADDLE, FAR = "paddle", "far wall"
-ENDS = PADDLE, FAR  # of a slice
+ENDS = PADDLE, FAR  # the walls of a slice
 
 
 class WallLoad(CaseModel):

@@ -88,7 +88,7 @@ class GeneratingMotion(MotionModel):
     """A motion that follows from the waves to be generated, by linear theory, with a ramp."""
 
     if TYPE_CHECKING:
-        ramp: Ramp | None  # of its own default in each type
+        ramp: Ramp | None  # each type has its default
 
     def target(self, tank: AnyTank) -> PlaneWaves:
         """Return the waves by linear theory, without a ramp; raises ``CaseError`` if a file cannot be read."""
@@ -185,7 +185,7 @@ Spectrum = Annotated[
 
 # ---------------------------------------------------------------- waves of a spectrum
 MAX_COMPONENTS = 10_000  # components
-MISSED = 1e-6  # of its peak: of so little there are no waves
+MIN_DENSITY = 1e-6  # spectral density over the peak below which there are no waves
 
 
 class SpectralWaves(GeneratingMotion):
@@ -220,7 +220,7 @@ class SpectralWaves(GeneratingMotion):
         yield "spectrum", lowest < peak < highest, within, True
         total = spectrum.density(self.frequencies(end.tank)).sum()
         allowed = "must be more: none of their frequencies is where the spectrum has its waves"
-        yield "components", total > MISSED * float(spectrum.density(np.array([peak]))[0]), allowed, True
+        yield "components", total > MIN_DENSITY * float(spectrum.density(np.array([peak]))[0]), allowed, True
         repetition, longest = ((count - 1) / (highest - lowest) for count in (self.components, MAX_COMPONENTS))
         allowed = f"must be at most {longest:.6g} s: {MAX_COMPONENTS} components, the most, repeat the waves after it"
         yield (("run", "duration"), end.duration), end.duration <= longest, allowed, True
@@ -376,12 +376,12 @@ class SurfaceFile(GeneratingMotion):
 
 
 # ---------------------------------------------------------------- motions by the waves that they make
-STOKES_ENDS = 0.25  # of the wave: with a second harmonic as high its trough has a second crest; H L² / d³ = 26
+MAX_SECOND_HARMONIC = 0.25  # second over first harmonic above which a trough has a second crest; H L² / d³ = 26
 SHALLOWEST = 0.02  # k d: in less water bound and free waves go at one speed to second order
 LOWEST_SOLITARY = 1e-4  # depths
 MOST_PAIRS = 2000  # components: of so many there are 4 million pairs
 MOST_UNEVEN = 200  # components of uneven frequencies: their pairs cost 1.4 CPU s
-UNEVEN = 1e-6  # of the mean spacing of frequencies
+UNEVEN = 1e-6  # deviation of the spacing of frequencies, over the mean, above which it is uneven
 
 Heights = Annotated[tuple[Height, Height], Strict(False)]
 Periods = Annotated[tuple[Duration, Duration], Strict(False)]
@@ -417,8 +417,9 @@ class MadeWaves(GeneratingMotion):
             return reason
         if count > MOST_UNEVEN and np.ptp(np.diff(np.sort(target.omega))) > UNEVEN * np.ptp(target.omega) / count:
             return f"{count} components of uneven frequencies are more than {MOST_UNEVEN}"
-        limit = f"the bound second harmonic is {second:.2g} of the wave, and {STOKES_ENDS:g} is the limit of the theory"
-        return limit if second > STOKES_ENDS else ""
+        theory = f"{MAX_SECOND_HARMONIC:g} is the limit of the theory"
+        limit = f"the bound second harmonic is {second:.2g} of the wave, and {theory}"
+        return limit if second > MAX_SECOND_HARMONIC else ""
 
     def checks(self, end: Context) -> Iterator[Check]:
         """Yield that second-order generation has a meaning for the waves."""
@@ -431,8 +432,10 @@ class MadeWaves(GeneratingMotion):
 
     def warnings(self, tank: AnyTank) -> Iterator[RunWarning]:
         """Yield a warning if second-order generation is beyond its theory."""
-        if self.generation == "second-order" and (second := bound_harmonic(self.target(tank))) > STOKES_ENDS:
-            yield RunWarning("second-order-limit", key="wall.motion.generation", value=second, limit=STOKES_ENDS)
+        if self.generation == "second-order" and (second := bound_harmonic(self.target(tank))) > MAX_SECOND_HARMONIC:
+            yield RunWarning(
+                "second-order-limit", key="wall.motion.generation", value=second, limit=MAX_SECOND_HARMONIC
+            )
 
 
 def _no_second_order(waves: PlaneWaves) -> str:
@@ -754,8 +757,8 @@ PaddleMotion = Annotated[
 Spreading = Annotated[float, Field(ge=0, le=1000)]
 Deviation = Annotated[float, Field(ge=0.1, le=90)]
 PLACES = 101  # samples of a paddle without segments
-NARROW = 1e-3  # of the energy of a file's waves: of so little the segments may be too wide
-TERMS = 20_000_000  # of a motion's sum over components, directions and places, at most: 320 MB
+UNRESOLVED = 1e-3  # part of the energy of a file's waves for which segments may be too wide
+MAX_TERMS = 20_000_000  # terms of the sum over components, directions and places: 320 MB
 
 
 def span(tank: AnyTank) -> tuple[float, float]:
@@ -789,8 +792,8 @@ class SegmentedWaves(GeneratingMotion):
     def few_enough(self, end: Context, key: str, waves: int) -> Check:
         """Return the check that waves can be summed up at all places of the paddle."""
         terms = waves * self.terms_per_component(end)
-        allowed = f"must be fewer: at all places of the paddle there are {terms:.2g} waves, {TERMS:.2g} allowed"
-        return key, terms <= TERMS, allowed, True
+        allowed = f"must be fewer: at all places of the paddle there are {terms:.2g} waves, {MAX_TERMS:.2g} allowed"
+        return key, terms <= MAX_TERMS, allowed, True
 
     def checks(self, end: Context) -> Iterator[Check]:
         """Yield that segments are narrow enough for the waves."""
@@ -808,7 +811,7 @@ class SegmentedWaves(GeneratingMotion):
         widest = widest_segment(np.hypot(waves.k_x, waves.k_y), np.arctan2(waves.k_y, waves.k_x))
         narrow_first = np.argsort(widest)
         energy = np.cumsum(np.abs(waves.amplitudes[narrow_first]) ** 2)
-        return float(widest[narrow_first][np.searchsorted(energy, NARROW * energy[-1])])
+        return float(widest[narrow_first][np.searchsorted(energy, UNRESOLVED * energy[-1])])
 
 
 class ObliqueWaveMotion(SegmentedWaves):
@@ -882,7 +885,7 @@ class ReflectedFocusMotion(_FanOfWaves):
         """Return at how many places, or in how many of the basin's own waves, its motion is summed up."""
         low, high = span(end.tank)
         modes = (high - low) / np.pi * float(self.group(end.tank).k[-1])
-        return max(super().terms_per_component(end), int(min(modes, TERMS)))
+        return max(super().terms_per_component(end), int(min(modes, MAX_TERMS)))
 
     def focused(self, tank: AnyTank) -> ReflectedGroup:
         """Return the group between the side walls."""

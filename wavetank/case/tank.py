@@ -136,7 +136,7 @@ class _Filled(CaseModel):
     """Water of some depth: over a bed, that at the paddle, by which waves are made."""
 
     fewest_cells: ClassVar[int] = 1
-    usual_cell: ClassVar[float] = 0.2  # in depths
+    usual_cell: ClassVar[float] = 0.2  # default size of a cell in depths
     depth: Length = Field(description="still-water depth d [m]; over a bed, that at the paddle, to 1 %")
     gravity: Gravity = Field(default=9.81, description="gravity g [m/s^2]")
     density: Density = Field(default=1000.0, description="density of the water [kg/m^3], of pressures and forces")
@@ -250,11 +250,11 @@ class Context:
 
 # ---------------------------------------------------------------- sponges
 ABSORPTION = 15.0  # gamma_0 L / c_g of a sponge of one wave length
-ALIASED = 0.1  # of the power beyond the fraction, at most
+ALIASED = 0.1  # largest aliased part of the power beyond the fraction
 MAX_TIMES = 2**18  # times; of a longer motion the first part
-TIME_OFFSET, FINEST = 1e-3, 1e-3  # of a step, between two times for an acceleration; last step over the first
-GOLDEN = (5**0.5 - 1) / 2  # its multiples fill a step evenly
-STEP = 0.1  # of (d / g)^(1/2): between samples of a motion; no paddle makes waves as short
+TIME_OFFSET, FINEST = 1e-3, 1e-3  # interval for an acceleration over the step; least step over the first one
+GOLDEN = (5**0.5 - 1) / 2  # multiples, modulo 1, are evenly distributed
+STEP = 0.1  # interval of samples of a motion over (d / g)^(1/2): shorter than the waves of paddles
 RING = "must be left out: a ring has no end for waves to be absorbed at"
 
 
@@ -369,7 +369,7 @@ def paddle_period(
         soon = TIME_OFFSET * part / count
         between = np.minimum(t + part / count * np.modf(GOLDEN * times)[0], part - soon)
         change = (velocity(between + soon) - velocity(between)).reshape(count, -1) / soon
-        power_of_rates = (part / (2 * np.pi)) ** 2 * count / 2 * float((change**2).sum())  # in line numbers squared
+        power_of_rates = (part / (2 * np.pi)) ** 2 * count / 2 * float((change**2).sum())  # squared line numbers
         aliased = (power_of_rates - float(number**2 @ lines)) / lines.size**2
         if aliased < ALIASED * (1 - fraction) * power[-1] or step < FINEST * longest:
             return float(part / np.interp(fraction * power[-1], power, number + 0.5))  # the lines' upper edges

@@ -193,7 +193,7 @@ class MovingWallModel(BaseWall):
 
     if TYPE_CHECKING:
         type: str
-        motion: paddles.MotionModel  # of other types at other walls
+        motion: paddles.MotionModel  # the types depend on the wall
 
     moves: ClassVar[bool] = True
     reach: Length | None = Field(
@@ -263,7 +263,7 @@ class HingedWall(ShapedWall):
 
 
 # ---------------------------------------------------------------- segmented paddles
-SEGMENTS = 1000  # at most
+MAX_SEGMENTS = 1000
 
 
 class SegmentedWall(MovingWallModel):
@@ -292,9 +292,9 @@ class SegmentedWall(MovingWallModel):
         yield "type", bool(np.isfinite(low)), recipe
         yield "type", end.physics != "linear", "needs nonlinear water (water.type), or must be a piston"
         yield from super().checks(end)
-        least = (high - low) / SEGMENTS
+        least = (high - low) / MAX_SEGMENTS
         wide = self.segment is None or self.segment >= least
-        yield "segment", wide, f"must be at least {least:.4g} m, for {SEGMENTS} segments", True
+        yield "segment", wide, f"must be at least {least:.4g} m, for {MAX_SEGMENTS} segments", True
 
 
 class SegmentedPistonWall(SegmentedWall):

@@ -17,7 +17,7 @@ from wavetank.base.quantities import Coordinate, Height, Label, Pair
 DATASET = "dataset.toml"
 MEASURED = "measured"
 FREE = (-inf, inf)
-AXES = {"x": 0, "y": 1}  # of a place (x, y)
+AXES = {"x": 0, "y": 1}  # index in a position (x, y)
 SECONDS = {"s": 1.0, "ms": 1e-3, "min": 60.0}
 METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 

@@ -11,10 +11,10 @@ from wavetank.base.errors import InputError
 from wavetank.data.description import DATASET, Dataset, GaugePosition, RecordFiles, read_dataset, refused
 from wavetank.output.columns import parse_position_label
 
-PART = "data"  # of the cache
+PART = "data"  # folder in the cache
 HERE = Path(__file__).resolve().parent
 BUILT_IN = HERE / "known"
-UNITS = ("", "s", "m")  # of a table without a description
+UNITS = ("", "s", "m")  # units of a table without a description
 
 
 def folders() -> list[Path]:

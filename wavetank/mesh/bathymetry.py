@@ -24,7 +24,7 @@ if TYPE_CHECKING:  # half a second to import, which few cases need
 
 Interpolation = Literal["cubic", "linear"]
 DEGREE: dict[Interpolation, int] = {"cubic": 3, "linear": 1}
-ROUND_OFF = 1e-9  # of the range: places this far outside are on its end
+ROUND_OFF = 1e-9  # distance outside the range, over the range, at which a place is on its end
 
 
 class Gridded:
@@ -101,7 +101,7 @@ def _spline(axes: Iterable[Array], d: Array, degree: int) -> Any:
     return scipy.interpolate.RectBivariateSpline(*axes, d, kx=degree, ky=degree, s=0).ev
 
 
-INWARD = 1e-9  # of the way to the middle: from the survey's edge into its triangles
+INWARD = 1e-9  # distance from the survey's edge into its triangles, over that to the middle
 
 
 class Survey:
@@ -165,12 +165,12 @@ class Survey:
 
 
 Positive = Literal["down", "up"]
-SIGN: dict[str, float] = {"down": 1.0, "up": -1.0}  # of a depth
+SIGN: dict[str, float] = {"down": 1.0, "up": -1.0}  # sign of depths
 OPPOSITE = {"down": "up", "up": "down"}
 METRES = ("m", "metre", "metres", "meter", "meters")
 XYZ = ["x", "y", "depth"]
 MAX_FILE_SIZE = 2e9  # bytes of a file
-MIN_FILL = 0.5  # of a grid's points; rows that fill less of it are survey points
+MIN_FILL = 0.5  # least part of a grid's points that has rows; otherwise rows are survey points
 
 
 class Measured(NamedTuple):

@@ -21,8 +21,8 @@ from wavetank.base.errors import InputError
 
 CURVE, SURFACE, VOLUME = 1, 2, 3  # gmsh's dimensions
 SIDES = {2: 1, 3: 1, 9: 8, 10: 8}  # gmsh's numbers of triangles and quadrilaterals, order 1 and 2, with their sides'
-FLAT = 1e-9  # of the mesh's size: so far may points be from the plane z = 0, or from a straight line
-TINY = 1e-9  # of the usual Jacobian: less is degenerate
+FLAT = 1e-9  # largest distance of points from the plane z = 0, or from a straight line, over the mesh's size
+TINY = 1e-9  # Jacobian over the median one below which a cell is degenerate
 
 Groups = dict[tuple[int, str], list[int]]
 Array = NDArray[np.float64]
@@ -97,7 +97,7 @@ def _check_cells(gmsh: Any, kind: int, source: str) -> None:
     for _, surface in gmsh.model.getEntities(SURFACE):
         nodes = points[get.getElementsByType(kind, surface)[1]].reshape(-1, len(gradients), 2)
         determinants = np.linalg.det(np.einsum("cnx,pnd->cpxd", nodes, gradients))
-        usual = np.median(determinants) if determinants.size else 0.0  # of either sign
+        usual = np.median(determinants) if determinants.size else 0.0  # of both signs
         bad += list(nodes[(np.sign(usual) * determinants).min(axis=1) < TINY * abs(usual)].mean(axis=1))
     if bad:
         count = "1 cell is" if len(bad) == 1 else f"{len(bad)} cells are"
@@ -148,7 +148,7 @@ KINDS = {  # meshio's names of cells, gmsh's numbers
     "quad8": 16,
 }
 
-Members = list[NDArray[np.bool_]]  # of each block of cells, which of them belong to a group
+Members = list[NDArray[np.bool_]]  # for each block of cells, whether a cell belongs to a group
 
 
 def open_mesh(gmsh: Any, path: Path) -> None:

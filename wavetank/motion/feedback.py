@@ -147,7 +147,7 @@ class StateSpaceFilter:
 
 
 REST = (0.0, 0.0, 0.0)
-KNOTS = 8  # of the spline, stored
+KNOTS = 8  # stored knots of the spline
 SEVENTH = np.array([[44, -20, 3], [-150, 74, -12], [228, -114, 19], [-168, 84, -14], [48, -24, 4]]) / 2
 
 
@@ -258,13 +258,13 @@ class FeedbackMotion(Motion):
         return np.asarray(self.motion.rates(t, y) + [self.added(t, order) for order in range(3)])
 
 
-STEP = 0.02  # of (d / g)^(1/2)
+STEP = 0.02  # time step over (d / g)^(1/2)
 MEMORY = 4096  # steps of the impulse response
-AHEAD = 200  # of them before the impulse
+AHEAD = 200  # steps of the impulse response before the impulse
 SPLINED = 40  # steps over which the end of a spline has an effect
 SHORTEST = 100.0  # k d
-TAPER_START = 0.5  # of the highest frequency: waves above are tapered
-FREQUENCIES = 300  # of Z; interpolated between them by a spline
+TAPER_START = 0.5  # frequency over the highest one from which waves are tapered
+FREQUENCIES = 300  # frequencies of Z that a spline interpolates
 
 
 def elevation_at_face(

@@ -40,11 +40,11 @@ if TYPE_CHECKING:
 
 Complex = NDArray[np.complex128]
 
-TABLE_ERROR = 1e-6  # of the acceleration's largest possible value, at most, by the table: of the position some 1e-10
+TABLE_ERROR = 1e-6  # error of the table's acceleration over its largest possible value; of the position about 1e-10
 FEW = 8  # sines that are as soon summed
 BLOCK, TABLE_SIZE = 1024, 2**20  # intervals of a block; numbers of its table of phases
 SUMMED = 16  # intervals that are tabulated while the sines are summed once
-CACHED_NUMBERS, MIN_BLOCKS = 2**22, 4  # of the table of blocks: 32 MB; blocks, however large
+CACHED_NUMBERS, MIN_BLOCKS = 2**22, 4  # numbers in the cache of blocks (32 MB), and least number of blocks
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,8 +126,8 @@ class HarmonicSum:
 
 # ---------------------------------------------------------------- motions for waves
 SAME = 1e-9  # relative: frequencies that differ by less are one line
-MAX_TABLED_PLACES = 200  # of more, the motion is summed
-MAX_CACHED_SETS = 4  # of places
+MAX_TABLED_PLACES = 200  # largest number of places with a table; at more, the motion is summed
+MAX_CACHED_SETS = 4  # sets of places in the cache
 
 
 def first_order_motion(waves: PlaneWaves, wavemaker: Wavemaker) -> HarmonicSum:

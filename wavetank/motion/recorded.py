@@ -31,7 +31,7 @@ def hermite(t: Array, X: Array, velocity: Array, acceleration: Array) -> "scipy.
 
 
 TIME, STATE = "t [s]", ("position [m]", "velocity [m/s]", "acceleration [m/s^2]")
-INTERVALS, PERIODS = 10.0, 0.25  # of the median, of the motion: allowed between two rows
+MAX_INTERVALS, MAX_PERIODS = 10.0, 0.25  # largest gap between rows, in median intervals and in periods of the motion
 _ALLOWED = "allowed are two finite numbers, a time [s] and a value, separated by blanks or a comma"
 
 
@@ -86,7 +86,7 @@ def check_gaps(path: Path, lines: Sequence[int], t: Array, values: Array) -> Non
     widest, usual = int(intervals.argmax()), float(np.median(intervals))
     rate = float(np.abs(np.diff(values) / intervals).max())
     period = np.pi * float(np.ptp(values)) / rate if rate else np.inf
-    allowed = max(INTERVALS * usual, PERIODS * period)
+    allowed = max(MAX_INTERVALS * usual, MAX_PERIODS * period)
     if intervals[widest] > allowed:
         raise InputError(
             f"{path}, line {lines[widest + 1]}: gap of {intervals[widest]:.4g} s after t = {t[widest]:.6g} s; "
@@ -94,8 +94,8 @@ def check_gaps(path: Path, lines: Sequence[int], t: Array, values: Array) -> Non
         )
 
 
-DIFFERENCE_STEP = 1e-4  # s: short against any wave's period
-TRUE = 1e-3  # of the largest: derivatives that are farther from differences are refused
+DIFFERENCE_STEP = 1e-4  # step of difference quotients [s]
+DERIVATIVE_ERROR = 1e-3  # largest difference of a derivative from the quotient, over the largest derivative
 
 
 def programmed_motion(function: PythonFunction) -> Motion:
@@ -112,7 +112,7 @@ def programmed_motion(function: PythonFunction) -> Motion:
         for order, given in enumerate(rates(times)[1:], start=1):
             differences = (above[order - 1] - below[order - 1]) / (2 * DIFFERENCE_STEP)
             off = np.abs(given - differences)
-            if (off > TRUE * np.abs(differences).max() + 1e-9).any():
+            if (off > DERIVATIVE_ERROR * np.abs(differences).max() + 1e-9).any():
                 worst = int(off.argmax())
                 allowed = f"by differences of order {order - 1} it must be {differences[worst]:.6g}"
                 when = f"t = {times[worst]:.6g} s"
@@ -121,7 +121,7 @@ def programmed_motion(function: PythonFunction) -> Motion:
     return Motion(rates, check=check)
 
 
-DEGREE, PIECES = 5, 2.5  # of a spline of least squares; of it in the period of the fastest that it takes
+DEGREE, PIECES = 5, 2.5  # degree of a least-squares spline, and its pieces in the period of its highest frequency
 
 
 def spline_motion(spline: "scipy.interpolate.PPoly", *, measured: bool = True) -> Motion:
@@ -169,5 +169,5 @@ def _through(t: Array, values: Array, highest: float | None) -> "scipy.interpola
     knots = np.concatenate([[begin] * DEGREE, knots, [end] * DEGREE])
     rows = (np.ascontiguousarray(one) for one in (t, values))
     result = scipy.interpolate.PPoly.from_spline(scipy.interpolate.make_lsq_spline(*rows, knots, k=DEGREE))
-    inside = slice(DEGREE, -DEGREE)  # its first and last knots are several
+    inside = slice(DEGREE, -DEGREE)  # the first and last knots are multiple
     return scipy.interpolate.PPoly(result.c[:, inside], result.x[inside])

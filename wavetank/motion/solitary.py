@@ -20,8 +20,8 @@ from wavetank.motion.motion import Array, Motion
 from wavetank.motion.recorded import hermite
 from wavetank.waves.solitary_wave import solitary_wave
 
-TAIL = 1e-6  # of the crest: where the wave begins and ends
-POINTS = 1001  # from there to there
+TAIL = 1e-6  # elevation over that of the crest at which the wave begins and ends
+POINTS = 1001  # samples of the wave
 
 
 class SolitaryPush(NamedTuple):

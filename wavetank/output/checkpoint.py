@@ -47,8 +47,8 @@ UNREADABLE = (
     EOFError,
     NotImplementedError,
     RecursionError,
-)  # what zip may meet
-FORMAT = 4  # of checkpoints; a change of ``Description``, or of what else all runs have, increases it
+)  # errors of zip files
+FORMAT = 4  # version of checkpoints; a change of ``Description`` or of the state of all runs increases it
 FULL = errno.ENOSPC, errno.EDQUOT
 
 

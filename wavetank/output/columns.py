@@ -30,7 +30,7 @@ ACROSS = {"long_name": "distance across the tank", "units": "m", "axis": "Y"}
 UPWARDS = {"long_name": "height above still water", "units": "m", "axis": "Z", "positive": "up"}
 AXES = {"x": ALONG, "y": ACROSS, "z": UPWARDS}
 ZETA = {"long_name": "height above the bed over that of the surface", "units": "1"}
-STANDARD_NAMES = {  # of the CF conventions
+STANDARD_NAMES = {  # names of the CF conventions
     "velocity_x": "sea_water_x_velocity",
     "velocity_y": "sea_water_y_velocity",
     "velocity_z": "upward_sea_water_velocity",

@@ -177,7 +177,7 @@ Arrays = Mapping[str, NDArray[Any]]
 
 TYPES = {"<f8": "Float64", "<f4": "Float32", "<i4": "Int32", "|u1": "UInt8"}
 FLAT = {2: 3, 3: 5, 4: 9}  # VTK's line, triangle and quadrilateral, by their corners
-LAYERED = {  # what becomes of them between two levels, with the order of the lower, then the upper corners
+LAYERED = {  # cells between two levels, with the order of the lower, then the upper corners
     2: (9, [0, 1, 3, 2]),
     3: (13, [0, 1, 2, 3, 4, 5]),
     4: (12, [0, 1, 2, 3, 4, 5, 6, 7]),
@@ -301,7 +301,7 @@ class VtuSeries:
         Arrays have shape (N,) or (N, components), by their names; each is written in the precision it has.
         Raises ``RunError`` on all ranks for a number that is not finite or a file that cannot be written on one.
         """
-        from wavetank.base.mpi import on_first, raise_on_all_ranks  # which initialises MPI
+        from wavetank.base.mpi import on_first, raise_on_all_ranks  # initialises MPI
 
         stem = _snapshot_stem(self._name, len(self._times))
         described = [encoded("points", points), *(encoded(name, values) for name, values in arrays.items())]

@@ -123,7 +123,7 @@ def flush_to_disk(path: Path) -> None:
 
 
 LOCK = ".lock"
-TIMEOUT, PAUSE = 0.5, 0.05  # s: a reader that tests the lock has it for a short time
+TIMEOUT, PAUSE = 0.5, 0.05  # time for a reader that tests the lock to release it, and between attempts [s]
 
 
 class Holder(NamedTuple):

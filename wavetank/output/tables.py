@@ -28,7 +28,7 @@ def csv_table(columns: Mapping[str, NDArray[np.float64]]) -> bytes:
 
 
 BLOCK = 2**16  # bytes of a table that are read together
-Extent = dict[str, Any]  # of a record in a checkpoint, as JSON has it
+Extent = dict[str, Any]  # extent of a record in a checkpoint, as a JSON object
 Rows = NDArray[np.float64] | Sequence[NDArray[np.float64] | Sequence[float | None]]
 
 
@@ -62,7 +62,7 @@ def read_blocks(file: BinaryIO, path: Path, *, ascending: bool) -> Iterator[tupl
     line = file.readline()
     header = next(csv.reader([line.decode(errors="replace")] if line.endswith(b"\n") else []), ["t"])
     yield header, np.empty((0, len(header)))
-    number, last = 2, -np.inf  # of the next line, and the time before it
+    number, last = 2, -np.inf  # number of the next line, and the previous time
     while lines := file.readlines(BLOCK):
         if not lines[-1].endswith(b"\n"):  # cut by a kill
             lines.pop()

@@ -143,7 +143,7 @@ class RunWriter:
     def fail(self, error: BaseException) -> None:
         """Close all files and write the final manifest with the error as the cause."""
         status = error.status if isinstance(error, RunError) else "failed"
-        with suppress(WavetankError):  # of a directory that has been deleted
+        with suppress(WavetankError):  # the directory may have been deleted
             self.finish(status, {"cause": worded(error)})
 
     def write_manifest(self) -> None:
@@ -311,7 +311,7 @@ class RunWriter:
     def _text(self, manifest: dict[str, Any]) -> bytes:
         try:
             return json.dumps(manifest, indent=2, allow_nan=False, default=RunWarning.as_json).encode() + b"\n"
-        except ValueError:  # of a number that is not finite
+        except ValueError:  # a number is not finite
             raise RunError(f"{self.path / MANIFEST}: a value for it is not a finite number.") from None
 
     def _write_manifest(self, manifest: dict[str, Any], *, durable: bool = False) -> None:

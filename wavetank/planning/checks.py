@@ -43,7 +43,7 @@ from wavetank.planning.prediction import stroke_missed
 from wavetank.planning.requirements import requirements, unplanned
 from wavetank.planning.resolution import (
     DEFAULT,
-    MISSED,
+    MAX_ERROR,
     bed_shape,
     by_rule,
     cell_size_for,
@@ -158,8 +158,8 @@ def _paddle_wave_heights(end: EndWall) -> np.ndarray[Any, Any]:
 
 
 # ------------------------------------------------------------------------------------------ sponges and absorption
-REFLECTED = 0.1  # of waves, by a sponge: steep ones broke from 0.2 on (docs/absorption.md)
-LAYERS = 2000  # of a sponge
+REFLECTED = 0.1  # reflection coefficient of a sponge: steep waves broke from 0.2 on (docs/absorption.md)
+LAYERS = 2000  # layers of a sponge
 
 
 def reflecting_sponge(scene: Case) -> Iterator[RunWarning]:
@@ -207,7 +207,7 @@ def predicted(scene: Case) -> Iterator[RunWarning]:
         return  # no plan can be made
     if error > INACCURATE:
         kd = requirements(scene, DEFAULT).k * scene.tank.depth
-        deep = relative_frequency_error(kd, HIGHEST_VERTICAL_ORDER) >= MISSED
+        deep = relative_frequency_error(kd, HIGHEST_VERTICAL_ORDER) >= MAX_ERROR
         code = "inaccurate-deep-waves" if deep else "inaccurate"
         yield RunWarning(code, key="numerics", value=error, limit=INACCURATE, details={"kd": kd})
 
@@ -228,7 +228,7 @@ def waves_missed(scene: Case, cell_size: float) -> Iterator[RunWarning]:
         for omega in frequencies:
             k = float(airy.wave_number(omega, bed.shallow, g))
             missed = float(mesh.frequency(cells.waves(k).mu) / mesh.frequency(k**2)) - 1.0
-            if missed <= MISSED:
+            if missed <= MAX_ERROR:
                 continue
             details: dict[str, float | str] = {"order": order, "nodes": order * 2 * np.pi / k / cell_size}
             details |= {"wall": view.key, "period": 2 * np.pi / omega, "length": 2 * np.pi / k, "depth": bed.shallow}
@@ -238,10 +238,10 @@ def waves_missed(scene: Case, cell_size: float) -> Iterator[RunWarning]:
         for omega in frequencies:
             kd = float(airy.wave_number(omega, bed.deep, g)) * bed.deep
             missed, enough = relative_frequency_error(kd, n), vertical_order_for(kd)
-            if missed <= MISSED:
+            if missed <= MAX_ERROR:
                 continue
             details = {"wall": view.key, "period": 2 * np.pi / omega, "depth": bed.deep, "kd": kd, "missed": missed}
-            code = "vertical-order-too-low" if relative_frequency_error(kd, enough) <= MISSED else "waves-too-deep"
+            code = "vertical-order-too-low" if relative_frequency_error(kd, enough) <= MAX_ERROR else "waves-too-deep"
             yield RunWarning(code, ORDER, n, enough, details=details)
             break
 
@@ -266,9 +266,9 @@ def missed_motion(scene: Case, clock: Clock, nodes: Sequence[float]) -> Iterator
     for view in scene.paddles:
         steps = max(clock.steps, int(analysed_duration(view) / clock.dt))
         missed = stroke_missed(view, dt=clock.dt, steps=steps, nodes=nodes)
-        if missed > MISSED:
+        if missed > MAX_ERROR:
             details: dict[str, float | str] = {"dt": clock.dt, "wall": view.key}
-            yield RunWarning("step-misses-motion", "numerics.dt", missed, MISSED, details=details)
+            yield RunWarning("step-misses-motion", "numerics.dt", missed, MAX_ERROR, details=details)
 
 
 def unstable_step(scene: Case, clock: Clock, waves: AnyWaves, integrator: Integrator[Any]) -> Iterator[RunWarning]:

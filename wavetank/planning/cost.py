@@ -54,11 +54,11 @@ FITTED, STEEPER = 0.1, 3.0  # steepness at which constants are fitted, and facto
 KINDS = {"linear": ("linear", False), "nonlinear": ("nonlinear", False), "driven": ("nonlinear", True)}
 BASE = 185e6  # bytes: Python with dolfinx and PETSc, and a tank of ten cells; largest resident size, x86-64
 PER_ENTRY = {"linear": 130.0, "nonlinear": 185.0}  # bytes per E, from (p, n) = (3, 8) and (5, 5)
-A_DAY = 86_400.0  # s of wall time, if each rank has a core of its own
-STEP, PER_UNKNOWN = 0.01, 1.2e-6  # s of a basin's step
-PER_NODE, PER_MODE = 900.0, 130.0  # bytes a degree of freedom of a basin's surface
-RELEVANT = 0.2  # of the CPU time
-PER_CELL = 60.0  # bytes of a mesh file, at least
+A_DAY = 86_400.0  # wall time [s], if each rank has a core
+STEP, PER_UNKNOWN = 0.01, 1.2e-6  # time of a step of a basin [s], and for each unknown
+PER_NODE, PER_MODE = 900.0, 130.0  # bytes for each degree of freedom of a basin's surface, and each of its modes
+RELEVANT = 0.2  # part of the CPU time above which a cost is reported
+PER_CELL = 60.0  # least size of a mesh file for each cell [bytes]
 
 
 def step_costs(name: str) -> StepCosts:
@@ -68,14 +68,14 @@ def step_costs(name: str) -> StepCosts:
 
 
 LEANING, BENT, BOTH_BENT = 1.3, 1.5, 2.1  # cost of flaps hinged at the bed or below, and of other shapes, over pistons
-ROW = 2.5e-3, 5e-8  # s, and s an entry of a slice's operator
-ROW_OF_STEP = 0.55  # of a basin's step
-BELOW = 0.4  # memory for records below the surface, over that of a run without
-ABSORPTION: dict[type, tuple[float, float]] = {  # s, and s an entry, a step of each paddle
+ROW = 2.5e-3, 5e-8  # time of a row below the surface [s], and for each entry of a slice's operator
+ROW_OF_STEP = 0.55  # time of such a row over that of a basin's step
+BELOW = 0.4  # relative increase of memory by records below the surface
+ABSORPTION: dict[type, tuple[float, float]] = {  # time of a step for each paddle [s], and for each entry
     ActiveAbsorption: (0.45e-3, 7e-9),
     SpringDamper: (0.7e-3, 2.3e-8),
 }
-POINT = {"netcdf": 4e-6, "csv": 23e-6}  # s
+POINT = {"netcdf": 4e-6, "csv": 23e-6}  # time to write a point [s]
 CONSTANTS: dict[str, tuple[float, ...]] = {  # (a, b, c, a', b', c') [s] by kind of waves and integrator
     f"{kind} {name}": getattr(step_costs(name), kind) for kind in KINDS for name in INTEGRATORS
 }

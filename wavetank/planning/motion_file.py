@@ -16,9 +16,9 @@ from wavetank.case.wall import HingedWall
 from wavetank.motion.motion import Array, Extent, extent, times
 from wavetank.output.columns import paddle_columns
 
-MOST = 10**7  # rows
-ROWS, SMALL = 20, 0.1  # in the shortest period; of the stroke: smaller waves are not counted
-REST = 1e-3  # of the largest speed: a signal that ends so slowly ends at rest
+MAX_ROWS = 10**7
+ROWS, MIN_WAVE = 20, 0.1  # rows in the shortest period; least wave that counts, over the stroke
+REST = 1e-3  # speed over the largest one at which a signal ends at rest
 
 
 def write_motion(
@@ -52,8 +52,8 @@ def _signal(end: EndWall, rate: float, *, ramp_down: bool) -> tuple[Array, float
     for too many rows, or a ramp-down beyond the limits of the paddle.
     """
     rows = int(np.ceil(end.duration * rate * (1 - 1e-12))) + 1
-    if rows > MOST:
-        raise InputError(f"--rate {rate:g}: must be at most {MOST / end.duration:.4g}, for {MOST} rows.")
+    if rows > MAX_ROWS:
+        raise InputError(f"--rate {rate:g}: must be at most {MAX_ROWS / end.duration:.4g}, for {MAX_ROWS} rows.")
     t = np.arange(rows) / rate
     t = np.asarray(t[t <= end.motion().duration])
     signal = end.rates(t)
@@ -110,7 +110,7 @@ def _rate_warning(end: EndWall, rate: float) -> list[str]:
     X, v = (one.reshape(t.size, -1)[:, 0] for one in end.rates(t)[:2])
     ends = np.flatnonzero(v[:-1] * v[1:] < 0.0)
     at = t[ends] - v[ends] * (t[ends + 1] - t[ends]) / (v[ends + 1] - v[ends])
-    halves = np.diff(at)[np.abs(np.diff(X[ends])) > SMALL * np.ptp(X)]
+    halves = np.diff(at)[np.abs(np.diff(X[ends])) > MIN_WAVE * np.ptp(X)]
     if not halves.size or rate * (period := 2 * float(halves.min())) >= ROWS:
         return []
     few = f"--rate {rate:g} gives {rate * period:.3g} rows in the shortest period, {period:.3g} s"

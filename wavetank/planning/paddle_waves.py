@@ -20,19 +20,19 @@ from wavetank.waves import airy
 from wavetank.waves.second_order import Strokes, second_order
 
 REMAINING = 0.05  # part of the free second harmonic that second-order generation leaves in steep waves
-MOST_COMPONENTS = 40
-MOST_TIMES = 2**16  # at which a motion is sampled: an hour of it in a tank 0.5 m deep
-DEEPEST = 40.0  # k d of the highest frequency of a motion
-TAPER = 0.25  # fraction of a motion that is tapered at its end: a motion that is cut has the spectrum of a jump
-TRIED = 4001  # times after the end of a short run at which a motion is evaluated
+MAX_COMPONENTS = 40
+MAX_SAMPLES = 2**16  # samples of a motion: an hour in a tank of 0.5 m depth
+MAX_KD = 40.0  # k d of the highest frequency of a motion
+TAPER = 0.25  # fraction of a motion that is tapered at its end: a truncated motion has the spectrum of a jump
+TIMES_AFTER = 4001  # times after the end of a short run at which a motion is evaluated
 WINDOW = 36.0  # (d / g)^(1/2): least analysed duration of a motion; part of a period has the spectrum of short waves
-NOISE = 1 / 30  # of a measured motion's largest component: shorter waves below it are noise of the instrument
-NEGLECTED = 0.05  # of the accuracy squared: energy neglected at either end of the spectrum
-RETURNING = 0.1  # of the recorded energy: with less reflection the crest is that of waves of one direction
-REACHED = 0.9  # of the energy: if less reaches a gauge within the run, all waves in the tank count
-PLACES = 33  # at which the highest crest is searched
-AROUND = 4  # groups of lines on either side that form the envelope of a group; fewer do not resolve it in time
-TIMES = 512  # at which an envelope is sampled
+NOISE = 1 / 30  # amplitude over the largest component of a measured motion below which short waves are noise
+NEGLECTED = 0.05  # relative energy neglected at each end of the spectrum, over the accuracy squared
+MIN_REFLECTED = 0.1  # least reflected part of the recorded energy with which crests of both directions add up
+MIN_ARRIVED = 0.9  # part of the energy that arrives at a gauge below which all waves in the tank count
+PLACES = 33  # positions at which the highest crest is searched
+ENVELOPE_LINES = 4  # groups of spectral lines on each side that form the envelope; fewer do not resolve it in time
+TIMES = 512  # samples of an envelope
 TINY = 1e-300
 
 
@@ -133,7 +133,7 @@ class _Lines(NamedTuple):
         energy = np.abs(self.elevation[self.omega <= highest]) ** 2
         below = np.append(0.0, np.cumsum(energy) / np.sum(energy))
         chosen = np.flatnonzero((below[1:] > neglected) & (below[:-1] < 1 - neglected))
-        groups = np.array_split(chosen, min(MOST_COMPONENTS, chosen.size))
+        groups = np.array_split(chosen, min(MAX_COMPONENTS, chosen.size))
         edges = np.array([*(group[0] for group in groups), chosen[-1] + 1])
         energies, moments = (
             np.add.reduceat(of[: edges[-1]], edges[:-1]) for of in (energy, energy * self.omega[: energy.size])
@@ -149,7 +149,7 @@ def analysed_duration(end: EndWall) -> float:
     until = min(WINDOW * float(np.sqrt(end.tank.depth / end.tank.gravity)), end.motion().duration)
     if until > end.duration:
         try:
-            end.rates(np.linspace(end.duration, until, TRIED, dtype=np.float64))
+            end.rates(np.linspace(end.duration, until, TIMES_AFTER, dtype=np.float64))
         except InputError:
             return end.duration
     return float(max(end.duration, until))
@@ -175,13 +175,14 @@ def paddle_waves(end: EndWall, accuracy: float) -> CaseWaves:
     k, energy = airy.wave_number(omega, tank.depth, tank.gravity), amplitude**2
     count = omega.size
     squares = [
-        lines.squared_envelope(edges[max(0, n - AROUND)], edges[min(n + AROUND + 1, count)]) for n in range(count)
+        lines.squared_envelope(edges[max(0, n - ENVELOPE_LINES)], edges[min(n + ENVELOPE_LINES + 1, count)])
+        for n in range(count)
     ]
     all_squares = lines.squared_envelope(0, lines.omega.size)
     free_k, free_omega, ratio = _free_harmonic(end, float(energy @ k / energy.sum()), all_squares)
     each = np.append(k, free_k), np.append(omega, free_omega)
     age, fraction, reflected = _travel(end, *each, np.append(energy, 0.0), np.array([*squares, all_squares**2]))
-    returning = bool(reflected[:-1] @ energy > RETURNING * (fraction[:-1] @ energy))
+    returning = bool(reflected[:-1] @ energy > MIN_REFLECTED * (fraction[:-1] @ energy))
     recorded = np.append(amplitude, ratio * np.sqrt(energy.sum())) * np.sqrt(fraction)
     several, free = (
         WaveComponents(*(part[one][fraction[one] > 0.0] for part in (*each, recorded, age)))
@@ -194,13 +195,13 @@ def paddle_waves(end: EndWall, accuracy: float) -> CaseWaves:
 
 
 def _lines(end: EndWall) -> _Lines:
-    """Return the spectral lines of the paddle's waves, from 1 / duration to the k d of ``DEEPEST``.
+    """Return the spectral lines of the paddle's waves, from 1 / duration to the k d of ``MAX_KD``.
 
-    Of a motion of more than ``MOST_TIMES``, those of its first part.
+    Of a motion of more than ``MAX_SAMPLES``, those of its first part.
     """
     tank = end.tank
-    highest = np.sqrt(DEEPEST * tank.gravity / tank.depth) / (2 * np.pi)
-    duration = min(analysed_duration(end), float(MOST_TIMES / (4 * highest)))
+    highest = np.sqrt(MAX_KD * tank.gravity / tank.depth) / (2 * np.pi)
+    duration = min(analysed_duration(end), float(MAX_SAMPLES / (4 * highest)))
     count = 2 * int(np.ceil(2 * highest * duration)) + 64
     t = np.asarray(duration / count * np.arange(count), dtype=np.float64)
     positions = end.motion().position(t)
@@ -252,7 +253,7 @@ def _crest(end: EndWall, lines: _Lines, returning: bool) -> tuple[float, float]:
 def _travel(end: EndWall, k: Vector, omega: Vector, energy: Vector, rates: Vector) -> travel.Propagation:
     """Return the travel of components to the farthest gauge they reach, of energies generated at rates, shape (N, M).
 
-    The fraction is 0 of those that reach none; where gauges are reached by less than ``REACHED`` of the energy, the
+    The fraction is 0 of those that reach none; where gauges are reached by less than ``MIN_ARRIVED`` of the energy, the
     rest being on its way to them, all travel along the tank.
     """
     length, duration = end.tank.length, end.duration
@@ -260,7 +261,7 @@ def _travel(end: EndWall, k: Vector, omega: Vector, energy: Vector, rates: Vecto
     x = np.array([float(end.distance(gauge.x)) for gauge in end.case.all_gauges])
     reached = np.divide.outer(x, speed) < duration
     reaching = np.any(reached, axis=0)
-    everywhere = energy @ reaching < REACHED * energy.sum()
+    everywhere = energy @ reaching < MIN_ARRIVED * energy.sum()
     farthest = np.full_like(k, length) if everywhere else np.where(reached, x[:, None], 0.0).max(axis=0)
     at, sampled = travel.reflections(end, omega), analysed_duration(end)
     result = travel.travel(farthest, speed, rates, sampled=sampled, length=length, reflected=at, duration=duration)

@@ -3,7 +3,7 @@
 Searched are p in {2, 3, 4, 5}, n from 2 to 16, cells on a geometric grid, and for each of these meshes the largest
 step of the default scheme that accuracy and stability allow: other schemes cost as much or more, and are less accurate
 (docs/plan.md). Errors of space and time add up (``prediction.py``), so the step follows from what the mesh leaves of
-the accuracy. It must resolve a measured motion, too (``OF_MOTION``): the search includes steps of half and
+the accuracy. It must resolve a measured motion, too (``MOTION_ERROR``): the search includes steps of half and
 a quarter of a row of its record, which resolve noise. Numerics that a case names with an accuracy are not searched.
 
 The stability limit is that of the largest frequency on still water, shifted by the current u under the highest crest,
@@ -45,13 +45,13 @@ LEAST_ABSORBING = 4  # n before paddles that absorb by the elevation at their fa
 SCHEME = "simpson-4"
 PER_WAVE = np.geomspace(0.7, 40.0, 30)  # cells in a wave length
 PER_PEAK = np.geomspace(0.5, 4.0, 16)  # cells in the length of a run-up peak
-STEP_RATIO = 1.08  # between neighbouring steps
-MARGIN = 0.9  # of the stability limit
-AIM = 1 / 3  # of the accuracy: the error of the cheapest settings is up to 3 times the predicted one
-LESS = (0.03, 0.1)  # accuracies that are tried if the default one cannot be reached
-OF_MOTION = 1 / 3  # of the accuracy: largest error of the displacement of a measured motion
-BETWEEN = np.pi / 2  # step in rows of a record, no whole number of them, whose error detects noise
-ROWS = (0.5, 0.25)  # steps in rows of a record: noise that alternates from row to row is resolved
+STEP_RATIO = 1.08  # ratio of successive time steps
+MARGIN = 0.9  # largest time step over the stability limit
+AIM = 1 / 3  # predicted error over the accuracy: the error of the cheapest settings is up to 3 times the prediction
+LOWER_ACCURACIES = (0.03, 0.1)  # tried if the default accuracy cannot be reached
+MOTION_ERROR = 1 / 3  # largest error of the displacement of a measured motion, over the accuracy
+NOISE_STEP = np.pi / 2  # time step in rows of a record, not an integer, whose error reveals noise
+RECORD_STEPS = (0.5, 0.25)  # time steps in rows of a record that resolve noise which alternates from row to row
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -206,7 +206,7 @@ def default_plan(scene: Case) -> Plan | None:
         return make_plan(scene, scene.numerics.accuracy)
     if not scene.numerics.open:
         return None
-    for accuracy in (DEFAULT, *LESS):
+    for accuracy in (DEFAULT, *LOWER_ACCURACIES):
         try:
             return make_plan(scene, accuracy)
         except UnreachableError as error:
@@ -281,11 +281,11 @@ class _Steps:
         self._measured = [] if "dt" in named else [end for end in scene.paddles if end.motion().interval is not None]
         rows = [float(end.motion().interval or 0.0) for end in self._measured]
         counts = duration / np.pi * float(required.waves.omega.min()) * STEP_RATIO ** np.arange(120)
-        recorded = [Clock.covering(duration, part * row) for row in rows for part in ROWS]
+        recorded = [Clock.covering(duration, part * row) for row in rows for part in RECORD_STEPS]
         steps = [clock.dt for clock in recorded if clock.end <= scene.motions_end * (1 + ROUNDING)]
         steps += [*duration / np.unique(np.maximum(1, np.ceil(counts)))]
-        # if a step of BETWEEN rows does not resolve a noisy motion, longer ones that do are accurate by chance
-        noisy = [ROWS[0] * row * (1 + ROUNDING) for row in rows if not self._resolves(BETWEEN * row)]
+        # if a step of NOISE_STEP rows does not resolve a noisy motion, longer ones that do are accurate by chance
+        noisy = [RECORD_STEPS[0] * row * (1 + ROUNDING) for row in rows if not self._resolves(NOISE_STEP * row)]
         longest = min(noisy, default=np.inf)
         self._dt = [named["dt"]] if "dt" in named else sorted((dt for dt in steps if dt <= longest), reverse=True)
 
@@ -315,4 +315,4 @@ class _Steps:
         return max((stroke_missed(end, dt=dt, steps=steps, nodes=nodes) for end in self._measured), default=0.0)
 
     def _resolves(self, dt: float) -> bool:
-        return self._missed(dt) <= OF_MOTION * self._required.accuracy
+        return self._missed(dt) <= MOTION_ERROR * self._required.accuracy

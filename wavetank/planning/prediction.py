@@ -58,7 +58,7 @@ from wavetank.planning.paddle_waves import RunUp
 from wavetank.planning.requirements import Requirements, absorption_error
 from wavetank.waves import airy
 
-ABSORPTION_POWER = 3.5  # of omega dt; measured 3.2 to 3.9
+ABSORPTION_POWER = 3.5  # exponent of omega dt; measured 3.2 to 3.9
 PRODUCTS = 6.3
 RUN_UP, OF_ORDER_1 = 0.1, 0.3  # factor of the cells' part; in the place of p - 1 for order 1
 ROW, BLOCKS = 500, 8  # consecutive steps over which a displacement is summed, and such rows of a longer run

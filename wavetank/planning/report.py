@@ -29,9 +29,9 @@ from wavetank.simulation.records import Memory, Records
 from wavetank.simulation.run import Run
 from wavetank.waves import airy
 
-STEEPEST = 0.2  # k a, and a over the depth: steeper waves may break
-TIMES = 1001  # at which the paddle motion is sampled in the second half of the run
-WARM_UP, STEPS = 5, 8  # steps before the timed ones, for the initial guesses of solves, and timed steps
+MAX_STEEPNESS = 0.2  # k a, and a over the depth, above which waves may break
+TIMES = 1001  # samples of the paddle motion in the second half of the run
+WARM_UP, STEPS = 5, 8  # steps that provide initial guesses of solves, and timed steps
 
 
 def report(path: Path, accuracy: float | None, overrides: Sequence[str]) -> None:
@@ -112,7 +112,7 @@ def step_time(run: Run, steps: int = WARM_UP + STEPS, count: Callable[[], int] =
 def _fill(run: Run, scene: Case, waves: AnyWaves, steps: int) -> None:
     """Start some steps with regular waves of the paddle's period at a time at which it moves fast; collective.
 
-    They are linear, on the mean depth, and at most as steep as ``STEEPEST``. Without a moving paddle the start stays.
+    They are linear, on the mean depth, of steepness ``MAX_STEEPNESS`` at most. The start stays if no paddle moves.
     """
     end = next((paddle for paddle in scene.paddles if paddle.motion().moves), scene.ends[0])
     period = end.period
@@ -123,7 +123,7 @@ def _fill(run: Run, scene: Case, waves: AnyWaves, steps: int) -> None:
     omega, g = 2 * np.pi / period, scene.tank.gravity
     k = float(airy.wave_number(omega, waves.depth, g))
     amplitude = float(end.wall.wavemaker.transfer(k, waves.depth)) * np.sqrt(2 * np.mean(velocity**2)) / omega
-    amplitude = min(amplitude, STEEPEST / k, STEEPEST * waves.depth)
+    amplitude = min(amplitude, MAX_STEEPNESS / k, MAX_STEEPNESS * waves.depth)
     phase = k * waves.plane.x
     run.clock = replace(run.clock, begin=float(t[np.argmax(velocity.mean(axis=1))]))
     start = waves.state(amplitude * np.cos(phase), g * amplitude / omega * np.sin(phase), run.clock.begin)

@@ -44,14 +44,19 @@ from wavetank.waves import airy
 from wavetank.waves.conformal import SteadyWave
 from wavetank.waves.solitary_wave import solitary_wave
 
-STARTS = (starts.SolitaryWave, starts.StandingWave, starts.StillWater, starts.StreamFunctionWave)  # of plans
+STARTS = (
+    starts.SolitaryWave,
+    starts.StandingWave,
+    starts.StillWater,
+    starts.StreamFunctionWave,
+)  # initial states of cases that can be planned
 RESOLVED = 0.6  # H / d of the highest run-up that was computed with two meshes within 0.02 %
 ABSORPTION = 2.5  # measured 1.6 to 3.5: pistons at k d = 0.7, 1.5, 2.5, flaps at 0.7, 1.5, 28 and 40 steps a period
-POINTS = 1024  # along a wave of permanent form
-TAIL, FARTHEST = 1e-3, 60.0  # of a solitary wave: where it ends, relative to its height, and depths searched
-BEYOND = 4  # harmonics of a standing wave beyond those of its expansion
+POINTS = 1024  # points of a wave of permanent form
+TAIL, MAX_TAIL = 1e-3, 60.0  # elevation over the height at which a solitary wave ends, and largest distance in depths
+FURTHER_HARMONICS = 4  # harmonics of a standing wave beyond those of its expansion
 DECAY = 1.85  # r_(m+1) / r_m of these over r_3 / r_2; 1.83 to 1.95 in runs of k a = 0.15 to 0.3 (docs/plan.md)
-NEGLIGIBLE = 1e-5  # of its first harmonic
+NEGLIGIBLE = 1e-5  # amplitude over that of the first harmonic
 
 
 def stokes_harmonics(steepness: float, kd: float) -> tuple[Vector, float]:
@@ -259,7 +264,7 @@ def _standing_wave(wave: starts.StandingWave, scene: Case) -> CaseWaves:
     in_space, excess = standing_harmonics(float(k[0]) * a, float(k[0]) * tank.depth)
     sizes = np.linalg.norm(in_space * [1.0, *3 * [np.sqrt(0.5)]], axis=1)  # for means over a period
     ratios = np.minimum(sizes / sizes[0], 1.0)
-    beyond = np.minimum(DECAY * ratios[-1] / ratios[-2], 1.0) ** np.arange(1, BEYOND + 1)
+    beyond = np.minimum(DECAY * ratios[-1] / ratios[-2], 1.0) ** np.arange(1, FURTHER_HARMONICS + 1)
     ratios = np.append(ratios, ratios[-1] * beyond)
     omega, age = airy.angular_frequency(k, tank.depth, tank.gravity), np.full(2, scene.run.duration)
     form = Form(ratios, excess, _crest_velocity(float(k[0]), a, scene), a * (2 * float(in_space.sum()) - 1.0))
@@ -283,7 +288,7 @@ def standing_harmonics(steepness: float, kd: float) -> tuple[Vector, float]:
 def _solitary_wave(exact: SteadyWave, height: float, scene: Case, arrival: float, wall: object) -> CaseWaves:
     """Return a solitary wave of a height [m] whose crest arrives at a wall at a time [s]."""
     depth = scene.tank.depth
-    x = depth * np.linspace(0.0, FARTHEST, POINTS)
+    x = depth * np.linspace(0.0, MAX_TAIL, POINTS)
     half = float(x[np.flatnonzero(exact.elevation(exact.crest + x) > TAIL * height)[-1]])
     waves = _steady_waves(exact, 2 * half, scene)
     if scene.sponge is not None or getattr(wall, "absorb", None) is not None or arrival >= scene.run.duration:

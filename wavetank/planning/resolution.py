@@ -8,7 +8,7 @@ A steep initial surface generates bound harmonics that its spectrum lacks. Each 
 of the first makes the shortest wave shorter. On meshes of the first harmonic alone the edge penalty took 4.5 to 22 % of
 the energy of modulated wave trains.
 
-Along a slice over a bed the order is 4 and cells are ``COARSER`` than those of order 3, as accurate for linear waves.
+Along a slice over a bed the order is 4 and cells are ``BED_CELLS`` than those of order 3, as accurate for linear waves.
 Over submerged bars this has an error of about 1 % in 0.85 of the time of order 3, which has 0.9 to 2.3 %
 (docs/plan.md). In basins order 3 costs as little.
 """
@@ -39,16 +39,18 @@ from wavetank.waves import airy
 
 DEFAULT = 1e-2  # relative error of the elevation of a case that names none
 POWER = 0.99  # fraction of the power that counts
-PER_WAVE = {1: 60.0, 2: 7.0}  # cells of an order in the shortest wave: its frequency is right to 2e-4
-OF_HIGHER_ORDER = 3.0  # so it is by order 3
-BED_ORDER, COARSER = 4, 5 / 3  # along a slice over a bed: the order, and its cells over those of order 3
-ROUGH = 0.01  # of the depth: smaller variations of a bed need not be resolved
-VERTICAL = 1e-4  # largest relative error of its frequency by the vertical order
-SOLVED, LOOSEST = 1e-3, 1e-5  # tolerance of a step's solves over the accuracy, and the largest one
-LEAST = 1e-9  # wave number [rad/m] and frequency [rad/s] of a scene without waves
-POINTS, LINES = 8192, 5  # at which surface and bed are sampled, along each of so many lines
-MISSED = 0.01  # largest relative error of the speed of waves and of a paddle's displacement
-SURELY = 1.1  # of the longest step: a tank's largest frequency is below that of endless cells, by a hundredth at most
+PER_WAVE = {1: 60.0, 2: 7.0}  # cells in the shortest wave, by order: the frequency error is 2e-4
+PER_WAVE_OF_HIGHER_ORDER = 3.0  # cells in the shortest wave of order 3 and higher
+BED_ORDER, BED_CELLS = 4, 5 / 3  # order of a slice over a bed, and size of its cells over that of order 3
+MIN_BED_VARIATION = 0.01  # least variation of a bed that is resolved, over the depth
+VERTICAL_ERROR = 1e-4  # largest relative error of the frequency by the vertical order
+TOLERANCE, MAX_TOLERANCE = 1e-3, 1e-5  # tolerance of solves over the accuracy, and the largest tolerance
+LEAST = 1e-9  # wave number [rad/m] and frequency [rad/s] of a case without waves
+POINTS, LINES = 8192, 5  # points of a line, and lines, along which surface and bed are sampled
+MAX_ERROR = 0.01  # largest relative error of the speed of waves and of a paddle's displacement
+CERTAINLY_UNSTABLE = (
+    1.1  # step over the limit: the largest frequency of a tank is up to 1 % below that of uniform cells
+)
 
 
 class BedShape(NamedTuple):
@@ -85,7 +87,7 @@ def resolved(scene: Case) -> Case:
     named, changes = numerics.model_fields_set, dict[str, float | int](order=numerics.order)
     size, usual = cell_size_for(shortest.k, numerics.order), numerics.cell_size_in(tank)
     if not named & {"cells", "cell_size", "order"} and isinstance(tank, SliceTank) and tank.bed is not None:
-        changes |= {"order": BED_ORDER, "cell_size": COARSER * float(min(size, usual))}
+        changes |= {"order": BED_ORDER, "cell_size": BED_CELLS * float(min(size, usual))}
     elif not named & {"cells", "cell_size"} and size < usual:
         changes["cell_size"] = float(size)
     if "vertical_order" not in named:
@@ -105,18 +107,18 @@ def by_rule(scene: Case) -> Case:
 def solved_to(accuracy: float, scene: Case) -> dict[str, float]:
     """Return the tolerance of a step's solves for an accuracy, by its key; nothing if the scene names one."""
     named = "tolerance" in scene.numerics.model_fields_set
-    return {} if named else {"tolerance": min(SOLVED * accuracy, LOOSEST)}
+    return {} if named else {"tolerance": min(TOLERANCE * accuracy, MAX_TOLERANCE)}
 
 
 def cell_size_for(k: float, order: int) -> float:
     """Return the size [m] of cells of an order that resolve waves of k [rad/m]."""
-    return 2 * np.pi / k / PER_WAVE.get(order, OF_HIGHER_ORDER)
+    return 2 * np.pi / k / PER_WAVE.get(order, PER_WAVE_OF_HIGHER_ORDER)
 
 
 def vertical_order_for(kd: float) -> int:
     """Return the least vertical order that resolves waves of k d."""
     orders = range(1, HIGHEST_VERTICAL_ORDER)
-    return next((n for n in orders if relative_frequency_error(kd, n) <= VERTICAL), HIGHEST_VERTICAL_ORDER)
+    return next((n for n in orders if relative_frequency_error(kd, n) <= VERTICAL_ERROR), HIGHEST_VERTICAL_ORDER)
 
 
 # ---------------------------------------------------------------- the shortest wave
@@ -179,7 +181,7 @@ def bed_shape(scene: Case) -> BedShape:
     shortest, depths = [0.0], list[Vector]()
     for x, d in _profiles(scene, depth):
         k, waves = _spectrum(d, x)
-        smooth = (ROUGH * float(d.mean())) ** 2 / max(float(np.var(d)), 1e-300)  # small against the depth
+        smooth = (MIN_BED_VARIATION * float(d.mean())) ** 2 / max(float(np.var(d)), 1e-300)  # small against the depth
         shortest.append(_shortest(k, np.abs(waves) ** 2, neglected=max(1 - POWER, smooth)))
         depths.append(d)
     every = np.concatenate(depths or [np.array([tank.depth])])
@@ -233,7 +235,7 @@ def too_short(scene: Case) -> Iterator[Problem]:
             continue
         omega = min(2 * np.pi / period, highest_frequency(view, DEFAULT))
         k = float(airy.wave_number(omega, depth, g))
-        if relative_frequency_error(k * depth, HIGHEST_VERTICAL_ORDER) > MISSED:
+        if relative_frequency_error(k * depth, HIGHEST_VERTICAL_ORDER) > MAX_ERROR:
             size = f"T = {2 * np.pi / omega:.3g} s, {2 * np.pi / k:.2g} m long in water {depth:.3g} m deep"
             allowed = f"no vertical order resolves its waves of {size}: they are the same in a tank that is less deep"
             yield view.wall.motion.problem(view.key, PERIODS, allowed)
@@ -258,7 +260,7 @@ def check_stable(scene: Case, integrator: Integrator[Any], comm: MPI.Comm) -> No
 
 def _check_stable(scene: Case, integrator: Integrator[Any], dt: float) -> None:
     largest = still_mesh(scene, scene.cell_size).largest_frequency
-    if dt * largest <= SURELY * integrator.stability_limit:
+    if dt * largest <= CERTAINLY_UNSTABLE * integrator.stability_limit:
         return
     try:
         build_clock(scene, largest, integrator)

@@ -16,9 +16,9 @@ from wavetank.waves.airy import Array, wave_number
 
 FEW = (style.BLUE, style.VERMILION, style.GREEN, style.ORANGE, style.PURPLE, style.INK)
 ONE = (9, 5.4)  # size of a picture of one panel [inch]
-MARGIN = 0.1  # of frequencies: how far beyond them linear waves are drawn
-MOST = 12  # gauges in one panel; of more, some between are left out
-DRAWN = 0.99  # of the variance: part that a spectrum is drawn up to
+MARGIN = 0.1  # relative extension of the frequency range of linear waves
+MAX_GAUGES = 12  # largest number of gauges in a panel; further ones are omitted evenly
+DRAWN = 0.99  # part of the variance within the frequency range of a spectrum
 
 
 def _colours(number: int) -> list[tuple[float, ...] | str]:
@@ -26,7 +26,7 @@ def _colours(number: int) -> list[tuple[float, ...] | str]:
     return list(FEW[:number]) if number <= len(FEW) else [*colormaps["viridis"](np.linspace(0, 0.93, number))]
 
 
-def _chosen(number: int, most: int = MOST) -> dict[int, Any]:
+def _chosen(number: int, most: int = MAX_GAUGES) -> dict[int, Any]:
     """Return which of so many gauges are drawn, with their colours."""
     shown = sorted({round(n) for n in np.linspace(0, number - 1, min(number, most))})
     return dict(zip(shown, _colours(len(shown)), strict=True))

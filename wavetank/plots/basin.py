@@ -15,8 +15,8 @@ from wavetank.output.directory import RunDirectory
 from wavetank.plots import style
 from wavetank.plots.surfaces import Array, Extremes, Indices, TankSurface, basin_surface, wave_history
 
-LEVELS = 64  # of colours
-WIDTH, WIDE = 5.2, 9.5  # of a map [inch], the maps in a row or in a column
+LEVELS = 64  # number of colours
+WIDTH, WIDE = 5.2, 9.5  # width of maps [inch] in a row, and in a column
 ELONGATED = 0.4  # width over length of a basin up to which maps are in a column
 PERIODS, SNAPSHOTS = 3, 6  # wave heights are those of the last periods, if there are so many snapshots in each
 RIM = "#444444"

@@ -37,7 +37,7 @@ MARKS = (("o", "#222222"), ("^", "#d55e00"), ("s", "#009e73"))  # one an origin 
 ROW = 3  # panels
 HEADROOM = 1.06
 CONTOURS = 14
-POINTS = 241  # of a bed, in each direction
+POINTS = 241  # points of a bed in each direction
 
 
 def bathymetry(run: RunDirectory, gauges: DataArray) -> DataArray | None:

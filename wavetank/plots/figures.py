@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from xarray import DataArray, Dataset
 
-from wavetank.analysis.compare import MATCH, compare_gauge, matched
+from wavetank.analysis.compare import GAUGE_TOLERANCE, compare_gauge, matched
 from wavetank.analysis.still_water import closed, sponge_rate, still_water
 from wavetank.base.errors import InputError
 from wavetank.case.tank import Depth
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 # ---------------------------------------------------------------- the surface
 BEFORE, CREST, AFTER = style.ORANGE, "#0b2d5c", "#a0417f"
 SKY, STILL, SAND = "#f4f9fd", "#a8d3ee", "#cdb990"
-PIXELS = 1200, 540  # of the (x, t) plane
+PIXELS = 1200, 540  # pixels of the (x, t) plane
 
 
 def surface_figure(
@@ -171,19 +171,19 @@ def _draw_wall(axes: Axes, diagram: Axes, t: Array, x: Array, name: str) -> None
 
 
 # ---------------------------------------------------------------- gauges
-PANELS = 24  # of gauges in one picture
-COLUMN = 8  # panels one below the other; of more there are two columns
-FOCUS = 4.0  # s shown on either side of the largest crest
+MAX_PANELS = 24  # largest number of gauges in a picture
+COLUMN = 8  # largest number of panels in one column
+FOCUS = 4.0  # time shown before and after the largest crest [s]
 
 
 def gauges_overview(gauges: DataArray, path: Path, *, title: str = "") -> Path:
     """Draw the gauges' records, all on one scale, from the paddle outwards; return ``path``.
 
-    Of more than ``PANELS`` gauges every second, third ... is drawn. Raises ``InputError`` if there is no gauge.
+    Of more than ``MAX_PANELS`` gauges every second, third ... is drawn. Raises ``InputError`` if there is no gauge.
     """
     if not gauges.sizes["gauge"]:
         raise InputError(f"{path}: there is no gauge to draw.")
-    shown = gauges.sortby("x")[:: -(-gauges.sizes["gauge"] // PANELS)]
+    shown = gauges.sortby("x")[:: -(-gauges.sizes["gauge"] // MAX_PANELS)]
     columns = 1 if len(shown) <= COLUMN else 2
     rows = -(-len(shown) // columns)
     size = (10 if columns == 1 else 14, 1.2 + 1.25 * rows)
@@ -213,7 +213,9 @@ def gauges_figure(measured: DataArray, computed: DataArray, published: Sequence[
     size = (14, 1.1 + 1.6 * len(pairs))
     with style.panels(path, len(pairs), 2, size=size, legend="outside upper center", **layout) as axes:
         for (one, reference), (full, zoom) in zip(pairs, axes, strict=True):
-            same_place = [other.dropna("time") for other in computations if abs(other.x - reference.x) < MATCH]
+            same_place = [
+                other.dropna("time") for other in computations if abs(other.x - reference.x) < GAUGE_TOLERANCE
+            ]
             _draw_gauge(full, zoom, reference, [*same_place, one])
         axes[0, 0].figure.supylabel("elevation [cm]", fontsize=10)
     return path
@@ -243,7 +245,7 @@ def _draw_gauge(full: Axes, zoom: Axes, reference: DataArray, computations: Sequ
 
 # ---------------------------------------------------------------- energy
 KINETIC, POTENTIAL, TOTAL, WORK = style.VERMILION, style.GREEN, "#8cc5e8", style.INK
-NEGLIGIBLE = 1e-3  # of the largest energy; less dissipation is not drawn
+MIN_DISSIPATION = 1e-3  # least dissipation that is drawn, over the largest energy
 
 
 def energy_figure(energy: Dataset, path: Path, *, title: str = "") -> Path:
@@ -264,7 +266,7 @@ def energy_figure(energy: Dataset, path: Path, *, title: str = "") -> Path:
         budget, error = axes[:, 0]
         budget.plot(t, total, color=TOTAL, lw=4, label="total")
         budget.plot(t, supplied, "--", color=WORK, label="start + paddle work" if work.any() else "start")
-        if dissipated[-1] > NEGLIGIBLE * np.abs(total).max():
+        if dissipated[-1] > MIN_DISSIPATION * np.abs(total).max():
             budget.plot(t, supplied - dissipated, ":", color=WORK, label="the same \N{MINUS SIGN} dissipated")
         if "absorbed" in energy:
             budget.plot(t, absorbed, "-.", color=WORK, label="paddle absorption")

@@ -27,12 +27,12 @@ MEASURED, COMPUTED, PUBLISHED, PADDLE = PALE_GREY, BLUE, VERMILION, INK
 WATER = LinearSegmentedColormap.from_list("water", ["#0b2d5c", "#2f7ab9", "#a8d3ee"])
 
 CM = 100.0  # elevations are drawn in centimetres
-FLAT = 1e-3  # cm; smaller waves are drawn as still water
-DAMPED = 1e-3  # of the largest rate of a sponge: where it begins
-SATURATED = 0.995  # quantile of the elevation at which colours end: one sharp crest must not bleach all other waves
+FLAT = 1e-3  # largest elevation that is drawn as still water [cm]
+DAMPED = 1e-3  # damping rate over the largest one at which a sponge begins
+SATURATED = 0.995  # quantile of the elevation at which colours end, so that one sharp crest does not hide other waves
 
-LEGEND_COLUMNS = 5  # at most
-COMPRESSION = 3  # of zlib's levels: files are a tenth larger than at the usual 6, and written in half the time
+LEGEND_COLUMNS = 5  # largest number of columns
+COMPRESSION = 3  # level of zlib: files are a tenth larger than at the default 6 and are written in half the time
 
 STYLE: Any = {  # matplotlib 3.11 names every key in a type, earlier ones take any
     "font.size": 10,

@@ -22,13 +22,13 @@ from wavetank.plots.style import CM, FLAT, SATURATED
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-SAME = 1e-9  # of the basin's size: points as close are one, on the two sides of a border between ranks
-SAME_AT_REST = 1e-6  # of the basin's size: rest positions are in single precision
-AROUND = 4  # snapshots that the surface between two of them is interpolated from
+POINT_TOLERANCE = 1e-9  # distance over the basin's size below which points of two ranks are the same
+REST_TOLERANCE = 1e-6  # the same for rest positions, which are in single precision
+INTERPOLATED = 4  # snapshots from which the surface between two of them is interpolated
 CACHED = 8  # snapshots in memory
-SLOPING = 1e-3  # of the depth: a bed that varies less is flat
-MOVING = 1e-7  # of the tank's length: smaller displacements are no motion of a paddle
-DAMPING = "damping rate"  # of the sponge, among a snapshot's point data
+MIN_BED_VARIATION = 1e-3  # least variation of the depth, relative to it, of a bed that is drawn as varying
+MIN_DISPLACEMENT = 1e-7  # least displacement of a paddle that is drawn, over the tank's length
+DAMPING = "damping rate"  # name of the sponge's damping rate in the point data of a snapshot
 CORNERS = {pv.CellType.TRIANGLE: 3, pv.CellType.QUAD: 4}
 FINE, WIDTH = 800, 0.22  # points along a slice or ring, and the width it is drawn with, over its length
 
@@ -70,9 +70,9 @@ class TankSurface:
         """Return the points (x, y, eta) [m] at t [s], shape (N, 3), interpolated between the snapshots around."""
         if self.times.size == 1:
             return self.first
-        begin = int(np.searchsorted(self.times, t)) - AROUND // 2
-        begin = int(np.clip(begin, 0, max(0, self.times.size - AROUND)))
-        around = range(begin, min(begin + AROUND, self.times.size))
+        begin = int(np.searchsorted(self.times, t)) - INTERPOLATED // 2
+        begin = int(np.clip(begin, 0, max(0, self.times.size - INTERPOLATED)))
+        around = range(begin, min(begin + INTERPOLATED, self.times.size))
         values = [self.snapshot(number) for number in around]
         return np.asarray(CubicSpline(self.times[around.start : around.stop], values)(t))
 
@@ -80,7 +80,7 @@ class TankSurface:
     def contours(self) -> Array:
         """The still-water depths [m] that lines of the bed are drawn at; none over a flat bed."""
         low, high = float(self.depth.min()), float(self.depth.max())
-        least = SLOPING * high
+        least = MIN_BED_VARIATION * high
         levels = np.array(MaxNLocator(8, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high))
         return levels[(levels > low + least) & (levels < high - least)]
 
@@ -105,7 +105,7 @@ class TankSurface:
         outward = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
         mean = displacement[self.rim].mean(axis=1)
         across = np.abs(np.sum(mean * outward, axis=1))
-        least = np.maximum(MOVING * np.ptp(self.first[:, :2]), np.linalg.norm(mean, axis=1) / np.sqrt(2))
+        least = np.maximum(MIN_DISPLACEMENT * np.ptp(self.first[:, :2]), np.linalg.norm(mean, axis=1) / np.sqrt(2))
         return np.asarray(across > least)
 
 
@@ -164,7 +164,7 @@ def basin_surface(run: RunDirectory) -> TankSurface:
     flat, at_rest = first.copy(), _rest_positions(first)
     flat.points = first.points * (1.0, 1.0, 0.0)
     # in x and y: points on a border are computed by the ranks on both sides, equal to solver tolerance
-    merged = flat.clean(tolerance=SAME * first.length, produce_merge_map=True)
+    merged = flat.clean(tolerance=POINT_TOLERANCE * first.length, produce_merge_map=True)
     _, chosen = np.unique(merged.field_data["PointMergeMap"], return_index=True)
     kinds = [kind for kind in CORNERS if kind in merged.cells_dict]
     if len(kinds) != 1 or "depth" not in first.point_data:
@@ -179,7 +179,7 @@ def basin_surface(run: RunDirectory) -> TankSurface:
         if not (len(rest) and len(at_rest)):
             raise InputError(f"{files[number]}: {parts.n_points} points; the first snapshot has {first.n_points}.")
         distances, numbers = KDTree(rest).query(at_rest[chosen])
-        if distances.max() > SAME_AT_REST * first.length:
+        if distances.max() > REST_TOLERANCE * first.length:
             raise InputError(
                 f"{files[number]}: its cells differ from those of the first snapshot; they must be the same."
             )

@@ -33,9 +33,9 @@ from wavetank.plots.surfaces import Array, Indices, tank_surface, wave_history
 Size = tuple[int, int]
 Pixels = NDArray[np.uint8]
 
-SHORTEST, LONGEST = 4.0, 10.0  # of a film [s]: a shorter run is shown slower than it was, a longer one faster
+SHORTEST, LONGEST = 4.0, 10.0  # least and largest duration of a film [s]; shorter and longer runs change speed
 FILMS = {".mp4": (20.0, (1280, 720)), ".gif": (12.5, (800, 450))}  # frames a second and size by suffix
-QUALITY = 7  # of an MP4, out of 10
+QUALITY = 7  # quality of an MP4 film, at most 10
 STILL = (1600, 900)  # pixels
 SMALLEST, LARGEST = 160, 8000  # pixels
 SURFACE = LinearSegmentedColormap.from_list(

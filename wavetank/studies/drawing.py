@@ -47,9 +47,9 @@ STAR: dict[str, Any] = {"marker": "*", "color": ORANGE, "ms": 15, "mec": INK, "l
 OPEN: dict[str, Any] = {"ls": "", "mfc": "white"}  # a run that has warnings
 CROSS: dict[str, Any] = {"marker": "x", "color": INK, "ms": 7, "mew": 1.5, "ls": ""}  # a run that has not finished
 FRONT: dict[str, Any] = {"color": INK, "ls": (0, (5, 3)), "lw": 1.4}
-RUN, MEAN, QUANTILE = PALE_GREY, BLUE, VERMILION  # of an ensemble
+RUN, MEAN, QUANTILE = PALE_GREY, BLUE, VERMILION  # colours of an ensemble
 WARNED = "open: the run has warnings (study.csv)"
-PANEL_COLUMNS = 3  # at most
+PANEL_COLUMNS = 3  # largest number of columns
 TICKS = 5  # about the largest number of ticks of an axis
 MARGIN = 0.25  # part of the width left of the marks, and of the height below them, for texts
 

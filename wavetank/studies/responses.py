@@ -10,7 +10,7 @@ from xarray import DataArray, Dataset
 
 from wavetank.analysis.record import WaveRecord, read_record
 from wavetank.analysis.results import reflection_coefficient
-from wavetank.analysis.signals import NUMBER, chosen, groupiness, harmonics, sea_state, spectrum, waving
+from wavetank.analysis.signals import MAX_HARMONICS, chosen, groupiness, harmonics, sea_state, spectrum, waving
 from wavetank.analysis.statistics import height_statistics, zero_crossing_waves
 from wavetank.base.errors import InputError, choice
 from wavetank.base.formula import CONSTANTS, FUNCTIONS, Formula
@@ -114,7 +114,7 @@ QUANTITIES = {
     "groupiness@GAUGE": Quantity("-", lambda results, gauge: float(groupiness(results.gauge(gauge)))),
     **{f"{name}@GAUGE": _of_sea(name) for name in ("hm0", "tp", "tm01", "tm02", "tm_10")},
     **{f"{name}@GAUGE": _of_waves(name) for name in ("h_mean", "h_1_3", "h_1_10", "h_max", "t_mean", "t_1_3")},
-    **{f"a{n}@GAUGE": _of_harmonic(n) for n in range(1, NUMBER + 1)},
+    **{f"a{n}@GAUGE": _of_harmonic(n) for n in range(1, MAX_HARMONICS + 1)},
     "force@LOAD": Quantity("N, of a slice N/m", lambda results, wall: results.largest_change("force", wall)),
     "moment@LOAD": Quantity("N m, of a slice N m/m", lambda results, wall: results.largest_change("moment", wall)),
 }

@@ -31,8 +31,14 @@ COSTS = {  # column: keys of the manifest; CPU and wall time are those of steppi
     "iterations": ("counters", "interior_iterations"),
     "memory [MiB]": ("memory", "peak_mib"),
 }
-SHOWN = {CPU: 3, "steps": 6, "interior solves": 6, "iterations": 6, "memory [MiB]": 6}  # in the terminal, with digits
-CONFIDENCE = 0.95  # of the mean's confidence interval
+SHOWN = {
+    CPU: 3,
+    "steps": 6,
+    "interior solves": 6,
+    "iterations": 6,
+    "memory [MiB]": 6,
+}  # columns of the terminal: digits
+CONFIDENCE = 0.95  # level of the confidence interval of a mean
 TEXTS = ("mark", "status", "cause", "warnings")  # columns
 QUANTILES = {"5 %": 0.05, "50 %": 0.5, "95 %": 0.95}
 

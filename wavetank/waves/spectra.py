@@ -93,7 +93,7 @@ def read_spectrum(path: Path) -> Spectrum:
 
 
 # ---------------------------------------------------------------- irregular seas
-STEPS = 2001  # of a spreading
+STEPS = 2001  # directions of a spreading function
 
 
 def uniform(seed: int, *shape: int) -> Array:

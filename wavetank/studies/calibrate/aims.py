@@ -145,14 +145,14 @@ def gauge_at(run: RunDirectory, x: float) -> DataArray:
     return gauges[int(np.abs(gauges.x.values - x).argmin())].dropna("time")
 
 
-AROUND = 1.5  # wave lengths and periods around the target in which the highest crest is searched
-PLACES = 60  # in a wave length
-PATH = 1 / 3  # wave lengths on either side of its top over which a crest is fitted
-SAME_CREST = 0.6  # periods around the path of a crest that exclude another crest
-FEWEST_PLACES = 6  # places that a fit needs
-FINER_SNAPSHOTS = 4  # times at which a crest is searched, over those of the snapshots
-ROUNDS, SAME = 20, 1e-5  # of fits, until the place changes by less than so many wave lengths
-LARGEST = np.array([0.3, 0.5, 0.5])  # steps of the setting
+SEARCH = 1.5  # wave lengths and periods around the target within which the highest crest is searched
+POINTS_PER_WAVE = 60  # points in a wave length
+FIT_RANGE = 1 / 3  # wave lengths on each side of a crest over which it is fitted
+SAME_CREST = 0.6  # periods around the path of a crest within which there is no other crest
+MIN_FIT_POINTS = 6  # least number of points of a fit
+SNAPSHOT_REFINEMENT = 4  # times at which a crest is searched in an interval of snapshots
+MAX_FITS, CONVERGED = 20, 1e-5  # number of fits, and change of position in wave lengths at which they end
+MAX_STEPS = np.array([0.3, 0.5, 0.5])  # largest changes of the setting
 LOWER_CREST = np.array([-0.2, 0.0, 0.0])
 
 
@@ -185,8 +185,8 @@ class CrestAim:
     def evaluate(self, runs: Sequence[RunDirectory]) -> AttemptResult:
         """Return the highest crest around the target; of two within the tolerance the nearest."""
         (run,) = runs
-        surface, target, reach = run.snapshots(), self._target, AROUND * self._scale.length
-        around = np.abs(surface.time.values - target.time) < AROUND * self._scale.period
+        surface, target, reach = run.snapshots(), self._target, SEARCH * self._scale.length
+        around = np.abs(surface.time.values - target.time) < SEARCH * self._scale.period
         if np.count_nonzero(around) > 3:
             surface = surface.isel(time=around)
         tops = crests(surface, target.x - reach, target.x + reach, sizes=self._scale)
@@ -211,7 +211,7 @@ class CrestAim:
             if one.numerics != best.numerics or one.result.misfit < best.result.misfit:
                 best = one
         step = -np.linalg.solve(slopes, self._missed(best.result.crest))
-        return np.asarray(best.setting + step / max(1.0, np.abs(step / LARGEST).max()))
+        return np.asarray(best.setting + step / max(1.0, np.abs(step / MAX_STEPS).max()))
 
     def lowered(self, setting: Setting) -> Setting:
         """Return the setting of waves a fifth lower."""
@@ -227,15 +227,15 @@ def crests(surface: Dataset, first: float, last: float, *, sizes: Scale) -> list
     """
     t = surface.time.values
     first, last = max(first, float(surface.x[:, 0].max())), min(last, float(surface.x[:, -1].min()))
-    places = np.linspace(first, last, max(8, int(PLACES * (last - first) / sizes.length)), dtype=np.float64)
+    places = np.linspace(first, last, max(8, int(POINTS_PER_WAVE * (last - first) / sizes.length)), dtype=np.float64)
     eta, result = _elevation(surface, places), list[CrestPosition]()
     remaining = np.ones((t.size, places.size), dtype=bool)
     while len(result) < 2 and remaining.any():
         row, column = divmod(int(np.argmax(np.where(remaining, eta, -np.inf))), places.size)
         guess = top = CrestPosition(float(eta[row, column]), float(places[column]), float(t[row]))
-        for _ in range(ROUNDS):
+        for _ in range(MAX_FITS):
             before, top = top, _fitted(surface, top, first, last, sizes=sizes)
-            if abs(top.x - before.x) < SAME * sizes.length:
+            if abs(top.x - before.x) < CONVERGED * sizes.length:
                 break
         result.append(top)
         arrival = guess.t + (places - guess.x) * sizes.period / sizes.length
@@ -247,16 +247,16 @@ def _fitted(surface: Dataset, top: CrestPosition, first: float, last: float, *, 
     """Return the top of a crest, fitted to its path around a guess; the guess if no fit has a maximum."""
     _, x, t = top
     part = surface.isel(time=np.abs(surface.time.values - t) < SAME_CREST * sizes.period)
-    path = np.linspace(-PATH, PATH, 2 * int(PATH * PLACES) + 1)
+    path = np.linspace(-FIT_RANGE, FIT_RANGE, 2 * int(FIT_RANGE * POINTS_PER_WAVE) + 1)
     path = path[(x + path * sizes.length >= first) & (x + path * sizes.length <= last)]
     heights, times = _highest(part.time.values, _elevation(part, x + path * sizes.length))
-    weights = (1 - (path / PATH) ** 2) * (heights > 0.0)
-    if np.count_nonzero(weights) < FEWEST_PLACES:
+    weights = (1 - (path / FIT_RANGE) ** 2) * (heights > 0.0)
+    if np.count_nonzero(weights) < MIN_FIT_POINTS:
         return top
     bend, slope, at_guess = np.polyfit(path, np.log(np.where(heights > 0.0, heights, 1.0)), 2, w=weights)
     if bend >= 0.0:
         return top
-    shift = float(np.clip(-slope / (2 * bend), -PATH, PATH))
+    shift = float(np.clip(-slope / (2 * bend), -FIT_RANGE, FIT_RANGE))
     arrival = np.polyfit(path, times, 1, w=weights)
     height = np.exp(at_guess + shift * (slope + shift * bend))
     place = float(np.clip(x + shift * sizes.length, first, last))
@@ -272,7 +272,7 @@ def _elevation(surface: Dataset, places: Array) -> Array:
 
 def _highest(t: Array, eta: Array) -> tuple[Array, Array]:
     """Return the highest value of each column of eta, shape (M, N) at times t [s], and its time, by splines in t."""
-    fine, columns = np.linspace(t[0], t[-1], FINER_SNAPSHOTS * t.size), np.arange(eta.shape[1])
+    fine, columns = np.linspace(t[0], t[-1], SNAPSHOT_REFINEMENT * t.size), np.arange(eta.shape[1])
     spline = CubicSpline(t, eta)(fine)
     row = np.clip(spline.argmax(axis=0), 1, fine.size - 2)
     before, now, after = (spline[row + step, columns] for step in (-1, 0, 1))
@@ -281,12 +281,12 @@ def _highest(t: Array, eta: Array) -> tuple[Array, Array]:
     return now + steps * (after - before) / 4, fine[row] + steps * (fine[1] - fine[0])
 
 
-BAND = 0.08  # of the mean frequency, at least that of the record: standard deviation of a band
-LITTLE = 1e-4  # of the largest band's energy: below it the transfer function is uncertain
-HARDLY = 0.5  # of a transfer function: below it corrections are reduced
+BAND = 0.08  # standard deviation of a band over the mean frequency, at least the resolution of the record
+MIN_BAND_ENERGY = 1e-4  # energy over that of the largest band below which the transfer function is uncertain
+MIN_TRANSFER = 0.5  # transfer function below which corrections are reduced
 LOWER = 0.8
-FINER = 8  # times at which a crest is searched, over those of the record
-PAIRS = 2  # attempts at a record with two runs of opposite phases
+RECORD_REFINEMENT = 8  # times at which a crest is searched in an interval of the record
+PAIRS = 2  # attempts with two runs of opposite phases
 CREST, TROUGH = 0.0, 180.0  # deg
 EASED = 2.0  # mean periods at either end of a record
 BLOCK = 1000  # times at once
@@ -393,7 +393,7 @@ class RecordAim:
         odd = (crest - trough[0]) / 2 if trough else None
         eta = odd if self._linear and odd is not None else crest
         nrms = self._misfit(self._eta - eta)
-        fine = np.linspace(self._t[0], self._t[-1], FINER * self._t.size)
+        fine = np.linspace(self._t[0], self._t[-1], RECORD_REFINEMENT * self._t.size)
         top = float(fine[splines[0](fine).argmax()])
         highest = CrestPosition(float(splines[0](top)), self.x, top)
         return AttemptResult(highest, nrms / self._tolerance, record_of(self._t, eta), nrms=nrms, odd=odd)
@@ -413,9 +413,9 @@ class RecordAim:
         U, M = (np.concatenate([each[-1:], np.diff(each, axis=0)]) for each in (linear, measured))
         band = self._band(linear[-1])
         UU, MM, MU = (band @ each.sum(axis=0) for each in (np.abs(U) ** 2, np.abs(M) ** 2, M * U.conj()))
-        little = LITTLE * UU.max()
+        little = MIN_BAND_ENERGY * UU.max()
         transfer = np.abs(MU) / (UU + little)
-        return np.asarray(MU.conj() / (MM + little) * np.minimum(1.0, transfer / HARDLY) ** 2)
+        return np.asarray(MU.conj() / (MM + little) * np.minimum(1.0, transfer / MIN_TRANSFER) ** 2)
 
     def _band(self, linear: Complex) -> Array:
         """Return the weight of each frequency in the band of each other, shape (M, M)."""
@@ -467,11 +467,11 @@ PADDLE = "must be a paddle in one piece: its motion is calibrated, not a far wal
 OWN = "must make the waves: calibration changes wall.motion alone, far_wall.motion stays as it is"
 SLICE = "must be a slice: the target is at one place along it"
 MADE = "regular, bichromatic, irregular, focused, components or surface"
-FEWEST_ROWS = 16  # rows of a record that count
-PER_PERIOD = 8  # times of a record in the shortest period
-MOST_NUMBERS = 10**7  # times by frequencies, unless the shortest period needs more, and then twice as many
-MOST_LINES = 4000  # frequencies
-LATE = 0.15  # of the rms of a record; bound waves count as free ones: 2 to 9 % in records that a paddle can make
+MIN_ROWS = 16  # least number of rows of a record
+PER_PERIOD = 8  # samples in the shortest period
+MAX_MATRIX = 10**7  # largest number of times by frequencies; twice as many if the shortest period needs more
+MAX_FREQUENCIES = 4000
+MAX_UNREACHED = 0.15  # rms of waves that cannot arrive over that of a record; 0.02 to 0.09 if a paddle can make it
 
 
 def aim_of(scene: Case) -> Aim:
@@ -548,11 +548,11 @@ def _record(target: RecordTarget, scene: Case) -> Aim:
     of = (values[arrived] for values in (result.frequencies, result.amplitudes, result.phases))
     waves = waves_along(*of, depth=tank.depth, gravity=tank.gravity, **where)
     judged = 2 * np.pi * result.frequencies
-    fewest = min(t.size, int(MOST_NUMBERS / judged.size))
+    fewest = min(t.size, int(MAX_MATRIX / judged.size))
     times = _times(t[0], t[-1], judged, fewest=fewest)
     wanted = record_of(times, CubicSpline(t, eta)(times))
     aim = RecordAim(target.x, wanted, waves, tolerance=target.tolerance, linear=False, judged=judged)
-    return _in_time(aim, scene, max(target.tolerance, LATE))
+    return _in_time(aim, scene, max(target.tolerance, MAX_UNREACHED))
 
 
 def _in_time(aim: RecordAim, scene: Case, most: float) -> Aim:
@@ -572,11 +572,9 @@ def _counting(target: RecordTarget, scene: Case) -> tuple[Array, Array]:
     t, eta = target.record()
     start, end = (default if text is None else text for text, default in ((target.start, 0.0), (target.end, np.inf)))
     inside = (t >= max(start, 0.0)) & (t <= min(end, scene.run.duration))
-    if np.count_nonzero(inside) < FEWEST_ROWS:
+    if np.count_nonzero(inside) < MIN_ROWS:
         received = f"{np.count_nonzero(inside)} rows that count, from {t[0]:g} to {t[-1]:g} s"
-        raise CaseError(
-            [Problem(("target", "file"), target.file, f"has {received}; at least {FEWEST_ROWS} are needed")]
-        )
+        raise CaseError([Problem(("target", "file"), target.file, f"has {received}; at least {MIN_ROWS} are needed")])
     return t[inside], eta[inside]
 
 
@@ -597,8 +595,10 @@ def _middle(t: Array, eta: Array) -> float:
 def _times(start: float, end: float, omega: Array, *, fewest: int = 2) -> Array:
     """Return equally spaced times [s], ``PER_PERIOD`` in the shortest period; raise ``CaseError`` for too many."""
     number = max(fewest, int((end - start) * omega.max() / (2 * np.pi) * PER_PERIOD) + 2)
-    if number * omega.size > 2 * MOST_NUMBERS or omega.size > MOST_LINES:
+    if number * omega.size > 2 * MAX_MATRIX or omega.size > MAX_FREQUENCIES:
         received = f"{number} times and {omega.size} frequencies received"
-        allowed = f"is too long: {received}; allowed are {MOST_LINES} frequencies, and {2 * MOST_NUMBERS:.0e} of both"
+        allowed = (
+            f"is too long: {received}; allowed are {MAX_FREQUENCIES} frequencies, and {2 * MAX_MATRIX:.0e} of both"
+        )
         raise CaseError([Problem(("target",), None, f"{allowed}, fewer by a shorter record or run, or components")])
     return np.linspace(start, end, number, dtype=np.float64)

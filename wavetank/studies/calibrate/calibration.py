@@ -35,13 +35,13 @@ from wavetank.studies.runs import Runner, cores, status_of
 from wavetank.studies.sweep import Combination
 from wavetank.waves.plane_waves import PlaneWaves
 
-ROUGH = 0.1  # relative error of the elevation that cheap numerics are planned for; a third of it is expected
-WORTH = 0.45  # of the CPU time of the case's own numerics
-CLOSE = 4.0  # misfit over tolerance from which on the error of cheap numerics, a few percent, counts
-LESS = 0.8  # of the least misfit before: cheap numerics continue as long as they reduce it so far
-PER_PERIOD = 40  # snapshots of the surface
-GAUGE_DISTANCE = 1e-3  # m, up to which a gauge is at the target
-RAMP = 2.0  # mean periods
+COARSE_ACCURACY = 0.1  # relative error of the elevation for which coarse numerics are planned; a third is expected
+MAX_COARSE_COST = 0.45  # largest CPU time of coarse numerics over that of the case's numerics
+MIN_COARSE_MISFIT = 4.0  # misfit over tolerance below which the error of coarse numerics matters
+MIN_REDUCTION = 0.8  # misfit over the least one before, above which coarse numerics end
+PER_PERIOD = 40  # snapshots of the surface in a period
+GAUGE_TOLERANCE = 1e-3  # largest distance of a gauge at the target [m]
+RAMP = 2.0  # duration in mean periods
 COLUMNS = (
     *("attempt", "runs", "numerics", "crest [m]", "x [m]", "t [s]", "nrms", "misfit over allowed"),
     *("waves that broke", "CPU [s]", "cause"),
@@ -57,16 +57,16 @@ def cheaper(scene: Case) -> Case | None:
     try:
         own = default_plan(scene) or own_plan(resolved(scene), DEFAULT)
         water = LinearWater() if own.physics == "linear" else NonlinearWater()
-        rough = make_plan(scene.model_copy(update={"water": water}), ROUGH)
+        rough = make_plan(scene.model_copy(update={"water": water}), COARSE_ACCURACY)
     except InputError:  # no plan is made of such scenes
         return None
-    return rough.applied_to(scene) if rough.cost.cpu < WORTH * own.cost.cpu else None
+    return rough.applied_to(scene) if rough.cost.cpu < MAX_COARSE_COST * own.cost.cpu else None
 
 
 def exhausted(misfits: Sequence[float]) -> bool:
     """Return whether the case's own numerics must continue after attempts of such misfits with cheap numerics."""
     *before, last = misfits
-    return last <= CLOSE or last > LESS * min(before, default=float("inf"))
+    return last <= MIN_COARSE_MISFIT or last > MIN_REDUCTION * min(before, default=float("inf"))
 
 
 def with_waves(scene: Case, aim: Aim, file: str, *, recorded: bool) -> bytes:
@@ -90,7 +90,7 @@ def with_waves(scene: Case, aim: Aim, file: str, *, recorded: bool) -> bytes:
 
 def _gauges(scene: Case, x: float) -> tuple[Gauge, ...]:
     """Return the scene's gauges, and one at x [m] if there is none at that place."""
-    if any(abs(one.x - x) < GAUGE_DISTANCE and not one.y for one in scene.all_gauges):
+    if any(abs(one.x - x) < GAUGE_TOLERANCE and not one.y for one in scene.all_gauges):
         return scene.gauges
     existing = {one.name for one in scene.all_gauges}
     names = ("target" if n == 1 else f"target-{n}" for n in count(1))
