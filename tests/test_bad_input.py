@@ -34,47 +34,57 @@ pytestmark = pytest.mark.usefixtures("trusted")
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 TANK = "[tank]\nlength = 8.0\ndepth = 1.0\n[run]\nduration = 1.0\n"
+SHALLOW = TANK.replace("8", "-8")
+LINE = "start = [1, 0]\nend = [2, 0]\ncount = 2\n"
 
 
 def refused(tmp_path, text, *overrides):
-    """Return what the refusal of a case says."""
-    path = tmp_path / "case.toml"
-    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    """Return the message of the refusal of a case."""
+    (tmp_path / "case.toml").write_text(text, encoding="utf-8")
     with pytest.raises(InputError) as error:
-        read_case(path, overrides)
+        read_case(tmp_path / "case.toml", overrides)
     return str(error.value)
 
 
 # ---------------------------------------------------------------- errors
-def wall_classes(error):
-    return {error, *(kind for one in error.__subclasses__() for kind in wall_classes(one))}
+def error_classes(error):
+    return {error, *(kind for one in error.__subclasses__() for kind in error_classes(one))}
 
 
-@pytest.mark.parametrize("kind", sorted(wall_classes(WavetankError), key=lambda kind: kind.__name__))
+@pytest.mark.parametrize("kind", sorted(error_classes(WavetankError), key=lambda kind: kind.__name__))
 def test_errors_survive_pickling(kind):
-    """An error goes from rank to rank pickled: its own class, text and attributes come out."""
-    met = {
-        CaseError: lambda: CaseError([Problem(("tank", "depth"), -1, "must be positive")]),
-        OutsideError: lambda: OutsideError("a point outside", 3),
-    }.get(kind, lambda: kind("a sentence."))()
-    heard = pickle.loads(pickle.dumps(met))
-    assert (type(heard), str(heard), vars(heard)) == (kind, str(met), vars(met))
+    """An error goes from rank to rank pickled, with its class, text and attributes."""
+    arguments = {CaseError: ([Problem(("tank", "depth"), -1, "must be positive")],), OutsideError: ("a point", 3)}
+    error = kind(*arguments.get(kind, ("a sentence.",)))
+    copy = pickle.loads(pickle.dumps(error))
+    assert (type(copy), str(copy), vars(copy)) == (kind, str(error), vars(error))
 
 
 # ---------------------------------------------------------------- what is no case
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("x = " + 5000 * "[" + 5000 * "]", "not valid TOML: nested too deeply"),
-        ("x = " + 100_000 * "7", "not valid TOML: Exceeds the limit"),
-        ("x = 0x" + 100_000 * "f", "x = int of no sensible size: is an unknown key"),
-        ("title = '''\n" + 20_000 * " " + "\n'''\n" + TANK.replace("8", "-8"), "line 5: tank.length = -8.0: must be"),
-        (b"\xef\xbb\xbf" + TANK.encode().replace(b"8.0", b"-8.0"), "line 2: tank.length = -8.0: must be"),
-    ],
-    ids=["nested", "digits", "hexadecimal", "spaces", "byte-order mark"],
-)
-def test_absurd_toml_is_refused_in_one_sentence(tmp_path, text, said):
-    assert said in refused(tmp_path, text)
+MANY = TANK + "".join(f"[[gauges]]\nx = {n}.5\n" for n in range(8, 3008))
+GAUGE = TANK + "[[gauges]]\nx = 1.0\n"
+SEVERAL = "allowed is one value, without lines of others"
+SPACES = "title = '''\n" + 20_000 * " " + "\n'''\n"
+NO_TOML = [  # file, overrides, a part of the sentence
+    pytest.param("x = " + 5000 * "[" + 5000 * "]", [], "not valid TOML: nested too deeply", id="nested"),
+    pytest.param("x = " + 100_000 * "7", [], "not valid TOML: Exceeds the limit", id="digits"),
+    pytest.param("x = 0x" + 100_000 * "f", [], "x = int of no sensible size: is an unknown key", id="hexadecimal"),
+    pytest.param(SPACES + SHALLOW, [], "line 5: tank.length = -8.0: must", id="spaces"),
+    pytest.param("\ufeff" + SHALLOW, [], "line 2: tank.length = -8.0: must be", id="byte-order mark"),
+    pytest.param(MANY, [], "line 7: gauges.0.x = 8.5: must be inside the tank, 0 to 8 m.", id="many, the first"),
+    pytest.param(MANY, [], f"and {3000 - SHOWN} more mistakes.", id="many, the rest"),
+    pytest.param(GAUGE, ["numerics.dt=0.01\nnumerics.order=2"], SEVERAL, id="two keys"),
+    pytest.param(GAUGE, ["numerics.dt=0.01\n[tank]"], SEVERAL, id="a table"),
+    pytest.param(GAUGE, ["numerics.dt=" + 5000 * "["], "nested too deeply", id="nested override"),
+    pytest.param(GAUGE, [f"gauges.{9 * '9'}.x=1"], "override", id="large index"),
+    pytest.param(GAUGE, [f"gauges.{5000 * '9'}.x=1"], "gauges", id="absurd index"),
+]
+
+
+@pytest.mark.parametrize(("text", "overrides", "said"), NO_TOML)
+def test_absurd_toml_is_refused_in_few_sentences(tmp_path, text, overrides, said):
+    lines = refused(tmp_path, text, *overrides).splitlines()
+    assert len(lines) <= SHOWN + 1 and any(said in line for line in lines)
 
 
 def test_byte_order_mark_is_accepted(tmp_path):
@@ -82,17 +92,15 @@ def test_byte_order_mark_is_accepted(tmp_path):
     assert read_case(tmp_path / "case.toml").tank.length == 8.0
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("[[gauges]]\nname = \"a,b\\nc\"\nx = 1.0\n", r'gauges.0.name = "a,b\nc": must be one line, without control'),
-        ("[[gauge_lines]]\nname = \"\\u001b[2J\"\nstart = [1, 0]\nend = [2, 0]\ncount = 2\n",
-         r'gauge_lines.0.name = "\u001b[2J": must be one line'),
-        ("[output]\n\"\\u0000\\u009b\\n\" = 1\n", r"output.\x00\x9b\n = 1: is an unknown key"),
-        ("[water]\ntype = \"a\\u0007\"\n", r"water.type = "),
-    ],
-    ids=["gauge", "row", "key", "type"],
-)  # fmt: skip
+CONTROLS = [
+    ('[[gauges]]\nname = "a,b\\nc"\nx = 1.0\n', r'gauges.0.name = "a,b\nc": must be one line, without control'),
+    (f'[[gauge_lines]]\nname = "\\u001b[2J"\n{LINE}', r'gauge_lines.0.name = "\u001b[2J": must be one line'),
+    ('[output]\n"\\u0000\\u009b\\n" = 1\n', r"output.\x00\x9b\n = 1: is an unknown key"),
+    ('[water]\ntype = "a\\u0007"\n', r"water.type = "),
+]
+
+
+@pytest.mark.parametrize(("text", "said"), CONTROLS, ids=["gauge", "row", "key", "type"])
 def test_control_characters_are_refused_and_shown_escaped(tmp_path, text, said, capsys):
     (tmp_path / "case.toml").write_text(TANK + text)
     assert main(["run", str(tmp_path / "case.toml")]) == 2
@@ -116,49 +124,24 @@ def test_non_finite_motion_names_its_key(tmp_path, wall, position, capsys):
 @pytest.mark.parametrize("position", ["1e-4*sqrt((t-0.25)**2-1e-9)", "1e-4*abs(t-0.25)**1.5"])
 def test_non_finite_motion_at_unchecked_time_names_its_key(tmp_path, position, capsys):
     """Before the run, whose steps are tried; of the second it is the acceleration."""
-    motion = f"[wall]\ntype = 'piston'\nmotion = {{ type = 'formula', position = '{position}' }}\n"
-    (tmp_path / "case.toml").write_text(TANK + motion)
-    numerics = ("run.duration=0.75", "numerics.dt=0.125", "numerics.cells=8", "numerics.vertical_order=4")
-    changes = [word for change in numerics for word in ("--set", change)]
-    assert main(["run", str(tmp_path / "case.toml"), *changes, "--no-plots", "--out", str(tmp_path / "run")]) == 2
-    begin = f"{tmp_path / 'case.toml'}, line 8"
-    told = f"wavetank: {begin}: wall.motion.position: formula '{position}': nan at t = 0.25; must be finite.\n"
-    assert capsys.readouterr().err == told and not (tmp_path / "run").exists()
+    case, out = tmp_path / "case.toml", tmp_path / "run"
+    case.write_text(f"{TANK}[wall]\ntype = 'piston'\nmotion = {{ type = 'formula', position = '{position}' }}\n")
+    changes = "run.duration=0.75", "numerics={dt=0.125, cells=8, vertical_order=4}"
+    changed = [word for change in changes for word in ("--set", change)]
+    assert main(["run", str(case), *changed, "--no-plots", "--out", str(out)]) == 2
+    sentence = f"wall.motion.position: formula '{position}': nan at t = 0.25; must be finite."
+    assert capsys.readouterr().err == f"wavetank: {case}, line 8: {sentence}\n" and not out.exists()
 
 
 def test_motion_may_be_nan_after_the_last_step(tmp_path):
-    """Of a short run's it is looked beyond the end, where it can be."""
+    """A motion is analysed beyond the end of a short run if it is finite there."""
     formula = "type = 'formula'\nposition = '1e-4*sin(t)**2*sqrt(1.001 - t)'\n"
     (tmp_path / "case.toml").write_text(f"{TANK}[wall]\ntype = 'piston'\n[wall.motion]\n{formula}")
     case = read_case(tmp_path / "case.toml")
-    motion = case.motion()
-    assert analysed_duration(case.ends[0]) == 1.0
-    known = read_case(tmp_path / "case.toml", ['wall.motion.position="1e-4*sin(t)"'])
-    assert analysed_duration(known.ends[0]) > 10.0
+    finite = read_case(tmp_path / "case.toml", ['wall.motion.position="1e-4*sin(t)"'])
+    assert analysed_duration(case.ends[0]) == 1.0 and analysed_duration(finite.ends[0]) > 10.0
     with pytest.raises(CaseError, match=r"wall.motion.position: .* nan at t = 1\.02; must be finite"):
-        motion.velocity(np.array([0.96, 0.99, 1.02]))
-
-
-def test_many_errors_are_listed_by_the_first(tmp_path):
-    gauges = "".join(f"[[gauges]]\nx = {n}.5\n" for n in range(8, 3008))
-    lines = refused(tmp_path, TANK + gauges).splitlines()
-    assert len(lines) == SHOWN + 1
-    assert lines[0].endswith("case.toml, line 7: gauges.0.x = 8.5: must be inside the tank, 0 to 8 m.")
-    assert lines[-1].endswith(f"and {3000 - SHOWN} more mistakes.")
-
-
-@pytest.mark.parametrize(
-    ("override", "said"),
-    [
-        ("numerics.dt=0.01\nnumerics.order=2", "allowed is one value, without lines of others"),
-        ("numerics.dt=0.01\n[tank]", "allowed is one value, without lines of others"),
-        ("numerics.dt=" + 5000 * "[", "nested too deeply"),
-        (f"gauges.{9 * '9'}.x=1", "override"),
-        (f"gauges.{5000 * '9'}.x=1", "gauges"),
-    ],
-)
-def test_override_of_several_values_is_refused(tmp_path, override, said):
-    assert said in refused(tmp_path, TANK + "[[gauges]]\nx = 1.0\n", override)
+        case.motion().velocity(np.array([0.96, 0.99, 1.02]))
 
 
 # ---------------------------------------------------------------- what a case refers to
@@ -170,17 +153,16 @@ def test_data_reference_outside_its_folder_is_refused(tmp_path, monkeypatch, fil
             data.resolve(f"data:{name}/{file}", tmp_path)
 
 
-@pytest.mark.parametrize(("where", "line"), [("", 1), ("def depth(x, y):\n    ", 2)], ids=["file", "function"])
-def test_bed_that_exits_is_an_input_error(tmp_path, where, line):
-    (tmp_path / "bed.py").write_text(f"{where}import sys; sys.exit(0)\n")
-    text = TANK.replace("depth = 1.0", "depth = 1.0\nbed = {type = 'python', file = 'bed.py'}")
-    if where:
-        (tmp_path / "case.toml").write_text(text)
-        bed = read_case(tmp_path / "case.toml").tank.bed.build(1.0)
-        with pytest.raises(InputError, match=rf"bed\.py, function 'depth', line {line}: SystemExit: 0"):
-            bed(*2 * [np.zeros(3)])
-    else:
-        assert re.search(rf"line 4: tank\.bed\.file = .*bed\.py, line {line}: SystemExit: 0\.", refused(tmp_path, text))
+@pytest.mark.parametrize(("begin", "line"), [("", 1), ("def depth(x, y):\n    ", 2)], ids=["file", "function"])
+def test_bed_that_exits_is_an_input_error(tmp_path, begin, line):
+    """Of a file when the case is read, of its function when the bed is evaluated."""
+    (tmp_path / "bed.py").write_text(f"{begin}import sys; sys.exit(0)\n")
+    (tmp_path / "case.toml").write_text(TANK.replace("1.0\n[", "1.0\nbed = {type = 'python', file = 'bed.py'}\n["))
+    place = (
+        rf"bed\.py, function 'depth', line {line}" if begin else rf"line 4: tank\.bed\.file = .*bed\.py, line {line}"
+    )
+    with pytest.raises(InputError, match=f"{place}: SystemExit: 0"):
+        read_case(tmp_path / "case.toml").tank.bed.build(1.0)(*2 * [np.zeros(3)])
 
 
 READERS = pytest.mark.parametrize(
@@ -195,43 +177,36 @@ READERS = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.parametrize("size", ["endless", "3 GB"])
 @READERS
-def test_endless_file_is_refused(tmp_path, read, name):
-    """The device gives zeros for ever."""
-    (tmp_path / name).symlink_to("/dev/zero")
-    with pytest.raises(InputError, match=rf"{name}: cannot be read \(not a regular file\)"):
+def test_file_without_end_or_of_gigabytes_is_refused(tmp_path, read, name, size):
+    """The device gives zeros for ever; the file takes no room on the disk."""
+    if size == "endless":
+        (tmp_path / name).symlink_to("/dev/zero")
+    else:
+        with (tmp_path / name).open("wb") as file:
+            file.truncate(3 * 10**9)
+    reason = {"endless": "not a regular file", "3 GB": r"3 GB; at most (0\.1|2) are read"}[size]
+    with pytest.raises(InputError, match=rf"{name}: cannot be read \({reason}\)"):
         read(tmp_path / name)
 
 
-@READERS
-def test_file_of_gigabytes_is_refused(tmp_path, read, name):
-    """One that takes no room on the disk."""
-    with (tmp_path / name).open("wb") as file:
-        file.truncate(3 * 10**9)
-    with pytest.raises(InputError, match=rf"{name}: cannot be read \(3 GB; at most (0\.1|2) are read\)"):
-        read(tmp_path / name)
+def environment(*words):
+    """Run ``env`` with words of the shell's ``env`` before it."""
+    command = ["env", "-u", "WAVETANK_INSIDE", *words]
+    return subprocess.run(command, cwd=CHECKOUT, capture_output=True, text=True, check=False)
 
 
 def test_the_environment_needs_no_home():
-    done = subprocess.run(
-        ["env", "-u", "HOME", "-u", "WAVETANK_INSIDE", "./env", "sh", "-c", 'test -d "$HOME"'],
-        cwd=CHECKOUT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = environment("-u", "HOME", "./env", "sh", "-c", 'test -d "$HOME"')
     assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize(
-    ("variable", "cache"),
-    [("WAVETANK_CACHE", ""), ("XDG_CACHE_HOME", "/wavetank"), ("HOME", "/.cache/wavetank")],
+    ("variable", "cache"), [("WAVETANK_CACHE", ""), ("XDG_CACHE_HOME", "/wavetank"), ("HOME", "/.cache/wavetank")]
 )
-def test_an_environment_that_cannot_be_written_names_the_variable_that_says_where(variable, cache):
-    others = ("WAVETANK_CACHE", "XDG_CACHE_HOME", "WAVETANK_INSIDE")
-    without = [word for name in others if name != variable for word in ("-u", name)]
-    command = ["env", *without, f"{variable}=/proc/nothing", "./env", "true"]
-    done = subprocess.run(command, cwd=CHECKOUT, capture_output=True, text=True, check=False)
+def test_an_environment_that_cannot_be_written_names_the_variable_of_its_place(variable, cache):
+    done = environment("-u", "WAVETANK_CACHE", "-u", "XDG_CACHE_HOME", f"{variable}=/proc/nothing", "./env", "true")
     assert done.returncode == 2
     said = f"env: the environment is to be in /proc/nothing{cache}, as {variable} says, and cannot be written there;"
     assert done.stderr.startswith(said) and done.stderr.count("\n") == 1

@@ -7,7 +7,7 @@ import re
 import shlex
 import tomllib
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import pytest
 from conftest import commanded, needs_marin, recorded
@@ -58,13 +58,12 @@ SHORTER = (  # (pattern of commands, arguments with which they take seconds)
     (r".* wavetank run ", "--no-plots --set run.duration=0.2"),
 )
 SLOW = r"make (bench|test|test-slow)$|.* run cases/berkhoff-1982.toml "  # run in slow tests only
-TESTED_IN = {  # commands that take long or need a network: the file that tests them
-    "make run": "tests/test_cli.py",
-    "./env wavetank data fetch marin-202002": "tests/test_data.py",
-    "./env wavetank verify integrators --out runs/integrators": "tests/test_verify.py",
-    next(
-        one for block in BLOCKS for one in block.commands if one.startswith(f"{WAVETANK}study ")
-    ): "tests/test_study.py",
+STUDY = next(one for block in BLOCKS for one in block.commands if one.startswith(f"{WAVETANK}study "))
+TESTED_IN = {  # commands that take long or need a network: the file that tests them, and its text
+    "make run": ("test_cli.py", "make run"),
+    "./env wavetank data fetch marin-202002": ("test_data.py", "fetch("),
+    "./env wavetank verify integrators --out runs/integrators": ("test_verify.py", "integrators.PARTS"),
+    STUDY: ("test_study.py", "wavetank (study .*)$"),
 }
 
 
@@ -72,16 +71,13 @@ def shortened(command: str) -> str:
     return next((f"{command} {more}" for pattern, more in SHORTER if re.match(pattern, command)), command)
 
 
-def run_in_shell(command: str, runs: Path) -> None:
-    assert_success(command, launch(["sh", "-c", command.replace("runs/", f"{runs}/")]), runs)
-
-
-def run_in_process(command: str, runs: Path) -> None:
-    words = shlex.split(command.removeprefix(WAVETANK).replace("runs/", f"{runs}/"))
-    assert_success(command, commanded(*words), runs)
-
-
-def assert_success(command: str, result: Any, runs: Path) -> None:
+def run_command(command: str, runs: Path, *, shell: bool = False) -> None:
+    """Run a command in this process if it is ``wavetank``, else in a shell."""
+    text = command.replace("runs/", f"{runs}/")
+    if command.startswith(WAVETANK) and not shell:
+        result = commanded(*shlex.split(text.removeprefix(WAVETANK)))
+    else:
+        result = launch(["sh", "-c", text])
     assert result.returncode == 0, f"{command}\n{result.stdout}\n{result.stderr}"
     assert result.stdout or any(runs.iterdir())
 
@@ -101,8 +97,7 @@ def test_commands_run_in_sequence(block, tmp_path):
     skip_without_data(block)
     for command in block.commands:
         if command not in TESTED_IN and not re.match(SLOW, command):
-            run = run_in_process if command.startswith(WAVETANK) else run_in_shell
-            run(shortened(command), tmp_path)
+            run_command(shortened(command), tmp_path)
 
 
 @pytest.mark.slow
@@ -110,14 +105,14 @@ def test_commands_run_in_sequence(block, tmp_path):
 def test_slow_commands_run_shortened(block, tmp_path):
     for command in block.commands:
         if re.match(SLOW, command):
-            run_in_shell(shortened(command), tmp_path)
+            run_command(shortened(command), tmp_path, shell=True)
 
 
-@pytest.mark.parametrize(("command", "file"), TESTED_IN.items())
-def test_commands_tested_in_other_files_are_in_blocks(command, file):
+@pytest.mark.parametrize("command", TESTED_IN)
+def test_commands_tested_in_other_files_are_in_blocks(command):
     assert any(command in block.commands for block in BLOCKS)
-    word = {"make run": "make run", "data": "fetch(", "verify": "integrators.PARTS", "study": "wavetank (study .*)$"}
-    assert next(text for key, text in word.items() if key in command) in (CHECKOUT / file).read_text()
+    file, text = TESTED_IN[command]
+    assert text in (CHECKOUT / "tests" / file).read_text()
 
 
 @pytest.mark.slow
@@ -127,7 +122,7 @@ def test_commands_run_complete(block, tmp_path):
     skip_without_data(block)
     for command in block.commands:
         if not re.match(r"make (run|test)|.* data fetch ", command):
-            run_in_shell(command, tmp_path)
+            run_command(command, tmp_path, shell=True)
 
 
 @pytest.mark.parametrize("block", in_language("toml"))

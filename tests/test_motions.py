@@ -8,15 +8,8 @@ from test_segmented_motion import MOTIONS as SEGMENTED
 from test_segmented_motion import Y, bisected_wave_number
 
 from wavetank.base.errors import InputError
-from wavetank.motion import (
-    AT_REST,
-    HarmonicSum,
-    first_order_motion,
-    positions_motion,
-    ramped,
-    sinusoid,
-    velocities_motion,
-)
+from wavetank.motion import AT_REST, HarmonicSum, first_order_motion, positions_motion, ramped, sinusoid
+from wavetank.motion import velocities_motion as velocities
 from wavetank.motion.recorded import read_record
 from wavetank.waves import airy, wavemaker
 from wavetank.waves.focusing import FocusedGroup
@@ -26,16 +19,8 @@ GRAVITY = 9.81
 
 
 def group(**changes):
-    values = {
-        "amplitude": 0.1,
-        "spectrum": jonswap(0.65),
-        "frequencies": np.linspace(0.4, 1.3, 128),
-        "focus_x": 10.0,
-        "focus_time": 20.0,
-        "depth": 1.0,
-        "gravity": GRAVITY,
-    }
-    return FocusedGroup(**{**values, **changes})
+    values = {"amplitude": 0.1, "spectrum": jonswap(0.65), "frequencies": np.linspace(0.4, 1.3, 128), "focus_x": 10.0}
+    return FocusedGroup(**values | {"focus_time": 20.0, "depth": 1.0, "gravity": GRAVITY} | changes)
 
 
 def motion_for(waves):
@@ -53,7 +38,7 @@ MOTIONS = {
     "wave group": motion_for(group()),
     "few sines": HarmonicSum(np.array([3.0, 6.1]), np.array([0.05j, 0.01 - 0.02j])).motion(),
     "recorded positions": positions_motion(*record()),
-    "recorded velocities": velocities_motion(*record()),
+    "recorded velocities": velocities(*record()),
     "ramped sinusoid": ramped(sinusoid(0.1, 1.7), 3.0),
     "ramped record": ramped(positions_motion(*record()), 2.5, start=1.0),
 }
@@ -75,12 +60,10 @@ def test_airy_limits_shallow_and_deep():
 
 
 def test_group_velocity_is_the_slope_of_the_dispersion_relation():
+    """Central difference: step² times the third derivative over 6 and round-off / step are both below 1e-9 here."""
     k, step = np.geomspace(0.1, 10.0, 7), 1e-5
-    slope = (airy.angular_frequency(k + step, 1.0, GRAVITY) - airy.angular_frequency(k - step, 1.0, GRAVITY)) / (
-        2 * step
-    )
-    # central difference: step^2 omega''' / 6 and round-off / step are both below 1e-9 here
-    np.testing.assert_allclose(airy.group_velocity(k, 1.0, GRAVITY), slope, rtol=1e-8)
+    above, below = (airy.angular_frequency(k + one, 1.0, GRAVITY) for one in (step, -step))
+    np.testing.assert_allclose(airy.group_velocity(k, 1.0, GRAVITY), (above - below) / (2 * step), rtol=1e-8)
 
 
 # ---------------------------------------------------------------- Biesel
@@ -127,12 +110,10 @@ def test_sinusoid_amplitude_is_half_the_stroke():
 # ---------------------------------------------------------------- the record
 @given(st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4), st.lists(st.floats(0.05, 0.5), min_size=5, max_size=20))
 def test_a_spline_is_exact_on_cubics(coefficients, steps):
-    t = np.cumsum(steps)
-    cubic = np.polynomial.Polynomial(coefficients)
-    motion, integral = positions_motion(t, cubic(t)), velocities_motion(t, cubic(t))
-    between = np.linspace(t[0], t[-1], 50)
-    # absolute: values are O(1) times t^3 and steps of 0.05 magnify round-off by 1/step in each derivative
-    scale = 1.0 + t[-1] ** 3
+    """Absolute: values are O(1) times t³ and steps of 0.05 magnify round-off by 1/step in each derivative."""
+    t, cubic = np.cumsum(steps), np.polynomial.Polynomial(coefficients)
+    motion, integral = positions_motion(t, cubic(t)), velocities(t, cubic(t))
+    between, scale = np.linspace(t[0], t[-1], 50), 1.0 + t[-1] ** 3
     np.testing.assert_allclose(motion.position(between), cubic(between), atol=1e-11 * scale)
     np.testing.assert_allclose(motion.velocity(between), cubic.deriv()(between), atol=1e-9 * scale)
     np.testing.assert_allclose(integral.velocity(between), cubic(between), atol=1e-11 * scale)
@@ -147,7 +128,7 @@ def test_before_the_record_the_paddle_stands_where_the_record_starts():
     just_before = np.nextafter(1.0, 0.0)
     assert motion.velocity(0.2) == motion.rates(0.2)[2] == motion.velocity(just_before) == 0.0
     assert np.array_equal(motion.velocity(np.array([just_before, 1.0])) == 0.0, [True, False])
-    assert velocities_motion(t, X).position(0.2) == 0.0
+    assert velocities(t, X).position(0.2) == 0.0
     assert motion.start == 1.0
 
 
@@ -211,18 +192,14 @@ def test_a_spectral_wavemaker_driven_by_the_ramped_motion_focuses_there_and_then
     wave number found by bisection: nothing is shared with the motion but X(t). The ramp may take 2 % of the crest.
     """
     dt, samples = 0.05, 4096
-    waves = group(focus_time=group().earliest_focus(3.0))
-    t = np.arange(samples) * dt
-    X = ramped(motion_for(waves), 3.0).position(t) * (t < waves.focus_time + 20.0)
-    transform = np.fft.rfft(X)
+    waves, t = group(focus_time=group().earliest_focus(3.0)), dt * np.arange(samples)
+    transform = np.fft.rfft(ramped(motion_for(waves), 3.0).position(t) * (t < waves.focus_time + 20.0))
     response = np.zeros_like(transform)
     for n in range(1, 600):  # up to 2.9 Hz; the group ends at 1.3 Hz
-        omega = 2 * np.pi * n / (samples * dt)
-        k, c = _independent_wavemaker(omega)
+        k, c = _independent_wavemaker(2 * np.pi * n / (samples * dt))
         response[n] = 1j * c * np.exp(-1j * k * waves.focus_x) * transform[n]
     eta = np.fft.irfft(response, samples)
-    at_focus = np.interp(waves.focus_time, t, eta)
-    assert at_focus == pytest.approx(0.1, rel=0.02)
+    assert np.interp(waves.focus_time, t, eta) == pytest.approx(0.1, rel=0.02)
     assert t[eta.argmax()] == pytest.approx(waves.focus_time, abs=dt)
     late = (t > waves.focus_time - 3.0) & (t < waves.focus_time + 3.0)
     np.testing.assert_allclose(eta[late], waves.target.elevation(waves.focus_x, t[late]), atol=0.02 * 0.1)

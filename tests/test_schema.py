@@ -4,6 +4,7 @@ import json
 import re
 import tomllib
 from copy import deepcopy
+from operator import ge, gt, le, lt
 from typing import Any
 
 import pytest
@@ -21,6 +22,7 @@ CASES = sorted((CHECKOUT / "cases").glob("*.toml"))
 PAGE = CHECKOUT / "docs" / "reference.md"
 WHOLE = schema()
 KINDS = {"object": dict, "array": list, "string": str, "boolean": bool, "number": (int, float), "integer": int}
+ENDS = {"minimum": ge, "maximum": le, "exclusiveMinimum": gt, "exclusiveMaximum": lt}
 
 
 def conforms(value: Any, rule: dict[str, Any]) -> bool:
@@ -30,22 +32,17 @@ def conforms(value: Any, rule: dict[str, Any]) -> bool:
     kind = rule.get("type", "")
     if kind == "null" or (kind and not isinstance(value, KINDS[kind])):
         return False
-    if kind in ("number", "integer") and isinstance(value, bool):
-        return False
-    if kind == "object" and not _table_conforms(value, rule):
-        return False
-    ends = {"minimum": "__ge__", "maximum": "__le__", "exclusiveMinimum": "__gt__", "exclusiveMaximum": "__lt__"}
-    if not all(getattr(float(value), compare)(float(rule[end])) for end, compare in ends.items() if end in rule):
-        return False
-    if kind == "string" and len(value) < rule.get("minLength", 0):
-        return False
-    if kind == "array" and not _list_conforms(value, rule):
-        return False
-    if "const" in rule and value != rule["const"] or "enum" in rule and value not in rule["enum"]:
-        return False
-    if "anyOf" in rule and not any(conforms(value, one) for one in rule["anyOf"]):
-        return False
-    return "oneOf" not in rule or sum(conforms(value, one) for one in rule["oneOf"]) == 1
+    number = kind in ("number", "integer")
+    return (
+        not (number and isinstance(value, bool))
+        and (kind != "object" or _table_conforms(value, rule))
+        and all(compare(float(value), float(rule[end])) for end, compare in ENDS.items() if end in rule)
+        and (kind != "string" or len(value) >= rule.get("minLength", 0))
+        and (kind != "array" or _list_conforms(value, rule))
+        and value in ([rule["const"]] if "const" in rule else rule.get("enum", [value]))
+        and ("anyOf" not in rule or any(conforms(value, one) for one in rule["anyOf"]))
+        and ("oneOf" not in rule or sum(conforms(value, one) for one in rule["oneOf"]) == 1)
+    )
 
 
 def _list_conforms(values: list[Any], rule: dict[str, Any]) -> bool:

@@ -6,25 +6,21 @@ Oracle: linear waves on the same mesh, which nonlinear ones come to as their amp
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scenes import scene
 
-from wavetank.case import Case
 from wavetank.simulation.build import build_run
 
 LENGTH = 1.0  # m; of a tank with one half of a wave in it
 
 
-def standing(water, *, depth, amplitude, integrator="simpson-4", periods=1.0):
-    """Return the run of a standing wave, 70 steps a period, at default tolerances, and the waves in it."""
+def standing(water, *, depth, amplitude, integrator="simpson-4"):
+    """Return the run of a standing wave for a period in 70 steps, at default tolerances, and its waves."""
     k = np.pi / LENGTH
     period = 2 * np.pi / np.sqrt(9.81 * k * np.tanh(k * depth))
-    scene = {
-        "tank": {"length": LENGTH, "depth": depth},
-        "water": {"type": water},
-        "initial": {"type": "standing-wave", "wave_amplitude": amplitude, "mode": 1},
-        "run": {"duration": periods * period},
-        "numerics": {"cells": 4, "vertical_order": 4, "dt": period / 70, "integrator": integrator},
-    }
-    return build_run(Case.model_validate(scene), MPI.COMM_SELF)
+    numerics = {"cells": 4, "vertical_order": 4, "dt": period / 70, "integrator": integrator}
+    initial = {"type": "standing-wave", "wave_amplitude": amplitude}
+    tank, water = {"length": LENGTH, "depth": depth}, {"type": water}
+    return build_run(scene(tank, duration=period, initial=initial, water=water, numerics=numerics), MPI.COMM_SELF)
 
 
 def elevations(run, waves, *, level=0.0):

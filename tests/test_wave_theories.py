@@ -42,9 +42,17 @@ def fan():
 
 
 def standing(order, amplitude):
-    return ThirdOrderStandingWave(
-        amplitude=amplitude, length=2.0, width=3.0, depth=D, modes=(1, 2), order=order, origin=(-0.4, 0.1)
-    )
+    place = {"length": 2.0, "width": 3.0, "depth": D, "modes": (1, 2), "origin": (-0.4, 0.1)}
+    return ThirdOrderStandingWave(amplitude=amplitude, order=order, **place)
+
+
+def between_walls():
+    return ReflectedGroup(group=fan(), y_min=-1.5, y_max=2.0)
+
+
+def low(waves):
+    """Return small waves: what is left is 10 k a, since slopes add up."""
+    return Case(LinearWater(waves.target), 4e-4, 2e-3, 1.6)
 
 
 CASES = {
@@ -53,12 +61,10 @@ CASES = {
     "resting": lambda: Case(resting_wave(0.06, 2.0, depth=D), 0.1, 2e-6, 1.1),
     "third order": lambda: Case(standing(3, 0.01), 0.05, 2e-5, 1.0),  # (k a)^3 = 1.8e-5
     "first order": lambda: Case(standing(1, 1e-5), 5e-5, 1e-4, 1.0),  # 3 k a
-    "a group": lambda: Case(LinearWater(group().target), 4e-4, 2e-3, 1.6),  # 10 k a: its waves' slopes add up
-    "a fan": lambda: Case(LinearWater(fan().target), 4e-4, 2e-3, 1.6),
+    "a group": lambda: low(group()),
+    "a fan": lambda: low(fan()),
     "around a cylinder": lambda: Case(CylinderDiffraction(1.3, 0.5, a=1e-5, depth=D), 3e-5, 1e-4, 1.9),  # 6 k a
-    "between walls": lambda: Case(
-        LinearWater(ReflectedGroup(group=fan(), y_min=-1.5, y_max=2.0).target), 4e-4, 2e-3, 1.6
-    ),
+    "between walls": lambda: low(between_walls()),
 }
 
 
@@ -86,19 +92,14 @@ def test_the_water_moves_by_the_gradient_of_a_harmonic_potential(case, time):
     """Velocity is the potential's gradient, free of divergence, and along the bed at the bed."""
     wave, t = case.wave, time * case.period
     z = -D + (wave.elevation(X, t, y=Y) + D) * np.linspace(0.1, 0.9, X.size)
-    velocity = wave.velocity(X, z, t, y=Y)
-    gradient = np.stack(
-        [
-            slope(lambda s: wave.potential(X + s, z, t, y=Y)),
-            slope(lambda s: wave.potential(X, z, t, y=Y + s)),
-            slope(lambda s: wave.potential(X, z + s, t, y=Y)),
-        ],
-        axis=-1,
-    )
-    np.testing.assert_allclose(velocity, gradient, atol=1e-8 * case.pace)
-    divergence = slope(lambda s: wave.velocity(X + s, z, t, y=Y)[..., 0])
-    divergence += slope(lambda s: wave.velocity(X, z, t, y=Y + s)[..., 1])
-    divergence += slope(lambda s: wave.velocity(X, z + s, t, y=Y)[..., 2])
+
+    def along(f, axis):
+        dx, dy, dz = np.eye(3)[axis]
+        return slope(lambda s: f(X + s * dx, z + s * dz, t, y=Y + s * dy))
+
+    gradient = np.stack([along(wave.potential, axis) for axis in range(3)], axis=-1)
+    np.testing.assert_allclose(wave.velocity(X, z, t, y=Y), gradient, atol=1e-8 * case.pace)
+    divergence = sum(along(wave.velocity, axis)[..., axis] for axis in range(3))
     assert np.abs(divergence).max() < 1e-7 * case.pace
     assert np.abs(wave.velocity(X, -D, t, y=Y)[..., 2]).max() < 1e-12 * case.pace
 
@@ -109,11 +110,10 @@ def test_the_surface_moves_with_the_water_and_under_no_pressure(case, time):
     wave, t = case.wave, time * case.period
     (eta, psi), step = wave.surface(X, t, y=Y), 1e-3 * case.period
     velocity = wave.velocity(X, eta, t, y=Y)
-    eta_t = slope(lambda s: wave.elevation(X, t + s, y=Y), step)
+    eta_t, psi_t = (slope(lambda s, n=n: wave.surface(X, t + s, y=Y)[n], step) for n in (0, 1))
     eta_x, eta_y = slope(lambda s: wave.elevation(X + s, t, y=Y)), slope(lambda s: wave.elevation(X, t, y=Y + s))
     left = eta_t + velocity[:, 0] * eta_x + velocity[:, 1] * eta_y - velocity[:, 2]
     assert np.abs(left).max() < case.left * case.pace
-    psi_t = slope(lambda s: wave.surface(X, t + s, y=Y)[1], step)
     phi_t = psi_t - velocity[:, 2] * eta_t  # at a place that the surface does not carry along
     pressure = phi_t + 0.5 * (velocity**2).sum(axis=-1) + G * eta
     assert np.ptp(pressure) < case.left * G * np.ptp(eta)
@@ -122,18 +122,17 @@ def test_the_surface_moves_with_the_water_and_under_no_pressure(case, time):
 
 def test_numbers_and_arrays_go_together(case):
     """A number for a number; places and times in any shapes that go together, as taken one by one."""
-    wave, x, t = case.wave, X[:3], case.period * np.array([[0.2], [0.6]])
+    wave, x, times = case.wave, X[:3], case.period * np.array([0.2, 0.6])
+
+    def fields(x, t):
+        return wave.elevation(x, t, y=0.3), wave.potential(x, -0.1, t, y=0.3), wave.velocity(x, -0.1, t, y=0.3)
+
     assert wave.elevation(0.3).shape == wave.potential(0.3, -0.1).shape == ()
     assert wave.velocity(0.3, -0.1).shape == (3,)
-    together = wave.elevation(x, t, y=0.3), wave.potential(x, -0.1, t, y=0.3), wave.velocity(x, -0.1, t, y=0.3)
-    for n, now in enumerate(t[:, 0]):
-        for m, place in enumerate(x):
-            alone = (
-                wave.elevation(place, now, y=0.3),
-                *(f(place, -0.1, now, y=0.3) for f in (wave.potential, wave.velocity)),
-            )
-            for one, many in zip(alone, together, strict=True):
-                np.testing.assert_allclose(many[n, m], one, rtol=1e-9, atol=1e-12 * case.pace)
+    together = fields(x, times[:, None])
+    for n, m in np.ndindex(2, 3):
+        for one, many in zip(fields(x[m], times[n]), together, strict=True):
+            np.testing.assert_allclose(many[n, m], one, rtol=1e-9, atol=1e-12 * case.pace)
 
 
 def test_a_wave_of_permanent_form_begins_where_its_crest_is_and_goes_on():
