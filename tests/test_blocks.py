@@ -20,7 +20,7 @@ from wavetank.integrators.states import Point
 from wavetank.motion import ramped, sinusoid
 from wavetank.output.directory import ENERGY, GAUGES, PADDLE, RunDirectory
 from wavetank.recording import record_run
-from wavetank.simulation import checkpoints
+from wavetank.simulation import monitoring
 from wavetank.simulation import run as running
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.diagnostics import Called, Gauges
@@ -120,11 +120,13 @@ def test_a_stability_watch_warns_of_the_same_time_and_place_in_blocks_of_any_len
     for first in range(0, 48, steps):
         watch.record(block.at(slice(first, first + steps)))
     (warning,) = map(str, warnings)
-    assert warning.startswith(f"t = {watch.since:.6g} s: ") and watch.since == pytest.approx(0.48)
-    assert f"most at x = {motion.position(watch.since):.4g} m" in warning
+    assert warning.startswith(f"t = {watch.state.since:.6g} s: ") and watch.state.since == pytest.approx(0.48)
+    assert f"most at x = {motion.position(watch.state.since):.4g} m" in warning
     other = StabilityWatch(tank, surface_of(tank), dt=0.01, limit=2.0, warn=warnings.append, alternating=IN_ELEVATION)
     restore_surviving({"StabilityWatch": other}, {"StabilityWatch": plain(watch.state)})
-    assert other.since == watch.since and other.noise == 0.0  # it may warn again: the state was not sound before
+    assert (
+        other.state.since == watch.state.since and other.state.noise == 0.0
+    )  # it may warn again: the state was not sound before
 
 
 # ---------------------------------------------------------------- runs that end
@@ -246,8 +248,8 @@ def test_the_first_checkpoint_is_early_and_the_others_are_cheap(monkeypatch, cos
         now[0] += cost
         written.append(now[0])
 
-    monkeypatch.setattr(checkpoints.time, "monotonic", lambda: now[0])
-    control = checkpoints.Checkpoints(MPI.COMM_SELF, write, note=lambda: None)
+    monkeypatch.setattr(monitoring.time, "monotonic", lambda: now[0])
+    control = monitoring.Checkpoints(MPI.COMM_SELF, write, note=lambda: None)
     for step in range(5000):
         control.record(at(step, 0.0))
         now[0] += 0.05

@@ -33,10 +33,9 @@ from wavetank.output.checkpoint import FORMAT, Checkpoint, read_checkpoint, writ
 from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, ENERGY, GAUGES, PADDLE, RunDirectory
 from wavetank.recording import record_run
 from wavetank.simulation import run as running
-from wavetank.simulation.checkpoints import Checkpoints
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.diagnostics import HighestCrest
-from wavetank.simulation.monitoring import Interruption
+from wavetank.simulation.monitoring import Checkpoints, Interruption
 
 OUTPUT = {"surface_every": 0.1, "velocity_every": 0.15}
 

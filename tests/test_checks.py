@@ -422,6 +422,6 @@ def test_noise_of_a_measured_paddle_is_not_growth(tmp_path, monkeypatch, integra
         monkeypatch.setattr(f"wavetank.simulation.case_diagnostics.{place}", replace(criterion, driven=driven))
         run, waves = build_run(one, MPI.COMM_WORLD)
         warnings = []
-        run.diagnostics += build_watch(one, run, waves, warnings.append)
+        run.diagnostics += build_watch(run, waves, warnings.append)
         run.execute()
         assert len(warnings) == expected

@@ -69,7 +69,7 @@ def watched(case):
     """Return a run that has ended, its waves and the warnings of its watch."""
     run, waves = build_run(case, MPI.COMM_SELF)
     warnings = list[RunWarning]()
-    run.diagnostics += build_watch(case, run, waves, warnings.append)
+    run.diagnostics += build_watch(run, waves, warnings.append)
     run.execute()
     return run, waves, warnings
 
@@ -239,7 +239,7 @@ def ring_warnings() -> list[RunWarning]:
     case = ring_scene(steepness=0.5, duration=8.2, cells=16, dt=0.0745, edge_penalty=0.0)
     run, waves = build_run(case, MPI.COMM_WORLD)
     of_jump, of_elevation = list[RunWarning](), list[RunWarning]()
-    run.diagnostics += build_watch(case, run, waves, of_jump.append)
+    run.diagnostics += build_watch(run, waves, of_jump.append)
     how = {"dt": run.clock.dt, "limit": run.integrator.stability_limit, "alternating": IN_ELEVATION}
     run.diagnostics.append(StabilityWatch(waves, waves.surface, warn=of_elevation.append, **how))
     run.execute()
@@ -272,7 +272,7 @@ def test_what_alternates_is_growth_where_the_paddle_cannot_have_made_it(make_tan
         q, p = tank.state(height * (-1) ** step * np.cos(np.pi * tank.plane.x / 2), 0 * tank.plane.x)
         jump = q - tank.state(0 * tank.plane.x, p)[0] if by_jump else None
         watch.record(block_of(tank, (step, step * dt, Traces(q - jump, q, p, p) if by_jump else Point(q, p))))
-    assert len(said) == grown == (watch.since is not None)
+    assert len(said) == grown == (watch.state.since is not None)
 
 
 def test_a_steep_wave_that_a_long_step_leaves_sound_is_not_warned_of():
@@ -300,7 +300,7 @@ def test_a_run_up_of_0_6_is_clean_or_says_that_it_is_not(numerics, clean):
     run, waves = build_run(case, MPI.COMM_SELF)
     warnings, record = list[RunWarning](), Memory()
     run.diagnostics += [Gauges(waves, [(40.0, 0.0)], record=record, schedule=EverySteps())]
-    run.diagnostics += build_watch(case, run, waves, warnings.append)
+    run.diagnostics += build_watch(run, waves, warnings.append)
     run.execute()
     late = record.array()[int(7.0 / run.clock.dt) :, 1]
     assert bool(warnings) != clean

@@ -14,7 +14,7 @@ from wavetank.output.directory import RunDirectory
 from wavetank.output.manifest import MANIFEST
 from wavetank.output.status import status_line
 from wavetank.output.writer import RunWriter
-from wavetank.recording.preparing import stored_scene
+from wavetank.recording.restart import stored_scene
 
 SCENE = {
     "tank": {"type": "slice", "length": 12.0, "depth": 0.5},

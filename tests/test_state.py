@@ -81,7 +81,7 @@ class Observed:
         self.gauges, self.energy, said = Memory(), Memory(), []
         records = Records(self.gauges, self.energy, None)
         self.run.diagnostics += build_observers(scene, self.waves, records, sinks=self.run.sinks)
-        self.run.diagnostics += build_watch(scene, self.run, self.waves, said.append)
+        self.run.diagnostics += build_watch(self.run, self.waves, said.append)
 
     def counters(self) -> dict[str, int]:
         return asdict(self.waves.potential.counters) | asdict(self.waves.stages.counters)

@@ -9,7 +9,9 @@ dataclass ``state``, which is replaced on resume: the resumed run equals the uni
 import itertools
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import MISSING, fields, is_dataclass
+from functools import cache
 from math import inf
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
@@ -20,7 +22,6 @@ from wavetank.base.arrays import Vector
 from wavetank.base.errors import InputError
 
 Replicated = Annotated[Vector, "the same on all ranks"]
-_HINTS = dict[type, dict[str, Any]]()  # of the types of states so far
 LARGEST = 1e30  # of all numbers
 StateTree = dict[str, Any]  # a tree without dataclasses
 
@@ -64,9 +65,10 @@ def check_like(example: Any, value: Any, where: str, *, exact: bool = False) -> 
 
 def _fields_of(value: Any) -> Mapping[str, Any] | None:
     """Return the fields of a dataclass, named tuple or dictionary; None of anything else."""
-    if isinstance(value, dict):
-        return value
-    return {name: getattr(value, name) for name in hints_of(type(value))} if _has_fields(type(value)) else None
+    kind: Any = type(value)
+    if _has_fields(kind):
+        return {name: getattr(value, name) for name in hints_of(kind)}
+    return value if isinstance(value, dict) else None
 
 
 def named(parts: Iterable[object]) -> dict[str, Any]:
@@ -109,13 +111,12 @@ def ascends(times: Sequence[float]) -> bool:
     return all(later > earlier for earlier, later in itertools.pairwise(times))
 
 
+@cache
 def hints_of(kind: Any) -> dict[str, Any]:
     """Return the types of the fields of a dataclass or named tuple."""
-    if kind not in _HINTS:
-        names = [one.name for one in fields(kind)] if is_dataclass(kind) else kind._fields
-        hints = get_type_hints(kind, include_extras=True)
-        _HINTS[kind] = {name: hints[name] for name in names}
-    return _HINTS[kind]
+    names = [one.name for one in fields(kind)] if is_dataclass(kind) else kind._fields
+    hints = get_type_hints(kind, include_extras=True)
+    return {name: hints[name] for name in names}
 
 
 def _has_fields(kind: Any) -> bool:
@@ -124,8 +125,9 @@ def _has_fields(kind: Any) -> bool:
 
 def plain(tree: Any, kind: Any = Any) -> Any:
     """Return a tree with dictionaries for dataclasses and named tuples, and lists for replicated arrays."""
-    if _has_fields(type(tree)):
-        return {name: plain(getattr(tree, name), hint) for name, hint in hints_of(type(tree)).items()}
+    own: Any = type(tree)
+    if _has_fields(own):
+        return {name: plain(getattr(tree, name), hint) for name, hint in hints_of(own).items()}
     if isinstance(tree, np.ndarray):
         return tree.tolist() if Replicated in (kind, *get_args(kind)) else tree
     if isinstance(tree, list | tuple):
@@ -142,7 +144,10 @@ def typed(kind: Any, tree: Any, where: str) -> Any:
     if kind is Any:
         return tree
     if origin in (Union, UnionType):
-        return _of_union(arguments, tree, where)
+        for one in arguments[:-1]:
+            with suppress(ValueError):
+                return typed(one, tree, where)
+        return typed(arguments[-1], tree, where)
     if _has_fields(kind) and isinstance(tree, dict) and tree.keys() == hints_of(kind).keys():
         return kind(**{name: typed(hint, tree[name], f"{where}.{name}") for name, hint in hints_of(kind).items()})
     if origin is np.ndarray and isinstance(tree, np.ndarray) and tree.dtype == np.float64:
@@ -172,16 +177,6 @@ def _type_error(kind: Any, value: Any, where: str) -> ValueError:
     kinds = {np.ndarray: "an array", dict: "a table", list: "a list"}
     shown = kinds.get(type(value)) or json.dumps(value, default=str)[:60]
     return ValueError(f"{where} = {shown}: must be of type {getattr(kind, '__name__', kind)}")
-
-
-def _of_union(kinds: Sequence[Any], tree: Any, where: str) -> Any:
-    """Return the value of the first of some types that a tree has."""
-    for kind in kinds[:-1]:
-        try:
-            return typed(kind, tree, where)
-        except ValueError:
-            continue
-    return typed(kinds[-1], tree, where)
 
 
 def check_fields(kind: Any, tree: dict[str, Any], where: str) -> None:

@@ -21,24 +21,20 @@ from wavetank.output.files import OutputPath, RunLog
 from wavetank.output.manifest import environment
 from wavetank.output.writer import RunWriter
 from wavetank.recording.checkpointer import Checkpointer
-from wavetank.recording.diagnostics import Observers, add_diagnostics
-from wavetank.recording.ending import EndReport, execute_run
+from wavetank.recording.ending import execute_run
 from wavetank.recording.log import (
     Draw,
     Warnings,
     begin_directory,
     log_outcome,
     opening_lines,
-    planned_content,
     progress_of,
     record_failure,
     scene_content,
 )
-from wavetank.recording.preparing import prepared, stored_scene
-from wavetank.recording.restart import Restart
+from wavetank.recording.preparing import Observers, prepare
+from wavetank.recording.restart import Restart, stored_scene
 from wavetank.simulation.monitoring import Interruption
-from wavetank.simulation.own import called
-from wavetank.simulation.summary import Parts
 
 LATEST = 60.0  # s after an error in which the first rank has drawn pictures
 
@@ -56,10 +52,10 @@ def record_run(
     resume: bool = False,
     at: float | None = None,
 ) -> None:
-    """Run a scene into a directory; collective. A finished run of that scene that is to be resumed is not changed.
+    """Run a scene and record it in a directory; collective. ``resume`` leaves a finished run of the scene unchanged.
 
-    Raises ``InputError`` before anything is changed there, and ``RunError`` if the run breaks down; then everything
-    before is in the directory, and the cause in its manifest.
+    Raises ``InputError`` before anything is changed there, and ``RunError`` if the run breaks down; the directory then
+    has all records up to the breakdown, and its manifest the cause.
 
     Parameters
     ----------
@@ -89,46 +85,45 @@ def record_run(
     warnings = Warnings(log)
     if integrator is not None:
         scene = scene.model_copy(update={"numerics": scene.numerics.without_integrator()})
-    requested, files = scene, contents(scene)
-    content = {"scene": scene_content(scene, integrator), "files": files, "ranks": comm.size, **environment()}
+    content = {"scene": scene_content(scene, integrator), "files": contents(scene), "ranks": comm.size, **environment()}
     path = place.path if isinstance(place, OutputPath) else place
     if resume and at is None and from_first(comm, lambda: _has_finished(path, content["scene"])):
         console.print(f"{path} has finished; --extend SECONDS goes on with it", markup=False, highlight=False)
         return
-    content["warnings"] = warnings.records  # found until its end
+    content["warnings"] = warnings.records  # those of the run follow
     writer = on_first(comm, lambda: RunWriter(place, content, resume=resume))
     with abort_unless_all_fail(comm, LATEST), ExitStack() as at_the_end:
         if writer is not None:
             at_the_end.callback(writer.release)
         restart = Restart(writer, comm, warn=warnings.add, at=at) if resume else None
         with console.status("preparing the run"):
-            scene, run, waves = prepared(
-                scene, comm, warnings=warnings, integrator=integrator, restart=restart, unasked=unasked
+            recorded = prepare(
+                scene,
+                comm,
+                writer,
+                log=log,
+                warnings=warnings,
+                content=content,
+                start_time=start,
+                integrator=integrator,
+                observers=observers,
+                restart=restart,
+                unasked=unasked,
             )
-        series = add_diagnostics(run, scene, waves, writer, warnings=warnings, log=log, observers=observers)
-        if restart:
-            log.say(restart.take(run, waves, scene=scene, fields=series))
-            restart.warn_of_missing_observers(called(observers))
-        earlier, counting_on = (restart.about["parts"], restart.counting_on) if restart else ([], False)
-        parts = Parts(run, waves, start_time=start, earlier=earlier, counting_on=counting_on)
-        checkpointer = Checkpointer(
-            requested, scene, run, waves, series, parts, writer, warnings.records, called(observers), files
-        )
-        report = EndReport(run, waves, parts, warnings, log, writer, content, drawn=draw is not None)
-        with Interruption(comm) as interruption:  # from now on SIGTERM is written down
-            figures = {"parts": parts.so_far()} | planned_content(requested, scene, integrator)
-            begin_directory(writer, log, figures, scene=scene, waves=waves, resumed=resume)
+        checkpointer = Checkpointer(recorded)
+        with Interruption(comm) as interruption:  # from here on the manifest records SIGTERM
+            begin_directory(recorded, resumed=resume)
             if writer is not None:
                 at_the_end.enter_context(log_outcome(writer, log, draw=draw))
             at_the_end.callback(warnings.show)
-            for line in opening_lines(requested, scene, run, waves, resumed=resume):
+            for line in opening_lines(recorded, resumed=resume):
                 log.say(line)
             warnings.show()
-            with record_failure(writer), progress_of(run, waves, log, writer) as progress:
+            with record_failure(writer), progress_of(recorded) as progress:
                 interruption.before = checkpointer.write_last
                 controls = checkpointer.control(scene.run.checkpoint_every), *progress, interruption
-                run.controls += [control.record for control in controls]
-                execute_run(report, scene=scene, checkpointer=checkpointer)
+                recorded.run.controls += [control.record for control in controls]
+                execute_run(recorded, checkpointer, drawn=draw is not None)
                 if writer is not None:
                     writer.finish("finished", {})
 

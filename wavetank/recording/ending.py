@@ -1,23 +1,16 @@
-"""End of a run: its last checkpoint, or the cause of a breakdown and the surface before it."""
-
-from dataclasses import dataclass
-from typing import Any
+"""End of a run: its last checkpoint, or the cause of a breakdown and the surface before it; and its report."""
 
 from wavetank.base.case_model import CaseError
 from wavetank.base.errors import BreakdownError, PaddleError, RecordError, RunError
 from wavetank.base.mpi import all_ranks_arrive
-from wavetank.case import Case
 from wavetank.output.checkpoint import last_checkpoint, readable_checkpoints
 from wavetank.output.directory import BREAKING, BROKEN
-from wavetank.output.files import RunLog
-from wavetank.output.writer import RunWriter
 from wavetank.recording.checkpointer import Checkpointer
-from wavetank.recording.log import Warnings
-from wavetank.simulation.construction import AnyWaves
+from wavetank.recording.log import RecordedRun
 from wavetank.simulation.energy import EnergyBudget
 from wavetank.simulation.run import Run
 from wavetank.simulation.stability import StabilityWatch
-from wavetank.simulation.summary import BrokenSurface, Parts, RunOutcome, closing
+from wavetank.simulation.summary import BrokenSurface, RunOutcome, closing
 from wavetank.tank.breakdown import cause, folds
 from wavetank.tank.breaking import BreakingDissipation, BreakingFilter
 from wavetank.tank.waves import NonlinearWaves
@@ -25,117 +18,61 @@ from wavetank.tank.waves import NonlinearWaves
 ALIKE = 20.0  # s after an error in which all ranks have met it
 
 
-@dataclass(frozen=True)
-class EndReport:
-    """Reports the end of a run: warnings, breaking, figures of the manifest, closing lines; methods are collective.
+def execute_run(recorded: RecordedRun, checkpointer: Checkpointer, *, drawn: bool) -> None:
+    """Step to the end, write the last checkpoint and report; of a run that fails dump the surface and raise the cause.
 
-    Attributes
-    ----------
-    run, waves
-        The run and its waves.
-    parts
-        Its parts so far.
-    warnings, log, writer
-        Where they go; without a writer on all ranks but the first.
-    content
-        The manifest's content so far.
-    drawn
-        Whether pictures are drawn.
+    Collective. ``drawn``: whether there are to be pictures.
     """
-
-    run: Run
-    waves: AnyWaves
-    parts: Parts
-    warnings: Warnings
-    log: RunLog
-    writer: RunWriter | None
-    content: dict[str, Any]
-    drawn: bool
-
-    def dump_surface(self, surface: BrokenSurface) -> None:
-        """Write the surface that a run broke down from."""
-        self.content.update(surface.figures)
-        if self.writer is not None:
-            self.writer.write_table(BROKEN, surface.columns)
-            self.writer.note({**surface.figures, "last_checkpoint": last_checkpoint(self.writer.path)})
-
-    def close(self, error: RunError | None = None) -> None:
-        """Report that the run has ended, or why it has failed."""
-        breaking = [one for one in breaking_filters(self.run) if one.watch.recorded]
-        for diagnostic in self.run.diagnostics:
-            if isinstance(diagnostic, EnergyBudget):
-                diagnostic.cause = next((one.watch.cause for one in breaking), "")
-            for warning in getattr(diagnostic, "warnings", list)():
-                self.warnings.add(warning)
-        for one in breaking:
-            dissipated = ""
-            if isinstance(one, BreakingDissipation):
-                dissipated = f"; the eddy viscosity took {100 * one.dissipated_part:.2g} % of the energy"
-            self.log.say(f"{one.watch.story} ({BREAKING}){dissipated}")
-            if self.writer is not None:
-                self.writer.write_table(BREAKING, one.watch.columns)
-        figures, outcome = self.parts.figures(), RunOutcome.of(self.run)
-        for one in breaking_filters(self.run):
-            figures["breaking"] = one.figures
-        if self.writer is None:
-            return
-        self.writer.note(figures | outcome.figures)
-        if outcome.figures:
-            self.warnings.show()
-            ended: dict[str, Any] = {
-                "anew": error and error.anew,
-                "unwritten": isinstance(error, RecordError),
-                "cure": error.cure if isinstance(error, BreakdownError) else "",
-                "checkpoints": [about["t"] for _, about in readable_checkpoints(self.writer.path)],
-            }
-            shown = {"flat": self.waves.plane.mesh.topology.dim == 1, "drawn": self.drawn}
-            records, spent = self.warnings.records, self.content | figures | ended
-            for line in closing(outcome, spent, warnings=records, path=self.writer.path, **shown):
-                self.log.say(line)
-
-
-def execute_run(report: EndReport, *, scene: Case, checkpointer: Checkpointer) -> None:
-    """Step to the end and write the last checkpoint, or dump the broken surface and raise the cause; collective."""
+    why: BaseException | None = None
     try:
-        report.run.execute()
+        recorded.run.execute()
         checkpointer.write_last()
     except BaseException as error:
-        if not all_ranks_arrive(report.waves.plane.comm, ALIKE):
-            raise  # what one rank alone has met no other knows
-        why = _ended(error, report, scene=scene, checkpointer=checkpointer)
-        if why is error:
+        if not all_ranks_arrive(recorded.waves.plane.comm, ALIKE):
+            raise  # an error of this rank alone
+        why = _ended(error, recorded, checkpointer)
+        if not isinstance(why, RunError):
             raise
+    _report(recorded, why, drawn=drawn)
+    if why is not None:
         raise why from None
-    report.close()
 
 
-def _ended(error: BaseException, report: EndReport, *, scene: Case, checkpointer: Checkpointer) -> BaseException:
-    """Return why a run has ended that all ranks have met; collective."""
-    run, waves = report.run, report.waves
+def _ended(error: BaseException, recorded: RecordedRun, checkpointer: Checkpointer) -> BaseException:
+    """Return why a run has ended that all ranks have met; collective.
+
+    After a ``RunError`` checkpoint, broken surface and cause are written.
+    """
+    run, waves = recorded.run, recorded.waves
     try:
         run.flush()
     except RunError as earlier:
         error = earlier
-    if isinstance(error, CaseError):  # of a motion, at a time that nobody had tried
+    if isinstance(error, CaseError):  # of a motion, at a time that was not checked before the run
         error = PaddleError(f"t = {run.t:.6g} s: {error}")
     if not isinstance(error, RunError):
         return error
     checkpointer.save()
-    if error.status == RunError.status and not error.anew and isinstance(waves, NonlinearWaves):
-        surface = BrokenSurface.of(run, waves)
-        if surface is not None:
-            report.dump_surface(surface)
-            if isinstance(error, BreakdownError) and (fold := folds(waves, run.state.q, run.state.p, run.t)):
-                error = PaddleError(f"{error}: {fold}")
-    if isinstance(error, BreakdownError) and isinstance(waves, NonlinearWaves):
-        error = _explained(error, run, waves, scene)
-    report.close(error)
-    return error
+    if not isinstance(waves, NonlinearWaves):
+        return error
+    if error.status == RunError.status and not error.anew and (surface := BrokenSurface.of(run, waves)):
+        _dump(recorded, surface)
+        if isinstance(error, BreakdownError) and (fold := folds(waves, run.state.q, run.state.p, run.t)):
+            error = PaddleError(f"{error}: {fold}")
+    return _explained(error, recorded, waves) if isinstance(error, BreakdownError) else error
 
 
-def _explained(error: BreakdownError, run: Run, waves: NonlinearWaves, scene: Case) -> BreakdownError:
+def _dump(recorded: RecordedRun, surface: BrokenSurface) -> None:
+    """Write the surface that a run broke down from."""
+    recorded.content.update(surface.figures)
+    if recorded.writer is not None:
+        recorded.writer.write_table(BROKEN, surface.columns)
+        recorded.writer.note({**surface.figures, "last_checkpoint": last_checkpoint(recorded.writer.path)})
+
+
+def _explained(error: BreakdownError, recorded: RecordedRun, waves: NonlinearWaves) -> BreakdownError:
     """Return a breakdown with its cause and cure; collective."""
-    warned = (one.longest for one in run.diagnostics if isinstance(one, StabilityWatch))
+    run, numerics = recorded.run, recorded.scene.numerics
     why, cure = cause(
         waves,
         run.state.q,
@@ -143,11 +80,11 @@ def _explained(error: BreakdownError, run: Run, waves: NonlinearWaves, scene: Ca
         run.t,
         dt=run.clock.dt,
         limit=run.integrator.stability_limit,
-        tolerance=scene.numerics.tolerance,
-        frequency_shift=scene.frequency_shift,
-        warned=next(warned, None),
+        tolerance=numerics.tolerance,
+        frequency_shift=recorded.scene.frequency_shift,
+        warned=next((one.longest for one in run.diagnostics if isinstance(one, StabilityWatch)), None),
     )
-    for one in (one for one in breaking_filters(run) if one.watch.recorded):
+    for one in (one for one in _breaking(run) if one.watch.recorded):
         enough = ", and the eddy viscosity was not enough" if isinstance(one, BreakingDissipation) else ""
         why = f"{why}; {one.watch.story}{enough}"
     explained = type(error)(f"{error}: {why}.")
@@ -155,6 +92,41 @@ def _explained(error: BreakdownError, run: Run, waves: NonlinearWaves, scene: Ca
     return explained
 
 
-def breaking_filters(run: Run) -> list[BreakingFilter]:
+def _report(recorded: RecordedRun, error: BaseException | None, *, drawn: bool) -> None:
+    """Add warnings, breaking and figures to log and manifest, and print the closing lines; collective."""
+    run, log, warnings, writer = recorded.run, recorded.log, recorded.warnings, recorded.writer
+    figures, outcome = recorded.parts.figures(), RunOutcome.of(run)
+    for one in _breaking(run):
+        figures["breaking"] = one.figures
+        if one.watch.recorded:
+            for budget in (one for one in run.diagnostics if isinstance(one, EnergyBudget)):
+                budget.cause = one.watch.cause
+            dissipated = ""
+            if isinstance(one, BreakingDissipation):
+                dissipated = f"; the eddy viscosity took {100 * one.dissipated_part:.2g} % of the energy"
+            log.say(f"{one.watch.story} ({BREAKING}){dissipated}")
+            if writer is not None:
+                writer.write_table(BREAKING, one.watch.columns)
+    for diagnostic in run.diagnostics:
+        for warning in getattr(diagnostic, "warnings", list)():
+            warnings.add(warning)
+    if writer is None:
+        return
+    writer.note(figures | outcome.figures)
+    if outcome.figures:
+        warnings.show()
+        ended = {
+            "anew": isinstance(error, RunError) and error.anew,
+            "unwritten": isinstance(error, RecordError),
+            "cure": error.cure if isinstance(error, BreakdownError) else "",
+            "checkpoints": [about["t"] for _, about in readable_checkpoints(writer.path)],
+        }
+        shown = {"flat": recorded.waves.plane.mesh.topology.dim == 1, "drawn": drawn}
+        spent = recorded.content | figures | ended
+        for line in closing(outcome, spent, warnings=warnings.records, path=writer.path, **shown):
+            log.say(line)
+
+
+def _breaking(run: Run) -> list[BreakingFilter]:
     """Return the filter of breaking, if the run has one."""
     return [one for one in run.filters if isinstance(one, BreakingFilter)]

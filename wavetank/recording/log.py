@@ -1,7 +1,8 @@
-"""Log, warnings and progress of a run, and the beginning and end of its run directory."""
+"""A recorded run: its log, warnings and progress, and the beginning and end of its run directory."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from wavetank.base.run_warning import RunWarning, run_warning
 from wavetank.case import Case
 from wavetank.integrators.contract import Integrator
 from wavetank.output.directory import ANALYSES, BED, LOG, VIEWS, RunDirectory
+from wavetank.output.fields import VtuSeries
 from wavetank.output.files import RunLog
 from wavetank.output.writer import RunWriter
 from wavetank.planning.plan import rule_summary
@@ -20,6 +22,7 @@ from wavetank.simulation.construction import AnyWaves, bed_by_code, bed_message,
 from wavetank.simulation.initial import start_message
 from wavetank.simulation.monitoring import ProgressBar, ProgressReport
 from wavetank.simulation.run import Run
+from wavetank.simulation.summary import Parts
 
 Draw = Callable[[RunDirectory], Iterable[Path]]
 
@@ -30,8 +33,7 @@ class Warnings:
     Attributes
     ----------
     records
-        Those that were printed at once first, the newest of them before, then the others in the order of ``add``; the
-        manifest's ``warnings``.
+        Warnings of ``at_once``, the newest first, then those of ``add`` in order; the manifest's ``warnings``.
     """
 
     def __init__(self, log: RunLog):
@@ -40,7 +42,7 @@ class Warnings:
         self._log = log
 
     def add(self, warning: RunWarning | str) -> None:
-        """Add a warning, to be printed before the first step, or, if it is found later, after the run."""
+        """Add a warning, which is printed before the first step, or after the run if it is added later."""
         if (record := run_warning(warning)) not in self.records:
             self.records.append(record)
 
@@ -51,7 +53,7 @@ class Warnings:
         self._print(record)
 
     def show(self) -> None:
-        """Print those that have not been."""
+        """Print the warnings that were not printed yet."""
         for record in self.records:
             self._print(record)
 
@@ -62,32 +64,58 @@ class Warnings:
 
 
 def scene_content(scene: Case, integrator: Integrator[Any] | None) -> dict[str, Any]:
-    """Return a scene as the manifest has it: without its integrator, where another one steps."""
+    """Return a scene for the manifest, without its integrator if a user's replaces it."""
     content = scene.model_dump(mode="json")
     if integrator is not None:
         content["numerics"].pop("integrator", None)
     return content
 
 
-def planned_content(requested: Case, planned: Case, integrator: Integrator[Any] | None) -> dict[str, Any]:
-    """Return what the manifest says of water and numerics that were planned."""
-    given, chosen = (
-        {key: scene_content(one, integrator)[key] for key in ("water", "numerics")} for one in (requested, planned)
-    )
-    return {} if chosen == given else {"planned": chosen}
+@dataclass(frozen=True)
+class RecordedRun:
+    """A run with its case and its run directory.
+
+    Attributes
+    ----------
+    requested, scene
+        The case as requested, and with planned numerics.
+    run, waves, parts
+        The run, its waves and its parts so far.
+    series
+        The fields that all ranks write, by their names.
+    writer
+        Of the run directory; None on all ranks but the first.
+    log, warnings
+        Where messages and warnings go.
+    content
+        Content of the manifest, known before the first step.
+    observers
+        The names of a user's own.
+    """
+
+    requested: Case
+    scene: Case
+    run: Run
+    waves: AnyWaves
+    parts: Parts
+    series: Mapping[str, VtuSeries]
+    writer: RunWriter | None
+    log: RunLog
+    warnings: Warnings
+    content: dict[str, Any]
+    observers: Sequence[str]
 
 
-def begin_directory(
-    writer: RunWriter | None, log: RunLog, figures: dict[str, Any], *, scene: Case, waves: AnyWaves, resumed: bool
-) -> None:
+def begin_directory(recorded: RecordedRun, *, resumed: bool) -> None:
     """Begin the run directory with the figures known so far; collective. Raises ``RecordError`` on all ranks."""
-    bed = bed_by_code(scene, waves)
+    writer, log = recorded.writer, recorded.log
+    bed, parts = bed_by_code(recorded.scene, recorded.waves), recorded.parts.so_far()
 
     def begin() -> None:
         if writer is not None:
             patterns = (*VIEWS, *ANALYSES) if resumed else ()
             old = [path.name for pattern in patterns for path in writer.path.glob(pattern)]
-            writer.begin(figures)
+            writer.begin({**recorded.content, "parts": parts})
             if bed:
                 writer.write_table(BED, bed)
             log.open(writer.path / LOG, going_on=resumed)
@@ -95,7 +123,7 @@ def begin_directory(
             if old:
                 log.say(f"removed, as the record they are of goes on: {', '.join(sorted(old))}")
 
-    on_first(waves.plane.comm, begin)
+    on_first(recorded.waves.plane.comm, begin)
 
 
 @contextmanager
@@ -122,35 +150,31 @@ def log_outcome(writer: RunWriter, log: RunLog, *, draw: Draw | None) -> Iterato
         try:
             for picture in draw(RunDirectory(writer.path)) if draw and writer.holds else ():
                 log.say(f"wrote {picture}")
-        except Exception as error:  # whatever a picture may meet, the run's records are there
+        except Exception as error:  # the records of the run are complete
             reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
             log.say(f"warning: the pictures in {writer.path} could not all be drawn: {reason}", style="bold red")
         log.close()
 
 
 @contextmanager
-def progress_of(
-    run: Run, waves: AnyWaves, log: RunLog, writer: RunWriter | None
-) -> Iterator[list[ProgressBar | ProgressReport]]:
-    """Show progress, and tell it in the manifest; on the first rank."""
+def progress_of(recorded: RecordedRun) -> Iterator[list[ProgressBar | ProgressReport]]:
+    """Show progress, and write it into the manifest; on the first rank."""
+    run, writer = recorded.run, recorded.writer
     if writer is None:
         yield []
         return
     report = ProgressReport(writer.note, writer.write_manifest, begin=run.t, end=run.clock.end)
-    with ProgressBar(run.clock.end, lambda: _cost(waves), log=log, begin=(run.step, run.t)) as bar:
+    counters, begin = recorded.waves.potential.counters, (run.step, run.t)
+    with ProgressBar(run.clock.end, counters, log=recorded.log, begin=begin) as bar:
         yield [bar, report]
 
 
-def _cost(waves: AnyWaves) -> tuple[int, int]:
-    counters = waves.potential.counters
-    return counters.solves, counters.iterations
-
-
-def opening_lines(requested: Case, scene: Case, run: Run, waves: AnyWaves, *, resumed: bool) -> list[str]:
-    """Return the lines that a run begins with: what is computed, with which numerics; collective."""
+def opening_lines(recorded: RecordedRun, *, resumed: bool) -> list[str]:
+    """Return the first lines of a run's log: case, numerics, bed, sponge, start, end; collective."""
+    scene, run, waves = recorded.scene, recorded.run, recorded.waves
     lines = (
         summary(scene, run, waves),
-        rule_summary(requested),
+        rule_summary(recorded.requested),
         bed_message(scene, waves),
         sponge_message(scene, waves),
         *scene.linear_generation,

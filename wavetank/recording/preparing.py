@@ -1,41 +1,51 @@
-"""The stored case of a run, and a run that is planned, checked and built before anything is written."""
+"""A run with its diagnostics: planned, checked and built before anything is written."""
 
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from mpi4py import MPI
 
-from wavetank.base.errors import InputError
 from wavetank.case import Case
-from wavetank.case.reading import changed_case
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
-from wavetank.output.directory import RunDirectory
-from wavetank.output.manifest import MANIFEST
+from wavetank.output.fields import VtuSeries
+from wavetank.output.files import RunLog
+from wavetank.output.writer import RunWriter
 from wavetank.planning.checks import run_warnings
 from wavetank.planning.cost import check_affordable
 from wavetank.planning.plan import planned
 from wavetank.planning.resolution import check_stable
-from wavetank.recording.log import Warnings
+from wavetank.recording.log import RecordedRun, Warnings, scene_content
 from wavetank.recording.restart import Restart
 from wavetank.simulation.build import build_run
+from wavetank.simulation.case_diagnostics import build_observers, build_watch
 from wavetank.simulation.construction import AnyWaves
-from wavetank.simulation.run import Run
+from wavetank.simulation.contract import Diagnostic
+from wavetank.simulation.monitoring import BreakingNews
+from wavetank.simulation.own import called, own_observers
+from wavetank.simulation.records import RecordCheck, records_of
+from wavetank.simulation.summary import Parts
+from wavetank.tank.breaking import BreakingDissipation
 
-SIZES = {"cells": "cell_size", "cell_size": "cells"}  # of which there is one
+Observers = Sequence[Callable[[AnyWaves], Diagnostic]]
+"""Functions of the waves that return a user's diagnostics."""
 
 
-def prepared(
+def prepare(
     requested: Case,
     comm: MPI.Comm,
+    writer: RunWriter | None,
     *,
+    log: RunLog,
     warnings: Warnings,
+    content: dict[str, Any],
+    start_time: float,
     integrator: Integrator[Any] | None,
+    observers: Observers,
     restart: Restart | None,
     unasked: bool,
-) -> tuple[Case, Run, AnyWaves]:
-    """Return the case with its numerics, its run and its waves; collective.
+) -> RecordedRun:
+    """Return a run as it begins or goes on, with its diagnostics; collective.
 
     Raises ``InputError`` for a case that cannot run.
 
@@ -43,10 +53,14 @@ def prepared(
     ----------
     requested, comm
         The case, and the ranks.
-    warnings
-        Where warnings go.
+    writer, log, warnings, content
+        See ``RecordedRun``; planned water and numerics are added to the content.
+    start_time
+        When the preparation began, ``time.monotonic`` [s].
     integrator
         In place of the case's.
+    observers
+        Functions of the waves that return a user's diagnostics.
     restart
         The restart of a run that is resumed.
     unasked
@@ -60,32 +74,28 @@ def prepared(
     accuracy = requested.numerics.accuracy
     for warning in (*plan_warnings, *run_warnings(scene, run.clock, waves, own=integrator, accuracy=accuracy)):
         warnings.add(warning)
-    return scene, run, waves
+    chosen = {key: scene_content(scene, integrator)[key] for key in ("water", "numerics")}
+    if any(content["scene"][key] != value for key, value in chosen.items()):
+        content["planned"] = chosen
+    out, series = comm.bcast(writer and writer.path), dict[str, VtuSeries]()
 
+    def fields(name: str) -> VtuSeries:
+        series[name] = VtuSeries(out, name, comm=comm)
+        return series[name]
 
-def stored_scene(run: Path | str, changes: Sequence[str] = (), *, extend: float | None = None) -> Case:
-    """Return the scene stored in a run directory, with ``KEY=VALUE`` changes, longer by ``extend`` [s].
-
-    Raises ``InputError`` where none is, and for a scene that cannot be.
-    """
-    directory = RunDirectory(run)
-    content = directory.manifest.get("scene")
-    if not isinstance(content, dict) or not isinstance(content.get("run"), dict):
-        raise InputError(f"{directory.path}: its {MANIFEST} tells no scene to go on with.")
-    if extend is not None:
-        if not extend > 0:
-            raise InputError(f"--extend {extend:g} received; must be more than 0 s.")
-        if any(change.partition("=")[0].strip() == "run.duration" for change in changes):
-            raise InputError("--extend and run.duration: give one of them; the one is added, the other is all of it.")
-        changes = [*changes, f"run.duration={float(content['run']['duration']) + extend!r}"]
-    content = _without_none(content)
-    for key, other in SIZES.items():
-        if any(change.partition("=")[0].strip() == f"numerics.{key}" for change in changes):
-            content.get("numerics", {}).pop(other, None)
-    return changed_case(directory.path / MANIFEST, content, changes)
-
-
-def _without_none(content: dict[str, Any]) -> dict[str, Any]:
-    """Return the content of a scene without keys whose value is None."""
-    items = ((key, _without_none(value) if isinstance(value, dict) else value) for key, value in content.items())
-    return {key: value for key, value in items if value is not None}
+    records = records_of(scene, waves.plane.mesh.topology.dim, writer)._replace(fields=fields)
+    run.diagnostics += build_observers(scene, waves, records, sinks=run.sinks)
+    run.diagnostics.append(RecordCheck(comm, records))
+    run.diagnostics += build_watch(run, waves, warnings.at_once)
+    run.diagnostics += [BreakingNews(one, log.say) for one in run.filters if isinstance(one, BreakingDissipation)]
+    of_user = own_observers(observers, waves)
+    run.diagnostics += of_user
+    if of_user and scene.absorbing:
+        run.longest_block = 1  # they may evaluate the waves, whose paddles with feedback move as in the last step
+    names = [*map(called, observers)]
+    if restart:
+        log.say(restart.take(run, waves, scene=scene, fields=series))
+        restart.warn_of_missing_observers(names)
+    earlier, counting_on = (restart.about["parts"], restart.counting_on) if restart else ([], False)
+    parts = Parts(run, waves, start_time=start_time, earlier=earlier, counting_on=counting_on)
+    return RecordedRun(requested, scene, run, waves, parts, series, writer, log, warnings, content, names)

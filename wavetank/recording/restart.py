@@ -1,36 +1,39 @@
-"""Checkpoints of a run: written at intervals, and a restart from them, on any ranks, also with other numerics."""
+"""Restart of a run from a checkpoint, on any number of ranks, also with other numerics; the stored case of a run."""
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 from pydantic import ValidationError
 
-from wavetank.base.arrays import Vector
 from wavetank.base.case_model import CaseError, Problem
 from wavetank.base.errors import InputError
 from wavetank.base.mpi import on_first, raise_on_all_ranks
 from wavetank.base.run_warning import RunWarning, run_warning
 from wavetank.base.state import check_like, deserialize
 from wavetank.case import Case, Numerics, StillWater
-from wavetank.case.reading import contents
+from wavetank.case.reading import changed_case, contents
 from wavetank.fem.by_place import at_dofs
 from wavetank.output.checkpoint import Checkpoint, checked_tree
+from wavetank.output.directory import RunDirectory
 from wavetank.output.fields import VtuSeries
+from wavetank.output.manifest import MANIFEST
 from wavetank.output.writer import RunWriter
 from wavetank.planning.checks import predicted, too_high
 from wavetank.planning.plan import PlannedCase, planned
-from wavetank.simulation.build import Beginning
 from wavetank.simulation.clock import Clock
 from wavetank.simulation.construction import AnyWaves
-from wavetank.simulation.initial import StoredSurface
+from wavetank.simulation.initial import StoredSurface, differences
 from wavetank.simulation.run import Run
 
 FREE = {("title",), ("run", "duration"), ("run", "checkpoint_every"), ("run", "on_breaking")}
 ALL_OF = {"gauges": "all_gauges", "probes": "probes", "loads": "loads", "windows": "windows"}  # may be more: of a scene
+CHANGED = {*Numerics.model_fields, "on_breaking"}
+SIZES = {"cells": "cell_size", "cell_size": "cells"}  # of which there is one
 RECORDED = {"output", "gauge_lines", *ALL_OF}
 
 
@@ -55,7 +58,7 @@ class Restart:
     about
         The metadata of the checkpoint.
     anew
-        Whether the run goes on with other numerics; known once it has been ``planned``.
+        Whether the run continues with other numerics; set by ``planned``.
     """
 
     def __init__(
@@ -72,7 +75,7 @@ class Restart:
         self.about, self._text, self._count = comm.bcast(parts)
         self.anew = False
         try:
-            self._tree = checked_tree(self.about, self._text, [np.zeros(0)] * self._count)
+            self._tree = checked_tree(self.about, self._text, [np.zeros(0)] * self._count)["run"]
             self._before, self._chosen = (Case.model_validate(self.about[name]) for name in ("scene", "chosen"))
             self._has_history = bool(self.about["whole"])
         except (LookupError, ValueError, ValidationError) as error:
@@ -96,9 +99,9 @@ class Restart:
 
     # ------------------------------------------------------------------------------------------ the scene
     def planned(self, requested: Case) -> PlannedCase:
-        """Return the scene to go on with, for the requested one; collective.
+        """Return the scene of the resumed run with its numerics; collective.
 
-        Raises ``CaseError`` for what cannot change while a run goes on.
+        Raises ``CaseError`` for a key that a resumed run cannot change.
         """
         raise_on_all_ranks(self._comm, lambda: self._check(requested))
         water, output = self._chosen.water, requested.output
@@ -118,7 +121,7 @@ class Restart:
             result = planned(scene, self._comm)
         return result._replace(
             scene=result.scene.model_copy(update={"initial": StillWater()})
-        )  # it has begun elsewhere
+        )  # the run has started already
 
     def _warn_again(self) -> None:
         """Repeat the warnings of the run so far, except those that depend on the duration and are made again."""
@@ -131,14 +134,14 @@ class Restart:
                 self._warn(replace(warning, until=self.about["t"]) if past else warning)
 
     def _numerics(self, mine: Numerics, its: Numerics) -> Numerics:
-        """Return those that were chosen, with what is named now and was not, or otherwise."""
+        """Return the planned numerics of the checkpoint with those keys that the request changes."""
         named = mine.model_fields_set if its.open else set(Numerics.model_fields)
         changed = {key for key in named if getattr(mine, key) != getattr(its, key)}
         chosen = self._chosen.numerics.model_copy(update={"dt": self.about["clock"]["dt"]})
         return mine.over(chosen, named=changed if its.dt is None else changed | {"dt"})
 
     def _check(self, requested: Case) -> None:
-        """Raise ``CaseError`` unless the scene is that of the checkpoint, but for what may change."""
+        """Raise ``CaseError`` unless the scene is that of the checkpoint, except keys that may change."""
         before, now = (one.model_dump(mode="json") for one in (self._before, requested))
         problems = [
             Problem(path, *_required_value(former, value))
@@ -158,13 +161,13 @@ class Restart:
             raise CaseError(problems)
 
     def _duration_problem(self, requested: Case, allowed: str) -> Problem:
-        """Return that a duration is over, which is not told of one that nobody has changed."""
+        """Return the problem of a duration that is over; an unchanged one is not blamed."""
         if requested.run.duration == self._before.run.duration:
             return Problem(("run",), None, "has finished; --extend SECONDS goes on with it")
         return Problem(("run", "duration"), requested.run.duration, allowed)
 
     def _removed_records(self, requested: Case) -> Iterator[Problem]:
-        """Yield which gauges, probes, loads and windows of the checkpoint are no longer requested."""
+        """Yield the gauges, probes, loads and windows of the checkpoint that are no longer requested."""
         for key, name in ALL_OF.items():
             now = getattr(requested, name)
             gone = [one for one in getattr(self._before, name) if one not in now]
@@ -174,7 +177,7 @@ class Restart:
                 yield Problem((key,), None, allowed)
 
     def _changed_files(self, requested: Case) -> list[Problem]:
-        """Return which files of the same name have another content."""
+        """Return the files of the case whose content has changed."""
         now, allowed = contents(requested), "its content must be what it was when the run began, and has changed since"
         return [
             Problem(tuple(key.split(".")), name, allowed)
@@ -185,27 +188,18 @@ class Restart:
     # ------------------------------------------------------------------------------------------ the run
     @property
     def counting_on(self) -> bool:
-        """Whether solves are counted on."""
+        """Whether the counters of solves continue."""
         return not self.anew and self._has_history
 
     @property
-    def beginning(self) -> Beginning | None:
-        """Where a run with other numerics begins; None of one that goes on as it was."""
-        if not self.anew:
-            return None
-        values: tuple[Vector, Vector] = np.zeros(0), np.zeros(0)
-        places: Vector = np.zeros((0, 3))
-        if self._checkpoint is not None:
-            surface = deserialize(self._text, self._checkpoint.arrays)["surface"]
-            values, places = (surface["elevation"], surface["potential"]), self._checkpoint.places
-        t, parts = self.about["t"], self._tree["run"]["parts"]
-        stored = StoredSurface(self._chosen, t, self.about["mass"], values, places, parts=parts)
-        return Beginning(t, self.about["step"], parts, stored.on)
+    def beginning(self) -> StoredSurface | None:
+        """The surface at which a run with other numerics begins; None for the same numerics."""
+        return StoredSurface.of(self._chosen, self.about, self._tree["parts"], self._checkpoint) if self.anew else None
 
     def take(self, run: Run, waves: AnyWaves, *, scene: Case, fields: Mapping[str, VtuSeries]) -> str:
-        """Give the state to a run, and the extents to its records; return a message; collective.
+        """Restore the state of a run and the extents of its records; return a message; collective.
 
-        Raises ``InputError`` for the checkpoint of another run, or of a user's own integrator that is not given.
+        Raises ``InputError`` for the checkpoint of another run or of another integrator.
         """
         its, mine = self.about["parts"][-1]["numerics"]["integrator"], run.integrator.name
         if its != mine and scene.numerics.integrator == self._chosen.numerics.integrator:
@@ -246,8 +240,8 @@ class Restart:
         return f"going on from t = {run.t:.6g} s"
 
     def _take_surface(self, run: Run, waves: AnyWaves, scene: Case) -> str:
-        """Restore what does not depend on the numerics; the run has begun with the surface."""
-        run.change_numerics(self._tree["run"])
+        """Restore the states that do not depend on the numerics; the run begins at the surface."""
+        run.change_numerics(self._tree)
         mass = waves.total_mass(run.state.q) / self.about["mass"] - 1.0
         former, now = (one.model_dump(mode="json", include={"numerics", "run"}) for one in (self._chosen, scene))
         former["numerics"]["dt"] = self.about["clock"]["dt"]
@@ -260,20 +254,36 @@ class Restart:
         return f"going on from t = {run.t:.6g} s with {', '.join(changes)}; the mass changes by {mass:.1g} of it"
 
 
-CHANGED = {*Numerics.model_fields, "on_breaking"}
-
-
 def _required_value(former: Any, value: Any) -> tuple[Any, str]:
-    """Return what was received, and what is allowed; neither of lists, of which a line could show but the beginning."""
+    """Return the received and the allowed value of a key; without values for lists and tables."""
     if isinstance(former, list | dict) or isinstance(value, list | dict):
         return None, "must be what it is in the run that is to go on"
     return value, f"must be {'left out' if former is None else repr(former)}, as in the run that is to go on"
 
 
-def differences(before: Any, now: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any, Any]]:
-    """Yield where two scenes differ, and what they have there."""
-    if isinstance(before, dict) and isinstance(now, dict):
-        for key in dict.fromkeys([*before, *now]):
-            yield from differences(before.get(key), now.get(key), (*path, key))
-    elif before != now:
-        yield path, before, now
+def stored_scene(run: Path | str, changes: Sequence[str] = (), *, extend: float | None = None) -> Case:
+    """Return the scene stored in a run directory, with ``KEY=VALUE`` changes, longer by ``extend`` [s].
+
+    Raises ``InputError`` without a stored scene, and for an invalid one.
+    """
+    directory = RunDirectory(run)
+    content = directory.manifest.get("scene")
+    if not isinstance(content, dict) or not isinstance(content.get("run"), dict):
+        raise InputError(f"{directory.path}: its {MANIFEST} tells no scene to go on with.")
+    if extend is not None:
+        if not extend > 0:
+            raise InputError(f"--extend {extend:g} received; must be more than 0 s.")
+        if any(change.partition("=")[0].strip() == "run.duration" for change in changes):
+            raise InputError("--extend and run.duration: give one of them; the one is added, the other is all of it.")
+        changes = [*changes, f"run.duration={float(content['run']['duration']) + extend!r}"]
+    content = _without_none(content)
+    for key, other in SIZES.items():
+        if any(change.partition("=")[0].strip() == f"numerics.{key}" for change in changes):
+            content.get("numerics", {}).pop(other, None)
+    return changed_case(directory.path / MANIFEST, content, changes)
+
+
+def _without_none(content: dict[str, Any]) -> dict[str, Any]:
+    """Return the content of a scene without keys whose value is None."""
+    items = ((key, _without_none(value) if isinstance(value, dict) else value) for key, value in content.items())
+    return {key: value for key, value in items if value is not None}

@@ -8,12 +8,11 @@ import numpy as np
 from wavetank.base.arrays import Vector
 from wavetank.base.errors import InputError, OutsideError, PaddleError
 from wavetank.base.run_warning import RunWarning
-from wavetank.output.columns import RATES as RATES
 from wavetank.output.fields import VtkCells, VtuSeries
 from wavetank.simulation.clock import EverySteps, Schedule
 from wavetank.simulation.contract import Diagnostic, displacement, due_steps
 from wavetank.simulation.diagnostics import Called, LatticePlaces, PaddleReach
-from wavetank.simulation.records import DeferredErrors, Discard, Record
+from wavetank.simulation.records import FirstRankRecord, Record
 from wavetank.tank.block import Block
 from wavetank.tank.kinematics import MovingWater, NonlinearRates, Sounding, Velocity
 from wavetank.tank.surface_points import SurfaceOverPlaces
@@ -83,22 +82,17 @@ class Probes:
     def record(self, block: Block) -> None:
         """Append a row for each step; raises ``PaddleError`` if a paddle has passed a probe; collective."""
         for q, psi, t in block.states():
-            self._append(q, psi, t)
-
-    def _append(self, q: Vector, psi: Vector, t: float) -> None:
-        """Append one row; raises as ``record``; collective."""
-        self._water.find_rates(q, psi, t)
-        try:
-            result = self._sounding.take()
-        except OutsideError as error:
-            raise self._reach.error(t, error.index, self._water.wall.paddle_displacements(self._places)) from None
-        wet = {name: not bool(dry) for name, dry in zip(self._points, result.dry, strict=True)}
-        before = self.state.wet
-        self.state = ProbeState(before | {name: one or before.get(name, False) for name, one in wet.items()})
-        vectors = (vector[:, self._axes] for vector in (result.velocity, result.local, result.acceleration))
-        each = np.column_stack([*vectors, result.pressure])
-        rows = ([None] * len(row) if dry else row for row, dry in zip(each, result.dry, strict=True))
-        self._record.extend([[t, *(value for row in rows for value in row)]])
+            self._water.find_rates(q, psi, t)
+            try:
+                result = self._sounding.take()
+            except OutsideError as error:
+                raise self._reach.error(t, error.index, self._water.wall.paddle_displacements(self._places)) from None
+            wet = (name for name, dry in zip(self._points, result.dry, strict=True) if not dry)
+            self.state = ProbeState(dict.fromkeys(self._points, False) | self.state.wet | dict.fromkeys(wet, True))
+            vectors = (vector[:, self._axes] for vector in (result.velocity, result.local, result.acceleration))
+            each = np.column_stack([*vectors, result.pressure])
+            rows = ([None] * len(row) if dry else row for row, dry in zip(each, result.dry, strict=True))
+            self._record.extend([[t, *(value for row in rows for value in row)]])
 
     def warnings(self) -> list[RunWarning]:
         """Return a warning of probes without water at any time."""
@@ -158,7 +152,7 @@ class WindowObserver:
         *,
         levels: int,
         density: float,
-        record: DeferredErrors | Discard,
+        record: FirstRankRecord,
         schedule: Schedule,
     ):
         self._water, self._record, self.schedule = water, record, schedule
@@ -170,61 +164,47 @@ class WindowObserver:
 
     def record(self, block: Block) -> None:
         """Append the motion of the columns; raises ``PaddleError`` if the paddle has passed one; collective."""
-        for state, eta in zip(block.states(), block.eta, strict=True):
-            self._append(*state, eta)
-
-    def _append(self, q: Vector, psi: Vector, t: float, elevation: Vector) -> None:
-        """Append the motion at one step; raises as ``record``; collective."""
-        self._water.find_rates(q, psi, t)
-        self._elevation.set(elevation)
-        self._depth.set(self._water.waves.bed.still)
-        try:
-            eta = self._surface.elevations(self._elevation)
-            d, h = (self._surface.points.evaluate(field) for field in (self._depth, self._water.h))
-            z = np.outer(h, self._zeta) - d[:, None]
-            points = np.column_stack([np.repeat(self._places, self._zeta.size, axis=0), z.ravel()])
-            result = self._sounding.take(points)
-        except InputError as error:
-            raise PaddleError(f"t = {t:.6g} s: the paddle has reached a column of a window: {error}", t=t) from None
-        vectors = (vector[:, self._axes].T for vector in (result.velocity, result.local, result.acceleration))
-        quantities = np.vstack([*vectors, result.pressure]).reshape(-1, *z.shape)
-        self._record.append(t, z, eta, quantities)
+        for (q, psi, t), elevation in zip(block.states(), block.eta, strict=True):
+            self._water.find_rates(q, psi, t)
+            self._elevation.set(elevation)
+            self._depth.set(self._water.waves.bed.still)
+            try:
+                eta = self._surface.elevations(self._elevation)
+                d, h = (self._surface.points.evaluate(field) for field in (self._depth, self._water.h))
+                z = np.outer(h, self._zeta) - d[:, None]
+                result = self._sounding.take(np.column_stack([np.repeat(self._places, z.shape[1], axis=0), z.ravel()]))
+            except InputError as error:
+                message = f"t = {t:.6g} s: the paddle has reached a column of a window: {error}"
+                raise PaddleError(message, t=t) from None
+            vectors = (vector[:, self._axes].T for vector in (result.velocity, result.local, result.acceleration))
+            quantities = np.vstack([*vectors, result.pressure]).reshape(-1, *z.shape)
+            self._record.append(t, z, eta, quantities)
 
 
 class VelocityFields:
     """The water below the surface: ``velocity`` (along x, y and z) [m/s] and ``potential`` [m²/s].
 
-    In single precision: they are n+1 times as large as the surface, and looked at.
-
-    Parameters
-    ----------
-    levels
-        Heights zeta, ascending in [0, 1] from the bed to the surface; the n+1 Gauss-Lobatto nodes, if not given.
+    Single precision at the n+1 Gauss-Lobatto nodes of each column: they are n+1 times as large as the surface.
     """
 
-    def __init__(self, water: NonlinearRates, series: VtuSeries, *, schedule: Schedule, levels: Vector | None = None):
+    def __init__(self, water: NonlinearRates, series: VtuSeries, *, schedule: Schedule):
         self._water, self._series, self.schedule = water, series, schedule
-        self._levels = water.vertical.nodes if levels is None else levels
         self._places, self._velocity = LatticePlaces(water.waves), Velocity(water)
         lattice = self._places.lattice
-        self._cells = VtkCells.layered(lattice.pieces, points=len(lattice.dofs), levels=len(self._levels))
+        self._cells = VtkCells.layered(lattice.pieces, points=len(lattice.dofs), levels=len(water.vertical.nodes))
 
     def record(self, block: Block) -> None:
         """Write a snapshot for each step; raises ``RunError``, on all ranks, if one cannot be written; collective."""
-        for number in range(len(block)):
-            self._append(block, number)
-
-    def _append(self, block: Block, number: int) -> None:
-        """Write the snapshot of one step; raises as ``record``; collective."""
-        t = float(block.t[number])
-        self._water.find(block.q[number], block.psi[number], t)
-        h, d, dofs = self._places.at(self._water.h), self._places.depths(block, number), self._places.lattice.dofs
-        shift = displacement(block, number, self._water.wall, self._places.lattice.places)
-        points = [self._places.points(zeta * h - d, shift) for zeta in self._levels]
-        velocity = [self._velocity.at(zeta)[dofs] for zeta in self._levels]
-        potential = [self._velocity.potential(zeta)[dofs] for zeta in self._levels]
-        arrays = {"velocity": _single(velocity), "potential": _single(potential)}
-        self._series.append(t, _single(points), cells=self._cells, arrays=arrays)
+        lattice, layers = self._places.lattice, self._water.vertical.nodes
+        for number, (q, psi, t) in enumerate(block.states()):
+            self._water.find(q, psi, t)
+            h, d = self._places.at(self._water.h), self._places.depths(block, number)
+            shift = displacement(block, number, self._water.wall, lattice.places)
+            points = _single([self._places.points(zeta * h - d, shift) for zeta in layers])
+            velocity = _single([self._velocity.at(zeta)[lattice.dofs] for zeta in layers])
+            potential = _single([self._velocity.potential(zeta)[lattice.dofs] for zeta in layers])
+            arrays = {"velocity": velocity, "potential": potential}
+            self._series.append(t, points, cells=self._cells, arrays=arrays)
 
 
 def _single(layers: list[Vector]) -> Vector:

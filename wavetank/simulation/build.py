@@ -1,8 +1,7 @@
 """From a scene to a run: its scheme, step, start, filters and observers."""
 
-from collections.abc import Callable
 from math import inf
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -11,7 +10,6 @@ from wavetank.base.arrays import Vector
 from wavetank.base.case_model import CaseError, Problem, about
 from wavetank.base.errors import InputError
 from wavetank.base.mpi import raise_on_all_ranks
-from wavetank.base.state import StateTree
 from wavetank.case import Case
 from wavetank.integrators import INTEGRATORS, Damping, damped
 from wavetank.integrators.answering import ControlledPaddles
@@ -20,7 +18,7 @@ from wavetank.integrators.stage_solver import ITERATES
 from wavetank.simulation.clock import ROUNDING, Clock
 from wavetank.simulation.construction import AnyWaves, build_filters, build_footprint, build_sponge, fill
 from wavetank.simulation.feedback import build_controllers, build_paddle_work
-from wavetank.simulation.initial import initial_surface
+from wavetank.simulation.initial import StoredSurface, initial_surface
 from wavetank.simulation.own import check_states, own_scheme
 from wavetank.simulation.run import Run
 from wavetank.simulation.surviving import restore_surviving
@@ -29,25 +27,6 @@ from wavetank.tank.linear_waves import LinearWaves
 
 ENOUGH = 100_000  # unknowns of a basin, from which on several ranks pay
 ANSWERED = 1.25  # omega_max dt: of longer steps flaps that answer have been unstable
-
-
-class Beginning(NamedTuple):
-    """Where a run begins that others have computed up to there.
-
-    Attributes
-    ----------
-    t, step
-        The time [s], and the number of steps that it took.
-    parts
-        State of the parts of the run.
-    surface
-        Returns (elevation [m], surface potential [m²/s]) at the degrees of freedom of waves; collective.
-    """
-
-    t: float
-    step: int
-    parts: StateTree
-    surface: Callable[[AnyWaves], tuple[Vector, Vector]]
 
 
 def initial_state(scene: Case, waves: AnyWaves) -> tuple[Vector, Vector]:
@@ -72,12 +51,12 @@ def build_clock(
 ) -> Clock:
     """Return the scene's steps, or some from accuracy and stability, for the largest frequency of its mesh [rad/s].
 
-    The default keeps 0.6 of the stability limit on still water, ``FARTHEST`` of it where a paddle has gone as far as
-    it goes, 1.4 of it for the ``moving`` surface of the start, if one of these is faster, and a relative frequency
-    error below 1e-4 for waves of a quarter of the largest frequency, and divides the duration. Twice it leaves no
-    noise behind waves that run freely; where a steep one runs up a wall 1.4 does not, and 1.75 does (docs/extremes.md).
-    A given step is kept: its last one ends beyond the duration, or before it where a recorded motion ends. What of the
-    duration lies before ``begin`` [s] is not counted.
+    The default step divides the duration. It is at most 0.6 of the stability limit on still water, ``FARTHEST`` of the
+    limit at the largest displacement of a paddle, and 1.4 times the limit on the ``moving`` surface of the start, if
+    that has a larger frequency. Its relative frequency error is below 1e-4 for waves of a quarter of the largest
+    frequency. Free waves are without noise at twice the limit; a steep wave that runs up a wall is at 1.4, not at 1.75
+    (docs/extremes.md). A given step does not change: the last one ends beyond the duration, or before it where a
+    recorded motion ends. The duration counts from ``begin`` [s].
     Raises ``InputError`` for an unstable step.
     """
     duration = scene.run.duration - begin
@@ -98,13 +77,13 @@ def build_clock(
 
 
 def build_run(
-    scene: Case, comm: MPI.Comm, integrator: Integrator[Any] | None = None, *, beginning: Beginning | None = None
+    scene: Case, comm: MPI.Comm, integrator: Integrator[Any] | None = None, *, beginning: StoredSurface | None = None
 ) -> tuple[Run, AnyWaves]:
     """Return the run of a scene, nothing recorded yet, and the waves in it; collective.
 
-    It is observed only by what stops it where a wave breaks, if the scene is to stop there; its integrator is the
-    scene's, or the one given; it begins with the scene's initial state, unless others have come further. Raises
-    ``InputError`` for numerics that cannot work, or that are still to be planned (``wavetank.planning.plan``).
+    It has no diagnostics; filters of breaking may stop it. Its integrator is the scene's or the given one. It starts
+    with the scene's initial state or at ``beginning``. Raises ``InputError`` for numerics that cannot work or that are
+    not planned yet (``wavetank.planning.plan``).
     """
     if scene.numerics.accuracy is not None:
         raise InputError(f"numerics.accuracy = {scene.numerics.accuracy:g}: must have been planned for before the run.")
@@ -126,7 +105,7 @@ def build_run(
     largest = waves.largest_frequency  # of a wall at rest
     t, step = (beginning.t, beginning.step) if beginning else (0.0, 0)
     waves.set_time(t)
-    start = waves.state(*beginning.surface(waves), t) if beginning else initial_state(scene, waves)
+    start = waves.state(*beginning.on(waves), t) if beginning else initial_state(scene, waves)
     moving = _moving(waves, start, t)
     clock = raise_on_all_ranks(
         comm, lambda: build_clock(scene, largest, integrator, moving=moving, begin=t).after(t, step)

@@ -1,7 +1,6 @@
 """Diagnostics that a case asks for."""
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,11 +24,9 @@ from wavetank.simulation.diagnostics import (
     PaddleRates,
     SurfaceFields,
     SurfaceSnapshots,
-    rates_of_motion,
-    rates_of_water,
 )
 from wavetank.simulation.energy import EnergyBudget
-from wavetank.simulation.records import DeferredErrors, Discard, Record, Records
+from wavetank.simulation.records import FirstRankRecord, Record, Records
 from wavetank.simulation.run import Run
 from wavetank.simulation.stability import IN_ELEVATION, IN_JUMP, StabilityWatch
 from wavetank.tank.dissipation import Smoothing
@@ -39,7 +36,7 @@ from wavetank.tank.wall_pressure import PaddlePush, WallPressure
 from wavetank.tank.waves import NonlinearWaves
 
 
-def build_watch(scene: Case, run: Run, waves: AnyWaves, warn: Callable[[RunWarning], None]) -> list[Diagnostic]:
+def build_watch(run: Run, waves: AnyWaves, warn: Callable[[RunWarning], None]) -> list[Diagnostic]:
     """Return what watches the step of nonlinear waves and warns; collective."""
     if isinstance(waves, LinearWaves):
         return []  # the limit is known before the run, and kept
@@ -122,8 +119,9 @@ def _rates(scene: Case, waves: AnyWaves, number: int) -> PaddleRates:
     view, paddle = scene.paddles[number], waves.wall.paddles[number]
     travel = getattr(paddle, "travel", None)  # a paddle of linear water has none
     if travel is not None and travel.rigid_position is not None:
-        return rates_of_water(number)
-    return rates_of_motion(partial(paddle.motion.rates, y=view.wall.places(view.tank)))
+        return lambda block: block.rates[:, number]
+    along = view.wall.places(view.tank)
+    return lambda block: np.array([np.hstack(paddle.motion.rates(t, y=along)) for _, _, t in block.states()])
 
 
 def _paddle(
@@ -145,7 +143,7 @@ def _probes(scene: Case, water: MovingWater, record: Record, schedule: EveryStep
         raise CaseError([Problem(("probes", error.index), None, str(error))]) from None
 
 
-def _window(scene: Case, water: MovingWater, n: int, record: DeferredErrors | Discard) -> WindowObserver:
+def _window(scene: Case, water: MovingWater, n: int, record: FirstRankRecord) -> WindowObserver:
     """Return what records a window; collective. Raises ``CaseError`` for a column outside the mesh."""
     window = scene.windows[n]
     with about("windows", n):

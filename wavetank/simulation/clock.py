@@ -1,19 +1,15 @@
-"""Clock of a run, and schedules: the steps at which diagnostics act.
-
-When an observer acts: every so many steps, or at the steps nearest to equally spaced times.
-
-Whether it does is told of a step, or of many of them at once: of numbers or of arrays.
-"""
+"""Clock of a run, and schedules: the steps at which diagnostics act, as numbers or as arrays over steps."""
 
 from dataclasses import dataclass, replace
 from math import ceil, inf
-from typing import Any, overload
+from typing import Any, TypeVar
 
 import numpy as np
 
 from wavetank.base.arrays import Vector
 from wavetank.base.errors import InputError
 
+Steps = TypeVar("Steps", float, Vector)
 ROUNDING = 1e-9  # relative, by which a number of steps may miss a whole one
 
 
@@ -43,13 +39,7 @@ class Clock:
         """When the last step ends [s]."""
         return self.time(self.steps)
 
-    @overload
-    def time(self, step: int) -> float: ...
-
-    @overload
-    def time(self, step: Vector) -> Vector: ...
-
-    def time(self, step: Any) -> Any:
+    def time(self, step: Steps) -> Steps:
         """Return t_n [s], of one step or of many."""
         return self.begin + (step - self.first) * self.dt
 

@@ -168,17 +168,6 @@ class Gauges:
 PaddleRates = Callable[[Block], Vector]
 """Returns position [m], velocity [m/s] and acceleration [m/s²] of a paddle at the steps of a block, shape (K, 3 N)."""
 
-
-def rates_of_water(number: int) -> PaddleRates:
-    """Return the rates of a paddle of nonlinear water that moves as one, by its number: those of the block."""
-    return lambda block: block.rates[:, number]
-
-
-def rates_of_motion(rates: Callable[[float], Sequence[Any]]) -> PaddleRates:
-    """Return the rates of any paddle, of which each is a number or one for each place along it."""
-    return lambda block: np.array([np.hstack(rates(t)) for _, _, t in block.states()])
-
-
 LIMITED = ("stroke", "speed", "acceleration")
 
 
@@ -384,22 +373,18 @@ class SurfaceFields:
 
     def record(self, block: Block) -> None:
         """Write a snapshot for each step; raises ``RunError``, on all ranks, if one cannot be written; collective."""
-        for number in range(len(block)):
-            self._append(block, number)
-
-    def _append(self, block: Block, number: int) -> None:
-        """Write the snapshot of one step; raises as ``record``; collective."""
-        self._eta.set(block.eta[number])
-        self._psi.set(block.psi[number])
-        eta, psi = self._places.at(self._eta), self._places.at(self._psi)
-        arrays: dict[str, NDArray[Any]] = {
-            "elevation": eta,
-            "surface potential": psi,
-            "depth": self._places.depths(block, number),
-            REST_POSITION: self._places.lattice.places.astype(np.float32),
-        }
-        if self._damping is not None:
-            self._rate.set(self._damping)  # a run that goes on may have taken another
-            arrays["damping rate"] = self._places.at(self._rate)
-        shift = displacement(block, number, self._waves.wall, self._places.lattice.places)
-        self._series.append(float(block.t[number]), self._places.points(eta, shift), cells=self._cells, arrays=arrays)
+        places, lattice = self._places, self._places.lattice
+        for number, t in enumerate(map(float, block.t)):
+            self._eta.set(block.eta[number])
+            self._psi.set(block.psi[number])
+            arrays: dict[str, NDArray[Any]] = {
+                "elevation": places.at(self._eta),
+                "surface potential": places.at(self._psi),
+                "depth": places.depths(block, number),
+                REST_POSITION: lattice.places.astype(np.float32),
+            }
+            if self._damping is not None:
+                self._rate.set(self._damping)  # a run that goes on may have taken another
+                arrays["damping rate"] = places.at(self._rate)
+            points = places.points(arrays["elevation"], displacement(block, number, self._waves.wall, lattice.places))
+            self._series.append(t, points, cells=self._cells, arrays=arrays)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from mpi4py import MPI
@@ -13,10 +13,7 @@ from wavetank.base.case_model import CaseError
 from wavetank.base.errors import InputError
 from wavetank.base.mpi import from_first, raise_on_all_ranks
 from wavetank.base.state import StateTree, deserialize
-from wavetank.case import (
-    Case,
-    RunState,
-)
+from wavetank.case import Case, RunState
 from wavetank.case.initial import FileSurface, FormulaSurface
 from wavetank.fem.by_place import at_dofs, has_places
 from wavetank.fem.plane import Plane
@@ -55,6 +52,8 @@ class StoredSurface(NamedTuple):
         Of the degrees of freedom in its mesh [m], shape (N, 3); used of the first rank alone.
     parts
         State of the parts of the run, paddles with feedback among them.
+    step
+        The number of steps that it took.
     """
 
     scene: Case
@@ -63,11 +62,22 @@ class StoredSurface(NamedTuple):
     values: tuple[Vector, Vector]
     places: Vector
     parts: StateTree
+    step: int = 0
+
+    @classmethod
+    def of(cls, scene: Case, about: dict[str, Any], parts: StateTree, checkpoint: Checkpoint | None) -> Self:
+        """Return the surface of a checkpoint by its description; only the first rank has the checkpoint itself."""
+        values: tuple[Vector, Vector] = np.zeros(0), np.zeros(0)
+        places: Vector = np.zeros((0, 3))
+        if checkpoint is not None:
+            surface = deserialize(checkpoint.tree_json, checkpoint.arrays)["surface"]
+            values, places = (surface["elevation"], surface["potential"]), checkpoint.places
+        return cls(scene, about["t"], about["mass"], values, places, parts, about["step"])
 
     def on(self, waves: AnyWaves) -> tuple[Vector, Vector]:
-        """Return both at the degrees of freedom of waves, whose wall stands as it will, shape (owned,); collective.
+        """Return elevation and potential at the degrees of freedom of waves, shape (owned,); collective.
 
-        On a mesh with others than those they are what the elements say there.
+        The wall of the waves has its initial position. On another mesh the values are interpolated.
         """
         if has_places(waves.plane, self.places):
             elevation, potential = at_dofs(waves.plane, self.values, self.places)
@@ -78,7 +88,7 @@ class StoredSurface(NamedTuple):
         restore_paddles(self.scene, (paddle.motion for paddle in wall.paddles), self.parts)
         if wall.moves:
             wall.set_time(self.t)
-        fields = [plane.function("kept") for _ in self.values]
+        fields = [plane.function("stored") for _ in self.values]
         for field, values in zip(fields, at_dofs(plane, self.values, self.places), strict=True):
             field.set(values)
         reference = _on_all(comm, waves.plane.places)
@@ -102,18 +112,14 @@ def _on_all(comm: MPI.Comm, rows: Vector) -> Vector:
 
 
 MEAN_TOLERANCE = 0.01  # of its rms: the largest mean elevation without a message
-
-
 TOLERANCE = 1e-3  # of the depth: the largest difference of wall positions
-
-
 MESHED = {"cells", "geometry", "sponge_length", "factor", "refine", "file"}  # of a layout: its mesh, not its walls
 
 
 def initial_surface(scene: Case, waves: AnyWaves) -> tuple[Vector, Vector]:
     """Return eta [m] and psi [m²/s] at the degrees of freedom, shape (owned,); collective.
 
-    Raises ``InputError`` where they cannot be had.
+    Raises ``InputError`` for a file, formula or run that cannot be used.
     """
     comm, initial = waves.plane.comm, scene.initial
     if isinstance(initial, RunState):
@@ -135,22 +141,17 @@ def stored_surface(scene: Case, initial: RunState, waves: AnyWaves) -> StoredSur
             tree = checked_tree(checkpoint.about, checkpoint.tree_json, [np.zeros(0)] * len(checkpoint.arrays))
         except UNREADABLE as error:
             raise InputError(f"{path}: cannot be used ({error}).") from None
-        scheme = tree["run"]["parts"]
-        _check(scene, before, about["t"], scheme)
+        parts = tree["run"]["parts"]
+        _check(scene, before, about["t"], parts)
         result.append(checkpoint)
-        return about, before, scheme
+        return about, before, parts
 
-    about, before, scheme = from_first(comm, read)
-    values: tuple[Vector, Vector] = np.zeros(0), np.zeros(0)
-    places: Vector = np.zeros((0, 3))
-    if result:
-        surface = deserialize(result[0].tree_json, result[0].arrays)["surface"]
-        values, places = (surface["elevation"], surface["potential"]), result[0].places
-    return StoredSurface(before, about["t"], about["mass"], values, places, parts=scheme)
+    about, before, parts = from_first(comm, read)
+    return StoredSurface.of(before, about, parts, result[0] if result else None)
 
 
 def with_its_numerics(scene: Case, initial: RunState) -> Case:
-    """Return the scene with that run's numerics where it names none; or ``InputError``, also if they do not fit."""
+    """Return the scene with the numerics of a run, except those it names; raises ``InputError`` if they do not fit."""
     before = _its_scene(initial, _chosen(initial)[1])
     numerics = scene.numerics.over(before.numerics, named=scene.numerics.model_fields_set)
     result = scene.model_copy(update={"numerics": numerics})
@@ -160,7 +161,7 @@ def with_its_numerics(scene: Case, initial: RunState) -> Case:
 
 
 def start_message(scene: Case, waves: AnyWaves, q: Vector) -> str:
-    """Return what a start costs of the mass, of a file where its mean is, or nothing of others; collective."""
+    """Return the change of mass by a start from a run, or the mean of a given surface; empty otherwise; collective."""
     initial = scene.initial
     if isinstance(initial, FileSurface | FormulaSurface):
         return _mean_message(waves, q)
@@ -172,7 +173,7 @@ def start_message(scene: Case, waves: AnyWaves, q: Vector) -> str:
 
 
 def _mean_message(waves: AnyWaves, q: Vector) -> str:
-    """Return where the mean of an initial surface is, unless that is at still water; collective."""
+    """Return the mean elevation of an initial surface, unless it is that of still water; collective."""
     still, higher = (waves.total_mass(waves.state(np.full_like(q, eta), 0 * q)[0]) for eta in (0.0, waves.depth))
     mean = (waves.total_mass(q) - still) / (higher - still) * waves.depth
     if abs(mean) < MEAN_TOLERANCE * waves.plane.rms(waves.elevation(q, 0 * q, 0.0)):
@@ -181,7 +182,7 @@ def _mean_message(waves: AnyWaves, q: Vector) -> str:
 
 
 def _chosen(initial: RunState) -> tuple[Path, dict[str, Any]]:
-    """Return the file of the checkpoint that is asked for, and what is told of it; raises ``InputError``."""
+    """Return the file of the requested checkpoint and its description; raises ``InputError``."""
     directory = RunDirectory(initial.directory)
     result = list(readable_checkpoints(directory.path))
     if not result:
@@ -203,13 +204,13 @@ def _its_scene(initial: RunState, about: dict[str, Any]) -> Case:
         raise InputError(f"directory = {initial.directory}: was written by another version of this program.") from None
 
 
-def _check(scene: Case, before: Case, t: float, scheme: StateTree) -> None:
-    """Raise ``InputError`` unless the tanks are one, and the walls stand in one place."""
-    mine, its = (_walls(one) for one in (scene, before))
-    for key in sorted(mine.keys() | its.keys()):
-        if mine.get(key) != its.get(key):
-            raise InputError(f"tank.{key} = {mine.get(key)!r}: must be {its.get(key)!r}, as in the run to begin with.")
-    previous, present = _motions(before, scheme), _motions(scene)
+def _check(scene: Case, before: Case, t: float, parts: StateTree) -> None:
+    """Raise ``InputError`` unless the tanks are equal, and the walls have the same position."""
+    for path, its, mine in differences(before.tank.model_dump(mode="json"), scene.tank.model_dump(mode="json")):
+        if path[0] != "layout" or path[-1] not in MESHED:
+            key = ".".join(path)
+            raise InputError(f"tank.{key} = {mine!r}: must be {its!r}, as in the run to begin with.")
+    previous, present = _motions(before, parts), _motions(scene)
     for name, was, now in zip(("wall", "far wall"), before.ends, scene.ends, strict=True):
         places = [y for y in (one.wall.places(one.tank) for one in (was, now)) if y is not None]
         along = np.unique(np.concatenate(places)) if places else None
@@ -224,29 +225,25 @@ def _check(scene: Case, before: Case, t: float, scheme: StateTree) -> None:
             )
 
 
-def _walls(scene: Case) -> dict[str, Any]:
-    """Return what there is to say of a tank, without its mesh, by keys."""
-    return dict(_leaves(scene.tank.model_dump(mode="json")))
+def differences(before: Any, now: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any, Any]]:
+    """Yield where the tables of two scenes differ, and what they have there."""
+    if isinstance(before, dict) and isinstance(now, dict):
+        for key in dict.fromkeys([*before, *now]):
+            yield from differences(before.get(key), now.get(key), (*path, key))
+    elif before != now:
+        yield path, before, now
 
 
-def _leaves(tables: dict[str, Any], name: str = "") -> Iterator[tuple[str, Any]]:
-    for key, value in tables.items():
-        if isinstance(value, dict):
-            yield from _leaves(value, f"{name}{key}.")
-        elif not (name.startswith("layout.") and key in MESHED):
-            yield f"{name}{key}", value
-
-
-def _motions(scene: Case, scheme: StateTree | None = None) -> dict[str, Motion]:
-    """Return what moves the walls, as the water has it, by their keys; ``scheme``: where absorbing has taken them."""
+def _motions(scene: Case, parts: StateTree | None = None) -> dict[str, Motion]:
+    """Return the motions of the walls by their keys, with feedback as in ``parts``; empty for linear water."""
     if scene.physics == "linear":
         return {}
     motions = [motion_of(end) for end in scene.paddles]
-    if scheme is not None:
-        restore_paddles(scene, motions, scheme)
+    if parts is not None:
+        restore_paddles(scene, motions, parts)
     return {end.key: motion for end, motion in zip(scene.paddles, motions, strict=True)}
 
 
 def _position(motion: Motion | None, t: float, y: Vector | None) -> Vector:
-    """Return where a motion is [m], at places along it or, as a whole, at one; without one at rest."""
+    """Return the position of a motion [m] at places y along the wall, or of a wall that moves as one; 0 if None."""
     return np.zeros(1) if motion is None else np.atleast_1d(motion.position(t, y)).ravel()

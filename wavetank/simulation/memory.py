@@ -1,4 +1,4 @@
-"""How much memory this process has held, and how much there is."""
+"""Peak memory of this process, and free memory of the hosts."""
 
 import re
 import resource
@@ -11,9 +11,9 @@ from mpi4py import MPI
 
 
 def peak_memory() -> float:
-    """Return the most memory this rank has held [bytes].
+    """Return the peak memory of this rank [bytes].
 
-    Linux tells it of the process itself; getrusage tells that of the process it was started from, if that is more.
+    On Linux from /proc: getrusage may return the peak of the parent process.
     """
     with suppress(OSError):
         if result := re.search(r"VmHWM:\s*(\d+) kB", Path("/proc/self/status").read_text(encoding="utf-8")):

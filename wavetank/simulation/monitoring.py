@@ -1,8 +1,9 @@
-"""Diagnostics that monitor a run: wave breaking, interruption and progress."""
+"""Message of the first breaking wave; interruption, progress and checkpoints after each block of a run."""
 
 import signal
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from math import inf
 from types import FrameType
 
@@ -15,17 +16,22 @@ from wavetank.output.files import RunLog
 from wavetank.simulation.clock import EverySteps
 from wavetank.tank.block import Block
 from wavetank.tank.breaking import BreakingDissipation
+from wavetank.tank.potential import SolveCounters
+
+USUALLY, SOON = 60.0, 1.0  # s of computing between two of them, and between the first ones
+COST = 0.005  # of the time of computing, at most
+FIRST, FIRST_COST = 5.0, 0.1  # s of computing without one but of the start; of that, at most, for the first
 
 
 class BreakingNews:
-    """Says when and where the first wave breaks.
+    """Reports when and where the first wave breaks.
 
     Parameters
     ----------
     breaking
-        What acts on it.
+        The filter that dissipates it.
     say
-        Takes the sentence.
+        Receives the sentence.
     """
 
     def __init__(self, breaking: BreakingDissipation, say: Callable[[str], None]):
@@ -42,12 +48,12 @@ class BreakingNews:
 class Interruption:
     """Ends the run on all ranks after a signal on any of them; a context manager, in the main thread.
 
-    After SIGUSR1, by which batch systems tell what is to come, it goes on.
+    After SIGUSR1, a warning of batch systems, the run continues.
 
     Attributes
     ----------
     before
-        What is done at any of these signals, before the run ends; collective.
+        Called after any of these signals, before the run ends; collective.
     """
 
     signals = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
@@ -68,7 +74,7 @@ class Interruption:
         self._received = number
 
     def record(self, block: Block) -> None:
-        """Raise ``StoppedError`` if a signal has come; collective."""
+        """Raise ``StoppedError`` after a signal on any rank; collective."""
         if number := int(largest(self._comm, self._received)):
             self.before()
             if number == signal.SIGUSR1:
@@ -78,32 +84,25 @@ class Interruption:
 
 
 class ProgressBar:
-    """Simulated time, wall time left and what a step costs; on rank 0 only.
+    """Simulated time, remaining wall time and cost of a step; on rank 0 only.
 
     Parameters
     ----------
     duration
         Simulated time of the whole run [s].
-    cost
-        Returns (interior solves, iterations of them) so far.
+    counters
+        Interior solves and their iterations so far.
     begin
-        Step and time [s] from which the run goes on.
+        Step and time [s] at which the run begins or is resumed.
     """
 
     plain_lines = 20  # at most
     every = 0.1  # s, of a bar
 
-    def __init__(
-        self,
-        duration: float,
-        cost: Callable[[], tuple[int, int]],
-        *,
-        log: RunLog,
-        begin: tuple[int, float] = (0, 0.0),
-    ):
-        self._duration, self._cost, (self._step, self._t) = duration, cost, begin
+    def __init__(self, duration: float, counters: SolveCounters, *, log: RunLog, begin: tuple[int, float] = (0, 0.0)):
+        self._duration, self._counters, (self._step, self._t) = duration, counters, begin
         self._say = log.note if log.console.is_terminal else log.say
-        self._start_time, self._reported, self._set_up = time.monotonic(), self._t, cost()
+        self._start_time, self._reported, self._set_up = time.monotonic(), self._t, replace(counters)
         self._bar = Progress(
             TextColumn("t = {task.completed:.2f} / {task.total:g} s"),
             BarColumn(),
@@ -135,9 +134,8 @@ class ProgressBar:
             self._say(f"t = {t:.2f} / {self._duration:g} s, {remaining:.0f} s left, {self._per_step(step)}")
 
     def _per_step(self, step: int) -> str:
-        solves, iterations = (
-            (now - before) / max(1, step - self._step) for now, before in zip(self._cost(), self._set_up, strict=True)
-        )
+        now, before, steps = self._counters, self._set_up, max(1, step - self._step)
+        solves, iterations = (now.solves - before.solves) / steps, (now.iterations - before.iterations) / steps
         return f"{solves:.1f} solves, {iterations:.1f} iterations a step"
 
 
@@ -147,8 +145,8 @@ class ProgressReport:
     Parameters
     ----------
     note
-        Takes ``progress``: t [s] and step, the times [s] at which the run began, or goes on, and will end, and the
-        wall time since then [s].
+        Receives ``progress``: t [s] and step, the times [s] at which the run began, or was resumed, and will end, and
+        the wall time since then [s].
     tell
         Writes the manifest; called every ``every`` seconds.
     """
@@ -169,3 +167,45 @@ class ProgressReport:
         if now > self._last_written + self.every:
             self._tell()
             self._last_written = now
+
+
+class Checkpoints:
+    """Schedule of checkpoints by computing time: one of the start, further ones after an interval.
+
+    Parameters
+    ----------
+    write
+        Writes a checkpoint; collective.
+    note
+        Stores the end of a block, from which a failing run writes its checkpoint; collective.
+    every
+        Computing time between checkpoints [s]. If None: a minute, shorter at the beginning (it doubles each time), and
+        longer where checkpoints would cost more than ``COST``. The first is due after ``FIRST``, or where it costs
+        ``FIRST_COST``.
+    """
+
+    def __init__(
+        self, comm: MPI.Comm, write: Callable[[], None], *, note: Callable[[], None], every: float | None = None
+    ):
+        self._comm, self._write, self._note, self._every = comm, write, note, every
+        self._start_time = self._last = time.monotonic()
+        self._cost, self._first = 0.0, True
+
+    def record(self, block: Block) -> None:
+        """Write a checkpoint if it is due on the first rank, otherwise note the state; collective."""
+        now, start = time.monotonic(), int(block.step[-1]) == 0
+        due = now - self._last > self._age
+        if start or (due if self._comm.size == 1 else self._comm.bcast(due)):
+            self._write()
+            self._last = time.monotonic()
+            self._cost, self._first = self._last - now, start
+        else:
+            self._note()
+
+    @property
+    def _age(self) -> float:
+        """The largest allowed age of the last checkpoint [s]."""
+        if self._every is not None:
+            return self._every
+        usual = max(min(USUALLY, max(SOON, self._last - self._start_time)), self._cost / COST)
+        return min(usual, max(FIRST, self._cost / FIRST_COST)) if self._first else usual

@@ -1,4 +1,4 @@
-"""What users give of their own, an integrator or observers: held to its contract before a run begins."""
+"""Integrators and observers of users, which are checked against their contracts before a run begins."""
 
 from collections.abc import Callable, Sequence
 from functools import cached_property, partial
@@ -18,7 +18,7 @@ PAGE = "docs/extend.md"
 
 
 def own_scheme(given: Any) -> Integrator[Any]:
-    """Return an integrator of a user's; raises ``InputError`` for what is none."""
+    """Return the integrator of a user; raises ``InputError`` for any other object."""
     if isinstance(given, str):
         raise InputError(
             f"integrator = {given!r}: a name received; needed is a scheme of your own ({PAGE}): "
@@ -33,7 +33,7 @@ def own_scheme(given: Any) -> Integrator[Any]:
 
 
 def check_states(run: Run) -> None:
-    """Raise ``InputError`` if the states of a run's integrator are none."""
+    """Raise ``InputError`` if the state of a run's integrator lacks attributes."""
     _hold(run.state, STATE, "integrator", f"what {run.integrator.name}.start returns")
 
 
@@ -53,30 +53,23 @@ class ObserverWaves:
 
 
 def own_observers(given: Sequence[Callable[[AnyWaves], Diagnostic]], waves: AnyWaves) -> list[Diagnostic]:
-    """Return the observers that a user's functions make of the waves; raises ``InputError`` for what is none."""
+    """Return the observers that a user's functions of the waves return; raises ``InputError`` for other objects."""
     if isinstance(given, str) or not isinstance(given, Sequence):
-        raise InputError(f"observers = {_name(given)}: must be a list of functions of the waves, such as classes.")
+        raise InputError(f"observers = {called(given)}: must be a list of functions of the waves, such as classes.")
     for n, one in enumerate(given):
         if not callable(one):
             what = f"a {type(one).__name__} received; needed is a function of the waves that returns one, or its class"
             raise InputError(f"observers[{n}]: {what} ({PAGE}).")
-    own: Any = ObserverWaves(waves)
-    return [_made(one, own, f"observers[{n}]") for n, one in enumerate(given)]
-
-
-def called(given: Sequence[Callable[[AnyWaves], Diagnostic]]) -> list[str]:
-    """Return what a user's functions of the waves are called."""
-    return [_name(one) for one in given]
-
-
-def _made(own: Callable[[AnyWaves], Diagnostic], waves: AnyWaves, where: str) -> Diagnostic:
-    try:
-        observer = own(waves)
-    except Exception as error:
-        locate(error, f"{where}, {_name(own)}")
-        raise
-    _hold(observer, DIAGNOSTIC, where, f"what {_name(own)} returns")
-    return observer
+    own, result = ObserverWaves(waves), list[Any]()
+    for n, one in enumerate(given):
+        where = f"observers[{n}]"
+        try:
+            result.append(one(own))  # type: ignore[arg-type]
+        except Exception as error:
+            locate(error, f"{where}, {called(one)}")
+            raise
+        _hold(result[-1], DIAGNOSTIC, where, f"what {called(one)} returns")
+    return result
 
 
 def _hold(given: Any, needed: Sequence[str], where: str, what: str) -> None:
@@ -84,5 +77,6 @@ def _hold(given: Any, needed: Sequence[str], where: str, what: str) -> None:
         raise InputError(f"{where}: {what} has no {', '.join(missing)}; needed are {', '.join(needed)} ({PAGE}).")
 
 
-def _name(given: Any) -> str:
+def called(given: Any) -> str:
+    """Return the name of a user's function or class, or that of an object's class."""
     return str(getattr(given, "__name__", type(given).__name__))

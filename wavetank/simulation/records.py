@@ -21,21 +21,6 @@ from wavetank.simulation.clock import EverySteps
 from wavetank.tank.block import Block
 
 
-class Discard:
-    """The record of every rank but the first, which has the same rows: it fails where the first one's fails."""
-
-    def extend(self, rows: Rows) -> None:
-        """Drop rows; raises ``RunError`` for a number that is not finite."""
-        for row in rows:
-            self.append(row[0], np.array([value for value in row if value is not None]))
-
-    def append(self, t: Any, *arrays: Vector) -> None:
-        """Drop arrays; raises ``RunError`` for a number that is not finite."""
-        if not all(np.isfinite(one).all() for one in arrays):
-            message = "a recorded value is not a finite number; the run has broken down."
-            raise RunError(f"t = {t:.6g} s: {message}", t=float(t))
-
-
 class Memory:
     """A record kept in memory, for use from Python."""
 
@@ -51,50 +36,43 @@ class Memory:
         return np.array(self.rows)
 
 
-class DeferredErrors:
-    """A record that stores its failure until ``RecordCheck``: the first rank writes alone, and all ranks must end."""
+class FirstRankRecord:
+    """A record that the first rank writes; the others, which have the same rows, check them.
 
-    def __init__(self, append: Callable[..., None]):
+    A failure to write is stored until ``RecordCheck``: the first rank writes alone, and all ranks must end.
+
+    Parameters
+    ----------
+    append
+        Appends rows, or the time and arrays of a snapshot; None on all ranks but the first.
+    """
+
+    def __init__(self, append: Callable[..., None] | None):
         self._append = append
         self.failure: RecordError | None = None
 
+    def extend(self, rows: Rows) -> None:
+        """Append rows, unless some could not be written before; raises ``RunError`` for a number that is not finite."""
+        if self._append is None:
+            for row in rows:
+                self.append(row[0], np.array([value for value in row if value is not None]))
+        else:
+            self.append(rows)
+
     def append(self, *row: Any) -> None:
-        """Append a snapshot, or rows, unless something could not be written before."""
-        if self.failure is None:
+        """Append a snapshot: its time [s] and arrays; see ``extend``."""
+        if self._append is None:
+            if not all(np.isfinite(one).all() for one in row):
+                message = "a recorded value is not a finite number; the run has broken down."
+                raise RunError(f"t = {row[0]:.6g} s: {message}", t=float(row[0]))
+        elif self.failure is None:
             try:
                 self._append(*row)
             except RecordError as error:
                 self.failure = error
 
-    extend = append
 
-
-class RecordCheck:
-    """Ends the run on all ranks where a record could not be written; the last of the diagnostics.
-
-    Parameters
-    ----------
-    records
-        Those of this rank.
-    """
-
-    def __init__(self, comm: MPI.Comm, records: Sequence[DeferredErrors]):
-        self.schedule = EverySteps()
-        self._comm, self._records = comm, records
-
-    def record(self, block: Block) -> None:
-        """Raise ``RecordError`` if a rank has met one; collective."""
-        failure = next((record.failure for record in self._records if record.failure), None)
-
-        def check() -> None:
-            if failure is not None:
-                raise failure
-
-        if summed(self._comm, float(failure is not None)):
-            raise_on_all_ranks(self._comm, check)
-
-
-Record = DeferredErrors | Discard | Memory
+Record = FirstRankRecord | Memory
 """A table: ``extend(rows)`` appends rows, time [s] first, empty at None."""
 
 
@@ -124,21 +102,40 @@ class Records(NamedTuple):
     probes: Record | None = None
     loads: Record | None = None
     paddles: Sequence[Record] = ()
-    windows: Sequence[DeferredErrors | Discard] = ()
+    windows: Sequence[FirstRankRecord] = ()
+
+
+class RecordCheck:
+    """Ends the run on all ranks where a record of this one could not be written; the last of the diagnostics."""
+
+    def __init__(self, comm: MPI.Comm, records: Records):
+        self.schedule, self._comm = EverySteps(), comm
+        parts = (*records, *records.paddles, *records.windows)
+        self._records = [one for one in parts if isinstance(one, FirstRankRecord)]
+
+    def record(self, block: Block) -> None:
+        """Raise ``RecordError`` if a rank has met one; collective."""
+        failure = next((record.failure for record in self._records if record.failure), None)
+
+        def check() -> None:
+            if failure is not None:
+                raise failure
+
+        if summed(self._comm, float(failure is not None)):
+            raise_on_all_ranks(self._comm, check)
 
 
 def records_of(scene: Case, dimensions: int, writer: RunWriter | None) -> Records:
     """Return the records of a case, opened when the run begins; without a writer those of the other ranks."""
 
     def table(file: str, columns: Sequence[str]) -> Record:
-        return Discard() if writer is None else DeferredErrors(writer.table(file, columns).extend)
+        return FirstRankRecord(None if writer is None else writer.table(file, columns).extend)
 
-    def window(one: Window) -> DeferredErrors | Discard:
-        if writer is None:
-            return Discard()
-        places = np.array(one.places)
-        shape = {"levels": one.levels, "dimensions": dimensions}
-        return DeferredErrors(writer.window(one.name, form=one.format, places=places, **shape))
+    def window(one: Window) -> FirstRankRecord:
+        places, shape = np.array(one.places), {"levels": one.levels, "dimensions": dimensions}
+        return FirstRankRecord(
+            None if writer is None else writer.window(one.name, form=one.format, places=places, **shape)
+        )
 
     def paddle(end: EndWall) -> Record:
         pushed = PUSH[dimensions] if any(load.on == end.side for load in scene.loads) else ()
@@ -149,7 +146,7 @@ def records_of(scene: Case, dimensions: int, writer: RunWriter | None) -> Record
     return Records(
         gauges=table(GAUGES, gauge_columns([(gauge.name, gauge.x, gauge.y) for gauge in scene.all_gauges])),
         energy=table(ENERGY, energy_columns(dimensions, absorbed=bool(scene.absorbing))),
-        surface=DeferredErrors(writer.surface().extend) if writer is not None and dimensions == 1 else None,
+        surface=FirstRankRecord(writer.surface().extend) if writer is not None and dimensions == 1 else None,
         probes=table(PROBES, probe_columns(points, dimensions)) if points else None,
         loads=table(LOADS, load_columns(walls, dimensions)) if walls else None,
         paddles=[paddle(end) for end in scene.paddles],

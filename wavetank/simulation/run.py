@@ -116,11 +116,11 @@ class Run:
         Coordinates and momenta when the clock begins.
     filters
         What acts on the state between steps.
-    longest_block
-        Steps of a block, at most; default: ``LONGEST``.
 
     Attributes
     ----------
+    longest_block
+        Steps of a block, at most.
     controls
         Called with each block that all diagnostics have recorded: may write a checkpoint or end the run.
     paddle_work
@@ -138,11 +138,10 @@ class Run:
         start: tuple[Vector, Vector],
         clock: Clock,
         filters: Sequence[Filter] = (),
-        longest_block: int | None = None,
     ):
         self.system, self.integrator, self.diagnostics = system, integrator, list(diagnostics)
         self.controls = list[Callable[[Block], None]]()
-        self.clock, self.longest_block = clock, longest_block or LONGEST
+        self.clock, self.longest_block = clock, LONGEST
         self.paddle_work: PaddleWork | None = None
         self._stepper = Filtered(integrator, filters)
         self.step = clock.first

@@ -1,19 +1,19 @@
-"""A watch on the step: it tells when short waves have begun to grow that are none of the water's.
+"""High-frequency monitor: a warning when short waves grow that the scheme, the step or the mesh makes.
 
-What a step, a mesh or a scheme lets grow changes from step to step, and waves do not. Of what oscillates by the angle
-theta in a step a difference in time of order m, over 2^m, keeps sin(theta/2)^m, and all of what alternates. It is
-looked for where the water itself has least of it (docs/extremes.md has the table of what was found):
+Such waves alternate from step to step; those of the water do not. The m-th difference in time of a wave of phase angle
+theta per step, divided by 2^m, is sin(theta/2)^m times the wave; of an alternating wave it is the wave itself. The
+monitor uses the quantity in which the waves of the water are smallest (table in docs/extremes.md):
 
-- in the **jump of the elevation** at the ends of steps, where the scheme has one: of smooth waves it is theta³/24 of
-  them, and its third difference less than theta⁶/192. What alternates stands there before it shows in the elevation;
-- in the **elevation** elsewhere, by the sixth difference: 2e-5 of waves of 24 steps a period, 1.6 % of waves of six.
+- the **jump of the elevation** at the ends of steps, where the scheme has one: of smooth waves it is theta³/24 of the
+  elevation, and its third difference less than theta⁶/192. Alternating waves appear there before the elevation;
+- otherwise the sixth difference of the **elevation**: 2e-5 of waves of 24 steps a period, 1.6 % of waves of six.
 
-Waves of few steps are told from it by a difference two orders higher, sin(theta/2)^2 times the first: half of it, or
-less, of waves that have four steps a period, or more. A measured paddle's own noise makes short waves, too, in the
-first seconds the most there is: those are the water's, and are known by what alternates of the paddle's way in a step.
+A difference two orders higher excludes waves of few steps a period: it is sin(theta/2)^2 times the first, at most half
+of it for waves of four steps a period or more. The noise of a measured paddle makes short waves, too, most of them in
+the first seconds. They belong to the water; alternating displacements of the paddle in a step measure them.
 
-That dt omega_max under the crests is beyond the scheme's limit is no sign of it: a crest that passes leaves the waves
-behind that it has made grow, and the edge penalty takes them. It only tells what would help.
+A dt omega_max under the crests beyond the limit of the scheme alone is no reason to warn: waves that grow under a crest
+remain behind it, and the gradient-jump penalty removes them. The warning names it as the remedy.
 """
 
 from collections.abc import Callable
@@ -33,24 +33,24 @@ from wavetank.tank.waves import NonlinearWaves
 
 SHORT = 0.5  # the higher difference over the lower: more of what has fewer than four steps a period
 IN_A_ROW = 10  # steps in a row: one jolt is in several differences
-OFTEN = 256  # steps between looks at what would help
-CALM = 1e-6  # of the depth: lower waves are not looked at
+OFTEN = 256  # steps between evaluations of the largest frequency
+CALM = 1e-6  # of the depth: lower waves are ignored
 
 
 @dataclass(frozen=True)
 class Alternating:
-    """What alternates in a quantity, and how much of it is none of the water's.
+    """A quantity whose differences in time measure alternating waves, and its limits.
 
     Attributes
     ----------
     quantity, scale
-        What of that which is seen of moments it is, and by what factor.
+        The column of a ``Block``, and the factor from its differences to the elevation of alternating waves.
     order
-        Of the difference in time that tells it; that two orders higher tells it from waves of few steps.
+        Order of the difference in time; a difference two orders higher excludes waves of few steps a period.
     noise
-        What is warned of, of the highest elevation so far.
+        The limit of alternating waves, relative to the highest elevation so far.
     driven
-        The highest that a paddle's noise makes, of what alternates of its way in a step.
+        The highest waves by noise of a paddle, relative to its alternating displacement in a step.
     """
 
     quantity: str
@@ -61,15 +61,15 @@ class Alternating:
 
     @property
     def before(self) -> int:
-        """The number of values that are needed beside one."""
+        """The number of earlier steps that the differences need."""
         return self.order + 2
 
     def lower(self, rows: Vector) -> Vector:
-        """Return the largest of the differences of rows, those about the middle of the higher ones."""
+        """Return the largest of each difference of rows, at the middles of the higher ones."""
         return largest_differences(rows, self.order)[1:-1]
 
     def higher(self, rows: Vector) -> Vector:
-        """Return the largest of the differences two orders higher."""
+        """Return the largest of each difference two orders higher."""
         return largest_differences(rows, self.order + 2)
 
 
@@ -86,7 +86,7 @@ def largest_differences(rows: Vector, order: int) -> Vector:
 
 
 def _so_far(before: float, values: Vector) -> Vector:
-    """Return the largest before, and with each of the values, shape (K + 1,)."""
+    """Return the running maximum of values, beginning with the one before, shape (K + 1,)."""
     return np.maximum.accumulate(np.append(before, values))
 
 
@@ -108,8 +108,10 @@ class StabilityState:
         The highest alternating waves that a paddle makes so far [m].
     steps
         Steps in a row with noise.
-    noise, since
-        See ``StabilityWatch``.
+    noise
+        The largest part of what alternates so far, of the highest elevation [-].
+    since
+        From when on the run is not to be trusted [s]; None: no warning so far.
     """
 
     rows: Vector
@@ -132,7 +134,7 @@ class StabilityWatch:
     Parameters
     ----------
     alternating
-        What it examines: the jump of a scheme that has one.
+        The quantity that it examines: the jump of a scheme that has one.
     waves
         The water.
     flow
@@ -140,10 +142,9 @@ class StabilityWatch:
     dt
         Step [s].
     limit
-        The scheme's, of omega dt.
+        Stability limit of the scheme, of omega dt.
     warn
-        Takes the sentence.
-
+        Receives the warning.
     """
 
     def __init__(
@@ -158,25 +159,13 @@ class StabilityWatch:
     ):
         self.schedule = EverySteps()
         self._waves, self._flow, self._dt, self._limit, self._warn = waves, flow, dt, limit, warn
-        self._short = ShortWaves(waves)
-        self._alternating = alternating
-        rows, wall = np.zeros((0, waves.plane.owned)), waves.wall.velocities
-        self.state = StabilityState(
-            rows, list[float]() if wall.size == 1 else rows, CALM * waves.depth, waves.largest_frequency
-        )
-
-    @property
-    def noise(self) -> float:
-        """The largest part of what alternates so far, of the highest elevation [-]."""
-        return self.state.noise
-
-    @property
-    def since(self) -> float | None:
-        """From when on the run is not to be trusted [s]; None: no warning so far."""
-        return self.state.since
+        self._short, self._alternating = ShortWaves(waves), alternating
+        rows = np.zeros((0, waves.plane.owned))
+        wall = list[float]() if waves.wall.velocities.size == 1 else rows
+        self.state = StabilityState(rows, wall, CALM * waves.depth, waves.largest_frequency)
 
     def record(self, block: Block) -> None:
-        """Warn if what alternates has grown; collective."""
+        """Warn if alternating waves have grown; collective."""
         watched, comm, count = self._alternating, self._waves.plane.comm, len(block)
         state = self.state
         rows = np.concatenate([state.rows, getattr(block, watched.quantity)])
@@ -203,10 +192,7 @@ class StabilityWatch:
             highest=float(highest[-1]),
             driven=float(driven[-1]),
         )
-        quiet = noise.max() <= self._alternating.noise
-        if quiet:
-            self.state = replace(self.state, steps=0)
-        for n, one in enumerate([] if quiet else noise.tolist()):
+        for n, one in enumerate([0.0] if noise.max() <= watched.noise else noise.tolist()):
             if self._warns(float(block.t[n]), one):
                 heights = np.abs(np.diff(rows[n - first :][1 : watched.order + 2], watched.order, axis=0)[0])
                 self._warn(self._warning(float(block.t[n]), one, *self._place(block, n, heights)))
@@ -232,8 +218,8 @@ class StabilityWatch:
 
     @property
     def longest(self) -> float | None:
-        """The step that would have done until short waves grew [s]; None: none did, or no step was too long."""
-        if self.since is None or self._dt * self.state.frequency <= self._limit:
+        """The longest step [s] without growth of short waves; None: they have not grown, or the step is no cause."""
+        if self.state.since is None or self._dt * self.state.frequency <= self._limit:
             return None
         return FARTHEST * self._limit / self.state.frequency
 

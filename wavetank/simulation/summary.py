@@ -31,18 +31,18 @@ Figures = dict[str, Any]
 
 
 class Parts:
-    """The parts of a run so far, the last of which goes on.
+    """Parts of a run, each from its start or a resumption; the last one is in progress.
 
     Parameters
     ----------
     run, waves
-        What goes on, where it begins to.
+        The run and its waves, before the first step of this part.
     start_time
-        When that was begun to be set up, ``time.monotonic`` [s].
+        When the preparation of this part began, ``time.monotonic`` [s].
     earlier
-        The parts before, of as many steps as there are records.
+        The parts before, up to the checkpoint.
     counting_on
-        Whether solves have been counted on from theirs.
+        Whether the counters of solves continue from those of the earlier parts.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class Parts:
         self._counted = _counters(waves) if counting_on else {}
 
     def so_far(self, step: int | None = None) -> list[Figures]:
-        """Return what there is to say of each, as a manifest has it, up to a step, by default the last; collective."""
+        """Return the figures of each part for the manifest, up to a step, by default the last; collective."""
         run, comm, now = self._run, self._waves.plane.comm, time.monotonic()
         step = run.step if step is None else step
         this = {
@@ -80,7 +80,7 @@ class Parts:
         return [*self._earlier, this]
 
     def figures(self) -> Figures:
-        """Return what a manifest says of them and of all together; collective."""
+        """Return the figures of the parts and of the run for the manifest; collective."""
         parts, run = self.so_far(), self._run
         return {
             "t": run.t,
@@ -132,11 +132,11 @@ class RunOutcome(NamedTuple):
     crest
         The highest.
     mass, energy
-        By how much the water's mass changed, and the energy balance was off, of what there was [-].
+        Relative errors of mass and energy balance [-].
     untrue
-        From when on short waves grew that are none of the water's [s]; None: never.
+        Since when the run is inaccurate, by the high-frequency monitor [s]; None: it is not.
     follows
-        Whether the mass is that beyond the rest position of paddles, whom it follows: of linear waves.
+        Whether the mass changes with the displacement of paddles, as in linear theory.
     """
 
     crest: Crest
@@ -147,17 +147,17 @@ class RunOutcome(NamedTuple):
 
     @classmethod
     def of(cls, run: Run) -> "RunOutcome":
-        """Return them for a run, from its diagnostics; collective."""
+        """Return the outcome of a run from its diagnostics; collective."""
         budget = next(one for one in run.diagnostics if isinstance(one, EnergyBudget))
         crest = next(one for one in run.diagnostics if isinstance(one, HighestCrest))
-        untrue = next((one.since for one in run.diagnostics if isinstance(one, StabilityWatch)), None)
+        untrue = next((one.state.since for one in run.diagnostics if isinstance(one, StabilityWatch)), None)
         waves = run.system
         follows = isinstance(waves, LinearWaves) and bool(waves.wall.paddles)
         return cls(crest.state, budget.mass_error, budget.energy_error, untrue, follows)
 
     @property
     def figures(self) -> dict[str, Any]:
-        """The same for a manifest; nothing of a run that nobody has looked at, or that has left the numbers."""
+        """The outcome for the manifest; empty without a recorded step, or if a figure is not finite."""
         if not all(map(isfinite, (*astuple(self.crest), self.mass, self.energy))):
             return {}
         return {"highest_crest": asdict(self.crest), "errors": {"mass": self.mass, "energy_balance": self.energy}}
@@ -172,22 +172,22 @@ def closing(
     flat: bool,
     drawn: bool = True,
 ) -> list[str]:
-    """Return the lines.
+    """Return the last lines of the log of a run.
 
     Parameters
     ----------
     outcome
-        What has come out.
+        Highest crest and errors.
     spent
-        What the manifest says of the scene, ranks, time, steps, solves and costs.
+        Scene, ranks, time, steps, solves and costs as in the manifest; cause and checkpoints of a run that failed.
     warnings
         The worst first.
     path
         The run directory.
     flat
-        Whether the tank has no width.
+        Whether the tank is a slice or a ring.
     drawn
-        Whether there are to be pictures.
+        Whether pictures are drawn.
     """
     crest, timings, steps = outcome.crest, spent["timings"], spent["numerics"]["steps_taken"]
     x, y = (f"{round(one, 6) + 0.0:.4g} m" for one in (crest.x, crest.y))  # nobody asks for less than a micrometre
@@ -212,7 +212,7 @@ def closing(
 
 
 def _next(spent: dict[str, Any], directory: str) -> list[str]:
-    """Return what serves next: a run that was stopped may go on, unless only another case gets farther."""
+    """Return the next commands: to resume a run that was stopped, unless another case is needed."""
     if spent.get("anew"):
         return [ANEW]
     if spent["t"] < (1 - 1e-9) * spent["scene"]["run"]["duration"]:
@@ -224,7 +224,7 @@ def _next(spent: dict[str, Any], directory: str) -> list[str]:
 
 
 def _of_breakdown(spent: dict[str, Any], path: Path, *, untrue: float | None, drawn: bool) -> list[str]:
-    """Return where the state is that a run broke down from, and where it may go on; nothing of another run."""
+    """Return the files of the surface before a breakdown, and how to resume; empty for other runs."""
     if "broke_down" not in spent:
         return []
     checkpoints, crests = spent["checkpoints"], spent["broke_down"]["crests"]
@@ -249,7 +249,7 @@ def _of_breakdown(spent: dict[str, Any], path: Path, *, untrue: float | None, dr
 
 
 def _ranks(spent: dict[str, Any]) -> str:
-    """Return on how many ranks a run has been, in each of its parts."""
+    """Return the numbers of ranks of the parts of a run."""
     *first, last = dict.fromkeys([part["ranks"] for part in spent["parts"]])
     return f"{', '.join(map(str, first))}{' and ' if first else ''}{last} {'ranks' if first or last > 1 else 'rank'}"
 
@@ -258,17 +258,17 @@ PLACES, VALUES = ("x [m]", "y [m]"), ("elevation [m]", "slope [-]", "velocity [m
 
 
 class BrokenSurface(NamedTuple):
-    """A surface that was computed last.
+    """The last surface before a breakdown.
 
     Attributes
     ----------
     t
         The time [s].
     columns
-        Places and values there by their names with units, shape (N,) each: along a slice or ring between the nodes,
-        too; of a basin the highest elevation, the largest slope and velocity in each cell, at its middle.
+        Places and values by their names with units, shape (N,) each: along a slice or ring at the nodes and between
+        them; in a basin highest elevation, largest slope and velocity of each cell, at its middle.
     crests
-        The steep ones, along a slice or ring where breaking is looked for.
+        The steep crests, if the run searches for breaking.
     """
 
     t: float
@@ -277,7 +277,7 @@ class BrokenSurface(NamedTuple):
 
     @classmethod
     def of(cls, run: Run, waves: NonlinearWaves) -> "BrokenSurface | None":
-        """Return that of a run's state, the same on all ranks; None of one that has left the numbers; collective."""
+        """Return the surface of a run's state, the same on all ranks; None if it is not finite; collective."""
         state, flow = run.state, waves.surface
         try:
             flow.update(state.q, state.p, run.t)
@@ -296,7 +296,7 @@ class BrokenSurface(NamedTuple):
 
     @property
     def figures(self) -> dict[str, Any]:
-        """What a manifest says of it: when, and where it is steepest; crests with B = u/c."""
+        """Figures for the manifest: the time, the steepest place, and crests with B = u/c."""
         steepest = int(np.argmax(self.columns["slope [-]"]))
         there = {name.partition(" ")[0]: float(column[steepest]) for name, column in self.columns.items()}
         crests = [{"x": one.x, "height": one.height, "speed_ratio": one.overtaking} for one in self.crests]
@@ -304,7 +304,7 @@ class BrokenSurface(NamedTuple):
 
 
 def _by_cell(waves: NonlinearWaves) -> dict[str, Vector]:
-    """Return a row a cell, ordered by places; collective."""
+    """Return the columns of a basin, a row for each cell, ordered by places; collective."""
     plane, flow = waves.plane, waves.surface
     dofs = plane.V.dofmap.list[: flow.speeds.size]
     eta = plane.function("elevation")
