@@ -1,10 +1,15 @@
-"""Records of gauges and snapshots of surfaces, as run directories and data sets give them."""
+"""Records of gauges and snapshots of surfaces, as run directories and data sets give them; tables that are written."""
+
+import csv
 
 import numpy as np
+from conftest import commanded
 from mpi4py import MPI
 from xarray import Dataset, concat
 
 from wavetank.output.columns import gauge_array
+from wavetank.output.directory import RunDirectory
+from wavetank.output.writer import RunWriter
 from wavetank.simulation.build import build_run
 from wavetank.simulation.case_diagnostics import build_observers
 from wavetank.simulation.records import Memory, Records
@@ -40,7 +45,39 @@ def gauges(*records, **attributes):
 
 
 def surface(t, x, eta, psi=None):
-    """Return snapshots of a surface: fields of shape (times, points) at x [m] of that shape."""
+    """Return snapshots of a surface: fields of shape (times, points) at x [m] of that shape, or of each time."""
     fields = {"elevation": eta, "surface_potential": 0 * eta if psi is None else psi}
-    coordinates = {"time": np.asarray(t, dtype=float), "x": (("time", "point"), x)}
+    coordinates = {"time": np.asarray(t, dtype=float), "x": (("time", "point"), np.broadcast_to(x, np.shape(eta)))}
     return Dataset({name: (("time", "point"), values) for name, values in fields.items()}, coordinates)
+
+
+def write_run(path, scene=None, *, gauges=None, surface=None, tables=(), status="finished", **results):
+    """Write a run directory of a scene (a case or a dictionary) with gauges, snapshots and tables; return it.
+
+    ``tables``: columns and rows by the names of the files.
+    """
+    content = scene if scene is None or isinstance(scene, dict) else scene.model_dump(mode="json")
+    with RunWriter(path, {"scene": content or {}}) as writer:
+        if gauges is not None:
+            table = writer.gauges([(one.gauge.item(), one.x.item(), one.y.item()) for one in gauges])
+            table.extend(np.column_stack([gauges.time, *gauges]))
+        if surface is not None:
+            fields = surface.x, surface.elevation, surface.surface_potential
+            writer.surface().extend(np.hstack([surface.time.values[:, None], *fields]))
+        for file, (columns, rows) in dict(tables).items():
+            writer.table(file, columns).extend(rows)
+        writer.finish(status, results)
+    return RunDirectory(path)
+
+
+def csv_rows(path):
+    """Return the rows of a table as dictionaries of texts."""
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
+def refusal(*words):
+    """Return the one sentence with which a command refuses its input."""
+    done = commanded(*words)
+    assert done.returncode == 2 and done.stderr.startswith("wavetank: ") and done.stderr.count("\n") == 1, done
+    return done.stderr

@@ -4,24 +4,19 @@ Oracles: records whose wave heights are known in closed form; the data's README;
 relation to the measured ones.
 """
 
-import csv
 import hashlib
-from pathlib import Path
 
 import numpy as np
 import pytest
-import typer
-from records import gauge, gauges
-from typer.testing import CliRunner
+from conftest import commanded, needs_data
+from records import csv_rows, gauge, gauge_array, gauges, write_run
 
 from wavetank import data
-from wavetank.analysis.compare import compare_heights, computed_heights, matched
+from wavetank.analysis.compare import compare_heights, computed_heights
 from wavetank.analysis.statistics import mean_wave_height, zero_crossing_waves
 from wavetank.base.errors import InputError
 from wavetank.case.output import GaugeLine
-from wavetank.data import HeightSeries, Section
-from wavetank.output.writer import RunWriter
-from wavetank.plots.compare_command import compare
+from wavetank.data import HeightSeries
 
 NAME = "berkhoff_1982_shoal"
 KNOWN = data.dataset(NAME).heights
@@ -64,11 +59,10 @@ def test_too_few_waves_are_refused():
 
 # ---------------------------------------------------------------- the data
 @pytest.fixture
-def measured() -> list[HeightSeries]:
-    try:
-        return data.height_series(data.dataset(NAME))
-    except InputError:
-        pytest.skip("the data are not on this machine")
+def measured():
+    dataset = data.dataset(NAME)
+    needs_data(NAME, dataset.files[0].name)
+    return data.height_series(dataset)
 
 
 def test_all_sections_are_read_as_the_readme_describes_them(measured):
@@ -95,17 +89,21 @@ def test_a_line_of_gauges_is_so_many_gauges_at_equal_distances():
 
 
 # ---------------------------------------------------------------- the comparison
-def gauge_line(section: Section, step=0.25):
+def gauge_line(section, step=0.25):
     """Return name, x and y of gauges along a section."""
     count = round((section.reach[1] - section.reach[0]) / step) + 1
-    ends = [{section.along: end, section.across: section.at} for end in section.reach]
-    start, end = ([place["x"], place["y"]] for place in ends)
+    start, end = (where(section, end) for end in section.reach)
     return GaugeLine(name=f"section {section.name}", start=start, end=end, count=count).gauges()
 
 
-def heights_of(place):
-    """Return H / H0 of a smooth wave field at places (x, y)."""
-    x, y = place
+def where(section, along):
+    """Return x and y [m] of a place along a section."""
+    ends = {section.along: along, section.across: section.at}
+    return ends["x"], ends["y"]
+
+
+def heights_of(x, y):
+    """Return H / H0 of a smooth wave field."""
     return 1.0 + 0.5 * np.cos(0.7 * x) * np.exp(-((y / 3) ** 2))
 
 
@@ -113,28 +111,17 @@ def wave(height, x):
     return 0.5 * height * np.sin(2 * np.pi * T - 4.2 * x)
 
 
-def gauges_of(sections=LINES, *, gain=1.0):
-    return gauges(
-        *(
-            record(gain * wave(H0 * heights_of((x, y)), x), x=x, y=y, name=name)
-            for section in sections
-            for name, x, y in gauge_line(section)
-        )
-    )
+def gauges_of(sections=LINES):
+    """Return the records of gauges along sections of that field."""
+    names, x, y = zip(*(place for section in sections for place in gauge_line(section)), strict=True)
+    heights = H0 * heights_of(*np.array([x, y]))
+    return gauge_array(names, x, y, T, [wave(height, at) for height, at in zip(heights, x, strict=True)])
 
 
 def synthetic(offset=0.0):
     """Return measurements that are the field's, plus an offset, at places where no gauge is."""
-    places = np.linspace(0.11, 4.87, 23)
-    return [
-        HeightSeries(section, places, heights_of(where(section, places)) + offset, "measured")
-        for section in KNOWN.sections
-    ]
-
-
-def where(section, places):
-    ends = {section.along: places, section.across: section.at}
-    return ends["x"], ends["y"]
+    at = np.linspace(0.11, 4.87, 23)
+    return [HeightSeries(one, at, heights_of(*where(one, at)) + offset, "measured") for one in KNOWN.sections]
 
 
 def test_a_field_against_itself_has_no_misfit():
@@ -178,41 +165,23 @@ def test_run_without_gauges_along_sections_is_refused():
         computed_heights(elsewhere, KNOWN)
 
 
-def test_gauges_of_a_basin_are_matched_by_both_coordinates():
-    both = gauges(*(record(T, x=1.0, y=y, name=name) for name, y in (("a", 0.0), ("b", 2.0))))
-    pairs = matched(both, gauges(record(T, x=1.0, y=2.0, name="1")))
-    assert [(one.gauge.item(), other.gauge.item()) for one, other in pairs] == [("b", "1")]
-
-
-def write_run(path: Path, records) -> Path:
-    """Write gauges as a run does; return the run directory."""
-    tank = {"type": "basin", "depth": 0.45}
-    with RunWriter(path, {"scene": {"title": "a field of waves", "tank": tank}}) as writer:
-        table = writer.gauges([(one.gauge.item(), one.x.item(), one.y.item()) for one in records])
-        for row in np.column_stack([T, *records])[T > 29.0]:
-            table.append(list(row))
-    return path
-
-
 def test_a_run_is_compared_with_the_measurements(measured, tmp_path):
     """A run that has the measured heights at its gauges: what remains is interpolation, there and back."""
     by_name = {series.section.name: series for series in measured[:8]}
-    records = [
-        record(
-            wave(H0 * np.interp(y if section.along == "y" else x, known.places, known.ratios), x), x=x, y=y, name=name
-        )
-        for section in KNOWN.sections
-        for known in [by_name[section.name]]
-        for name, x, y in gauge_line(section)
-    ]
-    out = write_run(tmp_path / "run", records)
-    app = typer.Typer()
-    app.command()(compare)
-    result = CliRunner().invoke(app, [str(out), "--with", NAME], env={"COLUMNS": "100"})
-    assert result.exit_code == 0, result.output
-    rows = list(csv.DictReader((out / "compare.csv").read_text().splitlines()))
+    lines, late = [], T > 29.0
+    for section in KNOWN.sections:
+        known = by_name[section.name]
+        for name, x, y in gauge_line(section):
+            height = H0 * np.interp(y if section.along == "y" else x, known.places, known.ratios)
+            lines.append((name, x, y, wave(height, x)[late]))
+    names, x, y, eta = zip(*lines, strict=True)
+    scene = {"title": "a field of waves", "tank": {"type": "basin", "depth": 0.45}}
+    out = write_run(tmp_path / "run", scene, gauges=gauge_array(names, x, y, T[late], eta)).path
+    said = commanded("compare", str(out), "--with", NAME)
+    assert said.returncode == 0, said
+    rows = csv_rows(out / "compare.csv")
     columns = "section line measured points nrms bias nrms_incident largest_computed largest_measured"
     assert [*rows[0]] == columns.split() and len(rows) == 14
     assert all(float(row["nrms"]) < 0.07 for row in rows[:9])
-    assert "section" in result.output and "(Basilisk)" in result.output
+    assert "section" in said.stdout and "(Basilisk)" in said.stdout
     assert (out / "compare.png").stat().st_size > 50_000

@@ -1,6 +1,5 @@
 """Calibration: against tanks that are linear, whose answer is known, and in the nonlinear tank against itself."""
 
-import csv
 import tomllib
 from contextlib import nullcontext
 from dataclasses import replace
@@ -10,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from conftest import CHECKOUT, commanded
-from records import gauge, gauges, surface
+from records import csv_rows, gauge, gauges, refusal, surface, write_run
 
 from wavetank.base.errors import InputError
 from wavetank.base.toml import toml
@@ -20,41 +19,28 @@ from wavetank.case.reading import contents, read_case
 from wavetank.cli import main
 from wavetank.output.directory import PADDLE, RunDirectory
 from wavetank.output.writer import RunWriter
-from wavetank.studies.calibrate import calibration as module
-from wavetank.studies.calibrate.aims import (
-    Attempt,
-    AttemptResult,
-    CrestAim,
-    CrestPosition,
-    RecordAim,
-    Scale,
-    aim_of,
-    crests,
-    mixed,
-    record_of,
-    scale,
-    started,
-)
-from wavetank.studies.calibrate.calibration import CASE, PICTURE, TABLE, WAVES, cheaper, components_table
+from wavetank.studies.calibrate import aims, calibration
+from wavetank.studies.calibrate.aims import Attempt, AttemptResult, CrestPosition, Scale, aim_of
+from wavetank.studies.calibrate.calibration import CASE, PICTURE, TABLE, WAVES
 from wavetank.studies.runs import Outcome, Runner, status_of
 
 FOCUSING = CHECKOUT / "cases" / "focusing.toml"
-CASES = [CHECKOUT / "cases" / f"{name}.toml" for name in ("focusing", "berkhoff-1982", "shoaling-release")]
 
 
-# ---------------------------------------------------------------- TOML
-@pytest.mark.parametrize("path", CASES, ids=[path.stem for path in CASES])
-def test_written_case_is_read_unchanged(path):
+def changed(*changes):
+    """Return the words of a command line that change a case."""
+    return [word for one in changes for word in ("--set", one)]
+
+
+@pytest.mark.parametrize("name", ["focusing", "berkhoff-1982", "shoaling-release"])
+def test_written_case_is_read_unchanged(name):
     """Oracle: tomllib."""
+    path = FOCUSING.with_stem(name)
     scene = Case.model_validate(tomllib.loads(path.read_text()), context={"folder": path.parent})
+    awkward = {"a b": 'x "y" \\ ü', "list": [1, 2.5e-7, True, {"in": [1e22]}], "deep": {"é": -0.0}, "none": {}}
     said = scene.model_dump(mode="json", exclude_unset=True, exclude_none=True)
-    assert tomllib.loads(toml(said)) == said
+    assert tomllib.loads(toml(said | awkward)) == said | awkward
     assert Case.model_validate(tomllib.loads(toml(said))) == scene
-
-
-def test_toml_preserves_awkward_values():
-    said = {"a b": 'x "y" \\ ü', "list": [1, 2.5e-7, True, {"in": [1e22]}], "table": {"deep": {"é": -0.0}}, "none": {}}
-    assert tomllib.loads(toml(said)) == said
 
 
 # ---------------------------------------------------------------- waves and records
@@ -66,7 +52,7 @@ def waves():
 
 
 def test_components_table_is_read_as_the_same_waves(waves, tmp_path):
-    (tmp_path / "waves.csv").write_bytes(components_table(waves))
+    (tmp_path / "waves.csv").write_bytes(calibration.components_table(waves))
     motion = f"wall.motion={{type='components', file='{tmp_path / 'waves.csv'}'}}"
     scene = read_case(FOCUSING, [motion])
     read = scene.wall.motion.target(scene.tank)
@@ -80,7 +66,7 @@ def test_highest_crest_is_interpolated_between_snapshots_and_points():
     t = np.arange(18.0, 22.0, 0.08)
     x = np.linspace(0.05 * np.sin(t), 24.0, 150, axis=1)
     eta = 0.1 * np.exp(-((x - 10.03) ** 2) - 2 * (t[:, None] - 20.013) ** 2)
-    found = crests(surface(t, x, eta), 5.0, 15.0, sizes=Scale(2.0, 3.0))[0]
+    found = aims.crests(surface(t, x, eta), 5.0, 15.0, sizes=Scale(2.0, 3.0))[0]
     assert found == pytest.approx((0.1, 10.03, 20.013), rel=2e-5)
 
 
@@ -91,7 +77,7 @@ def test_ripples_of_cells_hardly_shift_a_crest(phase):
     along, later = x - 10.03, t[:, None] - 20.013
     ripples = 1 + 0.01 * np.cos(2 * np.pi / 0.2 * along + phase)
     eta = 0.1 * ripples * np.exp(-2 * (along - 0.8 * later) ** 2) * np.cos(2 * np.pi * (along / 1.6 - later))
-    crest, place, time = crests(surface(t, x, eta), 7.6, 12.4, sizes=Scale(1.0, 1.6))[0]
+    crest, place, time = aims.crests(surface(t, x, eta), 7.6, 12.4, sizes=Scale(1.0, 1.6))[0]
     assert crest == pytest.approx(0.1, rel=0.003)
     assert place == pytest.approx(10.03, abs=0.02) and time == pytest.approx(20.013, abs=0.015)
 
@@ -105,7 +91,7 @@ def test_nearest_of_two_similar_crests_is_the_result(waves, later, height, place
     snapshots = surface(t, x, -envelope * np.cos(2 * np.pi * (along / 1.6 - after)))
     run = SimpleNamespace(snapshots=lambda: snapshots, gauges=gauges(gauge("1", 10.0, t, 0 * t)))
     one = replace(waves, omega=np.array([2 * np.pi]), k_x=np.array([2 * np.pi / 1.6]), amplitudes=np.ones(1))
-    found = CrestAim(CrestTarget(height=0.1, x=10.0 + 0.8 * later, time=20.0 + later), one).evaluate([run])
+    found = aims.CrestAim(CrestTarget(height=0.1, x=10.0 + 0.8 * later, time=20.0 + later), one).evaluate([run])
     assert found.crest[:2] == pytest.approx((height, place), rel=2e-3)
 
 
@@ -118,12 +104,12 @@ def test_broyden_finds_the_crest_of_a_tank_with_another_jacobian():
     """A tank in which higher waves go farther, and half as much again: Broyden's method learns that."""
     aim = aim_of(read_case(FOCUSING))
     answer = np.array([[1.5, 0.1, 0.0], [0.6, 0.8, -0.3], [0.2, 0.1, 1.0]])
-    sizes, history = scale(aim.waves(aim.start)), []
+    sizes, history = aims.scale(aim.waves(aim.start)), []
     setting = aim.start
     for number in range(1, 7):
         off = np.array([0.12, 0.14, 0.1]) + answer @ setting
         crest, x, t = 0.1 * np.exp(off[0]), 10.0 + off[1] * sizes.length, 20.0 + off[2] * sizes.period
-        found = AttemptResult(CrestPosition(crest, x, t), np.abs(off).max(), record_of([], []))
+        found = AttemptResult(CrestPosition(crest, x, t), np.abs(off).max(), aims.record_of([], []))
         history.append(attempt(aim, setting, found, number))
         setting = aim.next_setting(history)
     assert history[-1].result.misfit < 1e-3 < history[1].result.misfit
@@ -132,8 +118,8 @@ def test_broyden_finds_the_crest_of_a_tank_with_another_jacobian():
 def test_next_setting_starts_from_the_best_attempt():
     """Oracle: a step of the size that is left there; from the last, far off, it would be as long as one may be."""
     aim = aim_of(read_case(FOCUSING))
-    good = AttemptResult(CrestPosition(0.1, 10.1, 20.05), 2.0, record_of([], []))
-    bad = AttemptResult(CrestPosition(0.104, 12.4, 21.2), 40.0, record_of([], []))
+    good = AttemptResult(CrestPosition(0.1, 10.1, 20.05), 2.0, aims.record_of([], []))
+    bad = AttemptResult(CrestPosition(0.104, 12.4, 21.2), 40.0, aims.record_of([], []))
     settings = np.zeros(3), np.array([0.02, 0.8, 0.8])
     following = aim.next_setting([attempt(aim, settings[0], good), attempt(aim, settings[1], bad, 2)])
     assert np.abs(following).max() < 0.06
@@ -149,19 +135,13 @@ def wanted(tmp_path_factory, waves):
     return aim_of(read_case(FOCUSING, [target, "run.duration=40.0"]))
 
 
-def in_linear_tank(aim, folder, setting, *, transfer, turned=True):
+def in_linear_tank(aim, folder, setting, *, transfer):
     """Return what is found in a tank that has a transfer of its own, a function of omega, with its phase."""
-    waves, runs = aim.waves(setting), []
-    made = replace(waves, amplitudes=waves.amplitudes * transfer(waves.omega))
-    for sign in (1, -1)[: 1 + turned]:
-        path = folder / f"{len(list(folder.iterdir()))}"
-        with RunWriter(path, {"scene": {}}) as writer:
-            records = writer.gauges([("target", 10.0)])
-            t = np.arange(0.0, 40.1, 0.1)
-            for row in zip(t, sign * made.elevation(10.0, t) + 1e-3 * np.cos(3.0 * t), strict=True):  # even: of both
-                records.append(row)
-            writer.finish("finished", {})
-        runs.append(RunDirectory(path))
+    waves, t, runs = aim.waves(setting), np.arange(0.0, 40.1, 0.1), []
+    waves = replace(waves, amplitudes=waves.amplitudes * transfer(waves.omega))
+    for sign in (1, -1):
+        eta = sign * waves.elevation(10.0, t) + 1e-3 * np.cos(3.0 * t)  # the second part is even: of both
+        runs.append(write_run(folder / f"{len(list(folder.iterdir()))}", gauges=gauges(gauge("target", 10.0, t, eta))))
     return aim.evaluate(runs)
 
 
@@ -200,38 +180,22 @@ def test_mixing_solves_a_linear_problem_in_as_many_steps_as_unknowns():
     settings = [np.zeros(3, dtype=complex)]
     for _ in range(7):  # three complex parts are six
         missing = [right - matrix @ one for one in settings]
-        settings.append(mixed(np.array(settings), np.array(missing)))
+        settings.append(aims.mixed(np.array(settings), np.array(missing)))
     np.testing.assert_allclose(settings[-1], np.linalg.solve(matrix, right), atol=1e-6)
 
 
 # ---------------------------------------------------------------- the command
-TINY = """
-[tank]
-length = 12.0
-depth = 1.0
-[wall]
-type = "piston"
-limits = {{ stroke = 0.2 }}
-[wall.motion]
-type = "focused"
-linear_crest = {crest}
-focus_x = 2.0
-focus_time = 10.0
-spectrum = {{ type = "jonswap", peak_frequency = 0.65 }}
-[target]
-type = "crest"
-height = 0.06
-x = 2.4
-time = 10.2
-[water]
-type = "linear"
-[run]
-duration = 11.6
-[numerics]
-cell_size = 0.5
-vertical_order = 4
-dt = 0.05
-"""
+MOTION = "type='focused', linear_crest=0.05, focus_x=2.0, focus_time=10.0"
+TINY = changed(
+    "tank.length=12.0",
+    "gauges=[]",
+    f"wall.motion={{{MOTION}, spectrum={{type='jonswap', peak_frequency=0.65}}}}",
+    "wall.limits.stroke=0.2",
+    "target={type='crest', height=0.06, x=2.4, time=10.2}",
+    "water.type=linear",
+    "run.duration=11.6",
+    "numerics={cell_size=0.5, vertical_order=4, dt=0.05}",
+)
 
 
 @pytest.fixture
@@ -240,36 +204,20 @@ def tiny(tmp_path, monkeypatch):
 
     def called(self, runs):
         for one in runs:
-            out, changes = self.directory(one), [word for change in one.overrides for word in ("--set", change)]
+            out = self.directory(one)
             if status_of(out, one) != "finished":
-                assert main(["run", str(self._case), "--no-plots", "--out", str(out), *changes]) == 0
+                assert main(["run", str(self._case), "--no-plots", "--out", str(out), *changed(*one.overrides)]) == 0
             yield one, Outcome("finished")
 
     monkeypatch.setattr(Runner, "run", called)
-    monkeypatch.setattr(module, "cheaper", lambda scene: None)
-
-    def run(*arguments, crest=0.05):
-        case = tmp_path / "tiny.toml"
-        case.write_text(TINY.format(crest=crest))
-        return commanded("calibrate", str(case), "--out", str(tmp_path / "out"), *arguments)
-
-    return run
-
-
-def read_case_of(folder, text):
-    (folder / "case.toml").write_text(text)
-    return read_case(folder / "case.toml")
-
-
-def rows(folder):
-    with (folder / TABLE).open() as file:
-        return list(csv.DictReader(file))
+    monkeypatch.setattr(calibration, "cheaper", lambda scene: None)
+    return lambda *words: commanded("calibrate", str(FOCUSING), "--out", str(tmp_path / "out"), *TINY, *words)
 
 
 @pytest.fixture
 def undrawn(monkeypatch):
     """Leave the pictures empty."""
-    monkeypatch.setattr(module, "draw", lambda attempts, aim, path, shown, title: path.write_text(f"{shown.number}"))
+    monkeypatch.setattr(calibration, "draw", lambda attempts, aim, path, shown, title: path.touch())
 
 
 def test_calibration_is_continued_and_its_case_runs(tiny, tmp_path):
@@ -281,7 +229,7 @@ def test_calibration_is_continued_and_its_case_runs(tiny, tmp_path):
     said = tiny()
     assert said.returncode == 0, said.stderr
     assert (out / "runs" / "1" / "manifest.json").read_bytes() == before  # it is not run again
-    first, last = rows(out)
+    first, last = csv_rows(out / TABLE)
     assert float(first["misfit over allowed"]) > 10
     assert float(last["crest [m]"]) == pytest.approx(0.06, rel=0.01)
     assert float(last["x [m]"]) == pytest.approx(2.4, abs=0.06)
@@ -294,8 +242,7 @@ def test_calibration_is_continued_and_its_case_runs(tiny, tmp_path):
 
 def test_stroke_beyond_its_limit_ends_the_calibration_at_that_attempt(tiny, undrawn, tmp_path):
     """A higher crest than the first is wanted: it takes a longer stroke, of which linear theory tells how much."""
-    scene = read_case_of(tmp_path, TINY.format(crest=0.05))
-    stroke = scene.ends[0].extent.stroke
+    stroke = read_case(FOCUSING, TINY[1::2]).ends[0].extent.stroke
     said = tiny("--set", f"wall.limits.stroke={1.02 * stroke}")
     assert said.returncode == 1 and len(said.stderr.splitlines()) == 1
     assert "attempt 2 would need what the paddle cannot do" in said.stderr and "is too little" in said.stderr
@@ -315,27 +262,24 @@ def ended(status, cause):
     return run
 
 
-def test_calibration_ends_after_three_runs_that_break_down(tiny, undrawn, monkeypatch, tmp_path):
+def test_calibration_ends_after_three_breakdowns_and_is_replaced_with_overwrite_only(
+    tiny, undrawn, monkeypatch, tmp_path
+):
+    out, other = tmp_path / "out", ("--most", "1", "--set", "target.height=0.05")
     monkeypatch.setattr(Runner, "run", ended("broke down", "it broke."))
     said = tiny()
     assert said.returncode == 1 and len(said.stderr.splitlines()) == 1
     assert "not reached: waves as high as it needs cannot be run (it broke)" in said.stderr
-    crests = [np.loadtxt(tmp_path / "out" / f"attempt-{n}.csv", delimiter=",")[:, 1].sum() for n in (1, 2, 3)]
+    crests = [np.loadtxt(out / f"attempt-{n}.csv", delimiter=",")[:, 1].sum() for n in (1, 2, 3)]
     assert crests == pytest.approx([0.05, 0.05 * np.exp(-0.2), 0.05 * np.exp(-0.4)], rel=1e-6)  # gentler each time
-    assert [row["cause"] for row in rows(tmp_path / "out")] == ["it broke."] * 3
-
-
-def test_calibration_of_another_target_is_replaced_with_overwrite_only(tiny, undrawn, monkeypatch, tmp_path):
-    out, other = tmp_path / "out", ("--most", "1", "--set", "target.height=0.05")
-    monkeypatch.setattr(Runner, "run", ended("broke down", "it broke."))
-    assert tiny().returncode == 1 and len(rows(out)) == 3
+    assert [row["cause"] for row in csv_rows(out / TABLE)] == ["it broke."] * 3
     before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
     said = tiny(*other)
     assert said.returncode == 2 and len(said.stderr.splitlines()) == 1
     assert "holds a calibration of another target or case already; give another folder" in said.stderr
     assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
     assert tiny(*other, "--overwrite").returncode == 1
-    assert len(rows(out)) == 1 and not list(out.glob("attempt-2.*"))
+    assert len(csv_rows(out / TABLE)) == 1 and not list(out.glob("attempt-2.*"))
     assert {path.name for path in (out / "runs").iterdir()} == {"1", "2", "3", "1-2"}
 
 
@@ -367,9 +311,8 @@ def test_run_that_fails_ends_the_calibration(tiny, monkeypatch):
 def test_case_that_cannot_be_calibrated_is_refused(tmp_path, case, changes, sentence):
     t = np.arange(0.0, 6.0, 0.1)
     np.savetxt(tmp_path / "eta.txt", np.column_stack([t, np.sin(5.0 * t)]))
-    changes = [word for one in changes for word in ("--set", one.replace("ETA", str(tmp_path / "eta.txt")))]
-    said = commanded("calibrate", f"cases/{case}.toml", "--out", str(tmp_path / "out"), *changes)
-    assert said.returncode == 2 and sentence in said.stderr and len(said.stderr.splitlines()) == 1
+    changes = changed(*(one.replace("ETA", str(tmp_path / "eta.txt")) for one in changes))
+    assert sentence in refusal("calibrate", f"cases/{case}.toml", "--out", str(tmp_path / "out"), *changes)
     assert not (tmp_path / "out").exists()
 
 
@@ -389,10 +332,10 @@ def test_late_part_of_a_target_is_the_remaining_misfit():
     for scene, x, part in ((sea, 4.0, 0.0999), (sea, 12.0, 0.313), (group, 10.0, 0.010)):
         waves = scene.wall.motion.target(scene.tank)
         t = np.arange(0.0, scene.run.duration, 0.08)
-        aim = RecordAim(x, record_of(t, waves.elevation(x, t)), waves, tolerance=0.02, linear=True)
+        aim = aims.RecordAim(x, aims.record_of(t, waves.elevation(x, t)), waves, tolerance=0.02, linear=True)
         assert 0.6 * part < aim.late()[0] < part
         early = 0.5 * (t[1:] + t[:-1])
-        assert started(waves, x, early[200:]) == pytest.approx(started(waves, x, early)[200:], abs=1e-12)
+        assert aims.started(waves, x, early[200:]) == pytest.approx(aims.started(waves, x, early)[200:], abs=1e-12)
 
 
 def test_small_bound_waves_of_a_record_may_be_late(tmp_path):
@@ -424,27 +367,26 @@ def test_motion_of_type_surface_implies_its_record_as_target(tmp_path):
 
 def test_calibration_replaces_no_other_files(tmp_path):
     case, file = tmp_path / "case.toml", tmp_path / "file"
-    case.write_text(TINY.format(crest=0.05))
+    text = FOCUSING.read_text() + "[target]\ntype = 'components'\nx = 10.0\n"
+    case.write_text(text)
     file.touch()
-    for out, sentence in (
-        (tmp_path, "its case.toml would be replaced, and is the case"),
-        (file, "cannot be written (File exists)"),
+    for path, out, sentence in (
+        (case, tmp_path, "its case.toml would be replaced, and is the case"),
+        (case, file, "cannot be written (File exists)"),
+        (FOCUSING, tmp_path, "holds files that would be replaced"),
     ):
-        said = commanded("calibrate", str(case), "--out", str(out))
-        assert said.returncode == 2 and sentence in said.stderr
-    said = commanded("calibrate", str(FOCUSING), "--out", str(tmp_path))
-    assert said.returncode == 2 and "holds files that would be replaced" in said.stderr
-    assert sorted(tmp_path.iterdir()) == [case, file] and case.read_text() == TINY.format(crest=0.05)
+        assert sentence in refusal("calibrate", str(path), "--out", str(out))
+    assert sorted(tmp_path.iterdir()) == [case, file] and case.read_text() == text
 
 
 @pytest.mark.slow
 def test_cheap_numerics_are_used_if_they_save_time():
     """Fine numerics of a case are not needed at first; its own water is kept."""
     fine = read_case(FOCUSING, ["numerics.cell_size=0.05", "numerics.dt=0.01", "water.type=nonlinear"])
-    rough = cheaper(fine)
+    rough = calibration.cheaper(fine)
     assert rough.cells < fine.cells / 4 and rough.numerics.dt > 3 * fine.numerics.dt
     assert rough.water == fine.water and rough.wall == fine.wall
-    assert cheaper(read_case(FOCUSING, ["numerics={cells=40, vertical_order=4, dt=0.06, order=2}"])) is None
+    assert calibration.cheaper(read_case(FOCUSING, ["numerics={cells=40, vertical_order=4, dt=0.06, order=2}"])) is None
 
 
 # ---------------------------------------------------------------- the nonlinear tank
@@ -456,7 +398,7 @@ def test_calibrated_crest_reaches_its_target_in_the_nonlinear_tank(tmp_path):
     """
     said = commanded("calibrate", str(FOCUSING), "--out", str(tmp_path))
     assert said.returncode == 0, said.stderr
-    assert int(rows(tmp_path)[-1]["runs"]) < 10
+    assert int(csv_rows(tmp_path / TABLE)[-1]["runs"]) < 10
     assert commanded("run", str(tmp_path / CASE), "--no-plots", "--out", str(tmp_path / "anew")).returncode == 0
     again = RunDirectory(tmp_path / "anew")
     record = again.gauges.sel(gauge="4")
@@ -470,10 +412,10 @@ def test_calibrated_crest_reaches_its_target_in_the_nonlinear_tank(tmp_path):
 @pytest.mark.slow
 def test_calibrated_components_reach_their_target(tmp_path):
     """Nrms of what is linear at the focus: 25 % by linear theory, 2 % at most after less than ten runs."""
-    changes = ("--set", "target={type='components', x=10.0}", "--set", "run.duration=27.0")
+    changes = changed("target={type='components', x=10.0}", "run.duration=27.0")
     said = commanded("calibrate", str(FOCUSING), "--out", str(tmp_path), *changes)
     assert said.returncode == 0, said.stderr
-    first, *_, last = rows(tmp_path)
+    first, *_, last = csv_rows(tmp_path / TABLE)
     assert float(first["nrms"]) > 0.2 and float(last["nrms"]) <= 0.02 and int(last["runs"]) < 10
 
 
@@ -484,12 +426,13 @@ def test_calibration_recovers_the_paddle_motion_of_a_record(tmp_path):
     The position is not: 40 % of it is slow motion of second order below 0.1 Hz, which makes nearly no elevation.
     """
     known, out = tmp_path / "known", tmp_path / "found"
-    longer = ("--set", "run.duration=30.0")
+    longer = changed("run.duration=30.0")
     assert commanded("run", str(FOCUSING), "--no-plots", "--out", str(known), *longer).returncode == 0
     target = f"target={{type='record', file='{known / 'gauges.csv'}', gauge='4', x=10.0}}"
     said = commanded("calibrate", str(FOCUSING), "--out", str(out), "--set", target, *longer)
     assert said.returncode == 0, said.stderr
-    assert int(rows(out)[-1]["runs"]) < 10
-    mine, its = (RunDirectory(one).paddle.velocity for one in (known, out / "runs" / rows(out)[-1]["attempt"]))
+    last = csv_rows(out / TABLE)[-1]
+    assert int(last["runs"]) < 10
+    mine, its = (RunDirectory(one).paddle.velocity for one in (known, out / "runs" / last["attempt"]))
     missed = np.sqrt(np.mean((its.interp(time=mine.time) - mine) ** 2) / np.mean(mine**2))
     assert missed < 0.05

@@ -1,6 +1,5 @@
 """Comparison of gauges: a known gain and shift is found again; the published computation's misfit is the stated one."""
 
-import csv
 from io import StringIO
 from types import SimpleNamespace
 
@@ -9,57 +8,13 @@ import pytest
 from conftest import commanded, needs_marin
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from records import gauge, gauges
+from records import csv_rows, gauge, gauges, refusal, write_run
 from rich.console import Console
 
 from wavetank import data
 from wavetank.analysis.compare import compare, compare_harmonics, matched
 from wavetank.base.errors import InputError
-from wavetank.cli import main
-from wavetank.output.writer import RunWriter
 from wavetank.plots.tables import COMPARISON, EXTREMES, HARMONICS, terminal_table
-
-
-def group(t, t0):
-    return 0.05 * np.exp(-(((t - t0) / 6) ** 2)) * np.cos(4 * (t - t0)) + 0.004 * np.sin(1.3 * t)
-
-
-def only(compared):
-    """Return the quantities of a comparison at its only gauge."""
-    return SimpleNamespace(**{name: one.item() for name, one in compared.isel(gauge=0).items()})
-
-
-def printed(compared, *tables, width=100):
-    """Return tables of a comparison as a terminal shows them."""
-    text, frame = StringIO(), compared.to_dataframe().reset_index()
-    Console(file=text, width=width, markup=False).print(*(terminal_table(frame, columns) for columns in tables))
-    return text.getvalue()
-
-
-def test_a_record_of_few_samples_a_wave_compares_exactly_with_itself():
-    """Its spline has a crest between samples: like is compared with like."""
-    t = np.arange(0, 60, 0.3)
-    one = gauges(gauge("5", 50.0, t, group(t, 30.14)))
-    result = only(compare(one, one))
-    assert (result.crest_error, result.trough_error, result.arrival_error) == (0.0, 0.0, 0.0)
-    assert result.crest_reference > 1.001 * one.values.max()
-    assert result.nrms < 1e-12 and result.correlation == pytest.approx(1.0)
-
-
-def test_gauges_without_a_partner_are_refused_by_name():
-    t = np.arange(0, 1, 0.02)
-    with pytest.raises(InputError, match=r"the run has 'a' at x = 1 m; the reference 'b' at x = 2 m"):
-        compare(gauges(gauge("a", 1.0, t, t)), gauges(gauge("b", 2.0, t, t)))
-
-
-def test_misfit_of_the_published_computation_is_the_stated_one():
-    """The data's README states these for Gagarina et al. over 0-120 s."""
-    needs_marin()
-    measured, published = data.gauge_records(data.dataset("marin-202002"))
-    assert compare(published, measured).nrms.values == pytest.approx(
-        [0.444, 0.210, 0.381, 0.353, 0.290, 0.274], abs=1e-3
-    )
-
 
 T = np.arange(0.0, 40.0, 0.02)
 
@@ -70,14 +25,39 @@ def waves(t):
     return 0.05 * np.exp(-((tau / 6.0) ** 2)) * (np.cos(4.0 * tau) + 0.6 * np.cos(5.3 * tau) + 0.2 * np.cos(7.9 * tau))
 
 
-def compared(computed, measured, t=T):
-    """Return the comparison of two records at one gauge, the computed one at times t."""
-    return compare(gauges(gauge("5", 50.0, t, computed)), gauges(gauge("5", 50.0, T, measured, "measured")))
+def record(eta, t=T, source="computed"):
+    """Return the record of one gauge."""
+    return gauges(gauge("5", 50.0, t, eta, source))
 
 
 def against(computed, measured, t=T):
-    """Return the quantities of that comparison."""
-    return only(compared(computed, measured, t))
+    """Return the quantities of the comparison of two records at one gauge, at times t."""
+    compared = compare(record(computed, t), record(measured, t, "measured"))
+    return SimpleNamespace(**{name: one.item() for name, one in compared.isel(gauge=0).items()})
+
+
+def printed(compared, *tables):
+    """Return tables of a comparison as a terminal of 80 characters shows them."""
+    text, frame = StringIO(), compared.to_dataframe().reset_index()
+    Console(file=text, width=80, markup=False).print(*(terminal_table(frame, columns) for columns in tables))
+    return text.getvalue()
+
+
+def test_a_record_of_few_samples_a_wave_compares_exactly_with_itself():
+    """Its spline has a crest between samples: like is compared with like."""
+    t = np.arange(0, 40, 0.3)
+    result = against(waves(t - 0.14), waves(t - 0.14), t)
+    assert (result.crest_error, result.trough_error, result.arrival_error) == (0.0, 0.0, 0.0)
+    assert result.crest_reference > 1.001 * waves(t - 0.14).max()
+    assert result.nrms < 1e-12 and result.correlation == pytest.approx(1.0)
+
+
+def test_misfit_of_the_published_computation_is_the_stated_one():
+    """Oracle: the data's README, for Gagarina et al. over 0-120 s."""
+    needs_marin()
+    measured, published = data.gauge_records(data.dataset("marin-202002"))
+    stated = [0.444, 0.210, 0.381, 0.353, 0.290, 0.274]
+    assert compare(published, measured).nrms.values == pytest.approx(stated, abs=1e-3)
 
 
 @settings(max_examples=15)
@@ -123,30 +103,25 @@ def test_still_water_compares_without_a_number_that_is_not_finite():
     assert (found.nrms, found.nrms_fitted, found.gain, found.correlation) == (1.0, 1.0, 0.0, 0.0)
 
 
-def placed(*names):
-    """Return records at gauges (name, x)."""
-    return gauges(*(gauge(name, x, T, waves(T)) for name, x in names))
+def placed(*places):
+    """Return records at gauges (name, x[, y])."""
+    return gauges(*(gauge(name, x, T[:3], T[:3], y=sum(y)) for name, x, *y in places))
 
 
 @pytest.mark.parametrize(
     ("computed", "reference", "partners"),
     [
-        # by x within a millimetre, in the reference's order
-        (
-            (("a", 10.0), ("b", 20.0009), ("c", 30.002)),
-            (("3", 30.0), ("2", 20.0), ("1", 10.0), ("4", 40.0)),
+        pytest.param(
+            [("a", 10.0), ("b", 20.0009), ("c", 30.002)],
+            [("3", 30.0), ("2", 20.0), ("1", 10.0), ("4", 40.0)],
             [("b", "2"), ("a", "1")],
+            id="by x within a millimetre, in the reference's order",
         ),
-        # of several at one place the namesake, else the nearest
-        (
-            (("port", 5.0), ("starboard", 5.0)),
-            (("starboard", 5.0), ("port", 5.0)),
-            [("starboard", "starboard"), ("port", "port")],
-        ),
-        ((("a", 5.0), ("b", 5.0004)), (("m", 5.0005),), [("b", "m")]),
-        ((("5", 49.5), ("4", 50.0)), (("5", 50.0),), [("4", "5")]),
-        # by names where a place is not given
-        ((("5", 49.5), ("4", 50.0)), (("5", np.nan),), [("5", "5")]),
+        pytest.param([("p", 5.0), ("s", 5.0)], [("s", 5.0), ("p", 5.0)], [("s", "s"), ("p", "p")], id="the namesake"),
+        pytest.param([("a", 5.0), ("b", 5.0004)], [("m", 5.0005)], [("b", "m")], id="the nearest"),
+        pytest.param([("5", 49.5), ("4", 50.0)], [("5", 50.0)], [("4", "5")], id="place before name"),
+        pytest.param([("5", 49.5), ("4", 50.0)], [("5", np.nan)], [("5", "5")], id="by name without a place"),
+        pytest.param([("a", 1.0, 0.0), ("b", 1.0, 2.0)], [("1", 1.0, 2.0)], [("b", "1")], id="by both coordinates"),
     ],
 )
 def test_gauges_are_matched(computed, reference, partners):
@@ -155,33 +130,29 @@ def test_gauges_are_matched(computed, reference, partners):
     assert all(np.isfinite(other.x) for _, other in pairs)
 
 
-def test_records_that_cannot_be_compared_are_bad_input():
-    one = gauges(gauge("5", 50.0, T, waves(T)))
+def test_records_that_cannot_be_compared_are_bad_input(tmp_path):
+    one = record(waves(T))
+    other = placed(("b", 2.0))
     for computed, reference, message in (
         (gauges(), one, "the run has none; the reference '5' at x = 50 m"),
+        (placed(("a", 1.0)), other, "the run has 'a' at x = 1 m; the reference 'b' at x = 2 m"),
         (one, one.assign_coords(time=T + 100.0), "do not overlap"),
         (one, 0 * one, "reference is zero"),
         (one[:, :3], one, "3 rows computed"),
     ):
         with pytest.raises(InputError, match=message):
             compare(computed, reference)
-
-
-def test_reference_that_is_neither_run_nor_data_is_refused(tmp_path, capsys):
-    with RunWriter(tmp_path / "run", {}) as writer:
-        writer.gauges([("1", 1.0)]).append([0.0, 0.0])
-        writer.finish("finished", {})
-    assert main(["compare", str(tmp_path / "run"), "--with", "runs/w-1"]) == 2
-    said = "wavetank: runs/w-1: is no run directory, no folder with a dataset.toml, no CSV file, and no data set; "
-    assert capsys.readouterr().err.startswith(said)
+    write_run(tmp_path / "run", gauges=one)
+    said = "runs/w-1: is no run directory, no folder with a dataset.toml, no CSV file, and no data set; "
+    assert said in refusal("compare", str(tmp_path / "run"), "--with", "runs/w-1")
 
 
 def test_the_tables_show_units_and_the_digits_of_small_crests_in_a_narrow_terminal():
-    found, small = compared(waves(T), 1.1 * waves(T - 0.2)), compared(1e-4 * waves(T), 1e-4 * waves(T))
-    shown = printed(found, COMPARISON, EXTREMES, width=80)
+    shown = printed(compare(record(waves(T)), record(1.1 * waves(T - 0.2))), COMPARISON, EXTREMES)
     assert all(word in shown for word in ("x [m]", "shift [s]", "correlation", "similarity", "1.100", "0.200"))
     assert all(word in shown for word in ("crest [m]", "trough [m]", "arrival [s]", "-9.1%"))
-    assert printed(small, EXTREMES).count(f"{1e-4 * waves(20.0):.4g}") == 2
+    small = record(1e-4 * waves(T))
+    assert printed(compare(small, small), EXTREMES).count(f"{1e-4 * waves(20.0):.4g}") == 2
 
 
 def test_troughs_arrival_and_similarity_are_those_of_the_group():
@@ -202,7 +173,7 @@ def test_arrival_and_trough_are_nan_where_undefined():
     steady = 0.05 + 0.01 * np.cos(3 * T)
     found = against(steady, steady)
     assert np.isnan(found.arrival_error) and np.isnan(found.trough_error) and found.crest_error < 1e-3
-    shown = printed(compared(steady, steady), EXTREMES)
+    shown = printed(compare(record(steady), record(steady)), EXTREMES)
     assert "nan" not in shown and "arrival" not in shown
 
 
@@ -210,7 +181,7 @@ def test_arrivals_of_different_waves_are_not_paired():
     """Oracle: a growing wave train 8 % too low, without any delay, reaches the level many waves later."""
     t = np.arange(0, 60, 0.02)
     train = 0.05 * np.interp(t, [0, 10, 40, 60], [0, 0.101, 0.12, 1.0]) * np.cos(4 * t)
-    found = only(compare(gauges(gauge("g", 1.0, t, 0.92 * train)), gauges(gauge("g", 1.0, t, train))))
+    found = against(0.92 * train, train, t)
     assert np.isnan(found.arrival_error) and found.shift == pytest.approx(0.0, abs=1e-3)
     assert against(waves(T - 3.0), waves(T)).arrival_error == pytest.approx(3.0, abs=1e-3)
 
@@ -219,36 +190,27 @@ def test_harmonics_are_compared_in_amplitude_and_phase():
     """Oracle: a first harmonic 10 % too high and 0.2 rad ahead, a second one 0.3 rad behind, no third."""
     measured = 0.05 * np.cos(3 * T) + 0.01 * np.cos(6 * T)
     computed = 0.055 * np.cos(3 * T + 0.2) + 0.01 * np.cos(6 * T - 0.3)
-    records = gauges(gauge("5", 50.0, T, computed)), gauges(gauge("5", 50.0, T, measured))
-    found = compare_harmonics(*records, period=2 * np.pi / 3, start=5.0)
+    found = compare_harmonics(record(computed), record(measured), period=2 * np.pi / 3, start=5.0)
     first, second, third = (found.isel(gauge=0, harmonic=n) for n in range(3))
     assert (first.error, first.ahead) == (pytest.approx(0.1, abs=1e-9), pytest.approx(0.2, abs=1e-9))
     assert (second.error, second.ahead) == (pytest.approx(0.0, abs=1e-9), pytest.approx(-0.3, abs=1e-9))
     assert np.isnan(third.error) and third.reference < 1e-10
-    shown = printed(found, HARMONICS, width=80)
+    shown = printed(found, HARMONICS)
     assert all(word in shown for word in ("+10.0%", "+0.200", "computed [m]", "0.055"))
 
 
 def test_compare_finds_a_clock_offset_and_harmonics(tmp_path):
     """Oracle: the same record, 1.7 s late on a clock of its own."""
-    with RunWriter(tmp_path / "run", {}) as writer:
-        table = writer.gauges([("1", 1.0)])
-        for t in T:
-            table.append([t, waves(t)])
-        writer.finish("finished", {})
+    run = write_run(tmp_path / "run", gauges=record(waves(T))).path
     late = np.column_stack([T + 1.7, waves(T)])
-    np.savetxt(tmp_path / "own.csv", late, delimiter=",", header="t,1", comments="")
-    words = ("compare", str(tmp_path / "run"), "--with", str(tmp_path / "own.csv"))
+    np.savetxt(tmp_path / "own.csv", late, delimiter=",", header="t,5", comments="")
+    words = ("compare", str(run), "--with", str(tmp_path / "own.csv"))
     done = commanded(*words, "--clock", "-5,0", "--period", "1.57", "--start", "10")
     assert done.returncode == 0, done.stderr
     assert "clock: -1.7 s added to the reference's times" in done.stdout
-    (row,), harmonic = (
-        list(csv.DictReader((tmp_path / "run" / name).read_text().splitlines()))
-        for name in ("compare.csv", "compare-harmonics.csv")
-    )
+    (row,), harmonic = (csv_rows(run / name) for name in ("compare.csv", "compare-harmonics.csv"))
     assert float(row["clock_offset [s]"]) == pytest.approx(-1.7, abs=1e-4) and float(row["nrms"]) < 1e-3
     assert len(harmonic) == 3 and abs(float(harmonic[0]["error"])) < 1e-3
-    assert (tmp_path / "run" / "compare-harmonics.png").stat().st_size > 10_000
+    assert (run / "compare-harmonics.png").stat().st_size > 10_000
     for clock in ("soon", "3,1", "1,2,3", ""):
-        refused = commanded(*words, "--clock", clock)
-        assert refused.returncode == 2 and f"--clock {clock!r} received; allowed is 'free'" in refused.stderr
+        assert f"--clock {clock!r} received; allowed is 'free'" in refusal(*words, "--clock", clock)

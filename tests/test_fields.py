@@ -1,6 +1,5 @@
 """Fields in a run directory: pyvista reads what was computed, on any number of ranks, up to the last snapshot."""
 
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,6 +8,7 @@ from blocks import empty_block
 from conftest import fitted_slope
 from dolfinx import mesh
 from mpi4py import MPI
+from records import write_run
 from rich.console import Console
 
 from wavetank.base.errors import InputError, RunError
@@ -33,6 +33,7 @@ from wavetank.tank.walls import Piston, StillWall
 
 K, L = 1.3, 0.7
 M = np.hypot(K, L)
+QUADRILATERAL, TRIANGLE = mesh.CellType.quadrilateral, mesh.CellType.triangle
 
 
 def elevation(x, y):
@@ -54,7 +55,7 @@ def exact_velocity(x, y, z):
     return decay[:, None] * np.column_stack([u, v, M * np.cos(K * x) * np.cos(L * y)])
 
 
-def basin(kind=mesh.CellType.quadrilateral, *, cells=4, order=3, comm=MPI.COMM_WORLD):
+def basin(kind=QUADRILATERAL, *, cells=4, order=3, comm=MPI.COMM_SELF):
     """A basin of 3 m by 2 m."""
     corners = [np.zeros(2), np.array([3.0, 2.0])]
     return Plane(mesh.create_rectangle(comm, corners, [cells, cells], kind), order)
@@ -67,50 +68,41 @@ def along(footprint, order=3):
 def water(plane, *, n=6, wall=None):
     """Water with the surface, bed and potential above, of which nothing was solved for."""
     wall = wall or StillWall()
-    places = wall.to_physical(plane.places)
-    (x, y), bed, vertical = places.T, VaryingBed(still_depth, plane=plane), VerticalBasis(n)
+    (x, y), bed, vertical = wall.to_physical(plane.places).T, VaryingBed(still_depth, plane=plane), VerticalBasis(n)
     bed.follow(wall)
     h, phi = plane.function("water column"), plane.layered_function(n + 1, "potential")
     h.set(elevation(x, y) + bed.still)
     heights = vertical.nodes * h.owned[:, None] - bed.still[:, None]
     level = 0.7  # what phi leaves out
     phi.set((potential(x[:, None], y[:, None], heights) - level) @ np.linalg.inv(vertical.at(vertical.nodes)).T)
-    result = SimpleNamespace(
-        plane=plane,
-        wall=wall,
-        bed=bed,
-        vertical=vertical,
-        h=h,
-        phi=phi,
-        densities=WaterEnergy(h=h.function, d=bed.d, gravity=9.81, mapping=wall.mapping),
-        find=lambda q, p, t: None,
-        level=level,
-        elevation=lambda q, p, t: elevation(x, y),
-    )
+    densities = WaterEnergy(h=h.function, d=bed.d, gravity=9.81, mapping=wall.mapping)
+    result = SimpleNamespace(plane=plane, wall=wall, bed=bed, vertical=vertical, h=h, phi=phi, densities=densities)
+    result.find, result.level, result.elevation = lambda q, p, t: None, level, lambda q, p, t: elevation(x, y)
     result.waves = result
     return result
 
 
-def driven(cells, order, **more):
+def driven(cells=6, order=3):
     """Water in a slice of 3 m whose paddle is 0.2 m into it."""
     footprint = Slice(3.0, cells, comm=MPI.COMM_SELF)
     plane = along(footprint, order)
     wall = Piston(sinusoid(0.2, 4.0), plane=plane, reach=1.5, side=footprint.side())
     wall.set_time(1.0)
-    return water(plane, wall=wall, **more)
+    return water(plane, wall=wall)
+
+
+def series_of(waves, path, name="surface"):
+    """Return the observer of a field and its series of files."""
+    kind = VelocityFields if name == "velocity" else SurfaceFields
+    return kind(waves, VtuSeries(path, name, comm=waves.plane.comm), schedule=EverySteps())
 
 
 def record(waves, path, *, snapshots=1):
     """Record surface and velocity of water that stands still."""
-    comm, every = waves.plane.comm, EverySteps()
-    if comm.rank == 0:
+    if waves.plane.comm.rank == 0:
         RunWriter(path, {}).begin().release()
-    comm.barrier()
-    observers = [
-        SurfaceFields(waves, VtuSeries(path, "surface", comm=comm), schedule=every),
-        VelocityFields(waves, VtuSeries(path, "velocity", comm=comm), schedule=every),
-    ]
-    psi = np.sin(waves.plane.places[:, 0])
+    waves.plane.comm.barrier()
+    observers, psi = [series_of(waves, path, name) for name in ("surface", "velocity")], np.sin(waves.plane.x)
     for step in range(snapshots):
         for observer in observers:
             observer.record(shown(waves, step, 0.25 * step, psi))
@@ -132,16 +124,15 @@ def read(path, name, snapshot=0):
 
 
 def tanks():
-    for kind in (mesh.CellType.quadrilateral, mesh.CellType.triangle):
-        for order in (1, 2, 5):
-            plane = basin(kind, order=order, comm=MPI.COMM_SELF)
-            yield pytest.param(plane, ("Area", "Volume"), 2.0, id=f"{kind.name} {order}")
-    yield pytest.param(along(Slice(3.0, 4, comm=MPI.COMM_SELF)), ("Length", "Area"), 0.0, id="slice")
+    for kind, order in ((QUADRILATERAL, 1), (QUADRILATERAL, 3), (TRIANGLE, 2), (TRIANGLE, 5)):
+        yield pytest.param(lambda kind=kind, order=order: basin(kind, order=order), 2.0, id=f"{kind.name} {order}")
+    yield pytest.param(lambda: along(Slice(3.0, 4, comm=MPI.COMM_SELF)), 0.0, id="slice")
 
 
-@pytest.mark.parametrize(("plane", "measures", "width"), list(tanks()))
-def test_the_surface_is_the_field_at_its_degrees_of_freedom_and_covers_the_tank(plane, measures, width, tmp_path):
+@pytest.mark.parametrize(("make", "width"), list(tanks()))
+def test_the_surface_is_the_field_at_its_degrees_of_freedom_and_covers_the_tank(make, width, tmp_path):
     """Oracles: the formulae that were interpolated; the footprint's size; the volume of water, by midpoints."""
+    plane, measures = make(), ("Area", "Volume") if width else ("Length", "Area")
     record(water(plane), tmp_path)
     surface, below = read(tmp_path, "surface"), read(tmp_path, "velocity")
     x, y, z = surface.points.T
@@ -189,7 +180,7 @@ def test_a_ring_is_drawn_open_with_its_first_corner_at_both_ends(tmp_path):
 
 def test_fields_are_on_the_laboratory_side_of_a_moving_wall(tmp_path):
     """Oracle: the paddle's position, the far end and the bed, which stay, and the formula of the elevation."""
-    record(driven(6, 3), tmp_path)
+    record(driven(), tmp_path)
     position = sinusoid(0.2, 4.0).position(1.0)
     assert abs(position) > 0.1
     for name in ("surface", "velocity"):
@@ -201,27 +192,29 @@ def test_fields_are_on_the_laboratory_side_of_a_moving_wall(tmp_path):
 
 
 WATERS = {
-    "quadrilaterals": lambda cells, order: water(basin(cells=cells, order=order, comm=MPI.COMM_SELF), n=7),
-    "triangles": lambda cells, order: water(
-        basin(mesh.CellType.triangle, cells=cells, order=order, comm=MPI.COMM_SELF), n=7
-    ),
-    "moved paddle": lambda cells, order: driven(cells, order, n=7),
+    "quadrilaterals": lambda cells, order: water(basin(cells=cells, order=order)),
+    "triangles": lambda cells, order: water(basin(TRIANGLE, cells=cells, order=order)),
+    "moved paddle": driven,
 }
+FAST = {("quadrilaterals", 3), ("triangles", 2), ("moved paddle", 3)}
 
 
-@pytest.mark.parametrize("order", [2, 3])
-@pytest.mark.parametrize("name", WATERS)
+@pytest.mark.parametrize(
+    ("name", "order"),
+    [
+        pytest.param(name, order, marks=[] if (name, order) in FAST else pytest.mark.slow)
+        for name in WATERS
+        for order in (2, 3)
+    ],
+)
 def test_velocities_converge_to_the_gradient_of_the_potential(name, order):
     """Derivatives of elements of order p are right to the power p of their size; slopes of surface and bed count."""
     cells, errors = np.array([4, 8, 16]), []
     for number in cells:
         waves = WATERS[name](int(number), order)
         velocity, (x, y) = Velocity(waves), waves.wall.to_physical(waves.plane.places).T
-        worst = [
-            np.abs(velocity.at(zeta) - exact_velocity(x, y, zeta * waves.h.owned - waves.bed.still)).max()
-            for zeta in (0.0, 0.4, 1.0)
-        ]
-        errors.append(max(worst))
+        z = {zeta: zeta * waves.h.owned - waves.bed.still for zeta in (0.0, 0.4, 1.0)}
+        errors.append(max(np.abs(velocity.at(zeta) - exact_velocity(x, y, z[zeta])).max() for zeta in z))
     assert fitted_slope(1.0 / cells, errors) == pytest.approx(order, abs=0.35)
     assert errors[-1] < 0.02
 
@@ -246,7 +239,7 @@ def test_the_velocity_of_a_solved_standing_wave_is_exact_to_the_order_of_the_ele
 
 def record_on_ranks(path):
     """Record on all ranks; then fail on the last alone, and return what it meant on each."""
-    waves = water(basin(mesh.CellType.triangle, cells=3, order=2))
+    waves = water(basin(TRIANGLE, cells=3, order=2, comm=MPI.COMM_WORLD))
     record(waves, path)
     comm, write = waves.plane.comm, fields.write_atomically
 
@@ -255,15 +248,14 @@ def record_on_ranks(path):
             raise OSError(28, "No space left on device")
         write(file, *content)
 
-    series, psi = VtuSeries(path, "refused", comm=comm), waves.plane.x
     with pytest.MonkeyPatch.context() as patched, pytest.raises(RunError) as refused:
         patched.setattr(fields, "write_atomically", full)
-        SurfaceFields(waves, series, schedule=EverySteps()).record(shown(waves, 1, 1.0, psi))
+        series_of(waves, path, "refused").record(shown(waves, 1, 1.0, waves.plane.x))
     return str(refused.value)
 
 
 def test_pieces_of_any_number_of_ranks_are_the_same_fields_and_one_that_cannot_write_fails_all(on_ranks, tmp_path):
-    record(water(basin(mesh.CellType.triangle, cells=3, order=2, comm=MPI.COMM_SELF)), tmp_path / "1")
+    record(water(basin(TRIANGLE, cells=3, order=2)), tmp_path / "1")
     many = tmp_path / "many"
     said = f"{many / 'fields'}: cannot be written (No space left on device)."
     assert on_ranks(record_on_ranks, many) == [said] * 3
@@ -282,10 +274,14 @@ def sorted_fields(path, name):
     return rows[first]
 
 
-def test_index_names_a_snapshot_when_it_is_complete(tmp_path, monkeypatch):
+@pytest.fixture(scope="module")
+def still():
+    return water(basin())
+
+
+def test_index_names_a_snapshot_when_it_is_complete(still, tmp_path, monkeypatch):
     """A kill while the third is written leaves the index of two."""
-    waves = water(basin(comm=MPI.COMM_SELF))
-    record(waves, tmp_path, snapshots=2)
+    record(still, tmp_path, snapshots=2)
     series, write = VtuSeries(tmp_path, "surface", comm=MPI.COMM_SELF), fields.write_atomically
     series.resume_at({"snapshots": 2})
 
@@ -296,20 +292,27 @@ def test_index_names_a_snapshot_when_it_is_complete(tmp_path, monkeypatch):
 
     monkeypatch.setattr(fields, "write_atomically", killed)
     with pytest.raises(KeyboardInterrupt):
-        SurfaceFields(waves, series, schedule=EverySteps()).record(shown(waves, 2, 0.5, np.sin(waves.plane.x)))
+        SurfaceFields(still, series, schedule=EverySteps()).record(shown(still, 2, 0.5, np.sin(still.plane.x)))
     found = RunDirectory(tmp_path).fields("surface")
     assert [t for t, _ in found] == [0.0, 0.25]
     assert found[1][1] == tmp_path / "fields" / "surface_000001.pvtu" and found[1][1].exists()
 
 
-def test_a_number_that_is_not_finite_is_refused_before_the_index_names_it(tmp_path):
-    waves = water(basin(comm=MPI.COMM_SELF))
-    record(waves, tmp_path)
-    observer = SurfaceFields(waves, VtuSeries(tmp_path, "surface", comm=MPI.COMM_SELF), schedule=EverySteps())
-    psi = np.where(waves.plane.x > 1.0, np.nan, 0.0)
+def test_a_number_that_is_not_finite_is_refused_before_the_index_names_it(still, tmp_path):
+    record(still, tmp_path)
+    psi = np.where(still.plane.x > 1.0, np.nan, 0.0)
     with pytest.raises(RunError, match=r"t = 0\.5 s: .*surface\.pvd is not a finite number"):
-        observer.record(shown(waves, 2, 0.5, psi))
+        series_of(still, tmp_path).record(shown(still, 2, 0.5, psi))
     assert len(RunDirectory(tmp_path).fields("surface")) == 1
+
+
+def test_a_new_run_takes_the_fields_of_the_old_one_away_and_nothing_else(still, tmp_path):
+    record(still, tmp_path)
+    (tmp_path / "fields" / "mine.vtu").write_text("precious")
+    with RunWriter(OutputPath(tmp_path, overwrite=True), {}):
+        pass
+    left = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*"))
+    assert left == ["fields", "fields/mine.vtu", "manifest.json"]
 
 
 def test_a_folder_that_is_anothers_by_now_is_not_written_to(tmp_path):
@@ -328,26 +331,17 @@ def test_a_folder_that_is_anothers_by_now_is_not_written_to(tmp_path):
 
 
 def test_a_rank_without_cells_has_an_empty_piece(tmp_path):
-    RunWriter(tmp_path, {}).begin().release()
-    series = VtuSeries(tmp_path, "surface", comm=MPI.COMM_SELF)
-    cells = fields.VtkCells.flat(np.zeros((0, 4), dtype=np.int32))
-    series.append(0.0, np.zeros((0, 3)), cells=cells, arrays={"elevation": np.zeros(0)})
+    write_run(tmp_path)
+    cells = VtkCells.flat(np.zeros((0, 4), dtype=np.int32))
+    arrays = {"elevation": np.zeros(0)}
+    VtuSeries(tmp_path, "surface", comm=MPI.COMM_SELF).append(0.0, np.zeros((0, 3)), cells=cells, arrays=arrays)
     assert read(tmp_path, "surface").n_points == 0
-
-
-def test_a_new_run_takes_the_fields_of_the_old_one_away_and_nothing_else(tmp_path):
-    record(water(basin(comm=MPI.COMM_SELF)), tmp_path)
-    (tmp_path / "fields" / "mine.vtu").write_text("precious")
-    with RunWriter(OutputPath(tmp_path, overwrite=True), {}):
-        pass
-    left = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*"))
-    assert left == ["fields", "fields/mine.vtu", "manifest.json"]
 
 
 @pytest.mark.parametrize("content", ["", "<VTKFile>", '<VTKFile><DataSet timestep="soon" file="x"/></VTKFile>'])
 def test_a_missing_or_damaged_index_is_bad_input(content, tmp_path):
-    RunWriter(tmp_path, {}).begin().release()
+    run = write_run(tmp_path)
     if content:
-        Path(tmp_path / "surface.pvd").write_text(content)
+        (tmp_path / "surface.pvd").write_text(content)
     with pytest.raises(InputError, match=r"surface\.pvd"):
-        RunDirectory(tmp_path).fields("surface")
+        run.fields("surface")

@@ -10,17 +10,16 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from records import gauge, gauges, surface
+from pictures import faults
+from records import gauge, gauges, surface, write_run
 from scipy.optimize import brentq
 from xarray import Dataset
 
 from wavetank.analysis.still_water import closed
 from wavetank.base.errors import InputError
-from wavetank.output.directory import RunDirectory
-from wavetank.output.writer import RunWriter
 from wavetank.plots import figures
 from wavetank.plots.figures import draw_run, energy_figure, gauges_figure, gauges_overview, surface_figure
-from wavetank.plots.style import STYLE
+from wavetank.plots.style import STYLE, picture
 
 ENERGY = (
     "t [s]",
@@ -58,16 +57,10 @@ def record(x, eta=None, source="computed", *, t=T, name=None, y=0.0):
 @pytest.fixture
 def run(tmp_path):
     """Return a run directory with the group in it."""
-    snapshots = group()
-    with RunWriter(tmp_path / "run", {"scene": {"title": "A focusing group"}}) as writer:
-        table, snapshot = writer.gauges([("1", 4.0), ("2", 10.0)]), writer.surface()
-        energy = writer.table("energy.csv", ENERGY)
-        for t, x, eta in zip(T, snapshots.x.values, snapshots.elevation.values, strict=True):
-            table.append([t, elevation(4.0, t), elevation(10.0, t)])
-            energy.append([t, 0.1 * t, 0.2 * t, 0.3 * t, 0.3 * t, 1e-6 * np.sin(t), 24.0])
-            snapshot.append(np.hstack([t, x, eta, 0 * eta]))
-        writer.finish("finished", {})
-    return RunDirectory(tmp_path / "run")
+    two = gauges(record(4.0, name="1"), record(10.0, name="2"))
+    energy = np.column_stack([T, 0.1 * T, 0.2 * T, 0.3 * T, 0.3 * T, 1e-6 * np.sin(T), 24.0 + 0 * T])
+    scene = {"title": "A focusing group"}
+    return write_run(tmp_path / "run", scene, gauges=two, surface=group(), tables={"energy.csv": (ENERGY, energy)})
 
 
 def words(draw, tmp_path):
@@ -82,40 +75,31 @@ def test_the_standard_pictures_of_a_run_are_drawn_each_laid_out_once(run, monkey
     monkeypatch.setattr(ConstrainedLayoutEngine, "execute", lambda *one: layouts.append(one) or execute(*one))
     pictures = draw_run(run)
     assert len(layouts) == 3
-    assert [picture.name for picture in pictures] == ["surface.png", "gauges.png", "energy.png"]
-    for picture in pictures:
-        pixels = imread(picture)
+    assert [path.name for path in pictures] == ["surface.png", "gauges.png", "energy.png"]
+    for path in pictures:
+        pixels = imread(path)
         assert min(pixels.shape[:2]) > 200
         assert pixels[..., :3].std() > 0.05
 
 
 def test_a_run_killed_at_its_start_gives_the_pictures_it_has_records_for(tmp_path):
-    with RunWriter(tmp_path / "run", {}) as writer:
-        writer.gauges([]), writer.surface()
-        energy = writer.table("energy.csv", ENERGY)
-        energy.append([0.0] * 7)
-        energy.append([0.1] * 7)
-    assert [picture.name for picture in draw_run(RunDirectory(tmp_path / "run"))] == ["energy.png"]
+    energy = np.array([[0.0] * 7, [0.1] * 7])
+    run = write_run(tmp_path / "run", gauges=gauges()[:, :0], tables={"energy.csv": (ENERGY, energy)})
+    assert [picture.name for picture in draw_run(run)] == ["energy.png"]
 
 
 def test_the_surface_picture_names_crest_place_time_and_exaggeration(tmp_path):
     text = words(lambda path: surface_figure(group(), path, title="A focusing group", depth=1.0), tmp_path)
     crest = "t = 20.00 s, the highest crest of the snapshots", "10 cm at x = 10.00 m"
-    for word in ("A focusing group", *crest, "vertical exaggeration"):
-        assert word in text
-    for axis in ("elevation [cm]", "time [s]", "x [m]", ">paddle<", ">−5<"):
-        assert axis in text
+    axes = "elevation [cm]", "time [s]", "x [m]", ">paddle<", ">−5<"
+    assert not [word for word in ("A focusing group", *crest, "vertical exaggeration", *axes) if word not in text]
     assert ">bed [m]<" not in text and ">sponge<" not in text
 
 
 def test_a_ring_is_drawn_closed_and_no_water_below_the_bed(tmp_path):
-    tank = {"type": "ring", "length": 8.0, "depth": 0.01}
-    with RunWriter(tmp_path / "run", {"scene": {"tank": tank, "wall": {"type": "fixed"}}}) as writer:
-        x = np.arange(8.0)
-        record = writer.surface()
-        for t in range(4):
-            record.append(np.hstack([t, x, 0.01 * np.cos(np.pi / 4 * (x - t)), 0 * x]))
-    run = RunDirectory(tmp_path / "run")
+    tank, x, t = {"type": "ring", "length": 8.0, "depth": 0.01}, np.arange(8.0), np.arange(4.0)
+    waves = surface(t, x, 0.01 * np.cos(np.pi / 4 * (x - t[:, None])))
+    run = write_run(tmp_path / "run", {"tank": tank, "wall": {"type": "fixed"}}, surface=waves)
     ring = closed(run.snapshots(), 8.0)
     assert np.all(ring.x[:, -1] == 8.0) and np.array_equal(ring.elevation[:, -1], ring.elevation[:, 0])
     text = words(lambda path: surface_figure(ring, path, depth=0.01, origin="along the ring"), tmp_path)
@@ -171,32 +155,36 @@ def test_the_surface_of_a_slice_shows_its_gauges_and_sponge(tmp_path, monkeypatc
 
 
 def test_the_energy_picture_names_the_budget_and_its_units(run, tmp_path):
-    energy = run.energy
-    text = words(lambda path: energy_figure(energy, path), tmp_path)
+    def text(energy):
+        return words(lambda path: energy_figure(energy, path), tmp_path)
+
+    energy, total = text(run.energy), run.energy.total
     for word in ("kinetic", "potential", "total", "start + paddle work", "[m⁴/s²]", "time [s]", "energy error"):
-        assert word in text
-    assert "absor" not in text
-    absorbing = energy.assign(absorbed=energy.total)
-    assert "paddle absorption" in words(lambda path: energy_figure(absorbing, path), tmp_path)
-    fixed = energy.assign(paddle_work=0 * energy.paddle_work)
-    text = words(lambda path: energy_figure(fixed, path), tmp_path)
-    assert "start" in text and "paddle" not in text
+        assert word in energy
+    assert "absor" not in energy and "paddle absorption" in text(run.energy.assign(absorbed=total))
+    fixed = text(run.energy.assign(paddle_work=0 * total))
+    assert "start" in fixed and "paddle" not in fixed
 
 
 def test_figures_without_data_are_refused(tmp_path):
-    for tank in ({"type": "ring", "length": 8.0}, {"type": "slice", "length": 8.0}):  # killed before the first
-        with RunWriter(tmp_path / tank["type"], {"scene": {"tank": tank, "sponge": {"type": "end", "length": 2.0}}}):
-            pass
-        (tmp_path / tank["type"] / "surface.nc").touch()
-        with pytest.raises(InputError, match="0 snapshots"):
-            figures.draw_surface(RunDirectory(tmp_path / tank["type"]))
-    with pytest.raises(InputError, match="no gauge"):
-        gauges_overview(gauges(), tmp_path / "a.png")
-    with pytest.raises(InputError, match="no gauge in common"):
-        gauges_figure(gauges(record(1.0)), gauges(record(2.0)), [], tmp_path / "a.png")
-    with pytest.raises(InputError, match="no values of potential, total"):
-        energy_figure(Dataset({"kinetic": ("time", np.ones(2))}, {"time": [0.0, 1.0]}), tmp_path / "a.png")
-    assert not (tmp_path / "a.png").exists()
+    """Two runs are killed before their first snapshot."""
+    path, partial = tmp_path / "a.png", Dataset({"kinetic": ("time", np.ones(2))}, {"time": [0.0, 1.0]})
+    sponge = {"type": "end", "length": 2.0}
+    killed = [
+        write_run(
+            tmp_path / kind, {"tank": {"type": kind, "length": 8.0}, "sponge": sponge}, surface=group()[{"time": []}]
+        )
+        for kind in ("ring", "slice")
+    ]
+    for draw, arguments, sentence in (
+        *((figures.draw_surface, [run], "0 snapshots") for run in killed),
+        (gauges_overview, [gauges(), path], "no gauge"),
+        (gauges_figure, [gauges(record(1.0)), gauges(record(2.0)), [], path], "no gauge in common"),
+        (energy_figure, [partial, path], "no values of potential, total"),
+    ):
+        with pytest.raises(InputError, match=sentence):
+            draw(*arguments)
+    assert not path.exists()
 
 
 def test_pictures_need_neither_the_solver_nor_a_display():
@@ -205,3 +193,25 @@ def test_pictures_need_neither_the_solver_nor_a_display():
         "sys.exit(any(name in sys.modules for name in ('dolfinx', 'petsc4py', 'mpi4py', 'matplotlib.pyplot')))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_faults_of_pictures_are_detected(drawn, tmp_path):
+    """Each fault that the pictures had, in a figure that has them all."""
+    with picture(tmp_path / "a.png", 4, 3) as figure:
+        axes = figure.subplots()
+        axes.loglog([1.1, 1.9], [1.2, 1.8], "-", color="#0072b2", label="one")
+        axes.loglog([1.1, 1.9], [1.8, 1.2], "-", color="#d55e00")
+        axes.set(xlabel="time [s]", ylabel="error")
+        axes.legend(loc="center")
+        axes.text(1.4, 1.25, "a text")
+        axes.text(1.42, 1.25, "another")
+        axes.minorticks_off()
+    found = "\n".join(faults(figure))
+    for fault in (
+        "0 numbers at 'time [s]'",
+        "no unit at 'error'",
+        "no legend says what #d55e00 is",
+        "the legend lies on a curve",
+        "'a text' lies on 'another'",
+    ):
+        assert fault in found

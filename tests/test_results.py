@@ -1,24 +1,28 @@
-"""A run's results as xarray, its surface as CF-NetCDF, and that as a line that ParaView and pyvista open."""
+"""The files of a run: xarray objects, CF-NetCDF of gauges and surface, an index for ParaView, full disks."""
 
 import os
 import resource
-from collections.abc import Iterator
+import tracemalloc
 from contextlib import contextmanager
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import xarray
 from conftest import recorded
+from records import surface, write_run
 
 from wavetank.base.errors import InputError, RecordError, RunError
 from wavetank.case.reading import read_case
-from wavetank.output.columns import paddle_columns
+from wavetank.output.columns import paddle_columns, parse_position_label
 from wavetank.output.directory import RunDirectory
 from wavetank.output.fields import read_snapshots, surface_index, surface_variables
+from wavetank.output.files import OutputPath
 from wavetank.output.netcdf import AppendNetCDF
-from wavetank.output.tables import TableWriter
+from wavetank.output.tables import BLOCK, TableWriter
 from wavetank.output.writer import RunWriter
 
+X = np.linspace(0.0, 1.0, 5)
 CHANGES = (
     "tank.length=4",
     "wall.reach=2",
@@ -58,10 +62,8 @@ def test_the_paddle_is_as_its_motion_says(run):
 
 
 def test_a_paddle_in_segments_is_a_function_of_place(tmp_path):
-    names = paddle_columns(np.array([0.0, 2.5]))
-    with RunWriter(tmp_path / "run", {}) as writer:
-        writer.table("paddle.csv", names).append([0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
-    paddle = RunDirectory(tmp_path / "run").paddle
+    table = paddle_columns(np.array([0.0, 2.5])), np.array([[0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0]])
+    paddle = write_run(tmp_path / "run", tables={"paddle.csv": table}).paddle
     assert paddle.position.dims == ("time", "y") and paddle.velocity.attrs["units"] == "m/s"
     assert float(paddle.velocity.sel(y=2.5, time=0.5)) == 4.0 and float(paddle.position.sel(y=2.5, time=0.5)) == 2.0
 
@@ -74,21 +76,15 @@ def test_the_surface_where_a_paddle_moves_has_places_for_each_time(run):
 
 
 def test_the_surface_between_walls_at_rest_is_found_by_place(tmp_path):
-    x = np.linspace(0.0, 3.0, 7)
-    with RunWriter(tmp_path / "run", {}) as writer:
-        record = writer.surface()
-        for t in (0.0, 0.5):
-            record.append(np.hstack([t, x, x + t, x - t]))
-    surface = RunDirectory(tmp_path / "run").surface
-    assert float(surface.elevation.sel(x=1.5, time=0.5)) == 2.0
-    assert float(surface.surface_potential.interp(x=1.75, time=0.25)) == pytest.approx(1.5)
+    t = np.array([[0.0], [0.5]])
+    found = write_run(tmp_path / "run", surface=surface(t[:, 0], X, X + t, X - t)).surface
+    assert float(found.elevation.sel(x=0.5, time=0.5)) == 1.0
+    assert float(found.surface_potential.interp(x=0.625, time=0.25)) == pytest.approx(0.375)
 
 
 @pytest.mark.parametrize("engine", ["netcdf4", "scipy"])
 def test_the_surface_file_follows_the_conventions(engine, run):
     """CF 1.8: units, standard names, coordinates; the netCDF library, which did not write it, agrees."""
-    import xarray
-
     with xarray.open_dataset(run.path / "surface.nc", engine=engine) as data:
         assert data.attrs["Conventions"] == "CF-1.8" and data.attrs["title"] == run.title
         assert set(data.elevation.coords) == {"time", "x", "y"}
@@ -113,40 +109,44 @@ def test_paraview_opens_the_surface_of_a_slice(run):
 
 
 def test_a_surface_that_still_grows_is_read(tmp_path):
-    x = np.linspace(0.0, 1.0, 5)
     with RunWriter(tmp_path / "run", {}) as writer:
         record = writer.surface()
         with pytest.raises(InputError, match="no snapshot"):
             _ = RunDirectory(tmp_path / "run").surface
         for n in range(3):
-            record.append(np.hstack([0.1 * n, x, n * x, -n * x]))
+            record.append(np.hstack([0.1 * n, X, n * X, -n * X]))
             assert RunDirectory(tmp_path / "run").surface.sizes == {"time": n + 1, "x": 5}
 
 
-def surface_record(path):
-    return AppendNetCDF(path, {}, surface_variables)
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "surface.nc"
 
 
-def test_resumed_surface_has_the_snapshots_of_the_checkpoint(tmp_path):
-    x, path = np.linspace(0.0, 1.0, 5), tmp_path / "surface.nc"
-    first, later = (surface_record(path) for _ in range(2))
-    first.open()
-    first.append(np.hstack([0.0, x, x, x]))
-    extent, index = first.extent(), surface_index(path, first.extent())
-    first.append(np.hstack([0.1, x, 2 * x, x]))
-    first.close()
+@pytest.fixture
+def record(path):
+    """A file of snapshots, open for writing."""
+    record = AppendNetCDF(path, {}, surface_variables)
+    record.open()
+    yield record
+    record.close()
+
+
+def test_resumed_surface_has_the_snapshots_of_the_checkpoint(path, record):
+    record.append(np.hstack([0.0, X, X, X]))
+    extent, index = record.extent(), surface_index(path, record.extent())
+    record.append(np.hstack([0.1, X, 2 * X, X]))
+    record.close()
+    later = AppendNetCDF(path, {}, surface_variables)
     later.resume_at(extent)
     later.open()
     assert surface_index(path, later.extent()) == index
-    np.testing.assert_array_equal(read_snapshots(path.read_bytes(), path).elevation, [x])
+    np.testing.assert_array_equal(read_snapshots(path.read_bytes(), path).elevation, [X])
     later.close()
 
 
-def test_a_surface_refuses_a_record_of_another_length_and_an_index_of_a_cut_file(tmp_path):
-    x, path = np.linspace(0.0, 1.0, 5), tmp_path / "surface.nc"
-    record = surface_record(path)
-    record.open()
-    record.append(np.hstack([0.0, x, x, x]))
+def test_a_surface_refuses_a_record_of_another_length_and_an_index_of_a_cut_file(path, record):
+    record.append(np.hstack([0.0, X, X, X]))
     with pytest.raises(ValueError, match=r"^surface.nc: 19 values received; it has 16 in a record\.$"):
         record.append(np.hstack([0.1, np.ones(18)]))
     extent = record.extent()
@@ -156,23 +156,21 @@ def test_a_surface_refuses_a_record_of_another_length_and_an_index_of_a_cut_file
         surface_index(path, extent)
 
 
-def test_of_many_snapshots_those_before_one_that_is_no_number_are_kept(tmp_path):
+def test_of_many_snapshots_those_before_one_that_is_no_number_are_kept(path, record):
     """A later one follows them."""
-    x, t, path = np.linspace(0.0, 1.0, 5), np.array([0.0, 0.1, 0.2]), tmp_path / "surface.nc"
-    record, eta = surface_record(path), np.outer([1.0, 2.0, np.nan], x)
-    record.open()
+    eta = np.outer([1.0, 2.0, np.nan], X)
     with pytest.raises(RunError, match=r"t = 0.2 s: a value for surface.nc is not a finite number"):
-        record.extend(np.column_stack([t, np.tile(x, (3, 1)), eta, eta]))
-    record.append(np.hstack([0.3, x, 4 * x, x]))
+        record.extend(np.column_stack([[0.0, 0.1, 0.2], np.tile(X, (3, 1)), eta, eta]))
+    record.append(np.hstack([0.3, X, 4 * X, X]))
     record.close()
     found = read_snapshots(path.read_bytes(), path)
     np.testing.assert_array_equal(found.time, [0.0, 0.1, 0.3])
-    np.testing.assert_array_equal(found.elevation, np.outer([1.0, 2.0, 4.0], x))
+    np.testing.assert_array_equal(found.elevation, np.outer([1.0, 2.0, 4.0], X))
     assert surface_index(path, record.extent()).count(b"<Time") == 3
 
 
 @contextmanager
-def room_for(size: int) -> Iterator[None]:
+def room_for(size):
     """Let no file grow beyond a size [bytes], as on a disk that gets full."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
@@ -182,11 +180,9 @@ def room_for(size: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-def test_of_many_snapshots_as_many_are_kept_as_there_is_room_for(tmp_path):
+def test_of_many_snapshots_as_many_are_kept_as_there_is_room_for(path, record):
     """When there is room again another follows."""
-    t, x, path = np.arange(40.0), np.ones((40, 200)), tmp_path / "surface.nc"
-    record = surface_record(path)
-    record.open()
+    t, x = np.arange(40.0), np.ones((40, 200))
     with room_for(20000), pytest.raises(RecordError, match=r"surface\.nc: cannot be written"):
         record.extend(np.column_stack([t, x, t[:, None] * x, x]))
     kept = len(read_snapshots(path.read_bytes(), path).time)
@@ -196,7 +192,6 @@ def test_of_many_snapshots_as_many_are_kept_as_there_is_room_for(tmp_path):
     np.testing.assert_array_equal(found.time, [*t[:kept], 50.0])
     np.testing.assert_array_equal(found.elevation[:kept, -1], t[:kept])
     assert index.count(b"<Time") == kept + 1 and ElementTree.fromstring(index).tag == "Xdmf"
-    record.close()
 
 
 def test_index_of_the_surface_that_cannot_be_written_is_a_warning(tmp_path):
@@ -221,3 +216,120 @@ def test_of_many_rows_as_many_are_kept_as_there_is_room_for(tmp_path):
     found = np.loadtxt(tmp_path / "table.csv", delimiter=",", skiprows=1)
     np.testing.assert_array_equal(found, rows[: record.extent()["rows"]])
     assert (tmp_path / "table.csv").read_bytes().endswith(b"\n") and len(found) > 200
+
+
+# ---------------------------------------------------------------- gauges
+GAUGES = [("1", 10.0), ("Süd, the focus", 49.5, -2.25), ("a@x=b", 0.1, 0.0)]
+MANIFEST = {
+    "scene": {"title": "A focus"},
+    "command": ["wavetank", "run", "a case.toml"],
+    "started": "2025-01-02T03:04:05",
+}
+
+
+def write(path, rows=4):
+    writer = RunWriter(path, MANIFEST | {"git": "abc123", "versions": {"wavetank": "1.2.3"}}).begin()
+    table = writer.gauges(GAUGES)
+    for n in range(rows):
+        table.append([0.1 * n, n / 3, np.pi * 1e-9, -n / 7])
+    return writer
+
+
+def test_places_are_in_the_header_and_read_back(tmp_path):
+    with write(tmp_path):
+        pass
+    header = (tmp_path / "gauges.csv").read_text().splitlines()[0]
+    assert header == 't [s],1@x=10,"Süd, the focus@x=49.5;y=-2.25",a@x=b@x=0.1'
+    found = [(one.gauge.item(), float(one.x), float(one.y)) for one in RunDirectory(tmp_path).gauges]
+    assert found == [("1", 10.0, 0.0), ("Süd, the focus", 49.5, -2.25), ("a@x=b", 0.1, 0.0)]
+    assert parse_position_label("Süd, the focus@x=49.5,y=-2.25")[:3] == found[1]  # as they were told
+
+
+@pytest.mark.parametrize("engine", ["netcdf4", "scipy"])
+def test_the_netcdf_holds_the_table_to_the_last_bit_and_follows_the_conventions(engine, tmp_path):
+    """CF-1.8, 9.3 and H.2.1: orthogonal time series, identified stations, units and standard names.
+
+    There is a fill value for the elevation alone, of gauges that have come later (2.5.1).
+    """
+    with write(tmp_path) as writer:
+        writer.finish("finished", {})
+    with xarray.open_dataset(tmp_path / "gauges.nc", engine=engine) as data:
+        assert data.elevation.transpose("gauge", "time").equals(RunDirectory(tmp_path).gauges)
+    with xarray.open_dataset(tmp_path / "gauges.nc", decode_cf=False) as data:
+        assert data.attrs == {
+            "Conventions": "CF-1.8",
+            "featureType": "timeSeries",
+            "title": "A focus",
+            "source": "wavetank 1.2.3, revision abc123",
+            "history": "2025-01-02T03:04:05 wavetank run 'a case.toml'",
+        }
+        elevation = data.elevation
+        assert elevation.dims == ("time", "gauge") and elevation.attrs["units"] == "m"
+        assert elevation.attrs["standard_name"] == "sea_surface_height_above_mean_sea_level"
+        assert set(elevation.attrs["coordinates"].split()) == {"x", "y"}
+        assert data.gauge.attrs["cf_role"] == "timeseries_id"
+        assert {name: data[name].attrs["units"] for name in ("time", "x", "y")} == {"time": "s", "x": "m", "y": "m"}
+        (filled,) = (name for name, variable in data.variables.items() if "_FillValue" in variable.attrs)
+        assert filled == "elevation" and np.isnan(elevation.attrs["_FillValue"])
+
+
+def peak_of_resuming(path, rows):
+    """Return the peak memory [bytes] of a resumed run that gets another gauge, and of its ``gauges.nc``."""
+    written = RunWriter(path, MANIFEST).begin()
+    table = written.gauges(GAUGES)
+    table.extend(np.arange(rows)[:, None] * [0.1, 0.3, np.pi * 1e-9, -1 / 7])
+    extents = written.extents()
+    with pytest.raises(RunError), written:
+        raise RunError("t = 1 s: the wave broke.")
+    tracemalloc.start()
+    try:
+        resumed = RunWriter(path, MANIFEST, resume=True)
+        resumed.gauges([*GAUGES, ("new", 3.0)])
+        resumed.resume_at(extents)
+        with resumed:
+            resumed.finish("finished", {})
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def test_memory_of_resuming_and_of_the_netcdf_does_not_depend_on_the_number_of_rows(tmp_path):
+    rows = 4 * BLOCK // 60  # of 60 bytes
+    few, many = (peak_of_resuming(tmp_path / str(times), times * rows) for times in (1, 3))
+    assert (tmp_path / "3" / "gauges.csv").stat().st_size > 6 * BLOCK
+    assert many < few + BLOCK
+    with xarray.open_dataset(tmp_path / "3" / "gauges.nc") as data:
+        assert dict(data.sizes) == {"time": 3 * rows, "gauge": 4}
+        np.testing.assert_array_equal(data.time, 0.1 * np.arange(3 * rows))
+        np.testing.assert_array_equal(data.elevation[:, 2], np.arange(3 * rows) * (-1 / 7))
+        assert np.isnan(data.elevation[:, 3]).all()
+
+
+def test_a_run_without_gauges_has_none_and_an_old_one_is_taken_away(tmp_path):
+    with write(tmp_path) as writer:
+        writer.finish("finished", {})
+    with RunWriter(OutputPath(tmp_path, overwrite=True), MANIFEST) as writer:
+        assert not (tmp_path / "gauges.nc").exists()
+        writer.gauges([])
+        writer.finish("finished", {})
+    assert not (tmp_path / "gauges.nc").exists()
+    assert RunDirectory(tmp_path).gauges.sizes == {"gauge": 0, "time": 0}
+
+
+@pytest.mark.parametrize(
+    ("rows", "reason"), [(4, "No space left on device"), (0, "gauges.csv has no row")], ids=["full disk", "no row"]
+)
+def test_a_run_without_room_for_the_netcdf_or_without_rows_finishes_with_a_warning(tmp_path, monkeypatch, rows, reason):
+    @contextmanager
+    def full(path):
+        raise OSError(28, "No space left on device")
+        yield
+
+    if rows:
+        monkeypatch.setattr("wavetank.output.writer.atomic_file", full)
+    with write(tmp_path, rows=rows) as writer:
+        writer.finish("finished", {})
+    assert not (tmp_path / "gauges.nc").exists()
+    (warning,) = RunDirectory(tmp_path).warnings
+    assert RunDirectory(tmp_path).status == "finished"
+    assert str(warning) == f"gauges.nc could not be written ({reason}); gauges.csv has the same"
