@@ -1,8 +1,10 @@
-"""Interior potentials along a slice or ring: conjugate gradients, whose preconditioner is one banded matrix per mode.
+"""Interior potentials of a slice or ring on one rank: conjugate gradients with a banded matrix for each vertical mode.
 
-Only what couples the vertical modes, the slope of the surface, is omitted from the preconditioner (docs/method.md,
-section 4). Residuals have double precision; corrections to the potential are computed in single precision in one
-compiled function (``modes.c``) and reduce the error by up to five digits. Then there is a new residual.
+The preconditioner omits the coupling of vertical modes, which is due to the slope of the surface (docs/method.md,
+section 4).
+Residuals are in double precision. One compiled function (``modes.c``) computes a correction in single precision, which
+reduces
+the error by up to five digits. Residual and correction alternate until the tolerance is reached.
 """
 
 from math import isfinite
@@ -19,7 +21,7 @@ from wavetank.fem.layers import LayerEnergy, LayerOperator, MoreCode
 from wavetank.fem.plane import Field, Plane
 from wavetank.fem.vertical import VerticalBasis
 
-MOST = 200  # iterations
+MOST = 200  # largest number of iterations
 ABREAST = 8  # largest number of modes in a vector
 NO_MINIMUM = "the interior potential has no minimum: the water column is not positive everywhere"
 
@@ -29,7 +31,7 @@ def _abreast(real: str) -> int:
 
 
 def _code(plane: Plane, modes: int, real: str, *sections: str) -> MoreCode:
-    """Return the code of modes that is compiled with an operator, and its functions."""
+    """Return the C code of modes that is compiled with an operator, its exported functions and its macros."""
     abreast = _abreast(real)
     sizes = {"MODES": modes, "BAND": plane.order, "ABREAST": abreast, "GROUPS": -(-modes // abreast)}
     functions = "take", "average", "factorise", *(("correct",) if sections else ("product", "derivative", "respond"))
@@ -38,7 +40,7 @@ def _code(plane: Plane, modes: int, real: str, *sections: str) -> MoreCode:
 
 
 class SliceOperator(LayerOperator):
-    """The operator of a slice or ring on one rank, with its modes where layers are averaged; see ``LayerOperator``."""
+    """The interior operator of a slice or ring on one rank, with decoupled modes; see ``LayerOperator``."""
 
     def __init__(
         self, energy: LayerEnergy, plane: Plane, vertical: VerticalBasis, *, column: Field, unit: Unit | None = None
@@ -48,29 +50,29 @@ class SliceOperator(LayerOperator):
         self._plane = plane
 
     def assemble(self) -> Vector:
-        """Return the fields as they are, of which modes make averages themselves."""
+        """Return the present fields, from which the modes compute averages."""
         self.update()
         return np.array(self.rows)
 
     def modes(self, eigenvalues: Vector) -> "AveragedModes":
-        """See ``LayerMatrices``."""
+        """Return the decoupled problems of some modes; see ``LayerMatrices``."""
         return AveragedModes(self, self._plane, eigenvalues)
 
 
 class AveragedModes:
-    """The decoupled problems of some vertical modes: (S_u + Lambda_j S_w) a_j = r_j, layers averaged; see ``Modes``.
+    """Decoupled problems (S_u + Lambda_j S_w) a_j = r_j of a slice, with layers averaged over the depth; see ``Modes``.
 
     Parameters
     ----------
     operator
-        A ``SliceOperator``, or the same in single precision.
+        A ``SliceOperator``, or a ``LayerOperator`` in single precision.
     eigenvalues
         Lambda_j, shape (m,).
 
     Attributes
     ----------
     chain
-        The matrices in C, their number filled up to whole vectors.
+        The matrices in C. Their number is padded to complete vectors of the processor.
     """
 
     def __init__(self, operator: LayerOperator, plane: Plane, eigenvalues: Vector):
@@ -93,7 +95,7 @@ class AveragedModes:
         self._respond = instance.function("respond", self.chain, self._weights, Buffer(size), Buffer(size), self._work)
 
     def take(self, fields: Vector) -> None:
-        """Replace S_u and S_w by those of fields, (dofs, fields)."""
+        """Assemble and factorise the matrices for fields of shape (dofs, fields)."""
         self._average(fields)
         S_u, S_w = (
             np.bincount(self._places, (product @ self._averages[:, :, k]).ravel(), len(self._entries) + 1)[:-1, None]
@@ -103,12 +105,12 @@ class AveragedModes:
         self._factorise()
 
     def compiled(self, weights: Vector) -> dict[str, Any]:
-        """Return the parts of an ``Advection`` for responses with these weights; there are to be no others."""
+        """Return the members of an ``Advection`` for ``respond`` with these weights, which then are fixed."""
         self._weights[: weights.size] = weights
         return {"modes": self.chain, "shares": self._weights, "modes_work": self._work}
 
     def respond(self, weights: Vector, right: Vector, *, cycles: int = 1) -> Vector:
-        """See ``Modes``; exactly."""
+        """Return the exact solution; see ``Modes``."""
         result = np.empty_like(right)
         self._weights[: weights.size] = weights
         self._respond(np.ascontiguousarray(right), result)
@@ -116,23 +118,23 @@ class AveragedModes:
 
 
 class Minimum:
-    """Finds the interior of potentials along a slice or ring, all of it on this rank.
+    """Solver for the interior potential of a slice or ring on one rank.
 
     Parameters
     ----------
     operator
-        In double precision.
+        The operator in double precision.
     energy, column
-        As given to that.
+        The energy and the column of the operator.
     tolerance
-        Of the error's energy, relative to that of the potential; its square root.
+        Relative error of the potential in the energy norm.
 
     Attributes
     ----------
     flow
-        The last column of A phi, of the potential found last, shape (dofs,).
+        Last column of A phi for the last solution, shape (dofs,).
     kinetic
-        phi A phi of that.
+        phi A phi for the last solution.
     last
         Iterations of the last correction.
     """
@@ -167,7 +169,7 @@ class Minimum:
         row = -(-n // _abreast("float")) * _abreast("float")
         self._work = np.empty((plane.size, 5 * row + 2), dtype=np.float32)
         self._steps, self.last = np.empty((MOST + 1, 2)), 0
-        self._correction = np.zeros(2)  # phi A phi, and the residual's energy over that wanted
+        self._correction = np.zeros(2)  # phi A phi, and the energy of the residual over its target
         of, layered = (single.cells, single.layers, single.state, self._modes.chain), Buffer(plane.size * (n + 1))
         results = self._steps, self._correction, self._work
         function = single.instance.function
@@ -180,14 +182,14 @@ class Minimum:
         self.kinetic = 0.0
 
     def factor(self) -> None:
-        """Make a preconditioner of the operator for the fields as they are."""
+        """Assemble and factorise the preconditioner for the present fields."""
         self._single.update()
         self._modes.take(self._single.rows)
 
     def find(self, phi: Vector, wall: Vector) -> int:
-        """Set the interior columns of phi, shape (dofs, n+1), from what they are; return the iterations.
+        """Solve for the interior columns of phi, shape (dofs, n+1), from their initial values; return the iterations.
 
-        ``wall`` is what the wall adds, broadcastable to that shape. Raises ``ConvergenceError``.
+        ``wall`` is the load of the wall, broadcastable to that shape. Raises ``ConvergenceError``.
         """
         self._single.follow(self._operator)
         iterations, correct = 0, self._correct[wall.shape[1] if len(wall) > 1 else 0]
@@ -209,7 +211,7 @@ class Minimum:
 
     @property
     def compiled(self) -> dict[str, Any]:
-        """The parts of a ``Tank`` that it finds minima with."""
+        """The members of a ``Tank`` in C that belong to this solver."""
         single = self._single
         return {
             "float_cells": single.cells,
@@ -227,5 +229,5 @@ class Minimum:
 
     @property
     def steps(self) -> Vector:
-        """Lengths of the steps of the last correction, and parts of each direction in the next, shape (steps, 2)."""
+        """Step lengths of the last correction and the coefficients of its directions, shape (steps, 2)."""
         return self._steps[: self.last]

@@ -1,4 +1,4 @@
-"""Values by the places of degrees of freedom: gathered from the ranks there are, found again on any others."""
+"""Values of degrees of freedom by their coordinates: gathered from all ranks, distributed to any number of ranks."""
 
 from collections.abc import Sequence
 
@@ -11,13 +11,13 @@ from wavetank.base.arrays import Vector
 from wavetank.base.errors import InputError
 from wavetank.fem.plane import Plane
 
-SAME = 1e-6  # of a cell: so near are the places of one degree of freedom on different ranks
+SAME = 1e-6  # largest distance of equal coordinates over the cell size
 
 
 def gathered(plane: Plane, arrays: Sequence[Vector]) -> tuple[list[Vector], Vector]:
-    """Return arrays of shape (..., owned) with the values of all ranks, and their coordinates in the mesh, (N, 3) [m].
+    """Return, on the first rank, the values of all ranks and the coordinates in the mesh, shape (N, 3) [m]; collective.
 
-    On the first rank; collective. Raises ``TypeError``, on all ranks, for an array of another shape.
+    The arrays have shape (..., owned), the result (..., N). Raises ``TypeError`` on all ranks for another shape.
     """
     shaped = all(values.ndim and values.shape[-1] == plane.owned for values in arrays)
     if not plane.comm.allreduce(shaped, op=MPI.LAND):
@@ -28,9 +28,10 @@ def gathered(plane: Plane, arrays: Sequence[Vector]) -> tuple[list[Vector], Vect
 
 
 def at_dofs(plane: Plane, arrays: Sequence[Vector], places: Vector) -> list[Vector]:
-    """Return what arrays of the first rank, of shape (..., N), have at this rank's degrees of freedom; collective.
+    """Return the values at this rank's degrees of freedom of arrays on the first rank, of shape (..., N); collective.
 
-    Raises ``InputError`` where those are in other places, (N, 3) [m].
+    ``places`` are the coordinates of the N values, shape (N, 3) [m]. Raises ``InputError`` if they are not those of the
+    degrees of freedom.
     """
     comm = plane.comm
     places, count = comm.bcast((places, len(arrays)))
@@ -41,12 +42,12 @@ def at_dofs(plane: Plane, arrays: Sequence[Vector], places: Vector) -> list[Vect
 
 
 def has_places(plane: Plane, places: Vector) -> bool:
-    """Return whether the degrees of freedom are in those places of the first rank, (N, 3) [m]; collective."""
+    """Return whether the degrees of freedom have the coordinates of the first rank, shape (N, 3) [m]; collective."""
     return _rows(plane, plane.comm.bcast(places)) is not None
 
 
 def _rows(plane: Plane, places: Vector) -> NDArray[np.intp] | None:
-    """Return which of the places this rank's degrees of freedom are in; None where some are in others; collective."""
+    """Return the index of the place of each degree of freedom; None if the places differ; collective."""
     distances, rows = scipy.spatial.cKDTree(places).query(plane.coordinates())
     farthest = plane.comm.allreduce(float(np.max(distances, initial=0.0)), op=MPI.MAX)
     return rows if len(places) == plane.size and farthest <= SAME * plane.cell_size else None

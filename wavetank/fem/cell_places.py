@@ -1,4 +1,4 @@
-"""Cells of a mesh in which points are, and their reference coordinates there; cells are straight or curved."""
+"""Search for the cells that contain points, and their reference coordinates; cells are straight or curved."""
 
 from typing import NamedTuple
 
@@ -11,22 +11,22 @@ from numpy.typing import NDArray
 
 from wavetank.base.arrays import Vector
 
-PADDING = 1e-9  # m; distance from the mesh up to which a point is in it
-ITERATIONS = 25  # of the Gauss-Newton method; a few do where a point is in its cell
-SETTLED = 1e-13  # step in reference coordinates that is round-off
+PADDING = 1e-9  # largest distance from the mesh of a point inside [m]
+ITERATIONS = 25  # largest number of Gauss-Newton iterations; a few suffice for a point inside its cell
+SETTLED = 1e-13  # step in reference coordinates at which iterations end
 
 
 class Nearest(NamedTuple):
-    """The nearest places of N points in cells.
+    """The nearest positions in cells of N points.
 
     Attributes
     ----------
     cells
-        Of this rank, shape (N,); -1 where none is near.
+        Cells of this rank, shape (N,); -1 for a point outside all boxes of cells.
     local
         Reference coordinates [-], shape (N, dimension of the cells).
     distances
-        From the points [m], shape (N,); inf where no cell is near.
+        Distances from the points [m], shape (N,); inf for a point outside all boxes.
     """
 
     cells: NDArray[np.int32]
@@ -35,24 +35,25 @@ class Nearest(NamedTuple):
 
 
 def tabulate(element: basix.finite_element.FiniteElement, derivatives: int, local: Vector) -> Vector:
-    """Return a scalar element's basis functions and their derivatives, shape (of derivatives, points, functions).
+    """Return a scalar element's basis functions and derivatives, shape (derivatives, points, functions).
 
-    Values at a point do not depend on the others: basix's matrix products are rounded as the matrix's size has it.
+    A value does not depend on the number of points. That of basix does: its matrix products round by the size of the
+    matrix.
     """
     points = local if len(local) else element.points[:1]  # basix refuses an empty array
     degree, kind = element.embedded_superdegree, element.polyset_type
     polynomials = np.asarray(tabulate_polynomial_set(element.cell_type, kind, degree, derivatives, points))
-    each = np.moveaxis(polynomials, 1, 2)[:, : len(local), :, None]  # summed in this order, however many there are
+    each = np.moveaxis(polynomials, 1, 2)[:, : len(local), :, None]  # the order of summation is fixed
     return np.asarray(np.multiply(each, element.coefficient_matrix.T, order="C").sum(axis=2))
 
 
 class CellPlaces:
-    """Finds places in the cells that this rank owns.
+    """A search tree of the cells that this rank owns.
 
     Attributes
     ----------
     arches
-        Distance of a cell's nodes from where they would be with straight sides [m], shape (cells,).
+        Largest distance of a cell's nodes from the cell with straight sides [m], shape (cells,).
     """
 
     def __init__(self, mesh: Mesh):
@@ -65,20 +66,20 @@ class CellPlaces:
         off = self._nodes - tabulate(straight, 0, self._element.points)[0] @ self._nodes[:, : straight.dim]
         self.arches: Vector = np.linalg.norm(off, axis=2).max(axis=1, initial=0.0)
         owned = np.arange(mesh.topology.index_map(dim).size_local, dtype=np.int32)
-        padding = PADDING + float(self.arches.max(initial=0.0))  # boxes are those of nodes
+        padding = PADDING + float(self.arches.max(initial=0.0))  # boxes contain the nodes
         self._order, starts = None, self._nodes[:, :, 0].min(axis=1)
-        if mesh.geometry.dim == 1 and 0 < len(owned) == len(starts):  # a slice, all of it on this rank
+        if mesh.geometry.dim == 1 and 0 < len(owned) == len(starts):  # a slice on one rank
             self._order = np.argsort(starts).astype(np.int32)
             self._starts = starts[self._order]
         else:
             self._tree = geometry.bb_tree(mesh, dim, entities=owned, padding=padding)
 
     def find(self, points: Vector) -> Nearest:
-        """Return the nearest cell and place of each point [m], shape (N, 3)."""
+        """Return the nearest position in a cell for each point [m], shape (N, 3)."""
         if self._order is not None:
             number = np.searchsorted(self._starts, points[:, 0], side="right") - 1
             return self._in_cells(points, self._order[np.maximum(number, 0)])
-        boxes = geometry.compute_collisions_points(self._tree, points)  # those of cells around a point, and more
+        boxes = geometry.compute_collisions_points(self._tree, points)  # all cells whose box contains the point
         which = np.repeat(np.arange(len(points)), np.diff(boxes.offsets))
         candidates = self._in_cells(points[which], boxes.array)
         order = np.lexsort((candidates.cells, candidates.distances, which))
@@ -91,10 +92,10 @@ class CellPlaces:
         return result
 
     def _in_cells(self, points: Vector, cells: NDArray[np.int32]) -> Nearest:
-        """Return the nearest place of each point, shape (N, 3), in the cell of the same number, shape (N,)."""
+        """Return the nearest position of each point, shape (N, 3), in the cell of the same index, shape (N,)."""
         nodes = self._nodes[cells]
         targets = points[:, : nodes.shape[2]]
-        if nodes.shape[1] == 2:  # a straight piece of a line
+        if nodes.shape[1] == 2:  # a straight interval
             start, along = nodes[:, 0], nodes[:, 1] - nodes[:, 0]
             off = targets - start
             local = np.clip(((off * along).sum(axis=1) / (along * along).sum(axis=1))[:, None], 0.0, 1.0)
@@ -115,7 +116,7 @@ class CellPlaces:
         return Nearest(cells, local, np.linalg.norm(targets - result, axis=1))
 
     def _inside(self, local: Vector) -> Vector:
-        """Return the nearest places in the reference cell."""
+        """Return the nearest points of the reference cell."""
         if self._is_triangle:
             local = local - np.maximum(0.0, local.sum(axis=1, keepdims=True) - 1.0) / 2.0
             local = np.maximum(local, 0.0)

@@ -15,7 +15,7 @@ def order_along(plane: Plane) -> Indices:
 
 
 class Chain:
-    """Symmetric banded matrices of one sparsity; of a ring, the last row borders the rest.
+    """Symmetric banded matrices with the same sparsity; for a ring the last row is a border.
 
     Parameters
     ----------
@@ -24,14 +24,14 @@ class Chain:
     band
         Largest distance of coupled rows.
     backwards
-        Whether the rows of a slice end at its near end.
+        Whether the rows of a slice end at x = 0.
 
     Attributes
     ----------
     row
         Row of each degree of freedom, shape (dofs,).
     entries
-        The lower halves, then factors, shape (entries, systems): row by row, by the distance from the diagonal; then
+        Lower halves, then factors, shape (entries, systems): row by row, by the distance from the diagonal; then
         the border and the corner.
     struct
         The matrices in C.
@@ -55,7 +55,7 @@ class Chain:
         )
 
     def places(self, row: Indices, other: Indices) -> Indices:
-        """Return which of the entries belong to rows and others; their number for those above the diagonal."""
+        """Return the index in ``entries`` for pairs of rows; the number of entries for pairs above the diagonal."""
         border = np.where(other < self._rows, self._banded + other, len(self.entries) - 1)
         result = np.where(row < self._rows, row * (self._band + 1) + row - other, border)
         return np.where(other <= row, result, len(self.entries))

@@ -1,4 +1,4 @@
-"""Charts: maps between places (x, y) of the tank [m], shape (N, 2), and coordinates in the mesh [m], shape (N, 3)."""
+"""Charts: maps between positions (x, y) in the tank [m], shape (N, 2), and mesh coordinates [m], shape (N, 3)."""
 
 from typing import Any
 
@@ -13,11 +13,11 @@ class Straight:
     """The chart of a straight tank: x and y are the first two coordinates."""
 
     def places(self, coordinates: Vector) -> Vector:
-        """Return the places of coordinates in the mesh."""
+        """Return the positions in the tank of coordinates in the mesh."""
         return coordinates[:, :2]
 
     def place(self, places: Vector) -> Vector:
-        """Return the coordinates in the mesh of places."""
+        """Return the coordinates in the mesh of positions in the tank."""
         return np.column_stack([places, np.zeros(len(places))])
 
     def direction(self, mesh: Mesh) -> Any:
@@ -25,11 +25,11 @@ class Straight:
         return ufl.as_vector([1.0, *[0.0] * (mesh.geometry.dim - 1)])
 
     def continued(self, x: Vector) -> Vector:
-        """Return x of points cell by cell, shape (cells, points), continuous within each cell."""
+        """Return x of points by cells, shape (cells, points), continuous within each cell."""
         return x
 
     def distance(self, x: Vector, place: float) -> Vector:
-        """Return the distances of places x from another [m], shape (N,)."""
+        """Return the distances of positions x from another [m], shape (N,)."""
         return np.abs(x - place)
 
 
@@ -39,7 +39,7 @@ class Polygon:
     Parameters
     ----------
     length
-        Of all edges together [m].
+        Length of the polygon [m].
     edges
         Number of edges, at least 3.
     """
@@ -50,7 +50,7 @@ class Polygon:
         self._radius = self._edge / (2 * np.sin(self._angle / 2))
 
     def corners(self) -> Vector:
-        """Return the corners' coordinates in the plane, shape (edges, 2)."""
+        """Return the corners in the plane, shape (edges, 2)."""
         angles = self._angle * np.arange(self.edges)
         return np.asarray(self._radius * np.column_stack([np.cos(angles), np.sin(angles)]))
 
@@ -64,7 +64,7 @@ class Polygon:
         return np.column_stack([np.maximum(x, 0.0), np.zeros_like(x)])
 
     def place(self, places: Vector) -> Vector:
-        """Return the coordinates on the polygon of any (x, 0)."""
+        """Return the coordinates on the polygon of (x, 0), for any x."""
         edge, part = np.divmod(places[:, 0] % self.length, self._edge)
         corners = self.corners()
         start, end = corners[edge.astype(int) % self.edges], corners[(edge.astype(int) + 1) % self.edges]
@@ -73,17 +73,17 @@ class Polygon:
         return coordinates
 
     def direction(self, mesh: Mesh) -> Any:
-        """Return the edge's unit vector that goes round anticlockwise."""
+        """Return the unit vector along the edge, anticlockwise, in UFL."""
         x, edge = ufl.SpatialCoordinate(mesh), ufl.Jacobian(mesh)[:, 0]
         return ufl.sign(x[0] * edge[1] - x[1] * edge[0]) * edge / ufl.sqrt(ufl.inner(edge, edge))
 
     def continued(self, x: Vector) -> Vector:
-        """Return x with the first corner at the end of the last edge, where it belongs to that."""
+        """Return x by cells, shape (cells, points); the first corner has x = length in cells of the last edge."""
         last = np.ptp(x, axis=1, keepdims=True) > 1.5 * self._edge
         return np.asarray(np.where(last & (x < 0.5 * self.length), x + self.length, x))
 
     def distance(self, x: Vector, place: float) -> Vector:
-        """Return the distances along the shorter way round."""
+        """Return the distances along the shorter way around the ring [m], shape (N,)."""
         return np.abs((x - place + 0.5 * self.length) % self.length - 0.5 * self.length)
 
 

@@ -1,7 +1,8 @@
-"""Compiled code, kept in the user's cache: each piece is compiled once for a kind of processor, as -march=native asks.
+"""Compiled code in the user's cache, for a kind of processor, as -march=native requires.
 
-A piece is a folder that is filled under another name and then renamed: it is whole or not there, whoever is killed.
-Who wants what another is compiling waits for a lock, which dies with its process.
+A piece of code is a folder. It is filled under a temporary name and then renamed, so that it is complete even if a
+process is killed.
+A process waits for another one that compiles the same piece. The lock ends with its process.
 """
 
 import fcntl
@@ -23,7 +24,7 @@ from wavetank.base.errors import WavetankError
 from wavetank.base.mpi import raise_on_all_ranks
 
 COMPILER_FLAGS = ["-O3", "-march=native", "-ffast-math"]
-PART = "compiled"  # of the cache
+PART = "compiled"  # folder in the cache
 T = TypeVar("T")
 CPUINFO = Path("/proc/cpuinfo")
 KIND_OF_PROCESSOR = {"vendor_id", "cpu family", "model", "model name", "flags"}  # x86
@@ -32,11 +33,11 @@ KIND_OF_PROCESSOR |= {"cpu", "isa", "uarch"}  # Power, RISC-V
 
 
 def compiled(comm: MPI.Comm, what: str, *, build: Callable[[Path], object]) -> Path:
-    """Return the folder of a piece of code, which ``build`` compiles into the folder it is given, unless it is kept.
+    """Return the folder of a piece of code; ``build`` compiles it into the folder that it gets, if it is not cached.
 
-    ``what`` tells the code from any other, its compiler's flags included. The first rank compiles; the others find
-    what it has kept, or, where they have a cache of their own, compile as well. Collective; raises ``WavetankError``
-    on all ranks.
+    ``what`` identifies the code and the compiler's flags. The first rank compiles. Other ranks use its folder, or
+    compile if they
+    do not see it. Collective; raises ``WavetankError`` on all ranks.
     """
     name = hashlib.sha256("\n".join([what, processor(), *_python()]).encode()).hexdigest()[:24]
     first = raise_on_all_ranks(comm, lambda: _cached(name, build) if comm.rank == 0 else None)
@@ -45,12 +46,12 @@ def compiled(comm: MPI.Comm, what: str, *, build: Callable[[Path], object]) -> P
 
 
 def loaded(comm: MPI.Comm, load: Callable[[], T], folder: Path) -> T:
-    """Return what ``load`` makes of a folder's code; collective; raises ``WavetankError`` on all ranks."""
+    """Return the result of ``load``, which loads the code; collective; raises ``WavetankError`` on all ranks."""
 
     def made() -> T:
         try:
             return load()
-        except (ImportError, RuntimeError) as error:  # the latter: of dolfinx, where the first rank met the former
+        except (ImportError, RuntimeError) as error:  # RuntimeError: by dolfinx, if the first rank raised ImportError
             raise WavetankError(
                 f"what is compiled in {folder} cannot be loaded ({error}); if no program may be run there, "
                 f"{VARIABLE} must name another folder."
@@ -61,7 +62,7 @@ def loaded(comm: MPI.Comm, load: Callable[[], T], folder: Path) -> T:
 
 @cache
 def processor(cpuinfo: Path = CPUINFO) -> str:
-    """Return what -march=native depends on: the processor's model and features, or, if they are unknown, the host."""
+    """Return the model and features of the processor, on which -march=native depends; if unknown, the host."""
     try:
         first, *_ = cpuinfo.read_text().strip().split("\n\n")
     except OSError:
@@ -71,18 +72,18 @@ def processor(cpuinfo: Path = CPUINFO) -> str:
 
 
 def vector_size(kind: str) -> int:
-    """Return how many bytes a kind of processor takes at a time: of more, gcc has each operation go through memory."""
+    """Return the size of the vectors of a processor [bytes]; gcc stores larger ones in memory at each operation."""
     features = kind.split()
     return 64 if "avx512f" in features else 32 if "avx" in features else 16
 
 
 def _python() -> list[str]:
-    """Return what else decides how modules of this Python are compiled."""
+    """Return the settings of this Python on which compiled modules depend."""
     return [str(sysconfig.get_config_var(name)) for name in ("SOABI", "CC", "CFLAGS")]
 
 
 def _cached(name: str, build: Callable[[Path], object]) -> Path:
-    """Return the cache folder of a piece, built if it is not there; raises ``WavetankError``, which ranks agree on."""
+    """Return the cache folder of a piece, built if it is missing; raises ``WavetankError``."""
     for folder in places(PART, private=True):
         if is_ours(folder / name):
             return folder / name
@@ -91,7 +92,7 @@ def _cached(name: str, build: Callable[[Path], object]) -> Path:
         raise WavetankError(f"{path}: other users own it or can write there; {VARIABLE} must name another folder.")
     try:
         return _built(path, build)
-    except OSError as error:  # of its folder or lock: a disk that is full, say
+    except OSError as error:  # of the folder or the lock, such as a full disk
         raise WavetankError(f"nothing can be kept in {path.parent} ({error.strerror}).") from error
 
 
@@ -104,10 +105,10 @@ def _built(path: Path, build: Callable[[Path], object]) -> Path:
             warn(f"another process compiles in {path.parent} what is needed here: waiting for it.")
             fcntl.flock(file, fcntl.LOCK_EX)
         if not path.is_dir():
-            for part in path.parent.glob(f"{path.name}.part-*"):  # by a process that was killed: it would have the lock
+            for part in path.parent.glob(f"{path.name}.part-*"):  # of killed processes, since this one has the lock
                 shutil.rmtree(part, ignore_errors=True)
             _build(path, build)
-        lock.unlink(missing_ok=True)  # who still waits for it will find the piece, and needs no lock
+        lock.unlink(missing_ok=True)  # waiting processes use the complete piece
     return path
 
 
@@ -117,8 +118,8 @@ def _build(path: Path, build: Callable[[Path], object]) -> None:
         build(scratch)
         os.replace(scratch, path)
     except WavetankError:
-        raise  # what is to be compiled is not C
-    except Exception as error:  # whatever a compiler may meet; other ranks wait for a word of it
+        raise  # the code could not be generated
+    except Exception as error:  # any error of a compiler must reach the other ranks
         reason = str(error).strip().removesuffix(".") or type(error).__name__
         raise WavetankError(
             f"code cannot be compiled in {path.parent} ({reason}); a C compiler is needed: gcc, or what CC names."

@@ -1,11 +1,14 @@
 """Decoupled horizontal problems of the vertical modes: (S_u + Lambda_j S_w) a_j = r_j, j = 1 ... m.
 
-S_u and S_w are the second derivatives by u and by w of the layer's energy, averaged over the depth. The terms that
-couple u and w, with the slopes of surface and bed, are left out. They vanish for still water over a flat bed.
+S_u and S_w are the second derivatives of the layer's energy with respect to u and w, averaged over the depth. Terms
+that couple
+u and w by the slopes of surface and bed are omitted. They vanish for still water over a flat bed.
 
-On slices and on elements of order 1 the problems are interlaced in one sparse matrix. On a slice one banded LU solves
-them without fill between the modes, in a basin LU (few unknowns, one rank) or a cycle of BoomerAMG. In a basin of
-higher order they are solved by multigrid in the order (``order_multigrid.py``).
+On slices, and on elements of order 1, the problems are interlaced in one sparse matrix. On a slice a banded LU solves
+them
+without fill between the modes. In a basin it is LU (few unknowns, one rank) or a cycle of BoomerAMG. In basins of
+higher order
+multigrid in the order solves them (``order_multigrid.py``).
 """
 
 from abc import ABC, abstractmethod
@@ -23,14 +26,14 @@ from wavetank.fem.layers import Array, LayerEnergy
 from wavetank.fem.plane import Plane
 from wavetank.fem.sparse_rows import SparseRows
 
-Averages = tuple[Vector, ...]  # all that decoupled problems are made of
+Averages = tuple[Vector, ...]  # data of the decoupled problems
 
-FEW_ROWS = 3000  # of a basin's matrix, up to which LU is faster than a cycle of BoomerAMG
-LEVELS = 0.5 - 0.5 / sqrt(3), 0.5 + 0.5 / sqrt(3)  # of Gauss: exact for cubics
+FEW_ROWS = 3000  # rows of a basin's matrix up to which LU is faster than a cycle of BoomerAMG
+LEVELS = 0.5 - 0.5 / sqrt(3), 0.5 + 0.5 / sqrt(3)  # Gauss points: exact for cubics
 
 
 class LayerMatrices:
-    """S_u and S_w, of one sparsity.
+    """The matrices S_u and S_w, which have the same sparsity.
 
     Parameters
     ----------
@@ -40,9 +43,9 @@ class LayerMatrices:
     Attributes
     ----------
     columns, row_pointers
-        Of the rows that this rank owns, columns in local numbering.
+        Sparsity of the rows that this rank owns; columns in local numbering.
     numbering
-        That of the columns.
+        Index map of the columns.
     """
 
     def __init__(self, energy: LayerEnergy, plane: Plane):
@@ -57,7 +60,7 @@ class LayerMatrices:
         self.numbering = self._matrix.index_map(1)
 
     def assemble(self) -> Averages:
-        """Return the entries of both, (entries,) each, for the fields as they are; collective."""
+        """Return the entries of both matrices, (entries,) each, for the present fields; collective."""
         self._matrix.data[:] = 0.0
         fem.assemble_matrix(self._matrix, self._form)
         self._matrix.scatter_reverse()
@@ -74,19 +77,19 @@ class Modes(ABC):
 
     @abstractmethod
     def take(self, averages: Any) -> None:
-        """Replace S_u and S_w by those that a layer has assembled."""
+        """Replace S_u and S_w by the result of ``assemble``."""
 
     @abstractmethod
     def solve(self, right: Array, *, cycles: int = 1) -> Array:
         """Return a for r, both of shape (owned, m); more cycles of multigrid reduce the error."""
 
     def respond(self, weights: Vector, right: Vector, *, cycles: int = 1) -> Vector:
-        """Return sum_j s_j a_j for r_j = s_j r, of weights s (m,) and r (owned,)."""
+        """Return sum_j s_j a_j for r_j = s_j r, with weights s of shape (m,) and r of shape (owned,)."""
         return np.asarray(self.solve(np.asarray(np.outer(right, weights), dtype=np.float64), cycles=cycles) @ weights)
 
 
 class InterlacedModes(Modes):
-    """All problems in one sparse matrix, rows ordered (degree of freedom, mode)."""
+    """The decoupled problems in one sparse matrix, rows ordered by (degree of freedom, mode)."""
 
     def __init__(self, layer: LayerMatrices, eigenvalues: Vector):
         self._eigenvalues, plane = eigenvalues, layer.plane
@@ -100,13 +103,13 @@ class InterlacedModes(Modes):
         self._in, self._out = self._rows.matrix.createVecs()
 
     def take(self, averages: Averages) -> None:
-        """Take over S_u and S_w; collective."""
+        """Set and factorise the matrix; collective."""
         S_u, S_w = averages
         self._rows.set(S_u[:, None] + S_w[:, None] * self._eigenvalues)
         self._ksp.setUp()
 
     def solve(self, right: Array, *, cycles: int = 1) -> Array:
-        """Return a for r, both of shape (owned, m), on a slice in one cycle; collective."""
+        """Return a for r, both of shape (owned, m); on a slice one cycle is exact; collective."""
         self._ksp.setTolerances(max_it=cycles)
         self._in.array = right.ravel()
         self._ksp.solve(self._in, self._out)

@@ -1,7 +1,8 @@
-"""Compiled forms: each is compiled once, with the flags measured to be fastest, and assembled into its own storage.
+"""Compiled forms. Each is compiled once, with the fastest flags, and assembled into its own storage.
 
-GCC's -O2 takes a minute where -O3 takes seconds on forms with many vertical components; reassociation halves the time
-of the kernels and changes results by round-off only.
+On forms with many vertical components GCC's -O2 takes a minute, -O3 seconds. -ffast-math halves the time of the kernels
+and
+changes results by round-off.
 """
 
 import os
@@ -38,7 +39,7 @@ def compile_expression(expression: Any, points: Vector, comm: MPI.Comm) -> fem.E
 
 
 def _set_readable_config_home() -> None:
-    """Where the user's home cannot be entered, FFCx and dolfinx, which fail there, look for settings here alone."""
+    """Set the folder of settings of FFCx and dolfinx to the current one if the user's home is not accessible."""
     try:
         (Path(os.environ.get("XDG_CONFIG_HOME", "~/.config")).expanduser() / "ffcx").stat()
     except FileNotFoundError:
@@ -48,7 +49,7 @@ def _set_readable_config_home() -> None:
 
 
 def _cache_options(ufl_object: Any, comm: MPI.Comm) -> dict[str, Any]:
-    """Return options with which dolfinx finds a form or expression in the cache, compiled if need be; collective."""
+    """Return dolfinx's options to load a form or expression from the cache, compiled if missing; collective."""
     _set_readable_config_home()
     scalar = {"scalar_type": default_scalar_type}
 
@@ -62,25 +63,25 @@ def _cache_options(ufl_object: Any, comm: MPI.Comm) -> dict[str, Any]:
 
 
 def derivative_at_zero(f: Callable[[Any], Any], plan_mesh: mesh.Mesh) -> Any:
-    """Return the derivative of a density f(x) at x = 0, x a number, in UFL, without terms that vanish."""
+    """Return the derivative of a density f(x) with respect to a number x at x = 0, in UFL, without zero terms."""
     x = ufl.variable(ufl.Constant(plan_mesh.ufl_domain()))
     derivative = apply_derivatives(apply_algebra_lowering(ufl.diff(apply_algebra_lowering(f(x)), x)))
     return ufl.replace(derivative, {x: ufl.as_ufl(0)})
 
 
 class ScalarForm:
-    """A functional, e.g. an energy."""
+    """A functional, such as an energy."""
 
     def __init__(self, form: ufl.Form, comm: MPI.Comm):
         self._form, self._comm = compile_form(form), comm
 
     def assemble(self) -> float:
-        """Return its value, summed over all ranks; collective."""
+        """Return its value, summed over ranks; collective."""
         return summed(self._comm, float(fem.assemble_scalar(self._form)))
 
 
 class VectorForm:
-    """A linear form, e.g. a derivative of the energy."""
+    """A linear form, such as a derivative of the energy."""
 
     def __init__(self, form: ufl.Form):
         self._form = compile_form(form)
@@ -91,7 +92,7 @@ class VectorForm:
         self._alone = space.index_map.size_local == space.index_map.size_global
 
     def assemble(self) -> Vector:
-        """Return the values this rank owns, shape (owned,); collective. The array is reused by the next call."""
+        """Return the owned values, shape (owned,); collective. The array is reused by the next call."""
         self._values[:] = 0.0
         fem.assemble_vector(self._values, self._form)
         if not self._alone:
@@ -100,7 +101,7 @@ class VectorForm:
 
 
 def owned_rows(matrix: Any) -> tuple[Vector, Any, Any]:
-    """Return values, column indices (local, with ghosts) and row pointers of the rows this rank owns."""
+    """Return values, column indices (local, with ghosts) and row pointers of the owned rows."""
     rows = matrix.index_map(0).size_local
     indptr = matrix.indptr[: rows + 1]
     entries = int(indptr[-1])

@@ -1,8 +1,10 @@
-"""Values at the degrees of freedom that the rows of a matrix reach: a rank's own and those it sees of others.
+"""Exchange of values at the degrees of freedom that rows of a matrix reach: owned ones and those of other ranks.
 
-A vertex that one rank owns may have a cell of another rank that touches none of the first rank's facets. The matrix's
-rows reach into that cell, the ghosts of a finite-element space do not; the matrix's own numbering of columns does.
-A rank's cells reach fewer than there are ghosts, and only those are sent.
+A vertex owned by one rank can have a cell of another rank that has no facet in common with the first rank. Rows of the
+matrix
+reach into this cell; the ghosts of the finite element space do not, but the column numbering of the matrix does. The
+cells of a
+rank reach fewer degrees of freedom than this numbering has ghosts. Only these are exchanged.
 """
 
 from typing import Any, NamedTuple
@@ -12,12 +14,12 @@ from dolfinx import common
 from mpi4py import MPI
 from numpy.typing import DTypeLike, NDArray
 
-TAG = 15  # of its messages
+TAG = 15  # tag of its messages
 Indices = NDArray[np.integer]
 
 
 class Partner(NamedTuple):
-    """What another rank is sent of this one's rows, and what it sends back, by number."""
+    """Indices of the values that are sent to another rank and received from it."""
 
     rank: int
     sent: Indices
@@ -25,23 +27,23 @@ class Partner(NamedTuple):
 
 
 class Halo:
-    """Room for values of several components, with the exchange between ranks; on one rank there is none.
+    """Storage for values of several components with the exchange between ranks; on one rank there is no exchange.
 
     Parameters
     ----------
     numbering
-        Of the degrees of freedom, the owned ones first, then the others.
+        Index map of the degrees of freedom, owned ones first.
     components
         m.
     real
-        What they are.
+        Type of the values.
     reached
-        Those that are needed, by number, in any order and as often as one likes; all, if not given.
+        Indices of the degrees of freedom that are needed, in any order, repeated or not; default: all.
 
     Attributes
     ----------
     owned, size
-        Rows that this rank owns, and all rows.
+        Number of rows that this rank owns, and of all rows.
     """
 
     def __init__(
@@ -61,9 +63,9 @@ class Halo:
             self._to_collect = [Partner(one.rank, one.received, one.sent) for one in self._to_fetch]
 
     def fetch(self, owned: NDArray[Any]) -> NDArray[Any]:
-        """Return the values of all, shape (size, m), for those owned, (owned, m); collective.
+        """Return all values, shape (size, m), from the owned ones, shape (owned, m); collective.
 
-        The array is reused by the next call, or is the one given.
+        The array is reused by the next call, or is ``values`` on one rank.
         """
         if self._alone:
             return np.ascontiguousarray(owned)
@@ -73,9 +75,9 @@ class Halo:
         return self._rows
 
     def collect(self, rows: NDArray[Any]) -> NDArray[Any]:
-        """Return the sums over ranks at those owned, shape (owned, m), of parts at all, (size, m); collective.
+        """Return sums over ranks for owned rows, shape (owned, m), of contributions to all rows, (size, m); collective.
 
-        They are found where the parts stand.
+        The sums are stored in the first rows of the contributions.
         """
         if self._alone:
             return rows
@@ -84,7 +86,7 @@ class Halo:
         return rows[: self.owned]
 
     def _exchange(self, rows: NDArray[Any], partners: list[Partner]) -> list[tuple[Indices, NDArray[Any]]]:
-        """Return where what comes from each partner belongs, and what it is; collective."""
+        """Return, for each partner, the indices and the values received; collective."""
         sent = [rows[one.sent] for one in partners]
         come = [np.empty((one.received.size, *rows.shape[1:]), dtype=rows.dtype) for one in partners]
         waited = [self._comm.Irecv(values, one.rank, TAG) for one, values in zip(partners, come, strict=True)]
@@ -94,7 +96,7 @@ class Halo:
 
 
 def _partners(numbering: common.IndexMap, reached: Indices) -> list[Partner]:
-    """Return the ranks with which degrees of freedom are shared, in their order; collective."""
+    """Return the ranks that share degrees of freedom with this one, in their order; collective."""
     ghosts = np.unique(reached[reached >= numbering.size_local]) - numbering.size_local
     owners, first = numbering.owners[ghosts], numbering.local_range[0]
     of_ranks = [ghosts[owners == rank] for rank in range(numbering.comm.size)]

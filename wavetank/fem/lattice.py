@@ -1,4 +1,4 @@
-"""What programs that know linear cells only are shown of a plane: its cells, each split at its degrees of freedom."""
+"""The cells of a plane split at their degrees of freedom into linear cells, for programs that support only these."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from wavetank.fem.plane import Plane
 
 Indices = NDArray[np.int32]
 
-PIECES = {  # the corners of a cell's linear pieces, in steps of the lattice from any of its places
+PIECES = {  # offsets of the corners of a linear piece from a point of the lattice
     basix.CellType.interval: [[(0,), (1,)]],
     basix.CellType.triangle: [[(0, 0), (1, 0), (0, 1)], [(1, 0), (1, 1), (0, 1)]],
     basix.CellType.quadrilateral: [[(0, 0), (1, 0), (1, 1), (0, 1)]],
@@ -18,18 +18,18 @@ PIECES = {  # the corners of a cell's linear pieces, in steps of the lattice fro
 
 
 class Lattice:
-    """The cells this rank owns, p linear pieces a side, with a point at each degree of freedom.
+    """The cells of this rank split into linear pieces, p along each side, with a point at each degree of freedom.
 
-    Where a ring closes, its first corner is two points, one at each end.
+    The first corner of a ring is two points, at x = 0 and at x = length.
 
     Attributes
     ----------
     dofs
-        The degree of freedom at each point, in this rank's numbering with ghosts, shape (N,).
+        Degree of freedom of each point, in this rank's numbering with ghosts, shape (N,).
     places
-        Where the points are in the reference tank, (x, y) [m], shape (N, 2).
+        Positions of the points in the reference tank, (x, y) [m], shape (N, 2).
     pieces
-        The corners of each piece among the points, in the direction of x or anticlockwise, shape (M, corners).
+        Indices of the points at the corners of each piece, in the direction of x or anticlockwise, shape (M, corners).
     """
 
     def __init__(self, plane: Plane):
@@ -45,7 +45,7 @@ class Lattice:
         self.pieces = self._oriented(points.reshape(dofs.shape)[:, split].reshape(-1, split.shape[1]).astype(np.int32))
 
     def _oriented(self, pieces: Indices) -> Indices:
-        """Return the pieces, those that run backwards or clockwise turned round."""
+        """Return the pieces in the direction of x or anticlockwise."""
         start, second, last = (self.places[pieces[:, corner]] for corner in (0, 1, -1))
         ahead, back = (second - start).T, (last - start).T
         size = ahead[0] if pieces.shape[1] == 2 else ahead[0] * back[1] - ahead[1] * back[0]
@@ -53,9 +53,9 @@ class Lattice:
 
 
 def _split(element: Any) -> Indices:
-    """Return the corners of the pieces among an element's degrees of freedom, shape (pieces, corners).
+    """Return the corners of the pieces as indices of an element's degrees of freedom, shape (pieces, corners).
 
-    Degrees of freedom are numbered alike whatever the points of the variant, and equally spaced ones tell their place.
+    The numbering does not depend on the variant of the element; that of equally spaced points gives their positions.
     """
     p = element.degree
     even = basix.create_element(element.family, element.cell_type, p, basix.LagrangeVariant.equispaced)

@@ -1,11 +1,14 @@
-"""The interior operator without matrices, from the energy of a horizontal layer.
+"""The matrix-free interior operator, from the energy of a horizontal layer.
 
-A layer at height zeta, with potential u and vertical derivative w, has an energy e(grad u, w; zeta), quadratic in
-(grad u, w) and depends on fields (the water column, the bed, the wall's mapping) and on zeta in any way. With
-phi = sum_j phi_j(X) P_j(zeta) the second derivative A of int e dzeta dX is applied as it is written: interpolate phi to
-the quadrature points, contract with the vertical functions at the levels zeta_q, multiply by the energy's second
-derivatives there, and go back (``layers.c``). Nothing is assembled: each product finds these derivatives anew, of the
-fields at the points, unless there are to be many with the same fields, and room for them (``stored``).
+A layer at height zeta with potential u and vertical derivative w has an energy e(grad u, w; zeta). It is quadratic in
+(grad u, w). It depends in any way on zeta and on fields: the water column, the bed, the wall's mapping. With
+phi = sum_j phi_j(X) P_j(zeta), A is the second derivative of int e dzeta dX. A product with A interpolates phi to the
+quadrature
+points, contracts it with the vertical functions at levels zeta_q, multiplies by the second derivatives of e there, and
+applies the
+transposes (``layers.c``). No matrix is assembled. Each product evaluates the second derivatives from the fields, unless
+they are
+``stored``: this is faster for many products with the same fields.
 """
 
 from collections.abc import Callable
@@ -24,11 +27,11 @@ from wavetank.fem.vertical import VerticalBasis
 
 LayerEnergy = Callable[[Any, Any, Any], Any]  # (u, w, zeta) -> energy density
 Indices = NDArray[np.intp]
-Array = NDArray[Any]  # of the operator's precision
+Array = NDArray[Any]  # in the precision of the operator
 
 
 class LayerDensity(Density):
-    """The energy of a layer at a point.
+    """The energy density of a layer at a point.
 
     Parameters
     ----------
@@ -50,20 +53,20 @@ class LayerDensity(Density):
         }
 
     def second(self, e: Any) -> Statements:
-        """Return the second derivatives by grad u and w."""
+        """Return the second derivatives with respect to grad u and w."""
         u, w = [named("u", i) for i in self._axes], named("w")
         second = {f"uu[{i}][{j}]": e.diff(u[i], u[j]) for i in self._axes for j in self._axes}
         return second | {f"uw[{i}]": e.diff(u[i], w) for i in self._axes} | {"ww": e.diff(w, w)}
 
     def first(self, e: Any) -> Statements:
-        """Return the derivatives by the column and its slope, of grad u in an array."""
+        """Return the derivatives with respect to the column and its slope, for grad u in an array."""
         first = {"by": e.diff(named("f0"))} | {f"by_slope[{i}]": e.diff(named("f0", i)) for i in self._axes}
         slope = {named("u", i): named(f"u[{i}]") for i in self._axes}
         return {name: derivative.xreplace(slope) for name, derivative in first.items()}
 
 
 class MoreCode(NamedTuple):
-    """C code that is compiled with the operator's; all functions that Python calls; and macros of the code."""
+    """Further C code of an operator: code, exported functions, and macros."""
 
     code: str = ""
     functions: tuple[str, ...] = ("take", "product", "interior_product", "derivative")
@@ -71,39 +74,40 @@ class MoreCode(NamedTuple):
 
 
 class LayerOperator:
-    """A, its products, and the derivative of its energy by the water column.
+    """The operator A, its products, and the derivative of its energy with respect to the water column.
 
     Parameters
     ----------
     energy
         e(u, w, zeta), in UFL.
     column
-        The field by which derivatives are taken.
+        The field with respect to which ``derivative`` differentiates.
     more
-        Code beside the operator's.
+        Further code.
     unit, prefix
-        The translation unit that its functions belong to, and their prefix there; default: one of its own.
+        Translation unit of its functions, and their prefix there; default: a separate unit.
     real
         Precision: "double" or "float".
     order
-        The degrees of freedom in the order of the rows of arrays; default: their own.
+        Degree of freedom of each row of arrays; default: the numbering of the space.
     stored
-        Whether the energy's second derivatives are stored from one state of the fields to the next.
+        Whether the second derivatives of the energy are stored.
 
     Attributes
     ----------
     density
         The energy at a point.
     numbers
-        Numbers of a degree of freedom: n + 1.
+        Values for each degree of freedom: n + 1.
     cell_values
         The quadrature on cells.
     instance, cells, layers, state
-        Its functions, and what they are called with; the state is the fields, or the derivatives stored.
+        The C functions and their arguments; the state is the fields or the stored derivatives.
     rows
-        The fields as they were taken over, shape (dofs, fields), in the order of rows.
+        The fields at the last update, shape (dofs, fields), in the order of rows.
     least
-        The column's least value at the points of this rank's cells: between nodes it may be lower than there.
+        Least value of the column at the quadrature points of this rank's cells; between nodes it can be lower than
+        there.
     """
 
     def __init__(
@@ -162,12 +166,12 @@ class LayerOperator:
         }
 
     def update(self) -> None:
-        """Take over the fields as they are, ghosts included."""
+        """Copy the present fields, ghosts included."""
         self._constants[:] = self.density.constants()
         self._take(self.density.rows())
 
     def follow(self, other: "LayerOperator") -> None:
-        """Take over the fields as another operator of the same energy has them, in the degrees of freedom's order."""
+        """Copy the fields of another operator of the same energy, whose rows are in the numbering of the space."""
         self._constants[:] = other._constants
         self._take(other.rows)
 
@@ -176,16 +180,16 @@ class LayerOperator:
         self.least = self._functions["take"]()
 
     def apply(self, rows: Array) -> Array:
-        """Return A x, shape (owned, n+1), for the owned rows of x or more; collective."""
+        """Return A x, shape (owned, n+1), for owned rows of x, or more rows; collective."""
         return self._applied("product", rows, np.zeros_like(self._image))
 
     def apply_to(self, rows: Array, image: Array) -> None:
-        """Set A x, shape (dofs, n+1), for x of that shape, all of it on this rank."""
+        """Set A x, shape (dofs, n+1), for x of that shape, on one rank."""
         image[:] = 0.0
         self._functions["product"](rows, image)
 
     def apply_to_interior(self, rows: Array) -> Array:
-        """Return A x, shape (owned, n+1), for an x of that shape whose last column is zero; collective.
+        """Return A x, shape (owned, n+1), for x of that shape whose last column is zero; collective.
 
         The array is reused by the next call.
         """
@@ -198,7 +202,7 @@ class LayerOperator:
         return halo.collect(y)
 
     def derivative(self, rows: Vector) -> Vector:
-        """Return the derivative of 1/2 x A x by the water column, shape (owned,), for x of (owned, n+1); collective."""
+        """Return the derivative of 1/2 x A x with respect to the column, (owned,), for x (owned, n+1); collective."""
         halo = self._halos[1]
         x, y = self._halos[self.numbers].fetch(rows[: halo.owned]), np.zeros((halo.size, 1))
         self._functions["derivative"](x, y)

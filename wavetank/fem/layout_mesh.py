@@ -1,6 +1,6 @@
-"""A layout's mesh with its named groups, drawn by gmsh or read from a file; the same on any number of ranks.
+"""The mesh of a layout with its named groups, drawn by gmsh or read from a file; equal on any number of ranks.
 
-gmsh runs on the first rank alone. What it meets is raised on all of them.
+gmsh runs on the first rank. Its errors are raised on all ranks.
 """
 
 from collections.abc import Callable
@@ -20,7 +20,7 @@ from wavetank.mesh.gmsh_model import CURVE, FLAT, SURFACE, Groups, empty_model, 
 
 try:
     from dolfinx.io.gmsh import model_to_mesh
-except ImportError:  # its name up to dolfinx 0.9
+except ImportError:  # name up to dolfinx 0.9
     from dolfinx.io.gmshio import model_to_mesh
 
 Entities = NDArray[np.int32]
@@ -36,18 +36,18 @@ def cell_partitioner() -> Any:
 
 
 class LayoutMesh(NamedTuple):
-    """A mesh in the plane with named groups of cells and boundary facets.
+    """A plane mesh with named groups of cells and boundary facets.
 
     Attributes
     ----------
     mesh
         The dolfinx mesh, of geometric dimension 2.
     cells, facets
-        Tags, by the numbers of ``groups``.
+        Tags, with the numbers of ``groups``.
     groups
-        The numbers that belong to a group, by dimension and name.
+        The numbers of each group, by dimension and name.
     source
-        What messages call the mesh.
+        Name of the mesh in messages.
     """
 
     mesh: mesh.Mesh
@@ -66,10 +66,12 @@ class LayoutMesh(NamedTuple):
         return mesh.meshtags(self.mesh, CURVE, result, np.ones(result.size, dtype=np.int32))
 
     def paddle_line(self) -> tuple[Vector, Vector]:
-        """Return a point of the paddle's line and its unit normal into the water, each of shape (2,); collective.
+        """Return a point of the paddle's line and its unit normal into the water, shape (2,) each; collective.
 
-        The point is that nearest to the mesh's origin, so that places along the paddle are counted as in the mesh.
-        Raises ``InputError`` if there is no group ``paddle``, or if it is not one straight wall.
+        The point is the one closest to the mesh's origin, so that positions along the paddle are those of the mesh.
+
+        Raises
+        ``InputError`` if there is no group ``paddle``, or if it is not one straight wall.
         """
         facets = self.facets_of("paddle").indices
         ends, behind = self._nodes(CURVE, facets), self._nodes(SURFACE, self._cells_at(facets))
@@ -81,7 +83,7 @@ class LayoutMesh(NamedTuple):
             raise InputError(f"{self.source}: the group 'paddle' is not straight; a paddle must be one straight wall.")
         normal *= np.sign((behind.mean(axis=0) - middle) @ normal)
         normal = np.where(np.abs(normal) < FLAT, 0.0, normal)
-        normal /= np.linalg.norm(normal)  # of a paddle along y or x exactly so
+        normal /= np.linalg.norm(normal)  # exact for a paddle along y or x
         return (middle @ normal) * normal, normal
 
     def _find(self, tags: mesh.MeshTags | None, dim: int, name: str) -> Entities:
@@ -97,21 +99,21 @@ class LayoutMesh(NamedTuple):
         return np.array([cells.links(facet)[0] for facet in facets], dtype=np.int32)
 
     def _all_outside(self, facets: Entities) -> bool:
-        """Return whether all of these facets are at the layout's edge; collective."""
+        """Return whether all of these facets are on the boundary of the layout; collective."""
         self.mesh.topology.create_connectivity(CURVE, SURFACE)
         owned = facets[facets < self.mesh.topology.index_map(CURVE).size_local]
         inside = np.setdiff1d(owned, mesh.exterior_facet_indices(self.mesh.topology))
         return bool(self.mesh.comm.allreduce(inside.size) == 0)
 
     def _nodes(self, dim: int, entities: Entities) -> Vector:
-        """Return (x, y) of the nodes of all ranks' entities [m], shape (N, 2), each once and sorted; collective."""
+        """Return (x, y) of the nodes of entities on all ranks [m], shape (N, 2), sorted and unique; collective."""
         nodes = mesh.entities_to_geometry(self.mesh, dim, entities) if entities.size else entities  # it takes no none
         points = self.mesh.comm.allgather(self.mesh.geometry.x[nodes.ravel(), :2])
         return np.asarray(np.unique(np.concatenate(points), axis=0))
 
 
 def draw_layout(draw: Callable[[], None], comm: MPI.Comm) -> LayoutMesh:
-    """Return what ``draw`` draws and meshes into gmsh's current model; collective.
+    """Return the mesh that ``draw`` makes in gmsh's current model; collective.
 
     Raises ``InputError`` for a mesh that cannot be used.
     """
@@ -119,7 +121,7 @@ def draw_layout(draw: Callable[[], None], comm: MPI.Comm) -> LayoutMesh:
 
 
 def read_layout(path: Path, comm: MPI.Comm) -> LayoutMesh:
-    """Return the mesh of a file of gmsh's, or of any format that meshio reads (``mesh/gmsh_model.py``); collective.
+    """Return the mesh of a file in gmsh's format or any that meshio reads (``mesh/gmsh_model.py``); collective.
 
     Raises ``InputError`` for a mesh that cannot be used.
     """

@@ -16,7 +16,7 @@ from wavetank.fem.forms import ScalarForm
 
 
 def usual_size(horizontal: mesh.Mesh) -> float:
-    """Return the size of a usual cell [m]: length, or square root of the area, of the mean one; collective."""
+    """Return the size of the mean cell [m]: its length, or the square root of its area; collective."""
     extent = ScalarForm(fem.Constant(horizontal, 1.0) * ufl.dx(domain=horizontal), horizontal.comm).assemble()
     dim = horizontal.topology.dim
     return float((extent / horizontal.topology.index_map(dim).size_global) ** (1 / dim))
@@ -30,21 +30,23 @@ class Plane:
     order
         p.
     chart
-        Where a place (x, y) of the tank lies in the mesh; in a straight one they are its first coordinates.
+        Map between positions (x, y) in the tank and coordinates in the mesh.
     walls
-        Returns tags with 1 at a wall of a name, raises ``InputError`` if there is none; collective.
+        Function of a wall's name that returns tags with 1 at the wall; raises ``InputError`` if there is none;
+        collective.
 
     Attributes
     ----------
     mesh, V
         The dolfinx mesh and function space.
     degree
-        Of quadrature: up to which it is exact. The polynomial part of the energy has 3p; what 2.5p loses of it is far
-        below what elements do (docs/scaling.md).
+        Degree up to which quadrature is exact. The polynomial part of the energy has degree 3p; the error by 2.5p is
+        far
+        below that of the elements (docs/scaling.md).
     dx
-        The measure over the mesh, of that degree.
+        The measure of that degree over the mesh.
     owned
-        Number of degrees of freedom this rank owns.
+        Number of degrees of freedom that this rank owns.
     """
 
     def __init__(
@@ -70,7 +72,7 @@ class Plane:
         return comm
 
     def over(self, cells: NDArray[np.int32]) -> ufl.Measure:
-        """Return the measure over some of this rank's cells, ghosts among them, by number."""
+        """Return the measure over some of this rank's cells, by index, ghosts included."""
         dim = self.mesh.topology.dim
         tags = mesh.meshtags(self.mesh, dim, np.sort(cells), np.ones(len(cells), dtype=np.int32))
         return ufl.Measure("dx", domain=self.mesh, subdomain_data=tags, metadata=self.dx.metadata())(1)
@@ -80,58 +82,58 @@ class Plane:
         return Field(fem.Function(self.V, name=name))
 
     def layered_function(self, components: int, name: str) -> "LayeredField":
-        """Return a field of ``components`` values per degree of freedom, numbered as V is."""
+        """Return a field of ``components`` values for each degree of freedom, in the numbering of V."""
         space = fem.functionspace(self.mesh, ("Lagrange", self.order, (components,)))
         if not np.array_equal(space.dofmap.list, self.V.dofmap.list):
             raise RuntimeError("dolfinx numbers blocked and scalar Lagrange spaces differently on this mesh")
         return LayeredField(fem.Function(space, name=name))
 
     def coordinates(self) -> Vector:
-        """Return the owned degrees of freedom's coordinates in the mesh [m], shape (owned, 3)."""
+        """Return the coordinates of the owned degrees of freedom in the mesh [m], shape (owned, 3)."""
         x: Vector = self.V.tabulate_dof_coordinates()[: self.owned]
         return x
 
     @cached_property
     def places(self) -> Vector:
-        """Where the owned degrees of freedom are in the tank, (x, y) [m], shape (owned, 2)."""
+        """Positions of the owned degrees of freedom in the tank, (x, y) [m], shape (owned, 2)."""
         return self.chart.places(self.coordinates())
 
     @property
     def cells(self) -> int:
-        """How many cells there are."""
+        """Number of cells."""
         return int(self.mesh.topology.index_map(self.mesh.topology.dim).size_global)
 
     @cached_property
     def cell_size(self) -> float:
-        """The size of a usual cell [m]; collective."""
+        """Size of the mean cell [m]; collective."""
         return usual_size(self.mesh)
 
     @property
     def x(self) -> Vector:
-        """The owned degrees of freedom's distances along the tank [m], shape (owned,)."""
+        """Positions of the owned degrees of freedom along the tank [m], shape (owned,)."""
         x: Vector = self.places[:, 0]
         return x
 
     def at(self, facets: mesh.MeshTags) -> NDArray[np.int32]:
-        """Return which of the owned degrees of freedom stand on the facets tagged 1, shape (N,); collective."""
+        """Return the owned degrees of freedom on facets with tag 1, shape (N,); collective."""
         self.mesh.topology.create_connectivity(facets.dim, self.mesh.topology.dim)
         result: NDArray[np.int32] = fem.locate_dofs_topological(self.V, facets.dim, facets.find(1))
         return result[result < self.owned]
 
     def wall(self, name: str) -> mesh.MeshTags:
-        """Return tags with 1 at a wall of a name; raises ``InputError`` if there is none; collective."""
+        """Return tags with 1 at a wall; raises ``InputError`` if there is no wall of that name; collective."""
         if self._walls is None:
             raise InputError(f"{name!r}: the walls of this mesh have no names.")
         return self._walls(name)
 
     def around(self, dofs: NDArray[np.intp]) -> NDArray[np.int32]:
-        """Return this rank's cells that have any of some degrees of freedom, ghosts among them."""
+        """Return this rank's cells that have any of some degrees of freedom, ghosts included."""
         return np.flatnonzero(np.isin(self.V.dofmap.list, dofs).any(axis=1)).astype(np.int32)
 
     def neighbourhood(self, cells: NDArray[np.int32], *, rings: int) -> NDArray[np.int32]:
-        """Return which of this rank's own cells are among all ranks' ``cells``, or that many rings around; collective.
+        """Return this rank's owned cells within a number of rings around ``cells`` of all ranks; collective.
 
-        A ring is all cells that share a degree of freedom with what is within it.
+        A ring is all cells that share a degree of freedom with the cells inside it.
         """
         marks, dofs = self.function("in the neighbourhood"), self.V.dofmap.list
         owned = dofs[: self.mesh.topology.index_map(self.mesh.topology.dim).size_local]
@@ -154,14 +156,14 @@ class Plane:
 
 
 class Field:
-    """A dolfinx function seen as an array of rows, one per degree of freedom (owned ones first, then ghosts).
+    """A dolfinx function as an array of rows, one for each degree of freedom (owned ones first, then ghosts).
 
     Attributes
     ----------
     rows
-        All values this rank sees, shape (owned + ghosts, components); a view.
+        Values of this rank, shape (owned + ghosts, components); a view.
     owned
-        The values this rank owns, shape (owned,); a view.
+        Values that this rank owns, shape (owned,); a view.
     """
 
     def __init__(self, function: fem.Function):
@@ -188,7 +190,7 @@ class Field:
 
 
 class LayeredField(Field):
-    """A field of several values per degree of freedom, owned ones of shape (owned, components)."""
+    """A field of several values for each degree of freedom, owned ones of shape (owned, components)."""
 
     def _own(self, rows: Vector) -> Vector:
         return rows

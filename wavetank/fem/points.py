@@ -1,6 +1,6 @@
-"""Values of fields at points: cells and basis functions are computed once and kept until the points move.
+"""Evaluation of fields at points. Cells and basis functions are computed once, until the points move.
 
-A value at a point does not depend, by a bit, on where the point was before, nor on the number of other points.
+A value at a point does not depend, bit for bit, on earlier positions nor on the number of other points.
 """
 
 from typing import NoReturn
@@ -15,13 +15,13 @@ from wavetank.fem.cell_places import PADDING, CellPlaces, tabulate
 from wavetank.fem.plane import Field, Plane
 
 Cells = NDArray[np.int32]
-Located = tuple[NDArray[np.intp], Cells, Vector]  # which points are evaluated here, in which cells, and where in these
+Located = tuple[NDArray[np.intp], Cells, Vector]  # indices of points, their cells, and reference coordinates
 
-CURVED = 0.1  # of a curved cell's arch: distance of a wall from the curve it was drawn by
+CURVED = 0.1  # largest distance of a curved wall from the mesh, over the arch of the cell
 
 
 class Points:
-    """A set of points at which scalar fields are evaluated; one at a curved wall where that is nearest.
+    """A set of points at which scalar fields are evaluated; one behind a curved wall is moved to the wall.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class Points:
         self._take(points)
 
     def move(self, points: Vector) -> None:
-        """Take new positions, shape (N, 3), of any N; raises ``OutsideError`` for one outside the mesh; collective."""
+        """Set new positions, shape (N, 3), for any N; raises ``OutsideError`` for one outside the mesh; collective."""
         if not np.array_equal(points, self._points):
             self._take(points)
 
@@ -44,9 +44,9 @@ class Points:
         self._dofs, self._weights = V.dofmap.list[cells], tabulate(V.element.basix_element, 0, local)[0]
 
     def _owned(self, points: Vector) -> Located:
-        """Return which points are evaluated here, in which cells and where in these; collective.
+        """Return the indices of the points that this rank evaluates, their cells and reference coordinates; collective.
 
-        That is on the lowest of the ranks that are nearest.
+        A point is evaluated on the lowest of the closest ranks.
         """
         cells, local, distances = self._places.find(points)
         rank, size = self._plane.comm.rank, self._plane.comm.size
@@ -57,8 +57,8 @@ class Points:
         return np.flatnonzero(mine), cells[mine], local[mine]
 
     def _least(self, values: Vector) -> Vector:
-        """Return the least of all ranks' values, one by one; collective."""
-        if self._plane.comm.size == 1:  # a message to oneself lets other processes run first
+        """Return the minimum over ranks of each value; collective."""
+        if self._plane.comm.size == 1:  # a message to the same rank would yield the processor
             return values
         least = values.astype(np.float64)
         self._plane.comm.Allreduce(MPI.IN_PLACE, least, op=MPI.MIN)
@@ -66,17 +66,17 @@ class Points:
 
     @property
     def cells(self) -> Cells:
-        """The cells of this rank in which points are evaluated, one for each of these."""
+        """The cell of each point that this rank evaluates."""
         return self._located[1]
 
     def evaluate(self, field: Field) -> Vector:
-        """Return the field's values, shape (N,), on every rank; collective."""
+        """Return the values of a field, shape (N,), on every rank; collective."""
         return self.of(field.rows[:, 0])
 
     def of(self, rows: Vector) -> Vector:
-        """Return values at the points, shape (N, ...), of those at all degrees of freedom, (rows, ...); collective.
+        """Return values at the points, shape (N, ...), from those at all degrees of freedom, (rows, ...); collective.
 
-        They are the same on every rank, and those of each field are those of it alone.
+        They are equal on all ranks. The values of a field do not depend on other fields.
         """
         result, (mine, *_) = np.zeros((len(self._points), *rows.shape[1:])), self._located
         weights = self._weights.reshape(len(mine), *[1] * (rows.ndim - 1), self._dofs.shape[1])
@@ -86,7 +86,7 @@ class Points:
     def each(self, values: Vector) -> Vector:
         """Return values at the points, shape (N,), of K fields at all degrees of freedom, (K, rows), on every rank.
 
-        The first N/K of the points are evaluated in the first field, and so on; collective.
+        The first N/K points are evaluated in the first field, and so on; collective.
         """
         result, (mine, *_) = np.zeros(len(self._points)), self._located
         field = mine // max(1, len(self._points) // len(values))

@@ -1,4 +1,4 @@
-"""A PETSc matrix filled from the CSR values of the rows this rank owns."""
+"""A PETSc matrix that is filled from CSR values of owned rows."""
 
 import numpy as np
 from mpi4py import MPI
@@ -9,16 +9,16 @@ from wavetank.base.arrays import Vector
 
 
 class SparseRows:
-    """A square distributed matrix with the sparsity of a scalar one, m interlaced copies of it.
+    """A square distributed matrix: m interlaced copies of a scalar sparsity.
 
     Parameters
     ----------
     columns, row_pointers
-        Of the owned rows of the scalar matrix, columns in global numbering.
+        Sparsity of the owned rows of the scalar matrix, columns in global numbering.
     size
-        Rows of the scalar matrix over all ranks.
+        Rows of the scalar matrix on all ranks.
     copies
-        m: each entry stands m times, coupling unknown j of one degree of freedom to unknown j of another.
+        m; unknown j of a degree of freedom is coupled to unknown j of another.
     """
 
     def __init__(
@@ -32,7 +32,7 @@ class SparseRows:
     ):
         entries = np.diff(row_pointers)
         copy = np.arange(copies, dtype=PETSc.IntType)
-        # entry k of row i, copy j, moves to row i * m + j, keeping k in order
+        # entry k of row i, copy j, is entry k of row i * m + j
         first = np.arange(columns.size, dtype=PETSc.IntType) + np.repeat(row_pointers[:-1] * (copies - 1), entries)
         self._places = (first[:, None] + np.repeat(entries, entries)[:, None] * copy).astype(PETSc.IntType)
         self._pointers = np.concatenate([[0], np.cumsum(np.repeat(entries, copies))]).astype(PETSc.IntType)
@@ -40,7 +40,7 @@ class SparseRows:
         sizes = (entries.size * copies, size * copies)
         self._values, self._alone = np.zeros(self._columns.size), comm.size == 1
         csr = self._pointers, self._columns, self._values
-        if self._alone:  # PETSc takes these arrays as its own
+        if self._alone:  # PETSc uses these arrays without a copy
             self.matrix = PETSc.Mat().createAIJWithArrays((sizes, sizes), csr, comm=comm)
         else:
             self.matrix = PETSc.Mat().createAIJ((sizes, sizes), comm=comm)

@@ -1,12 +1,13 @@
 """The vertical direction: one polynomial of order n on zeta in [0, 1], from the bed to the surface.
 
-The polynomials are those on n+1 Gauss-Lobatto-Legendre nodes, in the basis that solves the vertical problem of still
-water: P_n = 1 carries the surface potential and P_0 ... P_{n-1} vanish at the surface, with
+The basis on n+1 Gauss-Lobatto-Legendre nodes solves the vertical problem of still water. P_n = 1 belongs to the surface
+potential,
+and P_0 ... P_{n-1} vanish at the surface, with
 
     int P_i P_j dzeta = delta_ij,    int P_i' P_j' dzeta = Lambda_i delta_ij,    int P_i' P_n' dzeta = 0.
 
-The interior unknowns are then amplitudes of vertical modes, and the still-water operator decouples into n scalar
-problems S1 + Lambda_i S4 (docs/method.md, section 2).
+The interior unknowns are amplitudes of vertical modes. The operator of still water decouples into n scalar problems
+S1 + Lambda_i S4 (docs/method.md, section 2).
 """
 
 import numpy as np
@@ -38,7 +39,7 @@ class VerticalBasis:
     Attributes
     ----------
     zeta, weights
-        Gauss nodes and weights on [0, 1], exact for every product in the energy, of degree 2 n, shape (n+1,).
+        Gauss nodes and weights on [0, 1], shape (n+1,); exact for products of degree 2 n, which the energy has.
     values, slopes
         P_j(zeta_q) and P_j'(zeta_q), shape (n+1, n+1); the last column belongs to the surface potential.
     eigenvalues
@@ -68,7 +69,7 @@ class VerticalBasis:
         return np.asarray(legendre.legvander(x, self.n)), legendre.legvander(x, max(self.n - 1, 0)) @ derivative
 
     def inner(self, a: Vector, b: Vector) -> Vector:
-        """Return int a_i b_j dzeta, shape (n+1, n+1), for columns tabulated at ``zeta``."""
+        """Return int a_i b_j dzeta, shape (n+1, n+1), for functions tabulated at ``zeta``, one for each column."""
         return np.asarray((a.T * self.weights) @ b)
 
     def at(self, zeta: Vector) -> Vector:
@@ -92,7 +93,7 @@ class VerticalBasis:
 
 
 def _orthonormal(A: Vector, B: Vector) -> tuple[Vector, Vector]:
-    """Return the eigenvalues of A u = lambda B u, ascending, and B-orthonormal modes; SciPy's loads long."""
+    """Return ascending eigenvalues and B-orthonormal modes of A u = lambda B u."""
     L = np.linalg.cholesky(B)
     eigenvalues, modes = np.linalg.eigh(np.linalg.solve(L, np.linalg.solve(L, A).T))
     return eigenvalues, np.linalg.solve(L.T, modes)
