@@ -17,6 +17,7 @@ from ranks import CHECKOUT, Crews
 
 def pytest_configure(config: pytest.Config) -> None:
     """Wait for a busy machine; end as by Ctrl-C, with all that has begun, where the suite is told to end."""
+    pytest.register_assert_rewrite("runs")
     slow = [hypothesis.HealthCheck.too_slow]
     hypothesis.settings.register_profile("patient", deadline=None, suppress_health_check=slow)
     hypothesis.settings.load_profile("patient")

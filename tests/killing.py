@@ -1,6 +1,6 @@
-"""Runs that kill themselves in the middle of writing, at the n-th of the calls by which they touch files.
+"""Runs that kill themselves while they write, at the n-th of the calls by which they touch files.
 
-python tests/killing.py RANK CALL ARGUMENT...    the command line, whose rank RANK does so
+python tests/killing.py RANK CALL ARGUMENT...    the command line, whose rank RANK kills itself
 """
 
 import io
@@ -14,7 +14,7 @@ from typing import Any
 CALLS = {"open", "write", "writelines", "flush", "truncate", "close", "__exit__", "fsync", "flock"}
 CALLS |= {"mkdir", "rmdir", "unlink", "replace"}
 ON_DISK = ("posix", "fcntl", io.FileIO, io.BufferedWriter, io.BufferedRandom, io.TextIOWrapper)
-HOUSE = f"{os.sep}wavetank{os.sep}"
+PACKAGE = f"{os.sep}wavetank{os.sep}"
 
 
 def touches(function: Any) -> bool:
@@ -23,25 +23,19 @@ def touches(function: Any) -> bool:
     return function.__name__ in CALLS and (function is open or module in ON_DISK)
 
 
-def doom(call: int) -> Callable[..., None]:
-    """Return what ``sys.setprofile`` takes, so that the process is killed before that call; counted from one."""
+def kill_at(call: int) -> Callable[..., None]:
+    """Return a function for ``sys.setprofile`` that kills the process before that call; counted from one."""
     calls = count(1)
 
-    def look(frame: Any, event: str, function: Any) -> None:
+    def profile(frame: Any, event: str, function: Any) -> None:
         if event == "c_call" and touches(function) and next(calls) == call:
             os.kill(os.getpid(), signal.SIGKILL)
 
-    return look
+    return profile
 
 
-class Stages:
-    """Where in the house files are touched, for ``sys.setprofile``.
-
-    Attributes
-    ----------
-    calls
-        By file, line and call, the numbers of those made there.
-    """
+class Places:
+    """Numbers of the calls that touch files, by file, line and call of the package; for ``sys.setprofile``."""
 
     def __init__(self) -> None:
         self._count = 0
@@ -51,10 +45,10 @@ class Stages:
         if event != "c_call" or not touches(function):
             return
         self._count += 1
-        while frame is not None and HOUSE not in frame.f_code.co_filename:
+        while frame is not None and PACKAGE not in frame.f_code.co_filename:
             frame = frame.f_back
         if frame is not None:
-            place = frame.f_code.co_filename.rpartition(HOUSE)[2], frame.f_lineno, function.__name__
+            place = frame.f_code.co_filename.rpartition(PACKAGE)[2], frame.f_lineno, function.__name__
             self.calls.setdefault(place, []).append(self._count)
 
 
@@ -65,5 +59,5 @@ if __name__ == "__main__":
     from wavetank.cli import main
 
     if MPI.COMM_WORLD.rank == int(rank):
-        sys.setprofile(doom(int(call)))
+        sys.setprofile(kill_at(int(call)))
     sys.exit(main(arguments))

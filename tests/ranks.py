@@ -1,8 +1,8 @@
-"""Commands of the tests, and functions of theirs on several ranks: begun here, and ended here whatever happens.
+"""Commands and functions of tests on several ranks: started here, and ended here whatever happens.
 
-``mpirun`` gives every rank a process group of its own; all of them share the session, which is ended as a whole. A busy
-machine is waited for; what waits for ever in MPI spins, and is ended by its CPU time. Ranks share one processor: what
-waits leaves it to those that are waited for, and would spin on another one.
+``mpirun`` gives every rank a process group of its own; all of them share the session, which is ended as a whole. No
+limit depends on the load of the machine: a deadlock in MPI spins, and is ended by its CPU time. Ranks share one
+processor: a rank that waits leaves it to the others, and would spin on another one.
 """
 
 import os
@@ -42,8 +42,8 @@ def end(process: subprocess.Popen[str]) -> None:
         process.terminate()  # mpirun ends its ranks
         with suppress(subprocess.TimeoutExpired):
             process.wait(5.0)
-    while left := members(process.pid):
-        for one in left:
+    while living := members(process.pid):
+        for one in living:
             with suppress(ProcessLookupError):
                 os.kill(one, signal.SIGKILL)
         time.sleep(0.01)
@@ -74,7 +74,7 @@ def launch(command: Sequence[str], *, ranks: int = 1, cwd: Path = CHECKOUT) -> s
 
 
 class Crew:
-    """Ranks that stay for all tests, so that dolfinx is loaded once, and call what they are told.
+    """Ranks for all tests, which load dolfinx once and call functions.
 
     Parameters
     ----------
@@ -86,11 +86,11 @@ class Crew:
 
     def __init__(self, ranks: int, *, limit: int = CPU_LIMIT):
         self._limit, self._folder = limit, tempfile.TemporaryDirectory(prefix="crew-")
-        self._said = (Path(self._folder.name) / "said").open("w+")
+        self._output = (Path(self._folder.name) / "output").open("w+")
         address = f"{self._folder.name}/socket"
         with socket.create_server(address, family=socket.AF_UNIX) as server:
             command = on(ranks, [sys.executable, __file__, address])
-            self._session = begun(command, stdin=subprocess.DEVNULL, stdout=self._said, stderr=self._said)
+            self._session = begun(command, stdin=subprocess.DEVNULL, stdout=self._output, stderr=self._output)
             self._process = self._session.__enter__()
             self._ranks = dict(self._connected(server) for _ in range(ranks))
 
@@ -126,10 +126,10 @@ class Crew:
         return [returned[rank] for rank in sorted(returned)]
 
     def _ended(self, why: str) -> RuntimeError:
-        self._said.seek(0)
-        said = self._said.read()
+        self._output.seek(0)
+        output = self._output.read()
         self.end()
-        return RuntimeError(f"{why}\n{said}")
+        return RuntimeError(f"{why}\n{output}")
 
     @property
     def session(self) -> int:
@@ -139,14 +139,14 @@ class Crew:
     @property
     def at_work(self) -> bool:
         """Whether it can be called."""
-        return not self._said.closed
+        return not self._output.closed
 
     def end(self) -> None:
-        """End it: ranks that are told nothing more leave by themselves."""
+        """End it: ranks whose connection is closed end by themselves."""
         for connection in getattr(self, "_ranks", {}).values():
             connection.close()
         self._session.__exit__(None, None, None)
-        self._said.close()
+        self._output.close()
         self._folder.cleanup()
 
 
@@ -173,7 +173,7 @@ class Crews:
 
 
 def serve(address: str) -> None:
-    """Call what a crew's owner says, until it leaves."""
+    """Call the functions that a crew's owner sends, until it closes the connection."""
     from mpi4py import MPI
 
     _, most = resource.getrlimit(resource.RLIMIT_CPU)

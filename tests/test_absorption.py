@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 from conftest import fitted_slope
 from mpi4py import MPI
-from test_checkpoint import record, record_until, same
-from test_state import SLICE
+from runs import SLICE, record, record_until, same
 
 from wavetank.analysis.reflection import reflected
 from wavetank.base.errors import InputError, RunError

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import tempfile
 import tracemalloc
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from io import BytesIO
 from pathlib import Path
 from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from ranks import CHECKOUT, begun
+from runs import contents
 
 import wavetank as wt
 from wavetank.analysis.still_water import still_water
@@ -58,12 +59,8 @@ $Elements
 $EndElements
 """
 BASIN = """
-[tank]
-type = "basin"
-depth = 0.5
-layout = { type = "file", file = "foreign.msh" }
-[run]
-duration = 0.1
+run = { duration = 0.1 }
+tank = { type = "basin", depth = 0.5, layout = { type = "file", file = "foreign.msh" } }
 """
 
 
@@ -83,8 +80,8 @@ def test_run_refuses_a_mesh_file_of_gmsh_commands(begins, tmp_path, capfd):
     (tmp_path / "foreign.msh").write_text(f'{begins}SystemCall "touch {mark}";\n{SQUARE}')
     (tmp_path / "case.toml").write_text(BASIN)
     for _ in range(2):
-        said = refusal(capfd, "run", tmp_path / "case.toml", "--out", tmp_path / "run")
-        assert "foreign.msh: is not in gmsh's mesh format" in said
+        sentence = refusal(capfd, "run", tmp_path / "case.toml", "--out", tmp_path / "run")
+        assert "foreign.msh: is not in gmsh's mesh format" in sentence
     assert not mark.exists() and not (tmp_path / "run").exists()
 
 
@@ -99,19 +96,10 @@ def test_mesh_is_read_without_executing_its_option_file(tmp_path):
 # ---------------------------------------------------------------- Python files that a case or a run names
 CODED = """
 gauges = [1.0]
-[tank]
-length = 4.0
-depth = 0.7
-bed = { type = "python", file = "own.py", function = "depth" }
-[wall]
-type = "piston"
-motion = { type = "python", file = "own.py" }
-[run]
-duration = 0.1
-[numerics]
-cell_size = 0.5
-vertical_order = 4
-dt = 0.05
+tank = { length = 4.0, depth = 0.7, bed = { type = "python", file = "own.py", function = "depth" } }
+wall = { type = "piston", motion = { type = "python", file = "own.py" } }
+run = { duration = 0.1 }
+numerics = { cell_size = 0.5, vertical_order = 4, dt = 0.05 }
 """
 OWN = """
 import numpy as np
@@ -129,15 +117,21 @@ def motion(t, order):
 
 
 @pytest.fixture(scope="module")
-def coded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with a case whose bed and motion are Python functions, its run, and no mark of an execution."""
+def module_coded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a case whose bed and motion are Python functions, and its run."""
     folder = tmp_path_factory.mktemp("coded")
     (folder / "own.py").write_text(OWN.replace("MARK", repr(str(folder / "executed"))))
     (folder / "case.toml").write_text(CODED)
     assert main(["run", str(folder / "case.toml"), "--out", str(folder / "run"), "--no-plots", "--trust"]) == 0
-    (folder / "executed").unlink()
-    python_file._trusted.clear()  # as in another process
     return folder
+
+
+@pytest.fixture
+def coded(module_coded: Path) -> Path:
+    """Return it as in another process, without the mark of an execution."""
+    (module_coded / "executed").unlink(missing_ok=True)
+    python_file._trusted.clear()
+    return module_coded
 
 
 @pytest.mark.parametrize(
@@ -148,39 +142,28 @@ def test_commands_execute_no_python_file_without_trust(words, coded, tmp_path, m
     command, *options = words
     given = [coded / "run", "--extend", "1"] if command == "resume" else [coded / "case.toml"]
     before = contents(coded / "run")
-    said = refusal(capfd, command, *given, *options)
-    assert f"{coded / 'own.py'}: is Python code, which is executed only with --trust" in said
+    sentence = refusal(capfd, command, *given, *options)
+    assert f"{coded / 'own.py'}: is Python code, which is executed only with --trust" in sentence
     assert not (coded / "executed").exists() and not list(tmp_path.iterdir()) and contents(coded / "run") == before
 
 
-def contents(folder: Path) -> dict[str, bytes]:
-    """Return the files of a folder."""
-    return {str(path): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
-
-
 def test_run_is_drawn_from_the_recorded_bed_without_its_code(coded):
-    run = open_run(coded / "run")
-    depth = still_water(run)
-    x = np.linspace(0.0, 4.0, 9)
-    np.testing.assert_allclose(depth(x, 0 * x), 0.7 + 0.1 * x, rtol=1e-12)  # linear, so exact between the places
+    run, x = open_run(coded / "run"), np.linspace(0.0, 4.0, 9)
+    np.testing.assert_allclose(still_water(run)(x, 0 * x), 0.7 + 0.1 * x, rtol=1e-12)  # linear: exact between places
     assert [path.name for path in draw_run(run)] == ["surface.png", "gauges.png", "energy.png"]
     assert not (coded / "executed").exists()
 
 
-def test_trust_names_each_file_that_is_executed_once(coded, tmp_path, capfd):
+def test_trust_names_each_file_that_is_executed_once(coded, capfd):
     assert main(["plan", str(coded / "case.toml"), "--trust"]) == 0
     assert capfd.readouterr().out.count(f"executing {coded / 'own.py'}\n") == 1
-    (coded / "executed").unlink()
-    python_file._trusted.clear()
 
 
-def test_scene_read_with_trust_is_trusted_later(coded):
+def test_case_read_with_trust_is_trusted_later(coded):
     with pytest.raises(InputError, match="executed only with --trust"):
         wt.read_case(coded / "case.toml")
     scene = wt.read_case(coded / "case.toml", trust=True)
     assert Case.model_validate(scene.model_dump(mode="json")).depths()(np.ones(1), np.zeros(1)) == pytest.approx(0.8)
-    (coded / "executed").unlink()
-    python_file._trusted.clear()
 
 
 def test_runs_of_a_study_are_executed_with_its_trust(coded, tmp_path, monkeypatch):
@@ -195,8 +178,12 @@ def test_runs_of_a_study_are_executed_with_its_trust(coded, tmp_path, monkeypatc
     monkeypatch.chdir(tmp_path)
     assert main(["study", str(coded / "case.toml"), "--sweep", "dt=0.05,0.02", "--trust"]) == 1
     assert len(commands) >= 2 and all("--trust" in words for words in commands)
-    (coded / "executed").unlink()
-    python_file._trusted.clear()
+
+
+def executed(words: list[str], cwd: Path, **variables: str) -> subprocess.CompletedProcess[str]:
+    """Return how the command line ends in a folder, in a process of its own."""
+    world = {**os.environ, "PYTHONPATH": str(CHECKOUT), **variables}
+    return subprocess.run([sys.executable, *words], cwd=cwd, env=world, capture_output=True, text=True)
 
 
 def test_verify_executes_no_examples_of_the_current_directory(tmp_path):
@@ -205,16 +192,13 @@ def test_verify_executes_no_examples_of_the_current_directory(tmp_path):
     code = f"open({str(tmp_path / 'executed')!r}, 'w')"
     for module in (paper.parent / "__init__.py", paper / "__init__.py", paper / "layouts.py", paper / "report.py"):
         module.write_text(code)
-    command = [sys.executable, "-m", "wavetank", "verify", "layouts", "--out", "examples"]  # which exists: refused
-    world = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
-    done = subprocess.run(command, cwd=tmp_path, env=world, capture_output=True, text=True)
+    done = executed(["-m", "wavetank", "verify", "layouts", "--out", "examples"], tmp_path)  # which exists: refused
     assert done.returncode == 2 and not (tmp_path / "executed").exists(), done.stderr
 
 
-def test_verify_without_a_checkout_is_refused(tmp_path, monkeypatch, capsys):
+def test_verify_without_a_checkout_is_refused(tmp_path, monkeypatch, capfd):
     monkeypatch.setattr("wavetank.cli.CHECKOUT", tmp_path)
-    assert main(["verify", "layouts", "--out", str(tmp_path / "out")]) == 2
-    assert "needs a checkout" in capsys.readouterr().err
+    assert "needs a checkout" in refusal(capfd, "verify", "layouts", "--out", tmp_path / "out")
 
 
 # ---------------------------------------------------------------- caches of compiled code
@@ -229,9 +213,13 @@ def linked(path: Path) -> None:
     path.symlink_to(path.with_name("elsewhere"))
 
 
+def writable(path: Path) -> None:
+    path.chmod(0o777)
+
+
 TAMPERED = {
     "cache home of another user": ("", foreign),
-    "cache home that others can write": ("", lambda path: path.chmod(0o777)),
+    "cache home that others can write": ("", writable),
     "cache of another user": ("wavetank", foreign),
     "linked cache": ("wavetank", linked),
     "part of another user": ("wavetank/compiled", foreign),
@@ -263,41 +251,32 @@ def test_cache_of_code_is_closed_to_others(tmp_path, monkeypatch):
     assert [stat.S_IMODE(one.stat().st_mode) for one in (made, made.parent, made.parent.parent)] == [0o700] * 3
 
 
-def test_env_refuses_a_temporary_home_that_others_can_write(tmp_path):
-    """``HOME`` is not set, and the user's home does not exist."""
-    home, command = tmp_path / f"home-{os.getuid()}", tmp_path / "id"
-    home.mkdir()
-    home.chmod(0o777)
+HERE = "other users own it or can write there"
+ABOVE = "other users can replace folders there"
+OWN_CACHE = "WAVETANK_CACHE must name a folder of your own."
+
+
+@pytest.mark.parametrize(
+    ("variables", "tamper", "sentence"),
+    [
+        ({"TMPDIR": "{above}"}, writable, f"{HERE}; HOME or {OWN_CACHE}"),
+        ({"HOME": "/", "WAVETANK_CACHE": "{folder}"}, foreign, f"{HERE}; {OWN_CACHE}"),
+        ({"HOME": "/", "XDG_CACHE_HOME": "{folder}"}, writable, f"{ABOVE}; {OWN_CACHE}"),
+    ],
+    ids=["temporary home", "cache of another user", "cache home that others can write"],
+)
+def test_env_refuses_folders_that_others_can_change(variables, tamper, sentence, tmp_path):
+    """In the first case ``HOME`` is not set, and the user's home does not exist."""
+    folder, command = tmp_path / f"home-{os.getuid()}", tmp_path / "id"
+    folder.mkdir()
+    tamper(folder)
     command.write_text(f'#!/bin/sh\n[ "$1" = -un ] && echo missing || echo {os.getuid()}\n')
     command.chmod(0o755)
-    world = {"PATH": f"{tmp_path}:{os.environ['PATH']}", "TMPDIR": str(tmp_path), "WAVETANK_ENV": "none"}
+    paths = {name: value.format(above=tmp_path, folder=folder) for name, value in variables.items()}
+    world = {"PATH": f"{tmp_path}:{os.environ['PATH']}", "WAVETANK_ENV": "none", **paths}
     done = subprocess.run([CHECKOUT / "env", "true"], env=world, capture_output=True, text=True)
-    assert (done.returncode, done.stdout) == (2, "") and not list(home.iterdir())
-    needed = "HOME or WAVETANK_CACHE must name a folder of your own."
-    assert done.stderr == f"env: {home}: other users own it or can write there; {needed}\n"
-
-
-@pytest.mark.skipif(os.getuid() != 0, reason="only root can give a folder to another user")
-def test_env_refuses_a_cache_of_another_user(tmp_path):
-    folder = tmp_path / "cache"
-    folder.mkdir()
-    os.chown(folder, 65534, 65534)
-    world = {"PATH": os.environ["PATH"], "HOME": "/", "WAVETANK_CACHE": str(folder), "WAVETANK_ENV": "none"}
-    done = subprocess.run([CHECKOUT / "env", "true"], env=world, capture_output=True, text=True)
-    assert done.returncode == 2
-    needed = "WAVETANK_CACHE must name a folder of your own."
-    assert done.stderr == f"env: {folder}: other users own it or can write there; {needed}\n"
-
-
-def test_env_refuses_a_cache_that_other_users_can_replace(tmp_path):
-    above = tmp_path / "above"
-    above.mkdir()
-    above.chmod(0o777)
-    world = {"PATH": os.environ["PATH"], "HOME": "/", "XDG_CACHE_HOME": str(above), "WAVETANK_ENV": "none"}
-    done = subprocess.run([CHECKOUT / "env", "true"], env=world, capture_output=True, text=True)
-    assert done.returncode == 2 and not list(above.iterdir())
-    needed = "WAVETANK_CACHE must name a folder of your own."
-    assert done.stderr == f"env: {above}: other users can replace folders there; {needed}\n"
+    assert (done.returncode, done.stdout) == (2, "") and not list(folder.iterdir())
+    assert done.stderr == f"env: {folder}: {sentence}\n"
 
 
 # ---------------------------------------------------------------- run directories
@@ -336,9 +315,8 @@ def test_resume_refuses_a_run_directory_with_links(name, link, run, tmp_path, ca
     else:
         outside.write_text("a file of the user")
     link(run / name, outside)
-    before = contents(tmp_path)
-    said = refusal(capfd, *RESUME, run)
-    assert said.startswith(f"wavetank: {run / name}: is a {'symbolic' if link is Path.symlink_to else 'hard'} link; ")
+    before, kind = contents(tmp_path), "symbolic" if link is Path.symlink_to else "hard"
+    assert refusal(capfd, *RESUME, run).startswith(f"wavetank: {run / name}: is a {kind} link; ")
     assert contents(tmp_path) == before
 
 
@@ -356,55 +334,75 @@ def test_no_command_waits_for_a_pipe_in_a_run_directory(name, run, capfd):
     (run / name).unlink(missing_ok=True)
     os.mkfifo(run / name)
     for words in (["analyse", run, "spectrum"], ["compare", run, "--with", run], [*RESUME, run]):
-        said = refusal(capfd, *words)
-        assert "is a pipe or device" in said or "is no run directory" in said
+        sentence = refusal(capfd, *words)
+        assert "is a pipe or device" in sentence or "is no run directory" in sentence
     assert main(["status", str(run)]) == 0
 
 
-def test_pipe_that_appears_later_is_not_opened(run):
-    """Or a link: whatever the check of the directory has found."""
-    table = RunDirectory(run)
-    (run / "gauges.csv").unlink()
-    os.mkfifo(run / "gauges.csv")
-    with pytest.raises(InputError, match=r"no readable gauges.csv \(not a regular file\)"):
-        _ = table.gauges
-    (run / "gauges.csv").unlink()
-    (run / "gauges.csv").symlink_to(run / "energy.csv")
-    with pytest.raises(InputError, match=r"no readable gauges.csv \(a symbolic link\)"):
-        _ = table.gauges
+def test_pipe_or_link_that_appears_later_is_not_opened(run):
+    """Whatever the check of the directory has found."""
+    table, path = RunDirectory(run), run / "gauges.csv"
+    for make, what in (
+        (os.mkfifo, "not a regular file"),
+        (lambda path: path.symlink_to("energy.csv"), "a symbolic link"),
+    ):
+        path.unlink()
+        make(path)
+        with pytest.raises(InputError, match=rf"no readable gauges.csv \({what}\)"):
+            _ = table.gauges
     (run / "other.csv").hardlink_to(run / "energy.csv")
     with pytest.raises(OSError, match="a hard link: the file has another name, too"):
         open_regular(run / "energy.csv", "r+b")
 
 
-def bomb(archive: ZipFile) -> dict[str, bytes | bytearray]:
-    """Return the files of a checkpoint with 100 MB of zeros."""
-    return {name: archive.read(name) for name in archive.namelist()} | {"99.npy": bytearray(10**8)}
+def bomb(files: dict[str, bytes]) -> dict:
+    """Add 100 MB of zeros to a checkpoint."""
+    return files | {"99.npy": bytearray(10**8)}
 
 
-def declared(archive: ZipFile) -> dict[str, bytes | bytearray]:
-    """Return the files of a checkpoint with an array of 10^12 declared values."""
+def declared(files: dict[str, bytes]) -> dict:
+    """Let an array of a checkpoint declare 10^12 values."""
     content = BytesIO()
     np.lib.format.write_array_header_1_0(content, {"descr": "<f8", "fortran_order": False, "shape": (10**12,)})
-    return {name: archive.read(name) for name in archive.namelist()} | {"0.npy": content.getvalue()}
+    return files | {"0.npy": content.getvalue()}
+
+
+def with_value(key: str, value: object) -> Callable[[dict[str, bytes]], dict]:
+    """Return a function that replaces a value everywhere in the state of a checkpoint."""
+
+    def edit(files: dict[str, bytes]) -> dict:
+        state = json.loads(files["held.json"], object_hook=lambda one: one | ({key: value} if key in one else {}))
+        return files | {"held.json": json.dumps(state)}
+
+    return edit
+
+
+OTHER = "the checkpoint was written by another version of this program"
 
 
 @pytest.mark.parametrize(
-    ("files", "compression", "sentence"),
-    [(bomb, ZIP_DEFLATED, "its files are compressed or overlap"), (declared, ZIP_STORED, "cannot reshape array")],
+    ("edit", "compression", "sentence"),
+    [
+        (bomb, ZIP_DEFLATED, "its files are compressed or overlap"),
+        (declared, ZIP_STORED, "cannot reshape array"),
+        (with_value("recorded", -1), ZIP_STORED, OTHER),
+        (with_value("recorded", 2**40), ZIP_STORED, OTHER),
+        (with_value("value", [0.0]), ZIP_STORED, OTHER),
+    ],
+    ids=["bomb", "declared size", "negative count", "large count", "list"],
 )
-def test_checkpoint_that_declares_more_than_it_has_is_refused(files, compression, sentence, run, capfd):
-    path = run / "checkpoint.zip"
+def test_checkpoint_that_would_exceed_memory_or_arrays_is_refused(edit, compression, sentence, run, capfd):
+    """By such counts and lists compiled code wrote beyond its arrays."""
     (run / "checkpoint-before.zip").unlink(missing_ok=True)
-    with ZipFile(path) as archive:
-        content = files(archive)
-    with ZipFile(path, "w", compression) as archive:
-        for name, part in content.items():
-            archive.writestr(name, part)
+    with ZipFile(run / "checkpoint.zip") as archive:
+        files = {name: archive.read(name) for name in archive.namelist()}
+    with ZipFile(run / "checkpoint.zip", "w", compression) as archive:
+        for name, content in edit(files).items():
+            archive.writestr(name, content)
     tracemalloc.start()
     try:
         assert sentence in refusal(capfd, *RESUME, run)
-        assert tracemalloc.get_traced_memory()[1] < 5e7  # bytes
+        assert tracemalloc.get_traced_memory()[1] < 5e7 or sentence == OTHER  # bytes
     finally:
         tracemalloc.stop()
 
@@ -423,23 +421,8 @@ def test_checkpoint_whose_files_overlap_is_refused(run, capfd):
     assert "its files are compressed or overlap" in refusal(capfd, *RESUME, run)
 
 
-@pytest.mark.parametrize(("key", "value"), [("recorded", -1), ("recorded", 2**40), ("value", [0.0])])
-def test_checkpoint_by_which_compiled_code_leaves_its_arrays_is_refused(key, value, run, capfd):
-    """Of a count and of a list of numbers: the process was aborted, as its memory was overwritten."""
-    path = run / "checkpoint.zip"
-    (run / "checkpoint-before.zip").unlink(missing_ok=True)
-    with ZipFile(path) as archive:
-        content = {name: archive.read(name) for name in archive.namelist()}
-    held = json.loads(content["held.json"], object_hook=lambda one: one | ({key: value} if key in one else {}))
-    with ZipFile(path, "w") as archive:
-        for name, part in (content | {"held.json": json.dumps(held)}).items():
-            archive.writestr(name, part)
-    assert "the checkpoint was written by another version of this program" in refusal(capfd, *RESUME, run)
-
-
 def test_control_characters_of_a_manifest_are_escaped(run, capfd):
-    manifest = json.loads((run / "manifest.json").read_text())
-    code = "\x1b]0;title\x07\x1b[2J\u202e"
+    manifest, code = json.loads((run / "manifest.json").read_text()), "\x1b]0;title\x07\x1b[2J\u202e"
     (run / "manifest.json").write_text(json.dumps(manifest | {"status": "broke down", "cause": f"cause {code}"}))
     assert main(["status", str(run)]) == 0
     out = capfd.readouterr().out
@@ -461,25 +444,20 @@ def test_snapshot_of_another_folder_is_refused(file, run):
 
 
 def test_tables_and_pictures_replace_a_link(tmp_path):
-    outside, table, drawn = (tmp_path / name for name in ("outside", "table.csv", "picture.png"))
+    outside, table, drawn, still = (tmp_path / name for name in ("outside", "table.csv", "picture.png", "view.png"))
     outside.write_text("a file of the user")
     for link in (table, drawn, tmp_path / ".table.csv", tmp_path / ".picture.png"):
         link.symlink_to(outside)
+    still.hardlink_to(outside)
     write_frame(table, data_frame({"x": [1.0]}))
     with picture(drawn, 2, 2) as figure:
         figure.subplots()
-    assert table.read_text() == "x\n1\n" and drawn.read_bytes().startswith(b"\x89PNG")
-    assert outside.read_text() == "a file of the user" and not table.is_symlink() and not drawn.is_symlink()
-
-
-def test_picture_of_a_view_replaces_a_hard_link(tmp_path):
-    outside, still = tmp_path / "outside", tmp_path / "run" / "view.png"
-    outside.write_text("mine")
-    still.parent.mkdir()
-    still.hardlink_to(outside)
     with writing(still) as file:
         file.write(b"picture")
-    assert outside.read_text() == "mine" and still.read_text() == "picture"
+    assert (
+        table.read_text() == "x\n1\n" and drawn.read_bytes().startswith(b"\x89PNG") and still.read_text() == "picture"
+    )
+    assert outside.read_text() == "a file of the user" and not table.is_symlink() and not drawn.is_symlink()
 
 
 # ---------------------------------------------------------------- the current directory
@@ -487,14 +465,12 @@ def test_picture_of_a_view_replaces_a_hard_link(tmp_path):
 def test_settings_of_libraries_in_the_current_directory_are_refused(name, content, tmp_path):
     """PETSc executed the library, and UCX wrote the file, when they were loaded."""
     (tmp_path / name).write_text(content.format(tmp_path / "executed"))
-    command = [sys.executable, "-P", "-m", "wavetank", "plan", str(CHECKOUT / "cases/standing-wave.toml")]
-    world = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
-    done = subprocess.run(command, cwd=tmp_path, env=world, capture_output=True, text=True)
+    done = executed(["-P", "-m", "wavetank", "plan", str(CHECKOUT / "cases/standing-wave.toml")], tmp_path)
     assert (done.returncode, done.stdout) == (2, "") and not (tmp_path / "executed").exists()
     assert done.stderr.startswith(f"wavetank: {tmp_path / name}: a library would execute or write what it names; ")
 
 
-def test_scene_is_not_run_where_a_library_finds_settings(tmp_path, monkeypatch):
+def test_python_runs_no_case_where_a_library_finds_settings(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "petscrc").touch()
     with pytest.raises(InputError, match="petscrc: a library would execute"):

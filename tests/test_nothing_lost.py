@@ -1,10 +1,11 @@
-"""Nothing is lost: earlier runs, what a run has recorded, and the run itself where only its messages cannot be had."""
+"""Nothing is lost: earlier runs, what a run has recorded, and the run itself if only its messages cannot be printed."""
 
 import io
 import json
 import os
 import shlex
 import shutil
+import socket
 import subprocess
 import sys
 import tempfile
@@ -16,10 +17,12 @@ import pytest
 from mpi4py import MPI
 from ranks import CHECKOUT, begun, on
 from rich.console import Console
+from runs import contents
 
 from wavetank.base.errors import InputError, RecordError
 from wavetank.case.reading import read_case
 from wavetank.cli import main
+from wavetank.output import files
 from wavetank.output.checkpoint import read_checkpoint
 from wavetank.output.directory import LOG, RunDirectory
 from wavetank.output.files import LOCK, OutputPath, RunLock, is_locked
@@ -28,10 +31,6 @@ from wavetank.recording import record_run
 
 CASE = str(CHECKOUT / "cases" / "standing-wave.toml")
 SHORT = ["--set", "run.duration=0.1", "--set", "numerics.dt=0.02"]
-
-
-def contents(run: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in run.iterdir()}
 
 
 @contextmanager
@@ -49,8 +48,19 @@ def wait_for(process, path: Path, *, lines: int = 0) -> None:
         time.sleep(0.02)
 
 
+@pytest.fixture
+def recorded(tmp_path, monkeypatch) -> Path:
+    """Return the path of a run of twenty rows, in the current directory."""
+    monkeypatch.chdir(tmp_path)
+    with RunWriter(Path("run"), {"scene": {"title": "A run"}}) as writer:
+        gauges = writer.gauges([("1", 1.0)])
+        for n in range(20):
+            gauges.append([0.1 * n, 0.01 * n * (19 - n)])
+    return Path("run")
+
+
 # ---------------------------------------------------------------- earlier runs
-def test_no_run_replaces_another_unless_told(tmp_path, monkeypatch, capsys):
+def test_run_replaces_another_with_overwrite_only(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     first, second = Path("runs/standing-wave"), Path("runs/standing-wave-2")
     for run, pictures in ((first, []), (second, ["--no-plots"])):
@@ -59,54 +69,57 @@ def test_no_run_replaces_another_unless_told(tmp_path, monkeypatch, capsys):
     assert {"surface.png", "gauges.png", "energy.png", LOG} <= set(os.listdir(first))
     (first / "notes.txt").write_text("mine")
     before = contents(first)
-
-    refused = [
+    for more, sentence in (
         (["--out", str(first)], "holds a run already; give another directory, or overwrite it (--overwrite, "),
         (["--overwrite", "--set", "numerics.dt=3"], "standing-wave.toml, overridden: numerics.dt = 3.0: must be below"),
         (["--overwrite", "--set", "numerics.dt=x"], "numerics.dt"),
-    ]
-    for more, sentence in refused:
+    ):
         assert main(["run", CASE, *SHORT, *more]) == 2
-        said = capsys.readouterr().err
-        assert sentence in said and said.count("\n") == 1
+        error = capsys.readouterr().err
+        assert sentence in error and error.count("\n") == 1
     assert contents(first) == before
-
     assert main(["run", CASE, "--overwrite", "--no-plots", *SHORT, "--set", "numerics.dt=0.04"]) == 0
     assert RunDirectory(first).gauges.time.size < 6
     assert (first / "notes.txt").read_text() == "mine"
-    assert not list(first.glob("*.png"))  # those of the run that is no more
+    assert not list(first.glob("*.png"))  # those of the former run
 
 
-def test_what_is_refused_only_once_the_mesh_is_there_leaves_an_earlier_run_alone(tmp_path, monkeypatch, capsys):
-    """A gauge in the cylinder is inside the box around the layout, which is all that the scene knows."""
-    monkeypatch.chdir(tmp_path)
-    with RunWriter(Path("run"), {}) as writer:
-        writer.table("energy.csv", ["t [s]", "E"]).append([0.0, 1.0])
-    before = contents(Path("run"))
-    Path("case.toml").write_text(
-        "gauges = [{x = 0.1, y = 0.1}, {name = 'dry', x = 2.0, y = 1.0}]\n"
-        "[tank]\ntype = 'basin'\ndepth = 0.5\n[tank.layout]\ntype = 'cylinder'\nlength = 4.0\nwidth = 2.0\n"
-        "centre = [2.0, 1.0]\nradius = 0.4\n[run]\nduration = 0.1\n[numerics]\norder = 3\nvertical_order = 4\n"
-    )
+CYLINDER = """
+gauges = [{x = 0.1, y = 0.1}, {name = 'dry', x = 2.0, y = 1.0}]
+tank = {type = "basin", depth = 0.5, layout = {type="cylinder", length=4.0, width=2.0, centre=[2.0, 1.0], radius=0.4}}
+run.duration = 0.1
+numerics = {order = 3, vertical_order = 4}
+"""
+LOW = """
+tank = {length = 4.0, depth = 0.5}
+initial = {type = "formula", eta = "-0.75 * exp(-(x - 2)**2)"}
+run.duration = 0.1
+numerics = {cells = 8, vertical_order = 4}
+"""
+
+
+@pytest.mark.parametrize(
+    ("case", "sentence"),
+    [
+        (CYLINDER, "case.toml, line 2: gauges.1: the point x = 2 m, y = 1 m is outside the tank."),
+        (
+            LOW,
+            "case.toml, line 3: initial: its surface lies down to 0.25 m below the bed; must be above it everywhere.",
+        ),
+    ],
+    ids=["gauge in the cylinder", "surface below the bed"],
+)
+def test_case_that_is_refused_after_meshing_changes_no_earlier_run(case, sentence, recorded, capsys):
+    before = contents(recorded)
+    Path("case.toml").write_text(case)
     for out in (["--out", "run", "--overwrite"], []):
         assert main(["run", "case.toml", *out]) == 2
-        said = "case.toml, line 1: gauges.1: the point x = 2 m, y = 1 m is outside the tank."
-        assert capsys.readouterr().err == f"wavetank: {said}\n"
-    assert contents(Path("run")) == before and not Path("runs/case").exists()
+        (line,) = capsys.readouterr().err.splitlines()
+        assert line.startswith(f"wavetank: {sentence}")
+    assert contents(recorded) == before and not Path("runs/case").exists()
 
 
-def test_a_surface_that_starts_below_the_bed_is_refused(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    Path("case.toml").write_text(
-        "[tank]\nlength = 4.0\ndepth = 0.5\n[initial]\ntype = 'formula'\neta = '-0.75 * exp(-(x - 2)**2)'\n"
-        "[run]\nduration = 0.1\n[numerics]\ncells = 8\nvertical_order = 4\n"
-    )
-    assert main(["run", "case.toml"]) == 2
-    said = "case.toml, line 4: initial: its surface lies down to 0.25 m below the bed; must be above it everywhere."
-    assert capsys.readouterr().err == f"wavetank: {said}\n"
-
-
-def test_a_directory_has_one_run_at_a_time_and_a_killed_one_gives_it_free(tmp_path):
+def test_directory_has_one_run_at_a_time_and_a_killed_one_releases_it(tmp_path):
     code = f"""
 import os
 from pathlib import Path
@@ -135,14 +148,12 @@ os.read(0, 1)
 
 
 @pytest.mark.parametrize("flock", [True, False], ids=["flock", "no flock"])
-def test_a_lock_is_known_by_who_holds_it_where_there_is_no_flock(tmp_path, monkeypatch, flock):
-    from wavetank.output import files as run_lock
-
+def test_lock_names_its_holder_also_without_flock(tmp_path, monkeypatch, flock):
     def none(file, kind):
         raise OSError(95, "Operation not supported")
 
     if not flock:
-        monkeypatch.setattr(run_lock.fcntl, "flock", none)
+        monkeypatch.setattr(files.fcntl, "flock", none)
     lock = RunLock(tmp_path)
     lock.reserve(1000)
     assert is_locked(tmp_path)
@@ -150,20 +161,16 @@ def test_a_lock_is_known_by_who_holds_it_where_there_is_no_flock(tmp_path, monke
         RunLock(tmp_path)
     lock.release()
     assert not is_locked(tmp_path) and not os.listdir(tmp_path)
-    gone = {"host": run_lock.socket.gethostname(), "pid": os.getpid(), "started": "another process of this number"}
-    (tmp_path / ".lock").write_text(json.dumps(gone))
+    gone = {"host": socket.gethostname(), "pid": os.getpid(), "started": "another process of this number"}
+    (tmp_path / LOCK).write_text(json.dumps(gone))
     RunLock(tmp_path).release()
 
 
-@pytest.mark.parametrize("there", [True, False], ids=["comes", "goes"])
-def test_a_lock_that_comes_or_goes_while_it_is_asked_for_is_met_as_it_is(tmp_path, monkeypatch, there):
-    """Another process's lock is kept, and what tells its holder; one that is given back can be had."""
-    others = [] if there else [RunLock(tmp_path)]
-
-    def happens():
-        others.append(RunLock(tmp_path)) if there else others.pop().release()
-
-    waiting = [happens]
+@pytest.mark.parametrize("appears", [True, False], ids=["appears", "disappears"])
+def test_lock_that_appears_or_disappears_meanwhile_is_respected(tmp_path, monkeypatch, appears):
+    """Another process's lock stays, with its holder; one that is released can be acquired."""
+    others = [] if appears else [RunLock(tmp_path)]
+    waiting = [lambda: others.append(RunLock(tmp_path)) if appears else others.pop().release()]
     for module in (io, os):
 
         def opened(file, *arguments, opens=module.open, **options):
@@ -172,7 +179,7 @@ def test_a_lock_that_comes_or_goes_while_it_is_asked_for_is_met_as_it_is(tmp_pat
             return opens(file, *arguments, **options)
 
         monkeypatch.setattr(module, "open", opened)
-    if there:
+    if appears:
         with pytest.raises(InputError, match=f"by process {os.getpid()} on "):
             RunLock(tmp_path)
         others.pop().release()
@@ -184,15 +191,15 @@ def test_a_lock_that_comes_or_goes_while_it_is_asked_for_is_met_as_it_is(tmp_pat
 # ---------------------------------------------------------------- what a run has recorded
 def test_records_that_are_moved_away_are_noticed_at_the_next_row(tmp_path):
     run, warnings = tmp_path / "run", list[str]()
-    known = {"warnings": warnings}
-    with pytest.raises(RecordError, match=r"energy\.csv: is no longer there"), RunWriter(run, known) as one:
+    missing = pytest.raises(RecordError, match=r"energy\.csv: is no longer there")
+    with missing, RunWriter(run, {"warnings": warnings}) as one:
         table, _ = one.table("energy.csv", ["t [s]", "E"]), one.gauges([("1", 1.0)])
         shutil.rmtree(run)
         table.append([0.0, 1.0])
-    assert warnings == []  # of gauges.nc nothing is said: gauges.csv is no more there than it
+    assert warnings == []  # none of gauges.nc: gauges.csv is missing, too
 
 
-def test_who_has_lost_its_directory_leaves_that_of_the_next_run_alone(tmp_path):
+def test_writer_whose_directory_was_deleted_does_not_change_the_next_run(tmp_path):
     place = OutputPath(tmp_path / "run", overwrite=True)
     first = RunWriter(place, {})
     shutil.rmtree(place.path)
@@ -209,18 +216,18 @@ def test_who_has_lost_its_directory_leaves_that_of_the_next_run_alone(tmp_path):
 
 
 @pytest.mark.parametrize("ranks", [pytest.param(1, marks=pytest.mark.slow), 2])
-def test_a_directory_deleted_under_a_run_ends_it_on_all_ranks(tmp_path, ranks):
+def test_deleted_directory_ends_the_run_on_all_ranks(tmp_path, ranks):
     out = tmp_path / "run"
     with started("run", CASE, "--no-plots", "--out", out, "--set", "run.duration=1e4", ranks=ranks) as process:
         wait_for(process, out / "energy.csv", lines=2)  # all records are open
         shutil.rmtree(out)
-        said, errors = process.communicate()
+        output, errors = process.communicate()
     assert process.returncode == 1
     assert errors.count("wavetank:") == 1 and "is no longer there" in errors, errors
-    assert "could not be written" not in said
+    assert "could not be written" not in output
 
 
-def test_a_termination_before_the_first_step_is_written_down(tmp_path):
+def test_termination_before_the_first_step_is_recorded(tmp_path):
     out = tmp_path / "run"
     with started("run", CASE, "--no-plots", "--out", out) as process:
         wait_for(process, out / "manifest.json")
@@ -231,12 +238,9 @@ def test_a_termination_before_the_first_step_is_written_down(tmp_path):
     assert "interrupted by SIGTERM" in RunDirectory(out).manifest["cause"] in (out / LOG).read_text()
 
 
-def test_on_a_full_disk_the_cause_has_its_place(tmp_path):
-    """A file system of 130 kB: records fill it, the manifest still gets its last word, and the last step is kept.
-
-    The checkpoint before the last, for which there is no room any more, has made room for it.
-    """
-    disk = tmp_path / "disk"
+def test_full_disk_has_room_for_the_cause_and_the_last_checkpoint(tmp_path):
+    """A file system of 130 kB. The checkpoint before the last is removed for the last."""
+    disk, out = tmp_path / "disk", tmp_path / "run"
     disk.mkdir()
     changes = "--set run.duration=100 --set run.checkpoint_every=1e-6 --set numerics.dt=0.02 --set numerics.cells=8"
     run = f"{sys.executable} -m wavetank run {CASE} --out disk/run {changes}"
@@ -246,18 +250,17 @@ def test_on_a_full_disk_the_cause_has_its_place(tmp_path):
     if not (tmp_path / "code").exists():
         pytest.skip("no file system can be mounted here")
     assert (tmp_path / "code").read_text() == "1\n" and done.stderr.count("\n") == 1
-    manifest, warnings = RunDirectory(tmp_path / "run").manifest, RunDirectory(tmp_path / "run").warnings
+    manifest, warnings, rows = RunDirectory(out).manifest, RunDirectory(out).warnings, RunDirectory(out).gauges.time
     assert manifest["status"] == "failed" and "No space left on device" in manifest["cause"] in done.stderr
-    rows = RunDirectory(tmp_path / "run").gauges.time
-    kept, useless = read_checkpoint(tmp_path / "run")
-    assert rows.size > 50 and not useless and not kept.about["whole"] and kept.about["t"] >= rows[-1] - 65 * 0.02
+    last, useless = read_checkpoint(out)
+    assert rows.size > 50 and not useless and not last.about["whole"] and last.about["t"] >= rows[-1] - 65 * 0.02
     assert not any("checkpoint.zip: cannot be written" in str(one) for one in warnings)
     assert "could not all be drawn" in done.stdout
     assert "next: wavetank resume disk/run, once it can be written there again\n" in done.stdout
-    assert not list((tmp_path / "run").glob(".*"))
+    assert not list(out.glob(".*"))
 
 
-ANOTHER = 12345  # a user who has nothing here but what is given
+ANOTHER = 12345  # a user who owns nothing here
 AS_ANOTHER = f"""
 as() {{ env -u WAVETANK_INSIDE -u XDG_CACHE_HOME HOME=$PWD/home TMPDIR=$PWD/home PYTHONPATH=$PWD/house \\
     setpriv --reuid={ANOTHER} --regid={ANOTHER} --clear-groups venv/bin/python -m wavetank "$@" 2>> said
@@ -279,8 +282,8 @@ umount venv house
 
 
 @pytest.mark.slow
-def test_another_user_runs_in_what_is_theirs_and_is_refused_elsewhere(tmp_path):
-    """As somebody who is not root, from an empty cache: their runs are theirs, and root's are as they were."""
+def test_another_user_runs_in_their_folders_and_is_refused_elsewhere(tmp_path):
+    """As somebody who is not root, from an empty cache: their runs are theirs, and root's are unchanged."""
     if os.getuid() or not shutil.which("setpriv"):
         pytest.skip("only root can become another user")
     assert main(["run", CASE, *SHORT, "--no-plots", "--out", str(tmp_path / "run")]) == 0
@@ -296,14 +299,16 @@ def test_another_user_runs_in_what_is_theirs_and_is_refused_elsewhere(tmp_path):
         assert RunDirectory(home / "run").manifest["t"] == pytest.approx(0.2)
         assert {path.stat().st_uid for path in (home / "run").iterdir()} == {ANOTHER}
         assert "home/run: finished" in done.stdout and "roots/run: finished" in done.stdout
-        said = (Path(folder) / "said").read_text().splitlines()
         refused = ["roots/new", "roots/run", "roots/run", "roots/run/compare.csv"]
-        assert said == [f"wavetank: {path}: cannot be written (Permission denied)." for path in refused]
+        sentences = [f"wavetank: {path}: cannot be written (Permission denied)." for path in refused]
+        assert (Path(folder) / "said").read_text().splitlines() == sentences
         assert RunDirectory(home / "again").status == "finished"  # by a cache in the place of one that is closed
-        assert contents(roots / "run") == contents(tmp_path / "run") and os.listdir(roots) == ["run"]
+        assert os.listdir(roots) == ["run"]
+        for file, content in contents(tmp_path / "run").items():
+            assert (roots / file.relative_to(tmp_path)).read_bytes() == content
 
 
-def test_a_picture_that_cannot_be_drawn_is_said_and_no_more(tmp_path, monkeypatch, capsys):
+def test_error_of_drawing_is_a_message(tmp_path, monkeypatch, capsys):
     def full(run):
         raise OSError(28, "No space left on device")
 
@@ -313,17 +318,17 @@ def test_a_picture_that_cannot_be_drawn_is_said_and_no_more(tmp_path, monkeypatc
     assert RunDirectory(tmp_path / "run").status == "finished"
 
 
-def test_a_run_has_its_directory_until_its_pictures_are_drawn(tmp_path):
-    """Who would have it meanwhile is refused, which is said as what drawing met."""
-    out, said, drawn = OutputPath(tmp_path / "run", overwrite=True), io.StringIO(), []
-    scene = read_case(CASE, SHORT[1::2])
+def test_run_locks_its_directory_until_its_pictures_are_drawn(tmp_path):
+    """Another run is refused meanwhile, whose error is printed as one of drawing."""
+    out, output, drawn = OutputPath(tmp_path / "run", overwrite=True), io.StringIO(), []
 
     def draw(run):
         drawn.append(run.status)
         RunWriter(out, {})
 
-    record_run(scene, out, comm=MPI.COMM_SELF, console=Console(file=said, soft_wrap=True), draw=draw)
-    assert drawn == ["finished"] == [RunDirectory(out.path).status] and "is being written there" in said.getvalue()
+    console = Console(file=output, soft_wrap=True)
+    record_run(read_case(CASE, SHORT[1::2]), out, comm=MPI.COMM_SELF, console=console, draw=draw)
+    assert drawn == ["finished"] == [RunDirectory(out.path).status] and "is being written there" in output.getvalue()
     assert not is_locked(out.path)
 
 
@@ -331,7 +336,7 @@ def test_a_run_has_its_directory_until_its_pictures_are_drawn(tmp_path):
 @pytest.mark.parametrize(
     "output", ["> /dev/full", *(pytest.param(one, marks=pytest.mark.slow) for one in ("| head -n 1", ">&-"))]
 )
-def test_a_run_goes_on_whatever_becomes_of_its_output(tmp_path, output):
+def test_run_continues_whatever_happens_to_its_output(tmp_path, output):
     """And without a terminal's name or a language, wherever its files are."""
     case, out = (tmp_path / "Fälle & Läufe" / name for name in ("stehende Welle.toml", "Lauf 1"))
     case.parent.mkdir()
@@ -343,39 +348,30 @@ def test_a_run_goes_on_whatever_becomes_of_its_output(tmp_path, output):
     assert (done.returncode, done.stderr) == (0, "")
     assert RunDirectory(out).status == "finished"
     assert main(["resume", str(out), "--no-plots", "--extend", "0.02"]) == main(["status", str(out)]) == 0
-    said = (out / LOG).read_text()
-    assert "490 unknowns" in said and "iterations a step" in said and said.endswith("finished\n")
+    log = (out / LOG).read_text()
+    assert "490 unknowns" in log and "iterations a step" in log and log.endswith("finished\n")
 
 
-def test_the_output_of_any_command_may_be_closed(tmp_path, monkeypatch):
-    with RunWriter(tmp_path / "run", {"scene": {"title": "A run"}}) as writer:
-        gauges = writer.gauges([("1", 1.0)])
-        for n in range(20):
-            gauges.append([0.1 * n, 0.01 * n * (19 - n)])
-    run = str(tmp_path / "run")
-    for command in (["status", run], ["compare", run, "--with", run], ["data", "list"], ["schema"], ["--version"]):
-        reading, writing = os.pipe()
-        os.close(reading)
-        with open(writing, "w") as closed, monkeypatch.context() as patched:
-            patched.setattr("sys.stdout", closed)
-            assert main(command) == 0
+@pytest.mark.parametrize(
+    "command", [["status", "run"], ["compare", "run", "--with", "run"], ["data", "list"], ["schema"], ["--version"]]
+)
+def test_output_of_any_command_may_be_closed(command, recorded, monkeypatch):
+    reading, writing = os.pipe()
+    os.close(reading)
+    with open(writing, "w") as closed, monkeypatch.context() as patched:
+        patched.setattr("sys.stdout", closed)
+        assert main(command) == 0
 
 
-def test_a_name_that_is_no_text_stops_no_library(monkeypatch):
-    """Bytes that are no UTF-8, as Python gives them to programs: dolfinx reads all arguments."""
+def test_argument_that_is_not_utf_8_stops_no_library(monkeypatch):
+    """Dolfinx reads all arguments."""
     monkeypatch.setattr("sys.argv", ["wavetank", "run", "F\udce4lle.toml"])
     assert main(["--version"]) == 0
     assert [word.encode() for word in sys.argv] == [b"wavetank", b"run", b"F\\udce4lle.toml"]
 
 
-def test_what_other_commands_write_is_not_replaced_unless_told(tmp_path, monkeypatch, capsys):
+def test_files_of_other_commands_are_replaced_with_overwrite_only(recorded, capsys):
     """Pictures that are named, a folder of results; a default folder is numbered."""
-    monkeypatch.chdir(tmp_path)
-    scene = {"title": "A run"}
-    with RunWriter(Path("run"), {"scene": scene}) as writer:
-        gauges = writer.gauges([("1", 1.0)])
-        for n in range(20):
-            gauges.append([0.1 * n, 0.01 * n * (19 - n)])
     for name in ("still.png", "film.mp4", "results/compare.csv", "results/1.csv"):
         Path(name).parent.mkdir(exist_ok=True)
         Path(name).write_text("mine")

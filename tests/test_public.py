@@ -1,12 +1,14 @@
-"""The public face in Python: what `import wavetank` gives, and the page on what one writes oneself."""
+"""The public interface: what `import wavetank` gives, the page on own extensions, commands without the solver."""
 
-import io
+import json
 import re
+import subprocess
 import sys
-from contextlib import redirect_stdout
+from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import commanded, recorded
 from ranks import CHECKOUT, launch
 
 import wavetank as wt
@@ -18,8 +20,8 @@ BLOCK = r"(?:In `([\w.]+)`:\n\n)?```(?:python|toml)\n(.*?)^```"
 BLOCKS = re.findall(BLOCK, PAGE.read_text(), flags=re.DOTALL | re.MULTILINE)
 
 
-def test_what_is_public_is_there_when_it_is_asked_for():
-    """And nothing that takes long to load before."""
+def test_public_names_are_imported_on_demand():
+    """Nothing that takes long to load is imported before."""
     assert dir(wt) == ["__version__", "open_run", "read_case", "resume", "run"] == sorted([*wt.__all__, "__version__"])
     assert all(callable(getattr(wt, name)) for name in wt.__all__)
     with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
@@ -36,43 +38,35 @@ assert not any(name in sys.modules for name in ("dolfinx", "mpi4py", "xarray"))
     assert done.returncode == 0, done.stderr
 
 
-def written(folder) -> list[str]:
-    """Write the files of the page into a folder; return what is to be run."""
+@pytest.fixture
+def page(tmp_path, monkeypatch) -> Path:
+    """Return the current directory, with the files of the page."""
+    monkeypatch.chdir(tmp_path)
     for name, text in BLOCKS:
         if name:
-            (folder / name).write_text(text)
-    return [text for name, text in BLOCKS if not name]
-
-
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+            (tmp_path / name).write_text(text)
     return tmp_path
 
 
-def test_the_page_runs_as_it_stands(folder):
-    """The bed is where it says, the motion is what it says, the observer sees the wall, and the schemes agree."""
-    observer, scheme = written(folder)
+def test_page_on_own_extensions_runs_as_it_is(page, capsys):
+    """The bed, the motion, the observer and the scheme do what the page says."""
+    observer, scheme = (text for name, text in BLOCKS if not name)
     assert all(len(re.sub(r"\n\n+", "\n", text).splitlines()) <= 17 for name, text in BLOCKS if name != "case.toml")
-    with redirect_stdout(io.StringIO()):
-        exec(observer, seen := {})
-        exec(scheme, own := {})
-    x = np.array([0.0, 4.0, 8.0])
-    assert seen["run"].manifest["status"] == own["run"].manifest["status"] == "finished"
-    assert repr(seen["run"]) == "RunDirectory('runs/seen')"
-    assert wt.read_case("case.toml", trust=True).tank.bed.build(0.7)(x, 0 * x) == pytest.approx(
-        [0.7, 0.8, 0.9], abs=1e-3
-    )
-    assert seen["run"].paddle.position.values[-1] == pytest.approx(0.01 * (1 - np.cos(2 * np.pi * 0.5 / 1.6)))
+    exec(observer, seen := {})
+    exec(scheme, own := {})
+    x, run, other = np.array([0.0, 4.0, 8.0]), seen["run"], own["run"]
+    assert run.manifest["status"] == other.manifest["status"] == "finished"
+    assert repr(run) == "RunDirectory('runs/seen')"
+    bed = wt.read_case("case.toml", trust=True).tank.bed.build(0.7)
+    assert bed(x, 0 * x) == pytest.approx([0.7, 0.8, 0.9], abs=1e-3)
+    assert run.paddle.position.values[-1] == pytest.approx(0.01 * (1 - np.cos(2 * np.pi * 0.5 / 1.6)))
     assert [t for t, _ in seen["RUN_UP"]] == pytest.approx(np.arange(0, 0.51, 0.1))
-    surfaces = [run.surface.elevation.values[-1] for run in (seen["run"], own["run"])]
-    numerics = own["run"].manifest["numerics"]
-    assert {key: numerics[key] for key in ("integrator", "cells", "order", "vertical_order")} == {
-        "integrator": "runge-kutta-4", "cells": 16, "order": 3, "vertical_order": 4
-    }  # fmt: skip
-    assert "integrator" not in own["run"].manifest["scene"]["numerics"] | seen["run"].manifest.get("planned", {})
-    assert seen["run"].manifest["scene"]["numerics"]["integrator"] == "simpson-4"
-    assert np.abs(surfaces[0]).max() > 0.01 > 500 * np.abs(surfaces[1] - surfaces[0]).max()
+    one, two = (surface.elevation.values[-1] for surface in (run.surface, other.surface))
+    numerics = other.manifest["numerics"]
+    assert [numerics[key] for key in ("integrator", "cells", "order", "vertical_order")] == ["runge-kutta-4", 16, 3, 4]
+    assert "integrator" not in other.manifest["scene"]["numerics"] | run.manifest.get("planned", {})
+    assert run.manifest["scene"]["numerics"]["integrator"] == "simpson-4"
+    assert np.abs(one).max() > 0.01 > 500 * np.abs(two - one).max()
 
 
 class Euler:
@@ -99,7 +93,7 @@ class Watch:
 
 
 @pytest.mark.parametrize(
-    ("own", "said"),
+    ("own", "sentence"),
     [
         ({"scene": "case.toml"}, "scene = 'case.toml': a str received; needed is what wt.read_case returns."),
         ({"integrator": "stormer-verlet"}, "integrator = 'stormer-verlet': a name received; needed is a scheme"),
@@ -114,49 +108,41 @@ class Watch:
         ({"observers": [Watch]}, "observers[0]: what Watch returns has no schedule; needed are schedule, record"),
     ],
 )
-def test_what_is_no_integrator_or_observer_is_a_sentence_before_anything_is_written(folder, own, said):
-    written(folder)
+def test_objects_that_are_no_integrator_or_observer_are_refused_before_anything_is_written(page, own, sentence):
     arguments = {"scene": wt.read_case("case.toml", trust=True), "out": "run"} | own
-    with redirect_stdout(io.StringIO()), pytest.raises(InputError) as error:
+    with pytest.raises(InputError) as error:
         wt.run(**arguments)
-    assert str(error.value).startswith(said) and "\n" not in str(error.value)
-    assert not (folder / "run").exists()
+    assert str(error.value).startswith(sentence) and "\n" not in str(error.value)
+    assert not (page / "run").exists()
 
 
 class Fails(Watch):
-    """One that is not made."""
+    """An observer that cannot be made."""
 
     def __init__(self, waves):
         raise ZeroDivisionError("division by zero")
 
 
-def test_of_an_observer_that_is_not_made_it_is_said_which_before_anything_is_written(folder):
-    written(folder)
+def test_observer_that_cannot_be_made_is_named_before_anything_is_written(page):
     with pytest.raises(ZeroDivisionError) as error:
         wt.run(wt.read_case("case.toml", trust=True), "run", observers=[Fails], quiet=True)
     assert error.value.__notes__ == ["ZeroDivisionError in observers[0], Fails"]
-    assert not (folder / "run").exists()
+    assert not (page / "run").exists()
 
 
-def test_a_run_may_be_quiet(folder, capfd):
-    written(folder)
-    run = wt.run(wt.read_case("case.toml", ["run.duration=0.1"], trust=True), "run", quiet=True)
+def test_run_may_be_quiet_and_replaces_another_with_overwrite_only(page, capfd):
+    scene = wt.read_case("case.toml", ["run.duration=0.1"], trust=True)
+    capfd.readouterr()
+    run = wt.run(scene, "run", quiet=True)
     assert "".join(capfd.readouterr()) == "" and "16 cells" in (run.path / "run.log").read_text()
     assert run.energy.paddle_work.attrs["long_name"] == "paddle work"
-
-
-def test_a_run_that_is_there_is_kept_unless_told(folder):
-    written(folder)
-    scene = wt.read_case("case.toml", ["run.duration=0.1"], trust=True)
-    with redirect_stdout(io.StringIO()):
+    with pytest.raises(InputError, match="run: holds a run already"):
         wt.run(scene, "run")
-        with pytest.raises(InputError, match="run: holds a run already"):
-            wt.run(scene, "run")
-        assert wt.run(scene, "run", overwrite=True).gauges.sizes == wt.open_run("run").gauges.sizes
+    assert wt.run(scene, "run", overwrite=True).gauges.sizes == wt.open_run("run").gauges.sizes
 
 
 @pytest.mark.parametrize(
-    ("body", "said"),
+    ("body", "sentence"),
     [
         ("np.sin(t)", r"derivative of order 1 at t = 0\.\d+ s is 0\.\d+; by differences of order 0 it must be 0\.9"),
         (
@@ -167,8 +153,78 @@ def test_a_run_that_is_there_is_kept_unless_told(folder):
         ("t / 0", "function 'motion', line 3: .*divi"),
     ],
 )
-def test_a_motion_that_is_none_is_refused_in_a_sentence(folder, body, said):
-    written(folder)
-    (folder / "paddle.py").write_text(f"import numpy as np\ndef motion(t, order):\n    return {body}\n")
-    with pytest.raises(InputError, match=rf"case\.toml, line 10: wall\.motion: .*{said}"):
+def test_function_that_is_no_motion_is_refused(page, body, sentence):
+    (page / "paddle.py").write_text(f"import numpy as np\ndef motion(t, order):\n    return {body}\n")
+    with pytest.raises(InputError, match=rf"case\.toml, line 10: wall\.motion: .*{sentence}"):
         wt.read_case("case.toml", trust=True)
+
+
+# ---------------------------------------------------------------- after `pip install` alone
+COMMANDS = """
+import io, json, sys
+from contextlib import redirect_stderr, redirect_stdout
+
+MISSING = set(sys.argv[1].split(","))
+
+
+class Missing:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in MISSING:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+
+sys.meta_path.insert(0, Missing())
+from wavetank.__main__ import main
+from wavetank.cli import main as command
+
+for words in json.loads(sys.argv[2]):
+    out, err = io.StringIO(), io.StringIO()
+    with redirect_stdout(out), redirect_stderr(err):
+        code = command(words)
+    print(json.dumps([code, out.getvalue(), err.getvalue()]))
+import wavetank.output.fields  # by view
+"""
+SOLVER = "mpi4py,petsc4py,dolfinx,ufl,basix,ffcx,gmsh"
+SLICE = """
+gauges = [0.3]
+tank = {length = 2.0, depth = 1.0}
+run.duration = 1.0
+initial = {type = "standing-wave", wave_amplitude = 0.01, mode = 2}
+numerics = {cells = 4, vertical_order = 4, dt = 0.05}
+"""
+BASIN = """
+run.duration = 0.1
+tank = {type = "basin", depth = 1.0, layout = {type = "rectangle", length = 2.0, width = 1.0}}
+numerics = {cell_size = 1.0, dt = 0.05}
+"""
+INSTALL = "wavetank: {} is not installed; this command needs FEniCSx"
+
+
+def test_commands_that_read_runs_work_without_the_solver_and_others_name_what_is_missing(tmp_path):
+    run, case, new = tmp_path / "run", str(tmp_path / "case.toml"), str(tmp_path / "new")
+    (tmp_path / "case.toml").write_text(SLICE)
+    recorded(case, (), run)
+    reading = [["--help"], ["run", "--help"], ["status", str(run)], ["compare", str(run), "--with", str(run)]]
+    reading += [["analyse", str(run), "spectrum"], ["new", new], ["schema"]]
+    computing = [["run", case, "--out", str(tmp_path / "again")], ["resume", str(run), "--extend", "1"]]
+    words = [sys.executable, "-c", COMMANDS, SOLVER, json.dumps(reading + computing)]
+    done = subprocess.run(words, cwd=CHECKOUT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    for command, line in zip(reading + computing, done.stdout.splitlines(), strict=True):
+        code, out, err = json.loads(line)
+        if command in reading:
+            assert (code, err) == (0, "") and out, (command, err)
+        else:
+            assert (code, out) == (2, "") and err.count("\n") == 1
+            assert err.startswith(INSTALL.format("mpi4py")) and "environment.yml" in err
+    assert not (tmp_path / "again").exists()
+
+
+def test_run_of_a_basin_without_gmsh_names_it(tmp_path, monkeypatch):
+    case, out = tmp_path / "case.toml", tmp_path / "run"
+    case.write_text(BASIN)
+    monkeypatch.setitem(sys.modules, "gmsh", None)
+    done = commanded("run", str(case), "--out", str(out))
+    assert done.returncode == 2 and done.stderr.count("\n") == 1
+    assert done.stderr.startswith(INSTALL.format("gmsh"))
+    assert not out.exists()

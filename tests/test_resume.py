@@ -1,6 +1,6 @@
 """`wavetank resume`: a run goes on from its directory alone, longer, with more records, or with other numerics.
 
-What it becomes is held against the run that was not interrupted, or that has had those numerics from the start.
+Oracle: the run that was not interrupted, or that has had those numerics from the start.
 """
 
 import json
@@ -13,10 +13,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import xarray
 from mpi4py import MPI
 from ranks import launch
-from test_checkpoint import ending, record, record_until, same, scene
-from test_state import SLICE
+from runs import BASIN, RING, SLICE, SLOSHING, case_of, contents, ending, record, record_until, same
 
 import wavetank as wt
 from wavetank.base.errors import InputError, RunError
@@ -25,7 +25,7 @@ from wavetank.case import Case
 from wavetank.cli import main
 from wavetank.integrators import INTEGRATORS, StormerVerlet
 from wavetank.output import files
-from wavetank.output.checkpoint import read_checkpoint_file, write_checkpoint
+from wavetank.output.checkpoint import read_checkpoint_file, readable_checkpoints, write_checkpoint
 from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, ENERGY, GAUGES, RunDirectory
 from wavetank.planning import checks
 from wavetank.simulation import energy
@@ -37,41 +37,46 @@ from wavetank.simulation.initial import StoredSurface
 pytestmark = pytest.mark.usefixtures("trusted")
 
 DT = SLICE["numerics"]["dt"]
+MORE_GAUGES = ["--set", 'gauges=[{name="1", x=1.0}, {name="2", x=2.5}, {name="3", x=4.0}]']
 
 
 @pytest.fixture(scope="module")
 def uninterrupted(tmp_path_factory) -> Path:
     """Return the directory of a run of 0.5 s."""
-    out = tmp_path_factory.mktemp("runs") / "whole"
-    record(SLICE, out, {})
-    return out
+    return record(SLICE, tmp_path_factory.mktemp("runs") / "whole").path
 
 
 @pytest.fixture(scope="module")
-def broken_off(tmp_path_factory) -> Path:
-    """Return that of one that broke off at 0.35 s, with a checkpoint of 0.2 s."""
+def interrupted(tmp_path_factory) -> Path:
+    """Return that of one that ended at 0.35 s, with a checkpoint of 0.2 s."""
     out = tmp_path_factory.mktemp("runs") / "part"
     record_until(SLICE, out, {}, 4, 7)
     return out
 
 
 @pytest.fixture
-def part(broken_off, tmp_path) -> Path:
+def part(interrupted, tmp_path) -> Path:
     """Return a copy of it."""
-    return Path(shutil.copytree(broken_off, tmp_path / "part"))
+    return Path(shutil.copytree(interrupted, tmp_path / "part"))
 
 
 def resumed(run: Path, *options: str) -> RunDirectory:
-    """Return what the command makes of a run directory."""
+    """Return the run directory that the command has completed."""
     assert main(["resume", str(run), "--no-plots", *options]) == 0
     return RunDirectory(run)
 
 
-def contents(run: Path) -> dict[Path, bytes]:
-    return {path: path.read_bytes() for path in run.rglob("*") if path.is_file()}
+def refusal(capsys, run: Path, *options: str) -> str:
+    """Return the one line with which the command refuses a run directory, which it does not change."""
+    before = contents(run)
+    capsys.readouterr()
+    assert main(["resume", str(run), "--no-plots", *options]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and contents(run) == before
+    return error.rstrip("\n")
 
 
-def test_the_directory_alone_is_enough(uninterrupted, part, capsys):
+def test_resume_needs_the_directory_only(uninterrupted, part, capsys):
     run = resumed(part)
     same(uninterrupted, part)
     assert "going on from t = 0.2 s\n" in capsys.readouterr().out
@@ -79,53 +84,47 @@ def test_the_directory_alone_is_enough(uninterrupted, part, capsys):
     assert (first["from"], first["to"], first["steps"]) == (0.0, 4 * DT, 4)
     assert (second["from"], second["to"], second["steps"]) == (4 * DT, run.manifest["t"], 6)
     for figure in ("timings", "counters"):
-        both = {name: first[figure][name] + second[figure][name] for name in first[figure]}
-        assert run.manifest[figure] == both
+        assert run.manifest[figure] == {name: first[figure][name] + second[figure][name] for name in first[figure]}
     before = contents(part)
     assert resumed(part).status == "finished" and contents(part) == before
     assert f"{part} has finished; --extend SECONDS goes on with it" in capsys.readouterr().out
-    record(SLICE, part, {}, resume=True)  # as by wavetank run --resume
+    record(SLICE, part, resume=True)  # as by wavetank run --resume
     assert contents(part) == before
 
 
-def test_a_run_goes_on_from_the_checkpoint_before_its_last(uninterrupted, part, capsys):
-    """Of a time that is named; of another it is told which there are."""
-    before = contents(part)
-    assert main(["resume", str(part), "--at", "0.1"]) == 2
-    said = f"wavetank: {part}: holds no checkpoint of t = 0.1 s; there is one of 0.2 s and of 0 s.\n"
-    assert capsys.readouterr().err == said and contents(part) == before
+def test_resume_at_a_time_uses_the_checkpoint_before(uninterrupted, part, capsys):
+    available = f"wavetank: {part}: holds no checkpoint of t = 0.1 s; there is one of 0.2 s and of 0 s."
+    assert refusal(capsys, part, "--at", "0.1") == available
     resumed(part, "--at", "0")
     assert "going on from t = 0 s\n" in capsys.readouterr().out
     same(uninterrupted, part)
+
+
+class Failing:
+    """An observer that fails at the seventh step."""
+
+    def __init__(self, waves):
+        self.schedule = EverySteps()
+
+    def record(self, block):
+        if 7 in block.step:
+            raise RunError("it ends here")
 
 
 @pytest.mark.parametrize(
     "scheme",
     ["simpson-4", *(pytest.param(name, marks=pytest.mark.slow) for name in INTEGRATORS if name != "simpson-4")],
 )
-def test_a_run_that_fails_is_kept_up_to_its_last_good_step(scheme, uninterrupted, tmp_path, monkeypatch, capsys):
-    """Between two checkpoints: where one of the observers fails, who have seen some of a step, that is the one before.
-
-    It goes on as it would have to the tolerance of its stages, no row doubled or missing; and its budget is one.
-    """
-
-    class Failing:
-        def __init__(self, waves):
-            self.schedule = EverySteps()
-
-        def record(self, block):
-            if 7 in block.step:
-                raise RunError("it ends here")
-
+def test_run_that_fails_resumes_from_the_step_before(scheme, uninterrupted, tmp_path, monkeypatch, capsys):
+    """It equals the uninterrupted one to the tolerance of its stages, no row doubled or missing."""
     parts = SLICE | {"numerics": SLICE["numerics"] | {"integrator": scheme}}
     if scheme != "simpson-4":
-        uninterrupted = tmp_path / "whole"
-        record(parts, uninterrupted, {})
+        uninterrupted = record(parts, tmp_path / "whole").path
     monkeypatch.setattr(running, "LONGEST", 1)  # else it is the end of the block before
     with pytest.raises(RunError, match="it ends here"):
-        wt.run(scene(parts), tmp_path / "run", observers=[Failing], quiet=True)
-    failed = read_checkpoint_file(tmp_path / "run" / CHECKPOINT)
-    assert failed.about["step"] == 6 and len(RunDirectory(tmp_path / "run").energy.time) == 8
+        wt.run(case_of(parts), tmp_path / "run", observers=[Failing], quiet=True)
+    assert read_checkpoint_file(tmp_path / "run" / CHECKPOINT).about["step"] == 6
+    assert len(RunDirectory(tmp_path / "run").energy.time) == 8
     run = resumed(tmp_path / "run")
     assert "going on from t = 0.3 s\n" in capsys.readouterr().out
     same(uninterrupted, tmp_path / "run", tolerance=1e-5)
@@ -147,15 +146,13 @@ def test_resume_completes_a_run_killed_between_its_last_checkpoint_and_its_end(d
     same(tmp_path / "whole", part)
 
 
-def test_a_finished_run_goes_on_by_some_seconds(uninterrupted, tmp_path):
-    """From its very end, from Python; the step stays. What was made of the record until then is gone."""
+def test_finished_run_is_extended_and_what_was_made_of_its_record_is_removed(uninterrupted, tmp_path):
     record(SLICE, tmp_path / "run", {"duration": 0.3})
     made = "analysis-spectrum.csv", "compare-harmonics.png", "compare.png", "energy.png", "view.mp4"
-    of_the_record = [tmp_path / "run" / name for name in made]
-    for file in of_the_record:
-        file.touch()
+    for name in made:
+        (tmp_path / "run" / name).touch()
     run = wt.resume(tmp_path / "run", extend=0.2)
-    assert not any(file.exists() for file in of_the_record)
+    assert not any((tmp_path / "run" / name).exists() for name in made)
     removed = "analysis-spectrum.csv, compare-harmonics.png, compare.png, view.mp4"
     assert f"removed, as the record they are of goes on: {removed}\n" in (tmp_path / "run" / "run.log").read_text()
     same(uninterrupted, tmp_path / "run")
@@ -163,70 +160,47 @@ def test_a_finished_run_goes_on_by_some_seconds(uninterrupted, tmp_path):
     assert [part["steps"] for part in run.manifest["parts"]] == [6, 4]
 
 
-def test_more_gauges_from_now_on_and_other_intervals(uninterrupted, part):
-    """Of what was recorded before nothing is lost; a gauge has a record from when it was there."""
+def test_resume_with_more_gauges_and_other_intervals_loses_no_record(uninterrupted, part):
+    """A new gauge has a record from then on."""
     now = 'gauges=[{name="1", x=1.0}, {name="new", x=4.0}, {name="2", x=2.5}]'
     run = resumed(part, "--set", now, "--set", "output.surface_every=0.05", "--set", "output.gauges_every=2")
-    whole = RunDirectory(uninterrupted)
-    (first, new, second), t = run.gauges.values, run.gauges.time.values
-    kept = np.isin(whole.gauges.time, t)
+    (first, new, second), t, whole = run.gauges.values, run.gauges.time.values, RunDirectory(uninterrupted)
     assert list(t) == [DT * n for n in (0, 1, 2, 3, 4, 6, 8, 10)]
-    for mine, its in ((first, whole.gauges.values[0]), (second, whole.gauges.values[1])):
-        np.testing.assert_array_equal(mine, its[kept])
+    np.testing.assert_array_equal([first, second], whole.gauges.values[:, np.isin(whole.gauges.time, t)])
     assert np.isnan(new[:5]).all() and np.isfinite(new[5:]).all()
     assert (part / GAUGES).read_text().splitlines()[5].split(",")[2] == ""
-    import xarray
-
     np.testing.assert_array_equal(xarray.load_dataset(part / "gauges.nc", engine="scipy").elevation.T, run.gauges)
     assert run.snapshots().time.values == pytest.approx([0.0, 0.1, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5])
-    elevations = whole.snapshots()
-    np.testing.assert_array_equal(run.snapshots().elevation.values[-1], elevations.elevation.values[-1])
+    np.testing.assert_array_equal(run.snapshots().elevation.values[-1], whole.snapshots().elevation.values[-1])
 
 
-def test_a_run_goes_on_with_another_step(part, tmp_path, capsys):
-    """As one with that step from the start does, to what the first steps missed; the budget is one."""
-    record(SLICE | {"numerics": SLICE["numerics"] | {"dt": DT / 2}}, tmp_path / "fine", {})
-    run = resumed(part, "--set", "numerics.dt=0.025")
-    assert "going on from t = 0.2 s with numerics.dt = 0.025; the mass changes by" in capsys.readouterr().out
-    assert run.status == "finished"
-    gauges, fine = run.gauges, RunDirectory(tmp_path / "fine").gauges
+def test_resume_with_another_step_equals_a_run_with_it_also_interrupted_again(part, tmp_path, capsys):
+    """To the error of the first steps; the energy balance does not jump, and schedules keep to the time."""
+    shutil.copytree(part, tmp_path / "again")
+    fine = record(SLICE | {"numerics": SLICE["numerics"] | {"dt": DT / 2}}, tmp_path / "fine").gauges
+    change = ("--set", "numerics.dt=0.025")
+    run, log = resumed(part, *change), capsys.readouterr().out
+    assert "going on from t = 0.2 s with numerics.dt = 0.025; the mass changes by" in log
+    gauges = run.gauges
     assert gauges.time.values == pytest.approx([*DT * np.arange(5), *(0.2 + DT / 2 * np.arange(1, 13))])
     assert np.abs(gauges - fine.interp(time=gauges.time))[:, -12:].max() < 0.02 * np.abs(fine).max()
-    energy = {name: column.values for name, column in run.energy.items()}
-    off = np.abs(np.diff(energy["balance"]))
-    assert off[4:].max() < off[:4].max()  # it does not jump where the step changes
-    assert np.ptp(energy["mass"]) < 1e-12 * energy["mass"][0]
+    mass, off = run.energy.mass.values, np.abs(np.diff(run.energy.balance.values))
+    assert off[4:].max() < off[:4].max() and np.ptp(mass) < 1e-12 * mass[0]
     assert [one["numerics"]["dt"] for one in run.manifest["parts"]] == [0.05, 0.025]
-    assert run.manifest["numerics"]["steps_taken"] == 4 + 12
+    assert run.manifest["numerics"]["steps_taken"] == 4 + 12 and run.snapshots().time.values.size == 6
     assert "with numerics.dt = 0.025" in (part / "run.log").read_text()
-
-
-def test_and_from_there_again_as_if_it_had_not_been_interrupted(part, tmp_path):
-    """Steps are counted on, and schedules keep to the time."""
-    shutil.copytree(part, tmp_path / "again")
-    change = ("--set", "numerics.dt=0.025")
-    whole = resumed(part, *change)
     with ending(written=8, after=11):
         assert main(["resume", str(tmp_path / "again"), "--no-plots", *change]) == 1
     again = resumed(tmp_path / "again")
     same(part, tmp_path / "again")
-    assert [one["steps"] for one in again.manifest["parts"]] == [4, 4, 8] and whole.snapshots().time.values.size == 6
-
-
-SLOSHING = {
-    "tank": {"length": 2.0, "depth": 1.0},
-    "initial": {"type": "standing-wave", "wave_amplitude": 0.02},
-    "gauges": [0.0, 0.7],
-    "run": {"duration": 0.8},
-    "numerics": {"cells": 6, "vertical_order": 4, "dt": 0.05},
-}
+    assert [one["steps"] for one in again.manifest["parts"]] == [4, 4, 8]
 
 
 @pytest.fixture(scope="module")
 def sloshing(tmp_path_factory) -> tuple[Path, Path]:
-    """Return the directories of an uninterrupted run, and of one that broke off half way."""
+    """Return the directories of an uninterrupted run, and of one that ended half way."""
     folder = tmp_path_factory.mktemp("sloshing")
-    record(SLOSHING, folder / "whole", {})
+    record(SLOSHING, folder / "whole")
     record_until(SLOSHING, folder / "part", {}, 8, 9)
     return folder / "whole", folder / "part"
 
@@ -240,34 +214,28 @@ def sloshing(tmp_path_factory) -> tuple[Path, Path]:
     ],
     ids=["cells", "orders", "integrator"],
 )
-def test_a_run_goes_on_on_another_mesh_or_with_another_scheme(sloshing, tmp_path, changes, points, capsys, monkeypatch):
-    """As it would have, to what either misses; the surface is recorded where it was.
-
-    Where other elements have another energy of it a shorter step was told to help.
-    """
+def test_resume_on_another_mesh_or_with_another_scheme(sloshing, tmp_path, changes, points, capsys, monkeypatch):
+    """To the error of either. Elements with another energy of the same surface are named as the cause of its jump."""
     monkeypatch.setattr(energy, "TRUE", 1e-5)
     part = Path(shutil.copytree(sloshing[1], tmp_path / "part"))
     run = resumed(part, *(word for change in changes for word in ("--set", change)))
-    said, usual = capsys.readouterr().out, RunDirectory(sloshing[0])
-    assert all(f"{change.replace('=', ' = ')}" in said for change in changes if "e-" not in change)
-    assert "= None" not in said
+    log, usual = capsys.readouterr().out, RunDirectory(sloshing[0])
+    assert all(f"{change.replace('=', ' = ')}" in log for change in changes if "e-" not in change)
+    assert "= None" not in log
     assert run.status == "finished" and run.manifest["numerics"]["degrees_of_freedom"] == points
-    gauges, its = run.gauges.values, usual.gauges.values
-    assert np.abs(gauges[:, -1] - its[:, -1]).max() < 2e-3 * np.abs(its).max()
     surface, before = run.snapshots(), usual.snapshots()
     np.testing.assert_array_equal(surface.x[-1], before.x[-1])
-    eta, expected = surface.elevation.values, before.elevation.values
-    assert np.abs(eta[-1] - expected[-1]).max() < 2e-3 * np.abs(expected).max()
+    for mine, its in ((run.gauges.values.T, usual.gauges.values.T), (surface.elevation, before.elevation)):
+        assert np.abs(mine[-1] - its[-1]).max() < 2e-3 * np.abs(its).max()
     assert run.manifest["errors"]["mass"] < 1e-6
     another = [one for one in run.warnings if one.code == "energy-balance" and "resumed run" in str(one)]
     assert another == run.warnings and len(another) == ("numerics.order=2" in changes)
 
 
-def test_a_surface_is_carried_to_another_mesh_where_it_is_in_the_laboratory():
-    """The paddle stands elsewhere then than at rest, and the mesh with it."""
+def test_surface_is_interpolated_to_another_mesh_in_physical_space():
+    """At a time at which the paddle is displaced, and the mesh with it."""
     coarse, fine = (Case.model_validate(SLICE | {"numerics": SLICE["numerics"] | {"cells": n}}) for n in (24, 31))
-    t, k = 0.35, 1.5
-    values = []
+    t, k, values = 0.35, 1.5, []
     for one in (coarse, fine):
         waves = build_waves(one, MPI.COMM_SELF)
         waves.set_time(t)
@@ -276,12 +244,11 @@ def test_a_surface_is_carried_to_another_mesh_where_it_is_in_the_laboratory():
     assert x[0] > 0.02
     places = build_waves(coarse, MPI.COMM_SELF).plane.coordinates()
     found = StoredSurface(coarse, t, 1.0, values=values[0], places=places, parts={}).on(waves)
-    for mine, exact in zip(found, values[1], strict=True):
-        assert np.abs(mine - exact).max() < 1e-4
+    np.testing.assert_allclose(found, values[1], rtol=0, atol=1e-4)
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "sentence"),
     [
         (["--set", "tank.depth=0.7"], "tank.depth = 0.7: must be 0.6, as in the run that is to go on"),
         (["--set", "gauges=[1.0]"], 'missing, or another, is {"name": "2", "x": 2.5}'),
@@ -294,35 +261,32 @@ def test_a_surface_is_carried_to_another_mesh_where_it_is_in_the_laboratory():
         (["--set", "wall.reach=1.0"], "wall.reach = 1.0: must be 2.0, as in"),
     ],
 )
-def test_what_cannot_change_is_refused_and_nothing_is_touched(part, options, said, capsys):
-    before = contents(part)
-    assert main(["resume", str(part), *options]) == 2
-    error = capsys.readouterr().err
-    assert said in error and str(part) in error or "--extend" in error
-    assert error.count("\n") == 1 and contents(part) == before
+def test_resume_refuses_other_values(part, options, sentence, capsys):
+    error = refusal(capsys, part, *options)
+    assert sentence in error and (str(part) in error or "--extend" in error)
 
 
-def test_numerics_of_a_run_that_has_finished_change_with_more_time_alone(uninterrupted, tmp_path, capsys):
+def test_finished_run_changes_its_numerics_with_more_time_only(uninterrupted, tmp_path, capsys):
     """At its duration, and where its last step went beyond that."""
     run = Path(shutil.copytree(uninterrupted, tmp_path / "run"))
     for more in ([], ["--extend", "0.03"]):
         if more:
             assert resumed(run, *more).manifest["t"] == pytest.approx(0.55)
-        assert main(["resume", str(run), "--set", "numerics.dt=0.02"]) == 2
-        assert capsys.readouterr().err == f"wavetank: {run}: run: has finished; --extend SECONDS goes on with it.\n"
+        error = refusal(capsys, run, "--set", "numerics.dt=0.02")
+        assert error == f"wavetank: {run}: run: has finished; --extend SECONDS goes on with it."
 
 
 class Own(StormerVerlet):
-    """A scheme of somebody's own."""
+    """A user's scheme."""
 
     name = "own"
 
 
-def test_a_run_of_a_scheme_of_ones_own_goes_on_with_it_alone(tmp_path):
-    """Whatever scheme the case names, which does not step it; no numerics have changed then."""
-    one = scene(SLICE | {"numerics": SLICE["numerics"] | {"integrator": "gauss-legendre-4"}}, duration=0.2)
-    for name in ("whole", "part"):
-        with ending(written=2, after=3 if name == "part" else 99), suppress(RunError):
+def test_run_of_a_users_scheme_resumes_with_that_scheme_only(tmp_path):
+    """Whatever scheme the case names, which does not step it; the numerics have not changed."""
+    one = case_of(SLICE | {"numerics": SLICE["numerics"] | {"integrator": "gauss-legendre-4"}}, duration=0.2)
+    for name, after in (("whole", 99), ("part", 3)):
+        with ending(written=2, after=after), suppress(RunError):
             wt.run(one, tmp_path / name, integrator=Own(), quiet=True)
     with pytest.raises(InputError, match="stepped by integrator 'own', and would be by 'simpson-4': must be the same"):
         wt.resume(tmp_path / "part")
@@ -334,26 +298,18 @@ def test_a_run_of_a_scheme_of_ones_own_goes_on_with_it_alone(tmp_path):
     assert wt.resume(tmp_path / "part", ["numerics.integrator=third-order"], extend=0.1).status == "finished"
 
 
-PADDLE = """
-import numpy as np
+PADDLE = "import numpy as np\ndef motion(t, order):\n    return {} * 4.0**order * np.sin(4 * t + order * np.pi / 2)\n"
 
 
-def motion(t, order):
-    return {amplitude} * 4.0**order * np.sin(4.0 * t + order * np.pi / 2)
-"""
-
-
-def test_a_file_of_the_same_name_and_another_content_is_another_scene(tmp_path, capsys):
+def test_resume_refuses_a_file_whose_content_has_changed(tmp_path, capsys):
     paddle, run = tmp_path / "paddle.py", tmp_path / "run"
-    paddle.write_text(PADDLE.format(amplitude=0.01))
+    paddle.write_text(PADDLE.format(0.01))
     motion = {"type": "python", "file": str(paddle), "ramp": 0.4}
     record(SLICE | {"wall": SLICE["wall"] | {"motion": motion}}, run, {"duration": 0.1})
-    paddle.write_text(PADDLE.format(amplitude=0.02))
-    before = contents(run)
-    assert main(["resume", str(run), "--extend", "0.1", "--no-plots"]) == 2
-    said = f'{run}: wall.motion.file = "{paddle}": its content must be what it was when the run began, and has changed'
-    assert said in capsys.readouterr().err and contents(run) == before
-    paddle.write_text(PADDLE.format(amplitude=0.01))
+    paddle.write_text(PADDLE.format(0.02))
+    why = "its content must be what it was when the run began, and has changed"
+    assert f'{run}: wall.motion.file = "{paddle}": {why}' in refusal(capsys, run, "--extend", "0.1")
+    paddle.write_text(PADDLE.format(0.01))
     assert resumed(run, "--extend", "0.1").manifest["t"] == pytest.approx(0.2)
 
 
@@ -365,33 +321,43 @@ def test_resumed_run_renews_the_warnings_that_depend_on_its_duration(tmp_path, m
         too_high = f"wavetank.{module}.too_high"
         monkeypatch.setattr(too_high, lambda one: [breaks] if one.run.on_breaking == "stop" else [])
     record(SLICE, tmp_path / "run", {"duration": 0.1, "on_breaking": "stop"})
-    kept = resumed(tmp_path / "run", "--extend", "0.05")
-    assert [one.value for one in kept.warnings if one.code == "inaccurate"] == [pytest.approx(0.3)]
-    assert breaks in kept.warnings
+    longer = resumed(tmp_path / "run", "--extend", "0.05")
+    assert [one.value for one in longer.warnings if one.code == "inaccurate"] == [pytest.approx(0.3)]
+    assert breaks in longer.warnings
     changed = resumed(tmp_path / "run", "--extend", "0.05", "--set", "run.on_breaking=ignore")
     found = [(one.value, one.until) for one in changed.warnings if one.code == "inaccurate"]
     assert found == [(pytest.approx(0.3), pytest.approx(0.15)), (pytest.approx(0.4), None)]
     assert breaks not in changed.warnings
 
 
-def test_what_is_no_run_is_refused(tmp_path, capsys):
-    assert main(["resume", str(tmp_path / "none")]) == 2
-    assert "is no run directory" in capsys.readouterr().err and not (tmp_path / "none").exists()
+def test_resume_refuses_what_is_no_run(tmp_path, capsys):
+    assert "is no run directory" in refusal(capsys, tmp_path / "none") and not (tmp_path / "none").exists()
     (tmp_path / "manifest.json").write_text("{}")
     with pytest.raises(InputError, match="tells no scene to go on with"):
         wt.resume(tmp_path)
 
 
 # ---------------------------------------------------------------- checkpoints that cannot be used
-def test_where_records_are_shorter_than_it_counts_on_the_one_before_is_taken(uninterrupted, part):
-    """As after a power cut, or of another file system: it is said, and nothing is missing in the end."""
-    table = part / ENERGY
-    lines = table.read_text().splitlines(keepends=True)
-    table.write_text("".join(lines[:4]) + "0.15,0.0")
-    assert read_checkpoint_file(part / CHECKPOINT_BEFORE).about["t"] == 0.0
+def shorten(part: Path, uninterrupted: Path) -> None:
+    """Shorten the record of energies, as after a power cut."""
+    lines = (part / ENERGY).read_text().splitlines(keepends=True)
+    (part / ENERGY).write_text("".join(lines[:4]) + "0.15,0.0")
+
+
+def exchange(part: Path, uninterrupted: Path) -> None:
+    """Put the checkpoint of another run in place."""
+    shutil.copy(uninterrupted / CHECKPOINT, part / CHECKPOINT)
+
+
+@pytest.mark.parametrize(
+    ("damage", "why"), [(shorten, f"it counts on more than there is in {ENERGY}"), (exchange, "it is of another run")]
+)
+def test_checkpoint_that_cannot_be_used_is_named_and_the_one_before_is_used(damage, why, uninterrupted, part, capsys):
+    damage(part, uninterrupted)
     run = resumed(part)
-    told = f"{part / CHECKPOINT} cannot be used (it counts on more than there is in {ENERGY})"
-    assert told in map(str, run.warnings) and read_checkpoint_file(part / CHECKPOINT_BEFORE).about["t"] == 0.0
+    assert f"{part / CHECKPOINT} cannot be used ({why})" in map(str, run.warnings)
+    assert "going on from t = 0 s" in capsys.readouterr().out
+    assert read_checkpoint_file(part / CHECKPOINT_BEFORE).about["t"] == 0.0
     same(uninterrupted, part)
 
 
@@ -406,74 +372,195 @@ DAMAGES = {
 
 @pytest.mark.parametrize("table", [GAUGES, ENERGY])
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_a_table_that_was_changed_before_its_checkpoint_is_refused(damage, table, part, capsys):
-    """The command is refused and writes nothing, with other gauges from then on, too."""
+def test_table_that_was_changed_before_its_checkpoint_is_refused(damage, table, part, capsys):
+    """With other gauges from then on, too."""
     lines = (part / table).read_bytes().splitlines(keepends=True)
     (part / table).write_bytes(b"".join(DAMAGES[damage](lines)))
     (part / CHECKPOINT_BEFORE).unlink()
-    before = contents(part)
-    more = ["--set", 'gauges=[{name="1", x=1.0}, {name="2", x=2.5}, {name="3", x=4.0}]']
-    for options in ([], more):
-        assert main(["resume", str(part), "--no-plots", *options]) == 2
-        why = f"a row of {table} before t = 0.2 s has been added, removed or edited since"
-        assert f"holds no checkpoint to go on from; {part / CHECKPOINT} cannot be used ({why})." in (
-            " ".join(capsys.readouterr().err.split())
-        )
-        assert contents(part) == before
-
-
-def test_a_checkpoint_of_another_run_is_not_taken(part, uninterrupted, capsys):
-    shutil.copy(uninterrupted / CHECKPOINT, part / CHECKPOINT)
-    run = resumed(part)
-    assert f"{part / CHECKPOINT} cannot be used (it is of another run)" in map(str, run.warnings)
-    assert "going on from t = 0 s" in capsys.readouterr().out
-    same(uninterrupted, part)
+    why = f"a row of {table} before t = 0.2 s has been added, removed or edited since"
+    for options in ([], MORE_GAUGES):
+        error = refusal(capsys, part, *options)
+        assert f"holds no checkpoint to go on from; {part / CHECKPOINT} cannot be used ({why})." in error
 
 
 def test_records_are_on_the_disk_before_the_checkpoint_that_counts_on_them(tmp_path, monkeypatch):
-    """Each file that is forced to the disk, by its name, in this order."""
+    """The names of the files that are forced to the disk, in order."""
     forced, fsync = [], os.fsync
 
-    def told(number):
+    def force(number):
         forced.append(Path(os.readlink(f"/proc/self/fd/{number}")).name)
         fsync(number)
 
-    monkeypatch.setattr(files.os, "fsync", told)
+    monkeypatch.setattr(files.os, "fsync", force)
     record(SLICE, tmp_path / "run", {"duration": 0.1})
     checkpoint = [place for place, name in enumerate(forced) if name == f".{CHECKPOINT}"][-1]
-    tables = {GAUGES, ENERGY, "paddle.csv", "surface.nc"}
     fields = {file.name for file in (tmp_path / "run" / "fields").iterdir()} | {"velocity.pvd", "fields"}
-    assert tables | fields <= set(forced[:checkpoint])
+    assert {GAUGES, ENERGY, "paddle.csv", "surface.nc"} | fields <= set(forced[:checkpoint])
     assert forced[-2:] == [".manifest.json", "run"]
 
 
-def test_a_mended_table_is_told_by_its_rows(tmp_path):
-    """A checkpoint of before a gauge was added is still good when the run is killed right after."""
-    record_until(SLICE, tmp_path / "run", {}, 4, 7)
-    shutil.copytree(tmp_path / "run", tmp_path / "usual")
-    more = ["--set", 'gauges=[{name="1", x=1.0}, {name="2", x=2.5}, {name="3", x=4.0}]']
+def test_checkpoint_before_a_gauge_was_added_is_good_if_the_run_is_killed_right_after(part, tmp_path):
+    shutil.copytree(part, tmp_path / "usual")
     with ending(written=99, after=5):
-        assert main(["resume", str(tmp_path / "run"), "--no-plots", *more]) == 1
-    assert RunDirectory(tmp_path / "run").status != "finished"
-    killed, usual = resumed(tmp_path / "run"), resumed(tmp_path / "usual", *more)
-    same(tmp_path / "usual", tmp_path / "run")
+        assert main(["resume", str(part), "--no-plots", *MORE_GAUGES]) == 1
+    assert RunDirectory(part).status != "finished"
+    killed, usual = resumed(part), resumed(tmp_path / "usual", *MORE_GAUGES)
+    same(tmp_path / "usual", part)
     assert [*killed.gauges.gauge.values] == [*usual.gauges.gauge.values] == ["1", "2", "3"]
 
 
 @pytest.mark.parametrize(("pairs", "code"), [(2, 0), (9, 2)])
 def test_stage_history_of_another_size_is_dropped_or_refused(pairs, code, part):
     """In a process of its own: compiled code wrote beyond the arrays of two pairs. Oracle: other runs of this file."""
-    kept = read_checkpoint_file(part / CHECKPOINT)
-    tree, arrays = json.loads(kept.tree_json), list(kept.arrays)
+    last = read_checkpoint_file(part / CHECKPOINT)
+    tree, arrays = json.loads(last.tree_json), list(last.arrays)
     stage = tree["run"]["parts"]["system"]["stages"]["stages"]["(q, p) at 1/2"]
     stage["pairs"] = pairs
     for name in ("points", "images"):
         number = stage["points"][name]["array"]
         arrays[number] = np.tile(arrays[number], (1, pairs, 1))
     (part / CHECKPOINT_BEFORE).unlink()
-    write_checkpoint(part, kept._replace(tree_json=json.dumps(tree), arrays=arrays))
+    write_checkpoint(part, last._replace(tree_json=json.dumps(tree), arrays=arrays))
     (part / CHECKPOINT_BEFORE).unlink()
     hung = ["timeout", "--signal=KILL", "300"]  # signal handlers wait for the lock of a heap that is corrupt
     done = launch([*hung, sys.executable, "-m", "wavetank", "resume", str(part), "--no-plots"])
     assert done.returncode == code, done.stderr
     assert RunDirectory(part).status == ("finished" if code == 0 else "broke down")
+
+
+# ---------------------------------------------------------------- cases that begin with the surface of another run
+FIRST = SLOSHING | {
+    "run": {"duration": 0.4},
+    "numerics": SLOSHING["numerics"] | {"integrator": "gauss-legendre-4", "tolerance": 1e-9},
+    "output": {},
+}
+
+
+def continued(parts: dict, earlier: Path, **initial: object) -> dict:
+    """Return a case that begins with a run, whose numerics it has."""
+    others = {key: value for key, value in parts.items() if key != "numerics"}
+    return others | {"initial": {"type": "run", "directory": str(earlier), **initial}}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """Return a folder with a run of 0.8 s, and one of 0.4 s."""
+    folder = tmp_path_factory.mktemp("first")
+    record(FIRST, folder / "whole", {"duration": 0.8})
+    record(FIRST, folder / "first")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("numerics", "points", "error"),
+    [
+        ({}, 19, 1e-6),
+        ({"cells": 9, "order": 2, "vertical_order": 5, "dt": 0.05}, 19, 3e-3),
+        ({"cells": 12, "dt": 0.025}, 37, 2e-3),
+    ],
+    ids=["its cells", "others", "finer"],
+)
+def test_run_continues_another_from_time_zero(folder, tmp_path, numerics, points, error, capsys):
+    """To the tolerance of the solves on the same cells, on others to their error."""
+    second = record(continued(FIRST, folder / "first") | {"numerics": numerics}, tmp_path / "second")
+    found, whole = second.gauges, RunDirectory(folder / "whole").gauges
+    assert found.time[0] == 0.0 and float(found.time[-1]) == pytest.approx(0.4)
+    assert np.abs(found.values[:, -1] - whole.values[:, -1]).max() < error * np.abs(whole.values).max()
+    assert second.manifest["numerics"]["degrees_of_freedom"] == points
+    assert second.manifest["numerics"]["integrator"] == "gauss-legendre-4"
+    assert f"begins with {folder / 'first'} at t = 0.4 s; the mass changes by" in capsys.readouterr().out
+    last = RunDirectory(folder / "first").energy.mass.values[-1]
+    assert abs(second.energy.mass.values[0] / last - 1) < 1e-6
+
+
+def test_ring_begins_with_a_ring_on_other_cells(tmp_path):
+    """Across its seam, too. Oracle: the exact wave, where it has travelled to."""
+    ring = RING | {"output": {}}
+    ring_run = record(ring, tmp_path / "first")
+    second = record(continued(ring, tmp_path / "first") | {"numerics": {"cells": 20}}, tmp_path / "second")
+    wave = Case.model_validate(RING).initial.wave(Case.model_validate(RING).tank)
+    for surface in (ring_run.snapshots().isel(time=-1), second.snapshots().isel(time=0)):
+        exact = wave.elevation(surface.x.values - wave.speed * 0.4)
+        assert np.abs(surface.elevation.values - exact).max() < 5e-3 * np.ptp(exact)
+
+
+def test_run_begins_at_the_time_of_a_checkpoint_and_other_times_are_refused(folder, tmp_path):
+    (_, last), (_, before) = readable_checkpoints(folder / "first")
+    assert (last["t"], before["t"]) == (0.4, 0.0)
+    again = record(continued(FIRST, folder / "first", t=0.0), tmp_path / "again")
+    np.testing.assert_allclose(again.gauges, RunDirectory(folder / "first").gauges, rtol=0, atol=1e-9)
+    with pytest.raises(InputError, match=r"t = 0\.2: must be a time that is kept, which are 0\.4 s and 0 s"):
+        record(continued(FIRST, folder / "first", t=0.2), tmp_path / "none")
+
+
+RESTS = r"the wall stood at 0\.0\d+ m when t = 0\.3 s, and begins at 0 m: must be as"  # not: its paddle was moving
+RING_TANK = {"tank": {"type": "ring", "length": 2.0, "depth": 1.0}}
+
+
+@pytest.mark.parametrize(
+    ("earlier", "changes", "sentence"),
+    [
+        (None, {"tank": {"length": 2.0, "depth": 1.1}}, r"initial: tank\.depth = 1\.1: must be 1\.0, as in the run to"),
+        (None, RING_TANK, r"tank\.type = 'ring': must be 'slice'"),
+        (None, {"initial": {"type": "run", "directory": "nowhere"}}, r"nowhere: is no run directory"),
+        (None, {"numerics": {"accuracy": 0.01}}, 'initial.type = "run": plans are made for'),
+        (
+            (FIRST | {"numerics": FIRST["numerics"] | {"cells": 2}}, 0.05),
+            RING_TANK,
+            r"cells = 2: must be at least 3 in",
+        ),
+        ((SLICE, 0.3), {}, RESTS),
+    ],
+    ids=["depth", "tank", "directory", "plan", "too few cells for a mesh", "moved paddle"],
+)
+def test_run_that_does_not_fit_is_refused(earlier, changes, sentence, folder, tmp_path):
+    parts, run = FIRST, folder / "first"
+    if earlier:
+        parts, run = earlier[0], tmp_path / "first"
+        record(parts, run, {"duration": earlier[1]})
+    with pytest.raises(InputError, match=sentence):
+        record(continued(parts, run) | changes, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_case_names_a_run_relative_to_its_folder_and_resumes_without_that_run(folder, tmp_path, monkeypatch, capsys):
+    (folder / "case.toml").write_text(
+        "[tank]\nlength = 2.0\ndepth = 1.0\n[run]\nduration = 0.2\n[initial]\ntype = 'run'\ndirectory = 'first'\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", str(folder / "case.toml"), "--no-plots", "--out", "second"]) == 0
+    (folder / "first").rename(folder / "gone")
+    try:
+        assert main(["resume", "second", "--extend", "0.1", "--no-plots"]) == 0
+        assert main(["run", str(folder / "case.toml"), "--no-plots", "--out", "third"]) == 2
+        assert "case.toml, line 6: initial: " in capsys.readouterr().err
+    finally:
+        (folder / "gone").rename(folder / "first")
+    assert RunDirectory("second").manifest["t"] == pytest.approx(0.3)
+
+
+# ---------------------------------------------------------------- broad
+CYLINDER = {"type": "cylinder", "length": 4.0, "width": 3.0, "centre": [2.0, 1.5], "radius": 0.4}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("layout", [BASIN["tank"]["layout"], CYLINDER], ids=["rectangle", "cylinder"])
+def test_basin_begins_with_a_basin_on_other_cells_on_any_ranks(layout, on_ranks, tmp_path):
+    """Also round a cylinder, whose curve other cells follow a little otherwise; the change of the mass is printed."""
+    basin = {
+        "tank": BASIN["tank"] | {"layout": layout},
+        "initial": {"type": "formula", "eta": "0.02*cos(pi*x/4)*cos(pi*y/3)"},
+        "gauges": [{"x": 1.0, "y": 1.2}],
+        "run": {"duration": 0.3},
+        "numerics": {"cell_size": 0.5, "order": 3, "vertical_order": 2, "dt": 0.0125},
+    }
+    on_ranks(record, basin, tmp_path / "whole", {"duration": 0.5}, ranks=2)
+    on_ranks(record, basin, tmp_path / "first", ranks=2)
+    others = {"numerics": {"cell_size": 0.3, "dt": 0.00625}, "run": {"duration": 0.2}}
+    whole = RunDirectory(tmp_path / "whole")
+    for ranks in (1, 3):
+        on_ranks(record, continued(basin, tmp_path / "first") | others, tmp_path / str(ranks), ranks=ranks)
+        found = RunDirectory(tmp_path / str(ranks))
+        assert abs(float(found.gauges[0, -1] - whole.gauges[0, -1])) < 0.01 * 0.02
+        line = next(line for line in (found.path / "run.log").read_text().splitlines() if "begins with" in line)
+        assert abs(float(line.split(" by ")[1].split(" of ")[0])) < 1e-4
