@@ -360,8 +360,8 @@ def _regular_wave_speed(record: WaveRecord) -> Result:
     columns |= {"phase speed [m/s]": c, "linear [m/s]": np.full_like(c, linear)}
     notes = [
         _period_note(record),
-        "of delays that differ by whole periods the one nearest to linear waves' is told",
-        _uncertain_note(result, "they differ by more than a quarter of one"),
+        "the number of periods of a delay follows from the dispersion relation and from closer pairs of gauges",
+        _uncertain_note(result, "a gauge between them, or the true depth, resolves it"),
         _other_waves_note(record),
         _beginning_note(record, 1 / f),
         record.direction_note,
@@ -391,7 +391,7 @@ def _sea_speed(record: WaveRecord) -> Result:
     columns |= {"speed [m/s]": between.speed, "peak [Hz]": f, "phase speed there [m/s]": c, "linear [m/s]": linear}
     notes = [
         "delay and speed are those of the largest cross-correlation",
-        _uncertain_note(between, "a period earlier or later the records are as alike"),
+        _uncertain_note(between, "a period earlier or later the correlation is as large"),
         f"frequencies are {frequencies[0]:.3g} Hz apart",
         record.direction_note,
     ]
@@ -405,7 +405,7 @@ def _uncertain_note(result: Dataset, why: str) -> str:
     some = ", ".join(map(str, pairs[:MAX_NAMED_PAIRS])) + (
         f" and {pairs.size - MAX_NAMED_PAIRS} more" if pairs.size > MAX_NAMED_PAIRS else ""
     )
-    return f"whole periods cannot be told between gauges {some}: {why}" if pairs.size else ""
+    return f"the delay between gauges {some} is ambiguous by whole periods: {why}" if pairs.size else ""
 
 
 def analysed(kind: str, record: WaveRecord) -> Result:

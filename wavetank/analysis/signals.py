@@ -358,6 +358,9 @@ SPLINE_POINTS = 200  # points of the spline between two samples
 AMBIGUOUS = 0.95  # ratio of the correlation a mean period away to the largest one above which the delay is ambiguous
 OPPOSITE = 0.5  # increase of the mean cosine of phases by which waves towards -x are identified
 DELAYS = 32  # delays in a mean period at which the mean cosine is evaluated
+SPEED_ERROR = 0.02  # relative error of the speed by the dispersion relation
+MAX_INCREASE = 0.2  # largest relative increase of the speed by steepness
+PHASE_ERROR = 0.2  # error of the phase between two gauges [rad], that of a reflection of a tenth
 
 
 def delay(one: DataArray, other: DataArray) -> float:
@@ -414,17 +417,26 @@ def regular_speed(component: DataArray, frequency: float, *, depth: float, gravi
     """Return ``distance`` [m], ``delay`` [s] and phase ``speed`` [m/s] of regular waves, over ``pair`` as ``travel``.
 
     ``component`` is the first harmonic over gauge, as ``harmonics`` returns it, of this frequency [Hz]; the depth is in
-    m. Waves go to -x, at a negative speed, where linear ones that do fit the phases clearly better. ``certain`` is
-    true of phases within a quarter of a turn of those of linear waves.
+    m. Waves go to -x, at a negative speed, where linear ones that do fit the phases clearly better. The number of
+    periods of a delay follows from the dispersion relation, Stokes' increase of speed included, and from pairs that are
+    closer. ``certain`` is true of phases within a quarter of a turn of those expected, known to a quarter of a turn.
     """
     ordered, pairs = _adjacent(component)
-    omega = 2 * np.pi * frequency
-    linear = float(wave_number(omega, depth, gravity)) * pairs.distance.values
+    omega, distance = 2 * np.pi * frequency, pairs.distance.values
+    k = float(wave_number(omega, depth, gravity))
     phase = np.angle(ordered.values[1:] * ordered.values[:-1].conj())
-    forward, backward = (float(np.mean(np.cos(phase - sign * linear))) for sign in (1, -1))
-    linear *= -1 if backward > forward + OPPOSITE else 1
-    phase = _nearest_phase(phase, linear)
-    return _with_speed(pairs, np.asarray(phase / omega, dtype=float), np.abs(phase - linear) < np.pi / 2)
+    forward, backward = (float(np.mean(np.cos(phase - sign * k * distance))) for sign in (1, -1))
+    steepness, sigma = k * float(np.abs(ordered).mean()), float(np.tanh(k * depth))
+    increase = min(steepness**2 * (9 / sigma**4 - 10 / sigma**2 + 9) / 16, MAX_INCREASE)
+    k /= (1 + increase) * (-1 if backward > forward + OPPOSITE else 1)
+    uncertainty, certain = SPEED_ERROR + increase / 2, np.zeros(phase.shape, dtype=bool)
+    for n in np.argsort(distance):
+        expected = k * distance[n]
+        phase[n] = _nearest_phase(phase[n], expected)
+        certain[n] = max(abs(phase[n] - expected), uncertainty * abs(expected)) < np.pi / 2
+        if certain[n] and uncertainty * abs(phase[n]) > PHASE_ERROR:
+            k, uncertainty = phase[n] / distance[n], PHASE_ERROR / abs(phase[n])
+    return _with_speed(pairs, np.asarray(phase / omega, dtype=float), certain)
 
 
 def _adjacent(eta: DataArray) -> tuple[DataArray, Dataset]:
@@ -445,7 +457,7 @@ def _with_speed(pairs: Dataset, delays: Array, certain: ArrayLike) -> Dataset:
     return with_units(pairs.assign(speed=pairs.distance / pairs.delay.where(pairs.delay != 0)))
 
 
-def _nearest_phase(phase: Array, linear: Array) -> Array:
+def _nearest_phase(phase: Any, linear: Any) -> Any:
     """Return phases [rad] with the multiples of 2π that bring them nearest to those of linear waves."""
     return phase + 2 * np.pi * np.round((linear - phase) / (2 * np.pi))
 
