@@ -99,7 +99,8 @@ def test_the_fit_never_does_worse_than_none():
 
 
 def test_still_water_compares_without_a_number_that_is_not_finite():
-    found = against(np.zeros(T.size), waves(T))
+    found, noise = against(np.zeros(T.size), waves(T)), against(1e-9 * waves(T), waves(T))
+    assert (noise.nrms_fitted, noise.gain, noise.shift) == (1.0, 0.0, 0.0)
     assert (found.nrms, found.nrms_fitted, found.gain, found.correlation) == (1.0, 1.0, 0.0, 0.0)
 
 
@@ -137,7 +138,7 @@ def test_records_that_cannot_be_compared_are_bad_input(tmp_path):
         (gauges(), one, "the run has none; the reference '5' at x = 50 m"),
         (placed(("a", 1.0)), other, "the run has 'a' at x = 1 m; the reference 'b' at x = 2 m"),
         (one, one.assign_coords(time=T + 100.0), "do not overlap"),
-        (one, 0 * one, "reference is zero"),
+        (one, 1e-12 * one, "gauge 5: the reference has no wave, it varies by .*e-1"),
         (one[:, :3], one, "3 rows computed"),
     ):
         with pytest.raises(InputError, match=message):

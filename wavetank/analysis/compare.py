@@ -35,7 +35,7 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import argrelextrema
 from xarray import DataArray, Dataset
 
-from wavetank.analysis.signals import common_clock, harmonics, surface_similarity, with_units
+from wavetank.analysis.signals import SMALLEST, common_clock, harmonics, surface_similarity, with_units
 from wavetank.analysis.statistics import mean_wave_height
 from wavetank.base.errors import InputError
 from wavetank.data import HeightSeries, Section, WaveHeights
@@ -49,6 +49,7 @@ MAX_TIME_SHIFT = 1.0  # largest time shift between two clocks [s]; a larger one 
 ARRIVAL_LEVEL = 0.1  # elevation over the largest one of the reference at which waves have arrived
 RISE_TIME = 0.25  # mean periods from still water to a crest: the uncertainty of an arrival time
 GAUGE_TOLERANCE = 1e-3  # largest distance of two gauges at the same position [m]
+MIN_RANGE = 1e-4  # least range of a record over that of the other one with a wave
 
 
 def matched(computed: DataArray, reference: DataArray) -> list[tuple[DataArray, DataArray]]:
@@ -160,17 +161,20 @@ def compare(computed: DataArray, reference: DataArray, *, clock_offset: float = 
 def compare_gauge(computed: DataArray, reference: DataArray, *, clock_offset: float = 0.0) -> dict[str, float]:
     """Return the quantities of ``compare.csv`` at one gauge.
 
-    Raises ``InputError`` if the records share fewer than 4 of the reference's times, or if the reference is zero there.
+    Without a wave in the computed record (``MIN_RANGE``) the gain is 0, no shift is fitted. Raises ``InputError`` if the
+    records share fewer than 4 of the reference's times, or if the reference has no wave.
     """
     name, times = computed.gauge.item(), computed.time.values
     if times.size < 4:
         raise InputError(f"gauge {name}: {times.size} rows computed; at least 4 are needed to compare.")
     common = reference.sel(time=slice(times[0], times[-1]))
     t, eta = common.time.values, common.values
-    if t.size < 4 or not np.any(eta):
-        raise InputError(f"gauge {name}: the records do not overlap in time, or the reference is zero there.")
+    if t.size < 4:
+        raise InputError(f"gauge {name}: the records do not overlap in time.")
+    if np.ptp(eta) < SMALLEST:
+        raise InputError(f"gauge {name}: the reference has no wave, it varies by {np.ptp(eta):.2g} m.")
     spline = _spline(computed)
-    shift, nrms_fitted, gain = _fit(spline, t, eta)
+    shift, nrms_fitted, gain = _fit(spline, t, eta) if np.ptp(spline(t)) > MIN_RANGE * np.ptp(eta) else (0.0, 1.0, 0.0)
     fine = np.interp(np.arange(8 * t.size - 7) / 8, np.arange(t.size), t)  # the samples among them
     values, curve, expected = spline(t), spline(fine), _spline(reference)(fine)
     crest, peak, level = int(np.argmax(curve)), int(np.argmax(expected)), ARRIVAL_LEVEL * float(np.abs(expected).max())

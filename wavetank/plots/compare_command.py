@@ -86,8 +86,8 @@ def _compare_gauges(
     computed: "DataArray", references: "list[DataArray]", folder: Path, *, period: float | None, start: float | None
 ) -> list[Table | str]:
     """Compare with the first of the references, and draw them all; return tables, and a line on the clocks."""
+    from wavetank.analysis.compare import MIN_RANGE, compare_harmonics, synchronised
     from wavetank.analysis.compare import compare as compare_gauges
-    from wavetank.analysis.compare import compare_harmonics, synchronised
     from wavetank.plots import tables
     from wavetank.plots.compare_figures import harmonics_figure
     from wavetank.plots.figures import gauges_figure
@@ -105,6 +105,13 @@ def _compare_gauges(
         harmonics_figure(folder / "compare-harmonics.png", harmonic)
         result.append(tables.terminal_table(harmonic.to_dataframe().reset_index(), tables.HARMONICS))
     gauges_figure(measured, computed, [one for one, _ in rest], folder / "compare.png")
+    names, (own, other) = (
+        compared.gauge.values,
+        ((compared[f"crest_{one}"] - compared[f"trough_{one}"]).values for one in ("computed", "reference")),
+    )
+    for kind, still in (("computed", own < MIN_RANGE * other), ("reference", other < MIN_RANGE * own)):
+        if still.any():
+            result.append(f"no wave in the {kind} record of {', '.join(names[still])}: its figures are without meaning")
     if offset:
         result.append(f"clock: {offset:+.4g} s added to the reference's times; shifts and arrivals are relative to it")
     return result
