@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from mpi4py import MPI
 from rich.console import Console
@@ -9,6 +10,7 @@ from rich.console import Console
 from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.output.directory import RunDirectory
+from wavetank.planning.checks import too_long
 from wavetank.recording import record_run
 
 SLICE = "[tank]\nlength = 4.0\ndepth = 1.0\n[run]\nduration = {duration}\n[numerics]\ncells = 8\nvertical_order = 4\n"
@@ -77,6 +79,21 @@ REFUSED = {
         {"record": "0 0\n1 1\n"},
         "2 rows received; at least 4 are needed for a cubic spline.\nCASE, line 14: far_wall.motion.position",
     ),
+    "positions in centimetres by their header": (
+        SLICE + RECORD,
+        {"record": "t [s] position [cm]\n0 0\n1 1\n2 0\n3 1\n"},
+        "its columns are t [s], position [cm] (wall.motion.column names another one, wall.motion.gain converts",
+    ),
+    "times in milliseconds by their header": (
+        SLICE + RECORD.replace("}}", ', column = "X"}}'),
+        {"record": "t [ms],X\n0,0\n1,1\n2,0\n3,1\n"},
+        "its first column is 't [ms]'; allowed are times in seconds",
+    ),
+    "positions in millimetres without a header": (
+        SLICE + RECORD,
+        {"record": "0 0\n1 10\n2 0\n3 10\n"},
+        "its times must be in s, its values in m or m/s (wall.motion.gain converts them)",
+    ),
     "a steady wave that cannot be computed": (
         RING + '[initial]\ntype = "stream-function"\nsteepness = 0.97\n',
         {},
@@ -91,6 +108,13 @@ def test_a_case_that_cannot_be_run_is_refused_with_key_and_limit(which, case, ca
     path = str(case(text, **parts))
     assert main(["plan", path]) == 2
     assert said in capsys.readouterr().err.replace(path, "CASE")
+
+
+def test_times_in_milliseconds_are_suspected(case):
+    """Oracle: the waves of T = 2 s that the record has in seconds, of which there is no warning."""
+    for unit, count in ((1.0, 0), (1e3, 1)):
+        record = "".join(f"{unit * n / 10} {0.02 * np.sin(np.pi * n / 10)}\n" for n in range(200))
+        assert [one.code for one in too_long(read_case(case(SLICE + RECORD, record)))] == ["waves-too-long"] * count
 
 
 def formula(position: str) -> str:

@@ -35,7 +35,7 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import argrelextrema
 from xarray import DataArray, Dataset
 
-from wavetank.analysis.signals import SMALLEST, common_clock, harmonics, surface_similarity, with_units
+from wavetank.analysis.signals import MIN_HEIGHT, common_clock, harmonics, surface_similarity, with_units
 from wavetank.analysis.statistics import mean_wave_height
 from wavetank.base.errors import InputError
 from wavetank.data import HeightSeries, Section, WaveHeights
@@ -161,8 +161,8 @@ def compare(computed: DataArray, reference: DataArray, *, clock_offset: float = 
 def compare_gauge(computed: DataArray, reference: DataArray, *, clock_offset: float = 0.0) -> dict[str, float]:
     """Return the quantities of ``compare.csv`` at one gauge.
 
-    Without a wave in the computed record (``MIN_RANGE``) the gain is 0, no shift is fitted. Raises ``InputError`` if the
-    records share fewer than 4 of the reference's times, or if the reference has no wave.
+    Without a wave in the computed record (``MIN_RANGE``) the gain is 0, no shift is fitted. Raises ``InputError`` if
+    the records share fewer than 4 of the reference's times, or if the reference has no wave.
     """
     name, times = computed.gauge.item(), computed.time.values
     if times.size < 4:
@@ -171,7 +171,7 @@ def compare_gauge(computed: DataArray, reference: DataArray, *, clock_offset: fl
     t, eta = common.time.values, common.values
     if t.size < 4:
         raise InputError(f"gauge {name}: the records do not overlap in time.")
-    if np.ptp(eta) < SMALLEST:
+    if np.ptp(eta) < MIN_HEIGHT:
         raise InputError(f"gauge {name}: the reference has no wave, it varies by {np.ptp(eta):.2g} m.")
     spline = _spline(computed)
     shift, nrms_fitted, gain = _fit(spline, t, eta) if np.ptp(spline(t)) > MIN_RANGE * np.ptp(eta) else (0.0, 1.0, 0.0)

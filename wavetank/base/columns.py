@@ -90,7 +90,7 @@ def _names(line: str) -> tuple[str, ...]:
     """Return the columns' names in a header."""
     if mark := next((mark for mark in ",;" if mark in line), None):
         return tuple(name.strip() for name in next(csv.reader([line], delimiter=mark, skipinitialspace=True)))
-    return tuple(re.sub(r"\s+\[", "[", line).split())
+    return tuple(re.findall(r"\S+(?:\s+\[[^]]*\])?", line))
 
 
 def _lines(path: Path) -> list[tuple[int, str]]:

@@ -47,6 +47,10 @@ MESSAGES = {
         "by linear theory, where none as long is higher than {limit:.3g} m: nearly all made {breaks:g} times as high, "
         'or more, broke there or before; run.on_breaking = "dissipate" computes beyond breaking'
     ),
+    "waves-too-long": (
+        "the recorded motion of {key} has a mean period of {period:.3g} s, of waves {length:.3g} m long; in this tank "
+        "they should be shorter than {limit:.3g} m{note}"
+    ),
     "sponge-reflects": (
         "the sponge reflects about {value:.0%} of the paddle's waves of T = {period:.3g} s, {length:.3g} m long, and "
         'steep ones may break before it: one of type "end" or "group", a wave long or more, of the default strength, '

@@ -56,9 +56,12 @@ class MotionModel(CaseModel):
     ----------
     value_keys
         Keys that errors of its values name, of a motion by a user's function; None of others.
+    units_note
+        The units of its file, at the end of problems of its size or period; empty of motions without units.
     """
 
     value_keys: ClassVar[tuple[str, ...] | None] = None
+    units_note: ClassVar[str] = ""
 
     @property
     def reads_file(self) -> bool:
@@ -77,7 +80,8 @@ class MotionModel(CaseModel):
         """Return a problem of the motion of a wall at the first of some keys, or of its values, that is set."""
         key = next(key for key in (*keys, *VALUES, "type") if getattr(self, key, None) is not None)
         value = getattr(self, key)
-        return Problem((wall, "motion", key), None if isinstance(value, CaseModel) else value, allowed)
+        received = None if isinstance(value, CaseModel) else value
+        return Problem((wall, "motion", key), received, f"{allowed}{self.units_note}")
 
     def warnings(self, tank: AnyTank) -> Iterator[RunWarning]:
         """Yield warnings of the motion; by default none."""
@@ -663,6 +667,7 @@ class RecordedMotion(MotionModel):
     """
 
     type: Literal["recorded"] = "recorded"
+    units_note: ClassVar[str] = "; its times must be in s, its values in m or m/s (wall.motion.gain converts them)"
     position: FilePath | None = Field(
         default=None, description="file of t [s] and X [m], or a run's paddle.csv; default: by velocity"
     )

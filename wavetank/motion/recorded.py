@@ -64,9 +64,12 @@ def read_record(path: Path, *, column: str = "position [m]", named: str | None =
         if values.shape[1] > 2:
             raise InputError(f"{path}: {values.shape[1]} columns received; {_ALLOWED}, or columns with names above.")
     if missing := [name for name in (time, *derivatives) if name not in names]:
+        other = " (wall.motion.column names another one, wall.motion.gain converts its values)" * (missing[0] in STATE)
         raise InputError(
-            f"{path}: has no column {missing[0]!r}; its columns are {', '.join(names) or 'without names'}."
+            f"{path}: has no column {missing[0]!r}; its columns are {', '.join(names) or 'without names'}{other}."
         )
+    if "[" in time and not time.endswith("[s]"):
+        raise InputError(f"{path}: its first column is {time!r}; allowed are times in seconds, such as {TIME!r}.")
     if len(lines) < 4:
         raise InputError(f"{path}: {len(lines)} rows received; at least 4 are needed for a cubic spline.")
     t, *state = (values[:, names.index(name)] for name in (time, *derivatives))

@@ -33,6 +33,7 @@ from wavetank.base.run_warning import RunWarning
 from wavetank.case import BasinTank, Case, EndWall
 from wavetank.case.initial import FocusedSurface, SolitaryWave
 from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER
+from wavetank.case.paddle import RecordedMotion
 from wavetank.case.tank import EndSponge, FormulaSponge, SliceTank
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
@@ -80,6 +81,7 @@ def run_warnings(
         *(waves_missed(scene, waves.plane.cell_size) if no_prediction else predicted(scene)),
         *(warning for view in scene.paddles for warning in view.wall.motion.warnings(scene.tank)),
         *too_high(scene),
+        *too_long(scene),
         *reflecting_sponge(scene),
         *coarse(scene, waves.plane.cell_size),
         *missed_motion(scene, clock, scheme.nodes),
@@ -110,6 +112,7 @@ TANK_PLACES = 25  # along the tank
 SHORTEST = 10.0  # k d of the shortest waves that are included
 BREAKS = 0.81  # of the highest wave: nearly all that were made higher, by linear theory, broke (docs/breaking.md)
 LARGE = 0.5  # of the highest wave: lower ones are on the crests of longer waves
+LONGEST = 10.0  # lengths of the tank: records of longer waves have times in ms
 MOST_TIMES = 2**15  # an hour in a metre of water: of longer runs the first part
 
 
@@ -127,6 +130,20 @@ def too_high(scene: Case) -> Iterator[RunWarning]:
         details = {"length": float(length[n]), "breaks": BREAKS}
         limit = float(highest[n])
         yield RunWarning("wave-too-high", view.key, float(height[n]), limit, **place, details=details)
+
+
+def too_long(scene: Case) -> Iterator[RunWarning]:
+    """Yield a warning for each recorded paddle whose waves are many times as long as the tank."""
+    for view in scene.paddles:
+        period, motion = view.period, view.wall.motion
+        if period is None or not isinstance(motion, RecordedMotion):
+            continue
+        length = 2 * np.pi / float(airy.wave_number(2 * np.pi / period, scene.tank.depth, scene.tank.gravity))
+        if length > LONGEST * scene.tank.length:
+            details: dict[str, float | str] = {"length": length, "period": period, "note": motion.units_note}
+            yield RunWarning(
+                "waves-too-long", f"{view.key}.motion", length, LONGEST * scene.tank.length, details=details
+            )
 
 
 def _paddle_wave_heights(end: EndWall) -> np.ndarray[Any, Any]:
