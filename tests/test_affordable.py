@@ -30,7 +30,10 @@ def numbered(tank, **more):
     return scene(tank, duration=5.0, numerics={"order": 3, "vertical_order": 4, **more})
 
 
-@pytest.mark.parametrize("name", TANKS)
+OWN_KERNELS = {"triangles", "refined"}
+
+
+@pytest.mark.parametrize("name", [pytest.param(one, marks=[pytest.mark.slow] * (one in OWN_KERNELS)) for one in TANKS])
 def test_unknowns_and_steps_are_those_of_the_built_run(name):
     """To a factor of 1.6 and of 3, without a mesh: in basins the largest frequency depends on its worst cell."""
     asked = numbered(TANKS[name], **({} if name in ("slice", "ring") else {"cell_size": 0.4}))

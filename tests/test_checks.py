@@ -12,13 +12,13 @@ import pytest
 from mpi4py import MPI
 from records import gauge_rows
 from rich.console import Console
-from scenes import SLICE, moving, piston, scene
+from scenes import SLICE, moving, piston, scene, warnings_before
 
 from wavetank.base.errors import InputError
 from wavetank.case import Case, LinearWater
 from wavetank.case.reading import read_case
 from wavetank.output.directory import RunDirectory
-from wavetank.planning.checks import coarse, run_warnings, too_high, waves_missed
+from wavetank.planning.checks import coarse, too_high, waves_missed
 from wavetank.planning.dispersion import Mesh, UniformCells
 from wavetank.planning.plan import planned, rule_summary
 from wavetank.planning.requirements import requirements
@@ -39,11 +39,6 @@ BASIN = {"type": "basin", "depth": 1.0, "layout": {"type": "rectangle", "length"
 
 def standing(mode=1):
     return {"type": "standing-wave", "wave_amplitude": 1e-4, "mode": mode}
-
-
-def warnings_of(one):
-    run, waves = build_run(one, MPI.COMM_SELF)
-    return run_warnings(one, run.clock, waves)
 
 
 def test_run_reports_the_rule_if_no_plan_is_made(tmp_path):
@@ -99,15 +94,14 @@ WARNED = {  # case: parts of it, its warnings as {(code, key): expected value}
 @pytest.mark.parametrize("name", WARNED)
 def test_run_warns_by_code_and_key(name):
     parts, expected = WARNED[name]
-    found = warnings_of(planned(scene(**{"duration": 2.0} | parts), MPI.COMM_SELF).scene)
+    found = warnings_before(planned(scene(**{"duration": 2.0} | parts), MPI.COMM_SELF).scene)
     assert [(one.code, one.key) for one in found] == [*expected] and all(map(str, found))
     values = {(one.code, one.key): one.value for one in found if expected[one.code, one.key]}
     assert values == pytest.approx({key: value for key, value in expected.items() if value}, rel=0.05)
 
 
 CASES = sorted(path.stem for path in (CHECKOUT / "cases").glob("*.toml"))
-LONG = {"berkhoff-1982", "cylinder", "directional-focus", "ecn-flap", "flap", "irregular", "ntnu-flap", "planned"}
-LONG |= {"shaken-tank", "shoaling-release", "steep-ring"}  # whose kernels no other test needs
+LONG = {"berkhoff-1982", "cylinder", "directional-focus"}  # basins whose kernels no other test needs
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in LONG else n for n in CASES])
@@ -117,7 +111,7 @@ def test_cases_have_no_warnings(name):
     except InputError:
         pytest.skip("its data are not on this machine")
     chosen, warnings = planned(case, MPI.COMM_SELF)
-    assert [*warnings, *warnings_of(chosen)] == []
+    assert [*warnings, *warnings_before(chosen)] == []
 
 
 @pytest.mark.parametrize("case", ["wavemaker", "focusing"])
@@ -128,7 +122,7 @@ def test_short_run_has_the_numerics_of_the_complete_motion(case, changes):
     """A motion cut off amid a stroke has waves of all lengths; in two steps Simpson's rule misses 0.13 of a ramp."""
     chosen, warnings = planned(read_case(CHECKOUT / "cases" / f"{case}.toml", changes), MPI.COMM_SELF)
     assert chosen.numerics.vertical_order == 8  # as that of 24 s
-    assert [*warnings, *warnings_of(chosen)] == []
+    assert [*warnings, *warnings_before(chosen)] == []
 
 
 TOO_HIGH = {
@@ -406,7 +400,7 @@ def test_step_that_misses_a_measured_motion_is_warned_of(tmp_path, dt, off):
     numerics = {"cells": 10, "vertical_order": 4, "dt": dt}
     one = scene(wall=noisy(tmp_path), duration=15.0, numerics=numerics)
     missed = by_simpson(one.motion(), dt, round(15.0 / dt))
-    found = [warning.value for warning in warnings_of(one) if warning.code == "step-misses-motion"]
+    found = [warning.value for warning in warnings_before(one) if warning.code == "step-misses-motion"]
     assert off == (missed > 0.01) and found == pytest.approx([missed] * off, rel=0.05)
 
 

@@ -114,7 +114,7 @@ def test_the_penalty_conserves_mass_and_leaves_a_smooth_wave_alone():
     assert changes[-1] > 0.0 and fitted_slope(sizes, changes) > 3.5
 
 
-@pytest.mark.parametrize(("order", "n"), [(2, 2), (3, 4)])
+@pytest.mark.parametrize(("order", "n"), [pytest.param(2, 2, marks=pytest.mark.slow), (3, 4)])
 def test_the_penalty_falls_with_the_fourth_power_of_the_order(make_tank, order, n):
     """Oracle: the trace of M^-1 kappa S of two cells by numpy, kappa = strength dt omega_g l³ / p⁴."""
     tank, size, dt = make_tank(length=2.0, cells=2, order=order, n=n), 1.0, 0.01
@@ -197,7 +197,8 @@ def graded(dimensions: int) -> NonlinearWaves:
 
 
 @pytest.mark.parametrize(
-    ("dimensions", "scheme", "noise"), [(1, ThirdOrder(), 3e-6), (2, ThirdOrder(), 1e-5), (1, Simpson4(), 3e-6)]
+    ("dimensions", "scheme", "noise"),
+    [(1, ThirdOrder(), 3e-6), pytest.param(2, ThirdOrder(), 1e-5, marks=pytest.mark.slow), (1, Simpson4(), 3e-6)],
 )
 def test_the_watch_tells_of_a_step_too_long_for_small_cells_with_a_current_over_them(dimensions, scheme, noise):
     """The step as a part of the exact limit, from the spectrum about a standing wave at its fastest.

@@ -3,14 +3,13 @@
 import pytest
 from conftest import commanded, recorded
 from mpi4py import MPI
+from scenes import warnings_before
 
 from wavetank.base.errors import InputError
 from wavetank.case.new import KINDS, SCHEMA, write_case
 from wavetank.case.reading import read_case
 from wavetank.output.directory import RunDirectory
-from wavetank.planning.checks import run_warnings
 from wavetank.planning.plan import planned
-from wavetank.simulation.build import build_run
 
 TWICE = ("run.duration=0.02", "numerics={dt=0.01, cell_size=1.0, vertical_order=4}")
 
@@ -29,11 +28,10 @@ def test_a_new_case_names_the_schema_and_its_title_and_runs(kind, tmp_path):
     assert RunDirectory(tmp_path / "run").manifest["status"] == "finished"
 
 
-@pytest.mark.parametrize("kind", [pytest.param(one, marks=[pytest.mark.slow] * (one != "slice")) for one in KINDS])
+@pytest.mark.parametrize("kind", [pytest.param(one, marks=[pytest.mark.slow] * (one == "basin")) for one in KINDS])
 def test_new_case_has_no_warning_before_its_run(kind, tmp_path):
-    scene, warnings = planned(read_case(write_case(f"{tmp_path}/waves.toml", kind)), MPI.COMM_SELF)
-    run, waves = build_run(scene, MPI.COMM_SELF)
-    assert [*warnings, *run_warnings(scene, run.clock, waves)] == []
+    case, warnings = planned(read_case(write_case(f"{tmp_path}/waves.toml", kind)), MPI.COMM_SELF)
+    assert [*warnings, *warnings_before(case)] == []
 
 
 def test_a_case_that_is_there_is_left(tmp_path):
