@@ -36,10 +36,9 @@ from wavetank.simulation.clock import Clock, EverySteps, EveryTime, EveryTimeBet
 from wavetank.simulation.diagnostics import Called, Gauges, SurfaceSnapshots
 from wavetank.simulation.energy import EnergyBudget
 from wavetank.simulation.records import Memory
-from wavetank.simulation.run import Run
+from wavetank.simulation.run import Run, restore_surviving
 from wavetank.simulation.stability import IN_ELEVATION, StabilityWatch
 from wavetank.simulation.supply import Integral
-from wavetank.simulation.surviving import restore_surviving
 from wavetank.tank.dissipation import EdgePenalty
 from wavetank.tank.surface_flow import surface_of
 

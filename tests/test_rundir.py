@@ -8,12 +8,14 @@ import subprocess
 import sys
 from datetime import timedelta
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from blocks import at
 from hypothesis import given
 from hypothesis import strategies as st
+from rich.console import Console
 from runs import SLICE, contents, record
 
 from wavetank.analysis.record import read_record
@@ -29,8 +31,9 @@ from wavetank.output.writer import RunWriter
 from wavetank.recording.restart import stored_scene
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.diagnostics import Crest
-from wavetank.simulation.monitoring import ProgressReport
+from wavetank.simulation.monitoring import Progress
 from wavetank.simulation.summary import RunOutcome, closing
+from wavetank.tank.potential import SolveCounters
 
 NAMED = [("1", 10.0), ("at, the focus", 49.5), ("a@x=b", 0.1)]
 COLUMNS = ("t [s]", "total [m^4/s^2]")
@@ -105,6 +108,7 @@ def test_killed_process_leaves_every_row(tmp_path):
     code = f"""
 import os, signal, numpy as np
 from pathlib import Path
+from types import SimpleNamespace
 from wavetank.output.writer import RunWriter
 writer = RunWriter(Path({str(path)!r}), {{}}).begin()
 gauges, surface = writer.gauges([("1", 1.0)]), writer.surface()
@@ -426,7 +430,9 @@ def test_run_that_may_not_be_read_is_refused(writer, monkeypatch, capsys):
 def test_progress_is_written_every_few_seconds(monkeypatch):
     noted, written, clock = {}, [], iter([0.0, 0.0, 3.0, 6.0, 7.0])
     monkeypatch.setattr("wavetank.simulation.monitoring.time.monotonic", lambda: next(clock))
-    report = ProgressReport(noted.update, lambda: written.append(noted["progress"]["step"]), begin=1.0, end=2.0)
+    writer = SimpleNamespace(note=noted.update, write_manifest=lambda: written.append(noted["progress"]["step"]))
+    log = files.RunLog(Console(quiet=True))
+    report = Progress(2.0, SolveCounters(), log=log, writer=writer, begin=(0, 1.0))
     for step in range(4):
         report.record(at(step, 1.0 + 0.1 * step))
     assert written == [0, 2]

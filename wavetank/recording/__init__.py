@@ -32,9 +32,10 @@ from wavetank.recording.log import (
     record_failure,
     scene_content,
 )
-from wavetank.recording.preparing import Observers, prepare
+from wavetank.recording.preparing import prepare
 from wavetank.recording.restart import Restart, stored_scene
 from wavetank.simulation.monitoring import Interruption
+from wavetank.simulation.own import Observers
 
 LATEST = 60.0  # s after an error in which the first rank has drawn pictures
 
@@ -121,8 +122,8 @@ def record_run(
             warnings.show()
             with record_failure(writer), progress_of(recorded) as progress:
                 interruption.before = checkpointer.write_last
-                controls = checkpointer.control(scene.run.checkpoint_every), *progress, interruption
-                recorded.run.controls += [control.record for control in controls]
+                controls = checkpointer.control(scene.run.checkpoint_every), progress, interruption
+                recorded.run.controls += [control.record for control in controls if control is not None]
                 execute_run(recorded, checkpointer, drawn=draw is not None)
                 if writer is not None:
                     writer.finish("finished", {})

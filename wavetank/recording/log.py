@@ -1,7 +1,7 @@
 """A recorded run: its log, warnings and progress, and the beginning and end of its run directory."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from wavetank.simulation.build import end_message, ranks_message, summary
 from wavetank.simulation.case_diagnostics import window_messages
 from wavetank.simulation.construction import AnyWaves, bed_by_code, bed_message, sponge_message
 from wavetank.simulation.initial import start_message
-from wavetank.simulation.monitoring import ProgressBar, ProgressReport
+from wavetank.simulation.monitoring import Progress
 from wavetank.simulation.run import Run
 from wavetank.simulation.summary import Parts
 
@@ -156,17 +156,13 @@ def log_outcome(writer: RunWriter, log: RunLog, *, draw: Draw | None) -> Iterato
         log.close()
 
 
-@contextmanager
-def progress_of(recorded: RecordedRun) -> Iterator[list[ProgressBar | ProgressReport]]:
-    """Show progress, and write it into the manifest; on the first rank."""
-    run, writer = recorded.run, recorded.writer
-    if writer is None:
-        yield []
-        return
-    report = ProgressReport(writer.note, writer.write_manifest, begin=run.t, end=run.clock.end)
-    counters, begin = recorded.waves.potential.counters, (run.step, run.t)
-    with ProgressBar(run.clock.end, counters, log=recorded.log, begin=begin) as bar:
-        yield [bar, report]
+def progress_of(recorded: RecordedRun) -> AbstractContextManager[Progress | None]:
+    """Return the progress of a run; None on all ranks but the first."""
+    if recorded.writer is None:
+        return nullcontext()
+    run, counters = recorded.run, recorded.waves.potential.counters
+    begin = run.step, run.t
+    return Progress(run.clock.end, counters, log=recorded.log, writer=recorded.writer, begin=begin)
 
 
 def opening_lines(recorded: RecordedRun, *, resumed: bool) -> list[str]:

@@ -1,6 +1,5 @@
 """A run with its diagnostics: planned, checked and built before anything is written."""
 
-from collections.abc import Callable, Sequence
 from typing import Any
 
 from mpi4py import MPI
@@ -19,16 +18,11 @@ from wavetank.recording.log import RecordedRun, Warnings, scene_content
 from wavetank.recording.restart import Restart
 from wavetank.simulation.build import build_run
 from wavetank.simulation.case_diagnostics import build_observers, build_watch
-from wavetank.simulation.construction import AnyWaves
-from wavetank.simulation.contract import Diagnostic
 from wavetank.simulation.monitoring import BreakingNews
-from wavetank.simulation.own import called, own_observers
+from wavetank.simulation.own import Observers, called, own_observers
 from wavetank.simulation.records import RecordCheck, records_of
 from wavetank.simulation.summary import Parts
 from wavetank.tank.breaking import BreakingDissipation
-
-Observers = Sequence[Callable[[AnyWaves], Diagnostic]]
-"""Functions of the waves that return a user's diagnostics."""
 
 
 def prepare(

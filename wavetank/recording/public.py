@@ -1,6 +1,6 @@
 """Functions that run and resume a case from Python, with observers and integrators of the user."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +15,14 @@ from wavetank.integrators.contract import Integrator
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath
 from wavetank.recording import record_run, resume_run
-from wavetank.simulation.construction import AnyWaves
-from wavetank.simulation.contract import Diagnostic
+from wavetank.simulation.own import Observers
 
 
 def run(
     scene: Case,
     out: Path | str,
     *,
-    observers: Sequence[Callable[[AnyWaves], Diagnostic]] = (),
+    observers: Observers = (),
     integrator: Integrator[Any] | None = None,
     overwrite: bool = False,
     resume: bool = False,
@@ -73,7 +72,7 @@ def resume(
     *,
     extend: float | None = None,
     at: float | None = None,
-    observers: Sequence[Callable[[AnyWaves], Diagnostic]] = (),
+    observers: Observers = (),
     integrator: Integrator[Any] | None = None,
     trust: bool = False,
 ) -> RunDirectory:

@@ -75,7 +75,7 @@ class Probes:
         self._water, self._sounding, self._record, self.schedule = water, sounding, record, schedule
         self._places = sounding.places
         self._points = [f"x = {x:g}, y = {y:g}, z = {z:g} m" for x, y, z in sounding.points]
-        self._reach = PaddleReach(water.wall, self._places, called or Called.unnamed(water.wall, "probe", self._places))
+        self._reach = PaddleReach(water.wall, self._places, called)
         self._axes = axes_of(water)
         self.state = ProbeState()
 
@@ -86,7 +86,8 @@ class Probes:
             try:
                 result = self._sounding.take()
             except OutsideError as error:
-                raise self._reach.error(t, error.index, self._water.wall.paddle_displacements(self._places)) from None
+                shifts = self._water.wall.paddle_displacements(self._places)
+                raise self._reach.error(t, error.index, shifts[:, error.index]) from None
             wet = (name for name, dry in zip(self._points, result.dry, strict=True) if not dry)
             self.state = ProbeState(dict.fromkeys(self._points, False) | self.state.wet | dict.fromkeys(wet, True))
             vectors = (vector[:, self._axes] for vector in (result.velocity, result.local, result.acceleration))

@@ -20,8 +20,7 @@ from wavetank.simulation.construction import AnyWaves, build_filters, build_foot
 from wavetank.simulation.feedback import build_controllers, build_paddle_work
 from wavetank.simulation.initial import StoredSurface, initial_surface
 from wavetank.simulation.own import check_states, own_scheme
-from wavetank.simulation.run import Run
-from wavetank.simulation.surviving import restore_surviving
+from wavetank.simulation.run import Run, restore_surviving
 from wavetank.tank.breakdown import FARTHEST, ShortWaves
 from wavetank.tank.linear_waves import LinearWaves
 

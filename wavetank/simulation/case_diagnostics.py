@@ -1,4 +1,4 @@
-"""Diagnostics that a case asks for."""
+"""Diagnostics of a case."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -37,9 +37,9 @@ from wavetank.tank.waves import NonlinearWaves
 
 
 def build_watch(run: Run, waves: AnyWaves, warn: Callable[[RunWarning], None]) -> list[Diagnostic]:
-    """Return what watches the step of nonlinear waves and warns; collective."""
+    """Return the high-frequency monitor of nonlinear waves; collective."""
     if isinstance(waves, LinearWaves):
-        return []  # the limit is known before the run, and kept
+        return []  # build_clock refuses unstable steps
     limit, alternating = run.integrator.stability_limit, IN_ELEVATION if run.state.q_jump is None else IN_JUMP
     return [StabilityWatch(waves, waves.surface, dt=run.clock.dt, limit=limit, warn=warn, alternating=alternating)]
 
@@ -47,7 +47,10 @@ def build_watch(run: Run, waves: AnyWaves, warn: Callable[[RunWarning], None]) -
 def build_observers(
     scene: Case, waves: AnyWaves, records: Records, *, sinks: Sequence[Smoothing] = ()
 ) -> list[Diagnostic]:
-    """Return a scene's gauges, energy budget (of what its sinks take, too), highest crest and snapshots; collective."""
+    """Return the diagnostics of a scene; collective.
+
+    ``sinks``: filters whose dissipation is part of the energy budget.
+    """
     output = scene.output
     diagnostics: list[Diagnostic] = [_gauges(scene, waves, records.gauges)] if scene.all_gauges else []
     diagnostics += _below_surface(scene, waves, records)  # first: where a paddle passes them the others end, too
@@ -69,7 +72,7 @@ def build_observers(
 
 
 def _gauges(scene: Case, waves: AnyWaves, record: Record) -> Gauges:
-    """Return what records the gauges; collective. Raises ``CaseError`` for one outside the mesh."""
+    """Return the gauges; collective. Raises ``CaseError`` for one outside the mesh."""
     places = np.array([(gauge.x, gauge.y) for gauge in scene.all_gauges])
     try:
         called = _called(scene, [scene.gauge_key(n) for n in range(len(places))])
@@ -80,12 +83,12 @@ def _gauges(scene: Case, waves: AnyWaves, record: Record) -> Gauges:
 
 
 def _called(scene: Case, keys: Sequence[tuple[str | int, ...]]) -> Called:
-    """Return what places are called that stand in a scene, and its paddles."""
+    """Return the names of places of a scene by their keys, and those of its paddles."""
     return Called([".".join(map(str, key)) for key in keys], [end.key for end in scene.paddles])
 
 
 def _below_surface(scene: Case, waves: AnyWaves, records: Records) -> list[Diagnostic]:
-    """Return what records probes, windows, velocity fields, loads and paddles with loads; collective.
+    """Return probes, windows, velocity fields, loads and paddles with loads; collective.
 
     Raises ``CaseError`` for a probe or wall that does not exist.
     """
@@ -115,7 +118,7 @@ def _below_surface(scene: Case, waves: AnyWaves, records: Records) -> list[Diagn
 
 
 def _rates(scene: Case, waves: AnyWaves, number: int) -> PaddleRates:
-    """Return the rates of a paddle."""
+    """Return the function of the rates of a paddle."""
     view, paddle = scene.paddles[number], waves.wall.paddles[number]
     travel = getattr(paddle, "travel", None)  # a paddle of linear water has none
     if travel is not None and travel.rigid_position is not None:
@@ -127,13 +130,13 @@ def _rates(scene: Case, waves: AnyWaves, number: int) -> PaddleRates:
 def _paddle(
     scene: Case, waves: AnyWaves, number: int, record: Record, *, push: PaddlePush | None = None
 ) -> PaddleMotion:
-    """Return what records the motion of a paddle, and its force and power."""
+    """Return the diagnostic of a paddle's motion, and of its force and power with a ``push``."""
     schedule = EverySteps(scene.output.gauges_every)
     return PaddleMotion(_rates(scene, waves, number), record=record, schedule=schedule, push=push)
 
 
 def _probes(scene: Case, water: MovingWater, record: Record, schedule: EverySteps) -> Probes:
-    """Return what records the probes; collective. Raises ``CaseError`` for one outside the mesh."""
+    """Return the probes; collective. Raises ``CaseError`` for one outside the mesh."""
     points = np.array([(probe.x, probe.y, probe.z) for probe in scene.probes])
     try:
         sounding = Sounding(water, points, density=scene.tank.density)
@@ -144,7 +147,7 @@ def _probes(scene: Case, water: MovingWater, record: Record, schedule: EveryStep
 
 
 def _window(scene: Case, water: MovingWater, n: int, record: FirstRankRecord) -> WindowObserver:
-    """Return what records a window; collective. Raises ``CaseError`` for a column outside the mesh."""
+    """Return the diagnostic of a window; collective. Raises ``CaseError`` for a column outside the mesh."""
     window = scene.windows[n]
     with about("windows", n):
         return WindowObserver(
@@ -158,12 +161,12 @@ def _window(scene: Case, water: MovingWater, n: int, record: FirstRankRecord) ->
 
 
 def _rows(window: Window) -> EveryTimeBetween:
-    """Return when a window has rows."""
+    """Return the schedule of the rows of a window."""
     return EveryTimeBetween(window.every, window.begin, np.inf if window.until is None else window.until)
 
 
 def window_messages(scene: Case, clock: Clock) -> list[str]:
-    """Return what there is to say of windows whose rows are not as far apart as was asked, or end early."""
+    """Return a sentence for each window whose interval is rounded to steps, or that ends before its ``until``."""
     sentences = list[str]()
     for window in scene.windows:
         interval, sentence = _rows(window).spacing(clock.dt), ""
@@ -182,7 +185,7 @@ def _wall(scene: Case, waves: AnyWaves, n: int) -> MeshTags:
 
 
 def _surface_fields(scene: Case, waves: AnyWaves, records: Records) -> list[Diagnostic]:
-    """Return what writes a basin's surface and sponge; collective."""
+    """Return the fields of a basin's surface and sponge; empty for a slice or ring; collective."""
     if records.fields is None or waves.plane.mesh.topology.dim == 1:
         return []
     schedule = EveryTime(scene.surface_every)

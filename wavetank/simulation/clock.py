@@ -10,7 +10,7 @@ from wavetank.base.arrays import Vector
 from wavetank.base.errors import InputError
 
 Steps = TypeVar("Steps", float, Vector)
-ROUNDING = 1e-9  # relative, by which a number of steps may miss a whole one
+ROUNDING = 1e-9  # relative tolerance of a number of steps against an integer
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Clock:
     def covering(cls, duration: float, dt: float, *, until: float = inf) -> "Clock":
         """Return steps of ``dt`` [s] up to the first that ends at the duration [s] or beyond it.
 
-        Where that would be beyond ``until`` [s], at least the duration, it is left out: schemes look no further.
+        A step that would end beyond ``until`` [s], at least the duration, is left out.
         Raises ``InputError`` if no step is left.
         """
         steps = ceil(duration / dt * (1 - ROUNDING))
@@ -78,7 +78,7 @@ class EverySteps:
     every: int = 1
 
     def due(self, step: Any, t: Any = 0.0, before: Any = 0.0) -> Any:
-        """Return whether to act at this step, at t [s]; the one before it was at another time."""
+        """Return whether to act at a step, at t [s]; the step before it was at ``before``."""
         return step % self.every == 0
 
 
@@ -89,7 +89,7 @@ class EveryTime:
     every: float
 
     def due(self, step: Any, t: Any, before: Any) -> Any:
-        """Return whether to act at this step, at t [s]; the one before it was at another time."""
+        """Return whether to act at a step, at t [s]; the step before it was at ``before``."""
         return (step == 0) | (np.floor(t / self.every + 1e-9) > np.floor(before / self.every + 1e-9))
 
 
@@ -109,7 +109,7 @@ class EveryTimeBetween:
         return self._steps(dt) * dt
 
     def due(self, step: Any, t: Any, before: Any) -> Any:
-        """Return whether to act at this step, at t [s]; the one before it was at another time."""
+        """Return whether to act at a step, at t [s]; the step before it was at ``before``."""
         dt = t - before
         after = np.ceil((t - self.begin) / dt - SUM_ROUNDING)  # steps since the first act
         goes_on = (after == 0) | (t - self.spacing(dt) < self.until - SUM_ROUNDING * dt)

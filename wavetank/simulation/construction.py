@@ -76,14 +76,14 @@ def fill(scene: Case, footprint: Footprint) -> AnyWaves:
 
 
 def moving_water(scene: Case, waves: AnyWaves) -> MovingWater:
-    """Return what computes the potential of a state and its rate; collective."""
+    """Return the computation of the potential of a state and of its rate; collective."""
     if isinstance(waves, LinearWaves):
         return LinearRates(waves, tolerance=0.1 * scene.numerics.tolerance)
     return NonlinearRates(waves)
 
 
 def check_depth(scene: Case, footprint: Footprint, plane: Plane) -> None:
-    """Raise ``CaseError`` if the tank's depth is not the bed's at the paddle, or is nowhere its; collective."""
+    """Raise ``CaseError`` unless the tank's depth is that of the bed at its paddles, or else anywhere; collective."""
     depth = scene.depths()
     if not callable(depth):
         return
@@ -103,7 +103,7 @@ def check_depth(scene: Case, footprint: Footprint, plane: Plane) -> None:
 
 
 def bed_message(scene: Case, waves: AnyWaves) -> str:
-    """Return how much of the tank the bed's minimum depth touches, or nothing if it has none; collective."""
+    """Return the part of the tank where the bed's minimum depth acts; empty without a minimum depth; collective."""
     minimum = None if scene.tank.bed is None else scene.tank.bed.minimum_depth
     if minimum is None:
         return ""
@@ -129,7 +129,7 @@ def bed_by_code(scene: Case, waves: AnyWaves) -> dict[str, Vector]:
 
 
 def describe_energy(scene: Case) -> list[str]:
-    """Return a scene's Hamiltonian in words, a line each: its parts, the mapping, the bed; what vanishes, and why."""
+    """Return a description of a scene's Hamiltonian in lines: its parts, mapping and bed, and which terms vanish."""
     waves: type[AnyWaves] = LinearWaves if scene.physics == "linear" else NonlinearWaves
     walls = wall_classes(scene)
     names = [one.key.replace("_", " ") for one in scene.paddles] or ["wall"]
@@ -163,7 +163,7 @@ def build_sponge(scene: Case, sponge: AnySponge, footprint: Any, waves: AnyWaves
 
 
 def sponge_message(scene: Case, waves: AnyWaves) -> str:
-    """Return where the sponge is, and the largest rate that acts, or nothing if there is none; collective."""
+    """Return position and largest damping rate of the sponge; empty without a sponge; collective."""
     if scene.sponge is None or waves.damping is None:
         return ""
     most = waves.plane.comm.allreduce(float(np.max(waves.damping, initial=0.0)), op=MPI.MAX)
@@ -172,7 +172,7 @@ def sponge_message(scene: Case, waves: AnyWaves) -> str:
 
 
 def build_filters(scene: Case, waves: AnyWaves, dt: float) -> list[Filter]:
-    """Return what acts between the steps: on breaking crests, and on kinks under steep ones; collective."""
+    """Return the filters between steps: of breaking crests, and the gradient-jump penalty; collective."""
     if isinstance(waves, LinearWaves):
         return []  # neither breaks nor has a current
     flow, filters = waves.surface, list[Filter]()

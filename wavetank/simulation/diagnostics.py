@@ -32,12 +32,6 @@ class Called(NamedTuple):
     places: Sequence[str]
     paddles: Sequence[str]
 
-    @classmethod
-    def unnamed(cls, wall: Wall, what: str, places: Vector) -> "Called":
-        """Return what they are called outside of cases: ``gauge 1`` and ``wall 1``."""
-        named = ((what, len(places)), ("wall", len(wall.paddles)))
-        return cls(*([f"{one} {n + 1}" for n in range(count)] for one, count in named))
-
 
 class PaddleReach:
     """Errors for places that a paddle has reached.
@@ -47,17 +41,18 @@ class PaddleReach:
     places
         (x, y) [m], shape (N, 2).
     called
-        What they and the paddles are called.
+        Names of places and paddles; default: their numbers.
     """
 
-    def __init__(self, wall: Wall, places: Vector, called: Called):
-        self._places, self._called = places, called
+    def __init__(self, wall: Wall, places: Vector, called: Called | None):
+        counts = len(places), len(wall.paddles)
+        self._places, self._called = places, called or Called(*([str(n + 1) for n in range(one)] for one in counts))
         self._distances = np.array([paddle.side.distances(places) for paddle in wall.paddles])
-        self._at_surface = np.array([[float(np.max(paddle.shape.at(np.zeros(1))))] for paddle in wall.paddles])
+        self._at_surface = np.array([float(np.max(paddle.shape.at(np.zeros(1)))) for paddle in wall.paddles])
 
     def error(self, t: float, place: int, displacement: Vector) -> PaddleError:
-        """Return the error for a place that is behind a paddle at t [s], for displacements, shape (paddles, N)."""
-        which = int(np.argmax((self._at_surface * displacement - self._distances)[:, place]))
+        """Return the error for a place that is behind a paddle at t [s], for displacements there, shape (paddles,)."""
+        which = int(np.argmax(self._at_surface * displacement - self._distances[:, place]))
         (x, y), (names, paddles) = self._places[place], self._called
         where = f"x = {x:.6g} m{f', y = {y:.6g} m' if y else ''}"
         who = f"the paddle of {paddles[which]} has reached {names[place]}, {where}"
@@ -126,9 +121,7 @@ class Gauges:
         reached = wall.reaches(places)
         self._reached = np.flatnonzero(reached)
         self._displaced = SurfaceOverPlaces(waves.plane, wall, places[reached])
-        called = called or Called.unnamed(wall, "gauge", places)
-        names = [called.places[n] for n in self._reached]
-        self._reach = PaddleReach(wall, places[reached], called._replace(places=names))
+        self._reach = PaddleReach(wall, places, called)
 
     def record(self, block: Block) -> None:
         """Append a row for each step; raises ``PaddleError`` if a paddle has passed a gauge; collective."""
@@ -150,7 +143,7 @@ class Gauges:
             return self._displaced.each(rows, shifts)
         except OutsideError as error:
             row, place = divmod(error.index, len(self._displaced.places))
-            raise self._reach.error(float(block.t[row]), place, shifts[:, row]) from None
+            raise self._reach.error(float(block.t[row]), int(self._reached[place]), shifts[:, row, place]) from None
         except ConvergenceError as error:
             raise ConvergenceError(f"t = {block.t[0]:.6g} s: {error}", t=float(block.t[0])) from None
 

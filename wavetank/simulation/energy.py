@@ -1,15 +1,15 @@
-"""The energy budget: what the water has, what the paddle has put in, and what does not add up.
+"""The energy budget: energy of the water, work of the paddles, dissipation, and the balance of them.
 
-The paddle's power is exact for the discrete Hamiltonian: along the flow dH/dt = dH/dt|explicit, so with E = H - W
+The power of a paddle is exact for the discrete Hamiltonian: along the flow dH/dt = dH/dt|explicit, so with E = H - W
 
-    E(t) - E(0) = int_0^t dH/dt|explicit dt' - [W]_0^t  =  paddle work,
+    E(t) - E(0) = int_0^t dH/dt|explicit dt' - [W]_0^t  =  paddle work.
 
-integrated over all steps (``supply.py``), however few of them are recorded; so is what the sponge takes, gamma psi
-H_psi. What is dissipated between steps its sinks count themselves. The balance, E - E(0) - work + dissipated, is then
-the error of the time integrator. A scheme that reports the mean of two traces evaluates these, not the mean: power is
-the mean of theirs, and H of the mean is that of the plus trace and its derivatives times what lies between
-(``tank/block.py``); both are right to the square of the jump. Where something acts between steps, these are the minus
-trace before and the plus trace after.
+It is integrated over all steps (``supply.py``), also over those that are not recorded. So is the power that a sponge
+dissipates, gamma psi H_psi. Filters between steps count their dissipation themselves. The balance,
+E - E(0) - work + dissipated, is the error of the time integrator. A scheme that reports the mean of two traces
+evaluates these traces: the power is the mean of both, and H of the mean is that of the plus trace with its derivatives
+times the offset (``tank/block.py``); both are accurate to the square of the jump. With a filter between steps the minus
+trace is that before the filter, and the plus trace that after it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,10 +28,10 @@ from wavetank.tank.block import Block
 from wavetank.tank.dissipation import Smoothing
 
 ROUNDING = 1e-12  # of g d² of the whole tank: less energy is round-off
-TRUE = 0.01  # of the energy, what has gone included: a balance that is farther off is told
-GIVEN = 1e-3  # of the energy: of what should take, giving more than that is told
-BLAMED = 0.2  # of what the balance is off: one that should take and has given more than that is why
-LOST = 0.01  # of the energy, half of that of the waves' height: losing more to numerics is told
+TRUE = 0.01  # of the energy, with the dissipated and absorbed part: a larger error of the balance is warned of
+GIVEN = 1e-3  # of the energy: a larger gain by a part that should dissipate is warned of
+BLAMED = 0.2  # of the error of the balance: a larger gain by such a part is named as its cause
+LOST = 0.01  # of the energy, twice the relative loss of wave height: a larger loss to numerics is warned of
 
 SPONGE = "the sponge"
 GIVES = (
@@ -41,7 +41,7 @@ GIVES = (
 
 
 def _most(before: float, values: Vector) -> float:
-    """Return the largest so far of what is a number."""
+    """Return the largest number so far, without nan."""
     return float(np.fmax.reduce(values, initial=before))
 
 
@@ -54,7 +54,7 @@ class EnergyTotals:
     total, wall, mass
         Energy, the wall's term W and mass at the start.
     energy, off, nothing
-        The largest energy so far, the largest error of the balance, and what counts as no energy.
+        The largest energy so far, the largest error of the balance, and the energy that counts as round-off.
     lost
         The largest change of the mass.
     dissipated, earlier
@@ -92,9 +92,9 @@ class EnergyBudget:
     record
         Where rows of ``energy_columns`` go.
     every
-        Steps between rows; the work is integrated from all of them, and all of them are judged.
+        Steps between rows; integrals and errors are those of all steps.
     sinks
-        What dissipates, in the order of ``Block.dissipated``.
+        Filters that dissipate, in the order of ``Block.dissipated``.
     """
 
     def __init__(
@@ -110,7 +110,7 @@ class EnergyBudget:
         self._sinks = {type(sink).__name__: sink for sink in sinks}
         of_sinks = {name: (one.called, one.gives, one.cure) for name, one in self._sinks.items()}
         self._called = {SPONGE: (SPONGE, GIVES, "")} | of_sinks
-        self.cause = ""  # why the balance is off, and what helps, if another part of the run knows it
+        self.cause = ""  # cause of an error of the balance, and its remedy, if another part of the run has detected it
         self.state = EnergyTotals()
         self._renewed = False  # whether the numerics have changed since the last block
 
@@ -162,22 +162,22 @@ class EnergyBudget:
 
     @property
     def mass_error(self) -> float:
-        """The largest change of the mass in what is recorded, over the mass."""
+        """The largest relative change of the mass in recorded rows."""
         return self.state.lost / self.state.mass if self.state.mass else 0.0
 
     @property
     def energy_error(self) -> float:
-        """The largest that the balance was off, over the largest energy, with what has gone by then; of still water 0.
+        """The largest error of the balance, relative to the largest energy; 0 of still water.
 
-        What has gone is what was dissipated or absorbed: waves may come and go for long where few are at a time.
+        That energy includes the part that was dissipated or absorbed by then, which grows while waves pass the tank.
         """
         return self.state.off / self.state.energy if self.state.energy > self.state.nothing else 0.0
 
     def warnings(self) -> list[RunWarning]:
-        """Return warnings of a balance that was off by more than ``TRUE`` of the energy, and of its causes.
+        """Return warnings of an error of the balance beyond ``TRUE`` of the energy, and of its causes.
 
-        Each part that should take energy and has given back more than ``GIVEN`` of it, and numerics that have taken
-        more than ``LOST`` of it, have one. That of the balance is first, but after its cause.
+        Causes are parts that should dissipate and have given more than ``GIVEN``, and numerics that have dissipated
+        more than ``LOST``. The warning of the balance is the first, unless it refers to a cause before it.
         """
         state, result, most, giver = self.state, list[RunWarning](), 0.0, ""
         for name, (part, meaning, cure) in self._called.items():

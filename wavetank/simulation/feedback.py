@@ -30,7 +30,7 @@ def build_controllers(scene: Case, waves: AnyWaves) -> list[PaddleController]:
 
 
 def build_paddle_work(scene: Case, waves: AnyWaves) -> PaddleWork | None:
-    """Return what counts the work of a scene's paddles, where some of them absorb."""
+    """Return the work of a scene's paddles; None without active absorption."""
     if not scene.absorbing:
         return None
     masses = np.array([end.wall.added_mass(scene.tank) for end in scene.paddles])
@@ -38,7 +38,7 @@ def build_paddle_work(scene: Case, waves: AnyWaves) -> PaddleWork | None:
 
 
 def restore_paddles(scene: Case, motions: Iterable[Any], parts: StateTree) -> None:
-    """Move paddles with feedback to where the parts of a run have them, among the motions of all paddles."""
+    """Restore the motions of paddles with feedback, among those of all paddles, from the parts of a run."""
     paddles = [*motions]
     for n, number in enumerate(scene.absorbing):
         state = typed(FeedbackState, parts[f"paddle {n}"]["motion"], f"paddle {n}.motion")
@@ -46,7 +46,7 @@ def restore_paddles(scene: Case, motions: Iterable[Any], parts: StateTree) -> No
 
 
 def build_filter(scene: Case, number: int, waves: AnyWaves) -> tuple[StateSpaceFilter, Measurement]:
-    """Return the filter of a paddle with feedback, by its number, and what it measures of the water; collective."""
+    """Return the filter of a paddle with feedback, by its number, and its measurement of the water; collective."""
     end, tank, comm = scene.paddles[number], scene.tank, waves.plane.comm
     wall: Any = end.wall
     paddle: Any = waves.wall.paddles[number]

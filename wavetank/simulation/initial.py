@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 import numpy as np
-from mpi4py import MPI
 from pydantic import ValidationError
 
 from wavetank.base.arrays import Vector
@@ -91,7 +90,7 @@ class StoredSurface(NamedTuple):
         fields = [plane.function("stored") for _ in self.values]
         for field, values in zip(fields, at_dofs(plane, self.values, self.places), strict=True):
             field.set(values)
-        reference = _on_all(comm, waves.plane.places)
+        reference = np.concatenate(comm.allgather(waves.plane.places))  # of all ranks
 
         def coordinates(z: Vector) -> Vector:
             return plane.chart.place(wall.to_reference(waves.wall.to_physical(reference, z), z))
@@ -104,11 +103,6 @@ class StoredSurface(NamedTuple):
         begin = sum(comm.allgather(waves.plane.owned)[: comm.rank])
         mine = slice(begin, begin + waves.plane.owned)
         return z[mine], points.evaluate(fields[1])[mine]
-
-
-def _on_all(comm: MPI.Comm, rows: Vector) -> Vector:
-    """Return all ranks' rows, one rank's after another's; collective."""
-    return np.concatenate(comm.allgather(rows))
 
 
 MEAN_TOLERANCE = 0.01  # of its rms: the largest mean elevation without a message

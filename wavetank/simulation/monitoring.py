@@ -6,13 +6,16 @@ from collections.abc import Callable
 from dataclasses import replace
 from math import inf
 from types import FrameType
+from typing import Self
 
 from mpi4py import MPI
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import Progress as ProgressBar
 
 from wavetank.base.arrays import largest
 from wavetank.base.errors import StoppedError
 from wavetank.output.files import RunLog
+from wavetank.output.writer import RunWriter
 from wavetank.simulation.clock import EverySteps
 from wavetank.tank.block import Block
 from wavetank.tank.breaking import BreakingDissipation
@@ -62,7 +65,7 @@ class Interruption:
         self._comm, self._received = comm, 0
         self.before: Callable[[], None] = lambda: None
 
-    def __enter__(self) -> "Interruption":
+    def __enter__(self) -> Self:
         self._former = [signal.signal(number, self._receive) for number in self.signals]
         return self
 
@@ -83,27 +86,36 @@ class Interruption:
             raise StoppedError(f"t = {block.t[-1]:.6g} s: interrupted by {signal.Signals(number).name}")
 
 
-class ProgressBar:
-    """Simulated time, remaining wall time and cost of a step; on rank 0 only.
+class Progress:
+    """Progress of a run, on the console and in the manifest; a context manager, on rank 0 only.
+
+    The console shows simulated time, remaining wall time and cost of a step: a bar, or lines without a terminal.
 
     Parameters
     ----------
-    duration
-        Simulated time of the whole run [s].
+    end
+        Simulated time of the run [s].
     counters
         Interior solves and their iterations so far.
+    log
+        The log, whose console shows the progress.
+    writer
+        Writer of the manifest, whose ``progress`` has t [s] and step, the times [s] at which the run began, or was
+        resumed, and will end, and the wall time since then [s].
     begin
         Step and time [s] at which the run begins or is resumed.
     """
 
     plain_lines = 20  # at most
-    every = 0.1  # s, of a bar
+    bar_every, manifest_every = 0.1, 5.0  # s of wall time
 
-    def __init__(self, duration: float, counters: SolveCounters, *, log: RunLog, begin: tuple[int, float] = (0, 0.0)):
-        self._duration, self._counters, (self._step, self._t) = duration, counters, begin
+    def __init__(
+        self, end: float, counters: SolveCounters, *, log: RunLog, writer: RunWriter, begin: tuple[int, float]
+    ):
+        self._end, self._counters, self._writer, (self._step, self._t) = end, counters, writer, begin
         self._say = log.note if log.console.is_terminal else log.say
         self._start_time, self._reported, self._set_up = time.monotonic(), self._t, replace(counters)
-        self._bar = Progress(
+        self._bar = ProgressBar(
             TextColumn("t = {task.completed:.2f} / {task.total:g} s"),
             BarColumn(),
             TaskProgressColumn(),
@@ -112,10 +124,10 @@ class ProgressBar:
             console=log.console,
             disable=not log.console.is_terminal,
         )
-        self._task = self._bar.add_task("", total=duration)
-        self._shown = -inf  # when the bar was
+        self._task = self._bar.add_task("", total=end)
+        self._shown = self._written = -inf  # when the bar and the manifest were
 
-    def __enter__(self) -> "ProgressBar":
+    def __enter__(self) -> Self:
         self._bar.start()
         return self
 
@@ -123,50 +135,25 @@ class ProgressBar:
         self._bar.stop()
 
     def record(self, block: Block) -> None:
-        """Show the last step of the block."""
+        """Show and note the last step of the block."""
         now, step, t = time.monotonic(), int(block.step[-1]), float(block.t[-1])
-        if not self._bar.disable and (now > self._shown + self.every or t >= self._duration):
-            self._shown, done = now, min(t, self._duration)
-            self._bar.update(self._task, completed=done, description=self._per_step(step))
-        if t >= self._reported + self._duration / self.plain_lines:
+        if not self._bar.disable and (now > self._shown + self.bar_every or t >= self._end):
+            self._shown = now
+            self._bar.update(self._task, completed=min(t, self._end), description=self._per_step(step))
+        if t >= self._reported + self._end / self.plain_lines:
             self._reported = t
-            remaining = (now - self._start_time) * (self._duration - t) / (t - self._t)
-            self._say(f"t = {t:.2f} / {self._duration:g} s, {remaining:.0f} s left, {self._per_step(step)}")
+            remaining = (now - self._start_time) * (self._end - t) / (t - self._t)
+            self._say(f"t = {t:.2f} / {self._end:g} s, {remaining:.0f} s left, {self._per_step(step)}")
+        when = {"t": t, "begin": self._t, "end": self._end, "step": step, "wall_s": now - self._start_time}
+        self._writer.note({"progress": when})
+        if now > self._written + self.manifest_every:
+            self._written = now
+            self._writer.write_manifest()
 
     def _per_step(self, step: int) -> str:
         now, before, steps = self._counters, self._set_up, max(1, step - self._step)
         solves, iterations = (now.solves - before.solves) / steps, (now.iterations - before.iterations) / steps
         return f"{solves:.1f} solves, {iterations:.1f} iterations a step"
-
-
-class ProgressReport:
-    """Writes the progress of a run into its manifest; on rank 0 only.
-
-    Parameters
-    ----------
-    note
-        Receives ``progress``: t [s] and step, the times [s] at which the run began, or was resumed, and will end, and
-        the wall time since then [s].
-    tell
-        Writes the manifest; called every ``every`` seconds.
-    """
-
-    every = 5.0  # s
-
-    def __init__(
-        self, note: Callable[[dict[str, object]], None], tell: Callable[[], None], *, begin: float, end: float
-    ):
-        self._note, self._tell, self._begin, self._end = note, tell, begin, end
-        self._start_time, self._last_written = time.monotonic(), -inf
-
-    def record(self, block: Block) -> None:
-        """Note the last step of the block."""
-        step, t = int(block.step[-1]), float(block.t[-1])
-        now, when = time.monotonic(), {"t": t, "begin": self._begin, "end": self._end}
-        self._note({"progress": {**when, "step": step, "wall_s": now - self._start_time}})
-        if now > self._last_written + self.every:
-            self._tell()
-            self._last_written = now
 
 
 class Checkpoints:

@@ -15,6 +15,8 @@ STATE = ("q", "p", "evaluations", "evaluated", "q_jump", "mapped")
 DIAGNOSTIC = ("schedule", "record")
 SOLVING = ("evaluate", "solve_stage", "solve_stages")
 PAGE = "docs/extend.md"
+Observers = Sequence[Callable[[AnyWaves], Diagnostic]]
+"""Functions of the waves that return a user's diagnostics, such as classes."""
 
 
 def own_scheme(given: Any) -> Integrator[Any]:
@@ -52,7 +54,7 @@ class ObserverWaves:
         return self._waves.new_history("observers")
 
 
-def own_observers(given: Sequence[Callable[[AnyWaves], Diagnostic]], waves: AnyWaves) -> list[Diagnostic]:
+def own_observers(given: Observers, waves: AnyWaves) -> list[Diagnostic]:
     """Return the observers that a user's functions of the waves return; raises ``InputError`` for other objects."""
     if isinstance(given, str) or not isinstance(given, Sequence):
         raise InputError(f"observers = {called(given)}: must be a list of functions of the waves, such as classes.")

@@ -1,4 +1,4 @@
-"""Tables and fields that diagnostics write to, of each rank of a run: only the first writes tables."""
+"""Tables and fields to which diagnostics write, on each rank of a run; only the first rank writes tables."""
 
 from collections.abc import Callable, Sequence
 from math import nan
@@ -77,7 +77,7 @@ Record = FirstRankRecord | Memory
 
 
 class Records(NamedTuple):
-    """Where the observers of a scene write.
+    """The records of a scene, to which its diagnostics write.
 
     Attributes
     ----------

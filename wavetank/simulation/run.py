@@ -1,8 +1,9 @@
-"""The time loop, the only one."""
+"""The time loop of all runs, and the states that a restart restores."""
 
 import itertools
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,21 +11,34 @@ from mpi4py import MPI
 
 from wavetank.base.arrays import Vector
 from wavetank.base.errors import RunError, locate
-from wavetank.base.state import StateTree, check_like, has_state, hints_of, named, plain, restore_all, typed
+from wavetank.base.state import StateTree, check_like, has_state, hints_of, named, plain, restore, restore_all, typed
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.filtered import Filter, Filtered
 from wavetank.integrators.hamiltonian import HamiltonianSystem
 from wavetank.integrators.states import State
 from wavetank.simulation.clock import Clock
 from wavetank.simulation.contract import Diagnostic, due_steps
+from wavetank.simulation.energy import EnergyBudget, EnergyTotals
+from wavetank.simulation.stability import StabilityWatch
 from wavetank.simulation.supply import PaddleWork
-from wavetank.simulation.surviving import MAY_BE_NEW, restore_surviving, survives
 from wavetank.tank.block import Block, Parts, write_sums
+from wavetank.tank.breaking import BasinBreakingWatch
 from wavetank.tank.dissipation import Smoothing
 from wavetank.tank.history import Solves
 
 LONGEST, FEW, NUMBERS = 256, 16, 5e4  # steps of a block; unknowns of all of them, which caches hold
 SECONDS = 0.5  # of computing, of a block
+SURVIVING = (  # parts whose states survive a change of numerics, or a failed step, which alters the history of solves
+    "paddle",  # with feedback, and the work of these
+    "Breaking",
+    "EnergyBudget",
+    "HighestCrest",
+    "PaddleLimits",
+    "Probes",
+    "StabilityWatch",
+    "SurfaceSnapshots",
+)
+MAY_BE_NEW = ("Probes", "water")  # in a resumed run: probes and other diagnostics below the surface
 
 
 class Rows:
@@ -33,13 +47,13 @@ class Rows:
     Parameters
     ----------
     system
-        Whose states they are; of waves energies, elevation and kinematics are written, too.
+        The system of the states; for waves the rows have energies, elevation and kinematics, too.
     size
         Degrees of freedom of this rank.
     most
         Rows at most.
     sinks
-        What dissipates.
+        Filters that dissipate.
     work
         Counts the work of paddles with feedback.
     """
@@ -111,7 +125,7 @@ class Run:
     Parameters
     ----------
     clock
-        When its steps are.
+        Times of the steps.
     start
         Coordinates and momenta when the clock begins.
     filters
@@ -162,7 +176,7 @@ class Run:
 
     @property
     def sinks(self) -> list[Smoothing]:
-        """The filters that take energy out of the system, and count it."""
+        """The filters that dissipate energy, and count it."""
         return [one for one in self.filters if isinstance(one, Smoothing)]
 
     def execute(self) -> None:
@@ -317,3 +331,38 @@ def _scheme_state(example: State, tree: StateTree, kind: type[Any]) -> State:
             if shapes != ((2, n), (2, n), (n,)):
                 raise ValueError("an evaluation of the state has another shape")
     return state
+
+
+def survives(name: str) -> bool:
+    """Return whether the state of a part of a run survives a change of numerics."""
+    return name.partition(" ")[0] in SURVIVING
+
+
+def restore_surviving(parts: Mapping[str, Any], trees: Mapping[str, Any], *, renewed: bool = False) -> None:
+    """Restore the states that survive; collective.
+
+    A stability watch keeps since when the run is inaccurate. An energy budget keeps its totals, with the energy that
+    earlier filters and sponges dissipated. A search for breaking crests in a basin drops the surface of another mesh,
+    and paddles with feedback drop the times of the preconditioner.
+
+    Parameters
+    ----------
+    parts, trees
+        Objects and states by their names, filters before diagnostics.
+    renewed
+        Whether the numerics have changed.
+    """
+    for name, part in parts.items():
+        if name not in trees or not survives(name):
+            continue
+        tree = trees[name]
+        if isinstance(part, StabilityWatch):
+            part.state = replace(part.state, since=typed(float | None, tree["since"], f"{name}.since"))
+        elif isinstance(part, EnergyBudget):
+            part.change_numerics(typed(EnergyTotals, tree, name), renewed=renewed)
+        elif name == "Breaking" and renewed and isinstance(part.watch, BasinBreakingWatch):
+            restore(part, tree | {"watch": tree["watch"] | {"surface": None}}, name)
+        elif "motion" in tree:
+            restore(part, tree | {"motion": tree["motion"] | {"retained": {}}}, name)
+        else:
+            restore(part, tree, name)

@@ -30,7 +30,7 @@ FLAT = 1e-9  # of the depth
 
 
 def build_wall(scene: Case, footprint: Footprint, plane: Plane) -> Any:
-    """Return what moves of the scene's walls, for its water; collective.
+    """Return the walls of the scene, for its type of water; collective.
 
     Raises ``InputError`` where one cannot move as far.
     """
@@ -77,12 +77,12 @@ def _both(scene: Case, first: Piston, second: Piston, *, plane: Plane) -> BothEn
 
 
 def motion_of(end: EndWall) -> Motion:
-    """Return what moves the wall: of a paddle that absorbs a motion of this run's own."""
+    """Return the motion of a wall; a paddle that absorbs has a new one with feedback."""
     return end.motion() if end.wall.absorb is None else FeedbackMotion(end.motion())
 
 
 def _shape(end: EndWall, model: ShapedWall, plane: Plane) -> Polynomial:
-    """Return the polynomial of a paddle's shape; raises ``CaseError`` for one that it would not show."""
+    """Return the polynomial of a paddle's shape; raises ``CaseError`` for a shape that it does not approximate."""
     wavemaker, depth = model.wavemaker, end.tank.depth
     shape = Polynomial.fit(lambda z: wavemaker.mode_shape(z, depth), depth, plane.mesh, kinks=wavemaker.kinks(depth))
     z = np.linspace(-depth, 0.0, 1001, dtype=np.float64)
