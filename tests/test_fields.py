@@ -154,12 +154,13 @@ def test_the_surface_is_the_field_at_its_degrees_of_freedom_and_covers_the_tank(
     assert sizes.sum() == pytest.approx(footprint * np.mean(elevation(x, y) + still_depth(x, y)), rel=1e-2)
 
 
-def test_a_basins_surface_tells_of_its_sponge(tmp_path):
+def test_the_surface_of_a_basin_has_the_damping_rate_of_its_sponge(tmp_path):
     """Oracle: gamma = 3 / s ((x - 1) / 2)² over the last two metres of a basin of three."""
-    basin = {"type": "basin", "depth": 0.5, "layout": {"type": "rectangle", "length": 3.0, "width": 1.0}}
-    content = {"tank": basin, "sponge": {"type": "end", "length": 2.0, "strength": 3.0}, "water": {"type": "linear"}}
+    layout = {"type": "rectangle", "length": 3.0, "width": 1.0}
+    content = {"tank": {"type": "basin", "depth": 0.5, "layout": layout}, "run": {"duration": 0.01}}
+    content |= {"sponge": {"type": "end", "length": 2.0, "strength": 3.0}}
     numerics = {"cell_size": 1.0, "order": 3, "vertical_order": 4, "dt": 0.01}
-    scene = Case.model_validate({**content, "run": {"duration": 0.01}, "numerics": numerics})
+    scene = Case.model_validate(content | {"numerics": numerics})
     record_run(scene, tmp_path / "run", comm=MPI.COMM_SELF, console=Console(quiet=True))
     surface = read(tmp_path / "run", "surface")
     expected = 3.0 * np.clip((surface.points[:, 0] - 1.0) / 2.0, 0.0, 1.0) ** 2

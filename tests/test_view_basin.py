@@ -2,16 +2,16 @@
 
 from types import SimpleNamespace
 
+import meshio
 import numpy as np
 import pytest
-from conftest import commanded
 from matplotlib import rc_context
 from matplotlib.image import imread
+from records import gauge_array, write_run
 
 from wavetank.base.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.fields import VtkCells, VtuSeries
-from wavetank.output.writer import RunWriter
 from wavetank.plots import basin, view
 from wavetank.plots.figures import draw_run
 from wavetank.plots.surfaces import Extremes, basin_surface, wave_history
@@ -48,12 +48,20 @@ def shoal(x, y):
     return DEPTH - 0.3 * np.exp(-((x - SHOAL[0]) ** 2) - (y - SHOAL[1]) ** 2)
 
 
+def still(y, t):
+    return 0.0 * y
+
+
 def swinging(y, t):
     """Return the place of a paddle that is turned about its middle as it moves."""
     return STROKE * np.sin(2 * np.pi * t / PERIOD) * (1 + (y - WIDTH / 2) / WIDTH)
 
 
-def mesh(kept, triangles):
+def everywhere(x, y):
+    return x > 0
+
+
+def mesh(kept=everywhere, triangles=False):
     """Return places, shape (N, 2), and pieces of a lattice, of which cells with middles (x, y) are kept."""
     x, y = np.linspace(0.0, LENGTH, 49), np.linspace(0.0, WIDTH, 25)
     places = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -63,45 +71,26 @@ def mesh(kept, triangles):
     return places, np.concatenate([pieces[:, [0, 1, 2]], pieces[:, [0, 2, 3]]]) if triangles else pieces
 
 
-def record(
-    path,
-    *,
-    elevation=travelling,
-    depth=flat,
-    paddle=None,
-    far=None,
-    ranks=1,
-    kept=lambda x, y: x > 0,
-    triangles=False,
-    times=TIMES,
-    motion=None,
-    damping=None,
-):
-    """Write a run directory of a basin with an elevation(x, y, t), a depth(x, y) and paddles' places(y, t) [m].
-
-    And a sponge of damping(x, y) [1/s].
-    """
+def record(path, *, depth=flat, paddle=still, far=still, damping=None, ranks=1, times=TIMES, motion=None, **cells):
+    """Write a run directory of a basin with a depth(x, y), paddles' places(y, t) [m] and a damping(x, y) [1/s]."""
     tank = {"type": "basin", "depth": DEPTH, "layout": {"type": "rectangle", "length": LENGTH, "width": WIDTH}}
-    scene = {"title": "A basin", "tank": tank, "wall": {"motion": motion}}
-    places, pieces = mesh(kept, triangles)
-    with RunWriter(path, {"scene": scene}) as writer:
-        gauges = writer.gauges([("mast", 3.0, 1.0)])
-        energy = writer.table("energy.csv", ["t [s]", "kinetic [m^5/s^2]"])
-        for t in times[:1]:
-            gauges.append([t, 0.0]), energy.append([t, 1.0])
+    places, pieces = mesh(**cells)
+    mast = gauge_array(["mast"], [3.0], [1.0], times[:1], [[0.0] * len(times[:1])])
+    energy = {"energy.csv": (["t [s]", "kinetic [m^5/s^2]"], np.ones((len(times[:1]), 2)))}
+    write_run(path, {"title": "A basin", "tank": tank, "wall": {"motion": motion}}, gauges=mast, tables=energy)
     for rank in reversed(range(ranks)):  # the first one tells of all
         series = VtuSeries(path, "surface", comm=Rank(rank, ranks))
         own = pieces[(places[pieces].mean(axis=1)[:, 0] * ranks // LENGTH).astype(int) == rank]
         points, corners = np.unique(own, return_inverse=True)
+        flat_cells = VtkCells.flat(corners.reshape(own.shape).astype(np.int32))
         x, y = places[points].T
         for t in times:
-            moved = x + (0.0 if paddle is None else np.maximum(0.0, 1 - x / REACH) * paddle(y, t))
-            moved -= 0.0 if far is None else np.maximum(0.0, 1 - (LENGTH - x) / REACH) * far(y, t)
-            eta = elevation(moved, y, t)
+            moved = x + np.maximum(0.0, 1 - x / REACH) * paddle(y, t)
+            moved -= np.maximum(0.0, 1 - (LENGTH - x) / REACH) * far(y, t)
+            eta = travelling(moved, y, t)
             arrays = {"elevation": eta, "surface potential": 0 * eta, "depth": depth(x, y)}
             arrays |= {} if damping is None else {"damping rate": damping(x, y)}
-            cells = VtkCells.flat(corners.reshape(own.shape).astype(np.int32))
-            series.append(float(t), np.column_stack([moved, y, eta]), cells=cells, arrays=arrays)
+            series.append(float(t), np.column_stack([moved, y, eta]), cells=flat_cells, arrays=arrays)
     return RunDirectory(path)
 
 
@@ -138,8 +127,8 @@ def test_pieces_of_two_and_three_ranks_are_one_surface(tmp_path):
             *(sorted(map(tuple, place[edges].reshape(-1, 4))) for edges in (surface.rim, moving)),
         )
 
-    alone, others = told(1), [told(ranks) for ranks in (2, 3)]
-    for other in others:
+    alone = told(1)
+    for other in map(told, (2, 3)):
         assert other[0] == pytest.approx(alone[0], abs=1e-12)
         assert other[1] == pytest.approx(alone[1], rel=1e-12)
         assert other[2:] == alone[2:]
@@ -203,9 +192,8 @@ def words(run, tmp_path):
 def test_maps_name_quantities_times_and_places(tmp_path):
     parts = {"depth": shoal, "paddle": swinging, "damping": lambda x, y: x - 0.0, "times": TIMES[:6]}
     text = words(record(tmp_path / "run", **parts), tmp_path)
-    for word in ("A basin", "at the highest crest of the snapshots, t = ", "elevation of the snapshots"):
-        assert word in text
-    for word in ("elevation [cm]", ">x [m]<", ">y [m]<", ">mast<", ">sponge<", ">0.25 m<", ">0.45 m<"):
+    titles = ("A basin", "at the highest crest of the snapshots, t = ", "elevation of the snapshots")
+    for word in (*titles, "elevation [cm]", ">x [m]<", ">y [m]<", ">mast<", ">sponge<", ">0.25 m<", ">0.45 m<"):
         assert word in text
     assert "crest minus trough" not in text  # no period is known
 
@@ -218,24 +206,17 @@ def test_wave_heights_are_mapped_when_the_run_is_long_enough(tmp_path):
     assert heights.values == pytest.approx(HEIGHT_OF_WAVES, rel=0.01)  # eight snapshots a period
     assert heights.title == "wave height from t = 4.80 to 9.60 s"
     assert "crest minus trough [cm]" in words(run, tmp_path)
-    early = record(tmp_path / "early", motion=regular, times=times[:-1])
-    seldom = record(tmp_path / "seldom", motion=regular, times=times[::4])
-    assert not basin._wave_heights(early, basin_surface(early))
-    assert not basin._wave_heights(seldom, basin_surface(seldom))
+    for name, few in (("early", times[:-1]), ("seldom", times[::4])):
+        run = record(tmp_path / name, motion=regular, times=few)
+        assert not basin._wave_heights(run, basin_surface(run))
 
 
 # ---------------------------------------------------------------- the commands
-def test_a_basin_is_drawn_after_its_run_and_viewed_like_a_slice(tmp_path, monkeypatch):
-    monkeypatch.setitem(view.FILMS, ".gif", (2.0, (160, 160)))  # a film of few frames
-    run = record(tmp_path / "run", paddle=swinging, times=TIMES[:4])
-    assert [picture.name for picture in draw_run(run)] == ["surface.png"]  # gauges and energy have one row
-    (run.path / "surface.png").unlink()
-    words = ("--diagram", "--time", "0.1", "--film", str(tmp_path / "film.gif"), "--size", "320x180")
-    done = commanded("view", str(run.path), *words)
-    assert done.returncode == 0, done
-    assert imread(run.path / "view.png").shape[:2] == (180, 320)
-    assert imread(run.path / "surface.png")[..., :3].std() > 0.05
-    assert (tmp_path / "film.gif").stat().st_size > 10_000
+def test_a_basin_is_drawn_after_its_run_unless_it_was_killed_early(tmp_path):
+    for count in (0, 1):
+        assert draw_run(record(tmp_path / str(count), times=TIMES[:count])) == []
+    pictures = draw_run(record(tmp_path / "run", paddle=swinging, times=TIMES[:4]))
+    assert [picture.name for picture in pictures] == ["surface.png"]  # gauges and energy have one row
 
 
 TURNED = np.pi / 6
@@ -253,21 +234,16 @@ def write_turned_mesh(path):
     """Write a mesh of 2 m by 1 m in eight squares, turned by TURNED about its corner at (0, 0)."""
     x, y = (one.ravel() for one in np.meshgrid(np.linspace(0.0, 2.0, 5), np.linspace(0.0, 1.0, 3), indexing="ij"))
     c, s = np.cos(TURNED), np.sin(TURNED)
-    first = (3 * np.arange(4)[:, None] + np.arange(2)).ravel() + 1
-    paddle, walls = ([(1, 2), (2, 3)], [*((n, n + 3) for m in (1, 3) for n in range(m, m + 10, 3)), (13, 14), (14, 15)])
-    lines = [*(f"1 2 1 1 {a} {b}" for a, b in paddle), *(f"1 2 2 2 {a} {b}" for a, b in walls)]
-    lines += [f"3 2 3 1 {n} {n + 3} {n + 4} {n + 1}" for n in first]
-    path.write_text(
-        "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n"
-        '$PhysicalNames\n3\n1 1 "paddle"\n1 2 "wall"\n2 3 "water"\n$EndPhysicalNames\n'
-        f"$Nodes\n{x.size}\n"
-        + "".join(
-            f"{n} {a:.17g} {b:.17g} 0\n" for n, (a, b) in enumerate(zip(c * x - s * y, s * x + c * y, strict=True), 1)
-        )
-        + f"$EndNodes\n$Elements\n{len(lines)}\n"
-        + "".join(f"{n} {line}\n" for n, line in enumerate(lines, 1))
-        + "$EndElements\n"
-    )
+    first = (3 * np.arange(4)[:, None] + np.arange(2)).ravel()
+    walls = [*((n, n + 3) for side in (0, 2) for n in range(side, side + 10, 3)), (12, 13), (13, 14)]
+    cells = [("line", [(0, 1), (1, 2), *walls]), ("quad", np.stack([first, first + 3, first + 4, first + 1], axis=1))]
+    groups = [np.array([1, 1, *(2 for _ in walls)]), np.full(8, 3)]
+    meshio.Mesh(
+        np.column_stack([c * x - s * y, s * x + c * y, 0 * x]),
+        cells,
+        cell_data={"gmsh:physical": groups, "gmsh:geometrical": groups},
+        field_data={"paddle": np.array([1, 1]), "wall": np.array([2, 1]), "water": np.array([3, 2])},
+    ).write(path, file_format="gmsh22", binary=False)
 
 
 def test_view_draws_a_run_resumed_on_other_ranks_with_a_paddle_at_an_angle(wavetank, tmp_path, monkeypatch):
@@ -280,9 +256,11 @@ def test_view_draws_a_run_resumed_on_other_ranks_with_a_paddle_at_an_angle(wavet
     half = ("--set", "run.duration=0.2", "--no-plots", "--out", part)
     assert wavetank("run", case, *half, ranks=2).returncode == 0
     assert wavetank("resume", part, "--extend", "0.2", "--no-plots").returncode == 0
-    said = wavetank("view", part, "--diagram", "--film", str(tmp_path / "film.gif"), "--size", "320x180")
+    said = wavetank("view", part, "--diagram", "--time", "0.1", "--film", f"{tmp_path}/film.gif", "--size", "320x180")
     assert said.returncode == 0, said
-    assert (tmp_path / "film.gif").exists() and (tmp_path / "part" / "surface.png").exists()
+    assert imread(tmp_path / "part" / "view.png").shape[:2] == (180, 320)
+    assert imread(tmp_path / "part" / "surface.png")[..., :3].std() > 0.05
+    assert (tmp_path / "film.gif").stat().st_size > 10_000
     whole, resumed = (basin_surface(RunDirectory(name)) for name in (one, part))
     assert whole.times == pytest.approx(resumed.times) and len(whole.times) == 9
     order, reordered = (np.lexsort(np.round(each.first[:, :2], 6).T) for each in (whole, resumed))
@@ -294,22 +272,18 @@ def test_view_draws_a_run_resumed_on_other_ranks_with_a_paddle_at_an_angle(wavet
     assert len(x) == 5 and x * c + y * s == pytest.approx(0.05, abs=1e-6)
 
 
-def test_a_run_killed_early_has_no_maps(tmp_path):
-    for count in (0, 1):
-        run = record(tmp_path / str(count), times=TIMES[:count])
-        assert draw_run(run) == []
-
-
 def test_basins_that_cannot_be_viewed_are_refused(tmp_path):
     run = record(tmp_path / "run", times=TIMES[:3])
-    with pytest.raises(InputError, match="allowed is 0 to 0.16 s"):
-        view.still(run, tmp_path / "a.png", t=1.0)
-    with pytest.raises(InputError, match="1 snapshots of the surface received; at least 2"):
-        basin.basin_figure(record(tmp_path / "one", times=TIMES[:1]), tmp_path / "a.png")
+
+    def refused(sentence, draw, *arguments, **options):
+        with pytest.raises(InputError, match=sentence):
+            draw(*arguments, tmp_path / "a.png", **options)
+        assert not (tmp_path / "a.png").exists()
+
+    refused("allowed is 0 to 0.16 s", view.still, run, t=1.0)
+    one = record(tmp_path / "one", times=TIMES[:1])
+    refused("1 snapshots of the surface received; at least 2", basin.basin_figure, one)
     (run.path / "fields" / "surface_000001.pvtu").unlink()
-    with pytest.raises(InputError, match=r"surface_000001\.pvtu: is missing"):
-        view.still(run, tmp_path / "a.png")
+    refused(r"surface_000001\.pvtu: is missing", view.still, run)
     (run.path / "surface.pvd").unlink()
-    with pytest.raises(InputError, match=r"no readable surface\.pvd"):
-        view.still(run, tmp_path / "a.png")
-    assert not (tmp_path / "a.png").exists()
+    refused(r"no readable surface\.pvd", view.still, run)
