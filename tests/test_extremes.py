@@ -105,11 +105,11 @@ def test_the_penalty_conserves_mass_and_leaves_a_smooth_wave_alone():
     sizes, changes = [], []
     for cells in (12, 24, 48):
         waves, length, wave = steep(1.0, 0.3, cells=cells, n=4)
-        penalty = EdgePenalty(waves, SurfaceFlow(waves), cell_size=length / cells, dt=0.01, threshold=0.0)
+        sizes.append(length / cells)
+        penalty = EdgePenalty(waves, SurfaceFlow(waves), cell_size=sizes[-1], dt=0.01, threshold=0.0)
         q, p = waves.state(*wave.surface(waves.plane.x))
         ((after_q, after_p),) = penalty.passed(np.array([[q, p]]))
         assert waves.total_mass(after_q) == pytest.approx(waves.total_mass(q), rel=1e-14)
-        sizes.append(length / cells)
         changes.append(np.abs(after_p - p).max())
     assert changes[-1] > 0.0 and fitted_slope(sizes, changes) > 3.5
 
@@ -266,13 +266,13 @@ def test_what_alternates_is_growth_where_the_paddle_cannot_have_made_it(make_tan
     """Oracle: a surface, or its jump, up and down from step to step, by parts of a paddle's way that does so, too."""
     dt, amplitude, said = 0.02, 1e-4, list[RunWarning]()
     tank = make_tank(length=2.0, cells=4, n=4, motion=sinusoid(amplitude, 2 * dt))
-    alternating = IN_JUMP if by_jump else IN_ELEVATION
-    watch = StabilityWatch(tank, surface_of(tank), dt=dt, limit=2.0, warn=said.append, alternating=alternating)
-    height = part * np.pi * amplitude  # of the way by its velocity
-    for step in range(30):
-        q, p = tank.state(height * (-1) ** step * np.cos(np.pi * tank.plane.x / 2), 0 * tank.plane.x)
-        jump = q - tank.state(0 * tank.plane.x, p)[0] if by_jump else None
-        watch.record(block_of(tank, (step, step * dt, Traces(q - jump, q, p, p) if by_jump else Point(q, p))))
+    criterion = IN_JUMP if by_jump else IN_ELEVATION
+    watch = StabilityWatch(tank, surface_of(tank), dt=dt, limit=2.0, warn=said.append, alternating=criterion)
+    still, _ = tank.state(0 * tank.plane.x, 0 * tank.plane.x)
+    for step in range(30):  # of the way by its velocity
+        height = part * np.pi * amplitude * (-1) ** step
+        q, p = tank.state(height * np.cos(np.pi * tank.plane.x / 2), 0 * tank.plane.x)
+        watch.record(block_of(tank, (step, step * dt, Traces(still, q, p, p) if by_jump else Point(q, p))))
     assert len(said) == grown == (watch.state.since is not None)
 
 

@@ -15,7 +15,7 @@ from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.fem.forms import ScalarForm
 from wavetank.fem.plane import Plane
-from wavetank.integrators import INTEGRATORS, StormerVerlet
+from wavetank.integrators import INTEGRATORS
 from wavetank.output.directory import RunDirectory
 from wavetank.planning import cost
 from wavetank.planning.dispersion import Mesh, UniformCells, step_errors
@@ -70,12 +70,12 @@ def test_bloch_frequencies_are_the_tanks(order, n):
 
 @pytest.mark.parametrize("order", [2, 3, 5])
 def test_waves_at_the_end_of_a_branch_are_continuous(order):
-    """Half a wave a cell, or a whole one: there are two discrete waves, and the wave is half of each."""
+    """Half a wave a cell, or a complete one: there are two discrete waves, and the wave is half of each."""
     ends = np.pi / 0.5 * np.arange(1, order)
-    beside = [UniformCells(order, 0.5).waves(ends * (1 + off)) for off in (-1e-9, 0.0, 1e-9)]
-    for one in (beside[0], beside[2]):
-        assert one.mu == pytest.approx(beside[1].mu, rel=1e-6)
-        assert one.profile_error == pytest.approx(beside[1].profile_error, rel=1e-5)
+    below, at, above = (UniformCells(order, 0.5).waves(ends * (1 + off)) for off in (-1e-9, 0.0, 1e-9))
+    for one in (below, above):
+        assert one.mu == pytest.approx(at.mu, rel=1e-6)
+        assert one.profile_error == pytest.approx(at.profile_error, rel=1e-5)
 
 
 def test_largest_frequency_is_the_tanks():
@@ -86,10 +86,11 @@ def test_largest_frequency_is_the_tanks():
 
 
 # ------------------------------------------------------------------------------------------------ dispersion in time
-def test_stormer_verlets_frequency_is_an_arcsine():
+@pytest.mark.parametrize("name", ["stormer-verlet", "stormer-verlet-adjoint"])
+def test_stormer_verlets_frequency_is_an_arcsine(name):
     x = np.array([0.01, 0.1, 0.5, 1.0, 1.9])
-    for scheme in (StormerVerlet(), INTEGRATORS["stormer-verlet-adjoint"]()):
-        assert np.allclose(step_errors(scheme, x).frequency, 2 * np.arcsin(x / 2) / x - 1, rtol=0, atol=1e-12)
+    found = step_errors(INTEGRATORS[name](), x).frequency
+    assert np.allclose(found, 2 * np.arcsin(x / 2) / x - 1, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", sorted(INTEGRATORS))
@@ -103,10 +104,9 @@ def test_frequency_error_is_the_schemes_own(name):
 
 @pytest.mark.parametrize("name", ["stormer-verlet", "stormer-verlet-adjoint", "third-order", "simpson-4"])
 def test_a_scheme_has_a_frequency_up_to_its_limit(name):
-    limit = INTEGRATORS[name].stability_limit
-    found = step_errors(INTEGRATORS[name](), limit * np.array([0.999, 1.001])).frequency
-    assert np.isfinite(found[0])
-    assert np.isnan(found[1])
+    scheme = INTEGRATORS[name]()
+    found = step_errors(scheme, scheme.stability_limit * np.array([0.999, 1.001])).frequency
+    assert np.isfinite(found).tolist() == [True, False]
 
 
 # ------------------------------------------------------------------------------------------------ requirements

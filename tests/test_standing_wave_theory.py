@@ -127,7 +127,7 @@ def of_third_order(height: float) -> ThirdOrderStandingWave:
 
 def test_low_waves_are_those_of_the_expansion_to_third_order():
     """The surface differs by the fourth order in the height, the frequency, of even powers only, by that too."""
-    heights, x = [0.02, 0.04, 0.06], np.linspace(0.0, LENGTH / 2, 41)
+    heights, x = [0.02, 0.06], np.linspace(0.0, LENGTH / 2, 41)
     surfaces, periods = [], []
     for height in heights:
         wave, series = resting_wave(height, LENGTH, depth=DEPTH), of_third_order(height)

@@ -10,10 +10,13 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from examples.paper import focused_group
+from examples.paper.expanded_waves import ExpandedWaves
 from examples.paper.mccamy_fuchs import CylinderDiffraction
 from examples.paper.resting_wave import resting_wave
 from examples.paper.standing_wave import ThirdOrderStandingWave
 from examples.paper.theories import LinearWater, SteadyWater, Wave
+from wavetank.waves.airy import angular_frequency
 from wavetank.waves.focusing import Fan, FocusedGroup, ReflectedGroup
 from wavetank.waves.solitary_wave import solitary_wave
 from wavetank.waves.spectra import gaussian
@@ -148,3 +151,34 @@ def test_a_resting_wave_turns_back_and_stands_half_a_length_on_after_half_a_peri
     before, after = wave.surface(X, 0.3 * wave.period), wave.surface(X, 0.7 * wave.period)
     np.testing.assert_allclose(after[0], before[0], atol=1e-12)
     np.testing.assert_allclose(after[1], -before[1], atol=1e-12)
+
+
+# ---------------------------------------------------------------- waves expanded in their steepness
+LENGTH, A, POINTS = 4.0, 0.01, 16
+
+
+def test_bound_part_of_an_expanded_wave_is_stokes_second_harmonic():
+    """It is k a² (3 - sigma²) / (4 sigma³), sigma = tanh kd; what makes up for it at the start is free, both ways."""
+    k, x = 2 * np.pi / LENGTH, np.linspace(0.0, LENGTH, POINTS, endpoint=False)
+    omega, free = (float(angular_frequency(n * k, 1.0, G)) for n in (1, 2))
+    eta, psi = A * np.cos(k * x), G / omega * A * np.sin(k * x)
+    waves = ExpandedWaves(eta=eta, psi=psi, length=LENGTH, depth=1.0, gravity=G)
+    t = np.linspace(0.1, 0.9, 5)
+    orders = np.array([waves.orders(one) for one in t])
+    np.testing.assert_allclose(orders[:, 0], A * np.cos(k * x - omega * t[:, None]), atol=1e-9 * A)
+    second = np.fft.fft(orders[:, 1])[:, 2] * 2 / POINTS
+    rates = np.exp(-1j * np.multiply.outer(t, [2 * omega, free, -free]))
+    (bound, forth, back), missed = np.linalg.lstsq(rates, second, rcond=None)[:2]
+    sigma = np.tanh(k * 1.0)
+    assert bound == pytest.approx(k * A**2 * (3 - sigma**2) / (4 * sigma**3), rel=1e-6)
+    assert bound + forth + back == pytest.approx(0.0, abs=1e-6 * abs(bound))
+    assert missed.max() < 1e-12 * abs(bound) ** 2
+
+
+@pytest.mark.slow
+def test_each_order_misses_the_tank_by_the_next():
+    """Over the crest: by its first, second and third power. The tank shares no equation with the expansion."""
+    found = [focused_group.focus(steepness) for steepness in focused_group.STEEPNESSES[: focused_group.LOW]]
+    assert focused_group.slopes(found) == pytest.approx([1.0, 2.0, 3.0], abs=0.12)
+    for one in found:
+        assert np.all(one.missed() < 10 * one.steepness ** np.arange(1, 4))
