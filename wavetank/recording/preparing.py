@@ -20,7 +20,7 @@ from wavetank.simulation.build import build_run
 from wavetank.simulation.case_diagnostics import build_observers, build_watch
 from wavetank.simulation.monitoring import BreakingNews
 from wavetank.simulation.own import Observers, called, own_observers
-from wavetank.simulation.records import RecordCheck, records_of
+from wavetank.simulation.records import records_of
 from wavetank.simulation.summary import Parts
 from wavetank.tank.breaking import BreakingDissipation
 
@@ -77,9 +77,8 @@ def prepare(
         series[name] = VtuSeries(out, name, comm=comm)
         return series[name]
 
-    records = records_of(scene, waves.plane.mesh.topology.dim, writer)._replace(fields=fields)
+    records = records_of(scene, waves.plane, writer)._replace(fields=fields)
     run.diagnostics += build_observers(scene, waves, records, sinks=run.sinks)
-    run.diagnostics.append(RecordCheck(comm, records))
     run.diagnostics += build_watch(run, waves, warnings.at_once)
     run.diagnostics += [BreakingNews(one, log.say) for one in run.filters if isinstance(one, BreakingDissipation)]
     of_user = own_observers(observers, waves)

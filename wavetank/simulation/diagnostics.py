@@ -250,7 +250,7 @@ class SurfaceSnapshots:
     Parameters
     ----------
     record
-        Where rows go, or None on the other ranks: of each snapshot its time, and x, eta and psi at all places.
+        Rows of the first rank, for each snapshot its time, and x, eta and psi at all places; None: not recorded.
     """
 
     def __init__(self, waves: Waves, *, record: Record | None, schedule: Schedule):
@@ -274,18 +274,20 @@ class SurfaceSnapshots:
 
     def record(self, block: Block) -> None:
         """Append the snapshots; collective."""
-        fields = block.eta, block.psi
-        if self._points is not None or self._waves.plane.comm.size > 1:
+        if self._record is None:
+            return
+        fields, comm = (block.eta, block.psi), self._waves.plane.comm
+        if self._points is not None or comm.size > 1:
             fields = self._values(block.eta), self._values(block.psi)
-        if self._record is not None:
-            rows, reached = np.empty((len(block), 1 + 3 * len(self._reference))), self._reached
+        rows, reached = np.empty((len(block), 1 + 3 * len(self._reference))), self._reached
+        if comm.rank == 0:
             rows[:, 0] = block.t
             x, above, potential = rows[:, 1:].reshape(len(rows), 3, -1).swapaxes(0, 1)
             x[:] = self._reference
             above[:], potential[:] = [one[:, self._order] for one in fields]
             shifts = displacements(block, self._waves.wall, self._displaced)
             x[:, reached] = self._waves.wall.to_physical(self._displaced, above[:, reached], shifts)[..., 0]
-            self._record.extend(rows)
+        self._record.extend(rows)
 
     def _values(self, owned: Vector) -> Vector:
         """Return values on the first rank, of those of K fields, shape (K, owned): at the places, or as gathered."""

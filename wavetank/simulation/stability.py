@@ -166,14 +166,12 @@ class StabilityWatch:
 
     def record(self, block: Block) -> None:
         """Warn if alternating waves have grown; collective."""
-        watched, comm, count = self._alternating, self._waves.plane.comm, len(block)
-        state = self.state
+        state, watched, comm, count = self.state, self._alternating, self._waves.plane.comm, len(block)
         rows = np.concatenate([state.rows, getattr(block, watched.quantity)])
         wall = np.concatenate([np.reshape(state.wall, (-1, block.velocities.shape[1])), block.velocities])
         last: Any = wall[-watched.before :]
-        heights, lower, driven = (
-            largest(comm, each) for each in (block.largest, watched.lower(rows), watched.lower(wall))
-        )
+        each = block.largest, watched.lower(rows), watched.lower(wall)
+        heights, lower, driven = (largest(comm, one) for one in each)
         first = count - len(lower)  # the first step with enough steps before
         highest = _so_far(state.highest, heights)
         driven = _so_far(state.driven, watched.driven * self._dt * driven)
@@ -185,13 +183,8 @@ class StabilityWatch:
             noise[first:] = np.where(higher > SHORT * lower, noise[first:], 0.0)
         last = last[:, 0].tolist() if isinstance(state.wall, list) else last.copy()
         frequency = self._largest_frequency(block) if block.step[-1] % OFTEN == 0 else 0.0  # where blocks end
-        self.state = replace(
-            state,
-            rows=rows[-watched.before :].copy(),
-            wall=last,
-            highest=float(highest[-1]),
-            driven=float(driven[-1]),
-        )
+        rows_after, crest, noise_of_paddle = rows[-watched.before :].copy(), float(highest[-1]), float(driven[-1])
+        self.state = replace(state, rows=rows_after, wall=last, highest=crest, driven=noise_of_paddle)
         for n, one in enumerate([0.0] if noise.max() <= watched.noise else noise.tolist()):
             if self._warns(float(block.t[n]), one):
                 heights = np.abs(np.diff(rows[n - first :][1 : watched.order + 2], watched.order, axis=0)[0])
