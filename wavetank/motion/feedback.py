@@ -1,16 +1,22 @@
-"""Motions of absorbing paddles: a linear filter of what is measured, integrated step by step.
+"""Motions of absorbing paddles: a linear filter of a measured input, integrated step by step.
 
     x' = A x + B u(t),     X = C x,     V = C x'
 
-u is measured at the beginning of each step. Up to that time x is integrated with the parabola through the last three
-inputs, to third order. From there to the end of the step, where u is not known yet, the velocity follows that parabola
-and the position a mean of it and of the straight line through the last two inputs. Halfway between them a wave of
-frequency w has the right phase and (w dt)²/2 too much amplitude; the line lags and the parabola leads, by the cube, and
-a lag or lead is not passive. The equation is solved exactly, so it is never stiff.
+The input u is measured at the beginning of each step. Up to that time x is integrated with the parabola through the
+last three
+inputs, to third order. During the step u is not known. There the velocity follows this parabola, and the position the
+mean of
+the parabola and the straight line through the last two inputs. For a wave of frequency w this mean has the right phase,
+and an
+amplitude that is too large by (w dt)²/2. The line has a lag and the parabola a lead of order (w dt)³, and neither is
+passive. The
+equation is integrated exactly, so that it is never stiff.
 
-``elevation_at_face`` is the elevation that a paddle's own motion makes at its face, by linear theory: a convolution
-with its velocity, and, as waves of k d > 100 are omitted, with its velocity shortly afterwards. Times and order of
-summation do not depend on the duration of the run, so an extended run has identical bits.
+``elevation_at_face`` is the elevation that a paddle's own motion causes at its face, by linear theory: a convolution
+with its
+velocity, also with that shortly afterwards, since waves of k d > 100 are omitted. Times and order of summation do not
+depend on
+the duration of the run, so that an extended run is identical bit for bit.
 """
 
 from bisect import bisect_left, bisect_right
@@ -34,14 +40,14 @@ HISTORY = 3  # inputs
 
 @dataclass(frozen=True, eq=False)
 class FilterState:
-    """The state of a filter, and its last inputs.
+    """The state of a filter and its last inputs.
 
     Attributes
     ----------
     x
-        Shape (n,), at the time of the last input; None before the first step.
+        State variables at the time of the last input, shape (n,); None before the first step.
     times, inputs
-        Times [s] of the last inputs, ``HISTORY`` at most, and the inputs, each of shape (m,).
+        Times of the last inputs [s], at most ``HISTORY``, and the inputs, shape (m,) each.
     """
 
     x: Replicated | None = None
@@ -55,16 +61,16 @@ class FilterState:
 
 @dataclass(frozen=True, eq=False)
 class StateSpaceFilter:
-    """A linear filter in state space, n state variables x, m inputs u.
+    """A linear filter in state space with n state variables x and m inputs u.
 
     Attributes
     ----------
     A, B, C
-        Shapes (n, n), (n, m) and (n,).
+        Matrices of shape (n, n), (n, m) and (n,).
     rest
-        x = rest u is the initial state that keeps the paddle at rest, shape (n, m).
+        Matrix of shape (n, m); x = rest u is the initial state for which the paddle is at rest.
     parabola
-        Weight of the parabola against the line in the position: 1/2, or 1 if u is part of the velocity itself.
+        Weight of the parabola in the position: 1/2, or 1 if u is part of the velocity.
     """
 
     A: Array
@@ -75,12 +81,13 @@ class StateSpaceFilter:
 
     @classmethod
     def of_spring(cls, mass: float, stiffness: float, damping: float) -> "StateSpaceFilter":
-        """Return a mass on a spring and a damper in water: x = (X, P), u = (J, dH/dX) (docs/absorption.md).
+        """Return the filter of a mass on a spring and a damper in water: x = (X, P), u = (J, dH/dX).
 
             X' = (P + J) / mass,   P' = -stiffness X - damping X' - dH/dX
 
-        The mass [m²] includes the added mass; mass, stiffness [m²/s²] and damping [m²/s] are over the density and per
-        metre of width.
+        The mass [m²] includes the added mass. Mass, stiffness [m²/s²] and damping [m²/s] are over the density, per
+        metre of width
+        (docs/absorption.md).
         """
         A = np.array([[0.0, 1.0 / mass], [-stiffness, -damping / mass]])
         B = np.array([[1.0 / mass, 0.0], [-damping / mass, -1.0]])
@@ -88,9 +95,10 @@ class StateSpaceFilter:
 
     @classmethod
     def of_transfer(cls, numerator: Array, denominator: Array) -> "StateSpaceFilter":
-        """Return X = numerator(s) / denominator(s) u: polynomials in falling powers of s [1/s], the latter monic.
+        """Return the filter X = numerator(s) / denominator(s) u; polynomials in falling powers of s [1/s].
 
-        The denominator is two degrees higher: a step of u is a step of the acceleration, but not of the velocity.
+        The denominator is monic and two degrees higher: a step of u is a step of the acceleration, but not of the
+        velocity.
         """
         n = len(denominator) - 1
         A = np.eye(n, k=1)
@@ -100,9 +108,9 @@ class StateSpaceFilter:
         return cls(A, B, C, rest=np.zeros((n, 1)))
 
     def with_feedthrough(self, gain: float) -> "StateSpaceFilter":
-        """Return the filter of u - gain X, of one input u that rises at once by a gain times X as the paddle moves.
+        """Return the filter for an input u that contains the instantaneous response gain X of the water to the paddle.
 
-        The remaining input is smooth; otherwise the response could not be faster than a step.
+        The filter's input is u - gain X, which is smooth; otherwise the response could not be faster than a step.
         """
         return StateSpaceFilter(self.A + gain * self.B @ self.C[None], self.B, self.C, self.rest, self.parabola)
 
@@ -116,7 +124,7 @@ class StateSpaceFilter:
         return np.asarray(scipy.linalg.expm(dt * rates))
 
     def update(self, state: FilterState, t: float, u: Array) -> FilterState:
-        """Return the state at t with the input u measured there, shape (m,); a repeated step replaces it."""
+        """Return the state at t with the measured input u, shape (m,); the input of a repeated step is replaced."""
         times, inputs = state.times, state.inputs
         last = t if state.x is None else times[-1]
         x = self.rest @ u if state.x is None else state.x
@@ -136,7 +144,7 @@ class StateSpaceFilter:
         return position, float(self.C @ (self.A @ x + self.B @ u))
 
     def _advance(self, state: FilterState, t: float, dt: float, *, count: int) -> tuple[Array, Array]:
-        """Return x and u a time dt [s] after t, u being the polynomial through the last inputs."""
+        """Return x and u a time dt [s] after t, with u as the polynomial through the last inputs."""
         n, m = self.B.shape
         u = np.zeros((HISTORY, m))
         since = np.array(state.times[-count:]) - t
@@ -156,14 +164,14 @@ Knot = tuple[float, float, float]  # position [m], velocity [m/s], acceleration 
 
 @dataclass(frozen=True)
 class FeedbackState:
-    """State of a feedback motion.
+    """The state of a feedback motion.
 
     Attributes
     ----------
     times, knots
         Times of the last knots [s], and the knots.
     retained
-        By owner: a time, and position, velocity and acceleration then.
+        For each owner: a time, and position, velocity and acceleration at that time.
     """
 
     times: list[float] = field(default_factory=list)
@@ -178,10 +186,14 @@ class FeedbackState:
 class FeedbackMotion(Motion):
     """A motion plus a feedback part: a spline of degree 7 through position, velocity and acceleration at knots.
 
-    All are continuous. The acceleration at a knot is that of the cubic through the last four velocities, or fewer at
-    first. The velocity halfway between knots is such that Simpson's rule integrates the velocity exactly to the change
-    of position. Position and velocity of knots need not fit each other; the misfit is then the same for integrators and
-    for the work, which both use these three times. Old knots are dropped; outside the knots the feedback part is
+    Position, velocity and acceleration are continuous. The acceleration at a knot is that of the cubic through the last
+    four
+    velocities, or through fewer at the beginning. The velocity in the middle of an interval is such that Simpson's rule
+    integrates the
+    velocity exactly to the change of position. Position and velocity of knots may be inconsistent. The error is then
+    the same for
+    integrators and for the work, which both use these three times. Old knots are removed. Outside the knots the
+    feedback part is
     constant.
 
     Attributes
@@ -214,7 +226,7 @@ class FeedbackMotion(Motion):
     def go_on(self, t: float, dt: float, position: float, velocity: float) -> None:
         """Add a knot at t + dt with a position [m] and a velocity [m/s]; later knots are removed.
 
-        The first interval begins at rest.
+        The paddle is at rest at the beginning of the first interval.
         """
         count = max(1, bisect_right(self.state.times, t + 0.5 * dt))
         before, knots = self.state.times[:count] or [t], self.state.knots[:count] or [REST]
@@ -270,7 +282,7 @@ FREQUENCIES = 300  # frequencies of Z that a spline interpolates
 def elevation_at_face(
     motion: Motion, wavemaker: Wavemaker, *, depth: float, gravity: float, duration: float
 ) -> Callable[[float], float]:
-    """Return the elevation [m] at the face of a paddle in an endless tank, as a function of t up to the duration.
+    """Return the elevation [m] at the face of a paddle in an infinite tank, as a function of t up to the duration.
 
     Its bits do not depend on the duration: the motion is evaluated 5 (d / g)^(1/2) beyond it.
     """

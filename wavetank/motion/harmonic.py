@@ -1,18 +1,22 @@
-"""Motions as sums of harmonics, generated for linear waves through the transfer function of the paddle.
+"""Motions as sums of harmonics, generated for linear waves by the transfer function of the paddle.
 
 For waves eta = Re sum A_j exp(i (k_x x + k_y y - omega_j t)) a paddle of mode shape f(z) has the motion
 
     X = Re sum i A_j k_x / (k c(k)) exp(i (k_y y - omega_j t)),
 
-c(k) being its transfer function, wave height over stroke (``wavetank.waves.wavemaker``). A uniform paddle makes waves
-along x, k_y = 0. A segmented paddle makes oblique waves by the snake principle: each segment follows its neighbour with
-a delay. Of the velocity of an oblique wave only the part k_x / k = cos(theta) is normal to the paddle. Second-order
-generation adds the motion that suppresses free waves at sums and differences of frequencies
-(``wavetank.waves.second_order``).
+where c(k) is its transfer function, wave height over stroke (``wavetank.waves.wavemaker``). A uniform paddle makes
+waves along x,
+k_y = 0. A segmented paddle makes oblique waves by the snake principle: each segment follows its neighbour with a delay.
+The factor
+k_x / k = cos(theta) is the component of the velocity normal to the paddle. Second-order generation adds the motion that
+suppresses
+free waves at sums and differences of frequencies (``wavetank.waves.second_order``).
 
-A sum of N sines costs N sines at every stage of every step. ``HarmonicSum.tabulated`` therefore evaluates it, block by
-block of time, by the polynomials of degree 5 that have its position, velocity and acceleration at both ends of
-intervals h. With X^(6), the sixth derivative, their errors are at most
+A sum of N sines is expensive at every stage of every step. ``HarmonicSum.tabulated`` evaluates it, in blocks of time,
+by
+polynomials of degree 5 through position, velocity and acceleration at both ends of intervals h. With the sixth
+derivative X^(6),
+their errors are at most
 
     h^6 / 46080 in X,    5^(1/2) h^5 / 30000 in X',    h^4 / 1920 in X''.
 
@@ -41,22 +45,22 @@ if TYPE_CHECKING:
 Complex = NDArray[np.complex128]
 
 TABLE_ERROR = 1e-6  # error of the table's acceleration over its largest possible value; of the position about 1e-10
-FEW = 8  # sines that are as soon summed
-BLOCK, TABLE_SIZE = 1024, 2**20  # intervals of a block; numbers of its table of phases
-SUMMED = 16  # intervals that are tabulated while the sines are summed once
+FEW = 8  # number of sines up to which direct summation is as fast
+BLOCK, TABLE_SIZE = 1024, 2**20  # intervals of a block; size of its table of phases
+SUMMED = 16  # intervals whose tabulation costs as much as one direct summation
 CACHED_NUMBERS, MIN_BLOCKS = 2**22, 4  # numbers in the cache of blocks (32 MB), and least number of blocks
 
 
 @dataclass(frozen=True, eq=False)
 class HarmonicSum:
-    """X = Re sum b_j exp(-i omega_j t).
+    """A motion X = Re sum b_j exp(-i omega_j t).
 
     Attributes
     ----------
     omega
         Angular frequencies [rad/s], shape (N,).
     b
-        Amplitudes [m], complex, shape (N,), or (N, M) for M fixed places along a paddle.
+        Amplitudes [m], complex, shape (N,), or (N, M) for M positions along a paddle.
     """
 
     omega: Array
@@ -64,7 +68,7 @@ class HarmonicSum:
 
     @property
     def power_period(self) -> float:
-        """The period of the line at which half of the velocity's power is reached, from the longest on [s]."""
+        """The period that halves the power of the velocity, counted from the longest period [s]."""
         ascending = np.argsort(self.omega)
         speeds = (self.omega * np.abs(self.b.T)).reshape(-1, self.omega.size)[:, ascending]
         power = np.cumsum((speeds**2).sum(axis=0))
@@ -78,9 +82,9 @@ class HarmonicSum:
         return (1920 * TABLE_ERROR * second / sixth) ** 0.25 if sixth > 0.0 else 1.0
 
     def rates(self, t: Array, y: Any = None) -> Array:
-        """Return X, X' and X'' at times [s], shape (T,): shape (3, T), or (3, T, M); memory goes with N T.
+        """Return X, X' and X'' at times [s], shape (T,): shape (3, T), or (3, T, M); the memory is proportional to N T.
 
-        The order of summation does not depend on the number of times, so neither do the bits.
+        The order of summation, and with it the bits, do not depend on the number of times.
         """
         phasors = np.exp(-1j * np.multiply.outer(t, self.omega))
         orders = ((-1j * self.omega) ** order for order in range(3))
@@ -90,11 +94,11 @@ class HarmonicSum:
         return np.array(each).reshape(3, t.size, self.b.shape[1])
 
     def motion(self) -> Motion:
-        """Return the motion, each value summed."""
+        """Return the motion that sums all terms at each time."""
         return Motion(self.rates, power_period=self.power_period)
 
     def tabulated(self) -> Motion:
-        """Return the motion from a table of blocks of time, of which the last few are cached; few sines are summed."""
+        """Return the motion from a table of blocks of time, the last of which are cached; few terms are summed."""
         if self.omega.size <= FEW:
             return self.motion()
         places = self.b.shape[1:]
@@ -112,7 +116,9 @@ class HarmonicSum:
         def rates(t: Array, y: Any) -> Array:
             numbers = np.floor(t / knots[-1]).astype(np.int64)
             blocks = np.unique(numbers)
-            if blocks.size > 1 and blocks.size * knots.size > SUMMED * t.size:  # far apart: as soon summed
+            if (
+                blocks.size > 1 and blocks.size * knots.size > SUMMED * t.size
+            ):  # times far apart: direct summation is as fast
                 return self.rates(t)
             values = np.empty((3, t.size, *places))
             for number in blocks.tolist():
@@ -125,7 +131,7 @@ class HarmonicSum:
 
 
 # ---------------------------------------------------------------- motions for waves
-SAME = 1e-9  # relative: frequencies that differ by less are one line
+SAME = 1e-9  # relative difference below which frequencies are equal
 MAX_TABLED_PLACES = 200  # largest number of places with a table; at more, the motion is summed
 MAX_CACHED_SETS = 4  # sets of places in the cache
 
@@ -137,7 +143,7 @@ def first_order_motion(waves: PlaneWaves, wavemaker: Wavemaker) -> HarmonicSum:
 
 
 def second_order_motion(waves: PlaneWaves, wavemaker: Wavemaker) -> HarmonicSum:
-    """Return the motion for waves along x to second order; lines of equal frequencies are added up."""
+    """Return the motion for waves along x to second order; terms of equal frequencies are added."""
     first = first_order_motion(waves, wavemaker)
     ascending = np.argsort(first.omega)
     strokes = Strokes(first.omega[ascending], first.b[ascending])
@@ -149,7 +155,7 @@ def second_order_motion(waves: PlaneWaves, wavemaker: Wavemaker) -> HarmonicSum:
 
 
 def along_paddle(waves: PlaneWaves, wavemaker: Wavemaker, y: Array) -> HarmonicSum:
-    """Return the motion of a segmented paddle at places y [m], shape (M,), with one line for each frequency."""
+    """Return the motion of a segmented paddle at positions y [m], shape (M,), with one term for each frequency."""
     b = first_order_motion(waves, wavemaker).b
     omega, line = np.unique(waves.omega, return_inverse=True)
     order = np.argsort(line, kind="stable")
@@ -161,8 +167,9 @@ def along_paddle(waves: PlaneWaves, wavemaker: Wavemaker, y: Array) -> HarmonicS
 def snake_motion(waves: PlaneWaves, wavemaker: Wavemaker, power_period: float | None = None) -> Motion:
     """Return the motion of a segmented paddle for plane waves of any directions, without a ramp or side walls.
 
-    It is summed, of few places from a table. The period that halves the power of its velocity [s] is by default that
-    of all waves added up incoherently.
+    It is evaluated from a table for few positions, and summed otherwise. The period that halves the power of its
+    velocity [s] is by
+    default that of all waves added incoherently.
     """
 
     @lru_cache(MAX_CACHED_SETS)

@@ -8,25 +8,26 @@ from wavetank.motion.motion import Array, Motion
 
 
 class PaddleKinematics:
-    """X, X' and X'' of a paddle [m, m/s, m/s²], evaluated for the times of some steps at once.
+    """X, X' and X'' of a paddle [m, m/s, m/s²], evaluated for the times of several steps at once.
 
-    So no code of a motion runs within a step, but that of feedback. Values at other times have the same bits.
+    Thus no code of a motion runs within a step, except that of feedback. Values at other times are identical bit for
+    bit.
 
     Parameters
     ----------
     motion
         X(t), or X(t, y).
     y
-        Places along the paddle [m], shape (N,), in any order.
+        Positions along the paddle [m], shape (N,), in any order.
 
     Attributes
     ----------
     motion
         The motion.
     rigid
-        Whether it is the same at all places.
+        Whether the motion is uniform along the paddle.
     table
-        The values at the times evaluated [s], shape (3,) each, of a rigid motion without feedback.
+        The values at the tabulated times [s], shape (3,) each, for a rigid motion without feedback.
     """
 
     def __init__(self, motion: Motion, y: Array | None = None):
@@ -41,7 +42,7 @@ class PaddleKinematics:
     def tabulate(self, times: Array) -> None:
         """Evaluate the motion at times [s], shape (T,).
 
-        A motion that fails at one of them is evaluated when that time comes.
+        A motion that fails at one of them is evaluated when this time is requested.
         """
         try:
             rates = self._planned.rates(times, self._y)
@@ -51,7 +52,7 @@ class PaddleKinematics:
         self.table = self._evaluated if self.rigid and self._feedback is None else {}
 
     def at(self, t: float) -> Array:
-        """Return X, X' and X'' at t [s], shape (3,), or (3, N) at the places of a motion that is not rigid."""
+        """Return X, X' and X'' at t [s], shape (3,), or (3, N) at the positions of a motion that is not uniform."""
         rates = self._evaluated.get(t)
         if rates is None:
             rates = self._planned.rates(np.array([t]), self._y)[:, 0]

@@ -1,15 +1,17 @@
 """Motions of paddles, X(t) or X(t, y): elementary motions, ramps, segments, and the mapping of the water.
 
-A motion is a value: a function of times that returns position, velocity and acceleration, and what is known of it in
+A motion is a value: a function of time that returns position, velocity and acceleration, with properties that are known
+in
 advance. A ramped motion is X = r(t) S(t, y) with r = 35 s^4 - 84 s^5 + 70 s^6 - 20 s^7, s = (t - start) / ramp. Three
-derivatives of r are continuous and zero at both ends, so X, its velocity and its acceleration start from zero.
+derivatives of r are continuous and zero at both ends, so that X, its velocity and its acceleration start from zero.
 
 The displacement of a paddle decays in the water by the mapping x = X + s(X) X_p of docs/method.md:
 
     s(r) = (1 - r)² (1 + r)  for r = xi / reach in [0, 1],  0 beyond
 
-with the distance xi from the paddle's rest position. s has no kink at its end; of the cubics with this property and
-s(0) = 1 it has the least |s'|, at most 4/3. The slope at the wall is free, as no water is behind it.
+with the distance xi from the paddle's rest position. s has no kink at its end. Of all cubics with this property and
+s(0) = 1
+it has the least |s'|, at most 4/3. The slope at the wall is arbitrary, since no water is behind it.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,16 +28,16 @@ from wavetank.base.formula import Formula
 
 Array = NDArray[np.float64]
 Rates = Callable[[Array, Any], Sequence[Array] | Array]
-AT_ONCE, MOST = 4096, 2**18  # times: evaluated at once, as sums of many waves need memory for each; of a long motion
+AT_ONCE, MOST = 4096, 2**18  # times evaluated at once, and times of a long motion
 
 
 def batches(t: Array) -> list[Array]:
-    """Return the parts of an array of times, at most ``AT_ONCE`` in each."""
+    """Return parts of an array of times, with at most ``AT_ONCE`` times each."""
     return [t[start : start + AT_ONCE] for start in range(0, max(1, t.size), AT_ONCE)]
 
 
 def _exact(times: Array) -> None:
-    """Accept derivatives that are exact."""
+    """Accept exact derivatives."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,20 +47,21 @@ class Motion:
     Attributes
     ----------
     function
-        X, dX/dt and d²X/dt² [m, m/s, m/s²] at times [s], shape (T,), and places y [m], shape (N,): three arrays of
-        shape (T,), or (T, N) of a paddle in segments. A uniform paddle ignores the places.
+        Function of times [s], shape (T,), and positions y [m], shape (N,), that returns X, dX/dt and d²X/dt² [m, m/s,
+        m/s²], shape
+        (T,) each, or (T, N) for a segmented paddle. A uniform paddle ignores the positions.
     start
-        When the paddle begins to move [s], at the earliest.
+        Time before which the paddle is at rest [s].
     duration
-        When the motion ends [s]; ``inf`` if it does not.
+        Time at which the motion ends [s]; ``inf`` if it does not.
     interval
-        The mean time between two rows of the record [s], if the motion was measured.
+        Mean interval of the rows of the record [s], if the motion was measured.
     power_period
-        The period that halves the power of its velocity over all times [s]; None if it does not follow from parameters.
+        Period that halves the power of the velocity over all times [s]; None if it does not follow from parameters.
     moves
         Whether the paddle leaves its rest position.
     check
-        Raises ``InputError`` where a derivative is not that of X at times [s]; built-in motions are exact.
+        Function of times [s] that raises ``InputError`` if a derivative is not that of X; built-in motions are exact.
     """
 
     function: Rates
@@ -77,20 +80,20 @@ class Motion:
         return values.reshape(3, *np.shape(t), *values.shape[2:])
 
     def position(self, t: Any, y: Any = None) -> Any:
-        """Return X [m] at times t [s] and places y [m]."""
+        """Return X [m] at times t [s] and positions y [m]."""
         return self.rates(t, y)[0]
 
     def velocity(self, t: Any, y: Any = None) -> Any:
-        """Return dX/dt [m/s] at times t [s] and places y [m]."""
+        """Return dX/dt [m/s] at times t [s] and positions y [m]."""
         return self.rates(t, y)[1]
 
     def derived(self, function: Rates, **changes: Any) -> "Motion":
-        """Return a motion of another function, with the times, the period and the check of this unless changed."""
+        """Return a motion with another function; times, period and check are those of this one unless changed."""
         values = {one.name: getattr(self, one.name) for one in fields(Motion)}
         return Motion(**values | {"function": function} | changes)
 
     def keep(self, t: float, who: str) -> None:
-        """Keep the value at a time t [s] until the same owner keeps another one; of a feedback part."""
+        """Retain the value of a feedback part at a time t [s] until the same owner retains another."""
 
     def added(self, t: Any, order: int) -> Any:
         """Return the derivative of the feedback part, in m/s^order, at times t [s]; by default zero."""
@@ -101,7 +104,7 @@ AT_REST = Motion(lambda t, y: np.zeros((3, t.size)), moves=False)
 
 
 def sinusoid(amplitude: float, period: float) -> Motion:
-    """Return X = a sin(2 pi t / T), of an amplitude a [m], half the stroke, and a period T [s]."""
+    """Return X = a sin(2 pi t / T) for an amplitude a [m], half the stroke, and a period T [s]."""
     omega = 2.0 * np.pi / period
 
     def rates(t: Array, y: Any) -> list[Array]:
@@ -111,7 +114,7 @@ def sinusoid(amplitude: float, period: float) -> Motion:
 
 
 def formula_motion(formula: Formula) -> Motion:
-    """Return X(t) as given, with its derivatives by the chain rule; these raise ``InputError`` if not finite."""
+    """Return X(t) of a formula, with derivatives by the chain rule; raises ``InputError`` if one is not finite."""
 
     def rates(t: Array, y: Any = None) -> Array:
         return formula.derivatives(t)
@@ -162,10 +165,10 @@ def flap_motion(angle: Motion, arm: float) -> Motion:
 
 
 class Tangent(Motion):
-    """The tangent to a motion at one time, for numerical rates at that time.
+    """The tangent to a motion at a time, for numerical derivatives at that time.
 
-    Position and velocity are extrapolated linearly, each at its own rate; velocity is the derivative of position only
-    at that time.
+    Position and velocity are extrapolated linearly, each with its rate. Velocity is the derivative of position at that
+    time only.
 
     Attributes
     ----------
@@ -196,14 +199,14 @@ class Tangent(Motion):
 
 # ---------------------------------------------------------------- largest values
 class Extent(NamedTuple):
-    """A motion's largest values, anywhere along the paddle.
+    """The largest values of a motion along the paddle.
 
     Attributes
     ----------
     stroke
         Peak to peak [m].
     speed, acceleration
-        [m/s], [m/s²].
+        Largest absolute values [m/s], [m/s²].
     """
 
     stroke: float
@@ -212,7 +215,7 @@ class Extent(NamedTuple):
 
 
 def extent(rates: Sequence[Array] | Array) -> Extent:
-    """Return the extent of positions, velocities and accelerations at some times, each of shape (T,) or (T, N)."""
+    """Return the extent of positions, velocities and accelerations at times, shape (T,) or (T, N) each."""
     position, velocity, acceleration = rates
     stroke = float(np.ptp(position, axis=0).max())
     return Extent(stroke, float(np.abs(velocity).max()), float(np.abs(acceleration).max()))
@@ -225,8 +228,8 @@ def times(end: float, step: float, *, fewest: int = 4001) -> Array:
 
 
 # ---------------------------------------------------------------- the mapping
-TOP = 0.5  # depths above still water, up to which a mode shape is sampled
-NARROWEST = 1e-4  # J: less is a fold
+TOP = 0.5  # height above still water up to which a mode shape is sampled, in depths
+NARROWEST = 1e-4  # least J
 SAMPLES = np.linspace(0.0, 1.0, 101, dtype=np.float64)  # r
 STEEPEST = 4 / 3  # largest |ds/dr|, at r = 1/3, where the second derivative vanishes
 
@@ -239,14 +242,16 @@ def largest_stroke(reach: float) -> float:
 def frequency_shift(slope: float, displacement: float) -> float:
     """Return the largest factor by which a mapping raises the frequency of the mesh's shortest waves.
 
-    It is the largest 1 / (J cos(theta)) with J = 1 + s' X_p and theta the angle of the mapped verticals from upright.
-    Of waves too short for the vertical order the energy is that of the velocity along x, k² |P|² / J of a potential
-    psi P(zeta), with tan²(theta) of it upwards, and g J eta² of the surface; of resolved waves it is 1 / J^(1/2).
+    It is the largest 1 / (J cos(theta)) with J = 1 + s' X_p and the angle theta of the mapped verticals. For waves too
+    short for the
+    vertical order the kinetic energy is that of the velocity along x, k² |P|² / J for a potential psi P(zeta), with a
+    part tan²(theta)
+    upwards, and the potential energy is g J eta². For resolved waves the factor is 1 / J^(1/2).
 
     Parameters
     ----------
     slope
-        Tangent of the paddle's own angle from upright.
+        Tangent of the angle of the paddle from the vertical.
     displacement
         X_p over the reach of the mapping.
     """
@@ -255,7 +260,7 @@ def frequency_shift(slope: float, displacement: float) -> float:
 
 
 def blending(r: Array) -> Array:
-    """Return the blending function s(r), of any shape; for r < 0, behind the wall, its tangent at r = 0."""
+    """Return the blending function s(r); for r < 0, behind the wall, its tangent at r = 0."""
     return np.where(r < 0.0, 1.0 - r, _inside(np.minimum(np.maximum(r, 0.0), 1.0)))
 
 
@@ -264,17 +269,19 @@ def _inside(r: Array) -> Array:
 
 
 def blending_slope(r: Array) -> Array:
-    """Return ds/dr for 0 <= r <= 1, of any shape."""
+    """Return ds/dr for 0 <= r <= 1."""
     return np.asarray(-(1.0 - r) * (1.0 + 3.0 * r))
 
 
 # ---------------------------------------------------------------- segments
 def hinged(motion: Motion, joints: Array) -> Motion:
-    """Return the motion of flat segments between joints [m], shape (M,), ascending, that follow a motion S exactly.
+    """Return the motion of flat segments between ascending joints [m], shape (M,), which follow a motion S.
 
     X is linear in y between two joints, and constant beyond the outer ones. Only the motion of the joints is computed,
-    so many places cost little. Segments wider than L / (1 + sin theta), L being the wave length, make spurious waves
-    that leave the paddle at another angle (``widest_segment``); narrower ones w make waves lower by the factor
+    so that many positions cost little. Segments wider than L / (1 + sin theta), with the wave length L, make spurious
+    waves
+    that leave the paddle at another angle (``widest_segment``). Narrower segments of width w reduce the wave height by
+    the factor
     (sin b / b)^2, b = k w sin(theta) / 2.
     """
 
@@ -290,16 +297,18 @@ def hinged(motion: Motion, joints: Array) -> Motion:
 
 def joints(first: float, last: float, *, segment: float) -> Array:
     """Return the joints [m], shape (M,), of the least number of equal segments not wider than ``segment`` [m]."""
-    segments = max(1, ceil((last - first) / segment * (1.0 - 1e-12)))  # a width that fits but for round-off fits
+    segments = max(1, ceil((last - first) / segment * (1.0 - 1e-12)))  # widths may exceed the limit by round-off
     return np.linspace(first, last, segments + 1, dtype=np.float64)
 
 
 def widest_segment(k: Any, angle: Any) -> Any:
-    """Return L / (1 + sin |theta|) [m], beyond which segments make spurious waves, of wave numbers and angles.
+    """Return L / (1 + sin |theta|) [m], the width beyond which segments make spurious waves.
 
-    Segments of width w repeat the wave number k sin(theta) along the paddle at k sin(theta) - 2 pi / w, which is that
-    of a progressive wave unless it is beyond k. Source: S. E. Sand and A. E. Mynett, "Directional wave generation and
-    analysis", Proc. IAHR Seminar on Wave Analysis and Generation in Laboratory Basins, Lausanne 1987.
+    Segments of width w alias the wave number k sin(theta) along the paddle to k sin(theta) - 2 pi / w. This is a
+    progressive wave unless
+    its modulus exceeds k. Source: S. E. Sand and A. E. Mynett, "Directional wave generation and analysis", Proc. IAHR
+    Seminar on Wave
+    Analysis and Generation in Laboratory Basins, Lausanne 1987.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""Motions by records: a cubic spline through measured positions or velocities.
+"""Motions from records: a cubic spline through measured positions or velocities.
 
-The ``paddle.csv`` of a run has positions, velocities and accelerations; a spline of degree 5 fits all of them.
+The ``paddle.csv`` of a run has positions, velocities and accelerations; a spline of degree 5 interpolates all of them.
 """
 
 from collections.abc import Sequence
@@ -17,9 +17,9 @@ from wavetank.motion.motion import Array, Motion
 
 
 def hermite(t: Array, X: Array, velocity: Array, acceleration: Array) -> "scipy.interpolate.PPoly":
-    """Return the polynomials of degree 5 between times t [s], shape (N,), with these values there.
+    """Return the polynomials of degree 5 between times t [s], shape (N,), through values at these times.
 
-    Position, velocity and acceleration in m, m/s, m/s², shape (N,) or (N, M). All three are continuous.
+    Position, velocity and acceleration are in m, m/s, m/s², shape (N,) or (N, M). All three are continuous.
     """
     h = np.diff(t).reshape(-1, *(1,) * (X.ndim - 1))
     v, a = velocity * np.ones_like(X), acceleration
@@ -36,10 +36,7 @@ _ALLOWED = "allowed are two finite numbers, a time [s] and a value, separated by
 
 
 def in_metres(path: Path, *, named: str | None = None) -> bool:
-    """Return whether a file's first line, or the name of its column, says that its values are positions or velocities.
-
-    So do a run's ``paddle.csv`` and, in either format, a file of ``wavetank motion``. Raises ``InputError``.
-    """
+    """Return whether a file's header, or the name of its column, states units of positions or velocities."""
     if named is not None:
         return named in STATE
     line = first_line(path)
@@ -79,10 +76,11 @@ def read_record(path: Path, *, column: str = "position [m]", named: str | None =
 
 
 def check_gaps(path: Path, lines: Sequence[int], t: Array, values: Array) -> None:
-    """Raise ``InputError``, which names the line, for two rows too far apart to interpolate between them.
+    """Raise ``InputError``, which names the line, for a gap between two rows that is too long to interpolate.
 
     Intervals up to ten median intervals are allowed, and up to a quarter of the motion's period: over that a cubic
-    through values and slopes at both ends is within 2 % of a sine's amplitude. The period is that of the sine with the
+    through values and slopes at both ends has an error of 2 % of a sine's amplitude. The period is that of the sine
+    with the
     range and the largest rate of the values at times t [s], shape (N,).
     """
     intervals = np.diff(t)
@@ -102,9 +100,9 @@ DERIVATIVE_ERROR = 1e-3  # largest difference of a derivative from the quotient,
 
 
 def programmed_motion(function: PythonFunction) -> Motion:
-    """Return X by a user's function of times t [s] and an order: X itself [m], or its derivative of order 1 or 2.
+    """Return X by a user's function of times t [s] and an order: X [m], or its first or second derivative.
 
-    Its check raises ``InputError`` if a derivative differs from the difference quotient of the order below.
+    Its check raises ``InputError`` if a derivative differs from the difference quotient of the lower order.
     """
 
     def rates(t: Array, y: Any = None) -> list[Array]:
@@ -128,14 +126,16 @@ DEGREE, PIECES = 5, 2.5  # degree of a least-squares spline, and its pieces in t
 
 
 def spline_motion(spline: "scipy.interpolate.PPoly", *, measured: bool = True) -> Motion:
-    """Return X(t) [m] of piecewise polynomials, whose breakpoints are the times of a record, ``measured`` with noise.
+    """Return X(t) [m] of piecewise polynomials whose breakpoints are the times of a record.
 
-    Before the record the paddle is at rest at its first position. Times beyond the record raise ``InputError``.
+    ``measured`` states that the record has noise. Before the record the paddle is at rest at its first position. Times
+    beyond the record
+    raise ``InputError``.
     """
     start, end = (float(time) for time in spline.x[[0, -1]])
 
     def rates(t: Array, y: Any) -> list[Array]:
-        # The last of many steps may end a rounding error late; the spline is smooth enough to go on that far.
+        # The last step may end beyond the record by round-off, where the spline is extrapolated.
         last = t.max(initial=start)
         if last > end + 1e-9 * max(1.0, abs(end)):
             raise InputError(f"paddle motion: t = {last:g} s asked for; the record ends at {end:g} s.")
@@ -147,20 +147,20 @@ def spline_motion(spline: "scipy.interpolate.PPoly", *, measured: bool = True) -
 
 
 def positions_motion(t: Array, values: Array, *, highest: float | None = None) -> Motion:
-    """Return the cubic spline through positions [m] at times t [s], ascending, shapes (N,), N >= 4.
+    """Return the cubic spline through positions [m] at ascending times t [s], shapes (N,), N >= 4.
 
-    What is faster than the ``highest`` frequency [Hz] is left out. Raises ``InputError`` where rows are too few.
+    Frequencies above ``highest`` [Hz] are removed. Raises ``InputError`` if there are too few rows.
     """
     return spline_motion(_through(t, values, highest))
 
 
 def velocities_motion(t: Array, values: Array, *, highest: float | None = None) -> Motion:
-    """Return the integral, zero at t[0], of the cubic spline through velocities [m/s]; as ``positions_motion``."""
+    """Return the integral, zero at t[0], of the cubic spline through velocities [m/s]; see ``positions_motion``."""
     return spline_motion(_through(t, values, highest).antiderivative())
 
 
 def _through(t: Array, values: Array, highest: float | None) -> "scipy.interpolate.PPoly":
-    """Return the cubic spline through values; up to a frequency [Hz] the one of degree 5 of least squares."""
+    """Return the cubic spline through values, or, up to a frequency [Hz], the least-squares spline of degree 5."""
     if highest is None:
         return scipy.interpolate.CubicSpline(t, values)
     begin, end = float(t[0]), float(t[-1])

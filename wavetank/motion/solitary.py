@@ -1,10 +1,10 @@
-"""Motions for solitary waves: the paddle moves as the water does in the mean over the depth.
+"""Motions for solitary waves: the velocity of the paddle is the depth-averaged velocity of the water.
 
-In a wave of permanent form the mean velocity is c eta / (d + eta). At theta = X - c t from the crest the paddle has
+In a wave of permanent form this velocity is c eta / (d + eta). At theta = X - c t from the crest
 
     d theta / dt = -c d / (d + eta(theta)),    X = V(theta) / d,    c t = V(theta) / d - theta,    V = int_theta eta,
 
-and its stroke is V(-inf) / d. Goring's paddle has Boussinesq's wave for eta, the other the exact one.
+and the stroke is V(-inf) / d. Goring's motion uses Boussinesq's wave for eta, the other motion the exact wave.
 
 Source: D. G. Goring, "Tsunamis - the propagation of long waves onto a shelf", W. M. Keck Laboratory, Caltech, report
 KH-R-38, 1978.
@@ -30,16 +30,16 @@ class SolitaryPush(NamedTuple):
     Attributes
     ----------
     spline
-        X [m] at times since the motion begins [s].
+        X [m] as a function of the time since the motion begins [s].
     lead
-        How long after the motion begins the crest would be at x = 0 had it come from afar [s].
+        Time after the beginning of the motion at which the crest of a wave from infinity would be at x = 0 [s].
     """
 
     spline: "scipy.interpolate.PPoly"
     lead: float
 
     def motion(self, *, begin: float = 0.0, factor: float = 1.0) -> Motion:
-        """Return a factor times the motion, which begins at a time [s]."""
+        """Return the motion times a factor, beginning at a time [s]."""
         first, last = self.spline.x[[0, -1]]
         spline = scipy.interpolate.PPoly(factor * self.spline.c, self.spline.x)
 
@@ -82,7 +82,7 @@ def goring(height: float, *, depth: float, gravity: float) -> SolitaryPush:
 
 
 def exact_solitary(height: float, *, depth: float, gravity: float) -> SolitaryPush:
-    """Return the motion for the exact wave of a height [m] in a depth [m]; raises ``InputError`` for one too high."""
+    """Return the motion for the exact wave of a height [m] in a depth [m]; ``InputError`` if it is too high."""
     wave = solitary_wave(height, depth=depth, gravity=gravity)
     far = np.linspace(0.0, 60.0 * depth / np.sqrt(height / depth), 20_001, dtype=np.float64)
     half = float(far[np.flatnonzero(wave.elevation(far) > TAIL * height)[-1]])
