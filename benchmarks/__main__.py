@@ -21,7 +21,7 @@ from wavetank.motion import ramped, sinusoid
 from wavetank.simulation.clock import Clock
 from wavetank.simulation.run import Run
 from wavetank.tank.footprint import Slice
-from wavetank.tank.walls import Piston
+from wavetank.tank.walls import Paddle, Wall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 
 CONSOLE = Console()
@@ -33,7 +33,7 @@ def make_waves(cells: int) -> NonlinearWaves:
     footprint = Slice(CELL * cells, cells, comm=MPI.COMM_SELF)
     plane = Plane(footprint.mesh, 3)
     motion = ramped(sinusoid(0.008, 1.2), 2.0)
-    wall = Piston(motion, plane=plane, reach=10.0, side=footprint.side())
+    wall = Wall(Paddle(motion, plane=plane, reach=10.0, side=footprint.side()))
     tolerances = Tolerances(stage=1e-7, interior=1e-8)
     return NonlinearWaves(plane, depth=1.0, wall=wall, vertical_order=VERTICAL_ORDER, tolerances=tolerances)
 

@@ -23,7 +23,7 @@ from wavetank.fem.decoupled import LayerMatrices
 from wavetank.fem.plane import Plane
 from wavetank.simulation.memory import peak_memory
 from wavetank.tank.potential import Krylov
-from wavetank.tank.walls import StillWall
+from wavetank.tank.walls import Wall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 
 CONSOLE = Console(width=120)
@@ -70,7 +70,7 @@ def make_basin(cells: int, n: int) -> NonlinearWaves:
         MPI.COMM_WORLD, [[0.0, 0.0], [size, size]], [cells, cells], mesh.CellType.quadrilateral
     )
     plane = Plane(square, ORDER)
-    return NonlinearWaves(plane, depth=shoal, wall=StillWall(), vertical_order=n, tolerances=Tolerances(interior=1e-10))
+    return NonlinearWaves(plane, depth=shoal, wall=Wall(), vertical_order=n, tolerances=Tolerances(interior=1e-10))
 
 
 def measure(*, cells: int, n: int, baseline: bool, solves: int) -> Cost:

@@ -61,7 +61,7 @@ def make_tank() -> Callable[..., object]:
     """Return a function that makes nonlinear waves in a slice, or in another footprint."""
     from wavetank.fem.plane import Plane
     from wavetank.tank.footprint import Slice
-    from wavetank.tank.walls import BothEnds, Piston, Polynomial, Shaped, StillWall
+    from wavetank.tank.walls import BothEnds, Paddle, Polynomial, Wall
     from wavetank.tank.waves import NonlinearWaves, Tolerances
     from wavetank.waves.wavemaker import Flap
 
@@ -82,17 +82,16 @@ def make_tank() -> Callable[..., object]:
     ):
         footprint = footprint(length, cells, comm=comm)
         plane = Plane(footprint.mesh, order, footprint.chart)
-        wall = StillWall()
+        wall, shape = Wall(), {}
         if motion is not None:
             reach = min(length, 10 * depth) if reach is None else reach
-            side = footprint.side()
-            wall = Piston(motion, plane=plane, reach=reach, side=side)
             if hinge is not None:
-                flap = Flap(hinge)
-                shape = Polynomial.fit(lambda z: flap.mode_shape(z, depth), depth, plane.mesh, kinks=flap.kinks(depth))
-                wall = Shaped(motion, plane=plane, reach=reach, side=side, shape=shape)
+                f, kinks = Flap(hinge).mode_shape, Flap(hinge).kinks(depth)
+                shape = {"shape": Polynomial.fit(lambda z: f(z, depth), depth, plane.mesh, kinks=kinks)}
+            paddle = Paddle(motion, plane=plane, reach=reach, side=footprint.side(), **shape)
+            wall = Wall(paddle)
         if far is not None:
-            wall = BothEnds(wall, Piston(far, plane=plane, reach=reach, side=footprint.side("far wall")), plane=plane)
+            wall = BothEnds(paddle, Paddle(far, plane=plane, reach=reach, side=footprint.side("far wall")))
         tolerances = Tolerances(stage=tolerance, interior=0.1 * tolerance)
         return NonlinearWaves(plane, depth=depth, wall=wall, vertical_order=n, tolerances=tolerances)
 

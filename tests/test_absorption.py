@@ -36,7 +36,7 @@ from wavetank.simulation.feedback import build_filter
 from wavetank.simulation.records import Memory
 from wavetank.simulation.supply import PaddleWork
 from wavetank.tank.answering import Excess, PaddleController
-from wavetank.tank.walls import Piston
+from wavetank.tank.walls import Paddle
 from wavetank.waves.absorption import PassiveFilter, face, radiation, sudden_mass
 from wavetank.waves.airy import angular_frequency, group_velocity, wave_number
 from wavetank.waves.wavemaker import PISTON, Flap
@@ -541,7 +541,7 @@ def test_a_surface_is_kept_where_absorbing_has_taken_the_paddle(sloshed, tmp_pat
 @pytest.mark.parametrize("absorb", ["active", "spring-damper"])
 def test_a_run_whose_paddle_has_no_reach_left_ends_with_all_it_has(absorb, capsys, monkeypatch, tmp_path):
     """Cause and where; records up to there, of a paddle that is within; no step is blamed. Its reach is made short."""
-    monkeypatch.setattr(Piston, "largest_stroke", 0.01)
+    monkeypatch.setattr(Paddle, "largest_stroke", 0.01)
     case, out = tmp_path / "case.toml", tmp_path / "run"
     case.write_text(CASE.replace('"active"', f'"{absorb}"').replace("limits", "# limits"))
     assert main(["run", str(case), "--no-plots", "--out", str(out)]) == 1

@@ -26,7 +26,7 @@ from wavetank.simulation.records import Memory
 from wavetank.simulation.run import Run
 from wavetank.tank.footprint import Slice
 from wavetank.tank.linear_waves import LinearWaves
-from wavetank.tank.walls import LinearPaddle, Piston, Side, StillWall
+from wavetank.tank.walls import LinearPaddle, Paddle, Side, Wall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 from wavetank.waves.airy import angular_frequency
 
@@ -52,7 +52,7 @@ def rectangle(length, width, cells, *, kind="quadrilaterals", angle=0.0, comm=MP
 def basin(length, width, cells, *, order=3, n=4, depth=0.5, motion=None, reach=2.0, tolerances=TIGHT, **options):
     footprint, side = rectangle(length, width, cells, **options)
     plane = Plane(footprint, order)
-    wall = StillWall() if motion is None else Piston(motion, plane=plane, reach=reach, side=side)
+    wall = Wall() if motion is None else Wall(Paddle(motion, plane=plane, reach=reach, side=side))
     return NonlinearWaves(plane, depth=depth, wall=wall, vertical_order=n, tolerances=tolerances)
 
 
@@ -84,7 +84,7 @@ def test_a_basin_uniform_in_y_is_its_slice(kind, depth):
     """
     footprint = Slice(3.0, 10, comm=MPI.COMM_WORLD)
     plane = Plane(footprint.mesh, 3)
-    wall = Piston(MOTION, plane=plane, reach=2.0, side=footprint.side())
+    wall = Wall(Paddle(MOTION, plane=plane, reach=2.0, side=footprint.side()))
     flume = NonlinearWaves(plane, depth=depth, wall=wall, vertical_order=4, tolerances=TIGHT)
     wide = basin(3.0, 0.6, (10, 2), depth=depth, motion=MOTION, kind=kind)
     (narrow_end, narrow_rows), (wide_end, wide_rows) = (run(waves, steps=20, dt=0.025) for waves in (flume, wide))
@@ -163,7 +163,7 @@ def rayleigh_frequency(waves, kx, ky):
 
 def linear_basin(cells, *, order, n, kind="quadrilaterals", depth=0.5):
     footprint, _ = rectangle(1.0, 1.0, (cells, cells), kind=kind)
-    return LinearWaves(Plane(footprint, order), depth=depth, wall=StillWall(), vertical_order=n)
+    return LinearWaves(Plane(footprint, order), depth=depth, wall=Wall(), vertical_order=n)
 
 
 @pytest.mark.parametrize(
@@ -214,7 +214,7 @@ def test_linear_waves_are_the_limit_of_nonlinear_ones_over_a_bed():
         nonlinear = basin(2.0, 0.6, (6, 2), motion=motion, depth=uneven, n=3)
         footprint, side = rectangle(2.0, 0.6, (6, 2))
         plane = Plane(footprint, 3)
-        piston = LinearPaddle(motion, plane=plane, side=side)
+        piston = Wall(LinearPaddle(motion, side=side))
         linear = LinearWaves(plane, depth=uneven, wall=piston, vertical_order=3)
         (a, _), (b, rows) = (run(waves, steps=12, dt=0.05) for waves in (nonlinear, linear))
         eta = [waves.elevation(state.q, state.p, 0.6) for waves, state in ((nonlinear, a), (linear, b))]
@@ -250,10 +250,10 @@ def test_the_paddle_moves_no_wall_but_itself(layout, free):
         "run": {"duration": 1.0},
         "numerics": {"vertical_order": 4, "order": 3, "cell_size": 0.5},
     }
-    wall = build_waves(Case.model_validate(scene), MPI.COMM_SELF).wall
-    assert free - 0.5 < wall.reach < free + 1e-6
-    scene["wall"]["motion"]["paddle_amplitude"] = 0.8 * wall.reach
-    told = rf"wall\.motion.* m from rest; (it )?must stay below {0.75 * wall.reach:.4g} m"
+    reach = build_waves(Case.model_validate(scene), MPI.COMM_SELF).wall.paddles[0].reach
+    assert free - 0.5 < reach < free + 1e-6
+    scene["wall"]["motion"]["paddle_amplitude"] = 0.8 * reach
+    told = rf"wall\.motion.* m from rest; (it )?must stay below {0.75 * reach:.4g} m"
     scene["run"]["duration"] = 3.25
     with pytest.raises(InputError, match=rf"{told}|wall\.reach = 4.0: must be more"):
         build_waves(Case.model_validate(scene), MPI.COMM_SELF)

@@ -12,7 +12,7 @@ from mpi4py import MPI
 from examples.paper.shape import condition_number
 from wavetank.fem.conjugate_gradients import conjugate_gradients, corrected
 from wavetank.fem.plane import Plane
-from wavetank.tank.walls import StillWall
+from wavetank.tank.walls import Wall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 
 QUADRILATERALS, TRIANGLES = mesh.CellType.quadrilateral, mesh.CellType.triangle
@@ -25,7 +25,7 @@ def make_basin(*, cells, order, n, shape=QUADRILATERALS, depth=DEPTH, tolerance=
     corners, counts = [[0.0, 0.0], [LENGTH, WIDTH]], [cells, max(1, 3 * cells // 4)]
     plane = Plane(mesh.create_rectangle(comm, corners, counts, shape), order)
     tolerances = Tolerances(interior=tolerance)
-    return NonlinearWaves(plane, depth=depth, wall=StillWall(), vertical_order=n, tolerances=tolerances)
+    return NonlinearWaves(plane, depth=depth, wall=Wall(), vertical_order=n, tolerances=tolerances)
 
 
 def standing(x, y):

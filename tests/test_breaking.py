@@ -33,7 +33,7 @@ from wavetank.tank.crests import LEAST, Profile, SteepCrest, steep_crests
 from wavetank.tank.dissipation import EdgePenalty, Smoothing
 from wavetank.tank.footprint import Ring, Slice
 from wavetank.tank.surface_flow import SurfaceFlow
-from wavetank.tank.walls import StillWall
+from wavetank.tank.walls import Wall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 from wavetank.waves.stream_function import maximum_height, stream_function_wave
 
@@ -45,7 +45,7 @@ def bar(x, y):
 def over_a_bar():
     """Return waves over a bar and the toe of a beach, which lies within a cell."""
     footprint = Slice(10.0, 40, comm=MPI.COMM_WORLD)
-    return NonlinearWaves(Plane(footprint.mesh, 3), depth=bar, wall=StillWall(), vertical_order=4)
+    return NonlinearWaves(Plane(footprint.mesh, 3), depth=bar, wall=Wall(), vertical_order=4)
 
 
 def penalty(waves):
@@ -183,7 +183,7 @@ def dissipation(length=12.0, cells=96, *, dt=1e-3):
     """Return a ring and what dissipates in it."""
     footprint = Ring(length, cells, comm=MPI.COMM_WORLD)
     plane = Plane(footprint.mesh, 3, footprint.chart)
-    waves = NonlinearWaves(plane, depth=1.0, wall=StillWall(), vertical_order=4, tolerances=Tolerances(1e-12, 1e-13))
+    waves = NonlinearWaves(plane, depth=1.0, wall=Wall(), vertical_order=4, tolerances=Tolerances(1e-12, 1e-13))
     return waves, BreakingDissipation(waves, BreakingWatch(waves, SurfaceFlow(waves), length=length), dt=dt)
 
 
@@ -246,7 +246,7 @@ def test_crest_outrun_for_an_eighth_of_its_period_stops_the_run_and_is_recorded(
 def test_crests_within_a_depth_of_a_wall_are_not_examined(x, examined):
     """A lone crest of water 1 m deep that travels at 2 m/s in a tank of 12 m."""
     footprint = Slice(12.0, 120, comm=MPI.COMM_WORLD)
-    waves = NonlinearWaves(Plane(footprint.mesh, 3), depth=1.0, wall=StillWall(), vertical_order=4)
+    waves = NonlinearWaves(Plane(footprint.mesh, 3), depth=1.0, wall=Wall(), vertical_order=4)
     watch = BreakingWatch(waves, SurfaceFlow(waves), length=None)
     for t in (0.0, 0.01):
         eta = 0.3 * np.exp(-(((waves.plane.x - x + 2.0 * (0.01 - t)) / 0.3) ** 2))

@@ -11,7 +11,7 @@ from wavetank.fem.charts import Straight
 from wavetank.fem.forms import ScalarForm
 from wavetank.motion import sinusoid
 from wavetank.tank.energy import WaterEnergy
-from wavetank.tank.walls import Piston, Side
+from wavetank.tank.walls import Paddle, Side
 
 
 class Box:
@@ -37,7 +37,7 @@ WALLS = {
     "basin": {"motion": MOVING, "footprint": Box},
 }
 FACTORS = {(WaterEnergy, "layer"): 1.2, (WaterEnergy, "potential"): 0.8}  # of densities
-FACTORS |= {(WaterEnergy, "wall_layer"): 1.1, (Piston, "flux"): 1.1}
+FACTORS |= {(WaterEnergy, "wall_layer"): 1.1, (Paddle, "flux"): 1.1}
 T, STEP = 0.7, 1e-5
 
 

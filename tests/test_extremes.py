@@ -43,7 +43,7 @@ from wavetank.tank.breaking import ONSET, OVERTURNS
 from wavetank.tank.dissipation import EdgePenalty
 from wavetank.tank.footprint import Ring
 from wavetank.tank.surface_flow import SurfaceFlow, surface_of
-from wavetank.tank.walls import StillWall
+from wavetank.tank.walls import Wall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 from wavetank.waves.stream_function import maximum_height, stream_function_wave
 
@@ -55,7 +55,7 @@ def steep(kd, steepness, *, cells, n, comm=MPI.COMM_WORLD):
     footprint = Ring(length, cells, comm=comm)
     plane = Plane(footprint.mesh, 3, footprint.chart)
     tolerances = Tolerances(stage=1e-9, interior=1e-10)
-    return NonlinearWaves(plane, depth=1.0, wall=StillWall(), vertical_order=n, tolerances=tolerances), length, wave
+    return NonlinearWaves(plane, depth=1.0, wall=Wall(), vertical_order=n, tolerances=tolerances), length, wave
 
 
 def ring_scene(*, steepness=0.8, duration=1.0, **numerics) -> Case:
@@ -193,7 +193,7 @@ def graded(dimensions: int) -> NonlinearWaves:
         corners, kind = ((0.0, 0.0), (2.0, 0.2)), mesh.CellType.quadrilateral
         footprint = mesh.create_rectangle(MPI.COMM_SELF, corners, (10, 1), cell_type=kind)
     footprint.geometry.x[:, 0] += 0.25 * np.sin(np.pi * footprint.geometry.x[:, 0])
-    return NonlinearWaves(Plane(footprint, 3), depth=1.0, wall=StillWall(), vertical_order=2 * dimensions)
+    return NonlinearWaves(Plane(footprint, 3), depth=1.0, wall=Wall(), vertical_order=2 * dimensions)
 
 
 @pytest.mark.parametrize(

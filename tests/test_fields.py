@@ -29,7 +29,7 @@ from wavetank.tank.bed import VaryingBed
 from wavetank.tank.energy import WaterEnergy
 from wavetank.tank.footprint import Ring, Slice
 from wavetank.tank.kinematics import Velocity
-from wavetank.tank.walls import Piston, StillWall
+from wavetank.tank.walls import Paddle, Wall
 
 K, L = 1.3, 0.7
 M = np.hypot(K, L)
@@ -67,7 +67,7 @@ def along(footprint, order=3):
 
 def water(plane, *, n=6, wall=None):
     """Water with the surface, bed and potential above, of which nothing was solved for."""
-    wall = wall or StillWall()
+    wall = wall or Wall()
     (x, y), bed, vertical = wall.to_physical(plane.places).T, VaryingBed(still_depth, plane=plane), VerticalBasis(n)
     bed.follow(wall)
     h, phi = plane.function("water column"), plane.layered_function(n + 1, "potential")
@@ -86,7 +86,7 @@ def driven(cells=6, order=3):
     """Water in a slice of 3 m whose paddle is 0.2 m into it."""
     footprint = Slice(3.0, cells, comm=MPI.COMM_SELF)
     plane = along(footprint, order)
-    wall = Piston(sinusoid(0.2, 4.0), plane=plane, reach=1.5, side=footprint.side())
+    wall = Wall(Paddle(sinusoid(0.2, 4.0), plane=plane, reach=1.5, side=footprint.side()))
     wall.set_time(1.0)
     return water(plane, wall=wall)
 

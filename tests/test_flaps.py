@@ -25,7 +25,7 @@ from wavetank.tank.footprint import Slice
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.still_water import largest_frequency
 from wavetank.tank.surface_points import SurfaceOverPlaces
-from wavetank.tank.walls import LinearPaddle, Polynomial
+from wavetank.tank.walls import LinearPaddle, Polynomial, Wall
 from wavetank.tank.walls.shape import fitted
 from wavetank.waves import airy
 from wavetank.waves.wavemaker import PISTON, Flap, ProfileShape, modes, norm
@@ -136,7 +136,7 @@ def misses(wavemaker, kd, *, exact, numerics=None):
     footprint = Slice(length, cells, comm=MPI.COMM_SELF)
     plane = Plane(footprint.mesh, order, footprint.chart)
     shape = Polynomial.fit(lambda z: wavemaker.mode_shape(z, 1.0), 1.0, plane.mesh, kinks=wavemaker.kinks(1.0))
-    wall = LinearPaddle(sinusoid(1.0, 2 * np.pi), plane=plane, side=footprint.side(), shape=shape)
+    wall = Wall(LinearPaddle(sinusoid(1.0, 2 * np.pi), side=footprint.side(), shape=shape))
     waves = LinearWaves(plane, depth=1.0, wall=wall, vertical_order=n)
     units = np.eye(plane.owned)
     inflow = waves.H_p(units[0], 0.0 * units[0], 0.0)  # the paddle goes 1 m/s

@@ -13,7 +13,7 @@ from wavetank.fem.forms import ScalarForm, VectorForm
 from wavetank.fem.halo import Halo
 from wavetank.fem.plane import Plane
 from wavetank.tank.footprint import Ring
-from wavetank.tank.walls import StillWall
+from wavetank.tank.walls import Wall
 from wavetank.tank.waves import NonlinearWaves
 
 
@@ -27,7 +27,7 @@ def ring(order, n):
     footprint = Ring(3.0, 11, comm=MPI.COMM_WORLD)
     plane = Plane(footprint.mesh, order, footprint.chart)
     depth = lambda x, y: 0.5 + 0.05 * np.cos(2 * np.pi * x / 3.0)  # noqa: E731
-    return NonlinearWaves(plane, depth=depth, wall=StillWall(), vertical_order=n)
+    return NonlinearWaves(plane, depth=depth, wall=Wall(), vertical_order=n)
 
 
 FEW = "few layers, many fields"

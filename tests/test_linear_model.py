@@ -20,7 +20,7 @@ from wavetank.simulation.energy import EnergyBudget
 from wavetank.simulation.records import Memory, Records
 from wavetank.tank.footprint import Ring, Slice
 from wavetank.tank.linear_waves import LinearWaves
-from wavetank.tank.walls import LinearPaddle, StillWall
+from wavetank.tank.walls import LinearPaddle, Wall
 from wavetank.waves.airy import angular_frequency, group_velocity
 from wavetank.waves.wavemaker import PISTON
 
@@ -35,7 +35,7 @@ def make_linear():
     def make(*, length, cells, order=3, n=8, depth=1.0, motion=None, footprint=Slice, comm=MPI.COMM_WORLD):
         footprint = footprint(length, cells, comm=comm)
         plane = Plane(footprint.mesh, order, footprint.chart)
-        wall = StillWall() if motion is None else LinearPaddle(motion, plane=plane, side=footprint.side())
+        wall = Wall() if motion is None else Wall(LinearPaddle(motion, side=footprint.side()))
         return LinearWaves(plane, depth=depth, wall=wall, vertical_order=n)
 
     return make

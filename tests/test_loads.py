@@ -25,7 +25,7 @@ from wavetank.tank.footprint import Slice
 from wavetank.tank.kinematics import LinearRates, NonlinearRates, Velocity
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.wall_pressure import PaddlePush, WallPressure
-from wavetank.tank.walls import Piston, Polynomial, Shaped, StillWall
+from wavetank.tank.walls import Polynomial, Wall
 from wavetank.tank.waves import NonlinearWaves
 
 ENDS = "paddle", "far wall"
@@ -36,7 +36,7 @@ def closed(cells):
     """Return water in a closed slice of 3 m, 1 m deep."""
     footprint = Slice(3.0, cells, comm=MPI.COMM_SELF)
     plane = Plane(footprint.mesh, 3, footprint.chart, walls=footprint.facets_of)
-    return NonlinearRates(NonlinearWaves(plane, depth=1.0, wall=StillWall(), vertical_order=8, tolerances=FINE))
+    return NonlinearRates(NonlinearWaves(plane, depth=1.0, wall=Wall(), vertical_order=8, tolerances=FINE))
 
 
 def on_walls(water, state, t=0.0):
@@ -89,21 +89,21 @@ def leaning(plane):
 
 
 @pytest.mark.parametrize(
-    ("kind", "more", "slope"),
-    [(Piston, {}, 4.5), pytest.param(Shaped, {"shape": leaning}, 1.5, marks=pytest.mark.slow)],
+    ("more", "slope"),
+    [({}, 4.5), pytest.param({"shape": leaning}, 1.5, marks=pytest.mark.slow)],
 )
-def test_a_paddle_puts_in_what_its_force_does(kind, more, slope):
+def test_a_paddle_puts_in_what_its_force_does(more, slope):
     """Oracle: the rate at which the discrete energy changes along the discrete flow, which the budget integrates.
 
     In front of a piston the bed varies. What the velocity at the wall misses enters squared: twice the order p = 3. The
     flap's surface is not one that it makes, and the flow in the corner below it not smooth.
     """
-    bed = (lambda x, y: 1.0 - 0.1 * np.sin(0.8 * x)) if kind is Piston else 1.0
+    bed = (lambda x, y: 1.0 - 0.1 * np.sin(0.8 * x)) if not more else 1.0
     cells, errors, step = np.array([4, 8, 16]), [], 1e-3
     for number in cells:
-        water, (q, p), t = driven(int(number), bed=bed, kind=kind, **more)
+        water, (q, p), t = driven(int(number), bed=bed, **more)
         q_rate, p_rate = water.waves.H_p(q, p, t).copy(), -water.waves.H_q(q, p, t)
-        push = PaddlePush(on_walls(water, (q, p), t), 0, water.wall)
+        push = PaddlePush(on_walls(water, (q, p), t), 0, water.wall.paddles[0])
         power = push.against(MOTION.velocity(t))
         assert push.against(1.0) * MOTION.velocity(t) == pytest.approx(power, rel=1e-12)
         energy = [
@@ -193,7 +193,7 @@ def test_a_standing_wave_presses_more_than_still_water():
     wave, water, force = ThirdOrderStandingWave(amplitude=0.04, length=3.0, depth=1.0), closed(8), []
     steps, period, kd = 32, 2 * np.pi / wave.frequency, np.pi / 3
     pressure = WallPressure(water, [water.plane.wall(name) for name in ENDS], density=DENSITY)
-    waves = NonlinearWaves(water.plane, depth=1.0, wall=StillWall(), vertical_order=8, tolerances=FINE)
+    waves = NonlinearWaves(water.plane, depth=1.0, wall=Wall(), vertical_order=8, tolerances=FINE)
 
     def add(state, step):
         if step:
@@ -214,7 +214,7 @@ def cylinder_force(basin):
     a cylinder in half a basin.
     """
     plane = basin.plane
-    waves = LinearWaves(plane, depth=1.0, wall=StillWall(), vertical_order=4, tolerance=1e-6)
+    waves = LinearWaves(plane, depth=1.0, wall=Wall(), vertical_order=4, tolerance=1e-6)
     pressure = WallPressure(LinearRates(waves, tolerance=1e-7), [plane.wall("cylinder")], density=1.0 / GRAVITY)
     limit = min(0.9 * basin.omega / waves.largest_frequency, np.sin(np.pi / 24))
     steps = int(np.ceil(np.pi / np.arcsin(limit)))
@@ -278,7 +278,7 @@ def test_on_any_number_of_ranks_they_are_the_same(run, on_ranks, tmp_path):
 
 
 def test_force_on_a_straight_flap_is_perpendicular_to_it():
-    water, (q, p), t = driven(4, bed=1.0, kind=Shaped, shape=leaning)
+    water, (q, p), t = driven(4, bed=1.0, shape=leaning)
     force = on_walls(water, (q, p), t).load(0, BED).force
     X = MOTION.position(t)
     assert abs(X) > 1e-3

@@ -29,9 +29,8 @@ from wavetank.tank.dissipation import EdgePenalty
 from wavetank.tank.energy import WaterEnergy
 from wavetank.tank.footprint import Slice
 from wavetank.tank.surface_flow import SurfaceFlow
-from wavetank.tank.walls import Piston, Polynomial, Side
+from wavetank.tank.walls import Paddle, Polynomial, Side, Wall
 from wavetank.tank.walls.mapping import Shift
-from wavetank.tank.walls.place_mapping import PlaceMapping
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 
 TIGHT = Tolerances(stage=1e-12, interior=1e-13)
@@ -49,11 +48,11 @@ def test_the_inverse_of_the_shape_is_its_inverse(r, moved):
     side = Side(None, np.array([3.0, 1.0]), np.array([0.6, 0.8]))
     place, moves = np.array([[3.0, 1.0]]), np.array([moved])
     place += r * np.array([side.normal])
-    there = PlaceMapping(side, 1.0).to_physical(place, moves)
+    there = side.to_physical(place, moves, 1.0)
     assert there == pytest.approx(
         place + float(blending(np.array([r]))[0]) * moved * np.array([side.normal]), abs=1e-12
     )
-    assert PlaceMapping(side, 1.0).to_reference(there, moves) == pytest.approx(place, abs=1e-12)
+    assert side.to_reference(there, moves, 1.0) == pytest.approx(place, abs=1e-12)
 
 
 def test_the_shape_is_1_at_the_wall_and_ends_without_a_kink_and_stretches_by_no_more_than_it_says():
@@ -93,7 +92,7 @@ def test_uniform_flow_has_its_kinetic_energy_under_the_mapping_of_a_segmented_pa
     facets = mesh.locate_entities_boundary(plan, 1, lambda x: np.isclose(x[0], 0.0))
     side = Side(mesh.meshtags(plan, 1, facets, np.ones(facets.size, dtype=np.int32)), np.zeros(2), np.eye(2)[0])
     plane = Plane(plan, 3)
-    wall = Piston(shear(), plane=plane, reach=2.0, side=side)
+    wall = Wall(Paddle(shear(), plane=plane, reach=2.0, side=side))
     waves = NonlinearWaves(plane, depth=0.7, wall=wall, vertical_order=4, tolerances=TIGHT)
     found, expected = uniform_flow(waves, 1.1, 0.3, -0.4)
     assert found == pytest.approx(expected, rel=1e-12)

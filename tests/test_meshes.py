@@ -16,7 +16,7 @@ from wavetank.fem.plane import Plane, usual_size
 from wavetank.fem.points import Points
 from wavetank.integrators import Simpson4
 from wavetank.mesh import Bend, Cylinder, Harbour, Rectangle
-from wavetank.tank.walls import StillWall
+from wavetank.tank.walls import Wall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 
 CHANNEL = {"width": 1.0, "first": 1.5, "second": 1.0, "angle": 60.0, "radius": 1.0, "sponge_length": 0.5}
@@ -439,7 +439,7 @@ def stepped(which, *, steps, duration=0.16, comm=MPI.COMM_SELF):
     name, cells, geometry = which.split(", ")
     layout = drawn(name, 0.5, comm, cells=cells, geometry=int(geometry))
     plane, tolerances, scheme = Plane(layout.mesh, 2), Tolerances(stage=1e-11, interior=1e-12), Simpson4()
-    waves = NonlinearWaves(plane, depth=0.6, wall=StillWall(), vertical_order=2, tolerances=tolerances)
+    waves = NonlinearWaves(plane, depth=0.6, wall=Wall(), vertical_order=2, tolerances=tolerances)
     x, y = plane.places.T
     state, dt = scheme.start(*waves.state(0.05 * np.cos(x + 0.5 * y), 0.1 * np.sin(x - y))), duration / steps
     energies, mass = [waves.energy(state.q, state.p, 0.0)], waves.total_mass(state.q)

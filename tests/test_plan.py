@@ -28,7 +28,7 @@ from wavetank.simulation.clock import Clock
 from wavetank.simulation.construction import build_waves, describe_energy
 from wavetank.tank.footprint import Slice
 from wavetank.tank.linear_waves import LinearWaves
-from wavetank.tank.walls import StillWall
+from wavetank.tank.walls import Wall
 from wavetank.waves import airy
 from wavetank.waves.wavemaker import PISTON
 
@@ -42,7 +42,7 @@ def mesh(order, size, n, depth=1.0):
 
 def linear_tank(length, cells, order, n, depth=1.0):
     plane = Plane(Slice(length, cells, comm=MPI.COMM_SELF).mesh, order)
-    return LinearWaves(plane, depth=depth, wall=StillWall(), vertical_order=n)
+    return LinearWaves(plane, depth=depth, wall=Wall(), vertical_order=n)
 
 
 def standing(kd, mode, *, amplitude=1e-6, periods=20, **parts):

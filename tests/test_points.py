@@ -11,7 +11,7 @@ from wavetank.fem.plane import Plane
 from wavetank.fem.points import Points
 from wavetank.motion import ramped, sinusoid
 from wavetank.tank.footprint import Ring, Slice
-from wavetank.tank.walls import Piston
+from wavetank.tank.walls import Paddle, Wall
 
 FOOTPRINT = Slice(7.0, 10, comm=MPI.COMM_WORLD)
 PLANE = Plane(FOOTPRINT.mesh, 3)
@@ -57,7 +57,7 @@ def test_a_point_outside_is_refused_with_its_place(x):
 @given(x=st.floats(0.5, 7.0), t=st.floats(0.0, 20.0))
 def test_the_mapping_and_its_inverse_agree(x, t):
     motion = ramped(sinusoid(0.3, 3.0), 2.0)
-    wall = Piston(motion, plane=PLANE, reach=4.0, side=FOOTPRINT.side())
+    wall = Wall(Paddle(motion, plane=PLANE, reach=4.0, side=FOOTPRINT.side()))
     wall.set_time(t)
     X = wall.to_reference(np.array([[x, 0.0]]))
     assert wall.to_physical(X)[0, 0] == pytest.approx(x, abs=1e-12)

@@ -23,7 +23,7 @@ from wavetank.simulation.records import Memory
 from wavetank.tank.footprint import Ring, Slice
 from wavetank.tank.kinematics import LinearRates, NonlinearRates, Sounding
 from wavetank.tank.linear_waves import LinearWaves
-from wavetank.tank.walls import Piston, StillWall
+from wavetank.tank.walls import Paddle, Wall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 from wavetank.waves.stream_function import stream_function_wave
 
@@ -45,14 +45,14 @@ def seen(water, state, points, t=0.0):
 def ring(cells, *, order, n):
     footprint = Ring(2 * np.pi, cells, comm=MPI.COMM_SELF)
     plane = Plane(footprint.mesh, order, footprint.chart)
-    return NonlinearRates(NonlinearWaves(plane, depth=1.0, wall=StillWall(), vertical_order=n, tolerances=FINE))
+    return NonlinearRates(NonlinearWaves(plane, depth=1.0, wall=Wall(), vertical_order=n, tolerances=FINE))
 
 
 def test_pressure_below_linear_waves_without_paddles_is_that_of_airy_theory():
     """Of a standing wave of 1 cm at its highest: rho g (eta cosh k(z + d) / cosh kd - z), the water at rest."""
     footprint = Ring(2 * np.pi, 12, comm=MPI.COMM_SELF)
     plane = Plane(footprint.mesh, 4, footprint.chart)
-    waves = LinearWaves(plane, depth=1.0, wall=StillWall(), vertical_order=6, gravity=GRAVITY)
+    waves = LinearWaves(plane, depth=1.0, wall=Wall(), vertical_order=6, gravity=GRAVITY)
     points = [(x, z) for x in (0.3, 2.0) for z in (-0.9, -0.2)]
     found = seen(LinearRates(waves, tolerance=1e-12), waves.state(0.01 * np.cos(plane.x), 0 * plane.x), points)
     x, z = np.array(points).T
@@ -113,13 +113,13 @@ def test_still_water_s_pressure_is_that_of_its_depth():
 MOTION = sinusoid(0.2, 2.0)
 
 
-def driven(cells, *, bed=1.0, order=3, n=8, kind=Piston, **more):
+def driven(cells, *, bed=1.0, order=3, n=8, **more):
     """Return water in a slice of 6 m whose paddle moves, a smooth state of it, and the time."""
     motion, t = MOTION, 0.3
     footprint = Slice(6.0, cells, comm=MPI.COMM_SELF)
     plane = Plane(footprint.mesh, order, footprint.chart, walls=footprint.facets_of)
     shapes = {name: make(plane) for name, make in more.items()}
-    wall = kind(motion, plane=plane, reach=3.0, side=footprint.side(), **shapes)
+    wall = Wall(Paddle(motion, plane=plane, reach=3.0, side=footprint.side(), **shapes))
     waves = NonlinearWaves(plane, depth=bed, wall=wall, vertical_order=n, tolerances=FINE)
     waves.set_time(t)
     x, position, speed = wall.to_physical(plane.places)[:, 0], motion.position(t), motion.velocity(t)

@@ -19,7 +19,7 @@ from wavetank.simulation.build import build_run
 from wavetank.simulation.construction import build_footprint
 from wavetank.simulation.energy import EnergyBudget
 from wavetank.simulation.records import Memory
-from wavetank.tank.walls import Polynomial, Shaped
+from wavetank.tank.walls import Paddle, Polynomial, Wall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 from wavetank.waves import airy
 from wavetank.waves.wavemaker import Flap, modes, norm
@@ -126,7 +126,7 @@ def test_a_snake_of_flaps_makes_biesels_oblique_waves(hinge):
     footprint = build_footprint(case, MPI.COMM_SELF)
     plane = Plane(footprint.mesh, 3, footprint.chart, walls=footprint.facets_of)
     shape = Polynomial.fit(lambda z: wavemaker.mode_shape(z, DEPTH), DEPTH, plane.mesh, kinks=wavemaker.kinks(DEPTH))
-    wall = Shaped(standing(k_y), plane=plane, reach=LENGTH, side=footprint.side(), shape=shape)
+    wall = Wall(Paddle(standing(k_y), plane=plane, reach=LENGTH, side=footprint.side(), shape=shape))
     fine = Tolerances(stage=1e-9, interior=1e-10)
     waves = NonlinearWaves(plane, depth=DEPTH, wall=wall, vertical_order=8, tolerances=fine)
     rest, units = waves.columns.apply(np.full(plane.owned, DEPTH)), np.eye(plane.owned)

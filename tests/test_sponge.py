@@ -40,7 +40,7 @@ from wavetank.tank.dissipation import EdgePenalty, checked, distance_from_edge, 
 from wavetank.tank.footprint import Slice
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.surface_flow import SurfaceFlow
-from wavetank.tank.walls import LinearPaddle, Piston, Side, StillWall
+from wavetank.tank.walls import LinearPaddle, Paddle, Side, Wall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 from wavetank.waves.airy import angular_frequency, group_velocity
 from wavetank.waves.damped_waves import reflection
@@ -86,7 +86,7 @@ SLOPE = {"least": 0.1, "share": 0.5}
 def linear(*, length=1.0, cells=8, order=3, n=6, depth=0.5):
     footprint = Slice(length, cells, comm=MPI.COMM_SELF)
     plane = Plane(footprint.mesh, order, footprint.chart)
-    return LinearWaves(plane, depth=depth, wall=StillWall(), vertical_order=n)
+    return LinearWaves(plane, depth=depth, wall=Wall(), vertical_order=n)
 
 
 # ---------------------------------------------------------------- the factor
@@ -363,15 +363,15 @@ def test_an_end_sponge_is_where_it_is_wherever_the_paddle_stands(piston):
     """Oracle: the same basin with its paddle at x = 0 and no wall that moves; this one is turned and shifted."""
     sponge, scene = EndSponge(length=1.5, strength=2.0), SimpleNamespace(tank=None, ends=[SimpleNamespace(period=None)])
     straight, turned, c, s = rectangle(), rectangle(), np.cos(0.7), np.sin(0.7)
-    expected = build_sponge(scene, sponge, None, SimpleNamespace(plane=straight, wall=StillWall()))
+    expected = build_sponge(scene, sponge, None, SimpleNamespace(plane=straight, wall=Wall()))
     footprint = turned.mesh
     footprint.geometry.x[:, :2] = footprint.geometry.x[:, :2] @ [[c, s], [-s, c]] + [5.0, -2.0]
     facets = mesh.locate_entities_boundary(footprint, 1, lambda x: np.isclose(c * (x[0] - 5) + s * (x[1] + 2), 0.0))
     tags = mesh.meshtags(footprint, 1, facets, np.ones(facets.size, dtype=np.int32))
     plane, side = Plane(footprint, 2), Side(tags, np.array([5.0, -2.0]), np.array([c, s]))
-    wall = LinearPaddle(AT_REST, plane=plane, side=side)
+    wall = Wall(LinearPaddle(AT_REST, side=side))
     if piston == "nonlinear":
-        wall = Piston(AT_REST, plane=plane, reach=2.0, side=side)
+        wall = Wall(Paddle(AT_REST, plane=plane, reach=2.0, side=side))
     found = build_sponge(scene, sponge, None, SimpleNamespace(plane=plane, wall=wall))
     assert expected == pytest.approx(2.0 * np.clip((straight.x - 2.5) / 1.5, 0.0, 1.0) ** 2, abs=1e-12)  # of 4 m
     assert expected.max() == pytest.approx(2.0) and found == pytest.approx(expected, abs=1e-12)
@@ -383,7 +383,7 @@ def test_a_basin_with_a_sponge_is_the_slice_with_it():
     footprint = Slice(4.0, 8, comm=MPI.COMM_SELF)
     surfaces = []
     for plane in (basin, Plane(footprint.mesh, 2, footprint.chart)):
-        waves = LinearWaves(plane, depth=1.0, wall=StillWall(), vertical_order=2)
+        waves = LinearWaves(plane, depth=1.0, wall=Wall(), vertical_order=2)
         start = waves.state(0.1 * np.cos(np.pi * plane.x / 4), 0 * plane.x)
         scheme = sponged(StormerVerlet(), profile(plane.x - 2.0, width=2.0, strength=2.0))
         state = ends(waves, scheme, start, steps=20, dt=0.03)
@@ -397,7 +397,7 @@ def figures_of_sponges():
     footprint = Slice(3.0, 12, comm=MPI.COMM_WORLD)
     plane = Plane(footprint.mesh, 3, footprint.chart)
     tolerances = Tolerances(stage=1e-12, interior=1e-13)
-    waves = NonlinearWaves(plane, depth=1.0, wall=StillWall(), vertical_order=4, tolerances=tolerances)
+    waves = NonlinearWaves(plane, depth=1.0, wall=Wall(), vertical_order=4, tolerances=tolerances)
     gamma, start = (
         profile(plane.x - 1.0, width=2.0, strength=2.0),
         waves.state(0.1 * np.cos(np.pi * plane.x / 3), 0 * plane.x),

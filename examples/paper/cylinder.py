@@ -26,7 +26,7 @@ from wavetank.integrators.contract import Integrator, State
 from wavetank.mesh import Cylinder
 from wavetank.plots.style import BLUE, GREEN, PALE_GREY, VERMILION, entry
 from wavetank.tank.linear_waves import LinearWaves
-from wavetank.tank.walls import StillWall
+from wavetank.tank.walls import Wall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 from wavetank.waves.airy import Array, angular_frequency
 
@@ -81,9 +81,7 @@ class HalfBasin:
 
     def linear(self) -> Array:
         """Return the run-up of linear waves over their amplitude at ``ANGLES``; collective."""
-        waves = LinearWaves(
-            self.plane, depth=1.0, wall=StillWall(), vertical_order=self._vertical_order, tolerance=1e-6
-        )
+        waves = LinearWaves(self.plane, depth=1.0, wall=Wall(), vertical_order=self._vertical_order, tolerance=1e-6)
         limit = min(0.9 * self.omega / waves.largest_frequency, np.sin(np.pi / FEWEST))  # of omega dt / 2
         steps = int(np.ceil(np.pi / np.arcsin(limit)))
         dt = 2 / self.omega * np.sin(np.pi / steps)
@@ -94,7 +92,7 @@ class HalfBasin:
         waves = NonlinearWaves(
             self.plane,
             depth=1.0,
-            wall=StillWall(),
+            wall=Wall(),
             vertical_order=self._vertical_order,
             tolerances=Tolerances(stage=1e-6, interior=1e-7),
         )

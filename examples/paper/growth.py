@@ -23,7 +23,7 @@ from wavetank.tank.dissipation import NEEDED, STRENGTH, EdgePenalty, shortest_wa
 from wavetank.tank.footprint import Ring
 from wavetank.tank.still_water import scales
 from wavetank.tank.surface_flow import SurfaceFlow
-from wavetank.tank.walls import StillWall
+from wavetank.tank.walls import Wall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 from wavetank.waves.stream_function import maximum_height, stream_function_wave
 
@@ -59,7 +59,7 @@ def row(setting: Setting) -> Row:
     footprint = Ring(length, setting.cells, comm=MPI.COMM_SELF)
     plane = Plane(footprint.mesh, setting.p, footprint.chart)
     tolerances = Tolerances(stage=1e-12, interior=1e-13)
-    waves = NonlinearWaves(plane, depth=1.0, wall=StillWall(), vertical_order=setting.n, tolerances=tolerances)
+    waves = NonlinearWaves(plane, depth=1.0, wall=Wall(), vertical_order=setting.n, tolerances=tolerances)
     q, psi = waves.state(*wave.surface(plane.x))
     flow, size, period = SurfaceFlow(waves), length / setting.cells, length / wave.speed
     flow.update(q, psi, 0.0)

@@ -17,7 +17,7 @@ from wavetank.base.errors import InputError
 from wavetank.fem.plane import Plane
 from wavetank.plots.style import BLUE, GREEN, ORANGE, VERMILION
 from wavetank.tank.footprint import Ring
-from wavetank.tank.walls import StillWall
+from wavetank.tank.walls import Wall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 from wavetank.waves.airy import angular_frequency
 from wavetank.waves.stream_function import maximum_height, stream_function_wave
@@ -45,7 +45,7 @@ def row(kd: float, *, cells: int, n: int) -> Row:
     footprint = Ring(length, cells, comm=MPI.COMM_SELF)
     plane = Plane(footprint.mesh, 3, footprint.chart)
     tolerances = Tolerances(stage=1e-10, interior=1e-10)
-    waves = NonlinearWaves(plane, depth=1.0, wall=StillWall(), vertical_order=n, tolerances=tolerances)
+    waves = NonlinearWaves(plane, depth=1.0, wall=Wall(), vertical_order=n, tolerances=tolerances)
     error = frequency(waves, kd) / float(angular_frequency(kd, 1.0, waves.gravity)) - 1
     before = waves.potential.counters.iterations
     waves.evaluate(*waves.state(*half_of_the_maximum(kd, waves.plane.x)), 0.0)

@@ -29,7 +29,7 @@ from wavetank.plots.style import BLUE, GREEN, LIGHT_BLUE, ORANGE, PALE_GREY, VER
 from wavetank.tank.dissipation import profile
 from wavetank.tank.footprint import Slice
 from wavetank.tank.linear_waves import LinearWaves
-from wavetank.tank.walls import LinearPaddle, Piston
+from wavetank.tank.walls import LinearPaddle, Paddle, Wall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 from wavetank.waves.airy import angular_frequency, group_velocity, wave_number
 from wavetank.waves.wavemaker import PISTON
@@ -82,12 +82,12 @@ class Beach:
 
     def linear(self, motion: Motion) -> LinearWaves:
         """Return linear waves of a piston."""
-        wall = LinearPaddle(motion, plane=self.plane, side=self.footprint.side())
+        wall = Wall(LinearPaddle(motion, side=self.footprint.side()))
         return LinearWaves(self.plane, depth=self.depth, wall=wall, vertical_order=self.vertical_order)
 
     def nonlinear(self, motion: Motion) -> NonlinearWaves:
         """Return nonlinear waves of a piston; its mapping ends before the evaluated range."""
-        wall = Piston(motion, plane=self.plane, reach=QUIET, side=self.footprint.side())
+        wall = Wall(Paddle(motion, plane=self.plane, reach=QUIET, side=self.footprint.side()))
         tolerances = Tolerances(stage=1e-7, interior=1e-8)
         return NonlinearWaves(
             self.plane, depth=self.depth, wall=wall, vertical_order=self.vertical_order, tolerances=tolerances

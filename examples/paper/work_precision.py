@@ -17,7 +17,7 @@ from wavetank.integrators import GaussLegendre4
 from wavetank.simulation.clock import Clock
 from wavetank.simulation.run import Run
 from wavetank.tank.footprint import Slice
-from wavetank.tank.walls import StillWall
+from wavetank.tank.walls import Wall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 from wavetank.waves.airy import angular_frequency
 
@@ -82,7 +82,7 @@ class Tank:
     def __init__(self) -> None:
         plane = Plane(Slice(self.length, 6, comm=MPI.COMM_SELF).mesh, 3)
         tolerances = Tolerances(stage=1e-10, interior=1e-11)
-        self.waves = NonlinearWaves(plane, depth=self.depth, wall=StillWall(), vertical_order=4, tolerances=tolerances)
+        self.waves = NonlinearWaves(plane, depth=self.depth, wall=Wall(), vertical_order=4, tolerances=tolerances)
         x = plane.x
         self.start = self.waves.state(self.amplitude * np.cos(np.pi * x / self.length), np.zeros_like(x))
         self.period = 2 * np.pi / float(angular_frequency(np.pi / self.length, self.depth, self.waves.gravity))

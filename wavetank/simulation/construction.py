@@ -22,7 +22,7 @@ from wavetank.fem.layout_mesh import draw_layout, read_layout
 from wavetank.fem.plane import Plane
 from wavetank.integrators.filtered import Filter
 from wavetank.mesh import MeshFile, Rectangle
-from wavetank.simulation.walls import Footprint, build_wall, wall_classes
+from wavetank.simulation.walls import Footprint, build_wall, wall_descriptions
 from wavetank.tank.bed import FlatBed, VaryingBed
 from wavetank.tank.breaking import BasinBreakingWatch, BreakingAlarm, BreakingDissipation, BreakingWatch, StopAtBreaking
 from wavetank.tank.dissipation import EdgePenalty, checked, distance_from_edge, profile, width_of
@@ -131,16 +131,16 @@ def bed_by_code(scene: Case, waves: AnyWaves) -> dict[str, Vector]:
 def describe_energy(scene: Case) -> list[str]:
     """Return a description of a scene's Hamiltonian in lines: its parts, mapping and bed, and which terms vanish."""
     waves: type[AnyWaves] = LinearWaves if scene.physics == "linear" else NonlinearWaves
-    walls = wall_classes(scene)
+    parts, mappings = zip(*wall_descriptions(scene), strict=True)
     names = [one.key.replace("_", " ") for one in scene.paddles] or ["wall"]
-    named = [wall.part._replace(name=name) for wall, name in zip(walls, names, strict=True)]
+    named = [part._replace(name=name) for part, name in zip(parts, names, strict=True)]
     if len(named) > 1 and named[0].formula == named[1].formula:
         named[1] = named[1]._replace(formula="the same at the far paddle")
     bed = FlatBed if scene.tank.bed is None else VaryingBed
     own = ["X_p: of each paddle its own, from its wall into the water"] if len(named) > 1 else []
     return [
         *map(str, (*waves.parts, *named)),
-        *dict.fromkeys(wall.description for wall in walls),
+        *dict.fromkeys(mappings),
         *own,
         bed.description,
     ]

@@ -8,7 +8,7 @@ from wavetank.base.arrays import Vector
 from wavetank.simulation.clock import EverySteps, Schedule
 from wavetank.tank.block import Block
 from wavetank.tank.linear_waves import LinearWaves
-from wavetank.tank.walls.contract import Wall, displacements_at, positions_at
+from wavetank.tank.walls import Wall
 from wavetank.tank.waves import NonlinearWaves
 
 
@@ -40,9 +40,9 @@ def due_steps(schedule: Schedule, block: Block) -> Block:
 
 def displacement(block: Block, number: int, wall: Wall, places: Vector) -> Vector:
     """Return the displacement of paddles at places [m] at one step of a block, shape (paddles, N)."""
-    return wall.paddle_displacements(places, positions_at(float(block.t[number]), block.rates[number, :, 0]))
+    return wall.paddle_displacements(places, float(block.t[number]), block.rates[number, :, 0])
 
 
 def displacements(block: Block, wall: Wall, places: Vector) -> Vector:
     """Return the displacements of paddles at places [m] at all steps of a block, shape (paddles, K, N); collective."""
-    return displacements_at(wall.paddle_displacements, places, block.t, block.rates[:, :, 0])
+    return wall.displacements_at(places, block.t, block.rates[:, :, 0])

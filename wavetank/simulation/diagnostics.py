@@ -23,7 +23,7 @@ from wavetank.simulation.records import Record
 from wavetank.tank.block import Block
 from wavetank.tank.surface_points import SurfaceOverPlaces
 from wavetank.tank.wall_pressure import PaddlePush
-from wavetank.tank.walls.contract import Wall
+from wavetank.tank.walls import Wall
 
 
 class Called(NamedTuple):

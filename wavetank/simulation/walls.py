@@ -17,8 +17,11 @@ from wavetank.fem.plane import Plane
 from wavetank.motion import Motion
 from wavetank.motion.feedback import FeedbackMotion
 from wavetank.motion.motion import STEEPEST
+from wavetank.tank.energy import Part
 from wavetank.tank.footprint import Basin, Ring, Slice
-from wavetank.tank.walls import BothEnds, LinearEnds, LinearPaddle, Piston, Polynomial, Shaped, Side, StillWall, Wall
+from wavetank.tank.walls import BothEnds, LinearPaddle, Paddle, Polynomial, Side, Wall
+from wavetank.tank.walls.paddle import DESCRIPTIONS
+from wavetank.tank.walls.shape import UPRIGHT
 
 Footprint = Slice | Ring | Basin
 
@@ -29,51 +32,41 @@ MISSED = 0.1  # of the largest share: a polynomial farther from a shape is anoth
 FLAT = 1e-9  # of the depth
 
 
-def build_wall(scene: Case, footprint: Footprint, plane: Plane) -> Any:
+def build_wall(scene: Case, footprint: Footprint, plane: Plane) -> Wall:
     """Return the walls of the scene, for its type of water; collective.
 
     Raises ``InputError`` where one cannot move as far.
     """
-    walls = [_built(end, footprint, plane) for end in scene.paddles]
-    if len(walls) < 2:
-        return walls[0] if walls else StillWall()
-    return LinearEnds(*walls) if scene.physics == "linear" else _both(scene, *walls, plane=plane)
-
-
-def wall_classes(scene: Case) -> list[type[Wall]]:
-    """Return the classes of the scene's paddles, or that of a fixed wall."""
-    return [_wall_class(end) for end in scene.paddles] or [StillWall]
-
-
-def _wall_class(end: EndWall) -> type[LinearPaddle] | type[Piston]:
-    """Return the class of a paddle: all mode shapes f(z) have one."""
-    if end.case.physics == "linear":
-        return LinearPaddle
-    return Shaped if isinstance(end.wall, ShapedWall) else Piston
-
-
-def _built(end: EndWall, footprint: Any, plane: Plane) -> Any:
-    """Return the wall at an end of the tank; collective."""
-    model: Any = end.wall
-    with renamed("wall", end.key):
-        side, kind, parts = footprint.side(end.side), _wall_class(end), dict[str, Any]()
-        if isinstance(model, ShapedWall):
-            parts["shape"] = _shape(end, model, plane)
-        if not issubclass(kind, Piston):
-            return kind(motion_of(end), plane=plane, side=side, **parts)
-        wall = kind(motion_of(end), plane=plane, reach=_reach(end, model, footprint, side), side=side, **parts)
-        if isinstance(model, ShapedWall):
-            _check_flat(end, model, wall, plane)
-        _check_stroke(end, model, wall)
-        return wall
-
-
-def _both(scene: Case, first: Piston, second: Piston, *, plane: Plane) -> BothEnds:
-    """Return both walls; raises ``CaseError`` where their reaches meet on a mesh of few cells."""
+    paddles = [_built(end, footprint, plane) for end in scene.paddles]
+    if len(paddles) < 2 or scene.physics == "linear":
+        return Wall(*paddles)
+    first, second = paddles
     if first.reach + second.reach > scene.tank.length * (1 + 1e-9):
         what = f"reaches {second.reach:.4g} m on this mesh, the wall {first.reach:.4g} m: must not overlap"
         raise CaseError([Problem(("far_wall", "reach"), scene.ends[1].reach, what)])
-    return BothEnds(first, second, plane=plane)
+    return BothEnds(first, second)
+
+
+def wall_descriptions(scene: Case) -> list[tuple[Part, str]]:
+    """Return the part of the Hamiltonian and the mapping of the scene's paddles, or of a fixed wall."""
+    kinds = ["leaning" if isinstance(end.wall, ShapedWall) else "upright" for end in scene.paddles] or ["fixed"]
+    return [DESCRIPTIONS["linear" if scene.paddles and scene.physics == "linear" else kind] for kind in kinds]
+
+
+def _built(end: EndWall, footprint: Any, plane: Plane) -> Any:
+    """Return the paddle at an end of the tank; collective."""
+    model: Any = end.wall
+    with renamed("wall", end.key):
+        side = footprint.side(end.side)
+        shape = _shape(end, model, plane) if isinstance(model, ShapedWall) else UPRIGHT
+        if end.case.physics == "linear":
+            return LinearPaddle(motion_of(end), side=side, shape=shape)
+        reach = _reach(end, model, footprint, side)
+        paddle = Paddle(motion_of(end), plane=plane, reach=reach, side=side, shape=shape)
+        if isinstance(model, ShapedWall):
+            _check_flat(end, model, paddle, plane)
+        _check_stroke(end, model, paddle)
+        return paddle
 
 
 def motion_of(end: EndWall) -> Motion:
@@ -94,15 +87,15 @@ def _shape(end: EndWall, model: ShapedWall, plane: Plane) -> Polynomial:
     return shape
 
 
-def _check_flat(end: EndWall, model: ShapedWall, wall: Piston, plane: Plane) -> None:
+def _check_flat(end: EndWall, model: ShapedWall, paddle: Paddle, plane: Plane) -> None:
     """Raise ``CaseError`` for a bed that varies within the reach of a paddle that leans; collective."""
-    depth, distances = end.case.depths(), wall.distances(plane)
+    depth, distances = end.case.depths(), paddle.side.distances(plane.places)
     if not callable(depth):
         return
     result = raise_on_all_ranks(plane.comm, lambda: np.asarray(depth(*plane.places.T)))
     uneven = np.abs(result - end.tank.depth) > FLAT * end.tank.depth
     nearest = plane.comm.allreduce(float(distances[uneven].min(initial=np.inf)), op=MPI.MIN)
-    if nearest < wall.reach:
+    if nearest < paddle.reach:
         needed = STEEPEST * model.max_mode_shape(end.tank) * end.max_displacement
         bounds = f"must be at most {nearest:.4g} m, and more than {needed:.4g} m for this motion"
         flat = f"must be of the tank's depth, to {FLAT:g} of it, within the reach of a paddle that leans"
@@ -111,17 +104,17 @@ def _check_flat(end: EndWall, model: ShapedWall, wall: Piston, plane: Plane) -> 
         cure = f"its reach {bounds}"
         if nearest <= needed:
             cure = f"this motion needs more than {needed:.4g} m of such a bed; a piston needs none"
-        here = f"here {wall.reach:.4g} m{'' if model.reach else ' by default'}, and is so for {nearest:.4g} m"
+        here = f"here {paddle.reach:.4g} m{'' if model.reach else ' by default'}, and is so for {nearest:.4g} m"
         raise CaseError([Problem(("tank", "bed"), None, f"{flat}, {here}: {cure}")])
 
 
-def _check_stroke(end: EndWall, model: MovingWallModel, wall: Piston) -> None:
+def _check_stroke(end: EndWall, model: MovingWallModel, paddle: Paddle) -> None:
     """Raise ``CaseError`` if the largest displacement exceeds that of the mapping."""
-    excursion, allowed = model.max_mode_shape(end.tank) * end.max_displacement, wall.largest_stroke
+    excursion, allowed = model.max_mode_shape(end.tank) * end.max_displacement, paddle.largest_stroke
     if excursion >= allowed:
         limit = (
             f"takes the paddle {excursion:.4g} m from rest; it must stay below {allowed:.4g} m, 3/4 of its reach, "
-            f"which is {wall.reach:.4g} m on this mesh, up to the first fixed wall"
+            f"which is {paddle.reach:.4g} m on this mesh, up to the first fixed wall"
         )
         raise CaseError([model.motion.problem("wall", SIZES, limit)])
 

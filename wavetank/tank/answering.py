@@ -33,7 +33,7 @@ class PaddleController:
     Parameters
     ----------
     paddle
-        A ``Piston`` or ``LinearPaddle`` with a ``FeedbackMotion``.
+        A ``Paddle`` or ``LinearPaddle`` with a ``FeedbackMotion``.
     response
         The filter of its feedback motion.
     measure

@@ -203,7 +203,7 @@ class NonlinearRates(MovingWater):
         for paddle in paddles:
             tangent = Tangent(paddle.motion)
             along = PaddleKinematics(tangent, paddle.side.along(self.plane.places))
-            self._tangents.append((paddle.travel, tangent, along))
+            self._tangents.append((paddle.mesh_motion, tangent, along))
         self._at: tuple[WaterEvaluation, Vector] | None = None  # of the fields: with the column [m]
         self._rates_at: WaterEvaluation | None = None
         self._places, self._d = _places(self.plane), self.plane.function("depth")
@@ -260,12 +260,12 @@ class NonlinearRates(MovingWater):
     @contextmanager
     def _along_tangents(self, t: float) -> Iterator[None]:
         """Let paddles move along the tangents of their motions at t within a context."""
-        kinematics = [travel.kinematics for travel, _, _ in self._tangents]
-        for travel, tangent, along in self._tangents:
-            tangent.at, travel.kinematics = t, along
+        kinematics = [motion.kinematics for motion, _, _ in self._tangents]
+        for motion, tangent, along in self._tangents:
+            tangent.at, motion.kinematics = t, along
         yield
-        for (travel, _, _), former in zip(self._tangents, kinematics, strict=True):
-            travel.kinematics = former
+        for (motion, _, _), former in zip(self._tangents, kinematics, strict=True):
+            motion.kinematics = former
 
     def _nodes(self) -> Vector:
         """Return the places of the Gauss nodes of the columns in the laboratory [m], as ``nodes``."""

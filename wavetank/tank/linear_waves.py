@@ -143,7 +143,8 @@ class LinearWaves(Water):
         phi = self.plane.layered_function(components, "potential").function
         interior = still.wall_flux(phi, self.vertical, shape.value, degree=shape.degree)
         flux = interior + shape.column(still.h, still.d) * phi[self.vertical.n]
-        return VectorForm(ufl.derivative(flux * paddle.opening, phi)).assemble().reshape(-1, components).copy()
+        through = flux * paddle.side.surface(self.plane.mesh)
+        return VectorForm(ufl.derivative(through, phi)).assemble().reshape(-1, components).copy()
 
     def _responses(self, fluxes: Sequence[Vector]) -> tuple[Vector, Vector]:
         """Return w, shape (paddles, owned), and c, shape (paddles, paddles), for the dF/dphi of each; collective."""

@@ -11,7 +11,7 @@ from wavetank.base.arrays import Vector
 from wavetank.base.errors import ConvergenceError
 from wavetank.fem.plane import Field, Plane
 from wavetank.fem.points import Points
-from wavetank.tank.walls.contract import Heights, Wall
+from wavetank.tank.walls.wall import Heights, Wall
 
 MOST = 50  # repetitions
 TOLERANCE = 1e-8  # of a cell: the next would be a hundred times as near

@@ -20,8 +20,7 @@ from wavetank.fem.forms import ScalarForm
 from wavetank.fem.plane import Plane
 from wavetank.fem.points import Cells
 from wavetank.tank.kinematics import Kinematics, MovingWater
-from wavetank.tank.walls.contract import Paddle
-from wavetank.tank.walls.shape import Shape
+from wavetank.tank.walls import LinearPaddle, Paddle, Polynomial
 
 RINGS = 1  # of cells, about those at a wall
 
@@ -100,7 +99,7 @@ class WallPressure:
         self._spread.rows[:] = pressure.T
         return np.array([0.0 if form is None else form.assemble() for form in self._forces[wall]])
 
-    def beyond_still_water(self, wall: int, shape: Shape, weights: Vector | float) -> Vector:
+    def beyond_still_water(self, wall: int, shape: Polynomial, weights: Vector | float) -> Vector:
         """Return the force of the pressure times f(z) and weights, shape (rows,), less that of still water; collective.
 
         What that presses with, int -rho g z f dz from the bed to z = 0, is taken off in equal parts from the bed to the
@@ -128,7 +127,7 @@ class PaddlePush:
         Places along the paddle of all degrees of freedom that this rank sees [m], shape (rows,).
     """
 
-    def __init__(self, pressure: WallPressure, wall: int, paddle: Paddle):
+    def __init__(self, pressure: WallPressure, wall: int, paddle: Paddle | LinearPaddle):
         self.pressure, self._wall, self._shape, self._motion = pressure, wall, paddle.shape, paddle.motion
         plane = pressure.plane
         self.y = paddle.side.along(plane.chart.places(plane.V.tabulate_dof_coordinates()))

@@ -35,7 +35,7 @@ from wavetank.tank.potential import InteriorPotential, interior_of
 from wavetank.tank.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.tank.surface_flow import largest_function
 from wavetank.tank.walls import Wall
-from wavetank.tank.walls.shaped import ShapedColumns
+from wavetank.tank.walls.wall import LeaningColumns
 
 
 @dataclass(frozen=True)
@@ -227,7 +227,7 @@ class NonlinearWaves(DiscreteEnergy):
             return
         if self.history.compiled is not None:
             for paddle in self._paddles:
-                paddle.travel.look_up(t)
+                paddle.mesh_motion.look_up(t)
             self.history.compiled.displace.call()
             if self.bed.varies:
                 self.bed.follow(self.wall)
@@ -260,7 +260,7 @@ class NonlinearWaves(DiscreteEnergy):
             walls=walls,
             on_varying_bed=self.bed.varies,
             carried=np.unique(self.plane.V.dofmap.list[self.plane.around(self.wall.displaced_dofs)]),
-            leaning=self.columns if isinstance(self.columns, ShapedColumns) else None,
+            leaning=self.columns if isinstance(self.columns, LeaningColumns) else None,
             inputs=self._inputs,
             celerity=self.speed,
             scales=self.depth / self.speed * self.wall.nearest,

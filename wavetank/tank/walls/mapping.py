@@ -16,32 +16,12 @@ from typing import Any
 
 import ufl
 
-from wavetank.tank.walls.shape import Shape
-
-
-class Identity:
-    """The mapping of a wall that stands still."""
-
-    def J(self, z: Any) -> Any:
-        """Return 1."""
-        return ufl.as_ufl(1)
-
-    def flow(self, slope: Any, rise: Any, *, h: Any, z: Any) -> tuple[Any, Any]:
-        """Return slope and rise."""
-        return slope, rise
-
-    def gradient(self, f: Any, z: Any) -> Any:
-        """Return the gradient in the reference tank, which is the physical one."""
-        return ufl.grad(f)
-
-    def moment(self, eta: Any, d: Any) -> Any:
-        """Return 1/2 eta^2."""
-        return 0.5 * eta**2
+from wavetank.tank.walls.shape import Polynomial
 
 
 @dataclass(frozen=True)
 class Shift:
-    """The mapping x = X + a f(z) s X_p, in UFL.
+    """The mapping x = X + a f(z) s X_p, in UFL; without paddles the identity.
 
     Attributes
     ----------
@@ -51,19 +31,21 @@ class Shift:
         s X_p [m] and f of each paddle.
     """
 
-    axis: Any
-    parts: Sequence[tuple[Any, Shape]]
+    axis: Any = None
+    parts: Sequence[tuple[Any, Polynomial]] = ()
 
-    def stretching(self, factor: Callable[[Shape], Any]) -> Any:
+    def stretching(self, factor: Callable[[Polynomial], Any]) -> Any:
         """Return a . grad(f s X_p), the relative widening of elements, for a factor f of each shape."""
         return sum(factor(shape) * ufl.inner(self.axis, ufl.grad(length)) for length, shape in self.parts)
 
     def J(self, z: Any) -> Any:
         """Return 1 + f a . grad(s X_p)."""
-        return 1 + self.stretching(lambda shape: shape.value(z))
+        return ufl.as_ufl(1 + self.stretching(lambda shape: shape.value(z)))
 
     def flow(self, slope: Any, rise: Any, *, h: Any, z: Any) -> tuple[Any, Any]:
-        """Return F^-T slope, and the rise less what points at other heights are carried aside."""
+        """Return F^-T slope, and the rise less what points at other heights are displaced."""
+        if not self.parts:
+            return slope, rise
         along = ufl.inner(self.axis, slope) / self.J(z)
         aside = sum(h * shape.slope(z) * length * along for length, shape in self.parts)
         gradient = sum(shape.value(z) * ufl.grad(length) for length, shape in self.parts)
@@ -71,6 +53,8 @@ class Shift:
 
     def gradient(self, f: Any, z: Any) -> Any:
         """Return the gradient along the surface; in one dimension that is f_X / x_X."""
+        if not self.parts:
+            return ufl.grad(f)
         gradient = sum(ufl.grad(shape.value(z) * length) for length, shape in self.parts)
         return self._physical(ufl.grad(f), gradient, 1 + ufl.inner(self.axis, gradient))
 

@@ -11,7 +11,7 @@ over the column, could tell no more.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import ufl
@@ -27,74 +27,6 @@ EXACT = 1e-11  # of the largest value
 POINTS = 40  # of Gauss' rule between two kinks
 
 
-class Shape(Protocol):
-    """f(z), in UFL; heights z [m] from still water.
-
-    Attributes
-    ----------
-    degree
-        Of the polynomial.
-    """
-
-    @property
-    def degree(self) -> int:
-        """See above."""
-
-    @property
-    def at_still_water(self) -> tuple[float, float, float]:
-        """Value and slope f' [1/m] at still water, and the mean of f below it."""
-
-    @property
-    def powers(self) -> tuple[Vector, float]:
-        """c_k and the unit [m] of f = sum_k c_k (-z / unit)^k."""
-
-    def value(self, z: Any) -> Any:
-        """Return f(z)."""
-
-    def slope(self, z: Any) -> Any:
-        """Return f'(z) [1/m]."""
-
-    def column(self, h: Any, d: Any) -> Any:
-        """Return int f dz [m] over a column h on the bed at -d."""
-
-    def mean(self, eta: Any) -> Any:
-        """Return the mean of f between still water and eta, by the moment of heights: 2 / eta² int f z dz."""
-
-    def at(self, z: Vector) -> Vector:
-        """Return f at heights [m], numbers of any shape."""
-
-
-class Upright:
-    """f = 1."""
-
-    degree = 0
-    at_still_water = 1.0, 0.0, 1.0
-    powers = np.ones(1), 1.0
-
-    def value(self, z: Any) -> Any:
-        """Return 1."""
-        return ufl.as_ufl(1)
-
-    def slope(self, z: Any) -> Any:
-        """Return 0."""
-        return ufl.as_ufl(0)
-
-    def column(self, h: Any, d: Any) -> Any:
-        """Return h."""
-        return h
-
-    def mean(self, eta: Any) -> Any:
-        """Return 1."""
-        return ufl.as_ufl(1)
-
-    def at(self, z: Vector) -> Vector:
-        """Return ones."""
-        return np.ones(np.shape(z))
-
-
-UPRIGHT = Upright()
-
-
 @dataclass(frozen=True)
 class Polynomial:
     """f = sum_k c_k tau^k, tau = -z / unit: 0 at still water, and 1 a unit below.
@@ -104,9 +36,9 @@ class Polynomial:
     Attributes
     ----------
     coefficients
-        c_k, constants of a mesh.
+        c_k, constants of a mesh or numbers.
     unit
-        [m], a constant too.
+        [m], in the same way.
     """
 
     coefficients: Sequence[Any]
@@ -120,7 +52,8 @@ class Polynomial:
     @property
     def powers(self) -> tuple[Vector, float]:
         """c_k and the unit [m], as numbers."""
-        return np.array([float(one.value) for one in self.coefficients]), float(self.unit.value)
+        unit, *c = (float(getattr(one, "value", one)) for one in (self.unit, *self.coefficients))
+        return np.array(c), unit
 
     @cached_property
     def at_still_water(self) -> tuple[float, float, float]:
@@ -147,7 +80,7 @@ class Polynomial:
         return horner([-k * c for k, c in enumerate(self.coefficients)][1:], -z / self.unit) / self.unit
 
     def mean(self, eta: Any) -> Any:
-        """Return the mean of f between still water and eta, by the moment of heights."""
+        """Return the mean of f between still water and eta, by the moment of heights: 2 / eta² int f z dz."""
         return horner([2 * c / (k + 2) for k, c in enumerate(self.coefficients)], -eta / self.unit)
 
     def column(self, h: Any, d: Any) -> Any:
@@ -161,14 +94,19 @@ class Polynomial:
         return np.asarray(horner([*c], -z / unit) + 0.0 * z)
 
 
-def coefficients(shape: Shape) -> dict[str, Any]:
-    """Return what compiled code knows of a shape, by powers of -z / unit.
+class Upright(Polynomial):
+    """f = 1, whose terms vanish before compilation."""
 
-    That is f, its slope times the unit, and its mean between still water and z, as such and by the moment of heights.
-    """
-    c, unit = shape.powers
-    k = np.arange(len(c))
-    return {"unit": unit, "shape": c, "slope": (-k * c)[1:], "integral": c / (k + 1), "moment": 2.0 * c / (k + 2)}
+    def column(self, h: Any, d: Any) -> Any:
+        """Return h."""
+        return h
+
+    def mean(self, eta: Any) -> Any:
+        """Return 1."""
+        return ufl.as_ufl(1)
+
+
+UPRIGHT = Upright((1,), 1)
 
 
 def horner(coefficients: Sequence[Any], x: Any) -> Any:

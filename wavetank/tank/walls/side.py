@@ -1,11 +1,17 @@
-"""Where a wall stands that can move."""
+"""Where a wall is that can move, and its mapping of points beside it (``wavetank.motion.motion``)."""
 
 from typing import NamedTuple
 
 import numpy as np
+import ufl
 from dolfinx import mesh
 
 from wavetank.base.arrays import Vector
+from wavetank.motion.motion import blending, blending_slope
+
+LITTLE = 0.1  # of the reach
+CONVERGED = 1e-8  # of the reach; the square is round-off
+MOST = 100  # iterations
 
 
 class Side(NamedTuple):
@@ -30,6 +36,10 @@ class Side(NamedTuple):
         """1 of a normal along x, -1 of one against it: positions and speeds are counted along x by it."""
         return -1.0 if self.normal[0] < 0.0 else 1.0
 
+    def surface(self, domain: mesh.Mesh) -> ufl.Measure:
+        """Return the measure over the paddle."""
+        return ufl.ds(domain=domain, subdomain_data=self.facets)(1)
+
     def distances(self, places: Vector) -> Vector:
         """Return the distances of places (x, y) from the rest position [m], shape (..., N)."""
         return self._part(places, *self.normal)
@@ -39,6 +49,47 @@ class Side(NamedTuple):
         return self._part(places, *(self.sign * np.array([-self.normal[1], self.normal[0]])))
 
     def _part(self, places: Vector, x: float, y: float) -> Vector:
-        """Return the parts of places, seen from the point, along a direction: of each as of it alone."""
-        away = places - self.point
-        return np.asarray(x * away[..., 0] + y * away[..., 1])
+        """Return the parts of places, relative to the point, along a direction: of each as of it alone."""
+        relative = places - self.point
+        return np.asarray(x * relative[..., 0] + y * relative[..., 1])
+
+    def to_physical(self, places: Vector, displacement: Vector, reach: float) -> Vector:
+        """Return x = X + s(X) d of reference places X (x, y) beside the wall, for its displacements d there [m].
+
+        Shapes are (N, 2) and (N,), or of K times (K, N, 2), or (N, 2) if the same at all times, and (K, N).
+        """
+        distance = self.distances(places)
+        shift = np.where(distance < reach, blending(np.asarray(distance / reach)) * displacement, 0.0)
+        return np.asarray(places + shift[..., None] * self.normal)
+
+    def to_reference(self, places: Vector, displacement: Vector, reach: float) -> Vector:
+        """Return the reference places of physical ones, in the same way, for displacements < 3/4 of the reach."""
+        distance = np.broadcast_to(self.distances(places), displacement.shape)
+        inside = distance < reach
+        shift = np.zeros(displacement.shape)
+        r, d = np.asarray(distance[inside] / reach), np.asarray(displacement[inside] / reach)
+        shift[inside] = reach * inverse(r, d) - distance[inside]
+        return np.asarray(places + shift[..., None] * self.normal)
+
+
+def inverse(r: Vector, d: Vector) -> Vector:
+    """Return R with R + s(R) d = r for displacements d, all in reaches, r < 1 and d < 3/4, shape (N,).
+
+    By Newton's method, started where it converges from one side: at an end where the map is flattest inside, at
+    r = 1/3, or at that place where it is steepest there. For small displacements it converges from
+    anywhere, and starts at the explicit inverse. Behind the paddle s = 1 - R.
+    """
+    inside = np.clip(r, d, 1.0)
+    third = 1.0 / 3.0
+    steep = np.where(inside > third + blending(np.array(third)) * d, 1.0, 0.0)
+    R = np.where(np.abs(d) < LITTLE, inside - blending(inside) * d, np.where(d <= 0.0, third, steep))
+    active = np.arange(R.size)
+    for _ in range(MOST):
+        at, by = R[active], d[active]
+        change = (at + blending(at) * by - inside[active]) / (1.0 + blending_slope(at) * by)
+        R[active] = np.clip(at - change, 0.0, 1.0)
+        active = active[np.abs(change) >= CONVERGED]
+        if not active.size:
+            break
+    before = (r - d) / (1.0 - d)
+    return np.where(before < 0.0, before, R)

@@ -1,0 +1,296 @@
+"""What paddles add to the Hamiltonian.
+
+    W = F(X_p'),     F(v) = - int s v R a . grad psi dX + int v h f (phi - psi) dzeta at the paddle
+
+with the shape f(z) of the paddle and R = int f dz over the column, of a vertical wall f = 1 and R = h. By parts this is
+int psi a . grad(s v R) dX + int v h f phi dzeta, written so that psi = phi = 1 gives zero whatever the quadrature.
+H(Q, psi, t) depends on time through X_p, X_p' and the depth under points that the wall moves, so at fixed (Q, psi)
+
+    dH/dt = d/dt (K + V)  -  int a . grad(s X_p') R mu dX  +  F(X_p''),     mu = M_J^-1 H_h     (ours)
+
+the first with X_p and d going on as they move now, the second because h moves at fixed Q = h + a . grad(s X_p) R.
+
+On any mesh and number of ranks derivatives of W and the power are assembled forms. Along a slice on one rank they are C
+code, made of the same densities (``fem/kernels/layers.c``).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import reduce
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from wavetank.base.arrays import Vector
+from wavetank.fem.cells import Cells
+from wavetank.fem.codegen import Buffer, Unit, source
+from wavetank.fem.density import Density, Statements, named
+from wavetank.fem.forms import ScalarForm, VectorForm, derivative_at_zero
+from wavetank.fem.plane import LayeredField
+from wavetank.fem.slice import WallStruct
+from wavetank.fem.vertical import VerticalBasis, gauss_legendre
+from wavetank.tank.bed import Bed
+from wavetank.tank.energy import Part, WaterEnergy
+from wavetank.tank.walls.paddle import DESCRIPTIONS, Paddle
+
+
+class WallTerms:
+    """W, its derivatives and the power of all paddles.
+
+    Attributes
+    ----------
+    hamiltonian
+        W in UFL under its name; empty where there is none.
+    along
+        W of each paddle as compiled code, along a slice on one rank; None elsewhere.
+    """
+
+    def __init__(
+        self,
+        wall: Any,
+        paddles: Sequence[Paddle],
+        energy: WaterEnergy,
+        phi: LayeredField,
+        *,
+        bed: Bed,
+        vertical: VerticalBasis,
+        unit: Unit,
+    ):
+        self._wall, self._paddles, self._bed = wall, paddles, bed
+        self._t = np.nan  # the time of the rate of the bed's depth [s]
+        self._each: list[AssembledTerms | CompiledTerms] = []
+        self.along: tuple[WallStruct, ...] | None = ()
+        self.hamiltonian = dict[Part, ufl.Form]()
+        for paddle in paddles:
+            part, _ = DESCRIPTIONS["leaning" if paddle.leans else "upright"]
+            flux = flux_form(paddle, energy, phi, vertical)
+            work = flux(paddle.mesh_motion.speed.function)
+            self.hamiltonian[part._replace(name="far wall") if self.hamiltonian else part] = work
+            if paddle.plane.mesh.topology.dim == 1 and paddle.plane.comm.size == 1:
+                terms = CompiledTerms(paddle, energy, phi, bed, vertical, unit=unit, follow=self._follow)
+                self._each.append(terms)
+                self.along = (*(self.along or ()), terms)
+            else:
+                self._each.append(AssembledTerms(paddle, energy, phi, bed, vertical, flux=flux))
+                self.along = None
+        self._zero = np.zeros((1, vertical.n + 1))
+
+    def vector(self) -> Vector:
+        """Return dW/dphi, broadcastable to shape (owned, n+1); collective. The next call may reuse the array."""
+        return reduce(np.add, [terms.vector() for terms in self._each] or [self._zero])
+
+    def by_column(self) -> Vector:
+        """Return dW/dh, broadcastable to shape (owned,); collective. The next call may reuse the array."""
+        return reduce(np.add, [terms.by_column() for terms in self._each] or [self._zero[:, 0]])
+
+    def energy(self) -> float:
+        """Return W; collective."""
+        return sum(terms.energy() for terms in self._each)
+
+    def slopes(self, mu: Callable[[], Vector]) -> list[tuple[float, float]]:
+        """Return dH/dX_p and dH/dX_p' of each paddle at fixed (Q, psi), positive into the water; ``mu`` as below."""
+        by_column, self._t, result = mu(), np.nan, list[tuple[float, float]]()
+        for paddle, terms in zip(self._paddles, self._each, strict=True):
+            with paddle.mesh_motion.at_speed(1.0):
+                self._bed.follow_on(self._wall)
+                rate, faster = (terms.power(by_column, acceleration) for acceleration in (0.0, 1.0))
+                result.append((rate, faster - rate))
+        return result
+
+    def explicit_rate(self, mu: Callable[[], Vector]) -> float:
+        """Return dH/dt at fixed (Q, psi); ``mu`` evaluates that point and gives M_J^-1 H_h there; collective."""
+        by_column = mu()
+        self._follow()
+        return sum(terms.power(by_column) for terms in self._each)
+
+    def _follow(self) -> None:
+        """Update the rate of the bed's depth as the wall moves; collective."""
+        if self._paddles and self._t != self._paddles[0].mesh_motion.t:
+            self._t = self._paddles[0].mesh_motion.t
+            self._bed.follow_on(self._wall)
+
+
+def flux_form(
+    paddle: Paddle, energy: WaterEnergy, phi: LayeredField, vertical: VerticalBasis
+) -> Callable[[Any], ufl.Form]:
+    """Return F of s v [m/s] along the axis, a form of that field; at the paddle s = 1."""
+    plane, shape = paddle.plane, paddle.shape
+    in_water = paddle.flux(phi.function[vertical.n], energy)
+    at_wall = energy.wall_flux(phi.function, vertical, shape.value, degree=shape.degree)
+    into = -ufl.inner(ufl.FacetNormal(plane.mesh), paddle.axis)
+    surface = paddle.side.surface(plane.mesh)
+    if paddle.leans:  # its powers would ask for far more points than the water's quadrature has
+        surface = surface(metadata=plane.dx.metadata())
+    return lambda speed: speed * in_water * paddle.displaced_measure + into * speed * at_wall * surface
+
+
+def later(paddle: Paddle, energy: WaterEnergy, bed: Bed, dt: Any) -> WaterEnergy:
+    """Return the energy when the wall has moved on at its velocity for dt [s], in UFL."""
+    return replace(energy, mapping=paddle.after(dt), d=bed.d + dt * bed.rate)
+
+
+class AssembledTerms:
+    """W, its derivatives and the power of a paddle as forms."""
+
+    def __init__(
+        self,
+        paddle: Paddle,
+        energy: WaterEnergy,
+        phi: LayeredField,
+        bed: Bed,
+        vertical: VerticalBasis,
+        *,
+        flux: Callable[[Any], ufl.Form],
+    ):
+        plane, self._motion = paddle.plane, paddle.mesh_motion
+        work = flux(self._motion.speed.function)
+        self._components = phi.owned.shape[1]
+        self._by_potential = VectorForm(ufl.derivative(work, phi.function))
+        self._by_column = VectorForm(ufl.derivative(work, energy.h))
+        self._value = ScalarForm(work, plane.comm)
+        self._mu = plane.function("mu")
+
+        def density(dt: Any) -> Any:
+            after = later(paddle, energy, bed, dt)
+            return after.kinetic(phi.function, vertical) + after.potential()
+
+        rate = derivative_at_zero(density, plane.mesh) + paddle.stretching(energy, self._mu.function)
+        power = rate * paddle.displaced_measure + flux(self._motion.acceleration.function)
+        self._power = ScalarForm(power, plane.comm)
+
+    def vector(self) -> Vector:
+        """Return dW/dphi, shape (owned, n+1); collective. The array is reused by the next call."""
+        return self._by_potential.assemble().reshape(-1, self._components)
+
+    def by_column(self) -> Vector:
+        """Return dW/dh, shape (owned,); collective. The array is reused by the next call."""
+        return self._by_column.assemble()
+
+    def energy(self) -> float:
+        """Return W; collective."""
+        return self._value.assemble()
+
+    def power(self, mu: Vector, acceleration: float | None = None) -> float:
+        """Return dH/dt at fixed (Q, psi) for M_J^-1 H_h, with an acceleration or that of the motion; collective."""
+        self._motion.accelerate(acceleration)
+        self._mu.set(mu)
+        return self._power.assemble()
+
+
+class CompiledTerms:
+    """The same along a slice on one rank: a ``WallStruct``.
+
+    Parameters
+    ----------
+    unit
+        The translation unit that its functions belong to.
+    follow
+        Updates the rate of the bed's depth.
+    """
+
+    def __init__(
+        self,
+        paddle: Paddle,
+        energy: WaterEnergy,
+        phi: LayeredField,
+        bed: Bed,
+        vertical: VerticalBasis,
+        *,
+        unit: Unit,
+        follow: Callable[[], None],
+    ):
+        plane, motion, shape = paddle.plane, paddle.mesh_motion, paddle.shape
+        self._motion, self._phi, self._h, self.follow = motion, phi.rows, energy.h.x.array, follow
+        self.prefix = "near" if paddle.side.sign > 0.0 else "far"
+        u, w, psi, mu = (fem.Function(plane.V) for _ in range(4))
+        zeta, dt, rate, by_cells, by_levels = (fem.Constant(plane.mesh, 0.0) for _ in range(5))
+        blending = motion.blending.function
+        parts = (
+            rate * (later(paddle, energy, bed, dt).column(u, w, zeta) + dt * paddle.stretching(energy, mu))
+            + by_cells * blending * paddle.flux(psi, energy)
+            + by_levels * paddle.side.sign * blending * energy.wall_layer(u, shape.value, zeta)
+        )
+        names = {u: "u", w: "w", psi: "psi", zeta: "zeta", dt: "dt"}
+        names |= {rate: "rate", by_cells: "by_cells", by_levels: "by_levels"}
+        density = Density(parts, plane, inputs=names, first=energy.h)
+        cells = Cells(plane, plane.degree, only=paddle.cells)
+        levels, weights = gauss_legendre(vertical.n + 1 + shape.degree // 2)
+        sizes = {
+            "NUMBERS": vertical.n + 1,
+            "LEVELS": len(vertical.zeta),
+            "ENDS": len(levels),
+            "FIELDS": density.fields,
+            "MU": density.index(mu),
+            "MOST": vertical.n + 1 + density.fields,
+        }
+        instance = unit.add(
+            self.prefix,
+            source("cells.c") + source("layers.c", "wall"),
+            exports=("by_potential", "by_column", "power"),
+            sizes={**cells.sizes, **sizes},
+            density=density,
+            made={"RATE": _rate, "FLUX": _flux, "END": _end},
+        )
+        dofs = np.unique(plane.V.dofmap.list[paddle.cells])
+        water = {"zeta": vertical.zeta, "weights": vertical.weights, "P": vertical.values, "dP": vertical.slopes}
+        at_wall = {"zeta": levels, "weights": weights, "P": vertical.at(levels)}
+        self.by_potential_rows, self._by_column_rows = np.zeros_like(self._phi), np.zeros_like(self._h)
+        self.struct = instance.struct(
+            "Wall",
+            cells=instance.struct("Cells", **cells.parts),
+            layers=instance.struct("Layers", **water, constants=density.constants()),
+            end=instance.struct("Layers", **at_wall),
+            node=paddle.node,
+            count=len(dofs),
+            dofs=dofs,
+            fields=density.values,
+            rows=np.zeros((plane.size, density.fields)),
+            moves=motion.rates,
+            blending=blending.x.array,
+            position=motion.position.function.x.array,
+            speed=motion.speed.function.x.array,
+            **dict(zip(("at_still_water", "slope", "mean"), shape.at_still_water, strict=True)),
+            by_potential=self.by_potential_rows,
+            by_column=self._by_column_rows,
+        )
+        self._rates, n = np.zeros(2), Buffer(plane.size)
+        self._set_by_potential = instance.function("by_potential", self.struct, self._h)
+        self._set_by_column = instance.function("by_column", self.struct, self._h, self._phi)
+        self._find_power = instance.function("power", self.struct, self._h, self._phi, n, self._rates)
+
+    def vector(self) -> Vector:
+        """Return dW/dphi, shape (owned, n+1). The array is reused by the next call."""
+        self._set_by_potential()
+        return self.by_potential_rows
+
+    def by_column(self) -> Vector:
+        """Return dW/dh, shape (owned,). The array is reused by the next call."""
+        self._set_by_column()
+        rows: Vector = self._by_column_rows
+        return rows
+
+    def energy(self) -> float:
+        """Return W, which is linear in the potential."""
+        return float(np.vdot(self.vector(), self._phi))
+
+    def power(self, mu: Vector, acceleration: float | None = None) -> float:
+        """Return dH/dt at fixed (Q, psi) for M_J^-1 H_h, with an acceleration or that of the motion."""
+        self._find_power(mu)
+        rate, by_acceleration = map(float, self._rates)
+        return rate + (float(self._motion.rates[2]) if acceleration is None else acceleration) * by_acceleration
+
+
+def _rate(e: Any) -> Statements:
+    return {"value": e.diff(named("rate"), named("dt")).subs(named("dt"), 0)}
+
+
+def _flux(e: Any) -> Statements:
+    flux, slope = e.diff(named("by_cells")), named("psi", 0)
+    return {"value": flux, "by_psi_0": flux.diff(slope), "by_h": flux.diff(named("f0"))}
+
+
+def _end(e: Any) -> Statements:
+    flux = e.diff(named("by_levels"))
+    return {"value": flux, "by_value": flux.diff(named("u")), "by_h": flux.diff(named("f0"))}
