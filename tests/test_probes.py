@@ -21,7 +21,7 @@ from wavetank.simulation.below_surface import Probes
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.records import Memory
 from wavetank.tank.footprint import Ring, Slice
-from wavetank.tank.kinematics import LinearRates, NonlinearRates, Sounding
+from wavetank.tank.kinematics import LinearRates, NonlinearRates, PointKinematics
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.walls import Paddle, Wall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
@@ -35,7 +35,7 @@ def seen(water, state, points, t=0.0):
     """Return velocity, local acceleration, acceleration and pressure at points (x, z), shape (N, 7)."""
     record, (x, z) = Memory(), np.array(points).T
     at = np.column_stack([x, 0 * x, z])
-    sounding = Sounding(water, at, density=DENSITY)
+    sounding = PointKinematics(water, at, density=DENSITY)
     block = at_step(0, t)
     block.q, block.psi = (one[None] for one in state)
     Probes(water, sounding, record=record, schedule=EverySteps()).record(block)

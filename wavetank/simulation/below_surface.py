@@ -14,7 +14,7 @@ from wavetank.simulation.contract import Diagnostic, displacement, due_steps
 from wavetank.simulation.diagnostics import Called, LatticePlaces, PaddleReach
 from wavetank.simulation.records import FirstRankRecord, Record
 from wavetank.tank.block import Block
-from wavetank.tank.kinematics import MovingWater, NonlinearRates, Sounding, Velocity
+from wavetank.tank.kinematics import MovingWater, NonlinearRates, PointKinematics, Velocity
 from wavetank.tank.surface_points import SurfaceOverPlaces
 from wavetank.tank.wall_pressure import WallPressure
 
@@ -55,7 +55,7 @@ class Probes:
 
     Parameters
     ----------
-    sounding
+    kinematics
         The points.
     record
         Where rows go.
@@ -66,15 +66,15 @@ class Probes:
     def __init__(
         self,
         water: MovingWater,
-        sounding: Sounding,
+        kinematics: PointKinematics,
         *,
         record: Record,
         schedule: Schedule,
         called: Called | None = None,
     ):
-        self._water, self._sounding, self._record, self.schedule = water, sounding, record, schedule
-        self._places = sounding.places
-        self._points = [f"x = {x:g}, y = {y:g}, z = {z:g} m" for x, y, z in sounding.points]
+        self._water, self._kinematics, self._record, self.schedule = water, kinematics, record, schedule
+        self._places = kinematics.points[:, :2]
+        self._points = [f"x = {x:g}, y = {y:g}, z = {z:g} m" for x, y, z in kinematics.points]
         self._reach = PaddleReach(water.wall, self._places, called)
         self._axes = axes_of(water)
         self.state = ProbeState()
@@ -84,7 +84,7 @@ class Probes:
         for q, psi, t in block.states():
             self._water.find_rates(q, psi, t)
             try:
-                result = self._sounding.take()
+                result = self._kinematics.evaluate()
             except OutsideError as error:
                 shifts = self._water.wall.paddle_displacements(self._places)
                 raise self._reach.error(t, error.index, shifts[:, error.index]) from None
@@ -161,7 +161,7 @@ class WindowObserver:
         self._surface = SurfaceOverPlaces(water.plane, water.wall, places)
         self._elevation, self._depth = water.plane.function("elevation"), water.plane.function("depth")
         points = np.column_stack([places, np.zeros(len(places))])
-        self._sounding = Sounding(water, np.repeat(points, levels, axis=0), density=density)
+        self._kinematics = PointKinematics(water, np.repeat(points, levels, axis=0), density=density)
 
     def record(self, block: Block) -> None:
         """Append the motion of the columns; raises ``PaddleError`` if the paddle has passed one; collective."""
@@ -173,7 +173,8 @@ class WindowObserver:
                 eta = self._surface.elevations(self._elevation)
                 d, h = (self._surface.points.evaluate(field) for field in (self._depth, self._water.h))
                 z = np.outer(h, self._zeta) - d[:, None]
-                result = self._sounding.take(np.column_stack([np.repeat(self._places, z.shape[1], axis=0), z.ravel()]))
+                points = np.column_stack([np.repeat(self._places, z.shape[1], axis=0), z.ravel()])
+                result = self._kinematics.evaluate(points)
             except InputError as error:
                 message = f"t = {t:.6g} s: the paddle has reached a column of a window: {error}"
                 raise PaddleError(message, t=t) from None

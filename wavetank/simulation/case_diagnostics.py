@@ -30,7 +30,7 @@ from wavetank.simulation.records import FirstRankRecord, Record, Records
 from wavetank.simulation.run import Run
 from wavetank.simulation.stability import IN_ELEVATION, IN_JUMP, StabilityWatch
 from wavetank.tank.dissipation import Smoothing
-from wavetank.tank.kinematics import MovingWater, NonlinearRates, Sounding
+from wavetank.tank.kinematics import MovingWater, NonlinearRates, PointKinematics
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.wall_pressure import PaddlePush, WallPressure
 from wavetank.tank.waves import NonlinearWaves
@@ -139,9 +139,9 @@ def _probes(scene: Case, water: MovingWater, record: Record, schedule: EveryStep
     """Return the probes; collective. Raises ``CaseError`` for one outside the mesh."""
     points = np.array([(probe.x, probe.y, probe.z) for probe in scene.probes])
     try:
-        sounding = Sounding(water, points, density=scene.tank.density)
+        kinematics = PointKinematics(water, points, density=scene.tank.density)
         called = _called(scene, [("probes", n) for n in range(len(points))])
-        return Probes(water, sounding, record=record, schedule=schedule, called=called)
+        return Probes(water, kinematics, record=record, schedule=schedule, called=called)
     except OutsideError as error:
         raise CaseError([Problem(("probes", error.index), None, str(error))]) from None
 

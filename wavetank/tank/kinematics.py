@@ -38,7 +38,7 @@ from numpy.typing import NDArray
 from wavetank.base.arrays import Vector, summed
 from wavetank.fem.forms import compile_expression
 from wavetank.fem.plane import Field, LayeredField, Plane
-from wavetank.fem.points import Cells, Points
+from wavetank.fem.points import Points
 from wavetank.fem.vertical import VerticalBasis
 from wavetank.motion.kinematics import PaddleKinematics
 from wavetank.motion.motion import Tangent
@@ -48,6 +48,7 @@ from wavetank.tank.history import HistoryState
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.potential import interior_of
 from wavetank.tank.walls import Wall
+from wavetank.tank.walls.mesh_motion import MeshMotion
 from wavetank.tank.waves import NonlinearWaves
 
 
@@ -77,7 +78,6 @@ class Velocity:
     ):
         plane, phi = waves.plane, (potential or waves.phi).function
         self._mesh, self._vertical, self._waves = plane.mesh, waves.vertical, waves
-        self._tables: dict[float, tuple[Vector, Vector]] = {}
         self._zeta = fem.Constant(plane.mesh, 0.0)
         self._values, self._slopes = (fem.Constant(plane.mesh, np.zeros(waves.vertical.n + 1)) for _ in range(2))
         u, w = (ufl.dot(weights, phi) for weights in (self._values, self._slopes))
@@ -88,11 +88,11 @@ class Velocity:
         nodes = plane.V.element.basix_element.points
         self._expression = compile_expression(ufl.as_vector([ahead, across, upward]), nodes, plane.comm)
         self._field = plane.layered_function(3, "velocity")
-        topology = plane.mesh.topology
-        self.be_in(np.arange(topology.index_map(topology.dim).size_local, dtype=np.int32) if cells is None else cells)
+        owned = plane.mesh.topology.index_map(plane.mesh.topology.dim).size_local
+        self.restrict(np.arange(owned, dtype=np.int32) if cells is None else cells)
 
-    def be_in(self, cells: NDArray[np.int32]) -> None:
-        """Be what it is in these cells of the rank's own alone; nothing where there are none; collective."""
+    def restrict(self, cells: NDArray[np.int32]) -> None:
+        """Take derivatives in these of the rank's own cells only; collective."""
         self._cells = cells
         own = self._waves.plane.V.dofmap.list[cells].ravel()
         shape = (len(self._field.rows), own.size)
@@ -111,24 +111,18 @@ class Velocity:
         Of all degrees of freedom this rank sees, shape (owned + ghosts, 3). The next call reuses the array.
         """
         self._zeta.value = zeta
-        self._values.value, self._slopes.value = self._tabulated(zeta)
+        heights = np.array([zeta])
+        self._values.value, self._slopes.value = self._vertical.at(heights)[0], self._vertical.slopes_at(heights)[0]
         self._sum(self._expression.eval(self._mesh, self._cells).reshape(-1, 3))
         self._field.set(self._inverse_counts * self._field.owned)
         return self._field.rows
-
-    def _tabulated(self, zeta: float) -> tuple[Vector, Vector]:
-        """Return P_j(zeta) and P_j'(zeta), each of shape (n+1,); of each height found once."""
-        if zeta not in self._tables:
-            at = np.array([zeta])
-            self._tables[zeta] = self._vertical.at(at)[0], self._vertical.slopes_at(at)[0]
-        return self._tables[zeta]
 
     def potential(self, zeta: float) -> Vector:
         """Return phi [m²/s] at zeta in [0, 1], of all degrees of freedom this rank sees, shape (owned + ghosts,)."""
         return np.asarray(self._waves.phi.rows @ self._vertical.at(np.array([zeta]))[0] + self._waves.level)
 
 
-PART = 2e-3  # of the water column, or of the depth a paddle goes: so far a state goes on for its rates
+PART = 2e-3  # of the water column, or of the depth a paddle moves: the change of a state over a step for its rates
 STENCIL = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}  # steps, and weights of a derivative of fourth order
 
 
@@ -138,7 +132,7 @@ class MovingWater(ABC):
     Attributes
     ----------
     waves
-        The waves.
+        The waves, with their horizontal and vertical space and the wall that can move.
     densities
         Of the velocity, in UFL.
     h
@@ -152,41 +146,32 @@ class MovingWater(ABC):
         The means of potential and rate at the surface.
     """
 
-    waves: Any
-    densities: WaterEnergy
-    h: Field
+    head_factor: float  # of velocities squared in Bernoulli's sum
     nodes: Vector
     node_velocities: Vector
-    phi: LayeredField
-    phi_rate: LayeredField
-    level: float
-    level_rate: float
 
-    @property
-    def plane(self) -> Plane:
-        """The horizontal space."""
-        plane: Plane = self.waves.plane
-        return plane
-
-    @property
-    def vertical(self) -> VerticalBasis:
-        """The vertical space."""
-        vertical: VerticalBasis = self.waves.vertical
-        return vertical
-
-    @property
-    def wall(self) -> Wall:
-        """The wall that can move."""
-        wall: Wall = self.waves.wall
-        return wall
+    def __init__(self, waves: Any, *, h: Field, densities: WaterEnergy, phi: LayeredField):
+        self.waves, self.h, self.densities, self.phi = waves, h, densities, phi
+        self.plane: Plane = waves.plane
+        self.vertical: VerticalBasis = waves.vertical
+        self.wall: Wall = waves.wall
+        self.phi_rate = self.plane.layered_function(self.vertical.n + 1, "rate of the potential")
+        self.level = self.level_rate = 0.0
+        self._places = self.plane.chart.places(self.plane.V.tabulate_dof_coordinates())
 
     @abstractmethod
     def find_rates(self, q: Vector, p: Vector, t: float) -> None:
         """Set potential and rate to those of a state."""
 
-    @abstractmethod
     def head(self, velocity: Vector) -> Vector:
         """Return the part of velocities, shape (..., 3), in Bernoulli's sum [m²/s²], shape (...)."""
+        return np.asarray(self.head_factor * (velocity**2).sum(axis=-1))
+
+    def _nodes_at(self, heights: Vector) -> Vector:
+        """Return ``nodes`` for heights [m], shape (levels, rows)."""
+        levels = heights if self.wall.leans else heights[:1]  # an upright wall moves all of a column alike
+        along = np.array([self.wall.to_physical(self._places, z) for z in levels])
+        return np.concatenate([np.broadcast_to(along, (*heights.shape, 2)), heights[..., None]], axis=-1)
 
 
 class NonlinearRates(MovingWater):
@@ -195,22 +180,20 @@ class NonlinearRates(MovingWater):
     The waves are evaluated with a separate history of solves, so that stepped waves stay equal bit for bit.
     """
 
+    head_factor = 0.5
+
     def __init__(self, waves: NonlinearWaves):
-        self.waves, self.history = waves, waves.new_history("below the surface")
-        self.densities, self.h, self.phi = waves.densities, waves.h, waves.phi
-        paddles: Any = waves.wall.paddles
-        self._tangents = list[tuple[Any, Tangent, PaddleKinematics]]()
-        for paddle in paddles:
+        super().__init__(waves, h=waves.h, densities=waves.densities, phi=waves.phi)
+        self.history = waves.new_history("below the surface")
+        self._tangents = list[tuple[MeshMotion, Tangent, PaddleKinematics]]()
+        for paddle in waves.wall.paddles:
             tangent = Tangent(paddle.motion)
             along = PaddleKinematics(tangent, paddle.side.along(self.plane.places))
             self._tangents.append((paddle.mesh_motion, tangent, along))
         self._at: tuple[WaterEvaluation, Vector] | None = None  # of the fields: with the column [m]
         self._rates_at: WaterEvaluation | None = None
-        self._places, self._d = _places(self.plane), self.plane.function("depth")
-        self.nodes: Vector = np.zeros((self.vertical.n + 1, len(self._places), 3))
-        self.node_velocities = self.nodes
-        self.phi_rate = self.plane.layered_function(self.vertical.n + 1, "rate of the potential")
-        self.level = self.level_rate = 0.0
+        self._d = self.plane.function("depth")
+        self.nodes = self.node_velocities = np.zeros((self.vertical.n + 1, len(self._places), 3))
 
     def find(self, q: Vector, p: Vector, t: float) -> WaterEvaluation:
         """Set column and potential to those of a state, and return its evaluation."""
@@ -270,8 +253,7 @@ class NonlinearRates(MovingWater):
     def _nodes(self) -> Vector:
         """Return the places of the Gauss nodes of the columns in the laboratory [m], as ``nodes``."""
         self._d.set(self.waves.bed.still)
-        heights = self.vertical.zeta[:, None] * self.h.rows[:, 0] - self._d.rows[:, 0]
-        return _standing(self.wall, self._places, heights)
+        return self._nodes_at(self.vertical.zeta[:, None] * self.h.rows[:, 0] - self._d.rows[:, 0])
 
     def _step(self, q_rate: Vector) -> float:
         """Return the step of the central difference [s]."""
@@ -279,10 +261,6 @@ class NonlinearRates(MovingWater):
         going = float(np.abs(self.wall.velocities).max(initial=0.0)) / self.waves.depth
         fastest = self.plane.comm.allreduce(max(rising, going), op=MPI.MAX)
         return float(PART / fastest) if fastest > 0.0 else 1.0
-
-    def head(self, velocity: Vector) -> Vector:
-        """Return the part of velocities, shape (..., 3), in Bernoulli's sum [m²/s²], shape (...)."""
-        return np.asarray(0.5 * (velocity**2).sum(axis=-1))
 
     @property
     def state(self) -> HistoryState:
@@ -298,27 +276,24 @@ class NonlinearRates(MovingWater):
 class LinearRates(MovingWater):
     """The potential of linear waves, and its rate; the water reaches up to z = 0.
 
-    Potential and rate are two solves of one problem: for psi and X_p', and for psi' = -g eta and X_p''.
+    Potential and rate are two solves of one problem: for psi and X_p', and for psi' = -g eta and X_p''. Heads are of
+    second order: none.
     """
 
+    head_factor = 0.0
+
     def __init__(self, waves: LinearWaves, *, tolerance: float):
-        self.waves, components = waves, waves.vertical.n + 1
-        self.h = self.plane.function("water column")
-        self.h.set(waves.bed.still)
-        heights = np.multiply.outer(self.vertical.zeta - 1.0, self.h.rows[:, 0])
-        self.nodes = _standing(self.wall, _places(self.plane), heights)
+        plane, h, g = waves.plane, waves.plane.function("water column"), fem.Constant(waves.plane.mesh, waves.gravity)
+        h.set(waves.bed.still)
+        densities = WaterEnergy(h=h.function, d=waves.bed.d, gravity=g, mapping=waves.wall.mapping)
+        super().__init__(waves, h=h, densities=densities, phi=plane.layered_function(waves.vertical.n + 1, "potential"))
+        self.nodes = self._nodes_at(np.multiply.outer(self.vertical.zeta - 1.0, h.rows[:, 0]))
         self.node_velocities = np.zeros_like(self.nodes)
-        self.phi = self.plane.layered_function(components, "potential")
-        self.phi_rate = self.plane.layered_function(components, "rate of the potential")
-        self.level = self.level_rate = 0.0
-        g = fem.Constant(self.plane.mesh, waves.gravity)
-        self.densities = WaterEnergy(h=self.h.function, d=waves.bed.d, gravity=g, mapping=waves.wall.mapping)
-        column = self.densities.column
-        interior = interior_of(column, self.plane, self.vertical, column=self.h, tolerance=tolerance)
+        interior = interior_of(densities.column, plane, self.vertical, column=h, tolerance=tolerance)
         self._minimum = interior.minimum()
         interior.operator.update()
         self._minimum.factor()
-        self._paddles = [(paddle.motion, waves.flux(paddle, self.densities)) for paddle in waves.wall.paddles]
+        self._paddles = [(paddle.motion, waves.flux(paddle, densities)) for paddle in waves.wall.paddles]
 
     def find_rates(self, q: Vector, p: Vector, t: float) -> None:
         """Set potential and rate to those of a state."""
@@ -336,22 +311,6 @@ class LinearRates(MovingWater):
         self._minimum.find(field.owned, sum(fluxes, start=np.zeros((1, field.owned.shape[1]))))
         field.fetch()
         return level
-
-    def head(self, velocity: Vector) -> Vector:
-        """Return nothing: it is of second order."""
-        return np.zeros(velocity.shape[:-1])
-
-
-def _places(plane: Plane) -> Vector:
-    """Return where all degrees of freedom that this rank sees are in the reference tank [m], shape (rows, 2)."""
-    return plane.chart.places(plane.V.tabulate_dof_coordinates())
-
-
-def _standing(wall: Wall, places: Vector, heights: Vector) -> Vector:
-    """Return where reference places are in the laboratory at heights [m], shape (levels, rows): (levels, rows, 3)."""
-    levels = heights if wall.leans else heights[:1]  # an upright wall carries all of a column alike
-    along = np.array([wall.to_physical(places, z) for z in levels])
-    return np.concatenate([np.broadcast_to(along, (*heights.shape, 2)), heights[..., None]], axis=-1)
 
 
 class Layers(NamedTuple):
@@ -387,23 +346,18 @@ class Kinematics:
         self._gradients = [Velocity(water, potential=one, cells=cells) for one in self._potentials]
         self._to_modes = np.linalg.inv(water.vertical.at(self.levels))
 
-    def be_in(self, cells: NDArray[np.int32]) -> None:
-        """Look at other cells; collective."""
+    def restrict(self, cells: NDArray[np.int32]) -> None:
+        """Change to other cells; collective."""
         for one in (self._velocity, *self._gradients):
-            one.be_in(cells)
+            one.restrict(cells)
 
     def weights(self, zeta: Vector) -> Vector:
         """Return what values at the levels count at heights zeta, shape (N, levels)."""
         return self.water.vertical.at(zeta) @ self._to_modes
 
-    @property
-    def velocity(self) -> Vector:
-        """The water's velocity along, across and upwards [m/s], shape (levels, rows, 3); collective."""
-        return self._at_levels(self._velocity)
-
     def layers(self) -> Layers:
         """Return what pressure is made of, and keep it for ``accelerations``; collective."""
-        water, velocity = self.water, self.velocity
+        water, velocity = self.water, self._at_levels(self._velocity)
         phi_rate = water.vertical.at(self.levels) @ water.phi_rate.rows.T + water.level_rate
         rate = phi_rate - (water.node_velocities * velocity).sum(axis=-1)
         layers = Layers(velocity, rate, rate + water.head(velocity))
@@ -421,11 +375,11 @@ class Kinematics:
 
 
 RINGS = 2  # of cells around a point's: accelerations are gradients of what means of gradients make
-AT = 1e-9  # of the water column: so near to bed or surface is in the water
+AT = 1e-9  # of the water column: points beyond bed or surface by less are in the water
 
 
-class Sounded(NamedTuple):
-    """What was found at N points; nothing of sense where they are dry.
+class PointValues(NamedTuple):
+    """Velocity, acceleration and pressure at N points; meaningless where they are dry.
 
     Attributes
     ----------
@@ -445,8 +399,8 @@ class Sounded(NamedTuple):
     dry: NDArray[np.bool_]
 
 
-class Sounding:
-    """Points in the water.
+class PointKinematics:
+    """Kinematics at points in the water.
 
     Parameters
     ----------
@@ -455,57 +409,45 @@ class Sounding:
     density
         Of the water [kg/m³].
 
+    Attributes
+    ----------
+    points
+        The points of the last evaluation.
+
     Raises ``InputError`` for a point outside the mesh; collective throughout.
     """
 
     def __init__(self, water: MovingWater, points: Vector, *, density: float):
-        self._water, self._density, self._at = water, density, points
-        self._points = Points(water.plane, self._coordinates())
-        self._cells = self._points.cells
-        self._kinematics = Kinematics(water, self._patch())
+        self._water, self._density, self.points = water, density, points
+        self._located = Points(water.plane, self._coordinates())
+        self._cells = self._located.cells
+        self._kinematics = Kinematics(water, water.plane.neighbourhood(self._cells, rings=RINGS))
         self._depth = water.plane.function("depth")
-
-    @property
-    def points(self) -> Vector:
-        """The points (x, y, z) [m], shape (N, 3)."""
-        return self._at
-
-    @property
-    def places(self) -> Vector:
-        """Where the points are, seen from above: (x, y) [m], shape (N, 2)."""
-        return self._at[:, :2]
 
     def _coordinates(self) -> Vector:
         """Return where the points are in the mesh, shape (N, 3)."""
-        return self._water.plane.chart.place(self._water.wall.to_reference(self._at[:, :2], self._at[:, 2]))
+        return self._water.plane.chart.place(self._water.wall.to_reference(self.points[:, :2], self.points[:, 2]))
 
-    def _patch(self) -> Cells:
-        return self._water.plane.neighbourhood(self._cells, rings=RINGS)
-
-    def take(self, points: Vector | None = None) -> Sounded:
-        """Return what the water does there, its rates having been found; other points may be given, as many.
+    def evaluate(self, points: Vector | None = None) -> PointValues:
+        """Return the values there for the water whose rates were found last; other points may be given, as many.
 
         Raises ``InputError`` for one that is outside the mesh, as behind a paddle.
         """
-        self._at = self._at if points is None else points
-        self._points.move(self._coordinates())
-        self._stay_in_cells()
-        water, layers, z = self._water, self._kinematics.layers(), self._at[:, 2]
+        self.points = self.points if points is None else points
+        self._located.move(self._coordinates())
+        if summed(self._water.plane.comm, float(not np.array_equal(self._located.cells, self._cells))):
+            self._cells = self._located.cells
+            self._kinematics.restrict(self._water.plane.neighbourhood(self._cells, rings=RINGS))
+        water, layers, z = self._water, self._kinematics.layers(), self.points[:, 2]
         self._depth.set(water.waves.bed.still)
-        zeta = (z + self._points.evaluate(self._depth)) / self._points.evaluate(water.h)
+        zeta = (z + self._located.evaluate(self._depth)) / self._located.evaluate(water.h)
         weights = self._kinematics.weights(zeta)
 
         def at(values: Vector) -> Vector:
             """Return values at the points of values at the levels, shape (levels, rows, ...); collective."""
-            return np.asarray(np.einsum("nl,nl...->n...", weights, self._points.of(np.moveaxis(values, 0, 1))))
+            return np.asarray(np.einsum("nl,nl...->n...", weights, self._located.of(np.moveaxis(values, 0, 1))))
 
         velocity, rate = at(layers.velocity), at(layers.rate)
         local, total = map(at, self._kinematics.accelerations())
         pressure = -self._density * (rate + water.head(velocity) + water.waves.gravity * z)
-        return Sounded(velocity, local, total, pressure, (zeta < -AT) | (zeta > 1 + AT))
-
-    def _stay_in_cells(self) -> None:
-        changed = float(not np.array_equal(self._points.cells, self._cells))
-        if summed(self._water.plane.comm, changed):
-            self._cells = self._points.cells
-            self._kinematics.be_in(self._patch())
+        return PointValues(velocity, local, total, pressure, (zeta < -AT) | (zeta > 1 + AT))
