@@ -127,7 +127,7 @@ GROUPS = {
     "stages' preconditioner": (
         *(f"method tank.{name}" for name in ("precondition", "set_velocity", "layers_respond", "velocity_")),
         "_water.py",
-        "carried_waves.py",
+        "advection.py",
     ),
     "the mass matrix": ("method tank.mass_", "mass.py"),
     "forms of the wall": ("fem/assemble.py", "forms.py"),

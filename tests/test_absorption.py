@@ -35,7 +35,7 @@ from wavetank.simulation.energy import EnergyBudget
 from wavetank.simulation.feedback import build_filter
 from wavetank.simulation.records import Memory
 from wavetank.simulation.supply import PaddleWork
-from wavetank.tank.answering import Excess, PaddleController
+from wavetank.tank.absorption import FaceElevation, PaddleController
 from wavetank.tank.walls import Paddle
 from wavetank.waves.absorption import PassiveFilter, face, radiation, sudden_mass
 from wavetank.waves.airy import angular_frequency, group_velocity, wave_number
@@ -179,12 +179,12 @@ def test_what_a_paddle_lifts_at_once_is_the_same_in_nonlinear_water():
     wall, found = {"type": "piston", "reach": 0.5, "motion": motion, "absorb": ACTIVE}, []
     for physics in ("linear", "nonlinear"):
         _, waves = tank(wall, length=3.0, duration=1.0, dt=0.04, cells=6, physics=physics)
-        made = Excess(waves, waves.wall.paddles[0], lambda t: 0.0)
+        made = FaceElevation(waves, waves.wall.paddles[0], lambda t: 0.0)
         found.append(made.rise)
     assert found[1] == pytest.approx(found[0], rel=1e-3)
     assert found[0] > 1.0
     waves.potential.minimiser.patience = -1  # makes it anew for each solve
-    assert Excess(waves, waves.wall.paddles[0], lambda t: 0.0).rise == pytest.approx(found[1], rel=1e-6)
+    assert FaceElevation(waves, waves.wall.paddles[0], lambda t: 0.0).rise == pytest.approx(found[1], rel=1e-6)
 
 
 # ---------------------------------------------------------------- the tank

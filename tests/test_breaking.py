@@ -28,7 +28,7 @@ from wavetank.integrators.states import Point
 from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run
 from wavetank.simulation.build import build_run
-from wavetank.tank.breaking import COHERENT, ONSET, BreakingDissipation, BreakingWatch, StopAtBreaking
+from wavetank.tank.breaking import COHERENT, ONSET, BreakingAlarm, BreakingDissipation, BreakingWatch
 from wavetank.tank.crests import LEAST, Profile, SteepCrest, steep_crests
 from wavetank.tank.dissipation import EdgePenalty, Smoothing
 from wavetank.tank.footprint import Ring, Slice
@@ -223,7 +223,7 @@ def test_breaking_begins_goes_on_until_the_crest_has_recovered_and_ends():
     watch.follow([crest(8.0, 0.9)], 1.8)
     assert len(watch.alarms) == 3
     watch.state = before
-    assert len(watch.alarms) == 2 and [index for index, _ in watch.active] == [1]
+    assert len(watch.alarms) == 2 and [index for index, _ in watch.state.active] == [1]
 
 
 @pytest.mark.parametrize(("B", "stops"), [(0.99, None), (1.01, 1.2)])
@@ -232,7 +232,7 @@ def test_crest_outrun_for_an_eighth_of_its_period_stops_the_run_and_is_recorded(
     _, breaking = dissipation()
     watch = breaking.watch
     watch.search = lambda state, t: watch.follow([] if t == 1.1 else [crest(1.0 + 2.0 * t, B)], t)
-    stop, ended = StopAtBreaking(watch), None
+    stop, ended = BreakingAlarm(watch, stop=True), None
     for t in np.round(np.arange(1.0, 1.5, 0.05), 2):
         with nullcontext() if t != stops else pytest.raises(RunError, match=r"outruns the crest for 0\.16 periods"):
             stop.needed(None, float(t))
@@ -376,8 +376,8 @@ def test_a_run_stops_where_water_outruns_a_crest_in_a_fifth_of_its_upper_half(ou
     watch.search = lambda state, t: watch.follow([crest(1.0, 1.1, outrun)], t)
     state = Point(np.zeros(1), np.zeros(1))
     with pytest.raises(RunError, match="in 21 % of its upper half") if stops else nullcontext():
-        assert not StopAtBreaking(watch).needed(state, 1.0)
-    assert len(watch.recorded) == 1
+        assert not BreakingAlarm(watch, stop=True).needed(state, 1.0)
+    assert len(watch.alarms) == 1
 
 
 @pytest.mark.slow

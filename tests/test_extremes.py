@@ -18,8 +18,9 @@ from records import with_numerics
 from scenes import scene
 
 from examples.paper import steepness
-from examples.paper.growth import Setting, row
+from examples.paper.growth import Setting, dense, row
 from examples.paper.linearised import LinearisedFlow
+from examples.paper.steepness import surface_crests
 from wavetank.base.errors import RunError
 from wavetank.base.run_warning import RunWarning
 from wavetank.case import Case
@@ -82,7 +83,7 @@ def test_the_crest_and_its_velocity_are_those_of_the_exact_wave(cells, place):
     flow = SurfaceFlow(waves)
     x = (waves.plane.x - place) % length
     flow.update(*waves.state(*wave.surface(np.where(x > length / 2, x - length, x))), 0.0)
-    (crest,), accuracy, e = flow.crests(), 40 * cells**-3.0, 1e-5
+    (crest,), accuracy, e = surface_crests(flow), 40 * cells**-3.0, 1e-5
     (_, top, _), (behind, _, ahead) = wave.surface(np.array([-e, 0.0, e]))
     velocity = (ahead - behind) / (2 * e)
     assert waves.plane.chart.distance(np.array([crest.x]), place)[0] < accuracy
@@ -129,7 +130,7 @@ def test_the_penalty_falls_with_the_fourth_power_of_the_order(make_tank, order, 
         own = slice(cell * order, cell * order + order + 1)
         mass[own, own] += size * elements(order)[1]
         jump[own] += sign / size * np.array([slope(end) for slope in slopes])
-    assert np.trace(penalty.generator()) == pytest.approx(kappa * jump @ np.linalg.solve(mass, jump), rel=1e-8)
+    assert np.trace(dense(penalty, tank)) == pytest.approx(kappa * jump @ np.linalg.solve(mass, jump), rel=1e-8)
 
 
 @pytest.mark.parametrize(("steepness", "cells"), [(0.5, 16), (0.3, 32)])

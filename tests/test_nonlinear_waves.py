@@ -16,8 +16,8 @@ from wavetank.output.columns import energy_columns
 from wavetank.simulation.build import build_run
 from wavetank.simulation.energy import EnergyBudget
 from wavetank.simulation.records import Memory
+from wavetank.tank.advection import AdvectionPreconditioner
 from wavetank.tank.block import DAMPED, HIGHEST, POWER
-from wavetank.tank.carried_waves import AdvectionPreconditioner
 from wavetank.tank.still_water import StillWaterWaves, scales
 
 SCHEMES = sorted(INTEGRATORS)

@@ -17,7 +17,7 @@ from wavetank.base.errors import RunError
 from wavetank.case import Case, RingTank
 from wavetank.planning.plan import planned
 from wavetank.simulation.build import build_run
-from wavetank.tank.breaking import STEEP, BreakingDissipation, BreakingWatch, StopAtBreaking
+from wavetank.tank.breaking import STEEP, BreakingAlarm, BreakingDissipation, BreakingWatch
 from wavetank.tank.crests import SteepCrest
 from wavetank.tank.dissipation import EdgePenalty
 from wavetank.tank.surface_flow import SurfaceFlow
@@ -134,7 +134,7 @@ def row(case: BreakingCase) -> Row:
     scene, _ = planned(case.scene, MPI.COMM_SELF)
     tank, stopping = scene.tank, scene.run.model_copy(update={"on_breaking": "stop"})
     run, waves = build_run(scene.model_copy(update={"run": stopping}), MPI.COMM_SELF)
-    (stop,) = (one for one in run.filters if isinstance(one, StopAtBreaking))
+    (stop,) = (one for one in run.filters if isinstance(one, BreakingAlarm))
     assert isinstance(waves, NonlinearWaves) and isinstance(waves.surface, SurfaceFlow)
     watch = BreakingMeasure(waves, waves.surface, length=tank.length if isinstance(tank, RingTank) else None)
     stop.watch, stopped = watch, ""

@@ -70,9 +70,14 @@ def row(setting: Setting) -> Row:
     return Row(*setting, criterion, float(np.abs(free).max() * period), growth, with_penalty)
 
 
+def dense(penalty: EdgePenalty, waves: NonlinearWaves) -> NDArray[Any]:
+    """Return M^-1 kappa S as a dense matrix, on one rank."""
+    return np.array([waves.mass.solve(penalty.matrix.penalty(unit)) for unit in np.eye(waves.plane.owned)]).T
+
+
 def penalty(waves: NonlinearWaves, flow: SurfaceFlow, cell_size: float) -> NDArray[Any]:
     """Return the rate matrix of the penalty for (Q, psi) in scaled unknowns, dense."""
-    generator = EdgePenalty(waves, flow, cell_size=cell_size, dt=1.0, strength=STRENGTH).generator()
+    generator = dense(EdgePenalty(waves, flow, cell_size=cell_size, dt=1.0, strength=STRENGTH), waves)
     column, _ = scales(waves)
     on_q = generator.T * column / column[:, None]  # Q = M h: S M^-1, the generator's transpose
     return np.asarray(block_diag(on_q, generator))

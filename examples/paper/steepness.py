@@ -84,9 +84,40 @@ class PhaseAndCrest:
         energies = block.kinetic + block.potential
         for (q, psi, t), energy, mass in zip(block.states(), energies, block.mass, strict=True):
             self._flow.update(q, psi, t)
-            crest = max((one.height for one in self._flow.crests()), default=np.nan)
+            crest = max((one.height for one in surface_crests(self._flow)), default=np.nan)
             phase = float(np.angle(((q - self._still) * self._wave).sum()))
             self.rows.append((t, phase, crest, float(energy), float(mass)))
+
+
+class SurfaceCrest(NamedTuple):
+    """A place where the surface is level and highest around: distance along the tank and elevation [m], velocity [m/s].
+
+    There d psi / dx is the water's horizontal velocity.
+    """
+
+    x: float
+    height: float
+    velocity: float
+
+
+def surface_crests(flow: SurfaceFlow) -> list[SurfaceCrest]:
+    """Return the crests above still water, in the order of x; of several within a cell, the highest.
+
+    A ring's seam is a place like any: what rises to it is followed by what lies behind.
+    """
+    distance = flow.plane.chart.distance
+    x, height, slope, psi_x = flow.profile
+    if distance(x[-1:], float(x[0]))[0] < 1e-9 * flow.cell:  # a ring
+        x, (height, slope, psi_x) = np.append(x, x[-1]), (np.append(one, one[0]) for one in (height, slope, psi_x))
+    rising = np.flatnonzero((slope[:-1] > 0) & (slope[1:] <= 0) & (height[:-1] > 0))
+    part = slope[rising] / (slope[rising] - slope[rising + 1])
+    values = ((1 - part) * one[rising] + part * one[rising + 1] for one in (x, height, psi_x))
+    crests = list[SurfaceCrest]()
+    result = (SurfaceCrest(*map(float, place)) for place in zip(*values, strict=True))
+    for crest in sorted(result, key=lambda one: -one.height):
+        if not crests or distance(np.array([one.x for one in crests]), crest.x).min() >= flow.cell:
+            crests.append(crest)
+    return sorted(crests)
 
 
 def resolution(kd: float, steepness: float) -> tuple[int, int]:

@@ -84,7 +84,7 @@ def _explained(error: BreakdownError, recorded: RecordedRun, waves: NonlinearWav
         frequency_shift=recorded.scene.frequency_shift,
         warned=next((one.longest for one in run.diagnostics if isinstance(one, StabilityWatch)), None),
     )
-    for one in (one for one in _breaking(run) if one.watch.recorded):
+    for one in (one for one in _breaking(run) if one.watch.alarms):
         enough = ", and the eddy viscosity was not enough" if isinstance(one, BreakingDissipation) else ""
         why = f"{why}; {one.watch.story}{enough}"
     explained = type(error)(f"{error}: {why}.")
@@ -98,7 +98,7 @@ def _report(recorded: RecordedRun, error: BaseException | None, *, drawn: bool) 
     figures, outcome = recorded.parts.figures(), RunOutcome.of(run)
     for one in _breaking(run):
         figures["breaking"] = one.figures
-        if one.watch.recorded:
+        if one.watch.alarms:
             for budget in (one for one in run.diagnostics if isinstance(one, EnergyBudget)):
                 budget.cause = one.watch.cause
             dissipated = ""

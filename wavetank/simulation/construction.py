@@ -24,7 +24,7 @@ from wavetank.integrators.filtered import Filter
 from wavetank.mesh import MeshFile, Rectangle
 from wavetank.simulation.walls import Footprint, build_wall, wall_descriptions
 from wavetank.tank.bed import FlatBed, VaryingBed
-from wavetank.tank.breaking import BasinBreakingWatch, BreakingAlarm, BreakingDissipation, BreakingWatch, StopAtBreaking
+from wavetank.tank.breaking import BasinBreakingWatch, BreakingAlarm, BreakingDissipation, BreakingWatch
 from wavetank.tank.dissipation import EdgePenalty, checked, distance_from_edge, profile, width_of
 from wavetank.tank.footprint import Basin, Ring, Slice
 from wavetank.tank.kinematics import LinearRates, MovingWater, NonlinearRates
@@ -183,7 +183,7 @@ def build_filters(scene: Case, waves: AnyWaves, dt: float) -> list[Filter]:
         if scene.run.on_breaking == "dissipate":
             filters.append(BreakingDissipation(waves, watch, dt=dt))
         else:
-            filters.append(StopAtBreaking(watch) if scene.run.on_breaking == "stop" else BreakingAlarm(watch))
+            filters.append(BreakingAlarm(watch, stop=scene.run.on_breaking == "stop"))
     if scene.numerics.edge_penalty > 0:
         size, strength = waves.plane.cell_size, scene.numerics.edge_penalty
         filters.append(EdgePenalty(waves, flow, cell_size=size, dt=dt, strength=strength))

@@ -13,7 +13,7 @@ from wavetank.case.wall import SpringDamper
 from wavetank.motion.feedback import FeedbackState, StateSpaceFilter, elevation_at_face
 from wavetank.simulation.construction import AnyWaves
 from wavetank.simulation.supply import PaddleWork
-from wavetank.tank.answering import Excess, Measurement, PaddleController, Push
+from wavetank.tank.absorption import FaceElevation, Measurement, PaddleController, PaddleSlopes
 
 
 def build_controllers(scene: Case, waves: AnyWaves) -> list[PaddleController]:
@@ -53,14 +53,15 @@ def build_filter(scene: Case, number: int, waves: AnyWaves) -> tuple[StateSpaceF
     if isinstance(wall.absorb, SpringDamper):
         mass, stiffness, damping = wall.absorb.resolved(end)
         added = wall.added_mass(tank)
-        return StateSpaceFilter.of_spring(mass + added, stiffness, damping), Push(waves, number, paddle, mass=added)
+        slopes = PaddleSlopes(waves, number, paddle, mass=added)
+        return StateSpaceFilter.of_spring(mass + added, stiffness, damping), slopes
     result = from_first(comm, lambda: wall.absorb.build(end))
     above, below = result.over_s()
-    made = raise_on_all_ranks(
+    target = raise_on_all_ranks(
         comm,
         lambda: elevation_at_face(
             end.motion(), wall.wavemaker, depth=tank.depth, gravity=tank.gravity, duration=scene.run.duration
         ),
     )
-    excess = Excess(waves, paddle, made)
-    return StateSpaceFilter.of_transfer(-above, below).with_feedthrough(excess.rise), excess
+    elevation = FaceElevation(waves, paddle, target)
+    return StateSpaceFilter.of_transfer(-above, below).with_feedthrough(elevation.rise), elevation

@@ -1,6 +1,4 @@
-"""Wave breaking: the criterion of Barthelemy et al. along a slice and along sections of a basin.
-
-Wave breaking: the alarm, the stop and the dissipation.
+"""Wave breaking: the criterion of Barthelemy et al. along a slice and along sections of a basin; stop and dissipation.
 
 B = (u - U) / (c - U) is the ratio of the fastest water in a crest's upper half to the speed of the crest, both relative
 to the current around (tank/crests.py). The two criteria:
@@ -14,8 +12,8 @@ to the current around (tank/crests.py). The two criteria:
 Both count only if the front is steep and the crest travels with little change of form (``coherence``): the speed of a
 crest that forms, vanishes, stands or meets another has no meaning. docs/breaking.md has the measurements.
 
-``run.on_breaking`` selects the filter that acts after each step: ``BreakingAlarm`` records, ``StopAtBreaking`` also
-ends the run at an overturning crest, ``BreakingDissipation`` applies an eddy viscosity around each crest during its
+``run.on_breaking`` selects the filter that acts after each step: ``BreakingAlarm`` records, and also ends the run at an
+overturning crest if it is to stop, ``BreakingDissipation`` applies an eddy viscosity around each crest during its
 alarm, as Z. Tian, M. Perlin, W. Choi (Phys. Fluids 22, 2010):
 
     (M + dt N) v' = M v,     N = int nu du/dx dv/dx dx,     nu = alpha e c H cos²(pi (x - x_c) / (2 R)),  |x - x_c| < R
@@ -151,26 +149,18 @@ class BreakingWatch:
         Its state.
     crests
         The steep ones of the last search, coherent or not.
-    recorded
-        All alarms so far, with those of the step that ended the run.
     """
 
     def __init__(self, waves: NonlinearWaves, flow: SurfaceVelocity, *, length: float | None):
         self._waves, self._length = waves, length
         self._flow: Any = flow
         self.crests: list[SteepCrest] = []
-        self.recorded: tuple[Alarm, ...] = ()
         self.state = WatchState()
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
         """All alarms so far, by time."""
         return self.state.alarms
-
-    @property
-    def active(self) -> tuple[tuple[int, SteepCrest], ...]:
-        """Indices of the alarms that last, and their crests when examined last."""
-        return self.state.active
 
     def search(self, state: State, t: float) -> list[SteepCrest]:
         """Return the crests during their alarms where the step to a state has ended; collective. The first is none."""
@@ -199,7 +189,7 @@ class BreakingWatch:
         alarms, active, matched = list(self.alarms), list[tuple[int, SteepCrest]](), set[int]()
         for crest in crests:
             B = crest.overtaking
-            tracked, place = (*self.active, *active), np.array([[crest.x, crest.y]])
+            tracked, place = (*self.state.active, *active), np.array([[crest.x, crest.y]])
             matches = (one for one, last in tracked if self.distances(place, last)[0] < 1.0)
             index = next(matches, None)
             if index is None and breaks(crest):
@@ -213,10 +203,9 @@ class BreakingWatch:
                 outrun = one.outrun + (t - one.end) / self._period(crest) * (B > 1.0)
                 alarms[index] = one._replace(largest=max(one.largest, B), end=t, outrun=outrun)
                 active.append((index, crest))
-        missed = [(index, crest) for index, crest in self.active if index not in matched]
+        missed = [(index, crest) for index, crest in self.state.active if index not in matched]
         missed = [one for one in missed if t - alarms[one[0]].end < SUSTAINED * self._period(one[1])]
-        self.recorded = tuple(alarms)
-        self.state = replace(self.state, alarms=self.recorded, active=(*active, *missed))
+        self.state = replace(self.state, alarms=tuple(alarms), active=(*active, *missed))
         return [crest for _, crest in active]
 
     def _period(self, crest: SteepCrest) -> float:
@@ -238,17 +227,17 @@ class BreakingWatch:
     @property
     def story(self) -> str:
         """The alarms so far as a sentence; empty if there are none."""
-        if not self.recorded:
+        if not self.alarms:
             return ""
-        worst, first = max(self.recorded, key=lambda one: one.largest), self.first
-        first = f"at {first}" if len(self.recorded) == 1 else f"the first at {first}"
-        crests = "1 crest" if len(self.recorded) == 1 else f"{len(self.recorded)} crests"
-        return f"{crests} passed u/c = {ONSET:g}, the threshold of breaking, {first}; largest u/c {worst.largest:.2f}"
+        largest, count = max(one.largest for one in self.alarms), len(self.alarms)
+        crests, which = ("1 crest", "at") if count == 1 else (f"{count} crests", "the first at")
+        threshold = f"passed u/c = {ONSET:g}, the threshold of breaking"
+        return f"{crests} {threshold}, {which} {self.first}; largest u/c {largest:.2f}"
 
     @property
     def first(self) -> str:
         """When and where the first alarm began, in words."""
-        return f"t = {self.recorded[0].t:.6g} s, {self.place(self.recorded[0])}"
+        return f"t = {self.alarms[0].t:.6g} s, {self.place(self.alarms[0])}"
 
     @property
     def cause(self) -> str:
@@ -259,12 +248,12 @@ class BreakingWatch:
     def columns(self) -> dict[str, Vector]:
         """The alarms as columns of a table, units in their names."""
         names = "t [s]", "x [m]", "height [m]", "u/c at onset [-]", "largest u/c [-]", "end [s]"
-        return dict(zip(names, np.array(self.recorded).T[: len(names)], strict=True))
+        return dict(zip(names, np.array(self.alarms).T[: len(names)], strict=True))
 
     @property
     def figures(self) -> dict[str, Any]:
         """The alarms, for a manifest."""
-        return {"alarms": [alarm._asdict() for alarm in self.recorded]}
+        return {"alarms": [alarm._asdict() for alarm in self.alarms]}
 
     def _surface(self) -> Any:
         """Return the surface that the next search compares with; collective."""
@@ -316,7 +305,6 @@ class BreakingFilter:
     @state.setter
     def state(self, state: BreakingState) -> None:
         self.watch.state, self._energy = state.watch, state.energy
-        self.watch.recorded = state.watch.alarms
 
     @property
     def figures(self) -> dict[str, Any]:
@@ -325,14 +313,28 @@ class BreakingFilter:
 
 
 class BreakingAlarm(BreakingFilter):
-    """Records crests that pass the threshold of breaking, among filters, and changes nothing."""
+    """Records crests that pass the threshold of breaking, among filters, and changes nothing.
 
-    def __init__(self, watch: BreakingWatch):
-        self.watch, self._energy = watch, SmoothingState()
+    Parameters
+    ----------
+    stop
+        Whether it ends a run in the step in which a crest overturns.
+    """
+
+    def __init__(self, watch: BreakingWatch, *, stop: bool = False):
+        self.watch, self._energy, self._stop = watch, SmoothingState(), stop
 
     def needed(self, state: State, t: float) -> bool:
-        """Look at the crests where a step has ended, and return False; collective."""
+        """Search where a step has ended, and return False; raises ``RunError`` to stop; collective."""
         self.watch.search(state, t)
+        for index, crest in self.watch.state.active if self._stop else ():
+            periods = self.watch.alarms[index].outrun
+            if crest.outrun > OVERTURNS or periods > SUSTAINED:
+                raise RunError(
+                    f"t = {t:.6g} s, {self.watch.place(crest)}: a wave breaks: the water outruns the crest for "
+                    f"{periods:.2g} periods (limit {SUSTAINED:g}), in {100 * crest.outrun:.0f} % of its upper half "
+                    f"(limit {100 * OVERTURNS:.0f} %): {crest.velocity:.3g} m/s, the crest {crest.speed:.3g} m/s"
+                )
         return False
 
     def passed(self, pairs: Vector) -> Vector:
@@ -341,23 +343,6 @@ class BreakingAlarm(BreakingFilter):
 
     def account(self, loss: float, *, of: float) -> None:
         """Do nothing: there is no loss."""
-
-
-class StopAtBreaking(BreakingAlarm):
-    """Also ends a run in the step in which a crest overturns."""
-
-    def needed(self, state: State, t: float) -> bool:
-        """Return False, or raise ``RunError`` if a wave overturns; collective."""
-        self.watch.search(state, t)
-        for index, crest in self.watch.state.active:
-            periods = self.watch.state.alarms[index].outrun
-            if crest.outrun > OVERTURNS or periods > SUSTAINED:
-                raise RunError(
-                    f"t = {t:.6g} s, {self.watch.place(crest)}: a wave breaks: the water outruns the crest for "
-                    f"{periods:.2g} periods (limit {SUSTAINED:g}), in {100 * crest.outrun:.0f} % of its upper half "
-                    f"(limit {100 * OVERTURNS:.0f} %): {crest.velocity:.3g} m/s, the crest {crest.speed:.3g} m/s"
-                )
-        return False
 
 
 class BreakingDissipation(BreakingFilter, Smoothing):
@@ -396,12 +381,8 @@ class BreakingDissipation(BreakingFilter, Smoothing):
     @property
     def figures(self) -> dict[str, Any]:
         """The alarms, their number, and what was taken of the energy there was."""
-        figures = {
-            "waves": len(self.watch.alarms),
-            "energy_taken": self.energy_taken,
-            "part_taken": self.dissipated_part,
-        }
-        return self.watch.figures | figures
+        taken = {"energy_taken": self.energy_taken, "part_taken": self.dissipated_part}
+        return self.watch.figures | {"waves": len(self.watch.alarms)} | taken
 
     @property
     def dissipated_part(self) -> float:
@@ -555,7 +536,7 @@ class BasinBreakingWatch(BreakingWatch):
     def columns(self) -> dict[str, Vector]:
         """See ``BreakingWatch``."""
         t, x, *remaining = super().columns.items()
-        return dict([t, x, ("y [m]", np.array([alarm.y for alarm in self.recorded])), *remaining])
+        return dict([t, x, ("y [m]", np.array([alarm.y for alarm in self.alarms])), *remaining])
 
     def _rows(self, owned: Vector) -> Vector:
         """Return values at the degrees of freedom of this rank and its ghosts; collective."""

@@ -153,7 +153,7 @@ class Smoothing:
         self._energy = state
 
     @cached_property
-    def _matrix(self) -> PenalisedMass | GradientJumpPenalty:
+    def matrix(self) -> PenalisedMass | GradientJumpPenalty:
         """M_J + N, made where it is first needed; collective."""
         return self._made(self._waves.wall.mapping.J(self._waves.densities.eta))
 
@@ -163,14 +163,14 @@ class Smoothing:
 
     def update(self) -> None:
         """Assemble N for the present values of what its form depends on, the wall among them; collective."""
-        self._matrix.update()
+        self.matrix.update()
 
     def passed(self, pairs: Vector) -> Vector:
         """Return Q - N eta', whose sum, the mass, is that of Q, and psi' of points [Q, psi], shape (m, 2, owned).
 
         The solution at one point is the start value at the next, which is close to it.
         """
-        result, solve, N = np.empty_like(pairs), self._matrix.solve, self._matrix.penalty
+        result, solve, N = np.empty_like(pairs), self.matrix.solve, self.matrix.penalty
         by_eta = by_psi = np.zeros(pairs.shape[2:])  # v - v' = (M_J + N)^-1 N v
         for (q, psi), after in zip(pairs, result, strict=True):
             eta = self._waves.columns.solve(q) - self._waves.bed.still
@@ -249,11 +249,6 @@ class EdgePenalty(Smoothing):
             self._waves.set_time(t)
             self.update()
         return True
-
-    def generator(self) -> Vector:
-        """Return M^-1 kappa S as a dense matrix, on one rank: for small tanks only."""
-        units = np.eye(self._waves.plane.owned)
-        return np.array([self._waves.mass.solve(self._matrix.penalty(unit)) for unit in units]).T
 
 
 def shortest_wave_number(waves: NonlinearWaves, cell_size: float) -> float:

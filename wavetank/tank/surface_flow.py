@@ -1,10 +1,10 @@
-"""How fast the surface moves between the degrees of freedom, and where its crests are.
+"""Velocity and slope of the surface between the degrees of freedom.
 
 Where the surface is level, the surface potential's derivative is the water's horizontal velocity: psi_x = u + w eta_x.
 """
 
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import basix
 import numpy as np
@@ -24,24 +24,6 @@ from wavetank.tank.crests import Profile
 from wavetank.tank.evaluation import WaterEvaluation
 
 POINTS = {1: 2, 2: 1}  # intervals between points over intervals between nodes, by dimension
-
-
-class SurfaceCrest(NamedTuple):
-    """A place where the surface is level and highest around.
-
-    Attributes
-    ----------
-    x
-        Distance along the tank [m].
-    height
-        Elevation [m].
-    velocity
-        The water's horizontal velocity there [m/s].
-    """
-
-    x: float
-    height: float
-    velocity: float
 
 
 def largest_function(waves: Any, eta: Field, psi: Field, result: Vector) -> Function:
@@ -86,6 +68,8 @@ class SurfaceVelocity:
 
     Attributes
     ----------
+    plane
+        The horizontal space.
     largest_velocity, largest_slope
         The largest horizontal velocity of the surface [m/s], and its largest slope [-].
     t
@@ -93,7 +77,7 @@ class SurfaceVelocity:
     """
 
     def __init__(self, waves: Any):
-        plane = waves.plane
+        self.plane = plane = waves.plane
         self._waves, self._comm, dim = waves, plane.comm, plane.mesh.topology.dim
         self._eta, self._psi = plane.function("elevation"), plane.function("surface potential")
         cell = plane.mesh.basix_cell()
@@ -104,7 +88,6 @@ class SurfaceVelocity:
         self._find_largest = largest_function(waves, self._eta, self._psi, self._largest)
         self.evaluation: WaterEvaluation | None = None
         self.t = np.nan
-        self._speeds_and_slopes: Vector | None = None
         self.largest_velocity = self.largest_slope = 0.0
 
     def update(self, q: Vector, p: Vector, t: float) -> None:
@@ -122,7 +105,8 @@ class SurfaceVelocity:
 
     def _take(self, eta: Vector, psi: Vector, t: float) -> None:
         """Take elevation and surface potential at t [s]."""
-        self.evaluation, self.t, self._speeds_and_slopes = None, t, None
+        self.evaluation, self.t = None, t
+        vars(self).pop("_largest_by_cell", None)
         if t != self._waves.t:
             self._waves.set_time(t)
         self._eta.set(eta)
@@ -139,7 +123,7 @@ class SurfaceVelocity:
         """Return an expression in the points of cells, shape (cells, points, components)."""
         if not np.isnan(self.t):
             self._waves.set_time(self.t)
-        values = np.asarray(expression.eval(self._waves.plane.mesh, cells))
+        values = np.asarray(expression.eval(self.plane.mesh, cells))
         return values.reshape(len(cells), len(self._points), expression.value_size)  # a rank may have no cell
 
     def gradients(self, cells: NDArray[np.int32]) -> Vector:
@@ -148,7 +132,7 @@ class SurfaceVelocity:
 
     @cached_property
     def _gradients(self) -> fem.Expression:
-        x, eta = ufl.SpatialCoordinate(self._waves.plane.mesh), self._eta.function
+        x, eta = ufl.SpatialCoordinate(self.plane.mesh), self._eta.function
         slope = self._waves.wall.mapping.gradient(eta, eta)
         return compile_expression(ufl.as_vector([x[0], x[1], slope[0], slope[1]]), self._points, self._comm)
 
@@ -160,21 +144,20 @@ class SurfaceVelocity:
         speed = ufl.sqrt(ufl.inner(velocity, velocity)) / (1 + square)
         return compile_expression(ufl.as_vector([speed, ufl.sqrt(square)]), self._points, self._comm)
 
+    @cached_property
     def _largest_by_cell(self) -> Vector:
-        if self._speeds_and_slopes is None:
-            values = self._evaluated(self._speed_and_slope, self._cells)
-            self._speeds_and_slopes = values.max(axis=1, initial=0.0).T
-        return self._speeds_and_slopes
+        """The largest velocity and slope in each of the cells of this rank, shape (2, cells)."""
+        return np.asarray(self._evaluated(self._speed_and_slope, self._cells).max(axis=1, initial=0.0).T)
 
     @property
     def speeds(self) -> Vector:
         """The largest horizontal velocity of the surface in each of the cells of this rank [m/s], shape (cells,)."""
-        return np.asarray(self._largest_by_cell()[0])
+        return np.asarray(self._largest_by_cell[0])
 
     @property
     def slopes(self) -> Vector:
         """The largest slope of the surface in each of the cells of this rank [-], shape (cells,)."""
-        return np.asarray(self._largest_by_cell()[1])
+        return np.asarray(self._largest_by_cell[1])
 
 
 class SurfaceFlow(SurfaceVelocity):
@@ -206,8 +189,8 @@ class SurfaceFlow(SurfaceVelocity):
     @cached_property
     def _surface(self) -> fem.Expression:
         """Height, slope and d psi / dx."""
-        mesh, eta, psi = self._waves.plane.mesh, self._eta.function, self._psi.function
-        along = self._waves.plane.chart.direction(mesh)
+        mesh, eta, psi = self.plane.mesh, self._eta.function, self._psi.function
+        along = self.plane.chart.direction(mesh)
         slopes = (ufl.inner(self._waves.wall.mapping.gradient(field, eta), along) for field in (eta, psi))
         return compile_expression(ufl.as_vector([eta, *slopes]), self._points, self._comm)
 
@@ -222,25 +205,6 @@ class SurfaceFlow(SurfaceVelocity):
         if self._comm.size > 1:
             mine = np.concatenate(self._comm.allgather(mine.transpose(1, 0, 2)))[self._order].transpose(1, 0, 2)
         return Profile(*mine.reshape(4, -1))
-
-    def crests(self) -> list[SurfaceCrest]:
-        """Return the crests above still water, in the order of x; of several within a cell, the highest.
-
-        A ring's seam is a place like any: what rises to it is followed by what lies behind.
-        """
-        distance = self._waves.plane.chart.distance
-        x, height, slope, psi_x = self.profile
-        if distance(x[-1:], float(x[0]))[0] < 1e-9 * self.cell:  # a ring
-            x, (height, slope, psi_x) = np.append(x, x[-1]), (np.append(one, one[0]) for one in (height, slope, psi_x))
-        rising = np.flatnonzero((slope[:-1] > 0) & (slope[1:] <= 0) & (height[:-1] > 0))
-        part = slope[rising] / (slope[rising] - slope[rising + 1])
-        values = ((1 - part) * one[rising] + part * one[rising + 1] for one in (x, height, psi_x))
-        crests = list[SurfaceCrest]()
-        result = (SurfaceCrest(*map(float, place)) for place in zip(*values, strict=True))
-        for crest in sorted(result, key=lambda one: -one.height):
-            if not crests or distance(np.array([one.x for one in crests]), crest.x).min() >= self.cell:
-                crests.append(crest)
-        return sorted(crests)
 
 
 def surface_of(waves: Any) -> SurfaceVelocity:

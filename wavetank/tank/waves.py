@@ -26,8 +26,8 @@ from wavetank.integrators.hamiltonian import Weights
 from wavetank.integrators.stage_solver import StageHistories, StageSolver
 from wavetank.integrators.stages import PairStage
 from wavetank.motion.feedback import FeedbackMotion
+from wavetank.tank.advection import AdvectionPreconditioner, surface_points
 from wavetank.tank.bed import Depth
-from wavetank.tank.carried_waves import AdvectionPreconditioner, surface_points
 from wavetank.tank.discrete_energy import DiscreteEnergy
 from wavetank.tank.evaluation import WaterEvaluation
 from wavetank.tank.history import HistoryState, SolverHistory

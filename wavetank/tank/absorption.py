@@ -82,8 +82,8 @@ class PaddleController:
         self._motion.state, self._filter_state = state.motion, state.filter
 
 
-class Push:
-    """What the water does to a paddle on a spring: J = dH/dX' + c X', and dH/dX.
+class PaddleSlopes:
+    """Measures the load of the water on a paddle with a spring: J = dH/dX' + c X', and dH/dX.
 
     Parameters
     ----------
@@ -106,13 +106,13 @@ class Push:
         return np.array([by_velocity + self._mass * self._motion.velocity(t), by_position])
 
 
-class Excess:
-    """The mean elevation at a paddle's face, less what the paddle is to make there.
+class FaceElevation:
+    """Measures the mean elevation at a paddle's face, less the target there.
 
     Parameters
     ----------
-    made
-        Of t [s], in m.
+    target
+        The elevation that the paddle makes [m] of t [s].
 
     Attributes
     ----------
@@ -120,8 +120,8 @@ class Excess:
         By how much water at the face rises where the paddle goes on by a metre at once.
     """
 
-    def __init__(self, waves: Water, paddle: Any, made: Callable[[float], float]):
-        self._waves, self._made, self._motion = waves, made, paddle.motion
+    def __init__(self, waves: Water, paddle: Any, target: Callable[[float], float]):
+        self._waves, self._target, self._motion = waves, target, paddle.motion
         self._at = waves.plane.at(paddle.side.facets)
         self._count = waves.plane.comm.allreduce(len(self._at))
         self.rise = self._rise_rate()
@@ -143,7 +143,7 @@ class Excess:
 
     def __call__(self, q: Vector, p: Vector, t: float) -> Vector:
         """See ``Measurement``; shape (1,), in m."""
-        eta = self._mean(self._waves.elevation(q, p, t)) - self._made(t)
+        eta = self._mean(self._waves.elevation(q, p, t)) - self._target(t)
         s = min(t / (GENTLY * np.sqrt(self._waves.depth / self._waves.gravity)), 1.0)
         return np.array([s**3 * (10 - 15 * s + 6 * s**2) * eta - self.rise * self._motion.added(t, 0)])
 
