@@ -77,11 +77,11 @@ class DiscreteEnergy(Water):
         self.densities = energy = WaterEnergy(h=self.h.function, d=self.bed.d, gravity=g, mapping=wall.mapping)
         self.unit = unit = Unit(plane.comm)
         self.mass = mass_matrix(plane, wall.mapping.J(energy.eta), unit)
-        self.columns = wall.columns(energy, self.mass, unit)
+        self.columns = wall.columns(self)
         self.potential_energy = MassMatrix(
             plane, energy.potential(), unit=unit, prefix="potential", functions=("total",)
         )
-        self.wall_terms = wall.terms(energy, self.phi, bed=self.bed, vertical=self.vertical, unit=unit)
+        self.wall_terms = wall.terms(self)
 
     @cached_property
     def hamiltonian(self) -> dict[Part, ufl.Form]:

@@ -29,9 +29,11 @@ import ufl
 from dolfinx import fem
 
 from wavetank.base.arrays import Vector, summed
+from wavetank.fem.along import SliceOperator
 from wavetank.fem.codegen import Unit
 from wavetank.fem.decoupled import LayerMatrices
 from wavetank.fem.forms import VectorForm
+from wavetank.fem.layers import LayerOperator
 from wavetank.fem.mass import mass_matrix
 from wavetank.fem.plane import Plane
 from wavetank.fem.vertical import VerticalBasis
@@ -89,7 +91,13 @@ class LinearWaves(Water):
         still = WaterEnergy(h=d, d=d, gravity=g, mapping=wall.mapping)
         self.unit = Unit(plane.comm)
         self.mass = mass_matrix(plane, wall.mapping.J(0.0), self.unit)
-        self.layer, self._make_potential, self.still = self._interior(still, tolerance)
+        self._is_direct = plane.mesh.topology.dim == 1 and isinstance(self.bed, FlatBed)
+        self.layer, self._make_potential, operator = self._interior(still, 0.1 * tolerance)
+        self.history = self.new_history("steps")  # before anything that is compiled with it is called
+        with self.bed.levelled():
+            self.still = self.layer.assemble()
+        if operator is not None:
+            operator.update()
         self._tolerance = tolerance
         self._inflow, self._recoil = self._responses([self.flux(paddle, still) for paddle in wall.paddles])
 
@@ -106,36 +114,23 @@ class LinearWaves(Water):
 
     def new_history(self, owner: str) -> "LinearHistory":
         """Return a history of solves without any; collective."""
-        return self._history_of(self._make_potential())
-
-    def _history_of(self, potential: "IterativePotential | DirectPotential") -> "LinearHistory":
         nothing = np.full(self.plane.owned, np.nan)
-        return LinearHistory(potential, nothing, nothing)
+        return LinearHistory(self._make_potential(), nothing, nothing)
 
     def _interior(
         self, still: WaterEnergy, tolerance: float
-    ) -> tuple[Any, Callable[[], "IterativePotential | DirectPotential"], Any]:
-        """Return the layer over the depth, what makes a solver for the interior, and averages for the mean depth."""
+    ) -> tuple[Any, Callable[[], "IterativePotential | DirectPotential"], LayerOperator | SliceOperator | None]:
+        """Return the layer over the depth, what makes a solver for the interior, and its operator if it has one."""
         plane, vertical = self.plane, self.vertical
-        if plane.mesh.topology.dim == 1 and isinstance(self.bed, FlatBed):
+        if self._is_direct:
             matrices = LayerMatrices(still.layer, plane)
-            direct = DirectPotential(matrices, vertical)
-            self.history = self._history_of(direct)
-            return matrices, direct.counted_apart, matrices.assemble()
+            return matrices, DirectPotential(matrices, vertical).counted_apart, None
         column = plane.function("water column")
         column.set(self.bed.still)
         operator, layer, minimum = interior_of(
-            still.layer, plane, vertical, column=column, tolerance=0.1 * tolerance, unit=self.unit
+            still.layer, plane, vertical, column=column, tolerance=tolerance, unit=self.unit
         )
-
-        def potential() -> IterativePotential:
-            return IterativePotential(minimum(), plane=plane, components=vertical.n + 1)
-
-        self.history = self._history_of(potential())  # before anything that is compiled with it is called
-        with self.bed.levelled():
-            averages = layer.assemble()
-        operator.update()
-        return layer, potential, averages
+        return layer, lambda: IterativePotential(minimum(), plane=plane, components=vertical.n + 1), operator
 
     def flux(self, paddle: Any, still: WaterEnergy) -> Vector:
         """Return dF/dphi of a paddle for the energy of still water, shape (owned, n+1)."""
@@ -224,11 +219,6 @@ class LinearWaves(Water):
 
     # ------------------------------------------------------------------------------------------ stages
     @cached_property
-    def _is_direct(self) -> bool:
-        """Whether stages of pairs are solved at once, exactly."""
-        return isinstance(self.potential, DirectPotential)
-
-    @cached_property
     def stage_solver(self) -> StageSolver:  # type: ignore[override]
         """See ``StagedSystem``."""
         tolerance = COUPLED_TOLERANCE if self._is_direct else self._tolerance
@@ -311,39 +301,27 @@ class LinearHistory:
         return LinearState(self.interior.state, self.psi, self.G_psi, self.stages.state)
 
 
-class IterativePotential:
+class IterativePotential(InteriorPotential):
     """The interior potential by conjugate gradients: in basins, and where the bed's slope couples the modes."""
 
     def __init__(self, minimum: Any, *, plane: Plane, components: int):
-        self._plane = plane
-        self._phi = plane.layered_function(components, "potential")
-        self._potential = InteriorPotential(minimum, self._phi, inputs=1, plane=plane, unit=Unit(plane.comm))
-        self.counters = self._potential.counters
-        self._no_flux = np.zeros((1, components))
+        phi = plane.layered_function(components, "potential")
+        super().__init__(minimum, phi, inputs=1, plane=plane, unit=Unit(plane.comm))
 
-    def _solve(self, psi: Vector, flux: Vector, inputs: Vector | None) -> Vector:
+    def _surface_flow(self, psi: Vector, flux: Vector, inputs: Vector | None) -> Vector:
         """Return (A phi)_n at the interior potential, shape (owned,); collective."""
         self._phi.owned[:, -1] = psi
         self._phi.function.x.scatter_forward()
-        return self._potential.solve(flux, inputs)
+        return self.solve(flux, inputs)
 
     def dirichlet_neumann(self, psi: Vector) -> Vector:
         """Return G psi, shape (owned,); collective."""
-        return self._solve(psi, self._no_flux, psi)
+        return self._surface_flow(psi, np.zeros((1, self._phi.owned.shape[1])), psi)
 
     def response(self, flux: Vector) -> tuple[Vector, float]:
         """Return w, shape (owned,), and c of the module's formulae for dF/dphi, shape (owned, n+1); collective."""
-        through = self._solve(np.zeros(self._plane.owned), flux, None)
+        through = self._surface_flow(np.zeros(self._plane.owned), flux, None)
         return flux[:, -1] + through, -self._plane.sum(flux[:, :-1] * self._phi.owned[:, :-1])
-
-    @property
-    def state(self) -> InteriorState:
-        """The state of the solver."""
-        return self._potential.state
-
-    @state.setter
-    def state(self, state: InteriorState) -> None:
-        self._potential.state = state
 
 
 class DirectPotential:
@@ -396,7 +374,4 @@ class DirectPotential:
 
     @state.setter
     def state(self, state: SolveCounters) -> None:
-        vars(self.counters).update(vars(state))
-
-
-StillPotential = DirectPotential | IterativePotential
+        self.counters = replace(state)

@@ -111,7 +111,7 @@ class InteriorPotential:
     def state(self, state: InteriorState) -> None:
         """The operator must be as it was when the preconditioner was made; collective."""
         self.recall.state, self.patience = state.recall, state.patience
-        vars(self.counters).update(vars(state.counters))
+        self.counters = replace(state.counters)
         if self.patience is not None:
             self.minimiser.factor()
 

@@ -3,7 +3,6 @@
 Both serve every kind of waves: nonlinear ones as preconditioner and estimate, linear ones exactly.
 """
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from wavetank.base.arrays import Vector
 from wavetank.tank.evaluation import Water
 
 ROUGHLY = 1e-3  # of what mass matrices are inverted for
+STEPS = 40  # of Lanczos' iteration
 CYCLES = 2  # of multigrid: the second is cheap against the evaluations of an implicit stage that it saves
 
 
@@ -79,40 +79,29 @@ def scales(waves: Water) -> tuple[Vector, Vector]:
 
 
 def largest_frequency(waves: Water, t: float = 0.0) -> float:
-    """Return the largest angular frequency the mesh carries [rad/s], its walls as at t [s], by Lanczos; collective."""
-    still, nothing = waves.state(np.zeros(waves.plane.owned), np.zeros(waves.plane.owned), t)
+    """Return the largest angular frequency the mesh carries [rad/s], its walls as at t [s]; collective.
+
+    By Lanczos' iteration for M^-1 G, in a basis that is orthonormal in M.
+    """
+    plane, mass = waves.plane, waves.mass
+    still, nothing = waves.state(np.zeros(plane.owned), np.zeros(plane.owned), t)
     rest = waves.evaluate(still, nothing, t).dq
 
-    def surface_operator(psi: Vector) -> Vector:
-        return waves.mass.solve(waves.evaluate(still, psi, t).dq - rest)
-
     def inner(rows: Vector, image: Vector) -> Vector:
-        return np.asarray(waves.plane.comm.allreduce(rows @ waves.mass.apply(image)))
+        return np.asarray(plane.comm.allreduce(rows @ mass.apply(image)))
 
-    start = np.sin(1e5 * waves.plane.coordinates().sum(axis=1))
-    projected = krylov_projection(surface_operator, start, inner=inner, steps=min(40, waves.plane.size))
-    return float(np.sqrt(waves.gravity * np.linalg.eigvalsh(projected, UPLO="U")[-1]))
-
-
-def krylov_projection(
-    operator: Callable[[Vector], Vector], start: Vector, *, inner: Callable[[Vector, Vector], Vector], steps: int
-) -> Vector:
-    """Return an operator projected on the Krylov space of ``start``, orthonormal in ``inner``; collective.
-
-    ``inner`` gives the products of some vectors, shape (k, owned), with one. The eigenvalues are those of Arnoldi's
-    iteration, of Lanczos' where the operator is self-adjoint in ``inner``.
-    """
-    basis, projected = np.zeros((steps, start.size)), np.zeros((steps, steps))
-    image = start
+    steps = min(STEPS, plane.size)
+    basis, projected = np.zeros((steps, plane.owned)), np.zeros((steps, steps))
+    image = np.sin(1e5 * plane.coordinates().sum(axis=1))
     for k in range(steps):
-        basis[k] = image / np.sqrt(inner(image[None], image)[0])
-        image = operator(basis[k])
-        for _ in range(2):  # the second pass takes what round-off left of the first
+        length = np.sqrt(inner(image[None], image)[0])
+        if length < 1e-10 * np.abs(projected).max():  # the space is exhausted
+            steps = k
+            break
+        basis[k] = image / length
+        image = mass.solve(waves.evaluate(still, basis[k], t).dq - rest)
+        for _ in range(2):  # the second pass removes the round-off of the first
             parts = inner(basis[: k + 1], image)
             projected[: k + 1, k] += parts
             image = image - parts @ basis[: k + 1]
-        length = np.sqrt(inner(image[None], image)[0])
-        if k + 1 == steps or length < 1e-10 * np.abs(projected).max():  # the latter: the space is exhausted
-            break
-        projected[k + 1, k] = length
-    return projected[: k + 1, : k + 1]
+    return float(np.sqrt(waves.gravity * np.linalg.eigvalsh(projected[:steps, :steps], UPLO="U")[-1]))

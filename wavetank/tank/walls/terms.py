@@ -25,19 +25,25 @@ from dolfinx import fem
 
 from wavetank.base.arrays import Vector
 from wavetank.fem.cells import Cells
-from wavetank.fem.codegen import Buffer, Unit, source
+from wavetank.fem.codegen import Buffer, source
 from wavetank.fem.density import Density, Statements, named
 from wavetank.fem.forms import ScalarForm, VectorForm, derivative_at_zero
 from wavetank.fem.plane import LayeredField
 from wavetank.fem.slice import WallStruct
 from wavetank.fem.vertical import VerticalBasis, gauss_legendre
-from wavetank.tank.bed import Bed
 from wavetank.tank.energy import Part, WaterEnergy
 from wavetank.tank.walls.paddle import DESCRIPTIONS, Paddle
 
 
 class WallTerms:
     """W, its derivatives and the power of all paddles.
+
+    Parameters
+    ----------
+    wall, paddles
+        The walls, and the paddles that move.
+    water
+        The ``DiscreteEnergy`` with densities, potential, bed, vertical space and translation unit, here and below.
 
     Attributes
     ----------
@@ -47,35 +53,25 @@ class WallTerms:
         W of each paddle as compiled code, along a slice on one rank; None elsewhere.
     """
 
-    def __init__(
-        self,
-        wall: Any,
-        paddles: Sequence[Paddle],
-        energy: WaterEnergy,
-        phi: LayeredField,
-        *,
-        bed: Bed,
-        vertical: VerticalBasis,
-        unit: Unit,
-    ):
-        self._wall, self._paddles, self._bed = wall, paddles, bed
+    def __init__(self, wall: Any, paddles: Sequence[Paddle], water: Any):
+        self._wall, self._paddles, self._bed = wall, paddles, water.bed
         self._t = np.nan  # the time of the rate of the bed's depth [s]
         self._each: list[AssembledTerms | CompiledTerms] = []
         self.along: tuple[WallStruct, ...] | None = ()
         self.hamiltonian = dict[Part, ufl.Form]()
         for paddle in paddles:
             part, _ = DESCRIPTIONS["leaning" if paddle.leans else "upright"]
-            flux = flux_form(paddle, energy, phi, vertical)
+            flux = flux_form(paddle, water.densities, water.phi, water.vertical)
             work = flux(paddle.mesh_motion.speed.function)
             self.hamiltonian[part._replace(name="far wall") if self.hamiltonian else part] = work
             if paddle.plane.mesh.topology.dim == 1 and paddle.plane.comm.size == 1:
-                terms = CompiledTerms(paddle, energy, phi, bed, vertical, unit=unit, follow=self._follow)
+                terms = CompiledTerms(paddle, water, follow=self._follow)
                 self._each.append(terms)
                 self.along = (*(self.along or ()), terms)
             else:
-                self._each.append(AssembledTerms(paddle, energy, phi, bed, vertical, flux=flux))
+                self._each.append(AssembledTerms(paddle, water, flux=flux))
                 self.along = None
-        self._zero = np.zeros((1, vertical.n + 1))
+        self._zero = np.zeros((1, water.vertical.n + 1))
 
     def vector(self) -> Vector:
         """Return dW/dphi, broadcastable to shape (owned, n+1); collective. The next call may reuse the array."""
@@ -126,25 +122,17 @@ def flux_form(
     return lambda speed: speed * in_water * paddle.displaced_measure + into * speed * at_wall * surface
 
 
-def later(paddle: Paddle, energy: WaterEnergy, bed: Bed, dt: Any) -> WaterEnergy:
+def later(paddle: Paddle, water: Any, dt: Any) -> WaterEnergy:
     """Return the energy when the wall has moved on at its velocity for dt [s], in UFL."""
-    return replace(energy, mapping=paddle.after(dt), d=bed.d + dt * bed.rate)
+    energy: WaterEnergy = water.densities
+    return replace(energy, mapping=paddle.after(dt), d=water.bed.d + dt * water.bed.rate)
 
 
 class AssembledTerms:
     """W, its derivatives and the power of a paddle as forms."""
 
-    def __init__(
-        self,
-        paddle: Paddle,
-        energy: WaterEnergy,
-        phi: LayeredField,
-        bed: Bed,
-        vertical: VerticalBasis,
-        *,
-        flux: Callable[[Any], ufl.Form],
-    ):
-        plane, self._motion = paddle.plane, paddle.mesh_motion
+    def __init__(self, paddle: Paddle, water: Any, *, flux: Callable[[Any], ufl.Form]):
+        plane, energy, phi, self._motion = paddle.plane, water.densities, water.phi, paddle.mesh_motion
         work = flux(self._motion.speed.function)
         self._components = phi.owned.shape[1]
         self._by_potential = VectorForm(ufl.derivative(work, phi.function))
@@ -153,8 +141,8 @@ class AssembledTerms:
         self._mu = plane.function("mu")
 
         def density(dt: Any) -> Any:
-            after = later(paddle, energy, bed, dt)
-            return after.kinetic(phi.function, vertical) + after.potential()
+            after = later(paddle, water, dt)
+            return after.kinetic(phi.function, water.vertical) + after.potential()
 
         rate = derivative_at_zero(density, plane.mesh) + paddle.stretching(energy, self._mu.function)
         power = rate * paddle.displaced_measure + flux(self._motion.acceleration.function)
@@ -184,31 +172,20 @@ class CompiledTerms:
 
     Parameters
     ----------
-    unit
-        The translation unit that its functions belong to.
     follow
         Updates the rate of the bed's depth.
     """
 
-    def __init__(
-        self,
-        paddle: Paddle,
-        energy: WaterEnergy,
-        phi: LayeredField,
-        bed: Bed,
-        vertical: VerticalBasis,
-        *,
-        unit: Unit,
-        follow: Callable[[], None],
-    ):
+    def __init__(self, paddle: Paddle, water: Any, *, follow: Callable[[], None]):
         plane, motion, shape = paddle.plane, paddle.mesh_motion, paddle.shape
-        self._motion, self._phi, self._h, self.follow = motion, phi.rows, energy.h.x.array, follow
+        energy, vertical = water.densities, water.vertical
+        self._motion, self._phi, self._h, self.follow = motion, water.phi.rows, energy.h.x.array, follow
         self.prefix = "near" if paddle.side.sign > 0.0 else "far"
         u, w, psi, mu = (fem.Function(plane.V) for _ in range(4))
         zeta, dt, rate, by_cells, by_levels = (fem.Constant(plane.mesh, 0.0) for _ in range(5))
         blending = motion.blending.function
         parts = (
-            rate * (later(paddle, energy, bed, dt).column(u, w, zeta) + dt * paddle.stretching(energy, mu))
+            rate * (later(paddle, water, dt).column(u, w, zeta) + dt * paddle.stretching(energy, mu))
             + by_cells * blending * paddle.flux(psi, energy)
             + by_levels * paddle.side.sign * blending * energy.wall_layer(u, shape.value, zeta)
         )
@@ -225,7 +202,7 @@ class CompiledTerms:
             "MU": density.index(mu),
             "MOST": vertical.n + 1 + density.fields,
         }
-        instance = unit.add(
+        instance = water.unit.add(
             self.prefix,
             source("cells.c") + source("layers.c", "wall"),
             exports=("by_potential", "by_column", "power"),
@@ -263,7 +240,8 @@ class CompiledTerms:
     def vector(self) -> Vector:
         """Return dW/dphi, shape (owned, n+1). The array is reused by the next call."""
         self._set_by_potential()
-        return self.by_potential_rows
+        rows: Vector = self.by_potential_rows
+        return rows
 
     def by_column(self) -> Vector:
         """Return dW/dh, shape (owned,). The array is reused by the next call."""

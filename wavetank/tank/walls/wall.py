@@ -20,12 +20,8 @@ from numpy.typing import NDArray
 
 from wavetank.base.arrays import Vector, summed
 from wavetank.base.errors import ConvergenceError
-from wavetank.fem.codegen import Unit
 from wavetank.fem.mass import PRODUCTS, MassMatrix
-from wavetank.fem.plane import LayeredField, Plane
-from wavetank.fem.vertical import VerticalBasis
-from wavetank.tank.bed import Bed
-from wavetank.tank.energy import WaterEnergy
+from wavetank.fem.plane import Plane
 from wavetank.tank.walls.mapping import Shift
 from wavetank.tank.walls.paddle import Paddle
 from wavetank.tank.walls.shape import UPRIGHT, Polynomial
@@ -164,20 +160,13 @@ class Wall:
             result += np.outer(speeds, paddle.side.normal)
         return result
 
-    def columns(self, energy: WaterEnergy, mass: MassMatrix, unit: Unit) -> "MassMatrix | LeaningColumns":
-        """Return what finds columns from masses: M_J, or beside a paddle that leans Newton's method.
+    def columns(self, water: Any) -> "MassMatrix | LeaningColumns":
+        """Return what finds columns from masses: M_J, or beside a paddle that leans Newton's method."""
+        return LeaningColumns(self.mapping, water) if self.leans else water.mass
 
-        ``unit`` is the translation unit that compiled functions are added to, here and below.
-        """
-        if not self.leans:
-            return mass
-        return LeaningColumns(self.mapping, energy, mass, plane=self._moving[0].plane, unit=unit)
-
-    def terms(
-        self, energy: WaterEnergy, phi: LayeredField, *, bed: Bed, vertical: VerticalBasis, unit: Unit
-    ) -> WallTerms:
-        """Return what the walls add to the Hamiltonian, for the energy of the water with potential phi."""
-        return WallTerms(self, self._moving, energy, phi, bed=bed, vertical=vertical, unit=unit)
+    def terms(self, water: Any) -> WallTerms:
+        """Return what the walls add to the Hamiltonian of a ``DiscreteEnergy``."""
+        return WallTerms(self, self._moving, water)
 
 
 class BothEnds(Wall):
@@ -231,15 +220,16 @@ class LeaningColumns:
 
     trials, round_off = MOST, ROUND_OFF
 
-    def __init__(self, mapping: Shift, energy: WaterEnergy, mass: MassMatrix, *, plane: Plane, unit: Unit):
-        self._mass, self._plane = mass, plane
-        self._start: Vector = energy.h.x.array[: plane.owned]
-        self._h = plane.function("columns")
+    def __init__(self, mapping: Shift, water: Any):
+        self._mass: MassMatrix = water.mass
+        self._plane: Plane = water.plane
+        self._start: Vector = water.h.owned
+        self._h = self._plane.function("columns")
         self._h.set(self._start)
         h = self._h.function
         self.column: Vector = h.x.array
-        mean = 1 + mapping.stretching(lambda shape: shape.column(h, energy.d)) / h
-        self.mean = MassMatrix(plane, mean, unit=unit, prefix="mean", functions=PRODUCTS)
+        mean = 1 + mapping.stretching(lambda shape: shape.column(h, water.bed.d)) / h
+        self.mean = MassMatrix(self._plane, mean, unit=water.unit, prefix="mean", functions=PRODUCTS)
 
     def apply(self, h: Vector) -> Vector:
         """Return the masses of columns [m]; collective."""
