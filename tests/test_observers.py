@@ -191,8 +191,8 @@ def test_paddle_that_reaches_a_gauge_ends_its_record_before(make_tank):
     called = Called(("gauges.0", "gauges.1"), ("wall",))
     gauges = Gauges(tank, [(5.0, 0.0), (0.2, 0.0)], record=rows, schedule=EverySteps(), called=called)
     times = [0.1 * step for step in range(25)]
-    reached = next(t for t in times if tank.wall.motion.position(t) > 0.2)
-    assert tank.wall.motion.position(times[-1]) < 0.0
+    reached = next(t for t in times if tank.wall.paddles[0].motion.position(t) > 0.2)
+    assert tank.wall.paddles[0].motion.position(times[-1]) < 0.0
     message = rf"^t = {reached:.6g} s: the paddle of wall has reached gauges.1, x = 0.2 m: it must stand farther"
     with pytest.raises(PaddleError, match=message) as error:
         gauges.record(surfaces(tank, times, lambda t: 0.01 * np.cos(tank.plane.x)))

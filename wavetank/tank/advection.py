@@ -16,13 +16,13 @@ needs more than some digits, so mass matrices are inverted roughly. Along a slic
 call (``slice.c``).
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from wavetank.base.arrays import Vector
 from wavetank.fem.along import AveragedModes
-from wavetank.fem.codegen import Buffer, Instance, Struct, Unit
+from wavetank.fem.codegen import Buffer, Function, Struct, Unit
 from wavetank.fem.plane import Plane
 from wavetank.fem.surface_points import SurfacePoints
 from wavetank.tank.evaluation import WaterEvaluation
@@ -32,20 +32,12 @@ from wavetank.tank.walls import Wall
 LEAST, LARGEST = 0.03, 0.5  # a V k, k = pi p / l of the mesh, that counts, and up to which the series serves
 
 
-class Compiled:
-    """The preconditioner of a weight along a slice on one rank.
+class Compiled(NamedTuple):
+    """The preconditioner of a weight along a slice on one rank: the ``Advection`` of ``slice.c``, and its functions."""
 
-    Attributes
-    ----------
-    struct
-        The ``Advection`` of ``slice.c``.
-    """
-
-    def __init__(self, instance: Instance, struct: Struct, *, dofs: int, most: float):
-        n, z = Buffer(dofs), Buffer(2 * dofs)
-        self.struct = struct
-        self.precondition = instance.function("precondition", struct, float, z, z)
-        self.set_velocity = instance.function("set_velocity", struct, most, LEAST / LARGEST * most, z, z, n, n)
+    struct: Struct
+    precondition: Function
+    set_velocity: Function
 
 
 def surface_points(plane: Plane, wall: Wall, unit: Unit) -> SurfacePoints:
@@ -105,13 +97,13 @@ class AdvectionPreconditioner:
             self.compiled[weight] = self._along(weight)
         compiled = self.compiled[weight]
         if compiled is None:
-            self._has_velocity = at is not None and self._velocity_counts(at, self._most(weight))
+            self._has_velocity = at is not None and self._velocity_counts(at, self._cutoff(weight))
         elif at is None:
             compiled.struct.c.carried = False
         else:
             compiled.set_velocity.call(at.z, at.flow, at.eta, self._waves.bed.still)
 
-    def _most(self, weight: float) -> float:
+    def _cutoff(self, weight: float) -> float:
         """Return the velocity at which that at the surface is cut off [m/s]."""
         return float(LARGEST * self._shortest / abs(weight))
 
@@ -137,21 +129,26 @@ class AdvectionPreconditioner:
             **modes.compiled(mode_weights),
             **self._points.compiled,
         )
-        return Compiled(instance, struct, dofs=dofs, most=self._most(weight))
+        n, z, cutoff = Buffer(dofs), Buffer(2 * dofs), self._cutoff(weight)
+        return Compiled(
+            struct,
+            instance.function("precondition", struct, float, z, z),
+            instance.function("set_velocity", struct, cutoff, LEAST / LARGEST * cutoff, z, z, n, n),
+        )
 
     def _solved(self, right: Vector) -> Vector:
         """Return what the mass matrix makes of that, roughly; collective."""
         result: Vector = self._waves.mass.solve(right, within=ROUGHLY)
         return result
 
-    def _velocity_counts(self, at: WaterEvaluation, most: float) -> bool:
-        """Set the velocities at the surface from an evaluation, cut off at ``most`` [m/s]; return whether they count.
+    def _velocity_counts(self, at: WaterEvaluation, cutoff: float) -> bool:
+        """Set the velocities at the surface from an evaluation, cut off [m/s]; return whether they count.
 
         Collective.
         """
         walls = self._waves.wall.at_surface(at.eta, self._waves.bed.still)
-        vertical, fastest = self._points.move([at.eta, at.p, self._solved(at.dq), *walls], most=most)
-        if not fastest * LARGEST > LEAST * most:
+        vertical, fastest = self._points.move([at.eta, at.p, self._solved(at.dq), *walls], most=cutoff)
+        if not fastest * LARGEST > LEAST * cutoff:
             return False
-        self._B[:] = np.minimum(np.maximum(self._solved(vertical), -most), most)
+        self._B[:] = np.minimum(np.maximum(self._solved(vertical), -cutoff), cutoff)
         return True

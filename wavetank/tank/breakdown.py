@@ -7,7 +7,6 @@ the cells there oscillate faster than on still water, and it is there that a ste
 where a paddle has narrowed cells, or leans.
 """
 
-from collections.abc import Iterable
 from math import atan, degrees, inf, isfinite
 from typing import Any, NamedTuple
 
@@ -74,12 +73,9 @@ class FrequencyShift:
     def by(self) -> float:
         """Return the factor, for paddles as they stand now; collective."""
         faster = 1.0
-        for (slope, mode_shape, reach), displacements in zip(
-            self._paddles, self._wall.paddle_displacements(self._places), strict=True
-        ):
-            ends = [
-                sign * largest(self._comm, float((sign * displacements).max(initial=-np.inf))) for sign in (1.0, -1.0)
-            ]
+        each = zip(self._paddles, self._wall.paddle_displacements(self._places), strict=True)
+        for (slope, mode_shape, reach), x in each:
+            ends = [sign * largest(self._comm, float((sign * x).max(initial=-np.inf))) for sign in (1.0, -1.0)]
             into = max(0.0, *(f * end for f in mode_shape for end in ends))
             lean = slope * max(map(abs, ends))
             if max(lean, into / reach) > LITTLE:
@@ -194,10 +190,8 @@ def folds(waves: NonlinearWaves, q: Vector, p: Vector, t: float) -> str:
     if not isinstance(flow, SurfaceFlow) or not far or not _are_numbers(waves, q, p):
         return ""
     flow.update(q, p, t)
-    x, _, slope, _ = flow.profile
-    steepest = float(x[np.argmax(np.abs(slope))])
     for one in far:
-        away, direction = abs(steepest - one.place), "into" if one.lean > 0 else "out of"
+        away, direction = abs(_steepest_place(flow) - one.place), "into" if one.lean > 0 else "out of"
         leans = f"the {one.called} leans {abs(one.lean):.0f} degrees {direction} the water"
         if away < FOLD_DISTANCE * waves.depth:
             folded = f"the surface folds beside it (slope {flow.largest_slope:.2g}, {away:.2g} m from it)"
@@ -214,21 +208,15 @@ def _are_numbers(waves: NonlinearWaves, q: Vector, p: Vector) -> bool:
     return isfinite(waves.plane.sum(q) + waves.plane.sum(p))
 
 
-def _is_steepest_within_reach(waves: NonlinearWaves, poses: Iterable[_PaddlePose]) -> bool:
-    """Return whether the surface of a slice is steepest within the reach of one of these paddles."""
-    assert isinstance(waves.surface, SurfaceFlow)
-    x, _, slope, _ = waves.surface.profile
-    steepest = float(x[np.argmax(np.abs(slope))])
-    return any(abs(steepest - one.place) < one.reach for one in poses)
+def _steepest_place(surface: SurfaceFlow) -> float:
+    """Return where the surface of a slice is steepest, x [m]."""
+    x, _, slope, _ = surface.profile
+    return float(x[np.argmax(np.abs(slope))])
 
 
 def _two_digits(step: float) -> str:
     """Return a step [s] to two digits."""
     return f"{float(f'{step:.2g}'):g}"
-
-
-def _set(step: str) -> str:
-    return f"numerics.dt={step}"
 
 
 def cause(
@@ -264,7 +252,7 @@ def cause(
             "the state that the step began with holds what is no number, such as an observer, a filter or a motion of "
             "one's own can make of it, or the step before, where it was too long or the waves too steep for the mesh"
         )
-    flow = waves.surface
+    flow: Any = waves.surface
     flow.update(q, p, t)
     narrow, limit = [one for one in _poses(waves) if one.width < NARROW], min(limit, ITERATES)
     short, still = ShortWaves(waves), waves.largest_frequency
@@ -286,15 +274,16 @@ def cause(
             )
         step = _two_digits(min(stable_step, 0.5 * dt))
         grown = f"short waves that the mesh carries have grown; a step of {step} s, or finer cells{longer}, may do"
-        return Cause(f"{what}{squeezes}: {grown}", _set(step))
+        return Cause(f"{what}{squeezes}: {grown}", f"numerics.dt={step}")
     step = _two_digits(min(stable_step, FARTHEST * limit / frequency))
-    if narrow and dt * squeezed > (SQUEEZED if _is_steepest_within_reach(waves, narrow) else FARTHEST) * limit:
+    within_reach = narrow and any(abs(_steepest_place(flow) - one.place) < one.reach for one in narrow)
+    if narrow and dt * squeezed > (SQUEEZED if within_reach else FARTHEST) * limit:
         shortest = f"dt omega_max = {dt * still:.3g} on still water with the paddle at rest, {dt * squeezed:.3g} there"
         long = f"the step is too long for waves as short as these: {shortest}, {moves}"
-        return Cause(f"{squeezes.removeprefix(', and ')}: {long}; try {step} s{longer}", _set(step))
+        return Cause(f"{squeezes.removeprefix(', and ')}: {long}; try {step} s{longer}", f"numerics.dt={step}")
     steep = f"the waves are too steep for the mesh, or break (largest slope of the surface {flow.largest_slope:.2g})"
     if not dt * frequency > limit:
-        return Cause(steep, _set(_two_digits(stable_step)) if stable_step < dt else "")
+        return Cause(steep, f"numerics.dt={_two_digits(stable_step)}" if stable_step < dt else "")
     long = f"the step is too long: dt omega_max = {dt * still:.3g} on still water, {moves}"
     long = f"{long}{squeezes}; try {step} s{longer}"
-    return Cause(long if flow.largest_slope < NEARLY_STEEPEST else f"{steep}, or {long}", _set(step))
+    return Cause(long if flow.largest_slope < NEARLY_STEEPEST else f"{steep}, or {long}", f"numerics.dt={step}")

@@ -23,7 +23,7 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from wavetank.base.arrays import Vector
+from wavetank.base.arrays import Vector, summed
 from wavetank.fem.cells import Cells
 from wavetank.fem.codegen import Buffer, source
 from wavetank.fem.density import Density, Statements, named
@@ -55,6 +55,7 @@ class WallTerms:
 
     def __init__(self, wall: Any, paddles: Sequence[Paddle], water: Any):
         self._wall, self._paddles, self._bed = wall, paddles, water.bed
+        self._plane, self._phi = water.plane, water.phi
         self._t = np.nan  # the time of the rate of the bed's depth [s]
         self._each: list[AssembledTerms | CompiledTerms] = []
         self.along: tuple[WallStruct, ...] | None = ()
@@ -82,8 +83,10 @@ class WallTerms:
         return reduce(np.add, [terms.by_column() for terms in self._each] or [self._zero[:, 0]])
 
     def energy(self) -> float:
-        """Return W; collective."""
-        return sum(terms.energy() for terms in self._each)
+        """Return W, which is linear in the potential; collective."""
+        if not self._each:
+            return 0.0
+        return summed(self._plane.comm, float(np.vdot(self.vector(), self._phi.owned)))
 
     def slopes(self, mu: Callable[[], Vector]) -> list[tuple[float, float]]:
         """Return dH/dX_p and dH/dX_p' of each paddle at fixed (Q, psi), positive into the water; ``mu`` as below."""
@@ -137,7 +140,6 @@ class AssembledTerms:
         self._components = phi.owned.shape[1]
         self._by_potential = VectorForm(ufl.derivative(work, phi.function))
         self._by_column = VectorForm(ufl.derivative(work, energy.h))
-        self._value = ScalarForm(work, plane.comm)
         self._mu = plane.function("mu")
 
         def density(dt: Any) -> Any:
@@ -155,10 +157,6 @@ class AssembledTerms:
     def by_column(self) -> Vector:
         """Return dW/dh, shape (owned,); collective. The array is reused by the next call."""
         return self._by_column.assemble()
-
-    def energy(self) -> float:
-        """Return W; collective."""
-        return self._value.assemble()
 
     def power(self, mu: Vector, acceleration: float | None = None) -> float:
         """Return dH/dt at fixed (Q, psi) for M_J^-1 H_h, with an acceleration or that of the motion; collective."""
@@ -248,10 +246,6 @@ class CompiledTerms:
         self._set_by_column()
         rows: Vector = self._by_column_rows
         return rows
-
-    def energy(self) -> float:
-        """Return W, which is linear in the potential."""
-        return float(np.vdot(self.vector(), self._phi))
 
     def power(self, mu: Vector, acceleration: float | None = None) -> float:
         """Return dH/dt at fixed (Q, psi) for M_J^-1 H_h, with an acceleration or that of the motion."""
