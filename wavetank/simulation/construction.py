@@ -25,7 +25,7 @@ from wavetank.mesh import MeshFile, Rectangle
 from wavetank.simulation.walls import Footprint, build_wall, wall_descriptions
 from wavetank.tank.bed import FlatBed, VaryingBed
 from wavetank.tank.breaking import BasinBreakingWatch, BreakingAlarm, BreakingDissipation, BreakingWatch
-from wavetank.tank.dissipation import EdgePenalty, checked, distance_from_edge, profile, width_of
+from wavetank.tank.dissipation import EdgePenalty, checked, distance_from_edge, profile
 from wavetank.tank.footprint import Basin, Ring, Slice
 from wavetank.tank.kinematics import LinearRates, MovingWater, NonlinearRates
 from wavetank.tank.linear_waves import LinearWaves
@@ -152,8 +152,7 @@ def build_sponge(scene: Case, sponge: AnySponge, footprint: Any, waves: AnyWaves
     if isinstance(sponge, FormulaSponge):
         return checked(plane, raise_on_all_ranks(plane.comm, lambda: sponge.build()(*plane.places.T)))
     if isinstance(sponge, GroupSponge):
-        distance = distance_from_edge(plane, footprint.layout.cells_of("sponge"))
-        width = width_of(plane, distance)
+        distance, width = distance_from_edge(plane, footprint.layout.cells_of("sponge"))
     else:
         x, width = waves.wall.distances(plane), sponge.length
         far = plane.comm.allreduce(float(np.max(x, initial=-np.inf)), op=MPI.MAX)

@@ -12,7 +12,7 @@ from wavetank.motion.feedback import FeedbackState, FilterState, StateSpaceFilte
 from wavetank.tank.evaluation import Water
 
 BRIEF = 1e-4  # (d / g)^(1/2), before t = 0: still water at the face rises as fast as it begins to
-GENTLY = 2.0  # (d / g)^(1/2) from t = 0 on: waves that stand at a paddle do not push it off at once
+GENTLY = 2.0  # (d / g)^(1/2) from t = 0 on: a surface that is displaced at the paddle moves it gradually
 
 
 Measurement = Callable[[Vector, Vector, float], Vector]

@@ -21,7 +21,7 @@ from wavetank.fem.forms import ScalarForm
 from wavetank.fem.plane import Plane
 
 Depth = Callable[[Vector, Vector], Vector]  # d [m] at places x, y [m], all of shape (N,)
-ASIDE, SOUNDINGS = 0.1, 2001  # of the length of what is carried; over it and that, for a bed that is flat there
+MARGIN, SAMPLES = 0.1, 2001  # of the displaced length; points over both, at which a bed must be level to be flat there
 INSTANT = 1e-4  # s; for the rate of the depth by central differences, exact to 1e-8 for walls of metres a second
 
 
@@ -101,24 +101,24 @@ class VaryingBed:
             for part in (self.d, fem.Constant(plane.mesh, 1.0))
         )
         self.depth = float(volume / area)
-        self._flat: float | None = None  # how far beside what is carried the depth is one [m]; < 0: it varies
+        self._flat: float | None = None  # how far beside the displaced places the depth is constant [m]; < 0: it varies
 
     def _is_flat(self, wall: Any) -> bool:
-        """Return whether what a wall has carried has never left a flat part of the bed, whose depth it has still."""
+        """Return whether all that a wall has displaced so far is over a flat part of the bed."""
         if self._flat is None:
-            self._flat = self._sounded(self._plane.places[wall.displaced_dofs])
+            self._flat = self._flat_margin(self._plane.places[wall.displaced_dofs])
         if wall.displaced > self._flat:
             self._flat = -1.0
         return self._flat >= 0.0
 
-    def _sounded(self, places: Vector) -> float:
+    def _flat_margin(self, places: Vector) -> float:
         """Return how far to either side of places on a slice, all on this rank, the depth is the same [m], else -1."""
         if self._plane.comm.size > 1 or self._plane.mesh.topology.dim > 1 or not len(places):
             return -1.0
         low, high = places.min(axis=0), places.max(axis=0)
-        margin = ASIDE * float((high - low).max())
+        margin = MARGIN * float((high - low).max())
         try:
-            result = self.at(np.linspace(low - margin, high + margin, SOUNDINGS))
+            result = self.at(np.linspace(low - margin, high + margin, SAMPLES))
         except InputError:
             return -1.0
         return margin if result.min() == result.max() else -1.0

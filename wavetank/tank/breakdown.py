@@ -18,10 +18,10 @@ from wavetank.motion.motion import frequency_shift
 from wavetank.tank.surface_flow import SurfaceFlow, SurfaceVelocity
 from wavetank.tank.waves import NonlinearWaves
 
-FARTHEST = 0.8  # of the stability limit: a step that does, where a paddle has gone as far as it goes, or crests stand
+FARTHEST = 0.8  # of the stability limit: a stable step at the largest displacement of a paddle, or under crests
 ALIKE = 1e-9  # relative: so much do wave numbers differ of cells that are as wide as each other
-LITTLE = 0.02  # of a lean's tangent, or of the reach: nothing that is seen
-HEIGHTS = np.linspace(-1.0, 0.0, 101, dtype=np.float64)  # depths, at which it is looked where a paddle is
+LITTLE = 0.02  # of a lean's tangent, or of the reach: negligible
+HEIGHTS = np.linspace(-1.0, 0.0, 101, dtype=np.float64)  # depths, at which the position of a paddle is evaluated
 
 
 class ShortWaves:
@@ -63,7 +63,9 @@ class FrequencyShift:
     def __init__(self, waves: NonlinearWaves):
         plane, depth = waves.plane, waves.depth
         self._wall, self._comm, self._paddles = waves.wall, plane.comm, list[tuple[float, tuple[float, float], float]]()
-        self._places = plane.places[:1] if plane.mesh.topology.dim == 1 else plane.places  # beside all it stands alike
+        self._places = (
+            plane.places[:1] if plane.mesh.topology.dim == 1 else plane.places
+        )  # at all of a slice it is the same
         paddles: Any = waves.wall.paddles
         for paddle in paddles:
             mode_shape = paddle.shape.at(depth * HEIGHTS)
@@ -71,7 +73,7 @@ class FrequencyShift:
             self._paddles.append((slope, (float(mode_shape.min()), float(mode_shape.max())), paddle.reach))
 
     def by(self) -> float:
-        """Return the factor, for paddles as they stand now; collective."""
+        """Return the factor, for the present positions of paddles; collective."""
         faster = 1.0
         each = zip(self._paddles, self._wall.paddle_displacements(self._places), strict=True)
         for (slope, mode_shape, reach), x in each:
@@ -112,7 +114,7 @@ LOOSEST = 1e-4  # tolerance that a case may have
 NARROW = 0.75  # of a cell's width: what a mapping leaves less of is said
 SQUEEZED = 0.5  # of the stability limit: above it a paddle may be to blame for what is steep in its reach
 FOLD_DISTANCE = 2.0  # depths
-STEP = 1e-3  # of the depth, over which a paddle's lean is looked at
+STEP = 1e-3  # of the depth, over which the lean of a paddle is a difference
 
 
 class _PaddlePose(NamedTuple):
@@ -157,7 +159,7 @@ class Cause(NamedTuple):
     words
         What was so, and what may do.
     cure
-        The setting of the numerics that does, as far as is known, ``KEY=VALUE``; empty of nothing known. It has the
+        The setting of the numerics that may help, ``KEY=VALUE``; empty if there is none. It has the
         only step that the words name.
     """
 

@@ -56,7 +56,7 @@ OVERTURNS = 0.2  # part of the width of the upper half in which water outruns th
 SUSTAINED = 0.125  # periods of a crest during which B > 1
 ALPHA, REACH = 0.2, 4.0  # alpha, and R in crest heights
 
-FASTER, RESTS = 1.15, 2  # so much the water may get where all B are below 0.6, and so many steps pass, without a look
+FASTER, RESTS = 1.15, 2  # increase of the velocity where all B are below 0.5, and steps, without a search
 
 
 class Alarm(NamedTuple):
@@ -132,7 +132,7 @@ class BreakingWatch:
     """Examines the crests of the surface after each step, and keeps the alarms.
 
     Within a depth of a wall crests form and vanish: they are not examined. Without an alarm, and where all B are below
-    0.5, some steps go by without a look: from 0.6 to 0.85 B takes an eighth of a period, or more.
+    0.5, some steps pass without a search: from 0.6 to 0.85 B takes an eighth of a period, or more.
 
     Parameters
     ----------
@@ -260,7 +260,7 @@ class BreakingWatch:
         return self._flow.profile
 
     def _steep(self, last: tuple[float, Any], now: tuple[float, Any], front: float) -> list[SteepCrest]:
-        """Return the crests between the walls that have a steeper front, of two looks."""
+        """Return the crests between the walls that have a steeper front, of the surfaces at two times."""
         (before_t, before), (t, profile) = last, now
         first, end = profile.x[0] + self._waves.depth, profile.x[-1] - self._waves.depth
         if self._length is not None:
@@ -353,7 +353,7 @@ class BreakingDissipation(BreakingFilter, Smoothing):
     waves
         The water.
     watch
-        What looks for breaking crests.
+        The search for breaking crests.
     dt
         Step [s].
     """

@@ -1,6 +1,6 @@
-"""Steep crests: how fast each travels by itself, and how fast its water moves, seen from the current around it.
+"""Steep crests: their speeds, and the velocity of their water, relative to the current around.
 
-A crest's speed is that with which its own upper half travels, from one look to the next: the c that serves
+A crest's speed is that of its upper half between two times: the c that fits
 
     d eta/dt + c d eta/dx = 0
 
@@ -12,7 +12,7 @@ deep water that of the crest itself, where waves plunge that of the front. By th
 
 The current U is what the water between the troughs on both sides says: their own
 velocities and the mean over all between bound it, and of what lies within these bounds the nearest to rest is taken. So
-it is none under a periodic wave (whose mean is none), none under a lone one (which stands in still water), and that of
+it is none under a periodic wave (whose mean is none), none under a solitary one (in still water), and that of
 the plateau for a ripple on it.
 """
 
@@ -56,8 +56,8 @@ class Profile(NamedTuple):
     def unrolled(self, length: float) -> "Profile":
         """Return a ring's surface with half of it once more at either end."""
         half = len(self.x) // 2
-        turned = (np.concatenate([values[half:], values, values[:half]]) for values in self)
-        x, *rest = turned
+        parts = (np.concatenate([values[half:], values, values[:half]]) for values in self)
+        x, *rest = parts
         x[: len(self.x) - half] -= length
         x[len(x) - half :] += length
         return Profile(x, *rest)
@@ -73,7 +73,7 @@ class SteepCrest(NamedTuple):
     height
         Above the higher of its two troughs [m].
     velocity, current, speed
-        The fastest water's in the crest's upper half, that of the water around, and the crest's own [m/s].
+        The fastest water's in the crest's upper half, that of the water around, and the crest's [m/s].
     front
         The steepest slope of the side it travels to [-].
     coherence

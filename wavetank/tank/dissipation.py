@@ -6,7 +6,7 @@ The sponge: where the surface potential is damped, and how strongly.
 
 gamma grows from nothing, gamma = gamma_0 (distance / width)², with the distance from the sponge's inner edge: a kink or
 step would reflect. On linear waves of uniform gamma the amplitude falls at the rate gamma / 2, whatever the depth; a
-wave that crosses the sponge and comes back keeps e^(-gamma_0 width / (3 c_g)) of it, c_g the group velocity. Which
+wave that crosses the sponge and comes back retains e^(-gamma_0 width / (3 c_g)) of it, c_g the group velocity. Which
 gamma_0 serves which wave was measured: docs/absorption.md.
 
 Continuous interior penalty: takes the kinks between cells out of eta and psi, where they would grow.
@@ -14,12 +14,12 @@ Continuous interior penalty: takes the kinks between cells out of eta and psi, w
     (M_J + kappa S) v' = M_J v,     S = sum over facets of [[dv/dn]] [[du/dn]],     kappa = epsilon dt omega_g l³ / p⁴
 
 for v = eta and psi, the derivatives those in physical space (tank/walls/): where the mapping of a moving wall has a
-kink, a smooth surface has one in the reference tank, and must keep it. l is the cell size and omega_g the frequency of
-the shortest wave on it, k_g = pi p / l. Where the current u under a steep crest overtakes short waves, k > g / u²,
-those have negative energy, and the kinks of elements that are only continuous couple them to the others: both grow,
-whatever the time step. On a smooth field of order p kinks vanish like l^p, so that what the penalty takes vanishes like
-l^(2 p). Elements of order 1 need none. Measured in docs/extremes.md: with this scaling one strength serves p = 2 to 5,
-kd = 0.5 to 8, and 12 to 128 cells a wave.
+kink, a smooth surface has one in the reference tank, and must retain it. l is the cell size and omega_g the frequency
+of the shortest wave on it, k_g = pi p / l, omega_g² = g k_g tanh(k_g d). Where the current u under a steep crest
+overtakes short waves, k > g / u², those have negative energy, and the kinks of elements that are only continuous couple
+them to the others: both grow, whatever the time step. On a smooth field of order p kinks vanish like l^p, so that what
+the penalty takes vanishes like l^(2 p). Elements of order 1 need none. Measured in docs/extremes.md: with this scaling
+one strength serves p = 2 to 5, kd = 0.5 to 8, and 12 to 128 cells a wave.
 """
 
 from collections.abc import Callable
@@ -31,10 +31,9 @@ import numpy as np
 import scipy
 import ufl
 from dolfinx import fem, la
-from mpi4py import MPI
 from numpy.typing import NDArray
 
-from wavetank.base.arrays import Vector
+from wavetank.base.arrays import Vector, largest
 from wavetank.base.errors import InputError
 from wavetank.fem.gradient_jumps import GradientJumpPenalty
 from wavetank.fem.mass import BandedMass, PenalisedMass
@@ -51,10 +50,10 @@ def profile(distance: Vector, *, width: float, strength: float) -> Vector:
     return np.asarray(strength * np.clip(distance / width, 0.0, 1.0) ** POWER)
 
 
-def distance_from_edge(plane: Plane, cells: NDArray[np.int32]) -> Vector:
-    """Return how far the owned degrees of freedom are inside a group of cells [m], shape (owned,); collective.
+def distance_from_edge(plane: Plane, cells: NDArray[np.int32]) -> tuple[Vector, float]:
+    """Return how far the owned degrees of freedom are inside a group of cells, shape (owned,), and at most [m].
 
-    It is the distance from the group's inner edge, where its cells meet others: 0 outside.
+    It is the distance from the group's inner edge, where its cells meet others: 0 outside. Collective.
 
     Parameters
     ----------
@@ -63,7 +62,7 @@ def distance_from_edge(plane: Plane, cells: NDArray[np.int32]) -> Vector:
     cells
         This rank's cells of the group, with or without ghosts.
 
-    Raises ``InputError`` for a group without cells, and for one that is the whole mesh.
+    Raises ``InputError`` for a group without cells, and for one with all cells of the mesh.
     """
     owned = plane.mesh.topology.index_map(plane.mesh.topology.dim).size_local
     is_inside = np.isin(np.arange(owned), cells)
@@ -73,7 +72,7 @@ def distance_from_edge(plane: Plane, cells: NDArray[np.int32]) -> Vector:
         raise InputError("the sponge: its group of cells is empty, or the whole mesh; it must be a part of the mesh.")
     distance = np.zeros(plane.owned)
     distance[inside] = scipy.spatial.cKDTree(edge).query(plane.places[inside])[0]
-    return distance
+    return distance, largest(plane.comm, float(distance.max(initial=0.0)))
 
 
 def _touched(plane: Plane, cells: NDArray[np.intp]) -> NDArray[np.bool_]:
@@ -82,11 +81,6 @@ def _touched(plane: Plane, cells: NDArray[np.intp]) -> NDArray[np.bool_]:
     mark.rows[plane.V.dofmap.list[cells].ravel()] = 1.0
     mark.function.x.scatter_reverse(la.InsertMode.add)
     return np.asarray(mark.owned > 0.0)
-
-
-def width_of(plane: Plane, distance: Vector) -> float:
-    """Return the largest distance [m] over all ranks; collective."""
-    return float(plane.comm.allreduce(float(np.max(distance, initial=0.0)), op=MPI.MAX))
 
 
 def checked(plane: Plane, gamma: Vector) -> Vector:
@@ -106,10 +100,6 @@ class SmoothingState:
 
     energy_taken: float = 0.0
     largest: float = 0.0
-
-    def after(self, loss: float, *, of: float) -> "SmoothingState":
-        """Return the state after another loss, of the energy before."""
-        return SmoothingState(self.energy_taken + loss, max(self.largest, of))
 
 
 class Smoothing:
@@ -180,10 +170,10 @@ class Smoothing:
 
     def account(self, loss: float, *, of: float) -> None:
         """Add a loss of energy, of the energy before."""
-        self._energy = self._energy.after(loss, of=of)
+        self._energy = SmoothingState(self.energy_taken + loss, max(self._energy.largest, of))
 
 
-NEEDED = 1.5  # u² k_g / g; growth was found from 2.1 on, none below
+NEEDED = 1.5  # u² k_g / g; growth was measured from 2.1 on, none below
 STRENGTH = 0.25  # epsilon: 0.08 to 0.8 serve; more makes waves of negative energy grow
 
 
@@ -218,8 +208,8 @@ class EdgePenalty(Smoothing):
         strength: float = STRENGTH,
         threshold: float = NEEDED,
     ):
-        plane, k = waves.plane, shortest_wave_number(waves, cell_size)
-        rate, n = shortest_wave_frequency(waves, cell_size), ufl.FacetNormal(plane.mesh)
+        plane, k, n = waves.plane, shortest_wave_number(waves, cell_size), ufl.FacetNormal(waves.plane.mesh)
+        rate = float(np.sqrt(waves.gravity * k * np.tanh(k * waves.depth)))
         self._kappa = strength * abs(dt) * rate * cell_size**3 / plane.order**4
         kappa = fem.Constant(plane.mesh, self._kappa)
         facets = ufl.dS(domain=plane.mesh, metadata={"quadrature_degree": 2 * plane.order})
@@ -254,9 +244,3 @@ class EdgePenalty(Smoothing):
 def shortest_wave_number(waves: NonlinearWaves, cell_size: float) -> float:
     """Return k_g = pi p / l of cells of size l [m], in 1/m."""
     return float(np.pi * waves.plane.order / cell_size)
-
-
-def shortest_wave_frequency(waves: NonlinearWaves, cell_size: float) -> float:
-    """Return omega_g, omega_g² = g k_g tanh(k_g d), of cells of size l [m], in rad/s."""
-    k = shortest_wave_number(waves, cell_size)
-    return float(np.sqrt(waves.gravity * k * np.tanh(k * waves.depth)))

@@ -1,6 +1,6 @@
-"""Footprints of the reference tank: where the water stands, seen from above. A basin is only another mesh.
+"""Footprints of the reference tank: the horizontal domain of the water, a slice, a ring or a basin.
 
-Each has a mesh and a chart, which says where a place of the tank lies in it.
+Each has a mesh and a chart, which maps places of the tank to the mesh.
 """
 
 import basix.ufl
@@ -49,7 +49,7 @@ class Slice:
         return Side(self.facets_of(name), point=point, normal=np.array(normal))
 
     def facets_of(self, name: str) -> mesh.MeshTags:
-        """Return tags with 1 at a wall, ``paddle``, which may stand still, or ``far wall``; collective."""
+        """Return tags with 1 at a wall, ``paddle``, which may be fixed, or ``far wall``; collective."""
         dim, x = self.mesh.topology.dim - 1, {"paddle": 0.0, "far wall": self.length}[name]
         facets = mesh.locate_entities_boundary(self.mesh, dim, lambda at: np.isclose(at[0], x, atol=1e-9 * self.length))
         return mesh.meshtags(self.mesh, dim, facets, np.ones(facets.size, dtype=np.int32))

@@ -18,7 +18,7 @@ the rate of the potential at fixed points in space,
     velocity = grad phi,   local acceleration = grad phi_t,   pressure = -(B + g z),   B = phi_t + 1/2 |grad phi|^2,
 
 and the acceleration of a particle is grad B, for the flow has no vorticity. Of the rate phi' at places of the reference
-tank, which are carried with the velocity c,
+tank, which move with the velocity c,
 
     phi_t = phi' - c . grad phi.
 """
@@ -258,8 +258,8 @@ class NonlinearRates(MovingWater):
     def _step(self, q_rate: Vector) -> float:
         """Return the step of the central difference [s]."""
         rising = float(np.abs(self.waves.mass.solve(q_rate) / self.h.owned).max(initial=0.0))
-        going = float(np.abs(self.wall.velocities).max(initial=0.0)) / self.waves.depth
-        fastest = self.plane.comm.allreduce(max(rising, going), op=MPI.MAX)
+        moving = float(np.abs(self.wall.velocities).max(initial=0.0)) / self.waves.depth
+        fastest = self.plane.comm.allreduce(max(rising, moving), op=MPI.MAX)
         return float(PART / fastest) if fastest > 0.0 else 1.0
 
     @property
@@ -314,7 +314,7 @@ class LinearRates(MovingWater):
 
 
 class Layers(NamedTuple):
-    """What the water does at the levels, of all degrees of freedom that this rank sees.
+    """Kinematics at the levels, at the degrees of freedom of this rank and its ghosts.
 
     Attributes
     ----------
@@ -330,7 +330,7 @@ class Layers(NamedTuple):
 
 
 class Kinematics:
-    """What water does near some cells, at the Gauss nodes of its columns.
+    """Kinematics in the neighbourhood of some cells, at the Gauss nodes of the columns.
 
     Parameters
     ----------
@@ -356,7 +356,7 @@ class Kinematics:
         return self.water.vertical.at(zeta) @ self._to_modes
 
     def layers(self) -> Layers:
-        """Return what pressure is made of, and keep it for ``accelerations``; collective."""
+        """Return the parts of the pressure, which ``accelerations`` takes, too; collective."""
         water, velocity = self.water, self._at_levels(self._velocity)
         phi_rate = water.vertical.at(self.levels) @ water.phi_rate.rows.T + water.level_rate
         rate = phi_rate - (water.node_velocities * velocity).sum(axis=-1)
@@ -429,7 +429,7 @@ class PointKinematics:
         return self._water.plane.chart.place(self._water.wall.to_reference(self.points[:, :2], self.points[:, 2]))
 
     def evaluate(self, points: Vector | None = None) -> PointValues:
-        """Return the values there for the water whose rates were found last; other points may be given, as many.
+        """Return the values for the state of the last ``find_rates``, there or at the same number of other points.
 
         Raises ``InputError`` for one that is outside the mesh, as behind a paddle.
         """

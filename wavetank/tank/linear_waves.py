@@ -124,7 +124,7 @@ class LinearWaves(Water):
         plane, vertical = self.plane, self.vertical
         if self._is_direct:
             matrices = LayerMatrices(still.layer, plane)
-            return matrices, DirectPotential(matrices, vertical).counted_apart, None
+            return matrices, DirectPotential(matrices, vertical).with_new_counters, None
         column = plane.function("water column")
         column.set(self.bed.still)
         operator, layer, minimum = interior_of(
@@ -157,7 +157,7 @@ class LinearWaves(Water):
 
     # ------------------------------------------------------------------------------------------ evaluations
     def set_time(self, t: float) -> None:
-        """Nothing moves: at any time the wall stands where it does."""
+        """Do nothing: no wall moves."""
 
     def evaluate(
         self,
@@ -187,9 +187,9 @@ class LinearWaves(Water):
         )
 
     def _G_psi(self, p: Vector, history: "LinearHistory") -> Vector:
-        """Return G psi, found once for the psi that the history has last; collective."""
-        known = np.array_equal(p, history.psi)
-        if summed(self.plane.comm, float(not known)) > 0.0:
+        """Return G psi, computed once for the last psi of the history; collective."""
+        same = np.array_equal(p, history.psi)
+        if summed(self.plane.comm, float(not same)) > 0.0:
             history.psi, history.G_psi = p.copy(), history.interior.dirichlet_neumann(p)
         return history.G_psi
 
@@ -342,8 +342,8 @@ class DirectPotential:
         size = (plane.owned, self._field.rows.shape[0])
         self._S_u = scipy.sparse.csr_matrix((still[0], matrices.columns, matrices.row_pointers), shape=size)
 
-    def counted_apart(self) -> "DirectPotential":
-        """Return the same solver with counters of its own."""
+    def with_new_counters(self) -> "DirectPotential":
+        """Return the same solver with other counters."""
         other = copy(self)
         other.counters = SolveCounters(factorisations=1)
         return other

@@ -58,7 +58,7 @@ class InteriorPotential:
     Attributes
     ----------
     recall
-        What start values are found among.
+        Earlier solutions, of which start values are made.
     patience
         Iterations of a solve above which the preconditioner is renewed for the next one; None: it is to be renewed.
     """
@@ -75,7 +75,7 @@ class InteriorPotential:
         """Set phi_I for the surface potential in phi, the operator as it is and the wall's vector; collective.
 
         ``wall`` is dW/dphi, shape (owned, n+1), ``inputs`` is all that the solution depends on, scaled alike, by which
-        a start value is found among earlier solves; None of a solution like no other. Returns (A phi)_n, shape
+        a start value is made of earlier solves; None of a solution like no other. Returns (A phi)_n, shape
         (owned,). Raises ``ConvergenceError``.
         """
         if inputs is None or not self.recall.guess(inputs, self._phi.owned):
@@ -183,7 +183,7 @@ class Krylov:
         kinetic = np.nan
 
         def residual_of() -> Vector:
-            """Return what is left of the equation for the interior; the flow is that of phi as it is."""
+            """Return the residual of the equation for the interior; the flow is that of the present phi."""
             nonlocal kinetic
             image = self._operator.apply(phi)
             kinetic = summed(self._plane.comm, dot(phi, image) if self._operator.least > 0.0 else np.nan)

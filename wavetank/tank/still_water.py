@@ -27,7 +27,7 @@ class StillWaterWaves:
         The masses of a metre everywhere, shape (owned,), and their sum.
     mass
         Where a wall moves, the mass matrix as it was when this was made, with the wall where ``waves.still`` has it: a
-        mapping that stretched M_J but not G would make what is on the left, G + M_J / (a² g), another surface's.
+        mapping that stretched M_J but not G would make G + M_J / (a² g) that of another surface.
     """
 
     def __init__(self, waves: Water):

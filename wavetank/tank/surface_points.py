@@ -1,7 +1,7 @@
 """The elevation over fixed places of the laboratory, which a moving wall displaces in the reference tank.
 
-Beside a wall that leans, what stands over a place depends on the height of the surface there, x = X + s(X) f(eta) X_p:
-that is found by repetition, each time with the height last found.
+Beside a wall that leans, the elevation over a place depends on the height of the surface there,
+x = X + s(X) f(eta) X_p: a fixed-point iteration finds it.
 """
 
 import numpy as np
@@ -13,8 +13,8 @@ from wavetank.fem.plane import Field, Plane
 from wavetank.fem.points import Points
 from wavetank.tank.walls.wall import Heights, Wall
 
-MOST = 50  # repetitions
-TOLERANCE = 1e-8  # of a cell: the next would be a hundred times as near
+MOST = 50  # iterations
+TOLERANCE = 1e-8  # of a cell: the next iteration would be a hundred times as exact
 
 
 class SurfaceOverPlaces:
@@ -40,7 +40,7 @@ class SurfaceOverPlaces:
         self.points = Points(plane, plane.chart.place(wall.to_reference(places)))
 
     def elevations(self, field: Field) -> Vector:
-        """Return the elevation over the places [m], shape (N,), of the field of it, for the wall as it stands."""
+        """Return the elevation over the places [m], shape (N,), of its field, for the present position of the wall."""
         (eta,) = self.each(field.rows[None, :, 0], self._wall.paddle_displacements(self.places)[:, None])
         return np.asarray(eta)
 
@@ -55,13 +55,13 @@ class SurfaceOverPlaces:
             return self._plane.chart.place(self._wall.to_reference(self.places, z, displacements).reshape(-1, 2))
 
         last = coordinates(0.0)
-        going: NDArray[np.bool_] = np.array(True)
+        active: NDArray[np.bool_] = np.array(True)
         for _ in range(MOST):
             self.points.move(last)
             result = self.points.each(eta)
-            if not self._wall.leans or not (going := going & np.isfinite(result)).any():
+            if not self._wall.leans or not (active := active & np.isfinite(result)).any():
                 return result.reshape(len(eta), -1)
-            now = np.where(going[:, None], coordinates(result.reshape(len(eta), -1)), last)
-            going &= np.abs(now - last).max(axis=1, initial=0.0) > TOLERANCE * self._plane.cell_size
+            now = np.where(active[:, None], coordinates(result.reshape(len(eta), -1)), last)
+            active &= np.abs(now - last).max(axis=1, initial=0.0) > TOLERANCE * self._plane.cell_size
             last = now
-        raise ConvergenceError("where the surface stands over a place beside the paddle could not be found")
+        raise ConvergenceError("the elevation over a place beside the paddle could not be computed")

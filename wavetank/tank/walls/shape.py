@@ -1,6 +1,6 @@
-"""The shape f(z) of a paddle, which stands at x = f(z) X_p: of its mapping, and of columns beside it.
+"""The mode shape f(z) of a paddle at x = f(z) X_p: of its mapping, and of columns beside it.
 
-A vertical wall has f = 1. All others are polynomials in z, so that whatever is needed of them is known in closed form,
+A vertical wall has f = 1. All others are polynomials in z, so that all integrals have closed forms,
 and compiled code is the same for all of one degree. A shape with a kink, as of a flap hinged above the bed, gets the
 polynomial of degree 16 that is nearest to it, from the bed to half a depth above still water, among those with its
 value and slope at still water and its moments with all polynomials of degree up to 8 below: of what linear theory knows

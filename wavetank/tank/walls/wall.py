@@ -210,7 +210,7 @@ class LeaningColumns:
 
     They and the mass matrix have the methods ``solve`` and ``apply``.
 
-    Newton's method takes M_J of its last update, which is near enough to converge by a factor of a hundred a step.
+    Newton's method takes M_J of its last update, which is close enough to converge by a factor of a hundred a step.
 
     Attributes
     ----------
