@@ -220,27 +220,24 @@ def test_of_many_rows_as_many_are_kept_as_there_is_room_for(tmp_path):
 
 # ---------------------------------------------------------------- gauges
 GAUGES = [("1", 10.0), ("Süd, the focus", 49.5, -2.25), ("a@x=b", 0.1, 0.0)]
-MANIFEST = {
-    "scene": {"title": "A focus"},
-    "command": ["wavetank", "run", "a case.toml"],
-    "started": "2025-01-02T03:04:05",
-}
+MANIFEST = {"scene": {"title": "A focus"}, "command": ["wavetank", "run", "a case.toml"]}
+MANIFEST |= {"started": "2025-01-02T03:04:05", "git": "abc123", "versions": {"wavetank": "1.2.3"}}
 
 
 def write(path, rows=4):
-    writer = RunWriter(path, MANIFEST | {"git": "abc123", "versions": {"wavetank": "1.2.3"}}).begin()
-    table = writer.gauges(GAUGES)
-    for n in range(rows):
-        table.append([0.1 * n, n / 3, np.pi * 1e-9, -n / 7])
-    return writer
+    """Return a run with such gauges that has finished."""
+    n = np.arange(rows)[:, None]
+    with RunWriter(path, MANIFEST) as writer:
+        writer.gauges(GAUGES).extend(n * [0.1, 1 / 3, 0.0, -1 / 7] + [0.0, 0.0, np.pi * 1e-9, 0.0])
+        writer.finish("finished", {})
+    return RunDirectory(path)
 
 
 def test_places_are_in_the_header_and_read_back(tmp_path):
-    with write(tmp_path):
-        pass
+    run = write(tmp_path)
     header = (tmp_path / "gauges.csv").read_text().splitlines()[0]
     assert header == 't [s],1@x=10,"Süd, the focus@x=49.5;y=-2.25",a@x=b@x=0.1'
-    found = [(one.gauge.item(), float(one.x), float(one.y)) for one in RunDirectory(tmp_path).gauges]
+    found = [(one.gauge.item(), float(one.x), float(one.y)) for one in run.gauges]
     assert found == [("1", 10.0, 0.0), ("Süd, the focus", 49.5, -2.25), ("a@x=b", 0.1, 0.0)]
     assert parse_position_label("Süd, the focus@x=49.5,y=-2.25")[:3] == found[1]  # as they were told
 
@@ -251,10 +248,9 @@ def test_the_netcdf_holds_the_table_to_the_last_bit_and_follows_the_conventions(
 
     There is a fill value for the elevation alone, of gauges that have come later (2.5.1).
     """
-    with write(tmp_path) as writer:
-        writer.finish("finished", {})
+    run = write(tmp_path)
     with xarray.open_dataset(tmp_path / "gauges.nc", engine=engine) as data:
-        assert data.elevation.transpose("gauge", "time").equals(RunDirectory(tmp_path).gauges)
+        assert data.elevation.transpose("gauge", "time").equals(run.gauges)
     with xarray.open_dataset(tmp_path / "gauges.nc", decode_cf=False) as data:
         assert data.attrs == {
             "Conventions": "CF-1.8",
@@ -306,8 +302,7 @@ def test_memory_of_resuming_and_of_the_netcdf_does_not_depend_on_the_number_of_r
 
 
 def test_a_run_without_gauges_has_none_and_an_old_one_is_taken_away(tmp_path):
-    with write(tmp_path) as writer:
-        writer.finish("finished", {})
+    write(tmp_path)
     with RunWriter(OutputPath(tmp_path, overwrite=True), MANIFEST) as writer:
         assert not (tmp_path / "gauges.nc").exists()
         writer.gauges([])
@@ -327,9 +322,7 @@ def test_a_run_without_room_for_the_netcdf_or_without_rows_finishes_with_a_warni
 
     if rows:
         monkeypatch.setattr("wavetank.output.writer.atomic_file", full)
-    with write(tmp_path, rows=rows) as writer:
-        writer.finish("finished", {})
-    assert not (tmp_path / "gauges.nc").exists()
-    (warning,) = RunDirectory(tmp_path).warnings
-    assert RunDirectory(tmp_path).status == "finished"
+    run = write(tmp_path, rows)
+    assert run.status == "finished" and not (tmp_path / "gauges.nc").exists()
+    (warning,) = run.warnings
     assert str(warning) == f"gauges.nc could not be written ({reason}); gauges.csv has the same"
