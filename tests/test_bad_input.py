@@ -15,6 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pydantic import BaseModel, TypeAdapter
 from records import gauge
+from scenes import scene
 
 from wavetank import data
 from wavetank.analysis import results
@@ -24,6 +25,7 @@ from wavetank.base.case_model import CaseError, Problem
 from wavetank.base.errors import InputError, OutsideError, WavetankError
 from wavetank.base.python_file import load
 from wavetank.case import Case
+from wavetank.case.initial import FileSurface
 from wavetank.case.reading import SHOWN, read_case
 from wavetank.cli import main
 from wavetank.mesh.bathymetry import read_bed
@@ -189,6 +191,49 @@ def test_file_without_end_or_of_gigabytes_is_refused(tmp_path, read, name, size)
     reason = {"endless": "not a regular file", "3 GB": r"3 GB; at most (0\.1|2) are read"}[size]
     with pytest.raises(InputError, match=rf"{name}: cannot be read \({reason}\)"):
         read(tmp_path / name)
+
+
+def spectrum(path):
+    """Read a case whose spectrum is in a file."""
+    (path.parent / "case.toml").write_text(EVERY["table"].replace("spectrum.txt", path.name))
+    read_case(path.parent / "case.toml")
+
+
+def surface(path, kind="slice", length=4.0):
+    """Read an initial surface at the ends of a slice or a ring."""
+    tank = scene({"type": kind, "length": length, "depth": 1.0}).tank
+    FileSurface(file=str(path)).surface(tank, np.array([0.5, 4.0]), np.zeros(2))
+
+
+in_ring = partial(surface, kind="ring", length=6.0)
+FREQUENCY = "frequency 0.4 received after 0.5; frequencies must ascend"
+POSITIVE = "-0.5 1 received; allowed are two finite numbers, a positive frequency"
+BAD_FILES = [  # reader, content, a pattern of the sentence
+    (read_record, "0 1\n1 1\n2 1\n", r"bad\.csv: 3 rows received; at least 4"),
+    (read_record, "0 1\n1 1\n# c\n1 1\n2 2\n", r"bad\.csv, line 4: time 1 received after 1; times must ascend"),
+    (read_record, "0 1\n1 1\nx 1\n2 2\n", r"bad\.csv, line 3: 'x 1' received; allowed are two finite numbers"),
+    (read_record, "0 1\n1 1 1\n2 1\n3 2\n", r"bad\.csv, line 2: '1 1 1' received; allowed are two finite numbers"),
+    (read_record, "0 1\n1 nan\n2 1\n3 2\n", r"bad\.csv, line 2: '1 nan' received; allowed are two finite numbers"),
+    (read_record, "0 1\n1 1\n2 1\ninf 2\n", r"bad\.csv, line 4: 'inf 2' received; allowed are two finite numbers"),
+    (read_record, "0 1 2\n1 1 2\n2 1 2\n3 1 2\n", "3 columns received; allowed are two finite numbers"),
+    (read_record, "t [s],depth [m]\n0,1\n1,1\n", r"no column 'position \[m\]'; its columns are t \[s\], depth \[m\]"),
+    (spectrum, "0.5 1\n0.4 1\n", rf"line 15: wall\.motion\.spectrum\.file = .*bad\.csv, line 2: {FREQUENCY}"),
+    (spectrum, "-0.5 1\n0.4 1\n", f"line 1: {POSITIVE}"),
+    (spectrum, "0.5 0\n0.6 0\n", "2 rows received; at least 2 are needed, and a density that is not 0"),
+    (spectrum, "0.5 x\n0.6 0\n", "line 1: '0.5 x' received; allowed are two finite numbers"),
+    (surface, "0 0\n1 0\n2 0\n", "3 rows of 2 columns received"),
+    (surface, "0 0 0 0 0\n" * 9, "9 rows of 5 columns received"),
+    (surface, "0 0\n1 0\n1 0\n2 0\n", "line 3: x = 1 received after 1; places must ascend"),
+    (surface, "0 0\n1 0\n2 0\n3 0\n", "does not reach x = 4 m, where there is water"),
+    (in_ring, "0 0\n1 0\n2 0\n3 0\n", "x from 0 to 3 m received; 3 m of a ring of 6 m"),
+]
+
+
+@pytest.mark.parametrize(("read", "text", "said"), BAD_FILES)
+def test_bad_file_is_refused_with_its_line(tmp_path, read, text, said):
+    (tmp_path / "bad.csv").write_text(text)
+    with pytest.raises(InputError, match=said):
+        read(tmp_path / "bad.csv")
 
 
 def environment(*words):

@@ -109,27 +109,6 @@ def test_a_start_has_a_message_of_its_mean(mean, message):
     assert message in said and bool(said) == bool(message)
 
 
-@pytest.mark.parametrize(
-    ("rows", "said"),
-    [
-        ("0 0\n1 0\n2 0\n", "3 rows of 2 columns received"),
-        ("0 0 0 0 0\n" * 9, "9 rows of 5 columns received"),
-        ("0 0\n1 0\n1 0\n2 0\n", "line 3: x = 1 received after 1; places must ascend"),
-        ("0 0\n1 0\n2 0\n3 0\n", "does not reach x = 4 m, where there is water"),
-    ],
-)
-def test_a_file_that_is_no_surface_is_refused(tmp_path, rows, said):
-    (tmp_path / "start.txt").write_text(rows)
-    with pytest.raises(InputError, match=said):
-        FileSurface(file=str(tmp_path / "start.txt")).surface(tank_of(4.0), np.array([0.5, 4.0]), np.zeros(2))
-
-
-def test_a_file_of_a_part_of_a_ring_is_refused(tmp_path):
-    half = written(tmp_path / "start.txt", 0.1 * np.arange(61), np.zeros(61))
-    with pytest.raises(InputError, match=r"x from 0 to 6 m received; 6 m of a ring of 12 m"):
-        half.surface(tank_of(12.0, "ring"), np.zeros(2), np.zeros(2))
-
-
 def test_a_case_that_begins_with_a_file_names_it(tmp_path):
     (tmp_path / "start.txt").write_text("0 0\n1 0\n2 0\n3 0\n")
     (tmp_path / "case.toml").write_text(

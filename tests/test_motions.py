@@ -148,25 +148,6 @@ def test_read_record_accepts_blanks_commas_and_comments(tmp_path):
     np.testing.assert_array_equal(X, [1.0, 0.2, 3.0, -4.0])
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("0 1\n1 1\n2 1\n", r"bad.csv: 3 rows received; at least 4"),
-        ("0 1\n1 1\n# c\n1 1\n2 2\n", r"bad.csv, line 4: time 1 received after 1; times must ascend"),
-        ("0 1\n1 1\nx 1\n2 2\n", r"bad.csv, line 3: 'x 1' received; allowed are two finite numbers"),
-        ("0 1\n1 1 1\n2 1\n3 2\n", r"bad.csv, line 2: '1 1 1' received; allowed are two finite numbers"),
-        ("0 1\n1 nan\n2 1\n3 2\n", r"bad.csv, line 2: '1 nan' received; allowed are two finite numbers"),
-        ("0 1\n1 1\n2 1\ninf 2\n", r"bad.csv, line 4: 'inf 2' received; allowed are two finite numbers"),
-        ("0 1 2\n1 1 2\n2 1 2\n3 1 2\n", "3 columns received; allowed are two finite numbers"),
-        ("t [s],depth [m]\n0,1\n1,1\n", r"no column 'position \[m\]'; its columns are t \[s\], depth \[m\]"),
-    ],
-)
-def test_a_bad_record_is_one_sentence_with_file_and_line(tmp_path, text, message):
-    (tmp_path / "bad.csv").write_text(text)
-    with pytest.raises(InputError, match=message):
-        read_record(tmp_path / "bad.csv")
-
-
 # ---------------------------------------------------------------- the wave group
 def test_the_linear_superposition_focuses_to_the_amplitude():
     waves = group()

@@ -18,7 +18,6 @@ from examples.paper.second_order import GENERATIONS, row
 from examples.paper.watched import Surfaces
 from wavetank.analysis.compare import rms
 from wavetank.base.case_model import CaseError
-from wavetank.base.errors import InputError
 from wavetank.base.formula import Formula
 from wavetank.case.reading import read_case
 from wavetank.cli import main
@@ -114,43 +113,12 @@ def test_tma_is_jonswap_in_deep_water_and_by_thompson_and_vincent_in_shallow():
     np.testing.assert_allclose(tma(deep, DEPTH, GRAVITY).density(f), deep.density(f) * omega**2 / 2, rtol=0.04)
 
 
-TABLE = """
-tank = {length = 20.0, depth = 1.0}
-run.duration = 9.0
-wall.type = "piston"
-[wall.motion]
-type = "irregular"
-significant_height = 0.05
-spectrum = {type = "table", file = "S.txt"}
-"""
-
-
-def read_table(folder, text):
-    """Return the case of a sea whose spectrum is in a file."""
-    (folder / "S.txt").write_text(text)
-    (folder / "case.toml").write_text(TABLE)
-    return read_case(folder / "case.toml")
-
-
 def test_a_table_s_spectrum_is_straight_between_its_rows(tmp_path):
-    case = read_table(tmp_path, "# f S\n0.4 0.0\n0.5, 2.0\n1.0 0.0\n")
+    (tmp_path / "S.txt").write_text("# f S\n0.4 0.0\n0.5, 2.0\n1.0 0.0\n")
+    case = case_of(SEA | {"spectrum": {"type": "table", "file": str(tmp_path / "S.txt")}}, duration=9.0)
     spectrum = case.wall.motion.spectrum.build(case.tank)
     assert spectrum.peak_frequency == 0.5
     np.testing.assert_array_equal(spectrum.density(np.array([0.3, 0.45, 0.75, 1.2])), [0.0, 1.0, 1.0, 0.0])
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("0.5 1\n0.4 1\n", "line 2: frequency 0.4 received after 0.5; frequencies must ascend"),
-        ("-0.5 1\n0.4 1\n", "line 1: -0.5 1 received; allowed are two finite numbers, a positive frequency"),
-        ("0.5 0\n0.6 0\n", "2 rows received; at least 2 are needed, and a density that is not 0"),
-        ("0.5 x\n0.6 0\n", "line 1: '0.5 x' received; allowed are two finite numbers"),
-    ],
-)
-def test_invalid_spectrum_file_is_refused_with_line(tmp_path, text, said):
-    with pytest.raises(InputError, match=rf"line 8: wall\.motion\.spectrum\.file = .*{said}"):
-        read_table(tmp_path, text)
 
 
 # ---------------------------------------------------------------- seas
