@@ -91,7 +91,7 @@ def test_no_module_imports_itself_by_others():
     TopologicalSorter(graph).prepare()
 
 
-def test_what_takes_long_to_load_is_loaded_by_whom_it_serves(tmp_path):
+def test_slow_modules_are_imported_on_demand(tmp_path):
     """A case that is refused, and a run of low waves without pictures, load a second of modules less."""
     code = """
 import sys

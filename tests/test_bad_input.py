@@ -426,7 +426,7 @@ def models(annotation: object) -> set[type[BaseModel]]:
     return set().union(*(models(one) for one in get_args(annotation)))
 
 
-def test_the_cases_have_every_noun(every):
+def test_cases_have_every_model(every):
     """A model that is new needs a case here, so that its keys are tried with nonsense, too."""
     missing = models(Case) ^ {entry.model for path in every.values() for entry in entries(read_case(path))}
     assert not missing, f"{missing}: add a case of each to EVERY of tests/test_bad_input.py"
@@ -468,7 +468,7 @@ def tried(path: Path, entry: Entry, texts: list[str]) -> None:
 
 
 @pytest.mark.parametrize("name", EVERY)
-def test_nonsense_for_any_key_gives_a_case_or_names_the_key(every, first, name):
+def test_nonsense_gives_a_case_or_names_its_key(every, first, name):
     """Each in the first case that has it: what is of no right kind is so whatever else is in a case.
 
     Where no number may be, any two stand for all.

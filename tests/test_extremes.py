@@ -91,7 +91,7 @@ def test_the_crest_and_its_velocity_are_those_of_the_exact_wave(cells, place):
     assert [crest.velocity, flow.largest_velocity] == pytest.approx([velocity] * 2, rel=accuracy)
 
 
-def test_the_fastest_water_is_told_where_the_surface_slopes():
+def test_largest_velocity_is_exact_on_a_sloping_surface():
     """Along a surface that stands, u = psi_x / (1 + eta_x²): where it is fastest, the slope takes 8 % of it."""
     waves, _, _ = steep(1.0, 0.3, cells=24, n=4)
     flow, x = SurfaceFlow(waves), waves.plane.x
@@ -201,7 +201,7 @@ def graded(dimensions: int) -> NonlinearWaves:
     ("dimensions", "scheme", "noise"),
     [(1, ThirdOrder(), 3e-6), pytest.param(2, ThirdOrder(), 1e-5, marks=pytest.mark.slow), (1, Simpson4(), 3e-6)],
 )
-def test_the_watch_tells_of_a_step_too_long_for_small_cells_with_a_current_over_them(dimensions, scheme, noise):
+def test_watch_warns_of_a_step_too_long_for_small_cells_under_a_current(dimensions, scheme, noise):
     """The step as a part of the exact limit, from the spectrum about a standing wave at its fastest.
 
     ``noise`` [m²/s] is what grows there: as much as round-off has come to after half a second or more.
@@ -248,14 +248,14 @@ def ring_warnings() -> list[RunWarning]:
     return of_jump + of_elevation
 
 
-def test_the_jump_tells_before_the_elevation_does():
+def test_jump_warns_before_the_elevation():
     """A second and more before, twenty steps."""
     before, after = ring_warnings()
     assert 0.7 < after.t - before.t < 3.0
 
 
 @pytest.mark.slow
-def test_three_ranks_are_told_what_one_is(on_ranks):
+def test_warnings_of_three_ranks_equal_those_of_one(on_ranks):
     messages = [*map(str, ring_warnings())]
     assert [[*map(str, one)] for one in on_ranks(ring_warnings)] == [messages] * 3
 
@@ -263,7 +263,7 @@ def test_three_ranks_are_told_what_one_is(on_ranks):
 @pytest.mark.parametrize(
     ("part", "by_jump", "grown"), [(3.0, False, False), (20.0, False, True), (12.0, True, False), (80.0, True, True)]
 )
-def test_what_alternates_is_growth_where_the_paddle_cannot_have_made_it(make_tank, part, by_jump, grown):
+def test_alternating_surface_is_growth_unless_the_paddle_makes_it(make_tank, part, by_jump, grown):
     """Oracle: a surface, or its jump, up and down from step to step, by parts of a paddle's way that does so, too."""
     dt, amplitude, said = 0.02, 1e-4, list[RunWarning]()
     tank = make_tank(length=2.0, cells=4, n=4, motion=sinusoid(amplitude, 2 * dt))

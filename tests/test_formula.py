@@ -170,7 +170,7 @@ NOT_ALLOWED = "allowed are numbers, names, + - * / **, comparisons < <= > >= == 
         ("x" * (LONGEST + 1), "formula: has 4001 characters; at most 4000 are allowed."),
     ],
 )
-def test_a_formula_is_refused(text, sentence):
+def test_formula_is_refused_with_its_column(text, sentence):
     with pytest.raises(InputError) as error:
         Formula(text, where={"slope": "x/50"})
     assert sentence in str(error.value) and str(error.value).endswith(".") and "\n" not in str(error.value)

@@ -40,7 +40,7 @@ def test_a_sea_around_a_ring_has_its_height_and_goes_round():
 
 
 @pytest.mark.slow
-def test_a_linear_tank_carries_the_sea_on_as_its_theory_does(tmp_path):
+def test_sea_in_a_linear_tank_follows_its_theory(tmp_path):
     """Oracle: the sum of plane waves half a second later, at gauges; the waves go to +x."""
     numerics = {"cell_size": 0.4, "order": 4, "vertical_order": 8, "dt": 0.01}
     gauges = [{"name": str(n), "x": 2.5 * n} for n in range(4)]

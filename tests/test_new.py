@@ -34,7 +34,7 @@ def test_new_case_has_no_warning_before_its_run(kind, tmp_path):
     assert [*warnings, *warnings_before(case)] == []
 
 
-def test_a_case_that_is_there_is_left(tmp_path):
+def test_existing_case_is_not_overwritten(tmp_path):
     path = write_case(f"{tmp_path}/waves.toml", "ring")
     path.write_text("mine")
     with pytest.raises(InputError, match=r"waves\.toml: is there already; give another name\."):
@@ -50,6 +50,6 @@ def test_a_case_that_is_there_is_left(tmp_path):
         (["/proc/nothing/x"], "/proc/nothing/x.toml: cannot be written (No such file or directory)."),
     ],
 )
-def test_what_cannot_be_written_is_refused_in_a_sentence(arguments, sentence):
+def test_case_that_cannot_be_written_is_refused(arguments, sentence):
     said = commanded("new", *arguments)
     assert (said.returncode, said.stderr) == (2, f"wavetank: {sentence}\n")

@@ -74,7 +74,7 @@ def test_a_case_names_the_schema_and_conforms_to_it(case):
     assert conforms(tomllib.loads(case.read_text()), json.loads(SCHEMA.read_text()))
 
 
-def test_the_schema_refuses_what_the_reader_refuses_of_a_value_by_itself():
+def test_schema_refuses_single_values_as_the_reader_does():
     """All that pydantic refuses for its kind or range, of each key with nonsense; what only fits ill it cannot know."""
     tried = set[tuple[type, str]]()
     for text in EVERY.values():
@@ -98,7 +98,7 @@ def refused_by_itself(content: dict[str, Any]) -> bool:
     return False
 
 
-def test_the_reference_tells_of_every_key_what_it_means_and_what_it_is_by_default():
+def test_reference_has_meaning_and_default_of_every_key():
     sections = re.split(r"^## ", PAGE.read_text(), flags=re.MULTILINE)[1:]
     assert len(sections) == len(tables())
     for section, table in zip(sections, tables(), strict=True):

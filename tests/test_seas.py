@@ -42,7 +42,7 @@ def case_of(motion, *, duration=20.0, tank=SLICE, limits=None, **more):
     return scene(tank, duration=duration, wall=wall, **more)
 
 
-def seen(case, *, start):
+def surfaces_of(case, *, start):
     """Return the times of the nonlinear tank from a start on, and the elevation at each as a spline along x."""
     run, water = build_run(case, MPI.COMM_SELF)
     last = Surfaces(start=start)
@@ -278,7 +278,7 @@ def test_a_solitary_wave_of_the_tank_is_the_exact_one(generation, crest, missed,
     """H/d = 0.3, 28 depths on: crest, root mean square within 5 depths of it, the largest 8 depths behind, over H."""
     height, place = 0.3, 28.0
     motion = {"type": "solitary-wave", "height": height, "generation": generation}
-    _, surfaces = seen(case_of(motion, duration=14.0, tank=SLICE | {"length": 45.0}), start=11.0)
+    _, surfaces = surfaces_of(case_of(motion, duration=14.0, tank=SLICE | {"length": 45.0}), start=11.0)
     x = np.linspace(0.0, 45.0, 4501)
     eta = min((surface(x) for surface in surfaces), key=lambda one: abs(x[one.argmax()] - place))
     from_crest = x - x[eta.argmax()]
@@ -288,7 +288,7 @@ def test_a_solitary_wave_of_the_tank_is_the_exact_one(generation, crest, missed,
     assert np.abs(eta[from_crest < -8]).max() / height == pytest.approx(behind, rel=0.2)
 
 
-def test_a_solitary_wave_begins_when_it_is_wanted():
+def test_solitary_wave_has_its_crest_time():
     wave = {"type": "solitary-wave", "height": 0.2, "crest_time": 9.0}
     motion, early = (case_of(one).motion() for one in (wave, {**wave, "crest_time": None}))
     lead = exact_solitary(0.2, depth=DEPTH, gravity=GRAVITY).lead
@@ -318,7 +318,7 @@ SEA = {"type": "irregular", "significant_height": 0.05, "spectrum": {"type": "tm
 
 
 # ---------------------------------------------------------------- the paddle's signal out
-def test_the_file_for_a_wave_board_has_the_motion_and_says_what_it_needs(tmp_path, capsys):
+def test_file_for_a_wave_board_has_the_motion_and_prints_its_needs(tmp_path, capsys):
     out, motion = tmp_path / "board.csv", read_case("cases/focusing.toml").motion()
     assert main(["motion", "cases/focusing.toml", "--rate", "50", "--no-ramp-down", "--out", str(out)]) == 0
     said = capsys.readouterr().out
@@ -353,7 +353,7 @@ WALLS = ['type = "piston"', 'type = "flap"\nhinge = 0.2\nstroke_height = 0.8']
 
 @pytest.mark.parametrize(("end", "height"), [(7.0, 0.03), (7.4, 0.03), (7.8, 0.03), (8.2, 0.0003)])
 @pytest.mark.parametrize("wall", WALLS, ids=["piston", "flap"])
-def test_a_file_for_a_wave_board_ends_at_rest_within_what_the_motion_needs(write, wall, end, height, tmp_path, capsys):
+def test_file_for_a_wave_board_ends_at_rest_within_the_needs_of_the_motion(write, wall, end, height, tmp_path, capsys):
     """At any phase and speed; until the run ends it has the motion, and of a flap the angle by X = arm tan(angle)."""
     case = write(
         f'type = "regular", height = {height:f}, period = 1.3',
@@ -522,17 +522,17 @@ def test_in_shallow_water_second_order_generation_leaves_as_little():
 
 
 @pytest.mark.slow
-def test_a_low_sea_in_the_tank_is_the_one_that_is_wanted():
+def test_low_sea_in_the_tank_equals_its_target():
     """Of Hm0 = 1 cm at two gauges, by linear theory, within 1.5 %: what is left is of second order."""
     motion = SEA | SECOND | {"significant_height": 0.01, "components": 200, "highest_frequency": 1.2}
-    t, surfaces = seen(case_of(motion, duration=40.0, sponge={"type": "end", "length": 8.0}), start=15.0)
+    t, surfaces = surfaces_of(case_of(motion, duration=40.0, sponge={"type": "end", "length": 8.0}), start=15.0)
     for x in (3.0, 8.0):
         wanted = waves(motion).elevation(x, t)
         assert rms(np.array([eta(x) for eta in surfaces]) - wanted) < 0.015 * rms(wanted)
 
 
 @pytest.mark.slow  # of what it requires: tests/test_plan.py
-def test_a_plan_takes_the_second_harmonic_of_the_paddle_for_what_it_is():
+def test_plan_resolves_no_second_harmonic_of_a_second_order_paddle():
     """It makes up for a free wave, none to be resolved besides: the same cells, the same step and n or the next."""
     wave = REGULAR | {"period": 1.4443, "height": 0.08}
     linear, second = (make_plan(case_of(wave | {"generation": one}), 0.01).settings for one in GENERATIONS)
@@ -580,7 +580,7 @@ def test_second_order_generation_beyond_its_theory_is_warned_of():
     assert not none and (one.code, one.key) == ("second-order-limit", "wall.motion.generation")
 
 
-def test_water_that_a_plan_makes_linear_changes_the_generation():
+def test_water_that_a_plan_makes_linear_is_generated_linearly():
     """Oracle: the motion with the key."""
     motion = REGULAR | {"period": 2.0, "height": 1e-4}
     low = case_of(motion)

@@ -197,7 +197,7 @@ def test_a_wider_fan_makes_a_narrower_crest():
 
 
 # ---------------------------------------------------------------- side walls
-def test_waves_sent_by_the_side_walls_are_the_wanted_ones_at_the_focus():
+def test_waves_by_side_walls_equal_their_target_at_the_focus():
     """What cannot travel is missing, waves shorter across than long: less than 2 % of the crest here, most at walls."""
     waves, x, y = focus(largest=0.7, exponent=0.0), np.full(81, 6.0), np.linspace(-4.0, 4.0, 81)
     between = between_walls(waves)
@@ -210,7 +210,7 @@ def test_waves_sent_by_the_side_walls_are_the_wanted_ones_at_the_focus():
         assert sides[1] - sides[0] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_the_reflected_paddle_makes_the_waves_it_says():
+def test_reflected_paddle_is_the_sum_of_oblique_waves():
     """Oracle: its Fourier components in y and t as pairs of oblique waves, one to either side."""
     between, y, t = between_walls(focus(components=2)), np.linspace(-4.0, 4.0, 65), 7.7
     total = np.zeros_like(y)

@@ -34,7 +34,7 @@ def elevations(run, waves, *, level=0.0):
 
 
 @pytest.mark.parametrize(("integrator", "depth"), [("simpson-4", 1.0), ("simpson-4", 10.0), ("stormer-verlet", 10.0)])
-def test_what_nonlinear_waves_differ_by_from_linear_ones_falls_with_their_amplitude(integrator, depth):
+def test_nonlinear_waves_tend_to_linear_ones_with_their_amplitude(integrator, depth):
     """From a millimetre to a micrometre: beyond their nonlinearity, some k a, nothing but 5e-5."""
     linear = elevations(*standing("linear", depth=depth, amplitude=1e-3, integrator=integrator)) / 1e-3
     for amplitude in (1e-3, 1e-4, 1e-6):
@@ -42,7 +42,7 @@ def test_what_nonlinear_waves_differ_by_from_linear_ones_falls_with_their_amplit
         assert np.abs(found - linear).max() < 1.5 * np.pi / LENGTH * amplitude + 5e-5
 
 
-def test_what_the_potential_is_counted_from_changes_neither_waves_nor_cost():
+def test_level_of_the_potential_changes_neither_waves_nor_cost():
     """It drifts without end, dpsi/dt = -g eta - ..., and is a thousand times the waves' own in the end."""
     found, costs = [], []
     for level in (0.0, 1e3):
