@@ -27,7 +27,7 @@ def bernoulli_constant(wave, x):
 
 
 @pytest.mark.parametrize("kd", [0.5, 1.0, 3.0, 8.0])
-@pytest.mark.parametrize("steepness", [0.1, 0.5, 0.8, 0.9])
+@pytest.mark.parametrize("steepness", [0.1, 0.5, pytest.param(0.8, marks=pytest.mark.slow), 0.9])
 def test_waves_satisfy_bernoulli_at_any_place_with_one_crest(kd, steepness):
     length, height, wave = wave_of(kd, steepness)
     constant = bernoulli_constant(wave, np.random.default_rng(1).uniform(-length, length, 2000))
