@@ -120,7 +120,7 @@ def test_checkpoint_that_cannot_be_written_leaves_the_others(tmp_path, monkeypat
 # ---------------------------------------------------------------- runs
 def test_signals_write_one_checkpoint_each():
     interruption, written = Interruption(MPI.COMM_SELF), []
-    interruption.before = lambda: written.append(True)
+    interruption.on_signal = lambda: written.append(True)
     with interruption:
         interruption.record(at(0, 0.0))
         assert not written
@@ -514,7 +514,7 @@ def test_edited_state_is_refused_or_stepped(edit, absorbing):
             run.resume(edited(tree, path, EDITS[edit]))
             run.clock = replace(run.clock, steps=run.step + 1)
             run.execute()
-        except (InputError, RunError, *MALFORMED) as error:  # see ``Restart.take``
+        except (InputError, RunError, *MALFORMED) as error:  # see ``Restart.restore``
             steps = [frame.name for frame in traceback.extract_tb(error.__traceback__)]
             assert isinstance(error, InputError | RunError) or "resume" in steps, path
         run.resume(deepcopy(tree))

@@ -33,7 +33,7 @@ from wavetank.simulation import monitoring
 from wavetank.simulation import run as running
 from wavetank.simulation.build import build_clock, build_run, end_message
 from wavetank.simulation.clock import Clock, EverySteps, EveryTime, EveryTimeBetween
-from wavetank.simulation.diagnostics import Called, Gauges, SurfaceSnapshots
+from wavetank.simulation.diagnostics import Gauges, PlaceNames, SurfaceSnapshots
 from wavetank.simulation.energy import EnergyBudget
 from wavetank.simulation.records import Memory
 from wavetank.simulation.run import Run, restore_surviving
@@ -188,7 +188,7 @@ def test_snapshots_are_in_physical_space(make_tank):
 def test_paddle_that_reaches_a_gauge_ends_its_record_before(make_tank):
     """Within one block it reaches the gauge and goes back."""
     tank, rows = make_tank(length=6.0, cells=12, n=4, motion=ramped(sinusoid(0.4, 4.0), 1.0), reach=3.0), Memory()
-    called = Called(("gauges.0", "gauges.1"), ("wall",))
+    called = PlaceNames(("gauges.0", "gauges.1"), ("wall",))
     gauges = Gauges(tank, [(5.0, 0.0), (0.2, 0.0)], record=rows, schedule=EverySteps(), called=called)
     times = [0.1 * step for step in range(25)]
     reached = next(t for t in times if tank.wall.paddles[0].motion.position(t) > 0.2)

@@ -136,7 +136,7 @@ def run(
 
     with located(case, overrides or []):
         draw = _draw if plots else None
-        record_run(scene, place, comm=MPI.COMM_WORLD, console=console(), draw=draw, unasked=yes, resume=resume)
+        record_run(scene, place, comm=MPI.COMM_WORLD, console=console(), draw=draw, accept_cost=yes, resume=resume)
 
 
 @may_execute
@@ -159,7 +159,7 @@ def resume(
     """Go on with a run from its last checkpoint, or the one before."""
     from wavetank.recording import resume_run
 
-    options = {"draw": _draw if plots else None, "unasked": yes}
+    options = {"draw": _draw if plots else None, "accept_cost": yes}
     resume_run(directory, overrides or [], extend=extend, at=at, comm=MPI.COMM_WORLD, console=console(), **options)
 
 

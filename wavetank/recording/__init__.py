@@ -47,7 +47,7 @@ def record_run(
     comm: MPI.Comm,
     console: Console,
     draw: Draw | None = None,
-    unasked: bool = True,
+    accept_cost: bool = True,
     observers: Observers = (),
     integrator: Integrator[Any] | None = None,
     resume: bool = False,
@@ -71,7 +71,7 @@ def record_run(
     draw
         Draws pictures of the run into its directory at its end, also of a failed run, and returns their paths. Its
         errors are messages.
-    unasked
+    accept_cost
         Whether a run that takes days, or more memory than there is, is accepted.
     observers
         Further observers: functions of the waves that return an observer.
@@ -109,7 +109,7 @@ def record_run(
                 integrator=integrator,
                 observers=observers,
                 restart=restart,
-                unasked=unasked,
+                accept_cost=accept_cost,
             )
         checkpointer = Checkpointer(recorded)
         with Interruption(comm) as interruption:  # from here on the manifest records SIGTERM
@@ -121,7 +121,7 @@ def record_run(
                 log.say(line)
             warnings.show()
             with record_failure(writer), progress_of(recorded) as progress:
-                interruption.before = checkpointer.write_last
+                interruption.on_signal = checkpointer.write_last
                 controls = checkpointer.control(scene.run.checkpoint_every), progress, interruption
                 recorded.run.controls += [control.record for control in controls if control is not None]
                 execute_run(recorded, checkpointer, drawn=draw is not None)

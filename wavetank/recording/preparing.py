@@ -37,7 +37,7 @@ def prepare(
     integrator: Integrator[Any] | None,
     observers: Observers,
     restart: Restart | None,
-    unasked: bool,
+    accept_cost: bool,
 ) -> RecordedRun:
     """Return a run as it begins or goes on, with its diagnostics; collective.
 
@@ -57,11 +57,11 @@ def prepare(
         Functions of the waves that return a user's diagnostics.
     restart
         The restart of a run that is resumed.
-    unasked
+    accept_cost
         Whether a run that takes days, or more memory than there is, is accepted.
     """
     scene, plan_warnings = restart.planned(requested) if restart else planned(requested, comm)
-    if not unasked:
+    if not accept_cost:
         check_affordable(scene, comm)
     check_stable(scene, integrator or INTEGRATORS[scene.numerics.integrator](), comm)
     run, waves = build_run(scene, comm, integrator, beginning=restart.beginning if restart else None)
@@ -87,8 +87,8 @@ def prepare(
         run.longest_block = 1  # they may evaluate the waves, whose paddles with feedback move as in the last step
     names = [*map(called, observers)]
     if restart:
-        log.say(restart.take(run, waves, scene=scene, fields=series))
+        log.say(restart.restore(run, waves, scene=scene, fields=series))
         restart.warn_of_missing_observers(names)
-    earlier, counting_on = (restart.about["parts"], restart.counting_on) if restart else ([], False)
-    parts = Parts(run, waves, start_time=start_time, earlier=earlier, counting_on=counting_on)
+    earlier, counters_continue = (restart.about["parts"], restart.counters_continue) if restart else ([], False)
+    parts = Parts(run, waves, start_time=start_time, earlier=earlier, counters_continue=counters_continue)
     return RecordedRun(requested, scene, run, waves, parts, series, writer, log, warnings, content, names)

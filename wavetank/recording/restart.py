@@ -187,7 +187,7 @@ class Restart:
 
     # ------------------------------------------------------------------------------------------ the run
     @property
-    def counting_on(self) -> bool:
+    def counters_continue(self) -> bool:
         """Whether the counters of solves continue."""
         return not self.anew and self._has_history
 
@@ -196,7 +196,7 @@ class Restart:
         """The surface at which a run with other numerics begins; None for the same numerics."""
         return StoredSurface.of(self._chosen, self.about, self._tree["parts"], self._checkpoint) if self.anew else None
 
-    def take(self, run: Run, waves: AnyWaves, *, scene: Case, fields: Mapping[str, VtuSeries]) -> str:
+    def restore(self, run: Run, waves: AnyWaves, *, scene: Case, fields: Mapping[str, VtuSeries]) -> str:
         """Restore the state of a run and the extents of its records; return a message; collective.
 
         Raises ``InputError`` for the checkpoint of another run or of another integrator.
@@ -205,12 +205,12 @@ class Restart:
         if its != mine and scene.numerics.integrator == self._chosen.numerics.integrator:
             raise InputError(f"the run was stepped by integrator {its!r}, and would be by {mine!r}: must be the same.")
         try:
-            message = self._take_surface(run, waves, scene) if self.anew else self._take(run, waves, scene)
+            message = self._restore_surface(run, waves, scene) if self.anew else self._restore(run, waves, scene)
             for name, series in fields.items():
                 if name in self.about["fields"]:
                     check_like(series.extent(), self.about["fields"][name], f"about.fields.{name}", exact=True)
                     series.resume_at(self.about["fields"][name])
-            raise_on_all_ranks(self._comm, self._take_records)
+            raise_on_all_ranks(self._comm, self._restore_records)
         except (AttributeError, LookupError, OverflowError, TypeError, ValueError) as error:
             raise self._foreign(error) from error
         return message
@@ -220,13 +220,13 @@ class Restart:
         if gone := [one for one in self.about.get("observers", []) if one not in observers]:
             self._warn(RunWarning("missing-observers", t=self.about["t"], details={"names": ", ".join(gone)}))
 
-    def _take_records(self) -> None:
+    def _restore_records(self) -> None:
         if self._writer is not None:
             mine, its = self._writer.extents(), self.about["records"]
             check_like({name: one for name, one in mine.items() if name in its}, its, "about.records", exact=True)
             self._writer.resume_at(its)
 
-    def _take(self, run: Run, waves: AnyWaves, scene: Case) -> str:
+    def _restore(self, run: Run, waves: AnyWaves, scene: Case) -> str:
         """Restore the whole state of the run, which has the same numerics."""
         clock = self.about["clock"]
         remaining, until = scene.run.duration - clock["begin"], scene.motions_end - clock["begin"]
@@ -239,7 +239,7 @@ class Restart:
             raise ValueError(f"step {run.step} of the state is not step {self.about['step']} of its description")
         return f"going on from t = {run.t:.6g} s"
 
-    def _take_surface(self, run: Run, waves: AnyWaves, scene: Case) -> str:
+    def _restore_surface(self, run: Run, waves: AnyWaves, scene: Case) -> str:
         """Restore the states that do not depend on the numerics; the run begins at the surface."""
         run.change_numerics(self._tree)
         mass = waves.total_mass(run.state.q) / self.about["mass"] - 1.0

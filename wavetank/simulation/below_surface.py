@@ -11,7 +11,7 @@ from wavetank.base.run_warning import RunWarning
 from wavetank.output.fields import VtkCells, VtuSeries
 from wavetank.simulation.clock import EverySteps, Schedule
 from wavetank.simulation.contract import Diagnostic, displacement, due_steps
-from wavetank.simulation.diagnostics import Called, LatticePlaces, PaddleReach
+from wavetank.simulation.diagnostics import LatticePlaces, PaddleReach, PlaceNames
 from wavetank.simulation.records import FirstRankRecord, Record
 from wavetank.tank.block import Block
 from wavetank.tank.kinematics import MovingWater, NonlinearRates, PointKinematics, Velocity
@@ -60,7 +60,7 @@ class Probes:
     record
         Where rows go.
     called
-        What they and the paddles are called in a case.
+        Names of the points and of the paddles in a case.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class Probes:
         *,
         record: Record,
         schedule: Schedule,
-        called: Called | None = None,
+        called: PlaceNames | None = None,
     ):
         self._water, self._kinematics, self._record, self.schedule = water, kinematics, record, schedule
         self._places = kinematics.points[:, :2]

@@ -16,12 +16,12 @@ from wavetank.simulation.clock import Clock, EverySteps, EveryTime, EveryTimeBet
 from wavetank.simulation.construction import AnyWaves, moving_water
 from wavetank.simulation.contract import Diagnostic
 from wavetank.simulation.diagnostics import (
-    Called,
     Gauges,
     HighestCrest,
     PaddleLimits,
     PaddleMotion,
     PaddleRates,
+    PlaceNames,
     SurfaceFields,
     SurfaceSnapshots,
 )
@@ -82,9 +82,9 @@ def _gauges(scene: Case, waves: AnyWaves, record: Record) -> Gauges:
         raise CaseError([Problem(scene.gauge_key(error.index), None, str(error))]) from None
 
 
-def _called(scene: Case, keys: Sequence[tuple[str | int, ...]]) -> Called:
+def _called(scene: Case, keys: Sequence[tuple[str | int, ...]]) -> PlaceNames:
     """Return the names of places of a scene by their keys, and those of its paddles."""
-    return Called([".".join(map(str, key)) for key in keys], [end.key for end in scene.paddles])
+    return PlaceNames([".".join(map(str, key)) for key in keys], [end.key for end in scene.paddles])
 
 
 def _below_surface(scene: Case, waves: AnyWaves, records: Records) -> list[Diagnostic]:

@@ -26,8 +26,8 @@ from wavetank.tank.wall_pressure import PaddlePush
 from wavetank.tank.walls import Wall
 
 
-class Called(NamedTuple):
-    """What places and paddles are called in a case, such as ``gauges.0`` and ``far_wall``."""
+class PlaceNames(NamedTuple):
+    """Names of places and paddles in a case, such as ``gauges.0`` and ``far_wall``."""
 
     places: Sequence[str]
     paddles: Sequence[str]
@@ -44,9 +44,9 @@ class PaddleReach:
         Names of places and paddles; default: their numbers.
     """
 
-    def __init__(self, wall: Wall, places: Vector, called: Called | None):
+    def __init__(self, wall: Wall, places: Vector, called: PlaceNames | None):
         counts = len(places), len(wall.paddles)
-        self._places, self._called = places, called or Called(*([str(n + 1) for n in range(one)] for one in counts))
+        self._places, self._called = places, called or PlaceNames(*([str(n + 1) for n in range(one)] for one in counts))
         self._distances = np.array([paddle.side.distances(places) for paddle in wall.paddles])
         self._at_surface = np.array([float(np.max(paddle.shape.at(np.zeros(1)))) for paddle in wall.paddles])
 
@@ -101,7 +101,7 @@ class Gauges:
     record
         Table of the rows (t, eta_1, ..., eta_N).
     called
-        What places and paddles are called in a case.
+        Names of places and paddles in a case.
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class Gauges:
         *,
         record: Record,
         schedule: Schedule,
-        called: Called | None = None,
+        called: PlaceNames | None = None,
     ):
         places = np.asarray(places, dtype=np.float64)
         self._waves, self._record, self.schedule = waves, record, schedule

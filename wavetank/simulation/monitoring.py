@@ -55,7 +55,7 @@ class Interruption:
 
     Attributes
     ----------
-    before
+    on_signal
         Called after any of these signals, before the run ends; collective.
     """
 
@@ -63,7 +63,7 @@ class Interruption:
 
     def __init__(self, comm: MPI.Comm):
         self._comm, self._received = comm, 0
-        self.before: Callable[[], None] = lambda: None
+        self.on_signal: Callable[[], None] = lambda: None
 
     def __enter__(self) -> Self:
         self._former = [signal.signal(number, self._receive) for number in self.signals]
@@ -79,7 +79,7 @@ class Interruption:
     def record(self, block: Block) -> None:
         """Raise ``StoppedError`` after a signal on any rank; collective."""
         if number := int(largest(self._comm, self._received)):
-            self.before()
+            self.on_signal()
             if number == signal.SIGUSR1:
                 self._received = 0 if self._received == number else self._received
                 return

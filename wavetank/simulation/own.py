@@ -29,14 +29,14 @@ def own_scheme(given: Any) -> Integrator[Any]:
     if isinstance(given, type):
         name = given.__name__
         raise InputError(f"integrator = {name}: a class received; needed is one of its objects, such as {name}().")
-    _hold(given, SCHEME, "integrator", type(given).__name__)
+    _check_attributes(given, SCHEME, "integrator", type(given).__name__)
     scheme: Integrator[Any] = given
     return scheme
 
 
 def check_states(run: Run) -> None:
     """Raise ``InputError`` if the state of a run's integrator lacks attributes."""
-    _hold(run.state, STATE, "integrator", f"what {run.integrator.name}.start returns")
+    _check_attributes(run.state, STATE, "integrator", f"what {run.integrator.name}.start returns")
 
 
 class ObserverWaves:
@@ -70,11 +70,11 @@ def own_observers(given: Observers, waves: AnyWaves) -> list[Diagnostic]:
         except Exception as error:
             locate(error, f"{where}, {called(one)}")
             raise
-        _hold(result[-1], DIAGNOSTIC, where, f"what {called(one)} returns")
+        _check_attributes(result[-1], DIAGNOSTIC, where, f"what {called(one)} returns")
     return result
 
 
-def _hold(given: Any, needed: Sequence[str], where: str, what: str) -> None:
+def _check_attributes(given: Any, needed: Sequence[str], where: str, what: str) -> None:
     if missing := [name for name in needed if not hasattr(given, name)]:
         raise InputError(f"{where}: {what} has no {', '.join(missing)}; needed are {', '.join(needed)} ({PAGE}).")
 

@@ -41,7 +41,7 @@ class Parts:
         When the preparation of this part began, ``time.monotonic`` [s].
     earlier
         The parts before, up to the checkpoint.
-    counting_on
+    counters_continue
         Whether the counters of solves continue from those of the earlier parts.
     """
 
@@ -52,12 +52,12 @@ class Parts:
         *,
         start_time: float,
         earlier: Sequence[Figures] = (),
-        counting_on: bool = False,
+        counters_continue: bool = False,
     ):
         self._run, self._waves, self._earlier = run, waves, list(earlier)
         self._start_time, self._built, self._busy = start_time, time.monotonic(), time.process_time()
         self._t, self._step = run.t, run.step
-        self._counted = _counters(waves) if counting_on else {}
+        self._counted = _counters(waves) if counters_continue else {}
 
     def so_far(self, step: int | None = None) -> list[Figures]:
         """Return the figures of each part for the manifest, up to a step, by default the last; collective."""
