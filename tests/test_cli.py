@@ -115,14 +115,14 @@ def test_run_without_a_case_lists_those_at_hand(monkeypatch, capsys, tmp_path):
     [
         ("run nothing.toml", r"nothing.toml: cannot be read .* a case file in TOML is needed.\n"),
         ("run focussing", r"focussing: cannot be read \(No such .*; did you mean cases/focusing.toml\?"),
-        ("run cases/focusing.toml --set numerics.dt=3", r"overridden: numerics\.dt = 3\.0: must be"),
-        ("run cases/focusing.toml --set tank.depth=-1", r"tank\.depth = -1.*greater than or equal to"),
+        ("run cases/focusing.toml --out OUT --set numerics.dt=3", r"overridden: numerics\.dt = 3\.0: must be"),
+        ("run cases/focusing.toml --out OUT --set tank.depth=-1", r"tank\.depth = -1.*greater than or equal to"),
         ("run cases/focusing.toml --out tests", "no run directory"),
         ("compare nowhere --with marin-202002", "nowhere: is no run directory"),
     ],
 )
-def test_bad_input_is_one_sentence_and_exit_code_2(words, sentence):
-    assert re.search(sentence, refusal(*words.split()))
+def test_bad_input_is_one_sentence_and_exit_code_2(words, sentence, tmp_path):
+    assert re.search(sentence, refusal(*words.replace("OUT", str(tmp_path / "out")).split()))
 
 
 def test_bad_input_is_one_sentence_on_two_ranks(wavetank, tmp_path):
