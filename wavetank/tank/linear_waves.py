@@ -91,7 +91,6 @@ class LinearWaves(Water):
         still = WaterEnergy(h=d, d=d, gravity=g, mapping=wall.mapping)
         self.unit = Unit(plane.comm)
         self.mass = mass_matrix(plane, wall.mapping.J(0.0), self.unit)
-        self._is_direct = plane.mesh.topology.dim == 1 and isinstance(self.bed, FlatBed)
         self.layer, self._make_potential, operator = self._interior(still, 0.1 * tolerance)
         self.history = self.new_history("steps")  # before anything that is compiled with it is called
         with self.bed.levelled():
@@ -111,6 +110,11 @@ class LinearWaves(Water):
         """The history of the stages of the steps."""
         stages: StageHistories = self.history.stages
         return stages
+
+    @property
+    def _is_direct(self) -> bool:
+        """Whether the interior and stages of pairs are solved at once, exactly."""
+        return self.plane.mesh.topology.dim == 1 and isinstance(self.bed, FlatBed)
 
     def new_history(self, owner: str) -> "LinearHistory":
         """Return a history of solves without any; collective."""
