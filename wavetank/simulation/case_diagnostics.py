@@ -120,8 +120,7 @@ def _below_surface(scene: Case, waves: AnyWaves, records: Records) -> list[Diagn
 def _rates(scene: Case, waves: AnyWaves, number: int) -> PaddleRates:
     """Return the function of the rates of a paddle."""
     view, paddle = scene.paddles[number], waves.wall.paddles[number]
-    travel = getattr(paddle, "travel", None)  # a paddle of linear water has none
-    if travel is not None and travel.rigid_position is not None:
+    if paddle.moves and paddle.kinematics.rigid:
         return lambda block: block.rates[:, number]
     along = view.wall.places(view.tank)
     return lambda block: np.array([np.hstack(paddle.motion.rates(t, y=along)) for _, _, t in block.states()])
