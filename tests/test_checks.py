@@ -100,6 +100,13 @@ def test_run_warns_by_code_and_key(name):
     assert values == pytest.approx({key: value for key, value in expected.items() if value}, rel=0.05)
 
 
+@pytest.mark.parametrize(("dt", "codes"), [(0.055, ["unstable-under-crests"]), (0.049, [])])
+def test_step_too_long_under_crests_is_warned_of(dt, codes):
+    """Oracle: runs of 24 s, of which the first is inaccurate from 13.75 s on and the second has no warning."""
+    case = read_case(CHECKOUT / "cases" / "focusing.toml", [f"numerics.dt={dt}"])
+    assert [one.code for one in warnings_before(planned(case, MPI.COMM_SELF).scene)] == codes
+
+
 CASES = sorted(path.stem for path in (CHECKOUT / "cases").glob("*.toml"))
 LONG = {"berkhoff-1982", "cylinder", "directional-focus"}  # basins whose kernels no other test needs
 

@@ -305,7 +305,7 @@ def basin(left, *walls, **more):
 @pytest.mark.parametrize(("x", "wall"), [(0.03, "wall"), (3.97, "far_wall")])
 def test_a_gauge_in_a_basins_paddles_way_is_refused_wherever_the_tank_begins(left, x, wall):
     seen = basin(left, REACHED, REACHED, gauges=[{"x": left + x}])
-    with pytest.raises(CaseError, match=rf"gauges.0: stands 0.03 m from the paddle of {wall} at rest"):
+    with pytest.raises(CaseError, match=rf"gauges.0: must be .* not 0.03 m: the paddle of {wall} reaches it"):
         [one.motion() for one in seen.paddles]
 
 

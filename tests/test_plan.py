@@ -393,7 +393,7 @@ REFUSED = [  # case, its changes, whether plan and run refuse it, message
     (FAST, ["numerics.cells=20"], "plan", TOO_SHORT),
     (FAST, ["numerics.dt=0.002"], "run", TOO_SHORT),
     (DEEP, [], "run", r"line 12: numerics.dt = 0.08: must be below 0.0696\d* s, "),
-    (DEEP, DEEPER, "run", r"no vertical order resolves .*less deep\.\n.* 0.00278 s, "),
+    (DEEP, DEEPER, "run", r"no vertical order resolves .*in a shallower tank\.\n.* 0.00278 s, "),
 ]
 
 

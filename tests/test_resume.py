@@ -129,7 +129,7 @@ def test_run_that_fails_resumes_from_the_step_before(scheme, uninterrupted, tmp_
     assert "going on from t = 0.3 s\n" in capsys.readouterr().out
     same(uninterrupted, tmp_path / "run", tolerance=1e-5)
     assert [part["steps"] for part in run.manifest["parts"]] == [6, 4]
-    gone = "the run's own observers do not look from t = 0.3 s on: Failing; wt.resume(..., observers=...) gives them"
+    gone = "observers of the run are missing from t = 0.3 s on: Failing; wt.resume(..., observers=...) adds them"
     assert {*map(str, run.warnings)} == {*map(str, RunDirectory(uninterrupted).warnings), gone}
 
 

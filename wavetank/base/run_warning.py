@@ -14,58 +14,56 @@ TEXT = "text"  # the code of a warning that is a sentence only: of a user's obse
 MESSAGES = {
     TEXT: "{text}",
     "missing-observers": (
-        "the run's own observers do not look from t = {t:.6g} s on: {names}; wt.resume(..., observers=...) gives them"
+        "observers of the run are missing from t = {t:.6g} s on: {names}; wt.resume(..., observers=...) adds them"
     ),
     "short-waves": (
         "t = {t:.6g} s: short waves that alternate from step to step have grown to {value:.2g} % of the highest "
-        "elevation, most at {place}: from here on the run is not accurate; half the step, or finer cells, may help"
+        "elevation, most at {place}: from here on the run is not accurate; half the step or finer cells may help"
     ),
     "unstable-step": (
         "t = {t:.6g} s: short waves that alternate from step to step have grown to {value:.2g} % of the highest "
         "elevation, most at {place}: from here on the run is not accurate; under the crests dt omega_max = "
-        "{product:.3g}, for a scheme stable below {stable:.4g}: a step of {longest:.2g} s would have been stable so far"
+        "{product:.3g} exceeds the limit {stable:.4g} of the scheme: numerics.dt must be at most {longest:.2g} s"
     ),
     "energy-gained": "{part} has given the waves {value:.2g} of the energy by t = {t:.4g} s: {meaning}",
     "energy-lost": "{part} has taken {value:.2g} of the energy: {cure}",
     "energy-balance": "the energy balance is off by {value:.2g} of the energy: {reason}",
     "paddle-limit": (
         "absorption moved the paddle of {key} to a {name} of {value:.4g} {unit}; {key}.limits.{name} allows "
-        "{limit:.4g} {unit}, which is the most of its drive"
+        "{limit:.4g} {unit}"
     ),
     "dry-probes": "probes without water at any time, their columns are empty: {points}",
     "not-resumable": "the run cannot be resumed from here on: {reason}",
     "second-order-limit": (
-        "second-order generation is beyond its theory: a second harmonic of {value:.2g} of the wave, where {limit:g} "
-        "is the most (H L^2 / d^3 of 26 in shallow water); free waves of higher order are left"
+        "second-order generation is outside its theory: the second harmonic is {value:.2g} of the wave, the limit is "
+        "{limit:g} (H L^2 / d^3 = 26 in shallow water); free waves of higher order remain"
     ),
     "cut-start": (
-        "the wall at x = {x:.4g} m cuts the initial {wave}, which has {value:.2g} of its height there: the elevation "
-        "is off by about {error:.2g} of it; initial.x must be farther from the ends"
+        "the wall at x = {x:.4g} m cuts the initial {wave}, whose elevation there is {value:.2g} of its height: the "
+        "error of the elevation is about {error:.2g} of the height; initial.x must be farther from the ends"
     ),
     "wave-too-high": (
-        "the paddle of {key} makes a wave {value:.3g} m high and {length:.3g} m long, at x = {x:.3g} m, t = {t:.3g} s, "
-        "by linear theory, where none as long is higher than {limit:.3g} m: nearly all made {breaks:g} times as high, "
-        'or more, broke there or before; run.on_breaking = "dissipate" computes beyond breaking'
+        "by linear theory the paddle of {key} generates a wave {value:.3g} m high and {length:.3g} m long at "
+        "x = {x:.3g} m, t = {t:.3g} s; the highest wave of this length is {limit:.3g} m high, and nearly all measured "
+        'waves above {breaks:g} of that broke; run.on_breaking = "dissipate" computes beyond breaking'
     ),
     "waves-too-long": (
         "the recorded motion of {key} has a mean period of {period:.3g} s, of waves {length:.3g} m long; in this tank "
         "they should be shorter than {limit:.3g} m{note}"
     ),
     "sponge-reflects": (
-        "the sponge reflects about {value:.0%} of the paddle's waves of T = {period:.3g} s, {length:.3g} m long, and "
-        'steep ones may break before it: one of type "end" or "group", a wave long or more, of the default strength, '
-        "reflects some 2%"
+        "the sponge reflects about {value:.0%} of the paddle's waves (T = {period:.3g} s, {length:.3g} m long), and "
+        'steep waves may break in front of it; a sponge of type "end" or "group" that is at least one wave long, with '
+        "the default strength, reflects about 2%"
     ),
-    "inaccurate": (
-        "these numerics are predicted to miss the elevation by {value:.0%}; `wavetank plan` proposes others"
-    ),
+    "inaccurate": ("the predicted error of the elevation is {value:.0%}; `wavetank plan` proposes other numerics"),
     "inaccurate-deep-waves": (
-        "these numerics are predicted to miss the elevation by {value:.0%}; waves as short against the depth "
-        "(k d = {kd:.3g}) are the same in a tank that is less deep"
+        "the predicted error of the elevation is {value:.0%}; waves that are so short compared with the depth "
+        "(k d = {kd:.3g}) are equal in a shallower tank (tank.depth)"
     ),
     "cells-too-large": (
         "cells of {value:.3g} m and order {order:.0f} have {nodes:.2g} nodes in waves of {wall}, T = {period:.3g} s, "
-        "{length:.3g} m long in water {depth:.3g} m deep, and miss their speed by {missed:.1%}: cells of {limit:.2g} m "
+        "{length:.3g} m long in water {depth:.3g} m deep, and miss their speed by {missed:.1%}; cells of {limit:.2g} m "
         "resolve them"
     ),
     "vertical-order-too-low": (
@@ -84,12 +82,18 @@ MESSAGES = {
         "a vertical order of {value:.0f} is low over this bed, and no accuracy is predicted: the rule (docs/plan.md) "
         "requires {limit:.0f}"
     ),
-    "step-misses-motion": "the step of {dt:.3g} s is too long: it misses the motion of {wall} by {value:.2g} of it",
-    "unstable-at-stroke": (
-        "where the paddle goes farthest, the mesh's shortest waves are up to {shift:.3g} times as fast: the step of "
-        "{value:.3g} s may be unstable there, one of {limit:.2g} s is not on still water"
+    "step-misses-motion": (
+        "the step of {dt:.3g} s is too long for the motion of {wall}: its displacement has an error of {value:.2g}"
     ),
-    "less-accurate": "no numerics that are planned for are accurate to {limit:g}: these are planned for {value:g}",
+    "unstable-at-stroke": (
+        "at the largest displacement of the paddle the largest frequency of the mesh is up to {shift:.3g} times that "
+        "at rest: the step of {value:.3g} s may be unstable there; numerics.dt = {limit:.2g} s is stable"
+    ),
+    "unstable-under-crests": (
+        "under the highest crests dt omega_max is {value:.3g} times the limit of the scheme: above {limit:g} times it "
+        "short waves grow there and the run is not accurate; numerics.dt = {longest:.2g} s prevents it"
+    ),
+    "less-accurate": "no planned numerics reach an accuracy of {limit:g}; these are planned for {value:g}",
     "copy-failed": "{key} could not be written ({reason}); {table} has the same",
 }
 

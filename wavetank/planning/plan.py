@@ -27,6 +27,7 @@ from wavetank.base.mpi import from_first
 from wavetank.base.run_warning import RunWarning
 from wavetank.case import BasinTank, Case, LinearWater, NonlinearWater, Physics, RunState
 from wavetank.integrators import INTEGRATORS
+from wavetank.integrators.contract import Integrator
 from wavetank.mesh import MeshFile
 from wavetank.planning.cost import Cost, slice_cost
 from wavetank.planning.dispersion import Mesh
@@ -151,6 +152,18 @@ def own_plan(scene: Case, accuracy: float) -> Plan:
     dt = build_clock(scene, largest, INTEGRATORS[numerics.integrator]()).dt
     settings = Settings(cells=scene.cells, dt=dt, integrator=numerics.integrator, **chosen)
     return _predicted(errors, required, settings)
+
+
+def largest_step_under_crests(scene: Case, integrator: Integrator[Any]) -> float:
+    """Return the limit [s] of an integrator's step on the current under the highest crest; raises as ``own_plan``."""
+    required, numerics = requirements(scene, DEFAULT), scene.numerics
+    mesh = ErrorModel(required).mesh(numerics.order, scene.cells, numerics.vertical_order)
+    return float(integrator.stability_limit) / _frequency_under_crests(required, mesh)
+
+
+def _frequency_under_crests(required: Requirements, mesh: Mesh) -> float:
+    """Return the largest frequency of a mesh [rad/s] on the current under the highest crest."""
+    return float(mesh.largest_frequency + required.form.velocity * mesh.largest_wave_number)
 
 
 class PlannedCase(NamedTuple):
@@ -305,7 +318,7 @@ class _Steps:
         limit = MARGIN * min(stable, ANSWERED if required.scene.absorbing else np.inf)
         if required.physics == "linear":
             return limit / mesh.largest_frequency
-        shifted = mesh.largest_frequency + required.form.velocity * mesh.largest_wave_number
+        shifted = _frequency_under_crests(required, mesh)
         solvable = min(float(self._integrator.solvable), FARTHEST * stable / self._shift)
         return min(limit / shifted, solvable / mesh.largest_frequency)
 

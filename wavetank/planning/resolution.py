@@ -237,7 +237,7 @@ def too_short(scene: Case) -> Iterator[Problem]:
         k = float(airy.wave_number(omega, depth, g))
         if relative_frequency_error(k * depth, HIGHEST_VERTICAL_ORDER) > MAX_ERROR:
             size = f"T = {2 * np.pi / omega:.3g} s, {2 * np.pi / k:.2g} m long in water {depth:.3g} m deep"
-            allowed = f"no vertical order resolves its waves of {size}: they are the same in a tank that is less deep"
+            allowed = f"no vertical order resolves its waves of {size}: they are equal in a shallower tank"
             yield view.wall.motion.problem(view.key, PERIODS, allowed)
 
 

@@ -330,10 +330,12 @@ class BreakingAlarm(BreakingFilter):
         for index, crest in self.watch.state.active if self._stop else ():
             periods = self.watch.alarms[index].outrun
             if crest.outrun > OVERTURNS or periods > SUSTAINED:
+                reasons = [f"for {periods:.2g} periods (limit {SUSTAINED:g})"] if periods > SUSTAINED else []
+                if crest.outrun > OVERTURNS:
+                    reasons.append(f"in {100 * crest.outrun:.0f} % of its upper half (limit {100 * OVERTURNS:.0f} %)")
                 raise RunError(
-                    f"t = {t:.6g} s, {self.watch.place(crest)}: a wave breaks: the water outruns the crest for "
-                    f"{periods:.2g} periods (limit {SUSTAINED:g}), in {100 * crest.outrun:.0f} % of its upper half "
-                    f"(limit {100 * OVERTURNS:.0f} %): {crest.velocity:.3g} m/s, the crest {crest.speed:.3g} m/s"
+                    f"t = {t:.6g} s, {self.watch.place(crest)}: a wave breaks: the water outruns the crest "
+                    f"{', '.join(reasons)}: {crest.velocity:.3g} m/s, the crest {crest.speed:.3g} m/s"
                 )
         return False
 
