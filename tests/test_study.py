@@ -53,6 +53,7 @@ def combinations(sweeps, overrides=(), case=CASE):
     ("sweeps", "options", "sentence"),
     [
         ([], {}, "no sweep received"),
+        (["dtt=1,2"], {}, "sweep 'dtt=1,2' received; its name is unknown; did you mean 'dt'"),
         (["dt"], {}, "sweep 'dt' received; allowed is KEY=VALUE,VALUE"),
         (["=3"], {}, "allowed is KEY=VALUE"),
         (["dt=0.02,"], {}, "allowed is KEY=VALUE"),

@@ -110,6 +110,16 @@ def test_tank_fills_the_picture_which_says_title_time_and_exaggeration(run):
     picture.close()
 
 
+def test_low_waves_are_raised(tmp_path):
+    """Oracle: waves of 1 mm in 8 m are drawn as high as 0.03 of the length, the bed by the usual exaggeration."""
+    picture = view.View(record(tmp_path / "run", elevation=lambda x, t: 5e-4 * np.cos(x)), size=(160, 160))
+    z = picture.plotter.actors["surface"].mapper.dataset.points[:, 2]
+    assert np.ptp(z) == pytest.approx(0.03 * LENGTH, rel=0.2) and picture.exaggeration == 2.0
+    bed = picture.plotter.actors["bed"].mapper.dataset.points[:, 2]
+    assert bed.max() == pytest.approx(z.min() - 2 * (DEPTH - 5e-4), rel=1e-3)
+    picture.close()
+
+
 def test_crest_is_light_trough_dark_and_still_water_has_the_colour_of_the_bar(tmp_path):
     def hump(x, t):
         return HEIGHT * np.exp(-((x - 6.0) ** 2)) - HEIGHT * np.exp(-((x - 3.0) ** 2))

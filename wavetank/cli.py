@@ -245,7 +245,7 @@ COMMANDS: dict[Callable[..., None], str] = {  # in the order of use, with an exa
     run: "run cases/focusing.toml --set numerics.cell_size=0.1",
     resume: "resume runs/focusing --extend 30",
     status: "status runs",
-    may_execute(view): "view runs/focusing --film runs/focusing/film.mp4",
+    may_execute(view): "view runs/focusing --film runs/focusing/view.mp4",
     may_execute(compare): "compare runs/marin-202002 --with marin-202002",
     may_execute(analyse): "analyse runs/focusing spectrum groups",
     may_execute(study): "study cases/standing-wave.toml --sweep dt=0.02,0.01",

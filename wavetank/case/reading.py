@@ -103,6 +103,9 @@ def _parse(path: Path, text: str) -> dict[str, Any]:
     except RecursionError:
         raise InputError(f"{path}: not valid TOML: nested too deeply.") from None
     except ValueError as error:  # TOML's own, or a number of too many digits
+        if twice := re.match(r"Cannot declare \((.*?),?\) twice \(at line (\d+)", str(error)):
+            table = ".".join(re.findall(r"'([^']*)'", twice[1]))
+            raise InputError(f"{path}, line {twice[2]}: [{table}] received twice; allowed is one such table.") from None
         raise InputError(f"{path}: not valid TOML: {error}.") from None
 
 

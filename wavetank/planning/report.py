@@ -81,6 +81,8 @@ def _report_trial(case: Case, why: str, terminal: Console) -> None:
     duration = clock.steps * step + below  # on each rank, if all its steps cost the same
     lines = (
         str(shortest_wave(case)),
+        "predicted error: none, as errors are predicted for slices and rings with a flat bed; `wavetank study` with "
+        "--sweep of cell_size and dt measures it",
         f"a step: {step:.2g} CPU s on {ranks_text(comm.size)}, {solves:.1f} interior solves",
         output.message(below / duration),
         f"the run: {format_duration(duration)}, on as many free cores",

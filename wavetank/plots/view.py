@@ -52,6 +52,7 @@ EYES = {True: (28.0, 36.0), False: (24.0, 27.0)}  # degrees to the right of the 
 VIEW_ANGLE = 16.0  # degrees, from low to high
 TANK_SIZE = (0.88, 0.70)  # largest width and height of the tank over those of the picture
 HIGHEST, DEEPEST, STEEPEST = 0.12, 0.22, 2.0  # waves' height and depth as drawn over the extent, and slope, at most
+LOWEST, LOW, MOST = 0.008, 0.03, 1e6  # waves' height over the extent: raised below it, to it, at most so many times
 # A low warm light from behind the paddle, and cool ones in front and above: still water keeps the colour of the bar.
 LIGHTS = (((-0.75, 0.2, 0.45), 0.7, "#fff8ec"), ((0.6, -0.7, 0.45), 0.6, "#e2f1ff"), ((0.0, 0.0, 1.0), 0.38, "#ffffff"))
 DRY: dict[str, Any] = {"ambient": 0.65, "diffuse": 0.5}
@@ -134,7 +135,9 @@ class View:
     plotter
         The picture.
     exaggeration
-        How many times the elevation is drawn as high as it is.
+        How many times the depth is drawn as high as it is.
+    of_elevation
+        The same of the elevation, larger of low waves.
     """
 
     def __init__(self, run: RunDirectory, *, size: Size):
@@ -147,6 +150,7 @@ class View:
         self._top = self._high + 0.3 * self._waves_height  # of walls
         extent, depth = float(np.ptp(surface.first[:, :2], axis=0).max()), float(surface.depth.max())
         self.exaggeration = exaggeration(history, extent=extent, depth=depth)
+        self.of_elevation = of_elevation(history, self.exaggeration, extent=extent)
         self._moving = surface.rim[surface.moving(history.displacement)]
         displays = sys.platform != "linux" or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
         if not (displays or find_library("EGL") or find_library("OSMesa")):  # VTK would crash
@@ -162,6 +166,7 @@ class View:
         self._add_fixed(depth)
         self._add_gauges(run)
         self._limit = colour_limit(history)
+        self._add_colours()
         self._write("title", run.title or run.path.resolve().name, "upper_left", 13)
         self.write_note()
         self.draw(float(surface.times[0]))
@@ -174,9 +179,7 @@ class View:
         water = pv.PolyData.from_regular_faces(points, surface.pieces)
         water[ELEVATION] = CM * points[:, 2]
         scale = {"clim": (-self._limit, self._limit), "cmap": SURFACE, "scalars": ELEVATION}
-        bar: dict[str, Any] = {"height": 0.05, "width": 0.25, "position_x": 0.03, "position_y": 0.07, "n_labels": 5}
-        bar |= {"fmt": "%g", "color": INK, "label_font_size": round(15 * self._text_scale)}
-        self._add("surface", water, scalar_bar_args=bar, **scale, **WATER_SURFACE)
+        self._add("surface", water, show_scalar_bar=False, **scale, **WATER_SURFACE)
         sides = curtain(points, surface.rim, -surface.depth, points[:, 2])
         sides[HEIGHT] = sides.points[:, 2]
         limits = (-float(surface.depth.max()), self._high)
@@ -208,6 +211,8 @@ class View:
     def write_note(self, pace: float = 1.0) -> None:
         """Write the exaggeration, depths of contours, and how many times faster than in the tank time passes."""
         notes = [f"vertical exaggeration {self.exaggeration:g}"]
+        if self.of_elevation > self.exaggeration:
+            notes.append(f"of the elevation {self.of_elevation:g}")
         if abs(pace - 1) >= 0.02:
             notes.append(f"{pace:.2g} times as fast")
         if self.surface.contours.size:
@@ -221,10 +226,15 @@ class View:
         self.plotter.close()
 
     # ------------------------------------------------------------ how it is built
+    def _drawn(self, z: Any) -> Any:
+        """Return the height at which z [m] is drawn: the elevation may be exaggerated more than the depth."""
+        low = min(float(self.history.low.min()), 0.0)
+        return self.exaggeration * np.minimum(z - low, 0.0) + self.of_elevation * np.maximum(z, low)
+
     def _add(self, name: str, mesh: Any, **properties: Any) -> None:
         """Draw a mesh [m] in place of the one of that name, exaggerated."""
         drawn = mesh.copy()
-        drawn.points = mesh.points * (1.0, 1.0, self.exaggeration)
+        drawn.points[:, 2] = self._drawn(mesh.points[:, 2])
         self.plotter.add_mesh(drawn, name=name, reset_camera=False, render=False, **properties)
 
     def _write(self, name: str, text: str, corner: str, size: float) -> None:
@@ -254,15 +264,34 @@ class View:
         if few:
             style: dict[str, Any] = {"font_size": round(17 * self._text_scale), "font_file": FONT, "bold": False}
             style |= {"show_points": False, "always_visible": True, "text_color": INK, "shape_color": "white"}
-            heads = (places + head) * (1, 1, self.exaggeration)
+            heads = (places + head) * (1, 1, self.of_elevation)
             self.plotter.add_point_labels(heads, list(run.gauges.gauge.values), reset_camera=False, **style)
+
+    def _add_colours(self) -> None:
+        """Draw the bar of colours with its title above it and numbers below it, in any size of the picture."""
+        scale, limit = self._text_scale, self._limit
+        names = {"title": "", "n_labels": 0, "width": 0.25, "height": 0.05, "position_x": 0.03, "position_y": 0.11}
+        table = pv.LookupTable(SURFACE, scalar_range=(-limit, limit))
+        mapper = pv.DataSetMapper()
+        mapper.lookup_table = table
+        self.plotter.add_scalar_bar(mapper=mapper, render=False, **names)
+        width, height = self.plotter.window_size
+        for name, text, x, y in (
+            ("title of colours", ELEVATION, 0.03, 0.17),
+            ("least colour", f"{-limit:g}", 0.03, 0.065),
+            ("largest colour", f"{limit:g}", 0.25, 0.065),
+        ):
+            place = (x * width, y * height)
+            self.plotter.add_text(
+                text, position=place, font_size=round(9 * scale), font_file=FONT, color=INK, name=name, render=False
+            )
 
     def _add_axes(self, depth: float) -> None:
         """Draw axes with lengths [m] around the tank."""
         plan = np.round(self.surface.first[:, :2], 9)
         ends = np.column_stack([plan.min(axis=0), plan.max(axis=0)]).ravel()
         self.plotter.show_bounds(
-            bounds=[*ends, -depth * self.exaggeration, 0.0],
+            bounds=[*ends, self._drawn(-depth), 0.0],
             axes_ranges=[*ends, -depth, 0.0],
             show_yaxis=self.surface.basin,
             xtitle="x [m]",
@@ -326,6 +355,14 @@ def exaggeration(history: Any, *, extent: float, depth: float) -> float:
     highest = HIGHEST * extent / max(float(np.max(history.high) - np.min(history.low)), tiny)
     steepest = STEEPEST / max(history.slope, tiny)
     return max(1.0, float(f"{min(highest, steepest, DEEPEST * extent / depth):.1g}"))
+
+
+def of_elevation(history: Any, usual: float, *, extent: float) -> float:
+    """Return how many times the elevation is drawn as high as it is: as usual, but more of waves too low to see."""
+    height = max(float(np.max(history.high) - np.min(history.low)), np.finfo(float).tiny)
+    if usual * height > LOWEST * extent:
+        return usual
+    return max(usual, float(f"{min(LOW * extent / height, STEEPEST / max(history.slope, 1e-300), MOST):.1g}"))
 
 
 def colour_limit(history: Any) -> float:

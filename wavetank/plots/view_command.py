@@ -23,7 +23,10 @@ def view(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="replace files that are there")] = False,
     size: Annotated[str | None, typer.Option(help="of the pictures [pixels]", metavar="WIDTHxHEIGHT")] = None,
 ) -> None:
-    """View a run: a still (the default), a film, a diagram."""
+    """View a run: a still (the default), a film, a diagram.
+
+    A resumed run removes view.png, view.mp4 and view.gif of its directory; files of other names stay as they are.
+    """
     directory, terminal = RunDirectory(run), console()
     check_new(*(file for file in (out, film) if file is not None), overwrite=overwrite)
     given = {} if size is None else {"size": _pixels(size)}

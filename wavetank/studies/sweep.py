@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import quote
 
-from wavetank.base.errors import InputError
+from wavetank.base.errors import InputError, choice
 from wavetank.case import BasinTank, Case
 from wavetank.case.numerics import HIGHEST_ORDER, HIGHEST_VERTICAL_ORDER
 from wavetank.case.reading import read_case
@@ -137,6 +137,9 @@ def parse_axis(text: str) -> Axis:
         raise InputError(f"sweep {text!r} received; allowed is KEY=VALUE,VALUE,..., such as dt=0.02,0.04.")
     if len(set(given)) < len(given):
         raise InputError(f"sweep {text!r} received; its values must be different.")
+    if "." not in name and name.strip() not in {*SHORT_NAMES, *Case.model_fields}:
+        known = choice(name.strip(), [*SHORT_NAMES])
+        raise InputError(f"sweep {text!r} received; its name is unknown{known}, or a key such as wall.motion.height.")
     return Axis.of(name.strip(), *given)
 
 
