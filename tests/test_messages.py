@@ -94,6 +94,11 @@ REFUSED = {
         {"record": "0 0\n1 10\n2 0\n3 10\n"},
         "its times must be in s, its values in m or m/s (wall.motion.gain converts them)",
     ),
+    "gauges below a table": (
+        SLICE + "gauges = [1.0]\n",
+        {},
+        "; gauges of the case belongs above the first [table].",
+    ),
     "two tables of one name": (SLICE + 2 * RECORD, {}, "CASE, line 12: [wall] received twice; allowed is one such"),
     "a steady wave that cannot be computed": (
         RING + '[initial]\ntype = "stream-function"\nsteepness = 0.97\n',

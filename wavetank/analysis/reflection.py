@@ -168,7 +168,9 @@ def reflected_spectra(eta: DataArray, *, depth: float, gravity: float = 9.81, se
     incident, back = np.where(usable, np.maximum(densities.T, 0.0), np.nan)
     counted = usable & (density > MIN_DENSITY * density.max()) & (f < BOUND_FROM * peak)
     if not counted.any():
-        raise InputError("the gauges stand where incident and reflected waves cannot be told apart.")
+        raise InputError(
+            "incident and reflected waves cannot be told apart at these gauges: their distances must differ."
+        )
     coefficient = float(np.sqrt(back[counted].sum() / max(incident[counted].sum(), np.finfo(float).tiny)))
     remainder = density[~counted].sum() / (1 + coefficient**2)
     hm0 = 4 * float(np.sqrt((incident[counted].sum() + remainder) * f[0]))

@@ -254,7 +254,9 @@ def reflection_coefficient(record: WaveRecord) -> float:
         return float(reflection.reflected_spectra(record.forward, **record.water).attrs["coefficient"])
     result = _separate(record)
     if result.condition > reflection.MAX_CONDITION:
-        raise InputError("the gauges stand where incident and reflected waves cannot be told apart.")
+        raise InputError(
+            "incident and reflected waves cannot be told apart at these gauges: their distances must differ."
+        )
     return result.reflection
 
 
@@ -330,7 +332,7 @@ def _sea_reflection(record: WaveRecord) -> Result:
         "Hm0 incident [m]": [result.attrs["hm0_incident"]],
         "Hm0 reflected [m]": [result.attrs["hm0_reflected"]],
         "reflection [-]": [result.attrs["coefficient"]],
-        "variance told apart [-]": [result.attrs["told_apart"]],
+        "resolved variance [-]": [result.attrs["told_apart"]],
     }
     return Result(columns, notes, "reflection", {"result": result})
 

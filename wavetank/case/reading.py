@@ -227,7 +227,9 @@ def _problems(details: ErrorDetails) -> Iterator[Problem]:
             yield Problem(place.key, None, f"is missing; needed is {place.meaning or 'a table'}")
         case "extra_forbidden":
             fields = _place(details["loc"][:-1]).fields
-            yield Problem(place.key, received, f"is an unknown key{choice(str(place.key[-1]), fields)}")
+            name = str(place.key[-1])
+            own = f"; {name} of the case belongs above the first [table]" if name in Case.model_fields else ""
+            yield Problem(place.key, received, f"is an unknown key{choice(name, fields)}{own}")
         case "union_tag_not_found":
             yield Problem((*place.key, "type"), None, f"is missing{choice('', place.tags)}")
         case "union_tag_invalid":

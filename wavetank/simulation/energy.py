@@ -35,8 +35,8 @@ LOST = 0.01  # of the energy, twice the relative loss of wave height: a larger l
 
 SPONGE = "the sponge"
 GIVES = (
-    "waves far longer than it, as go before a train or a group, make it do so (a longer sponge gives less), "
-    "or a current, or it is too strong or begins too abruptly"
+    "possible causes are waves far longer than the sponge, as in front of a group (a longer sponge reduces the gain), "
+    "a current, or a sponge that is too strong or begins too abruptly"
 )
 
 

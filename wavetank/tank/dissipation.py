@@ -122,7 +122,7 @@ class Smoothing:
     """
 
     called, cure = "smoothing", ""
-    gives = "waves too short or too steep for the step and the cells make it do so"
+    gives = "possible causes are waves too short or too steep for the step and the cells"
 
     def __init__(self, waves: NonlinearWaves, form: Callable[[Any, Any], ufl.Form]):
         self._waves, self._of = waves, form
