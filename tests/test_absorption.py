@@ -21,7 +21,7 @@ from wavetank.case import Case
 from wavetank.case.reading import read_case
 from wavetank.case.wall import ActiveAbsorption, SpringDamper
 from wavetank.cli import main
-from wavetank.integrators.states import Point
+from wavetank.integrators.contract import Point
 from wavetank.motion import feedback, sinusoid
 from wavetank.motion.feedback import FeedbackMotion, FilterState, StateSpaceFilter, elevation_at_face
 from wavetank.motion.motion import blending, largest_stroke

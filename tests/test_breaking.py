@@ -24,7 +24,7 @@ from wavetank.base.errors import ConvergenceError, RunError
 from wavetank.case import Case
 from wavetank.fem.mass import PenalisedMass, mass_matrix
 from wavetank.fem.plane import Plane
-from wavetank.integrators.states import Point
+from wavetank.integrators.contract import Point
 from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run
 from wavetank.simulation.build import build_run

@@ -13,7 +13,7 @@ from test_basin import basin
 
 from wavetank.base.errors import RunError
 from wavetank.case import Case
-from wavetank.integrators.states import Point
+from wavetank.integrators.contract import Point
 from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run
 from wavetank.simulation.build import build_run

@@ -35,7 +35,7 @@ from wavetank.base.state import deserialize, named, plain, restore_all, serializ
 from wavetank.base.toml import toml
 from wavetank.case import Case
 from wavetank.integrators import INTEGRATORS, Damped, Damping, GaussLegendre4, ThirdOrder
-from wavetank.integrators.filtered import Filtered
+from wavetank.integrators.wrappers import Filtered
 from wavetank.output import checkpoint
 from wavetank.output.checkpoint import FORMAT, Checkpoint, read_checkpoint, write_checkpoint
 from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, RunDirectory

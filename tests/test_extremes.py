@@ -28,7 +28,7 @@ from wavetank.case.reading import read_case
 from wavetank.fem.plane import Plane
 from wavetank.fem.vertical import gauss_lobatto_legendre
 from wavetank.integrators import Simpson4, ThirdOrder
-from wavetank.integrators.states import Point, Traces
+from wavetank.integrators.contract import Point, Traces
 from wavetank.motion import sinusoid
 from wavetank.output.directory import RunDirectory
 from wavetank.planning.dispersion import elements

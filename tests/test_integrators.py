@@ -41,7 +41,7 @@ from examples.paper.schemes import (
     trajectory,
 )
 from wavetank.integrators import Filtered, GaussLegendre4, Simpson4, StormerVerlet, ThirdOrder
-from wavetank.integrators.states import rows
+from wavetank.integrators.contract import rows
 
 SCHEMES = all_schemes()
 each_scheme = pytest.mark.parametrize("scheme", SCHEMES, ids=lambda scheme: scheme.integrator.name)

@@ -17,7 +17,7 @@ from examples.paper.steepness import surface_crests
 from wavetank.fem.forms import ScalarForm
 from wavetank.fem.plane import Plane
 from wavetank.integrators import ThirdOrder
-from wavetank.integrators.states import Point
+from wavetank.integrators.contract import Point
 from wavetank.motion import Motion, ramped, sinusoid
 from wavetank.motion.motion import STEEPEST, blending, frequency_shift, largest_stroke
 from wavetank.simulation.clock import Clock, EverySteps

@@ -9,8 +9,8 @@ from mpi4py import MPI
 from wavetank.base.errors import RunError
 from wavetank.case import Case
 from wavetank.integrators import INTEGRATORS, Simpson4
+from wavetank.integrators.contract import Traces, rows
 from wavetank.integrators.simpson import MeanAndJumps
-from wavetank.integrators.states import Traces, rows
 from wavetank.motion import ramped, sinusoid
 from wavetank.output.columns import energy_columns
 from wavetank.simulation.build import build_run

@@ -24,8 +24,8 @@ from wavetank.base.toml import toml
 from wavetank.case import Case, EndWall
 from wavetank.case.reading import read_case
 from wavetank.integrators import INTEGRATORS, StormerVerlet
-from wavetank.integrators.filtered import Filtered
-from wavetank.integrators.states import Point
+from wavetank.integrators.contract import Point
+from wavetank.integrators.wrappers import Filtered
 from wavetank.motion import ramped, sinusoid
 from wavetank.output.columns import energy_columns, energy_rows
 from wavetank.output.directory import ENERGY, FIELDS, GAUGES, PADDLE, RunDirectory

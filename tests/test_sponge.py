@@ -29,8 +29,8 @@ from wavetank.integrators import (
     ThirdOrder,
     damped,
 )
-from wavetank.integrators.filtered import Filtered
-from wavetank.integrators.states import like, rows
+from wavetank.integrators.contract import like, rows
+from wavetank.integrators.wrappers import Filtered
 from wavetank.motion import AT_REST, ramped, sinusoid
 from wavetank.output.columns import energy_columns
 from wavetank.simulation.construction import build_sponge

@@ -9,8 +9,7 @@ from mpi4py import MPI
 from wavetank.base.errors import ConvergenceError, RunError
 from wavetank.case import Case
 from wavetank.fem.anderson import AndersonMixing
-from wavetank.integrators.stage_solver import StageHistories, StageSolver
-from wavetank.integrators.stages import CoupledStages, PairStage
+from wavetank.integrators.stages import CoupledStages, PairStage, StageHistories, StageSolver
 from wavetank.simulation.build import build_run
 
 

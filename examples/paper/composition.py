@@ -9,8 +9,7 @@ from itertools import accumulate
 from typing import ClassVar
 
 from wavetank.base.arrays import Vector
-from wavetank.integrators.hamiltonian import HamiltonianSystem
-from wavetank.integrators.states import Point
+from wavetank.integrators.contract import HamiltonianSystem, Point
 from wavetank.integrators.stormer_verlet import StormerVerlet
 
 OUTER = 1 / (4 - 4 ** (1 / 3))

@@ -19,8 +19,7 @@ from examples.paper.report import Report
 from examples.paper.watched import watched
 from wavetank.base.arrays import Vector
 from wavetank.integrators import GaussLegendre4, Simpson4, ThirdOrder
-from wavetank.integrators.contract import Integrator, State
-from wavetank.integrators.hamiltonian import HamiltonianSystem
+from wavetank.integrators.contract import HamiltonianSystem, Integrator, State
 from wavetank.integrators.oscillators import Oscillators
 from wavetank.integrators.simpson import MeanAndJumps
 

@@ -18,8 +18,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from wavetank.base.arrays import Vector
-from wavetank.integrators.hamiltonian import HamiltonianSystem
-from wavetank.integrators.states import Map, State
+from wavetank.integrators.contract import HamiltonianSystem, Map, State
 
 
 @dataclass(frozen=True, eq=False)

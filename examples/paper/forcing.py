@@ -21,7 +21,7 @@ from wavetank.base.arrays import Vector
 from wavetank.integrators import Simpson4, StormerVerlet, StormerVerletAdjoint, ThirdOrder
 from wavetank.integrators.contract import Integrator, State
 from wavetank.integrators.oscillators import Oscillators
-from wavetank.integrators.wrapper import Wrapper
+from wavetank.integrators.wrappers import Wrapper
 
 STEPS = (0.2, 0.1, 0.05, 0.025)
 DURATION, START, SLOPE = 20.0, (0.3, 0.1), 0.7

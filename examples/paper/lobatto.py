@@ -14,8 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from wavetank.base.arrays import Vector
-from wavetank.integrators.hamiltonian import HamiltonianSystem
-from wavetank.integrators.states import Point
+from wavetank.integrators.contract import HamiltonianSystem, Point
 
 C = (0.0, 0.5, 1.0)
 A = ((0.0, 0.0, 0.0), (5 / 24, 1 / 3, -1 / 24), (1 / 6, 2 / 3, 1 / 6))

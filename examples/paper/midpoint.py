@@ -13,8 +13,7 @@ from typing import ClassVar
 import numpy as np
 
 from wavetank.base.arrays import Vector
-from wavetank.integrators.hamiltonian import HamiltonianSystem
-from wavetank.integrators.states import Point
+from wavetank.integrators.contract import HamiltonianSystem, Point
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,9 @@ import scipy
 from mpi4py import MPI
 
 from wavetank.base.arrays import Vector
-from wavetank.integrators.hamiltonian import Weights
+from wavetank.integrators.contract import Weights
 from wavetank.integrators.oscillators import Oscillators
-from wavetank.integrators.stage_solver import StageHistories, StageSolver
-from wavetank.integrators.stages import CoupledStages, PairStage
+from wavetank.integrators.stages import CoupledStages, PairStage, StageHistories, StageSolver
 
 
 @dataclass(frozen=True)

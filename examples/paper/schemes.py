@@ -23,10 +23,8 @@ from wavetank.integrators import (
     ThirdOrder,
     Traces,
 )
-from wavetank.integrators.contract import Integrator
-from wavetank.integrators.hamiltonian import HamiltonianSystem
+from wavetank.integrators.contract import HamiltonianSystem, Integrator, rows
 from wavetank.integrators.simpson import MeanAndJumps
-from wavetank.integrators.states import rows
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from examples.paper.report import Report
 from examples.paper.schemes import Scheme, all_schemes, discontinuous, discontinuous_adjoint, simpson, third_order
 from wavetank.base.arrays import Vector
 from wavetank.integrators import Simpson4
-from wavetank.integrators.hamiltonian import HamiltonianSystem
+from wavetank.integrators.contract import HamiltonianSystem
 
 DIFFERENCE = 1e-5  # of central differences: their error is its square, their round-off eps over it, about 1e-10 both
 NO_SYMBOLS = ("suzuki-verlet", "simpson-4")  # cube roots of 4, eight numbers a state: measured in numbers only

@@ -14,8 +14,7 @@ from mpi4py import MPI
 from examples.paper.oscillators import NonSeparable
 from wavetank.base.arrays import Vector
 from wavetank.fem.codegen import Unit
-from wavetank.integrators.contract import Integrator
-from wavetank.integrators.states import like, rows
+from wavetank.integrators.contract import Integrator, like, rows
 
 ITERATIONS = 20
 FLAGS = ["-O2", "-march=native", "-Wno-unused-variable"]

@@ -4,8 +4,7 @@ from collections.abc import Callable
 from typing import Any, Generic, TypeVar
 
 from wavetank.base.arrays import Vector
-from wavetank.integrators.contract import Integrator
-from wavetank.integrators.hamiltonian import HamiltonianSystem
+from wavetank.integrators.contract import HamiltonianSystem, Integrator
 from wavetank.simulation.clock import Clock, EverySteps
 from wavetank.simulation.run import Run
 from wavetank.tank.block import Block

@@ -135,8 +135,8 @@ class Minimum:
         Last column of A phi for the last solution, shape (dofs,).
     kinetic
         phi A phi for the last solution.
-    last
-        Iterations of the last correction.
+    steps
+        Step lengths of the last correction by ``find`` and the coefficients of its directions, shape (steps, 2).
     """
 
     patience = 1
@@ -168,7 +168,8 @@ class Minimum:
         self._modes = AveragedModes(single, plane, vertical.eigenvalues)
         row = -(-n // _abreast("float")) * _abreast("float")
         self._work = np.empty((plane.size, 5 * row + 2), dtype=np.float32)
-        self._steps, self.last = np.empty((MOST + 1, 2)), 0
+        self._steps = np.empty((MOST + 1, 2))
+        self.steps: Vector = self._steps[:0]
         self._correction = np.zeros(2)  # phi A phi, and the energy of the residual over its target
         of, layered = (single.cells, single.layers, single.state, self._modes.chain), Buffer(plane.size * (n + 1))
         results = self._steps, self._correction, self._work
@@ -197,8 +198,8 @@ class Minimum:
         while True:
             self._operator.apply_to(phi, self._image)
             performed = correct(wall, phi, self._image, MOST - iterations)
-            self.last = max(0, performed)
-            iterations += self.last
+            self.steps = self._steps[: max(0, performed)].copy()
+            iterations += len(self.steps)
             if performed == -1:
                 raise ConvergenceError(f"the interior potential did not converge in {MOST} iterations")
             self.flow = self._image[:, -1].copy()
@@ -226,8 +227,3 @@ class Minimum:
             "correction": self._correction,
             "work": self._work,
         }
-
-    @property
-    def steps(self) -> Vector:
-        """Step lengths of the last correction and the coefficients of its directions, shape (steps, 2)."""
-        return self._steps[: self.last]

@@ -4,6 +4,7 @@ A solution of double precision is corrected by some of single precision (``corre
 """
 
 from collections.abc import Callable
+from functools import cache
 from math import prod
 from typing import Any
 
@@ -135,15 +136,21 @@ def corrected(
 def dot(a: Array, b: Array) -> float:
     """Return the product of two arrays of this rank, of single precision summed in double."""
     a, b = a.reshape(-1), b.reshape(-1)
-    if a.dtype != np.float32:
+    if a.dtype != np.float32 or a.size <= PIECE:
         return float(np.dot(a, b))
     return sum(float(np.dot(a[k : k + PIECE], b[k : k + PIECE])) for k in range(0, a.size, PIECE))
 
 
 def add(factor: float, x: Array, y: Array) -> None:
     """Set y to y + factor x, both contiguous and of one precision."""
+    if x.size:
+        _axpy(y.dtype.char)(x.reshape(-1), y.reshape(-1), a=factor)
+
+
+@cache
+def _axpy(kind: str) -> Callable[..., Any]:
+    """Return the function of BLAS for arrays of a type."""
     from scipy.linalg.blas import daxpy, saxpy  # load long; a slice on one rank has no use for them
 
-    if x.size:
-        axpy = saxpy if y.dtype == np.float32 else daxpy
-        axpy(x.reshape(-1), y.reshape(-1), a=factor)
+    function: Callable[..., Any] = {"f": saxpy, "d": daxpy}[kind]
+    return function

@@ -164,8 +164,8 @@ class MassMatrix:
         self._cell_weights = np.empty_like(self.weights)
         cells = self._instance.struct("Cells", **{**self._cells.parts, "values": self._cell_factors()})
         of_cells = self._instance.struct("Mass", cells=cells, weights=self._cell_weights)
-        self._multiply_cells, self._diagonal = function("multiply", of_cells, n, n), np.empty(self._halo.owned)
-        work = self._diagonal, n, float, self.most, n, np.empty(4 * self._halo.size)
+        self._multiply_cells, self._inverse = function("multiply", of_cells, n, n), np.empty(self._halo.owned)
+        work = self._inverse, n, float, self.most, n, np.empty(4 * self._halo.size)
         self._solve_by_cells = function("solve_by_cells", self.struct, of_cells, *work)
 
     def _sizes(self, plane: Plane) -> dict[str, object]:
@@ -210,7 +210,7 @@ class MassMatrix:
         """Compute what solves need, if it is not there."""
         self._update_if_new()
         if not self._is_ready:
-            self._diagonal[:] = self.diagonal()
+            np.divide(1.0, self.diagonal(), out=self._inverse)  # of the diagonal
             means = self.weights.sum(axis=1, keepdims=True) / np.sum(self._cells.parts["weights"])
             self._cell_weights[:] = means  # at all points of a cell
             self._is_ready = True
@@ -221,7 +221,7 @@ class MassMatrix:
         return self._halo.collect(y)[:, 0]
 
     def _precondition(self, r: Vector) -> Vector:
-        return self._product(self._multiply_cells, r / self._diagonal) / self._diagonal
+        return self._product(self._multiply_cells, r * self._inverse) * self._inverse
 
     def apply(self, values: Vector) -> Vector:
         """Return the product with owned values x, shape (owned,)."""

@@ -136,16 +136,22 @@ class OrderMultigrid(Modes):
         self._direction = direction[: layer.plane.owned]
         self._of_low = dict[int, LinearModes]()
         function, owned, modes = layer.instance.function, layer.plane.owned, self._eigenvalues
-        size, averages, both = self._halo.size, Buffer(layer.averages_size, np.float32), Buffer(2 * owned, np.float32)
-        layered, rows = (Buffer(count * modes.size, np.float32) for count in (size, owned))
+        layered, rows = (Buffer(count * modes.size, np.float32) for count in (self._halo.size, owned))
+        averages = Buffer(layer.averages_size, np.float32)
         self._multiply = function("multiply", layer.cells, averages, modes, int, modes.size, layered, layered)
-        lengths, many = Buffer(modes.size, np.float32), modes.size
-        self._smooth_rows = function("smooth", owned, both, modes, lengths, lengths, many, *4 * [rows])
+        self.diagonals = np.empty((owned, 2), dtype=np.float32)
+        self._lengths = np.empty((2 * self.steps + 1, 2, modes.size), dtype=np.float32)  # see ``_chebyshev``
+        self._smoothers = [
+            function(
+                "smooth", owned, self.diagonals, modes, *lengths, modes.size, self._image, rows, self._direction, rows
+            )
+            for lengths in self._lengths
+        ]
 
     def take(self, averages: Means) -> None:
         """See ``Modes``."""
         self._averages, linear = averages
-        self.diagonals = self._layer.diagonals(self._averages)
+        self.diagonals[:] = self._layer.diagonals(self._averages)
         smallest, largest = self._ends_of_spectra()
         tops = self.margin * largest
         bottoms = np.maximum(smallest / self.margin, NONE * tops)
@@ -161,7 +167,7 @@ class OrderMultigrid(Modes):
         before = _chebyshev(bottoms, tops, self.steps + 1)
         after = before[:-1].copy()
         before[-1, :, :low] = after[:, :, low:] = 0.0  # there the residual alone changes, or nothing
-        self._lengths = np.concatenate([before, after])
+        self._lengths[:] = *before, *after
 
     def _ends_of_spectra(self) -> tuple[Vector, Vector]:
         """Return each mode's smallest and largest eigenvalue, with Jacobi's preconditioner, by Lanczos; collective."""
@@ -192,31 +198,30 @@ class OrderMultigrid(Modes):
 
         That is of the first modes, ``many``, or of all. The array is reused by the next call.
         """
-        y, many = self._image, self._eigenvalues.size if many is None else many
-        x, y[:] = self._halo.fetch(x), 0.0
-        self._multiply(self._averages, many, x, y)
-        return self._halo.collect(y)
-
-    def _smooth(self, lengths: Singles, image: Singles, r: Singles, x: Singles) -> Singles:
-        """Improve x by a step of the Chebyshev semi-iteration; return by what.
-
-        Saad, Iterative Methods for Sparse Linear Systems (2003), algorithm 12.1. ``image``, the product with the last
-        change of x, is taken from r before.
-        """
-        self._smooth_rows(self.diagonals, *lengths, image, r, self._direction, x)
-        return self._direction
+        self._image.fill(0.0)
+        many = self._eigenvalues.size if many is None else many
+        self._multiply.call(self._averages, many, self._halo.fetch(x), self._image)
+        return self._halo.collect(self._image)
 
     def _cycle(self, r: Singles) -> Singles:
-        """Return what a cycle makes of a residual, which it changes; collective."""
-        x, image, low = np.zeros_like(r), self._image[: len(r)], self.low
-        self._direction[:] = image[:] = 0.0
-        for lengths in self._lengths[: self.steps]:
-            image = self.product(self._smooth(lengths, image, r, x))
-        self._smooth(self._lengths[self.steps], image, r, x)
-        change = self._of_low[low].correction(r)
+        """Return what a cycle makes of a residual, which it changes; collective.
+
+        A step of the Chebyshev semi-iteration (Saad, Iterative Methods for Sparse Linear Systems, 2003, algorithm 12.1)
+        takes the product with the last change of x from r, and changes x by ``_direction``.
+        """
+        x, change = np.zeros_like(r), self._direction
+        change.fill(0.0)
+        self._image.fill(0.0)
+        for smooth in self._smoothers[: self.steps]:
+            smooth.call(r, x)
+            self.product(change)
+        self._smoothers[self.steps].call(r, x)
+        change = self._of_low[self.low].correction(r)
         x += change
-        for lengths in self._lengths[self.steps + 1 :]:
-            change = self._smooth(lengths, self.product(change, many=low), r, x)
+        for smooth in self._smoothers[self.steps + 1 :]:
+            self.product(change, many=self.low)
+            smooth.call(r, x)
+            change = self._direction
         return x
 
     def solve(self, right: Array, *, cycles: int = 1) -> Array:

@@ -213,8 +213,9 @@ class SliceSolver:
         ``eta`` is the elevation of a near state [m], ``still`` the column of still water [m]. None where the general
         solver must do it.
         """
-        recall, result = self._interior.recall, np.empty((6, self._n))
-        if not recall.recorded or self._interior.patience is None:
+        interior, result = self._interior, np.empty((6, self._n))
+        recall, counters = interior.recall, interior.counters
+        if not recall.recorded or interior.patience is None:
             return None
         for wall in self._following:
             wall.follow()
@@ -223,8 +224,10 @@ class SliceSolver:
         if iterations < 0:
             return None
         recall.recorded += 1
-        self._interior.minimiser.last = self.struct.c.iterations
-        self._interior.count(iterations)
+        counters.solves += 1
+        counters.iterations += iterations
+        if iterations > interior.patience:
+            interior.patience = None
         level, kinetic, square, *energies = self._numbers.tolist()
         return Solution(result, level, kinetic, square, energies)
 
@@ -262,8 +265,10 @@ class SliceSolver:
         solved = bool(solve(guess.z, guess.flow, c, a, still, *known, z))
         interior.recall.recorded += struct.evaluations
         points.recorded += 1 + solved
-        interior.minimiser.last = self.struct.c.iterations
-        interior.count(struct.iterations, struct.evaluations, worn=bool(struct.worn))
+        interior.counters.solves += struct.evaluations
+        interior.counters.iterations += struct.iterations
+        if struct.worn:
+            interior.patience = None
         return StageResult(z, solved, struct.size, struct.last_size, struct.measured, struct.evaluations)
 
     def _stage(self, solver: Any, points: AndersonMixing, advection: Struct) -> tuple[Any, Callable[..., int]]:

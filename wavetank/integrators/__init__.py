@@ -9,13 +9,12 @@ from importlib import import_module
 from typing import Any
 
 from wavetank.base.schemes import SCHEMES
-from wavetank.integrators.damped import Damped, Damping, damped
-from wavetank.integrators.filtered import Filtered
+from wavetank.integrators.contract import Point, Traces
 from wavetank.integrators.gauss_legendre import GaussLegendre4
 from wavetank.integrators.simpson import Simpson4
-from wavetank.integrators.states import Point, Traces
 from wavetank.integrators.stormer_verlet import StormerVerlet, StormerVerletAdjoint
 from wavetank.integrators.third_order import ThirdOrder
+from wavetank.integrators.wrappers import Damped, Damping, Filtered, damped
 
 NEEDED = (
     *("name", "order", "stability_limit", "frequency_error", "nodes", "start", "step"),

@@ -1,14 +1,245 @@
-"""The contract of a time integrator: one step, written as in the paper."""
+"""The contract of a Hamiltonian system, of the states of a scheme, and of a time integrator.
 
-from typing import NamedTuple, Protocol
+A system has coordinates q and momenta p with
+
+    dq/dt = H_p(q, p, t),        dp/dt = -H_q(q, p, t).
+
+An oscillator of the paper and the whole wave tank look the same to an integrator. Vectors are numpy arrays of the
+values this rank owns (shape (1,) for an oscillator), so that an integrator's arithmetic is written as in the paper
+and costs nothing; whatever couples the ranks (norms, ghosts, solves) happens inside the system.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from wavetank.base.arrays import Vector
-from wavetank.integrators.hamiltonian import HamiltonianSystem
-from wavetank.integrators.states import Map, S, State
 
-__all__ = ["CaseIntegrator", "Integrator", "Map", "S", "State", "StepCosts"]
+Weights = float | tuple[float, float]
+"""The factor a of a stage z = c + a f(z), or two: of the coordinates and of the momenta. One that is 0 leaves its part
+as it is, so that q = c + a H_p(q, p) for a given p has the weights (a, 0)."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Evaluation:
+    """A Hamiltonian system at (q, p, t): its derivatives and its energy.
+
+    Attributes
+    ----------
+    t
+        The time [s].
+    z
+        Coordinates and momenta [q, p], shape (2, n).
+    flow
+        Their rates f(z, t) = [dH/dp, -dH/dq], shape (2, n).
+    energy
+        H.
+    """
+
+    t: float
+    z: Vector
+    flow: Vector
+    energy: float
+
+    @property
+    def q(self) -> Vector:
+        """The coordinates, shape (n,)."""
+        q: Vector = self.z[0]
+        return q
+
+    @property
+    def p(self) -> Vector:
+        """The momenta, shape (n,)."""
+        p: Vector = self.z[1]
+        return p
+
+    @property
+    def dq(self) -> Vector:
+        """dq/dt = dH/dp, shape (n,)."""
+        dq: Vector = self.flow[0]
+        return dq
+
+    @property
+    def dp(self) -> Vector:
+        """dp/dt = -dH/dq, shape (n,)."""
+        dp: Vector = self.flow[1]
+        return dp
+
+
+class HamiltonianSystem(Protocol):
+    """What an integrator may ask of a system. All methods are collective."""
+
+    @property
+    def evaluation_type(self) -> type[Any]:
+        """The class of its evaluations."""
+
+    def evaluate(self, q: Vector, p: Vector, t: float, guess: Any = None) -> Any:
+        """Return the ``Evaluation`` at a point; ``guess`` is one near it, which affects cost and round-off only."""
+
+    def solve_stage(self, name: str, c: Vector, a: Weights, t: float, guess: Any = None) -> Vector:
+        """Return z = c + a f(z, t), shape (2, n), of a scheme's stage of that name.
+
+        ``guess`` is an evaluation near z, if there is one. Raises ``ConvergenceError`` naming time, stage and residual.
+        """
+
+    def solve_stages(
+        self, name: str, c: Vector, a: Vector, times: Sequence[float], guess: Any = None, scale: Any = 1.0
+    ) -> Vector:
+        """Return the coupled stages z_i = c + s_i sum_j a_ij f(z_j, t_j) / s_j, shape (stages, 2, n).
+
+        ``a`` has the coefficients of the coordinates and those of the momenta [s], shape (2, stages, stages), and
+        ``scale`` s, broadcastable to the shape of the result.
+        """
+
+    def inner(self, a: Vector, b: Vector) -> float:
+        """Return the sum of a b over the unknowns of all ranks: what H changes by along b, a being its derivative."""
+
+
+def energy_change(system: HamiltonianSystem, at: Evaluation, dz: Vector) -> float:
+    """Return dH/dz dz at an evaluation, for a change of coordinates and momenta dz, shape (2, n); collective."""
+    dq, dp = dz
+    return system.inner(at.dq, dp) - system.inner(at.dp, dq)
+
+
+def pair(a: Weights) -> tuple[Any, Any]:
+    """Return the factors of the coordinates and of the momenta."""
+    return a if isinstance(a, tuple) else (a, a)
+
+
+def coupled(c: Vector, a: Vector, flows: Vector, scale: Any = 1.0) -> Vector:
+    """Return c + s_i sum_j a_ij f_j / s_j; see ``HamiltonianSystem.solve_stages``."""
+    scaled = flows / scale
+    return np.asarray(c + scale * np.stack([a[part] @ scaled[:, part] for part in (0, 1)], axis=1))
+
+
+# ------------------------------------------------------------------------------------------ states
+Map = Callable[[Vector], Vector]
+"""What acts on points of a state alike, of pairs [q, p], shape (m, 2, n), and makes such of them."""
+
+
+@dataclass(frozen=True, eq=False)
+class State(ABC):
+    """A scheme's state at the end of a step; a class of its own has the coordinates q and the momenta p it reports.
+
+    Attributes
+    ----------
+    evaluation
+        Of the system where the next step begins; None until it is asked for.
+    end
+        The evaluation where the step has ended, before filters; None if that is where the next one begins.
+    """
+
+    evaluation: Any = field(default=None, kw_only=True)
+    end: Any = field(default=None, kw_only=True)
+
+    if TYPE_CHECKING:  # fields or properties
+
+        @property
+        def q(self) -> Vector:
+            """The coordinates at the state's time."""
+
+        @property
+        def p(self) -> Vector:
+            """The momenta at the state's time."""
+
+    @property
+    def evaluations(self) -> tuple[Any, ...]:
+        """The evaluations of which (q, p) is the mean: where the step has ended, and where the next one begins."""
+        return (self.evaluation,) if self.end is None else (self.end, self.evaluation)
+
+    def evaluated(self, system: HamiltonianSystem, t: float) -> Self:
+        """Return the state at t with its evaluation; collective."""
+        if self.evaluation is not None:
+            return self
+        q, p = self.next_point
+        return replace(self, evaluation=system.evaluate(q, p, t, self.end))
+
+    @property
+    def next_point(self) -> Vector:
+        """Coordinates and momenta where the next step begins, shape (2, n)."""
+        return np.array([self.q, self.p])
+
+    @property
+    def q_jump(self) -> Vector | None:
+        """The jump of the coordinates at the state's time; None of a scheme that lets them have none."""
+        return None
+
+    @abstractmethod
+    def mapped(self, of: Map) -> Self:
+        """Return the state with its points mapped."""
+
+
+S = TypeVar("S", bound=State)
+
+
+@dataclass(frozen=True, eq=False)
+class Point(State):
+    """Coordinates and momenta, continuous in time."""
+
+    q: Vector
+    p: Vector
+
+    def mapped(self, of: Map) -> Self:
+        """Return the state with q and p mapped."""
+        return type(self)(*of(np.array([[self.q, self.p]]))[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Traces(State):
+    """The traces of q and p before and after the jump at t; the result of a step is the plus trace."""
+
+    q_minus: Vector
+    q_plus: Vector
+    p_minus: Vector
+    p_plus: Vector
+
+    @property
+    def q(self) -> Vector:
+        """The coordinates the scheme reports."""
+        return self.q_plus
+
+    @property
+    def p(self) -> Vector:
+        """The momenta the scheme reports."""
+        return self.p_plus
+
+    @property
+    def q_jump(self) -> Vector:
+        """The jump of the coordinates."""
+        return self.q_plus - self.q_minus
+
+    def mapped(self, of: Map) -> Self:
+        """Return the state with all four traces mapped."""
+        minus, plus = of(np.array([[self.q_minus, self.p_minus], [self.q_plus, self.p_plus]]))
+        return type(self)(minus[0], plus[0], minus[1], plus[1])
+
+
+def vectors(state: Any) -> dict[str, Vector]:
+    """Return the vectors of a state by their names."""
+    values = {one.name: getattr(state, one.name) for one in fields(state)}
+    return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+
+
+def rows(state: Any) -> Vector:
+    """Return the vectors that a state consists of, one below the other, shape (m, n)."""
+    return np.concatenate([part.reshape(-1, part.shape[-1]) for part in vectors(state).values()])
+
+
+def like(state: Any, rows: NDArray[Any]) -> Any:
+    """Return a state of that kind of other vectors, shape (m, ...), which ``rows`` would return."""
+    parts, start = dict[str, Any](), 0
+    for name, vector in vectors(state).items():
+        count = vector.size // vector.shape[-1]
+        part, start = rows[start : start + count], start + count
+        parts[name] = part.reshape(*vector.shape[:-1], *part.shape[1:])
+    return replace(state, **parts, evaluation=None)
+
+
+# ------------------------------------------------------------------------------------------ integrators
 class StepCosts(NamedTuple):
     """What a step costs, measured on one machine by ``python -m benchmarks --only costs`` (``planning/cost.py``).
 

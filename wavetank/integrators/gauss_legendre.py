@@ -10,9 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from wavetank.base.arrays import Vector
-from wavetank.integrators.contract import StepCosts
-from wavetank.integrators.hamiltonian import HamiltonianSystem
-from wavetank.integrators.states import Point
+from wavetank.integrators.contract import HamiltonianSystem, Point, StepCosts
 
 ROOT = 3**0.5 / 6
 C = (1 / 2 - ROOT, 1 / 2 + ROOT)

@@ -8,7 +8,7 @@ import numpy as np
 
 from wavetank.base.arrays import Vector
 from wavetank.base.errors import ConvergenceError
-from wavetank.integrators.hamiltonian import Evaluation, Weights, coupled, pair
+from wavetank.integrators.contract import Evaluation, Weights, coupled, pair
 
 ITERATIONS = 50  # of Newton's method
 DIFFERENCE = 1e-6  # of its finite differences

@@ -17,7 +17,7 @@ as Robert and Asselin damp the computational mode of the leapfrog scheme,
 the fraction kappa of what alternates, of a smooth jump something of order dt³ more than itself; jumps carry no mass.
 
 Damping dp/dt = -H_q - gamma p, [G16] (38), comes in by h = e^(-gamma dt/2) of momenta, 1 of coordinates, as
-``damped.py`` has it of any scheme, written in p instead of P: f½ is of the middle of the step, f₀ of its beginning.
+``wrappers.py`` has it of any scheme, written in p instead of P: f½ is of the middle of the step, f₀ of its beginning.
 """
 
 from dataclasses import dataclass, replace
@@ -27,10 +27,8 @@ from typing import ClassVar, NamedTuple, Self
 import numpy as np
 
 from wavetank.base.arrays import Vector
-from wavetank.integrators.contract import StepCosts
-from wavetank.integrators.damped import Damping
-from wavetank.integrators.hamiltonian import HamiltonianSystem
-from wavetank.integrators.states import Map, State
+from wavetank.integrators.contract import HamiltonianSystem, Map, State, StepCosts
+from wavetank.integrators.wrappers import Damping
 
 KAPPA = 0.1
 

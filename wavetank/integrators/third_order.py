@@ -18,9 +18,7 @@ from typing import ClassVar
 import numpy as np
 
 from wavetank.base.arrays import Vector
-from wavetank.integrators.contract import StepCosts
-from wavetank.integrators.hamiltonian import HamiltonianSystem
-from wavetank.integrators.states import Traces
+from wavetank.integrators.contract import HamiltonianSystem, StepCosts, Traces
 
 
 @dataclass(frozen=True)

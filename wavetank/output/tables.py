@@ -67,7 +67,7 @@ def read_blocks(file: BinaryIO, path: Path, *, ascending: bool) -> Iterator[tupl
         if not lines[-1].endswith(b"\n"):  # cut by a kill
             lines.pop()
         try:
-            cells = csv.reader(line.decode(errors="replace") for line in lines)
+            cells = csv.reader([line.decode(errors="replace") for line in lines])
             rows = np.array([[float(cell or "nan") for cell in row] for row in cells]).reshape(len(lines), len(header))
         except ValueError:
             raise InputError(f"{path}: rows of {len(header)} numbers must follow the header; some do not.") from None

@@ -27,9 +27,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from wavetank.base.arrays import Vector
 from wavetank.fem.vertical import VerticalBasis, gauss_legendre, gauss_lobatto_legendre
-from wavetank.integrators.contract import Integrator
+from wavetank.integrators.contract import Integrator, like, rows
 from wavetank.integrators.oscillators import Oscillators
-from wavetank.integrators.states import like, rows
 from wavetank.waves import airy
 
 XI, WEIGHTS = legendre.leggauss(64)  # Gauss' rule over a cell: exact for waves of a tenth of it, and longer

@@ -104,7 +104,7 @@ def step_time(run: Run, steps: int = WARM_UP + STEPS, count: Callable[[], int] =
     run.execute()
     start = time.process_time(), count()
     for n in range(1, timed + 1):  # in one block, as most steps of a run; motions are tabulated already
-        run.advance()
+        run.advance(run.t, run.t + run.clock.dt)
         if n == timed or n % run.longest_block == 0:
             run.flush()
     end = time.process_time(), count()

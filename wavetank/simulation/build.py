@@ -12,9 +12,9 @@ from wavetank.base.errors import InputError
 from wavetank.base.mpi import raise_on_all_ranks
 from wavetank.case import Case
 from wavetank.integrators import INTEGRATORS, Damping, damped
-from wavetank.integrators.answering import ControlledPaddles
 from wavetank.integrators.contract import Integrator
-from wavetank.integrators.stage_solver import ITERATES
+from wavetank.integrators.stages import ITERATES
+from wavetank.integrators.wrappers import ControlledPaddles
 from wavetank.simulation.clock import ROUNDING, Clock
 from wavetank.simulation.construction import AnyWaves, build_filters, build_footprint, build_sponge, fill
 from wavetank.simulation.feedback import build_controllers, build_paddle_work

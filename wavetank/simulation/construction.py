@@ -20,7 +20,7 @@ from wavetank.case.tank import AnySponge, EndSponge, FormulaSponge, GroupSponge
 from wavetank.fem.by_place import gathered
 from wavetank.fem.layout_mesh import draw_layout, read_layout
 from wavetank.fem.plane import Plane
-from wavetank.integrators.filtered import Filter
+from wavetank.integrators.wrappers import Filter
 from wavetank.mesh import MeshFile, Rectangle
 from wavetank.simulation.walls import Footprint, build_wall, wall_descriptions
 from wavetank.tank.bed import FlatBed, VaryingBed

@@ -12,10 +12,8 @@ from mpi4py import MPI
 from wavetank.base.arrays import Vector
 from wavetank.base.errors import RunError, locate
 from wavetank.base.state import StateTree, check_like, has_state, hints_of, named, plain, restore, restore_all, typed
-from wavetank.integrators.contract import Integrator
-from wavetank.integrators.filtered import Filter, Filtered
-from wavetank.integrators.hamiltonian import HamiltonianSystem
-from wavetank.integrators.states import State
+from wavetank.integrators.contract import HamiltonianSystem, Integrator, State
+from wavetank.integrators.wrappers import Filter, Filtered
 from wavetank.simulation.clock import Clock
 from wavetank.simulation.contract import Diagnostic, due_steps
 from wavetank.simulation.energy import EnergyBudget, EnergyTotals
@@ -24,7 +22,7 @@ from wavetank.simulation.supply import PaddleWork
 from wavetank.tank.block import Block, Parts, write_sums
 from wavetank.tank.breaking import BasinBreakingWatch
 from wavetank.tank.dissipation import Smoothing
-from wavetank.tank.history import Solves
+from wavetank.tank.waves import Solves
 
 LONGEST, FEW, NUMBERS = 256, 16, 5e4  # steps of a block; unknowns of all of them, which caches hold
 SECONDS = 0.5  # of computing, of a block
@@ -200,8 +198,10 @@ class Run:
                 if window != self.step // LONGEST:
                     window = self.step // LONGEST
                     self._tabulate(window)
-                for _ in range(min(pace.next(), LONGEST - self.step % LONGEST, self.clock.steps - self.step)):
-                    self.advance()
+                steps = min(pace.next(), LONGEST - self.step % LONGEST, self.clock.steps - self.step)
+                times = self.clock.time(np.arange(self.step, self.step + steps + 1, dtype=np.float64))
+                for t, after in itertools.pairwise(map(float, times)):
+                    self.advance(t, after)
             except RunError:
                 self.flush()
                 raise
@@ -226,14 +226,13 @@ class Run:
                 control(block)
             self.recorded = True
 
-    def advance(self) -> None:
-        """Take one step more; collective."""
-        clock = self.clock
-        self.state = self._stepper.step(self.system, self.state, clock.time(self.step), clock.dt)
+    def advance(self, t: float, after: float) -> None:
+        """Take one step more, from t to ``after`` [s]; collective."""
+        self.state = self._stepper.step(self.system, self.state, t, self.clock.dt)
         self.step += 1
         self.recorded = False
         if self._rows is not None and self.diagnostics:
-            self._rows.write(self.state, self.step, clock.time(self.step))
+            self._rows.write(self.state, self.step, after)
 
     def flush(self) -> Block | None:
         """Let diagnostics record the block so far, and return it; raises the first error in time; collective."""

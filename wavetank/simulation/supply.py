@@ -20,15 +20,17 @@ import numpy as np
 
 from wavetank.base.arrays import Vector
 from wavetank.base.state import Replicated, ascends
-from wavetank.integrators.states import State
+from wavetank.integrators.contract import State
 
 CUBIC_POINTS = 4  # values that a cubic goes through
 SAME_STEP = 1e-6  # largest relative difference of two steps of one length
-ADAMS_MOULTON = (  # weights of the rates at the newest, second newest, ... time, by how many there are
-    (0.0,),
-    (1.0 / 2, 1.0 / 2),
-    (5.0 / 12, 8.0 / 12, -1.0 / 12),
-    (9.0 / 24, 19.0 / 24, -5.0 / 24, 1.0 / 24),
+RATE_WEIGHTS = np.array(  # of the rates at the newest, second newest, ... time, by how many there are
+    [
+        (0.0, 0.0, 0.0, 0.0),
+        (1.0 / 2, 1.0 / 2, 0.0, 0.0),
+        (2.0 / 6, 5.0 / 6, -1.0 / 6, 0.0),  # with the step before: Simpson's rule
+        (9.0 / 24, 19.0 / 24, -5.0 / 24, 1.0 / 24),
+    ]
 )
 
 NODES = np.array([0.0, 0.5, 1.0])  # of Simpson's rule, of a step
@@ -66,18 +68,17 @@ class Integral:
 
     def advance(self, times: Vector, rates: Vector) -> tuple["Integral", Vector]:
         """Return the integral up to the last of K times, for the rates there, and its values, shape (K,)."""
-        values: list[float] = []
-        total, last, last_dt, count, newest = self.value, self.t, self.dt, self.count, self.rates
-        for t, rate in zip(map(float, times), map(float, rates), strict=True):
-            dt, newest = t - last, (rate, newest[0], newest[1], newest[2])
-            equal = abs(dt - last_dt) <= SAME_STEP * max(abs(dt), abs(last_dt))
-            count = min(count + 1, CUBIC_POINTS if equal else 2)
-            mean = (newest[2] - 2 * newest[1] + newest[0]) * -1.0 / 12 if count == 3 else 0.0
-            for weight, one in zip(ADAMS_MOULTON[count - 1], newest, strict=False):
-                mean += weight * one
-            total, last, last_dt = total + dt * mean, t, dt
-            values.append(total)
-        return Integral(total, last, last_dt, count, newest), np.array(values)
+        dt, number = np.diff(times, prepend=self.t), np.arange(1, len(times) + 1)
+        before = np.append(self.dt, dt[:-1])
+        equal = np.abs(dt - before) <= SAME_STEP * np.maximum(np.abs(dt), np.abs(before))
+        changed = np.maximum.accumulate(np.where(equal | (self.count + number == 1), 0, number))
+        count = np.minimum(np.where(changed > 0, 2 + number - changed, self.count + number), CUBIC_POINTS)
+        known = np.append(self.rates[::-1], rates)  # the newest last
+        newest = np.array([known[CUBIC_POINTS - n : known.size - n] for n in range(CUBIC_POINTS)])
+        mean = (RATE_WEIGHTS[count - 1].T * newest).sum(axis=0)
+        values = np.cumsum(np.append(self.value, dt * mean))[1:]
+        a, b, c, d = map(float, newest[:, -1])
+        return Integral(float(values[-1]), float(times[-1]), float(dt[-1]), int(count[-1]), (a, b, c, d)), values
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavetank.base.arrays import Vector, largest
-from wavetank.integrators.stage_solver import ITERATES
+from wavetank.integrators.stages import ITERATES
 from wavetank.motion.motion import frequency_shift
 from wavetank.tank.surface_flow import SurfaceFlow, SurfaceVelocity
 from wavetank.tank.waves import NonlinearWaves

@@ -43,7 +43,7 @@ from wavetank.base.arrays import Vector
 from wavetank.base.errors import RunError
 from wavetank.fem.cell_places import PADDING
 from wavetank.fem.points import Located, Points
-from wavetank.integrators.states import State
+from wavetank.integrators.contract import State
 from wavetank.tank.crests import Profile, SteepCrest, steep_crests
 from wavetank.tank.dissipation import Smoothing, SmoothingState
 from wavetank.tank.surface_flow import SurfaceVelocity

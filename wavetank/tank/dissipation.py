@@ -38,7 +38,7 @@ from wavetank.base.errors import InputError
 from wavetank.fem.gradient_jumps import GradientJumpPenalty
 from wavetank.fem.mass import BandedMass, PenalisedMass
 from wavetank.fem.plane import Plane
-from wavetank.integrators.states import State
+from wavetank.integrators.contract import State
 from wavetank.tank.surface_flow import SurfaceVelocity
 from wavetank.tank.waves import NonlinearWaves
 

@@ -11,9 +11,8 @@ from wavetank.base.arrays import Vector, read_only, summed
 from wavetank.fem.mass import MassMatrix
 from wavetank.fem.plane import Plane
 from wavetank.fem.vertical import VerticalBasis
-from wavetank.integrators.hamiltonian import Evaluation
+from wavetank.integrators.contract import Evaluation, State
 from wavetank.integrators.stages import StagedSystem
-from wavetank.integrators.states import State
 from wavetank.tank.bed import Bed
 from wavetank.tank.block import POWER, Block, Parts
 from wavetank.tank.energy import Energies

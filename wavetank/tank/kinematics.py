@@ -44,12 +44,11 @@ from wavetank.motion.kinematics import PaddleKinematics
 from wavetank.motion.motion import Tangent
 from wavetank.tank.energy import WaterEnergy
 from wavetank.tank.evaluation import WaterEvaluation
-from wavetank.tank.history import HistoryState
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.potential import interior_of
 from wavetank.tank.walls import Wall
 from wavetank.tank.walls.mesh_motion import MeshMotion
-from wavetank.tank.waves import NonlinearWaves
+from wavetank.tank.waves import HistoryState, NonlinearWaves
 
 
 class Velocity:

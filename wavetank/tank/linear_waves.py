@@ -37,8 +37,8 @@ from wavetank.fem.layers import LayerOperator
 from wavetank.fem.mass import mass_matrix
 from wavetank.fem.plane import Plane
 from wavetank.fem.vertical import VerticalBasis
-from wavetank.integrators.hamiltonian import Weights, pair
-from wavetank.integrators.stage_solver import StageHistories, StageSolver, StagesState
+from wavetank.integrators.contract import Weights, pair
+from wavetank.integrators.stages import StageHistories, StageSolver, StagesState
 from wavetank.tank.bed import Depth, FlatBed, bed_of
 from wavetank.tank.energy import POTENTIAL, Part, WaterEnergy
 from wavetank.tank.evaluation import Water, WaterEvaluation, distance_from_rest

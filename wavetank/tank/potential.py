@@ -83,24 +83,18 @@ class InteriorPotential:
         if self.patience is None:
             self.minimiser.factor()
             self.counters.factorisations += 1
-        self.count(self.minimiser.find(self._phi.owned, wall))
+        iterations = self.minimiser.find(self._phi.owned, wall)
+        self.counters.solves += 1
+        self.counters.iterations += iterations
+        if self.patience is None:
+            self.patience = iterations + self.minimiser.patience
+        elif iterations > self.patience:
+            self.patience = None
         self._phi.fetch()
         if inputs is not None:
             self.recall.record(self._phi.owned)
         flow = self.minimiser.flow
         return flow - self._plane.sum(flow) / self._plane.size  # moves no mass, where single precision has a share, too
-
-    def count(self, iterations: int, solves: int = 1, *, worn: bool | None = None) -> None:
-        """Count the iterations of solves, and renew the preconditioner next time if it is worn.
-
-        By default it is worn where a solve takes more iterations than ``patience``.
-        """
-        self.counters.solves += solves
-        self.counters.iterations += iterations
-        if self.patience is None:
-            self.patience = iterations + self.minimiser.patience
-        elif iterations > self.patience if worn is None else worn:
-            self.patience = None
 
     @property
     def state(self) -> InteriorState:

@@ -19,7 +19,7 @@ from wavetank.fem.codegen import Function, source
 from wavetank.fem.density import Density, Statements, named
 from wavetank.fem.forms import compile_expression
 from wavetank.fem.plane import Field
-from wavetank.integrators.states import State
+from wavetank.integrators.contract import State
 from wavetank.tank.crests import Profile
 from wavetank.tank.evaluation import WaterEvaluation
 

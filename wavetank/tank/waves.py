@@ -9,7 +9,7 @@ stationary.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import sqrt
 from typing import Any
@@ -22,16 +22,14 @@ from wavetank.fem.along import Minimum
 from wavetank.fem.mass import BandedMass
 from wavetank.fem.plane import Plane
 from wavetank.fem.slice import SliceSolver, Solution
-from wavetank.integrators.hamiltonian import Weights
-from wavetank.integrators.stage_solver import StageHistories, StageSolver
-from wavetank.integrators.stages import PairStage
+from wavetank.integrators.contract import Weights
+from wavetank.integrators.stages import PairStage, StageHistories, StageSolver, StagesState
 from wavetank.motion.feedback import FeedbackMotion
 from wavetank.tank.advection import AdvectionPreconditioner, surface_points
 from wavetank.tank.bed import Depth
 from wavetank.tank.discrete_energy import DiscreteEnergy
 from wavetank.tank.evaluation import WaterEvaluation
-from wavetank.tank.history import HistoryState, SolverHistory
-from wavetank.tank.potential import InteriorPotential, interior_of
+from wavetank.tank.potential import InteriorPotential, InteriorState, interior_of
 from wavetank.tank.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.tank.surface_flow import largest_function
 from wavetank.tank.walls import Wall
@@ -55,6 +53,64 @@ class Tolerances:
     stage: float = 1e-9
     interior: float = 1e-10
     petsc: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class HistoryState:
+    """State of a ``SolverHistory``."""
+
+    interior: InteriorState
+    stages: StagesState
+    preconditioner_t: float
+    preconditioner_column: Vector
+
+
+class Solves:
+    """The history of some solves of water, as a part of a run whose state can be replaced."""
+
+    def __init__(self, waves: Any, history: Any):
+        self._waves, self._history = waves, history
+
+    @property
+    def state(self) -> Any:
+        """The state of the history; None of a system without any."""
+        return getattr(self._history, "state", None)
+
+    @state.setter
+    def state(self, state: Any) -> None:
+        self._waves.restore(self._history, state)
+
+
+@dataclass(eq=False)
+class SolverHistory:
+    """Earlier solves of one caller: of a run, or of probes.
+
+    Attributes
+    ----------
+    owner
+        By what name motions know who may ask again for the time of a preconditioner.
+    interior
+        The interior solver: earlier solutions, and the preconditioner.
+    stages
+        Earlier solutions of implicit stages.
+    preconditioner_t, preconditioner_column
+        When the wall stood as the preconditioner has it [s], and the water column there [m], shape (owned,).
+    compiled
+        The interior solver as one compiled call, along a slice on one rank.
+    """
+
+    owner: str
+    interior: InteriorPotential
+    stages: StageHistories = field(default_factory=StageHistories)
+    preconditioner_t: float = 0.0
+    preconditioner_column: Vector = field(default_factory=lambda: np.zeros(0))
+    compiled: SliceSolver | None = None
+
+    @property
+    def state(self) -> HistoryState:
+        """The history as plain data; ``NonlinearWaves.restore`` replaces it."""
+        at = self.preconditioner_t, self.preconditioner_column
+        return HistoryState(self.interior.state, self.stages.state, *at)
 
 
 class NonlinearWaves(DiscreteEnergy):

@@ -3,7 +3,7 @@
 REAL            float or double
 NODES, POINTS   of a cell: degrees of freedom, quadrature points
 SIDE, RULE      of an edge, where a cell's nodes and points are all pairs of these; else 0
-MOST            numbers of a degree of freedom
+MOST            numbers of a degree of freedom, given or wanted
 DIM, GDIM       of the cell, and of the space that it lies in
 PLACES          of a cell at which its geometry is known: POINTS, or 1 where it is the same everywhere in each cell */
 typedef REAL v __attribute__((vector_size(sizeof(REAL) * LANES)));
@@ -209,4 +209,25 @@ INLINE void through(const Cells *c, long b, int axes, int numbers, const v *X, i
         spread(1 + axes, table, NODES, wanted, r, wanted, Y, wanted);
     }
 #endif
+}
+
+/* Some numbers of each degree of freedom. */
+typedef struct {
+    const REAL *x;
+    int numbers, stride;
+} Given;
+
+/* y += what ``at`` makes at the points of all cells, ``wanted`` numbers, of those given and of more. */
+INLINE void over_cells(const Cells *c, int axes, Given given, Given more, int wanted, REAL *y, int stride, Point at,
+                       const void *what)
+{
+    const int width = given.numbers + more.numbers;
+    EACH(b, c->batches) {
+        v X[NODES * MOST], Y[NODES * MOST];
+        gather(c, b, given.numbers, given.x, given.stride, X, width);
+        gather(c, b, more.numbers, more.x, more.stride, X + given.numbers, width);
+        clear(NODES * wanted, Y);
+        through(c, b, axes, width, X, wanted, Y, at, what);
+        scatter(c, b, wanted, Y, wanted, y, stride);
+    }
 }

@@ -70,11 +70,8 @@ SHARED REAL take(const Cells *c, const Layers *layers, const REAL *fields, REAL 
 {
     REAL least = MANY;
     const Fields what = {layers, (stored *)state, &least};
-    EACH(b, c->batches) {
-        v X[NODES * FIELDS];
-        gather(c, b, STORED ? FIELDS : 1, fields, FIELDS, X, STORED ? FIELDS : 1);
-        through(c, b, STORED ? DIM : 0, STORED ? FIELDS : 1, X, 0, X, take_at, &what);
-    }
+    const Given given = {fields, STORED ? FIELDS : 1, FIELDS};
+    over_cells(c, STORED ? DIM : 0, given, (Given){0}, 0, NULL, 0, take_at, &what);
     return least;
 }
 
@@ -164,16 +161,7 @@ INLINE void within_at(const void *what, const Cells *c, long b, int q, const v *
 INLINE void product_of(const Cells *c, const Layers *layers, const REAL *state, int given, Point at, const REAL *x, REAL *y)
 {
     const Multiplied what = {layers, state};
-    const int width = given + BESIDE;
-    EACH(b, c->batches) {
-        v X[NODES * MOST], Y[NODES * NUMBERS];
-        gather(c, b, given, x, NUMBERS, X, width);
-        if (!STORED)
-            gather(c, b, FIELDS, state, FIELDS, X + given, width);
-        clear(NODES * NUMBERS, Y);
-        through(c, b, DIM, width, X, NUMBERS, Y, at, &what);
-        scatter(c, b, NUMBERS, Y, NUMBERS, y, NUMBERS);
-    }
+    over_cells(c, DIM, (Given){x, given, NUMBERS}, (Given){state, BESIDE, FIELDS}, NUMBERS, y, NUMBERS, at, &what);
 }
 
 /* y += A x, [dof][number]. */
@@ -226,14 +214,7 @@ INLINE void derive_at(const void *what, const Cells *c, long b, int q, const v *
 /* y += the derivative of the energy of x by the first field, [dof]. */
 SHARED void derivative(const Cells *c, const Layers *layers, const REAL *fields, const REAL *x, REAL *y)
 {
-    EACH(b, c->batches) {
-        v X[NODES * MOST], Y[NODES];
-        gather(c, b, NUMBERS, x, NUMBERS, X, MOST);
-        gather(c, b, FIELDS, fields, FIELDS, X + NUMBERS, MOST);
-        clear(NODES, Y);
-        through(c, b, DIM, MOST, X, 1, Y, derive_at, layers);
-        scatter(c, b, 1, Y, 1, y, 1);
-    }
+    over_cells(c, DIM, (Given){x, NUMBERS, NUMBERS}, (Given){fields, FIELDS, FIELDS}, 1, y, 1, derive_at, layers);
 }
 
 /* ==== wall ==== */
@@ -320,20 +301,14 @@ INLINE void by_slope_at(const void *what, const Cells *c, long b, int q, const v
 /* Set dW/dphi of a column in the rows where it is not zero. */
 SHARED void by_potential(const Wall *wall, const double *column)
 {
-    const Cells *c = wall->cells;
     const Terms terms = {wall, wall->moves[1], zero, zero};
     double *y = wall->by_potential;
     v f[OF_FIELDS];
     take_over(wall, column, column);
     EACH(k, wall->count)
         y[(long)wall->dofs[k] * NUMBERS + NUMBERS - 1] = 0.0;
-    EACH(b, c->batches) {
-        v X[NODES * FIELDS], Y[NODES];
-        gather(c, b, FIELDS, wall->rows, FIELDS, X, FIELDS);
-        clear(NODES, Y);
-        through(c, b, 1, FIELDS, X, 1, Y, by_slope_at, &terms);
-        scatter(c, b, 1, Y, 1, y + NUMBERS - 1, NUMBERS);
-    }
+    const Given fields = {wall->rows, FIELDS, FIELDS};
+    over_cells(wall->cells, 1, fields, (Given){0}, 1, y + NUMBERS - 1, NUMBERS, by_slope_at, &terms);
     at_wall(wall, f);
     y += (long)wall->node * NUMBERS;
     EACH(j, NUMBERS - 1)
@@ -358,21 +333,14 @@ INLINE void by_column_at(const void *what, const Cells *c, long b, int q, const 
 /* Set dW/dh of a column and a potential in the rows where it is not zero. */
 SHARED void by_column(const Wall *wall, const double *column, const double *phi)
 {
-    const Cells *c = wall->cells;
     const Terms terms = {wall, wall->moves[1], zero, zero};
     double *y = wall->by_column;
     v f[OF_FIELDS];
     take_over(wall, column, column);
     EACH(k, wall->count)
         y[wall->dofs[k]] = 0.0;
-    EACH(b, c->batches) {
-        v X[NODES * (FIELDS + 1)], Y[NODES];
-        gather(c, b, FIELDS, wall->rows, FIELDS, X, FIELDS + 1);
-        gather(c, b, 1, phi + NUMBERS - 1, NUMBERS, X + FIELDS, FIELDS + 1);
-        clear(NODES, Y);
-        through(c, b, 1, FIELDS + 1, X, 1, Y, by_column_at, &terms);
-        scatter(c, b, 1, Y, 1, y, 1);
-    }
+    const Given fields = {wall->rows, FIELDS, FIELDS}, psi = {phi + NUMBERS - 1, 1, NUMBERS};
+    over_cells(wall->cells, 1, fields, psi, 1, y, 1, by_column_at, &terms);
     at_wall(wall, f);
     EACH(z, ENDS) {
         double by_u, by;
@@ -401,16 +369,11 @@ INLINE void power_at(const void *what, const Cells *c, long b, int q, const v *u
 /* dH/dt at fixed (Q, psi) as the wall goes on at its velocity, and dH/dX_p', of a column, a potential and M_J^-1 H_h. */
 SHARED void power(const Wall *wall, const double *column, const double *phi, const double *mu, double *found)
 {
-    const Cells *c = wall->cells;
     Terms terms = {wall, 0.0, zero, zero};
     v f[OF_FIELDS];
     take_over(wall, column, mu);
-    EACH(b, c->batches) {
-        v X[NODES * MOST];
-        gather(c, b, NUMBERS, phi, NUMBERS, X, MOST);
-        gather(c, b, FIELDS, wall->rows, FIELDS, X + NUMBERS, MOST);
-        through(c, b, 1, MOST, X, 0, X, power_at, &terms);
-    }
+    const Given given = {phi, NUMBERS, NUMBERS}, fields = {wall->rows, FIELDS, FIELDS};
+    over_cells(wall->cells, 1, given, fields, 0, NULL, 0, power_at, &terms);
     found[0] = found[1] = 0.0;
     EACH(l, LANES)
         found[0] += terms.going[l], found[1] += terms.sped[l];

@@ -23,14 +23,8 @@ INLINE void weigh_at(const void *what, const Cells *c, long b, int q, const v *u
 SHARED void weigh(const Mass *m)
 {
     const Weights what = {m->constants, (stored *)m->weights};
-    EACH(f, FIELDS)
-        EACH(i, m->dofs)
-            m->rows[i * FIELDS + f] = m->fields[f][i];
-    EACH(b, m->cells->batches) {
-        v X[NODES * FIELDS + 1];
-        gather(m->cells, b, FIELDS, m->rows, FIELDS, X, FIELDS);
-        through(m->cells, b, DIM, FIELDS, X, 0, X, weigh_at, &what);
-    }
+    interlace(FIELDS, m->dofs, m->fields, m->rows);
+    over_cells(m->cells, DIM, (Given){m->rows, FIELDS, FIELDS}, (Given){0}, 0, NULL, 0, weigh_at, &what);
 }
 
 INLINE void multiply_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
@@ -41,19 +35,12 @@ INLINE void multiply_at(const void *what, const Cells *c, long b, int q, const v
 /* y += M x. */
 SHARED void multiply(const Mass *m, const double *x, double *y)
 {
-    const Cells *c = m->cells;
-    EACH(b, c->batches) {
-        v X[NODES], Y[NODES];
-        gather(c, b, 1, x, 1, X, 1);
-        clear(NODES, Y);
-        through(c, b, 0, 1, X, 1, Y, multiply_at, m->weights);
-        scatter(c, b, 1, Y, 1, y, 1);
-    }
+    over_cells(m->cells, 0, (Given){x, 1, 1}, (Given){0}, 1, y, 1, multiply_at, m->weights);
 }
 
-/* Solve M x = b by conjugate gradients from x = 0, preconditioned by the product with ``cells`` between divisions by the
-   diagonal, until the residual's energy is ``within``² of the first. Returns the iterations, or -1 without convergence. */
-SHARED int solve_by_cells(const Mass *m, const Mass *cells, const double *restrict diagonal, const double *b, double within,
+/* Solve M x = b by conjugate gradients from x = 0, preconditioned by the product with ``cells`` between products with the
+   diagonal's ``inverse``, until the residual's energy is ``within``² of the first. Returns the iterations, or -1 without convergence. */
+SHARED int solve_by_cells(const Mass *m, const Mass *cells, const double *restrict inverse, const double *b, double within,
                           int most, double *restrict x, double *work)
 {
     const long n = m->dofs;
@@ -66,11 +53,11 @@ SHARED int solve_by_cells(const Mass *m, const Mass *cells, const double *restri
         const double before = energy;
         double bend = 0.0;
         EACH(i, n)
-            image[i] = r[i] / diagonal[i], z[i] = 0.0;
+            image[i] = r[i] * inverse[i], z[i] = 0.0;
         multiply(cells, image, z);
         energy = 0.0;
         EACH(i, n)
-            z[i] /= diagonal[i], energy += r[i] * z[i];
+            z[i] *= inverse[i], energy += r[i] * z[i];
         target = k ? target : within * within * energy;
         if (fabs(energy) <= target)
             return k;
@@ -211,8 +198,8 @@ SHARED void factorise(const Chain *c, long first)
 }
 
 /* ==== factors ==== */
-/* Factors of a mass matrix along a slice or ring, with a gradient-jump penalty or without, of wavetank/fem/banded_mass.py;
-cells.c and banded systems stand before. */
+/* Factors of a mass matrix along a slice or ring, with a gradient-jump penalty or without, of wavetank/fem/mass.py; cells.c
+and banded systems stand before. */
 
 /* The first row that differs from that of the weights factored, which become the present ones; their number if none does. */
 INLINE long first_changed(const Mass *m)

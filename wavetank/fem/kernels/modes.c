@@ -20,11 +20,7 @@ INLINE void average_at(const void *what, const Cells *c, long b, int q, const v 
 SHARED void average(const Cells *c, const Layers *layers, const REAL *fields, REAL *out)
 {
     const void *what[] = {layers, out};
-    EACH(b, c->batches) {
-        v X[NODES * FIELDS];
-        gather(c, b, FIELDS, fields, FIELDS, X, FIELDS);
-        through(c, b, DIM, FIELDS, X, 0, X, average_at, what);
-    }
+    over_cells(c, DIM, (Given){fields, FIELDS, FIELDS}, (Given){0}, 0, NULL, 0, average_at, what);
 }
 
 /* ==== slice ==== */
@@ -85,13 +81,7 @@ INLINE void surface_at(const void *what, const Cells *c, long b, int q, const v 
 SHARED void surface_within(const Cells *c, const Layers *layers, const REAL *state, const REAL *x, REAL *by_surface)
 {
     const Multiplied what = {layers, state};
-    EACH(b, c->batches) {
-        v X[NODES * MODES], Y[NODES];
-        gather(c, b, MODES, x, ROW, X, MODES);
-        clear(NODES, Y);
-        through(c, b, DIM, MODES, X, 1, Y, surface_at, &what);
-        scatter(c, b, 1, Y, 1, by_surface, 1);
-    }
+    over_cells(c, DIM, (Given){x, MODES, ROW}, (Given){0}, 1, by_surface, 1, surface_at, &what);
 }
 
 SHARED double inner(long size, const REAL *restrict a, const REAL *restrict b)

@@ -6,7 +6,7 @@ EACH_WALL(f)        f(prefix, number) of each wall that moves */
 enum { POSITION, SPEED, ACCELERATION };
 
 typedef struct {
-    int dofs, carries, most_iterations, iterations, trials, walls_moving;
+    int dofs, carries, most_iterations, trials, walls_moving;
     double celerity, tolerance, round_off;
     const Mass *mass, *mean;            /* of J at the surface, and its mean over the column */
     const Mass *potential;              /* of the potential energy */
@@ -272,9 +272,7 @@ static int find(Tank *w, const double *q, const double *p, const double *still, 
     int iterations = 0;
     if (!begin(w, q, p, still, numbers, numbers + 2))
         return -1;
-    EACH(f, FIELDS)
-        EACH(i, n)
-            w->rows[i * FIELDS + f] = w->fields[f][i];
+    interlace(FIELDS, n, w->fields, w->rows);
     EACH(i, n)
         EACH(f, FIELDS)
             w->float_rows[i * FIELDS + f] = w->rows[w->order[i] * FIELDS + f];
@@ -293,7 +291,7 @@ static int find(Tank *w, const double *q, const double *p, const double *still, 
                                          w->most_iterations - iterations, w->steps, w->correction, w->work);
         if (taken < 0 || !(least > 0.0) || !isfinite(w->correction[0]))
             return -1;
-        w->iterations = taken, iterations += taken;
+        iterations += taken;
     } while (w->correction[1] > 1.0);
     history_record(w->guesses, known, place, w->inputs, NUMBERS, w->phi);
     double mean = 0.0;

@@ -68,13 +68,7 @@ SHARED double move(const Cells *c, double most, const double *axis, const double
 {
     double fastest = 0.0;
     const Moving what = {most, axis, (stored *)velocity, &fastest};
-    EACH(b, c->batches) {
-        v X[NODES * FIELDS], Y[NODES];
-        gather(c, b, FIELDS, surface, FIELDS, X, FIELDS);
-        clear(NODES, Y);
-        through(c, b, DIM, FIELDS, X, 1, Y, move_at, &what);
-        scatter(c, b, 1, Y, 1, y, 1);
-    }
+    over_cells(c, DIM, (Given){surface, FIELDS, FIELDS}, (Given){0}, 1, y, 1, move_at, &what);
     return fastest;
 }
 
@@ -103,13 +97,7 @@ INLINE void carry_at(const void *what, const Cells *c, long b, int q, const v *u
 SHARED void carry(const Cells *c, const double *velocity, int slopes, const double *x, double *y)
 {
     const Carried what = {(const stored *)velocity, slopes};
-    EACH(b, c->batches) {
-        v X[NODES], Y[NODES];
-        gather(c, b, 1, x, 1, X, 1);
-        clear(NODES, Y);
-        through(c, b, DIM, 1, X, 1, Y, carry_at, &what);
-        scatter(c, b, 1, Y, 1, y, 1);
-    }
+    over_cells(c, DIM, (Given){x, 1, 1}, (Given){0}, 1, y, 1, carry_at, &what);
 }
 
 /* ==== largest ==== */
@@ -142,16 +130,9 @@ INLINE void largest_at(const void *what, const Cells *c, long b, int q, const v 
 /* The largest |grad psi| / (1 + slope^2), and the largest slope. */
 SHARED void largest(const Mass *surface, double *found)
 {
-    const Cells *c = surface->cells;
     Largest most = {.constants = surface->constants};
-    EACH(f, FIELDS)
-        EACH(i, surface->dofs)
-            surface->rows[i * FIELDS + f] = surface->fields[f][i];
-    EACH(b, c->batches) {
-        v X[NODES * FIELDS];
-        gather(c, b, FIELDS, surface->rows, FIELDS, X, FIELDS);
-        through(c, b, DIM, FIELDS, X, 0, X, largest_at, &most);
-    }
+    interlace(FIELDS, surface->dofs, surface->fields, surface->rows);
+    over_cells(surface->cells, DIM, (Given){surface->rows, FIELDS, FIELDS}, (Given){0}, 0, NULL, 0, largest_at, &most);
     found[0] = found[1] = 0.0;
     EACH(l, LANES)
         found[0] = fmax(found[0], sqrt(most.fast[l])), found[1] = fmax(found[1], sqrt(most.steep[l]));

@@ -44,7 +44,7 @@ typedef struct {
     const REAL *constants;
 } Layers;
 
-/* The gradient-jump penalty N along a slice; see wavetank/fem/banded_mass.py. */
+/* The gradient-jump penalty N along a slice; see wavetank/fem/gradient_jumps.py. */
 typedef struct {
     int facets;
     double strength;
@@ -85,6 +85,14 @@ typedef struct {
     double *point_steps, *image_steps;      /* [most]: differences of pairs, each from the next; of images, scaled */
     double *gram, *products, *distance;     /* as above, and from the image wanted to the last one, scaled */
 } Mixing;
+
+/* Fields, [field][degree of freedom], as rows, [degree of freedom][field]. */
+INLINE void interlace(int count, long dofs, const double **fields, double *rows)
+{
+    EACH(f, count)
+        EACH(i, dofs)
+            rows[i * count + f] = fields[f][i];
+}
 
 /* A wall of a slice that moves; see wavetank/tank/walls/piston_terms.py. */
 typedef struct {
