@@ -14,6 +14,7 @@ import pytest
 from conftest import fitted_slope
 from mpi4py import MPI
 from runs import SLICE, record, record_until, same
+from tanks import BALANCE, GRAVITY, TOTAL, WORK, case_of, written
 
 from wavetank.analysis.reflection import reflected
 from wavetank.base.errors import InputError, RunError
@@ -41,9 +42,7 @@ from wavetank.waves.absorption import PassiveFilter, face, radiation, sudden_mas
 from wavetank.waves.airy import angular_frequency, group_velocity, wave_number
 from wavetank.waves.wavemaker import PISTON, Flap
 
-GRAVITY = 9.81
 SLOSHING = {"type": "formula", "eta": "0.05*cos(pi*x/3)"}
-BALANCE, WORK, TOTAL = (energy_columns(1).index(f"{name} [m^4/s^2]") for name in ("balance", "paddle_work", "total"))
 ABSORBED = len(energy_columns(1))
 REST = {"type": "at-rest"}
 ACTIVE = {"type": "active"}
@@ -54,18 +53,14 @@ def period(kd: float) -> float:
     return float(2 * np.pi / angular_frequency(kd, 1.0, GRAVITY))
 
 
-def tank(wall, far_wall=None, *, length, duration, dt, cells, physics="linear", n=4, tolerance=1e-9, **more):
+def tank(wall, far_wall=None, *, physics="linear", **more):
     """Return the run of a tank of depth 1 m, and its waves."""
-    walls = {"wall": wall} | ({"far_wall": far_wall} if far_wall else {})
-    numerics = {"cells": cells, "order": 3, "vertical_order": n, "dt": dt, "tolerance": tolerance}
-    parts = {"tank": {"length": length, "depth": 1.0}, "water": {"type": physics}, "run": {"duration": duration}}
-    return build_run(Case.model_validate({**parts, **walls, "numerics": numerics, **more}), MPI.COMM_SELF)
+    return build_run(case_of(wall, far_wall, water={"type": physics}, **more), MPI.COMM_SELF)
 
 
-def end_of(walls, *, length, paddle_periods=()):
-    """Return the first moving wall of a case, or a piston, whose paddles have some periods."""
-    parts = {"tank": {"length": length, "depth": 1.0}, "run": {"duration": 1.0}, "numerics": {"cells": 4}}
-    end = Case.model_validate({**parts, "wall": {"type": "piston", "motion": REST}, **walls}).ends[0]
+def end_of(wall=None, *, length, paddle_periods=()):
+    """Return the moving wall of a case whose paddles have some periods."""
+    end = case_of(wall or {"type": "piston", "motion": REST}, length=length).ends[0]
     return replace(end, case=SimpleNamespace(paddle_periods=paddle_periods))
 
 
@@ -87,7 +82,7 @@ def test_a_paddles_power_is_that_of_its_waves(wavemaker):
     [(PISTON, 0.03, 1e-3), pytest.param(Flap(0.0), 0.05, 1e-3, marks=pytest.mark.slow)],
     ids=["piston", "flap"],
 )
-def test_a_filter_absorbs_its_band_and_feeds_no_wave(wavemaker, band, tuned):
+def test_filter_absorbs_its_band_and_amplifies_no_wave(wavemaker, band, tuned):
     """|R| <= 1 at all frequencies, as Re F >= 0; F(0) = 0, so a paddle does not drift."""
     for low, high, most in ((0.5, 3.0, band), (0.9, 1.1, tuned)):
         one = PassiveFilter.fitted(wavemaker, depth=1.0, gravity=GRAVITY, shortest=period(high), longest=period(low))
@@ -99,8 +94,8 @@ def test_a_filter_absorbs_its_band_and_feeds_no_wave(wavemaker, band, tuned):
 
 
 @pytest.mark.parametrize("given", [{"longest": 0.9}, {"shortest": 5.0}, {"shortest": 1.0, "longest": 2.0}])
-def test_a_band_is_one_whichever_end_of_it_is_given(given):
-    shortest, longest = ActiveAbsorption(**given).band(end_of({}, length=10.0))
+def test_band_contains_the_period_that_the_case_gives(given):
+    shortest, longest = ActiveAbsorption(**given).band(end_of(length=10.0))
     assert shortest < longest
     assert {"shortest": shortest, "longest": longest}.items() >= given.items()
 
@@ -115,7 +110,7 @@ def test_reflection_solves_the_feedback_loop_with_the_elevation_of_the_answer():
 
 
 # ---------------------------------------------------------------- the motion
-def test_a_motion_that_is_steered_is_smooth_and_known_up_to_the_end_of_its_step():
+def test_feedback_motion_is_smooth_and_consistent_up_to_the_end_of_its_step():
     """Its derivatives are those of its position; at knots they are what was asked for, on both sides.
 
     Simpson's rule finds its way from its velocities, though those at knots do not fit their positions.
@@ -160,7 +155,7 @@ def test_a_filter_solves_its_equation_to_third_order():
     assert -fitted_slope(counts, errors) > 2.7
 
 
-def test_a_paddles_own_elevation_at_its_face_is_that_of_theory():
+def test_elevation_at_the_face_of_a_paddle_is_that_of_theory():
     """Of a long train of regular waves, once all that begins with it is gone."""
     omega = 3.0
     made = elevation_at_face(sinusoid(0.01, 2 * np.pi / omega), Flap(0.0), depth=1.0, gravity=GRAVITY, duration=60.0)
@@ -195,50 +190,42 @@ def reflection(wall, *, kd, height, periods, steps, **more):
     near = {"type": "piston", "reach": 3.0, "motion": wave, "absorb": ACTIVE}
     far = {"absorb": ACTIVE, **wall, "reach": 3.0, "motion": REST}
     run, waves = tank(near, far, length=length, duration=periods * T, dt=T / steps, **more)
-    seen, rows = (waves.plane.x > 3.0) & (waves.plane.x < length - 3.0), []
+    middle, rows = (waves.plane.x > 3.0) & (waves.plane.x < length - 3.0), []
 
-    class Looking:
-        schedule = EverySteps()
+    def last_period(block):
+        for step, eta in zip(block.step, block.eta, strict=True):
+            if step > run.clock.steps - steps:
+                rows.append(eta[middle] * np.exp(2j * np.pi * step / steps))
 
-        def record(self, block):
-            for step, eta in zip(block.step, block.eta, strict=True):
-                if step > run.clock.steps - steps:
-                    rows.append(eta[seen] * np.exp(2j * np.pi * step / steps))
-
-    run.diagnostics.append(Looking())
+    run.diagnostics.append(SimpleNamespace(schedule=EverySteps(), record=last_period))
     run.execute()
-    found = reflected(np.mean(rows, axis=0), waves.plane.x[seen], kd, within=0.03)
-    end = end_of({"wall": far}, length=length, paddle_periods=[T])
+    found = reflected(np.mean(rows, axis=0), waves.plane.x[middle], kd, within=0.03)
+    end = end_of(far, length=length, paddle_periods=[T])
     return found.reflection, float(ActiveAbsorption().reflection(np.array([2 * np.pi / T]), end)[0])
 
 
-def test_what_a_piston_sends_back_is_what_theory_says():
-    found, expected = reflection({"type": "piston"}, kd=2.0, height=0.01, periods=14, steps=32, cells=20, n=4)
-    assert expected < 0.05
-    assert found == pytest.approx(expected, abs=3e-3)
+LONG = {"height": 0.01, "periods": 24, "steps": 80, "cells": 40, "n": 8}
+GENTLE = {"physics": "nonlinear", "height": 0.03, "periods": 16, "steps": 42, "cells": 30}
 
 
-def test_a_band_is_told_with_the_waves_of_the_other_paddle():
+@pytest.mark.parametrize(
+    ("wall", "kd", "numerics", "within"),
+    [("piston", 2.0, {"height": 0.01, "periods": 14, "steps": 32, "cells": 20}, 3e-3)]
+    + [pytest.param("piston", kd, LONG, 6e-3, marks=pytest.mark.slow) for kd in (0.5, 1.0, 3.0)]
+    + [pytest.param("flap", kd, LONG, 6e-3, marks=pytest.mark.slow) for kd in (0.5, 1.0, 3.0)]
+    + [pytest.param("piston", 1.0, GENTLE, 5e-3, marks=pytest.mark.slow)],
+)
+def test_paddle_has_the_reflection_of_theory(wall, kd, numerics, within):
+    found, expected = reflection({"type": wall}, kd=kd, **numerics)
+    assert found == pytest.approx(expected, abs=within) and expected < 0.1
+
+
+def test_plan_states_the_band_with_the_waves_of_the_other_paddle():
     wave = {"type": "regular", "height": 0.01, "period": period(0.1)}
-    parts = {"tank": {"length": 70.0, "depth": 1.0}, "far_wall": {"type": "piston", "motion": REST, "absorb": ACTIVE}}
-    case = Case.model_validate({**parts, "wall": {"type": "piston", "motion": wave}, "run": {"duration": 200.0}})
+    far = {"type": "piston", "motion": REST, "absorb": ACTIVE}
+    case = case_of({"type": "piston", "motion": wave}, far, length=70.0, duration=200.0)
     told = f"% of small waves from {period(3.0):.3g} to {period(0.1):.3g} s at short steps."
     assert any(line.endswith(told) for line in requirements(case, 0.02).reasons)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kd", [0.5, 1.0, 3.0])
-@pytest.mark.parametrize("wall", [{"type": "piston"}, {"type": "flap"}], ids=["piston", "flap"])
-def test_and_a_flap_at_any_depth(wall, kd):
-    found, expected = reflection(wall, kd=kd, height=0.01, periods=24, steps=80, cells=40, n=8)
-    assert found == pytest.approx(expected, abs=6e-3)
-
-
-@pytest.mark.slow
-def test_and_in_nonlinear_water():
-    gentle = {"kd": 1.0, "height": 0.03, "periods": 16, "steps": 42, "cells": 30}
-    found, expected = reflection({"type": "piston"}, physics="nonlinear", **gentle)
-    assert found == pytest.approx(expected, abs=5e-3)
 
 
 def test_a_flap_in_a_coarse_tank_absorbs_at_the_longest_step_that_is_allowed():
@@ -328,30 +315,27 @@ def broken_off(tmp_path_factory):
     return out
 
 
-def test_a_run_goes_on_bit_for_bit(broken_off, tmp_path):
-    record(ABSORBING, tmp_path / "whole", {})
-    shutil.copytree(broken_off, tmp_path / "part")
-    record(ABSORBING, tmp_path / "part", {}, resume=True)
+NARROW = {"type": "flap", "absorb": ACTIVE | {"shortest": 1.5, "longest": 1.7}}
+
+
+@pytest.mark.parametrize(("wall", "duration", "steps"), [({}, 0.5, (4, 7)), (NARROW, 0.6, (7, 8))])
+def test_resumed_run_equals_the_uninterrupted_one_bit_for_bit(wall, duration, steps, tmp_path):
+    """Beside a flap columns are found by iteration, from those that were evaluated before."""
+    case, run = ABSORBING | {"wall": ABSORBING["wall"] | wall}, {"duration": duration}
+    record(case, tmp_path / "whole", run)
+    record_until(case, tmp_path / "part", run, *steps)
+    record(case, tmp_path / "part", run, resume=True)
     same(tmp_path / "whole", tmp_path / "part")
 
 
-def test_and_beside_a_flap_that_has_moved(tmp_path):
-    """Columns there are found by iteration, from those that were looked at before."""
-    flap = ABSORBING["wall"] | {"type": "flap", "absorb": ACTIVE | {"shortest": 1.5, "longest": 1.7}}
-    record(ABSORBING | {"wall": flap}, tmp_path / "whole", {"duration": 0.6})
-    record_until(ABSORBING | {"wall": flap}, tmp_path / "part", {"duration": 0.6}, 7, 8)
-    record(ABSORBING | {"wall": flap}, tmp_path / "part", {"duration": 0.6}, resume=True)
-    same(tmp_path / "whole", tmp_path / "part")
-
-
-def test_with_another_band_it_does_not_go_on(broken_off, capsys):
+def test_another_band_cannot_resume(broken_off, capsys):
     assert main(["resume", str(broken_off), "--set", "wall.absorb.longest=3"]) == 2
     said = " ".join(capsys.readouterr().err.split())
     assert "wall.absorb.longest = 3.0: must be left out, as in the run that is to go on" in said
 
 
 @pytest.mark.slow
-def test_with_another_step_it_goes_on_from_where_its_paddle_stands(broken_off, tmp_path):
+def test_another_step_resumes_at_the_position_of_the_paddle(broken_off, tmp_path):
     """As the run of the later step throughout does, but for the error of the earlier one."""
     numerics = ABSORBING["numerics"] | {"dt": 0.025}
     record(ABSORBING | {"numerics": numerics}, tmp_path / "whole", {})
@@ -387,9 +371,9 @@ def test_any_number_of_ranks_moves_the_paddle_alike(on_ranks):
 def test_a_plan_keeps_to_steps_at_which_paddles_answer_in_time():
     """And says what they let through."""
     wall = {"type": "flap", "motion": {"type": "regular", "height": 0.05, "period": 1.8}, "absorb": ACTIVE}
-    parts = {"tank": {"length": 8.0, "depth": 1.0}, "wall": wall, "run": {"duration": 2.0}}
     far = {"type": "piston", "motion": REST, "absorb": {"type": "spring-damper"}}
-    case = Case.model_validate({**parts, "far_wall": far, "numerics": {"accuracy": 0.02}})
+    parts = {"tank": {"length": 8.0, "depth": 1.0}, "wall": wall, "far_wall": far, "run": {"duration": 2.0}}
+    case = Case.model_validate({**parts, "numerics": {"accuracy": 0.02}})
     run, waves = build_run(planned(case, MPI.COMM_SELF).scene, MPI.COMM_SELF)
     assert run.clock.dt * waves.largest_frequency < ANSWERED
     reasons = "\n".join(requirements(case, 0.02).reasons)
@@ -405,7 +389,7 @@ SPRING = {"type": "spring-damper", "mass": 200.0, "period": period(1.0)}
 
 def test_a_paddle_on_a_spring_that_is_tuned_sends_nothing_back_of_its_period():
     """By the series of theory, with b = r and k = omega² (M + mu); it does of others."""
-    end = end_of({"wall": {"type": "piston", "motion": REST, "absorb": SPRING}}, length=9.0)
+    end = end_of({"type": "piston", "motion": REST, "absorb": SPRING}, length=9.0)
     mass, stiffness, damping = end.wall.absorb.resolved(end)
     omega = 2 * np.pi / np.array([period(1.0), period(2.0)])
     r, mu = radiation(PISTON, omega, 1.0, GRAVITY)
@@ -416,13 +400,11 @@ def test_a_paddle_on_a_spring_that_is_tuned_sends_nothing_back_of_its_period():
 
 
 @pytest.mark.parametrize(("kd", "tuned"), [(0.3, 0.3), (None, 1.0), (20.0, 10.0)])
-def test_by_default_it_is_tuned_to_what_the_paddle_opposite_makes(kd, tuned):
+def test_spring_is_tuned_to_the_waves_of_the_opposite_paddle_by_default(kd, tuned):
     """By what theory says of that period; to k d = 1 where none is driven, within k d = 1/50 to 10 in any case."""
     motion = REST if kd is None else {"type": "regular", "height": 0.01, "period": period(kd)}
     far = {"type": "piston", "motion": REST, "absorb": {"type": "spring-damper"}}
-    parts = {"tank": {"length": 9.0, "depth": 1.0}, "wall": {"type": "piston", "motion": motion}, "far_wall": far}
-    numerics = {"cells": 4, "vertical_order": 4, "dt": 0.02}
-    case = Case.model_validate({**parts, "run": {"duration": 1.0}, "numerics": numerics})
+    case = case_of({"type": "piston", "motion": motion}, far, length=9.0)
     equation, _ = build_filter(case, 1, build_run(case, MPI.COMM_SELF)[1])
     omega = 2 * np.pi / np.array([period(tuned)])
     (r,), (mu,) = radiation(PISTON, omega, 1.0, GRAVITY)
@@ -430,13 +412,13 @@ def test_by_default_it_is_tuned_to_what_the_paddle_opposite_makes(kd, tuned):
     assert pytest.approx(expected.A, rel=1e-9) == equation.A
 
 
-def test_what_a_spring_holds_and_a_damper_takes_is_the_work_of_the_water(monkeypatch):
+def test_energy_of_spring_and_damper_is_the_work_of_the_water(monkeypatch):
     """Nonlinear; the work to third order, the balance to 1e-6 of all. Slopes of H make its explicit rate."""
     monkeypatch.setattr(feedback, "KNOTS", 1000)
     far_away = {"type": "formula", "eta": "0.08*exp(-((x - 3.0)/0.8)**2)"}
     spring = {"type": "spring-damper", "mass": 100.0}
     piston, missing, off = {"type": "piston", "motion": REST, "absorb": spring}, [], []
-    mass, stiffness, damping = SpringDamper(mass=100.0).resolved(end_of({}, length=3.0))
+    mass, stiffness, damping = SpringDamper(mass=100.0).resolved(end_of(length=3.0))
     for dt in (0.032, 0.016):
         run, waves = tank(piston, length=3.0, duration=1.2, dt=dt, cells=6, physics="nonlinear", initial=far_away)
         budget = counted(run, waves, [sudden_mass(PISTON, 1.0)])
@@ -477,33 +459,20 @@ def test_absorbing_ends_where_the_mapping_folds_and_not_out_of_the_water():
     assert 0 < len(folds) < 20
 
 
-CASE = """
-[tank]
-length = 3.0
-depth = 1.0
-[wall]
-type = "piston"
-motion = {type = "at-rest"}
-absorb = {type = "active"}
-limits = {stroke = 0.001, speed = 5.0}
-[initial]
-type = "formula"
-eta = "-0.2*cos(1.0471975512*x)"
-[run]
-duration = 0.52
-[numerics]
-cells = 6
-order = 3
-vertical_order = 4
-dt = 0.04
-"""
+def sloshing(path, **wall):
+    """Return the path of a case, written to it, whose paddle absorbs a sloshing wave."""
+    wall = {"type": "piston", "motion": REST, "absorb": ACTIVE} | wall
+    initial = {"type": "formula", "eta": "-0.2*cos(1.0471975512*x)"}
+    return written(path, case_of(wall, length=3.0, duration=0.52, dt=0.04, cells=6, initial=initial, tolerance=1e-6))
+
+
+LIMITS = {"limits": {"stroke": 0.001, "speed": 5.0}}
 
 
 @pytest.fixture(scope="module")
 def sloshed(tmp_path_factory):
     """Return the case of a run in which absorbing has moved the paddle, and its directory."""
-    case = tmp_path_factory.mktemp("absorbed") / "case.toml"
-    case.write_text(CASE)
+    case = sloshing(tmp_path_factory.mktemp("absorbed") / "case.toml", **LIMITS)
     command = ["run", str(case), "--no-plots", "--set", "wall.reach=0.03", "--out", str(case.with_name("run"))]
     assert main(command) == 0
     return case, case.with_name("run")
@@ -513,19 +482,17 @@ def test_stroke_of_absorption_beyond_limits_is_reported(sloshed, capsys, tmp_pat
     """By the recorded motion."""
     said = " ".join((sloshed[1] / "run.log").read_text().split())
     stroke = np.ptp(np.loadtxt(sloshed[1] / PADDLE, delimiter=",", skiprows=1)[:, 1])
-    assert (
-        f"absorption moved the paddle of wall to a stroke of {stroke:.4g} m; wall.limits.stroke allows 0.001 m" in said
-    )
-    assert "limits.speed" not in said
-    case = tmp_path / "case.toml"
-    case.write_text(CASE.replace('{type = "at-rest"}', '{type = "sinusoid", paddle_amplitude = 4e-4, period = 2.0}'))
+    moved = f"absorption moved the paddle of wall to a stroke of {stroke:.4g} m"
+    assert f"{moved}; wall.limits.stroke allows 0.001 m" in said and "limits.speed" not in said
+    motion = {"type": "sinusoid", "paddle_amplitude": 4e-4, "period": 2.0}
+    case = sloshing(tmp_path / "case.toml", motion=motion, **LIMITS)
     assert main(["motion", str(case), "--out", str(tmp_path / "board.csv")]) == 0
     assert "without what absorbing adds" in " ".join(capsys.readouterr().out.split())
     assert main(["run", str(case), "--no-plots", "--set", "water.type=linear", "--out", str(tmp_path / "linear")]) == 0
     assert "of the mass (linear theory: what paddles displace), " in " ".join(capsys.readouterr().out.split())
 
 
-def test_a_surface_is_kept_where_absorbing_has_taken_the_paddle(sloshed, tmp_path):
+def test_run_with_other_cells_resumes_at_the_position_of_the_absorbing_paddle(sloshed, tmp_path):
     """On other cells the run goes on with it; another run, whose paddle begins elsewhere, does not begin with it."""
     case, out = sloshed
     part = Path(shutil.copytree(out, tmp_path / "part"))
@@ -539,11 +506,10 @@ def test_a_surface_is_kept_where_absorbing_has_taken_the_paddle(sloshed, tmp_pat
 
 
 @pytest.mark.parametrize("absorb", ["active", "spring-damper"])
-def test_a_run_whose_paddle_has_no_reach_left_ends_with_all_it_has(absorb, capsys, monkeypatch, tmp_path):
+def test_run_whose_paddle_leaves_its_reach_ends_with_complete_records(absorb, capsys, monkeypatch, tmp_path):
     """Cause and where; records up to there, of a paddle that is within; no step is blamed. Its reach is made short."""
     monkeypatch.setattr(Paddle, "largest_stroke", 0.01)
-    case, out = tmp_path / "case.toml", tmp_path / "run"
-    case.write_text(CASE.replace('"active"', f'"{absorb}"').replace("limits", "# limits"))
+    case, out = sloshing(tmp_path / "case.toml", absorb={"type": absorb}), tmp_path / "run"
     assert main(["run", str(case), "--no-plots", "--out", str(out)]) == 1
     said = " ".join("".join(capsys.readouterr()).split())
     assert "m into the water; its mapping folds at 0.01 m, 3/4 of what wall.reach is on this mesh" in said

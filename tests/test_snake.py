@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from conftest import fitted_slope, recorded
 from mpi4py import MPI
-from test_flaps import BALANCE, GRAVITY
+from tanks import BALANCE, GRAVITY, MASS, case_of, executed, written
+from test_flaps import closed
 from test_segmented_motion import Oblique
 
 from wavetank.base.errors import InputError
@@ -13,57 +14,54 @@ from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.fem.plane import Plane
 from wavetank.motion import Motion
-from wavetank.output.columns import energy_columns
 from wavetank.output.directory import RunDirectory
 from wavetank.simulation.build import build_run
 from wavetank.simulation.construction import build_footprint
-from wavetank.simulation.energy import EnergyBudget
-from wavetank.simulation.records import Memory
 from wavetank.tank.walls import Paddle, Polynomial, Wall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 from wavetank.waves import airy
-from wavetank.waves.wavemaker import Flap, modes, norm
+from wavetank.waves.wavemaker import Flap
 
 DEPTH, LENGTH, WIDTH = 1.0, 3.0, 2.0
 OBLIQUE = {"type": "oblique-wave", "wave_amplitude": 0.02, "period": 1.3, "angle": 30.0}
-MASS = energy_columns(1).index("mass [m^2]")
 Y = np.linspace(0.0, WIDTH, 9)
 
 
-def case_of(motion=OBLIQUE, *, duration=20.0, size=0.5, n=4, **wall):
+def snake(motion=OBLIQUE, *, size=0.5, duration=20.0, key="wall", gauges=(), **wall):
+    """Return the case of a basin with segments that move; flaps if nothing else is said."""
     layout = {"type": "rectangle", "length": LENGTH, "width": WIDTH}
-    numerics = {"cell_size": size, "order": 3, "vertical_order": n, "dt": 0.04, "tolerance": 1e-10}
-    parts = {"tank": {"type": "basin", "depth": DEPTH, "layout": layout}, "run": {"duration": duration}}
-    wall = {"type": "segmented-flap", "motion": motion, **wall}
-    return Case.model_validate({**parts, "wall": wall, "numerics": numerics})
+    numerics = {"cells": None, "cell_size": size, "edge_penalty": 0.0}
+    parts = {"tank": {"type": "basin", "depth": DEPTH, "layout": layout}, "numerics": numerics}
+    parts |= {key: {"type": "segmented-flap", "motion": motion, **wall}, "gauges": gauges}
+    return case_of(duration=duration, dt=0.04, tolerance=1e-12, **parts)
 
 
 # ---------------------------------------------------------------- motions
 def test_a_snake_of_flaps_moves_by_their_transfer_function():
     """Along x a flap's own; at an angle that of pistons by the ratio of heights over strokes; hinged segments."""
-    flap = case_of({**OBLIQUE, "angle": 0.0}, hinge=0.2).motion()
+    flap = snake({**OBLIQUE, "angle": 0.0}, hinge=0.2).motion()
     regular = RegularMotion(height=0.04, period=1.3).build(SliceTank(length=9.0, depth=DEPTH), Flap(0.2), "linear")
     t = np.linspace(0.0, 9.0, 40)
     np.testing.assert_allclose(flap.position(t, Y), np.multiply.outer(regular.position(t), 1 + 0 * Y), atol=1e-9)
-    flap, piston = case_of(hinge=0.2).motion(), case_of(type="segmented-piston").motion()
+    flap, piston = snake(hinge=0.2).motion(), snake(type="segmented-piston").motion()
     k = airy.wave_number(2 * np.pi / OBLIQUE["period"], DEPTH, GRAVITY)
     ratio = 2 * np.sinh(k) / (np.sinh(2 * k) / (2 * k) + 1) / k  # Biesel's, over an arm of 0.8 m
     ratio *= np.sinh(k) - (np.cosh(k) - np.cosh(0.2 * k)) / (0.8 * k)
     ratio /= 2 * (np.cosh(2 * k) - 1) / (np.sinh(2 * k) + 2 * k)
     np.testing.assert_allclose(flap.position(7.3, Y) * ratio, piston.position(7.3, Y), rtol=1e-9)
-    segments = case_of(hinge=0.2, segment=0.5).motion()
+    segments = snake(hinge=0.2, segment=0.5).motion()
     np.testing.assert_allclose(segments.position(7.3, Y[::2]), flap.position(7.3, Y[::2]), rtol=1e-12)
     middles = segments.position(7.3, Y[1::2]) - 0.5 * (flap.position(7.3, Y[:-1:2]) + flap.position(7.3, Y[2::2]))
     assert np.abs(middles).max() < 1e-12
 
 
-def test_components_of_a_file_go_their_own_ways(tmp_path):
+def test_components_of_a_file_are_a_sum_of_oblique_waves(tmp_path):
     """Each as an oblique wave of its own, its phase at (x, y) and its time."""
     rows = np.array([[0.7, 0.02, 1.0, 25.0], [0.9, 0.01, -2.0, -40.0], [0.8, 0.015, 0.5, 0.0]])
     np.savetxt(tmp_path / "waves.txt", rows)
     told = {"columns": ["frequency", "amplitude", "phase", "direction"], "x": 1.5, "y": 0.7, "time": 4.0}
     motion = {"type": "components", "file": str(tmp_path / "waves.txt"), "ramp": 0, **told}
-    case, t, total = case_of(motion, hinge=-0.5), 7.3, 0.0
+    case, t, total = snake(motion, hinge=-0.5), 7.3, 0.0
     found, target = case.motion(), case.wall.motion.target(case.tank)
     for f, a, phase, angle in rows:
         one = Oblique(amplitude=a, period=1 / f, angle=np.radians(angle), shape=Flap(-0.5), depth=DEPTH)
@@ -80,23 +78,23 @@ def test_components_of_a_file_go_their_own_ways(tmp_path):
     rows[1, 3] = 90.0
     np.savetxt(tmp_path / "waves.txt", rows)
     with pytest.raises(InputError, match="line 2: a direction of 90 deg received"):
-        case_of(motion).motion()
+        snake(motion).motion()
 
 
-def test_a_surface_that_is_wished_for_comes_at_an_angle(tmp_path):
+def test_surface_of_a_record_arrives_at_an_angle(tmp_path):
     """The record is what its plane waves make at (x, y); where they go straight, all of the paddle moves alike."""
     t = np.linspace(0.0, 40.0, 801)
     eta = 0.01 * np.cos(2 * np.pi * 0.8 * t) * np.exp(-(((t - 20.0) / 5.0) ** 2))
     np.savetxt(tmp_path / "eta.txt", np.column_stack([t, eta]))
     motion = {"type": "surface", "file": str(tmp_path / "eta.txt"), "x": 2.0, "y": 0.7, "delay": 10.0}
-    case = case_of({**motion, "angle": 35.0, "ramp": 0}, duration=60.0, segment=0.5)
+    case = snake({**motion, "angle": 35.0, "ramp": 0}, duration=60.0, segment=0.5)
     target = case.wall.motion.target(case.tank)
     np.testing.assert_allclose(target.elevation(2.0, t + 10.0, y=0.7), eta, atol=2e-5)
     assert np.degrees(np.arctan2(target.k_y, target.k_x)) == pytest.approx(35.0)
-    straight = case_of(motion, duration=60.0, segment=0.5).motion().position(31.0, Y)
+    straight = snake(motion, duration=60.0, segment=0.5).motion().position(31.0, Y)
     assert np.ptp(straight) < 1e-9 < 1e-4 < np.abs(straight).max()
     with pytest.raises(InputError, match=r"delay = -20\.0: must be at least"):
-        case_of({**motion, "delay": -20}, duration=60.0, segment=0.5).motion()
+        snake({**motion, "delay": -20}, duration=60.0, segment=0.5).motion()
 
 
 # ---------------------------------------------------------------- water
@@ -106,23 +104,12 @@ def standing(k_y):
     return Motion(lambda t, y: np.multiply.outer(np.sin(t + orders), np.cos(k_y * y)))
 
 
-def closed(wavemaker, omega, x, k_y):
-    """Return the elevation [m] of linear waves of a snake's metre in a closed basin, by eigenfunctions, at y = 0."""
-    found = np.append(
-        airy.wave_number(np.array([omega]), DEPTH, GRAVITY) + 0j,
-        1j * modes(np.array([omega]), DEPTH, GRAVITY, count=300)[0],
-    )[:, None]
-    k = np.sqrt(found**2 - k_y**2)
-    ratio = 1j * (np.exp(1j * k * (2 * LENGTH - x)) + np.exp(1j * k * x)) / (np.exp(2j * k * LENGTH) - 1)
-    return (omega**2 / GRAVITY * wavemaker.moment(found, DEPTH) / norm(found, DEPTH) / k * ratio).real.sum(axis=0)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("hinge", [0.0, 0.3])
 def test_a_snake_of_flaps_makes_biesels_oblique_waves(hinge):
     """The limit of small strokes in a closed basin, dying modes and all: response at rest against the series."""
     kd, k_y, wavemaker = 3.0, np.pi / WIDTH, Flap(hinge)
-    case = case_of(hinge=hinge, n=8)
+    case = snake(hinge=hinge)
     footprint = build_footprint(case, MPI.COMM_SELF)
     plane = Plane(footprint.mesh, 3, footprint.chart, walls=footprint.facets_of)
     shape = Polynomial.fit(lambda z: wavemaker.mode_shape(z, DEPTH), DEPTH, plane.mesh, kinks=wavemaker.kinks(DEPTH))
@@ -139,62 +126,23 @@ def test_a_snake_of_flaps_makes_biesels_oblique_waves(hinge):
     omega = float(airy.angular_frequency(kd / DEPTH, DEPTH, GRAVITY))
     psi = np.linalg.solve(omega**2 / GRAVITY * M - G, -1j * omega * inflow)
     eta = (1j * omega * psi / GRAVITY).real
-    exact = closed(wavemaker, omega, plane.x, k_y) * np.cos(k_y * plane.places[:, 1])
+    exact = closed(wavemaker, omega, plane.x, length=LENGTH, k_y=k_y).sum(axis=0) * np.cos(k_y * plane.places[:, 1])
     size, away = np.abs(exact).max(), plane.x > 1.0
     assert np.abs(eta - exact)[away].max() < 2e-3 * size
     assert np.abs(eta - exact).max() < 2e-2 * size
 
 
-def bent(steps=10):
-    """Return a run of hinged flaps in segments of which each moves otherwise, with its water; collective."""
-    case = case_of({**OBLIQUE, "ramp": 0.5}, hinge=0.3, segment=0.5, duration=0.4)
-    numerics = case.numerics.model_copy(update={"dt": 0.4 / steps})
-    return build_run(case.model_copy(update={"numerics": numerics}), MPI.COMM_WORLD)
-
-
-@pytest.mark.slow
-def test_the_energy_of_a_snake_of_flaps_is_its_work():
-    """With kinks at the hinge and between segments, to the scheme's order in time."""
-    steps, errors = np.array([16, 32, 64]), []
-    for count in steps:
-        run, waves = bent(count)
-        record = Memory()
-        run.diagnostics = [EnergyBudget(waves, record=record, every=1)]
-        run.execute()
-        errors.append(np.abs(record.array()[:, BALANCE]).max())
-    assert fitted_slope(1.0 / steps, errors) == pytest.approx(4.0, abs=0.5)
-    assert errors[-1] < 1e-3 * record.array()[-1, 3]
-
-
 # ---------------------------------------------------------------- at the far end
-FAR = """
-gauges = [{ x = 0.7, y = 0.4 }, { x = 2.3, y = 0.4 }]
-[tank]
-type = "basin"
-depth = 1.0
-layout = { type = "rectangle", length = 3.0, width = 2.0 }
-[far_wall]
-type = "segmented-piston"
-motion = { type = "oblique-wave", wave_amplitude = 0.05, period = 1.3, angle = 30.0, ramp = 0.5 }
-segment = 0.5
-[run]
-duration = 0.2
-[numerics]
-cell_size = 1.0
-order = 3
-vertical_order = 4
-dt = 0.04
-tolerance = 1e-12
-edge_penalty = 0.0
-"""
 HINGED = "far_wall.type='segmented-flap'", "far_wall.hinge=0.3"
 
 
 @pytest.fixture(scope="module")
 def far(tmp_path_factory):
-    path = tmp_path_factory.mktemp("far") / "far.toml"
-    path.write_text(FAR)
-    return path
+    """Return the file of a case with a segmented piston at the far end."""
+    motion = OBLIQUE | {"wave_amplitude": 0.05, "ramp": 0.5}
+    more = {"size": 1.0, "duration": 0.2, "gauges": [{"x": 0.7, "y": 0.4}, {"x": 2.3, "y": 0.4}]}
+    case = snake(motion, key="far_wall", type="segmented-piston", segment=0.5, **more)
+    return written(tmp_path_factory.mktemp("far") / "far.toml", case)
 
 
 def both(case):
@@ -205,15 +153,12 @@ def both(case):
 def driven(case, *, dt=0.04):
     """Return (eta, psi) at the end, places, and the energy budget, a row a step, of a case; collective."""
     numerics = case.numerics.model_copy(update={"dt": dt})
-    run, waves = build_run(case.model_copy(update={"numerics": numerics}), MPI.COMM_WORLD)
-    record = Memory()
-    run.diagnostics = [EnergyBudget(waves, record=record, every=1)]
-    run.execute()
+    run, waves, _, energy = executed(case.model_copy(update={"numerics": numerics}), MPI.COMM_WORLD)
     surface = waves.elevation(run.state.q, run.state.p, run.t), run.state.p
     surface, places = (
         np.concatenate(waves.plane.comm.allgather(part)) for part in (np.transpose(surface), waves.plane.places)
     )
-    return surface, places, record.array()
+    return surface, places, energy
 
 
 def in_order(surface, places, *, mirrored=False):
@@ -240,7 +185,7 @@ def test_segments_at_the_far_end_make_the_mirror_of_what_they_make_at_the_near_o
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "sentence"),
     [
         (["tank={length=3.0,depth=1.0}", "gauges=[]"], 'far_wall.type = "segmented-piston": needs a basin (tank.type)'),
         (["water.type='linear'"], 'far_wall.type = "segmented-piston": needs nonlinear water'),
@@ -250,10 +195,10 @@ def test_segments_at_the_far_end_make_the_mirror_of_what_they_make_at_the_near_o
         (["far_wall.absorb={type='active'}"], "far_wall.absorb = "),
     ],
 )
-def test_what_no_far_segments_can_be_is_a_sentence(far, changes, said):
+def test_invalid_far_segments_are_refused(far, changes, sentence):
     with pytest.raises(InputError) as error:
         read_case(far, changes)
-    assert said in str(error.value)
+    assert sentence in str(error.value)
 
 
 @pytest.mark.slow
@@ -287,7 +232,7 @@ def test_snakes_at_both_ends_on_any_number_of_ranks(far, on_ranks):
 
 
 @pytest.mark.slow
-def test_far_segments_are_recorded_and_go_on(far, tmp_path):
+def test_far_segments_are_recorded_and_resumed(far, tmp_path):
     """As they are told to move, at their joints; resumed byte for byte; the next run begins where they all stand."""
     recorded(far, ("run.duration=0.4",), tmp_path / "whole")
     recorded(far, (), tmp_path / "parts")

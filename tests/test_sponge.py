@@ -12,27 +12,17 @@ from blocks import block_of
 from conftest import fitted_slope
 from dolfinx import mesh
 from mpi4py import MPI
+from tanks import BALANCE, TAKEN, TOTAL, advanced, case_of, rectangle
 
 from examples.paper.oscillators import Harmonic
 from examples.paper.sponge import Beach, Operators, in_time, paddle
 from wavetank.base.errors import InputError
-from wavetank.case import Case
 from wavetank.case.tank import EndSponge, GroupSponge, SliceTank, paddle_period
 from wavetank.fem.plane import Plane
-from wavetank.integrators import (
-    Damped,
-    Damping,
-    GaussLegendre4,
-    Simpson4,
-    StormerVerlet,
-    StormerVerletAdjoint,
-    ThirdOrder,
-    damped,
-)
+from wavetank.integrators import INTEGRATORS, Damped, Damping, Simpson4, StormerVerlet, ThirdOrder, damped
 from wavetank.integrators.contract import like, rows
 from wavetank.integrators.wrappers import Filtered
 from wavetank.motion import AT_REST, ramped, sinusoid
-from wavetank.output.columns import energy_columns
 from wavetank.simulation.construction import build_sponge
 from wavetank.simulation.energy import EnergyBudget
 from wavetank.simulation.records import Memory
@@ -40,30 +30,19 @@ from wavetank.tank.dissipation import EdgePenalty, checked, distance_from_edge, 
 from wavetank.tank.footprint import Slice
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.surface_flow import SurfaceFlow
-from wavetank.tank.walls import LinearPaddle, Paddle, Side, Wall
+from wavetank.tank.walls import LinearPaddle, Paddle, Wall
 from wavetank.tank.waves import NonlinearWaves, Tolerances
-from wavetank.waves.airy import angular_frequency, group_velocity
+from wavetank.waves.airy import group_velocity
 from wavetank.waves.damped_waves import reflection
 
-SCHEMES = (StormerVerlet(), StormerVerletAdjoint(), ThirdOrder(), Simpson4(), GaussLegendre4())
-BALANCE, TAKEN, TOTAL = (energy_columns(1).index(f"{name} [m^4/s^2]") for name in ("balance", "dissipated", "total"))
-
-
-def named(scheme) -> str:
-    return scheme.name
+SCHEMES = {name: scheme() for name, scheme in INTEGRATORS.items()}
+each_scheme = pytest.mark.parametrize("scheme", SCHEMES.values(), ids=SCHEMES)
+usual_scheme = pytest.mark.parametrize("scheme", [ThirdOrder(), Simpson4()], ids=["third-order", "simpson-4"])
 
 
 def sponged(scheme, gamma):
     """Return a scheme with a sponge."""
     return damped(scheme, Damping(gamma))
-
-
-def ends(waves, scheme, start, *, steps, dt):
-    """Return the state after some steps."""
-    state = scheme.start(*start)
-    for step in range(steps):
-        state = scheme.step(waves, state, step * dt, dt)
-    return state
 
 
 def watched(waves, scheme, start, *, gamma, steps, dt, sinks=()):
@@ -83,14 +62,14 @@ def watched(waves, scheme, start, *, gamma, steps, dt, sinks=()):
 SLOPE = {"least": 0.1, "share": 0.5}
 
 
-def linear(*, length=1.0, cells=8, order=3, n=6, depth=0.5):
+def linear(*, length=1.0, cells=8, depth=0.5):
     footprint = Slice(length, cells, comm=MPI.COMM_SELF)
-    plane = Plane(footprint.mesh, order, footprint.chart)
-    return LinearWaves(plane, depth=depth, wall=Wall(), vertical_order=n)
+    plane = Plane(footprint.mesh, 3, footprint.chart)
+    return LinearWaves(plane, depth=depth, wall=Wall(), vertical_order=4)
 
 
 # ---------------------------------------------------------------- the factor
-@pytest.mark.parametrize("scheme", SCHEMES, ids=named)
+@each_scheme
 def test_the_damped_oscillator_is_met_to_the_order_of_the_scheme(scheme):
     """Of q'' + gamma q' + q = 0: q = e^(-gamma t/2) (cos wt + gamma/(2w) sin wt)."""
     gamma, t = 0.4, 12.0
@@ -101,23 +80,23 @@ def test_the_damped_oscillator_is_met_to_the_order_of_the_scheme(scheme):
     counts, errors = (60, 120, 240, 480), []
     for count in counts:
         around, start = sponged(scheme, np.array([gamma])), (np.array([1.0]), np.array([0.0]))
-        state = ends(Harmonic(), around, start, steps=count, dt=t / count)
+        state = advanced(Harmonic(), around, start, steps=count, dt=t / count)
         errors.append(np.hypot(state.q[0] - q, state.p[0] - p))
     assert -fitted_slope(counts, errors) == pytest.approx(scheme.order, abs=0.1)
 
 
-@pytest.mark.parametrize("scheme", SCHEMES, ids=named)
+@each_scheme
 def test_without_damping_nothing_changes(scheme):
     waves = linear()
     start = waves.state(0.1 * np.cos(np.pi * waves.plane.x), 0.1 * np.cos(2 * np.pi * waves.plane.x))
     around = sponged(scheme, np.zeros(waves.plane.owned))
-    bare, wrapped = (ends(linear(), one, start, steps=20, dt=0.01) for one in (scheme, around))
+    bare, wrapped = (advanced(linear(), one, start, steps=20, dt=0.01) for one in (scheme, around))
     assert np.array_equal(bare.q, wrapped.q) and np.array_equal(bare.p, wrapped.p)
     known = ("name", "order", "stability_limit", "frequency_error", "nodes")
     assert all(getattr(around, name) == getattr(scheme, name) for name in known)
 
 
-def test_a_step_back_takes_back_what_a_step_has_damped():
+def test_step_with_negative_dt_undoes_the_damping():
     """Of the damped oscillator, by a reversible scheme: (38) has no damping left, forth or back."""
     scheme, start = sponged(StormerVerlet(), np.array([0.4])), (np.array([0.7]), np.array([0.2]))
     there = scheme.step(Harmonic(), scheme.start(*start), 0.0, 0.1)
@@ -132,83 +111,61 @@ def test_damping_in_the_formulae_of_a_scheme_is_that_around_it(strength):
     start = waves.state(0.1 * np.cos(np.pi * waves.plane.x), 0.1 * np.cos(2 * np.pi * waves.plane.x))
     damping = Damping(profile(waves.plane.x - 0.4, width=0.6, strength=strength))
     within, around = damped(Simpson4(0.0), damping), Damped(Simpson4(0.0), damping)
-    one, other = (ends(waves, scheme, start, steps=20, dt=0.02) for scheme in (within, around))
+    one, other = (advanced(waves, scheme, start, steps=20, dt=0.02) for scheme in (within, around))
     assert type(within) is not Damped
     assert np.abs(one.values[:2] - other.values[:2]).max() < 1e-13
 
 
-def test_a_scheme_derived_of_one_with_damping_keeps_its_own_step():
+def test_subclass_of_a_damped_scheme_uses_its_step():
     class Late(Simpson4):
         def step(self, system, state, t, dt):
             return super().step(system, state, t, 0.5 * dt)
 
     start, damping = (np.array([1.0]), np.array([0.0])), Damping(np.array([0.0]))
-    slow, bare = (ends(Harmonic(), one, start, steps=1, dt=0.1) for one in (damped(Late(), damping), Late()))
+    slow, bare = (advanced(Harmonic(), one, start, steps=1, dt=0.1) for one in (damped(Late(), damping), Late()))
     assert slow.q == bare.q and slow.p == bare.p
 
 
-@pytest.mark.parametrize("scheme", [StormerVerlet(), Simpson4()], ids=named)
-def test_uniform_damping_of_a_standing_wave_is_that_of_an_oscillator(scheme):
-    """Of eta'' + gamma eta' + omega² eta = 0 with Airy's omega; space is resolved to 1e-8."""
-    waves, gamma, t = linear(cells=8, order=6, n=10), 1.5, 2.0
-    omega = float(angular_frequency(np.pi, 0.5, waves.gravity))
-    decayed = np.sqrt(omega**2 - gamma**2 / 4)
-    start = waves.state(np.cos(np.pi * waves.plane.x), np.zeros(waves.plane.owned))
-    exact = np.exp(-gamma * t / 2) * (np.cos(decayed * t) + gamma / (2 * decayed) * np.sin(decayed * t))
-    counts, errors = (80, 160), []
-    for count in counts:
-        state = ends(waves, sponged(scheme, np.array([gamma])), start, steps=count, dt=t / count)
-        eta = waves.elevation(state.q, state.p, t)
-        errors.append(np.abs(eta - exact * np.cos(np.pi * waves.plane.x)).max())
-    assert -fitted_slope(counts, errors) == pytest.approx(scheme.order, abs=0.1)
-
-
-@pytest.mark.parametrize("inner", SCHEMES, ids=named)
+@each_scheme
 @pytest.mark.parametrize("strength", [1.0, 100.0])
-def test_a_step_below_the_schemes_limit_is_stable_with_a_sponge_of_any_strength(inner, strength):
+def test_a_step_below_the_schemes_limit_is_stable_with_a_sponge_of_any_strength(scheme, strength):
     """The spectral radius of a step of linear waves, as a dense matrix, is one to round-off; gamma dt is up to 10."""
-    waves = linear(length=2.0, cells=4, n=4, depth=1.0)
-    size, dt = waves.plane.owned, 0.99 * min(inner.stability_limit, 2.0) / waves.largest_frequency
-    scheme = sponged(inner, profile(waves.plane.x - 1.0, width=1.0, strength=strength))
-    rest = scheme.start(*waves.state(np.zeros(size), np.zeros(size)))
+    waves = linear(length=2.0, cells=4, depth=1.0)
+    size, dt = waves.plane.owned, 0.99 * min(scheme.stability_limit, 2.0) / waves.largest_frequency
+    sponge = sponged(scheme, profile(waves.plane.x - 1.0, width=1.0, strength=strength))
+    rest = sponge.start(*waves.state(*np.zeros((2, size))))
 
     def stepped(change):
         state = like(rest, rows(rest) + change.reshape(-1, size))
-        return rows(scheme.step(waves, state, 0.0, dt)).ravel()
+        return rows(sponge.step(waves, state, 0.0, dt)).ravel()
 
     still = stepped(np.zeros(rows(rest).size))
     matrix = np.column_stack([stepped(unit) - still for unit in np.eye(still.size)])
     assert np.abs(np.linalg.eigvals(matrix)).max() == pytest.approx(1.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("inner", [ThirdOrder(), Simpson4()], ids=named)
-def test_it_costs_no_solve(inner):
+@usual_scheme
+def test_sponge_costs_no_solve(scheme):
     """Counted of linear waves, whose states are evaluated at every step."""
     waves, found = linear(), []
     start = waves.state(np.zeros(waves.plane.owned), np.cos(np.pi * waves.plane.x))
-    for scheme in (inner, sponged(inner, np.full(waves.plane.owned, 0.5))):
-        state, before = scheme.start(*start), waves.potential.counters.solves
+    for one in (scheme, sponged(scheme, np.full(waves.plane.owned, 0.5))):
+        state, before = one.start(*start), waves.potential.counters.solves
         for step in range(10):
-            state = scheme.step(waves, state, step * 0.01, 0.01).evaluated(waves, (step + 1) * 0.01)
+            state = one.step(waves, state, step * 0.01, 0.01).evaluated(waves, (step + 1) * 0.01)
         found.append((waves.potential.counters.solves - before) / 10)
     assert found[1] == found[0]
 
 
 # ---------------------------------------------------------------- the energy budget
-def driven(make_tank, *, steps):
-    """Return two seconds of the budget of a standing wave, a piston, and a sponge from one metre on."""
-    motion = ramped(sinusoid(0.05, 1.3), 1.0)
-    waves = make_tank(length=3.0, cells=6, order=3, n=4, motion=motion, reach=1.0)
-    gamma = profile(waves.plane.x - 1.0, width=2.0, strength=3.0)
-    start = waves.state(0.05 * np.cos(np.pi * waves.plane.x / 3), 0 * waves.plane.x)
-    return watched(waves, Simpson4(), start, gamma=gamma, steps=steps, dt=2.0 / steps)[2]
-
-
 def test_the_budget_of_a_piston_and_a_sponge_closes_to_the_error_of_scheme_and_work(make_tank):
     """Of the fourth order, as scheme and integral."""
+    waves = make_tank(length=3.0, cells=6, n=4, motion=ramped(sinusoid(0.05, 1.3), 1.0), reach=1.0)
+    gamma = profile(waves.plane.x - 1.0, width=2.0, strength=3.0)
+    start = waves.state(0.05 * np.cos(np.pi * waves.plane.x / 3), 0 * waves.plane.x)
     counts, balances = (40, 80), []
     for count in counts:
-        rows = driven(make_tank, steps=count)
+        _, _, rows = watched(waves, Simpson4(), start, gamma=gamma, steps=count, dt=2.0 / count)
         balances.append(np.abs(rows[:, BALANCE]).max())
         assert rows[-1, TAKEN] > 0.2 * rows[-1, TOTAL]
     assert balances[-1] < 1e-3 * rows[-1, TAKEN]
@@ -216,9 +173,9 @@ def test_the_budget_of_a_piston_and_a_sponge_closes_to_the_error_of_scheme_and_w
 
 
 @pytest.mark.parametrize(("strength", "sound"), [(3.0, True), (300.0, False)])
-def test_a_sponge_that_gives_energy_is_told(make_tank, strength, sound):
+def test_sponge_that_supplies_energy_raises_a_warning(make_tank, strength, sound):
     """One that begins like a wall, where the water moves: its potential jumps, and that is energy."""
-    waves = make_tank(length=4.0, cells=16, order=3, n=4)
+    waves = make_tank(length=4.0, cells=16, n=4)
     inside = waves.plane.x - 2.0
     gamma = profile(inside, width=2.0, strength=strength) if sound else np.where(inside > 0.05, strength, 0.0)
     start = waves.state(0 * waves.plane.x, 0.2 * np.cos(np.pi * waves.plane.x / 2) + 0.5)
@@ -228,26 +185,26 @@ def test_a_sponge_that_gives_energy_is_told(make_tank, strength, sound):
     assert all("a longer sponge gives less" in one for one in warnings)
 
 
-@pytest.mark.parametrize("inner", [ThirdOrder(), Simpson4()], ids=named)
-def test_a_run_that_goes_on_has_the_rate_that_it_had(make_tank, inner):
+@usual_scheme
+def test_resumed_run_has_the_rate_of_its_start(make_tank, scheme):
     """Though it was built with another, of the waves of a longer run, which scheme and water know by then."""
-    waves = make_tank(length=2.0, cells=8, order=3, n=4)
+    waves = make_tank(length=2.0, cells=8, n=4)
     gammas = [profile(waves.plane.x - 1.0, width=1.0, strength=strength) for strength in (2.0, 5.0)]
-    one, other = (sponged(inner, gamma) for gamma in gammas)
+    one, other = (sponged(scheme, gamma) for gamma in gammas)
     start, found = waves.state(0.1 * np.cos(np.pi * waves.plane.x / 2), 0.3 * waves.plane.x), []
-    state = ends(waves, other, start, steps=1, dt=0.05)
+    state = advanced(waves, other, start, steps=1, dt=0.05)
     waves.damp(gammas[1])
     other.damping.state = one.damping.state
-    for scheme in (one, other):
-        found.append(block_of(waves, (2, 0.1, scheme.step(waves, state, 0.05, 0.05))))
+    for each in (one, other):
+        found.append(block_of(waves, (2, 0.1, each.step(waves, state, 0.05, 0.05))))
         waves.damp(gammas[0])
     assert found[0].psi == pytest.approx(found[1].psi, abs=1e-9)
     assert found[0].damped == pytest.approx(found[1].damped, rel=1e-6) and gammas[1].max() == 2.0
 
 
-def test_what_a_sponge_takes_is_counted_on_with_other_numerics(make_tank):
+def test_dissipation_of_a_sponge_is_continued_with_other_numerics(make_tank):
     """Oracle: the same budget, whose numerics stay what they are."""
-    waves = make_tank(length=2.0, cells=8, order=3, n=4)
+    waves = make_tank(length=2.0, cells=8, n=4)
     gamma = profile(waves.plane.x, width=2.0, strength=2.0)
     start = waves.state(0.1 * np.cos(np.pi * waves.plane.x / 2), 0 * waves.plane.x)
     state, budget, rows = watched(waves, Simpson4(), start, gamma=gamma, steps=9, dt=0.05)
@@ -266,7 +223,7 @@ def test_energy_and_mass_of_damped_nonlinear_waves(make_tank, threshold, order):
 
     Where a penalty acts what the sponge takes is seen from one trace, to the third order.
     """
-    waves = make_tank(length=2.0, cells=8, order=3, n=4)
+    waves = make_tank(length=2.0, cells=8, n=4)
     q, p = waves.state(0.1 * np.cos(np.pi * waves.plane.x / 2), 0 * waves.plane.x)
     gamma, start = profile(waves.plane.x - 1.0, width=1.0, strength=2.0), waves.energy(q, p, 0.0)
     counts, missing = (20, 30, 45), []
@@ -304,7 +261,7 @@ def test_the_reflection_in_time_is_that_of_the_frequency_domain():
 
 
 @pytest.mark.parametrize(("strength", "width"), [(8.0, 0.01), (2.0, 2.0), (100.0, 12.0), (0.2, 12.0)])
-def test_what_a_sponge_too_abrupt_strong_or_weak_sends_back_is_that_of_the_frequency_domain(strength, width):
+def test_reflection_of_an_abrupt_strong_or_weak_sponge_is_that_of_the_frequency_domain(strength, width):
     """Of 12 m and of waves 6.3 m long; at a jump it is Fresnel's."""
     beach, x = Beach(1.0, 2.0, cells=8), 0.01 * (np.arange(1256) + 0.5)
     beach.gamma = strength * np.clip((beach.plane.x - beach.start) / width, 0.0, 1.0)
@@ -324,9 +281,10 @@ def test_nonlinear_waves_are_reflected_as_linear_ones(steepness):
 
 
 # ---------------------------------------------------------------- footprints
-def rectangle(kind=mesh.CellType.quadrilateral, comm=MPI.COMM_WORLD):
-    footprint = mesh.create_rectangle(comm, [[0.0, 0.0], [4.0, 1.0]], [8, 2], kind)
-    return Plane(footprint, 2)
+def basin_of(kind="quadrilaterals", angle=0.0):
+    """Return a basin of 4 m by 1 m, and the side of its paddle."""
+    footprint, side = rectangle(4.0, 1.0, (8, 2), kind=kind, angle=angle)
+    return Plane(footprint, 2), side
 
 
 def cells_beyond(plane, x):
@@ -334,24 +292,24 @@ def cells_beyond(plane, x):
     return mesh.locate_entities(plane.mesh, dim, lambda places: places[0] > x - 1e-9)
 
 
-@pytest.mark.parametrize("kind", [mesh.CellType.quadrilateral, mesh.CellType.triangle])
+@pytest.mark.parametrize("kind", ["quadrilaterals", "triangles"])
 def test_a_group_at_the_end_is_an_end_sponge(kind):
     """The nearest point of a straight inner edge is straight ahead: its points are the other points' neighbours."""
-    plane = rectangle(kind)
+    plane, _ = basin_of(kind)
     distance, width = distance_from_edge(plane, cells_beyond(plane, 2.5))
     assert distance == pytest.approx(np.maximum(plane.x - 2.5, 0.0), abs=1e-12)
     assert width == pytest.approx(1.5)
 
 
 @pytest.mark.parametrize("beyond", [-1.0, 9.0])
-def test_a_group_that_is_nothing_or_everything_is_refused(beyond):
-    plane = rectangle()
+def test_empty_group_or_whole_mesh_is_refused(beyond):
+    plane, _ = basin_of()
     with pytest.raises(InputError, match="empty, or the whole mesh"):
         distance_from_edge(plane, cells_beyond(plane, beyond))
 
 
 def test_a_negative_rate_is_refused_with_its_place():
-    plane = rectangle()
+    plane, _ = basin_of()
     with pytest.raises(InputError, match=r"gamma = -1 1/s at x = 4 m"):
         checked(plane, np.where(plane.x > 3.9, -1.0, 0.0))
     with pytest.raises(InputError, match="gamma = nan"):
@@ -359,16 +317,11 @@ def test_a_negative_rate_is_refused_with_its_place():
 
 
 @pytest.mark.parametrize("piston", ["linear", "nonlinear"])
-def test_an_end_sponge_is_where_it_is_wherever_the_paddle_stands(piston):
-    """Oracle: the same basin with its paddle at x = 0 and no wall that moves; this one is turned and shifted."""
+def test_end_sponge_is_measured_from_the_paddle_of_a_turned_basin(piston):
+    """Oracle: the same basin with its paddle at x = 0 and no wall that moves; this one is turned."""
     sponge, scene = EndSponge(length=1.5, strength=2.0), SimpleNamespace(tank=None, ends=[SimpleNamespace(period=None)])
-    straight, turned, c, s = rectangle(), rectangle(), np.cos(0.7), np.sin(0.7)
+    (straight, _), (plane, side) = basin_of(), basin_of(angle=0.7)
     expected = build_sponge(scene, sponge, None, SimpleNamespace(plane=straight, wall=Wall()))
-    footprint = turned.mesh
-    footprint.geometry.x[:, :2] = footprint.geometry.x[:, :2] @ [[c, s], [-s, c]] + [5.0, -2.0]
-    facets = mesh.locate_entities_boundary(footprint, 1, lambda x: np.isclose(c * (x[0] - 5) + s * (x[1] + 2), 0.0))
-    tags = mesh.meshtags(footprint, 1, facets, np.ones(facets.size, dtype=np.int32))
-    plane, side = Plane(footprint, 2), Side(tags, np.array([5.0, -2.0]), np.array([c, s]))
     wall = Wall(LinearPaddle(AT_REST, side=side))
     if piston == "nonlinear":
         wall = Wall(Paddle(AT_REST, plane=plane, reach=2.0, side=side))
@@ -379,14 +332,14 @@ def test_an_end_sponge_is_where_it_is_wherever_the_paddle_stands(piston):
 
 def test_a_basin_with_a_sponge_is_the_slice_with_it():
     """Waves uniform in y, linear: the same elevations to the basin's iterative tolerance."""
-    basin, x = rectangle(), np.linspace(0.0, 4.0, 17)
+    (basin, _), x = basin_of(), np.linspace(0.0, 4.0, 17)
     footprint = Slice(4.0, 8, comm=MPI.COMM_SELF)
     surfaces = []
     for plane in (basin, Plane(footprint.mesh, 2, footprint.chart)):
         waves = LinearWaves(plane, depth=1.0, wall=Wall(), vertical_order=2)
         start = waves.state(0.1 * np.cos(np.pi * plane.x / 4), 0 * plane.x)
         scheme = sponged(StormerVerlet(), profile(plane.x - 2.0, width=2.0, strength=2.0))
-        state = ends(waves, scheme, start, steps=20, dt=0.03)
+        state = advanced(waves, scheme, start, steps=20, dt=0.03)
         eta = waves.elevation(state.q, state.p, 0.6)
         surfaces.append([eta[np.argmin(np.abs(plane.x - one))] for one in x])
     assert np.abs(np.subtract(*surfaces)).max() < 1e-9
@@ -419,13 +372,8 @@ def test_a_sponge_is_the_same_on_any_number_of_ranks(on_ranks):
 
 
 # ---------------------------------------------------------------- in a scene
-def scene_of(sponge, **tank) -> Case:
-    tank = {"length": 10.0, "depth": 1.0, **tank}
-    return Case.model_validate({"tank": tank, "sponge": sponge, "run": {"duration": 1.0}})
-
-
 @pytest.mark.parametrize(
-    ("sponge", "tank", "message"),
+    ("sponge", "tank", "sentence"),
     [
         ({"type": "end", "length": 12.0}, {}, "sponge.length = 12.0: must be below the tank's length, 10 m"),
         ({"type": "end", "length": 2.0}, {"type": "ring"}, "a ring has no end"),
@@ -435,9 +383,9 @@ def scene_of(sponge, **tank) -> Case:
         ({"type": "end", "length": -1.0}, {}, "greater than or equal to"),
     ],
 )
-def test_a_sponge_that_does_not_fit_is_refused(sponge, tank, message):
-    with pytest.raises(ValueError, match=message):
-        scene_of(sponge, **tank)
+def test_invalid_sponge_is_refused(sponge, tank, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        case_of(tank={"length": 10.0, "depth": 1.0, **tank}, sponge=sponge)
 
 
 def test_the_strength_is_that_given_or_that_for_a_wave():
@@ -485,13 +433,12 @@ BASIN = {"type": "basin", "depth": 1.0, "layout": {"type": "rectangle", "length"
     ],
     ids=["bichromatic", "irregular", "oblique", "directional", "reflected"],
 )
-def test_which_is_the_same_however_long_the_run(motion, tank):
+def test_period_of_the_paddle_does_not_depend_on_the_duration(motion, tank):
     """That of its lines, which is what a long time of it shows, to the line: they are 4 % apart."""
-    kind = {"type": "segmented-piston", "segment": 0.1} if tank is BASIN else {"type": "piston"}
-    parts = {"tank": tank, "wall": kind | {"motion": motion}, "numerics": {"cell_size": 1.0}}
-    short, long = (Case.model_validate({**parts, "run": {"duration": duration}}) for duration in (7.0, 31.0))
-    short, long = short.ends[0], long.ends[0]
+    wall = ({"type": "segmented-piston", "segment": 0.1} if tank is BASIN else {"type": "piston"}) | {"motion": motion}
+    numerics = {"cells": None, "cell_size": 1.0}
+    short, long = (case_of(wall, tank=tank, duration=one, numerics=numerics).ends[0] for one in (7.0, 31.0))
     assert short.period == long.period
-    again = 60 / 0.9375  # s, the seas'
+    again = 60 / 0.9375  # s, the period of the seas
     shown = paddle_period(lambda t: long.rates(t)[1], duration=again, tank=long.tank)
     assert long.period == pytest.approx(shown, rel=0.05)
