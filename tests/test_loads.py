@@ -1,11 +1,14 @@
 """Forces and moments of the water on walls, and what a paddle does against it."""
 
+import re
+
 import numpy as np
 import pytest
 from conftest import fitted_slope
 from dolfinx import fem
 from mpi4py import MPI
 from rich.console import Console
+from scipy.integrate import simpson
 from test_probes import DENSITY, FINE, GRAVITY, MOTION, driven
 
 from examples.paper.cylinder import HalfBasin
@@ -13,6 +16,7 @@ from examples.paper.mccamy_fuchs import CylinderDiffraction
 from examples.paper.standing_wave import ThirdOrderStandingWave
 from examples.paper.watched import watched
 from wavetank.base.errors import InputError
+from wavetank.base.toml import toml
 from wavetank.case import Case
 from wavetank.case.reading import read_case
 from wavetank.fem.forms import ScalarForm
@@ -106,11 +110,9 @@ def test_a_paddle_puts_in_what_its_force_does(more, slope):
         push = PaddlePush(on_walls(water, (q, p), t), 0, water.wall.paddles[0])
         power = push.against(MOTION.velocity(t))
         assert push.against(1.0) * MOTION.velocity(t) == pytest.approx(power, rel=1e-12)
-        energy = [
-            water.waves.energies(q + k * step * q_rate, p + k * step * p_rate, t + k * step).total
-            for k in (-2, -1, 1, 2)
-        ]
-        rate = DENSITY * (energy[0] - 8 * energy[1] + 8 * energy[2] - energy[3]) / (12 * step)
+        ways = step * np.array([-2, -1, 1, 2])
+        energies = [water.waves.energies(q + way * q_rate, p + way * p_rate, t + way).total for way in ways]
+        rate = DENSITY * (np.array(energies) @ [1, -8, 8, -1]) / (12 * step)
         errors.append(abs(power / rate - 1))
     assert fitted_slope(1 / cells, errors) > slope, errors
     assert errors[-1] < 3e-6
@@ -126,7 +128,7 @@ CASE = {
 }
 
 
-def record(path, *, comm=MPI.COMM_SELF, **changes):
+def record(path, comm=MPI.COMM_SELF, **changes):
     record_run(Case.model_validate(CASE | changes), path, comm=comm, console=Console(quiet=True))
     return RunDirectory(path)
 
@@ -138,8 +140,6 @@ def run(tmp_path_factory):
 
 def test_loads_are_recorded_and_the_paddle_s_power_is_that_of_the_budget(run):
     """Oracle: the budget's work, per unit of density, by Simpson's rule."""
-    from scipy.integrate import simpson
-
     loads, paddle, energy = run.loads, run.paddle, run.energy
     assert loads.wall.values.tolist() == ["paddle", "end"] and loads.moment_y.units == "N m/m"
     still = DENSITY * GRAVITY * 0.5**2 / 2
@@ -165,23 +165,19 @@ def test_the_largest_force_is_a_response_of_studies(run):
 
 
 @pytest.mark.parametrize(
-    ("loads", "tank", "said"),
+    ("loads", "kind", "sentence"),
     [
-        ("{on = 'wall'}", "", "loads.0.on = \"wall\": must be 'paddle' or 'far wall' in a slice"),
-        ("{on = 'paddle'}", "type = 'ring'\n", 'loads.0.on = "paddle": must be left out: a ring has no walls'),
-        (
-            "{on = 'paddle'}, {on = 'far wall', name = 'paddle'}",
-            "",
-            'loads.1.name = "paddle": must be a name that no other load has',
-        ),
+        ([{"on": "wall"}], "slice", "loads.0.on = \"wall\": must be 'paddle' or 'far wall' in a slice"),
+        ([{"on": "paddle"}], "ring", 'loads.0.on = "paddle": must be left out: a ring has no walls'),
+        ([{"on": "paddle"}, {"on": "far wall", "name": "paddle"}], "slice", "must be a name that no other load has"),
     ],
 )
-def test_walls_that_are_not_there_are_refused(loads, tank, said, tmp_path):
+def test_walls_that_are_not_there_are_refused(loads, kind, sentence, tmp_path):
     path = tmp_path / "case.toml"
-    path.write_text(f"loads = [{loads}]\n[tank]\n{tank}length = 4.0\ndepth = 0.5\n[run]\nduration = 1.0\n")
-    with pytest.raises(InputError) as refused:
+    tank = {"type": kind, "length": 4.0, "depth": 0.5}
+    path.write_text(toml({"loads": loads, "tank": tank, "run": {"duration": 1.0}}))
+    with pytest.raises(InputError, match=re.escape(sentence)):
         read_case(path)
-    assert said in str(refused.value)
 
 
 # ---------------------------------------------------------------- against theory
@@ -191,9 +187,8 @@ def test_a_standing_wave_presses_more_than_still_water():
     To 0.5 %: what is left is of fourth order, of (k A)² = 0.2 %. The wave is of third order, and begins anywhere.
     """
     wave, water, force = ThirdOrderStandingWave(amplitude=0.04, length=3.0, depth=1.0), closed(8), []
-    steps, period, kd = 32, 2 * np.pi / wave.frequency, np.pi / 3
-    pressure = WallPressure(water, [water.plane.wall(name) for name in ENDS], density=DENSITY)
-    waves = NonlinearWaves(water.plane, depth=1.0, wall=Wall(), vertical_order=8, tolerances=FINE)
+    steps, period, kd, waves = 32, 2 * np.pi / wave.frequency, np.pi / 3, water.waves
+    pressure = on_walls(water, waves.state(*np.zeros((2, waves.plane.owned))))
 
     def add(state, step):
         if step:
@@ -238,13 +233,11 @@ def test_the_force_on_a_cylinder_is_that_of_mccamy_and_fuchs(ka):
     assert cylinder_force(HalfBasin(ka, 0.25, order=3)) == pytest.approx(expected, rel=5e-3)
 
 
+LAYOUT = {"type": "rectangle", "length": 3.0, "width": 1.5}
+OBLIQUE = {"type": "oblique-wave", "wave_amplitude": 0.02, "period": 1.3, "angle": 15.0, "ramp": 1.0}
 BASIN = {
-    "tank": {"type": "basin", "depth": 0.6, "layout": {"type": "rectangle", "length": 3.0, "width": 1.5}},
-    "wall": {
-        "type": "segmented-piston",
-        "segment": 0.5,
-        "motion": {"type": "oblique-wave", "wave_amplitude": 0.02, "period": 1.3, "angle": 15.0, "ramp": 1.0},
-    },
+    "tank": {"type": "basin", "depth": 0.6, "layout": LAYOUT},
+    "wall": {"type": "segmented-piston", "segment": 0.5, "motion": OBLIQUE},
     "loads": [{"on": "paddle"}, {"on": "wall"}],
     "run": {"duration": 1.0},
     "numerics": {"cell_size": 0.5, "order": 3, "vertical_order": 4},
@@ -252,10 +245,8 @@ BASIN = {
 
 
 @pytest.mark.slow
-def test_segments_of_a_paddle_put_in_what_the_budget_says(tmp_path):
+def test_work_of_segments_is_that_of_the_budget(tmp_path):
     """Oracle: the budget's work; the force of all segments is that on the wall, less still water's."""
-    from scipy.integrate import simpson
-
     run = record(tmp_path / "run", **BASIN)
     paddle, still = run.paddle, 1000.0 * GRAVITY * 0.6**2 / 2 * 1.5
     assert paddle.force.values == pytest.approx(-run.loads.force_x[0].values - still, abs=1e-6 * still)
@@ -264,14 +255,14 @@ def test_segments_of_a_paddle_put_in_what_the_budget_says(tmp_path):
     assert float(run.loads.force_x[:, 0].sum()) == pytest.approx(0.0, abs=1e-6 * still)
 
 
-def record_on_all_ranks(path):
-    record(path, comm=MPI.COMM_WORLD)
+def record_together(path):
+    record(path, MPI.COMM_WORLD)
 
 
 @pytest.mark.slow
 def test_on_any_number_of_ranks_they_are_the_same(run, on_ranks, tmp_path):
     """To the tolerance of the run, 1e-6 of the waves, in forces of 100 N/m; the far wall is another rank's."""
-    on_ranks(record_on_all_ranks, tmp_path / "3")
+    on_ranks(record_together, tmp_path / "3")
     three = RunDirectory(tmp_path / "3")
     assert float(np.abs(three.loads.force_x - run.loads.force_x).max()) < 1e-2
     assert float(np.abs(three.paddle.power - run.paddle.power).max()) < 1e-3

@@ -4,71 +4,41 @@ import numpy as np
 import pytest
 from conftest import CHECKOUT, fitted_slope
 from mpi4py import MPI
+from tanks import BALANCE, MASS, TOTAL, executed
 
 from wavetank.case import Case
 from wavetank.case.reading import read_case
 from wavetank.simulation.build import build_run
-from wavetank.simulation.case_diagnostics import build_observers
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.diagnostics import Gauges
-from wavetank.simulation.records import Memory, Records
+from wavetank.simulation.records import Memory
 
 SINUSOID = {"type": "sinusoid", "paddle_amplitude": 0.03, "period": 1.6, "ramp": 1.6}
+NUMERICS = {"order": 3, "vertical_order": 4, "tolerance": 1e-10}
 SLICE = {
     "tank": {"length": 6.0, "depth": 1.0},
     "wall": {"type": "piston", "motion": SINUSOID},
     "gauges": [0.5, 2.0],
     "run": {"duration": 1.6},
-    "numerics": {"cells": 6, "vertical_order": 4, "tolerance": 1e-10},
+    "numerics": NUMERICS | {"cells": 6},
 }
+LAYOUT = {"type": "rectangle", "length": 3.0, "width": 1.0}
+OBLIQUE = {"type": "oblique-wave", "wave_amplitude": 0.02, "period": 1.6, "angle": 25.0, "ramp": 1.6}
+BED = {"type": "formula", "depth": "0.5 - 0.05 * x + 0.05 * y"}
 BASIN = {
-    "tank": {
-        "type": "basin",
-        "depth": 0.5,
-        "layout": {"type": "rectangle", "length": 3.0, "width": 1.0},
-        "bed": {"type": "formula", "depth": "0.5 - 0.05 * x + 0.05 * y"},
-    },
-    "wall": {
-        "type": "segmented-piston",
-        "motion": {"type": "oblique-wave", "wave_amplitude": 0.02, "period": 1.6, "angle": 25.0, "ramp": 1.6},
-    },
+    "tank": {"type": "basin", "depth": 0.5, "layout": LAYOUT, "bed": BED},
+    "wall": {"type": "segmented-piston", "motion": OBLIQUE},
     "gauges": [{"x": 0.5, "y": 0.2}, {"x": 1.0, "y": 0.9}],
     "run": {"duration": 2.4},
-    "numerics": {"cell_size": 1.0, "vertical_order": 4, "tolerance": 1e-10},
+    "numerics": NUMERICS | {"cell_size": 1.0},
 }
 
 
-def built(case, **numerics):
-    """Return the run of a case with other numerics, nothing observed yet, and the waves in it."""
-    return build_run(Case.model_validate({**case, "numerics": {**case["numerics"], **numerics}}), MPI.COMM_WORLD)
-
-
-class Recorded:
-    """A run with its gauges, energies and mass.
-
-    Attributes
-    ----------
-    eta, surface
-        At the gauges [m], shape (steps + 1, 2); in the end at the degrees of freedom [m].
-    balance
-        The largest balance of the energy over the largest energy.
-    mass
-        How far the mass goes from its start, relative.
-    solves
-        Of interior problems.
-    """
-
-    def __init__(self, integrator, dt, case=SLICE):
-        scene = Case.model_validate({**case, "numerics": {**case["numerics"], "integrator": integrator, "dt": dt}})
-        run, waves = build_run(scene, MPI.COMM_WORLD)
-        gauges, energy = Memory(), Memory()
-        run.diagnostics += build_observers(scene, waves, Records(gauges, energy, None), sinks=run.sinks)
-        run.execute()
-        self.eta, rows = gauges.array()[:, 1:], energy.array()
-        self.surface = waves.elevation(run.state.q, run.state.p, run.t)
-        self.balance = np.abs(rows[:, 6]).max() / rows[:, 3].max()
-        self.mass = np.ptp(rows[:, 7]) / rows[0, 7]
-        self.solves = waves.potential.counters.solves
+def recorded(integrator, dt, case):
+    """Return the elevations at the gauges, a row a step, at the end everywhere, and the energy budget."""
+    numerics = case["numerics"] | {"integrator": integrator, "dt": dt}
+    run, waves, gauges, energy = executed({**case, "numerics": numerics}, MPI.COMM_WORLD)
+    return gauges[:, 1:], waves.elevation(run.state.q, run.state.p, run.t), energy
 
 
 @pytest.mark.parametrize(
@@ -82,27 +52,29 @@ def test_gauges_surfaces_and_energies_beside_a_moving_paddle_are_of_fourth_order
     Gauges are so many times nearer than (23)'s, as docs/trade.md has it.
     """
     steps, smallest = (0.08, 0.04), 0.02
-    reference = Recorded("gauss-legendre-4", smallest, case)
+    exact, exact_surface, _ = recorded("gauss-legendre-4", smallest, case)
 
-    def error(run, dt):
-        return np.abs(run.eta - reference.eta[:: round(dt / smallest)]).max()
+    def error(eta, dt):
+        return np.abs(eta - exact[:: round(dt / smallest)]).max()
 
-    runs = [Recorded("simpson-4", dt, case) for dt in steps]
-    errors = [error(one, dt) for one, dt in zip(runs, steps, strict=True)]
-    assert fitted_slope(steps, errors) == pytest.approx(4, abs=0.2)
-    surfaces = [np.abs(one.surface - reference.surface).max() for one in runs]
-    assert fitted_slope(steps, surfaces) == pytest.approx(4, abs=0.2)
-    assert fitted_slope(steps, [one.balance for one in runs]) == pytest.approx(4, abs=0.2)
-    assert max(one.mass for one in runs) < 1e-13
-    theirs = [error(Recorded("third-order", dt, case), dt) for dt in steps]
+    runs = [recorded("simpson-4", dt, case) for dt in steps]
+    errors = [error(eta, dt) for (eta, *_), dt in zip(runs, steps, strict=True)]
+    surfaces = [np.abs(surface - exact_surface).max() for _, surface, _ in runs]
+    balances = [np.abs(rows[:, BALANCE]).max() / rows[:, TOTAL].max() for *_, rows in runs]
+    for found in (errors, surfaces, balances):
+        assert fitted_slope(steps, found) == pytest.approx(4, abs=0.2)
+    assert max(np.ptp(rows[:, MASS]) / rows[0, MASS] for *_, rows in runs) < 1e-13
+    theirs = [error(recorded("third-order", dt, case)[0], dt) for dt in steps]
     assert np.divide(theirs, errors) == pytest.approx(nearer, rel=0.1)
 
 
 def test_what_is_recorded_costs_no_solve():
     """Both traces are evaluated anyway, at times that t_n + dt misses by its last bits."""
-    bare, waves = built(SLICE, integrator="simpson-4", dt=0.04)
+    case = Case.model_validate({**SLICE, "numerics": SLICE["numerics"] | {"dt": 0.04}})
+    bare, waves = build_run(case, MPI.COMM_WORLD)
     bare.execute()
-    assert Recorded("simpson-4", 0.04).solves <= waves.potential.counters.solves + 2  # of the first and last states
+    observed = executed(case)[1].potential.counters.solves
+    assert observed <= waves.potential.counters.solves + 2  # of the first and last states
 
 
 def rms_above(frequency, eta, dt):

@@ -5,12 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from mpi4py import MPI
+from tanks import case_of, executed
 
 from wavetank.base.errors import ConvergenceError, RunError
-from wavetank.case import Case
 from wavetank.fem.anderson import AndersonMixing
 from wavetank.integrators.stages import CoupledStages, PairStage, StageHistories, StageSolver
-from wavetank.simulation.build import build_run
 
 
 class System:
@@ -72,7 +71,7 @@ def test_coupled_stages_are_solved_to_the_tolerance_of_the_same_stage_alone():
     assert both.histories.counters.evaluations == alone.histories.counters.evaluations
 
 
-def test_a_weight_of_zero_leaves_its_part_as_it_is():
+def test_weight_of_zero_leaves_its_part_unchanged():
     """Q = c + H_p(q, p) for a given p, which is solved for q alone; oracle: the closed solution."""
     c, stages = np.array([[1.0], [2.0]]), Stages(1)
     stage = PairStage(System(lambda z: 0.1 * z[::-1] + 0.2 * z), None, "q", c, (0.5, 0.0), 0.0, None)
@@ -163,27 +162,20 @@ def test_start_values_are_combined_of_points_that_are_wrong_by_ten_times_the_tol
     assert uncertainties == pytest.approx([0.0, 10 * 2 * 1e-3 * np.sqrt(np.mean(z**2))])
 
 
+BASIN = {"type": "basin", "depth": 0.6, "layout": {"type": "rectangle", "length": 2.0, "width": 1.0}}
 TANKS = {
-    "slice": {"tank": {"length": 4.0, "depth": 0.6}, "numerics": {"cells": 12}},
-    "basin": {
-        "tank": {"type": "basin", "depth": 0.6, "layout": {"type": "rectangle", "length": 2.0, "width": 1.0}},
-        "numerics": {"cell_size": 0.5},
-    },
+    "slice": ({"length": 4.0, "depth": 0.6}, {"cells": 12}),
+    "basin": (BASIN, {"cells": None, "cell_size": 0.5}),
 }
 
 
-@pytest.mark.parametrize("tank", TANKS.values(), ids=TANKS)
-def test_petsc_and_own_mixing_step_to_the_same_surface(tank):
+@pytest.mark.parametrize(("tank", "numerics"), TANKS.values(), ids=TANKS)
+def test_petsc_and_own_mixing_step_to_the_same_surface(tank, numerics):
     """Of a piston's steep waves, to the tolerance of the stages."""
-    motion = {"type": "sinusoid", "paddle_amplitude": 0.05, "period": 1.2, "ramp": 0.3}
-    ended = []
+    motion, ended = {"type": "sinusoid", "paddle_amplitude": 0.05, "period": 1.2, "ramp": 0.3}, []
     for solver in ("mixing", "petsc"):
-        numerics = {"vertical_order": 4, "dt": 0.04, "tolerance": 1e-10, "stage_solver": solver, **tank["numerics"]}
-        parts = {"wall": {"type": "piston", "motion": motion}, "run": {"duration": 0.4}}
-        run, waves = build_run(
-            Case.model_validate({**parts, "tank": tank["tank"], "numerics": numerics}), MPI.COMM_SELF
-        )
-        run.execute()
+        options = {"tank": tank, "numerics": numerics | {"stage_solver": solver}}
+        run, waves, *_ = executed(case_of({"type": "piston", "motion": motion}, dt=0.04, tolerance=1e-10, **options))
         ended.append(waves.elevation(run.state.q, run.state.p, run.t))
     assert waves.stages.counters.newton_solves == 0
     assert np.abs(ended[0] - ended[1]).max() < 1e-8 * np.abs(ended[0]).max()
