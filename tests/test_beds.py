@@ -8,6 +8,7 @@ import xarray
 from conftest import fitted_slope
 from mpi4py import MPI
 from pydantic import TypeAdapter, ValidationError
+from tanks import case_of
 
 from wavetank.base.errors import InputError
 from wavetank.base.python_file import load
@@ -16,6 +17,7 @@ from wavetank.case.reading import read_case
 from wavetank.case.tank import BeachBed, Bed, FormulaBed, GriddedBed, PythonBed
 from wavetank.fem.plane import Plane
 from wavetank.mesh import Gridded, Survey, read_bed
+from wavetank.simulation.construction import bed_message, build_footprint, build_waves, check_depth
 
 pytestmark = pytest.mark.usefixtures("trusted")
 
@@ -47,14 +49,8 @@ def refused(call, *arguments, **options):
 def errors_of(interpolation, cells, *, across=True):
     """Return the largest errors of depth and slope of a bed of so many cells."""
     x, y = np.linspace(0.0, 4.0, cells + 1), np.linspace(-1.0, 2.0, cells + 1)
-    axes, d = {"x": x, "y": y}, smooth(x[:, None], y)
-    exact = smooth
-    if not across:
-        axes, d = {"x": x}, smooth(x, 0.0)
-
-        def exact(x, y):
-            return smooth(x, 0.0 * y)
-
+    exact = smooth if across else lambda x, y: smooth(x, 0.0 * y)
+    axes, d = ({"x": x, "y": y}, smooth(x[:, None], y)) if across else ({"x": x}, smooth(x, 0.0))
     bed = Gridded(axes, d, interpolation=interpolation)
     return np.abs(bed(X, Y) - exact(X, Y)).max(), np.abs(slope(bed, X, Y) - slope(exact, X, Y)).max()
 
@@ -125,38 +121,46 @@ def test_elevations_of_the_bed_are_positive_up(grid, tmp_path, attribute, key):
     np.testing.assert_array_equal(bed(X, Y), read_bed(tmp_path / "bed.nc", variable="depth")(X, Y))
 
 
+IN_LINE = "three that are not in line are needed."
+NAMES = "its first line must name its columns, e.g. x,y,depth)."
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
         ("x,depth\n0,nan\n1,nan\n", "none of its 2 depths is a finite number."),
         ("x,depth\n0,-1\n1,-2\n", "no depth is positive; with positive = 'up' all are."),
-        (
-            "x,y,depth\n0,0,1\n1,1,1\n2,2,1\n",
-            "3 survey points span no triangle; three that are not in line are needed.",
-        ),
+        ("x,y,depth\n0,0,1\n1,1,1\n2,2,1\n", f"3 survey points span no triangle; {IN_LINE}"),
         ("x,y,depth\n0,0,1\n1,1,1\n2,,1\n", "values of x and y must be finite."),
         ("x,depth\n0,1\n0,2\n", "cannot be read (two rows have the same x)."),
         ("x,y,depth\n0,0,1\n0,0,2\n", "cannot be read (two rows have the same x and y)."),
         ("x,depth\n0,1\n1,deep\n", "cannot be read (could not convert string to float: 'deep')."),
-        (
-            "0,1\n1,2\n",
-            "cannot be read (it needs a column x, or x and y; it has: 0, 1; "
-            "its first line must name its columns, e.g. x,y,depth).",
-        ),
+        ("0,1\n1,2\n", f"cannot be read (it needs a column x, or x and y; it has: 0, 1; {NAMES}"),
         ("x,depth,rock\n0,1,2\n", "one variable must be named, of: depth, rock."),
         ("x\n0\n", "one variable must be named, of: none."),
-        (
-            "y,depth\n0,1\n1,1\n",
-            "cannot be read (it needs a column x, or x and y; it has: y, depth; "
-            "its first line must name its columns, e.g. x,y,depth).",
-        ),
+        ("y,depth\n0,1\n1,1\n", f"cannot be read (it needs a column x, or x and y; it has: y, depth; {NAMES}"),
         ("x,depth\n0,1\n", "1 values of x; linear needs at least 2."),
         ("x,depth\n0,1\n,1\n", "values of x must be finite and differ from one another."),
         ("", "cannot be read (No columns to parse from file)."),
     ],
 )
-def test_csv_is_refused(tmp_path, text, sentence):
-    path = tmp_path / "bed.csv"
+def test_invalid_csv_is_refused(tmp_path, text, sentence):
+    refused_text(tmp_path / "bed.csv", text, sentence)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("x y depth\n0 0 1\n", "cannot be read (could not convert string to float: 'x')."),
+        ("0 0\n1 1\n", "cannot be read (its rows must be x, y and depth, with blanks between; they have 2 columns)."),
+        ("", "cannot be read (No columns to parse from file)."),
+    ],
+)
+def test_invalid_xyz_is_refused(tmp_path, text, sentence):
+    refused_text(tmp_path / "bed.xyz", text, sentence)
+
+
+def refused_text(path, text, sentence):
     path.write_text(text)
     assert refused(read_bed, path, interpolation="linear") == f"{path}: {sentence}"
 
@@ -166,27 +170,19 @@ def test_netcdf_is_refused(grid, tmp_path):
     assert refused(read_bed, path) == f"{path}: cannot be read (No such file or directory)."
     path.write_text("no NetCDF")
     assert refused(read_bed, path) == f"{path}: cannot be read (NetCDF: Unknown file format)."
+    axes = "coordinates of 'depth' must be x, or x and y; they are:"
     elsewhere = "survey points go into a file of CSV or XYZ."
-    cases = {
-        "has no variable 'd'; it has: depth.": (grid, "d"),
-        f"coordinates of 'depth' must be x, or x and y; they are: east, y; {elsewhere}": (
-            grid.rename(x="east"),
-            None,
-        ),
-        f"coordinates of 'depth' must be x, or x and y; they are: x, y; {elsewhere}": (
-            grid.drop_vars("x"),
-            None,
-        ),
-        "'depth' is in 'cm'; must be in metres, 'm'.": (grid.assign(depth=grid.depth.assign_attrs(units="cm")), None),
-        "'depth' is positive 'north'; must be positive 'down' or 'up'.": (
-            grid.assign(depth=grid.depth.assign_attrs(positive="north")),
-            None,
-        ),
-    }
-    for n, (sentence, (content, variable)) in enumerate(cases.items()):
-        other = tmp_path / f"{n}.nc"
-        content.to_netcdf(other)
-        assert refused(read_bed, other, variable=variable) == f"{other}: {sentence}"
+    attributes = lambda **changes: grid.assign(depth=grid.depth.assign_attrs(**changes))  # noqa: E731
+    for content, variable, sentence in (
+        (grid, "d", "has no variable 'd'; it has: depth."),
+        (grid.rename(x="east"), None, f"{axes} east, y; {elsewhere}"),
+        (grid.drop_vars("x"), None, f"{axes} x, y; {elsewhere}"),
+        (attributes(units="cm"), None, "'depth' is in 'cm'; must be in metres, 'm'."),
+        (attributes(positive="north"), None, "'depth' is positive 'north'; must be positive 'down' or 'up'."),
+    ):
+        path.unlink()
+        content.to_netcdf(path)
+        assert refused(read_bed, path, variable=variable) == f"{path}: {sentence}"
     assert refused(read_bed, tmp_path / "bed.tif") == (
         f"{tmp_path / 'bed.tif'}: must end in .nc, .csv, .xyz, which is how measured beds are known; "
         "gdal_translate -of XYZ makes one of a raster."
@@ -214,12 +210,10 @@ def test_gaps_matter_only_where_there_is_water(across):
 
 
 @pytest.mark.parametrize("physics", ["nonlinear", "linear"])
-def test_a_minimum_depth_lowers_what_is_shallow_and_says_where(physics):
-    from wavetank.simulation.construction import bed_message, build_waves
-
+def test_minimum_depth_lowers_a_shallow_bed_and_reports_where(physics):
     bed = {"type": "formula", "depth": "1 - 0.4*x", "minimum_depth": 0.2}  # reached at x = 2, dry from x = 2.5
-    content = {"tank": {"length": 8.0, "depth": 1.0, "bed": bed}, "run": {"duration": 1.0}}
-    scene = Case.model_validate({**content, "water": {"type": physics}, "numerics": {"cells": 16, "vertical_order": 4}})
+    tank = {"length": 8.0, "depth": 1.0, "bed": bed}
+    scene = case_of(tank=tank, water={"type": physics}, cells=16)
     assert Case.model_validate(scene.model_dump(mode="json")) == scene
     waves = build_waves(scene, MPI.COMM_SELF)
     np.testing.assert_allclose(waves.bed.still, np.maximum(0.2, 1.0 - 0.4 * waves.plane.x), rtol=1e-12)
@@ -228,7 +222,7 @@ def test_a_minimum_depth_lowers_what_is_shallow_and_says_where(physics):
     assert float(told.split()[-5]) == pytest.approx(75, abs=3)  # the rest, to a third of a cell
     bed["minimum_depth"] = 0.0
     with pytest.raises(ValidationError, match="minimum_depth\n.*greater than or equal to 0.000001"):
-        Case.model_validate(content)
+        case_of(tank=tank)
 
 
 # ---------------------------------------------------------------- survey points
@@ -251,7 +245,7 @@ def test_triangulated_depths_converge():
 
 
 @pytest.mark.parametrize("suffix", [pytest.param(".csv", marks=pytest.mark.slow), ".xyz"])
-def test_sixty_thousand_survey_points_take_a_moment_and_no_memory(tmp_path, suffix):
+def test_sixty_thousand_survey_points_need_little_memory(tmp_path, suffix):
     x, y = points(60_000)
     table = np.column_stack([x + 3e5, y + 5e6, smooth(x, y)])  # as far from the origin as maps are
     names, delimiter = ("x,y,depth", ",") if suffix == ".csv" else ("", " ")
@@ -283,20 +277,6 @@ def test_survey_points_end_level_and_not_far_off(tmp_path):
     assert "asked at x = nan m" in refused(bed, np.array([np.nan]), np.zeros(1))
 
 
-@pytest.mark.parametrize(
-    ("text", "sentence"),
-    [
-        ("x y depth\n0 0 1\n", "cannot be read (could not convert string to float: 'x')."),
-        ("0 0\n1 1\n", "cannot be read (its rows must be x, y and depth, with blanks between; they have 2 columns)."),
-        ("", "cannot be read (No columns to parse from file)."),
-    ],
-)
-def test_xyz_is_refused(tmp_path, text, sentence):
-    path = tmp_path / "bed.xyz"
-    path.write_text(text)
-    assert refused(read_bed, path) == f"{path}: {sentence}"
-
-
 # ---------------------------------------------------------------- Python
 @pytest.fixture
 def python(tmp_path):
@@ -321,12 +301,10 @@ def test_a_file_without_its_function_is_refused(python, tmp_path):
     path = python("def bed(x, y):\n    return x\n")
     assert refused(load, path, "depth") == f"{path}: has no function 'depth'; it has: bed."
     missing = tmp_path / "missing.py"
-    assert refused(load, missing, "depth") == (
-        f"{missing}: cannot be read (No such file or directory); a Python file is needed."
-    )
-    assert (
-        refused(load, python("x = 1\ny = 1 / 0\n"), "depth") == f"{path}, line 2: ZeroDivisionError: division by zero."
-    )
+    absent = f"{missing}: cannot be read (No such file or directory); a Python file is needed."
+    assert refused(load, missing, "depth") == absent
+    zero = f"{path}, line 2: ZeroDivisionError: division by zero."
+    assert refused(load, python("x = 1\ny = 1 / 0\n"), "depth") == zero
     assert refused(load, python("x = 1\nx ="), "depth").startswith(f"{path}, line 2: SyntaxError: invalid syntax")
 
 
@@ -395,11 +373,9 @@ DEPTHS = [  # tank, wall, bed, depth, what is said of it
 
 def depth_refused(tank, wall, bed, depth, comm):
     """Return what is said of a depth over a bed by formula; nothing of one that is taken."""
-    from wavetank.simulation.construction import build_footprint, check_depth
-
-    motion = {"motion": {"type": "at-rest"}} if wall == "piston" else {}
+    wall = {"type": wall} | ({"motion": {"type": "at-rest"}} if wall == "piston" else {})
     tank = tank | {"depth": depth, "bed": {"type": "formula", "depth": bed}}
-    scene = Case.model_validate({"tank": tank, "wall": {"type": wall, **motion}, "run": {"duration": 1.0}})
+    scene = case_of(wall, tank=tank, numerics={"cells": None})
     footprint = build_footprint(scene, comm)
     try:
         check_depth(scene, footprint, Plane(footprint.mesh, 2, footprint.chart))
@@ -409,7 +385,7 @@ def depth_refused(tank, wall, bed, depth, comm):
 
 
 @pytest.mark.parametrize(("tank", "wall", "bed", "depth", "said"), DEPTHS)
-def test_a_depth_that_is_not_the_beds_where_waves_are_made_is_refused(tank, wall, bed, depth, said):
+def test_depth_that_differs_from_the_bed_at_the_wavemaker_is_refused(tank, wall, bed, depth, said):
     found = depth_refused(tank, wall, bed, depth, MPI.COMM_SELF)
     assert found == (said and f"tank.depth = {depth}: {said}.")
 

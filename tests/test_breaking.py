@@ -16,6 +16,8 @@ from dolfinx import mesh
 from mpi4py import MPI
 from rich.console import Console
 from scipy.signal import find_peaks
+from tanks import CREST, case_of, executed
+from test_basin import basin
 
 import wavetank
 from examples.paper.breaking import BreakingCase, bore, cases, dissipated, luth_c, over_steep, refined, release, row
@@ -28,8 +30,15 @@ from wavetank.integrators.contract import Point
 from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run
 from wavetank.simulation.build import build_run
-from wavetank.tank.breaking import COHERENT, ONSET, BreakingAlarm, BreakingDissipation, BreakingWatch
-from wavetank.tank.crests import LEAST, Profile, SteepCrest, steep_crests
+from wavetank.tank.breaking import (
+    COHERENT,
+    ONSET,
+    BasinBreakingWatch,
+    BreakingAlarm,
+    BreakingDissipation,
+    BreakingWatch,
+)
+from wavetank.tank.crests import LEAST, Profile, steep_crests
 from wavetank.tank.dissipation import EdgePenalty, Smoothing
 from wavetank.tank.footprint import Ring, Slice
 from wavetank.tank.surface_flow import SurfaceFlow
@@ -122,21 +131,20 @@ def test_velocity_over_speed_is_that_of_the_exact_wave_on_any_current_for_any_st
         assert expected - 0.01 < crest.overtaking < expected + 0.1 * (current > 0.0) + 0.01
 
 
-def passing(speed, *, plateau=0.0):
-    """Return a lone crest, twice as long ahead as behind, before and after 0.01 s at a speed; a current everywhere.
+def gaussian(speed, *, front=0.5, back=0.5, potential=lambda eta: 0.0 * eta):
+    """Return a lone crest before and after 0.01 s at a speed, and the velocities of its water in the upper half.
 
-    And the velocities of its water in the upper half, by the kinematic condition. Places are not equally far apart.
+    ``potential`` is the slope of the surface potential at a height. Places are not equally far apart.
     """
     share = np.linspace(0.0, 1.0, 1201)
-    x = 12.0 * share + 0.3 * np.sin(6 * np.pi * share)
+    x, reach = 12.0 * share + 0.3 * np.sin(6 * np.pi * share), np.sqrt(np.log(2.0))
 
     def at(x):
-        w = np.where(x < 6.0, 0.5, 1.0)
+        w = np.where(x < 6.0, back, front)
         eta = 0.4 * np.exp(-(((x - 6.0) / w) ** 2))
-        return eta, -2 * (x - 6.0) / w**2 * eta, speed * eta + plateau
+        return eta, -2 * (x - 6.0) / w**2 * eta, potential(eta)
 
-    reach = np.sqrt(np.log(2.0))
-    _, slope, psi_x = at(np.linspace(6.0 - 0.5 * reach, 6.0 + reach, 2001))
+    _, slope, psi_x = at(np.linspace(6.0 - back * reach, 6.0 + front * reach, 2001))
     water = (psi_x + speed * slope**2) / (1.0 + slope**2)
     return *(Profile(x, *at(x - speed * t)) for t in (0.0, 0.01)), water
 
@@ -148,7 +156,8 @@ def test_the_front_is_the_side_ahead_and_the_current_that_of_the_water_around(sp
     And how its water moves.
     """
     for plateau in (0.0, 0.35 * speed):
-        before, after, water = passing(speed, plateau=plateau)
+        potential = lambda eta, plateau=plateau: speed * eta + plateau  # noqa: E731
+        before, after, water = gaussian(speed, front=1.0, potential=potential)
         fastest = max(water, key=lambda one: one * speed)
         (one,) = steep_crests(before, after, time=0.01, front=0.1, cell=0.1)
         assert one.front == pytest.approx(np.sqrt(2 / np.e) * 0.4 / steepest, rel=0.01)
@@ -156,6 +165,13 @@ def test_the_front_is_the_side_ahead_and_the_current_that_of_the_water_around(sp
         assert one.velocity == pytest.approx(fastest, rel=0.02) and one.coherence == pytest.approx(1.0, abs=0.01)
         assert one.outrun == 0.0 and np.abs(water).max() < abs(one.speed)
         assert not steep_crests(before, after, time=0.01, front=0.1, cell=1.5)  # its upper half is 1.25 m wide
+
+
+def test_outrun_is_the_part_of_a_crest_whose_water_is_faster_than_the_crest():
+    """Oracle: water of 1.25 c at the top, in proportion to the height of a Gaussian, is faster above 0.8 of it."""
+    before, after, _ = gaussian(2.0, front=1.0, back=1.0, potential=lambda eta: 1.25 * 2.0 * eta / 0.4)
+    (one,) = steep_crests(before, after, time=0.01, front=0.1, cell=0.1)
+    assert one.outrun == pytest.approx((np.log(1.25) / np.log(2.0)) ** 0.5, abs=0.02)
 
 
 def test_peaks_are_those_of_scipy():
@@ -174,9 +190,7 @@ def test_peaks_are_those_of_scipy():
 
 # ---------------------------------------------------------------- what is taken
 def crest(x, B, outrun=0.0):
-    return SteepCrest(
-        x=x, height=1.0, velocity=2.0 * B, current=0.0, speed=2.0, front=0.5, coherence=1.0, outrun=outrun
-    )
+    return CREST._replace(x=x, velocity=2.0 * B, outrun=outrun)
 
 
 def dissipation(length=12.0, cells=96, *, dt=1e-3):
@@ -188,7 +202,7 @@ def dissipation(length=12.0, cells=96, *, dt=1e-3):
 
 
 @pytest.mark.parametrize(("place", "B", "part"), [(0.0, 0.9, 1.0), (5.0, 0.9, 1.0), (5.0, 0.725, 0.5)])
-def test_the_energy_taken_is_that_of_diffusion_where_the_crest_is_also_across_a_rings_seam(place, B, part):
+def test_dissipated_energy_is_that_of_diffusion_at_the_crest_also_across_the_seam_of_a_ring(place, B, part):
     """Of full strength from B = 0.85 on, in proportion to B - 0.6 below.
 
     Oracle: linear waves, a e^(-nu k² t), much shorter than the viscosity's reach: k² g a² int nu dx a second.
@@ -206,7 +220,7 @@ def test_the_energy_taken_is_that_of_diffusion_where_the_crest_is_also_across_a_
     assert waves.total_mass(after_q) == pytest.approx(waves.total_mass(q), rel=1e-14)
 
 
-def test_breaking_begins_goes_on_until_the_crest_has_recovered_and_ends():
+def test_breaking_lasts_until_the_crest_recovers():
     """A crest at 2 m/s that passes the seam of the ring; another one is not taken for it."""
     _, breaking = dissipation()
     watch = breaking.watch
@@ -255,10 +269,10 @@ def test_crests_within_a_depth_of_a_wall_are_not_examined(x, examined):
 
 
 @pytest.mark.parametrize(("moving", "seen"), [(0.0, 0), (1.0, 4)])
-def test_crests_that_stand_are_not_coherent_and_those_that_travel_are(moving, seen):
+def test_only_travelling_crests_are_coherent(moving, seen):
     """Four steep cosines that grow in place, and four that travel."""
-    waves, _ = dissipation()
-    watch, x, k, c = BreakingWatch(waves, SurfaceFlow(waves), length=12.0), waves.plane.x, 2 * np.pi / 3.0, 2.0
+    waves, breaking = dissipation()
+    watch, x, k, c = breaking.watch, waves.plane.x, 2 * np.pi / 3.0, 2.0
     for t, a in ((0.0, 0.29), (0.01, 0.3)):
         eta = a * np.cos(k * (x - moving * c * t))
         psi = 0.3 * np.cos(k * x) if moving == 0.0 else 1.5 / k * np.sin(k * (x - c * t))
@@ -268,23 +282,12 @@ def test_crests_that_stand_are_not_coherent_and_those_that_travel_are(moving, se
 
 
 # ---------------------------------------------------------------- the gate
-def outcome(case):
-    """Return how far the run comes [s], and what stopped it."""
-    run, _ = build_run(case, MPI.COMM_SELF)
-    try:
-        run.execute()
-    except RunError as error:
-        return run.t, str(error)
-    return run.t, ""
+def test_bore_raises_no_alarm():
+    """The water of its plateau moves; it stopped after 0.95 s."""
+    assert executed(bore(0.1, duration=1.2))[0].t >= 1.2
 
 
-def test_a_bore_is_not_taken_for_breaking():
-    """Where the water of a plateau moves; it stopped after 0.95 s."""
-    t, cause = outcome(bore(0.1, duration=1.2))
-    assert t >= 1.2 and not cause
-
-
-def with_breaking(case, on_breaking, **run):
+def with_breaking(case, on_breaking="warn", **run):
     return case.model_copy(update={"run": case.run.model_copy(update={"on_breaking": on_breaking, **run})})
 
 
@@ -316,25 +319,18 @@ def test_every_mode_records_the_same_alarm_and_a_stopped_run_resumes_with_dissip
 )
 def test_a_wave_that_recovers_raises_no_alarm_and_stops_nothing(case, until):
     """It stopped at 0.48 s, and at 18.3 s. Oracles: the exact release; finer cells, which pass that crest."""
-    shortened = case.model_copy(update={"run": case.run.model_copy(update={"duration": until})})
-    found = row(BreakingCase("", False, shortened))
+    found = row(BreakingCase("", False, with_breaking(case, duration=until)))
     assert not found.stopped and found.end == pytest.approx(until, abs=0.05)
     assert np.isnan(found.alarm) and found.largest < 0.7
 
 
 def test_before_a_far_wall_that_moves_waves_break_as_before_the_near_one():
     """Within its reach; of the mirrored tank the place is the mirrored one."""
-    piston = {"motion": {"type": "sinusoid", "paddle_amplitude": 0.05, "period": 0.8, "ramp": 0.8}}
-    found = []
-    for key in ("wall", "far_wall"):
-        case = {
-            "tank": {"length": 2.0, "depth": 0.5},
-            key: {"type": "piston", "reach": 1.0, **piston},
-            "run": {"duration": 1.3, "on_breaking": "dissipate"},
-            "numerics": {"cells": 24, "vertical_order": 4, "dt": 0.01, "tolerance": 1e-7},
-        }
-        run, _ = build_run(Case.model_validate(case), MPI.COMM_SELF)
-        run.execute()
+    motion, found = {"type": "sinusoid", "paddle_amplitude": 0.05, "period": 0.8, "ramp": 0.8}, []
+    piston, tank = {"type": "piston", "reach": 1.0, "motion": motion}, {"length": 2.0, "depth": 0.5}
+    for walls in ((piston,), (None, piston)):
+        run = {"duration": 1.3, "on_breaking": "dissipate"}
+        run, *_ = executed(case_of(*walls, tank=tank, run=run, cells=24, dt=0.01, tolerance=1e-7))
         (breaking,) = (one for one in run.filters if isinstance(one, BreakingDissipation))
         alarms = breaking.watch.alarms
         found.append((alarms[0].t, alarms[0].x, len(alarms), breaking.energy_taken))
@@ -343,7 +339,7 @@ def test_before_a_far_wall_that_moves_waves_break_as_before_the_near_one():
     assert far == pytest.approx(near, rel=1e-4) and near[1] > 0.0
 
 
-def test_a_run_says_what_breaks_what_is_taken_and_that_it_broke_down_of_it(tmp_path, monkeypatch):
+def test_run_reports_breaking_dissipation_and_the_breakdown_that_they_cause(tmp_path, monkeypatch):
     """A solve that fails at the fifth time stands for what the viscosity does not hold; who goes on counts it once."""
     steps, smoothed, said = counted(1), BreakingDissipation.passed, StringIO()
 
@@ -353,8 +349,7 @@ def test_a_run_says_what_breaks_what_is_taken_and_that_it_broke_down_of_it(tmp_p
         return smoothed(self, pairs)
 
     monkeypatch.setattr(BreakingDissipation, "passed", passed)
-    case = over_steep(0.6)
-    case = case.model_copy(update={"run": case.run.model_copy(update={"on_breaking": "dissipate", "duration": 0.8})})
+    case = with_breaking(over_steep(0.6), "dissipate", duration=0.8)
     with pytest.raises(RunError, match=r"a solve did not end: .*; 1 crest passed .* was not enough"):
         record_run(case, tmp_path / "run", comm=MPI.COMM_SELF, console=Console(file=said, width=200))
     (begins,) = re.findall(r"(t = \S+ s, x = \S+ m): a wave breaks; an eddy viscosity acts on it", said.getvalue())
@@ -406,17 +401,128 @@ def test_onset_and_dissipated_energy_do_not_depend_on_step_and_cells(tmp_path):
             assert one.viscosity + one.penalty == pytest.approx(first.viscosity + first.penalty, rel=0.1)
 
 
-def test_outrun_is_the_part_of_a_crest_whose_water_is_faster_than_the_crest():
-    """Oracle: the water of 1.25 c at the top, in proportion to the height of a Gaussian, is faster above 0.8 of it."""
-    x, c = np.linspace(0.0, 12.0, 2401), 2.0
+# ---------------------------------------------------------------- basins
+LENGTH = 1.5  # of the exact wave [m]
+TIME = 0.01  # between two searches [s]
 
-    def at(x):
-        eta = 0.4 * np.exp(-((x - 6.0) ** 2))
-        return Profile(x, eta, -2 * (x - 6.0) * eta, 1.25 * c * eta / 0.4)
 
-    def moved(t):
-        eta = 0.4 * np.exp(-((x - c * t - 6.0) ** 2))
-        return Profile(x, eta, -2 * (x - c * t - 6.0) * eta, 1.25 * c * eta / 0.4)
+def exact_waves(angle, *, steepness=0.85, kind="quadrilaterals"):
+    """Return a watch, the exact wave's states at both searches in a basin, and the wave."""
+    waves = basin(4.0, 2.0, [40, 20], kind=kind)
+    wave = stream_function_wave(steepness * maximum_height(LENGTH, 0.5), LENGTH, depth=0.5)
+    along = waves.plane.places @ [np.cos(angle), np.sin(angle)]
 
-    (one,) = steep_crests(moved(0.0), moved(0.01), time=0.01, front=0.1, cell=0.1)
-    assert one.outrun == pytest.approx((np.log(1.25) / np.log(2.0)) ** 0.5, abs=0.02)
+    def at(t):
+        place = along - 0.6 - wave.speed * t
+        return Point(*waves.state(*wave.surface((place + LENGTH / 2) % LENGTH - LENGTH / 2)))
+
+    return BasinBreakingWatch(waves, waves.surface), (at(0.0), at(TIME)), wave
+
+
+@pytest.mark.parametrize(("angle", "kind"), [(0.0, "quadrilaterals"), (0.4, "triangles"), (2.5, "quadrilaterals")])
+def test_crests_of_an_oblique_wave_have_its_speed_and_its_waters(angle, kind):
+    """Oracle: speed c and crest velocity u of the exact wave, 85 % as high as the highest, in any direction."""
+    watch, states, wave = exact_waves(angle, kind=kind)
+    for state, t in zip(states, (0.0, TIME), strict=True):
+        watch.search(state, t)
+    _, (behind, ahead) = wave.surface(np.array([-1e-4, 1e-4]))
+    assert watch.crests
+    for crest in watch.crests:
+        phase = (crest.x * np.cos(angle) + crest.y * np.sin(angle) - 0.6 - wave.speed * TIME) / LENGTH
+        assert phase == pytest.approx(round(phase), abs=0.04)
+        assert crest.speed == pytest.approx(wave.speed, rel=0.04)
+        assert crest.velocity == pytest.approx((ahead - behind) / 2e-4, rel=0.05)
+    if angle == 0.0:  # the third crest is within a depth of the wall at x = 4 m
+        assert {round(crest.x, 1) for crest in watch.crests} == {0.6, 2.1}
+    apart = [np.hypot(a.x - b.x, a.y - b.y) for n, a in enumerate(watch.crests) for b in watch.crests[:n]]
+    assert min(apart, default=1.0) >= 0.07  # a cell: each crest once
+
+
+def test_sections_of_one_crest_dissipate_as_one_section():
+    """A long crest is cut by several sections near each other; of each point the largest viscosity acts."""
+    waves = basin(4.0, 2.0, [10, 5])
+    crest = CREST._replace(x=2.0, height=0.15, velocity=1.4, speed=1.5, y=1.0)
+    breaking = BreakingDissipation(waves, BasinBreakingWatch(waves, waves.surface), dt=0.01)
+    x = waves.plane.places[:, 0]
+    pair = np.array([waves.state(0.01 * np.cos(np.pi * x), 0.03 * np.sin(np.pi * x))])
+    breaking.place([crest])
+    once = breaking.passed(pair)
+    breaking.place([crest, crest._replace(height=0.1)])
+    assert np.abs(once - pair).max() > 1e-3 * np.abs(pair).max()
+    assert breaking.passed(pair) == pytest.approx(once, rel=1e-12)
+
+
+def packet(tank, *, amplitude, on_breaking="stop", duration=0.6):
+    """Return a case of a long-crested packet of waves of 1.5 m that travels along x, its middle at x = 3 m."""
+    where = {"k": "2*pi/1.5", "a": str(amplitude), "s": "x-3", "env": "exp(-(s/1.5)**2)"}
+    start = {"type": "formula", "eta": "a*env*cos(k*s)", "psi": "a*env*sqrt(9.81/k)*sin(k*s)", "where": where}
+    numerics = {"cell_size": 0.1, "order": 3, "vertical_order": 4, "dt": 0.01}
+    run = {"duration": duration, "on_breaking": on_breaking}
+    return Case.model_validate({"tank": {"depth": 0.7} | tank, "initial": start, "run": run, "numerics": numerics})
+
+
+SLICE = {"type": "slice", "length": 9.0}
+BASIN = {"type": "basin", "layout": {"type": "rectangle", "length": 9.0, "width": 0.2}}  # two cells across
+
+
+def stopped(scene):
+    """Return when a run breaks down [s], and the sentence."""
+    run, _ = build_run(scene, MPI.COMM_SELF)
+    with pytest.raises(RunError) as error:
+        run.execute()
+    return run.t, str(error.value)
+
+
+def test_a_breaking_wave_of_a_slice_stops_a_basin_at_the_same_time_and_place():
+    """Oracle: the slice. The wave is long-crested."""
+    (t, along), (basin_t, across) = (stopped(packet(tank, amplitude=0.13)) for tank in (SLICE, BASIN))
+    assert t < 0.4 and basin_t == pytest.approx(t, abs=0.011)
+    said = along.partition(": a wave breaks")[0]
+    assert across.startswith(said + ", y = ") and ": a wave breaks: the water outruns the crest" in across
+
+
+def test_a_steep_sound_wave_finishes_in_a_basin_without_alarm():
+    """Its slopes pass the threshold of the front, so that crests are judged."""
+    scene = packet(BASIN | {"layout": BASIN["layout"] | {"length": 6.0}}, amplitude=0.085, duration=0.3)
+    run, waves = build_run(scene, MPI.COMM_SELF)
+    run.execute()
+    watch = run.filters[0].watch
+    assert waves.surface.largest_slope > 0.3 and watch.alarms == () and watch.crests
+
+
+@pytest.mark.slow
+def test_dissipation_takes_as_much_of_a_long_crest_in_a_basin_as_in_a_slice(tmp_path):
+    """Oracle: the slice. The alarms begin together, and their table has y."""
+    figures = []
+    for name, tank in (("slice", SLICE), ("basin", BASIN)):
+        out = tmp_path / name
+        record_run(
+            packet(tank, amplitude=0.13, on_breaking="dissipate"), out, comm=MPI.COMM_SELF, console=Console(quiet=True)
+        )
+        figures.append(RunDirectory(out).manifest["breaking"])
+    with (tmp_path / "basin" / "breaking.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert 0.0 < float(rows[0]["y [m]"]) < 0.2
+    along, across = figures
+    for key in ("t", "x"):
+        assert across["alarms"][0][key] == pytest.approx(along["alarms"][0][key], rel=0.05)
+    assert across["part_taken"] == pytest.approx(along["part_taken"], rel=0.1) and along["part_taken"] > 0.1
+
+
+ANGLE = np.pi / 6
+WHERE = {  # distances along and across the direction of propagation from (3, 2.5) m
+    "k": "2*pi/1.5",
+    "a": "0.13",
+    "s": f"(x-3)*cos({ANGLE})+(y-2.5)*sin({ANGLE})",
+    "n": f"(y-2.5)*cos({ANGLE})-(x-3)*sin({ANGLE})",
+    "env": "exp(-(s/1.5)**2-(n/0.9)**6)",
+}
+
+
+@pytest.mark.slow
+def test_a_breaking_packet_of_finite_width_at_an_angle_stops_a_basin():
+    """It is as steep as the one that stops a slice after 0.33 s; its sides spread, so that it stops at 0.55 s."""
+    layout = {"type": "rectangle", "length": 7.0, "width": 5.0}
+    scene = packet({"type": "basin", "layout": layout}, amplitude=0.13)
+    t, said = stopped(scene.model_copy(update={"initial": scene.initial.model_copy(update={"where": WHERE})}))
+    assert 0.3 < t < 0.6 and ": a wave breaks: the water outruns the crest" in said
