@@ -56,10 +56,10 @@ def _times() -> dict[str, Vector]:
     """Return the CPU seconds of a step in each tank, by kind and scheme, as ``timed`` has them."""
     times: dict[str, list[float]] = {}
     for (cells, (order, n)), kind in product(TANKS, KINDS):
-        scene = _scene(kind, cells, order, n)
-        waves = build_waves(scene, MPI.COMM_SELF)
+        case = _case(kind, cells, order, n)
+        waves = build_waves(case, MPI.COMM_SELF)
         for name in INTEGRATORS:
-            spent = [_time_a_step(scene, waves, name, x) for x in step_costs(name).products]
+            spent = [_time_a_step(case, waves, name, x) for x in step_costs(name).products]
             times.setdefault(f"{kind} {name}", []).extend(spent)
     return {key: np.array(spent) for key, spent in times.items()}
 
@@ -74,7 +74,7 @@ def _fit(rows: Vector, spent: Vector) -> tuple[float, ...]:
     return tuple(map(float, scipy.optimize.nnls(rows / spent[:, None], np.ones(spent.size))[0]))
 
 
-def _scene(kind: str, cells: int, order: int, n: int) -> Case:
+def _case(kind: str, cells: int, order: int, n: int) -> Case:
     """Return standing waves of k a = 0.1, k d = 2, with gauges, and with a paddle for waves 2/3 as high.
 
     Its ramp is two periods: short waves of a faster start need additional iterations.
@@ -96,12 +96,12 @@ def _scene(kind: str, cells: int, order: int, n: int) -> Case:
     )
 
 
-def _time_a_step(scene: Case, waves: AnyWaves, name: str, dt_omega_max: float) -> float:
+def _time_a_step(case: Case, waves: AnyWaves, name: str, dt_omega_max: float) -> float:
     """Return the CPU seconds of a step, after some for the initial guesses of solves."""
     dt = dt_omega_max / waves.largest_frequency
-    filters, records = build_filters(scene, waves, dt), Records(Memory(), Memory(), None)
+    filters, records = build_filters(case, waves, dt), Records(Memory(), Memory(), None)
     sinks = [one for one in filters if isinstance(one, Smoothing)]
-    observers = build_observers(scene, waves, records, sinks=sinks)
+    observers = build_observers(case, waves, records, sinks=sinks)
     scheme: Any = INTEGRATORS[name]()
-    start, clock = initial_state(scene, waves), Clock(dt, WARM_UP + STEPS)
+    start, clock = initial_state(case, waves), Clock(dt, WARM_UP + STEPS)
     return step_time(Run(waves, scheme, observers, start=start, clock=clock, filters=filters))[0]

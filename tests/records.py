@@ -57,7 +57,7 @@ def write_run(path, scene=None, *, gauges=None, surface=None, tables=(), status=
     ``tables``: columns and rows by the names of the files.
     """
     content = scene if scene is None or isinstance(scene, dict) else scene.model_dump(mode="json")
-    with RunWriter(path, {"scene": content or {}}) as writer:
+    with RunWriter(path, {"case": content or {}}) as writer:
         if gauges is not None:
             table = writer.gauges([(one.gauge.item(), one.x.item(), one.y.item()) for one in gauges])
             table.extend(np.column_stack([gauges.time, *gauges]))

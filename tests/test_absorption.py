@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from conftest import fitted_slope
 from mpi4py import MPI
-from runs import SLICE, record, record_until, same
+from recorded_runs import SLICE, record, record_until, same
 from tanks import BALANCE, GRAVITY, TOTAL, WORK, case_of, written
 
 from wavetank.analysis.reflection import reflected
@@ -374,7 +374,7 @@ def test_a_plan_keeps_to_steps_at_which_paddles_answer_in_time():
     far = {"type": "piston", "motion": REST, "absorb": {"type": "spring-damper"}}
     parts = {"tank": {"length": 8.0, "depth": 1.0}, "wall": wall, "far_wall": far, "run": {"duration": 2.0}}
     case = Case.model_validate({**parts, "numerics": {"accuracy": 0.02}})
-    run, waves = build_run(planned(case, MPI.COMM_SELF).scene, MPI.COMM_SELF)
+    run, waves = build_run(planned(case, MPI.COMM_SELF).case, MPI.COMM_SELF)
     assert run.clock.dt * waves.largest_frequency < ANSWERED
     reasons = "\n".join(requirements(case, 0.02).reasons)
     flap = "a flap, the waves come from its motion by second-order generation"

@@ -3,8 +3,8 @@
 from math import inf
 
 import pytest
+from case_builders import scene
 from mpi4py import MPI
-from scenes import scene
 
 from wavetank.cli import main
 from wavetank.planning import cost

@@ -97,11 +97,11 @@ def test_every_analysis_of_a_csv_recovers_its_waves(table, tmp_path, drawn):
 def test_analysis_of_a_run_uses_its_depth_and_surface(tmp_path):
     x, t = np.linspace(0, 24, 241), T[:400]
     motion = 'wall.motion={type="regular",height=0.1,period=2.0}'
-    scene = read_case(CHECKOUT / "cases" / "focusing.toml", [motion])
+    case = read_case(CHECKOUT / "cases" / "focusing.toml", [motion])
     two = gauges(*(gauge(name, at, t, eta(at, t)) for name, at in (("1", 4.0), ("2", 7.0))))
     ended = {"warnings": ["the energy balance is off: shorter", "another"], "cause": "It broke."}
     snapshots = surface(t, x, eta(x, t[:, None]))
-    run = write_run(tmp_path / "run", scene, gauges=two, surface=snapshots, status="broke down", **ended).path
+    run = write_run(tmp_path / "run", case, gauges=two, surface=snapshots, status="broke down", **ended).path
     for words, told, off in (((), "incident [m]", 1e-3), (("--sea",), "Hm0 incident [m]", 0.25)):  # of ten periods
         done = commanded("analyse", str(run), "reflection", "--along", "5,20,40", *words)
         assert done.returncode == 0 and str(run / "analysis-reflection.png") in done.stdout
@@ -298,11 +298,11 @@ def test_start_is_advised_for_free_waves_that_arrive_later(waves):
 
 def test_gauges_a_beat_apart_are_noted_and_those_of_a_new_slice_are_not(tmp_path):
     """Oracle: condition of two waves at three gauges; at 2, 4 and 6 m the beat of 1.887 m is nearly as far."""
-    scene = read_case(write_case(f"{tmp_path}/waves", "slice"))
-    period, t = scene.wall.motion.period, np.arange(0.0, 14.0, 0.05)
-    for x, badly in (((2.0, 4.0, 6.0), True), ([one.x for one in scene.gauges], False)):
+    case = read_case(write_case(f"{tmp_path}/waves", "slice"))
+    period, t = case.wall.motion.period, np.arange(0.0, 14.0, 0.05)
+    for x, badly in (((2.0, 4.0, 6.0), True), ([one.x for one in case.gauges], False)):
         eta = common_clock(gauge(str(at), at, t, np.cos(2 * np.pi * t / period - at)) for at in x)
-        said = analysed("bound-free", WaveRecord(eta, "made", period, scene.tank.depth)).text
+        said = analysed("bound-free", WaveRecord(eta, "made", period, case.tank.depth)).text
         assert ("gauges stand badly" in said) == badly and ("condition 6.47: " in said) == badly
 
 

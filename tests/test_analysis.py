@@ -403,8 +403,8 @@ def test_waves_of_the_far_wall_propagate_against_x(tmp_path):
     amplitude, text = {}, {}
     for far, walls, coefficient in ((1, (rest, driven), 0.2), (0, (driven, rest), 5.0)):
         tank = {"length": 9.0, "depth": DEPTH, "gravity": G}
-        scene = {"tank": tank} | dict(zip(("wall", "far_wall"), walls, strict=True))
-        record = read_record(str(write_run(tmp_path / f"{far}", scene, gauges=waves).path))
+        case = {"tank": tank} | dict(zip(("wall", "far_wall"), walls, strict=True))
+        record = read_record(str(write_run(tmp_path / f"{far}", case, gauges=waves).path))
         assert record.given_period == pytest.approx(1 / 0.7)
         assert reflection_coefficient(record) == pytest.approx(coefficient, rel=1e-3)
         found = KINDS["bound-free"](record)

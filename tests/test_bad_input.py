@@ -11,11 +11,11 @@ from typing import Annotated, NamedTuple, get_args
 
 import numpy as np
 import pytest
+from case_builders import scene
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pydantic import BaseModel, TypeAdapter
 from records import gauge
-from scenes import scene
 
 from wavetank import data
 from wavetank.analysis import results

@@ -213,11 +213,11 @@ def test_gaps_matter_only_where_there_is_water(across):
 def test_minimum_depth_lowers_a_shallow_bed_and_reports_where(physics):
     bed = {"type": "formula", "depth": "1 - 0.4*x", "minimum_depth": 0.2}  # reached at x = 2, dry from x = 2.5
     tank = {"length": 8.0, "depth": 1.0, "bed": bed}
-    scene = case_of(tank=tank, water={"type": physics}, cells=16)
-    assert Case.model_validate(scene.model_dump(mode="json")) == scene
-    waves = build_waves(scene, MPI.COMM_SELF)
+    case = case_of(tank=tank, water={"type": physics}, cells=16)
+    assert Case.model_validate(case.model_dump(mode="json")) == case
+    waves = build_waves(case, MPI.COMM_SELF)
     np.testing.assert_allclose(waves.bed.still, np.maximum(0.2, 1.0 - 0.4 * waves.plane.x), rtol=1e-12)
-    told = bed_message(scene, waves)
+    told = bed_message(case, waves)
     assert told.startswith("tank.bed.minimum_depth = 0.2 m holds for ")
     assert float(told.split()[-5]) == pytest.approx(75, abs=3)  # the rest, to a third of a cell
     bed["minimum_depth"] = 0.0
@@ -375,10 +375,10 @@ def depth_refused(tank, wall, bed, depth, comm):
     """Return what is said of a depth over a bed by formula; nothing of one that is taken."""
     wall = {"type": wall} | ({"motion": {"type": "at-rest"}} if wall == "piston" else {})
     tank = tank | {"depth": depth, "bed": {"type": "formula", "depth": bed}}
-    scene = case_of(wall, tank=tank, numerics={"cells": None})
-    footprint = build_footprint(scene, comm)
+    case = case_of(wall, tank=tank, numerics={"cells": None})
+    footprint = build_footprint(case, comm)
     try:
-        check_depth(scene, footprint, Plane(footprint.mesh, 2, footprint.chart))
+        check_depth(case, footprint, Plane(footprint.mesh, 2, footprint.chart))
     except CaseError as error:
         return str(error)
     return ""

@@ -166,8 +166,8 @@ def test_a_run_is_compared_with_the_measurements(measured, tmp_path):
             height = H0 * np.interp(y if section.along == "y" else x, known.places, known.ratios)
             lines.append((name, x, y, wave(height, x)[late]))
     names, x, y, eta = zip(*lines, strict=True)
-    scene = {"title": "a field of waves", "tank": {"type": "basin", "depth": 0.45}}
-    out = write_run(tmp_path / "run", scene, gauges=gauge_array(names, x, y, T[late], eta)).path
+    case = {"title": "a field of waves", "tank": {"type": "basin", "depth": 0.45}}
+    out = write_run(tmp_path / "run", case, gauges=gauge_array(names, x, y, T[late], eta)).path
     said = commanded("compare", str(out), "--with", NAME)
     assert said.returncode == 0, said
     rows = csv_rows(out / "compare.csv")

@@ -254,8 +254,8 @@ def ended(status, cause):
 
     def run(self, runs):
         for one in runs:
-            scene = one.scene.model_dump(mode="json")
-            with RunWriter(self.directory(one), {"scene": scene, "files": contents(one.scene)}) as writer:
+            scene = one.case.model_dump(mode="json")
+            with RunWriter(self.directory(one), {"case": scene, "files": contents(one.case)}) as writer:
                 writer.finish(status, {"cause": cause})
             yield one, Outcome("failed", cause)
 

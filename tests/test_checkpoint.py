@@ -25,7 +25,7 @@ import pytest
 from blocks import at
 from mpi4py import MPI
 from ranks import Crew, begun
-from runs import BASIN, FLAP, RING, SLICE, contents, ending, record, record_until, same
+from recorded_runs import BASIN, FLAP, RING, SLICE, contents, ending, record, record_until, same
 
 from examples.paper.breaking import over_steep
 from examples.paper.oscillators import NonSeparable
@@ -225,7 +225,7 @@ def edited(tree: dict, path: tuple, edit: Callable | None) -> dict:
 def test_edited_description_ends_in_one_sentence_or_resumes(ended, value, stride, tmp_path):
     """The edits of the state are those of ``test_edited_state_is_refused_or_stepped``."""
     checkpoint, _ = read_checkpoint(ended)
-    chosen = [path for path, _ in values_of(checkpoint.about) if path[0] not in ("id", "git", "scene", "chosen")]
+    chosen = [path for path, _ in values_of(checkpoint.about) if path[0] not in ("id", "git", "case", "chosen")]
     for n, path in enumerate([*chosen[::stride], ("parts", 0, "memory"), ("records", "surface.nc", "_records")]):
         run = shutil.copytree(ended, tmp_path / str(n))
         write_checkpoint(run, checkpoint._replace(about=edited(checkpoint.about, path, lambda _: value)))
@@ -540,7 +540,7 @@ def in_new_processes(function, *arguments) -> list:
 @pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["simpson-4", "third-order", "stormer-verlet", "gauss-legendre-4"])
 @pytest.mark.parametrize(
-    "scene",
+    "case",
     [BASIN, BASIN | {"water": {"type": "linear"}, "wall": {"type": "fixed"}}, SLICE],
     ids=["basin", "linear", "slice"],
 )

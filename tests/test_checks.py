@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from case_builders import SLICE, moving, piston, scene, warnings_before
 from mpi4py import MPI
 from records import gauge_rows
 from rich.console import Console
-from scenes import SLICE, moving, piston, scene, warnings_before
 
 from wavetank.base.errors import InputError
 from wavetank.case import Case, LinearWater
@@ -94,7 +94,7 @@ WARNED = {  # case: parts of it, its warnings as {(code, key): expected value}
 @pytest.mark.parametrize("name", WARNED)
 def test_run_warns_by_code_and_key(name):
     parts, expected = WARNED[name]
-    found = warnings_before(planned(scene(**{"duration": 2.0} | parts), MPI.COMM_SELF).scene)
+    found = warnings_before(planned(scene(**{"duration": 2.0} | parts), MPI.COMM_SELF).case)
     assert [(one.code, one.key) for one in found] == [*expected] and all(map(str, found))
     values = {(one.code, one.key): one.value for one in found if expected[one.code, one.key]}
     assert values == pytest.approx({key: value for key, value in expected.items() if value}, rel=0.05)
@@ -104,7 +104,7 @@ def test_run_warns_by_code_and_key(name):
 def test_step_too_long_under_crests_is_warned_of(dt, codes):
     """Oracle: runs of 24 s, of which the first is inaccurate from 13.75 s on and the second has no warning."""
     case = read_case(CHECKOUT / "cases" / "focusing.toml", [f"numerics.dt={dt}"])
-    assert [one.code for one in warnings_before(planned(case, MPI.COMM_SELF).scene)] == codes
+    assert [one.code for one in warnings_before(planned(case, MPI.COMM_SELF).case)] == codes
 
 
 CASES = sorted(path.stem for path in (CHECKOUT / "cases").glob("*.toml"))
@@ -269,8 +269,8 @@ def test_case_without_numerics_has_the_plan_for_one_per_cent():
     """Of waves of k d = 8.9, which 40 cells, a fifth of the depth, do not resolve."""
     parts = {"tank": {"length": 8.0, "depth": 1.0}, "wall": piston(0.67), "duration": 6.0}
     plain, asking = scene(**parts), scene(**parts, numerics={"accuracy": 1e-2})
-    chosen = planned(plain, MPI.COMM_SELF).scene
-    assert chosen == planned(asking, MPI.COMM_SELF).scene
+    chosen = planned(plain, MPI.COMM_SELF).case
+    assert chosen == planned(asking, MPI.COMM_SELF).case
     assert chosen.numerics.cells > 40 and plain.cells == 40
     again = Case.model_validate(plain.model_dump(mode="json"))
     assert again == plain and again.numerics.open
@@ -386,7 +386,7 @@ def by_simpson(motion, dt, steps):
 def test_planned_step_resolves_a_measured_motion(tmp_path, duration):
     """Of a record with noise a long step takes that of single rows for motion that lasts."""
     one = scene({"length": 25.0, "depth": 1.0}, wall=noisy(tmp_path), duration=duration)
-    dt = planned(one, MPI.COMM_SELF).scene.numerics.dt
+    dt = planned(one, MPI.COMM_SELF).case.numerics.dt
     assert by_simpson(one.motion(), dt, int(np.ceil(duration / dt - 1e-9))) < 0.01 / 3
     assert dt <= 0.02 / 2  # two steps a row at least: longer ones hold it by chance
     assert by_simpson(one.motion(), duration / 121, 121) > 0.05  # which the waves alone would need
@@ -396,7 +396,7 @@ def test_planned_step_resolves_a_measured_motion(tmp_path, duration):
 def test_planned_step_resolves_the_waves_of_a_noisy_record(tmp_path):
     """Against a quarter of the step, on the same cells: by less than the 1 % asked, noise and all."""
     named = scene({"length": 8.0, "depth": 1.0}, wall=noisy(tmp_path), duration=12.0, gauges=[2.0, 4.0])
-    chosen = planned(named, MPI.COMM_SELF).scene
+    chosen = planned(named, MPI.COMM_SELF).case
     coarse, fine = (gauge_rows(chosen, dt=chosen.numerics.dt / parts)[::parts, 1:] for parts in (1, 4))
     fine = fine[: len(coarse)]
     assert np.sqrt(np.mean((coarse - fine) ** 2, axis=0) / np.mean(fine**2, axis=0)).max() < 0.01

@@ -45,7 +45,7 @@ def test_the_main_job_leaves_its_pictures(tmp_path):
     path = tmp_path / "run"
     assert launch(["sh", "-c", f"make run 'RUN={path} --set run.duration=0.2'"]).returncode == 0
     assert all((path / picture).exists() for picture in ("surface.png", "gauges.png", "energy.png"))
-    assert RunDirectory(path).manifest["scene"]["numerics"]["cell_size"] == 0.2
+    assert RunDirectory(path).manifest["case"]["numerics"]["cell_size"] == 0.2
 
 
 def test_gauges_are_the_same_on_any_number_of_ranks_and_progress_is_seen(wavetank, tmp_path):

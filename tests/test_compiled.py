@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from ranks import CHECKOUT, begun, on
-from runs import BASIN, FLAP, SLICE, case_of
+from recorded_runs import BASIN, FLAP, SLICE, case_of
 
 from wavetank.base.errors import WavetankError
 from wavetank.base.toml import toml

@@ -11,11 +11,11 @@ from contextlib import nullcontext, suppress
 import numpy as np
 import pytest
 from blocks import block_of
+from case_builders import scene
 from conftest import CHECKOUT, fitted_slope
 from dolfinx import mesh
 from mpi4py import MPI
 from records import with_numerics
-from scenes import scene
 
 from examples.paper import steepness
 from examples.paper.growth import Setting, dense, row

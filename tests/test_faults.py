@@ -17,7 +17,7 @@ from killing import Places, kill_at
 from mpi4py import MPI
 from PIL import Image
 from ranks import CHECKOUT, begun, members
-from runs import BASIN, OUTPUT, SLICE, case_of, record, same
+from recorded_runs import BASIN, OUTPUT, SLICE, case_of, record, same
 
 import wavetank as wt
 from examples.paper.breaking import over_steep

@@ -160,8 +160,8 @@ def test_the_surface_of_a_basin_has_the_damping_rate_of_its_sponge(tmp_path):
     content = {"tank": {"type": "basin", "depth": 0.5, "layout": layout}, "run": {"duration": 0.01}}
     content |= {"sponge": {"type": "end", "length": 2.0, "strength": 3.0}}
     numerics = {"cell_size": 1.0, "order": 3, "vertical_order": 4, "dt": 0.01}
-    scene = Case.model_validate(content | {"numerics": numerics})
-    record_run(scene, tmp_path / "run", comm=MPI.COMM_SELF, console=Console(quiet=True))
+    case = Case.model_validate(content | {"numerics": numerics})
+    record_run(case, tmp_path / "run", comm=MPI.COMM_SELF, console=Console(quiet=True))
     surface = read(tmp_path / "run", "surface")
     expected = 3.0 * np.clip((surface.points[:, 0] - 1.0) / 2.0, 0.0, 1.0) ** 2
     np.testing.assert_allclose(surface["damping rate"], expected, atol=1e-12)

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from ranks import CHECKOUT, begun
-from runs import contents
+from recorded_runs import contents
 
 import wavetank as wt
 from wavetank.analysis.still_water import still_water

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from case_builders import scene
 from mpi4py import MPI
 from rich.console import Console
-from scenes import scene
 
 from wavetank.base.errors import InputError
 from wavetank.case.initial import FileSurface

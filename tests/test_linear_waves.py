@@ -222,7 +222,7 @@ def test_linear_case_is_recorded_the_same_on_any_number_of_ranks(recorded_on_ran
     changes = ("water.type=linear", "gauges.0=0.5", "run.duration=0.5", "wall.motion.ramp=0.25")
     changes += ("numerics.cell_size=0.5", "numerics.vertical_order=4")
     runs = recorded_on_ranks("cases/wavemaker.toml", *changes)
-    assert runs[0].manifest["scene"]["water"] == {"type": "linear"}
+    assert runs[0].manifest["case"]["water"] == {"type": "linear"}
     alone, together = (run.gauges.values for run in runs)
     assert np.abs(alone).max() > 2e-4
     assert np.abs(together - alone).max() < 1e-9 * np.abs(alone).max()

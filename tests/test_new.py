@@ -1,9 +1,9 @@
 """`wavetank new`: each kind of case is a case as it is written, runs, and is never written over another."""
 
 import pytest
+from case_builders import warnings_before
 from conftest import commanded, recorded
 from mpi4py import MPI
-from scenes import warnings_before
 
 from wavetank.base.errors import InputError
 from wavetank.case.new import KINDS, SCHEMA, write_case

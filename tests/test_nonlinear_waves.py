@@ -185,8 +185,8 @@ def test_mean_energy_drifts_by_little_in_1e5_steps_at_the_default_tolerance():
         "run": {"duration": 1.0},
         "numerics": {"cells": 6, "order": 3, "vertical_order": 4, "dt": 0.1},
     }
-    scene = Case.model_validate(parts)
-    dt = length / scene.initial.wave(scene.tank).speed / 24
+    case = Case.model_validate(parts)
+    dt = length / case.initial.wave(case.tank).speed / 24
     parts |= {"run": {"duration": steps * dt}, "numerics": parts["numerics"] | {"dt": dt}}
     total = executed(parts | {"output": {"energy_every": 24}})[-1][:, TOTAL]
     means = [part.mean() / total[0] - 1 for part in np.array_split(total, 10)]

@@ -16,8 +16,8 @@ from pathlib import Path
 import pytest
 from mpi4py import MPI
 from ranks import CHECKOUT, begun, on
+from recorded_runs import contents
 from rich.console import Console
-from runs import contents
 
 from wavetank.base.errors import InputError, RecordError
 from wavetank.case.reading import read_case
@@ -52,7 +52,7 @@ def wait_for(process, path: Path, *, lines: int = 0) -> None:
 def recorded(tmp_path, monkeypatch) -> Path:
     """Return the path of a run of twenty rows, in the current directory."""
     monkeypatch.chdir(tmp_path)
-    with RunWriter(Path("run"), {"scene": {"title": "A run"}}) as writer:
+    with RunWriter(Path("run"), {"case": {"title": "A run"}}) as writer:
         gauges = writer.gauges([("1", 1.0)])
         for n in range(20):
             gauges.append([0.1 * n, 0.01 * n * (19 - n)])

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mpi4py import MPI
 from ranks import CHECKOUT
-from runs import BASIN, FLAP, RING, SLICE, record, same
+from recorded_runs import BASIN, FLAP, RING, SLICE, record, same
 from test_checkpoint import Observed, assert_same
 
 import wavetank as wt

@@ -5,10 +5,10 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
+from case_builders import SLICE, moving, piston, scene
 from conftest import recorded
 from mpi4py import MPI
 from records import gauge_rows
-from scenes import SLICE, moving, piston, scene
 
 from wavetank.case import Case
 from wavetank.case.reading import read_case
@@ -478,7 +478,7 @@ def test_run_uses_the_plan_of_its_accuracy(tmp_path):
     """On several ranks, too: tests/test_cases.py, among the slow ones."""
     recorded("cases/planned.toml", ("run.duration=1.0", "numerics.order=2"), tmp_path / "run")
     one = RunDirectory(tmp_path / "run").manifest
-    assert one["scene"]["numerics"] == {"accuracy": 1e-2, "order": 2}
+    assert one["case"]["numerics"] == {"accuracy": 1e-2, "order": 2}
     assert one["planned"]["numerics"]["order"] == 2
     assert one["numerics"]["dt"] == one["planned"]["numerics"]["dt"]
 

@@ -14,10 +14,10 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
+from case_builders import moving, piston, scene
 from conftest import needs_marin
 from mpi4py import MPI
 from records import gauge_rows, with_numerics
-from scenes import moving, piston, scene
 from scipy.interpolate import CubicSpline
 
 from benchmarks.costs import calibrate
@@ -103,8 +103,8 @@ class Trial:
 
     def __init__(self, name: str):
         make, self.accuracy = SCENES[name]
-        self.scene = make()
-        self.plan = make_plan(self.scene, self.accuracy)
+        self.case = make()
+        self.plan = make_plan(self.case, self.accuracy)
         self._tried: dict[Settings, tuple[float, float]] = {}
 
     @cached_property
@@ -112,13 +112,13 @@ class Trial:
         best = self.plan.settings
         cells, n = round(1.5 * best.cells), min(12, best.vertical_order + 4)
         finer = Settings(order=5, cells=cells, vertical_order=n, dt=best.dt / 4, integrator="simpson-4")
-        return run(with_settings(self.scene, self.plan, finer, tolerance=1e-9))
+        return run(with_settings(self.case, self.plan, finer, tolerance=1e-9))
 
     def measure(self, settings: Settings) -> tuple[float, float]:
         """Return error and CPU seconds; infinite where the run breaks down."""
         if settings not in self._tried:
             try:
-                found = run(with_settings(self.scene, self.plan, settings))
+                found = run(with_settings(self.case, self.plan, settings))
                 self._tried[settings] = (self._error(found), found.cpu)
             except WavetankError:
                 self._tried[settings] = (np.inf, np.inf)
@@ -128,13 +128,13 @@ class Trial:
         """Take the least CPU seconds of two more runs of each: what else a machine does only adds to them."""
         for one in several * 2:
             error, cpu = self.measure(one)
-            again = run(with_settings(self.scene, self.plan, one)).cpu
+            again = run(with_settings(self.case, self.plan, one)).cpu
             self._tried[one] = (error, min(cpu, again))
 
     def _error(self, found: Measured) -> float:
-        if self.scene.tank.type == "ring":
+        if self.case.tank.type == "ring":
             return found.at_the_end
-        late = found.t >= (0.9 * found.t[-1] if self.scene.initial.type == "standing-wave" else 0.0)
+        late = found.t >= (0.9 * found.t[-1] if self.case.initial.type == "standing-wave" else 0.0)
         exact = np.interp(found.t, self.reference.t, self.reference.eta)[late]
         return float(np.sqrt(np.mean((found.eta[late] - exact) ** 2) / np.mean(exact**2)))
 
@@ -162,17 +162,17 @@ class Trial:
         return f"| {name} | {plan.physics} | {self.accuracy:g} | {numerics} | {figures} |"
 
     def _neighbours(self, now: Settings) -> list[Settings]:
-        fewer = max(self.scene.tank.fewest_cells, int(0.8 * now.cells))
+        fewer = max(self.case.tank.fewest_cells, int(0.8 * now.cells))
         other = {"simpson-4": "gauss-legendre-4", "gauss-legendre-4": "simpson-4"}.get(now.integrator, "simpson-4")
-        steps = np.ceil(self.scene.run.duration / now.dt / 1.25)
+        steps = np.ceil(self.case.run.duration / now.dt / 1.25)
         changes = [
-            {"dt": self.scene.run.duration / steps},
+            {"dt": self.case.run.duration / steps},
             {"cells": fewer},
             {"vertical_order": max(1, now.vertical_order - 2)},
             {"order": now.order - 1} if now.order > 2 else {},
             {"order": now.order + 1, "cells": fewer},
             {"integrator": other},
-            {"integrator": other, "dt": self.scene.run.duration / steps},
+            {"integrator": other, "dt": self.case.run.duration / steps},
         ]
         return [replace(now, **change) for change in changes if change]
 

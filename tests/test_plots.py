@@ -59,8 +59,8 @@ def run(tmp_path):
     """Return a run directory with the group in it."""
     two = gauges(record(4.0, name="1"), record(10.0, name="2"))
     energy = np.column_stack([T, 0.1 * T, 0.2 * T, 0.3 * T, 0.3 * T, 1e-6 * np.sin(T), 24.0 + 0 * T])
-    scene = {"title": "A focusing group"}
-    return write_run(tmp_path / "run", scene, gauges=two, surface=group(), tables={"energy.csv": (ENERGY, energy)})
+    case = {"title": "A focusing group"}
+    return write_run(tmp_path / "run", case, gauges=two, surface=group(), tables={"energy.csv": (ENERGY, energy)})
 
 
 def words(draw, tmp_path):

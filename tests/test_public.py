@@ -64,8 +64,8 @@ def test_page_on_own_extensions_runs_as_it_is(page, capsys):
     one, two = (surface.elevation.values[-1] for surface in (run.surface, other.surface))
     numerics = other.manifest["numerics"]
     assert [numerics[key] for key in ("integrator", "cells", "order", "vertical_order")] == ["runge-kutta-4", 16, 3, 4]
-    assert "integrator" not in other.manifest["scene"]["numerics"] | run.manifest.get("planned", {})
-    assert run.manifest["scene"]["numerics"]["integrator"] == "simpson-4"
+    assert "integrator" not in other.manifest["case"]["numerics"] | run.manifest.get("planned", {})
+    assert run.manifest["case"]["numerics"]["integrator"] == "simpson-4"
     assert np.abs(one).max() > 0.01 > 500 * np.abs(two - one).max()
 
 
@@ -95,7 +95,7 @@ class Watch:
 @pytest.mark.parametrize(
     ("own", "sentence"),
     [
-        ({"scene": "case.toml"}, "scene = 'case.toml': a str received; needed is what wt.read_case returns."),
+        ({"case": "case.toml"}, "scene = 'case.toml': a str received; needed is what wt.read_case returns."),
         ({"integrator": "stormer-verlet"}, "integrator = 'stormer-verlet': a name received; needed is a scheme"),
         ({"integrator": Euler}, "integrator = Euler: a class received; needed is one of its objects, such as Euler()."),
         ({"integrator": Euler()}, "integrator: Euler has no order, stability_limit, frequency_error, nodes,"),
@@ -109,7 +109,7 @@ class Watch:
     ],
 )
 def test_objects_that_are_no_integrator_or_observer_are_refused_before_anything_is_written(page, own, sentence):
-    arguments = {"scene": wt.read_case("case.toml", trust=True), "out": "run"} | own
+    arguments = {"case": wt.read_case("case.toml", trust=True), "out": "run"} | own
     with pytest.raises(InputError) as error:
         wt.run(**arguments)
     assert str(error.value).startswith(sentence) and "\n" not in str(error.value)

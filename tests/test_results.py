@@ -220,7 +220,7 @@ def test_of_many_rows_as_many_are_kept_as_there_is_room_for(tmp_path):
 
 # ---------------------------------------------------------------- gauges
 GAUGES = [("1", 10.0), ("Süd, the focus", 49.5, -2.25), ("a@x=b", 0.1, 0.0)]
-MANIFEST = {"scene": {"title": "A focus"}, "command": ["wavetank", "run", "a case.toml"]}
+MANIFEST = {"case": {"title": "A focus"}, "command": ["wavetank", "run", "a case.toml"]}
 MANIFEST |= {"started": "2025-01-02T03:04:05", "git": "abc123", "versions": {"wavetank": "1.2.3"}}
 
 

@@ -16,7 +16,7 @@ import pytest
 import xarray
 from mpi4py import MPI
 from ranks import launch
-from runs import BASIN, RING, SLICE, SLOSHING, case_of, contents, ending, record, record_until, same
+from recorded_runs import BASIN, RING, SLICE, SLOSHING, case_of, contents, ending, record, record_until, same
 
 import wavetank as wt
 from wavetank.base.errors import InputError, RunError
@@ -156,7 +156,7 @@ def test_finished_run_is_extended_and_what_was_made_of_its_record_is_removed(uni
     removed = "analysis-spectrum.csv, compare-harmonics.png, compare.png, view.mp4"
     assert f"removed, as the record they are of goes on: {removed}\n" in (tmp_path / "run" / "run.log").read_text()
     same(uninterrupted, tmp_path / "run")
-    assert run.manifest["scene"]["run"]["duration"] == 0.5
+    assert run.manifest["case"]["run"]["duration"] == 0.5
     assert [part["steps"] for part in run.manifest["parts"]] == [6, 4]
 
 
@@ -333,7 +333,7 @@ def test_resumed_run_renews_the_warnings_that_depend_on_its_duration(tmp_path, m
 def test_resume_refuses_what_is_no_run(tmp_path, capsys):
     assert "is no run directory" in refusal(capsys, tmp_path / "none") and not (tmp_path / "none").exists()
     (tmp_path / "manifest.json").write_text("{}")
-    with pytest.raises(InputError, match="tells no scene to go on with"):
+    with pytest.raises(InputError, match="tells no case to go on with"):
         wt.resume(tmp_path)
 
 

@@ -15,8 +15,8 @@ import pytest
 from blocks import at
 from hypothesis import given
 from hypothesis import strategies as st
+from recorded_runs import SLICE, contents, record
 from rich.console import Console
-from runs import SLICE, contents, record
 
 from wavetank.analysis.record import read_record
 from wavetank.base.errors import BreakdownError, InputError, RunError, StoppedError
@@ -28,7 +28,7 @@ from wavetank.output.files import OutputPath
 from wavetank.output.manifest import MANIFEST
 from wavetank.output.tables import csv_lines
 from wavetank.output.writer import RunWriter
-from wavetank.recording.restart import stored_scene
+from wavetank.recording.restart import stored_case
 from wavetank.simulation.clock import EverySteps
 from wavetank.simulation.diagnostics import Crest
 from wavetank.simulation.monitoring import Progress
@@ -48,7 +48,7 @@ def snapshot(number, points=5):
 def complete_run(tmp_path):
     """Return the path of a complete run directory of three rows and three snapshots."""
     path = tmp_path / "run"
-    with RunWriter(path, {"scene": {"title": "A test"}}) as writer:
+    with RunWriter(path, {"case": {"title": "A test"}}) as writer:
         gauges, energy, surface = writer.gauges(NAMED), writer.table("energy.csv", COLUMNS), writer.surface()
         for n in range(3):
             gauges.append([n * 0.1, 1 / 3, np.pi * 1e-9, -n / 7])
@@ -234,7 +234,7 @@ def test_missing_and_damaged_files_are_refused(complete_run, file, content, name
 
 
 def test_records_of_another_tank_are_named(tmp_path):
-    with RunWriter(tmp_path, {"scene": {"wall": {"type": "fixed"}}}) as writer:
+    with RunWriter(tmp_path, {"case": {"wall": {"type": "fixed"}}}) as writer:
         writer.surface()
     with pytest.raises(InputError, match="the wall does not move in this run"):
         _ = RunDirectory(tmp_path).paddle
@@ -297,7 +297,7 @@ def test_any_wrong_value_of_a_manifest_is_refused_or_read(run, write):
     every = [(path, wrong) for path in places(content) for wrong in WRONG]
     for path, wrong in random.Random(33).sample(every, 300):
         write(edited(content, path, wrong))
-        for read in (status.status_line, lambda run: read_record(str(run)), lambda run: stored_scene(run, extend=1.0)):
+        for read in (status.status_line, lambda run: read_record(str(run)), lambda run: stored_case(run, extend=1.0)):
             try:
                 read(run)
             except InputError:
@@ -313,9 +313,9 @@ def test_any_wrong_value_of_a_manifest_is_refused_or_read(run, write):
         (("progress", "t"), "x", "progress.t: input should be a valid number"),
         (("warnings",), 1, "warnings: input should be a valid array"),
         (("written",), [], "written: input should be a valid datetime"),
-        (("scene", "tank"), 1, "scene.tank: input should be an object"),
-        (("scene", "wall", "motion", "period"), "1.4", "scene.wall.motion.period: input should be a valid number"),
-        (("scene", "run", "duration"), float("nan"), "scene.run.duration: input should be a finite number"),
+        (("case", "tank"), 1, "case.tank: input should be an object"),
+        (("case", "wall", "motion", "period"), "1.4", "case.wall.motion.period: input should be a valid number"),
+        (("case", "run", "duration"), float("nan"), "case.run.duration: input should be a finite number"),
     ],
 )
 def test_key_of_a_wrong_value_of_a_manifest_is_named(path, wrong, message, run, write, capsys):
@@ -442,7 +442,7 @@ def test_progress_is_written_every_few_seconds(monkeypatch):
 # ---------------------------------------------------------------- last lines
 SHORT = ("run.duration=0.4", "numerics.cells=8", "numerics.vertical_order=4", "numerics.dt=0.02")
 SPENT = {
-    "scene": {"run": {"duration": 10.0}},
+    "case": {"run": {"duration": 10.0}},
     "parts": [{"ranks": 3}],
     "t": 10.0,
     "timings": {"stepping_s": 5.0, "stepping_cpu_s": 12.0},
@@ -477,7 +477,7 @@ def test_last_lines_agree_with_the_records_on_any_number_of_ranks(recorded_on_ra
 
 
 BROKEN = {"t": 9.9, "checkpoints": [9.0, 6.0], "broke_down": {"crests": []}}
-DAMPED = SPENT["scene"] | {"run": SPENT["scene"]["run"] | {"on_breaking": "dissipate"}}
+DAMPED = SPENT["case"] | {"run": SPENT["case"]["run"] | {"on_breaking": "dissipate"}}
 FAST = {"checkpoints": [], "broke_down": {"crests": [{"speed_ratio": 0.9}]}}
 ANEW = "anew from the start"
 ENDED = [  # what differs from a finished run, since when it is untrue [s], what to do next
@@ -493,7 +493,7 @@ ENDED = [  # what differs from a finished run, since when it is untrue [s], what
     (BROKEN | {"checkpoints": [], "cure": "numerics.tolerance=1e-05"}, None, f"{ANEW} with --set numerics.tolerance"),
     (FAST, None, f"{ANEW} with --set run.on_breaking=dissipate: there is no checkpoint"),
     (FAST | {"cure": "numerics.dt=0.03"}, None, f"{ANEW} with --set run.on_breaking=dissipate --set numerics.dt=0.03"),
-    (FAST | {"scene": DAMPED}, None, f"{ANEW} with --set numerics.dt=0.05: there is no checkpoint"),
+    (FAST | {"case": DAMPED}, None, f"{ANEW} with --set numerics.dt=0.05: there is no checkpoint"),
 ]
 
 

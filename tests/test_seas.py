@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sympy
+from case_builders import SLICE, scene
 from conftest import needs_data, recorded
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpi4py import MPI
-from scenes import SLICE, scene
 from scipy.interpolate import CubicSpline
 from scipy.special import gamma as gamma_function
 
@@ -585,7 +585,7 @@ def test_water_that_a_plan_makes_linear_is_generated_linearly():
     motion = REGULAR | {"period": 2.0, "height": 1e-4}
     low = case_of(motion)
     assert low.ends[0].generation[0] == "second-order" and low.motion().position(9.0)
-    found = planned(low, MPI.COMM_SELF).scene
+    found = planned(low, MPI.COMM_SELF).case
     assert found.physics == "linear"
     assert found.motion().position(9.0) == case_of(motion | LINEAR).motion().position(9.0)
 

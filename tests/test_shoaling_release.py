@@ -56,10 +56,10 @@ def test_the_envelope_is_that_of_fully_nonlinear_potential_flow():
     """And it is not just any model's: the crests of a Boussinesq model are off by five times as much and more."""
     for file in sum(FILES, ()):
         needs_data(REFERENCE, file)
-    scene = read_case(CASE, ["output.surface_every=0.01"])
+    case = read_case(CASE, ["output.surface_every=0.01"])
     envelope, energy = Envelope(), Memory()
-    run, waves = build_run(scene, MPI.COMM_SELF)
-    run.diagnostics += build_observers(scene, waves, Records(Memory(), energy, envelope), sinks=run.sinks)
+    run, waves = build_run(case, MPI.COMM_SELF)
+    run.diagnostics += build_observers(case, waves, Records(Memory(), energy, envelope), sinks=run.sinks)
     run.execute()
     for potential_flow, boussinesq in FILES:
         published = Envelope.read(potential_flow)

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from case_builders import scene
 from conftest import fitted_slope
 from mpi4py import MPI
 from records import gauge_rows
-from scenes import scene
 from scipy.interpolate import CubicSpline
 
 from wavetank.base.errors import InputError
@@ -132,7 +132,7 @@ def test_a_start_that_a_wall_cuts_is_warned_of(initial, x, warned):
     """Oracle: with 0.2 of the height at a wall the wave is 0.07 off 20 depths later, relative root mean square."""
     tank, numerics = {"length": 24.0, "depth": 1.0}, {"cell_size": 0.4}
     case = scene(tank, duration=1.0, initial=initial | {"x": x}, numerics=numerics)
-    said = [*map(str, cut_starts(planned(case, MPI.COMM_SELF).scene, None))]
+    said = [*map(str, cut_starts(planned(case, MPI.COMM_SELF).case, None))]
     assert len(said) == bool(warned) and all(warned in one for one in said)
 
 

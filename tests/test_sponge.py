@@ -319,13 +319,13 @@ def test_a_negative_rate_is_refused_with_its_place():
 @pytest.mark.parametrize("piston", ["linear", "nonlinear"])
 def test_end_sponge_is_measured_from_the_paddle_of_a_turned_basin(piston):
     """Oracle: the same basin with its paddle at x = 0 and no wall that moves; this one is turned."""
-    sponge, scene = EndSponge(length=1.5, strength=2.0), SimpleNamespace(tank=None, ends=[SimpleNamespace(period=None)])
+    sponge, case = EndSponge(length=1.5, strength=2.0), SimpleNamespace(tank=None, ends=[SimpleNamespace(period=None)])
     (straight, _), (plane, side) = basin_of(), basin_of(angle=0.7)
-    expected = build_sponge(scene, sponge, None, SimpleNamespace(plane=straight, wall=Wall()))
+    expected = build_sponge(case, sponge, None, SimpleNamespace(plane=straight, wall=Wall()))
     wall = Wall(LinearPaddle(AT_REST, side=side))
     if piston == "nonlinear":
         wall = Wall(Paddle(AT_REST, plane=plane, reach=2.0, side=side))
-    found = build_sponge(scene, sponge, None, SimpleNamespace(plane=plane, wall=wall))
+    found = build_sponge(case, sponge, None, SimpleNamespace(plane=plane, wall=wall))
     assert expected == pytest.approx(2.0 * np.clip((straight.x - 2.5) / 1.5, 0.0, 1.0) ** 2, abs=1e-12)  # of 4 m
     assert expected.max() == pytest.approx(2.0) and found == pytest.approx(expected, abs=1e-12)
 
@@ -371,7 +371,7 @@ def test_a_sponge_is_the_same_on_any_number_of_ranks(on_ranks):
         assert together == pytest.approx(alone, rel=1e-9)
 
 
-# ---------------------------------------------------------------- in a scene
+# ---------------------------------------------------------------- in a case
 @pytest.mark.parametrize(
     ("sponge", "tank", "sentence"),
     [

@@ -106,7 +106,7 @@ def test_combinations_are_the_product_of_the_values():
     values = {"dt": (0.01, 0.02), "n": (4, 6, 7), "cells": (8,), "initial.wave_amplitude": (0.01, 0.09, 0.03)}
     found = combinations([f"{name}={','.join(map(str, each))}" for name, each in values.items()])
     assert [tuple(map(float, one.values.values())) for one in found] == list(product(*values.values()))
-    scenes = [(one.scene.numerics, one.scene.initial.wave_amplitude) for one in found]
+    scenes = [(one.case.numerics, one.case.initial.wave_amplitude) for one in found]
     assert [(n.dt, n.vertical_order, n.cells, a) for n, a in scenes] == list(product(*values.values()))
     assert len({one.name for one in found}) == len(found)
     assert combinations(["title=a/b c"])[0].name == "title=a%2Fb%20c"
@@ -119,16 +119,16 @@ def test_ranges_of_seeds_are_expanded():
 
 def test_reference_of_each_water_is_its_finest_combination_refined():
     groups = sweep.same_but_numerics(combinations(["initial.wave_amplitude=0.01,0.02", "dt=0.02,0.04"]))
-    assert [{one.scene.initial.wave_amplitude for one in group} for group in groups] == [{0.01}, {0.02}]
+    assert [{one.case.initial.wave_amplitude for one in group} for group in groups] == [{0.01}, {0.02}]
     found = combinations(["dt=0.02,0.04", "n=4,16", "cells=8,16", "integrator=stormer-verlet,third-order"])
     coarse = sweep.finest(found)
     assert coarse.values == {"dt": "0.02", "n": "16", "cells": "16", "integrator": "third-order"}
-    numerics = sweep.refined(CASE, coarse, dt=0.02, name="reference").scene.numerics
+    numerics = sweep.refined(CASE, coarse, dt=0.02, name="reference").case.numerics
     assert (numerics.dt, numerics.cells, numerics.vertical_order) == (0.01, 32, 16)
     assert (numerics.integrator, numerics.tolerance) == ("third-order", pytest.approx(1e-7))
     layout = ["tank.layout={type='file', file='basin.msh'}", "numerics.cell_size="]
     (coarse,) = combinations(["numerics.order=3"], layout[:1], BASIN["case"])
-    assert sweep.refined(BASIN["case"], coarse, dt=0.1, name="reference").scene.numerics.order == 4
+    assert sweep.refined(BASIN["case"], coarse, dt=0.1, name="reference").case.numerics.order == 4
 
 
 @pytest.mark.parametrize(
@@ -298,7 +298,7 @@ numerics = {cell_size = 0.5, order = 3, vertical_order = 4}
 """)
     runs = combinations(sweeps, case=case)
     fine = sweep.refined(case, sweep.finest(runs), dt=0.025, name="reference")
-    assert (fine.scene.numerics.dt, fine.scene.cell_size) == (0.0125, 0.25)
+    assert (fine.case.numerics.dt, fine.case.cell_size) == (0.0125, 0.25)
     for one in (*runs, fine):
         recorded(case, one.overrides, tmp_path / "out" / one.name)
     _, said = study(tmp_path / "out", sweeps, case)
@@ -377,9 +377,9 @@ def test_run_of_another_case_is_not_replaced(tmp_path):
     """Another number is given, also if a file that the case names had another content; an unfinished run is resumed."""
     (one,) = combinations(["dt=0.02"])
     other, files = read_case(CASE, ["tank.depth=2.0"]), {"wall.motion.file": "of another content"}
-    for scene, more in ((other, {}), (one.scene, {"files": files}), (one.scene, {})):
+    for scene, more in ((other, {}), (one.case, {"files": files}), (one.case, {})):
         folder = Runner(CASE, tmp_path, at_once=1).directory(one)
-        with RunWriter(folder, {"scene": scene.model_dump(mode="json"), **more}):
+        with RunWriter(folder, {"case": scene.model_dump(mode="json"), **more}):
             pass
     assert folder == tmp_path / f"{one.name}-3"
     assert Runner(CASE, tmp_path, at_once=1).directory(one) == folder
@@ -393,7 +393,7 @@ def test_run_of_another_case_is_not_replaced(tmp_path):
 )
 def test_unfinished_run_is_resumed_or_starts_again(tmp_path, monkeypatch, error, ways):
     (one,) = combinations(["dt=0.04"], LINEAR)
-    with RunWriter(tmp_path / one.name, {"scene": one.scene.model_dump(mode="json")}) as writer:
+    with RunWriter(tmp_path / one.name, {"case": one.case.model_dump(mode="json")}) as writer:
         writer.checkpoint(Checkpoint({"format": FORMAT, "t": 1.0, "step": 5}, "{}", [], np.zeros((1, 3))))
         writer.fail(error)
     asked = []

@@ -132,7 +132,7 @@ def study_table(case, sweeps, measures):
     axes = parse_axes(sweeps)
     found, _ = combinations(CASES / case, axes)
     rows = [Row(one.values, "finished", "", *measures(n, one.values)) for n, one in enumerate(found)]
-    return StudyTable(rows, axes, found[0].scene)
+    return StudyTable(rows, axes, found[0].case)
 
 
 def opened(panel):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scenes import piston, scene
+from case_builders import piston, scene
 
 from wavetank.planning import travel
 from wavetank.planning.plan import make_plan

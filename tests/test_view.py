@@ -36,8 +36,8 @@ def record(path, tank=TANK, *, elevation=travelling, paddle=0.0, far=0.0, times=
     t, names = np.reshape(times, (-1, 1)), [str(n) for n, _ in enumerate(gauges, start=1)]
     moved = x + np.sin(2 * np.pi * t / PERIOD) * (paddle * (1 - x / LENGTH) + far * x / LENGTH)
     at = gauge_array(names, gauges, np.zeros(len(names)), times, np.zeros((len(names), len(times))))
-    scene = {"title": title, "tank": tank, "sponge": None, **fixed, **fitted}
-    return write_run(path, scene, gauges=at, surface=surface(times, moved, elevation(moved, t)))
+    case = {"title": title, "tank": tank, "sponge": None, **fixed, **fitted}
+    return write_run(path, case, gauges=at, surface=surface(times, moved, elevation(moved, t)))
 
 
 @pytest.fixture

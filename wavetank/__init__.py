@@ -2,8 +2,8 @@
 
     import wavetank as wt
 
-    scene = wt.read_case("cases/focusing.toml", ["run.duration=30"])
-    run = wt.run(scene, "runs/focusing")
+    case = wt.read_case("cases/focusing.toml", ["run.duration=30"])
+    run = wt.run(case, "runs/focusing")
     run.gauges, run.energy, run.paddle, run.surface      # xarray; wt.open_run("runs/focusing") has them later
     wt.resume("runs/focusing", extend=10)                # and goes on
 

@@ -108,7 +108,7 @@ def new(
 
 @may_execute
 def run(
-    case: Annotated[
+    case_file: Annotated[
         Path | None, typer.Argument(help="case file (TOML); without one, the cases at hand are listed", metavar="CASE")
     ] = None,
     out: Annotated[
@@ -123,20 +123,20 @@ def run(
     ] = False,
 ) -> None:
     """Run a case; also under mpirun."""
-    if case is None:
+    if case_file is None:
         _list_cases()
         raise typer.Exit(2)  # nothing has been run
     if resume and overwrite:
         raise InputError("--resume and --overwrite: give one of them; a run goes on, or is replaced.")
     from wavetank.case.reading import located, read_case
 
-    scene = read_case(case, overrides or [])
-    place = OutputPath.of(out, Path("runs") / case.stem, overwrite=overwrite or resume)
+    case = read_case(case_file, overrides or [])
+    place = OutputPath.of(out, Path("runs") / case_file.stem, overwrite=overwrite or resume)
     from wavetank.recording import record_run
 
-    with located(case, overrides or []):
+    with located(case_file, overrides or []):
         draw = _draw if plots else None
-        record_run(scene, place, comm=MPI.COMM_WORLD, console=console(), draw=draw, accept_cost=yes, resume=resume)
+        record_run(case, place, comm=MPI.COMM_WORLD, console=console(), draw=draw, accept_cost=yes, resume=resume)
 
 
 @may_execute

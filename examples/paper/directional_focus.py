@@ -45,12 +45,12 @@ class Focus:
         Elevation over A, shape (T, N).
     """
 
-    def __init__(self, scene: Case):
-        run, waves = build_run(scene, MPI.COMM_SELF)
+    def __init__(self, case: Case):
+        run, waves = build_run(case, MPI.COMM_SELF)
         surfaces = Surfaces()
         run.diagnostics.append(surfaces)
         run.execute()
-        self._scene, self.motion = scene, _motion(scene)
+        self._case, self.motion = case, _motion(case)
         self.x, self.y = waves.plane.places.T
         self.t, self.eta = np.array(surfaces.t), np.array(surfaces.eta) / self.motion.linear_crest
 
@@ -73,7 +73,7 @@ class Focus:
 
     def linear(self, t: float) -> Array:
         """Return the theory's elevation over A at a time [s], shape (N,)."""
-        waves = self.motion.target(self._scene.tank)
+        waves = self.motion.target(self._case.tank)
         return np.asarray(waves.elevation(self.x, t, y=self.y) / self.motion.linear_crest)
 
     def misfit(self, *, beyond: float) -> float:
@@ -82,13 +82,13 @@ class Focus:
         From one depth before the paddle, whose near field theory leaves out, to ``beyond`` [m] the focus.
         """
         exact = self.linear(self.motion.focus_time)
-        seen = (self.x > self._scene.tank.depth) & (self.x < self.motion.focus_x + beyond)
+        seen = (self.x > self._case.tank.depth) & (self.x < self.motion.focus_x + beyond)
         difference = (self.in_focus - exact)[seen]
         return float(np.sqrt(np.mean(difference**2) / np.mean(exact[seen] ** 2)))
 
 
-def _motion(scene: Case) -> ReflectedFocusMotion:
-    wall = scene.wall
+def _motion(case: Case) -> ReflectedFocusMotion:
+    wall = case.wall
     if isinstance(wall, SegmentedPistonWall) and isinstance(wall.motion, ReflectedFocusMotion):
         return wall.motion
     raise InputError(f"wall.type = {wall.type}: must be a segmented-piston with a motion of type reflected-focus.")

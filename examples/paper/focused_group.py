@@ -48,7 +48,7 @@ def expanded(crest: float) -> Array:
     return ExpandedWaves(eta=eta, psi=psi, length=LENGTH, depth=DEPTH, gravity=GRAVITY).orders(TIME)
 
 
-def scene(crest: float) -> Case:
+def case(crest: float) -> Case:
     """Return the ring with the linear waves of a crest [m] in it."""
     waves = linear_group(crest)
     turned = np.angle(waves.amplitudes)
@@ -71,7 +71,7 @@ def scene(crest: float) -> Case:
 
 def computed(crest: float) -> tuple[Array, Array]:
     """Return places x and the tank's elevation [m] there at the focus' time."""
-    run, waves = build_run(scene(crest), MPI.COMM_SELF)
+    run, waves = build_run(case(crest), MPI.COMM_SELF)
     last = Surfaces(start=TIME - 0.5 * STEP)
     run.diagnostics.append(last)
     run.execute()

@@ -121,8 +121,8 @@ def _period(t: Array, signal: Array, near: float) -> float:
     return float(minimize_scalar(left, bounds=(0.985 * near, 1.015 * near), method="bounded").x)
 
 
-def scene(name: str) -> Case:
-    """Return the scene of a record, T01_H1 for example."""
+def case(name: str) -> Case:
+    """Return the case of a record, T01_H1 for example."""
     motion = {"type": "recorded", "position": f"data:{DATA}/{name}.csv.gz", "column": "paddle", "gain": GAIN}
     wall = {"type": "flap", "hinge": 0.1, "stroke_height": 1.6, "reach": 3.0}
     return Case.model_validate(
@@ -139,7 +139,7 @@ def scene(name: str) -> Case:
 def waves(name: str) -> Waves:
     """Return a record, computed anew; raises ``InputError`` where the data are not."""
     _, measured, _ = read_columns(data.find(DATA, f"{name}.csv.gz"))
-    run, tank = build_run(scene(name), MPI.COMM_SELF)
+    run, tank = build_run(case(name), MPI.COMM_SELF)
     record = Memory()
     places = np.array([(x, 0.0) for x in PLACES])
     run.diagnostics.append(Gauges(tank, places, record=record, schedule=EverySteps()))

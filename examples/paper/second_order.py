@@ -64,8 +64,8 @@ class Tank:
         slowest = float(group_velocity(self.free, 1.0, GRAVITY))
         self.duration = self.end / slowest + 8.0 * self.period
 
-    def scene(self, generation: str) -> Case:
-        """Return the scene with a generation."""
+    def case(self, generation: str) -> Case:
+        """Return the case with a generation."""
         motion = {"type": "regular", "height": 2.0 * self.a, "period": self.period, "ramp": 3.0 * self.period}
         return Case.model_validate(
             {
@@ -83,7 +83,7 @@ class Tank:
 
     def harmonics(self, generation: str) -> "Harmonics":
         """Return the first and second harmonic along the tank, of the last two periods of a run."""
-        run, waves = build_run(self.scene(generation), MPI.COMM_SELF)
+        run, waves = build_run(self.case(generation), MPI.COMM_SELF)
         last = Surfaces(start=self.duration - 2.02 * self.period)
         run.diagnostics.append(last)
         run.execute()

@@ -80,7 +80,7 @@ def released(height: float, integrator: str, *, periods: int = PERIODS) -> Relea
     """Return the wave released from rest; raises ``RunError`` at a breakdown."""
     cells, steps = RESOLUTION[height]
     wave = at_rest(height)
-    built, waves = build_run(_scene(height, wave.period, integrator, periods=periods), MPI.COMM_SELF)
+    built, waves = build_run(_case(height, wave.period, integrator, periods=periods), MPI.COMM_SELF)
     assert isinstance(waves, NonlinearWaves)
     start = wave.elevation(waves.plane.x)
     state = waves.state(start, 0 * start)
@@ -101,7 +101,7 @@ def released(height: float, integrator: str, *, periods: int = PERIODS) -> Relea
     return Released(row, waves.plane.x, surfaces)
 
 
-def _scene(height: float, period: float, integrator: str, *, periods: int) -> Case:
+def _case(height: float, period: float, integrator: str, *, periods: int) -> Case:
     cells, steps = RESOLUTION[height]
     numerics = {"cells": cells, "vertical_order": VERTICAL_ORDER, "dt": period / steps, "tolerance": 1e-9}
     return Case.model_validate(

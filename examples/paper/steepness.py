@@ -127,7 +127,7 @@ def resolution(kd: float, steepness: float) -> tuple[int, int]:
     return round(factor * cells), round(factor * steps)
 
 
-def scene(kd: float, steepness: float, *, periods: float, integrator: str = SIMPSON, longer: int = 1) -> Case:
+def case_of(kd: float, steepness: float, *, periods: float, integrator: str = SIMPSON, longer: int = 1) -> Case:
     """Return the case, depth 1 m; a step is so many times as long as one of ``resolution``."""
     (cells, steps), length = resolution(kd, steepness), 2 * np.pi / kd
     wave = stream_function_wave(steepness * maximum_height(length, 1.0), length, depth=1.0)
@@ -150,7 +150,7 @@ def scene(kd: float, steepness: float, *, periods: float, integrator: str = SIMP
 
 def row(kd: float, steepness: float, *, periods: float, integrator: str = SIMPSON, longer: int = 1) -> Row:
     """Return the changes of the wave; after a breakdown those until then."""
-    case = scene(kd, steepness, periods=periods, integrator=integrator, longer=longer)
+    case = case_of(kd, steepness, periods=periods, integrator=integrator, longer=longer)
     (cells, steps), length = resolution(kd, steepness), case.tank.length
     run, waves = build_run(case, MPI.COMM_SELF)
     assert isinstance(waves, NonlinearWaves)

@@ -168,9 +168,9 @@ def _run_elevation(run: RunDirectory, along: tuple[float, float, int] | None) ->
 
 def _run_parameters(run: RunDirectory) -> dict[str, Any]:
     """Return the attributes of a record that a run's manifest has."""
-    scene = run.manifest.get("scene", {})
-    tank, bed = scene.get("tank", {}), still_water(run)
-    motions = {key: (scene.get(key) or {}).get("motion") for key in ("wall", "far_wall")}
+    case = run.manifest.get("case", {})
+    tank, bed = case.get("tank", {}), still_water(run)
+    motions = {key: (case.get(key) or {}).get("motion") for key in ("wall", "far_wall")}
     driven = {key: motion for key, motion in motions.items() if motion and motion.get("type") != "at-rest"}
     length = tank.get("length", tank.get("layout", {}).get("length"))
     return {

@@ -1,4 +1,4 @@
-"""The bed and the sponge of a run, from its scene; a bed by code from its record; the surface of a ring closed."""
+"""The bed and the sponge of a run, from its case; a bed by code from its record; the surface of a ring closed."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -21,7 +21,7 @@ def still_water(run: RunDirectory) -> Depth | None:
     Raises ``InputError`` if the bed is in a file that cannot be had or used.
     """
     try:
-        tank: AnyTank = TypeAdapter(Tank).validate_python(run.manifest["scene"]["tank"])
+        tank: AnyTank = TypeAdapter(Tank).validate_python(run.manifest["case"]["tank"])
     except (KeyError, ValidationError):
         return None
     if isinstance(tank.bed, PythonBed) and (run.path / BED).exists():
@@ -48,12 +48,12 @@ def _recorded(run: RunDirectory) -> Depth:
     return lambda *at: np.where(np.isnan(depths := inside(*at)), outside(*at), depths)
 
 
-def sponge_rate(scene: Mapping[str, Any], x: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def sponge_rate(case: Mapping[str, Any], x: NDArray[np.float64]) -> NDArray[np.float64] | None:
     """Return the damping rate of a slice's sponge at x [m] up to a factor, shape (N,); None without a sponge.
 
-    ``scene`` is that of a manifest; x goes to the end of the tank.
+    ``case`` is that of a manifest; x goes to the end of the tank.
     """
-    match scene.get("sponge"):
+    match case.get("sponge"):
         case {"type": "end", "length": length}:
             return np.asarray(np.clip(1.0 + (x - x.max()) / length, 0.0, 1.0) ** 2)
         case {"type": "formula", "gamma": _} as formula:

@@ -5,7 +5,7 @@
 
 Each is a zip archive of files that are not compressed, every one with its checksum (CRC-32):
 
-    about.json    the run's id and the program's revision, as in its manifest; its scene and parts, time and step, the
+    about.json    the run's id and the program's revision, as in its manifest; its case and parts, time and step, the
                   extents of its records; ``whole``: whether the state has the history of the solvers
     held.json     the surface, and the state of the run (``wavetank/base/state.py``), {"array": n} in the place of its
                   n-th array
@@ -87,7 +87,7 @@ class Description:
         Time [s], number of the step, the clock of the run, the water's volume.
     whole
         Whether the state has the history of the solvers.
-    scene, chosen, files, observers
+    case, chosen, files, observers
         The case as requested and with planned numerics, checksums of its files, names of a user's observers.
     parts, warnings
         Parts of the run, and its warnings.
@@ -103,7 +103,7 @@ class Description:
     clock: StepClock
     whole: bool
     mass: float
-    scene: dict[str, Any]
+    case: dict[str, Any]
     chosen: dict[str, Any]
     files: dict[str, Any]
     observers: list[str]

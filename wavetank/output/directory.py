@@ -1,6 +1,6 @@
 """The run directory: the files of a run, written while it is computed, so that a killed run has records.
 
-    manifest.json   the evaluated scene, versions, host, command, git revision, timings, counters, status
+    manifest.json   the evaluated case, versions, host, command, git revision, timings, counters, status
     gauges.csv      t [s], then one column a gauge, elevation [m]; the header names each by its place, "5@x=50" or
                     "5@x=50;y=2" beside the line y = 0
     gauges.nc       the same as CF-NetCDF, when the run has ended
@@ -139,7 +139,7 @@ class RunDirectory:
     @property
     def title(self) -> str:
         """The case's title."""
-        return str(self.manifest.get("scene", {}).get("title", ""))
+        return str(self.manifest.get("case", {}).get("title", ""))
 
     # ------------------------------------------------------------ as xarray, which takes a second to load
     @property
@@ -168,7 +168,7 @@ class RunDirectory:
 
     def _motion(self, wall: str) -> "xarray.Dataset":
         """Return the record of a wall by its key."""
-        if self.manifest.get("scene", {}).get(wall, {}).get("type") == "fixed":
+        if self.manifest.get("case", {}).get(wall, {}).get("type") == "fixed":
             name = wall.replace("_", " ")
             raise InputError(f"{self.path}: the {name} does not move in this run, so there is no record of a paddle.")
         return self._dataset(PADDLES[wall])

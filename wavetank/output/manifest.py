@@ -1,6 +1,6 @@
 """The schema of a manifest: types of the keys that are read of it; further keys are allowed.
 
-A scene is validated as a case where a run is resumed (``case/``). Here are the keys of it that figures, comparisons and
+A case is validated as a case where a run is resumed (``case/``). Here are the keys of it that figures, comparisons and
 analyses use, also of a run of another version of this program.
 """
 
@@ -73,7 +73,7 @@ MANIFEST_CONTENT = _object(
     warnings=GenericAlias(list, (WARNING | str,)),  # sentences in older manifests
     versions=dict[str, str],
     files=dict[str, str],
-    scene=SCENE,
+    case=SCENE,
     planned=_object(numerics=NUMERICS) | None,
     progress=_object(t=float, begin=float, end=NUMBER, wall_s=float),
     numerics=NUMERICS,

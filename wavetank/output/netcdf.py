@@ -28,7 +28,7 @@ def conventions(manifest: Mapping[str, Any]) -> dict[str, str]:
     """Return the global attributes of a run's file by CF: title, source, history and conventions."""
     version = manifest.get("versions", {}).get("wavetank", "unknown")
     return {
-        "title": str(manifest.get("scene", {}).get("title", "")),
+        "title": str(manifest.get("case", {}).get("title", "")),
         "source": f"wavetank {version}, revision {manifest.get('git') or 'unknown'}",
         "history": f"{manifest.get('started', '')} {shlex.join(manifest.get('command', []))}".strip(),
         "Conventions": "CF-1.8",

@@ -64,7 +64,7 @@ CELL_SIZE, ORDER = "numerics.cell_size", "numerics.vertical_order"
 
 
 def run_warnings(
-    scene: Case,
+    case: Case,
     clock: Clock,
     waves: AnyWaves,
     *,
@@ -73,22 +73,22 @@ def run_warnings(
 ) -> list[RunWarning]:
     """Return the warnings of a run before its first step, the same on all ranks; collective.
 
-    ``own`` is a user's integrator in place of the scene's: no error is predicted then, as if no plan can be made.
+    ``own`` is a user's integrator in place of the case's: no error is predicted then, as if no plan can be made.
     ``accuracy`` is the one that the case names.
     """
-    scheme = own or INTEGRATORS[scene.numerics.integrator]()
-    no_prediction = own is not None or unplanned(scene) is not None or any(too_short(scene))
+    scheme = own or INTEGRATORS[case.numerics.integrator]()
+    no_prediction = own is not None or unplanned(case) is not None or any(too_short(case))
     return [
-        *cut_starts(scene, accuracy),
-        *(waves_missed(scene, waves.plane.cell_size) if no_prediction else predicted(scene)),
-        *(warning for view in scene.paddles for warning in view.wall.motion.warnings(scene.tank)),
-        *too_high(scene),
-        *too_long(scene),
-        *reflecting_sponge(scene),
-        *coarse(scene, waves.plane.cell_size),
-        *missed_motion(scene, clock, scheme.nodes),
-        *unstable_step(scene, clock, waves, scheme),
-        *([] if no_prediction else unstable_under_crests(scene, clock, waves, scheme)),
+        *cut_starts(case, accuracy),
+        *(waves_missed(case, waves.plane.cell_size) if no_prediction else predicted(case)),
+        *(warning for view in case.paddles for warning in view.wall.motion.warnings(case.tank)),
+        *too_high(case),
+        *too_long(case),
+        *reflecting_sponge(case),
+        *coarse(case, waves.plane.cell_size),
+        *missed_motion(case, clock, scheme.nodes),
+        *unstable_step(case, clock, waves, scheme),
+        *([] if no_prediction else unstable_under_crests(case, clock, waves, scheme)),
     ]
 
 
@@ -97,9 +97,9 @@ LARGEST_CUT = 0.01  # of the height, at an end
 CUT = {SolitaryWave: ("solitary wave", 0.4), FocusedSurface: ("group", 1.0)}  # F
 
 
-def cut_starts(scene: Case, accuracy: float | None) -> Iterator[RunWarning]:
+def cut_starts(case: Case, accuracy: float | None) -> Iterator[RunWarning]:
     """Yield a warning if an end cuts the initial wave by more than ``LARGEST_CUT`` or the accuracy allows."""
-    initial, tank = scene.initial, scene.tank
+    initial, tank = case.initial, case.tank
     if not isinstance(initial, SolitaryWave | FocusedSurface) or not isinstance(tank, SliceTank):
         return
     end = 0 if initial.x < tank.length / 2 else 1
@@ -119,13 +119,13 @@ LONGEST = 10.0  # lengths of the tank: records of longer waves have times in ms
 MOST_TIMES = 2**15  # an hour in a metre of water: of longer runs the first part
 
 
-def too_high(scene: Case) -> Iterator[RunWarning]:
+def too_high(case: Case) -> Iterator[RunWarning]:
     """Yield a warning for each paddle along a slice whose waves are to break, unless the run dissipates them."""
-    breaks = scene.physics == "nonlinear" and scene.run.on_breaking != "dissipate"
-    for view in scene.paddles if breaks and not isinstance(scene.tank, BasinTank) else ():
+    breaks = case.physics == "nonlinear" and case.run.on_breaking != "dissipate"
+    for view in case.paddles if breaks and not isinstance(case.tank, BasinTank) else ():
         height, length, x, t = _paddle_wave_heights(view) if view.motion().moves else np.empty((4, 0))
         large = height >= LARGE * height.max(initial=0.0)
-        highest = np.array([stream_function.maximum_height(one, scene.tank.depth) for one in length])
+        highest = np.array([stream_function.maximum_height(one, case.tank.depth) for one in length])
         if not large.any() or (height / highest)[large].max() <= BREAKS:
             continue
         n = int(np.argmax(np.where(large, height / highest, 0.0)))
@@ -135,17 +135,17 @@ def too_high(scene: Case) -> Iterator[RunWarning]:
         yield RunWarning("wave-too-high", view.key, float(height[n]), limit, **place, details=details)
 
 
-def too_long(scene: Case) -> Iterator[RunWarning]:
+def too_long(case: Case) -> Iterator[RunWarning]:
     """Yield a warning for each recorded paddle whose waves are many times as long as the tank."""
-    for view in scene.paddles:
+    for view in case.paddles:
         period, motion = view.period, view.wall.motion
         if period is None or not isinstance(motion, RecordedMotion):
             continue
-        length = 2 * np.pi / float(airy.wave_number(2 * np.pi / period, scene.tank.depth, scene.tank.gravity))
-        if length > LONGEST * scene.tank.length:
+        length = 2 * np.pi / float(airy.wave_number(2 * np.pi / period, case.tank.depth, case.tank.gravity))
+        if length > LONGEST * case.tank.length:
             details: dict[str, float | str] = {"length": length, "period": period, "note": motion.units_note}
             yield RunWarning(
-                "waves-too-long", f"{view.key}.motion", length, LONGEST * scene.tank.length, details=details
+                "waves-too-long", f"{view.key}.motion", length, LONGEST * case.tank.length, details=details
             )
 
 
@@ -182,12 +182,12 @@ REFLECTED = 0.1  # reflection coefficient of a sponge: steep waves broke from 0.
 LAYERS = 2000  # layers of a sponge
 
 
-def reflecting_sponge(scene: Case) -> Iterator[RunWarning]:
+def reflecting_sponge(case: Case) -> Iterator[RunWarning]:
     """Yield a warning for each paddle whose waves the sponge reflects, by their length where it is shallow.
 
     That is within the sponge along a slice, and in all water of a basin; sponges of basins by formula are not checked.
     """
-    sponge, tank, bed, depth = scene.sponge, scene.tank, scene.depths(), bed_shape(scene).shallow
+    sponge, tank, bed, depth = case.sponge, case.tank, case.depths(), bed_shape(case).shallow
     length: float | None = getattr(getattr(tank, "layout", None), "sponge_length", None)
     if isinstance(sponge, EndSponge):
         length = sponge.length
@@ -197,13 +197,13 @@ def reflecting_sponge(scene: Case) -> Iterator[RunWarning]:
         return
     step = length / LAYERS
     x = step * (np.arange(LAYERS, dtype=np.float64) + 0.5)
-    for view in scene.paddles:
+    for view in case.paddles:
         if (period := view.period) is None:
             continue
         if isinstance(sponge, FormulaSponge):
             gamma = sponge.build()(x[::-1] if view.far else x, 0 * x)
         else:
-            gamma = profile(x, width=length, strength=sponge.strength_for(length, tank, paddle=scene.ends[0].period))
+            gamma = profile(x, width=length, strength=sponge.strength_for(length, tank, paddle=case.ends[0].period))
         if callable(bed) and isinstance(tank, SliceTank) and gamma.any():
             depth = float(bed(view.distance(tank.length - length + x), 0 * x)[gamma > 0].min())
         omega, end = 2 * np.pi / period, 0.0 if getattr(view.opposite, "absorb", None) else 1.0
@@ -221,29 +221,29 @@ NOISE_FREE = 1.4  # steps under the highest crest over the limit of the scheme u
 SHORT = 0.1  # of the power of a paddle's velocity: its shortest waves
 
 
-def predicted(scene: Case) -> Iterator[RunWarning]:
-    """Yield a warning if a plan predicts a large error of the scene's own numerics, in as long a run."""
+def predicted(case: Case) -> Iterator[RunWarning]:
+    """Yield a warning if a plan predicts a large error of the case's own numerics, in as long a run."""
     try:
-        error = min(own_plan(scene, DEFAULT).error, 1.0)
+        error = min(own_plan(case, DEFAULT).error, 1.0)
     except InputError:
         return  # no plan can be made
     if error > INACCURATE:
-        kd = requirements(scene, DEFAULT).k * scene.tank.depth
+        kd = requirements(case, DEFAULT).k * case.tank.depth
         deep = relative_frequency_error(kd, HIGHEST_VERTICAL_ORDER) >= MAX_ERROR
         code = "inaccurate-deep-waves" if deep else "inaccurate"
         yield RunWarning(code, key="numerics", value=error, limit=INACCURATE, details={"kd": kd})
 
 
-def waves_missed(scene: Case, cell_size: float) -> Iterator[RunWarning]:
+def waves_missed(case: Case, cell_size: float) -> Iterator[RunWarning]:
     """Yield a warning for each paddle whose waves the cells, of a size [m], miss, and if the vertical order does.
 
     Checked are the waves of the mean frequency, then the shortest tenth; cells at the smallest depth, where waves are
     short, the vertical order at the largest.
     """
-    bed, order, n, g = bed_shape(scene), scene.numerics.order, scene.numerics.vertical_order, scene.tank.gravity
+    bed, order, n, g = bed_shape(case), case.numerics.order, case.numerics.vertical_order, case.tank.gravity
     cells = UniformCells(order, cell_size)
     mesh = Mesh(cells=cells, vertical_order=n, depth=bed.shallow, gravity=g)
-    for view in scene.paddles:
+    for view in case.paddles:
         if (period := view.period) is None:
             continue
         frequencies = 2 * np.pi / period, frequency_below(view, 1 - SHORT)
@@ -268,24 +268,24 @@ def waves_missed(scene: Case, cell_size: float) -> Iterator[RunWarning]:
             break
 
 
-def coarse(scene: Case, cell_size: float) -> Iterator[RunWarning]:
+def coarse(case: Case, cell_size: float) -> Iterator[RunWarning]:
     """Yield a warning if over a bed cells, of a size [m], or the vertical order are far from the rule's."""
-    if scene.tank.bed is None:
+    if case.tank.bed is None:
         return
-    rule, order = by_rule(scene), scene.numerics.vertical_order
-    finer = max(scene.numerics.order / 3, 1.0)  # by the distance of nodes; the rule is the same from order 3 on
+    rule, order = by_rule(case), case.numerics.vertical_order
+    finer = max(case.numerics.order / 3, 1.0)  # by the distance of nodes; the rule is the same from order 3 on
     if cell_size > COARSE * (1 + ROUNDING) * finer * rule.cell_size:
         yield RunWarning("coarse-over-bed", CELL_SIZE, cell_size, rule.cell_size)
     if order < LOW * rule.numerics.vertical_order:
         yield RunWarning("low-order-over-bed", ORDER, order, rule.numerics.vertical_order)
 
 
-def missed_motion(scene: Case, clock: Clock, nodes: Sequence[float]) -> Iterator[RunWarning]:
+def missed_motion(case: Case, clock: Clock, nodes: Sequence[float]) -> Iterator[RunWarning]:
     """Yield a warning for each paddle whose velocity at the scheme's nodes does not add up to its displacement.
 
     Of a short run the motion is analysed beyond its end: within it most paddles have hardly moved.
     """
-    for view in scene.paddles:
+    for view in case.paddles:
         steps = max(clock.steps, int(analysed_duration(view) / clock.dt))
         missed = stroke_missed(view, dt=clock.dt, steps=steps, nodes=nodes)
         if missed > MAX_ERROR:
@@ -293,9 +293,9 @@ def missed_motion(scene: Case, clock: Clock, nodes: Sequence[float]) -> Iterator
             yield RunWarning("step-misses-motion", "numerics.dt", missed, MAX_ERROR, details=details)
 
 
-def unstable_step(scene: Case, clock: Clock, waves: AnyWaves, integrator: Integrator[Any]) -> Iterator[RunWarning]:
+def unstable_step(case: Case, clock: Clock, waves: AnyWaves, integrator: Integrator[Any]) -> Iterator[RunWarning]:
     """Yield a warning if the step may be too long where a paddle has gone as far as it goes, or leans so far."""
-    shift = scene.frequency_shift
+    shift = case.frequency_shift
     longest = integrator.stability_limit / (waves.largest_frequency * shift)
     if clock.dt > longest:
         details = {"shift": shift}
@@ -303,13 +303,13 @@ def unstable_step(scene: Case, clock: Clock, waves: AnyWaves, integrator: Integr
 
 
 def unstable_under_crests(
-    scene: Case, clock: Clock, waves: AnyWaves, integrator: Integrator[Any]
+    case: Case, clock: Clock, waves: AnyWaves, integrator: Integrator[Any]
 ) -> Iterator[RunWarning]:
     """Yield a warning if a step longer than the default one is too long on the current under the highest crest."""
     if clock.dt * waves.largest_frequency <= DEFAULT_STEP * (1 + ROUNDING) * integrator.stability_limit:
         return
     with suppress(InputError):  # no plan can be made
-        ratio = clock.dt / largest_step_under_crests(scene, integrator)
+        ratio = clock.dt / largest_step_under_crests(case, integrator)
         if ratio > NOISE_FREE:
             details = {"longest": clock.dt * NOISE_FREE / ratio}
             yield RunWarning("unstable-under-crests", "numerics.dt", ratio, NOISE_FREE, details=details)

@@ -123,10 +123,10 @@ class Cost(NamedTuple):
     records: str = ""
 
 
-def paddle_factor(scene: Case) -> float:
-    """Return the cost of a step with the scene's paddles over that with a piston; a second one counts if both bend."""
+def paddle_factor(case: Case) -> float:
+    """Return the cost of a step with the case's paddles over that with a piston; a second one counts if both bend."""
     factors = [1.0]
-    for wall in (end.wall for end in scene.paddles):
+    for wall in (end.wall for end in case.paddles):
         if isinstance(wall, ShapedWall):
             factors.append(LEANING if isinstance(wall, HingedWall) and wall.hinge <= 0.0 else BENT)
     return BOTH_BENT if factors.count(BENT) == 2 else max(factors)
@@ -142,21 +142,21 @@ def row_cost(entries: float) -> float:
     return ROW[0] + ROW[1] * entries
 
 
-def output_cost(scene: Case, dt: float) -> OutputCost:
-    """Return the output cost of a scene with time steps of dt [s]."""
-    output, steps = scene.output, scene.run.duration / dt
-    every = [output.probes_every] if scene.probes or scene.loads else []
-    if any(load.on == PADDLE for load in scene.loads):
+def output_cost(case: Case, dt: float) -> OutputCost:
+    """Return the output cost of a case with time steps of dt [s]."""
+    output, steps = case.output, case.run.duration / dt
+    every = [output.probes_every] if case.probes or case.loads else []
+    if any(load.on == PADDLE for load in case.loads):
         every.append(output.gauges_every)  # with which paddle.csv has force and power
     rows = steps / min(every) if every else 0.0
-    written = {"csv": steps / output.probes_every * len(scene.probes), "netcdf": 0.0}
-    for window in scene.windows:
-        until = scene.run.duration if window.until is None else min(window.until, scene.run.duration)
+    written = {"csv": steps / output.probes_every * len(case.probes), "netcdf": 0.0}
+    for window in case.windows:
+        until = case.run.duration if window.until is None else min(window.until, case.run.duration)
         times = max(0.0, until - window.begin) / EveryTimeBetween(window.every, window.begin, inf).spacing(dt)
         rows += times
         written[window.format] += times * window.columns * window.levels
-    if output.velocity_every is not None and scene.physics == "nonlinear":
-        rows += scene.run.duration / output.velocity_every
+    if output.velocity_every is not None and case.physics == "nonlinear":
+        rows += case.run.duration / output.velocity_every
     return OutputCost(min(rows, steps), sum(written.values()), sum(written[form] * POINT[form] for form in written))
 
 
@@ -175,17 +175,17 @@ def step_cost(kind: str, settings: Settings, dt_omega_max: float, *, steepness: 
 
 
 def slice_cost(
-    scene: Case, settings: Settings, physics: Physics, *, dt_omega_max: float, steepness: float = FITTED
+    case: Case, settings: Settings, physics: Physics, *, dt_omega_max: float, steepness: float = FITTED
 ) -> Cost:
     """Return the cost of a run in a slice or ring, its output included, on one core."""
-    steps = Clock.covering(scene.run.duration, settings.dt).steps
+    steps = Clock.covering(case.run.duration, settings.dt).steps
     entries = entries_of(settings.order, settings.cells, settings.vertical_order)
-    walls: list[Any] = [scene.paddles[number].wall for number in scene.absorbing]
+    walls: list[Any] = [case.paddles[number].wall for number in case.absorbing]
     absorbers = (ABSORPTION[type(wall.absorb)] for wall in walls)
     absorption = steps * sum(once + of_entry * entries for once, of_entry in absorbers)
-    records = output_cost(scene, settings.dt)
+    records = output_cost(case, settings.dt)
     output = records.cpu(row_cost(entries))
-    kind, factor = ("driven", paddle_factor(scene)) if physics == "nonlinear" and scene.paddles else (physics, 1.0)
+    kind, factor = ("driven", paddle_factor(case)) if physics == "nonlinear" and case.paddles else (physics, 1.0)
     step = factor * step_cost(kind, settings, dt_omega_max, steepness=steepness)
     cpu = steps * step + output + absorption
     memory = BASE + (1.0 + BELOW * bool(records.rows)) * PER_ENTRY[physics] * entries
@@ -193,19 +193,19 @@ def slice_cost(
     return Cost(unknowns, steps, cpu, memory, output, absorption, records.message(output / cpu))
 
 
-def needs_of(scene: Case, ranks: int = 1) -> Cost:
-    """Return the needs of a scene with all numerics."""
-    chosen, tank, integrator = scene.numerics, scene.tank, INTEGRATORS[scene.numerics.integrator]()
-    cells, smallest = _cells_of_basin(scene, tank) if isinstance(tank, BasinTank) else (0.0, scene.cell_size)
-    largest = still_mesh(scene, smallest).largest_frequency
-    dt = build_clock(scene, largest, integrator).dt if chosen.dt is None else chosen.dt
+def needs_of(case: Case, ranks: int = 1) -> Cost:
+    """Return the needs of a case with all numerics."""
+    chosen, tank, integrator = case.numerics, case.tank, INTEGRATORS[case.numerics.integrator]()
+    cells, smallest = _cells_of_basin(case, tank) if isinstance(tank, BasinTank) else (0.0, case.cell_size)
+    largest = still_mesh(case, smallest).largest_frequency
+    dt = build_clock(case, largest, integrator).dt if chosen.dt is None else chosen.dt
     if not isinstance(tank, BasinTank):
         given = {name: getattr(chosen, name) for name in ("order", "vertical_order", "integrator")}
-        settings = Settings(cells=scene.cells, dt=dt, **given)
+        settings = Settings(cells=case.cells, dt=dt, **given)
         product = float(min(dt * largest, integrator.stability_limit))
-        cost = slice_cost(scene, settings, scene.physics, dt_omega_max=product)
+        cost = slice_cost(case, settings, case.physics, dt_omega_max=product)
         return cost._replace(memory=cost.memory + (ranks - 1) * BASE)
-    steps, records, nodes = scene.run.duration / dt, output_cost(scene, dt), chosen.order**2 * cells
+    steps, records, nodes = case.run.duration / dt, output_cost(case, dt), chosen.order**2 * cells
     unknowns = nodes * (chosen.vertical_order + 2.0)
     per_node = (PER_NODE + PER_MODE * chosen.vertical_order) * (1.0 + BELOW * bool(records.rows))
     step = ranks * STEP + PER_UNKNOWN * unknowns
@@ -213,18 +213,18 @@ def needs_of(scene: Case, ranks: int = 1) -> Cost:
     return Cost(unknowns, steps, steps * step + output, ranks * BASE + nodes * per_node, output)
 
 
-def _cells_of_basin(scene: Case, tank: BasinTank) -> tuple[float, float]:
+def _cells_of_basin(case: Case, tank: BasinTank) -> tuple[float, float]:
     """Return the number of cells in a basin, and the size of the smallest [m]."""
     if not isinstance(tank.layout, MeshFile):
-        return tank.layout.count_cells(scene.cell_size)
+        return tank.layout.count_cells(case.cell_size)
     file = Path(tank.layout.file)
-    return (file.stat().st_size / PER_CELL if file.exists() else 0.0), scene.cell_size
+    return (file.stat().st_size / PER_CELL if file.exists() else 0.0), case.cell_size
 
 
-def check_affordable(scene: Case, comm: MPI.Comm, *, longest: float = A_DAY) -> None:
-    """Raise ``CaseError`` for a scene with all numerics that needs longer [s], or too much memory; collective."""
+def check_affordable(case: Case, comm: MPI.Comm, *, longest: float = A_DAY) -> None:
+    """Raise ``CaseError`` for a case with all numerics that needs longer [s], or too much memory; collective."""
     available = available_memory(comm)
-    on_first(comm, lambda: _check_affordable(needs_of(scene, comm.size), available, ranks=comm.size, longest=longest))
+    on_first(comm, lambda: _check_affordable(needs_of(case, comm.size), available, ranks=comm.size, longest=longest))
 
 
 def _check_affordable(needs: Cost, available: float, *, ranks: int, longest: float) -> None:

@@ -22,14 +22,14 @@ REST = 1e-3  # speed over the largest one at which a signal ends at rest
 
 
 def write_motion(
-    case: Path, out: Path | None, rate: float, form: str, overrides: list[str], *, ramp_down: bool
+    case_file: Path, out: Path | None, rate: float, form: str, overrides: list[str], *, ramp_down: bool
 ) -> None:
     """Write the motion of each paddle of a case; see ``command.motion``."""
-    scene = read_case(case, overrides)
-    moving = [view for view in scene.paddles if view.motion().moves]
+    case = read_case(case_file, overrides)
+    moving = [view for view in case.paddles if view.motion().moves]
     if not moving:
-        raise InputError(f"{case}: no paddle moves in it; a wall with a motion is needed.")
-    path = Path(f"{case.stem}-paddle.{form}") if out is None else out
+        raise InputError(f"{case_file}: no paddle moves in it; a wall with a motion is needed.")
+    path = Path(f"{case_file.stem}-paddle.{form}") if out is None else out
     for n, view in enumerate(moving):
         file = path.with_stem(f"{path.stem}-far") if n else path
         signal, end = _signal(view, rate, ramp_down=ramp_down)

@@ -1,4 +1,4 @@
-"""The plan of a scene: the cheapest of all discretisations that are accurate enough, with the reasons.
+"""The plan of a case: the cheapest of all discretisations that are accurate enough, with the reasons.
 
 Searched are p in {2, 3, 4, 5}, n from 2 to 16, cells on a geometric grid, and for each of these meshes the largest
 step of the default scheme that accuracy and stability allow: other schemes cost as much or more, and are less accurate
@@ -57,7 +57,7 @@ RECORD_STEPS = (0.5, 0.25)  # time steps in rows of a record that resolve noise 
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """Numerics for a scene, their predicted error and cost.
+    """Numerics for a case, their predicted error and cost.
 
     Attributes
     ----------
@@ -86,48 +86,48 @@ class Plan:
     dt_omega_max: float
     reasons: tuple[str, ...]
 
-    def applied_to(self, scene: Case) -> Case:
-        """Return the scene with the plan's water and numerics, all of them named."""
+    def applied_to(self, case: Case) -> Case:
+        """Return the case with the plan's water and numerics, all of them named."""
         changes: dict[str, Any] = {"accuracy": None, "cell_size": None, **asdict(self.settings)}
-        changes |= solved_to(self.accuracy, scene)
+        changes |= solved_to(self.accuracy, case)
         water = LinearWater() if self.physics == "linear" else NonlinearWater()
-        return scene.model_copy(update={"water": water, "numerics": scene.numerics.model_copy(update=changes)})
+        return case.model_copy(update={"water": water, "numerics": case.numerics.model_copy(update=changes)})
 
 
 class UnreachableError(InputError):
     """No discretisation searched is as accurate as required."""
 
 
-def named_numerics(scene: Case) -> dict[str, Any]:
+def named_numerics(case: Case) -> dict[str, Any]:
     """Return the numerics that a case names with an accuracy, by their names in ``Settings``."""
-    numerics, names = scene.numerics, scene.numerics.model_fields_set
+    numerics, names = case.numerics, case.numerics.model_fields_set
     if numerics.accuracy is None:
         return {}
     named = {"order", "vertical_order", "dt", "integrator"} & names
-    cells = {"cells": scene.cells} if names & {"cells", "cell_size"} else {}
+    cells = {"cells": case.cells} if names & {"cells", "cell_size"} else {}
     return {name: getattr(numerics, name) for name in sorted(named)} | cells
 
 
-def make_plan(scene: Case, accuracy: float) -> Plan:
+def make_plan(case: Case, accuracy: float) -> Plan:
     """Return the cheapest plan for a relative error of at most ``accuracy``: ``AIM`` of it is predicted at most.
 
-    Raises ``InputError`` for an accuracy that is not between 0 and 1 and a scene that cannot be planned,
+    Raises ``InputError`` for an accuracy that is not between 0 and 1 and a case that cannot be planned,
     ``UnreachableError`` if no discretisation searched is as accurate.
     """
     if not 0.0 < accuracy < 1.0:
         raise InputError(f"accuracy = {accuracy:g}: must be between 0 and 1.")
-    required, named = requirements(scene, accuracy), named_numerics(scene)
+    required, named = requirements(case, accuracy), named_numerics(case)
     errors, best = ErrorModel(required), np.inf
     searched = {
         "order": ORDERS,
         "cells": _numbers_of_cells(required),
-        "vertical_order": [n for n in VERTICAL_ORDERS if not scene.absorbing or n >= LEAST_ABSORBING],
+        "vertical_order": [n for n in VERTICAL_ORDERS if not case.absorbing or n >= LEAST_ABSORBING],
     } | {name: [value] for name, value in named.items()}
     steps = _Steps(errors, required, named)
     result = list[tuple[float, Settings]]()
     for order, cells, n in product(searched["order"], searched["cells"], searched["vertical_order"]):
         mesh = errors.mesh(order, cells, n)
-        if scene.numerics.edge_penalty == 0 and current_parameter(required, mesh) > NEEDED:
+        if case.numerics.edge_penalty == 0 and current_parameter(required, mesh) > NEEDED:
             continue
         error = errors.total(mesh)
         best = min(best, error)
@@ -143,21 +143,21 @@ def make_plan(scene: Case, accuracy: float) -> Plan:
     raise UnreachableError(f"accuracy = {accuracy:g}: {reached}.")
 
 
-def own_plan(scene: Case, accuracy: float) -> Plan:
-    """Return the prediction of a scene's own water and numerics; raises ``InputError`` as a run does."""
-    scene = scene.model_copy(update={"water": scene.water or NonlinearWater()})
-    required, numerics = requirements(scene, accuracy), scene.numerics
+def own_plan(case: Case, accuracy: float) -> Plan:
+    """Return the prediction of a case's own water and numerics; raises ``InputError`` as a run does."""
+    case = case.model_copy(update={"water": case.water or NonlinearWater()})
+    required, numerics = requirements(case, accuracy), case.numerics
     errors, chosen = ErrorModel(required), {"order": numerics.order, "vertical_order": numerics.vertical_order}
-    largest = errors.mesh(cells=scene.cells, **chosen).largest_frequency
-    dt = build_clock(scene, largest, INTEGRATORS[numerics.integrator]()).dt
-    settings = Settings(cells=scene.cells, dt=dt, integrator=numerics.integrator, **chosen)
+    largest = errors.mesh(cells=case.cells, **chosen).largest_frequency
+    dt = build_clock(case, largest, INTEGRATORS[numerics.integrator]()).dt
+    settings = Settings(cells=case.cells, dt=dt, integrator=numerics.integrator, **chosen)
     return _predicted(errors, required, settings)
 
 
-def largest_step_under_crests(scene: Case, integrator: Integrator[Any]) -> float:
+def largest_step_under_crests(case: Case, integrator: Integrator[Any]) -> float:
     """Return the limit [s] of an integrator's step on the current under the highest crest; raises as ``own_plan``."""
-    required, numerics = requirements(scene, DEFAULT), scene.numerics
-    mesh = ErrorModel(required).mesh(numerics.order, scene.cells, numerics.vertical_order)
+    required, numerics = requirements(case, DEFAULT), case.numerics
+    mesh = ErrorModel(required).mesh(numerics.order, case.cells, numerics.vertical_order)
     return float(integrator.stability_limit) / _frequency_under_crests(required, mesh)
 
 
@@ -167,61 +167,61 @@ def _frequency_under_crests(required: Requirements, mesh: Mesh) -> float:
 
 
 class PlannedCase(NamedTuple):
-    """A scene whose numerics are planned or resolved, and warnings of the plan."""
+    """A case whose numerics are planned or resolved, and warnings of the plan."""
 
-    scene: Case
+    case: Case
     warnings: tuple[RunWarning, ...] = ()
 
 
-def planned(scene: Case, comm: MPI.Comm) -> PlannedCase:
-    """Return the scene with the water and numerics that its accuracy, or the default one, requires.
+def planned(case: Case, comm: MPI.Comm) -> PlannedCase:
+    """Return the case with the water and numerics that its accuracy, or the default one, requires.
 
     If no plan can be made, or some numerics are named, the rest follows its shortest wave. Made on the first
     rank; collective. Raises ``InputError`` on all ranks if an accuracy is named that cannot be planned for.
     """
-    return from_first(comm, lambda: _planned(scene))
+    return from_first(comm, lambda: _planned(case))
 
 
-def _planned(scene: Case) -> PlannedCase:
-    if isinstance(scene.initial, RunState) and scene.numerics.accuracy is None:
+def _planned(case: Case) -> PlannedCase:
+    if isinstance(case.initial, RunState) and case.numerics.accuracy is None:
         with about("initial"):
-            return PlannedCase(with_its_numerics(scene, scene.initial))
-    numerics, on_file = scene.numerics, isinstance(scene.tank, BasinTank) and isinstance(scene.tank.layout, MeshFile)
+            return PlannedCase(with_its_numerics(case, case.initial))
+    numerics, on_file = case.numerics, isinstance(case.tank, BasinTank) and isinstance(case.tank.layout, MeshFile)
     if numerics.open or not (on_file or numerics.model_fields_set & {"cells", "cell_size"}):
-        check_resolvable(scene)
+        check_resolvable(case)
     try:
-        plan = default_plan(scene)
+        plan = default_plan(case)
     except UnreachableError:
         if numerics.accuracy is not None:
             raise
         plan = None
     if plan is None:
-        return PlannedCase(resolved(scene))
+        return PlannedCase(resolved(case))
     accurate = plan.accuracy == (numerics.accuracy or DEFAULT)
     warning = RunWarning("less-accurate", key="numerics.accuracy", value=plan.accuracy, limit=DEFAULT)
-    return PlannedCase(plan.applied_to(scene), () if accurate else (warning,))
+    return PlannedCase(plan.applied_to(case), () if accurate else (warning,))
 
 
-def check_resolvable(scene: Case) -> None:
+def check_resolvable(case: Case) -> None:
     """Raise ``CaseError`` if no numerics resolve a paddle's waves."""
     named = "; cells that the case names are not replaced"
-    if problems := [one._replace(allowed=one.allowed + named) for one in too_short(scene)]:
+    if problems := [one._replace(allowed=one.allowed + named) for one in too_short(case)]:
         raise CaseError(problems)
 
 
-def default_plan(scene: Case) -> Plan | None:
-    """Return the plan of a scene for its accuracy or, if it names no numerics, for the best of the usual ones.
+def default_plan(case: Case) -> Plan | None:
+    """Return the plan of a case for its accuracy or, if it names no numerics, for the best of the usual ones.
 
-    None of a scene that names some numerics and no accuracy, or for which no plan is made. Raises ``InputError`` for an
+    None of a case that names some numerics and no accuracy, or for which no plan is made. Raises ``InputError`` for an
     accuracy that cannot be planned for, ``UnreachableError`` if none of the usual ones can be reached.
     """
-    if scene.numerics.accuracy is not None:
-        return make_plan(scene, scene.numerics.accuracy)
-    if not scene.numerics.open:
+    if case.numerics.accuracy is not None:
+        return make_plan(case, case.numerics.accuracy)
+    if not case.numerics.open:
         return None
     for accuracy in (DEFAULT, *LOWER_ACCURACIES):
         try:
-            return make_plan(scene, accuracy)
+            return make_plan(case, accuracy)
         except UnreachableError as error:
             least = error
         except InputError:  # nothing moves, or nothing that a plan knows
@@ -230,7 +230,7 @@ def default_plan(scene: Case) -> Plan | None:
 
 
 def rule_summary(requested: Case) -> str:
-    """Return why no accuracy is predicted of a scene that names no numerics, with its shortest wave; else nothing."""
+    """Return why no accuracy is predicted of a case that names no numerics, with its shortest wave; else nothing."""
     ruled = requested.numerics.open and not isinstance(requested.initial, RunState)
     why = unplanned(requested) if ruled else None
     if why is None:
@@ -246,7 +246,7 @@ def current_parameter(required: Requirements, mesh: Mesh) -> float:
 
 def _numbers_of_cells(required: Requirements) -> list[int]:
     """Return the numbers of cells that are searched."""
-    tank = required.scene.tank
+    tank = required.case.tank
     counts = tank.length * required.k / (2 * np.pi) * PER_WAVE
     if required.run_up is not None:
         finer = tank.length / required.run_up.length * PER_PEAK
@@ -256,7 +256,7 @@ def _numbers_of_cells(required: Requirements) -> list[int]:
 
 def _cost(required: Requirements, settings: Settings, mesh: Mesh) -> Cost:
     product, steepness = settings.dt * mesh.largest_frequency, required.k * required.form.crest
-    return slice_cost(required.scene, settings, required.physics, dt_omega_max=product, steepness=steepness)
+    return slice_cost(required.case, settings, required.physics, dt_omega_max=product, steepness=steepness)
 
 
 def _predicted(errors: ErrorModel, required: Requirements, settings: Settings) -> Plan:
@@ -267,7 +267,7 @@ def _predicted(errors: ErrorModel, required: Requirements, settings: Settings) -
     if required.physics == "linear":
         penalty = "none, linear waves have no current."
     elif current > NEEDED:
-        run = "the run applies it by itself" if required.scene.numerics.edge_penalty else "edge_penalty = 0 forbids it"
+        run = "the run applies it by itself" if required.case.numerics.edge_penalty else "edge_penalty = 0 forbids it"
         penalty = f"needed, u² k_grid / g = {current:.2g} under the highest crest exceeds {NEEDED:g}; {run}."
     more = [f"records: {cost.records}."] if cost.records else []
     more += [f"absorption: {cost.absorption / cost.cpu:.0%} of the time."] if cost.absorption else []
@@ -287,15 +287,15 @@ class _Steps:
     """Steps that divide the duration, or some rows of a record, from coarse to fine; or the one that is named."""
 
     def __init__(self, errors: ErrorModel, required: Requirements, named: dict[str, Any]):
-        scene, duration = required.scene, required.scene.run.duration
+        case, duration = required.case, required.case.run.duration
         self.scheme = named.get("integrator", SCHEME)
-        self._errors, self._required, self._shift = errors, required, scene.frequency_shift
+        self._errors, self._required, self._shift = errors, required, case.frequency_shift
         self._integrator, self._missed = INTEGRATORS[self.scheme], cache(self._motion_missed)
-        self._measured = [] if "dt" in named else [end for end in scene.paddles if end.motion().interval is not None]
+        self._measured = [] if "dt" in named else [end for end in case.paddles if end.motion().interval is not None]
         rows = [float(end.motion().interval or 0.0) for end in self._measured]
         counts = duration / np.pi * float(required.waves.omega.min()) * STEP_RATIO ** np.arange(120)
         recorded = [Clock.covering(duration, part * row) for row in rows for part in RECORD_STEPS]
-        steps = [clock.dt for clock in recorded if clock.end <= scene.motions_end * (1 + ROUNDING)]
+        steps = [clock.dt for clock in recorded if clock.end <= case.motions_end * (1 + ROUNDING)]
         steps += [*duration / np.unique(np.maximum(1, np.ceil(counts)))]
         # if a step of NOISE_STEP rows does not resolve a noisy motion, longer ones that do are accurate by chance
         noisy = [RECORD_STEPS[0] * row * (1 + ROUNDING) for row in rows if not self._resolves(NOISE_STEP * row)]
@@ -315,7 +315,7 @@ class _Steps:
     def _stable(self, mesh: Mesh) -> float:
         """Return the longest step [s] that is stable, and whose stages converge."""
         stable, required = float(self._integrator.stability_limit), self._required
-        limit = MARGIN * min(stable, ANSWERED if required.scene.absorbing else np.inf)
+        limit = MARGIN * min(stable, ANSWERED if required.case.absorbing else np.inf)
         if required.physics == "linear":
             return limit / mesh.largest_frequency
         shifted = _frequency_under_crests(required, mesh)
@@ -324,7 +324,7 @@ class _Steps:
 
     def _motion_missed(self, dt: float) -> float:
         """Return the largest error of a measured motion's displacement; 0 for a named step, of which the run warns."""
-        steps, nodes = max(1, int(self._required.scene.run.duration / dt)), self._integrator.nodes
+        steps, nodes = max(1, int(self._required.case.run.duration / dt)), self._integrator.nodes
         return max((stroke_missed(end, dt=dt, steps=steps, nodes=nodes) for end in self._measured), default=0.0)
 
     def _resolves(self, dt: float) -> bool:

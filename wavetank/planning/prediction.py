@@ -76,18 +76,18 @@ class Settings:
 
 
 class ErrorModel:
-    """Predicts errors for what a scene requires.
+    """Predicts errors for what a case requires.
 
     Contributions of space and time are arrays of shape (2, N): of each component the phase [rad], and what is bounded.
     """
 
     def __init__(self, required: Requirements):
-        self._required, self._tank = required, required.scene.tank
+        self._required, self._tank = required, required.case.tank
         ratios, waves = required.form.harmonics, required.waves
         m = np.arange(1, ratios.size + 1)
         self._weights = m * ratios**2 / np.sum(m * ratios**2)
         self._slope = float(np.sqrt(m**2 @ ratios**2 / np.sum(ratios**2)))
-        self._absorbing = absorption_error(required.scene, waves.k)
+        self._absorbing = absorption_error(required.case, waves.k)
         self._energy = waves.amplitude**2 / np.sum(waves.amplitude**2)
         self._k, self._omega = (np.multiply.outer(of, m) for of in (waves.k, waves.omega))
         self._exact = airy.angular_frequency(self._k, self._tank.depth, self._tank.gravity)

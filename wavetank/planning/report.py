@@ -44,13 +44,13 @@ def report(path: Path, accuracy: float | None, overrides: Sequence[str]) -> None
     accuracy
         Relative error of the elevation; default: the case's, or ``DEFAULT``.
     """
-    scene, terminal = read_case(path, overrides), console()
-    why = unplanned(scene)
+    case, terminal = read_case(path, overrides), console()
+    why = unplanned(case)
     with located(path, overrides):
-        if why is not None and accuracy is None and scene.numerics.accuracy is None:
-            _report_trial(scene, why, terminal)
+        if why is not None and accuracy is None and case.numerics.accuracy is None:
+            _report_trial(case, why, terminal)
         else:
-            _report_plan(scene, scene.title or path.stem, accuracy, terminal)
+            _report_plan(case, case.title or path.stem, accuracy, terminal)
 
 
 def _print(terminal: Console, lines: Iterable[str], warnings: Iterable[RunWarning] = ()) -> None:
@@ -60,39 +60,39 @@ def _print(terminal: Console, lines: Iterable[str], warnings: Iterable[RunWarnin
         terminal.print(f"warning: {warning}", style="bold red", highlight=False)
 
 
-def _report_trial(case: Case, why: str, terminal: Console) -> None:
+def _report_trial(given: Case, why: str, terminal: Console) -> None:
     """Print the measured cost of some steps of the case, with its waves in the tank; collective.
 
     The timed steps have no records below the surface; the cost of these is estimated.
     """
     comm = MPI.COMM_WORLD
     _print(terminal, [f"{why}; timing some steps of this one, with its waves in the tank"])
-    scene, warnings = planned(case, comm)
-    check_affordable(scene, comm, longest=inf)
-    continuing = scene.model_copy(update={"run": scene.run.model_copy(update={"on_breaking": "dissipate"})})
+    case, warnings = planned(given, comm)
+    check_affordable(case, comm, longest=inf)
+    continuing = case.model_copy(update={"run": case.run.model_copy(update={"on_breaking": "dissipate"})})
     run, waves = build_run(continuing, comm)
-    clock, line, steps = run.clock, summary(scene, run, waves), min(run.clock.steps, WARM_UP + STEPS)
-    run.diagnostics += build_observers(scene, waves, Records(Memory(), Memory(), None), sinks=run.sinks)
-    _fill(run, scene, waves, steps)
+    clock, line, steps = run.clock, summary(case, run, waves), min(run.clock.steps, WARM_UP + STEPS)
+    run.diagnostics += build_observers(case, waves, Records(Memory(), Memory(), None), sinks=run.sinks)
+    _fill(run, case, waves, steps)
     spent, solves = step_time(run, steps, lambda: waves.potential.counters.solves)
-    step, output = comm.allreduce(spent, op=MPI.MAX), output_cost(scene, clock.dt)
+    step, output = comm.allreduce(spent, op=MPI.MAX), output_cost(case, clock.dt)
     entries = entries_of(waves.plane.order, waves.plane.cells, waves.vertical.n)
-    below = output.cpu(ROW_OF_STEP * step if isinstance(scene.tank, BasinTank) else row_cost(entries))
+    below = output.cpu(ROW_OF_STEP * step if isinstance(case.tank, BasinTank) else row_cost(entries))
     duration = clock.steps * step + below  # on each rank, if all its steps cost the same
     lines = (
-        str(shortest_wave(case)),
+        str(shortest_wave(given)),
         "predicted error: none, as errors are predicted for slices and rings with a flat bed; `wavetank study` with "
         "--sweep of cell_size and dt measures it",
         f"a step: {step:.2g} CPU s on {ranks_text(comm.size)}, {solves:.1f} interior solves",
         output.message(below / duration),
         f"the run: {format_duration(duration)}, on as many free cores",
         f"memory: {comm.allreduce(peak_memory()) / 1e6:.0f} MB",
-        *(f"paddle of {view.key}: {absorbs}" for view in scene.paddles if (absorbs := absorption(view))),
-        sponge_message(scene, waves),
-        *scene.linear_generation,
-        *_energy(scene),
+        *(f"paddle of {view.key}: {absorbs}" for view in case.paddles if (absorbs := absorption(view))),
+        sponge_message(case, waves),
+        *case.linear_generation,
+        *_energy(case),
     )
-    warnings = *warnings, *run_warnings(scene, clock, waves, accuracy=case.numerics.accuracy)
+    warnings = *warnings, *run_warnings(case, clock, waves, accuracy=given.numerics.accuracy)
     _print(terminal, [line, *(f"  {line}" for line in lines if line)], warnings)
 
 
@@ -111,18 +111,18 @@ def step_time(run: Run, steps: int = WARM_UP + STEPS, count: Callable[[], int] =
     return (end[0] - start[0]) / timed, (end[1] - start[1]) / timed
 
 
-def _fill(run: Run, scene: Case, waves: AnyWaves, steps: int) -> None:
+def _fill(run: Run, case: Case, waves: AnyWaves, steps: int) -> None:
     """Start some steps with regular waves of the paddle's period at a time at which it moves fast; collective.
 
     They are linear, on the mean depth, of steepness ``MAX_STEEPNESS`` at most. The start stays if no paddle moves.
     """
-    end = next((paddle for paddle in scene.paddles if paddle.motion().moves), scene.ends[0])
+    end = next((paddle for paddle in case.paddles if paddle.motion().moves), case.ends[0])
     period = end.period
     if period is None:
         return
-    t = np.linspace(0.5, 1.0, TIMES, dtype=np.float64) * (scene.run.duration - steps * run.clock.dt)
+    t = np.linspace(0.5, 1.0, TIMES, dtype=np.float64) * (case.run.duration - steps * run.clock.dt)
     velocity = end.rates(t)[1].reshape(TIMES, -1)
-    omega, g = 2 * np.pi / period, scene.tank.gravity
+    omega, g = 2 * np.pi / period, case.tank.gravity
     k = float(airy.wave_number(omega, waves.depth, g))
     amplitude = float(end.wall.wavemaker.transfer(k, waves.depth)) * np.sqrt(2 * np.mean(velocity**2)) / omega
     amplitude = min(amplitude, MAX_STEEPNESS / k, MAX_STEEPNESS * waves.depth)
@@ -132,38 +132,38 @@ def _fill(run: Run, scene: Case, waves: AnyWaves, steps: int) -> None:
     run.state = run.integrator.start(*start)
 
 
-def _energy(scene: Case) -> list[str]:
+def _energy(case: Case) -> list[str]:
     """Return the parts of the energy, a line each."""
-    parts = (f"  {line}" for line in describe_energy(scene))
+    parts = (f"  {line}" for line in describe_energy(case))
     return ["energy: the sum of its parts, of which all else is a derivative", *parts]
 
 
-def _report_plan(case: Case, name: str, accuracy: float | None, terminal: Console) -> None:
+def _report_plan(given: Case, name: str, accuracy: float | None, terminal: Console) -> None:
     """Print the plan for the accuracy, beside the case's own numerics if it names some."""
     comm = MPI.COMM_WORLD
     if comm.size > 1:
         raise InputError(f"{comm.size} ranks received; a plan is made without mpirun.")
-    check_resolvable(case)
-    required = (case.numerics.accuracy or DEFAULT) if accuracy is None else accuracy
-    proposed = (default_plan(case) if accuracy is None else None) or make_plan(case, required)
+    check_resolvable(given)
+    required = (given.numerics.accuracy or DEFAULT) if accuracy is None else accuracy
+    proposed = (default_plan(given) if accuracy is None else None) or make_plan(given, required)
     _print(terminal, [f"{name}, to a relative error of the elevation of {proposed.accuracy:g}:"])
-    _print(terminal, (f"  {reason}" for reason in (*proposed.reasons, *_energy(proposed.applied_to(case)))))
+    _print(terminal, (f"  {reason}" for reason in (*proposed.reasons, *_energy(proposed.applied_to(given)))))
     plans = {"plan": proposed}
-    if not case.numerics.open:
-        plans["as the case stands"] = own_plan(resolved(case), required)
+    if not given.numerics.open:
+        plans["as the case stands"] = own_plan(resolved(given), required)
     terminal.print(_table(plans))
     use = f"numerics.accuracy = {required:g} in the case makes `wavetank run` use this plan."
-    if accuracy is None and case.numerics.open:
+    if accuracy is None and given.numerics.open:
         use = "`wavetank run` uses this plan."
     _print(terminal, [use, "CPU seconds are those of the machine that the cost model was made on."])
-    if accuracy is None or not case.numerics.open:
-        (scene, warnings), required_of_start = planned(case, comm), case.numerics.accuracy
+    if accuracy is None or not given.numerics.open:
+        (case, warnings), required_of_start = planned(given, comm), given.numerics.accuracy
     else:
-        scene, warnings, required_of_start = proposed.applied_to(case), (), required
-    check_affordable(scene, comm, longest=inf)
-    run, waves = build_run(scene, comm)  # raises the errors of a run
-    sponge = sponge_message(scene, waves)
-    warnings = *warnings, *run_warnings(scene, run.clock, waves, accuracy=required_of_start)
+        case, warnings, required_of_start = proposed.applied_to(given), (), required
+    check_affordable(case, comm, longest=inf)
+    run, waves = build_run(case, comm)  # raises the errors of a run
+    sponge = sponge_message(case, waves)
+    warnings = *warnings, *run_warnings(case, run.clock, waves, accuracy=required_of_start)
     _print(terminal, [sponge] if sponge else [], warnings)
 
 

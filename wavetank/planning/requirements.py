@@ -73,12 +73,12 @@ def stokes_harmonics(steepness: float, kd: float) -> tuple[Vector, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class Requirements:
-    """What a scene requires, for an accuracy.
+    """What a case requires, for an accuracy.
 
     Attributes
     ----------
-    scene, accuracy
-        The scene, and the largest relative error of the elevation.
+    case, accuracy
+        The case, and the largest relative error of the elevation.
     waves
         The components.
     k, crest
@@ -95,7 +95,7 @@ class Requirements:
         Which objects are needed and why, a sentence each.
     """
 
-    scene: Case
+    case: Case
     accuracy: float
     waves: WaveComponents
     k: float
@@ -107,38 +107,38 @@ class Requirements:
     reasons: tuple[str, ...]
 
 
-def unplanned(scene: Case) -> str | None:
-    """Return why no plan can be made of a scene's tank and start, or None where one can."""
-    tank, allowed = scene.tank, "slices and rings with a flat bed"
+def unplanned(case: Case) -> str | None:
+    """Return why no plan can be made of a case's tank and start, or None where one can."""
+    tank, allowed = case.tank, "slices and rings with a flat bed"
     if tank.bed is not None:
         return f'tank.bed.type = "{tank.bed.type}": plans are made for {allowed}'
     if isinstance(tank, BasinTank):
         return f'tank.type = "{tank.type}": plans are made for {allowed}'
-    if type(scene.initial) not in STARTS:
+    if type(case.initial) not in STARTS:
         allowed = ", ".join(kind.model_fields["type"].default for kind in STARTS)
-        return f'initial.type = "{scene.initial.type}": plans are made for {allowed}'
+        return f'initial.type = "{case.initial.type}": plans are made for {allowed}'
     return None
 
 
-def requirements(scene: Case, accuracy: float) -> Requirements:
-    """Return what a scene requires for a relative error of the elevation of ``accuracy``; its water stays if it is set.
+def requirements(case: Case, accuracy: float) -> Requirements:
+    """Return what a case requires for a relative error of the elevation of ``accuracy``; its water stays if it is set.
 
-    Raises ``InputError`` for a scene in which nothing moves, or whose tank or initial state is not planned for.
+    Raises ``InputError`` for a case in which nothing moves, or whose tank or initial state is not planned for.
     """
-    if why := unplanned(scene):
+    if why := unplanned(case):
         allowed = f"must be left out, then cells and vertical order follow a rule: {why}"
-        raise CaseError([Problem(("numerics", "accuracy"), scene.numerics.accuracy, allowed)])
-    depth, total = scene.tank.depth, _all_waves(scene, accuracy)
+        raise CaseError([Problem(("numerics", "accuracy"), case.numerics.accuracy, allowed)])
+    depth, total = case.tank.depth, _all_waves(case, accuracy)
     waves, energy = total.components, total.components.amplitude**2
     k = float(energy @ waves.k / energy.sum())
     form = total.form or Form(
-        *stokes_harmonics(k * total.progressive, k * depth), _crest_velocity(k, total.crest, scene), total.crest
+        *stokes_harmonics(k * total.progressive, k * depth), _crest_velocity(k, total.crest, case), total.crest
     )
     second = form.harmonics[1]
     phase = float(form.excess * (energy @ (waves.omega * waves.age)) / energy.sum())
     enough = bool(np.hypot(second, phase) <= accuracy)  # linear water
-    physics, choice = scene.physics, f"{scene.physics}, as the case says"
-    if scene.water is None and scene.output.velocity_every is None:  # linear water has no velocities to be recorded
+    physics, choice = case.physics, f"{case.physics}, as the case says"
+    if case.water is None and case.output.velocity_every is None:  # linear water has no velocities to be recorded
         physics = choice = "linear" if enough else "nonlinear"
     if physics == "nonlinear":
         waves = WaveComponents(*np.hstack([waves, total.free]))
@@ -147,16 +147,16 @@ def requirements(scene: Case, accuracy: float) -> Requirements:
     misses = f"a second harmonic of {second:.2g} of the first and {abs(phase):.2g} rad of phase"
     limit = f"{'at most' if enough else 'more than'} the accuracy of {accuracy:g}"
     reasons = [
-        f"footprint: a {scene.tank.type}, the scene has one horizontal dimension.",
+        f"footprint: a {case.tank.type}, the case has one horizontal dimension.",
         f"bed: flat, the depth is {depth:g} m everywhere; k d = {k * depth:.3g}.",
         f"water: {choice}; at k a = {k * total.crest:.3g} linear theory misses {misses}, {limit}.",
-        *_wall_reasons(scene, waves),
+        *_wall_reasons(case, waves),
     ]
     if total.run_up is not None:
         peak = f"about {total.run_up.elevation:.3g} m with a peak of length {total.run_up.length:.3g} m"
         reasons.append(f"run-up: the solitary wave meets a wall; {peak} decides on cells and vertical order, too.")
     return Requirements(
-        scene=scene,
+        case=case,
         accuracy=accuracy,
         waves=waves,
         k=k,
@@ -169,22 +169,22 @@ def requirements(scene: Case, accuracy: float) -> Requirements:
     )
 
 
-def absorption_error(scene: Case, k: Vector) -> Vector:
+def absorption_error(case: Case, k: Vector) -> Vector:
     """Return the error of waves of wave numbers k [rad/m] over (omega dt)^(7/2), shape (N,).
 
     It counts from the time at which waves have returned to the farthest gauge. Of several paddles the largest counts.
     """
-    if not scene.absorbing:
+    if not case.absorbing:
         return np.zeros_like(k)
-    depth, length = scene.tank.depth, scene.tank.length
-    path = 2 * length - max((gauge.x for gauge in scene.all_gauges), default=length)
-    back = path / airy.group_velocity(k, depth, scene.tank.gravity)
-    least = np.min([scene.paddles[n].wall.wavemaker.transfer(k, depth) for n in scene.absorbing], axis=0)
-    return np.asarray(ABSORPTION * least**-1.5 * np.sqrt(np.maximum(0.0, 1.0 - back / scene.run.duration)))
+    depth, length = case.tank.depth, case.tank.length
+    path = 2 * length - max((gauge.x for gauge in case.all_gauges), default=length)
+    back = path / airy.group_velocity(k, depth, case.tank.gravity)
+    least = np.min([case.paddles[n].wall.wavemaker.transfer(k, depth) for n in case.absorbing], axis=0)
+    return np.asarray(ABSORPTION * least**-1.5 * np.sqrt(np.maximum(0.0, 1.0 - back / case.run.duration)))
 
 
-def _crest_velocity(k: float, crest: float, scene: Case) -> float:
-    tank = scene.tank
+def _crest_velocity(k: float, crest: float, case: Case) -> float:
+    tank = case.tank
     return float(crest * airy.angular_frequency(k, tank.depth, tank.gravity) / np.tanh(k * tank.depth))
 
 
@@ -206,14 +206,14 @@ def _paddle_reason(end: EndWall) -> str:
     return f"a {end.wall.type}{drive}{f'; {absorbs}' if absorbs else ''}"
 
 
-def _wall_reasons(scene: Case, waves: WaveComponents) -> tuple[str, str]:
+def _wall_reasons(case: Case, waves: WaveComponents) -> tuple[str, str]:
     """Return the reasons of the wall at x = 0 and of the far end."""
-    if isinstance(scene.tank, RingTank):
+    if isinstance(case.tank, RingTank):
         return "wall at x = 0: none in a ring.", "far end: none, a ring needs no sponge."
-    first, far = (_paddle_reason(end) if end.wall.moves else "" for end in scene.ends)
+    first, far = (_paddle_reason(end) if end.wall.moves else "" for end in case.ends)
     energy = waves.amplitude**2
-    if scene.sponge is not None:
-        far = f"a sponge (type {scene.sponge.type}) absorbs what comes; what it reflects is not planned for"
+    if case.sponge is not None:
+        far = f"a sponge (type {case.sponge.type}) absorbs what comes; what it reflects is not planned for"
     elif not far:
         age = float(np.sqrt(energy @ waves.age**2 / energy.sum()))
         far = f"a wall that reflects; waves are followed for {age:.3g} s (root mean square)"
@@ -221,10 +221,10 @@ def _wall_reasons(scene: Case, waves: WaveComponents) -> tuple[str, str]:
 
 
 # ---------------------------------------------------------------- the waves
-def _all_waves(scene: Case, accuracy: float) -> CaseWaves:
-    every = [*_initial_waves(scene), *(_waves_of(end, accuracy) for end in scene.paddles if end.period is not None)]
+def _all_waves(case: Case, accuracy: float) -> CaseWaves:
+    every = [*_initial_waves(case), *(_waves_of(end, accuracy) for end in case.paddles if end.period is not None)]
     if not any(waves.crest > 0.0 for waves in every):
-        raise InputError("the scene: nothing moves in it; a plan needs a wave or a paddle that moves.")
+        raise InputError("the case: nothing moves in it; a plan needs a wave or a paddle that moves.")
     run_ups = [waves.run_up for waves in every if waves.run_up is not None]
     return CaseWaves(
         WaveComponents(*np.hstack([waves.components for waves in every])),
@@ -246,28 +246,28 @@ def _waves_of(end: EndWall, accuracy: float) -> CaseWaves:
     return paddle_waves(end, accuracy)
 
 
-def _initial_waves(scene: Case) -> Iterator[CaseWaves]:
-    tank = scene.tank
-    match scene.initial:
+def _initial_waves(case: Case) -> Iterator[CaseWaves]:
+    tank = case.tank
+    match case.initial:
         case starts.StandingWave() as wave:
-            yield _standing_wave(wave, scene)
+            yield _standing_wave(wave, case)
         case starts.StreamFunctionWave() as wave:
-            yield _steady_waves(wave.wave(tank), tank.length / wave.waves, scene)
+            yield _steady_waves(wave.wave(tank), tank.length / wave.waves, case)
         case starts.SolitaryWave() as wave:
             exact = wave.wave(tank)
-            yield _solitary_wave(exact, wave.height, scene, (tank.length - wave.x) / exact.speed, scene.far_wall)
+            yield _solitary_wave(exact, wave.height, case, (tank.length - wave.x) / exact.speed, case.far_wall)
 
 
-def _standing_wave(wave: starts.StandingWave, scene: Case) -> CaseWaves:
-    tank, a = scene.tank, wave.wave_amplitude
+def _standing_wave(wave: starts.StandingWave, case: Case) -> CaseWaves:
+    tank, a = case.tank, wave.wave_amplitude
     k = wave.mode * np.pi / tank.length * np.arange(1, 3)  # of the second harmonic, that which is free
     in_space, excess = standing_harmonics(float(k[0]) * a, float(k[0]) * tank.depth)
     sizes = np.linalg.norm(in_space * [1.0, *3 * [np.sqrt(0.5)]], axis=1)  # for means over a period
     ratios = np.minimum(sizes / sizes[0], 1.0)
     beyond = np.minimum(DECAY * ratios[-1] / ratios[-2], 1.0) ** np.arange(1, FURTHER_HARMONICS + 1)
     ratios = np.append(ratios, ratios[-1] * beyond)
-    omega, age = airy.angular_frequency(k, tank.depth, tank.gravity), np.full(2, scene.run.duration)
-    form = Form(ratios, excess, _crest_velocity(float(k[0]), a, scene), a * (2 * float(in_space.sum()) - 1.0))
+    omega, age = airy.angular_frequency(k, tank.depth, tank.gravity), np.full(2, case.run.duration)
+    form = Form(ratios, excess, _crest_velocity(float(k[0]), a, case), a * (2 * float(in_space.sum()) - 1.0))
     return CaseWaves(WaveComponents(np.asarray(k), omega, a * ratios[:2], age), a, form=form)
 
 
@@ -285,28 +285,28 @@ def standing_harmonics(steepness: float, kd: float) -> tuple[Vector, float]:
     return E, s**2 / 64 * (9 * T**-4 - 12 * T**-2 - 3 - 2 * T**2)
 
 
-def _solitary_wave(exact: SteadyWave, height: float, scene: Case, arrival: float, wall: object) -> CaseWaves:
+def _solitary_wave(exact: SteadyWave, height: float, case: Case, arrival: float, wall: object) -> CaseWaves:
     """Return a solitary wave of a height [m] whose crest arrives at a wall at a time [s]."""
-    depth = scene.tank.depth
+    depth = case.tank.depth
     x = depth * np.linspace(0.0, MAX_TAIL, POINTS)
     half = float(x[np.flatnonzero(exact.elevation(exact.crest + x) > TAIL * height)[-1]])
-    waves = _steady_waves(exact, 2 * half, scene)
-    if scene.sponge is not None or getattr(wall, "absorb", None) is not None or arrival >= scene.run.duration:
+    waves = _steady_waves(exact, 2 * half, case)
+    if case.sponge is not None or getattr(wall, "absorb", None) is not None or arrival >= case.run.duration:
         return waves
     h = min(height / depth, RESOLVED)
     length = depth * float(np.sqrt(2 / (3 * h))) * (1 - (1.5 * h) ** 2)
     return waves._replace(run_up=RunUp(depth * (2 * h + h**2 / 2 + 0.75 * h**3), length, depth))
 
 
-def _steady_waves(exact: SteadyWave, length: float, scene: Case) -> CaseWaves:
+def _steady_waves(exact: SteadyWave, length: float, case: Case) -> CaseWaves:
     """Return a wave of permanent form by its harmonics in a window of a length [m] around its crest."""
-    tank, k = scene.tank, np.array([2 * np.pi / length])
+    tank, k = case.tank, np.array([2 * np.pi / length])
     x = length / POINTS * np.arange(POINTS)
     eta, psi = exact.surface(exact.crest + np.where(x > length / 2, x - length, x))
     amplitudes = 2 / POINTS * np.abs(np.fft.rfft(eta))[1:]
     selected = 1 + int(np.flatnonzero(amplitudes > NEGLIGIBLE * amplitudes[0])[-1])
     velocity = float(psi[1] * POINTS / length)  # the surface is level at the crest, and psi is odd
     excess = exact.speed * float(k[0] / airy.angular_frequency(k, tank.depth, tank.gravity)[0]) - 1.0
-    components = WaveComponents(k, exact.speed * k, amplitudes[:1], np.array([scene.run.duration]))
+    components = WaveComponents(k, exact.speed * k, amplitudes[:1], np.array([case.run.duration]))
     form = Form(amplitudes[: max(selected, 2)] / amplitudes[0], excess, velocity, float(eta.max()))
     return CaseWaves(components, form.crest, form=form)

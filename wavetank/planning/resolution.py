@@ -62,7 +62,7 @@ class BedShape(NamedTuple):
 
 
 class ShortestWave(NamedTuple):
-    """The shortest wave of a scene.
+    """The shortest wave of a case.
 
     Attributes
     ----------
@@ -81,9 +81,9 @@ class ShortestWave(NamedTuple):
 
 
 # ---------------------------------------------------------------- the rule
-def resolved(scene: Case) -> Case:
-    """Return the scene with cells and vertical order that its shortest wave requires, where the case names none."""
-    numerics, tank, shortest = scene.numerics, scene.tank, shortest_wave(scene)
+def resolved(case: Case) -> Case:
+    """Return the case with cells and vertical order that its shortest wave requires, where the case names none."""
+    numerics, tank, shortest = case.numerics, case.tank, shortest_wave(case)
     named, changes = numerics.model_fields_set, dict[str, float | int](order=numerics.order)
     size, usual = cell_size_for(shortest.k, numerics.order), numerics.cell_size_in(tank)
     if not named & {"cells", "cell_size", "order"} and isinstance(tank, SliceTank) and tank.bed is not None:
@@ -93,20 +93,20 @@ def resolved(scene: Case) -> Case:
     if "vertical_order" not in named:
         changes["vertical_order"] = max(numerics.vertical_order, vertical_order_for(shortest.kd))
     if numerics.open:
-        changes |= solved_to(DEFAULT, scene)
-    return scene.model_copy(update={"numerics": numerics.model_copy(update=changes)})
+        changes |= solved_to(DEFAULT, case)
+    return case.model_copy(update={"numerics": numerics.model_copy(update=changes)})
 
 
-def by_rule(scene: Case) -> Case:
-    """Return the scene with the cells and vertical order that it would get if it named its order alone of the three."""
-    keys = scene.numerics.model_fields_set - {"cells", "cell_size", "vertical_order"} | {"order"}
-    numerics = Numerics(**{key: getattr(scene.numerics, key) for key in keys})
-    return resolved(scene.model_copy(update={"numerics": numerics}))
+def by_rule(case: Case) -> Case:
+    """Return the case with the cells and vertical order that it would get if it named its order alone of the three."""
+    keys = case.numerics.model_fields_set - {"cells", "cell_size", "vertical_order"} | {"order"}
+    numerics = Numerics(**{key: getattr(case.numerics, key) for key in keys})
+    return resolved(case.model_copy(update={"numerics": numerics}))
 
 
-def solved_to(accuracy: float, scene: Case) -> dict[str, float]:
-    """Return the tolerance of a step's solves for an accuracy, by its key; nothing if the scene names one."""
-    named = "tolerance" in scene.numerics.model_fields_set
+def solved_to(accuracy: float, case: Case) -> dict[str, float]:
+    """Return the tolerance of a step's solves for an accuracy, by its key; nothing if the case names one."""
+    named = "tolerance" in case.numerics.model_fields_set
     return {} if named else {"tolerance": min(TOLERANCE * accuracy, MAX_TOLERANCE)}
 
 
@@ -122,12 +122,12 @@ def vertical_order_for(kd: float) -> int:
 
 
 # ---------------------------------------------------------------- the shortest wave
-def shortest_wave(scene: Case) -> ShortestWave:
-    """Return the shortest wave of a scene, of wave number ``LEAST`` if there is none."""
-    bed, g = bed_shape(scene), scene.tank.gravity
-    free, bound = start_spectrum(scene)
+def shortest_wave(case: Case) -> ShortestWave:
+    """Return the shortest wave of a case, of wave number ``LEAST`` if there is none."""
+    bed, g = bed_shape(case), case.tank.gravity
+    free, bound = start_spectrum(case)
     started = float(airy.angular_frequency(free, bed.deep, g))
-    driven = max((frequency_below(view, POWER) for view in scene.paddles), default=0.0)
+    driven = max((frequency_below(view, POWER) for view in case.paddles), default=0.0)
     motion, initial = (
         float(airy.wave_number(omega, bed.shallow, g)) if omega > 0.0 else 0.0 for omega in (driven, started)
     )
@@ -150,36 +150,36 @@ def frequency_below(end: EndWall, fraction: float) -> float:
     return 0.0 if period is None else min(2 * np.pi / period, highest_frequency(end, DEFAULT))
 
 
-def start_spectrum(scene: Case) -> tuple[float, float]:
+def start_spectrum(case: Case) -> tuple[float, float]:
     """Return wave numbers [rad/m] of the initial surface: of its shortest free wave and shortest bound harmonic.
 
     They are 0 if it is still, or that of another run. The power of a wave is |eta|² + |omega psi / g|²; waves beyond
     ``POWER`` of the power do not count.
     """
-    initial, tank = scene.initial, scene.tank
+    initial, tank = case.initial, case.tank
     if isinstance(initial, StillWater | RunState):  # the latter has that run's numerics
         return 0.0, 0.0
     free, bound = [0.0], [0.0]
-    for x, surface in _profiles(scene, lambda x, y: np.array(initial.surface(tank, x, y))):
+    for x, surface in _profiles(case, lambda x, y: np.array(initial.surface(tank, x, y))):
         k, waves = _spectrum(surface, x, periodic=isinstance(tank, RingTank))
         waves[1] *= airy.angular_frequency(k, tank.depth, tank.gravity) / tank.gravity
         power = np.sum(np.abs(waves) ** 2, axis=0)
         mean = float(k @ power / max(power.sum(), 1e-300))
         amplitude = float(np.abs(np.fft.irfft(np.insert(waves, 0, 0.0, axis=-1))).max())
         free.append(_shortest(k, power, neglected=1 - POWER))
-        steep = scene.physics != "linear" and mean * amplitude > 0.0
+        steep = case.physics != "linear" and mean * amplitude > 0.0
         count = np.sum(stokes_harmonics(mean * amplitude, mean * tank.depth)[0][1:] > DEFAULT) if steep else 0
         bound.append(free[-1] + float(count) * mean)
     return max(free), max(bound)
 
 
-def bed_shape(scene: Case) -> BedShape:
+def bed_shape(case: Case) -> BedShape:
     """Return the shape of the bed; a flat one is as deep everywhere."""
-    depth, tank = scene.depths(), scene.tank
+    depth, tank = case.depths(), case.tank
     if not callable(depth):
         return BedShape(0.0, depth, depth)
     shortest, depths = [0.0], list[Vector]()
-    for x, d in _profiles(scene, depth):
+    for x, d in _profiles(case, depth):
         k, waves = _spectrum(d, x)
         smooth = (MIN_BED_VARIATION * float(d.mean())) ** 2 / max(float(np.var(d)), 1e-300)  # small against the depth
         shortest.append(_shortest(k, np.abs(waves) ** 2, neglected=max(1 - POWER, smooth)))
@@ -188,14 +188,14 @@ def bed_shape(scene: Case) -> BedShape:
     return BedShape(max(shortest), max(float(np.quantile(every, 0.05)), 1e-3 * tank.depth), float(every.max()))
 
 
-def _profiles(scene: Case, function: Callable[[Vector, Vector], Vector]) -> Iterator[tuple[Vector, Vector]]:
+def _profiles(case: Case, function: Callable[[Vector, Vector], Vector]) -> Iterator[tuple[Vector, Vector]]:
     """Yield places [m] along lines through the tank, and a function at them, of lines on which it is defined."""
-    if (box := scene.tank.box) is None:
+    if (box := case.tank.box) is None:
         return
     x_min, y_min, x_max, y_max = box
     x, y = (np.linspace(*ends, POINTS, dtype=np.float64) for ends in ((x_min, x_max), (y_min, y_max)))
     lines: list[tuple[Vector, Vector, Vector]] = [(x, x, np.zeros(POINTS))]
-    if isinstance(scene.tank, BasinTank):
+    if isinstance(case.tank, BasinTank):
         parts = (np.arange(LINES) + 0.5) / LINES
         lines = [(x, x, np.full(POINTS, at)) for at in y_min + parts * (y_max - y_min)]
         lines += [(y, np.full(POINTS, at), y) for at in x_min + parts * (x_max - x_min)]
@@ -227,10 +227,10 @@ def _shortest(k: Vector, power: Vector, *, neglected: float) -> float:
 
 
 # ---------------------------------------------------------------- refusals
-def too_short(scene: Case) -> Iterator[Problem]:
+def too_short(case: Case) -> Iterator[Problem]:
     """Yield a problem for each paddle whose mean waves no planned numerics resolve."""
-    depth, g = bed_shape(scene).deep, scene.tank.gravity
-    for view in scene.paddles:
+    depth, g = bed_shape(case).deep, case.tank.gravity
+    for view in case.paddles:
         if (period := view.period) is None:
             continue
         omega = min(2 * np.pi / period, highest_frequency(view, DEFAULT))
@@ -241,28 +241,28 @@ def too_short(scene: Case) -> Iterator[Problem]:
             yield view.wall.motion.problem(view.key, PERIODS, allowed)
 
 
-def still_mesh(scene: Case, cell_size: float) -> Mesh:
-    """Return cells of a size [m] with a scene's numerics, over still water of its tank's depth."""
-    chosen, tank = scene.numerics, scene.tank
+def still_mesh(case: Case, cell_size: float) -> Mesh:
+    """Return cells of a size [m] with a case's numerics, over still water of its tank's depth."""
+    chosen, tank = case.numerics, case.tank
     cells = UniformCells(chosen.order, cell_size)
     return Mesh(cells=cells, vertical_order=chosen.vertical_order, depth=tank.depth, gravity=tank.gravity)
 
 
-def check_stable(scene: Case, integrator: Integrator[Any], comm: MPI.Comm) -> None:
+def check_stable(case: Case, integrator: Integrator[Any], comm: MPI.Comm) -> None:
     """Raise ``CaseError`` for a step that is surely unstable, after waves that no numerics hold; collective.
 
     It is checked in a slice or ring with a flat bed, without a mesh; the clock of a run checks all others.
     """
-    dt = scene.numerics.dt
-    if dt is not None and not isinstance(scene.tank, BasinTank) and scene.tank.bed is None:
-        on_first(comm, lambda: _check_stable(scene, integrator, dt))
+    dt = case.numerics.dt
+    if dt is not None and not isinstance(case.tank, BasinTank) and case.tank.bed is None:
+        on_first(comm, lambda: _check_stable(case, integrator, dt))
 
 
-def _check_stable(scene: Case, integrator: Integrator[Any], dt: float) -> None:
-    largest = still_mesh(scene, scene.cell_size).largest_frequency
+def _check_stable(case: Case, integrator: Integrator[Any], dt: float) -> None:
+    largest = still_mesh(case, case.cell_size).largest_frequency
     if dt * largest <= CERTAINLY_UNSTABLE * integrator.stability_limit:
         return
     try:
-        build_clock(scene, largest, integrator)
+        build_clock(case, largest, integrator)
     except CaseError as error:
-        raise CaseError([*too_short(scene), *error.problems]) from None
+        raise CaseError([*too_short(case), *error.problems]) from None

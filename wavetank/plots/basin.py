@@ -65,7 +65,7 @@ def basin_figure(run: RunDirectory, path: Path) -> Path:
         Map("the highest elevation of the snapshots", "elevation [cm]", surface.first, high, _limits(high)),
         *_wave_heights(run, surface),
     ]
-    rows = {row["name"] for row in run.manifest.get("scene", {}).get("gauge_lines", ())}
+    rows = {row["name"] for row in run.manifest.get("case", {}).get("gauge_lines", ())}
     length, width = np.ptp(surface.first[:, :2], axis=0)
     shape, number = float(width / length), len(maps)
     size = (WIDTH * number, float(np.clip(1.8 + 0.94 * WIDTH * shape, 3.5, 14.0)))
@@ -93,7 +93,7 @@ def _limits(values: Array) -> tuple[float, float]:
 
 def _wave_heights(run: RunDirectory, surface: TankSurface) -> list[Map]:
     """Return the map of crest minus trough over the last periods; none without a period, or of too few snapshots."""
-    motion = run.manifest.get("scene", {}).get("wall", {}).get("motion") or {}
+    motion = run.manifest.get("case", {}).get("wall", {}).get("motion") or {}
     period, end = motion.get("period"), surface.times[-1]
     if period is None or end - surface.times[0] < 2 * PERIODS * period:  # the waves have not come yet
         return []

@@ -345,7 +345,7 @@ def probes_figure(run: RunDirectory, path: Path) -> Path:
     """Draw a run's probes, gaps where they are dry; return ``path``. Raises ``InputError`` where there are none."""
     probes = run.probes
     shown = probes.isel(probe=slice(None, None, -(-probes.sizes["probe"] // MAX_PROBES)))
-    rows, tank = shown.sizes["probe"], run.manifest.get("scene", {}).get("tank", {})
+    rows, tank = shown.sizes["probe"], run.manifest.get("case", {}).get("tank", {})
     weight = tank.get("density", 1000.0) * tank.get("gravity", 9.81)
     pressure = shown.pressure - weight * np.maximum(0.0, -shown.z)
     scale, kilo = _scale(pressure)
@@ -434,8 +434,8 @@ def draw_surface(run: RunDirectory) -> Path:
 
     Return the picture's path; raises ``InputError`` for less than two snapshots.
     """
-    scene, path = run.manifest.get("scene", {}), run.path / "surface.png"
-    tank, wall = scene.get("tank", {}), scene.get("wall", {})
+    case, path = run.manifest.get("case", {}), run.path / "surface.png"
+    tank, wall = case.get("tank", {}), case.get("wall", {})
     if not (run.path / SURFACE).exists():
         from wavetank.plots.basin import basin_figure
 
@@ -452,13 +452,13 @@ def draw_surface(run: RunDirectory) -> Path:
         depth=still_water(run) or tank.get("depth", np.inf),
         origin=ORIGINS.get("ring" if ring else wall.get("type"), X_ORIGIN),
         gauges=run.gauges if (run.path / GAUGES).exists() else None,
-        sponge=_sponge(scene, shown.x.values[0]),
+        sponge=_sponge(case, shown.x.values[0]),
     )
 
 
-def _sponge(scene: dict[str, Any], x: Array) -> tuple[float, float] | None:
+def _sponge(case: dict[str, Any], x: Array) -> tuple[float, float] | None:
     """Return from where to where [m] a slice's sponge damps, x [m] the surface's points; None where there is none."""
-    if (rate := sponge_rate(scene, x)) is None:
+    if (rate := sponge_rate(case, x)) is None:
         return None
     inside = x[rate > style.DAMPED * rate.max(initial=0.0)]
     return (float(inside.min()), float(inside.max())) if inside.size else None

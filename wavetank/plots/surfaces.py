@@ -115,7 +115,7 @@ def tank_surface(run: RunDirectory) -> TankSurface:
     Raises ``InputError`` if its tank is of no type that can be viewed, and if it has no snapshot, or damaged ones.
     """
     kinds = {"slice": flume_surface, "ring": flume_surface, "basin": basin_surface}
-    kind = run.manifest.get("scene", {}).get("tank", {}).get("type")
+    kind = run.manifest.get("case", {}).get("tank", {}).get("type")
     if kind not in kinds:
         raise InputError(f"{run.path}: its tank is of type {kind!r}; can be viewed: {', '.join(kinds)}.")
     return kinds[kind](run)
@@ -123,8 +123,8 @@ def tank_surface(run: RunDirectory) -> TankSurface:
 
 def flume_surface(run: RunDirectory) -> TankSurface:
     """Return the surface of a slice or a ring, the latter unrolled, with a width."""
-    scene = run.manifest.get("scene", {})
-    tank, surface = scene.get("tank", {}), run.snapshots()
+    case = run.manifest.get("case", {})
+    tank, surface = case.get("tank", {}), run.snapshots()
     if missing := [key for key in ("length", "depth") if tank.get(key) is None]:
         raise InputError(f"{run.path}: its manifest does not say the tank's {missing[0]}.")
     times, length = surface.time.values, tank["length"]
@@ -146,7 +146,7 @@ def flume_surface(run: RunDirectory) -> TankSurface:
     start, x = np.arange(FINE - 1), np.clip(snapshot(0)[:, 0], 0.0, length)
     pieces, bed = np.column_stack([start, start + 1, start + 1 + FINE, start + FINE]), still_water(run)
     depth = np.full_like(x, tank["depth"]) if bed is None else bed(x, 0 * x)
-    return TankSurface(times, snapshot, depth, sponge_rate(scene, x), pieces, basin=False)
+    return TankSurface(times, snapshot, depth, sponge_rate(case, x), pieces, basin=False)
 
 
 def basin_surface(run: RunDirectory) -> TankSurface:

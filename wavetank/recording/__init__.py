@@ -26,14 +26,14 @@ from wavetank.recording.log import (
     Draw,
     Warnings,
     begin_directory,
+    case_content,
     log_outcome,
     opening_lines,
     progress_of,
     record_failure,
-    scene_content,
 )
 from wavetank.recording.preparing import prepare
-from wavetank.recording.restart import Restart, stored_scene
+from wavetank.recording.restart import Restart, stored_case
 from wavetank.simulation.monitoring import Interruption
 from wavetank.simulation.own import Observers
 
@@ -41,7 +41,7 @@ LATEST = 60.0  # s after an error in which the first rank has drawn pictures
 
 
 def record_run(
-    scene: Case,
+    case: Case,
     place: OutputPath | Path,
     *,
     comm: MPI.Comm,
@@ -53,14 +53,14 @@ def record_run(
     resume: bool = False,
     at: float | None = None,
 ) -> None:
-    """Run a scene and record it in a directory; collective. ``resume`` leaves a finished run of the scene unchanged.
+    """Run a case and record it in a directory; collective. ``resume`` leaves a finished run of the case unchanged.
 
     Raises ``InputError`` before anything is changed there, and ``RunError`` if the run breaks down; the directory then
     has all records up to the breakdown, and its manifest the cause.
 
     Parameters
     ----------
-    scene
+    case
         What is run.
     comm
         The ranks.
@@ -76,7 +76,7 @@ def record_run(
     observers
         Further observers: functions of the waves that return an observer.
     integrator
-        An integrator in place of the scene's.
+        An integrator in place of the case's.
     resume
         Whether the run in the directory is resumed from a checkpoint.
     at
@@ -85,10 +85,10 @@ def record_run(
     start, log = time.monotonic(), RunLog(console)
     warnings = Warnings(log)
     if integrator is not None:
-        scene = scene.model_copy(update={"numerics": scene.numerics.without_integrator()})
-    content = {"scene": scene_content(scene, integrator), "files": contents(scene), "ranks": comm.size, **environment()}
+        case = case.model_copy(update={"numerics": case.numerics.without_integrator()})
+    content = {"case": case_content(case, integrator), "files": contents(case), "ranks": comm.size, **environment()}
     path = place.path if isinstance(place, OutputPath) else place
-    if resume and at is None and from_first(comm, lambda: _has_finished(path, content["scene"])):
+    if resume and at is None and from_first(comm, lambda: _has_finished(path, content["case"])):
         console.print(f"{path} has finished; --extend SECONDS goes on with it", markup=False, highlight=False)
         return
     content["warnings"] = warnings.records  # those of the run follow
@@ -99,7 +99,7 @@ def record_run(
         restart = Restart(writer, comm, warn=warnings.add, at=at) if resume else None
         with console.status("preparing the run"):
             recorded = prepare(
-                scene,
+                case,
                 comm,
                 writer,
                 log=log,
@@ -122,17 +122,17 @@ def record_run(
             warnings.show()
             with record_failure(writer), progress_of(recorded) as progress:
                 interruption.on_signal = checkpointer.write_last
-                controls = checkpointer.control(scene.run.checkpoint_every), progress, interruption
+                controls = checkpointer.control(case.run.checkpoint_every), progress, interruption
                 recorded.run.controls += [control.record for control in controls if control is not None]
                 execute_run(recorded, checkpointer, drawn=draw is not None)
                 if writer is not None:
                     writer.finish("finished", {})
 
 
-def _has_finished(path: Path, scene: dict[str, Any]) -> bool:
-    """Return whether a directory has the finished run of a scene."""
+def _has_finished(path: Path, case: dict[str, Any]) -> bool:
+    """Return whether a directory has the finished run of a case."""
     manifest = RunDirectory(path).manifest
-    return manifest.get("status") == "finished" and manifest.get("scene") == json.loads(json.dumps(scene))
+    return manifest.get("status") == "finished" and manifest.get("case") == json.loads(json.dumps(case))
 
 
 def resume_run(
@@ -145,9 +145,9 @@ def resume_run(
     console: Console,
     **options: Any,
 ) -> None:
-    """Resume the run in a directory, which contains its scene; collective. A finished one is not changed.
+    """Resume the run in a directory, which contains its case; collective. A finished one is not changed.
 
-    Raises as ``record_run``, which takes the other options, and ``stored_scene``.
+    Raises as ``record_run``, which takes the other options, and ``stored_case``.
 
     Parameters
     ----------
@@ -163,8 +163,8 @@ def resume_run(
         As ``record_run`` takes them.
     """
     path = Path(directory)
-    scene = raise_on_all_ranks(comm, lambda: stored_scene(path, changes, extend=extend))
+    case = raise_on_all_ranks(comm, lambda: stored_case(path, changes, extend=extend))
     try:
-        record_run(scene, path, comm=comm, console=console, resume=True, at=at, **options)
+        record_run(case, path, comm=comm, console=console, resume=True, at=at, **options)
     except CaseError as error:
         raise InputError("\n".join(f"{path}: {problem}." for problem in error.problems)) from error

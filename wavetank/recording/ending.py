@@ -72,7 +72,7 @@ def _dump(recorded: RecordedRun, surface: BrokenSurface) -> None:
 
 def _explained(error: BreakdownError, recorded: RecordedRun, waves: NonlinearWaves) -> BreakdownError:
     """Return a breakdown with its cause and cure; collective."""
-    run, numerics = recorded.run, recorded.scene.numerics
+    run, numerics = recorded.run, recorded.case.numerics
     why, cure = cause(
         waves,
         run.state.q,
@@ -81,7 +81,7 @@ def _explained(error: BreakdownError, recorded: RecordedRun, waves: NonlinearWav
         dt=run.clock.dt,
         limit=run.integrator.stability_limit,
         tolerance=numerics.tolerance,
-        frequency_shift=recorded.scene.frequency_shift,
+        frequency_shift=recorded.case.frequency_shift,
         warned=next((one.longest for one in run.diagnostics if isinstance(one, StabilityWatch)), None),
     )
     for one in (one for one in _breaking(run) if one.watch.alarms):

@@ -63,9 +63,9 @@ class Warnings:
             self._log.say(f"warning: {record}", style="bold red")
 
 
-def scene_content(scene: Case, integrator: Integrator[Any] | None) -> dict[str, Any]:
-    """Return a scene for the manifest, without its integrator if a user's replaces it."""
-    content = scene.model_dump(mode="json")
+def case_content(case: Case, integrator: Integrator[Any] | None) -> dict[str, Any]:
+    """Return a case for the manifest, without its integrator if a user's replaces it."""
+    content = case.model_dump(mode="json")
     if integrator is not None:
         content["numerics"].pop("integrator", None)
     return content
@@ -77,7 +77,7 @@ class RecordedRun:
 
     Attributes
     ----------
-    requested, scene
+    requested, case
         The case as requested, and with planned numerics.
     run, waves, parts
         The run, its waves and its parts so far.
@@ -94,7 +94,7 @@ class RecordedRun:
     """
 
     requested: Case
-    scene: Case
+    case: Case
     run: Run
     waves: AnyWaves
     parts: Parts
@@ -109,7 +109,7 @@ class RecordedRun:
 def begin_directory(recorded: RecordedRun, *, resumed: bool) -> None:
     """Begin the run directory with the figures known so far; collective. Raises ``RecordError`` on all ranks."""
     writer, log = recorded.writer, recorded.log
-    bed, parts = bed_by_code(recorded.scene, recorded.waves), recorded.parts.so_far()
+    bed, parts = bed_by_code(recorded.case, recorded.waves), recorded.parts.so_far()
 
     def begin() -> None:
         if writer is not None:
@@ -167,16 +167,16 @@ def progress_of(recorded: RecordedRun) -> AbstractContextManager[Progress | None
 
 def opening_lines(recorded: RecordedRun, *, resumed: bool) -> list[str]:
     """Return the first lines of a run's log: case, numerics, bed, sponge, start, end; collective."""
-    scene, run, waves = recorded.scene, recorded.run, recorded.waves
+    case, run, waves = recorded.case, recorded.run, recorded.waves
     lines = (
-        summary(scene, run, waves),
+        summary(case, run, waves),
         rule_summary(recorded.requested),
-        bed_message(scene, waves),
-        sponge_message(scene, waves),
-        *scene.linear_generation,
-        "" if resumed else start_message(scene, waves, run.state.q),
+        bed_message(case, waves),
+        sponge_message(case, waves),
+        *case.linear_generation,
+        "" if resumed else start_message(case, waves, run.state.q),
         ranks_message(waves),
-        end_message(scene, run.clock),
-        *window_messages(scene, run.clock),
+        end_message(case, run.clock),
+        *window_messages(case, run.clock),
     )
     return [line for line in lines if line]

@@ -14,7 +14,7 @@ from wavetank.planning.checks import run_warnings
 from wavetank.planning.cost import check_affordable
 from wavetank.planning.plan import planned
 from wavetank.planning.resolution import check_stable
-from wavetank.recording.log import RecordedRun, Warnings, scene_content
+from wavetank.recording.log import RecordedRun, Warnings, case_content
 from wavetank.recording.restart import Restart
 from wavetank.simulation.build import build_run
 from wavetank.simulation.case_diagnostics import build_observers, build_watch
@@ -60,16 +60,16 @@ def prepare(
     accept_cost
         Whether a run that takes days, or more memory than there is, is accepted.
     """
-    scene, plan_warnings = restart.planned(requested) if restart else planned(requested, comm)
+    case, plan_warnings = restart.planned(requested) if restart else planned(requested, comm)
     if not accept_cost:
-        check_affordable(scene, comm)
-    check_stable(scene, integrator or INTEGRATORS[scene.numerics.integrator](), comm)
-    run, waves = build_run(scene, comm, integrator, beginning=restart.beginning if restart else None)
+        check_affordable(case, comm)
+    check_stable(case, integrator or INTEGRATORS[case.numerics.integrator](), comm)
+    run, waves = build_run(case, comm, integrator, beginning=restart.beginning if restart else None)
     accuracy = requested.numerics.accuracy
-    for warning in (*plan_warnings, *run_warnings(scene, run.clock, waves, own=integrator, accuracy=accuracy)):
+    for warning in (*plan_warnings, *run_warnings(case, run.clock, waves, own=integrator, accuracy=accuracy)):
         warnings.add(warning)
-    chosen = {key: scene_content(scene, integrator)[key] for key in ("water", "numerics")}
-    if any(content["scene"][key] != value for key, value in chosen.items()):
+    chosen = {key: case_content(case, integrator)[key] for key in ("water", "numerics")}
+    if any(content["case"][key] != value for key, value in chosen.items()):
         content["planned"] = chosen
     out, series = comm.bcast(writer and writer.path), dict[str, VtuSeries]()
 
@@ -77,18 +77,18 @@ def prepare(
         series[name] = VtuSeries(out, name, comm=comm)
         return series[name]
 
-    records = records_of(scene, waves.plane, writer)._replace(fields=fields)
-    run.diagnostics += build_observers(scene, waves, records, sinks=run.sinks)
+    records = records_of(case, waves.plane, writer)._replace(fields=fields)
+    run.diagnostics += build_observers(case, waves, records, sinks=run.sinks)
     run.diagnostics += build_watch(run, waves, warnings.at_once)
     run.diagnostics += [BreakingNews(one, log.say) for one in run.filters if isinstance(one, BreakingDissipation)]
     of_user = own_observers(observers, waves)
     run.diagnostics += of_user
-    if of_user and scene.absorbing:
+    if of_user and case.absorbing:
         run.longest_block = 1  # they may evaluate the waves, whose paddles with feedback move as in the last step
     names = [*map(called, observers)]
     if restart:
-        log.say(restart.restore(run, waves, scene=scene, fields=series))
+        log.say(restart.restore(run, waves, case=case, fields=series))
         restart.warn_of_missing_observers(names)
     earlier, counters_continue = (restart.about["parts"], restart.counters_continue) if restart else ([], False)
     parts = Parts(run, waves, start_time=start_time, earlier=earlier, counters_continue=counters_continue)
-    return RecordedRun(requested, scene, run, waves, parts, series, writer, log, warnings, content, names)
+    return RecordedRun(requested, case, run, waves, parts, series, writer, log, warnings, content, names)

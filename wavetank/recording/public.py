@@ -19,7 +19,7 @@ from wavetank.simulation.own import Observers
 
 
 def run(
-    scene: Case,
+    case: Case,
     out: Path | str,
     *,
     observers: Observers = (),
@@ -35,7 +35,7 @@ def run(
 
     Parameters
     ----------
-    scene
+    case
         As ``read_case`` returns it.
     out
         The run directory.
@@ -50,11 +50,11 @@ def run(
     quiet
         Whether nothing is printed; messages are in ``run.log``.
     """
-    if not isinstance(scene, Case):
-        raise InputError(f"scene = {scene!r}: a {type(scene).__name__} received; needed is what wt.read_case returns.")
+    if not isinstance(case, Case):
+        raise InputError(f"case = {case!r}: a {type(case).__name__} received; needed is what wt.read_case returns.")
     place = OutputPath(Path(out), overwrite=overwrite)
     record_run(
-        scene,
+        case,
         place,
         comm=MPI.COMM_WORLD,
         console=Console(quiet=True) if quiet else console(),

@@ -31,7 +31,7 @@ from wavetank.simulation.initial import StoredSurface, differences
 from wavetank.simulation.run import Run
 
 FREE = {("title",), ("run", "duration"), ("run", "checkpoint_every"), ("run", "on_breaking")}
-ALL_OF = {"gauges": "all_gauges", "probes": "probes", "loads": "loads", "windows": "windows"}  # may be more: of a scene
+ALL_OF = {"gauges": "all_gauges", "probes": "probes", "loads": "loads", "windows": "windows"}  # may be more: of a case
 CHANGED = {*Numerics.model_fields, "on_breaking"}
 SIZES = {"cells": "cell_size", "cell_size": "cells"}  # of which there is one
 RECORDED = {"output", "gauge_lines", *ALL_OF}
@@ -76,7 +76,7 @@ class Restart:
         self.anew = False
         try:
             self._tree = checked_tree(self.about, self._text, [np.zeros(0)] * self._count)["run"]
-            self._before, self._chosen = (Case.model_validate(self.about[name]) for name in ("scene", "chosen"))
+            self._before, self._chosen = (Case.model_validate(self.about[name]) for name in ("case", "chosen"))
             self._has_history = bool(self.about["whole"])
         except (LookupError, ValueError, ValidationError) as error:
             raise self._foreign(error) from error
@@ -97,9 +97,9 @@ class Restart:
             self._warn(sentence)
         return checkpoint
 
-    # ------------------------------------------------------------------------------------------ the scene
+    # ------------------------------------------------------------------------------------------ the case
     def planned(self, requested: Case) -> PlannedCase:
-        """Return the scene of the resumed run with its numerics; collective.
+        """Return the case of the resumed run with its numerics; collective.
 
         Raises ``CaseError`` for a key that a resumed run cannot change.
         """
@@ -107,7 +107,7 @@ class Restart:
         water, output = self._chosen.water, requested.output
         if output.surface_every is None:  # by default it follows from the duration
             output = output.model_copy(update={"surface_every": self._chosen.surface_every})
-        scene = requested.model_copy(update={"water": water, "output": output})
+        case = requested.model_copy(update={"water": water, "output": output})
         mine, its = requested.numerics, self._before.numerics
         same = mine.model_dump() == its.model_dump()
         self.anew = not same or requested.run.on_breaking != self._before.run.on_breaking
@@ -116,11 +116,11 @@ class Restart:
             raise CaseError([self._duration_problem(requested, allowed)])
         self._warn_again()
         if same or mine.accuracy == its.accuracy and not (mine.open and not its.open):
-            result = PlannedCase(scene.model_copy(update={"numerics": self._numerics(mine, its)}))
+            result = PlannedCase(case.model_copy(update={"numerics": self._numerics(mine, its)}))
         else:
-            result = planned(scene, self._comm)
+            result = planned(case, self._comm)
         return result._replace(
-            scene=result.scene.model_copy(update={"initial": StillWater()})
+            case=result.case.model_copy(update={"initial": StillWater()})
         )  # the run has started already
 
     def _warn_again(self) -> None:
@@ -141,7 +141,7 @@ class Restart:
         return mine.over(chosen, named=changed if its.dt is None else changed | {"dt"})
 
     def _check(self, requested: Case) -> None:
-        """Raise ``CaseError`` unless the scene is that of the checkpoint, except keys that may change."""
+        """Raise ``CaseError`` unless the case is that of the checkpoint, except keys that may change."""
         before, now = (one.model_dump(mode="json") for one in (self._before, requested))
         problems = [
             Problem(path, *_required_value(former, value))
@@ -196,16 +196,16 @@ class Restart:
         """The surface at which a run with other numerics begins; None for the same numerics."""
         return StoredSurface.of(self._chosen, self.about, self._tree["parts"], self._checkpoint) if self.anew else None
 
-    def restore(self, run: Run, waves: AnyWaves, *, scene: Case, fields: Mapping[str, VtuSeries]) -> str:
+    def restore(self, run: Run, waves: AnyWaves, *, case: Case, fields: Mapping[str, VtuSeries]) -> str:
         """Restore the state of a run and the extents of its records; return a message; collective.
 
         Raises ``InputError`` for the checkpoint of another run or of another integrator.
         """
         its, mine = self.about["parts"][-1]["numerics"]["integrator"], run.integrator.name
-        if its != mine and scene.numerics.integrator == self._chosen.numerics.integrator:
+        if its != mine and case.numerics.integrator == self._chosen.numerics.integrator:
             raise InputError(f"the run was stepped by integrator {its!r}, and would be by {mine!r}: must be the same.")
         try:
-            message = self._restore_surface(run, waves, scene) if self.anew else self._restore(run, waves, scene)
+            message = self._restore_surface(run, waves, case) if self.anew else self._restore(run, waves, case)
             for name, series in fields.items():
                 if name in self.about["fields"]:
                     check_like(series.extent(), self.about["fields"][name], f"about.fields.{name}", exact=True)
@@ -226,10 +226,10 @@ class Restart:
             check_like({name: one for name, one in mine.items() if name in its}, its, "about.records", exact=True)
             self._writer.resume_at(its)
 
-    def _restore(self, run: Run, waves: AnyWaves, scene: Case) -> str:
+    def _restore(self, run: Run, waves: AnyWaves, case: Case) -> str:
         """Restore the whole state of the run, which has the same numerics."""
         clock = self.about["clock"]
-        remaining, until = scene.run.duration - clock["begin"], scene.motions_end - clock["begin"]
+        remaining, until = case.run.duration - clock["begin"], case.motions_end - clock["begin"]
         run.clock = Clock.covering(remaining, clock["dt"], until=until).after(clock["begin"], clock["first"])
         last = self._checkpoint
         arrays, places = (last.arrays, last.places) if last else ([], np.zeros((0, 3)))
@@ -239,11 +239,11 @@ class Restart:
             raise ValueError(f"step {run.step} of the state is not step {self.about['step']} of its description")
         return f"going on from t = {run.t:.6g} s"
 
-    def _restore_surface(self, run: Run, waves: AnyWaves, scene: Case) -> str:
+    def _restore_surface(self, run: Run, waves: AnyWaves, case: Case) -> str:
         """Restore the states that do not depend on the numerics; the run begins at the surface."""
         run.change_numerics(self._tree)
         mass = waves.total_mass(run.state.q) / self.about["mass"] - 1.0
-        former, now = (one.model_dump(mode="json", include={"numerics", "run"}) for one in (self._chosen, scene))
+        former, now = (one.model_dump(mode="json", include={"numerics", "run"}) for one in (self._chosen, case))
         former["numerics"]["dt"] = self.about["clock"]["dt"]
         now["numerics"]["dt"] = run.clock.dt
         changes = [
@@ -261,15 +261,15 @@ def _required_value(former: Any, value: Any) -> tuple[Any, str]:
     return value, f"must be {'left out' if former is None else repr(former)}, as in the run that is to go on"
 
 
-def stored_scene(run: Path | str, changes: Sequence[str] = (), *, extend: float | None = None) -> Case:
-    """Return the scene stored in a run directory, with ``KEY=VALUE`` changes, longer by ``extend`` [s].
+def stored_case(run: Path | str, changes: Sequence[str] = (), *, extend: float | None = None) -> Case:
+    """Return the case stored in a run directory, with ``KEY=VALUE`` changes, longer by ``extend`` [s].
 
-    Raises ``InputError`` without a stored scene, and for an invalid one.
+    Raises ``InputError`` without a stored case, and for an invalid one.
     """
     directory = RunDirectory(run)
-    content = directory.manifest.get("scene")
+    content = directory.manifest.get("case")
     if not isinstance(content, dict) or not isinstance(content.get("run"), dict):
-        raise InputError(f"{directory.path}: its {MANIFEST} tells no scene to go on with.")
+        raise InputError(f"{directory.path}: its {MANIFEST} tells no case to go on with.")
     if extend is not None:
         if not extend > 0:
             raise InputError(f"--extend {extend:g} received; must be more than 0 s.")
@@ -284,6 +284,6 @@ def stored_scene(run: Path | str, changes: Sequence[str] = (), *, extend: float 
 
 
 def _without_none(content: dict[str, Any]) -> dict[str, Any]:
-    """Return the content of a scene without keys whose value is None."""
+    """Return the content of a case without keys whose value is None."""
     items = ((key, _without_none(value) if isinstance(value, dict) else value) for key, value in content.items())
     return {key: value for key, value in items if value is not None}

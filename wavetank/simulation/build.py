@@ -1,4 +1,4 @@
-"""From a scene to a run: its scheme, step, start, filters and observers."""
+"""From a case to a run: its scheme, step, start, filters and observers."""
 
 from math import inf
 from typing import Any
@@ -28,11 +28,11 @@ ENOUGH = 100_000  # unknowns of a basin, from which on several ranks pay
 ANSWERED = 1.25  # omega_max dt: of longer steps flaps that answer have been unstable
 
 
-def initial_state(scene: Case, waves: AnyWaves) -> tuple[Vector, Vector]:
-    """Return (Q, psi) of the scene's initial surface; collective. Raises ``InputError`` if it lies below the bed."""
+def initial_state(case: Case, waves: AnyWaves) -> tuple[Vector, Vector]:
+    """Return (Q, psi) of the case's initial surface; collective. Raises ``InputError`` if it lies below the bed."""
     comm = waves.plane.comm
     with about("initial"):
-        eta, psi = initial_surface(scene, waves)
+        eta, psi = initial_surface(case, waves)
         state = waves.state(eta, psi)
         lowest = comm.allreduce(float(np.min(waves.bed.still + eta, initial=np.inf)), op=MPI.MIN)
         if not lowest > 0.0:
@@ -41,14 +41,14 @@ def initial_state(scene: Case, waves: AnyWaves) -> tuple[Vector, Vector]:
 
 
 def build_clock(
-    scene: Case,
+    case: Case,
     largest_frequency: float,
     integrator: Integrator[Any],
     *,
     moving: float | None = None,
     begin: float = 0.0,
 ) -> Clock:
-    """Return the scene's steps, or some from accuracy and stability, for the largest frequency of its mesh [rad/s].
+    """Return the case's steps, or some from accuracy and stability, for the largest frequency of its mesh [rad/s].
 
     The default step divides the duration. It is at most 0.6 of the stability limit on still water, ``FARTHEST`` of the
     limit at the largest displacement of a paddle, and 1.4 times the limit on the ``moving`` surface of the start, if
@@ -58,44 +58,44 @@ def build_clock(
     recorded motion ends. The duration counts from ``begin`` [s].
     Raises ``InputError`` for an unstable step.
     """
-    duration = scene.run.duration - begin
+    duration = case.run.duration - begin
     limit = integrator.stability_limit / largest_frequency
-    if scene.numerics.dt is None:
+    if case.numerics.dt is None:
         coefficient, power = integrator.frequency_error
         accurate = 4.0 / largest_frequency * (1e-4 / coefficient) ** (1.0 / power)
         steep = 1.4 * min(integrator.stability_limit, ITERATES) / (moving or largest_frequency)
-        return Clock.dividing(duration, min(0.6 * limit, FARTHEST * limit / scene.frequency_shift, accurate, steep))
-    if scene.numerics.dt > limit:
+        return Clock.dividing(duration, min(0.6 * limit, FARTHEST * limit / case.frequency_shift, accurate, steep))
+    if case.numerics.dt > limit:
         allowed = (
             f"must be below {limit:.4g} s, where {integrator.name} gets unstable on this mesh (largest frequency "
             f"{largest_frequency:.4g} rad/s)"
         )
-        raise CaseError([Problem(("numerics", "dt"), scene.numerics.dt, allowed)])
+        raise CaseError([Problem(("numerics", "dt"), case.numerics.dt, allowed)])
     with about("numerics", "dt"):
-        return Clock.covering(duration, scene.numerics.dt, until=scene.motions_end - begin)
+        return Clock.covering(duration, case.numerics.dt, until=case.motions_end - begin)
 
 
 def build_run(
-    scene: Case, comm: MPI.Comm, integrator: Integrator[Any] | None = None, *, beginning: StoredSurface | None = None
+    case: Case, comm: MPI.Comm, integrator: Integrator[Any] | None = None, *, beginning: StoredSurface | None = None
 ) -> tuple[Run, AnyWaves]:
-    """Return the run of a scene, nothing recorded yet, and the waves in it; collective.
+    """Return the run of a case, nothing recorded yet, and the waves in it; collective.
 
-    It has no diagnostics; filters of breaking may stop it. Its integrator is the scene's or the given one. It starts
-    with the scene's initial state or at ``beginning``. Raises ``InputError`` for numerics that cannot work or that are
+    It has no diagnostics; filters of breaking may stop it. Its integrator is the case's or the given one. It starts
+    with the case's initial state or at ``beginning``. Raises ``InputError`` for numerics that cannot work or that are
     not planned yet (``wavetank.planning.plan``).
     """
-    if scene.numerics.accuracy is not None:
-        raise InputError(f"numerics.accuracy = {scene.numerics.accuracy:g}: must have been planned for before the run.")
+    if case.numerics.accuracy is not None:
+        raise InputError(f"numerics.accuracy = {case.numerics.accuracy:g}: must have been planned for before the run.")
     with about("tank", "layout"):
-        footprint = build_footprint(scene, comm)
-    waves = fill(scene, footprint)
-    integrator = INTEGRATORS[scene.numerics.integrator]() if integrator is None else own_scheme(integrator)
-    if scene.sponge is not None:
+        footprint = build_footprint(case, comm)
+    waves = fill(case, footprint)
+    integrator = INTEGRATORS[case.numerics.integrator]() if integrator is None else own_scheme(integrator)
+    if case.sponge is not None:
         with about("sponge"):
-            damping = Damping(build_sponge(scene, scene.sponge, footprint, waves))
+            damping = Damping(build_sponge(case, case.sponge, footprint, waves))
         integrator = damped(integrator, damping)
         waves.damp(damping.gamma)
-    controllers = build_controllers(scene, waves)
+    controllers = build_controllers(case, waves)
     if controllers:
         integrator = ControlledPaddles(integrator, controllers)
         if beginning is not None:
@@ -104,20 +104,20 @@ def build_run(
     largest = waves.largest_frequency  # of a wall at rest
     t, step = (beginning.t, beginning.step) if beginning else (0.0, 0)
     waves.set_time(t)
-    start = waves.state(*beginning.on(waves), t) if beginning else initial_state(scene, waves)
+    start = waves.state(*beginning.on(waves), t) if beginning else initial_state(case, waves)
     moving = _moving(waves, start, t)
     clock = raise_on_all_ranks(
-        comm, lambda: build_clock(scene, largest, integrator, moving=moving, begin=t).after(t, step)
+        comm, lambda: build_clock(case, largest, integrator, moving=moving, begin=t).after(t, step)
     )
     if controllers and clock.dt * largest > ANSWERED:
         allowed = f"must be at most {ANSWERED / largest:.4g} s: a paddle that absorbs looks at the water once a step"
-        raise CaseError([Problem(("numerics", "dt"), scene.numerics.dt, allowed)])
-    filters = build_filters(scene, waves, clock.dt)
+        raise CaseError([Problem(("numerics", "dt"), case.numerics.dt, allowed)])
+    filters = build_filters(case, waves, clock.dt)
     run = Run(waves, integrator, [], start=start, clock=clock, filters=filters)
-    below = scene.probes or scene.loads or scene.windows or scene.output.velocity_every is not None
-    if scene.absorbing and (below or isinstance(waves, LinearWaves)):
+    below = case.probes or case.loads or case.windows or case.output.velocity_every is not None
+    if case.absorbing and (below or isinstance(waves, LinearWaves)):
         run.longest_block = 1  # diagnostics evaluate the motion of a paddle, which with feedback is that of the step
-    run.paddle_work = build_paddle_work(scene, waves)
+    run.paddle_work = build_paddle_work(case, waves)
     check_states(run)
     return run, waves
 
@@ -130,27 +130,27 @@ def _moving(waves: AnyWaves, start: tuple[Vector, Vector], t: float) -> float:
     return ShortWaves(waves).largest_frequency(waves.surface)
 
 
-def summary(scene: Case, run: Run, waves: AnyWaves) -> str:
+def summary(case: Case, run: Run, waves: AnyWaves) -> str:
     """Return what a run is, in a line."""
     limit = run.integrator.stability_limit
     bound = f" of {limit:g}" if limit < inf else ", stable at any"
     steps = run.clock.steps - run.clock.first
     water = "linear water, " if isinstance(waves, LinearWaves) else ""
     return (
-        f"{scene.title or 'untitled'}: {water}{waves.plane.cells} cells of order {waves.plane.order}, "
+        f"{case.title or 'untitled'}: {water}{waves.plane.cells} cells of order {waves.plane.order}, "
         f"n = {waves.vertical.n}, "
         f"{_unknowns(waves)} unknowns; {steps} steps of {run.clock.dt:.4g} s ({run.integrator.name}, "
         f"dt omega_max = {run.clock.dt * waves.largest_frequency:.2f}{bound})"
     )
 
 
-def end_message(scene: Case, clock: Clock) -> str:
+def end_message(case: Case, clock: Clock) -> str:
     """Return that a run's last step ends before or beyond its duration; empty if it does not."""
-    if abs(clock.end - scene.run.duration) <= ROUNDING * scene.run.duration:
+    if abs(clock.end - case.run.duration) <= ROUNDING * case.run.duration:
         return ""
     step = f"a whole step of {clock.dt:.4g} s"
-    beyond = "" if clock.end > scene.run.duration else ": one more step would end beyond the recorded motion"
-    return f"the run ends at {clock.end:.6g} s, with {step}, not at {scene.run.duration:.6g} s{beyond}"
+    beyond = "" if clock.end > case.run.duration else ": one more step would end beyond the recorded motion"
+    return f"the run ends at {clock.end:.6g} s, with {step}, not at {case.run.duration:.6g} s{beyond}"
 
 
 def ranks_message(waves: AnyWaves) -> str:

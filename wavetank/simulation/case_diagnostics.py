@@ -45,81 +45,81 @@ def build_watch(run: Run, waves: AnyWaves, warn: Callable[[RunWarning], None]) -
 
 
 def build_observers(
-    scene: Case, waves: AnyWaves, records: Records, *, sinks: Sequence[Smoothing] = ()
+    case: Case, waves: AnyWaves, records: Records, *, sinks: Sequence[Smoothing] = ()
 ) -> list[Diagnostic]:
-    """Return the diagnostics of a scene; collective.
+    """Return the diagnostics of a case; collective.
 
     ``sinks``: filters whose dissipation is part of the energy budget.
     """
-    output = scene.output
-    diagnostics: list[Diagnostic] = [_gauges(scene, waves, records.gauges)] if scene.all_gauges else []
-    diagnostics += _below_surface(scene, waves, records)  # first: where a paddle passes them the others end, too
+    output = case.output
+    diagnostics: list[Diagnostic] = [_gauges(case, waves, records.gauges)] if case.all_gauges else []
+    diagnostics += _below_surface(case, waves, records)  # first: where a paddle passes them the others end, too
     diagnostics.append(EnergyBudget(waves, record=records.energy, every=output.energy_every, sinks=sinks))
     diagnostics.append(HighestCrest(waves))
     if waves.plane.mesh.topology.dim == 1:
-        snapshots = SurfaceSnapshots(waves, record=records.surface, schedule=EveryTime(scene.surface_every))
+        snapshots = SurfaceSnapshots(waves, record=records.surface, schedule=EveryTime(case.surface_every))
         diagnostics.append(snapshots)
-    diagnostics += _surface_fields(scene, waves, records)
-    loaded = {load.on for load in scene.loads} if records.loads is not None else set()
-    for number, view in enumerate(scene.paddles):
+    diagnostics += _surface_fields(case, waves, records)
+    loaded = {load.on for load in case.loads} if records.loads is not None else set()
+    for number, view in enumerate(case.paddles):
         limits: Any = view.wall.limits
-        if limits is not None and number in scene.absorbing:
+        if limits is not None and number in case.absorbing:
             most = limits.model_dump(exclude_none=True)
-            diagnostics.append(PaddleLimits(_rates(scene, waves, number), most, key=view.key))
+            diagnostics.append(PaddleLimits(_rates(case, waves, number), most, key=view.key))
         if number < len(records.paddles) and view.side not in loaded:  # a trial has no records of paddles
-            diagnostics.append(_paddle(scene, waves, number, records.paddles[number]))
+            diagnostics.append(_paddle(case, waves, number, records.paddles[number]))
     return diagnostics
 
 
-def _gauges(scene: Case, waves: AnyWaves, record: Record) -> Gauges:
+def _gauges(case: Case, waves: AnyWaves, record: Record) -> Gauges:
     """Return the gauges; collective. Raises ``CaseError`` for one outside the mesh."""
-    places = np.array([(gauge.x, gauge.y) for gauge in scene.all_gauges])
+    places = np.array([(gauge.x, gauge.y) for gauge in case.all_gauges])
     try:
-        called = _called(scene, [scene.gauge_key(n) for n in range(len(places))])
-        schedule = EverySteps(scene.output.gauges_every)
+        called = _called(case, [case.gauge_key(n) for n in range(len(places))])
+        schedule = EverySteps(case.output.gauges_every)
         return Gauges(waves, places, record=record, schedule=schedule, called=called)
     except OutsideError as error:
-        raise CaseError([Problem(scene.gauge_key(error.index), None, str(error))]) from None
+        raise CaseError([Problem(case.gauge_key(error.index), None, str(error))]) from None
 
 
-def _called(scene: Case, keys: Sequence[tuple[str | int, ...]]) -> PlaceNames:
-    """Return the names of places of a scene by their keys, and those of its paddles."""
-    return PlaceNames([".".join(map(str, key)) for key in keys], [end.key for end in scene.paddles])
+def _called(case: Case, keys: Sequence[tuple[str | int, ...]]) -> PlaceNames:
+    """Return the names of places of a case by their keys, and those of its paddles."""
+    return PlaceNames([".".join(map(str, key)) for key in keys], [end.key for end in case.paddles])
 
 
-def _below_surface(scene: Case, waves: AnyWaves, records: Records) -> list[Diagnostic]:
+def _below_surface(case: Case, waves: AnyWaves, records: Records) -> list[Diagnostic]:
     """Return probes, windows, velocity fields, loads and paddles with loads; collective.
 
     Raises ``CaseError`` for a probe or wall that does not exist.
     """
-    every = scene.output.velocity_every
+    every = case.output.velocity_every
     velocity = records.fields if every is not None and isinstance(waves, NonlinearWaves) else None
     if records.probes is None and records.loads is None and velocity is None and not records.windows:
         return []
-    water, schedule = moving_water(scene, waves), EverySteps(scene.output.probes_every)
+    water, schedule = moving_water(case, waves), EverySteps(case.output.probes_every)
     result = list[Diagnostic]()
     if velocity is not None and every is not None and isinstance(water, NonlinearRates):
         result.append(VelocityFields(water, velocity("velocity"), schedule=EveryTime(every)))
     if records.probes is not None:
-        result.append(_probes(scene, water, records.probes, schedule))
-    result += [_window(scene, water, n, record) for n, record in enumerate(records.windows)]
+        result.append(_probes(case, water, records.probes, schedule))
+    result += [_window(case, water, n, record) for n, record in enumerate(records.windows)]
     if records.loads is not None:
-        walls = [_wall(scene, waves, n) for n in range(len(scene.loads))]
-        pressure = WallPressure(water, walls, density=scene.tank.density)
-        points = [np.array(load.point(scene.tank.depth)) for load in scene.loads]
+        walls = [_wall(case, waves, n) for n in range(len(case.loads))]
+        pressure = WallPressure(water, walls, density=case.tank.density)
+        points = [np.array(load.point(case.tank.depth)) for load in case.loads]
         result.append(Loads(pressure, points, record=records.loads, schedule=schedule))
-        loaded = {load.on: n for n, load in enumerate(scene.loads)}
-        for number, view in enumerate(scene.paddles):
+        loaded = {load.on: n for n, load in enumerate(case.loads)}
+        for number, view in enumerate(case.paddles):
             if view.side in loaded and number < len(records.paddles):
                 paddle = waves.wall.paddles[number]
                 push = PaddlePush(pressure, loaded[view.side], paddle)
-                result.append(_paddle(scene, waves, number, records.paddles[number], push=push))
+                result.append(_paddle(case, waves, number, records.paddles[number], push=push))
     return [BelowSurface(water, result)]
 
 
-def _rates(scene: Case, waves: AnyWaves, number: int) -> PaddleRates:
+def _rates(case: Case, waves: AnyWaves, number: int) -> PaddleRates:
     """Return the function of the rates of a paddle."""
-    view, paddle = scene.paddles[number], waves.wall.paddles[number]
+    view, paddle = case.paddles[number], waves.wall.paddles[number]
     if paddle.moves and paddle.kinematics.rigid:
         return lambda block: block.rates[:, number]
     along = view.wall.places(view.tank)
@@ -127,33 +127,33 @@ def _rates(scene: Case, waves: AnyWaves, number: int) -> PaddleRates:
 
 
 def _paddle(
-    scene: Case, waves: AnyWaves, number: int, record: Record, *, push: PaddlePush | None = None
+    case: Case, waves: AnyWaves, number: int, record: Record, *, push: PaddlePush | None = None
 ) -> PaddleMotion:
     """Return the diagnostic of a paddle's motion, and of its force and power with a ``push``."""
-    schedule = EverySteps(scene.output.gauges_every)
-    return PaddleMotion(_rates(scene, waves, number), record=record, schedule=schedule, push=push)
+    schedule = EverySteps(case.output.gauges_every)
+    return PaddleMotion(_rates(case, waves, number), record=record, schedule=schedule, push=push)
 
 
-def _probes(scene: Case, water: MovingWater, record: Record, schedule: EverySteps) -> Probes:
+def _probes(case: Case, water: MovingWater, record: Record, schedule: EverySteps) -> Probes:
     """Return the probes; collective. Raises ``CaseError`` for one outside the mesh."""
-    points = np.array([(probe.x, probe.y, probe.z) for probe in scene.probes])
+    points = np.array([(probe.x, probe.y, probe.z) for probe in case.probes])
     try:
-        kinematics = PointKinematics(water, points, density=scene.tank.density)
-        called = _called(scene, [("probes", n) for n in range(len(points))])
+        kinematics = PointKinematics(water, points, density=case.tank.density)
+        called = _called(case, [("probes", n) for n in range(len(points))])
         return Probes(water, kinematics, record=record, schedule=schedule, called=called)
     except OutsideError as error:
         raise CaseError([Problem(("probes", error.index), None, str(error))]) from None
 
 
-def _window(scene: Case, water: MovingWater, n: int, record: FirstRankRecord) -> WindowObserver:
+def _window(case: Case, water: MovingWater, n: int, record: FirstRankRecord) -> WindowObserver:
     """Return the diagnostic of a window; collective. Raises ``CaseError`` for a column outside the mesh."""
-    window = scene.windows[n]
+    window = case.windows[n]
     with about("windows", n):
         return WindowObserver(
             water,
             np.array(window.places),
             levels=window.levels,
-            density=scene.tank.density,
+            density=case.tank.density,
             record=record,
             schedule=_rows(window),
         )
@@ -164,10 +164,10 @@ def _rows(window: Window) -> EveryTimeBetween:
     return EveryTimeBetween(window.every, window.begin, np.inf if window.until is None else window.until)
 
 
-def window_messages(scene: Case, clock: Clock) -> list[str]:
+def window_messages(case: Case, clock: Clock) -> list[str]:
     """Return a sentence for each window whose interval is rounded to steps, or that ends before its ``until``."""
     sentences = list[str]()
-    for window in scene.windows:
+    for window in case.windows:
         interval, sentence = _rows(window).spacing(clock.dt), ""
         if abs(interval - window.every) > 1e-6 * window.every:
             sentence = f"a row every {interval:.5g} s, in whole steps of {clock.dt:.5g} s"
@@ -177,15 +177,15 @@ def window_messages(scene: Case, clock: Clock) -> list[str]:
     return sentences
 
 
-def _wall(scene: Case, waves: AnyWaves, n: int) -> MeshTags:
+def _wall(case: Case, waves: AnyWaves, n: int) -> MeshTags:
     """Return the facets of a load's wall; collective. Raises ``CaseError`` if there is none of that name."""
     with about("loads", n, "on"):
-        return waves.plane.wall(scene.loads[n].on)
+        return waves.plane.wall(case.loads[n].on)
 
 
-def _surface_fields(scene: Case, waves: AnyWaves, records: Records) -> list[Diagnostic]:
+def _surface_fields(case: Case, waves: AnyWaves, records: Records) -> list[Diagnostic]:
     """Return the fields of a basin's surface and sponge; empty for a slice or ring; collective."""
     if records.fields is None or waves.plane.mesh.topology.dim == 1:
         return []
-    schedule = EveryTime(scene.surface_every)
+    schedule = EveryTime(case.surface_every)
     return [SurfaceFields(waves, records.fields("surface"), schedule=schedule, damping=waves.damping)]

@@ -33,14 +33,14 @@ from wavetank.tank.surface_flow import SurfaceFlow
 from wavetank.tank.waves import NonlinearWaves, Tolerances
 
 
-def build_footprint(scene: Case, comm: MPI.Comm) -> Footprint:
+def build_footprint(case: Case, comm: MPI.Comm) -> Footprint:
     """Return the horizontal domain of the tank; collective. Raises ``InputError`` for a mesh that cannot be used."""
-    tank = scene.tank
+    tank = case.tank
     if isinstance(tank, SliceTank):
-        return Slice(tank.length, scene.cells, comm=comm)
+        return Slice(tank.length, case.cells, comm=comm)
     if isinstance(tank, RingTank):
-        return Ring(tank.length, scene.cells, comm=comm)
-    layout, size = tank.layout, scene.cell_size
+        return Ring(tank.length, case.cells, comm=comm)
+    layout, size = tank.layout, case.cell_size
     if isinstance(layout, MeshFile):
         return Basin(read_layout(Path(layout.file), comm))
     far = layout.box[2] if isinstance(layout, Rectangle) else None
@@ -51,60 +51,60 @@ AnyWaves = NonlinearWaves | LinearWaves
 NOMINAL = 0.01  # of the depth: what a bed may differ from it where waves are made, as measured ones do
 
 
-def build_waves(scene: Case, comm: MPI.Comm) -> AnyWaves:
+def build_waves(case: Case, comm: MPI.Comm) -> AnyWaves:
     """Return the tank with its water; collective."""
-    return fill(scene, build_footprint(scene, comm))
+    return fill(case, build_footprint(case, comm))
 
 
-def fill(scene: Case, footprint: Footprint) -> AnyWaves:
-    """Return a footprint with the scene's water in it; collective."""
+def fill(case: Case, footprint: Footprint) -> AnyWaves:
+    """Return a footprint with the case's water in it; collective."""
     with about("tank", "bed"):
-        plane = Plane(footprint.mesh, scene.numerics.order, footprint.chart, walls=footprint.facets_of)
-        check_depth(scene, footprint, plane)
-        numerics = scene.numerics
+        plane = Plane(footprint.mesh, case.numerics.order, footprint.chart, walls=footprint.facets_of)
+        check_depth(case, footprint, plane)
+        numerics = case.numerics
         parts: dict[str, Any] = {
-            "depth": scene.depths(),
-            "gravity": scene.tank.gravity,
-            "wall": build_wall(scene, footprint, plane),
+            "depth": case.depths(),
+            "gravity": case.tank.gravity,
+            "wall": build_wall(case, footprint, plane),
             "vertical_order": numerics.vertical_order,
         }
-        if scene.physics == "linear":
+        if case.physics == "linear":
             return LinearWaves(plane, tolerance=numerics.tolerance, **parts)
         petsc = numerics.stage_solver == "petsc"
         tolerances = Tolerances(stage=numerics.tolerance, interior=0.1 * numerics.tolerance, petsc=petsc)
         return NonlinearWaves(plane, tolerances=tolerances, **parts)
 
 
-def moving_water(scene: Case, waves: AnyWaves) -> MovingWater:
+def moving_water(case: Case, waves: AnyWaves) -> MovingWater:
     """Return the computation of the potential of a state and of its rate; collective."""
     if isinstance(waves, LinearWaves):
-        return LinearRates(waves, tolerance=0.1 * scene.numerics.tolerance)
+        return LinearRates(waves, tolerance=0.1 * case.numerics.tolerance)
     return NonlinearRates(waves)
 
 
-def check_depth(scene: Case, footprint: Footprint, plane: Plane) -> None:
+def check_depth(case: Case, footprint: Footprint, plane: Plane) -> None:
     """Raise ``CaseError`` unless the tank's depth is that of the bed at its paddles, or else anywhere; collective."""
-    depth = scene.depths()
+    depth = case.depths()
     if not callable(depth):
         return
     depths_at = {"a depth of the bed": plane.places}
-    if not isinstance(footprint, Ring) and scene.paddles:
-        ends = {one.side: plane.places[plane.at(footprint.side(one.side).facets)] for one in scene.paddles}
+    if not isinstance(footprint, Ring) and case.paddles:
+        ends = {one.side: plane.places[plane.at(footprint.side(one.side).facets)] for one in case.paddles}
         depths_at = {f"the bed's depth at the {end}": places for end, places in ends.items()}
     for where, at in depths_at.items():
         result = raise_on_all_ranks(plane.comm, lambda at=at: depth(*at.T))  # type: ignore[misc]
         low = plane.comm.allreduce(float(np.min(result, initial=np.inf)), op=MPI.MIN)
         high = plane.comm.allreduce(float(np.max(result, initial=-np.inf)), op=MPI.MAX)
-        if low > 0.0 and not (1 - NOMINAL) * low <= scene.tank.depth <= (1 + NOMINAL) * high:
+        if low > 0.0 and not (1 - NOMINAL) * low <= case.tank.depth <= (1 + NOMINAL) * high:
             depths = f"{low:.4g} m" if f"{low:.4g}" == f"{high:.4g}" else f"{low:.4g} to {high:.4g} m"
             or_else = ", or the bed of the tank's depth there: the wall moves" if where.endswith(FAR) else ""
             allowed = f"must be {where}, {depths}, to 1 %{or_else}"
-            raise CaseError([Problem(("tank", "depth"), scene.tank.depth, allowed)])
+            raise CaseError([Problem(("tank", "depth"), case.tank.depth, allowed)])
 
 
-def bed_message(scene: Case, waves: AnyWaves) -> str:
+def bed_message(case: Case, waves: AnyWaves) -> str:
     """Return the part of the tank where the bed's minimum depth acts; empty without a minimum depth; collective."""
-    minimum = None if scene.tank.bed is None else scene.tank.bed.minimum_depth
+    minimum = None if case.tank.bed is None else case.tank.bed.minimum_depth
     if minimum is None:
         return ""
     touched = np.asarray(waves.bed.still == minimum, dtype=np.float64)
@@ -112,13 +112,13 @@ def bed_message(scene: Case, waves: AnyWaves) -> str:
     return f"tank.bed.minimum_depth = {minimum:g} m holds for {100 * wet / total:.3g} % of the tank"
 
 
-def bed_by_code(scene: Case, waves: AnyWaves) -> dict[str, Vector]:
+def bed_by_code(case: Case, waves: AnyWaves) -> dict[str, Vector]:
     """Return x, y (of a basin) [m] and depth [m] of a bed by a Python function at all degrees of freedom; collective.
 
     Empty of any other bed, and on all ranks but the first.
     """
-    depth = scene.depths()
-    if not isinstance(scene.tank.bed, PythonBed) or not callable(depth):
+    depth = case.depths()
+    if not isinstance(case.tank.bed, PythonBed) or not callable(depth):
         return {}
     x, y = waves.plane.places.T
     columns = {"x [m]": x, "y [m]": y, "depth [m]": raise_on_all_ranks(waves.plane.comm, lambda: depth(x, y))}
@@ -128,15 +128,15 @@ def bed_by_code(scene: Case, waves: AnyWaves) -> dict[str, Vector]:
     return dict(zip(columns, values, strict=False))
 
 
-def describe_energy(scene: Case) -> list[str]:
-    """Return a description of a scene's Hamiltonian in lines: its parts, mapping and bed, and which terms vanish."""
-    waves: type[AnyWaves] = LinearWaves if scene.physics == "linear" else NonlinearWaves
-    parts, mappings = zip(*wall_descriptions(scene), strict=True)
-    names = [one.key.replace("_", " ") for one in scene.paddles] or ["wall"]
+def describe_energy(case: Case) -> list[str]:
+    """Return a description of a case's Hamiltonian in lines: its parts, mapping and bed, and which terms vanish."""
+    waves: type[AnyWaves] = LinearWaves if case.physics == "linear" else NonlinearWaves
+    parts, mappings = zip(*wall_descriptions(case), strict=True)
+    names = [one.key.replace("_", " ") for one in case.paddles] or ["wall"]
     named = [part._replace(name=name) for part, name in zip(parts, names, strict=True)]
     if len(named) > 1 and named[0].formula == named[1].formula:
         named[1] = named[1]._replace(formula="the same at the far paddle")
-    bed = FlatBed if scene.tank.bed is None else VaryingBed
+    bed = FlatBed if case.tank.bed is None else VaryingBed
     own = ["X_p: of each paddle its own, from its wall into the water"] if len(named) > 1 else []
     return [
         *map(str, (*waves.parts, *named)),
@@ -146,7 +146,7 @@ def describe_energy(scene: Case) -> list[str]:
     ]
 
 
-def build_sponge(scene: Case, sponge: AnySponge, footprint: Any, waves: AnyWaves) -> Vector:
+def build_sponge(case: Case, sponge: AnySponge, footprint: Any, waves: AnyWaves) -> Vector:
     """Return gamma at the owned degrees of freedom [1/s], shape (owned,); collective."""
     plane = waves.plane
     if isinstance(sponge, FormulaSponge):
@@ -157,33 +157,33 @@ def build_sponge(scene: Case, sponge: AnySponge, footprint: Any, waves: AnyWaves
         x, width = waves.wall.distances(plane), sponge.length
         far = plane.comm.allreduce(float(np.max(x, initial=-np.inf)), op=MPI.MAX)
         distance = np.asarray(x - (far - width))
-    strength = sponge.strength_for(width, scene.tank, paddle=scene.ends[0].period)
+    strength = sponge.strength_for(width, case.tank, paddle=case.ends[0].period)
     return profile(distance, width=width, strength=strength)
 
 
-def sponge_message(scene: Case, waves: AnyWaves) -> str:
+def sponge_message(case: Case, waves: AnyWaves) -> str:
     """Return position and largest damping rate of the sponge; empty without a sponge; collective."""
-    if scene.sponge is None or waves.damping is None:
+    if case.sponge is None or waves.damping is None:
         return ""
     most = waves.plane.comm.allreduce(float(np.max(waves.damping, initial=0.0)), op=MPI.MAX)
-    where = f"the last {scene.sponge.length:g} m, " if isinstance(scene.sponge, EndSponge) else ""
+    where = f"the last {case.sponge.length:g} m, " if isinstance(case.sponge, EndSponge) else ""
     return f"sponge: {where}up to {most:.3g} 1/s"
 
 
-def build_filters(scene: Case, waves: AnyWaves, dt: float) -> list[Filter]:
+def build_filters(case: Case, waves: AnyWaves, dt: float) -> list[Filter]:
     """Return the filters between steps: of breaking crests, and the gradient-jump penalty; collective."""
     if isinstance(waves, LinearWaves):
         return []  # neither breaks nor has a current
     flow, filters = waves.surface, list[Filter]()
-    if scene.run.on_breaking != "ignore":
-        length = scene.tank.length if isinstance(scene.tank, RingTank) else None
+    if case.run.on_breaking != "ignore":
+        length = case.tank.length if isinstance(case.tank, RingTank) else None
         along = isinstance(flow, SurfaceFlow)
         watch = BreakingWatch(waves, flow, length=length) if along else BasinBreakingWatch(waves, flow)
-        if scene.run.on_breaking == "dissipate":
+        if case.run.on_breaking == "dissipate":
             filters.append(BreakingDissipation(waves, watch, dt=dt))
         else:
-            filters.append(BreakingAlarm(watch, stop=scene.run.on_breaking == "stop"))
-    if scene.numerics.edge_penalty > 0:
-        size, strength = waves.plane.cell_size, scene.numerics.edge_penalty
+            filters.append(BreakingAlarm(watch, stop=case.run.on_breaking == "stop"))
+    if case.numerics.edge_penalty > 0:
+        size, strength = waves.plane.cell_size, case.numerics.edge_penalty
         filters.append(EdgePenalty(waves, flow, cell_size=size, dt=dt, strength=strength))
     return filters

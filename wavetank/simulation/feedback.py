@@ -16,38 +16,38 @@ from wavetank.simulation.supply import PaddleWork
 from wavetank.tank.absorption import FaceElevation, Measurement, PaddleController, PaddleSlopes
 
 
-def build_controllers(scene: Case, waves: AnyWaves) -> list[PaddleController]:
-    """Return the controllers of the paddles of a scene that absorb; collective."""
+def build_controllers(case: Case, waves: AnyWaves) -> list[PaddleController]:
+    """Return the controllers of the paddles of a case that absorb; collective."""
     result = list[PaddleController]()
-    for number in scene.absorbing:
-        end = scene.paddles[number]
+    for number in case.absorbing:
+        end = case.paddles[number]
         wall: Any = end.wall
         paddle: Any = waves.wall.paddles[number]
-        equation, measure = build_filter(scene, number, waves)
+        equation, measure = build_filter(case, number, waves)
         mode_shape = wall.mode_shape(end.tank)
         result.append(PaddleController(paddle, equation, measure, mode_shape=mode_shape, key=end.key))
     return result
 
 
-def build_paddle_work(scene: Case, waves: AnyWaves) -> PaddleWork | None:
-    """Return the work of a scene's paddles; None without active absorption."""
-    if not scene.absorbing:
+def build_paddle_work(case: Case, waves: AnyWaves) -> PaddleWork | None:
+    """Return the work of a case's paddles; None without active absorption."""
+    if not case.absorbing:
         return None
-    masses = np.array([end.wall.added_mass(scene.tank) for end in scene.paddles])
+    masses = np.array([end.wall.added_mass(case.tank) for end in case.paddles])
     return PaddleWork([paddle.motion for paddle in waves.wall.paddles], masses)
 
 
-def restore_paddles(scene: Case, motions: Iterable[Any], parts: StateTree) -> None:
+def restore_paddles(case: Case, motions: Iterable[Any], parts: StateTree) -> None:
     """Restore the motions of paddles with feedback, among those of all paddles, from the parts of a run."""
     paddles = [*motions]
-    for n, number in enumerate(scene.absorbing):
+    for n, number in enumerate(case.absorbing):
         state = typed(FeedbackState, parts[f"paddle {n}"]["motion"], f"paddle {n}.motion")
         paddles[number].state = replace(state, retained={})
 
 
-def build_filter(scene: Case, number: int, waves: AnyWaves) -> tuple[StateSpaceFilter, Measurement]:
+def build_filter(case: Case, number: int, waves: AnyWaves) -> tuple[StateSpaceFilter, Measurement]:
     """Return the filter of a paddle with feedback, by its number, and its measurement of the water; collective."""
-    end, tank, comm = scene.paddles[number], scene.tank, waves.plane.comm
+    end, tank, comm = case.paddles[number], case.tank, waves.plane.comm
     wall: Any = end.wall
     paddle: Any = waves.wall.paddles[number]
     if isinstance(wall.absorb, SpringDamper):
@@ -60,7 +60,7 @@ def build_filter(scene: Case, number: int, waves: AnyWaves) -> tuple[StateSpaceF
     target = raise_on_all_ranks(
         comm,
         lambda: elevation_at_face(
-            end.motion(), wall.wavemaker, depth=tank.depth, gravity=tank.gravity, duration=scene.run.duration
+            end.motion(), wall.wavemaker, depth=tank.depth, gravity=tank.gravity, duration=case.run.duration
         ),
     )
     elevation = FaceElevation(waves, paddle, target)

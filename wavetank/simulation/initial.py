@@ -39,7 +39,7 @@ class StoredSurface(NamedTuple):
 
     Attributes
     ----------
-    scene
+    case
         What was computed, with its numerics.
     t
         The time [s].
@@ -55,7 +55,7 @@ class StoredSurface(NamedTuple):
         The number of steps that it took.
     """
 
-    scene: Case
+    case: Case
     t: float
     mass: float
     values: tuple[Vector, Vector]
@@ -64,14 +64,14 @@ class StoredSurface(NamedTuple):
     step: int = 0
 
     @classmethod
-    def of(cls, scene: Case, about: dict[str, Any], parts: StateTree, checkpoint: Checkpoint | None) -> Self:
+    def of(cls, case: Case, about: dict[str, Any], parts: StateTree, checkpoint: Checkpoint | None) -> Self:
         """Return the surface of a checkpoint by its description; only the first rank has the checkpoint itself."""
         values: tuple[Vector, Vector] = np.zeros(0), np.zeros(0)
         places: Vector = np.zeros((0, 3))
         if checkpoint is not None:
             surface = deserialize(checkpoint.tree_json, checkpoint.arrays)["surface"]
             values, places = (surface["elevation"], surface["potential"]), checkpoint.places
-        return cls(scene, about["t"], about["mass"], values, places, parts, about["step"])
+        return cls(case, about["t"], about["mass"], values, places, parts, about["step"])
 
     def on(self, waves: AnyWaves) -> tuple[Vector, Vector]:
         """Return elevation and potential at the degrees of freedom of waves, shape (owned,); collective.
@@ -81,10 +81,10 @@ class StoredSurface(NamedTuple):
         if has_places(waves.plane, self.places):
             elevation, potential = at_dofs(waves.plane, self.values, self.places)
             return elevation, potential
-        comm, footprint = waves.plane.comm, build_footprint(self.scene, waves.plane.comm)
-        plane = Plane(footprint.mesh, self.scene.numerics.order, footprint.chart)
-        wall: Any = build_wall(self.scene, footprint, plane)
-        restore_paddles(self.scene, (paddle.motion for paddle in wall.paddles), self.parts)
+        comm, footprint = waves.plane.comm, build_footprint(self.case, waves.plane.comm)
+        plane = Plane(footprint.mesh, self.case.numerics.order, footprint.chart)
+        wall: Any = build_wall(self.case, footprint, plane)
+        restore_paddles(self.case, (paddle.motion for paddle in wall.paddles), self.parts)
         if wall.moves:
             wall.set_time(self.t)
         fields = [plane.function("stored") for _ in self.values]
@@ -110,33 +110,33 @@ TOLERANCE = 1e-3  # of the depth: the largest difference of wall positions
 MESHED = {"cells", "geometry", "sponge_length", "factor", "refine", "file"}  # of a layout: its mesh, not its walls
 
 
-def initial_surface(scene: Case, waves: AnyWaves) -> tuple[Vector, Vector]:
+def initial_surface(case: Case, waves: AnyWaves) -> tuple[Vector, Vector]:
     """Return eta [m] and psi [m²/s] at the degrees of freedom, shape (owned,); collective.
 
     Raises ``InputError`` for a file, formula or run that cannot be used.
     """
-    comm, initial = waves.plane.comm, scene.initial
+    comm, initial = waves.plane.comm, case.initial
     if isinstance(initial, RunState):
-        return stored_surface(scene, initial, waves).on(waves)
+        return stored_surface(case, initial, waves).on(waves)
     x, y = waves.plane.places.T
-    return raise_on_all_ranks(comm, lambda: initial.surface(scene.tank, x, y))
+    return raise_on_all_ranks(comm, lambda: initial.surface(case.tank, x, y))
 
 
-def stored_surface(scene: Case, initial: RunState, waves: AnyWaves) -> StoredSurface:
+def stored_surface(case: Case, initial: RunState, waves: AnyWaves) -> StoredSurface:
     """Return the surface of a checkpoint, values on the first rank alone; collective. Raises ``InputError``."""
     comm = waves.plane.comm
     result: list[Checkpoint] = []
 
     def read() -> tuple[dict[str, Any], Case, StateTree]:
         path, about = _chosen(initial)
-        before = _its_scene(initial, about)
+        before = _its_case(initial, about)
         try:
             checkpoint = read_checkpoint_file(path)
             tree = checked_tree(checkpoint.about, checkpoint.tree_json, [np.zeros(0)] * len(checkpoint.arrays))
         except UNREADABLE as error:
             raise InputError(f"{path}: cannot be used ({error}).") from None
         parts = tree["run"]["parts"]
-        _check(scene, before, about["t"], parts)
+        _check(case, before, about["t"], parts)
         result.append(checkpoint)
         return about, before, parts
 
@@ -144,19 +144,19 @@ def stored_surface(scene: Case, initial: RunState, waves: AnyWaves) -> StoredSur
     return StoredSurface.of(before, about, parts, result[0] if result else None)
 
 
-def with_its_numerics(scene: Case, initial: RunState) -> Case:
-    """Return the scene with the numerics of a run, except those it names; raises ``InputError`` if they do not fit."""
-    before = _its_scene(initial, _chosen(initial)[1])
-    numerics = scene.numerics.over(before.numerics, named=scene.numerics.model_fields_set)
-    result = scene.model_copy(update={"numerics": numerics})
+def with_its_numerics(case: Case, initial: RunState) -> Case:
+    """Return the case with the numerics of a run, except those it names; raises ``InputError`` if they do not fit."""
+    before = _its_case(initial, _chosen(initial)[1])
+    numerics = case.numerics.over(before.numerics, named=case.numerics.model_fields_set)
+    result = case.model_copy(update={"numerics": numerics})
     if problems := [*numerics.problems(result.ends[0], "numerics")]:
         raise CaseError(problems)
     return result
 
 
-def start_message(scene: Case, waves: AnyWaves, q: Vector) -> str:
+def start_message(case: Case, waves: AnyWaves, q: Vector) -> str:
     """Return the change of mass by a start from a run, or the mean of a given surface; empty otherwise; collective."""
-    initial = scene.initial
+    initial = case.initial
     if isinstance(initial, FileSurface | FormulaSurface):
         return _mean_message(waves, q)
     if not isinstance(initial, RunState):
@@ -191,26 +191,26 @@ def _chosen(initial: RunState) -> tuple[Path, dict[str, Any]]:
     raise InputError(f"t = {at:g}: must be a time that is kept, which are {times}; a run keeps its end.")
 
 
-def _its_scene(initial: RunState, about: dict[str, Any]) -> Case:
+def _its_case(initial: RunState, about: dict[str, Any]) -> Case:
     try:
         return Case.model_validate(about["chosen"])
     except (KeyError, ValidationError):
         raise InputError(f"directory = {initial.directory}: was written by another version of this program.") from None
 
 
-def _check(scene: Case, before: Case, t: float, parts: StateTree) -> None:
+def _check(case: Case, before: Case, t: float, parts: StateTree) -> None:
     """Raise ``InputError`` unless the tanks are equal, and the walls have the same position."""
-    for path, its, mine in differences(before.tank.model_dump(mode="json"), scene.tank.model_dump(mode="json")):
+    for path, its, mine in differences(before.tank.model_dump(mode="json"), case.tank.model_dump(mode="json")):
         if path[0] != "layout" or path[-1] not in MESHED:
             key = ".".join(path)
             raise InputError(f"tank.{key} = {mine!r}: must be {its!r}, as in the run to begin with.")
-    previous, present = _motions(before, parts), _motions(scene)
-    for name, was, now in zip(("wall", "far wall"), before.ends, scene.ends, strict=True):
+    previous, present = _motions(before, parts), _motions(case)
+    for name, was, now in zip(("wall", "far wall"), before.ends, case.ends, strict=True):
         places = [y for y in (one.wall.places(one.tank) for one in (was, now)) if y is not None]
         along = np.unique(np.concatenate(places)) if places else None
         at_end, at_start = _position(previous.get(was.key), t, along), _position(present.get(now.key), 0.0, along)
         difference = at_start - at_end
-        if np.abs(difference).max() > TOLERANCE * scene.tank.depth:
+        if np.abs(difference).max() > TOLERANCE * case.tank.depth:
             most = int(np.abs(difference).argmax())
             there, here = (np.broadcast_to(one, difference.shape).flat[most] + 0.0 for one in (at_end, at_start))
             where = f"the {name} stood at {there:.4g} m when t = {t:.6g} s, and begins at {here:.4g} m"
@@ -220,7 +220,7 @@ def _check(scene: Case, before: Case, t: float, parts: StateTree) -> None:
 
 
 def differences(before: Any, now: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any, Any]]:
-    """Yield where the tables of two scenes differ, and what they have there."""
+    """Yield where the tables of two cases differ, and what they have there."""
     if isinstance(before, dict) and isinstance(now, dict):
         for key in dict.fromkeys([*before, *now]):
             yield from differences(before.get(key), now.get(key), (*path, key))
@@ -228,14 +228,14 @@ def differences(before: Any, now: Any, path: tuple[str, ...] = ()) -> Iterator[t
         yield path, before, now
 
 
-def _motions(scene: Case, parts: StateTree | None = None) -> dict[str, Motion]:
+def _motions(case: Case, parts: StateTree | None = None) -> dict[str, Motion]:
     """Return the motions of the walls by their keys, with feedback as in ``parts``; empty for linear water."""
-    if scene.physics == "linear":
+    if case.physics == "linear":
         return {}
-    motions = [motion_of(end) for end in scene.paddles]
+    motions = [motion_of(end) for end in case.paddles]
     if parts is not None:
-        restore_paddles(scene, motions, parts)
-    return {end.key: motion for end, motion in zip(scene.paddles, motions, strict=True)}
+        restore_paddles(case, motions, parts)
+    return {end.key: motion for end, motion in zip(case.paddles, motions, strict=True)}
 
 
 def _position(motion: Motion | None, t: float, y: Vector | None) -> Vector:

@@ -24,7 +24,7 @@ def own_scheme(given: Any) -> Integrator[Any]:
     if isinstance(given, str):
         raise InputError(
             f"integrator = {given!r}: a name received; needed is a scheme of your own ({PAGE}): "
-            "numerics.integrator of the scene takes the names of those that are there."
+            "numerics.integrator of the case takes the names of those that are there."
         )
     if isinstance(given, type):
         name = given.__name__

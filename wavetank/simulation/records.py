@@ -61,7 +61,7 @@ Record = FirstRankRecord | Memory
 
 
 class Records(NamedTuple):
-    """The records of a scene, to which its diagnostics write.
+    """The records of a case, to which its diagnostics write.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class Records(NamedTuple):
     windows: Sequence[FirstRankRecord] = ()
 
 
-def records_of(scene: Case, plane: Plane, writer: RunWriter | None) -> Records:
+def records_of(case: Case, plane: Plane, writer: RunWriter | None) -> Records:
     """Return the records of a case, opened when the run begins; without a writer those of the other ranks."""
     dimensions: int = plane.mesh.topology.dim
 
@@ -104,17 +104,17 @@ def records_of(scene: Case, plane: Plane, writer: RunWriter | None) -> Records:
         return record(lambda writer: writer.window(one.name, form=one.format, places=places, **shape))
 
     def paddle(end: EndWall) -> Record:
-        pushed = PUSH[dimensions] if any(load.on == end.side for load in scene.loads) else ()
+        pushed = PUSH[dimensions] if any(load.on == end.side for load in case.loads) else ()
         return table(PADDLES[end.key], [*paddle_columns(end.wall.places(end.tank)), *pushed])
 
-    points = [(probe.name, probe.x, probe.y, probe.z) for probe in scene.probes]
-    walls = [load.called for load in scene.loads]
+    points = [(probe.name, probe.x, probe.y, probe.z) for probe in case.probes]
+    walls = [load.called for load in case.loads]
     return Records(
-        gauges=table(GAUGES, gauge_columns([(gauge.name, gauge.x, gauge.y) for gauge in scene.all_gauges])),
-        energy=table(ENERGY, energy_columns(dimensions, absorbed=bool(scene.absorbing))),
+        gauges=table(GAUGES, gauge_columns([(gauge.name, gauge.x, gauge.y) for gauge in case.all_gauges])),
+        energy=table(ENERGY, energy_columns(dimensions, absorbed=bool(case.absorbing))),
         surface=record(lambda writer: writer.surface().extend) if dimensions == 1 else None,
         probes=table(PROBES, probe_columns(points, dimensions)) if points else None,
         loads=table(LOADS, load_columns(walls, dimensions)) if walls else None,
-        paddles=[paddle(end) for end in scene.paddles],
-        windows=[window(one) for one in scene.windows],
+        paddles=[paddle(end) for end in case.paddles],
+        windows=[window(one) for one in case.windows],
     )

@@ -215,7 +215,7 @@ def _next(spent: dict[str, Any], directory: str) -> list[str]:
     """Return the next commands: to resume a run that was stopped, unless another case is needed."""
     if spent.get("anew"):
         return [ANEW]
-    if spent["t"] < (1 - 1e-9) * spent["scene"]["run"]["duration"]:
+    if spent["t"] < (1 - 1e-9) * spent["case"]["run"]["duration"]:
         once = ", once it can be written there again" if spent.get("unwritten") else ""
         if not spent["checkpoints"]:
             return [f"anew from the start{once}: there is no checkpoint"]
@@ -228,7 +228,7 @@ def _of_breakdown(spent: dict[str, Any], path: Path, *, untrue: float | None, dr
     if "broke_down" not in spent:
         return []
     checkpoints, crests = spent["checkpoints"], spent["broke_down"]["crests"]
-    dissipates = spent["scene"]["run"].get("on_breaking") == "dissipate"
+    dissipates = spent["case"]["run"].get("on_breaking") == "dissipate"
     breaks = not dissipates and any(crest["speed_ratio"] > ONSET for crest in crests)
     half = "" if breaks else f"numerics.dt={0.5 * spent['numerics']['dt']:.3g}"
     other = " --set ".join(filter(None, ["run.on_breaking=dissipate" if breaks else "", spent.get("cure") or half]))

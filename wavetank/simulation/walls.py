@@ -32,25 +32,25 @@ MISSED = 0.1  # of the largest share: a polynomial farther from a shape is anoth
 FLAT = 1e-9  # of the depth
 
 
-def build_wall(scene: Case, footprint: Footprint, plane: Plane) -> Wall:
-    """Return the walls of the scene, for its type of water; collective.
+def build_wall(case: Case, footprint: Footprint, plane: Plane) -> Wall:
+    """Return the walls of the case, for its type of water; collective.
 
     Raises ``InputError`` where one cannot move as far.
     """
-    paddles = [_built(end, footprint, plane) for end in scene.paddles]
-    if len(paddles) < 2 or scene.physics == "linear":
+    paddles = [_built(end, footprint, plane) for end in case.paddles]
+    if len(paddles) < 2 or case.physics == "linear":
         return Wall(*paddles)
     first, second = paddles
-    if first.reach + second.reach > scene.tank.length * (1 + 1e-9):
+    if first.reach + second.reach > case.tank.length * (1 + 1e-9):
         what = f"reaches {second.reach:.4g} m on this mesh, the wall {first.reach:.4g} m: must not overlap"
-        raise CaseError([Problem(("far_wall", "reach"), scene.ends[1].reach, what)])
+        raise CaseError([Problem(("far_wall", "reach"), case.ends[1].reach, what)])
     return BothEnds(first, second)
 
 
-def wall_descriptions(scene: Case) -> list[tuple[Part, str]]:
-    """Return the part of the Hamiltonian and the mapping of the scene's paddles, or of a fixed wall."""
-    kinds = ["leaning" if isinstance(end.wall, ShapedWall) else "upright" for end in scene.paddles] or ["fixed"]
-    return [DESCRIPTIONS["linear" if scene.paddles and scene.physics == "linear" else kind] for kind in kinds]
+def wall_descriptions(case: Case) -> list[tuple[Part, str]]:
+    """Return the part of the Hamiltonian and the mapping of the case's paddles, or of a fixed wall."""
+    kinds = ["leaning" if isinstance(end.wall, ShapedWall) else "upright" for end in case.paddles] or ["fixed"]
+    return [DESCRIPTIONS["linear" if case.paddles and case.physics == "linear" else kind] for kind in kinds]
 
 
 def _built(end: EndWall, footprint: Any, plane: Plane) -> Any:

@@ -44,7 +44,7 @@ def study(
     Each is a run in its own process, as many at a time as there are cores. Where a key changes what is modelled, such
     as a wave height: highest crest and deepest trough over that key, or each --response; of seeds
     (wall.motion.seed=1..20) means, their confidence, and quantiles. What has finished is not run again, and
-    no run of another scene is replaced. Keys are those of the case, or short: dt, dx, cells, n, p, order, integrator,
+    no run of another case is replaced. Keys are those of the case, or short: dt, dx, cells, n, p, order, integrator,
     tolerance.
     """
     from mpi4py import MPI

@@ -175,7 +175,7 @@ def draw_trade(table: StudyTable, path: Path) -> Path:
     labels = ", ".join(axis.label for axis in table.swept if axis.name != INTEGRATOR)
     front = entry(f"Pareto front{f' ({labels})' if labels else ''}: none is cheaper and more precise", **FRONT)
     handles = [*styles.legend(table), *_status_entries(table), front]
-    title = f"{table.scene.title}{': ' if table.scene.title else ''}work and precision"
+    title = f"{table.case.title}{': ' if table.case.title else ''}work and precision"
     return _draw_panels(path, names, draw, handles=handles, title=title, size=(5.5, 4.8))
 
 
@@ -201,10 +201,10 @@ def draw_responses(table: StudyTable, path: Path) -> Path:
         if name in errors:
             panel.set_yscale("log")
             number_logarithms(panel.yaxis)
-        _draw_axis(panel, along, table.scene)
+        _draw_axis(panel, along, table.case)
 
     handles = [*styles.legend(table), *_status_entries(table, **CROSS)]
-    return _draw_panels(path, names, draw, handles=handles, title=table.scene.title)
+    return _draw_panels(path, names, draw, handles=handles, title=table.case.title)
 
 
 def draw_ensembles(table: StudyTable, statistics: "DataFrame", path: Path) -> Path:
@@ -229,7 +229,7 @@ def draw_ensembles(table: StudyTable, statistics: "DataFrame", path: Path) -> Pa
                 of_name["x"], of_name["mean"], half, color=MEAN, marker="o", ms=5, capsize=4, ls="", zorder=3
             )
             panel.plot(of_name["x"], of_name[[*QUANTILES]], "--", marker="_", color=QUANTILE, lw=0.8, zorder=2)
-            _draw_axis(panel, along, table.scene)
+            _draw_axis(panel, along, table.case)
             return
         panel.set_xlabel("run [-]")
         panel.axhline(of_name["mean"].item(), color=MEAN)
@@ -244,7 +244,7 @@ def draw_ensembles(table: StudyTable, statistics: "DataFrame", path: Path) -> Pa
         *_status_entries(table),
     ]
     names = [*statistics["response"].unique()]
-    return _draw_panels(path, names, draw, handles=handles, title=table.scene.title)
+    return _draw_panels(path, names, draw, handles=handles, title=table.case.title)
 
 
 def _positions(axis: Axis, runs: "DataFrame") -> "Series":
@@ -253,20 +253,20 @@ def _positions(axis: Axis, runs: "DataFrame") -> "Series":
     return runs[axis.name].map(positions)
 
 
-def _draw_axis(panel: Axes, axis: Axis, scene: Case) -> None:
+def _draw_axis(panel: Axes, axis: Axis, case: Case) -> None:
     """Label the x axis with a key, and the unit or names of its values."""
     if axis.numeric:
         panel.locator_params(axis="x", nbins=TICKS)
-        panel.set_xlabel(f"{axis.name} [{unit(scene, axis.key) or '-'}]")
+        panel.set_xlabel(f"{axis.name} [{unit(case, axis.key) or '-'}]")
     else:
         panel.set_xticks(range(len(axis.values)), axis.values)
         panel.set_xlabel(axis.name)
 
 
-def unit(scene: Case, key: str) -> str:
+def unit(case: Case, key: str) -> str:
     """Return the unit of a dotted key in its description, e.g. ``"m"``; "" if there is none."""
     *path, last = key.split(".")
-    model: object = scene
+    model: object = case
     for part in path:
         model = getattr(model, part, None)
     field = type(model).model_fields.get(last) if isinstance(model, CaseModel) else None

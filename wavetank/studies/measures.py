@@ -45,7 +45,7 @@ class Snapshot(NamedTuple):
 
 def _ring_length(run: RunDirectory) -> float | None:
     """Return the length [m] of a ring, the period of its surface; None for other tanks."""
-    tank = run.manifest["scene"]["tank"]
+    tank = run.manifest["case"]["tank"]
     return float(tank["length"]) if tank["type"] == "ring" else None
 
 
@@ -91,13 +91,13 @@ class ExactSolution(NamedTuple):
     crest: float | None = None
 
 
-def exact_solution(scene: Case) -> ExactSolution:
-    """Return the exact solution of a scene; raises ``InputError`` if there is none."""
-    tank, initial = scene.tank, scene.initial
-    for paddle in scene.paddles:
+def exact_solution(case: Case) -> ExactSolution:
+    """Return the exact solution of a case; raises ``InputError`` if there is none."""
+    tank, initial = case.tank, case.initial
+    for paddle in case.paddles:
         what = f"{paddle.key}.type = {paddle.wall.type!r}"
         raise InputError(f"reference exact: {what} received; the walls must be fixed.")
-    if isinstance(initial, StreamFunctionWave) and not isinstance(scene.water, LinearWater):
+    if isinstance(initial, StreamFunctionWave) and not isinstance(case.water, LinearWater):
         wave, k = initial.wave(tank), 2 * np.pi * initial.waves / tank.length
         crest, trough = wave.elevation([0.0, np.pi / k])
 
@@ -110,7 +110,7 @@ def exact_solution(scene: Case) -> ExactSolution:
         raise InputError(f"reference exact: initial.type = {initial.type!r} received; exact are {allowed}.")
     k = np.pi * initial.mode / tank.length
     highest = LINEAR / k * np.tanh(k * tank.depth) ** 3
-    if initial.wave_amplitude > highest and not isinstance(scene.water, LinearWater):
+    if initial.wave_amplitude > highest and not isinstance(case.water, LinearWater):
         raise InputError(
             f"reference exact: initial.wave_amplitude = {initial.wave_amplitude:g} received; it must be at most "
             f"{highest:.2g} m, up to which a standing wave is linear, or water.type must be 'linear'."
@@ -126,12 +126,12 @@ def exact_solution(scene: Case) -> ExactSolution:
     return ExactSolution(elevation, amplitude, carrier, omega)
 
 
-def exact_reference(scene: Case) -> Reference:
-    """Return surface, phase and crest error against the exact solution of a scene; raises ``InputError`` without one.
+def exact_reference(case: Case) -> Reference:
+    """Return surface, phase and crest error against the exact solution of a case; raises ``InputError`` without one.
 
     The phase is followed from snapshot to snapshot, beyond pi, too.
     """
-    exact = exact_solution(scene)
+    exact = exact_solution(case)
 
     def errors(run: RunDirectory) -> dict[str, float]:
         squares, ahead = [], []
@@ -156,7 +156,7 @@ def run_reference(reference: RunDirectory, *, below: float | None = None) -> Ref
     Of gauges below a frequency [Hz] if one is given. Raises ``InputError`` if the reference has no snapshots; of a
     basin, if it has no gauges.
     """
-    basin = reference.manifest["scene"]["tank"]["type"] == "basin"
+    basin = reference.manifest["case"]["tank"]["type"] == "basin"
     gauges, surface = reference.gauges, None if basin else reference.snapshots()
     if surface is not None:
         if surface.time.size < 2:

@@ -131,9 +131,9 @@ class Response(NamedTuple):
     formula: Formula
     quantities: list[tuple[str, str]]
 
-    def check(self, scene: Case) -> None:
-        """Raise ``InputError`` for a gauge or load that a scene does not have."""
-        names = {"GAUGE": [gauge.name for gauge in scene.all_gauges], "LOAD": [load.called for load in scene.loads]}
+    def check(self, case: Case) -> None:
+        """Raise ``InputError`` for a gauge or load that a case does not have."""
+        names = {"GAUGE": [gauge.name for gauge in case.all_gauges], "LOAD": [load.called for load in case.loads]}
         for key, name in self.quantities:
             kind = key.partition("@")[2]
             if kind and name not in names[kind]:
@@ -177,9 +177,9 @@ def parse_response(text: str, label: str = "") -> Response:
     )
 
 
-def usual_responses(scene: Case) -> list[Response]:
+def usual_responses(case: Case) -> list[Response]:
     """Return the highest elevation of all snapshots with its place and time, and but for a basin the lowest."""
-    labels = [label for label in USUAL if label != TROUGH or scene.tank.type != "basin"]
+    labels = [label for label in USUAL if label != TROUGH or case.tank.type != "basin"]
     return [parse_response(USUAL[label], label) for label in labels]
 
 

@@ -61,8 +61,8 @@ def status_of(directory: Path, combination: Combination) -> str | None:
         run = RunDirectory(directory)
     except InputError:
         return None
-    scene, files = run.manifest.get("scene"), run.manifest.get("files", {})
-    same = scene == combination.scene.model_dump(mode="json") and files == contents(combination.scene)
+    case, files = run.manifest.get("case"), run.manifest.get("files", {})
+    same = case == combination.case.model_dump(mode="json") and files == contents(combination.case)
     return run.status if same else None
 
 
@@ -77,15 +77,15 @@ class Runner:
         Whether runs that need days, or more memory than is free, are run, too.
     """
 
-    def __init__(self, case: Path, out: Path, *, at_once: int, yes: bool = False):
-        self._case, self._out, self._at_once = case, out, at_once
+    def __init__(self, case_file: Path, out: Path, *, at_once: int, yes: bool = False):
+        self._case_file, self._out, self._at_once = case_file, out, at_once
         given = {"--no-plots": True, "--yes": yes, "--trust": is_trusting()}
         self._options = [name for name, is_given in given.items() if is_given]
         self._directories: dict[str, Path] = {}
         self._processes = set[subprocess.Popen[str]]()
 
     def directory(self, combination: Combination) -> Path:
-        """Return the run directory: of the combination's name, numbered if that contains a run of another scene."""
+        """Return the run directory: of the combination's name, numbered if that contains a run of another case."""
         if (name := combination.name) not in self._directories:
             numbered = OutputPath(self._out / name, numbered=True).candidates
             fitting = (path for path in numbered if not (path / MANIFEST).exists() or status_of(path, combination))
@@ -126,7 +126,7 @@ class Runner:
 
     def _execute(self, options: Sequence[str]) -> Outcome:
         """Return the outcome of a ``wavetank run`` with these options."""
-        with start_command(["run", str(self._case), *self._options, *options]) as process:
+        with start_command(["run", str(self._case_file), *self._options, *options]) as process:
             self._processes.add(process)
             printed, errors = process.communicate()
             self._processes.discard(process)

@@ -29,7 +29,7 @@ Group = Sequence[sweep.Combination]
 
 
 def run_study(
-    case: Path,
+    case_file: Path,
     sweeps: Sequence[str],
     *,
     out: Path,
@@ -47,7 +47,7 @@ def run_study(
 
     Parameters
     ----------
-    case
+    case_file
         The case file.
     sweeps
         ``KEY=VALUE,VALUE,...`` each, the last varying fastest; KEY is a dotted key of the case or a short name.
@@ -58,8 +58,8 @@ def run_study(
     marked
         ``KEY=VALUE`` settings, short names allowed, of one more combination that is drawn as a star: a plan's choice.
     reference
-        ``"fine"``: the finest combination refined once more, one for each group of scenes that differ in nothing but
-        numerics; ``"exact"``: the scene's exact solution; ``"none"``: nothing, if a key is swept that changes what is
+        ``"fine"``: the finest combination refined once more, one for each group of cases that differ in nothing but
+        numerics; ``"exact"``: the case's exact solution; ``"none"``: nothing, if a key is swept that changes what is
         modelled, which is the default where nothing else is swept; or the path of a run directory.
     below
         Frequency [Hz] below which errors of gauges are counted; default: all.
@@ -79,28 +79,28 @@ def run_study(
     alone are rows.
     """
     axes = sweep.parse_axes(sweeps, overrides)
-    swept, refused = sweep.combinations(case, axes, overrides)
-    plans = [sweep.marked_combination(case, marked, overrides)] if marked else []
+    swept, refused = sweep.combinations(case_file, axes, overrides)
+    plans = [sweep.marked_combination(case_file, marked, overrides)] if marked else []
     groups = sweep.same_but_numerics([*swept, *plans])
     physical = any(axis.physical for axis in axes)
     columns = [parse_response(one) for one in requested]
-    columns = columns or (usual_responses(swept[0].scene) if physical else [])
+    columns = columns or (usual_responses(swept[0].case) if physical else [])
     for response in columns:
         for group in groups:
-            response.check(group[0].scene)
+            response.check(group[0].case)
     reference = reference or (NONE if all(axis.physical for axis in axes) else FINE)
     if reference == NONE and not physical:
         raise InputError(f"reference {NONE!r} received; without one there must be a sweep of what is modelled.")
     if below is not None and reference in (NONE, EXACT):
         raise InputError(f"below = {below:g} received, reference {reference!r}: only a run has gauges to compare.")
-    references = [_reference(reference, group[0].scene, below) for group in groups]
+    references = [_reference(reference, group[0].case, below) for group in groups]
     OutputPath(out, overwrite=True).folder()
     for name, _, cause in refused:
         _print(console, f"{name}: refused: {cause}")
-    runner = Runner(case, out, at_once=at_once or cores(), yes=yes)
+    runner = Runner(case_file, out, at_once=at_once or cores(), yes=yes)
     outcomes = _run(runner, [*swept, *plans], console)
     if reference == FINE:
-        references = _refined_references(case, runner, groups, outcomes, below, console)
+        references = _refined_references(case_file, runner, groups, outcomes, below, console)
     rows, missing = [Row(values, "refused", cause) for _, values, cause in refused], list[str]()
     for group, errors in zip(groups, references, strict=True):
         for one in group:
@@ -112,7 +112,7 @@ def run_study(
     )
     more = [sweep.Axis.of(name) for one in plans for name in one.values]
     keys = {axis.key for axis in axes}
-    table = StudyTable(rows, [*axes, *(axis for axis in more if axis.key not in keys)], swept[0].scene)
+    table = StudyTable(rows, [*axes, *(axis for axis in more if axis.key not in keys)], swept[0].case)
     _write(out, table, missing, console)
     return table
 
@@ -121,21 +121,21 @@ def _print(console: Console, line: str) -> None:
     console.print(line, markup=False, highlight=False)
 
 
-def _reference(reference: str, scene: Case, below: float | None) -> Reference | None:
-    """Return a reference for a scene, None if there is none or it is still to be computed."""
-    if isinstance(scene.tank, BasinTank) and reference != NONE:
+def _reference(reference: str, case: Case, below: float | None) -> Reference | None:
+    """Return a reference for a case, None if there is none or it is still to be computed."""
+    if isinstance(case.tank, BasinTank) and reference != NONE:
         if reference == EXACT:
             raise InputError(f"reference {EXACT!r} received; of a basin it must be {FINE}, {NONE} or a run directory.")
-        if not scene.all_gauges:
+        if not case.all_gauges:
             raise InputError("gauges: runs of a basin are compared at gauges; the case must have at least 1.")
     if reference in (FINE, NONE):
         return None
     if reference == EXACT:
-        return exact_reference(scene)
+        return exact_reference(case)
     if not Path(reference).is_dir():
         raise InputError(f"reference {reference!r} received; allowed are {FINE}, {EXACT}, {NONE} and a run directory.")
     run = RunDirectory(Path(reference))
-    if run.manifest["scene"]["tank"] != scene.model_dump(mode="json")["tank"]:
+    if run.manifest["case"]["tank"] != case.model_dump(mode="json")["tank"]:
         raise InputError(f"reference {run.path}: is a run in another tank; the tank must be the case's.")
     return run_reference(run, below=below)
 
@@ -154,7 +154,7 @@ def _run(runner: Runner, combinations: Group, console: Console) -> dict[str, Out
 
 
 def _refined_references(
-    case: Path,
+    case_file: Path,
     runner: Runner,
     groups: Sequence[Group],
     outcomes: dict[str, Outcome],
@@ -168,7 +168,7 @@ def _refined_references(
         if outcomes[coarse.name].status == "finished":
             dt = RunDirectory(runner.directory(coarse)).manifest["numerics"]["dt"]
             name = "reference" if len(groups) == 1 else f"reference-{n + 1}"
-            needed[n] = sweep.refined(case, coarse, dt=dt, name=name)
+            needed[n] = sweep.refined(case_file, coarse, dt=dt, name=name)
     ended = _run(runner, [*needed.values()], console)
     references: list[Reference | None] = [None for _ in groups]
     for n, one in needed.items():

@@ -105,7 +105,7 @@ class Combination:
         By the names of the axes, as given.
     overrides
         All changes of the case, ``KEY=VALUE``; of two for one key the later one holds.
-    scene
+    case
         The case.
     mark
         ``"plan"`` for a marked combination, else empty.
@@ -114,7 +114,7 @@ class Combination:
     name: str
     values: dict[str, str]
     overrides: tuple[str, ...]
-    scene: Case
+    case: Case
     mark: str = ""
 
 
@@ -167,7 +167,7 @@ def parse_axes(texts: Sequence[str], overrides: Sequence[str] = ()) -> list[Axis
 
 
 def combinations(
-    case: Path, axes: Sequence[Axis], overrides: Sequence[str] = ()
+    case_file: Path, axes: Sequence[Axis], overrides: Sequence[str] = ()
 ) -> tuple[list[Combination], list[Refused]]:
     """Return every combination, the last axis varying fastest, and those that are refused.
 
@@ -177,14 +177,14 @@ def combinations(
     for values in product(*(axis.values for axis in axes)):
         settings = dict(zip(axes, values, strict=True))
         try:
-            runnable.append(combination(case, settings, overrides))
+            runnable.append(combination(case_file, settings, overrides))
         except InputError as error:
             errors.append(error)
             refused.append(Refused(*_named(settings), "; ".join(str(error).splitlines())))
     if not runnable:
         raise errors[0]
     for n, one in enumerate(runnable):
-        if same := next((other for other in runnable[:n] if other.scene == one.scene), None):
+        if same := next((other for other in runnable[:n] if other.case == one.case), None):
             raise InputError(f"the combinations {same.name} and {one.name} are the same run; values must be different.")
     return runnable, refused
 
@@ -195,26 +195,27 @@ def _named(settings: dict[Axis, str]) -> tuple[str, dict[str, str]]:
     return quote(",".join(f"{key}={value}" for key, value in values.items()), safe=UNESCAPED), values
 
 
-def combination(case: Path, settings: dict[Axis, str], overrides: Sequence[str] = ()) -> Combination:
+def combination(case_file: Path, settings: dict[Axis, str], overrides: Sequence[str] = ()) -> Combination:
     """Return one combination, validated; raises ``InputError``."""
     changes = (*overrides, *(f"{axis.key}={value}" for axis, value in settings.items()))
-    return Combination(*_named(settings), changes, read_case(case, changes))
+    return Combination(*_named(settings), changes, read_case(case_file, changes))
 
 
-def marked_combination(case: Path, settings: Sequence[str], overrides: Sequence[str] = ()) -> Combination:
+def marked_combination(case_file: Path, settings: Sequence[str], overrides: Sequence[str] = ()) -> Combination:
     """Return a combination of ``KEY=VALUE`` settings, keys dotted or short; raises ``InputError``.
 
     Settings go before overrides of the same key.
     """
-    one = combination(case, {axis: value for axis in map(parse_axis, settings) for value in axis.values}, overrides)
+    named = {axis: value for axis in map(parse_axis, settings) for value in axis.values}
+    one = combination(case_file, named, overrides)
     return replace(one, name=f"plan,{one.name}", mark="plan")
 
 
 def same_but_numerics(combinations: Iterable[Combination]) -> list[list[Combination]]:
-    """Return combinations in groups of scenes that differ in numerics only: a group has one reference."""
+    """Return combinations in groups of cases that differ in numerics only: a group has one reference."""
     groups: dict[str, list[Combination]] = {}
     for one in combinations:
-        groups.setdefault(one.scene.model_dump_json(exclude={"numerics", "output"}), []).append(one)
+        groups.setdefault(one.case.model_dump_json(exclude={"numerics", "output"}), []).append(one)
     return list(groups.values())
 
 
@@ -222,29 +223,29 @@ def finest(group: Iterable[Combination]) -> Combination:
     """Return the combination with the smallest step, the most cells, the highest orders and the tightest tolerance."""
 
     def coarseness(one: Combination) -> tuple[float, ...]:
-        numerics = one.scene.numerics
+        numerics = one.case.numerics
         orders = numerics.order, numerics.vertical_order, INTEGRATORS[numerics.integrator].order
-        return (numerics.dt or 0.0, one.scene.cell_size, *(-order for order in orders), numerics.tolerance)
+        return (numerics.dt or 0.0, one.case.cell_size, *(-order for order in orders), numerics.tolerance)
 
     return min(group, key=coarseness)
 
 
-def refined(case: Path, coarse: Combination, *, dt: float, name: str) -> Combination:
+def refined(case_file: Path, coarse: Combination, *, dt: float, name: str) -> Combination:
     """Return a combination refined once more, given its step [s], which the case may not name."""
-    scene, numerics = coarse.scene, coarse.scene.numerics
-    if isinstance(scene.tank, BasinTank) and isinstance(scene.tank.layout, MeshFile):
+    case, numerics = coarse.case, coarse.case.numerics
+    if isinstance(case.tank, BasinTank) and isinstance(case.tank.layout, MeshFile):
         cells = f"order={min(numerics.order + 1, HIGHEST_ORDER)}"
     elif numerics.cells is None:
-        cells = f"cell_size={scene.cell_size / 2!r}"
+        cells = f"cell_size={case.cell_size / 2!r}"
     else:
-        cells = f"cells={2 * scene.cells}"
+        cells = f"cells={2 * case.cells}"
     changes = (
         f"numerics.dt={dt / 2!r}",
         f"numerics.{cells}",
         f"numerics.vertical_order={min(numerics.vertical_order + 2, HIGHEST_VERTICAL_ORDER)}",
         f"numerics.tolerance={min(numerics.tolerance, max(numerics.tolerance / 10, TIGHTEST))!r}",
-        f"output.surface_every={max(dt, scene.run.duration / MOST_SNAPSHOTS)!r}",
+        f"output.surface_every={max(dt, case.run.duration / MOST_SNAPSHOTS)!r}",
         "output.gauges_every=1",
     )
     overrides = (*coarse.overrides, *changes)
-    return replace(coarse, name=name, overrides=overrides, scene=read_case(case, overrides))
+    return replace(coarse, name=name, overrides=overrides, case=read_case(case_file, overrides))

@@ -83,13 +83,13 @@ class StudyTable:
         A row for each run.
     axes
         The swept keys, then those that only a marked combination sets, without values.
-    scene
+    case
         The case of one of the runs.
     """
 
     rows: Sequence[Row]
     axes: Sequence[Axis]
-    scene: Case
+    case: Case
 
     @property
     def swept(self) -> list[Axis]:

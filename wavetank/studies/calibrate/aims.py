@@ -474,29 +474,29 @@ MAX_FREQUENCIES = 4000
 MAX_UNREACHED = 0.15  # rms of waves that cannot arrive over that of a record; 0.02 to 0.09 if a paddle can make it
 
 
-def aim_of(scene: Case) -> Aim:
+def aim_of(case: Case) -> Aim:
     """Return the aim of a case: its ``target``, or else the waves of its motion by linear theory.
 
     Raises ``CaseError`` if it has neither, or no waves for it.
     """
-    if scene.tank.type != "slice":
-        raise CaseError([Problem(("tank", "type"), scene.tank.type, SLICE)])
-    if not isinstance(scene.wall, PaddleWall):
-        raise CaseError([Problem(("wall", "type"), scene.wall.type, PADDLE)])
-    if scene.far_wall.moves and not scene.motion().moves:
-        raise CaseError([Problem(("wall", "motion", "type"), scene.wall.motion.type, OWN)])
-    match implied_target(scene) if scene.target is None else scene.target:
+    if case.tank.type != "slice":
+        raise CaseError([Problem(("tank", "type"), case.tank.type, SLICE)])
+    if not isinstance(case.wall, PaddleWall):
+        raise CaseError([Problem(("wall", "type"), case.wall.type, PADDLE)])
+    if case.far_wall.moves and not case.motion().moves:
+        raise CaseError([Problem(("wall", "motion", "type"), case.wall.motion.type, OWN)])
+    match implied_target(case) if case.target is None else case.target:
         case CrestTarget() as target:
-            return _crest(target, scene)
+            return _crest(target, case)
         case ComponentsTarget() as target:
-            return _components(target, scene)
+            return _components(target, case)
         case RecordTarget() as target:
-            return _record(target, scene)
+            return _record(target, case)
 
 
-def implied_target(scene: Case) -> Target:
+def implied_target(case: Case) -> Target:
     """Return the target of a case that names none: the crest of focused waves or the record of a surface."""
-    motion = scene.wall.motion
+    motion = case.wall.motion
     if isinstance(motion, FocusedMotion) and motion.phase == 0.0:
         return CrestTarget(height=motion.linear_crest, x=motion.focus_x, time=motion.focus_time)
     if isinstance(motion, SurfaceMotion):
@@ -506,40 +506,38 @@ def implied_target(scene: Case) -> Target:
     raise CaseError([Problem(("target",), None, allowed)])
 
 
-def _generated(scene: Case) -> PlaneWaves:
-    motion = scene.wall.motion
+def _generated(case: Case) -> PlaneWaves:
+    motion = case.wall.motion
     if not isinstance(motion, MadeWaves):
         raise CaseError([Problem(("wall", "motion", "type"), getattr(motion, "type", None), f"must be {MADE}")])
-    return motion.target(scene.tank)
+    return motion.target(case.tank)
 
 
-def _crest(target: CrestTarget, scene: Case) -> Aim:
+def _crest(target: CrestTarget, case: Case) -> Aim:
     """Return the aim of a crest; raise ``CaseError`` for one as high as the highest waves from their troughs."""
-    waves = _generated(scene)
-    length, depth = scale(waves).length, scene.tank.depth
+    waves = _generated(case)
+    length, depth = scale(waves).length, case.tank.depth
     highest = STEEPEST * length * float(np.tanh(2 * np.pi * depth / length))
-    free = not isinstance(scene.water, LinearWater) and target.x + length < scene.tank.length  # of the wall
+    free = not isinstance(case.water, LinearWater) and target.x + length < case.tank.length  # of the wall
     if free and target.height > highest:
         of = f"the height from trough to crest of the highest waves {length:.3g} m long, here (Miche)"
         raise CaseError([Problem(("target", "height"), target.height, f"must be at most {highest:.3g} m, {of}")])
     return CrestAim(target, waves)
 
 
-def _components(target: ComponentsTarget, scene: Case) -> Aim:
-    waves = _generated(scene)
-    t = _times(0.0, scene.run.duration, waves.omega)
+def _components(target: ComponentsTarget, case: Case) -> Aim:
+    waves = _generated(case)
+    t = _times(0.0, case.run.duration, waves.omega)
     wanted = record_of(t, waves.elevation(target.x, t))
-    return _in_time(
-        RecordAim(target.x, wanted, waves, tolerance=target.tolerance, linear=True), scene, target.tolerance
-    )
+    return _in_time(RecordAim(target.x, wanted, waves, tolerance=target.tolerance, linear=True), case, target.tolerance)
 
 
-def _record(target: RecordTarget, scene: Case) -> Aim:
+def _record(target: RecordTarget, case: Case) -> Aim:
     """Return the aim of a record; its first waves are those of linear theory that can arrive in time."""
-    t, eta = _counting(target, scene)
+    t, eta = _counting(target, case)
     with about("target", "file"):
         result = _waves_in(t, eta, band=(target.lowest_frequency, target.highest_frequency))
-    tank, where = scene.tank, {"x": target.x, "time": result.begin}
+    tank, where = case.tank, {"x": target.x, "time": result.begin}
     k = airy.wave_number(2 * np.pi * result.frequencies, tank.depth, tank.gravity)
     arrived = target.x / airy.group_velocity(k, tank.depth, tank.gravity) < (middle := _middle(t, eta))
     if not arrived.any():
@@ -552,26 +550,26 @@ def _record(target: RecordTarget, scene: Case) -> Aim:
     times = _times(t[0], t[-1], judged, fewest=fewest)
     wanted = record_of(times, CubicSpline(t, eta)(times))
     aim = RecordAim(target.x, wanted, waves, tolerance=target.tolerance, linear=False, judged=judged)
-    return _in_time(aim, scene, max(target.tolerance, MAX_UNREACHED))
+    return _in_time(aim, case, max(target.tolerance, MAX_UNREACHED))
 
 
-def _in_time(aim: RecordAim, scene: Case, most: float) -> Aim:
+def _in_time(aim: RecordAim, case: Case, most: float) -> Aim:
     """Return an aim; raise ``CaseError`` if more than a part ``most`` of its rms cannot arrive in time."""
     part, frequency = aim.late()
     if part > most:
-        k = float(airy.wave_number(2 * np.pi * frequency, scene.tank.depth, scene.tank.gravity))
-        arrival = aim.x / float(airy.group_velocity(k, scene.tank.depth, scene.tank.gravity))
+        k = float(airy.wave_number(2 * np.pi * frequency, case.tank.depth, case.tank.gravity))
+        arrival = aim.x / float(airy.group_velocity(k, case.tank.depth, case.tank.gravity))
         what = f"{100 * part:.2g} % (rms) of the target cannot arrive in time, allowed are {100 * most:.2g} %"
         when = f"waves of {frequency:.3g} Hz from a paddle that starts at t = 0 arrive at t = {arrival:.4g} s"
         raise CaseError([Problem(("target", "x"), aim.x, f"{what}: {when}")])
     return aim
 
 
-def _counting(target: RecordTarget, scene: Case) -> tuple[Array, Array]:
+def _counting(target: RecordTarget, case: Case) -> tuple[Array, Array]:
     """Return the times [s] and elevations [m] of a record between its start and end."""
     t, eta = target.record()
     start, end = (default if text is None else text for text, default in ((target.start, 0.0), (target.end, np.inf)))
-    inside = (t >= max(start, 0.0)) & (t <= min(end, scene.run.duration))
+    inside = (t >= max(start, 0.0)) & (t <= min(end, case.run.duration))
     if np.count_nonzero(inside) < MIN_ROWS:
         received = f"{np.count_nonzero(inside)} rows that count, from {t[0]:g} to {t[-1]:g} s"
         raise CaseError([Problem(("target", "file"), target.file, f"has {received}; at least {MIN_ROWS} are needed")])

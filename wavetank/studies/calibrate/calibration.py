@@ -52,15 +52,15 @@ TABLE, PICTURE, CASE, WAVES, RUNS = "calibration.csv", "calibration.png", "case.
 ATTEMPTS = "attempt-[0-9]*.*"
 
 
-def cheaper(scene: Case) -> Case | None:
-    """Return the scene with cheap numerics and the water of its own numerics; None if they do not save enough."""
+def cheaper(case: Case) -> Case | None:
+    """Return the case with cheap numerics and the water of its own numerics; None if they do not save enough."""
     try:
-        own = default_plan(scene) or own_plan(resolved(scene), DEFAULT)
+        own = default_plan(case) or own_plan(resolved(case), DEFAULT)
         water = LinearWater() if own.physics == "linear" else NonlinearWater()
-        rough = make_plan(scene.model_copy(update={"water": water}), COARSE_ACCURACY)
-    except InputError:  # no plan is made of such scenes
+        rough = make_plan(case.model_copy(update={"water": water}), COARSE_ACCURACY)
+    except InputError:  # no plan is made of such cases
         return None
-    return rough.applied_to(scene) if rough.cost.cpu < MAX_COARSE_COST * own.cost.cpu else None
+    return rough.applied_to(case) if rough.cost.cpu < MAX_COARSE_COST * own.cost.cpu else None
 
 
 def exhausted(misfits: Sequence[float]) -> bool:
@@ -69,32 +69,32 @@ def exhausted(misfits: Sequence[float]) -> bool:
     return last <= MIN_COARSE_MISFIT or last > MIN_REDUCTION * min(before, default=float("inf"))
 
 
-def with_waves(scene: Case, aim: Aim, file: str, *, recorded: bool) -> bytes:
-    """Return the case file of a scene whose paddle generates the waves in a file.
+def with_waves(case: Case, aim: Aim, file: str, *, recorded: bool) -> bytes:
+    """Return the case file of a case whose paddle generates the waves in a file.
 
     ``recorded``: whether its records are those that a calibration needs, all defaults written, or the user's own.
     """
     first = scale(aim.waves(aim.start))
-    motion = scene.wall.motion
+    motion = case.wall.motion
     components = {"type": "components", "file": file, "ramp": RAMP * first.period, "generation": "linear"}
     if isinstance(motion, MadeWaves):
-        components |= {"ramp": motion.ramp_in(scene.tank), "generation": motion.generation}
-    changes: dict[str, Any] = {"gauges": _gauges(scene, aim.x)}
+        components |= {"ramp": motion.ramp_in(case.tank), "generation": motion.generation}
+    changes: dict[str, Any] = {"gauges": _gauges(case, aim.x)}
     if recorded:
         needed = {"surface_every": first.period / PER_PERIOD, "gauges_every": 1}
-        changes["output"] = scene.output.model_copy(update=needed)
-    changed = scene.model_copy(update=changes)
+        changes["output"] = case.output.model_copy(update=needed)
+    changed = case.model_copy(update=changes)
     text: dict[str, Any] = changed.model_dump(mode="json", exclude_unset=not recorded, exclude_none=True)
     return toml(text | {"wall": text["wall"] | {"motion": components}}).encode()
 
 
-def _gauges(scene: Case, x: float) -> tuple[Gauge, ...]:
-    """Return the scene's gauges, and one at x [m] if there is none at that place."""
-    if any(abs(one.x - x) < GAUGE_TOLERANCE and not one.y for one in scene.all_gauges):
-        return scene.gauges
-    existing = {one.name for one in scene.all_gauges}
+def _gauges(case: Case, x: float) -> tuple[Gauge, ...]:
+    """Return the case's gauges, and one at x [m] if there is none at that place."""
+    if any(abs(one.x - x) < GAUGE_TOLERANCE and not one.y for one in case.all_gauges):
+        return case.gauges
+    existing = {one.name for one in case.all_gauges}
     names = ("target" if n == 1 else f"target-{n}" for n in count(1))
-    return *scene.gauges, Gauge(name=next(name for name in names if name not in existing), x=x)
+    return *case.gauges, Gauge(name=next(name for name in names if name not in existing), x=x)
 
 
 def components_table(waves: PlaneWaves) -> bytes:
@@ -104,14 +104,14 @@ def components_table(waves: PlaneWaves) -> bytes:
     return "\n".join(["# frequency [Hz], amplitude [m], phase at the paddle at t = 0 [rad]", *lines, ""]).encode()
 
 
-def attempt_files(number: int, scene: Case, aim: Aim, setting: Setting) -> dict[str, bytes]:
+def attempt_files(number: int, case: Case, aim: Aim, setting: Setting) -> dict[str, bytes]:
     """Return the files of an attempt by their names: its waves and its case."""
     waves = f"attempt-{number}.csv"
-    case = with_waves(scene, aim, waves, recorded=True)
-    return {waves: components_table(aim.waves(setting)), f"attempt-{number}.toml": case}
+    case_file = with_waves(case, aim, waves, recorded=True)
+    return {waves: components_table(aim.waves(setting)), f"attempt-{number}.toml": case_file}
 
 
-def attempt_runs(case: Path, number: int, phases: Sequence[float]) -> list[Combination]:
+def attempt_runs(case_file: Path, number: int, phases: Sequence[float]) -> list[Combination]:
     """Return the runs of an attempt's case, one for each phase [deg].
 
     Raises ``InputError`` if the paddle cannot generate these waves.
@@ -120,7 +120,7 @@ def attempt_runs(case: Path, number: int, phases: Sequence[float]) -> list[Combi
     for phase in phases:
         changes = (f"wall.motion.phase={phase}",) if phase else ()
         name = f"{number},phase={phase:g}" if phase else f"{number}"
-        runs.append(Combination(name, {}, changes, read_case(case, changes)))
+        runs.append(Combination(name, {}, changes, read_case(case_file, changes)))
     return runs
 
 
@@ -160,7 +160,7 @@ class Calibration:
 
     Parameters
     ----------
-    case
+    case_file
         The case file.
     out
         Folder of the attempts and of the result.
@@ -176,7 +176,7 @@ class Calibration:
 
     def __init__(
         self,
-        case: Path,
+        case_file: Path,
         *,
         out: Path,
         overrides: Sequence[str] = (),
@@ -187,15 +187,15 @@ class Calibration:
         self._out, self._yes, self._console = out, yes, console
         self._attempts = list[Attempt]()
         results = [out / name for name in (CASE, WAVES, PADDLE, PICTURE)]
-        if case.resolve() == (out / CASE).resolve():
+        if case_file.resolve() == (out / CASE).resolve():
             raise InputError(f"--out {out}: its {CASE} would be replaced, and is the case; another folder is needed.")
         if not (out / TABLE).exists() and any(path.exists() for path in results):
             raise InputError(f"--out {out}: holds files that would be replaced; another folder is needed.")
-        self._scene = read_case(case, overrides)
-        with located(case, overrides):
-            self._aim = aim_of(self._scene)
-        cheap = cheaper(self._scene)
-        self._stages = [*([(CHEAP, cheap)] if cheap else []), (OWN, self._scene)]
+        self._case = read_case(case_file, overrides)
+        with located(case_file, overrides):
+            self._aim = aim_of(self._case)
+        cheap = cheaper(self._case)
+        self._stages = [*([(CHEAP, cheap)] if cheap else []), (OWN, self._case)]
         first = attempt_files(1, self._stages[0][1], self._aim, self._aim.start)
         same = all((out / name).exists() and (out / name).read_bytes() == text for name, text in first.items())
         self._former = [] if same or not (out / TABLE).exists() else [*out.glob(ATTEMPTS), *results, out / TABLE]
@@ -242,17 +242,17 @@ class Calibration:
 
     def _run(self, setting: Setting) -> Attempt:
         """Return the attempt at a setting, from the run directories as far as they exist."""
-        number, (numerics, scene) = len(self._attempts) + 1, self._stages[0]
-        case = self._out / f"attempt-{number}.toml"
+        number, (numerics, case) = len(self._attempts) + 1, self._stages[0]
+        case_file = self._out / f"attempt-{number}.toml"
         try:
-            for name, content in attempt_files(number, scene, self._aim, setting).items():
+            for name, content in attempt_files(number, case, self._aim, setting).items():
                 write_atomically(self._out / name, content)
-            combinations = attempt_runs(case, number, self._aim.phases(self._finished))
+            combinations = attempt_runs(case_file, number, self._aim.phases(self._finished))
         except InputError as error:
             if not self._attempts:
                 raise
             self._give_up(f"attempt {number} would need what the paddle cannot do: {error}")
-        runner = Runner(case, self._out / RUNS, at_once=cores(), yes=self._yes)
+        runner = Runner(case_file, self._out / RUNS, at_once=cores(), yes=self._yes)
         with self._console.status(f"attempt {number}"):
             cause = _breakdown(runner, combinations)
         runs = [RunDirectory(runner.directory(one)) for one in combinations]
@@ -273,7 +273,7 @@ class Calibration:
         self._print(f"attempt {attempt.number}: {describe(attempt)}")
         write_table(self._out / TABLE, self._attempts)
         for name in (f"attempt-{attempt.number}.png", PICTURE):
-            draw(self._attempts, self._aim, self._out / name, shown=attempt, title=self._scene.title)
+            draw(self._attempts, self._aim, self._out / name, shown=attempt, title=self._case.title)
 
     def _lower(self, failed: Attempt) -> Setting:
         """Return a setting halfway from one that broke down to the last that did not."""
@@ -300,7 +300,7 @@ class Calibration:
     def _write_result(self, attempt: Attempt) -> None:
         """Write the case of an attempt, its waves, and the paddle's motion."""
         write_atomically(self._out / WAVES, components_table(self._aim.waves(attempt.setting)))
-        write_atomically(self._out / CASE, with_waves(self._scene, self._aim, WAVES, recorded=False))
+        write_atomically(self._out / CASE, with_waves(self._case, self._aim, WAVES, recorded=False))
         shutil.copyfile(attempt.run / PADDLE, self._out / PADDLE)
 
     def _give_up(self, why: str) -> NoReturn:
@@ -309,7 +309,7 @@ class Calibration:
         if finished := self._finished:
             best = min(finished, key=lambda one: (one.numerics == CHEAP, one.result.misfit))
             self._write_result(best)
-            draw(self._attempts, self._aim, self._out / PICTURE, shown=best, title=self._scene.title)
+            draw(self._attempts, self._aim, self._out / PICTURE, shown=best, title=self._case.title)
             result = f"attempt {best.number}, off by {rounded(best.result.misfit)} times what is allowed"
             text = f"{text}; {self._out / CASE} has the best, {result}"
         raise RunError(f"{text}.")
