@@ -1,4 +1,4 @@
-"""Points combined as their images come closest to what is asked for, distributed over ranks (``projection.c``)."""
+"""Anderson mixing, distributed over ranks: points combined by their images (``projection.c``)."""
 
 from dataclasses import dataclass
 from math import sqrt
@@ -15,12 +15,12 @@ SHORTEST = 1e-13  # squared, of directions against the longest
 
 
 class Guess(NamedTuple):
-    """A combination of points, and by how much that of their images misses what was asked for.
+    """A combination of points, and the residual of its image.
 
     Attributes
     ----------
     away
-        By how much the newest image does, a root of squares, scaled.
+        Scaled residual of the newest image (root of the sum of squares).
     """
 
     z: Vector
@@ -30,14 +30,14 @@ class Guess(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class MixingState:
-    """Points and their images: the newest, and the differences to it and before, in the order of the arrays.
+    """Points and their images: the newest, and differences of successive ones, in the order of storage.
 
     Attributes
     ----------
     recorded, weight
         See ``AndersonMixing``.
     products
-        Of the differences of images, shape (most - 1, most - 1).
+        Gram matrix of the differences of images, shape (most - 1, most - 1).
     points, images
         Shape (most, ...).
     """
@@ -50,29 +50,31 @@ class MixingState:
 
 
 class AndersonMixing:
-    """Points z with images g, combined as their g come closest to what is asked for.
+    """Points z with images g, combined so that the image is closest to a target.
 
-    Where g is affine in z and the images combine to it, the same combination of the points has it as image, whenever
-    and whyever they were found. Weights are kept small against what images are wrong by, lest errors grow: least is
-    the square of what is missed and of weights times that together.
+    If g is affine in z, a combination of points has the same combination of images as image, for any sequence of
+    points. Weights are
+    regularised by the uncertainty of images: the minimised sum is the squared residual plus the squared weights times
+    the squared
+    uncertainty.
 
     Parameters
     ----------
     scale
-        What one unit of the images is, shape (n,).
+        Unit of the images, shape (n,).
     shape
-        In which vectors, of shape (n,), are held.
+        Shape in which vectors are stored.
     most
-        How many points are kept.
+        Number of stored points.
     shortest
-        Directions whose square is below that of the longest times this take no part.
+        Directions whose square is below this fraction of the largest are omitted.
 
     Attributes
     ----------
     recorded
-        How many points have been added since all were forgotten.
+        Number of points since the last ``forget``.
     weight
-        The factor that images depend on; points of another one do not serve.
+        The factor a of the images; points of another one are not used.
     """
 
     def __init__(
@@ -111,11 +113,11 @@ class AndersonMixing:
         self._combine = instance.function("combine", self._struct, int, float, n, n)
 
     def forget(self, weight: float = np.nan) -> None:
-        """Forget all points; later ones are of a weight."""
+        """Remove all points; later points have another weight."""
         self.recorded, self.weight = 0, weight
 
     def add(self, z: Vector, image: Vector) -> None:
-        """Take over a point and its image; collective."""
+        """Store a point and its image; collective."""
         most = len(self._gram)
         place, stored = (self.recorded - 1) % most, min(self.recorded, most)
         self._add(stored, place, z, image)
@@ -124,7 +126,7 @@ class AndersonMixing:
         self.recorded += 1
 
     def guess(self, c: Vector, *, uncertainty: float = 0.0) -> Guess:
-        """Return the combination for c, of images with this uncertainty (scaled root of squares); collective."""
+        """Return the combination for a target, with an uncertainty of images (scaled root of squares); collective."""
         stored = min(self.recorded - 1, len(self._gram))
         self._aim(stored, c)
         if self._comm.size > 1:
@@ -135,7 +137,7 @@ class AndersonMixing:
 
     @property
     def compiled(self) -> dict[str, Any]:
-        """The parts of a ``Mixing`` of another unit."""
+        """The members of a ``Mixing`` in C."""
         return self._workspace
 
     @property

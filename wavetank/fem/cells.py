@@ -1,6 +1,6 @@
-"""Values on a rank's cells, for compiled kernels: points, the element's values there, and the cells' geometry.
+"""Data of a rank's cells for compiled kernels: quadrature points, basis functions, and geometry.
 
-On quadrilaterals, where nodes and points are pairs of those of an edge, kernels go edge by edge (``cells.c``).
+On quadrilaterals nodes and points are products of those of an edge. There kernels use sum factorisation (``cells.c``).
 """
 
 from typing import Any
@@ -21,12 +21,12 @@ SAME = 1e-10  # relative difference below which the Jacobians of a cell are equa
 
 
 def lanes(real: str) -> int:
-    """Return how many numbers, "double" or "float", are in a vector of the processor."""
+    """Return the number of elements, "double" or "float", in a vector of the processor."""
     return vector_size(processor()) // BYTES[real]
 
 
 class Cells:
-    """Cells of a rank in batches of as many as a vector of the processor has numbers; collective.
+    """The cells of a rank in batches of the size of a vector of the processor; collective.
 
     Parameters
     ----------
@@ -35,9 +35,9 @@ class Cells:
     real
         Type of the numbers, "double" or "float".
     only
-        Cells by number, in a mesh whose ranks have all of them; None: all that the rank owns.
+        Indices of cells, in a mesh of which all ranks have all cells; default: the cells that the rank owns.
     lattice
-        Number of intervals along an edge between equally spaced points, which replace those of quadrature.
+        Number of intervals on an edge; equally spaced points then replace the quadrature points.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Cells:
     points
         Points in the reference cell, shape (points, dimension).
     values, weights
-        Basis functions at the points, and weights of these: of an edge where cells are products of edges.
+        Basis functions at the points, and quadrature weights; those of an edge if cells are products of edges.
     squares
         Products of first derivatives (of axes 00, 10, 11; mixed ones twice) and squares of the basis functions, shape
         (products + 1, points, nodes).
@@ -88,7 +88,7 @@ class Cells:
         chosen = np.arange(topology.index_map(dim).size_local) if only is None else only
         self._numbering, self._reached = plane.V.dofmap.index_map, plane.V.dofmap.list[chosen]
         number = np.arange(-(-len(chosen) // self.lanes) * self.lanes).reshape(-1, self.lanes)
-        is_cell, number = number < len(chosen), np.minimum(number, len(chosen) - 1)  # the last batch is filled up
+        is_cell, number = number < len(chosen), np.minimum(number, len(chosen) - 1)  # the last batch is padded
         inverse, measure = _geometry(plane, chosen, self.points)
         self.parts = {
             "batches": len(number),
@@ -115,7 +115,7 @@ class Cells:
         return Halo(self._numbering, components, real, reached=self._reached)
 
     def diagonal(self, weights: NDArray[Any], tables: Vector) -> Vector:
-        """Return the sums over points of weights times tables, by degree of freedom, shape (owned + ghosts,).
+        """Return sums over points of weights times tables, for each degree of freedom, shape (owned + ghosts,).
 
         Weights have the shape (batches, points, K, lanes), tables (K, points, nodes).
         """
@@ -128,7 +128,7 @@ class Cells:
 def _geometry(plane: Plane, cells: Indices, points: Vector) -> tuple[Vector, Vector]:
     """Return inverse Jacobians, (cells, places, axes of space, of the cell), and determinants, (cells, places).
 
-    Places are the points, or one where the geometry is the same at all points of each cell; collective.
+    There is one place if the geometry is constant in each cell, otherwise one for each point; collective.
     """
     mesh = plane.mesh
     corners = mesh.geometry.x[mesh.geometry.dofmap[cells]][:, :, : mesh.geometry.dim]

@@ -1,11 +1,13 @@
-"""Translation units of C, compiled at first use and kept in the user's cache, and their functions with checked arrays.
+"""Translation units of C, compiled at first use and cached, and their functions with checked arrays.
 
-The C code of ``fem/kernels/`` consists of templates: files whose sizes and precision are macros. A component (a mass
-matrix, an operator ...) adds an instance of a template to a unit: its constants, its densities, and a prefix by which
-all names that the template defines differ from those of other instances. One unit is one shared object, so functions of
-one instance call those of another directly, and the compiler checks their types.
+The C code in ``fem/kernels/`` consists of templates, whose sizes and precision are macros. A component (a mass matrix,
+an
+operator ...) adds an instance of a template to a unit: constants, densities, and a prefix for all names that the
+template defines.
+A unit is one shared object. Functions of one instance call those of another directly, and the compiler checks their
+types.
 
-Declarations for Python are read from the C code: definitions of exported functions, and the structs that they use.
+Declarations for Python follow from the C code: definitions of exported functions, and the structs that they use.
 """
 
 import re
@@ -34,7 +36,7 @@ TYPES: dict[str, np.dtype[Any]] = {
     "double": np.dtype(np.float64),
     "float": np.dtype(np.float32),
 }
-HISTORY = "project", "guess", "record", "add", "aim", "combine"  # exports of projection.c
+HISTORY = "project", "guess", "record", "add", "aim", "combine"  # exported functions of projection.c
 STRUCT = re.compile(r"typedef struct \{(.*?)\} (\w+);", re.DOTALL)
 DEFINED = re.compile(
     r"^#define (\w+)|^(?:static|INLINE|SHARED|NOINLINE)\b[^(;={]*?(\w+)\(|^static const \w+ (\w+) =|^\} (\w+);"
@@ -45,7 +47,7 @@ DEFINED = re.compile(
 
 @cache
 def source(name: str, *sections: str) -> str:
-    """Return the C code of a file of ``fem/kernels/``, or of some of its sections, which begin with their names."""
+    """Return the C code of a file of ``fem/kernels/``, or of some of its named sections."""
     text = files("wavetank.fem").joinpath("kernels", name).read_text(encoding="utf-8")
     if not sections:
         return text
@@ -55,7 +57,7 @@ def source(name: str, *sections: str) -> str:
 
 
 class Buffer(NamedTuple):
-    """An array that a function is called with: its number of elements and their type."""
+    """Size and type of an array argument of a function."""
 
     size: int
     dtype: DTypeLike = np.float64
@@ -63,20 +65,22 @@ class Buffer(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Instance:
-    """A template of a unit with its constants, precision and densities.
+    """An instance of a template in a unit, with its constants, precision and densities.
 
     Attributes
     ----------
     prefix
-        Of all names that the template defines.
+        Prefix of all names that the template defines.
     template
         The C code.
     exports
-        The functions that Python calls.
+        Functions that Python calls.
     real
-        What REAL is: "double" or "float".
+        The type REAL: "double" or "float".
     density, made
-        What is put in for lines of the template, and its key in the cache.
+        The density, and the code that replaces lines of the template; see ``Density.put_in``.
+    signature
+        Signature of the density.
     """
 
     unit: "Unit"
@@ -90,11 +94,11 @@ class Instance:
 
     @property
     def dtype(self) -> np.dtype[Any]:
-        """The type of REAL."""
+        """The numpy type of REAL."""
         return TYPES[self.real]
 
     def code(self) -> str:
-        """Return the C code, all names that it defines with the prefix."""
+        """Return the C code with prefixed names."""
         text = self.template
         if self.density is not None and self.made is not None:
             text = self.density.put_in(text, self.made, real=self.real)
@@ -105,7 +109,7 @@ class Instance:
         return renamed(text, names)
 
     def struct(self, kind: str, **parts: Any) -> "Struct":
-        """Return a struct of the template, or of ``tank.h`` in the instance's precision; made at first use."""
+        """Return a new struct of the template, or of ``tank.h`` in the precision of the instance."""
         shared = kind in {name for _, name in STRUCT.findall(source("tank.h"))}
         prefix = "float" * (self.real == "float") if shared else self.prefix
         return Struct(self.unit, f"{prefix}_{kind}" if prefix else kind, parts)
@@ -116,9 +120,10 @@ class Instance:
 
 
 class Struct:
-    """A C struct of numbers, arrays, sequences of arrays, other structs and None; it keeps all of them alive.
+    """A C struct with values for its members: numbers, arrays, sequences of arrays, other structs, or None.
 
-    Arrays are shared with it if they have the field's type and are contiguous, else copied.
+    It references all of them. Arrays are shared if they have the type of the member and are contiguous, and copied
+    otherwise.
     """
 
     def __init__(self, unit: "Unit", kind: str, parts: dict[str, Any]):
@@ -126,13 +131,13 @@ class Struct:
 
     @cached_property
     def c(self) -> Any:
-        """The struct itself, made when it is first used."""
+        """The struct, allocated at first use."""
         result, self._kept = self._unit.ffi.new(f"{self._kind} *"), list[Any]()
         self._set(result, self._parts)
         return result
 
     def set(self, **parts: Any) -> None:
-        """Set some of its members to others."""
+        """Set members to other values."""
         self._parts.update(parts)
         if "c" in vars(self):
             self._set(self.c, parts)
@@ -160,13 +165,14 @@ class Struct:
 
 
 class Function:
-    """An exported function, called with what is left open of its arguments.
+    """An exported function with fixed and open arguments.
 
     Parameters
     ----------
     arguments
-        Structs, arrays and numbers that stay; where a ``Buffer`` stands, each call gives one of that size and type,
-        where ``int`` or ``float`` does, a number. Raises ``TypeError`` for another array.
+        Structs, arrays and numbers are fixed. A ``Buffer``, ``int`` or ``float`` is an open argument: each call gives
+        an array of this
+        size and type, or a number. Raises ``TypeError`` for another array.
     """
 
     def __init__(self, unit: "Unit", name: str, arguments: Sequence[Any]):
@@ -174,7 +180,7 @@ class Function:
 
     @cached_property
     def call(self) -> Callable[..., Any]:
-        """The function of the open arguments; a step calls it without any other Python code."""
+        """The function of the open arguments; a time step calls it without further Python code."""
         names = {"function": getattr(self._unit.lib, self._name), "refused": partial(_refused, self._name)}
         names["pointer"] = self._unit.ffi.from_buffer
         given, passed = list[str](), list[str]()
@@ -198,12 +204,12 @@ class Function:
         return argument.c if isinstance(argument, Struct) else argument
 
     def __call__(self, *values: Any) -> Any:
-        """Return what the function returns."""
+        """Return the result of the C function."""
         return self.call(*values)
 
 
 def _refused(name: str, array: NDArray[Any], buffer: Buffer) -> NDArray[Any]:
-    """Return an array of an equal type; raises ``TypeError`` for another type or size."""
+    """Return an array of the right size and type; raises ``TypeError`` for another."""
     size, dtype = buffer.size, np.dtype(buffer.dtype)
     if array.size != size or array.dtype != dtype:
         raise TypeError(f"{name}: an array of {array.size} {array.dtype} instead of {size} {dtype}")
@@ -211,12 +217,12 @@ def _refused(name: str, array: NDArray[Any], buffer: Buffer) -> NDArray[Any]:
 
 
 class Unit:
-    """A translation unit: instances of templates, compiled together when one of their functions is first called.
+    """A translation unit: instances of templates, compiled together when a function is first called.
 
     Parameters
     ----------
     name
-        Of the module.
+        Name of the module.
     """
 
     def __init__(self, comm: MPI.Comm, name: str = "tank", *, flags: Sequence[str] = FLAGS):
@@ -234,10 +240,11 @@ class Unit:
         density: Density | None = None,
         made: Mapping[str, Makes] | None = None,
     ) -> Instance:
-        """Return an instance of a template, its macros defined by ``sizes``.
+        """Return an instance of a template with macros ``sizes``.
 
-        Of a prefix that is there already, or when the unit has
-        been compiled, it belongs to a unit of its own, unless it is the same.
+        An equal instance with the same prefix is returned again. If the prefix has another instance, or if the unit is
+        compiled, the instance
+        gets a separate unit.
         """
         code = "".join(f"#define {key} {value}\n" for key, value in {"REAL": real, **(sizes or {})}.items()) + template
         signature = "" if density is None else density.signature()
@@ -268,7 +275,7 @@ class Unit:
         return loaded(self._comm, lambda: _module(folder / f"{self._name}{EXTENSION_SUFFIXES[0]}"), folder)
 
     def _code(self) -> tuple[str, str]:
-        """Return declarations for Python, and the code."""
+        """Return the declarations for Python, and the C code."""
         header = source("tank.h")
         single = "".join(one[0] for one in STRUCT.finditer(header))
         names = {name: f"float_{name}" for _, name in STRUCT.findall(single)}
@@ -288,12 +295,12 @@ class Unit:
 
     @cached_property
     def lib(self) -> Any:
-        """The exported functions; compiled now if they are not; collective."""
+        """The exported functions; compiled at first use; collective."""
         return self._module.lib
 
     @cached_property
     def ffi(self) -> Any:
-        """The types of the unit; collective as above."""
+        """The types of the unit; compiled at first use; collective."""
         return self._module.ffi
 
     @cached_property
@@ -319,7 +326,7 @@ def _prototype(text: str, instance: Instance, name: str) -> str:
 
 
 def renamed(text: str, names: Mapping[str, str]) -> str:
-    """Return C code with other names, but for members of structs."""
+    """Return C code with some names replaced, except members of structs."""
     if not names:
         return text
     pattern = re.compile(rf"(?<![\w.>])(?:{'|'.join(map(re.escape, names))})\b")

@@ -1,6 +1,6 @@
-"""Conjugate gradients on arrays of owned values: two reductions an iteration, no copies.
+"""Conjugate gradients on arrays of owned values: two reductions in an iteration, no copies.
 
-A solution of double precision is corrected by some of single precision (``corrected``).
+``corrected`` combines a residual in double precision with corrections in single precision.
 """
 
 from collections.abc import Callable
@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from wavetank.base.arrays import Vector, summed
 from wavetank.base.errors import ConvergenceError
 
-Array = NDArray[Any]  # of double or single precision
+Array = NDArray[Any]  # double or single precision
 Map = Callable[[Array], Array]
-Steps = list[tuple[float, float]]  # the length of each, and how much of its direction the next has kept
+Steps = list[tuple[float, float]]  # length of each step, and coefficient of its direction in the next
 
-PIECE = 2**16  # numbers of single precision that are summed in it
-LEAST = 1e-10  # of a residual's energy: then it is found anew
-ROUND_OFF = 1e-13  # of it: so much of single precision is left, whatever its own residual says
+PIECE = 2**16  # terms that are summed in single precision
+LEAST = 1e-10  # reduction of the residual's energy at which it is computed again
+ROUND_OFF = 1e-13  # least reduction that is possible in single precision
 
 
 def conjugate_gradients(
@@ -34,22 +34,23 @@ def conjugate_gradients(
     comm: MPI.Comm,
     most: int,
 ) -> Steps:
-    """Improve a solution until its residual's energy is small, both in place; return the steps taken; collective.
+    """Improve a solution until its residual's energy is small, both in place; return the number of steps; collective.
 
     Parameters
     ----------
     product, precondition
-        A x, and z = M^-1 r, of arrays in the shape of the solution; what they return is not kept.
+        Functions that return A x, and z = M^-1 r, for arrays of the solution's shape; the results may be overwritten
+        later.
     solution, residual
         x and b - A x, contiguous.
     within
-        Returns, of the first residual's energy r . z, that of the last one.
+        Function of the first residual's energy r . z that returns the energy at which iterations end.
     comm
-        Of the ranks that have parts of them.
+        Communicator of the ranks.
     most
-        Iterations.
+        Largest number of iterations.
 
-    Raises ``ConvergenceError`` where A or M is not positive, or after ``most`` iterations.
+    Raises ``ConvergenceError`` if A or M is not positive, or after ``most`` iterations.
     """
 
     def inner(a: Array, b: Array) -> float:
@@ -87,23 +88,24 @@ def corrected(
     comm: MPI.Comm,
     most: int,
 ) -> tuple[Steps, Vector]:
-    """Improve a solution by conjugate gradients of single precision, which correct it; collective.
+    """Improve a solution by corrections from conjugate gradients in single precision; collective.
 
-    A correction takes the error down by up to five digits, and then there is a new residual. Returns all steps taken,
+    A correction reduces the error by up to five digits; then the residual is computed again. Returns the number of
+    steps,
     and the last correction's residual.
 
     Parameters
     ----------
     residual_of
-        Returns b - A x of the solution as it is, of double precision, in an array that is not kept.
+        Function that returns b - A x for the present solution, in double precision.
     product, precondition
-        As ``conjugate_gradients`` takes them, of single precision.
+        As in ``conjugate_gradients``, in single precision.
     solution
-        x, which is improved in place.
+        x, improved in place.
     within, comm, most
-        As ``conjugate_gradients`` takes them.
+        As in ``conjugate_gradients``.
 
-    Raises ``ConvergenceError`` where A or M is not positive, or after ``most`` iterations.
+    Raises ``ConvergenceError`` if A or M is not positive, or after ``most`` iterations.
     """
     performed: Steps = []
     scale, energy, target = 1.0, np.inf, -1.0
@@ -134,7 +136,7 @@ def corrected(
 
 
 def dot(a: Array, b: Array) -> float:
-    """Return the product of two arrays of this rank, of single precision summed in double."""
+    """Return the product of two arrays of this rank; in single precision partial sums are in double precision."""
     a, b = a.reshape(-1), b.reshape(-1)
     if a.dtype != np.float32 or a.size <= PIECE:
         return float(np.dot(a, b))
@@ -142,7 +144,7 @@ def dot(a: Array, b: Array) -> float:
 
 
 def add(factor: float, x: Array, y: Array) -> None:
-    """Set y to y + factor x, both contiguous and of one precision."""
+    """Set y to y + factor x, both contiguous and of the same precision."""
     if x.size:
         _axpy(y.dtype.char)(x.reshape(-1), y.reshape(-1), a=factor)
 
@@ -150,7 +152,7 @@ def add(factor: float, x: Array, y: Array) -> None:
 @cache
 def _axpy(kind: str) -> Callable[..., Any]:
     """Return the function of BLAS for arrays of a type."""
-    from scipy.linalg.blas import daxpy, saxpy  # load long; a slice on one rank has no use for them
+    from scipy.linalg.blas import daxpy, saxpy  # slow to import; not used on a slice on one rank
 
     function: Callable[..., Any] = {"f": saxpy, "d": daxpy}[kind]
     return function

@@ -1,4 +1,4 @@
-"""Densities at points, in UFL, for compiled kernels: what they depend on, and C code of what is made of them."""
+"""Densities at points, in UFL, for compiled kernels: their inputs, and C code of their derivatives."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -22,30 +22,30 @@ LITERAL = re.compile(r"(?<![\w.])((?:\d+\.\d*|\.\d+)(?:[eE][-+]?\d+)?|\d+[eE][-+
 
 
 def named(name: str, *component: int) -> Any:
-    """Return SymPy's symbol of an input, or of a component."""
+    """Return SymPy's symbol of an input, or of one of its components."""
     from wavetank.fem import pointwise  # SymPy takes half a second to load, and only compilation needs it
 
     return pointwise.named(name, *component)
 
 
 class Density:
-    """A scalar density with all that it depends on.
+    """A scalar density with its inputs.
 
     Parameters
     ----------
     e
-        In UFL.
+        The density in UFL.
     inputs
-        Functions and constants that are no fields of the mesh, by their names in C.
+        Functions and constants that are not fields of the mesh, by their names in C.
     first
-        The field that is to be the first.
+        The first field.
 
     Attributes
     ----------
     fields
-        The number of fields, ``f0``, ``f1`` ... in C with slopes ``f0_0``, ...
+        Number of fields, ``f0``, ``f1`` ... in C with slopes ``f0_0``, ...
     values
-        Of these, all that this rank sees, each shape (size,).
+        Values of the fields on this rank, each of shape (size,).
     """
 
     def __init__(self, e: Any, plane: Plane, *, inputs: Mapping[Any, str] | None = None, first: Any = None):
@@ -64,7 +64,7 @@ class Density:
         self._names |= {one: f"c{n}" for n, one in enumerate(self._constants)}
 
     def signature(self) -> str:
-        """Return a text that is the same for densities of the same code, whatever the mesh."""
+        """Return a text that is equal for densities with the same code, on any mesh."""
         cell, dim = self._plane.mesh.basix_cell(), self._plane.mesh.geometry.dim
         domain = ufl.Mesh(basix.ufl.element("Lagrange", cell, 1, shape=(dim,)), ufl_id=0)
         space = ufl.FunctionSpace(domain, basix.ufl.element("Lagrange", cell, 1))
@@ -75,7 +75,7 @@ class Density:
         return f"{compute_signature([(ufl.replace(self._e, usual), np.zeros((1, dim)))], '')} {[*self._names.values()]}"
 
     def rows(self) -> Vector:
-        """Return the fields as they are at all degrees of freedom that this rank sees, shape (size, fields).
+        """Return the present fields at all degrees of freedom of this rank, shape (size, fields).
 
         The array is reused by the next call.
         """
@@ -84,18 +84,19 @@ class Density:
         return self._rows
 
     def constants(self) -> Vector:
-        """Return the constants as they are; at least one number."""
+        """Return the present constants; at least one number."""
         return np.array([float(number) for number in self._numbers] or [0.0])
 
     def index(self, field: Any) -> int:
-        """Return the number of a field."""
+        """Return the index of a field."""
         return self._fields.index(field)
 
     def put_in(self, code: str, made: Mapping[str, Makes], *, real: str = "double") -> str:
-        """Return C code where each name, a line of its own, is what is ``made`` of the density at that point.
+        """Return C code in which lines that are keys of ``made`` are replaced by statements for this density.
 
-        The code has vectors ``v f[field][value, slopes ...]`` there, in one array, and REAL ``constants``; it knows
-        ``nothing``, whether some vectors are zero. ``real`` is what REAL is.
+        The code must define the vectors ``v f[field][value, slopes ...]`` in one array, the constants ``REAL
+        constants[]``, and ``nothing``,
+        whether some vectors are zero. ``real`` is the type REAL.
         """
         from wavetank.fem.pointwise import branches, symbols  # SymPy takes half a second to load
 

@@ -1,7 +1,8 @@
-"""The gradient-jump penalty along a slice on one rank: N = strength sum of [[du/dx]] [[dv/dx]] over facets.
+"""The gradient-jump penalty of a slice on one rank: N = strength sum of [[du/dx]] [[dv/dx]] over facets.
 
-N has an entry where two degrees of freedom are of neighbouring cells, so M_J + N has twice the bandwidth of M_J, and
-its factors are stored as those of M_J are (``matrices.c``).
+N couples degrees of freedom of adjacent cells, so that M_J + N has twice the bandwidth of M_J. Its factors are stored
+like those of
+M_J (``matrices.c``).
 """
 
 from typing import Any
@@ -22,12 +23,13 @@ class GradientJumpPenalty(BandedMass):
     Parameters
     ----------
     J
-        In UFL.
+        The Jacobian in UFL.
     strength
-        As above.
+        Factor of the penalty.
     shift
-        Displacement of the degrees of freedom by the wall [m], shape (dofs,): derivatives are by x = X + shift; None
-        where it stands still.
+        Displacement of the degrees of freedom by the wall [m], shape (dofs,): derivatives are with respect to x = X +
+        shift; None
+        for fixed walls.
     """
 
     functions = *BandedMass.functions, "apply_penalty"
@@ -47,7 +49,7 @@ class GradientJumpPenalty(BandedMass):
         return instance.struct("Penalty", facets=len(self._dofs), strength=self._strength, **parts)
 
     def update(self) -> None:
-        """Take over M_J and N as the wall stands."""
+        """Set M_J and N for the present position of the wall."""
         if self._shift is not None:
             stretch = (self._slopes * self._shift[self._dofs]).sum(axis=2, keepdims=True)
             self._jumps[:] = self._slopes / (1.0 + stretch * [[-1.0], [1.0]])
@@ -60,7 +62,7 @@ class GradientJumpPenalty(BandedMass):
         return result
 
     def solve(self, right: Vector, start: Vector | None = None, *, within: float = ROUND_OFF) -> Vector:
-        """Return the solution for r, both (dofs,), to round-off; it needs no start value."""
+        """Return the solution for r, both (dofs,), to round-off."""
         return super().solve(right, within=within)
 
 

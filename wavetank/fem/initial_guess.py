@@ -1,8 +1,10 @@
-"""Start values for a sequence of similar solves y(x): combine earlier answers as their inputs combine to the new one.
+"""Initial guesses for a sequence of similar problems y(x), by projection onto earlier inputs.
 
-Find weights c that minimise |x - x_0 - sum c_j d_j|, x_0 being the last input and d_j the differences of those before
-it, each from the next; start from y_0 + sum c_j e_j, e_j being the differences of the answers. Exact for affine y(x),
-accurate to second order in the distance otherwise, and independent of how the solves follow each other in time.
+Weights c minimise |x - x_0 - sum c_j d_j|, with the last input x_0 and the differences d_j of successive earlier
+inputs. The guess is
+y_0 + sum c_j e_j, with the differences e_j of the solutions. It is exact for affine y(x), and of second order in the
+distance
+otherwise. It does not depend on the times of the problems.
 """
 
 from dataclasses import dataclass
@@ -19,18 +21,18 @@ SHORTEST = 1e-13  # squared, of directions against the longest: shorter ones car
 
 @dataclass(frozen=True, eq=False)
 class GuessState:
-    """Pairs of inputs and solutions: the newest, and the differences to it and before, in the order of the arrays.
+    """Pairs of inputs and solutions: the newest, and differences of successive pairs, in the order of storage.
 
     Attributes
     ----------
     recorded
-        How many pairs there have been.
+        Number of pairs that were recorded.
     products
-        Of the differences of inputs, shape (most - 1, most - 1).
+        Gram matrix of the differences of inputs, shape (most - 1, most - 1).
     input, solution
         Shapes (inputs, owned) and (outputs, owned).
     input_steps, solution_steps
-        The differences, of these shapes with (most - 1) in front.
+        The differences, shapes (most - 1, inputs, owned) and (most - 1, outputs, owned).
     """
 
     recorded: int
@@ -42,21 +44,22 @@ class GuessState:
 
 
 class InitialGuessProjection:
-    """The last (input, answer) pair, and the differences to it of those before, written round and round.
+    """The last pair of input and solution, and differences of earlier pairs in a ring buffer.
 
     Parameters
     ----------
     inputs, outputs
-        Numbers of an input and of an answer for each of the degrees of freedom.
+        Components of an input and of a solution at each degree of freedom.
     owned
-        How many of these this rank owns. Inputs have theirs number by number, outputs degree by degree of freedom.
+        Number of degrees of freedom that this rank owns. Inputs are ordered by component, solutions by degree of
+        freedom.
     most
-        How many pairs are kept.
+        Number of stored pairs.
 
     Attributes
     ----------
     recorded
-        How many there have been.
+        Number of pairs that were recorded.
     """
 
     def __init__(
@@ -96,10 +99,9 @@ class InitialGuessProjection:
         return min(self.recorded - 1, len(self._gram))
 
     def guess(self, x: Vector, y: Vector) -> bool:
-        """Set a start value for the answer to x, and tell whether anything near is remembered; collective.
+        """Set an initial guess of the solution for x, and return whether an earlier input is close; collective.
 
-        Rows of ``y``, one for each degree of freedom that is owned, are an answer's numbers and one more; x is to
-        stay as it is until the answer is recorded.
+        A row of ``y`` has the components of the solution and one more. x must not change until ``record`` is called.
         """
         self._requested = x
         if not self.recorded:
@@ -111,7 +113,7 @@ class InitialGuessProjection:
         return bool(self._guess(stored, y))
 
     def record(self, y: Vector) -> None:
-        """Remember that y, rows as of ``guess``, is the answer to what a guess has been asked for last."""
+        """Store y, with rows as in ``guess``, as the solution for the last input of ``guess``."""
         stored, place = (self._stored, (self.recorded - 1) % len(self._gram)) if self.recorded else (0, 0)
         self._record(stored, place, self._requested, y)
         self.recorded += 1

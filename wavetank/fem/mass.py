@@ -1,8 +1,8 @@
-"""Matrices on the horizontal space and their inverses, above all the mass matrix M_J.
+"""Matrices of the horizontal space and their inverses, in particular the mass matrix M_J.
 
-M_J is neither assembled nor stored: a product goes through the quadrature points (``matrices.c``), which in a basin
-takes a tenth of the time of a sparse matrix at p = 4, and of its memory. Along a slice on one rank its factors are
-stored, banded.
+M_J is matrix-free: a product evaluates the integrand at quadrature points (``matrices.c``). In a basin of order 4 this
+takes a tenth
+of the time and of the memory of a sparse matrix. On a slice on one rank the banded factors are stored.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,23 +26,24 @@ from wavetank.fem.plane import Plane
 from wavetank.fem.sparse_rows import SparseRows
 
 ROUND_OFF, EIGHT_DIGITS = 1e-15, 1e-8  # error of a solution, in its energy norm
-PRODUCTS = "weigh", "multiply"  # functions of a matrix that is not inverted
+PRODUCTS = "weigh", "multiply"  # functions of a matrix without solves
 
-Bilinear = Callable[[Any, Any], ufl.Form]  # of trial and test function
+Bilinear = Callable[[Any, Any], ufl.Form]  # function of trial and test function
 
 
 class PenalisedMass:
-    """M_J + N, assembled, with its inverse: factors along a slice on one rank, else conjugate gradients; collective.
+    """M_J + N, assembled, with its inverse: factors on a slice on one rank, otherwise conjugate gradients; collective.
 
-    N's largest eigenvalues relative to M_J are some tens, so that three iterations with the diagonal as preconditioner
-    gain a digit.
+    The largest eigenvalues of N relative to M_J are some tens, so that three iterations with the diagonal as
+    preconditioner
+    reduce the error by a factor of ten.
 
     Parameters
     ----------
     mass, J
         M_J, and J in UFL.
     penalty
-        The bilinear form of N in UFL, given trial and test function.
+        Function of trial and test function that returns the bilinear form of N in UFL.
     """
 
     most = 500  # iterations
@@ -71,7 +72,7 @@ class PenalisedMass:
         self.update()
 
     def update(self) -> None:
-        """Assemble it for the present values of what the forms depend on."""
+        """Assemble M_J + N for the present values of the coefficients."""
         self._data[:] = 0.0
         fem.assemble_matrix(self._matrix, self._form)
         self._matrix.scatter_reverse()
@@ -99,34 +100,36 @@ def mass_matrix(plane: Plane, J: Any, unit: Unit | None = None) -> "MassMatrix":
 
 
 class MassMatrix:
-    """M_J = int J u v dX without a matrix, for the J of the last ``update``; all of it is collective.
+    """The matrix-free mass matrix M_J = int J u v dX, for J at the last ``update``; all methods are collective.
 
-    It is inverted to round-off by conjugate gradients, preconditioned by the inverses of the cells' own matrices M_c,
+    It is inverted to round-off by conjugate gradients with the preconditioner
 
         sum over cells of  W_c M_c^-1 W_c,     W_c = diag(M_c) / diag(M_J),
 
-    with J and the Jacobian's determinant in M_c at their mean. The condition number is 1.5 at p = 2 and falls with p;
-    with the diagonal alone it is 4.5 to 6. With Cholesky's factors F'F of diag(M_c) M_c^-1 diag(M_c) for the reference
-    cell, the sum is a product as that with M_J, F in the place of the basis at the points.
+    where M_c are the matrices of the cells with mean values of J and of the Jacobian. The condition number is 1.5 at p
+    = 2 and decreases
+    with p; with the diagonal only it is 4.5 to 6. With Cholesky factors F'F of diag(M_c) M_c^-1 diag(M_c) of the
+    reference cell, the sum
+    is a product like that with M_J, with F instead of the basis at the points.
 
     Parameters
     ----------
     unit, prefix
-        The translation unit that its functions belong to, and their prefix there; default: one of its own.
+        Translation unit of its functions, and their prefix there; default: a separate unit.
     functions
         Functions that are compiled; default: all.
 
     Attributes
     ----------
     weights
-        J times weights of quadrature times determinants, shape (batches, points, lanes).
+        J times quadrature weights times determinants, shape (batches, points, lanes).
     struct
         The matrix in C.
     """
 
-    most = 200  # iterations
-    sections: tuple[str, ...] = ("mass",)  # of the C code
-    functions: tuple[str, ...] = ("weigh", "multiply", "solve_by_cells")  # that Python calls
+    most = 200  # largest number of iterations
+    sections: tuple[str, ...] = ("mass",)  # sections of the C code
+    functions: tuple[str, ...] = ("weigh", "multiply", "solve_by_cells")  # exported functions
 
     def __init__(
         self, plane: Plane, J: Any, *, unit: Unit | None = None, prefix: str = "mass", functions: Sequence[str] = ()
@@ -153,7 +156,7 @@ class MassMatrix:
             "weights": self.weights,
             **self._factors(instance, plane),
         }
-        self._is_ready: bool | None = None  # for solves; None: no weights yet
+        self._is_ready: bool | None = None  # whether data of solves are up to date; None: no weights yet
         self._set_up()
 
     def _set_up(self) -> None:
@@ -172,11 +175,11 @@ class MassMatrix:
         return {}
 
     def _factors(self, instance: Instance, plane: Plane) -> dict[str, Any]:
-        """Return the factors as the struct has them."""
+        """Return the members of the struct that belong to factors."""
         return {}
 
     def _cell_factors(self) -> Vector:
-        """Return F, in the shape of the basis at the points: of an edge where cells are products of edges."""
+        """Return F, in the shape of the basis at the points: of an edge if cells are products of edges."""
         values = self._cells.values
         matrix = values.T @ (self._cells.weights[:, None] * values)
         result, diagonal = np.zeros(values.shape), np.diag(matrix)
@@ -184,12 +187,12 @@ class MassMatrix:
         return result
 
     def total(self) -> float:
-        """Return int J dX over this rank's cells, for the fields as they are."""
+        """Return int J dX over the cells of this rank, for the present fields."""
         total: float = self._total()
         return total
 
     def product(self) -> "MassMatrix":
-        """Return it as it is now, for products alone."""
+        """Return the present matrix, for products only."""
         self._update_if_new()
         result = copy(self)
         result.weights = self.weights.copy()
@@ -198,7 +201,7 @@ class MassMatrix:
         return result
 
     def update(self) -> None:
-        """Take over the fields that J depends on as they are; a paddle's shape stays what it was."""
+        """Copy the present fields on which J depends."""
         self._weigh.call()
         self._is_ready = False
 
@@ -207,7 +210,7 @@ class MassMatrix:
             self.update()
 
     def _make_ready(self) -> None:
-        """Compute what solves need, if it is not there."""
+        """Compute the data of solves, unless they are up to date."""
         self._update_if_new()
         if not self._is_ready:
             np.divide(1.0, self.diagonal(), out=self._inverse)  # of the diagonal
@@ -229,7 +232,7 @@ class MassMatrix:
         return self._product(self._multiply, values)
 
     def solve(self, right: Vector, *, within: float = ROUND_OFF) -> Vector:
-        """Return the solution for owned values r, shape (owned,), with an error of ``within`` in its energy norm."""
+        """Return the solution for owned values r, shape (owned,), with the error ``within`` in the energy norm."""
         self._make_ready()
         result, residual = np.zeros(right.size), np.array(right)
         if self._comm.size == 1:
@@ -255,14 +258,14 @@ class MassMatrix:
 
 
 class BandedMass(MassMatrix):
-    """That of a slice or ring on one rank: its factors are stored, L D L' in the order of places, a paddle's last.
+    """The mass matrix of a slice or ring on one rank, with stored factors L D L' in the order of positions.
 
-    So a paddle at the near end changes few of them.
+    The wall at x = 0 is last, so that its motion changes few of the factors.
     """
 
     sections = "mass", "banded", "factors"
     functions: tuple[str, ...] = ("weigh", "multiply", "factor", "solve")
-    coupled = 1  # cells beside each other whose degrees of freedom are coupled
+    coupled = 1  # adjacent cells with coupled degrees of freedom
 
     def _sizes(self, plane: Plane) -> dict[str, object]:
         return {"BAND": self.coupled * plane.order, "ABREAST": 1, "GROUPS": 1}
@@ -277,7 +280,7 @@ class BandedMass(MassMatrix):
         }
 
     def _penalty(self, instance: Instance, plane: Plane) -> Struct | None:
-        """Return a penalty that is added to it."""
+        """Return the penalty that is added."""
         return None
 
     def _set_up(self) -> None:

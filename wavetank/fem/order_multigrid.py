@@ -1,8 +1,10 @@
-"""One cycle of multigrid in the order p for the decoupled modes of a basin (``decoupled.py``).
+"""A multigrid cycle in the order p for the decoupled modes of a basin (``decoupled.py``).
 
-Chebyshev-Jacobi smoothing at order p, without matrices (``modes.c``), around one cycle of an algebraic multigrid on
-elements of order 1. As what conjugate gradients are preconditioned with need not be exact, numbers are of single
-precision, and quadrature is exact only where coefficients are constant in each cell.
+Chebyshev-Jacobi smoothing at order p is matrix-free (``modes.c``). The coarse problem has elements of order 1; a cycle
+of algebraic
+multigrid solves it. The cycle is a preconditioner of conjugate gradients. Therefore it is in single precision, and its
+quadrature
+is exact only for coefficients that are constant in each cell.
 """
 
 from collections.abc import Iterator
@@ -22,7 +24,7 @@ from wavetank.fem.plane import Plane
 
 Singles = NDArray[np.float32]
 
-FEW = 4  # modes at a time
+FEW = 4  # modes in one loop
 NOTHING, NONE = 1e-30, 1e-3  # of single precision; of the largest eigenvalue: as small is as bad
 LEAVES = 0.12  # of an error: what a cycle of multigrid does, and smoothing alone has to where it is all that is done
 FUNCTIONS = "average", "multiply", "smooth", "transfer"
@@ -34,9 +36,9 @@ class LayerMeans:
     Parameters
     ----------
     energy, density
-        e(u, w, zeta), in UFL, and what is known of it at a point.
+        e(u, w, zeta), in UFL, and its density at a point.
     vertical_order
-        n: there are to be n modes, or one more.
+        n; the number of modes is n or n + 1.
     """
 
     def __init__(
@@ -83,7 +85,7 @@ class LayerMeans:
         self._work = np.zeros((2, (numbering.size_local + numbering.num_ghosts) * (vertical_order + 1)), np.float32)
 
     def assemble(self) -> "Means":
-        """Return the second derivatives by u and by w alone, averaged over the depth, at points and as matrices."""
+        """Return the second derivatives with respect to u and w, averaged over the depth, at points and as matrices."""
         self._constants[:] = self._density.constants()
         averages = np.empty(self._shape, dtype=np.float32)
         self._average(self._density.rows().astype(np.float32), averages)
@@ -96,7 +98,7 @@ class LayerMeans:
         return np.asarray(self._two.collect(np.stack(parts, axis=1).astype(np.float32)))
 
     def modes(self, eigenvalues: Vector) -> "OrderMultigrid":
-        """See ``LayerMatrices``."""
+        """Return the decoupled problems of some modes; see ``LayerMatrices``."""
         return OrderMultigrid(self, eigenvalues)
 
     def work(self, rows: int, modes: int) -> Iterator[Singles]:
@@ -110,22 +112,22 @@ Means = tuple[Singles, Averages]  # at the points, and on elements of order 1
 class OrderMultigrid(Modes):
     """The decoupled problems of some modes; see ``Modes``.
 
-    High modes are nearly mass matrices, whose eigenvalues the smoother takes down, all of them: these need no elements
-    of order 1, half of the products, and are done where the others turn to the coarse end.
+    High modes are similar to mass matrices. The smoother reduces errors of all their eigenvalues, so that they need no
+    coarse problem.
 
     Attributes
     ----------
     steps
-        Of smoothing, before and after.
+        Smoothing steps before and after the coarse problem.
     spread
-        Largest over smallest of the eigenvalues that smoothing takes down; elements of order 1 have the others.
+        Ratio of the largest to the smallest eigenvalue that is smoothed; elements of order 1 represent the others.
     low
-        Modes that have others.
+        Number of modes with a coarse problem.
     diagonals
-        Of S_u and S_w, shape (owned, 2).
+        Diagonals of S_u and S_w, shape (owned, 2).
     """
 
-    lanczos = 10  # steps, which see the largest eigenvalue to a few per cent
+    lanczos = 10  # steps; the error of the largest eigenvalue is a few per cent
     margin = 1.1  # over what they see, and below
 
     def __init__(self, layer: LayerMeans, eigenvalues: Vector):
@@ -149,7 +151,7 @@ class OrderMultigrid(Modes):
         ]
 
     def take(self, averages: Means) -> None:
-        """See ``Modes``."""
+        """Set S_u and S_w; see ``Modes``."""
         self._averages, linear = averages
         self.diagonals[:] = self._layer.diagonals(self._averages)
         smallest, largest = self._ends_of_spectra()
@@ -166,11 +168,11 @@ class OrderMultigrid(Modes):
         bottoms[:low] = tops.max() / self.spread
         before = _chebyshev(bottoms, tops, self.steps + 1)
         after = before[:-1].copy()
-        before[-1, :, :low] = after[:, :, low:] = 0.0  # there the residual alone changes, or nothing
+        before[-1, :, :low] = after[:, :, low:] = 0.0  # only the residual changes there
         self._lengths[:] = *before, *after
 
     def _ends_of_spectra(self) -> tuple[Vector, Vector]:
-        """Return each mode's smallest and largest eigenvalue, with Jacobi's preconditioner, by Lanczos; collective."""
+        """Return the extreme eigenvalues of each mode with the Jacobi preconditioner, by Lanczos; collective."""
         of_u, of_w = self.diagonals.T
         scale, modes = (of_u[:, None] + of_w[:, None] * self._eigenvalues) ** -0.5, self._eigenvalues.size
 
@@ -186,7 +188,7 @@ class OrderMultigrid(Modes):
             projected[:, k, k] = alpha = inner(w, v)
             w -= alpha.astype(np.float32) * v
             before, beta = v, np.sqrt(inner(w, w))
-            if k + 1 == self.lanczos or beta.min() < 1e-4:  # the latter: a mesh of few cells is exhausted
+            if k + 1 == self.lanczos or beta.min() < 1e-4:  # the Krylov space of a mesh of few cells is exhausted
                 break
             projected[:, k, k + 1] = projected[:, k + 1, k] = beta
             v = w / beta.astype(np.float32)
@@ -194,9 +196,9 @@ class OrderMultigrid(Modes):
         return values[:, 0], values[:, -1]
 
     def product(self, x: Singles, *, many: int | None = None) -> Singles:
-        """Return (S_u + Lambda_j S_w) x_j, shape (owned, m), of single precision; collective.
+        """Return (S_u + Lambda_j S_w) x_j in single precision, shape (owned, m); collective.
 
-        That is of the first modes, ``many``, or of all. The array is reused by the next call.
+        ``many`` limits it to the first modes. The array is reused by the next call.
         """
         self._image.fill(0.0)
         many = self._eigenvalues.size if many is None else many
@@ -204,10 +206,10 @@ class OrderMultigrid(Modes):
         return self._halo.collect(self._image)
 
     def _cycle(self, r: Singles) -> Singles:
-        """Return what a cycle makes of a residual, which it changes; collective.
+        """Return the result of a cycle for a residual, which is overwritten; collective.
 
         A step of the Chebyshev semi-iteration (Saad, Iterative Methods for Sparse Linear Systems, 2003, algorithm 12.1)
-        takes the product with the last change of x from r, and changes x by ``_direction``.
+        subtracts the product with the last change of x from r, and changes x by ``_direction``.
         """
         x, change = np.zeros_like(r), self._direction
         change.fill(0.0)
@@ -225,7 +227,7 @@ class OrderMultigrid(Modes):
         return x
 
     def solve(self, right: Array, *, cycles: int = 1) -> Array:
-        """See ``Modes``: of several cycles conjugate gradients make the best."""
+        """Return a for r; see ``Modes``. Several cycles are combined by conjugate gradients."""
         r: Singles = right.astype(np.float32)
         if cycles == 1:
             return self._cycle(r)
@@ -250,9 +252,9 @@ class OrderMultigrid(Modes):
 
 
 class LinearModes:
-    """The problems on elements of order 1, of some modes, and one cycle of algebraic multigrid for them.
+    """The problems of some modes on elements of order 1, with one cycle of algebraic multigrid.
 
-    Nothing of PETSc's is made twice: what Python lets go of there is kept, on several ranks, until all of them collect.
+    PETSc's objects are created once: on several ranks, objects that Python releases exist until all ranks collect them.
     """
 
     def __init__(self, layer: LayerMeans, eigenvalues: Vector, *, modes: int):
@@ -272,11 +274,11 @@ class LinearModes:
         self._modes = linear.modes(eigenvalues)
 
     def take(self, averages: Averages) -> None:
-        """Take over S_u and S_w on elements of order 1; collective."""
+        """Set S_u and S_w on elements of order 1; collective."""
         self._modes.take(averages)
 
     def correction(self, residual: Singles) -> Singles:
-        """Return what they make of a residual, of other modes nothing, both of shape (owned, m); collective."""
+        """Return the correction for a residual, both (owned, m), zero without a coarse problem; collective."""
         right, fine = np.zeros((self._halo.size, self._many), dtype=np.float32), np.zeros_like(residual)
         self._restrict(residual, right)
         coarse = self._halo.fetch(self._modes.solve(self._halo.collect(right)).astype(np.float32))
@@ -285,7 +287,7 @@ class LinearModes:
 
 
 def _chebyshev(bottoms: Vector, tops: Vector, steps: int) -> Singles:
-    """Return how much of its direction each step keeps, and takes of a residual, (steps, 2, modes), for spectra."""
+    """Return the coefficients of directions and residuals in each step, (steps, 2, modes), for given spectra."""
     centre, radius = (tops + bottoms) / 2, (tops - bottoms) / 2
     lengths, ratio = [(0 * centre, 1 / centre)], radius / centre
     for _ in range(steps - 1):

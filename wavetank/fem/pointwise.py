@@ -1,8 +1,8 @@
-"""C code of UFL densities at a point, and of their derivatives: what UFL says once is evaluated wherever a kernel asks.
+"""C code of UFL densities and their derivatives at a point.
 
-Fields, their gradients and constants become inputs. What C calculates with is whatever type its inputs have, numbers
-or GCC's vectors of them. SymPy takes the derivatives, and finds what expressions have in common; it is loaded only
-where code is compiled.
+Fields, their gradients and constants become inputs. The type of the C variables is that of the inputs: numbers or GCC's
+vectors.
+SymPy differentiates and eliminates common subexpressions. It is loaded only if code is compiled.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -34,9 +34,9 @@ from wavetank.base.errors import WavetankError
 
 
 def symbols(density: Any, names: Mapping[Any, str]) -> Any:
-    """Return a scalar density as an expression of SymPy's.
+    """Return a scalar density as a SymPy expression.
 
-    Its inputs have the given names, ``h``; components of vectors and of gradients have numbers behind it, ``h_0``.
+    Its inputs have the given names, such as ``h``; components of vectors and gradients have a number, ``h_0``.
     """
     return _value(apply_derivatives(apply_algebra_lowering(density)), (), {}, names)
 
@@ -82,7 +82,7 @@ def _value(o: Any, component: tuple[int, ...], at: Mapping[Any, int], names: Map
 
 
 def named(name: str, *component: int) -> Any:
-    """Return the symbol of an input, or of a component."""
+    """Return the symbol of an input, or of one of its components."""
     return sympy.Symbol("_".join([name, *map(str, component)]), real=True)
 
 
@@ -93,10 +93,11 @@ def branches(
     fields: Sequence[Sequence[str]],
     constants: Sequence[str],
 ) -> str:
-    """Return C statements that set what is made of a density; where it has no need of constants, without these.
+    """Return C statements that set results of a density, with a branch without constants if these have no effect.
 
-    Constants that fall away with a field, its value and its slopes, are those of a paddle's shape: far from the paddle
-    there is nothing of its displacement in any lane, and the density is that of water that no wall carries.
+    The constants that vanish with a field, its value and its slopes, belong to a paddle's shape. Far from the paddle
+    its displacement is
+    zero in all lanes of a vector, and the density is that of water in a fixed tank.
     """
     freeing = [n for n, field in enumerate(fields) if _frees(density, field, constants)]
     everywhere = statements(makes(density))
@@ -108,16 +109,18 @@ def branches(
 
 
 def _frees(density: Any, field: Sequence[str], constants: Sequence[str]) -> bool:
-    """Return whether without a field the density is finite and has fewer constants."""
+    """Return whether the density is finite and has fewer constants if a field is zero."""
     rest = density.xreplace({named(name): sympy.Integer(0) for name in field})
     of = {named(name) for name in constants}
     return bool(rest.free_symbols & of < density.free_symbols & of and not rest.has(sympy.zoo, sympy.nan))
 
 
 def statements(outputs: Mapping[str, Any]) -> str:
-    """Return C statements that set ``outputs`` to expressions of SymPy's; ``zero`` is added, as their kind.
+    """Return C statements that set ``outputs`` to SymPy expressions.
 
-    What is divided by has its reciprocal in a statement of its own, which compilers take out of loops.
+    ``zero`` is added to them, so that constants have the same type. Reciprocals of divisors are separate statements,
+    which compilers
+    move out of loops.
     """
     values, inverses = [sympy.sympify(value) for value in outputs.values()], dict[Any, Any]()
 
@@ -140,6 +143,6 @@ def _code(value: Any) -> str:
 
 
 def _power(base: str, power: str) -> str:
-    """Return a whole power as a product: C's pow knows no vectors."""
+    """Return an integer power as a product, since C's pow does not accept vectors."""
     product = " * ".join([f"({base})"] * abs(int(power)))
     return f"({product})" if int(power) > 0 else f"1.0 / ({product})"

@@ -1,4 +1,4 @@
-"""How the surface's water moves at quadrature points, and integrals of what it carries along (``surface.c``)."""
+"""Velocity of the water at quadrature points of the surface, and integrals of advection by it (``surface.c``)."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -12,12 +12,12 @@ from wavetank.fem.plane import Plane
 
 
 class SurfacePoints:
-    """The quadrature points of this rank's cells, and how the water moves there; collective throughout.
+    """The quadrature points of this rank's cells with the velocity of the water; all methods are collective.
 
     Parameters
     ----------
     axis
-        Across a wall that moves, a unit vector of the mesh's space; None where nothing moves.
+        Unit vector normal to a moving wall in the space of the mesh; None for fixed walls.
     """
 
     def __init__(self, plane: Plane, axis: Vector | None = None, *, unit: Unit | None = None):
@@ -41,23 +41,26 @@ class SurfacePoints:
 
     @property
     def compiled(self) -> dict[str, Any]:
-        """The parts of an ``Advection`` that ``move`` and ``advection`` are called with."""
+        """The members of an ``Advection`` in C for ``move`` and ``advection``."""
         return {"cells": self._cells, "velocity": self._velocity, "axis": self._axis}
 
     def move(self, surface: Sequence[Vector], *, most: float) -> tuple[Vector, float]:
-        """Take the velocity from elevation [m], potential [m²/s] and M_J^-1 dQ/dt [m/s], (owned,) each.
+        """Set the velocity from elevation [m], potential [m²/s] and M_J^-1 dQ/dt [m/s], (owned,) each.
 
-        Where a wall moves, also from how far it has carried places at the surface along its axis [m], how fast it does
-        at one height [m/s], the flux of water that is so carried [m²/s] and by how much less they are carried below.
-        Along an axis it is at most ``most`` [m/s], in the reference tank, as that sees it. Returns the integral of the
-        vertical one times J and each test function, shape (owned,), and the largest along an axis.
+        For a moving wall it also depends on the displacement of surface points along the axis [m], its rate [m/s], the
+        flux of
+        displaced water [m²/s], and the decrease of the displacement with depth. The velocity in the reference tank is
+        limited to ``most``
+        [m/s] along each axis. Returns the integral of the vertical velocity times J and each test function, shape
+        (owned,), and the largest
+        component of the horizontal velocity.
         """
         y = np.zeros((self._halo.size, 1))
         fastest: float = self._move(most, self._of_surface.fetch(np.stack(surface, axis=1)), y)
         return self._halo.collect(y)[:, 0], largest(self._comm, fastest)
 
     def advection(self, field: Vector, *, along: bool) -> Vector:
-        """Return int V . grad f v dX of the velocities V, or, not ``along``, int f V . grad v dX, shape (owned,)."""
+        """Return int V . grad f v dX for the velocities V if ``along``, else int f V . grad v dX, shape (owned,)."""
         x, y = self._halo.fetch(field[:, None]), np.zeros((self._halo.size, 1))
         self._advect(along, x, y)
         return self._halo.collect(y)[:, 0]

@@ -1,17 +1,17 @@
-/* Values on cells, LANES of them at a time, one in each number of a vector; see wavetank/fem/cells.py.
+/* Values on cells, LANES cells at a time, one in each element of a vector; see wavetank/fem/cells.py.
 
 REAL            float or double
-NODES, POINTS   of a cell: degrees of freedom, quadrature points
-SIDE, RULE      of an edge, where a cell's nodes and points are all pairs of these; else 0
-MOST            numbers of a degree of freedom, given or wanted
-DIM, GDIM       of the cell, and of the space that it lies in
-PLACES          of a cell at which its geometry is known: POINTS, or 1 where it is the same everywhere in each cell */
+NODES, POINTS   degrees of freedom and quadrature points of a cell
+SIDE, RULE      the same of an edge if the cell is a product of edges; else 0
+MOST            largest number of components of a degree of freedom, given or wanted
+DIM, GDIM       dimension of the cell, and of space
+PLACES          points of a cell with a Jacobian: POINTS, or 1 if it is constant in each cell */
 typedef REAL v __attribute__((vector_size(sizeof(REAL) * LANES)));
 typedef REAL stored __attribute__((vector_size(sizeof(REAL) * LANES), aligned(sizeof(REAL))));
 
 static const v zero = {0};
 
-/* Whether some vectors are zero. */
+/* Return whether vectors are zero. */
 INLINE int nothing(const v *a, int count)
 {
     __typeof__(zero != zero) some = zero != zero;
@@ -23,7 +23,7 @@ INLINE int nothing(const v *a, int count)
     return !any;
 }
 
-/* Rows of numbers are read and written some at a time, those of as many lanes, as the transpose of such a square. */
+/* Rows are read and written in squares of LANES components by LANES cells, which are transposed. */
 #define ROWS (LANES % 4 ? 2 : 4)
 typedef REAL piece __attribute__((vector_size(sizeof(REAL) * ROWS), aligned(sizeof(REAL)), may_alias));
 
@@ -41,7 +41,7 @@ INLINE void transpose(const piece *rows, piece *columns)
 #endif
 }
 
-/* X[node][number] of ``width`` numbers, of which these are some. */
+/* Read some of the ``width`` components: X[node][component]. */
 INLINE void gather(const Cells *c, long b, int numbers, const REAL *x, int stride, v *X, int width)
 {
     EACH(i, NODES)
@@ -65,7 +65,7 @@ INLINE void gather(const Cells *c, long b, int numbers, const REAL *x, int strid
         }
 }
 
-/* y += Y[node][number] of ``width`` numbers, of which the first are wanted. */
+/* y += Y[node][component], for the first of ``width`` components. */
 INLINE void scatter(const Cells *c, long b, int numbers, const v *Y, int width, REAL *y, int stride)
 {
     EACH(i, NODES)
@@ -105,7 +105,7 @@ INLINE v measure_at(const Cells *c, long b, int q)
     return ((const stored *)c->measure)[PLACES == 1 ? b : b * POINTS + q] * c->weights[q];
 }
 
-/* Fields at a point in space, f[field][value, slopes ...], of u as ``through`` has it, where they are among ``width``. */
+/* Fields at a point with derivatives in space, f[field][value, slopes ...], of u with ``width`` components as in ``through``. */
 INLINE void in_space(const Cells *c, long b, int q, int fields, const v *u, int width, v *f)
 {
     const stored *inverse = inverse_at(c, b, q);
@@ -120,10 +120,10 @@ INLINE void in_space(const Cells *c, long b, int q, int fields, const v *u, int 
     }
 }
 
-/* What happens at a point: r[by value, by slopes ...][number] of u[value, slopes ...][number]. */
+/* A function at a point: r[value, slopes ...][component] of u[value, slopes ...][component]. */
 typedef void Point(const void *what, const Cells *c, long b, int q, const v *u, v *r);
 
-/* Loops are evenly cut into parts of at most four: so many sums stand in registers, and each number is read once for all. */
+/* Loops are divided into equal parts of at most four, whose sums fit into registers. */
 #define PARTS(count) (((count) + 3) / 4)
 #define PART(count) (((count) + PARTS(count) - 1) / PARTS(count))
 
@@ -146,7 +146,7 @@ INLINE void contract_part(int part, int tables, const REAL *const *table, int no
             y[t * apart + k] = sum[t][k];
 }
 
-/* y[table][number] = the sums of table[node] x[node][number]. */
+/* y[table][component] = sum over nodes of table[node] x[node][component]. */
 INLINE void contract(int tables, const REAL *const *table, int nodes, int numbers, const v *x, int stride, v *y, int apart)
 {
     const int part = numbers ? PART(numbers) : 1, rest = numbers % part;
@@ -164,7 +164,7 @@ INLINE void spread_part(int part, int tables, const REAL *const *table, int node
     EACH_NODE(i, EACH(k, part) EACH(t, tables) x[i * stride + k] += table[t][i] * from[t][k];)
 }
 
-/* The transpose: x[node][number] += the sums of table[node] y[table][number]. */
+/* The transpose: x[node][component] += sum over tables of table[node] y[table][component]. */
 INLINE void spread(int tables, const REAL *const *table, int nodes, int numbers, const v *y, int apart, v *x, int stride)
 {
     const int part = numbers ? PART(numbers) : 1, rest = numbers % part;
@@ -173,13 +173,13 @@ INLINE void spread(int tables, const REAL *const *table, int nodes, int numbers,
     spread_part(rest, tables, table, nodes, y + numbers - rest, apart, x + numbers - rest, stride);
 }
 
-/* Y[node][wanted] += what ``at`` makes of X[node][number] at the points; with ``axes`` = 0 of the values alone. */
+/* Y[node][component] += the transpose of interpolation, applied to ``at`` of X at the points; without slopes if ``axes`` = 0. */
 INLINE void through(const Cells *c, long b, int axes, int numbers, const v *X, int wanted, v *Y, Point at, const void *what)
 {
 #if SIDE
     const int both = axes ? 2 : 1;
     EACH(a, RULE) {
-        /* at a along the first axis, at the nodes of the second: values, slopes */
+        /* at point a of the first axis, at the nodes of the second: values, slopes */
         const int given = SIDE * numbers, found = SIDE * wanted;
         const REAL *first[] = {c->values + a * SIDE, c->slopes + a * SIDE};
         v on[2 * SIDE * MOST], by[2 * SIDE * MOST];
@@ -211,13 +211,13 @@ INLINE void through(const Cells *c, long b, int axes, int numbers, const v *X, i
 #endif
 }
 
-/* Some numbers of each degree of freedom. */
+/* Some components of each degree of freedom. */
 typedef struct {
     const REAL *x;
     int numbers, stride;
 } Given;
 
-/* y += what ``at`` makes at the points of all cells, ``wanted`` numbers, of those given and of more. */
+/* y += the transpose of interpolation, applied to ``at`` at the points of all cells; ``wanted`` components. */
 INLINE void over_cells(const Cells *c, int axes, Given given, Given more, int wanted, REAL *y, int stride, Point at,
                        const void *what)
 {

@@ -1,14 +1,14 @@
 /* ==== layer ==== */
-/* The energy of a horizontal layer at a point; cells.c stands before.
+/* The energy of a horizontal layer at a point; follows cells.c.
 
-NUMBERS         of a degree of freedom: vertical functions, the last one's the surface potential
-LEVELS          heights of layers
-FIELDS          that the density depends on
-OF_FIELDS       of them at a point: values, slopes in space
-HESSIANS        second derivatives by (u_0 ..., w) in the cell's own coordinates: DIM (DIM + 1) / 2 + DIM + 1 */
+NUMBERS         vertical functions, the last of which belongs to the surface potential
+LEVELS          number of layers
+FIELDS          fields of the density
+OF_FIELDS       their values and slopes at a point
+HESSIANS        second derivatives with respect to (u_0 ..., w) in reference coordinates: DIM (DIM + 1) / 2 + DIM + 1 */
 #define OF_FIELDS ((1 + GDIM) * FIELDS)
 
-/* The energy's second derivatives at a level, times all weights: k[uu ..., uw ..., ww]. */
+/* Second derivatives of the energy at a level, times all weights: k[uu ..., uw ..., ww]. */
 INLINE void second(const Cells *c, const Layers *layers, long b, int q, int z, const v *f, v *k)
 {
     const stored *inverse = inverse_at(c, b, q);
@@ -34,13 +34,13 @@ INLINE void second(const Cells *c, const Layers *layers, long b, int q, int z, c
 }
 
 /* ==== operator ==== */
-/* The operator of wavetank/fem/layers.py; the layer stands before.
+/* The operator of wavetank/fem/layers.py; follows the section layer.
 
-STORED          whether second derivatives are kept from state to state of the fields, state[batch][point][level][...][lane],
-                or found anew in every product, of the fields themselves, state[dof][field] */
+STORED          whether the state is the second derivatives, state[batch][point][level][...][lane], or the fields,
+                state[dof][field], from which each product computes them */
 #define MANY ((REAL)1e30)
-#define BESIDE (STORED ? 0 : FIELDS) /* numbers that go to the points beside the potential's */
-#define SOME PART(LEVELS) /* levels at a time */
+#define BESIDE (STORED ? 0 : FIELDS) /* components of fields at the points */
+#define SOME PART(LEVELS) /* levels in one loop */
 
 typedef struct {
     const Layers *layers;
@@ -65,7 +65,7 @@ INLINE void take_at(const void *what, const Cells *c, long b, int q, const v *u,
     }
 }
 
-/* Keep what is to be kept of the fields, [dof][field]. Returns the first field's least value. */
+/* Compute the state from the fields, [dof][field]. Returns the least value of the first field. */
 SHARED REAL take(const Cells *c, const Layers *layers, const REAL *fields, REAL *state)
 {
     REAL least = MANY;
@@ -80,7 +80,7 @@ typedef struct {
     const REAL *state;
 } Multiplied;
 
-/* The slopes and vertical derivatives at some levels, from z on, of the first numbers of ``width``, ``given``. */
+/* Slopes and vertical derivatives at levels from z, of the first ``given`` of ``width`` components. */
 INLINE void at_levels(const Layers *layers, int z, int some, int given, int width, const v *u, v (*s)[SOME], v *w)
 {
     const REAL *P = layers->P + z * NUMBERS, *dP = layers->dP + z * NUMBERS;
@@ -98,7 +98,7 @@ INLINE void at_levels(const Layers *layers, int z, int some, int given, int widt
         }
 }
 
-/* r += the products at a point, of these levels. */
+/* r += the products at a point for these levels. */
 INLINE void multiply_levels(const Multiplied *m, const Cells *c, long b, int q, int z, int some, int given, int first,
                             const v *u, const v *f, v *r)
 {
@@ -136,7 +136,7 @@ INLINE void multiply_levels(const Multiplied *m, const Cells *c, long b, int q, 
         }
 }
 
-/* The first numbers are ``given``, and then there may be fields; the others are nothing. Those from ``first`` on are wanted. */
+/* The first ``given`` components are those of the potential; fields may follow; others are zero. Results begin at ``first``. */
 INLINE void multiply(const Multiplied *m, const Cells *c, long b, int q, int given, int first, const v *u, v *r)
 {
     v f[OF_FIELDS];
@@ -164,13 +164,13 @@ INLINE void product_of(const Cells *c, const Layers *layers, const REAL *state, 
     over_cells(c, DIM, (Given){x, given, NUMBERS}, (Given){state, BESIDE, FIELDS}, NUMBERS, y, NUMBERS, at, &what);
 }
 
-/* y += A x, [dof][number]. */
+/* y += A x, [dof][component]. */
 SHARED void product(const Cells *c, const Layers *layers, const REAL *state, const REAL *x, REAL *y)
 {
     product_of(c, layers, state, NUMBERS, multiply_at, x, y);
 }
 
-/* The same of x whose last number is nothing. */
+/* The same for x whose last component is zero. */
 SHARED void interior_product(const Cells *c, const Layers *layers, const REAL *state, const REAL *x, REAL *y)
 {
     product_of(c, layers, state, NUMBERS - 1, within_at, x, y);
@@ -200,7 +200,7 @@ INLINE void derive_levels(const Layers *layers, const Cells *c, long b, int q, i
     }
 }
 
-/* The derivative of the energy by the first field; x has the potential's numbers and the fields. */
+/* The derivative of the energy with respect to the first field; x has potential and fields. */
 INLINE void derive_at(const void *what, const Cells *c, long b, int q, const v *x, v *r)
 {
     v f[OF_FIELDS];
@@ -211,20 +211,20 @@ INLINE void derive_at(const void *what, const Cells *c, long b, int q, const v *
     derive_levels(what, c, b, q, LEVELS - LEVELS % SOME, LEVELS % SOME, x, f, r);
 }
 
-/* y += the derivative of the energy of x by the first field, [dof]. */
+/* y += the derivative of the energy of x with respect to the first field, [dof]. */
 SHARED void derivative(const Cells *c, const Layers *layers, const REAL *fields, const REAL *x, REAL *y)
 {
     over_cells(c, DIM, (Given){x, NUMBERS, NUMBERS}, (Given){fields, FIELDS, FIELDS}, 1, y, 1, derive_at, layers);
 }
 
 /* ==== wall ==== */
-/* A wall of a slice that moves: derivatives of its part W of the energy, and its power; cells.c stands before.
+/* A moving wall of a slice: derivatives of its part W of the energy, and its power; follows cells.c.
 
-All densities are put in from UFL: of W at 1 m/s, FLUX by cells and END by levels at the wall itself, and of dH/dt at
-fixed (Q, psi) as the wall goes on at its velocity, RATE by layers.
+All densities are generated from UFL: W at 1 m/s, in cells (FLUX) and at levels of the wall (END), and dH/dt at fixed (Q, psi)
+for the velocity of the wall, in layers (RATE).
 
-NUMBERS, LEVELS, ENDS       of a potential; levels of the water and of the rule at the wall
-FIELDS, MU                  that densities depend on, the first of which is the column; which one is M_J^-1 H_h */
+NUMBERS, LEVELS, ENDS       components of a potential; levels of the water, and of the quadrature at the wall
+FIELDS, MU                  fields of densities, the first of which is the column; index of M_J^-1 H_h */
 #define OF_FIELDS (2 * FIELDS)
 
 typedef struct {
@@ -233,7 +233,7 @@ typedef struct {
     v going, sped;
 } Terms;
 
-/* The density of W per unit of speed at a point, and its derivatives by the slope of psi and by the column. */
+/* The density of W at 1 m/s at a point, and its derivatives with respect to the slope of psi and the column. */
 INLINE v flux(const Wall *wall, const v *f, v psi_0, v *by_slope, v *by)
 {
     UNUSED const double *constants = wall->layers->constants;
@@ -243,7 +243,7 @@ INLINE v flux(const Wall *wall, const v *f, v psi_0, v *by_slope, v *by)
     return value;
 }
 
-/* The same at a level at the wall, by the potential u less psi there and by the column. */
+/* The same at a level of the wall, with respect to the potential u minus psi and the column. */
 INLINE double end(const Wall *wall, const v *f, int z, double u_z, double *by_u, double *by)
 {
     UNUSED const double *constants = wall->layers->constants;
@@ -254,7 +254,7 @@ INLINE double end(const Wall *wall, const v *f, int z, double u_z, double *by_u,
     return value[0];
 }
 
-/* dH/dt at a point of a layer of slope u_0 and vertical derivative w. */
+/* dH/dt at a point of a layer with slope u_0 and vertical derivative w. */
 INLINE v rate(const Wall *wall, const v *f, v u_0, v w, double zeta_z)
 {
     UNUSED const double *constants = wall->layers->constants;
@@ -273,14 +273,14 @@ static void take_over(const Wall *wall, const double *column, const double *mu)
     }
 }
 
-/* Fields at the wall itself, without slopes. */
+/* Fields at the wall, without slopes. */
 INLINE void at_wall(const Wall *wall, v *f)
 {
     EACH(n, FIELDS)
         f[2 * n] = zero + wall->rows[(long)wall->node * FIELDS + n], f[2 * n + 1] = zero;
 }
 
-/* The potential less psi at a level at the wall. */
+/* The potential minus psi at a level of the wall. */
 INLINE double above(const Wall *wall, int z, const double *phi)
 {
     double sum = 0.0;
@@ -298,7 +298,7 @@ INLINE void by_slope_at(const void *what, const Cells *c, long b, int q, const v
     r[0] = zero, r[1] *= terms->speed * measure_at(c, b, q) * inverse_at(c, b, q)[0];
 }
 
-/* Set dW/dphi of a column in the rows where it is not zero. */
+/* Set dW/dphi for a column in the rows in which it is not zero. */
 SHARED void by_potential(const Wall *wall, const double *column)
 {
     const Terms terms = {wall, wall->moves[1], zero, zero};
@@ -330,7 +330,7 @@ INLINE void by_column_at(const void *what, const Cells *c, long b, int q, const 
     r[0] *= terms->speed * measure_at(c, b, q), r[1] = zero;
 }
 
-/* Set dW/dh of a column and a potential in the rows where it is not zero. */
+/* Set dW/dh for a column and a potential in the rows in which it is not zero. */
 SHARED void by_column(const Wall *wall, const double *column, const double *phi)
 {
     const Terms terms = {wall, wall->moves[1], zero, zero};
@@ -366,7 +366,7 @@ INLINE void power_at(const void *what, const Cells *c, long b, int q, const v *u
     terms->sped += measure * flux(terms->wall, f, inverse * u[MOST + NUMBERS - 1], &by_slope, &by);
 }
 
-/* dH/dt at fixed (Q, psi) as the wall goes on at its velocity, and dH/dX_p', of a column, a potential and M_J^-1 H_h. */
+/* dH/dt at fixed (Q, psi) for the velocity of the wall, and dH/dX_p', for a column, a potential and M_J^-1 H_h. */
 SHARED void power(const Wall *wall, const double *column, const double *phi, const double *mu, double *found)
 {
     Terms terms = {wall, 0.0, zero, zero};

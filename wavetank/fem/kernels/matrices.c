@@ -1,7 +1,7 @@
 /* ==== mass ==== */
-/* A mass matrix without matrix, of wavetank/fem/mass.py; cells.c stands before.
+/* A matrix-free mass matrix, of wavetank/fem/mass.py; follows cells.c.
 
-FIELDS          that its density depends on */
+FIELDS          fields of its density */
 #define OF_FIELDS ((1 + GDIM) * FIELDS)
 
 typedef struct {
@@ -19,7 +19,7 @@ INLINE void weigh_at(const void *what, const Cells *c, long b, int q, const v *u
     weights->weights[b * POINTS + q] = measure_at(c, b, q) * density;
 }
 
-/* Take over the fields as they are: find the density at the points, times all weights. */
+/* Set the weights from the fields: density at the points times quadrature weights. */
 SHARED void weigh(const Mass *m)
 {
     const Weights what = {m->constants, (stored *)m->weights};
@@ -38,8 +38,9 @@ SHARED void multiply(const Mass *m, const double *x, double *y)
     over_cells(m->cells, 0, (Given){x, 1, 1}, (Given){0}, 1, y, 1, multiply_at, m->weights);
 }
 
-/* Solve M x = b by conjugate gradients from x = 0, preconditioned by the product with ``cells`` between products with the
-   diagonal's ``inverse``, until the residual's energy is ``within``² of the first. Returns the iterations, or -1 without convergence. */
+/* Solve M x = b by conjugate gradients from x = 0. The preconditioner is the product with ``cells`` between products with the
+   diagonal ``inverse``. Iterations end if the residual's energy is ``within``² times the first. Returns the iterations, or -1
+   without convergence. */
 SHARED int solve_by_cells(const Mass *m, const Mass *cells, const double *restrict inverse, const double *b, double within,
                           int most, double *restrict x, double *work)
 {
@@ -73,7 +74,7 @@ SHARED int solve_by_cells(const Mass *m, const Mass *cells, const double *restri
     }
 }
 
-/* The integral of the density of the fields as they are. */
+/* The integral of the density. */
 SHARED double total(const Mass *m)
 {
     v sum = zero;
@@ -87,14 +88,14 @@ SHARED double total(const Mass *m)
 }
 
 /* ==== banded ==== */
-/* Symmetric banded systems along a slice or ring, ABREAST of them at once; cells.c stands before.
+/* Symmetric banded systems along a slice or ring, ABREAST systems in one vector; follows cells.c.
 
 BAND            largest distance of coupled rows
 ABREAST         systems in a vector
 GROUPS          number of such vectors */
 
-/* What is computed before the rest: a row depends on its neighbour by one product alone. One system alone subtracts the
-   products one after the other, the farthest row first. */
+/* Order of operations: a row waits for its neighbour only in the last product. A single system subtracts the products in
+   sequence, that of the farthest row first. */
 #if __has_builtin(__builtin_assoc_barrier)
 #define FIRST __builtin_assoc_barrier
 #else
@@ -116,7 +117,7 @@ INLINE abreast reciprocal(abreast of)
     return of;
 }
 
-/* A <- its factors, of a group; the rows before the first have theirs. */
+/* A <- its factors, for a group; rows before ``first`` are factorised already. */
 SHARED void factor_rows(long first, long rows, abreast *restrict A)
 {
     for (long i = first; i < rows; ++i) {
@@ -135,7 +136,7 @@ SHARED void factor_rows(long first, long rows, abreast *restrict A)
     }
 }
 
-/* A row less the products with the rows before it (or behind it, of stride -1), which are ``last``; it becomes the last. */
+/* A row minus the products with the preceding rows ``last`` (following ones with stride -1); it becomes the last. */
 INLINE abreast eliminate(abreast here, const abreast *entry, int stride, abreast (*last)[GROUPS], int g)
 {
     for (int d = BAND; d > 0; --d)
@@ -145,7 +146,7 @@ INLINE abreast eliminate(abreast here, const abreast *entry, int stride, abreast
     return last[0][g] = here;
 }
 
-/* x <- the inverse of the rest of b, both [row][group]. */
+/* x <- the inverse of the band times b, both [row][group]. */
 INLINE void forth_and_back(long rows, const abreast *restrict L, const abreast *b, abreast *x)
 {
     const int width = (BAND + 1) * GROUPS;
@@ -159,7 +160,7 @@ INLINE void forth_and_back(long rows, const abreast *restrict L, const abreast *
             x[i * GROUPS + g] = eliminate(x[i * GROUPS + g], L + i * width + g, width + GROUPS, last, g);
 }
 
-/* x <- the inverse of b, both [row][group]; x may be b. */
+/* x <- A^-1 b, both [row][group]; x may be b. */
 INLINE void solve_chain(const Chain *c, const abreast *b, abreast *x)
 {
     const long rows = c->dofs - c->cut;
@@ -198,10 +199,10 @@ SHARED void factorise(const Chain *c, long first)
 }
 
 /* ==== factors ==== */
-/* Factors of a mass matrix along a slice or ring, with a gradient-jump penalty or without, of wavetank/fem/mass.py; cells.c
-and banded systems stand before. */
+/* Factors of a mass matrix along a slice or ring, with a gradient-jump penalty or without, of wavetank/fem/mass.py; follows
+cells.c and the section banded. */
 
-/* The first row that differs from that of the weights factored, which become the present ones; their number if none does. */
+/* Return the first row whose weights differ from the factorised ones, or the number of rows; the present weights are stored. */
 INLINE long first_changed(const Mass *m)
 {
     const Chain *c = m->factors;
@@ -220,7 +221,7 @@ INLINE long first_changed(const Mass *m)
     return first;
 }
 
-/* Add to the entry of two degrees of freedom, if its row is the first or behind it; a matrix has the lower half alone. */
+/* Add to the entry of two degrees of freedom, if its row is ``first`` or later; only the lower half is stored. */
 INLINE void add_entry(const Chain *c, long first, int dof, int other_dof, double value)
 {
     const long row = c->row[dof], other = c->row[other_dof], rows = c->dofs - c->cut;
@@ -234,7 +235,7 @@ INLINE void add_entry(const Chain *c, long first, int dof, int other_dof, double
         *c->corner += value;
 }
 
-/* Add the mass matrix from a row on. */
+/* Add the mass matrix, from a row on. */
 INLINE void add_mass(const Mass *m, long first)
 {
     const Cells *cells = m->cells;
@@ -276,7 +277,7 @@ SHARED void apply_penalty(const Penalty *N, long dofs, const double *x, double *
     }
 }
 
-/* Set the factors for the present weights; rows before the first that has changed stay. */
+/* Factorise for the present weights, from the first row that has changed. */
 SHARED void factor(const Mass *m)
 {
     const Chain *c = m->factors;
@@ -298,7 +299,7 @@ SHARED void factor(const Mass *m)
     factorise(c, first);
 }
 
-/* x <- the inverse of b, both [degree of freedom]; x may be b. */
+/* x <- A^-1 b, both [degree of freedom]; x may be b. */
 SHARED void solve(const Mass *m, const double *b, double *x)
 {
     const Chain *c = m->factors;

@@ -1,7 +1,7 @@
 /* ==== average ==== */
-/* Second derivatives of a layer's energy, averaged over the depth; the layer stands before.
+/* Second derivatives of a layer's energy, averaged over the depth; follows the section layer.
 
-MEANS           those that do not couple u and w: DIM (DIM + 1) / 2 + 1 */
+MEANS           second derivatives without those that couple u and w: DIM (DIM + 1) / 2 + 1 */
 INLINE void average_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
 {
     const void *const *both = what;
@@ -16,7 +16,7 @@ INLINE void average_at(const void *what, const Cells *c, long b, int q, const v 
     }
 }
 
-/* The second derivatives averaged over the depth, without those that couple u and w: out[batch][point][uu ..., ww][lane]. */
+/* Compute these averages: out[batch][point][uu ..., ww][lane]. */
 SHARED void average(const Cells *c, const Layers *layers, const REAL *fields, REAL *out)
 {
     const void *what[] = {layers, out};
@@ -24,9 +24,9 @@ SHARED void average(const Cells *c, const Layers *layers, const REAL *fields, RE
 }
 
 /* ==== slice ==== */
-/* The decoupled modes of layers along a slice or ring, of wavetank/fem/along.py; banded systems stand before. */
+/* Decoupled modes of a slice or ring, of wavetank/fem/along.py; follows the section banded. */
 
-/* x <- the sum over modes j of s_j times the inverse of mode j of s_j r, all [degree of freedom]; s[group][mode]. */
+/* x <- sum over modes j of s_j A_j^-1 s_j r, both [degree of freedom]; s[group][mode]. */
 SHARED void respond(const Chain *c, const REAL *s, const double *r, double *x, REAL *work)
 {
     abreast *rows = (abreast *)work;
@@ -46,18 +46,18 @@ SHARED void respond(const Chain *c, const REAL *s, const double *r, double *x, R
 }
 
 /* ==== correction ==== */
-/* Interior potentials along a slice or ring, of wavetank/fem/along.py; layers.c and the modes of a slice stand before.
+/* Interior potentials of a slice or ring, of wavetank/fem/along.py; follows layers.c and the section slice.
 
-MODES           vertical modes; a chain is a matrix for each of them
+MODES           vertical modes; a chain has a matrix for each
 
-All is of single precision: a correction to a potential, whose residual is of double precision. */
-#define ROW (GROUPS * ABREAST)  /* a row's modes, and what fills the last group */
-#define ENOUGH 1e-10            /* of a residual's energy: then it is found anew */
-#define ROUND_OFF 1e-13         /* of it: so much of single precision is left */
-#define FEW 256                 /* products whose sum is of single precision */
-#define CLOSING 8.0             /* what a correction by the preconditioner alone leaves, over what an iteration does */
+A correction to a potential is in single precision, its residual in double precision. */
+#define ROW (GROUPS * ABREAST)  /* modes of a row, padded to complete groups */
+#define ENOUGH 1e-10            /* reduction of the residual's energy at which a new residual is computed */
+#define ROUND_OFF 1e-13         /* least reduction in single precision */
+#define FEW 256                 /* products that are summed in single precision */
+#define CLOSING 8.0             /* error after a correction by the preconditioner alone, over that after an iteration */
 
-/* y += A x of interior x, [row][mode]; by_surface, [row], is the surface potential's share. */
+/* y += A x for interior x, [row][mode]; by_surface, [row], is the contribution to the row of the surface potential. */
 SHARED void product_within(const Cells *c, const Layers *layers, const REAL *state, const REAL *x, REAL *y,
                            REAL *by_surface)
 {
@@ -77,7 +77,7 @@ INLINE void surface_at(const void *what, const Cells *c, long b, int q, const v 
     multiply(what, c, b, q, MODES, MODES, u, r);
 }
 
-/* The same, of the surface potential's share alone. */
+/* The same, for the row of the surface potential only. */
 SHARED void surface_within(const Cells *c, const Layers *layers, const REAL *state, const REAL *x, REAL *by_surface)
 {
     const Multiplied what = {layers, state};
@@ -97,13 +97,12 @@ SHARED double inner(long size, const REAL *restrict a, const REAL *restrict b)
     return sum;
 }
 
-/* Conjugate gradients: correct the interior part of phi, [degree of freedom][number], for its last column, the surface
-   potential, and what the wall adds, [degree of freedom] of that stride [number]. ``image`` is A phi, and becomes that of
-   the new phi in its last column. The residual's energy is to fall below tolerance² that of phi, or to ENOUGH of what it
-   was, when a new residual is needed. Where what the preconditioner makes of the last residual will do, that is added, and
-   needs no product but its surface's. Returns the iterations, -1 where ``most`` are not enough, -2 where A or the modes
-   are not positive; ``steps`` has the length of each and how much of its direction the next keeps, ``found`` phi A phi and the residual's
-   energy over that wanted. */
+/* Conjugate gradients: correct the interior part of phi, [degree of freedom][component], for its last column, the surface
+   potential, and the load of the wall, [degree of freedom][component] of that stride. ``image`` is A phi; its last column is
+   updated. Iterations end if the residual's energy is below tolerance² times that of phi, or reduced by ENOUGH, after which a
+   new residual is needed. If the preconditioner applied to the last residual is accurate enough, it is added without a further
+   product. Returns the iterations; -1 if ``most`` are not enough; -2 if A or the modes are not positive. ``steps`` has step
+   lengths and coefficients of directions; ``found`` has phi A phi and the residual's energy over its target. */
 SHARED int correct(const Cells *cells, const Layers *layers, const REAL *state, const Chain *c, const double *wall,
                    int stride, double *restrict phi, double *restrict image, double tolerance, int most, double *steps,
                    double *found, REAL *work)
@@ -125,7 +124,7 @@ SHARED int correct(const Cells *cells, const Layers *layers, const REAL *state, 
         return 0;
     const double scale = 1.0 / sqrt(length), back = sqrt(length);
     for (long i = 0; i < size; ++i)
-        r[i] = (REAL)(scale * r[i]);    /* of single precision alone 1 / 1e-39 is infinite */
+        r[i] = (REAL)(scale * r[i]);    /* 1 / 1e-39 is infinite in single precision */
     double target = 0.0, before = 0.0, first = 0.0, rz, left;
     int iterations = 0, closes = 0;
     for (;; ++iterations) {
@@ -163,7 +162,7 @@ SHARED int correct(const Cells *cells, const Layers *layers, const REAL *state, 
         surface_within(cells, layers, state, z, by_surface);
     const double closing = closes ? back : 0.0;
     double by_mode[MODES] = {0.0};
-    kinetic = closing * closing * rz;   /* z A z, as z is nearly the inverse of A times r */
+    kinetic = closing * closing * rz;   /* approximates z A z, since z approximates A^-1 r */
     for (long i = 0; i < c->dofs; ++i) {
         const long row = c->row[i];
         const double before_closing = image[i * NUMBERS + MODES] + back * flow[row];
@@ -183,9 +182,9 @@ SHARED int correct(const Cells *cells, const Layers *layers, const REAL *state, 
 }
 
 /* ==== basin ==== */
-/* The decoupled modes of wavetank/fem/order_multigrid.py; averages stand before.
+/* The decoupled modes of wavetank/fem/order_multigrid.py; follows the section average.
 
-FEW             modes that are in work at a time */
+FEW             modes in one loop */
 typedef struct {
     const stored *averages;
     const REAL *lambda;
@@ -223,12 +222,12 @@ INLINE void some_modes(int few, const Cells *c, long b, const REAL *averages, co
     scatter(c, b, few, Y, few, y, stride);
 }
 
-/* y += (S_u + lambda_j S_w) x_j, [dof][mode] with ``stride`` numbers of a row, for the first modes j, ``many``. */
+/* y += (S_u + lambda_j S_w) x_j, [dof][mode] with rows of ``stride``, for the first ``many`` modes j. */
 SHARED void multiply(const Cells *c, const REAL *averages, const REAL *lambda, int many, int stride, const REAL *x, REAL *y)
 {
     EACH(b, c->batches) {
         for (int j = 0; j < many; j += FEW)
-            switch (many - j) {  /* the compiler knows each number */
+            switch (many - j) {  /* constant numbers of modes, known to the compiler */
             case 1: some_modes(1, c, b, averages, lambda + j, stride, x + j, y + j); break;
             case 2: some_modes(2, c, b, averages, lambda + j, stride, x + j, y + j); break;
             case 3: some_modes(3, c, b, averages, lambda + j, stride, x + j, y + j); break;
@@ -238,7 +237,7 @@ SHARED void multiply(const Cells *c, const REAL *averages, const REAL *lambda, i
 }
 
 /* r -= Ad, d = keep d + take r / D, x += d, all [dof][mode], keep[mode] and take[mode], D = diagonals[dof][2] of S_u and
-   S_w. What is next to nothing is nothing: such numbers are slow. */
+   S_w. Subnormal numbers, which are slow, are set to zero. */
 INLINE void smooth_rows(long rows, const REAL *restrict diagonals, const REAL *lambda, const REAL *keep, const REAL *take,
                         int many, const REAL *restrict Ad, REAL *restrict r, REAL *restrict d, REAL *restrict x)
 {
@@ -261,7 +260,7 @@ SHARED void smooth(long rows, const REAL *diagonals, const REAL *lambda, const R
         smooth_rows(rows, diagonals, lambda, keep, take, NUMBERS - 1, Ad, r, d, x);
 }
 
-/* fine += P coarse, or coarse += P' fine, P of sparse rows; fine[row][stride], coarse[column][mode] of the first modes. */
+/* fine += P coarse, or coarse += P' fine, with a sparse P; fine[row][stride], coarse[column][mode], for the first modes. */
 SHARED void transfer(int to_fine, long rows, const int *pointers, const int *columns, const REAL *entries, int many,
                      int stride, REAL *fine, REAL *coarse)
 {

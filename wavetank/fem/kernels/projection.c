@@ -1,10 +1,9 @@
-/* Least squares among earlier points, of wavetank/fem/initial_guess.py and anderson.py. */
+/* Least squares over earlier points, of wavetank/fem/initial_guess.py and anderson mixing. */
 #define ROWS_AT_A_TIME 64
 #define NUMBERS_AT_A_TIME 512
 
-/* Weights of vectors whose combination comes closest to a target, of products with each other, rows of ``stride``, and with
-   it: Cholesky's factors L of those, the longest of what is left of them first; one of which a square below ``shortest`` of
-   that of the longest is left takes no part. */
+/* Least-squares weights of vectors for a target, from their Gram matrix, with rows of ``stride``, and their products with the
+   target. Pivoted Cholesky factorisation; vectors whose remaining square is below ``shortest`` times the largest are omitted. */
 static void nearest(int count, int stride, const double *gram, const double *along, double shortest, double *weights)
 {
     if (count < 1)
@@ -45,8 +44,8 @@ static void nearest(int count, int stride, const double *gram, const double *alo
     }
 }
 
-/* Initial guesses by projection. The change from the last input to x, and its products with ``known`` differences, with
-   itself, and those of x with itself. */
+/* Initial guesses by projection: the change from the last input to x, its products with ``known`` differences and with
+   itself, and the square of x. */
 SHARED void project(const Guesses *g, int known, const double *restrict x)
 {
     const double *restrict last = g->input;
@@ -66,8 +65,8 @@ SHARED void project(const Guesses *g, int known, const double *restrict x)
     g->products[known] = square, g->products[known + 1] = from_zero;
 }
 
-/* y, of rows of ``stride``, becomes the combination of solutions whose input is nearest to the one projected; 0 where zero is
-   nearer than all of them. */
+/* y, with rows of ``stride``, <- the combination of solutions whose input is closest to the projected one. Returns 0 if zero
+   is closer than all of them. */
 SHARED int guess(const Guesses *g, int known, int stride, double *restrict y)
 {
     const long size = (long)g->rows * g->numbers;
@@ -96,8 +95,8 @@ SHARED int guess(const Guesses *g, int known, int stride, double *restrict y)
     return 1;
 }
 
-/* The input projected, x, and its solution y, of rows of ``stride``, become the last pair; the differences to them stand at
-   a place. */
+/* Store the projected input x and its solution y, with rows of ``stride``, as the last pair, and the differences to them at an
+   index. */
 SHARED void record(const Guesses *g, int known, int place, const double *restrict x, int stride, const double *restrict y)
 {
     const int n = g->numbers;
@@ -117,7 +116,7 @@ SHARED void record(const Guesses *g, int known, int place, const double *restric
 }
 
 /* Anderson mixing. */
-/* Products with the known differences of images. */
+/* Products of a vector with the stored differences of images. */
 static void multiply(const Mixing *p, int known, const double *restrict x)
 {
     EACH(k, known) {
@@ -129,7 +128,7 @@ static void multiply(const Mixing *p, int known, const double *restrict x)
     }
 }
 
-/* A point becomes the newest, the way to it the difference at a place; its image's products with those known, here. */
+/* Store a point as the newest, and the difference to it at an index; return the products of that of its image on this rank. */
 SHARED void add(const Mixing *p, int known, int place, const double *restrict z, const double *restrict image)
 {
     double *restrict way = p->point_steps + (long)place * p->size, *restrict difference = p->image_steps + (long)place * p->size;
@@ -144,7 +143,7 @@ SHARED void add(const Mixing *p, int known, int place, const double *restrict z,
         p->gram[place * p->most + k] = p->gram[k * p->most + place] = p->products[k];
 }
 
-/* How far what is asked for is from the newest image, and the products of that with those known, and itself. */
+/* The residual of the newest image, its products with the stored differences, and its square. */
 SHARED void aim(const Mixing *p, int known, const double *restrict c)
 {
     const double *restrict its_image = p->image, *restrict scale = p->scale;
@@ -157,7 +156,7 @@ SHARED void aim(const Mixing *p, int known, const double *restrict c)
     p->products[known] = square;
 }
 
-/* z = the points combined as their images come closest to what was aimed at, ``wrong`` a square; what is missed of that. */
+/* z <- the combination of points whose image is closest to the target, for a squared uncertainty ``wrong``; the residual. */
 SHARED void combine(const Mixing *p, int known, double wrong, double *restrict z, double *restrict missed)
 {
     const long size = p->size;

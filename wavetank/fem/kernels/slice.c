@@ -1,15 +1,15 @@
-/* A slice or ring on one rank: potentials of column masses and surface potentials, stages, and what is recorded of states.
+/* A slice or ring on one rank: evaluations of the energy for masses and surface potentials, stages, and records of states.
 
-NUMBERS, FIELDS     of a degree of freedom: of the potential, of what the layer's energy depends on
-LEANS               whether a wall leans, so that columns are found by Newton's method
-EACH_WALL(f)        f(prefix, number) of each wall that moves */
+NUMBERS, FIELDS     components of the potential; fields of the layer's energy
+LEANS               whether a wall leans, so that columns follow from masses by Newton's method
+EACH_WALL(f)        f(prefix, index) for each moving wall */
 enum { POSITION, SPEED, ACCELERATION };
 
 typedef struct {
     int dofs, carries, most_iterations, trials, walls_moving;
     double celerity, tolerance, round_off;
-    const Mass *mass, *mean;            /* of J at the surface, and its mean over the column */
-    const Mass *potential;              /* of the potential energy */
+    const Mass *mass, *mean;            /* mass matrices of J at the surface, and of its mean over the column */
+    const Mass *potential;              /* mass matrix of the potential energy */
     double *mean_column, *before, *change;
     const Cells *cells;
     const float_Cells *float_cells;
@@ -21,39 +21,39 @@ typedef struct {
     const int *order, *carried;
     const double **fields;
     double *column, *phi, *rows, *image, *inputs, *steps, *wall, *correction;
-    const double *scales;               /* [wall][degree of freedom]: of velocities among the inputs */
-    double *position;                   /* [degree of freedom]: the sum of those of two walls, or null */
+    const double *scales;               /* [wall][degree of freedom]: factors of velocities in inputs of initial guesses */
+    double *position;                   /* [degree of freedom]: the sum for two walls, or null */
     float *float_rows, *float_state, *work;
 } Tank;
 
-/* The preconditioner of a stage; see wavetank/tank/carried_waves.py. */
+/* The preconditioner of a stage; see wavetank/tank/advection.py. */
 typedef struct {
     Tank *tank;
-    int dofs, fields, carried;      /* carried: whether the current is considered */
-    double gravity, of_metre;       /* the mass of a metre of water */
-    const Mass *mass, *still;       /* as the wall stands, and at rest */
-    const Cells *cells;             /* of the velocities */
+    int dofs, fields, carried;      /* carried: whether advection is included */
+    double gravity, of_metre;       /* the mass of a water column of one metre */
+    const Mass *mass, *still;       /* matrices for the present position of the wall, and at rest */
+    const Cells *cells;             /* largest and least velocity */
     const Chain *modes;
-    const double *shares;           /* of the modes */
+    const double *shares;           /* weights and work of the modes */
     double *modes_work, *velocity, *vertical, *room;
     const double *uniform, *axis;
 } Advection;
 
-/* A stage z = c + a f(z), its solver and its history; see wavetank/integrators/stage_solver.py. */
+/* A stage z = c + a f(z), its solver and its history; see wavetank/integrators/stages.py. */
 typedef struct {
     Tank *tank;
     const Advection *advection;
     const Mixing *iterates, *points;
     double *residual, *image, *nothing, *missed, *found;
     double tolerance, floor, round_off, safety, uncertainty, root;
-    int most;                       /* iterates at most */
-    double size, contraction;       /* of the history; size is nan before the first solve */
-    int evaluations, iterations, worn;  /* of the last solve; worn: the preconditioner is to be renewed */
-    double last_size, measured;     /* of the last solve; measured: its first contraction, or nan */
+    int most;                       /* largest number of iterates */
+    double size, contraction;       /* history; size is nan before the first solve */
+    int evaluations, iterations, worn;  /* last solve; worn: the preconditioner must be renewed */
+    double last_size, measured;     /* last solve; measured: its first contraction, or nan */
     double away, length;
 } Stage;
 
-/* Move the walls to where they are by ``moves``. */
+/* Set the positions and velocities of the walls. */
 static void displace(Tank *w)
 {
     const long n = w->dofs;
@@ -75,7 +75,7 @@ static void displace(Tank *w)
     mass_weigh(w->mass);
 }
 
-/* The column at an elevation, where columns depend on time, and the mass matrix with its factors. */
+/* Set the column at an elevation, if columns depend on time, and the mass matrix with its factors. */
 static void set_column(Tank *w, const double *eta, const double *still)
 {
 #if LEANS
@@ -86,7 +86,7 @@ static void set_column(Tank *w, const double *eta, const double *still)
     mass_factor(w->mass);
 }
 
-/* The change of elevation with the masses at an elevation, to first order. */
+/* Linearised change of elevation for a change of masses. */
 static void elevation_change(Tank *w, const double *eta, const double *still, const double *dq, double *change)
 {
     set_column(w, eta, still);
@@ -99,7 +99,7 @@ static void apply(const Mass *m, const double *x, double *y)
     mass_multiply(m, x, y);
 }
 
-/* y = a int V . grad x v dX, or, not ``slopes``, a int x V . grad v dX. */
+/* y = a int V . grad x v dX if ``slopes``, else a int x V . grad v dX. */
 static void advect(const Advection *w, double a, int slopes, const double *x, double *y)
 {
     memset(y, 0, sizeof(double) * w->dofs);
@@ -108,7 +108,7 @@ static void advect(const Advection *w, double a, int slopes, const double *x, do
         y[i] *= a;
 }
 
-/* The velocities at the surface of a state with its rate, cut off at ``most``; they count if any exceeds ``least``. */
+/* Set the surface velocities of a state with its rate, limited to ``most``; advection is included if one exceeds ``least``. */
 static void set_velocity(Advection *w, double most, double least, const double *z, const double *rate, const double *eta,
                          const double *still)
 {
@@ -139,7 +139,7 @@ static void set_velocity(Advection *w, double most, double least, const double *
         B[i] = B[i] > most ? most : B[i] < -most ? -most : B[i];
 }
 
-/* The residual of a stage of weight a, [Q, psi], preconditioned. */
+/* Apply the preconditioner to the residual [Q, psi] of a stage of weight a. */
 static void precondition(const Advection *w, double a, const double *residual, double *found)
 {
     const int carried = w->carried;
@@ -185,7 +185,7 @@ static void precondition(const Advection *w, double a, const double *residual, d
 }
 
 #if LEANS
-/* Columns of masses beside a paddle that leans, as ``ShapedColumns.solve`` finds them; 0 where they do not converge. */
+/* Columns of masses beside a leaning paddle, by the algorithm of ``ShapedColumns.solve``. Returns 0 without convergence. */
 static int lean(Tank *w, const double *q)
 {
     const long n = w->dofs;
@@ -218,7 +218,7 @@ static int lean(Tank *w, const double *q)
 
 #endif
 
-/* The column, the surface potential less its mean, and what start values are found by; 0 of what is no surface of water. */
+/* Set the column, the surface potential minus its mean, and the input of initial guesses. Returns 0 for an invalid column. */
 static int begin(Tank *w, const double *q, const double *p, const double *still, double *level, double *square)
 {
     const long n = w->dofs;
@@ -246,7 +246,7 @@ static int begin(Tank *w, const double *q, const double *p, const double *still,
     return positive && isfinite(sum);
 }
 
-/* What the walls add to the derivative by the potential. */
+/* Contribution of the walls to the derivative with respect to the potential. */
 static void by_walls(Tank *w)
 {
 #define BY_POTENTIAL(wall, k) wall##_by_potential(w->walls[k], w->column);
@@ -260,10 +260,10 @@ static void by_walls(Tank *w)
                 w->wall[w->carried[k] * NUMBERS + j] += w->walls[one]->by_potential[w->carried[k] * NUMBERS + j];
 }
 
-/* Find the potential of masses q and surface potential p, as the walls move, with ``recorded`` earlier solutions. ``found``
-   becomes, one behind the other: its flow less its mean, and the wall's; the negative of M^-1 of its energy's derivative by
-   the column, and that; q and p; the elevation. ``numbers`` become the mean of p, phi A phi, and the square of the input of the initial
-   guess. Returns the iterations, or -1 where Python has to find it: without a minimum or convergence. */
+/* Solve for the potential of masses q and surface potential p, with ``recorded`` earlier solutions. ``found`` has, in sequence:
+   dH/dp; the contribution of the wall to it; -M^-1 times the derivative of the energy with respect to the column, and this
+   derivative; q and p; the elevation. ``numbers`` has the mean of p, phi A phi, and the square of the input of the initial
+   guess. Returns the iterations, or -1 without a minimum or convergence: then Python must solve. */
 static int find(Tank *w, const double *q, const double *p, const double *still, int recorded, double *found, double *numbers)
 {
     const int most = w->guesses->most, known = recorded - 1 < most ? recorded - 1 : most, place = (recorded - 1) % most;
@@ -321,8 +321,8 @@ static int find(Tank *w, const double *q, const double *p, const double *still, 
 static int stored(const Mixing *m, int recorded) { return recorded < m->most ? recorded : m->most; }
 static int slot(const Mixing *m, int recorded) { return recorded ? (recorded - 1) % m->most : m->most - 1; }
 
-/* The start value of the stage z = c + a f(z): points combined by their c, which are ``wrong`` by so much, with what is missed
-   of c preconditioned. One of the points is z, where f is known. */
+/* The initial value of the stage z = c + a f(z): the combination of points by their c, with uncertainty ``wrong``, plus the
+   preconditioned residual. One of the points is z, at which f is given. */
 static void predict(const Stage *s, const double *z, const double *f, const double *c, double a, int recorded, double wrong,
                     double *start)
 {
@@ -338,8 +338,8 @@ static void predict(const Stage *s, const double *z, const double *f, const doub
         start[i] += image[i];
 }
 
-/* Replace an iterate z = [q, p] of the stage by the next: by the residual there, preconditioned, mixed with those of
-   ``mixed`` iterates before. Returns the iterations of ``find``. */
+/* Replace an iterate z = [q, p] of the stage by the next: Anderson mixing of the preconditioned residual with those of ``mixed``
+   earlier iterates. Returns the iterations of ``find``. */
 static int iterate(Stage *s, const double *c, double a, const double *still, int recorded, int mixed, double *z,
                    double *numbers)
 {
@@ -364,9 +364,9 @@ static int iterate(Stage *s, const double *c, double a, const double *still, int
     return iterations;
 }
 
-/* Solve the stage z = c + a f(z) as ``StageSolver`` does, from a point with its f, ``points`` earlier points and ``recorded``
-   solutions of the interior; more than ``patience`` iterations wear the preconditioner out. Returns 1, or 0 where z is a
-   start value for Python: not solved. */
+/* Solve the stage z = c + a f(z) by the algorithm of ``StageSolver``, from a point with its f, ``points`` earlier points and
+   ``recorded`` interior solutions. The preconditioner is renewed after more than ``patience`` iterations. Returns 1; or 0 if
+   not solved, with z as initial value for Python. */
 static int solve_stage(Stage *s, const double *near, const double *f, const double *c, double a, const double *still,
                        int recorded, int patience, int points, double *z)
 {
@@ -401,8 +401,8 @@ static int solve_stage(Stage *s, const double *near, const double *f, const doub
     return 0;
 }
 
-/* Find the potential as ``find`` does, columns first at an elevation, and add to ``numbers`` the potential energy, the walls'
-   part of H, and their power. */
+/* Set the columns at an elevation, solve for the potential as ``find`` does, and add to ``numbers`` the potential energy, the
+   contribution of the walls to H, and their power. */
 static int evaluate(Tank *w, const double *q, const double *p, const double *eta, const double *still, int recorded,
                     double *found, double *numbers)
 {

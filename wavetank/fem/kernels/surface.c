@@ -1,8 +1,8 @@
 /* ==== velocity ==== */
-/* The water's velocity at the surface, and what is carried along, of wavetank/fem/surface_points.py; cells.c stands before.
+/* Velocity at the surface, and advection by it, of wavetank/fem/surface_points.py; follows cells.c.
 
-Velocities are [batch][point][axis of space][lane], by how far points are in the reference tank, and times M_J's J.
-FIELDS is 3, or 7 where a wall moves: elevation, potential and M_J^-1 dQ/dt, and what surface_points.py says of a wall. */
+Velocities are [batch][point][axis of space][lane], those of points in the reference tank, times J of M_J.
+FIELDS is 3: elevation, potential and M_J^-1 dQ/dt; or 7 with a moving wall, see surface_points.py. */
 
 typedef struct {
     double most;
@@ -11,7 +11,7 @@ typedef struct {
     double *fastest;
 } Moving;
 
-/* A slope along the axis across the paddle. */
+/* The component of a slope normal to the paddle. */
 INLINE v across(const Moving *moving, const v *slope)
 {
     v sum = zero;
@@ -23,7 +23,7 @@ INLINE v across(const Moving *moving, const v *slope)
 INLINE void move_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
 {
     const Moving *moving = what;
-    v f[FIELDS * (1 + GDIM)], velocity[GDIM];   /* with their slopes */
+    v f[FIELDS * (1 + GDIM)], velocity[GDIM];   /* fields with slopes */
     in_space(c, b, q, FIELDS, u, FIELDS, f);
     v *slope = f + 1, *along = slope + GDIM + 1, rise = f[2 * (1 + GDIM)], square = zero + 1.0, J = square;
 #if FIELDS > 3
@@ -42,7 +42,7 @@ INLINE void move_at(const void *what, const Cells *c, long b, int q, const v *u,
         velocity[i] = along[i] - upwards * slope[i];
 #if FIELDS > 3
     upwards += lean * across(moving, velocity);
-    v aside = (speed + lean * rise) * wide / J;     /* of the mesh; then of the water, as what is squeezed sees it */
+    v aside = (speed + lean * rise) * wide / J;     /* velocity of the mesh; then that of the water in reference coordinates */
     EACH(i, GDIM)
         velocity[i] -= aside * moving->axis[i];
     aside = zero;
@@ -62,8 +62,8 @@ INLINE void move_at(const void *what, const Cells *c, long b, int q, const v *u,
     clear(DIM, r + 1);
 }
 
-/* Of a surface, [dof][field]: the water's horizontal velocity at the points, at most ``most`` along an axis of the mesh, and
-   y += int w v dX of the vertical one. Returns the largest of the former. */
+/* Set the horizontal velocity at the points of a surface, [dof][field], limited to ``most`` along each axis of the mesh;
+   y += int w v dX for the vertical velocity w. Returns the largest horizontal component. */
 SHARED double move(const Cells *c, double most, const double *axis, const double *surface, double *velocity, double *y)
 {
     double fastest = 0.0;
@@ -74,7 +74,7 @@ SHARED double move(const Cells *c, double most, const double *axis, const double
 
 typedef struct {
     const stored *velocity;
-    int slopes;             /* of what the function says */
+    int slopes;             /* terms of the function */
 } Carried;
 
 INLINE void carry_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
@@ -93,7 +93,7 @@ INLINE void carry_at(const void *what, const Cells *c, long b, int q, const v *u
     }
 }
 
-/* y += int V . grad x v dX for the slopes of x, else int x V . grad v dX. */
+/* y += int V . grad x v dX if ``slopes``, else int x V . grad v dX. */
 SHARED void carry(const Cells *c, const double *velocity, int slopes, const double *x, double *y)
 {
     const Carried what = {(const stored *)velocity, slopes};
@@ -101,9 +101,9 @@ SHARED void carry(const Cells *c, const double *velocity, int slopes, const doub
 }
 
 /* ==== largest ==== */
-/* Largest velocity and slope of a surface at points of cells, of wavetank/tank/surface_flow.py; cells.c stands before.
+/* Largest velocity and slope of a surface at points of cells, of wavetank/tank/surface_flow.py; follows cells.c.
 
-FIELDS          that the densities depend on
+FIELDS          fields of the densities
 SQUARES         sets the squares of the slope and of the gradient of psi, from UFL */
 typedef struct {
     const double *constants;
