@@ -13,7 +13,7 @@ from wavetank.simulation.build import build_clock, build_run
 SLICE = {"length": 20.0, "depth": 1.0}
 
 
-def scene(tank=SLICE, *, duration=20.0, **parts):
+def build_case(tank=SLICE, *, duration=20.0, **parts):
     """Return the case of a tank, a duration [s] and other tables."""
     return Case.model_validate({"tank": tank, "run": {"duration": duration}} | parts)
 

@@ -3,7 +3,7 @@
 from math import inf
 
 import pytest
-from case_builders import scene
+from case_builders import build_case
 from mpi4py import MPI
 
 from wavetank.cli import main
@@ -27,7 +27,7 @@ TANKS |= {"slice": {"length": 20.0, "depth": 0.5}, "ring": {"type": "ring", "len
 
 
 def numbered(tank, **more):
-    return scene(tank, duration=5.0, numerics={"order": 3, "vertical_order": 4, **more})
+    return build_case(tank, duration=5.0, numerics={"order": 3, "vertical_order": 4, **more})
 
 
 OWN_KERNELS = {"triangles", "refined"}
@@ -68,7 +68,7 @@ def test_rows_below_the_surface_are_counted(name):
     """As often as the schedules of its observers are due; the CPU time says so, and memory has a second water."""
     more, schedule, points, writing = RECORDS[name]
     bare, watched = (
-        scene(TANKS["slice"], duration=5.0, numerics={"cells": 9, "dt": 0.02}, **parts) for parts in ({}, more)
+        build_case(TANKS["slice"], duration=5.0, numerics={"cells": 9, "dt": 0.02}, **parts) for parts in ({}, more)
     )
     found, clock = cost.output_cost(watched, 0.02), Clock.covering(5.0, 0.02)
     due = sum(schedule.due(step, clock.time(step), clock.time(step - 1)) for step in range(1 + clock.steps))

@@ -11,7 +11,7 @@ from typing import Annotated, NamedTuple, get_args
 
 import numpy as np
 import pytest
-from case_builders import scene
+from case_builders import build_case
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pydantic import BaseModel, TypeAdapter
@@ -201,7 +201,7 @@ def spectrum(path):
 
 def surface(path, kind="slice", length=4.0):
     """Read an initial surface at the ends of a slice or a ring."""
-    tank = scene({"type": kind, "length": length, "depth": 1.0}).tank
+    tank = build_case({"type": kind, "length": length, "depth": 1.0}).tank
     FileSurface(file=str(path)).surface(tank, np.array([0.5, 4.0]), np.zeros(2))
 
 

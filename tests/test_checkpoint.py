@@ -320,11 +320,11 @@ def test_every_scheme_resumes_through_its_files_bit_for_bit(parts, scheme, tmp_p
 
 @pytest.mark.slow
 def test_breaking_wave_resumes_through_its_files(tmp_path):
-    scene = over_steep(0.6)
-    scene = scene.model_copy(update={"run": scene.run.model_copy(update={"on_breaking": "dissipate", "duration": 0.4})})
-    whole = record(scene, tmp_path / "whole")
-    record_until(scene, tmp_path / "part", None, 66, 70)
-    part = record(scene, tmp_path / "part", resume=True)
+    case = over_steep(0.6)
+    case = case.model_copy(update={"run": case.run.model_copy(update={"on_breaking": "dissipate", "duration": 0.4})})
+    whole = record(case, tmp_path / "whole")
+    record_until(case, tmp_path / "part", None, 66, 70)
+    part = record(case, tmp_path / "part", resume=True)
     assert whole.manifest["breaking"] == part.manifest["breaking"] and whole.manifest["breaking"]["waves"]
     assert whole.energy.equals(part.energy)
 
@@ -344,21 +344,21 @@ def test_basin_resumes_on_any_number_of_ranks(scheme, on_ranks, tmp_path):
 
 
 # ---------------------------------------------------------------- state in memory
-def changed(scene: dict, **numerics: object) -> Case:
-    return Case.model_validate(scene | {"numerics": scene["numerics"] | numerics})
+def changed(case: dict, **numerics: object) -> Case:
+    return Case.model_validate(case | {"numerics": case["numerics"] | numerics})
 
 
 class Observed:
     """The run of a case with all diagnostics that record or end it."""
 
-    def __init__(self, scene: Case, comm: MPI.Comm):
-        self.run, self.waves = build_run(scene, comm)
+    def __init__(self, case: Case, comm: MPI.Comm):
+        self.run, self.waves = build_run(case, comm)
         for one in self.run.filters:
             if isinstance(one, EdgePenalty):
                 one._fast = 0.0  # acts in each step
         self.gauges, self.energy = Memory(), Memory()
         records = Records(self.gauges, self.energy, None)
-        self.run.diagnostics += build_observers(scene, self.waves, records, sinks=self.run.sinks)
+        self.run.diagnostics += build_observers(case, self.waves, records, sinks=self.run.sinks)
         self.run.diagnostics += build_watch(self.run, self.waves, list[str]().append)
 
     def counters(self) -> dict[str, int]:
@@ -517,9 +517,9 @@ def test_edited_state_is_refused_or_stepped(edit, absorbing):
 
 
 # ---------------------------------------------------------------- broad
-def half(scene: dict, numerics: dict, trees: list | None = None) -> tuple:
+def half(case: dict, numerics: dict, trees: list | None = None) -> tuple:
     """Return the tree after four steps, tree, gauges and counters at the end; of a run from a tree; collective."""
-    one, before = Observed(changed(scene, **numerics), MPI.COMM_WORLD), None
+    one, before = Observed(changed(case, **numerics), MPI.COMM_WORLD), None
     if trees is None:
         before = one.execute(after=4)
     else:
@@ -544,10 +544,10 @@ def in_new_processes(function, *arguments) -> list:
     [BASIN, BASIN | {"water": {"type": "linear"}, "wall": {"type": "fixed"}}, SLICE],
     ids=["basin", "linear", "slice"],
 )
-def test_two_ranks_resume_bit_for_bit_in_other_processes(scene, scheme):
+def test_two_ranks_resume_bit_for_bit_in_other_processes(case, scheme):
     numerics = {"integrator": scheme}
-    whole = in_new_processes(half, scene, numerics)
-    ended = in_new_processes(half, scene, numerics, [tree for tree, *_ in whole])
+    whole = in_new_processes(half, case, numerics)
+    ended = in_new_processes(half, case, numerics, [tree for tree, *_ in whole])
     for (_, end, gauges, counters), (_, its_end, its_gauges, its_counters) in zip(whole, ended, strict=True):
         assert_same(end, its_end)
         np.testing.assert_array_equal(gauges[5:], its_gauges)

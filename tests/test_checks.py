@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from case_builders import SLICE, moving, piston, scene, warnings_before
+from case_builders import SLICE, build_case, moving, piston, warnings_before
 from mpi4py import MPI
 from records import gauge_rows
 from rich.console import Console
@@ -44,13 +44,13 @@ def standing(mode=1):
 def test_run_reports_the_rule_if_no_plan_is_made(tmp_path):
     """With the reason; the manifest has the cells that result, a third of the depth."""
     bed, start = {"type": "formula", "depth": "1 - 0.01 * x"}, {"initial": standing()}
-    one = scene({"length": 4.0, "depth": 1.0, "bed": bed}, duration=0.1, **start)
+    one = build_case({"length": 4.0, "depth": 1.0, "bed": bed}, duration=0.1, **start)
     record_run(one, tmp_path / "run", comm=MPI.COMM_SELF, console=Console(quiet=True))
     reason = "no accuracy is predicted, cells and vertical order follow a rule (docs/plan.md): tank.bed.type = "
     assert reason in (tmp_path / "run" / "run.log").read_text()
     assert RunDirectory(tmp_path / "run").manifest["numerics"]["cells"] == 12
-    assert rule_summary(scene(BASIN)).endswith("with a flat bed")
-    assert not any(map(rule_summary, (scene(**start), scene(SLICE | {"bed": bed}, numerics={"cells": 9}))))
+    assert rule_summary(build_case(BASIN)).endswith("with a flat bed")
+    assert not any(map(rule_summary, (build_case(**start), build_case(SLICE | {"bed": bed}, numerics={"cells": 9}))))
 
 
 RIPPLES = {"bed": {"type": "formula", "depth": "1 + 0.1 * sin(200 * x)"}}
@@ -94,7 +94,7 @@ WARNED = {  # case: parts of it, its warnings as {(code, key): expected value}
 @pytest.mark.parametrize("name", WARNED)
 def test_run_warns_by_code_and_key(name):
     parts, expected = WARNED[name]
-    found = warnings_before(planned(scene(**{"duration": 2.0} | parts), MPI.COMM_SELF).case)
+    found = warnings_before(planned(build_case(**{"duration": 2.0} | parts), MPI.COMM_SELF).case)
     assert [(one.code, one.key) for one in found] == [*expected] and all(map(str, found))
     values = {(one.code, one.key): one.value for one in found if expected[one.code, one.key]}
     assert values == pytest.approx({key: value for key, value in expected.items() if value}, rel=0.05)
@@ -140,7 +140,7 @@ GROUP = {"lowest_frequency": 0.4, "highest_frequency": 1.3, "spectrum": {"type":
 
 
 def driven(kind, **motion):
-    return scene(duration=24.0, wall=moving("piston", kind, **motion))
+    return build_case(duration=24.0, wall=moving("piston", kind, **motion))
 
 
 @pytest.mark.parametrize("kind", TOO_HIGH)
@@ -173,7 +173,7 @@ def test_steep_waves_are_not_too_high():
 def on_a_slope(period, **numerics):
     """Return a piston before a slope from 1 m of water to 0.5 m, with the usual cells unless named."""
     bed = {"type": "formula", "depth": "1 - 0.025 * x"}
-    return resolved(scene(SLICE | {"bed": bed}, wall=piston(period, 1e-4), numerics=numerics))
+    return resolved(build_case(SLICE | {"bed": bed}, wall=piston(period, 1e-4), numerics=numerics))
 
 
 def test_cells_too_large_miss_the_speed_of_linear_elements():
@@ -200,7 +200,7 @@ FAR_FROM_THE_RULE = [  # numerics, warnings as code, value and limit
 @pytest.mark.parametrize(("numerics", "expected"), FAR_FROM_THE_RULE, ids=str)
 def test_numerics_far_from_the_rule_over_a_bed_are_warned_of(numerics, expected):
     """Oracle: waves of 30 mm over a bar from 0.4 m to 0.1 m, against cells of 0.05 m (docs/plan.md)."""
-    one = resolved(scene({"length": 22.0, "depth": 0.4} | BAR, duration=2.0, wall=piston(1.5), numerics=numerics))
+    one = resolved(build_case({"length": 22.0, "depth": 0.4} | BAR, duration=2.0, wall=piston(1.5), numerics=numerics))
     found = [(warning.code, warning.value, warning.limit) for warning in coarse(one, one.cell_size)]
     assert found == [(code, *map(pytest.approx, (value, limit), [0.01, 0.01])) for code, value, limit in expected]
 
@@ -221,7 +221,7 @@ def test_cells_too_large_for_the_shortest_waves_are_warned_of():
     """Of two as strong in one motion, T = 1.6 s and 0.5 s, the longer ones have just over half of the power."""
     position = "1e-4 * (1.05 * sin(2*pi*t/1.6) / 1.25 + sin(4*pi*t) / 4)"
     wall = moving("piston", "formula", position=position, ramp=2.0)
-    (warning,) = waves_missed(resolved(scene(BASIN, wall=wall, duration=32.0, numerics={"cell_size": 0.4})), 0.4)
+    (warning,) = waves_missed(resolved(build_case(BASIN, wall=wall, duration=32.0, numerics={"cell_size": 0.4})), 0.4)
     assert (warning.details["period"], warning.details["length"]) == pytest.approx((0.5, 0.39), rel=0.03)
 
 
@@ -236,7 +236,7 @@ WAVE = {"initial": {"type": "standing-wave", "wave_amplitude": 0.1}}
 def test_energy_balance_is_warned_of_by_its_largest_difference(numerics, start, off):
     """However few rows of it are recorded."""
     chosen = {"cells": 2, "vertical_order": 4} | numerics
-    one = scene({"length": 2.0, "depth": 1.0}, duration=6.0, numerics=chosen, **start)
+    one = build_case({"length": 2.0, "depth": 1.0}, duration=6.0, numerics=chosen, **start)
     run, waves = build_run(one, MPI.COMM_SELF)
     energy = Memory()
     budget, *_ = build_observers(one, waves, Records(Memory(), energy, None), sinks=run.sinks)
@@ -268,7 +268,7 @@ def test_warnings_are_printed_before_and_after_the_run_and_in_its_manifest(wavet
 def test_case_without_numerics_has_the_plan_for_one_per_cent():
     """Of waves of k d = 8.9, which 40 cells, a fifth of the depth, do not resolve."""
     parts = {"tank": {"length": 8.0, "depth": 1.0}, "wall": piston(0.67), "duration": 6.0}
-    plain, asking = scene(**parts), scene(**parts, numerics={"accuracy": 1e-2})
+    plain, asking = build_case(**parts), build_case(**parts, numerics={"accuracy": 1e-2})
     chosen = planned(plain, MPI.COMM_SELF).case
     assert chosen == planned(asking, MPI.COMM_SELF).case
     assert chosen.numerics.cells > 40 and plain.cells == 40
@@ -279,13 +279,13 @@ def test_case_without_numerics_has_the_plan_for_one_per_cent():
 def test_water_with_recorded_velocities_is_nonlinear():
     """Linear water, which would do, has none."""
     for output, physics in (({}, "linear"), ({"velocity_every": 1.0}, "nonlinear")):
-        assert requirements(scene(wall=piston(2.0), output=output), 1e-2).physics == physics
+        assert requirements(build_case(wall=piston(2.0), output=output), 1e-2).physics == physics
 
 
 @pytest.mark.parametrize("period", [0.5, 0.67, 3.0])
 def test_cells_of_a_basin_follow_the_shortest_wave(period):
     """Three in a wave length of linear theory, but none larger than half a depth."""
-    chosen = resolved(scene(BASIN, wall=piston(period), duration=20.0))
+    chosen = resolved(build_case(BASIN, wall=piston(period), duration=20.0))
     length = 2 * np.pi / float(wave_number(2 * np.pi / period, 1.0, 9.81))
     assert 0.75 * min(0.5, length / 3) < chosen.cell_size <= min(0.5, length / 3)  # the ramp has shorter waves yet
     assert chosen.numerics.vertical_order == {0.5: 9, 0.67: 8, 3.0: 8}[period]
@@ -294,7 +294,7 @@ def test_cells_of_a_basin_follow_the_shortest_wave(period):
 @pytest.mark.parametrize("order", [1, 2, 3])
 def test_cells_follow_the_named_order(order):
     """The frequency of the paddle's waves on them, against that on very fine ones, by the discrete dispersion."""
-    chosen = resolved(scene(wall=piston(0.5), duration=20.0, numerics={"order": order}))
+    chosen = resolved(build_case(wall=piston(0.5), duration=20.0, numerics={"order": order}))
     k = float(wave_number(4 * np.pi, 1.0, 9.81))
     on_these, on_fine = (
         float(Mesh(cells=cells, vertical_order=8, depth=1.0, gravity=9.81).frequency(cells.waves(k).mu))
@@ -304,8 +304,8 @@ def test_cells_follow_the_named_order(order):
 
 
 def test_cells_follow_bed_and_start():
-    bed = resolved(scene(SLICE | RIPPLES, wall=piston(1.8)))
-    start = resolved(scene(BASIN, initial={"type": "formula", "eta": "0.001 * cos(4 * pi * x) * cos(3 * pi * y)"}))
+    bed = resolved(build_case(SLICE | RIPPLES, wall=piston(1.8)))
+    start = resolved(build_case(BASIN, initial={"type": "formula", "eta": "0.001 * cos(4 * pi * x) * cos(3 * pi * y)"}))
     assert bed.cell_size == pytest.approx(2 * np.pi / 200 / 3 * 5 / 3, rel=0.01)  # of order 4
     assert start.cell_size == pytest.approx(2 * np.pi / (5 * np.pi) / 3, rel=0.3)  # looked at along x and along y
 
@@ -322,10 +322,10 @@ ORDERS = [  # numerics that a case over a bed names, then order and cell size
 
 def test_order_over_a_bed_is_4_in_a_slice_and_3_in_a_basin():
     """Measured: the cheaper one (docs/plan.md, tests/test_plan_measured.py). What a case names is not changed."""
-    basin = resolved(scene(BASIN | BAR, wall=piston(2.02)))
+    basin = resolved(build_case(BASIN | BAR, wall=piston(2.02)))
     assert (basin.numerics.order, basin.cell_size) == (3, 0.5)
     for numerics, order, size in ORDERS:
-        one = resolved(scene({"length": 27.0, "depth": 0.4} | BAR, wall=piston(2.02), numerics=numerics))
+        one = resolved(build_case({"length": 27.0, "depth": 0.4} | BAR, wall=piston(2.02), numerics=numerics))
         assert one.numerics.order == order and (size is None or one.cell_size == size)
 
 
@@ -344,7 +344,7 @@ def test_cells_of_a_steep_start_follow_its_bound_harmonics(steepness, harmonics,
     assert sum(part > 0.01 for part in (1.0, steepness / 2, 3 * steepness**2 / 8)) == harmonics
     start = {"eta": f"{amplitude} * {TRAIN}", "psi": f"{amplitude * np.sqrt(9.81 / (np.pi / 2))} * {AHEAD}"}
     start = {"type": "formula", "eta": "0"} | {key: start[key] for key in keys}
-    one = scene({"type": "ring", "length": 32.0, "depth": 8.0}, duration=2.0, initial=start)
+    one = build_case({"type": "ring", "length": 32.0, "depth": 8.0}, duration=2.0, initial=start)
     assert resolved(one).cell_size == pytest.approx(4.0 / harmonics / 3, rel=0.02)
     assert rule_summary(one).endswith(f"; the shortest wave, {4 / harmonics:.3g} m, is that of the initial surface")
     linear = one.model_copy(update={"water": LinearWater()})
@@ -369,7 +369,7 @@ def noisy(folder, *, noise=1e-4):
 def test_cells_do_not_follow_the_noise_of_a_record(tmp_path, tank, duration):
     """They are those of the same record without noise."""
     parts = {"duration": duration, "numerics": {"dt": 0.02}}
-    plain, measured = (resolved(scene(tank, wall=noisy(tmp_path, noise=one), **parts)) for one in (0.0, 1e-4))
+    plain, measured = (resolved(build_case(tank, wall=noisy(tmp_path, noise=one), **parts)) for one in (0.0, 1e-4))
     assert plain.numerics == measured.numerics
 
 
@@ -385,7 +385,7 @@ def by_simpson(motion, dt, steps):
 @pytest.mark.parametrize("duration", [pytest.param(15.0, marks=pytest.mark.slow), 14.987])
 def test_planned_step_resolves_a_measured_motion(tmp_path, duration):
     """Of a record with noise a long step takes that of single rows for motion that lasts."""
-    one = scene({"length": 25.0, "depth": 1.0}, wall=noisy(tmp_path), duration=duration)
+    one = build_case({"length": 25.0, "depth": 1.0}, wall=noisy(tmp_path), duration=duration)
     dt = planned(one, MPI.COMM_SELF).case.numerics.dt
     assert by_simpson(one.motion(), dt, int(np.ceil(duration / dt - 1e-9))) < 0.01 / 3
     assert dt <= 0.02 / 2  # two steps a row at least: longer ones hold it by chance
@@ -395,7 +395,7 @@ def test_planned_step_resolves_a_measured_motion(tmp_path, duration):
 @pytest.mark.slow
 def test_planned_step_resolves_the_waves_of_a_noisy_record(tmp_path):
     """Against a quarter of the step, on the same cells: by less than the 1 % asked, noise and all."""
-    named = scene({"length": 8.0, "depth": 1.0}, wall=noisy(tmp_path), duration=12.0, gauges=[2.0, 4.0])
+    named = build_case({"length": 8.0, "depth": 1.0}, wall=noisy(tmp_path), duration=12.0, gauges=[2.0, 4.0])
     chosen = planned(named, MPI.COMM_SELF).case
     coarse, fine = (gauge_rows(chosen, dt=chosen.numerics.dt / parts)[::parts, 1:] for parts in (1, 4))
     fine = fine[: len(coarse)]
@@ -405,7 +405,7 @@ def test_planned_step_resolves_the_waves_of_a_noisy_record(tmp_path):
 @pytest.mark.parametrize(("dt", "off"), [(0.125, True), (0.04, False)])
 def test_step_that_misses_a_measured_motion_is_warned_of(tmp_path, dt, off):
     numerics = {"cells": 10, "vertical_order": 4, "dt": dt}
-    one = scene(wall=noisy(tmp_path), duration=15.0, numerics=numerics)
+    one = build_case(wall=noisy(tmp_path), duration=15.0, numerics=numerics)
     missed = by_simpson(one.motion(), dt, round(15.0 / dt))
     found = [warning.value for warning in warnings_before(one) if warning.code == "step-misses-motion"]
     assert off == (missed > 0.01) and found == pytest.approx([missed] * off, rel=0.05)
@@ -417,7 +417,7 @@ def test_noise_of_a_measured_paddle_is_not_growth(tmp_path, monkeypatch, integra
     t = 0.02 * np.arange(201)
     wall = recorded(tmp_path, t, 1e-6 * np.random.default_rng(3).standard_normal(t.size) + 2e-5 * t**2)
     numerics = {"cells": 25, "vertical_order": 4, "dt": 0.04, "integrator": integrator}
-    one = scene({"length": 5.0, "depth": 1.0}, wall=wall, duration=1.6, numerics=numerics)
+    one = build_case({"length": 5.0, "depth": 1.0}, wall=wall, duration=1.6, numerics=numerics)
     criterion = getattr(stability, place)
     for driven, expected in ((criterion.driven, 0), (0.0, 1)):
         monkeypatch.setattr(f"wavetank.simulation.case_diagnostics.{place}", replace(criterion, driven=driven))

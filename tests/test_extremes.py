@@ -11,7 +11,7 @@ from contextlib import nullcontext, suppress
 import numpy as np
 import pytest
 from blocks import block_of
-from case_builders import scene
+from case_builders import build_case
 from conftest import CHECKOUT, fitted_slope
 from dolfinx import mesh
 from mpi4py import MPI
@@ -63,7 +63,7 @@ def ring_scene(*, steepness=0.8, duration=1.0, **numerics) -> Case:
     """Return a ring of kd = 1 with an exact wave."""
     tank, initial = {"type": "ring", "length": 2 * np.pi, "depth": 1.0}, {"type": "stream-function"}
     numerics = {"cells": 32, "vertical_order": 6, "dt": 0.0125, "tolerance": 1e-9} | numerics
-    return scene(tank, duration=duration, initial=initial | {"steepness": steepness}, numerics=numerics)
+    return build_case(tank, duration=duration, initial=initial | {"steepness": steepness}, numerics=numerics)
 
 
 def watched(case):
@@ -289,7 +289,7 @@ def test_waves_of_six_steps_a_period_do_not_alternate():
     """Of a low wave around a ring, whose crest the scheme keeps, the sixth keeps 1.5 %; nodes are 20 degrees apart."""
     numerics = {"cells": 6, "vertical_order": 6, "dt": 0.25, "integrator": "gauss-legendre-4"}
     tank, initial = {"type": "ring", "length": 4.0, "depth": 1.0}, {"type": "stream-function", "height": 0.04}
-    run, waves, warnings = watched(scene(tank, duration=6.0, initial=initial, numerics=numerics))
+    run, waves, warnings = watched(build_case(tank, duration=6.0, initial=initial, numerics=numerics))
     assert warnings == []
     assert waves.elevation(run.state.q, run.state.p, run.t).max() == pytest.approx(0.0204, rel=0.03)
 
@@ -336,7 +336,7 @@ def test_the_limit_on_still_water_holds_for_ten_thousand_steps(part, stable):
     """Round-off from 1e-6 m of short waves, third order: above it they are seen to grow before all breaks down."""
     initial = {"type": "standing-wave", "wave_amplitude": 1e-6, "mode": 5}
     numerics = {"cells": 4, "vertical_order": 4, "dt": 0.01, "tolerance": 1e-10}
-    case = scene({"length": 2.0, "depth": 1.0}, duration=1.0, initial=initial, numerics=numerics)
+    case = build_case({"length": 2.0, "depth": 1.0}, duration=1.0, initial=initial, numerics=numerics)
     built, waves = build_run(case, MPI.COMM_SELF)
     clock = Clock(part * built.integrator.stability_limit / waves.largest_frequency, 10_000)
     crest = HighestCrest(waves)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from case_builders import scene
+from case_builders import build_case
 from mpi4py import MPI
 from rich.console import Console
 
@@ -20,7 +20,7 @@ JONSWAP = {"type": "jonswap", "peak_period": 1.6}
 
 
 def case_of(initial, *, kind="ring", length=12.0, **more):
-    return scene({"type": kind, "length": length, "depth": 0.8}, duration=0.5, initial=initial, **more)
+    return build_case({"type": kind, "length": length, "depth": 0.8}, duration=0.5, initial=initial, **more)
 
 
 def on(case, x):

@@ -5,7 +5,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
-from case_builders import SLICE, moving, piston, scene
+from case_builders import SLICE, build_case, moving, piston
 from conftest import recorded
 from mpi4py import MPI
 from records import gauge_rows
@@ -50,7 +50,7 @@ def standing(kd, mode, *, amplitude=1e-6, periods=20, **parts):
     period = 2 * np.pi / float(airy.angular_frequency(kd, 1.0, GRAVITY))
     initial = {"type": "standing-wave", "wave_amplitude": amplitude, "mode": mode}
     tank = {"length": mode * np.pi / kd, "depth": 1.0}
-    return scene(tank, duration=periods * period, initial=initial, **parts), period
+    return build_case(tank, duration=periods * period, initial=initial, **parts), period
 
 
 # ------------------------------------------------------------------------------------------------ dispersion in space
@@ -113,7 +113,7 @@ def test_a_scheme_has_a_frequency_up_to_its_limit(name):
 @pytest.mark.parametrize(("end", "crests"), [({"sponge": {"type": "end", "length": 10.0}}, 1), ({}, 2)])
 def test_a_sinusoid_is_one_line_of_biesels_height_which_a_wall_doubles(end, crests):
     """The front of the train has an overshoot of 17 to 19 %."""
-    case = scene(SLICE | {"length": 40.0}, duration=40.0, wall=piston(2.0, ramp=4.0), **end)
+    case = build_case(SLICE | {"length": 40.0}, duration=40.0, wall=piston(2.0, ramp=4.0), **end)
     required, k = requirements(case, 1e-2), float(airy.wave_number(np.pi, 1.0, GRAVITY))
     assert required.k == pytest.approx(k, rel=0.02)
     assert required.crest == pytest.approx(crests * 0.005 * float(PISTON.transfer(k, 1.0)), rel=0.25)
@@ -123,7 +123,7 @@ def test_a_sinusoid_is_one_line_of_biesels_height_which_a_wall_doubles(end, cres
 def test_focused_group_has_the_target_steepness():
     spectrum = {"type": "gaussian", "peak_frequency": 0.6, "bandwidth": 0.08}
     group = moving("piston", "focused", linear_crest=0.05, focus_x=10.0, focus_time=24.0, spectrum=spectrum)
-    case = scene(duration=34.0, wall=group, sponge={"type": "end", "length": 5.0}, gauges=[10.0])
+    case = build_case(duration=34.0, wall=group, sponge={"type": "end", "length": 5.0}, gauges=[10.0])
     required = requirements(case, 1e-2)
     assert required.crest == pytest.approx(0.05, rel=0.1)
     assert required.physics == "nonlinear"
@@ -133,7 +133,7 @@ def test_gauge_lines_equal_their_gauges_in_requirements():
     """The farthest gauge decides how far waves are followed, and where the highest crest is."""
     line = {"name": "row", "start": [4.0, 0.0], "end": [16.0, 0.0], "count": 4}
     row, each, near = (
-        requirements(scene(wall=piston(1.6, 0.02), sponge={"type": "end", "length": 4.0}, **gauges), 1e-2)
+        requirements(build_case(wall=piston(1.6, 0.02), sponge={"type": "end", "length": 4.0}, **gauges), 1e-2)
         for gauges in (
             {"gauges": [1.0], "gauge_lines": [line]},
             {"gauges": [1.0, 4.0, 8.0, 12.0, 16.0]},
@@ -155,7 +155,7 @@ def test_standing_wave_has_the_crest_of_a_run():
 def test_plan_of_a_solitary_wave_reaches_its_accuracy():
     """Against the exact wave that it is, six seconds later; its error is as predicted, within a factor of two."""
     initial = {"type": "solitary-wave", "height": 0.3, "x": 22.0}
-    case = scene({"length": 60.0, "depth": 1.0}, duration=6.0, initial=initial)
+    case = build_case({"length": 60.0, "depth": 1.0}, duration=6.0, initial=initial)
     plan = make_plan(case, 1e-2)
     run, waves = build_run(plan.applied_to(case), MPI.COMM_SELF)
     run.execute()
@@ -167,7 +167,7 @@ def test_plan_of_a_solitary_wave_reaches_its_accuracy():
 
 def test_paddle_of_a_solitary_wave_makes_no_free_second_harmonic():
     wall = moving("piston", "solitary-wave", height=0.3)
-    case = scene({"length": 40.0, "depth": 1.0, "gravity": 1.0}, duration=52.0, wall=wall)
+    case = build_case({"length": 40.0, "depth": 1.0, "gravity": 1.0}, duration=52.0, wall=wall)
     assert requirements(case, 1e-2).waves.k.size == 1
 
 
@@ -176,7 +176,7 @@ def test_paddle_of_a_solitary_wave_makes_no_free_second_harmonic():
 def test_plan_of_a_solitary_wave_by_piston_reaches_its_accuracy(generation):
     """At two gauges and at the wall that it meets. Oracle: a run with half the cells and more vertical order."""
     wall = moving("piston", "solitary-wave", height=0.3, generation=generation)
-    case = scene({"length": 40.0, "depth": 1.0, "gravity": 1.0}, duration=52.0, wall=wall)
+    case = build_case({"length": 40.0, "depth": 1.0, "gravity": 1.0}, duration=52.0, wall=wall)
     plan, gauges = make_plan(case, 1e-2), [5.0, 20.0, 40.0]
     finer = replace(plan.settings, cells=2 * plan.settings.cells, vertical_order=8, dt=plan.settings.dt / 2)
     coarse = gauge_records(case, plan.settings, at=gauges)[:, 1:]
@@ -202,7 +202,7 @@ def test_cost_of_steep_waves_is_that_of_their_solves():
 
 def test_wave_of_permanent_form_has_the_harmonics_and_speed_of_stokes():
     """Against Stokes' expansion: at k a = 0.05 its next terms are of order (k a)²."""
-    case = scene(RING, duration=10.0, initial={"type": "stream-function", "height": 0.1})
+    case = build_case(RING, duration=10.0, initial={"type": "stream-function", "height": 0.1})
     required, (ratios, excess) = requirements(case, 1e-4), stokes_harmonics(0.05, 1.0)
     assert np.allclose(required.form.harmonics[1:3], ratios[1:3], rtol=0.03)
     linear = float(airy.angular_frequency(1.0, 1.0, GRAVITY))
@@ -295,7 +295,7 @@ def test_free_second_harmonic_of_a_paddle_is_the_measured_one(wall, measured):
     def found(physics, generation):
         motion = {"type": "regular", "height": 0.07, "period": period, "generation": generation}
         ends = {"wall": {**wall, "motion": motion}, "sponge": {"type": "end", "length": 5.0}}
-        return requirements(scene(duration=60.0, gauges=[5.0], water={"type": physics}, **ends), 1e-2).waves
+        return requirements(build_case(duration=60.0, gauges=[5.0], water={"type": physics}, **ends), 1e-2).waves
 
     waves = found("nonlinear", "linear")
     bound = float(np.linalg.norm(waves.amplitude[:-1])) * stokes_harmonics(0.035, 1.0)[0][1]
@@ -457,7 +457,7 @@ def test_printed_energy_is_the_computed_one():
     """Its parts as forms, assembled one by one, against what is computed of them."""
     tank = {"length": 2.0, "depth": 0.6}
     bed = {"bed": {"type": "formula", "depth": "0.6 - 0.04 * x"}}
-    case = scene(tank | bed, wall=piston(1.4, 0.05), numerics={"cells": 4, "order": 3, "vertical_order": 4})
+    case = build_case(tank | bed, wall=piston(1.4, 0.05), numerics={"cells": 4, "order": 3, "vertical_order": 4})
     waves, printed = build_waves(case, MPI.COMM_SELF), describe_energy(case)
     assert printed[:3] == [*map(str, waves.hamiltonian)]
     assert [part.name for part in waves.hamiltonian] == ["kinetic", "potential", "wall"]
@@ -468,9 +468,9 @@ def test_printed_energy_is_the_computed_one():
         value = ScalarForm(form, MPI.COMM_SELF).assemble()
         assert abs(value) > 1e-5 and getattr(energies, part.name) == pytest.approx(value, rel=1e-12)
     none = ["wall: none, nothing moves there", "x = X, F = J = 1: no wall moves", "∇d = 0: the bed is flat"]
-    assert describe_energy(scene(tank))[2:] == none
-    assert describe_energy(scene(tank, far_wall=piston(1.4, 0.05)))[2].startswith("far wall = ∫ ψ")
-    both = describe_energy(scene(tank, wall=piston(1.4, 0.05), far_wall=piston(1.4, 0.05)))
+    assert describe_energy(build_case(tank))[2:] == none
+    assert describe_energy(build_case(tank, far_wall=piston(1.4, 0.05)))[2].startswith("far wall = ∫ ψ")
+    both = describe_energy(build_case(tank, wall=piston(1.4, 0.05), far_wall=piston(1.4, 0.05)))
     assert both[3] == "far wall = the same at the far paddle" and both[5].startswith("X_p: of each paddle its own")
 
 
@@ -487,5 +487,5 @@ def test_run_uses_the_plan_of_its_accuracy(tmp_path):
 def test_edge_penalty_is_needed_in_strong_currents(steepness, penalty):
     """A wave of 80 % of the maximum height on fine cells, and one of 10 %."""
     initial = {"type": "stream-function", "steepness": steepness}
-    case = scene(RING, duration=4.0, initial=initial, numerics={"cells": 32})
+    case = build_case(RING, duration=4.0, initial=initial, numerics={"cells": 32})
     assert own_plan(case, 1e-3).reasons[-1].startswith(f"edge penalty: {penalty}")

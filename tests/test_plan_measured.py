@@ -14,7 +14,7 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
-from case_builders import moving, piston, scene
+from case_builders import build_case, moving, piston
 from conftest import needs_marin
 from mpi4py import MPI
 from records import gauge_rows, with_numerics
@@ -50,15 +50,15 @@ def ring(kd: float, steepness: float, periods: int) -> Case:
     """Waves of permanent form that go round a ring of one wave length, whole times."""
     tank = {"type": "ring", "length": 2 * np.pi / kd, "depth": 1.0}
     parts = {"initial": {"type": "stream-function", "steepness": steepness}, "gauges": [0.0]}
-    one = scene(tank, **parts)
-    return scene(tank, duration=periods * (one.tank.length / one.initial.wave(one.tank).speed), **parts)
+    one = build_case(tank, **parts)
+    return build_case(tank, duration=periods * (one.tank.length / one.initial.wave(one.tank).speed), **parts)
 
 
 def steep_standing(steepness: float, periods: int) -> Case:
     """A standing wave of k a in k d = pi / 2, for so many periods of linear theory."""
     initial = {"type": "standing-wave", "wave_amplitude": steepness / (np.pi / 2)}
     duration = periods * (2 * np.pi / float(angular_frequency(np.pi / 2, 1.0, 9.81)))
-    return scene({"length": 2.0, "depth": 1.0}, duration=duration, gauges=[0.0], initial=initial)
+    return build_case({"length": 2.0, "depth": 1.0}, duration=duration, gauges=[0.0], initial=initial)
 
 
 SCENES = {  # scene and accuracy
@@ -201,19 +201,19 @@ def sinusoidal(kd: float) -> Case:
         {"length": round(8 * max(1.0, kd / 6)) * length, "depth": 1.0},
         piston(period, 0.02 / kd, ramp=2 * period),
     )
-    return scene(tank, duration=12 * period, gauges=[2 * length], wall=wall)
+    return build_case(tank, duration=12 * period, gauges=[2 * length], wall=wall)
 
 
 def solitary(height: float) -> Case:
     """A solitary wave that travels 25 m."""
     initial = {"type": "solitary-wave", "height": height, "x": 15.0}
-    return scene({"length": 60.0, "depth": 1.0}, duration=8.0, gauges=[40.0], initial=initial)
+    return build_case({"length": 60.0, "depth": 1.0}, duration=8.0, gauges=[40.0], initial=initial)
 
 
 def packet(kind: str, length: float, duration: float, **shape) -> Case:
     """A wave packet of k d = 2 between a paddle and a fixed wall."""
     wall = moving(kind, "formula", position="0.004*sin(5.6*(t-3.4))*exp(-((t-3.4)/1.4)**2)") | shape
-    return scene({"length": length, "depth": 0.6}, duration=duration, gauges=[0.75 * length], wall=wall)
+    return build_case({"length": length, "depth": 0.6}, duration=duration, gauges=[0.75 * length], wall=wall)
 
 
 def absorbing_flap() -> Case:
@@ -221,13 +221,13 @@ def absorbing_flap() -> Case:
     depth, k = 0.6, 0.7 / 0.6
     period = 2 * np.pi / float(angular_frequency(k, depth, 9.81))
     ends = {"wall": piston(period, 0.01 / k) | FLAP, "far_wall": ABSORBING | FLAP}
-    return scene({"length": 6 * np.pi / k, "depth": depth}, duration=20 * period, gauges=[4 * np.pi / k], **ends)
+    return build_case({"length": 6 * np.pi / k, "depth": depth}, duration=20 * period, gauges=[4 * np.pi / k], **ends)
 
 
 def absorbing_paddles() -> Case:
     """Regular waves between two paddles that absorb."""
     ends = {"wall": ABSORBING | piston(1.3, 0.02), "far_wall": ABSORBING}
-    return scene({"length": 6.0, "depth": 0.6}, duration=30.0, gauges=[4.0], **ends)
+    return build_case({"length": 6.0, "depth": 0.6}, duration=30.0, gauges=[4.0], **ends)
 
 
 NAMED_NOTHING = {  # scenes that plans once missed by 1.2 to 1.9 times, in closed tanks by up to 9 times
@@ -308,7 +308,7 @@ def test_default_cells_of_a_modulated_train_are_fine_enough():
     surface = "0.025 * (1 + 0.1 * cos(pi * x / 4)) * cos(2 * pi * x)"
     potential = "0.025 * sqrt(9.81 / (2 * pi)) * (1 + 0.1 * cos(pi * x / 4)) * sin(2 * pi * x)"
     initial, tank = {"type": "formula", "eta": surface, "psi": potential}, {"type": "ring", "length": 8.0, "depth": 2.0}
-    chosen = resolved(scene(tank, duration=40.0, gauges=[0.0], initial=initial))
+    chosen = resolved(build_case(tank, duration=40.0, gauges=[0.0], initial=initial))
     settings = {"cells": 144, "order": 4, "vertical_order": 12, "tolerance": 1e-7}, {}, {"cells": 24}
     exact, default, coarse = (highest(chosen, one) for one in settings)
     assert default == pytest.approx(exact, rel=0.03) and coarse > 1.1 * exact

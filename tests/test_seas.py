@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sympy
-from case_builders import SLICE, scene
+from case_builders import SLICE, build_case
 from conftest import needs_data, recorded
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -39,7 +39,7 @@ GRAVITY, DEPTH = 9.81, 1.0
 def case_of(motion, *, duration=20.0, tank=SLICE, limits=None, **more):
     """Return the case of a piston with a motion."""
     wall = {"type": "piston", "motion": motion, **({"limits": limits} if limits else {})}
-    return scene(tank, duration=duration, wall=wall, **more)
+    return build_case(tank, duration=duration, wall=wall, **more)
 
 
 def surfaces_of(case, *, start):

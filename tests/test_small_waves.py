@@ -5,7 +5,7 @@ Oracle: linear waves on the same mesh, which nonlinear ones come to as their amp
 
 import numpy as np
 import pytest
-from case_builders import case
+from case_builders import build_case
 from mpi4py import MPI
 
 from wavetank.simulation.build import build_run
@@ -20,7 +20,7 @@ def standing(water, *, depth, amplitude, integrator="simpson-4"):
     numerics = {"cells": 4, "vertical_order": 4, "dt": period / 70, "integrator": integrator}
     initial = {"type": "standing-wave", "wave_amplitude": amplitude}
     tank, water = {"length": LENGTH, "depth": depth}, {"type": water}
-    return build_run(case(tank, duration=period, initial=initial, water=water, numerics=numerics), MPI.COMM_SELF)
+    return build_run(build_case(tank, duration=period, initial=initial, water=water, numerics=numerics), MPI.COMM_SELF)
 
 
 def elevations(run, waves, *, level=0.0):

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from case_builders import scene
+from case_builders import build_case
 from conftest import fitted_slope
 from mpi4py import MPI
 from records import gauge_rows
@@ -85,7 +85,7 @@ def towards_wall(height, *, distance, duration, start=15.0, **numerics):
     """Return the case of a wave whose crest begins at a distance from a wall with a gauge; d = g = 1."""
     tank = {"length": distance + start, "depth": 1.0, "gravity": 1.0}
     initial = {"type": "solitary-wave", "height": height, "x": start}
-    return scene(tank, duration=duration, initial=initial, gauges=[distance + start], numerics=numerics)
+    return build_case(tank, duration=duration, initial=initial, gauges=[distance + start], numerics=numerics)
 
 
 def run_up(height, **numerics):
@@ -131,7 +131,7 @@ CUTS = [  # initial wave, its place, warning
 def test_a_start_that_a_wall_cuts_is_warned_of(initial, x, warned):
     """Oracle: with 0.2 of the height at a wall the wave is 0.07 off 20 depths later, relative root mean square."""
     tank, numerics = {"length": 24.0, "depth": 1.0}, {"cell_size": 0.4}
-    case = scene(tank, duration=1.0, initial=initial | {"x": x}, numerics=numerics)
+    case = build_case(tank, duration=1.0, initial=initial | {"x": x}, numerics=numerics)
     said = [*map(str, cut_starts(planned(case, MPI.COMM_SELF).case, None))]
     assert len(said) == bool(warned) and all(warned in one for one in said)
 

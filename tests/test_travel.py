@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from case_builders import piston, scene
+from case_builders import build_case, piston
 
 from wavetank.planning import travel
 from wavetank.planning.plan import make_plan
@@ -19,7 +19,7 @@ ABSORBING = {"type": "piston", "motion": {"type": "at-rest"}, "absorb": {"type":
 def closed(duration, *, motion=PACKET, **parts):
     """Return a tank of 2 m with a piston, a gauge and, unless named, a fixed wall."""
     usual = {"tank": {"length": 2.0, "depth": 0.55}, "wall": {"type": "piston", "motion": motion}, "gauges": [1.5]}
-    return scene(**usual | parts, duration=duration)
+    return build_case(**usual | parts, duration=duration)
 
 
 def mean_age(case):
@@ -119,7 +119,7 @@ def test_bound_harmonics_between_walls_are_those_of_one_direction():
 def test_harmonics_of_steep_standing_waves_decay_as_measured():
     """Against a refined run of k a = 0.2, k d = 2: r_4 = 0.0057, r_5 = 0.0017, without the free ones of its start."""
     parts = {"initial": {"type": "standing-wave", "wave_amplitude": 0.1}, "water": {"type": "nonlinear"}}
-    case = scene({"length": np.pi / 2, "depth": 1.0}, duration=10.0, **parts)
+    case = build_case({"length": np.pi / 2, "depth": 1.0}, duration=10.0, **parts)
     ratios = requirements(case, 1e-3).form.harmonics[3:5] / (0.0057, 0.0017)
     assert np.all((ratios > 0.5) & (ratios < 2.0))
 
@@ -134,7 +134,7 @@ def test_absorption_once_a_step_is_part_of_the_error(wall, kd, measured):
     period = 2 * np.pi / float(airy.angular_frequency(k, depth, GRAVITY))
     ends = {"wall": piston(period, 0.01 / k) | {"type": wall}, "far_wall": ABSORBING | {"type": wall}}
     tank = {"length": 6 * np.pi / k, "depth": depth}
-    case = scene(tank, duration=20 * period, gauges=[2 * np.pi / k], water={"type": "linear"}, **ends)
+    case = build_case(tank, duration=20 * period, gauges=[2 * np.pi / k], water={"type": "linear"}, **ends)
     model = ErrorModel(requirements(case, 1e-2))
     mesh = model.mesh(order=5, cells=200, vertical_order=16)
     assert 0.5 < model.total(mesh, model.time("simpson-4", period / 28)) / measured < 2.0
@@ -145,7 +145,7 @@ def test_error_of_absorption_counts_while_its_waves_are_at_the_farthest_gauge():
     driven, flap = piston(2.0, 0.01), ABSORBING | {"type": "flap"}
 
     def error(gauges, wall, far_wall):
-        case = scene({"length": 10.0, "depth": 1.0}, gauges=gauges, wall=wall, far_wall=far_wall)
+        case = build_case({"length": 10.0, "depth": 1.0}, gauges=gauges, wall=wall, far_wall=far_wall)
         return float(absorption_error(case, np.array([1.5]))[0])
 
     both = error([5.0], driven | {"absorb": {"type": "active"}}, flap)
@@ -160,7 +160,7 @@ def test_absorbing_paddle_has_a_vertical_order_for_evanescent_modes():
     """A flap of k d = 0.7 misses 1.1 % with n = 2, which the waves alone need, 0.24 % with n = 4 (docs/plan.md)."""
     flap, parts = {"type": "flap", "hinge": 0.0}, {"tank": {"length": 6 * np.pi / 0.7, "depth": 1.0}, "duration": 40.0}
     fixed, absorbing = (
-        make_plan(scene(**parts, wall=piston(3.08, 0.01) | flap, **far), 1e-2).settings.vertical_order
+        make_plan(build_case(**parts, wall=piston(3.08, 0.01) | flap, **far), 1e-2).settings.vertical_order
         for far in ({}, {"far_wall": ABSORBING | flap})
     )
     assert fixed < 4 <= absorbing

@@ -12,7 +12,7 @@ from mpi4py import MPI
 from scipy.integrate import solve_ivp
 
 from examples.paper.report import Report
-from examples.paper.steepness import case as ring
+from examples.paper.steepness import case_of as ring
 from wavetank.base.errors import RunError
 from wavetank.case import Case, RingTank
 from wavetank.planning.plan import planned
