@@ -343,6 +343,13 @@ def changed(run: Path, **more: object) -> None:
     (run / MANIFEST).write_text(json.dumps(RunDirectory(run).manifest | more))
 
 
+def test_run_that_does_not_begin_leaves_no_folder(tmp_path):
+    (tmp_path / "other").mkdir()
+    for name in ("runs/study/one", "other/one"):
+        RunWriter(tmp_path / name, {}).release()
+    assert [*tmp_path.rglob("*")] == [tmp_path / "other"]
+
+
 @pytest.fixture
 def writer(tmp_path, monkeypatch):
     """Return a run that is being written: 4 s of 10 s in half a minute, since it went on at 1 s; the clock stands."""

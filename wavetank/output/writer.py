@@ -121,12 +121,13 @@ class RunWriter:
         return self._lock.holds
 
     def release(self) -> None:
-        """Release the lock; delete a directory that was created and is still empty."""
+        """Release the lock; delete the folders that were created, if the run has not begun."""
         self._close()
         self._lock.release()
-        if self._created and not self._started:
+        if not self._started:
             with suppress(OSError):
-                self.path.rmdir()
+                for folder in self._created:
+                    folder.rmdir()
 
     def __enter__(self) -> Self:
         if not self._started:
@@ -321,10 +322,10 @@ class RunWriter:
         self._manifest = manifest
 
 
-def _locked_directory(output: OutputPath) -> tuple[Path, RunLock, bool]:
-    """Return the first candidate directory that may be written, its lock, and whether it was created."""
+def _locked_directory(output: OutputPath) -> tuple[Path, RunLock, list[Path]]:
+    """Return the first candidate directory that may be written, its lock, and the folders that were created for it."""
     for path in output.candidates:
-        created = not path.exists()
+        created = [folder for folder in (path, *path.parents) if not folder.exists()]
         try:
             path.mkdir(parents=True, exist_ok=True)
             busy = is_locked(path) and not output.numbered  # RunLock then names the process
