@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavetank.base.case_model import CaseError, Key, Problem, about, renamed
+from wavetank.base.errors import InputError
 from wavetank.case.output import FAR, PADDLE
 from wavetank.case.paddle import SIZES
 from wavetank.case.tank import BasinTank, Context, paddle_period
@@ -16,6 +17,8 @@ from wavetank.motion import Array, Motion
 from wavetank.motion.motion import STEEPEST, Extent, batches, extent, frequency_shift, largest_stroke, times
 
 SAMPLING = 0.05  # interval of samples over (d / g)^(1/2): the largest value has an error of 0.1 % at k d = 4
+WINDOW = 36.0  # least analysed duration of a motion over (d / g)^(1/2): a part of a period has too short waves
+TIMES_AFTER = 4001  # times after the end of a short run at which a motion is evaluated
 CHECK_TIMES = 50  # times at which derivatives of a user's function are compared
 
 
@@ -99,11 +102,25 @@ class EndWall(Context):
     def period(self) -> float | None:
         """The period [s] that halves the power of the velocity; None if the wall does not move.
 
-        A record is analysed completely, a formula or a function over the run.
+        A record is analysed completely, a formula or a function over ``analysed_duration``.
         """
         motion = self.motion()
-        until = motion.duration if np.isfinite(motion.duration) else self.duration
+        until = motion.duration if np.isfinite(motion.duration) else self.analysed_duration
         return motion.power_period or paddle_period(lambda t: self.rates(t)[1], duration=until, tank=self.tank)
+
+    @cached_property
+    def analysed_duration(self) -> float:
+        """The duration of the motion whose spectrum is analysed [s]: longer than a short run, if the motion is defined.
+
+        A user's motion need not be finite after the run, which is checked first.
+        """
+        until = min(WINDOW * (self.tank.depth / self.tank.gravity) ** 0.5, self.motion().duration)
+        if until > self.duration:
+            try:
+                self.rates(np.linspace(self.duration, until, TIMES_AFTER, dtype=np.float64))
+            except InputError:
+                return self.duration
+        return float(max(self.duration, until))
 
     @cached_property
     def max_displacement(self) -> float:

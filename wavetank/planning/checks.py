@@ -40,7 +40,7 @@ from wavetank.case.tank import EndSponge, FormulaSponge, SliceTank
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
 from wavetank.planning.dispersion import Mesh, UniformCells, relative_frequency_error
-from wavetank.planning.paddle_waves import analysed_duration, tapered
+from wavetank.planning.paddle_waves import tapered
 from wavetank.planning.plan import largest_step_under_crests, own_plan
 from wavetank.planning.prediction import stroke_missed
 from wavetank.planning.requirements import requirements, unplanned
@@ -286,7 +286,7 @@ def missed_motion(case: Case, clock: Clock, nodes: Sequence[float]) -> Iterator[
     Of a short run the motion is analysed beyond its end: within it most paddles have hardly moved.
     """
     for view in case.paddles:
-        steps = max(clock.steps, int(analysed_duration(view) / clock.dt))
+        steps = max(clock.steps, int(view.analysed_duration / clock.dt))
         missed = stroke_missed(view, dt=clock.dt, steps=steps, nodes=nodes)
         if missed > MAX_ERROR:
             details: dict[str, float | str] = {"dt": clock.dt, "wall": view.key}

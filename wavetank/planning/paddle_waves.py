@@ -1,7 +1,7 @@
 """The waves of a paddle, by linear wavemaker theory.
 
-Their spectral lines are a_j = c(k_j) |X_j|, with X_j the Fourier coefficients of its motion over the run (of a short
-run, and beyond it: ``WINDOW``) and c the paddle's transfer function (``waves/wavemaker.py``). Groups of lines are
+Their spectral lines are a_j = c(k_j) |X_j|, X_j being Fourier coefficients of its motion over the run, or longer than
+a short one (``EndWall.analysed_duration``), and c the transfer function (``waves/wavemaker.py``). Groups of lines are
 components. Each is followed from the paddle to the farthest gauge that it reaches within the run, with all later
 passages after reflections at both ends (``travel.py``); if there is no gauge, or most of the energy has not arrived, to
 the far wall. The energy that a gauge records weights its error.
@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.base.arrays import Vector
-from wavetank.base.errors import InputError
 from wavetank.case import EndWall
 from wavetank.planning import travel
 from wavetank.waves import airy
@@ -24,8 +23,6 @@ MAX_COMPONENTS = 40
 MAX_SAMPLES = 2**16  # samples of a motion: an hour in a tank of 0.5 m depth
 MAX_KD = 40.0  # k d of the highest frequency of a motion
 TAPER = 0.25  # fraction of a motion that is tapered at its end: a truncated motion has the spectrum of a jump
-TIMES_AFTER = 4001  # times after the end of a short run at which a motion is evaluated
-WINDOW = 36.0  # (d / g)^(1/2): least analysed duration of a motion; part of a period has the spectrum of short waves
 NOISE = 1 / 30  # amplitude over the largest component of a measured motion below which short waves are noise
 NEGLECTED = 0.05  # relative energy neglected at each end of the spectrum, over the accuracy squared
 MIN_REFLECTED = 0.1  # least reflected part of the recorded energy with which crests of both directions add up
@@ -141,20 +138,6 @@ class _Lines(NamedTuple):
         return edges, moments / energies, np.sqrt(energies)
 
 
-def analysed_duration(end: EndWall) -> float:
-    """Return the duration of a motion whose spectrum is analysed [s]: longer than a short run, where it is defined.
-
-    A user's motion need not be finite after the run: it is evaluated there first.
-    """
-    until = min(WINDOW * float(np.sqrt(end.tank.depth / end.tank.gravity)), end.motion().duration)
-    if until > end.duration:
-        try:
-            end.rates(np.linspace(end.duration, until, TIMES_AFTER, dtype=np.float64))
-        except InputError:
-            return end.duration
-    return float(max(end.duration, until))
-
-
 def tapered(part: Vector) -> Vector:
     """Return the taper at fractions of the analysed duration, shape (N,)."""
     return np.asarray(np.cos(np.pi / 2 * np.maximum(0.0, (part - 1.0) / TAPER + 1.0)) ** 4)
@@ -201,7 +184,7 @@ def _lines(end: EndWall) -> _Lines:
     """
     tank = end.tank
     highest = np.sqrt(MAX_KD * tank.gravity / tank.depth) / (2 * np.pi)
-    duration = min(analysed_duration(end), float(MAX_SAMPLES / (4 * highest)))
+    duration = min(end.analysed_duration, float(MAX_SAMPLES / (4 * highest)))
     count = 2 * int(np.ceil(2 * highest * duration)) + 64
     t = np.asarray(duration / count * np.arange(count), dtype=np.float64)
     positions = end.motion().position(t)
@@ -263,7 +246,7 @@ def _travel(end: EndWall, k: Vector, omega: Vector, energy: Vector, rates: Vecto
     reaching = np.any(reached, axis=0)
     everywhere = energy @ reaching < MIN_ARRIVED * energy.sum()
     farthest = np.full_like(k, length) if everywhere else np.where(reached, x[:, None], 0.0).max(axis=0)
-    at, sampled = travel.reflections(end, omega), analysed_duration(end)
+    at, sampled = travel.reflections(end, omega), end.analysed_duration
     result = travel.travel(farthest, speed, rates, sampled=sampled, length=length, reflected=at, duration=duration)
     if everywhere:
         age = np.maximum(result.age, np.minimum(duration, length / speed))

@@ -32,7 +32,7 @@ from wavetank.case.paddle import PERIODS
 from wavetank.case.tank import paddle_period
 from wavetank.integrators.contract import Integrator
 from wavetank.planning.dispersion import Mesh, UniformCells, relative_frequency_error
-from wavetank.planning.paddle_waves import analysed_duration, highest_frequency, tapered
+from wavetank.planning.paddle_waves import highest_frequency, tapered
 from wavetank.planning.requirements import stokes_harmonics
 from wavetank.simulation.build import build_clock
 from wavetank.waves import airy
@@ -141,7 +141,7 @@ def frequency_below(end: EndWall, fraction: float) -> float:
     """Return the frequency below which a fraction of the power of a paddle's motion lies [rad/s]; 0 at rest."""
     if not end.motion().moves:
         return 0.0
-    duration = analysed_duration(end)
+    duration = end.analysed_duration
 
     def ending(t: Vector) -> Vector:  # a motion that is cut has all frequencies
         return np.asarray((end.rates(t)[1].T * tapered(np.asarray(t / duration))).T)
