@@ -206,7 +206,9 @@ def tiny(tmp_path, monkeypatch):
         for one in runs:
             out = self.directory(one)
             if status_of(out, one) != "finished":
-                assert main(["run", str(self._case), "--no-plots", "--out", str(out), *changed(*one.overrides)]) == 0
+                assert (
+                    main(["run", str(self._case_file), "--no-plots", "--out", str(out), *changed(*one.overrides)]) == 0
+                )
             yield one, Outcome("finished")
 
     monkeypatch.setattr(Runner, "run", called)

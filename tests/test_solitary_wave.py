@@ -119,8 +119,8 @@ def test_run_up_converges_in_cell_size():
 WAVE = {"type": "solitary-wave", "height": 0.4}
 GROUP = {"type": "focused", "linear_crest": 0.02, "spectrum": GAUSSIAN}
 CUTS = [  # initial wave, its place, warning
-    (WAVE, 0.4, "x = 0 m cuts the initial solitary wave, which has 0.95"),
-    (WAVE, 23.6, "x = 24 m cuts the initial solitary wave, which has 0.95"),
+    (WAVE, 0.4, "x = 0 m cuts the initial solitary wave, whose elevation there is 0.95"),
+    (WAVE, 23.6, "x = 24 m cuts the initial solitary wave, whose elevation there is 0.95"),
     (WAVE, 12.0, ""),
     (GROUP, 22.0, "x = 24 m cuts the initial group"),
     (GROUP, 12.0, ""),

@@ -37,11 +37,11 @@ def eta(x, t):
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     """A run directory with these waves."""
-    scene, x, t = read_case(CASE), np.linspace(0, 40, 401), np.arange(0, 24, 0.05)
-    names, places = zip(*((gauge.name, gauge.x) for gauge in scene.all_gauges), strict=True)
+    case, x, t = read_case(CASE), np.linspace(0, 40, 401), np.arange(0, 24, 0.05)
+    names, places = zip(*((gauge.name, gauge.x) for gauge in case.all_gauges), strict=True)
     record = gauge_array(names, places, [0.0] * len(places), t, [eta(at, t) for at in places])
     path = tmp_path_factory.mktemp("runs") / "run"
-    return write_run(path, scene, gauges=record, surface=surface(t, x, eta(x, t[:, None])))
+    return write_run(path, case, gauges=record, surface=surface(t, x, eta(x, t[:, None])))
 
 
 def of(run, *texts, start=8.0):
@@ -178,8 +178,8 @@ def test_trade_names_axes_units_settings_front_and_plan(tmp_path):
     )
     plan = marked_combination(CASES / "standing-wave.toml", ["dt=0.03", "p=4"])
     table.rows.append(Row(plan.values, "finished", "", table.rows[0].errors, {}, {"CPU [s]": 2.0}, plan.mark))
-    scene = read_case(CASES / "standing-wave.toml", ["title=Title"])
-    text = draw_trade(replace(table, axes=[*table.axes, Axis.of("p")], scene=scene), tmp_path / "study.svg").read_text()
+    case = read_case(CASES / "standing-wave.toml", ["title=Title"])
+    text = draw_trade(replace(table, axes=[*table.axes, Axis.of("p")], case=case), tmp_path / "study.svg").read_text()
     words = {part.split("-->")[0].strip() for part in text.split("<!--")[1:]}
     assert {"CPU time of stepping [s]", SURFACE_ERROR, PHASE_ERROR} <= words
     assert {"third-order", "simpson-4", "n = 4", "n = 6"} <= words

@@ -120,7 +120,7 @@ class Cells:
         Weights have the shape (batches, points, K, lanes), tables (K, points, nodes).
         """
         table = tables.transpose(2, 1, 0).reshape(tables.shape[2], -1)
-        parts = table @ weights.reshape(len(weights), -1, self.lanes)
+        parts = table @ weights.reshape(len(weights), table.shape[1], self.lanes)  # a rank may have no cells
         rows = self._numbering.size_local + self._numbering.num_ghosts
         return np.asarray(np.bincount(self.parts["dofs"].ravel(), parts.ravel(), rows), dtype=np.float64)
 
