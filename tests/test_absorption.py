@@ -238,7 +238,7 @@ def test_a_flap_in_a_coarse_tank_absorbs_at_the_longest_step_that_is_allowed():
     before = waves.energies(run.state.q, run.state.p, 0.0).total
     run.execute()
     assert waves.energies(run.state.q, run.state.p, run.t).total < 0.05 * before
-    with pytest.raises(InputError, match="numerics.dt = .* must be at most .* looks at the water once a step"):
+    with pytest.raises(InputError, match="numerics.dt = .* must be at most .* measures the water once per step"):
         tank(flap, length=2.0, duration=1.0, dt=1.1 * dt, cells=4, n=4)
 
 
@@ -331,7 +331,7 @@ def test_resumed_run_equals_the_uninterrupted_one_bit_for_bit(wall, duration, st
 def test_another_band_cannot_resume(broken_off, capsys):
     assert main(["resume", str(broken_off), "--set", "wall.absorb.longest=3"]) == 2
     said = " ".join(capsys.readouterr().err.split())
-    assert "wall.absorb.longest = 3.0: must be left out, as in the run that is to go on" in said
+    assert "wall.absorb.longest = 3.0: must be left out, as in the original run" in said
 
 
 @pytest.mark.slow
@@ -451,7 +451,7 @@ def test_absorbing_ends_where_the_mapping_folds_and_not_out_of_the_water():
         try:
             answering.go_on(np.zeros(1), np.zeros(1), t - 0.1, 0.1)
         except RunError as error:
-            assert "absorbing takes the paddle of far_wall" in str(error) and "3/4 of what far_wall.reach" in str(error)
+            assert "absorption moves the paddle of far_wall" in str(error) and "3/4 of far_wall.reach" in str(error)
             folds.append(t)
             assert J.min() <= 0.0
         else:
@@ -489,7 +489,7 @@ def test_stroke_of_absorption_beyond_limits_is_reported(sloshed, capsys, tmp_pat
     assert main(["motion", str(case), "--out", str(tmp_path / "board.csv")]) == 0
     assert "without what absorbing adds" in " ".join(capsys.readouterr().out.split())
     assert main(["run", str(case), "--no-plots", "--set", "water.type=linear", "--out", str(tmp_path / "linear")]) == 0
-    assert "of the mass (linear theory: what paddles displace), " in " ".join(capsys.readouterr().out.split())
+    assert "of the mass (linear theory: displacement of the paddles), " in " ".join(capsys.readouterr().out.split())
 
 
 def test_run_with_other_cells_resumes_at_the_position_of_the_absorbing_paddle(sloshed, tmp_path):
@@ -501,7 +501,7 @@ def test_run_with_other_cells_resumes_at_the_position_of_the_absorbing_paddle(sl
     assert main(["resume", str(part), "--no-plots", "--extend", "0.04", "--set", "numerics.cells=8"]) == 0
     assert RunDirectory(part).manifest["errors"]["mass"] < 0.01 * abs(stood) / 3.0
     begin = f"initial={{type='run', directory='{out}'}}"
-    with pytest.raises(InputError, match=f"the wall stood at {stood:.4g} m when t = 0.52 s, and begins at 0 m"):
+    with pytest.raises(InputError, match=f"the wall was at {stood:.4g} m at t = 0.52 s, and begins at 0 m"):
         build_run(read_case(case, [begin]), MPI.COMM_SELF)
 
 
@@ -512,8 +512,8 @@ def test_run_whose_paddle_leaves_its_reach_ends_with_complete_records(absorb, ca
     case, out = sloshing(tmp_path / "case.toml", absorb={"type": absorb}), tmp_path / "run"
     assert main(["run", str(case), "--no-plots", "--out", str(out)]) == 1
     said = " ".join("".join(capsys.readouterr()).split())
-    assert "m into the water; its mapping folds at 0.01 m, 3/4 of what wall.reach is on this mesh" in said
-    assert "next: anew from the start" in said
+    assert "m into the water; its mapping folds at 0.01 m, 3/4 of wall.reach on this mesh" in said
+    assert "next: a new run from the start" in said
     assert "numerics.dt" not in said
     rows = np.loadtxt(out / PADDLE, delimiter=",", skiprows=1)
     assert len(rows) > 1 and rows[:, 1].max() < 0.01

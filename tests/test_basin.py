@@ -195,7 +195,7 @@ def test_linear_waves_are_the_limit_of_nonlinear_ones_over_a_bed():
 # ---------------------------------------------------------------- what is wrong
 def test_a_bed_that_rises_above_still_water_is_refused_with_its_place():
     with pytest.raises(
-        InputError, match=r"the bed: the still-water depth is -0\.1 m at x = 2 m, y = -?0 m; it must be positive"
+        InputError, match=r"the bed: the still-water depth is -0\.1 m at x = 2 m, y = -?0 m; must be positive"
     ):
         basin(2.0, 0.6, (6, 2), depth=lambda x, y: 0.5 - 0.3 * x + 0.01 * y)
 
@@ -211,7 +211,7 @@ def test_a_bed_that_rises_above_still_water_is_refused_with_its_place():
     ids=lambda value: value["type"] if isinstance(value, dict) else "",
 )
 def test_the_paddle_moves_no_wall_but_itself(layout, free):
-    """The mapping ends where the first wall stands that does not run along the motion, and may not be asked further."""
+    """The mapping ends where the first wall stands that is not parallel the motion, and may not be asked further."""
 
     def reach(amplitude, **wall):
         motion = {"type": "sinusoid", "paddle_amplitude": amplitude, "period": 1.0}
@@ -225,7 +225,7 @@ def test_the_paddle_moves_no_wall_but_itself(layout, free):
     far = rf"wall\.motion.* m from rest; (it )?must stay below {0.75 * found:.4g} m"
     with pytest.raises(InputError, match=rf"{far}|wall\.reach = 4.0: must be more"):
         reach(0.8 * found)
-    refused = "at most the tank's length" if layout["type"] == "rectangle" else r"wall\.reach .* does not run along"
+    refused = "at most the tank's length" if layout["type"] == "rectangle" else r"wall\.reach .* is not parallel"
     with pytest.raises((InputError, ValidationError), match=refused):
         reach(0.01, reach=free + 0.01)
 

@@ -218,7 +218,7 @@ def test_minimum_depth_lowers_a_shallow_bed_and_reports_where(physics):
     waves = build_waves(case, MPI.COMM_SELF)
     np.testing.assert_allclose(waves.bed.still, np.maximum(0.2, 1.0 - 0.4 * waves.plane.x), rtol=1e-12)
     told = bed_message(case, waves)
-    assert told.startswith("tank.bed.minimum_depth = 0.2 m holds for ")
+    assert told.startswith("tank.bed.minimum_depth = 0.2 m applies to ")
     assert float(told.split()[-5]) == pytest.approx(75, abs=3)  # the rest, to a third of a cell
     bed["minimum_depth"] = 0.0
     with pytest.raises(ValidationError, match="minimum_depth\n.*greater than or equal to 0.000001"):

@@ -350,10 +350,10 @@ def test_run_reports_breaking_dissipation_and_the_breakdown_that_they_cause(tmp_
 
     monkeypatch.setattr(BreakingDissipation, "passed", passed)
     case = with_breaking(over_steep(0.6), "dissipate", duration=0.8)
-    with pytest.raises(RunError, match=r"a solve did not end: .*; 1 crest passed .* was not enough"):
+    with pytest.raises(RunError, match=r"a solve did not end: .*; 1 crest passed .* was insufficient"):
         record_run(case, tmp_path / "run", comm=MPI.COMM_SELF, console=Console(file=said, width=200))
     (begins,) = re.findall(r"(t = \S+ s, x = \S+ m): a wave breaks; an eddy viscosity acts on it", said.getvalue())
-    taken = rf"1 crest passed .*, at {re.escape(begins)}; .*; the eddy viscosity took (\S+) % of the energy"
+    taken = rf"1 crest passed .*, at {re.escape(begins)}; .*; the eddy viscosity dissipated (\S+) % of the energy"
     (taken,) = re.findall(taken, said.getvalue().replace("\n", " "))
     assert 0.1 < float(taken) < 20.0
     kept = RunDirectory(tmp_path / "run").manifest["breaking"]

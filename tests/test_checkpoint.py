@@ -183,7 +183,7 @@ def part(ended, tmp_path) -> Path:
     ("options", "sentence"),
     [
         ({"observers": [HighestCrest]}, "the state of .* cannot be that of .*, HighestCrest 2: a resumed run"),
-        ({"integrator": ThirdOrder()}, "stepped by integrator 'simpson-4', and would be by 'third-order': must be"),
+        ({"integrator": ThirdOrder()}, "integrator 'third-order' received; must be 'simpson-4'"),
     ],
     ids=["observer", "integrator"],
 )

@@ -56,7 +56,7 @@ def test_gauges_are_the_same_on_any_number_of_ranks_and_progress_is_seen(wavetan
         assert result.returncode == 0, result.stderr
         records.append(RunDirectory(out).gauges.values)
         assert RunDirectory(out).manifest["ranks"] == ranks
-        assert re.search(r"\nt = .*s left, .*iterations a step\n", result.stdout), result.stdout
+        assert re.search(r"\nt = .*s left, .*iterations per step\n", result.stdout), result.stdout
     alone, together = records
     assert np.abs(alone).max() > 1e-3
     assert np.abs(together - alone).max() < 1e-9 * np.abs(alone).max()

@@ -150,7 +150,7 @@ def test_another_run_begins_at_the_positions_of_both_walls(run, case):
         going_on, waves = build_run(read_case(case, [begin, *walls, f"numerics.cells={cells}"]), MPI.COMM_SELF)
         found = waves.elevation(going_on.state.q, going_on.state.p, 0.0)[np.argsort(waves.plane.x)]
         assert found[[0, -1]] == pytest.approx(eta[[0, -1]], abs=1e-7)
-    with pytest.raises(InputError, match="the far wall stood at .* m when t = 0.4 s, and begins at 0 m"):
+    with pytest.raises(InputError, match="the far wall was at .* m at t = 0.4 s, and begins at 0 m"):
         build_run(read_case(case, [begin, walls[0]]), MPI.COMM_SELF)
 
 
@@ -176,7 +176,7 @@ def test_another_run_begins_at_the_positions_of_both_walls(run, case):
         ),
         (
             ["tank.bed={type='formula',depth='1-0.1*x'}"],
-            "must be the bed's depth at the far wall, 0.6 m, to 1 %, or the bed of the tank's depth there",
+            "must be the bed's depth at the far wall, 0.6 m, to 1 %, or the bed must have the tank's depth",
         ),
         (["far_wall.motion={type='recorded',position='no.csv'}"], "far_wall.motion.position"),
     ],

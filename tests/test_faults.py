@@ -138,7 +138,7 @@ class Divides:
         if 10 in block.step and self.fails:
             raise {"mistake": ZeroDivisionError, "run": RunError, "exit": SystemExit}[sys.argv[3]]("failed")
 
-ending.ALIKE = recording.LATEST = 2.0
+ending.AGREEMENT_TIME = recording.DRAWING_TIME = 2.0
 run.LONGEST = 1
 wt.run(wt.read_case(sys.argv[1]), "run", observers=[Divides], quiet=True)
 """
@@ -179,7 +179,7 @@ def spoilt(parts: dict, out: Path, part: str) -> str:
     return str(error.value)
 
 
-CAUSE = "the state that the step began with holds what is no number, such as an observer"
+CAUSE = "the state at the beginning of the step is not finite, because of a user's observer"
 
 
 @pytest.mark.parametrize("part", ["q", "p"])
@@ -318,7 +318,7 @@ def test_step_too_long_for_a_moving_surface_is_named_with_a_step_that_runs(tmp_p
     case.write_text(toml(STANDING | {"numerics": VERLET}))
     assert main(["run", str(case), "--out", str(out)]) == 1
     run, log = RunDirectory(out), (out / "run.log").read_text()
-    cause = r"too long: dt omega_max = 1\.59 on still water, (\S+) where the surface moves, .*; try (0\.02\d) s\.$"
+    cause = r"too long: dt omega_max = 1\.59 on still water, (\S+) on the moving surface, .*; try (0\.02\d) s\.$"
     found = re.search(cause, run.manifest["cause"])
     assert 2.0 < float(found[1]) < 4.0
     last, broken = run.manifest["broke_down"], {name: one.values for name, one in run.broken().items()}
@@ -329,8 +329,9 @@ def test_step_too_long_for_a_moving_surface_is_named_with_a_step_that_runs(tmp_p
     apart, rise = (np.diff(broken[name]) for name in ("x", "elevation"))
     secants = np.abs(rise[apart > 0] / apart[apart > 0])  # never steeper than what lies between
     assert 0.3 * broken["slope"].max() < secants.max() <= broken["slope"].max()
-    assert f"the surface it broke down from, t = {last['t']:.6g} s: {out / 'broken.csv'}, {out / 'broken.png'}" in log
-    before = "; the one before, t = 0 s: --at 0"
+    files = f"{out / 'broken.csv'}, {out / 'broken.png'}"
+    assert f"last surface before the breakdown, t = {last['t']:.6g} s: {files}" in log
+    before = "; the previous one, t = 0 s: --at 0"
     assert f"the last good checkpoint, t = {last['t']:.6g} s: {out / 'checkpoint.zip'}{before}" in log
     assert f"next: wavetank resume {out} --set numerics.dt={found[2]}" in log
     assert_drawn(out / "broken.png")
@@ -359,7 +360,7 @@ def test_flap_that_leans_too_far_is_named_instead_of_steep_waves(tmp_path, capsy
     assert float(found[2]) == pytest.approx(lean, abs=2.0) and lean > 40.0
     assert run.manifest["t"] == pytest.approx(float(found[1]), abs=0.04)
     log = (tmp_path / "run" / "run.log").read_text()
-    assert "next: anew from the start" in log and "numerics.dt" not in log and "broken.csv" in log
+    assert "next: a new run from the start" in log and "numerics.dt" not in log and "broken.csv" in log
 
 
 def test_paddle_far_into_its_reach_is_named_instead_of_steep_waves(tmp_path):
@@ -368,8 +369,8 @@ def test_paddle_far_into_its_reach_is_named_instead_of_steep_waves(tmp_path):
     wall = {"type": "piston", "reach": 2.0, "motion": motion}
     parts = {"tank": {"length": 6.0, "depth": 0.5}, "wall": wall, "run": {"duration": 3.2}}
     case = Case.model_validate({**parts, "numerics": {"cells": 24, "vertical_order": 4, "dt": 0.05}})
-    cause = r": the paddle stands 1\.\d* m in the water, and its mapping over 2 m leaves cells 0\.\d* of their width: "
-    with pytest.raises(RunError, match=rf"{cause}.* is too long .*; try (\S*) s, or more of wall\.reach\.$") as error:
+    cause = r": the paddle is 1\.\d* m inside the water, and its mapping over 2 m reduces cells to 0\.\d* of their w"
+    with pytest.raises(RunError, match=rf"{cause}.* is too long .*; try (\S*) s, or a larger wall\.reach\.$") as error:
         record(case, tmp_path / "run")
     step, log = re.search(r"try (\S+) s", str(error.value))[1], (tmp_path / "run" / "run.log").read_text()
     assert float(step) <= float(re.search(r"numerics\.dt = (\S+) s is stable", log)[1])

@@ -217,8 +217,8 @@ def test_elevation_over_a_place_is_that_of_the_point_mapped_to_it():
 ANGLE = {"motion_as": "angle"}
 BED = {"tank": {"length": 6.0, "depth": 1.0, "bed": {"type": "formula", "depth": "1 - 0.1*max(0, x - 2.9)"}}}
 REACH = "wall.reach = 4.0: must be at most 3 m, and more than 0.2 m for this motion: the bed must be of the tank's "
-REACH += "depth, to 1e-09 of it, within the reach of a paddle that leans"
-SHORTER = "6 m by default, and is so for 3 m: its reach must be at most 3 m, and more than 0.2 m"
+REACH += "depth, to 1e-09 of it, within the reach of a flap"
+SHORTER = "6 m by default; the bed is flat for 3 m: its reach must be at most 3 m, and more than 0.2 m"
 
 
 @pytest.mark.parametrize(

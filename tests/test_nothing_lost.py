@@ -104,7 +104,7 @@ numerics = {cells = 8, vertical_order = 4}
         (CYLINDER, "case.toml, line 2: gauges.1: the point x = 2 m, y = 1 m is outside the tank."),
         (
             LOW,
-            "case.toml, line 3: initial: its surface lies down to 0.25 m below the bed; must be above it everywhere.",
+            "case.toml, line 3: initial: its surface is up to 0.25 m below the bed; must be above the bed everywhere.",
         ),
     ],
     ids=["gauge in the cylinder", "surface below the bed"],
@@ -255,8 +255,8 @@ def test_full_disk_has_room_for_the_cause_and_the_last_checkpoint(tmp_path):
     last, useless = read_checkpoint(out)
     assert rows.size > 50 and not useless and not last.about["whole"] and last.about["t"] >= rows[-1] - 65 * 0.02
     assert not any("checkpoint.zip: cannot be written" in str(one) for one in warnings)
-    assert "could not all be drawn" in done.stdout
-    assert "next: wavetank resume disk/run, once it can be written there again\n" in done.stdout
+    assert "not all figures in disk/run could be" in done.stdout
+    assert "next: wavetank resume disk/run, once the directory can be written\n" in done.stdout
     assert not list(out.glob(".*"))
 
 
@@ -314,7 +314,7 @@ def test_error_of_drawing_is_a_message(tmp_path, monkeypatch, capsys):
 
     monkeypatch.setattr("wavetank.plots.figures.draw_run", full)
     assert main(["run", CASE, *SHORT, "--out", str(tmp_path / "run")]) == 0
-    assert "could not all be drawn: No space left on device" in capsys.readouterr().out
+    assert "could be drawn: No space left on device" in capsys.readouterr().out
     assert RunDirectory(tmp_path / "run").status == "finished"
 
 
@@ -349,7 +349,7 @@ def test_run_continues_whatever_happens_to_its_output(tmp_path, output):
     assert RunDirectory(out).status == "finished"
     assert main(["resume", str(out), "--no-plots", "--extend", "0.02"]) == main(["status", str(out)]) == 0
     log = (out / LOG).read_text()
-    assert "490 unknowns" in log and "iterations a step" in log and log.endswith("finished\n")
+    assert "490 unknowns" in log and "iterations per step" in log and log.endswith("finished\n")
 
 
 @pytest.mark.parametrize(

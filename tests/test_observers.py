@@ -193,7 +193,7 @@ def test_paddle_that_reaches_a_gauge_ends_its_record_before(make_tank):
     times = [0.1 * step for step in range(25)]
     reached = next(t for t in times if tank.wall.paddles[0].motion.position(t) > 0.2)
     assert tank.wall.paddles[0].motion.position(times[-1]) < 0.0
-    message = rf"^t = {reached:.6g} s: the paddle of wall has reached gauges.1, x = 0.2 m: it must stand farther"
+    message = rf"^t = {reached:.6g} s: the paddle of wall has reached gauges.1, x = 0.2 m: its distance from the wall"
     with pytest.raises(PaddleError, match=message) as error:
         gauges.record(surfaces(tank, times, lambda t: 0.01 * np.cos(tank.plane.x)))
     assert [row[0] for row in rows.rows] == times[: times.index(reached)] != [] and error.value.t == reached
@@ -306,7 +306,7 @@ def test_balance_that_is_off_by_energy_given_is_not_cured_by_a_shorter_step(othe
     budget = budget_of(sink("the beach", gives="it is none"), sink(), taken=taken, water=Steady(lambda t: 0.0))
     given, off = sorted(budget.warnings(), key=lambda one: one.code == "energy-balance")
     assert budget.warnings() == ([off, given] if cured else [given, off])
-    reason = "a shorter step or a tighter tolerance is needed" if cured else "see first to what the beach has given"
+    reason = "a shorter step or a tighter tolerance is needed" if cured else "remove first the gain by the beach"
     assert off.details["reason"] == reason
     budget.cause = "a wave breaks"
     assert any(one.details.get("reason") == "a wave breaks" for one in budget.warnings()) == cured
@@ -605,7 +605,7 @@ def test_end_before_the_duration_is_printed(tmp_path, numerics, end):
 
 def test_step_longer_than_the_record_is_refused(tmp_path):
     scene = read_case(recorded_motion(tmp_path, dt=11.0, integrator="gauss-legendre-4"))
-    with pytest.raises(InputError, match=r"a step of 11 s: must be at most 10 s, where the recorded motion ends"):
+    with pytest.raises(InputError, match=r"a step of 11 s: must be at most 10 s, the end of the recorded motion"):
         build_run(scene, MPI.COMM_SELF)
 
 

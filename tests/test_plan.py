@@ -471,7 +471,7 @@ def test_printed_energy_is_the_computed_one():
     assert describe_energy(build_case(tank))[2:] == none
     assert describe_energy(build_case(tank, far_wall=piston(1.4, 0.05)))[2].startswith("far wall = ∫ ψ")
     both = describe_energy(build_case(tank, wall=piston(1.4, 0.05), far_wall=piston(1.4, 0.05)))
-    assert both[3] == "far wall = the same at the far paddle" and both[5].startswith("X_p: of each paddle its own")
+    assert both[3] == "far wall = the same at the far paddle" and both[5].startswith("X_p: displacement of each paddle")
 
 
 def test_run_uses_the_plan_of_its_accuracy(tmp_path):

@@ -95,16 +95,16 @@ class Watch:
 @pytest.mark.parametrize(
     ("own", "sentence"),
     [
-        ({"case": "case.toml"}, "case = 'case.toml': a str received; needed is what wt.read_case returns."),
-        ({"integrator": "stormer-verlet"}, "integrator = 'stormer-verlet': a name received; needed is a scheme"),
-        ({"integrator": Euler}, "integrator = Euler: a class received; needed is one of its objects, such as Euler()."),
+        ({"case": "case.toml"}, "case = 'case.toml': a str received; must be a result of wt.read_case."),
+        ({"integrator": "stormer-verlet"}, "integrator = 'stormer-verlet': a name received; must be an integrator"),
+        ({"integrator": Euler}, "integrator = Euler: a class received; must be an object, such as Euler()."),
         ({"integrator": Euler()}, "integrator: Euler has no order, stability_limit, frequency_error, nodes,"),
         (
             {"integrator": Pairs()},
             "integrator: what stormer-verlet.start returns has no q, p, evaluations, evaluated, q_jump, mapped;",
         ),
         ({"observers": Watch}, "observers = Watch: must be a list of functions of the waves, such as classes."),
-        ({"observers": [Watch(None)]}, "observers[0]: a Watch received; needed is a function of the waves that"),
+        ({"observers": [Watch(None)]}, "observers[0]: a Watch received; must be a function of the waves"),
         ({"observers": [Watch]}, "observers[0]: what Watch returns has no schedule; needed are schedule, record"),
     ],
 )
@@ -131,14 +131,14 @@ def test_observer_that_cannot_be_made_is_named_before_anything_is_written(page):
 
 
 def test_run_may_be_quiet_and_replaces_another_with_overwrite_only(page, capfd):
-    case = wt.read_case("case.toml", ["run.duration=0.1"], trust=True)
+    scene = wt.read_case("case.toml", ["run.duration=0.1"], trust=True)
     capfd.readouterr()
-    run = wt.run(case, "run", quiet=True)
+    run = wt.run(scene, "run", quiet=True)
     assert "".join(capfd.readouterr()) == "" and "16 cells" in (run.path / "run.log").read_text()
     assert run.energy.paddle_work.attrs["long_name"] == "paddle work"
     with pytest.raises(InputError, match="run: holds a run already"):
-        wt.run(case, "run")
-    assert wt.run(case, "run", overwrite=True).gauges.sizes == wt.open_run("run").gauges.sizes
+        wt.run(scene, "run")
+    assert wt.run(scene, "run", overwrite=True).gauges.sizes == wt.open_run("run").gauges.sizes
 
 
 @pytest.mark.parametrize(

@@ -479,24 +479,24 @@ def test_last_lines_agree_with_the_records_on_any_number_of_ranks(recorded_on_ra
         assert cost.startswith("cost: ") and f" CPU s on {ranks}, 20 steps, " in cost
         further = f"next: wavetank view {run.path}; wavetank compare {run.path} --with DATA"
         assert lines == [f"records: {run.path}", further, "finished"]
-        slower = "\na slice or ring wants one rank, whose solves are compiled: 3 take many times as long\n"
+        slower = "\na slice or ring is fastest on one rank, with compiled solves: 3 take many times as long\n"
         assert (slower in log) is (run is together)
 
 
 BROKEN = {"t": 9.9, "checkpoints": [9.0, 6.0], "broke_down": {"crests": []}}
 DAMPED = SPENT["case"] | {"run": SPENT["case"]["run"] | {"on_breaking": "dissipate"}}
 FAST = {"checkpoints": [], "broke_down": {"crests": [{"speed_ratio": 0.9}]}}
-ANEW = "anew from the start"
+ANEW = "a new run from the start"
 ENDED = [  # what differs from a finished run, since when it is untrue [s], what to do next
     ({"t": 4.0}, None, "wavetank resume {}"),
-    ({"t": 4.0, "anew": True}, None, f"{ANEW}, as the case has to be another"),
-    ({"t": 4.0, "unwritten": True}, None, "wavetank resume {}, once it can be written there again"),
+    ({"t": 4.0, "anew": True}, None, f"{ANEW}: the case must be changed"),
+    ({"t": 4.0, "unwritten": True}, None, "wavetank resume {}, once the directory can be written"),
     ({"t": 4.0, "checkpoints": []}, None, f"{ANEW}: there is no checkpoint"),
     (BROKEN, None, "wavetank resume {} --set numerics.dt=0.05"),
     (BROKEN, 9.2, "wavetank resume {} --set numerics.dt=0.05"),
     (BROKEN, 8.5, "wavetank resume {} --at 6 --set numerics.dt=0.05"),
     (BROKEN, 5.0, f"{ANEW} with --set numerics.dt=0.05: no"),
-    (BROKEN | {"anew": True}, None, f"{ANEW}, as the case has to be another"),
+    (BROKEN | {"anew": True}, None, f"{ANEW}: the case must be changed"),
     (BROKEN | {"checkpoints": [], "cure": "numerics.tolerance=1e-05"}, None, f"{ANEW} with --set numerics.tolerance"),
     (FAST, None, f"{ANEW} with --set run.on_breaking=dissipate: there is no checkpoint"),
     (FAST | {"cure": "numerics.dt=0.03"}, None, f"{ANEW} with --set run.on_breaking=dissipate --set numerics.dt=0.03"),

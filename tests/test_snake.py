@@ -237,7 +237,7 @@ def test_far_segments_are_recorded_and_resumed(far, tmp_path):
     recorded(far, ("run.duration=0.4",), tmp_path / "whole")
     recorded(far, (), tmp_path / "parts")
     begin = f"initial={{type='run',directory='{tmp_path / 'parts'}'}}"
-    with pytest.raises(InputError, match=r"the far wall stood at -0\.0\d+ m when t = 0\.2 s, and begins at 0 m"):
+    with pytest.raises(InputError, match=r"the far wall was at -0\.0\d+ m at t = 0\.2 s, and begins at 0 m"):
         build_run(read_case(far, [begin, "far_wall.segment=0.4"]), MPI.COMM_SELF)
     assert main(["resume", str(tmp_path / "parts"), "--extend", "0.2"]) == 0
     for name in ("gauges", "energy", "far-paddle"):

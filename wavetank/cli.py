@@ -1,4 +1,4 @@
-"""The command line. Exit codes: 0 done; 1 the run failed; 2 the input is wrong."""
+"""The command line. Exit codes: 0 success; 1 the run failed; 2 the input is invalid."""
 
 import inspect
 import json
@@ -35,7 +35,7 @@ Trust = Annotated[bool, typer.Option("--trust", help="execute the Python files t
 
 
 def may_execute(command: Callable[..., None]) -> Callable[..., None]:
-    """Return a command with the option ``--trust``, without which it executes no Python file."""
+    """Return a command with the option ``--trust``; without this option it executes no Python file."""
 
     @wraps(command)
     def trusted(*, trust: bool = False, **options: Any) -> None:
@@ -61,10 +61,10 @@ INSTALL = (
 )
 SOLVER = {"mpi4py", "petsc4py", "dolfinx", "ufl", "basix", "ffcx", "cffi", "gmsh"}  # not installed by pip
 INTERRUPTED = 130  # exit code of typer after Ctrl-C before or after the steps of a run
-LAST_RANK = 60.0  # s within which all ranks must end
-OVERWRITE = "replace what an earlier command has written there"
+LAST_RANK = 60.0  # time within which all ranks must arrive at the exit [s]
+OVERWRITE = "replace the files that an earlier command wrote there"
 Plots = Annotated[bool, typer.Option(help="draw the standard plots at the end")]
-Yes = Annotated[bool, typer.Option("--yes", help="even if it takes days, or more memory than there is")]
+Yes = Annotated[bool, typer.Option("--yes", help="accept a run of days, or one that needs more memory than available")]
 app = typer.Typer(
     help=HELP,
     epilog=example("run cases/focusing.toml"),
@@ -78,7 +78,7 @@ data_app = typer.Typer(
     no_args_is_help=True,
 )
 verify_app = typer.Typer(
-    help="Recompute what the literature says of the method.", epilog=example("verify sponge"), no_args_is_help=True
+    help="Recompute results of the literature on the method.", epilog=example("verify sponge"), no_args_is_help=True
 )
 
 
@@ -98,10 +98,10 @@ def options(
 
 
 def new(
-    name: Annotated[str, typer.Argument(help="name of the case: NAME.toml is written, never over another")],
-    kind: Annotated[str, typer.Option(metavar="|".join(KINDS), help="what it is to begin with")] = KINDS[0],
+    name: Annotated[str, typer.Argument(help="name of the case; NAME.toml must not exist")],
+    kind: Annotated[str, typer.Option(metavar="|".join(KINDS), help="kind of experiment")] = KINDS[0],
 ) -> None:
-    """Write a new case to begin with, one that runs in seconds."""
+    """Write a new case as a starting point; it runs in seconds."""
     path = on_first(MPI.COMM_WORLD, lambda: write_case(name, kind))
     console().print(f"wrote {path}; now: wavetank run {shlex.quote(str(path))}", highlight=False)
 
@@ -109,25 +109,25 @@ def new(
 @may_execute
 def run(
     case_file: Annotated[
-        Path | None, typer.Argument(help="case file (TOML); without one, the cases at hand are listed", metavar="CASE")
+        Path | None, typer.Argument(help="case file (TOML); default: list the available cases", metavar="CASE")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="run directory; default runs/ and the case's name, numbered where taken")
+        Path | None, typer.Option(help="run directory; default runs/ and the case's name, with a number if it exists")
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help=OVERWRITE)] = False,
     overrides: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="change the case")] = None,
     plots: Plots = True,
     yes: Yes = False,
     resume: Annotated[
-        bool, typer.Option("--resume", help="go on with the run that is there, from its last checkpoint")
+        bool, typer.Option("--resume", help="resume the run in the directory from its last checkpoint")
     ] = False,
 ) -> None:
     """Run a case; also under mpirun."""
     if case_file is None:
         _list_cases()
-        raise typer.Exit(2)  # nothing has been run
+        raise typer.Exit(2)  # no run
     if resume and overwrite:
-        raise InputError("--resume and --overwrite: give one of them; a run goes on, or is replaced.")
+        raise InputError("--resume and --overwrite exclude each other: a run is resumed or replaced.")
     from wavetank.case.reading import located, read_case
 
     case = read_case(case_file, overrides or [])
@@ -142,21 +142,21 @@ def run(
 @may_execute
 def resume(
     directory: Annotated[
-        Path, typer.Argument(help="run directory; the case is kept there", metavar="RUN", readable=False)
+        Path, typer.Argument(help="run directory, which contains the case", metavar="RUN", readable=False)
     ],
     overrides: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="with other numerics, or more records")
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="change numerics or records")
     ] = None,
     extend: Annotated[
-        float | None, typer.Option(metavar="SECONDS", help="so much longer than it was to be, also when finished")
+        float | None, typer.Option(metavar="SECONDS", help="additional duration, also of a finished run")
     ] = None,
     at: Annotated[
-        float | None, typer.Option(metavar="SECONDS", help="from the checkpoint of this t, of the two that are kept")
+        float | None, typer.Option(metavar="SECONDS", help="time of the checkpoint, one of the two in the directory")
     ] = None,
     plots: Plots = True,
     yes: Yes = False,
 ) -> None:
-    """Go on with a run from its last checkpoint, or the one before."""
+    """Resume a run from its last checkpoint, or from the one before."""
     from wavetank.recording import resume_run
 
     options = {"draw": _draw if plots else None, "accept_cost": yes}
@@ -165,7 +165,7 @@ def resume(
 
 def _list_cases() -> None:
     terminal = console()
-    terminal.print("wavetank run CASE, of which these are at hand (wavetank new begins another):", highlight=False)
+    terminal.print("Usage: wavetank run CASE. Available cases (wavetank new writes a new one):", highlight=False)
     for path, title in cases_at_hand():
         terminal.print(f"  {path!s:30}  {title}", highlight=False)
 
@@ -178,10 +178,10 @@ def _draw(directory: RunDirectory) -> list[Path]:
 
 def schema(
     reference: Annotated[
-        bool, typer.Option("--reference", help="as a page to read instead: docs/reference.md")
+        bool, typer.Option("--reference", help="print the reference page docs/reference.md instead")
     ] = False,
 ) -> None:
-    """Print the JSON schema of cases, by which editors complete them."""
+    """Print the JSON schema of cases, for completion in editors."""
     from wavetank.case import reference as page
     from wavetank.case import schema as rules
 
@@ -191,7 +191,7 @@ def schema(
 
 @data_app.command("list", epilog=example("data list"))
 def list_data() -> None:
-    """List the data that are known: where they are, whose, on what terms."""
+    """List the known data sets: location, source, licence."""
     terminal = console()
     for name in data.names():
         terminal.print(data.summary(name), highlight=False)
@@ -205,16 +205,16 @@ def fetch(name: Annotated[str, typer.Argument(help="name of the data set", metav
 
 
 CHECKOUT = Path(__file__).resolve().parents[1]
-VERIFICATIONS = {  # name, a module of ``examples.paper`` that writes tables and pictures: its help
+VERIFICATIONS = {  # module of ``examples.paper`` that writes tables and figures: its help
     "integrators": "Recompute every table and figure on the integrators.",
     "extremes": "Measure growing modes, steepness, breaking; two hours.",
     "sponge": "Measure what a sponge reflects; two minutes.",
     "second_order": "Measure the free waves that a paddle makes; minutes.",
-    "measured_flap": "Follow the waves of a measured flap; minutes.",
-    "focused_group": "Hold a focused group against theory to third order.",
-    "cylinder": "Hold run-up around a cylinder against McCamy and Fuchs.",
-    "directional_focus": "Hold waves from many directions against linear theory.",
-    "layouts": "Draw the recipes of basins' layouts; some seconds.",
+    "measured_flap": "Compare the waves of a measured flap; minutes.",
+    "focused_group": "Compare a focused group with third-order theory.",
+    "cylinder": "Compare run-up on a cylinder with McCamy and Fuchs.",
+    "directional_focus": "Compare directional waves with linear theory.",
+    "layouts": "Draw the layouts of basins; seconds.",
 }
 
 
@@ -223,13 +223,13 @@ def _add_verification(name: str, meaning: str) -> None:
 
     def verify(
         out: Annotated[
-            Path | None, typer.Option(help=f"folder for tables, pictures; default runs/{shown}, numbered where taken")
+            Path | None, typer.Option(help=f"output folder; default runs/{shown}, with a number if it exists")
         ] = None,
         overwrite: Annotated[bool, typer.Option("--overwrite", help=OVERWRITE)] = False,
     ) -> None:
         if not (CHECKOUT / "examples" / "paper").is_dir():
             raise InputError("verify needs a checkout of the project: examples/paper is not installed.")
-        sys.path.insert(0, str(CHECKOUT))  # before the current directory, which may have examples of others
+        sys.path.insert(0, str(CHECKOUT))  # before the current directory, which may contain another ``examples``
         module: Any = import_module(f"examples.paper.{name}")
         report: Any = import_module("examples.paper.report")
         place = OutputPath.of(out, Path("runs") / shown, overwrite=overwrite)
@@ -238,7 +238,7 @@ def _add_verification(name: str, meaning: str) -> None:
     verify_app.command(shown, help=meaning, epilog=example(f"verify {shown} --out runs/{shown}"))(verify)
 
 
-COMMANDS: dict[Callable[..., None], str] = {  # in the order of use, with an example each
+COMMANDS: dict[Callable[..., None], str] = {  # in the order of use, each with an example
     new: "new waves --kind focus",
     may_execute(plan): "plan cases/wavemaker.toml --accuracy 0.01",
     may_execute(motion): "motion cases/focusing.toml --rate 200",
@@ -262,7 +262,7 @@ app.add_typer(verify_app, name="verify")
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; return its exit code."""
-    os.environ.setdefault("PETSC_OPTIONS", "-no_signal_handler")  # a closed pipe or Ctrl-C is Python's to report
+    os.environ.setdefault("PETSC_OPTIONS", "-no_signal_handler")  # Python reports a closed pipe and Ctrl-C
     given, ranks = sys.argv[1:] if arguments is None else arguments, _ranks()
     sys.argv = [word.encode(errors="backslashreplace").decode() for word in sys.argv]  # dolfinx reads them as UTF-8
     try:
@@ -272,7 +272,7 @@ def main(arguments: list[str] | None = None) -> int:
             return int(stop.code or 0)
         _print_error("interrupted by SIGINT")
         if ranks.size > 1:
-            ranks.Abort(1)  # the others may be anywhere
+            ranks.Abort(1)  # the others may be at any point of the program
         return 1
     except Exception as error:
         explanation = None if "--debug" in given else _explanation(error)
@@ -285,13 +285,13 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _explanation(error: Exception) -> tuple[str, int] | None:
-    """Return the message and the exit code of an error; None for a mistake of the program."""
+    """Return the message and the exit code of an error; None for a defect of the program."""
     if isinstance(error, WavetankError):
         return str(error), error.exit_code
     if isinstance(error, ModuleNotFoundError) and (missing := (error.name or "").partition(".")[0]) in SOLVER:
         return f"{missing} is not installed; {INSTALL}", 2
     if isinstance(error, MemoryError):
-        return "there is not enough memory for this; a smaller case is needed, or a larger machine.", 1
+        return "not enough memory; a smaller case or a larger machine is needed.", 1
     if isinstance(error, OSError):  # such as a full disk or a deleted folder
         return f"{error.filename or 'a file'}: {error.strerror or error}.", 1
     return None
@@ -299,14 +299,14 @@ def _explanation(error: Exception) -> tuple[str, int] | None:
 
 @cache
 def _ranks() -> MPI.Comm:
-    """Return all ranks, to wait for at the end; what they still say to each other elsewhere is not mixed with that."""
+    """Return a communicator of all ranks for the exchange at exit, separate from messages elsewhere."""
     return MPI.COMM_WORLD.Dup()
 
 
 def _report(message: str, code: int, ranks: MPI.Comm) -> int:
-    """Print why all ranks end, and wait for the first: mpirun kills the others as soon as one has ended so.
+    """Print the error, and wait for all ranks: mpirun kills the others as soon as one rank exits with an error.
 
-    Where the others do not come it is this rank alone that ends: it says so itself, and ends them.
+    If the others do not arrive in time, this rank prints its own message and aborts all ranks.
     """
     if ranks.rank == 0:
         _print_error(message)
@@ -318,12 +318,12 @@ def _report(message: str, code: int, ranks: MPI.Comm) -> int:
 
 
 def _print_error(message: str) -> None:
-    with suppress(OSError):  # nobody may read it
+    with suppress(OSError):  # stderr may be closed
         print(f"wavetank: {printable(message)}", file=sys.stderr, flush=True)
 
 
 def _abort(error: BaseException) -> None:
-    """End all ranks at once: the others would wait for one that has failed."""
+    """Abort all ranks if there are several: the others would wait for the one that failed."""
     if MPI.COMM_WORLD.size > 1:
         traceback.print_exception(error)
         MPI.COMM_WORLD.Abort(1)

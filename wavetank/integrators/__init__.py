@@ -1,6 +1,6 @@
-"""Time integrators from a discontinuous-in-time variational principle, one method a file.
+"""Time integrators from a discontinuous-in-time variational principle, one scheme per file.
 
-``INTEGRATORS`` are those that a case can name; ``wavetank/base/schemes.py`` registers them.
+``INTEGRATORS`` are the schemes that a case can name; ``wavetank/base/schemes.py`` registers them.
 ``examples/paper`` has further schemes for comparison.
 """
 
@@ -18,12 +18,12 @@ from wavetank.integrators.wrappers import Damped, Damping, Filtered, damped
 
 NEEDED = (
     *("name", "order", "stability_limit", "frequency_error", "nodes", "start", "step"),
-    *("solvable", "costs"),  # by plans
+    *("solvable", "costs"),  # required by plans
 )
 
 
 def registered(schemes: Mapping[str, type[Any]]) -> dict[str, type[Any]]:
-    """Return integrators by their names in a case; raises ``TypeError`` if one lacks what a case needs of it."""
+    """Return the integrators by their names in a case; raises ``TypeError`` if one lacks a required attribute."""
     for name, scheme in schemes.items():
         if missing := [one for one in NEEDED if not hasattr(scheme, one)]:
             raise TypeError(f"{scheme.__name__} has no {', '.join(missing)}; a case needs them (docs/extend.md).")

@@ -1,12 +1,12 @@
-"""The contract of a Hamiltonian system, of the states of a scheme, and of a time integrator.
+"""The interfaces of a Hamiltonian system, of the states of a scheme, and of a time integrator.
 
 A system has coordinates q and momenta p with
 
     dq/dt = H_p(q, p, t),        dp/dt = -H_q(q, p, t).
 
-An oscillator of the paper and the whole wave tank look the same to an integrator. Vectors are numpy arrays of the
-values this rank owns (shape (1,) for an oscillator), so that an integrator's arithmetic is written as in the paper
-and costs nothing; whatever couples the ranks (norms, ghosts, solves) happens inside the system.
+An integrator treats an oscillator of the paper and a complete wave tank alike. Vectors are numpy arrays of the values
+that this rank owns (shape (1,) for an oscillator). The arithmetic of an integrator is therefore written as in the
+paper, without communication. Operations that couple the ranks (norms, ghosts, solves) are inside the system.
 """
 
 from abc import ABC, abstractmethod
@@ -26,12 +26,12 @@ as it is, so that q = c + a H_p(q, p) for a given p has the weights (a, 0)."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evaluation:
-    """A Hamiltonian system at (q, p, t): its derivatives and its energy.
+    """The evaluation of a Hamiltonian system at (q, p, t): its derivatives and its energy.
 
     Attributes
     ----------
     t
-        The time [s].
+        Time [s].
     z
         Coordinates and momenta [q, p], shape (2, n).
     flow
@@ -47,13 +47,13 @@ class Evaluation:
 
     @property
     def q(self) -> Vector:
-        """The coordinates, shape (n,)."""
+        """Coordinates, shape (n,)."""
         q: Vector = self.z[0]
         return q
 
     @property
     def p(self) -> Vector:
-        """The momenta, shape (n,)."""
+        """Momenta, shape (n,)."""
         p: Vector = self.z[1]
         return p
 
@@ -71,19 +71,19 @@ class Evaluation:
 
 
 class HamiltonianSystem(Protocol):
-    """What an integrator may ask of a system. All methods are collective."""
+    """A Hamiltonian system, as integrators use it. All methods are collective."""
 
     @property
     def evaluation_type(self) -> type[Any]:
-        """The class of its evaluations."""
+        """Class of the evaluations."""
 
     def evaluate(self, q: Vector, p: Vector, t: float, guess: Any = None) -> Any:
-        """Return the ``Evaluation`` at a point; ``guess`` is one near it, which affects cost and round-off only."""
+        """Return the ``Evaluation`` at a point; ``guess`` is a nearby one, which affects cost and round-off only."""
 
     def solve_stage(self, name: str, c: Vector, a: Weights, t: float, guess: Any = None) -> Vector:
-        """Return z = c + a f(z, t), shape (2, n), of a scheme's stage of that name.
+        """Return the solution z = c + a f(z, t), shape (2, n), of a scheme's stage, identified by its name.
 
-        ``guess`` is an evaluation near z, if there is one. Raises ``ConvergenceError`` naming time, stage and residual.
+        ``guess`` is an evaluation near z, or None. Raises ``ConvergenceError`` with time, stage and residual.
         """
 
     def solve_stages(
@@ -91,16 +91,16 @@ class HamiltonianSystem(Protocol):
     ) -> Vector:
         """Return the coupled stages z_i = c + s_i sum_j a_ij f(z_j, t_j) / s_j, shape (stages, 2, n).
 
-        ``a`` has the coefficients of the coordinates and those of the momenta [s], shape (2, stages, stages), and
-        ``scale`` s, broadcastable to the shape of the result.
+        ``a`` contains the coefficients of the coordinates and those of the momenta [s], shape (2, stages, stages);
+        ``scale`` is s, broadcastable to the shape of the result.
         """
 
     def inner(self, a: Vector, b: Vector) -> float:
-        """Return the sum of a b over the unknowns of all ranks: what H changes by along b, a being its derivative."""
+        """Return the sum of a b over the unknowns of all ranks: with the derivative a, the change of H along b."""
 
 
 def energy_change(system: HamiltonianSystem, at: Evaluation, dz: Vector) -> float:
-    """Return dH/dz dz at an evaluation, for a change of coordinates and momenta dz, shape (2, n); collective."""
+    """Return dH/dz dz at an evaluation, for a change dz of coordinates and momenta, shape (2, n); collective."""
     dq, dp = dz
     return system.inner(at.dq, dp) - system.inner(at.dp, dq)
 
@@ -123,14 +123,14 @@ Map = Callable[[Vector], Vector]
 
 @dataclass(frozen=True, eq=False)
 class State(ABC):
-    """A scheme's state at the end of a step; a class of its own has the coordinates q and the momenta p it reports.
+    """The state of a scheme at the end of a step; derived classes have the reported coordinates q and momenta p.
 
     Attributes
     ----------
     evaluation
-        Of the system where the next step begins; None until it is asked for.
+        Evaluation at which the next step begins; None before the first request.
     end
-        The evaluation where the step has ended, before filters; None if that is where the next one begins.
+        Evaluation at the end of the step, before filters; None if it is the one at which the next step begins.
     """
 
     evaluation: Any = field(default=None, kw_only=True)
@@ -148,7 +148,7 @@ class State(ABC):
 
     @property
     def evaluations(self) -> tuple[Any, ...]:
-        """The evaluations of which (q, p) is the mean: where the step has ended, and where the next one begins."""
+        """The evaluations whose mean is (q, p): at the end of the step, and at the beginning of the next one."""
         return (self.evaluation,) if self.end is None else (self.end, self.evaluation)
 
     def evaluated(self, system: HamiltonianSystem, t: float) -> Self:
@@ -160,12 +160,12 @@ class State(ABC):
 
     @property
     def next_point(self) -> Vector:
-        """Coordinates and momenta where the next step begins, shape (2, n)."""
+        """Coordinates and momenta at which the next step begins, shape (2, n)."""
         return np.array([self.q, self.p])
 
     @property
     def q_jump(self) -> Vector | None:
-        """The jump of the coordinates at the state's time; None of a scheme that lets them have none."""
+        """Jump of the coordinates at the time of the state; None for a scheme without jumps."""
         return None
 
     @abstractmethod
@@ -190,7 +190,7 @@ class Point(State):
 
 @dataclass(frozen=True, eq=False)
 class Traces(State):
-    """The traces of q and p before and after the jump at t; the result of a step is the plus trace."""
+    """The traces of q and p before and after the jump at t; the reported values are the plus trace."""
 
     q_minus: Vector
     q_plus: Vector
@@ -199,17 +199,17 @@ class Traces(State):
 
     @property
     def q(self) -> Vector:
-        """The coordinates the scheme reports."""
+        """Reported coordinates."""
         return self.q_plus
 
     @property
     def p(self) -> Vector:
-        """The momenta the scheme reports."""
+        """Reported momenta."""
         return self.p_plus
 
     @property
     def q_jump(self) -> Vector:
-        """The jump of the coordinates."""
+        """Jump of the coordinates."""
         return self.q_plus - self.q_minus
 
     def mapped(self, of: Map) -> Self:
@@ -225,12 +225,12 @@ def vectors(state: Any) -> dict[str, Vector]:
 
 
 def rows(state: Any) -> Vector:
-    """Return the vectors that a state consists of, one below the other, shape (m, n)."""
+    """Return the vectors of a state as rows, shape (m, n)."""
     return np.concatenate([part.reshape(-1, part.shape[-1]) for part in vectors(state).values()])
 
 
 def like(state: Any, rows: NDArray[Any]) -> Any:
-    """Return a state of that kind of other vectors, shape (m, ...), which ``rows`` would return."""
+    """Return a state of the same class with other vectors, shape (m, ...), in the order of ``rows``."""
     parts, start = dict[str, Any](), 0
     for name, vector in vectors(state).items():
         count = vector.size // vector.shape[-1]
@@ -241,14 +241,14 @@ def like(state: Any, rows: NDArray[Any]) -> Any:
 
 # ------------------------------------------------------------------------------------------ integrators
 class StepCosts(NamedTuple):
-    """What a step costs, measured on one machine by ``python -m benchmarks --only costs`` (``planning/cost.py``).
+    """Costs of a step, measured on one machine by ``python -m benchmarks --only costs`` (``planning/cost.py``).
 
     Attributes
     ----------
     products
-        dt omega_max of the steps that are timed.
+        dt omega_max of the measured steps.
     linear, nonlinear, driven
-        Constants (a, b, c, a', b', c') [s] of the kinds of waves.
+        Constants (a, b, c, a', b', c') [s] for each kind of waves.
     """
 
     products: tuple[float, ...]
@@ -258,11 +258,11 @@ class StepCosts(NamedTuple):
 
 
 class Integrator(Protocol[S]):
-    """One step of size dt from time t; knows nothing of finite elements."""
+    """A time integrator: one step of size dt from time t, independent of finite elements."""
 
     @property
     def name(self) -> str:
-        """The name in a case file."""
+        """Name in a case file."""
 
     @property
     def order(self) -> int:
@@ -270,15 +270,15 @@ class Integrator(Protocol[S]):
 
     @property
     def stability_limit(self) -> float:
-        """Largest omega dt on the oscillator for which the scheme is stable."""
+        """Largest omega dt for which the scheme is stable on the oscillator."""
 
     @property
     def frequency_error(self) -> tuple[float, int]:
-        """The pair (c, m) with relative frequency error of size c (omega dt)^m to leading order."""
+        """The pair (c, m): the relative frequency error is c (omega dt)^m to leading order."""
 
     @property
     def nodes(self) -> tuple[float, ...]:
-        """The times (t - t_n) / dt at which H is evaluated, as in the scheme's quadrature rule."""
+        """Times (t - t_n) / dt at which H is evaluated, the nodes of the scheme's quadrature rule."""
 
     def start(self, q: Vector, p: Vector) -> S:
         """Return the state of a smooth start, without jumps."""
@@ -288,12 +288,12 @@ class Integrator(Protocol[S]):
 
 
 class CaseIntegrator(Integrator[S], Protocol[S]):
-    """An integrator that a case can name: plans need more of it."""
+    """An integrator that a case can name, with the data that plans need."""
 
     @property
     def solvable(self) -> float:
-        """Largest dt omega_max at which the iteration of its implicit stages converges; inf of an explicit scheme."""
+        """Largest dt omega_max for which the iteration of the implicit stages converges; inf for an explicit scheme."""
 
     @property
     def costs(self) -> StepCosts:
-        """What a step costs."""
+        """Costs of a step."""

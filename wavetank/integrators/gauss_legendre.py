@@ -20,10 +20,10 @@ INVERSE = np.linalg.inv(A)
 
 @dataclass(frozen=True)
 class GaussLegendre4:
-    """Fourth order, symplectic, reversible, stable for every omega dt.
+    """Gauss-Legendre scheme: fourth order, symplectic, reversible, stable for every omega dt.
 
-    Cost of a step: one implicit stage of two pairs, stacked as [q_1, p_1, q_2, p_2]; each evaluation of it is two
-    of the derivatives.
+    Cost of a step: one implicit stage of two pairs, stacked as [q_1, p_1, q_2, p_2]; each of its evaluations is two
+    evaluations of the derivatives.
     """
 
     name: ClassVar[str] = "gauss-legendre-4"

@@ -1,4 +1,4 @@
-"""Small Hamiltonian systems that are given by formulae, such as the oscillators of the paper."""
+"""Small Hamiltonian systems that are defined by formulae, such as the oscillators of the paper."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
@@ -10,15 +10,15 @@ from wavetank.base.arrays import Vector
 from wavetank.base.errors import ConvergenceError
 from wavetank.integrators.contract import Evaluation, Weights, coupled, pair
 
-ITERATIONS = 50  # of Newton's method
-DIFFERENCE = 1e-6  # of its finite differences
+ITERATIONS = 50  # largest number of Newton iterations
+DIFFERENCE = 1e-6  # step of the finite differences in Newton's method
 ROUND_OFF = 1e-15
 
 
 class Oscillators(ABC):
-    """Independent systems of one degree of freedom each, side by side, on one rank: a ``HamiltonianSystem``.
+    """Independent systems of one degree of freedom each, as vectors, on one rank: a ``HamiltonianSystem``.
 
-    A class of its own defines ``H_q``, ``H_p`` and ``energy``; their arguments are of shape (n,).
+    Derived classes define ``H_q``, ``H_p`` and ``energy``, with arguments of shape (n,).
     """
 
     evaluation_type: ClassVar[type[Evaluation]] = Evaluation
@@ -33,7 +33,7 @@ class Oscillators(ABC):
 
     @abstractmethod
     def energy(self, q: Vector, p: Vector, t: float) -> float:
-        """Return H, the sum of all."""
+        """Return H, the sum over all systems."""
 
     def flow(self, z: Vector, t: float) -> Vector:
         """Return [dH/dp, -dH/dq], shape (2, n)."""
@@ -73,7 +73,7 @@ class Oscillators(ABC):
         return self.fixed_point(image, np.broadcast_to(c, (len(times), *np.shape(c)[-2:])))
 
     def fixed_point(self, image: Callable[[Vector], Vector], start: Vector) -> Vector:
-        """Return z = image(z), of the shape (..., n) of the start, by Newton's method to round-off."""
+        """Return the solution z = image(z), shape (..., n) as the start value, by Newton's method to round-off."""
         z, n = np.array(start, dtype=np.float64), start.shape[-1]
         units = np.eye(z.size // n)[:, :, None]
         last = np.inf

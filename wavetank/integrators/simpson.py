@@ -1,4 +1,4 @@
-"""The third-order scheme (23) of Gagarina et al. 2016, in the mean and the jump of its traces, its jumps smoothed.
+"""The third-order scheme (23) of Gagarina et al. 2016, in the mean and the jump of its traces, with smoothed jumps.
 
 With z = (q, p), dz/dt = f(z, t) and the traces z± = z ± d/2 about their mean z, d the jump, (23) reads
 
@@ -6,18 +6,19 @@ With z = (q, p), dz/dt = f(z, t) and the traces z± = z ± d/2 about their mean 
     z' = z  + dt/6 (f₀ + 4 f½ + f₁)                                           Simpson's rule for the mean
     d' = -d + dt/3 (f₀ - 2 f½ + f₁)                                           the jump alternates
 
-with f₀ and f½ the two above and f₁ = f(z + d/2 + dt f½; t + dt) at the new minus trace: z' = z + dt f½ + s and
-d' = 2 s - d with the smooth jump s = dt/6 (f₀ - 2 f½ + f₁). The mean is of **fourth** order (docs/integrators.md proves
-it), and it is what this scheme reports. A smooth solution has the jump dt³/24 d³z/dt³; whatever else there is changes
-its sign from step to step, and can grow on nonlinear motions. It is damped by a difference in time of the jump alone,
-as Robert and Asselin damp the computational mode of the leapfrog scheme,
+with f₀ and f½ as above and f₁ = f(z + d/2 + dt f½; t + dt) at the new minus trace: z' = z + dt f½ + s and
+d' = 2 s - d with the smooth jump s = dt/6 (f₀ - 2 f½ + f₁). The mean is of **fourth** order (docs/integrators.md has
+the proof); the scheme reports it. A smooth solution has the jump dt³/24 d³z/dt³. The remainder of the jump changes
+its sign from step to step, and can grow on nonlinear motions. A difference in time damps the jump only, as the
+Robert-Asselin filter damps the computational mode of the leapfrog scheme,
 
-    d' <- d' - kappa/8 (d' - 3 d_n + 3 d_n-1 - d_n-2),     kappa = 0.1:
+    d' <- d' - kappa/8 (d' - 3 d_n + 3 d_n-1 - d_n-2),     kappa = 0.1.
 
-the fraction kappa of what alternates, of a smooth jump something of order dt³ more than itself; jumps carry no mass.
+It removes the fraction kappa of the alternating part, and a fraction of order dt³ of a smooth jump. Jumps contain no
+mass.
 
-Damping dp/dt = -H_q - gamma p, [G16] (38), comes in by h = e^(-gamma dt/2) of momenta, 1 of coordinates, as
-``wrappers.py`` has it of any scheme, written in p instead of P: f½ is of the middle of the step, f₀ of its beginning.
+Damping dp/dt = -H_q - gamma p, [G16] (38), enters by h = e^(-gamma dt/2) for momenta, 1 for coordinates, as
+for any scheme in ``wrappers.py``, written in p instead of P: f½ refers to the middle of the step, f₀ to its beginning.
 """
 
 from dataclasses import dataclass, replace
@@ -35,7 +36,7 @@ KAPPA = 0.1
 
 @dataclass(frozen=True, eq=False)
 class MeanAndJumps(State):
-    """The mean of the traces at t, and the jumps there and after the two steps before.
+    """The mean of the traces at t, and the jumps there and after the two previous steps.
 
     Attributes
     ----------
@@ -47,36 +48,36 @@ class MeanAndJumps(State):
 
     @property
     def q(self) -> Vector:
-        """The mean of the coordinates."""
+        """Mean of the coordinates."""
         q: Vector = self.values[0, 0]
         return q
 
     @property
     def p(self) -> Vector:
-        """The mean of the momenta."""
+        """Mean of the momenta."""
         p: Vector = self.values[0, 1]
         return p
 
     @property
     def q_jump(self) -> Vector:
-        """The jump of the coordinates."""
+        """Jump of the coordinates."""
         jump: Vector = self.values[1, 0]
         return jump
 
     @property
     def next_point(self) -> Vector:
-        """The plus trace, shape (2, n)."""
+        """Plus trace, shape (2, n)."""
         point: Vector = self.values[0] + 0.5 * self.values[1]
         return point
 
     def mapped(self, of: Map) -> Self:
-        """Return the state with mean and plus trace mapped; the jumps of earlier steps are unchanged."""
+        """Return the state with mean and plus trace mapped; the jumps of previous steps are unchanged."""
         mean, plus = of(np.array([self.values[0], self.next_point]))
         return type(self)(np.array([mean, 2 * (plus - mean), *self.values[2:]]), end=self.end)
 
 
 class Coefficients(NamedTuple):
-    """The scheme as a general linear method: what it computes are linear combinations of its vectors.
+    """The coefficients of the scheme as a general linear method, which combines its vectors linearly.
 
     The vectors are, in this order, z, d, f₀, dt/4 f½, f₁, d_n, d_n-1 and d_n-2: damping scales z and d, not d_n = d.
 
@@ -85,9 +86,9 @@ class Coefficients(NamedTuple):
     known
         Coefficients of the known part of the stage, shape (3,).
     minus
-        Of the new minus trace, shape (4,).
+        Coefficients of the new minus trace, shape (4,).
     update
-        Of the new mean and of the new jump, shape (2, 8).
+        Coefficients of the new mean and of the new jump, shape (2, 8).
     """
 
     known: Vector
@@ -97,7 +98,7 @@ class Coefficients(NamedTuple):
 
 @cache
 def coefficients(dt: float, kappa: float) -> Coefficients:
-    """Return the coefficients of a time step [s] and a damping kappa of jumps that alternate."""
+    """Return the coefficients for a time step [s] and a damping kappa of alternating jumps."""
     z, d, f_0, quarter, f_1, d_n, d_1, d_2 = np.eye(8)
     advance = 4 * quarter  # dt f½
     smooth = dt / 6 * (f_0 + f_1) - advance / 3
@@ -111,10 +112,11 @@ def coefficients(dt: float, kappa: float) -> Coefficients:
 
 @dataclass(frozen=True)
 class Simpson4:
-    """Scheme (23) reported at the mean of its traces, its parasitic modes damped: fourth order, reversible up to that.
+    """Scheme (23) reported at the mean of its traces, with damped parasitic modes; fourth order.
 
-    Stable for omega dt < 1.693004, where a parasitic root leaves the unit circle. Cost of a step: one implicit stage
-    and two more evaluations of the derivatives.
+    Reversible up to the damping of jumps, stable for omega dt < 1.693004, where a parasitic root leaves the unit
+    circle. Cost
+    of a step: one implicit stage and two further evaluations of the derivatives.
     """
 
     name: ClassVar[str] = "simpson-4"
@@ -133,7 +135,7 @@ class Simpson4:
     damping: Damping | None = None
 
     def damped(self, damping: Damping) -> Self:
-        """Return it with damping of the momenta: of the same order and stability limit, however strong that is."""
+        """Return the scheme with damping of the momenta, with the same order and stability limit for any rate."""
         return replace(self, damping=damping)
 
     def start(self, q: Vector, p: Vector) -> MeanAndJumps:

@@ -1,15 +1,15 @@
-"""Implicit stages by accelerated fixed-point iteration, and by Newton-Krylov where that does not contract.
+"""Implicit stages by accelerated fixed-point iteration, with Newton-Krylov as the fallback.
 
-A stage is z = g(z) with g(z) = c + a f(z), its residual r(z) = z - g(z). With the system's own preconditioner P (the
-identity, or the still-water wave operator for stages of coordinates and momenta together) the equation solved is
-P^-1 r(z) = 0, in unknowns scaled to metres, so that the norm of the residual is close to the error of the surface. The
-tolerance is relative to the waves, not to the depth: a stage of small waves has the same relative accuracy as one of
-large waves.
+A stage is z = g(z) with g(z) = c + a f(z); its residual is r(z) = z - g(z). With a preconditioner P of the system (the
+identity, or the still-water wave operator for stages of both coordinates and momenta) the equation is
+P^-1 r(z) = 0. The unknowns are scaled to metres, so that the norm of the residual is close to the error of the surface
+elevation. The tolerance is relative to the size of the waves, not to the depth: stages of small and of large waves have
+the same relative accuracy.
 
-Anderson mixing needs one evaluation of f per iteration, each an elliptic solve on the tank. An iteration reduces the
+Anderson mixing needs one evaluation of f per iteration, with an elliptic solve on the tank. An iteration reduces the
 error by a factor that changes little from one step to the next. If this contraction is known, the first iterate with a
-sufficiently small predicted error is the solution, without an evaluation that confirms it. So f has not been evaluated
-at the solution; a scheme obtains it from the stage itself, f = (z - c) / a.
+sufficiently small predicted error is the solution, without another evaluation as a check. f is therefore not evaluated
+at the solution; a scheme obtains it from the stage, f = (z - c) / a.
 """
 
 from abc import ABC, abstractmethod
@@ -31,19 +31,19 @@ from wavetank.integrators.contract import Weights, coupled, pair
 
 ITERATES = 2.0  # largest dt omega at which the iteration of every implicit stage converges
 ITERATIONS = 25
-MEMORY = 0.95  # of the size of the waves, per step: at some times a standing wave has no elevation
+MEMORY = 0.95  # decay of the size of the waves per step: the elevation of a standing wave vanishes at some times
 ROUND_OFF = 30 * np.finfo(float).eps  # smallest tolerance, relative to the solution
-MIXED = 5  # earlier iterates in Anderson mixing
-SHORTEST = 1e-15  # square of the shortest difference of iterates that is used, relative to the longest
-SAFETY = 30.0  # factor on the predicted error: equal errors in all steps change the energy
-UNCERTAINTY = 10.0  # error of the points of which start values are combined, relative to the tolerance
-MOST_PAIRS = 8  # coupled pairs [q, p] of a scheme
-CONFIRMED = 16  # solves after which the contraction is measured again
+MIXED = 5  # number of previous iterates in Anderson mixing
+SHORTEST = 1e-15  # square of the smallest difference of iterates in use, relative to the largest
+SAFETY = 30.0  # safety factor of the predicted error: equal errors in all steps change the energy
+UNCERTAINTY = 10.0  # error of the points from which start values are extrapolated, relative to the tolerance
+MOST_PAIRS = 8  # largest number of coupled pairs [q, p]
+CONFIRMED = 16  # number of solves after which the contraction is measured again
 
 
 @dataclass
 class StageCounters:
-    """Costs of the implicit stages: solves, evaluations of f, and solves that needed Newton-Krylov."""
+    """Counters of the implicit stages: solves, evaluations of f, and solves by Newton-Krylov."""
 
     solves: int = 0
     evaluations: int = 0
@@ -56,11 +56,13 @@ class Stage(ABC):
     Attributes
     ----------
     name, t
-        For messages and start values; the time [s].
-    c, key
-        See above, of the shape of z; and by what earlier solutions are combined to a start value.
+        Name, and time [s], for messages and start values.
+    c
+        The known part, of the shape of z.
+    key
+        Point of the shape of z at which start values are extrapolated from previous solutions.
     weight
-        a [s], on which images depend.
+        a [s], a parameter of g.
     """
 
     name: str
@@ -71,20 +73,20 @@ class Stage(ABC):
 
     @abstractmethod
     def image(self, z: Vector) -> tuple[Vector, float]:
-        """Return g(z), and how far from rest z is, as a root mean square in scaled units; collective."""
+        """Return g(z), and the distance of z from rest, a root mean square in scaled units; collective."""
 
     @abstractmethod
     def precondition(self, residual: Vector) -> Vector:
-        """Return the approximate inverse of the stage's derivative times a residual; collective."""
+        """Return the product of a residual and the approximate inverse of the stage's derivative; collective."""
 
     @abstractmethod
     def begin(self, among: AndersonMixing, uncertainty: float) -> Vector:
-        """Return the start value from points of earlier solves; collective."""
+        """Return the start value from points of previous solves; collective."""
 
 
 @dataclass(frozen=True, eq=False)
 class StageState:
-    """State of a ``StageHistory``; the contraction is None before it is measured."""
+    """State of a ``StageHistory``; the contraction is None before its first measurement."""
 
     pairs: int
     size: float | None
@@ -103,20 +105,20 @@ class StagesState:
 
 @dataclass
 class StageHistory:
-    """Earlier solves of one stage: they affect cost and round-off only.
+    """Previous solves of one stage, which affect cost and round-off only.
 
     Attributes
     ----------
     pairs
-        How many pairs [q, p] depend on each other.
+        Number of coupled pairs [q, p].
     points
-        Solutions with their c.
+        Previous solutions with their c.
     size
-        How far from rest these are [scaled units], as a running maximum; None before the first.
+        Distance of the solutions from rest [scaled units], a decaying maximum; None before the first solve.
     contraction
-        The factor by which the first iteration reduces a residual.
+        Factor by which the first iteration reduces a residual.
     age
-        How many solves ago that was measured.
+        Number of solves since its measurement.
     """
 
     pairs: int
@@ -127,11 +129,11 @@ class StageHistory:
 
     @property
     def usable_contraction(self) -> float:
-        """The contraction while it is new enough; then inf."""
+        """The contraction; inf if its measurement is too old."""
         return self.contraction if self.age < CONFIRMED else np.inf
 
     def update(self, result: StageResult, counters: StageCounters) -> bool:
-        """Take over what a compiled solve has measured; return whether it has converged."""
+        """Store the measurements of a compiled solve; return whether it has converged."""
         counters.evaluations += result.evaluations
         counters.solves += result.solved
         if result.evaluations:
@@ -157,7 +159,7 @@ class StageHistory:
 
 @dataclass
 class StageHistories:
-    """Earlier solves of all stages, and what they have cost."""
+    """Previous solves of all stages, with counters of their costs."""
 
     counters: StageCounters = field(default_factory=StageCounters)
     stages: dict[str, StageHistory] = field(default_factory=dict)
@@ -168,7 +170,7 @@ class StageHistories:
         return StagesState(replace(self.counters), {name: one.state for name, one in self.stages.items()})
 
     def restore(self, state: StagesState, points: Callable[[int], AndersonMixing]) -> None:
-        """Replace all histories; ``points`` makes the memory for points of so many pairs.
+        """Replace all histories; ``points`` returns the storage of points for a number of pairs.
 
         Raises ``ValueError`` for a size or number of pairs that compiled code does not allow.
         """
@@ -176,7 +178,7 @@ class StageHistories:
         self.stages.clear()
         for name, one in state.stages.items():
             if not 1 <= one.pairs <= MOST_PAIRS:
-                raise ValueError(f"{one.pairs} is no number of pairs")
+                raise ValueError(f"pairs = {one.pairs}: must be from 1 to {MOST_PAIRS}")
             if one.size is not None and not one.size >= 0.0:
                 raise ValueError(f"size = {one.size:g}: must be 0 or more")
             history = self.stages[name] = StageHistory(one.pairs, points(one.pairs))
@@ -185,37 +187,37 @@ class StageHistories:
 
 
 class StageSolver:
-    """Solves the stages of a system.
+    """Solver of the stages of a system.
 
     Parameters
     ----------
     comm
         Communicator over which the unknowns are distributed.
     scale
-        One unit of the scaled unknowns, per unknown of this rank, shape (2, n).
+        Units of the scaled unknowns of this rank, shape (2, n).
     tolerance
         Largest root mean square of the preconditioned, scaled residual, relative to the size of the last solutions.
     floor
-        What round-off is a part of even where the solution is zero [scaled units].
+        Size to which round-off is relative even if the solution vanishes [scaled units].
     petsc
-        Whether the mixing is that of PETSc's SNES.
+        Whether PETSc's SNES performs the mixing.
 
     Attributes
     ----------
     limits
-        The numbers above, for compiled code.
+        The above numbers, for compiled code.
     """
 
     def __init__(self, comm: MPI.Comm, scale: Vector, *, tolerance: float, floor: float, petsc: bool = False):
         self._comm, self._scale, self._tolerance, self._floor = comm, scale, tolerance, floor
         self.petsc = petsc
-        self._mixings = dict[int, AndersonMixing]()  # by the number of pairs
+        self._mixings = dict[int, AndersonMixing]()  # key: number of pairs
         self._size = comm.allreduce(scale.size)
         self.limits = {"tolerance": tolerance, "floor": floor, "round_off": ROUND_OFF, "safety": SAFETY}
         self.limits |= {"uncertainty": UNCERTAINTY, "root": sqrt(self._size), "most": ITERATIONS}
 
     def points(self, pairs: int) -> AndersonMixing:
-        """Return the memory for points of so many pairs."""
+        """Return the storage of points for a number of pairs."""
         return self._combination(pairs, most=5)
 
     def _combination(self, pairs: int, **how: Any) -> AndersonMixing:
@@ -223,18 +225,18 @@ class StageSolver:
         return AndersonMixing(self._comm, scale.ravel(), scale.shape, **how)
 
     def history(self, name: str, pairs: int, weight: float, histories: StageHistories) -> StageHistory:
-        """Return the history of the stage of that name, without points that were computed for another weight [s]."""
+        """Return the history of a stage, without points that were computed for another weight [s]."""
         history = histories.stages.get(name)
-        if history is None or history.pairs != pairs:  # that of another scheme: compiled code relies on sizes
+        if history is None or history.pairs != pairs:  # another scheme's: compiled code needs the right sizes
             history = histories.stages[name] = StageHistory(pairs, self.points(pairs))
         if history.points.weight != weight:
             history.points.forget(weight)
         return history
 
     def solve(self, stage: Stage, histories: StageHistories, begin: Vector | None = None) -> Vector:
-        """Return z with z = g(z), of the shape of the stage's c; ``begin`` is a start value; collective.
+        """Return the solution z = g(z), of the shape of the stage's c; ``begin`` is a start value; collective.
 
-        Raises ``ConvergenceError`` naming time, stage and residual.
+        Raises ``ConvergenceError`` with time, stage and residual.
         """
         pairs, counters = len(stage.c) if stage.c.ndim == 3 else 1, histories.counters
         history = self.history(stage.name, pairs, stage.weight, histories)
@@ -252,7 +254,7 @@ class StageSolver:
         return solution
 
     def _mixed(self, stage: Stage, *how: Any) -> tuple[Vector | None, float]:
-        """Return the solution by PETSc's Anderson mixing, or None where it does not converge; collective."""
+        """Return the solution by PETSc's Anderson mixing, or None if it does not converge; collective."""
         try:
             return self._snes("anderson", stage, *how)
         except ConvergenceError:
@@ -261,7 +263,7 @@ class StageSolver:
     def _iterated(
         self, stage: Stage, z: Vector, history: StageHistory, counters: StageCounters, root: float
     ) -> tuple[Vector | None, float]:
-        """Return the solution by Anderson's mixing from z on, or None where it does not converge; collective."""
+        """Return the solution by Anderson mixing from a start value z, or None if it does not converge; collective."""
         mixing = self.mixing(history.pairs)
         mixing.forget()
         contraction = history.usable_contraction
@@ -294,13 +296,13 @@ class StageSolver:
         return sqrt(summed(self._comm, float(scaled @ scaled)))
 
     def mixing(self, pairs: int) -> AndersonMixing:
-        """Return Anderson's memory of iterates z - r(z), combined as their residuals r come closest to zero."""
+        """Return the Anderson mixing of iterates z - r(z), which minimises the combined residual r."""
         if pairs not in self._mixings:
             self._mixings[pairs] = self._combination(pairs, most=1 + MIXED, shortest=SHORTEST)
         return self._mixings[pairs]
 
     def _target(self, history: StageHistory, norm: float) -> float:
-        """Return the root mean square to which a residual is to fall [scaled units], of an iterate of that norm."""
+        """Return the tolerance for the root mean square of a residual [scaled units], for the norm of an iterate."""
         return max(self._tolerance * (history.size or 0.0), ROUND_OFF * max(norm, self._floor))
 
     def _snes(
@@ -312,7 +314,7 @@ class StageSolver:
         counters: StageCounters,
         root: float,
     ) -> tuple[Vector, float]:
-        """Return the solution by a nonlinear solver of PETSc's, and its size; collective."""
+        """Return the solution by a nonlinear solver of PETSc, and its size; collective."""
         target, error, size = self._target(history, self._length(begin) / root), list[WavetankError](), 0.0
         scale = np.broadcast_to(self._scale, begin.shape)
 
@@ -325,7 +327,7 @@ class StageSolver:
         def evaluate(snes: PETSc.SNES, x: PETSc.Vec, out: PETSc.Vec) -> None:
             try:
                 out.array = (residual(x.array_r.reshape(begin.shape) * scale) / scale).ravel()
-            except WavetankError as raised:  # PETSc forgets what was raised below it
+            except WavetankError as raised:  # PETSc discards exceptions of its callbacks
                 error.append(raised)
                 raise
 
@@ -352,21 +354,21 @@ class StageSolver:
             raise next(iter(error), ConvergenceError(f"{where} could not be evaluated")) from None
         if not snes.getConvergedReason() > 0:
             result = snes.getFunctionNorm() / root
-            raise ConvergenceError(f"{where} did not converge: residual {result:.3g}, wanted {target:.3g}")
+            raise ConvergenceError(f"{where} did not converge: residual {result:.3g}, tolerance {target:.3g}")
         if history.size is None:
             history.size = size
         return np.asarray(x.array_r.reshape(begin.shape) * scale), size
 
 
 class StagedSystem(ABC):
-    """A system whose stages ``StageSolver`` solves; all methods are collective.
+    """A system whose stages are solved by ``StageSolver``; all methods are collective.
 
     Attributes
     ----------
     history
-        That of the solves of steps; it has a ``StageHistories`` as ``stages``.
+        History of the solves of steps, with the ``StageHistories`` as ``stages``.
     stage_solver
-        The solver of the stages.
+        Solver of the stages.
     """
 
     history: Any
@@ -374,15 +376,15 @@ class StagedSystem(ABC):
 
     @abstractmethod
     def begin_stage(self, weight: float | None, t: float, guess: Any) -> None:
-        """Prepare for stages at t next to a guess, preconditioned for a weight [s] unless that is None."""
+        """Prepare stages at t near a guess, with a preconditioner for a weight [s] unless this is None."""
 
     @abstractmethod
     def precondition(self, weight: float, residual: Vector) -> Vector:
-        """Return the approximate inverse of a stage's derivative times a residual, shape (2, n)."""
+        """Return the product of a residual and the approximate inverse of a stage's derivative, shape (2, n)."""
 
     @abstractmethod
     def flow(self, z: Vector, t: float, history: Any) -> tuple[Vector, float]:
-        """Return f(z, t), shape (2, n), and how far from rest z is, as a root mean square in scaled units."""
+        """Return f(z, t), shape (2, n), and the distance of z from rest, a root mean square in scaled units."""
 
     def solve_stage(
         self, name: str, c: Vector, a: Weights, t: float, guess: Any = None, *, history: Any = None
@@ -414,9 +416,9 @@ class PairStage(Stage):
     Parameters
     ----------
     history
-        Of the system's solves.
+        History of the solves of the system.
     guess
-        An evaluation near the solution.
+        Evaluation near the solution, or None.
     """
 
     def __init__(self, system: StagedSystem, history: Any, name: str, c: Vector, a: Weights, t: float, guess: Any):
@@ -428,16 +430,16 @@ class PairStage(Stage):
         system.begin_stage(self.weight if self._both else None, t, guess)
 
     def image(self, z: Vector) -> tuple[Vector, float]:
-        """Return c + a f(z, t), and how far from rest z is; collective."""
+        """Return c + a f(z, t), and the distance of z from rest; collective."""
         flow, size = self._system.flow(z, self.t, self._history)
         return self.c + self._a * flow, size
 
     def precondition(self, residual: Vector) -> Vector:
-        """Return the residual, preconditioned where coordinates and momenta are unknown; collective."""
+        """Return the residual, preconditioned if both coordinates and momenta are unknown; collective."""
         return self._system.precondition(self.weight, residual) if self._both else residual
 
     def begin(self, among: AndersonMixing, uncertainty: float) -> Vector:
-        """Return the start value from points of earlier solves and the guess; collective."""
+        """Return the start value from points of previous solves and the guess; collective."""
         guess = self._guess
         if guess is not None:
             among.add(guess.z, guess.z - self._a * guess.flow)
@@ -465,23 +467,23 @@ class CoupledStages(Stage):
         stages = len(times)
         self.name, self.t, self.c = name, times[0], np.broadcast_to(c, (stages, *c.shape[-2:])).copy()
         self.weight, self._guess = float(np.trace(a[0])) / stages, guess
-        steps = a[0].sum(axis=1)[:, None, None]  # from the guess to the stages
+        steps = a[0].sum(axis=1)[:, None, None]  # time from the guess to each stage
         self.key = self.c if guess is None else self.c + steps * guess.flow
         system.begin_stage(self.weight, times[0], guess)
 
     def image(self, z: Vector) -> tuple[Vector, float]:
-        """Return the right-hand sides, and how far from rest the last stage is; collective."""
+        """Return the right-hand sides, and the distance of the last stage from rest; collective."""
         flows, size = np.empty_like(z), 0.0
         for n, t in enumerate(self._times):
             flows[n], size = self._system.flow(z[n], t, self._history)
         return coupled(self.c, self._a, flows, self._scale), size
 
     def precondition(self, residual: Vector) -> Vector:
-        """Return the residuals of all pairs, each preconditioned alone; collective."""
+        """Return the residuals of all pairs, each preconditioned separately; collective."""
         return np.array([self._system.precondition(self.weight, one) for one in residual])
 
     def begin(self, among: AndersonMixing, uncertainty: float) -> Vector:
-        """Return the start value: earlier solutions combined as what explicit steps from the guess make; collective."""
+        """Return the start value: previous solutions, extrapolated to the explicit steps from the guess; collective."""
         if self._guess is None or not among.recorded:
             return self.key
         found = among.guess(self.key, uncertainty=uncertainty)

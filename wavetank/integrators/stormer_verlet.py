@@ -6,8 +6,8 @@
     p' = p  - dt/2 [ H_q(p, q½; t) + H_q(p', q½; t + dt) ]     implicit
     q' = q½ + dt/2 H_p(p', q½; t + dt)
 
-The adjoint swaps the roles of p and q; with forcing it is (57). The jumps that the discontinuous schemes have in q
-and in p do not enter: see ``DiscontinuousVerlet`` in examples. H is taken at t and t + dt, the times t* and t** of (56)
+The adjoint exchanges p and q; with forcing it is (57). The jumps of q and p in the discontinuous schemes
+do not appear: see ``DiscontinuousVerlet`` in examples. H is evaluated at t and t + dt, the times t* and t** of (56)
 that belong to the values of the trapezoidal rule.
 """
 
@@ -21,7 +21,7 @@ from wavetank.integrators.contract import HamiltonianSystem, Point, StepCosts
 
 
 class _Verlet:
-    """What both variants have in common: second order, symplectic, reversible, stable for omega dt < 2."""
+    """Base class of both variants: second order, symplectic, reversible, stable for omega dt < 2."""
 
     order: ClassVar[int] = 2
     stability_limit: ClassVar[float] = 2.0
@@ -51,7 +51,7 @@ class StormerVerlet(_Verlet):
         q, p, now = state.q, state.p, state.evaluation
         q_half, _ = system.solve_stage("q at 1/2", np.array([q, p]), (dt / 2, 0.0), t, now)
         half = system.evaluate(q_half, p, t, now)
-        q_half = q + dt / 2 * half.dq  # keeps what the flow keeps, e.g. mass, exactly
+        q_half = q + dt / 2 * half.dq  # conserves the linear invariants of the flow, e.g. mass, exactly
         half_way = p + dt / 2 * half.dp
         _, p_new = system.solve_stage("p at 1", np.array([q_half, half_way]), (0.0, dt / 2), t + dt, half)
         end = system.evaluate(q_half, p_new, t + dt, half)
@@ -79,4 +79,4 @@ class StormerVerletAdjoint(_Verlet):
         half_way = q + dt / 2 * half.dq
         q_new, _ = system.solve_stage("q at 1", np.array([half_way, p_half]), (dt / 2, 0.0), t + dt, half)
         end = system.evaluate(q_new, p_half, t + dt, half)
-        return Point(half_way + dt / 2 * end.dq, p_half + dt / 2 * end.dp)  # q keeps what the flow keeps, e.g. mass
+        return Point(half_way + dt / 2 * end.dq, p_half + dt / 2 * end.dp)  # q conserves linear invariants

@@ -1,19 +1,20 @@
-"""Schemes around a scheme: filters between its steps, damping of momenta, and controlled paddles.
+"""Wrappers of schemes: filters between steps, damping of the momenta, and controlled paddles.
 
-Damping of momenta is dp/dt = -H_q - gamma p, equations (38)-(45) of Gagarina et al. 2016. With L multiplied by
+Damping of the momenta is dp/dt = -H_q - gamma p, equations (38)-(45) of Gagarina et al. 2016. With L multiplied by
 e^(gamma t), (38), the canonical momentum is P = e^(gamma t) p and the Hamiltonian
 
     H~(q, P; t) = e^(gamma t) H(q, e^(-gamma t) P; t)
 
-has no damping left. A scheme applied to it, t counted from the beginning of the step, is exact in the damping:
-symplectic Euler becomes (44), p' = e^(-gamma dt) p - dt H_q(q, p'), that is "damp, then step". The order of the scheme
-does not change, nor does its stability limit. With a uniform gamma every area in phase space shrinks by e^(-gamma dt)
-in a step, as it must. Stages differ from each other by factors of e^(gamma dt), by which those of Gauss-Legendre grow
-where gamma dt > 4: a step contains damping up to ``MOST_DAMPING``, and the rest follows it.
+has no damping. A scheme applied to it, with t from the beginning of the step, is exact in the damping:
+symplectic Euler becomes (44), p' = e^(-gamma dt) p - dt H_q(q, p'), that is "damp, then step". The order and the
+stability limit of the scheme are unchanged. With a uniform gamma every area in phase space decreases by the factor
+e^(-gamma dt) in a step, which is exact. Stages differ from each other by factors of e^(gamma dt), by which those of
+Gauss-Legendre grow where gamma dt > 4. Damping within a step is therefore limited to ``MOST_DAMPING``; the rest is
+applied at the end of the step.
 
-Controlled paddles: before each step a controller measures the water and extends the motion. Within the step a paddle
-moves as any other does, by a function of time: the scheme, its order and its conserved quantities do not change. The
-error of the control is that it measures at the beginning of steps only.
+Controlled paddles: before each step a controller measures the water and extends the motion. Within the step the motion
+is a given function of time: the scheme, its order and its conserved quantities are unchanged. The only error of the
+control is that it measures at the beginning of steps.
 """
 
 import itertools
@@ -36,12 +37,12 @@ from wavetank.integrators.contract import (
 
 
 class Wrapper(Generic[S]):
-    """An integrator around another one, whose properties it has by default; derived classes define ``step``.
+    """An integrator that wraps another one and has its properties by default; derived classes define ``step``.
 
     Parameters
     ----------
     scheme
-        Any integrator.
+        The inner integrator.
     """
 
     def __init__(self, scheme: Integrator[S]):
@@ -49,7 +50,7 @@ class Wrapper(Generic[S]):
 
     @property
     def name(self) -> str:
-        """The name in a case file."""
+        """Name in a case file."""
         return self.scheme.name
 
     @property
@@ -59,7 +60,7 @@ class Wrapper(Generic[S]):
 
     @property
     def stability_limit(self) -> float:
-        """Largest omega dt for which it is stable."""
+        """Largest omega dt for which the inner scheme is stable."""
         return self.scheme.stability_limit
 
     @property
@@ -69,7 +70,7 @@ class Wrapper(Generic[S]):
 
     @property
     def nodes(self) -> tuple[float, ...]:
-        """The times (t - t_n) / dt at which the inner scheme evaluates H."""
+        """Times (t - t_n) / dt at which the inner scheme evaluates H."""
         return self.scheme.nodes
 
     def start(self, q: Vector, p: Vector) -> S:
@@ -89,7 +90,7 @@ class Filter(Protocol):
     state: Any
 
     def needed(self, state: State, t: float) -> bool:
-        """Return whether the filter acts on the state at the end of a step, by the first of its evaluations.
+        """Return whether the filter acts on the state at the end of a step; the first of its evaluations decides.
 
         The result is the same on all ranks; collective.
         """
@@ -98,14 +99,14 @@ class Filter(Protocol):
         """Return the filtered points [q, p], shape (m, 2, n); affine in q, linear in p; collective."""
 
     def account(self, loss: float, *, of: float) -> None:
-        """Add the energy dissipated, a part of the energy before."""
+        """Record the dissipated energy; ``of`` is the energy before the filter."""
 
 
 class Filtered(Wrapper[S]):
-    """A scheme with filters, which act one after the other after each step that needs them.
+    """A scheme with filters, which act in sequence after each step that needs them.
 
     Filters cost no evaluation. The energy before the filters is expanded about the evaluation at the end of the step,
-    the energy after them about the evaluation at the begin of the next step. The loss by each filter follows from the
+    the energy after them about the evaluation at which the next step begins. The loss by each filter follows from the
     derivatives there, with an error of third order in its change of the state. The difference between the total loss
     and the sum of these is attributed to the filter with the largest loss.
     """
@@ -115,7 +116,7 @@ class Filtered(Wrapper[S]):
         self.filters = filters
 
     def step(self, system: HamiltonianSystem, state: S, t: float, dt: float) -> S:
-        """Return the state at t + dt, evaluated where the next step begins; collective."""
+        """Return the state at t + dt with the evaluation at which the next step begins; collective."""
         state, t = self.scheme.step(system, state, t, dt), t + dt
         before = [one.state for one in self.filters]
         try:
@@ -124,12 +125,12 @@ class Filtered(Wrapper[S]):
             acting = [one for one in self.filters if one.needed(state, t)]
             return self._filtered(system, state, t, acting) if acting else state.evaluated(system, t)
         except Exception:
-            for one, its in zip(self.filters, before, strict=True):  # a resumed run takes the step again
-                one.state = its
+            for one, state_before in zip(self.filters, before, strict=True):  # a resumed run repeats the step
+                one.state = state_before
             raise
 
     def _filtered(self, system: HamiltonianSystem, state: S, t: float, acting: Sequence[Filter]) -> S:
-        """Return the state at t after the filters that act then, one at least; collective."""
+        """Return the state at t after the acting filters, at least one; collective."""
         passed = list(itertools.accumulate(acting, lambda before, one: before.mapped(one.passed), initial=state))
         ways = [_between(*pair) for pair in itertools.pairwise(passed)] if len(acting) > 1 else []
         begin, after = state.end or state.evaluation, passed[-1].evaluated(system, t)
@@ -153,43 +154,43 @@ def _energy(system: HamiltonianSystem, at: Evaluation, state: State) -> float:
     return at.energy + energy_change(system, at, np.array([state.q - at.q, state.p - at.p]))
 
 
-MOST_DAMPING = 2.0  # gamma dt of the damping within a step
-DIGITS = 10  # of the nodes of a step, by which the factors of all steps are the same
+MOST_DAMPING = 2.0  # largest gamma dt within a step
+DIGITS = 10  # to which nodes are rounded, so that all steps have the same factors
 
 
 @dataclass(frozen=True)
 class DampingState:
-    """The rate of damping [1/s], shape (1,) or one per unknown, (n,)."""
+    """The damping rate [1/s], shape (1,) or (n,)."""
 
     gamma: Vector
 
 
 class Damping:
-    """The damping rate of the momenta, with the factors of a step.
+    """The damping rate of the momenta, with the factors for a step.
 
     Parameters
     ----------
     gamma
-        The rate [1/s], not negative, shape (1,) or one per unknown, (n,).
+        Rate [1/s], not negative, shape (1,), or (n,) with one value per unknown.
     """
 
     def __init__(self, gamma: Vector):
         self.gamma = gamma
-        self._factors = dict[tuple[object, ...], Vector]()  # of the times in a step
+        self._factors = dict[tuple[object, ...], Vector]()  # key: time within a step, largest rate
 
     def factor(self, time: float, *, most: float = np.inf) -> Vector:
-        """Return e^(-gamma t), the factor of momenta after a time [s], for rates up to ``most``, shape as gamma."""
+        """Return e^(-gamma t), the factor of momenta after a time [s], shape of gamma; ``most`` limits the rate."""
         return np.asarray(np.exp(-np.minimum(self.gamma, most) * time), dtype=np.float64)
 
     def of_pairs(self, time: float, size: int, *, most: float = np.inf) -> Vector:
-        """Return the same for pairs [q, p], shape (2, size), 1 for the coordinates; computed once."""
+        """Return these factors for pairs [q, p], shape (2, size), 1 for the coordinates; cached."""
         if (time, most) not in self._factors:
             self._factors[time, most] = np.array([np.ones(size), np.ones(size) * self.factor(time, most=most)])
         return self._factors[time, most]
 
     @property
     def state(self) -> DampingState:
-        """The rate: a resumed run keeps that of the waves of the shorter run; the array is shared."""
+        """The rate. A resumed run has the rate of the original run, even if its waves differ; the array is shared."""
         return DampingState(self.gamma.copy())
 
     @state.setter
@@ -200,7 +201,7 @@ class Damping:
 
 @dataclass(frozen=True)
 class _Undamped:
-    """The undamped system in (q, P), P = e^(gamma (t - t_0)) p: its stages are stages of the system in (q, p)."""
+    """The undamped system in (q, P), P = e^(gamma (t - t_0)) p; it solves its stages as stages in (q, p)."""
 
     system: HamiltonianSystem
     damping: Damping
@@ -259,12 +260,12 @@ class Damped(Wrapper[S]):
 
 def damped(scheme: Integrator[Any], damping: Damping) -> Integrator[Any]:
     """Return a scheme with damping: by the method ``damped`` of its class, else by a wrapper."""
-    own = vars(type(scheme)).get("damped")  # a derived class may have another step
+    own = vars(type(scheme)).get("damped")  # not inherited: a derived class may have another step
     return own(scheme, damping) if own else Damped(scheme, damping)
 
 
-CONTROL_LIMIT = 2.0  # omega dt, of one measurement a step
-EARLIER = 0.1  # of the first step
+CONTROL_LIMIT = 2.0  # stability limit omega dt with one measurement per step
+EARLIER = 0.1  # time of the first measurement before the first step, relative to dt
 
 
 class Controller(Protocol):
@@ -272,24 +273,24 @@ class Controller(Protocol):
 
     @property
     def begins(self) -> bool:
-        """Whether it has not begun."""
+        """Whether the control has not yet begun."""
 
     def begin(self, q: Vector, p: Vector, t: float) -> None:
-        """Measure the water at t, a little before the first step; collective."""
+        """Measure the water at t, shortly before the first step; collective."""
 
     def go_on(self, q: Vector, p: Vector, t: float, dt: float) -> None:
         """Measure the water at t, and extend the motion to t + dt; collective."""
 
 
 class ControlledPaddles(Wrapper[S]):
-    """A scheme with controlled paddles; it evaluates the system at the begin of a step only.
+    """A scheme with controlled paddles, which evaluates the system at the beginning of a step only.
 
     Parameters
     ----------
     scheme
-        Any integrator.
+        The inner integrator.
     paddles
-        Their controllers.
+        Controllers of the paddles.
     """
 
     def __init__(self, scheme: Integrator[S], paddles: Sequence[Controller]):
@@ -298,7 +299,7 @@ class ControlledPaddles(Wrapper[S]):
 
     @property
     def stability_limit(self) -> float:
-        """Largest omega dt on the oscillator: that of the inner scheme, at most that of one measurement a step."""
+        """Largest omega dt on the oscillator: limited by the inner scheme, and by one measurement per step."""
         return min(self.scheme.stability_limit, CONTROL_LIMIT)
 
     def step(self, system: HamiltonianSystem, state: S, t: float, dt: float) -> S:

@@ -1,4 +1,4 @@
-"""A run recorded in a run directory, from the case to the final manifest; the same on any number of ranks."""
+"""Recording of a run in a run directory, from the case to the final manifest, on any number of ranks."""
 
 import json
 import time
@@ -37,7 +37,7 @@ from wavetank.recording.restart import Restart, stored_case
 from wavetank.simulation.monitoring import Interruption
 from wavetank.simulation.own import Observers
 
-LATEST = 60.0  # s after an error in which the first rank has drawn pictures
+DRAWING_TIME = 60.0  # time for drawing figures after an error [s]
 
 
 def record_run(
@@ -55,32 +55,33 @@ def record_run(
 ) -> None:
     """Run a case and record it in a directory; collective. ``resume`` leaves a finished run of the case unchanged.
 
-    Raises ``InputError`` before anything is changed there, and ``RunError`` if the run breaks down; the directory then
+    Raises ``InputError`` before any change of the directory, and ``RunError`` if the run breaks down; the directory
+    then
     has all records up to the breakdown, and its manifest the cause.
 
     Parameters
     ----------
     case
-        What is run.
+        The case.
     comm
-        The ranks.
+        Communicator of the run.
     console
-        Where its messages go; they are also in ``run.log``.
+        Console for messages, which are also in ``run.log``.
     place
-        The directory, which is locked for this run.
+        Run directory, which is locked for this run.
     draw
-        Draws pictures of the run into its directory at its end, also of a failed run, and returns their paths. Its
-        errors are messages.
+        Function that draws figures of the run into its directory and returns their paths, also after a failed run. Its
+        errors become messages.
     accept_cost
-        Whether a run that takes days, or more memory than there is, is accepted.
+        Whether a run of days, or one that needs more memory than available, is accepted.
     observers
         Further observers: functions of the waves that return an observer.
     integrator
-        An integrator in place of the case's.
+        Integrator in place of the case's.
     resume
         Whether the run in the directory is resumed from a checkpoint.
     at
-        The time of the checkpoint [s]; default: the last.
+        Time of the checkpoint [s]; default: the last.
     """
     start, log = time.monotonic(), RunLog(console)
     warnings = Warnings(log)
@@ -89,11 +90,11 @@ def record_run(
     content = {"case": case_content(case, integrator), "files": contents(case), "ranks": comm.size, **environment()}
     path = place.path if isinstance(place, OutputPath) else place
     if resume and at is None and from_first(comm, lambda: _has_finished(path, content["case"])):
-        console.print(f"{path} has finished; --extend SECONDS goes on with it", markup=False, highlight=False)
+        console.print(f"{path} has finished; --extend SECONDS continues it", markup=False, highlight=False)
         return
-    content["warnings"] = warnings.records  # those of the run follow
+    content["warnings"] = warnings.records  # extended by warnings during the run
     writer = on_first(comm, lambda: RunWriter(place, content, resume=resume))
-    with abort_unless_all_fail(comm, LATEST), ExitStack() as at_the_end:
+    with abort_unless_all_fail(comm, DRAWING_TIME), ExitStack() as at_the_end:
         if writer is not None:
             at_the_end.callback(writer.release)
         restart = Restart(writer, comm, warn=warnings.add, at=at) if resume else None
@@ -112,7 +113,7 @@ def record_run(
                 accept_cost=accept_cost,
             )
         checkpointer = Checkpointer(recorded)
-        with Interruption(comm) as interruption:  # from here on the manifest records SIGTERM
+        with Interruption(comm) as interruption:  # from here on SIGTERM is recorded in the manifest
             begin_directory(recorded, resumed=resume)
             if writer is not None:
                 at_the_end.enter_context(log_outcome(writer, log, draw=draw))
@@ -130,7 +131,7 @@ def record_run(
 
 
 def _has_finished(path: Path, case: dict[str, Any]) -> bool:
-    """Return whether a directory has the finished run of a case."""
+    """Return whether a directory contains the finished run of a case."""
     manifest = RunDirectory(path).manifest
     return manifest.get("status") == "finished" and manifest.get("case") == json.loads(json.dumps(case))
 
@@ -145,22 +146,22 @@ def resume_run(
     console: Console,
     **options: Any,
 ) -> None:
-    """Resume the run in a directory, which contains its case; collective. A finished one is not changed.
+    """Resume the run in a directory, which contains its case; collective. A finished run is not changed.
 
-    Raises as ``record_run``, which takes the other options, and ``stored_case``.
+    Raises the errors of ``record_run``, which takes the other options, and of ``stored_case``.
 
     Parameters
     ----------
     directory
-        The run directory.
+        Run directory.
     changes
         ``KEY=VALUE``, such as ``"numerics.dt=0.01"``.
     extend
-        Additional duration [s]; with it a finished run is resumed, too.
+        Additional duration [s]; it resumes also a finished run.
     at
-        The time of one of the two checkpoints [s]; default: the last.
+        Time of one of the two checkpoints [s]; default: the last.
     comm, console, options
-        As ``record_run`` takes them.
+        As in ``record_run``.
     """
     path = Path(directory)
     case = raise_on_all_ranks(comm, lambda: stored_case(path, changes, extend=extend))

@@ -1,4 +1,4 @@
-"""Checkpoints of a run and its records, written at intervals and where it ends."""
+"""Checkpoints of a run and its records, at intervals and at its end."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,13 +24,13 @@ class CompletedStep(NamedTuple):
     Attributes
     ----------
     step, t
-        Its number and time [s].
+        Number of the step, and time [s].
     q, p
-        Coordinates and momenta; later steps have arrays of their own.
+        Coordinates and momenta; later steps do not change these arrays.
     tree
-        Returns the state of the run, without its solves.
+        Function that returns the state of the run, without the history of the solvers.
     records
-        Extents of tables and snapshots; empty on all ranks but the first.
+        Extents of tables and snapshots; empty except on the first rank.
     fields
         Extents of the series that all ranks write, by their names.
     """
@@ -46,39 +46,39 @@ class CompletedStep(NamedTuple):
 
 @dataclass
 class Checkpointer:
-    """Writes checkpoints of a recorded run; all methods are collective."""
+    """Writer of the checkpoints of a recorded run; all methods are collective."""
 
     recorded: RecordedRun
-    _written: int = -1  # the last step of which there is one
+    _written: int = -1  # step of the last checkpoint
     _reached: CompletedStep | None = None
-    _missed: RunWarning | None = None  # that the last one could not be written, and why
+    _missed: RunWarning | None = None  # why the last checkpoint could not be written
 
     def control(self, every: float | None) -> Checkpoints:
         """Return the control that writes checkpoints."""
         return Checkpoints(self.recorded.waves.plane.comm, self.write, note=self._note, every=every)
 
     def _note(self) -> None:
-        """Store the present step, which all observers have recorded; collective."""
+        """Store the current step, which all observers have recorded; collective."""
         run, writer = self.recorded.run, self.recorded.writer
         fields = {name: series.extent() for name, series in self.recorded.series.items()}
         records = {} if writer is None else writer.extents()
         self._reached = CompletedStep(run.step, run.t, run.state.q, run.state.p, run.snapshot(), records, fields)
 
     def write(self) -> None:
-        """Write the whole state of the run, unless there is a checkpoint of this step; collective."""
+        """Write the complete state of the run, unless there is a checkpoint of this step; collective."""
         self._note()
         self._write_first_possible(True)
 
     def write_last(self) -> None:
-        """Write the checkpoint of the last step, with or else without the history of the solvers; collective."""
+        """Write the checkpoint of the last step, if possible with the history of the solvers; collective."""
         self._note()
         self._write_first_possible(True, False)
 
     def save(self) -> None:
-        """Write the state of a run that fails, unless there is a checkpoint of it; collective.
+        """Write the state of a failing run, unless there is a checkpoint of it; collective.
 
-        It is that of the step before, or, if an observer fails within a step, of the last step that was noted. The
-        history of the solvers is left out, since the failed step has altered it. On a full disk the checkpoint replaces
+        The state is that of the previous step or, if an observer fails within a step, of the last stored step. The
+        history of the solvers is omitted, since the failed step has changed it. On a full disk the checkpoint replaces
         the one before the last.
         """
         if self.recorded.run.recorded:
@@ -86,9 +86,9 @@ class Checkpointer:
         self._write_first_possible(False)
 
     def _write_first_possible(self, *histories: bool) -> None:
-        """Write the noted step, with the history of the solvers or without: the first of them that can be written.
+        """Write the stored step: the first version that can be written, with or without the history of the solvers.
 
-        If none can, a warning replaces the one of an earlier step.
+        If none can be written, a warning replaces that of an earlier step.
         """
         failure: Exception | None = None
         reached = self._reached
@@ -99,8 +99,8 @@ class Checkpointer:
                 self._write(reached, with_history=with_history)
                 self._written, failure = reached.step, None
             except RecordError:
-                return  # the directory was replaced, which ends the run
-            except TypeError as error:  # a state of a user's part that cannot be written
+                return  # the directory was replaced; the run ends
+            except TypeError as error:  # a state of a user's object that cannot be written
                 failure = error
                 break
             except RunError as error:
@@ -116,7 +116,7 @@ class Checkpointer:
     def _write(self, reached: CompletedStep, *, with_history: bool) -> None:
         of, waves, clock = self.recorded, self.recorded.waves, self.recorded.run.clock
         if not waves.plane.comm.allreduce(bool(np.isfinite([reached.q, reached.p]).all()), op=MPI.LAND):
-            return  # the run breaks down
+            return  # the run has broken down
         surface = self._surface(reached)
         tree = reached.tree()
         text, arrays = serialize({"surface": surface, "run": of.run.tree() if with_history else tree})
@@ -151,7 +151,7 @@ class Checkpointer:
         on_first(waves.plane.comm, put)
 
     def _surface(self, reached: CompletedStep) -> dict[str, Any]:
-        """Return places in the laboratory [m], elevation [m] and potential [m²/s] of the surface; collective."""
+        """Return positions in the laboratory [m], elevation [m] and potential [m²/s] of the surface; collective."""
         waves = self.recorded.waves
         waves.set_time(reached.t)
         elevation = waves.elevation(reached.q, reached.p, reached.t)

@@ -1,4 +1,4 @@
-"""End of a run: its last checkpoint, or the cause of a breakdown and the surface before it; and its report."""
+"""End of a run: its last checkpoint, or the cause of a breakdown with the surface before it; its report."""
 
 from wavetank.base.case_model import CaseError
 from wavetank.base.errors import BreakdownError, PaddleError, RecordError, RunError
@@ -15,21 +15,21 @@ from wavetank.tank.breakdown import cause, folds
 from wavetank.tank.breaking import BreakingDissipation, BreakingFilter
 from wavetank.tank.waves import NonlinearWaves
 
-ALIKE = 20.0  # s after an error in which all ranks have met it
+AGREEMENT_TIME = 20.0  # time within which all ranks must raise the same error [s]
 
 
 def execute_run(recorded: RecordedRun, checkpointer: Checkpointer, *, drawn: bool) -> None:
-    """Step to the end, write the last checkpoint and report; of a run that fails dump the surface and raise the cause.
+    """Advance the run to its end, write the last checkpoint, and report; raise the cause of a failure.
 
-    Collective. ``drawn``: whether there are to be pictures.
+    Collective. A failed run writes its last surface. ``drawn``: whether figures follow.
     """
     why: BaseException | None = None
     try:
         recorded.run.execute()
         checkpointer.write_last()
     except BaseException as error:
-        if not all_ranks_arrive(recorded.waves.plane.comm, ALIKE):
-            raise  # an error of this rank alone
+        if not all_ranks_arrive(recorded.waves.plane.comm, AGREEMENT_TIME):
+            raise  # an error of this rank only
         why = _ended(error, recorded, checkpointer)
         if not isinstance(why, RunError):
             raise
@@ -39,7 +39,7 @@ def execute_run(recorded: RecordedRun, checkpointer: Checkpointer, *, drawn: boo
 
 
 def _ended(error: BaseException, recorded: RecordedRun, checkpointer: Checkpointer) -> BaseException:
-    """Return why a run has ended that all ranks have met; collective.
+    """Return the cause of the end of a run, which is the same on all ranks; collective.
 
     After a ``RunError`` checkpoint, broken surface and cause are written.
     """
@@ -48,7 +48,7 @@ def _ended(error: BaseException, recorded: RecordedRun, checkpointer: Checkpoint
         run.flush()
     except RunError as earlier:
         error = earlier
-    if isinstance(error, CaseError):  # of a motion, at a time that was not checked before the run
+    if isinstance(error, CaseError):  # raised by a motion, at a time that was not checked before the run
         error = PaddleError(f"t = {run.t:.6g} s: {error}")
     if not isinstance(error, RunError):
         return error
@@ -63,7 +63,7 @@ def _ended(error: BaseException, recorded: RecordedRun, checkpointer: Checkpoint
 
 
 def _dump(recorded: RecordedRun, surface: BrokenSurface) -> None:
-    """Write the surface that a run broke down from."""
+    """Write the last surface before a breakdown."""
     recorded.content.update(surface.figures)
     if recorded.writer is not None:
         recorded.writer.write_table(BROKEN, surface.columns)
@@ -71,7 +71,7 @@ def _dump(recorded: RecordedRun, surface: BrokenSurface) -> None:
 
 
 def _explained(error: BreakdownError, recorded: RecordedRun, waves: NonlinearWaves) -> BreakdownError:
-    """Return a breakdown with its cause and cure; collective."""
+    """Return a breakdown with its cause and remedy; collective."""
     run, numerics = recorded.run, recorded.case.numerics
     why, cure = cause(
         waves,
@@ -85,7 +85,7 @@ def _explained(error: BreakdownError, recorded: RecordedRun, waves: NonlinearWav
         warned=next((one.longest for one in run.diagnostics if isinstance(one, StabilityWatch)), None),
     )
     for one in (one for one in _breaking(run) if one.watch.alarms):
-        enough = ", and the eddy viscosity was not enough" if isinstance(one, BreakingDissipation) else ""
+        enough = ", and the eddy viscosity was insufficient" if isinstance(one, BreakingDissipation) else ""
         why = f"{why}; {one.watch.story}{enough}"
     explained = type(error)(f"{error}: {why}.")
     explained.cure = cure
@@ -93,7 +93,7 @@ def _explained(error: BreakdownError, recorded: RecordedRun, waves: NonlinearWav
 
 
 def _report(recorded: RecordedRun, error: BaseException | None, *, drawn: bool) -> None:
-    """Add warnings, breaking and figures to log and manifest, and print the closing lines; collective."""
+    """Add warnings, breaking and figures to log and manifest, and print the last lines; collective."""
     run, log, warnings, writer = recorded.run, recorded.log, recorded.warnings, recorded.writer
     figures, outcome = recorded.parts.figures(), RunOutcome.of(run)
     for one in _breaking(run):
@@ -103,7 +103,7 @@ def _report(recorded: RecordedRun, error: BaseException | None, *, drawn: bool) 
                 budget.cause = one.watch.cause
             dissipated = ""
             if isinstance(one, BreakingDissipation):
-                dissipated = f"; the eddy viscosity took {100 * one.dissipated_part:.2g} % of the energy"
+                dissipated = f"; the eddy viscosity dissipated {100 * one.dissipated_part:.2g} % of the energy"
             log.say(f"{one.watch.story} ({BREAKING}){dissipated}")
             if writer is not None:
                 writer.write_table(BREAKING, one.watch.columns)
@@ -128,5 +128,5 @@ def _report(recorded: RecordedRun, error: BaseException | None, *, drawn: bool) 
 
 
 def _breaking(run: Run) -> list[BreakingFilter]:
-    """Return the filter of breaking, if the run has one."""
+    """Return the breaking filter of the run, or None."""
     return [one for one in run.filters if isinstance(one, BreakingFilter)]

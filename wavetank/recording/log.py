@@ -1,4 +1,4 @@
-"""A recorded run: its log, warnings and progress, and the beginning and end of its run directory."""
+"""Log, warnings and progress of a recorded run; beginning and end of its run directory."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
@@ -28,7 +28,7 @@ Draw = Callable[[RunDirectory], Iterable[Path]]
 
 
 class Warnings:
-    """Warnings of a run, each of them once; a sentence, as of a user's observer, becomes a record.
+    """Warnings of a run, without repetitions; a sentence, such as of a user's observer, becomes a record.
 
     Attributes
     ----------
@@ -47,13 +47,13 @@ class Warnings:
             self.records.append(record)
 
     def at_once(self, warning: RunWarning | str) -> None:
-        """Add a warning and print it now: the run may soon break down."""
+        """Add and print a warning immediately: the run may soon break down."""
         if (record := run_warning(warning)) not in self.records:
             self.records.insert(0, record)
         self._print(record)
 
     def show(self) -> None:
-        """Print the warnings that were not printed yet."""
+        """Print the warnings that are not printed yet."""
         for record in self.records:
             self._print(record)
 
@@ -64,7 +64,7 @@ class Warnings:
 
 
 def case_content(case: Case, integrator: Integrator[Any] | None) -> dict[str, Any]:
-    """Return a case for the manifest, without its integrator if a user's replaces it."""
+    """Return a case for the manifest, without its integrator if a user's integrator replaces it."""
     content = case.model_dump(mode="json")
     if integrator is not None:
         content["numerics"].pop("integrator", None)
@@ -80,17 +80,17 @@ class RecordedRun:
     requested, case
         The case as requested, and with planned numerics.
     run, waves, parts
-        The run, its waves and its parts so far.
+        The run, its waves and its other parts.
     series
-        The fields that all ranks write, by their names.
+        Fields that all ranks write, by their names.
     writer
-        Of the run directory; None on all ranks but the first.
+        Writer of the run directory; None except on the first rank.
     log, warnings
-        Where messages and warnings go.
+        Log and warnings of the run.
     content
-        Content of the manifest, known before the first step.
+        Content of the manifest that is known before the first step.
     observers
-        The names of a user's own.
+        Names of the user's observers.
     """
 
     requested: Case
@@ -107,7 +107,7 @@ class RecordedRun:
 
 
 def begin_directory(recorded: RecordedRun, *, resumed: bool) -> None:
-    """Begin the run directory with the figures known so far; collective. Raises ``RecordError`` on all ranks."""
+    """Begin the run directory with the known figures; collective. Raises ``RecordError`` on all ranks."""
     writer, log = recorded.writer, recorded.log
     bed, parts = bed_by_code(recorded.case, recorded.waves), recorded.parts.so_far()
 
@@ -121,14 +121,14 @@ def begin_directory(recorded: RecordedRun, *, resumed: bool) -> None:
             log.open(writer.path / LOG, going_on=resumed)
             log.say(f"writing {writer.path}")
             if old:
-                log.say(f"removed, as the record they are of goes on: {', '.join(sorted(old))}")
+                log.say(f"removed, since the record is continued: {', '.join(sorted(old))}")
 
     on_first(recorded.waves.plane.comm, begin)
 
 
 @contextmanager
 def record_failure(writer: RunWriter | None) -> Iterator[None]:
-    """Record the error of a block in the manifest; the lock stays, as pictures are still to be drawn."""
+    """Record the error of a block in the manifest; the directory remains locked until the figures are drawn."""
     try:
         yield
     except BaseException as error:
@@ -139,7 +139,7 @@ def record_failure(writer: RunWriter | None) -> Iterator[None]:
 
 @contextmanager
 def log_outcome(writer: RunWriter, log: RunLog, *, draw: Draw | None) -> Iterator[None]:
-    """Log why a run has ended; then draw its pictures."""
+    """Log the cause of the end of a run; then draw its figures."""
     try:
         yield
         log.note("finished")
@@ -152,12 +152,12 @@ def log_outcome(writer: RunWriter, log: RunLog, *, draw: Draw | None) -> Iterato
                 log.say(f"wrote {picture}")
         except Exception as error:  # the records of the run are complete
             reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
-            log.say(f"warning: the pictures in {writer.path} could not all be drawn: {reason}", style="bold red")
+            log.say(f"warning: not all figures in {writer.path} could be drawn: {reason}", style="bold red")
         log.close()
 
 
 def progress_of(recorded: RecordedRun) -> AbstractContextManager[Progress | None]:
-    """Return the progress of a run; None on all ranks but the first."""
+    """Return the progress of a run; None except on the first rank."""
     if recorded.writer is None:
         return nullcontext()
     run, counters = recorded.run, recorded.waves.potential.counters

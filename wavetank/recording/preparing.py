@@ -1,4 +1,4 @@
-"""A run with its diagnostics: planned, checked and built before anything is written."""
+"""Preparation of a run with its diagnostics: planned, checked and built before any file is written."""
 
 from typing import Any
 
@@ -39,26 +39,26 @@ def prepare(
     restart: Restart | None,
     accept_cost: bool,
 ) -> RecordedRun:
-    """Return a run as it begins or goes on, with its diagnostics; collective.
+    """Return a new or resumed run with its diagnostics; collective.
 
-    Raises ``InputError`` for a case that cannot run.
+    Raises ``InputError`` for a case that cannot be run.
 
     Parameters
     ----------
     requested, comm
-        The case, and the ranks.
+        The case, and the communicator.
     writer, log, warnings, content
         See ``RecordedRun``; planned water and numerics are added to the content.
     start_time
-        When the preparation began, ``time.monotonic`` [s].
+        Start of the preparation, ``time.monotonic`` [s].
     integrator
-        In place of the case's.
+        Integrator in place of the case's.
     observers
-        Functions of the waves that return a user's diagnostics.
+        Functions of the waves that return a user's observer.
     restart
-        The restart of a run that is resumed.
+        Restart of a resumed run, or None.
     accept_cost
-        Whether a run that takes days, or more memory than there is, is accepted.
+        Whether a run of days, or one that needs more memory than available, is accepted.
     """
     case, plan_warnings = restart.planned(requested) if restart else planned(requested, comm)
     if not accept_cost:
@@ -84,7 +84,7 @@ def prepare(
     of_user = own_observers(observers, waves)
     run.diagnostics += of_user
     if of_user and case.absorbing:
-        run.longest_block = 1  # they may evaluate the waves, whose paddles with feedback move as in the last step
+        run.longest_block = 1  # observers may evaluate the waves, whose feedback motions are those of the last step
     names = [*map(called, observers)]
     if restart:
         log.say(restart.restore(run, waves, case=case, fields=series))

@@ -28,21 +28,21 @@ def run(
     resume: bool = False,
     quiet: bool = False,
 ) -> RunDirectory:
-    """Run a case and return its run directory; under mpirun all ranks call it.
+    """Run a case and return its run directory; collective under mpirun.
 
     Raises ``InputError`` for a case that cannot be run, before any file is changed, and ``RunError`` if the run breaks
-    down; everything up to then is in the directory.
+    down; the directory then contains all records up to the breakdown.
 
     Parameters
     ----------
     case
-        As ``read_case`` returns it.
+        Result of ``read_case``.
     out
-        The run directory.
+        Run directory.
     observers
         Further observers: functions of the waves, such as classes, that return an observer.
     integrator
-        An integrator in place of the case's.
+        Integrator in place of the case's.
     overwrite
         Whether an existing run may be replaced.
     resume
@@ -51,7 +51,7 @@ def run(
         Whether nothing is printed; messages are in ``run.log``.
     """
     if not isinstance(case, Case):
-        raise InputError(f"case = {case!r}: a {type(case).__name__} received; needed is what wt.read_case returns.")
+        raise InputError(f"case = {case!r}: a {type(case).__name__} received; must be a result of wt.read_case.")
     place = OutputPath(Path(out), overwrite=overwrite)
     record_run(
         case,
@@ -76,22 +76,22 @@ def resume(
     integrator: Integrator[Any] | None = None,
     trust: bool = False,
 ) -> RunDirectory:
-    """Resume a run from a checkpoint and return its run directory; under mpirun all ranks call it.
+    """Resume a run from a checkpoint and return its run directory; collective under mpirun.
 
     Raises the errors of ``run``.
 
     Parameters
     ----------
     directory
-        The run directory, which contains the case.
+        Run directory, which contains the case.
     changes
         Overrides of the case as in ``read_case``: other numerics, a longer duration, more gauges.
     extend
-        Additional duration [s]; a finished run is resumed only with it, or from the checkpoint before its end.
+        Additional duration [s]; without it a finished run can be resumed only from the checkpoint before its end.
     at
-        The time of one of the two checkpoints [s]; default: the last.
+        Time of one of the two checkpoints [s]; default: the last.
     observers, integrator
-        The observers and the integrator that the run was started with.
+        Observers and integrator of the original run.
     trust
         Whether Python files that the run directory names may be executed.
     """

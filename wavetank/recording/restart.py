@@ -31,32 +31,32 @@ from wavetank.simulation.initial import StoredSurface, differences
 from wavetank.simulation.run import Run
 
 FREE = {("title",), ("run", "duration"), ("run", "checkpoint_every"), ("run", "on_breaking")}
-ALL_OF = {"gauges": "all_gauges", "probes": "probes", "loads": "loads", "windows": "windows"}  # may be more: of a case
+ALL_OF = {"gauges": "all_gauges", "probes": "probes", "loads": "loads", "windows": "windows"}  # may be extended
 CHANGED = {*Numerics.model_fields, "on_breaking"}
-SIZES = {"cells": "cell_size", "cell_size": "cells"}  # of which there is one
+SIZES = {"cells": "cell_size", "cell_size": "cells"}  # keys that exclude each other
 RECORDED = {"output", "gauge_lines", *ALL_OF}
 
 
 class Restart:
     """A restart from a checkpoint.
 
-    With the same numerics it restores the whole state; with others the surface, and sums that do not depend on them.
+    With the same numerics it restores the complete state; with others the surface, and sums that do not depend on them.
 
     Parameters
     ----------
     writer
-        Of the run directory; None on all ranks but the first.
+        Writer of the run directory; None except on the first rank.
     warn
-        Adds a warning.
+        Function that adds a warning.
     at
-        The time of the checkpoint [s]; default: of the last.
+        Time of the checkpoint [s]; default: the last.
 
-    Raises ``InputError``, on all ranks, where there is none.
+    Raises ``InputError``, on all ranks, if there is no such checkpoint.
 
     Attributes
     ----------
     about
-        The metadata of the checkpoint.
+        Metadata of the checkpoint.
     anew
         Whether the run continues with other numerics; set by ``planned``.
     """
@@ -82,11 +82,11 @@ class Restart:
             raise self._foreign(error) from error
 
     def _foreign(self, error: Exception) -> InputError:
-        """Return the error for a checkpoint with other content than expected."""
+        """Return the error for a checkpoint with unexpected content."""
         by = f" ({self.about['git']})" if isinstance(self.about, dict) and self.about.get("git") else ""
         reason = f"; {error}" if isinstance(error, ValueError) and not isinstance(error, ValidationError) else ""
         return InputError(
-            f"the checkpoint was written by another version of this program{by}, or of an integrator or observer of "
+            f"the checkpoint was written by another version of this program{by}, or with an integrator or observer of "
             f"your own, or has been edited: only the version that wrote it can resume it{reason}."
         )
 
@@ -112,7 +112,7 @@ class Restart:
         same = mine.model_dump() == its.model_dump()
         self.anew = not same or requested.run.on_breaking != self._before.run.on_breaking
         if self.anew and requested.run.duration <= self.about["t"] * (1 + 1e-9):
-            allowed = f"must be more than {self.about['t']:g} s, where the run is; --extend SECONDS is so much more"
+            allowed = f"must be more than {self.about['t']:g} s, the time of the run; --extend SECONDS adds to it"
             raise CaseError([self._duration_problem(requested, allowed)])
         self._warn_again()
         if same or mine.accuracy == its.accuracy and not (mine.open and not its.open):
@@ -124,7 +124,7 @@ class Restart:
         )  # the run has started already
 
     def _warn_again(self) -> None:
-        """Repeat the warnings of the run so far, except those that depend on the duration and are made again."""
+        """Repeat the warnings of the run, except those that depend on the duration and are made again."""
         obsolete, of_numerics = [*too_high(self._chosen)], [*predicted(self._chosen)]
         if not self.anew and isinstance(self._chosen.initial, StillWater):
             obsolete += of_numerics
@@ -134,14 +134,14 @@ class Restart:
                 self._warn(replace(warning, until=self.about["t"]) if past else warning)
 
     def _numerics(self, mine: Numerics, its: Numerics) -> Numerics:
-        """Return the planned numerics of the checkpoint with those keys that the request changes."""
+        """Return the planned numerics of the checkpoint, with the keys that the request changes."""
         named = mine.model_fields_set if its.open else set(Numerics.model_fields)
         changed = {key for key in named if getattr(mine, key) != getattr(its, key)}
         chosen = self._chosen.numerics.model_copy(update={"dt": self.about["clock"]["dt"]})
         return mine.over(chosen, named=changed if its.dt is None else changed | {"dt"})
 
     def _check(self, requested: Case) -> None:
-        """Raise ``CaseError`` unless the case is that of the checkpoint, except keys that may change."""
+        """Raise ``CaseError`` if the case differs from that of the checkpoint in a key that must not change."""
         before, now = (one.model_dump(mode="json") for one in (self._before, requested))
         problems = [
             Problem(path, *_required_value(former, value))
@@ -149,21 +149,21 @@ class Restart:
             if path not in FREE and path[0] not in {"numerics", "water", *RECORDED}
         ]
         if requested.water is not None and requested.physics != self._chosen.physics:
-            allowed = f"must be {self._chosen.physics!r}, as in the run that is to go on"
+            allowed = f"must be {self._chosen.physics!r}, as in the original run"
             problems.append(Problem(("water", "type"), requested.physics, allowed))
         problems += self._removed_records(requested)
         changed = requested.run.duration != self._before.run.duration  # else the last step may end beyond it
         if changed and requested.run.duration < self.about["t"] * (1 - 1e-9):
-            allowed = f"must be {self.about['t']:g} s or more: the run has come there"
+            allowed = f"must be {self.about['t']:g} s or more, the time of the run"
             problems.append(self._duration_problem(requested, allowed))
         problems += self._changed_files(requested)
         if problems:
             raise CaseError(problems)
 
     def _duration_problem(self, requested: Case, allowed: str) -> Problem:
-        """Return the problem of a duration that is over; an unchanged one is not blamed."""
+        """Return the problem with an elapsed duration: if the request does not change it, the run has finished."""
         if requested.run.duration == self._before.run.duration:
-            return Problem(("run",), None, "has finished; --extend SECONDS goes on with it")
+            return Problem(("run",), None, "has finished; --extend SECONDS continues it")
         return Problem(("run", "duration"), requested.run.duration, allowed)
 
     def _removed_records(self, requested: Case) -> Iterator[Problem]:
@@ -173,12 +173,12 @@ class Restart:
             gone = [one for one in getattr(self._before, name) if one not in now]
             if gone:
                 missing = ", ".join(json.dumps(one.model_dump(mode="json", exclude_defaults=True)) for one in gone)
-                allowed = f"must be all that there were, and may be more: missing, or another, is {missing}"
+                allowed = f"must contain all of the original run: {missing} is missing or different"
                 yield Problem((key,), None, allowed)
 
     def _changed_files(self, requested: Case) -> list[Problem]:
         """Return the files of the case whose content has changed."""
-        now, allowed = contents(requested), "its content must be what it was when the run began, and has changed since"
+        now, allowed = contents(requested), "the content of the file must not change after the beginning of the run"
         return [
             Problem(tuple(key.split(".")), name, allowed)
             for key, name in requested.named_files()
@@ -199,11 +199,11 @@ class Restart:
     def restore(self, run: Run, waves: AnyWaves, *, case: Case, fields: Mapping[str, VtuSeries]) -> str:
         """Restore the state of a run and the extents of its records; return a message; collective.
 
-        Raises ``InputError`` for the checkpoint of another run or of another integrator.
+        Raises ``InputError`` for a checkpoint of another run or of another integrator.
         """
         its, mine = self.about["parts"][-1]["numerics"]["integrator"], run.integrator.name
         if its != mine and case.numerics.integrator == self._chosen.numerics.integrator:
-            raise InputError(f"the run was stepped by integrator {its!r}, and would be by {mine!r}: must be the same.")
+            raise InputError(f"integrator {mine!r} received; must be {its!r}, as in the original run.")
         try:
             message = self._restore_surface(run, waves, case) if self.anew else self._restore(run, waves, case)
             for name, series in fields.items():
@@ -216,7 +216,7 @@ class Restart:
         return message
 
     def warn_of_missing_observers(self, observers: Sequence[str]) -> None:
-        """Warn of a user's own observers that are missing in the present ``observers``."""
+        """Warn of observers of the original run that are missing in ``observers``."""
         if gone := [one for one in self.about.get("observers", []) if one not in observers]:
             self._warn(RunWarning("missing-observers", t=self.about["t"], details={"names": ", ".join(gone)}))
 
@@ -227,7 +227,7 @@ class Restart:
             self._writer.resume_at(its)
 
     def _restore(self, run: Run, waves: AnyWaves, case: Case) -> str:
-        """Restore the whole state of the run, which has the same numerics."""
+        """Restore the complete state of a run with the same numerics."""
         clock = self.about["clock"]
         remaining, until = case.run.duration - clock["begin"], case.motions_end - clock["begin"]
         run.clock = Clock.covering(remaining, clock["dt"], until=until).after(clock["begin"], clock["first"])
@@ -236,8 +236,8 @@ class Restart:
         tree = deserialize(self._text, at_dofs(waves.plane, arrays, places))["run"]
         run.resume(tree, with_solves=self._has_history)
         if run.step != self.about["step"]:
-            raise ValueError(f"step {run.step} of the state is not step {self.about['step']} of its description")
-        return f"going on from t = {run.t:.6g} s"
+            raise ValueError(f"step {run.step} of the state differs from step {self.about['step']} of its description")
+        return f"resuming from t = {run.t:.6g} s"
 
     def _restore_surface(self, run: Run, waves: AnyWaves, case: Case) -> str:
         """Restore the states that do not depend on the numerics; the run begins at the surface."""
@@ -251,30 +251,30 @@ class Restart:
             for path, _, value in differences(former, now)
             if path[-1] in CHANGED and value is not None
         ]
-        return f"going on from t = {run.t:.6g} s with {', '.join(changes)}; the mass changes by {mass:.1g} of it"
+        return f"resuming from t = {run.t:.6g} s with {', '.join(changes)}; relative change of mass {mass:.1g}"
 
 
 def _required_value(former: Any, value: Any) -> tuple[Any, str]:
-    """Return the received and the allowed value of a key; without values for lists and tables."""
+    """Return the received and the required value of a key; without values for lists and tables."""
     if isinstance(former, list | dict) or isinstance(value, list | dict):
-        return None, "must be what it is in the run that is to go on"
-    return value, f"must be {'left out' if former is None else repr(former)}, as in the run that is to go on"
+        return None, "must be as in the original run"
+    return value, f"must be {'left out' if former is None else repr(former)}, as in the original run"
 
 
 def stored_case(run: Path | str, changes: Sequence[str] = (), *, extend: float | None = None) -> Case:
     """Return the case stored in a run directory, with ``KEY=VALUE`` changes, longer by ``extend`` [s].
 
-    Raises ``InputError`` without a stored case, and for an invalid one.
+    Raises ``InputError`` if no case is stored, or an invalid one.
     """
     directory = RunDirectory(run)
     content = directory.manifest.get("case")
     if not isinstance(content, dict) or not isinstance(content.get("run"), dict):
-        raise InputError(f"{directory.path}: its {MANIFEST} tells no case to go on with.")
+        raise InputError(f"{directory.path}: its {MANIFEST} has no case to resume.")
     if extend is not None:
         if not extend > 0:
             raise InputError(f"--extend {extend:g} received; must be more than 0 s.")
         if any(change.partition("=")[0].strip() == "run.duration" for change in changes):
-            raise InputError("--extend and run.duration: give one of them; the one is added, the other is all of it.")
+            raise InputError("--extend and run.duration exclude each other: an additional and a total duration.")
         changes = [*changes, f"run.duration={float(content['run']['duration']) + extend!r}"]
     content = _without_none(content)
     for key, other in SIZES.items():

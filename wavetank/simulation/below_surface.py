@@ -20,14 +20,14 @@ from wavetank.tank.wall_pressure import WallPressure
 
 
 class Loads:
-    """Force and moment on walls.
+    """Forces and moments on walls.
 
     Parameters
     ----------
     about
-        The point of each wall that its moments are taken about, (x, y, z) [m].
+        Reference point of the moments of each wall, (x, y, z) [m].
     record
-        Where rows go, in the order of ``load_columns``.
+        Table of the rows, in the order of ``load_columns``.
     """
 
     def __init__(self, pressure: WallPressure, about: Sequence[Vector], *, record: Record, schedule: Schedule):
@@ -45,20 +45,20 @@ class Loads:
 
 @dataclass(frozen=True)
 class ProbeState:
-    """Whether there has been water at a probe, by its place."""
+    """Whether each probe has ever been in the water, by its position."""
 
     wet: dict[str, bool] = field(default_factory=dict)
 
 
 class Probes:
-    """What the water does at points: see ``records.probe_table`` for the columns; empty where there is none.
+    """Flow at points: see ``records.probe_table`` for the columns; values are empty out of the water.
 
     Parameters
     ----------
     kinematics
-        The points.
+        Kinematics at the points.
     record
-        Where rows go.
+        Table of the rows.
     called
         Names of the points and of the paddles in a case.
     """
@@ -96,13 +96,13 @@ class Probes:
             self._record.extend([[t, *(value for row in rows for value in row)]])
 
     def warnings(self) -> list[RunWarning]:
-        """Return a warning of probes without water at any time."""
+        """Return a warning of probes that were never in the water."""
         dry = [point for point, wet in self.state.wet.items() if not wet]
         return [RunWarning("dry-probes", details={"points": "; ".join(dry)})] if dry else []
 
 
 def axes_of(water: MovingWater) -> list[int]:
-    """Return which of x, y and z vectors have components along."""
+    """Return the axes, of x, y and z, of the components of vectors."""
     return [0, 1, 2] if water.plane.mesh.topology.dim == 2 else [0, 2]
 
 
@@ -112,7 +112,7 @@ class BelowSurface:
     Parameters
     ----------
     water
-        The water; the history of its solves is part of the state of the run, as the states of the diagnostics are.
+        The water; the state of the run contains the history of its solves and the states of the diagnostics.
     diagnostics
         Probes, loads, windows, velocity fields and paddles with loads.
     """
@@ -129,21 +129,21 @@ class BelowSurface:
                     diagnostic.record(due)
 
     def warnings(self) -> list[RunWarning]:
-        """Return a warning of probes without water at any time."""
+        """Return a warning of probes that were never in the water."""
         return [warning for one in self.diagnostics if isinstance(one, Probes) for warning in one.warnings()]
 
 
 class WindowObserver:
-    """The motion of columns of water.
+    """Flow in columns of water.
 
     Parameters
     ----------
     places
         (x, y) of each column [m], shape (N, 2).
     levels
-        Points in each.
+        Number of points in each column.
     density
-        Of the water [kg/m³].
+        Density of the water [kg/m³].
     """
 
     def __init__(
@@ -164,7 +164,7 @@ class WindowObserver:
         self._kinematics = PointKinematics(water, np.repeat(points, levels, axis=0), density=density)
 
     def record(self, block: Block) -> None:
-        """Append the motion of the columns; raises ``PaddleError`` if the paddle has passed one; collective."""
+        """Append the flow in the columns; raises ``PaddleError`` if the paddle has passed one; collective."""
         for (q, psi, t), elevation in zip(block.states(), block.eta, strict=True):
             self._water.find_rates(q, psi, t)
             self._elevation.set(elevation)
@@ -184,9 +184,9 @@ class WindowObserver:
 
 
 class VelocityFields:
-    """The water below the surface: ``velocity`` (along x, y and z) [m/s] and ``potential`` [m²/s].
+    """The flow below the surface: ``velocity`` (along x, y and z) [m/s] and ``potential`` [m²/s].
 
-    Single precision at the n+1 Gauss-Lobatto nodes of each column: they are n+1 times as large as the surface.
+    In single precision at the n+1 Gauss-Lobatto nodes of each column: n+1 times as much data as the surface.
     """
 
     def __init__(self, water: NonlinearRates, series: VtuSeries, *, schedule: Schedule):
@@ -210,5 +210,5 @@ class VelocityFields:
 
 
 def _single(layers: list[Vector]) -> Vector:
-    """Return the layers one after another, in single precision."""
+    """Return the layers in sequence, in single precision."""
     return np.concatenate([layer.astype(np.float32) for layer in layers])

@@ -1,4 +1,4 @@
-"""From a case to a run: its scheme, step, start, filters and observers."""
+"""Construction of a run from a case: scheme, time step, start, filters and observers."""
 
 from math import inf
 from typing import Any
@@ -24,19 +24,19 @@ from wavetank.simulation.run import Run, restore_surviving
 from wavetank.tank.breakdown import FARTHEST, ShortWaves
 from wavetank.tank.linear_waves import LinearWaves
 
-ENOUGH = 100_000  # unknowns of a basin, from which on several ranks pay
-ANSWERED = 1.25  # omega_max dt: of longer steps flaps that answer have been unstable
+MANY_UNKNOWNS = 100_000  # number of unknowns of a basin above which several ranks are faster
+ANSWERED = 1.25  # omega_max dt above which absorbing flaps have been unstable
 
 
 def initial_state(case: Case, waves: AnyWaves) -> tuple[Vector, Vector]:
-    """Return (Q, psi) of the case's initial surface; collective. Raises ``InputError`` if it lies below the bed."""
+    """Return (Q, psi) of the initial surface of a case; collective. Raises ``InputError`` if it lies below the bed."""
     comm = waves.plane.comm
     with about("initial"):
         eta, psi = initial_surface(case, waves)
         state = waves.state(eta, psi)
         lowest = comm.allreduce(float(np.min(waves.bed.still + eta, initial=np.inf)), op=MPI.MIN)
         if not lowest > 0.0:
-            raise InputError(f"its surface lies down to {-lowest:.3g} m below the bed; must be above it everywhere.")
+            raise InputError(f"its surface is up to {-lowest:.3g} m below the bed; must be above the bed everywhere.")
         return state
 
 
@@ -48,14 +48,14 @@ def build_clock(
     moving: float | None = None,
     begin: float = 0.0,
 ) -> Clock:
-    """Return the case's steps, or some from accuracy and stability, for the largest frequency of its mesh [rad/s].
+    """Return the clock of a case, for the largest frequency of its mesh [rad/s].
 
     The default step divides the duration. It is at most 0.6 of the stability limit on still water, ``FARTHEST`` of the
     limit at the largest displacement of a paddle, and 1.4 times the limit on the ``moving`` surface of the start, if
     that has a larger frequency. Its relative frequency error is below 1e-4 for waves of a quarter of the largest
     frequency. Free waves are without noise at twice the limit; a steep wave that runs up a wall is at 1.4, not at 1.75
-    (docs/extremes.md). A given step does not change: the last one ends beyond the duration, or before it where a
-    recorded motion ends. The duration counts from ``begin`` [s].
+    (docs/extremes.md). A given step is unchanged: the last step ends beyond the duration, or before it if a
+    recorded motion ends there. The duration is counted from ``begin`` [s].
     Raises ``InputError`` for an unstable step.
     """
     duration = case.run.duration - begin
@@ -67,7 +67,7 @@ def build_clock(
         return Clock.dividing(duration, min(0.6 * limit, FARTHEST * limit / case.frequency_shift, accurate, steep))
     if case.numerics.dt > limit:
         allowed = (
-            f"must be below {limit:.4g} s, where {integrator.name} gets unstable on this mesh (largest frequency "
+            f"must be below {limit:.4g} s, the stability limit of {integrator.name} on this mesh (largest frequency "
             f"{largest_frequency:.4g} rad/s)"
         )
         raise CaseError([Problem(("numerics", "dt"), case.numerics.dt, allowed)])
@@ -78,14 +78,14 @@ def build_clock(
 def build_run(
     case: Case, comm: MPI.Comm, integrator: Integrator[Any] | None = None, *, beginning: StoredSurface | None = None
 ) -> tuple[Run, AnyWaves]:
-    """Return the run of a case, nothing recorded yet, and the waves in it; collective.
+    """Return the run of a case, without diagnostics, and its waves; collective.
 
-    It has no diagnostics; filters of breaking may stop it. Its integrator is the case's or the given one. It starts
-    with the case's initial state or at ``beginning``. Raises ``InputError`` for numerics that cannot work or that are
-    not planned yet (``wavetank.planning.plan``).
+    Its breaking filters may stop it. Its integrator is the case's or the given one. It starts with the initial state of
+    the case or at ``beginning``. Raises ``InputError`` for numerics that cannot be used or that are not planned yet
+    (``wavetank.planning.plan``).
     """
     if case.numerics.accuracy is not None:
-        raise InputError(f"numerics.accuracy = {case.numerics.accuracy:g}: must have been planned for before the run.")
+        raise InputError(f"numerics.accuracy = {case.numerics.accuracy:g}: must be planned before the run.")
     with about("tank", "layout"):
         footprint = build_footprint(case, comm)
     waves = fill(case, footprint)
@@ -100,8 +100,8 @@ def build_run(
         integrator = ControlledPaddles(integrator, controllers)
         if beginning is not None:
             paddles = {f"paddle {n}": paddle for n, paddle in enumerate(controllers)}
-            restore_surviving(paddles, beginning.parts)  # so that the paddles stand where they stood
-    largest = waves.largest_frequency  # of a wall at rest
+            restore_surviving(paddles, beginning.parts)  # positions of the paddles
+    largest = waves.largest_frequency  # with the wall at rest
     t, step = (beginning.t, beginning.step) if beginning else (0.0, 0)
     waves.set_time(t)
     start = waves.state(*beginning.on(waves), t) if beginning else initial_state(case, waves)
@@ -110,20 +110,20 @@ def build_run(
         comm, lambda: build_clock(case, largest, integrator, moving=moving, begin=t).after(t, step)
     )
     if controllers and clock.dt * largest > ANSWERED:
-        allowed = f"must be at most {ANSWERED / largest:.4g} s: a paddle that absorbs looks at the water once a step"
+        allowed = f"must be at most {ANSWERED / largest:.4g} s: an absorbing paddle measures the water once per step"
         raise CaseError([Problem(("numerics", "dt"), case.numerics.dt, allowed)])
     filters = build_filters(case, waves, clock.dt)
     run = Run(waves, integrator, [], start=start, clock=clock, filters=filters)
     below = case.probes or case.loads or case.windows or case.output.velocity_every is not None
     if case.absorbing and (below or isinstance(waves, LinearWaves)):
-        run.longest_block = 1  # diagnostics evaluate the motion of a paddle, which with feedback is that of the step
+        run.longest_block = 1  # diagnostics evaluate motions; a feedback motion is that of the last step
     run.paddle_work = build_paddle_work(case, waves)
     check_states(run)
     return run, waves
 
 
 def _moving(waves: AnyWaves, start: tuple[Vector, Vector], t: float) -> float:
-    """Return the largest frequency on the surface as it moves at the start, t [s], in rad/s; collective."""
+    """Return the largest frequency on the moving surface of the start at t [s], in rad/s; collective."""
     if isinstance(waves, LinearWaves):
         return waves.largest_frequency
     waves.surface.update(*start, t)
@@ -131,7 +131,7 @@ def _moving(waves: AnyWaves, start: tuple[Vector, Vector], t: float) -> float:
 
 
 def summary(case: Case, run: Run, waves: AnyWaves) -> str:
-    """Return what a run is, in a line."""
+    """Return a description of a run in one line."""
     limit = run.integrator.stability_limit
     bound = f" of {limit:g}" if limit < inf else ", stable at any"
     steps = run.clock.steps - run.clock.first
@@ -145,7 +145,7 @@ def summary(case: Case, run: Run, waves: AnyWaves) -> str:
 
 
 def end_message(case: Case, clock: Clock) -> str:
-    """Return that a run's last step ends before or beyond its duration; empty if it does not."""
+    """Return a sentence if the last step ends before or beyond the duration; otherwise empty."""
     if abs(clock.end - case.run.duration) <= ROUNDING * case.run.duration:
         return ""
     step = f"a whole step of {clock.dt:.4g} s"
@@ -154,13 +154,13 @@ def end_message(case: Case, clock: Clock) -> str:
 
 
 def ranks_message(waves: AnyWaves) -> str:
-    """Return that one rank would do better than several; empty where it would not, and of one."""
+    """Return a sentence if one rank is as fast as the ranks of the run, or faster; otherwise empty."""
     ranks, unknowns = waves.plane.comm.size, _unknowns(waves)
     if ranks > 1 and waves.plane.mesh.topology.dim == 1:
-        return f"a slice or ring wants one rank, whose solves are compiled: {ranks} take many times as long"
-    if ranks == 1 or unknowns >= ENOUGH:
+        return f"a slice or ring is fastest on one rank, with compiled solves: {ranks} take many times as long"
+    if ranks == 1 or unknowns >= MANY_UNKNOWNS:
         return ""
-    return f"{unknowns} unknowns are few for {ranks} ranks, which pay from about {ENOUGH} on: one may be as fast"
+    return f"{unknowns} unknowns are few for {ranks} ranks: below about {MANY_UNKNOWNS}, one rank may be as fast"
 
 
 def _unknowns(waves: AnyWaves) -> int:

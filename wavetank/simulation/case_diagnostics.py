@@ -1,4 +1,4 @@
-"""Diagnostics of a case."""
+"""Construction of the diagnostics of a case."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -39,7 +39,7 @@ from wavetank.tank.waves import NonlinearWaves
 def build_watch(run: Run, waves: AnyWaves, warn: Callable[[RunWarning], None]) -> list[Diagnostic]:
     """Return the high-frequency monitor of nonlinear waves; collective."""
     if isinstance(waves, LinearWaves):
-        return []  # build_clock refuses unstable steps
+        return []  # build_clock rejects unstable steps
     limit, alternating = run.integrator.stability_limit, IN_ELEVATION if run.state.q_jump is None else IN_JUMP
     return [StabilityWatch(waves, waves.surface, dt=run.clock.dt, limit=limit, warn=warn, alternating=alternating)]
 
@@ -53,7 +53,7 @@ def build_observers(
     """
     output = case.output
     diagnostics: list[Diagnostic] = [_gauges(case, waves, records.gauges)] if case.all_gauges else []
-    diagnostics += _below_surface(case, waves, records)  # first: where a paddle passes them the others end, too
+    diagnostics += _below_surface(case, waves, records)  # first: if a paddle passes them, the others end
     diagnostics.append(EnergyBudget(waves, record=records.energy, every=output.energy_every, sinks=sinks))
     diagnostics.append(HighestCrest(waves))
     if waves.plane.mesh.topology.dim == 1:
@@ -66,13 +66,13 @@ def build_observers(
         if limits is not None and number in case.absorbing:
             most = limits.model_dump(exclude_none=True)
             diagnostics.append(PaddleLimits(_rates(case, waves, number), most, key=view.key))
-        if number < len(records.paddles) and view.side not in loaded:  # a trial has no records of paddles
+        if number < len(records.paddles) and view.side not in loaded:  # calibration runs have no records of paddles
             diagnostics.append(_paddle(case, waves, number, records.paddles[number]))
     return diagnostics
 
 
 def _gauges(case: Case, waves: AnyWaves, record: Record) -> Gauges:
-    """Return the gauges; collective. Raises ``CaseError`` for one outside the mesh."""
+    """Return the gauges; collective. Raises ``CaseError`` for a gauge outside the mesh."""
     places = np.array([(gauge.x, gauge.y) for gauge in case.all_gauges])
     try:
         called = _called(case, [case.gauge_key(n) for n in range(len(places))])
@@ -118,7 +118,7 @@ def _below_surface(case: Case, waves: AnyWaves, records: Records) -> list[Diagno
 
 
 def _rates(case: Case, waves: AnyWaves, number: int) -> PaddleRates:
-    """Return the function of the rates of a paddle."""
+    """Return the function that evaluates the rates of a paddle."""
     view, paddle = case.paddles[number], waves.wall.paddles[number]
     if paddle.moves and paddle.kinematics.rigid:
         return lambda block: block.rates[:, number]
@@ -129,13 +129,13 @@ def _rates(case: Case, waves: AnyWaves, number: int) -> PaddleRates:
 def _paddle(
     case: Case, waves: AnyWaves, number: int, record: Record, *, push: PaddlePush | None = None
 ) -> PaddleMotion:
-    """Return the diagnostic of a paddle's motion, and of its force and power with a ``push``."""
+    """Return the diagnostic of a paddle's motion; with a ``push`` also of its force and power."""
     schedule = EverySteps(case.output.gauges_every)
     return PaddleMotion(_rates(case, waves, number), record=record, schedule=schedule, push=push)
 
 
 def _probes(case: Case, water: MovingWater, record: Record, schedule: EverySteps) -> Probes:
-    """Return the probes; collective. Raises ``CaseError`` for one outside the mesh."""
+    """Return the probes; collective. Raises ``CaseError`` for a probe outside the mesh."""
     points = np.array([(probe.x, probe.y, probe.z) for probe in case.probes])
     try:
         kinematics = PointKinematics(water, points, density=case.tank.density)
@@ -178,7 +178,7 @@ def window_messages(case: Case, clock: Clock) -> list[str]:
 
 
 def _wall(case: Case, waves: AnyWaves, n: int) -> MeshTags:
-    """Return the facets of a load's wall; collective. Raises ``CaseError`` if there is none of that name."""
+    """Return the facets of a load's wall; collective. Raises ``CaseError`` for an unknown wall."""
     with about("loads", n, "on"):
         return waves.plane.wall(case.loads[n].on)
 

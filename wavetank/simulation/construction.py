@@ -1,4 +1,4 @@
-"""From a case to the tank: footprint, walls, water, sponge, absorbing paddles and initial state."""
+"""Construction of the tank of a case: footprint, walls, water, sponge, absorbing paddles and initial state."""
 
 from pathlib import Path
 from typing import Any
@@ -48,7 +48,7 @@ def build_footprint(case: Case, comm: MPI.Comm) -> Footprint:
 
 
 AnyWaves = NonlinearWaves | LinearWaves
-NOMINAL = 0.01  # of the depth: what a bed may differ from it where waves are made, as measured ones do
+NOMINAL = 0.01  # tolerated difference between bed and depth at a paddle, relative to the depth
 
 
 def build_waves(case: Case, comm: MPI.Comm) -> AnyWaves:
@@ -57,7 +57,7 @@ def build_waves(case: Case, comm: MPI.Comm) -> AnyWaves:
 
 
 def fill(case: Case, footprint: Footprint) -> AnyWaves:
-    """Return a footprint with the case's water in it; collective."""
+    """Return the water of a case in a footprint; collective."""
     with about("tank", "bed"):
         plane = Plane(footprint.mesh, case.numerics.order, footprint.chart, walls=footprint.facets_of)
         check_depth(case, footprint, plane)
@@ -76,14 +76,14 @@ def fill(case: Case, footprint: Footprint) -> AnyWaves:
 
 
 def moving_water(case: Case, waves: AnyWaves) -> MovingWater:
-    """Return the computation of the potential of a state and of its rate; collective."""
+    """Return the computation of the potential of a state and of its rate of change; collective."""
     if isinstance(waves, LinearWaves):
         return LinearRates(waves, tolerance=0.1 * case.numerics.tolerance)
     return NonlinearRates(waves)
 
 
 def check_depth(case: Case, footprint: Footprint, plane: Plane) -> None:
-    """Raise ``CaseError`` unless the tank's depth is that of the bed at its paddles, or else anywhere; collective."""
+    """Raise ``CaseError`` unless the bed has the tank's depth at its paddles or, without paddles, anywhere."""
     depth = case.depths()
     if not callable(depth):
         return
@@ -97,25 +97,25 @@ def check_depth(case: Case, footprint: Footprint, plane: Plane) -> None:
         high = plane.comm.allreduce(float(np.max(result, initial=-np.inf)), op=MPI.MAX)
         if low > 0.0 and not (1 - NOMINAL) * low <= case.tank.depth <= (1 + NOMINAL) * high:
             depths = f"{low:.4g} m" if f"{low:.4g}" == f"{high:.4g}" else f"{low:.4g} to {high:.4g} m"
-            or_else = ", or the bed of the tank's depth there: the wall moves" if where.endswith(FAR) else ""
+            or_else = ", or the bed must have the tank's depth at the moving wall" if where.endswith(FAR) else ""
             allowed = f"must be {where}, {depths}, to 1 %{or_else}"
             raise CaseError([Problem(("tank", "depth"), case.tank.depth, allowed)])
 
 
 def bed_message(case: Case, waves: AnyWaves) -> str:
-    """Return the part of the tank where the bed's minimum depth acts; empty without a minimum depth; collective."""
+    """Return the part of the tank where the bed has its minimum depth; empty without a minimum depth; collective."""
     minimum = None if case.tank.bed is None else case.tank.bed.minimum_depth
     if minimum is None:
         return ""
     touched = np.asarray(waves.bed.still == minimum, dtype=np.float64)
     wet, total = (waves.plane.sum(waves.mass.apply(part)) for part in (touched, np.ones_like(touched)))
-    return f"tank.bed.minimum_depth = {minimum:g} m holds for {100 * wet / total:.3g} % of the tank"
+    return f"tank.bed.minimum_depth = {minimum:g} m applies to {100 * wet / total:.3g} % of the tank"
 
 
 def bed_by_code(case: Case, waves: AnyWaves) -> dict[str, Vector]:
-    """Return x, y (of a basin) [m] and depth [m] of a bed by a Python function at all degrees of freedom; collective.
+    """Return x, y (in a basin) [m] and depth [m] at all degrees of freedom, for a bed by a Python function; collective.
 
-    Empty of any other bed, and on all ranks but the first.
+    Empty for any other bed, and except on the first rank.
     """
     depth = case.depths()
     if not isinstance(case.tank.bed, PythonBed) or not callable(depth):
@@ -129,7 +129,7 @@ def bed_by_code(case: Case, waves: AnyWaves) -> dict[str, Vector]:
 
 
 def describe_energy(case: Case) -> list[str]:
-    """Return a description of a case's Hamiltonian in lines: its parts, mapping and bed, and which terms vanish."""
+    """Return a description of a case's Hamiltonian in lines: its parts, mapping and bed, and the terms that vanish."""
     waves: type[AnyWaves] = LinearWaves if case.physics == "linear" else NonlinearWaves
     parts, mappings = zip(*wall_descriptions(case), strict=True)
     names = [one.key.replace("_", " ") for one in case.paddles] or ["wall"]
@@ -137,7 +137,7 @@ def describe_energy(case: Case) -> list[str]:
     if len(named) > 1 and named[0].formula == named[1].formula:
         named[1] = named[1]._replace(formula="the same at the far paddle")
     bed = FlatBed if case.tank.bed is None else VaryingBed
-    own = ["X_p: of each paddle its own, from its wall into the water"] if len(named) > 1 else []
+    own = ["X_p: displacement of each paddle, from its wall into the water"] if len(named) > 1 else []
     return [
         *map(str, (*waves.parts, *named)),
         *dict.fromkeys(mappings),
@@ -171,9 +171,9 @@ def sponge_message(case: Case, waves: AnyWaves) -> str:
 
 
 def build_filters(case: Case, waves: AnyWaves, dt: float) -> list[Filter]:
-    """Return the filters between steps: of breaking crests, and the gradient-jump penalty; collective."""
+    """Return the filters between steps: breaking dissipation and the gradient-jump penalty; collective."""
     if isinstance(waves, LinearWaves):
-        return []  # neither breaks nor has a current
+        return []  # linear waves neither break nor have a current
     flow, filters = waves.surface, list[Filter]()
     if case.run.on_breaking != "ignore":
         length = case.tank.length if isinstance(case.tank, RingTank) else None

@@ -1,4 +1,4 @@
-"""The contract of a diagnostic, and positions of the paddles at the steps of a block."""
+"""The interface of a diagnostic, and displacements of the paddles at the steps of a block."""
 
 from typing import Protocol
 
@@ -13,17 +13,18 @@ from wavetank.tank.waves import NonlinearWaves
 
 
 class Diagnostic(Protocol):
-    """Records blocks of reported states, at the steps of its schedule."""
+    """A record of blocks of reported states, at the steps of a schedule."""
 
     @property
     def schedule(self) -> Schedule:
-        """The steps that are recorded."""
+        """The recorded steps."""
 
     def record(self, block: Block) -> None:
-        """Record those steps of a block that are due, one at least; collective.
+        """Record the due steps of a block, at least one; collective.
 
-        What is recorded of a step must not depend on the steps that share its block. Raises ``RunError`` with the time
-        of the step where the run ends: other diagnostics then record the steps up to that one.
+        The record of a step must not depend on other steps of its block. Raises ``RunError`` with the time of the step
+        at
+        which the run ends: other diagnostics then record the steps up to that one.
         """
 
 
@@ -31,7 +32,7 @@ Waves = NonlinearWaves | LinearWaves
 
 
 def due_steps(schedule: Schedule, block: Block) -> Block:
-    """Return the steps of a block that a schedule names."""
+    """Return the steps of a block that are due by a schedule."""
     if schedule == EverySteps():
         return block
     due = schedule.due(block.step, block.t, block.t - block.dt)

@@ -1,4 +1,4 @@
-"""Diagnostics that record: gauges, probes, loads, paddle, surface, windows, velocity fields and the highest crest."""
+"""Diagnostics of the surface and the paddles: gauges, paddle motion and its limits, snapshots, the highest crest."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -34,7 +34,7 @@ class PlaceNames(NamedTuple):
 
 
 class PaddleReach:
-    """Errors for places that a paddle has reached.
+    """Errors for positions that a paddle has passed.
 
     Parameters
     ----------
@@ -51,17 +51,17 @@ class PaddleReach:
         self._at_surface = np.array([float(np.max(paddle.shape.at(np.zeros(1)))) for paddle in wall.paddles])
 
     def error(self, t: float, place: int, displacement: Vector) -> PaddleError:
-        """Return the error for a place that is behind a paddle at t [s], for displacements there, shape (paddles,)."""
+        """Return the error for a position behind a paddle at t [s], given the displacements there, shape (paddles,)."""
         which = int(np.argmax(self._at_surface * displacement - self._distances[:, place]))
         (x, y), (names, paddles) = self._places[place], self._called
         where = f"x = {x:.6g} m{f', y = {y:.6g} m' if y else ''}"
         who = f"the paddle of {paddles[which]} has reached {names[place]}, {where}"
-        return PaddleError(f"t = {t:.6g} s: {who}: it must stand farther from the wall", t=t)
+        return PaddleError(f"t = {t:.6g} s: {who}: its distance from the wall must be larger", t=t)
 
 
 @dataclass(frozen=True)
 class Crest:
-    """A crest: its height above still water [m], its place x, y [m] and its time [s]."""
+    """A crest: its height above still water [m], its position x, y [m] and its time [s]."""
 
     height: float = -np.inf
     x: float = 0.0
@@ -70,7 +70,7 @@ class Crest:
 
 
 class HighestCrest:
-    """The highest elevation at the degrees of freedom, of all steps."""
+    """The highest elevation at the degrees of freedom, over all steps."""
 
     def __init__(self, waves: Waves):
         self.schedule = EverySteps()
@@ -78,12 +78,12 @@ class HighestCrest:
 
     def record(self, block: Block) -> None:
         """Update the highest crest; collective."""
-        heights = np.fmax(block.highest, -np.inf)  # of a surface that is no longer a number
+        heights = np.fmax(block.highest, -np.inf)  # a broken-down surface is nan
         first, wall, comm = int(heights.argmax()), self._waves.wall, self._waves.plane.comm
         if largest(comm, float(heights[first])) <= self.state.height:
             return
         own = Crest()
-        if np.isfinite(heights[first]):  # a rank may own nothing
+        if np.isfinite(heights[first]):  # a rank may own no degrees of freedom
             highest = int(block.eta[first].argmax())
             place, height = self._waves.plane.places[[highest]], block.eta[first, [highest]]
             ((x, y),) = wall.to_physical(place, height, displacement(block, first, wall, place))
@@ -92,12 +92,12 @@ class HighestCrest:
 
 
 class Gauges:
-    """Elevation [m] at places of the tank.
+    """Elevations [m] at positions in the tank.
 
     Parameters
     ----------
     places
-        (x, y) [m], shape (N, 2); x from the paddle's rest position in a slice, from anywhere in a ring.
+        (x, y) [m], shape (N, 2); x from the paddle's rest position in a slice, from any origin in a ring.
     record
         Table of the rows (t, eta_1, ..., eta_N).
     called
@@ -117,7 +117,7 @@ class Gauges:
         self._waves, self._record, self.schedule = waves, record, schedule
         self._elevation = waves.plane.function("elevation")
         wall = waves.wall
-        self._points = Points(waves.plane, waves.plane.chart.place(wall.to_reference(places)))  # far ones stay there
+        self._points = Points(waves.plane, waves.plane.chart.place(wall.to_reference(places)))  # identity beyond reach
         reached = wall.reaches(places)
         self._reached = np.flatnonzero(reached)
         self._displaced = SurfaceOverPlaces(waves.plane, wall, places[reached])
@@ -131,13 +131,13 @@ class Gauges:
             if self._reached.size:
                 elevations[:, self._reached] = self._within_reach(block, rows)
         except RunError:
-            for row in range(len(block)) if len(block) > 1 else ():  # up to the failing one
+            for row in range(len(block)) if len(block) > 1 else ():  # up to the first step with an error
                 self.record(block.at([row]))
             raise
         self._record.extend(np.column_stack([block.t, elevations]))
 
     def _within_reach(self, block: Block, rows: Vector) -> Vector:
-        """Return the elevation at gauges within the paddles' reach, shape (K, N); raises as ``record``."""
+        """Return the elevations at gauges within the paddles' reach, shape (K, N); raises the errors of ``record``."""
         shifts = displacements(block, self._waves.wall, self._displaced.places)
         try:
             return self._displaced.each(rows, shifts)
@@ -170,11 +170,11 @@ class PaddleMotion:
     Parameters
     ----------
     rates
-        Its rates.
+        Function that evaluates them.
     push
-        Its force and power; None: not recorded.
+        Function that evaluates force and power; None: not recorded.
     record
-        Where rows go, in the order of ``records.paddle_table.columns``.
+        Table of the rows, in the order of ``records.paddle_table.columns``.
     """
 
     def __init__(self, rates: PaddleRates, *, record: Record, schedule: Schedule, push: PaddlePush | None = None):
@@ -190,7 +190,7 @@ class PaddleMotion:
 
 @dataclass(frozen=True)
 class RateExtremes:
-    """Extremes of the position, velocity and acceleration of a paddle so far."""
+    """Extremes of position, velocity and acceleration of a paddle."""
 
     lowest: list[float] = field(default_factory=lambda: [np.inf] * len(RATES))
     highest: list[float] = field(default_factory=lambda: [-np.inf] * len(RATES))
@@ -201,16 +201,16 @@ class RateExtremes:
 
 
 class PaddleLimits:
-    """Whether an absorbing paddle stays within the limits of its drive, which is known afterwards only.
+    """Check of an absorbing paddle against the limits of its drive; its motion is not known before the run.
 
     Parameters
     ----------
     rates
-        Its rates.
+        Function that evaluates its rates.
     limits
-        The largest of what is ``LIMITED``, in m, m/s and m/s², as far as given.
+        Limits of the quantities in ``LIMITED``, in m, m/s and m/s², if given.
     key
-        The key of the paddle in a case.
+        Key of the paddle in a case.
     """
 
     def __init__(self, rates: PaddleRates, limits: Mapping[str, float], *, key: str):
@@ -239,18 +239,18 @@ class PaddleLimits:
 
 @dataclass(frozen=True)
 class SnapshotPlaces:
-    """Places of snapshots of the surface in the mesh on which the run began: x [m], shape (N,)."""
+    """Positions of snapshots of the surface in the original mesh of the run: x [m], shape (N,)."""
 
     x: list[float]
 
 
 class SurfaceSnapshots:
-    """Elevation [m] and surface potential [m²/s] against x [m], at the places of the mesh on which the run began.
+    """Elevation [m] and surface potential [m²/s] against x [m], at the positions of the original mesh of the run.
 
     Parameters
     ----------
     record
-        Rows of the first rank, for each snapshot its time, and x, eta and psi at all places; None: not recorded.
+        Rows of the first rank: for each snapshot the time, and x, eta and psi at all positions; None: not recorded.
     """
 
     def __init__(self, waves: Waves, *, record: Record | None, schedule: Schedule):
@@ -258,17 +258,17 @@ class SurfaceSnapshots:
         comm, reference = waves.plane.comm, self._gather(waves.plane.x)
         self._order = np.argsort(reference, kind="stable")
         self._set_places(comm.bcast(reference[self._order]))
-        self._points: Points | None = None  # where those are not the places of this mesh
+        self._points: Points | None = None  # None if the positions are those of this mesh
 
     def _set_places(self, x: Vector) -> None:
-        """Set the places in the mesh [m], in the order of x."""
+        """Set the positions in the mesh [m], in the order of x."""
         self._reference, self._places = x, np.column_stack([x, np.zeros_like(x)])
-        reached = np.flatnonzero(self._waves.wall.reaches(self._places))  # and all that stand between
+        reached = np.flatnonzero(self._waves.wall.reaches(self._places))  # and all positions between them
         self._reached = slice(reached[0], reached[-1] + 1) if reached.size else slice(0)
         self._displaced = self._places[self._reached]
 
     def _gather(self, owned: Vector) -> Vector:
-        """Return what all ranks own of the last axis, on the first of them."""
+        """Return the values of all ranks along the last axis, on the first rank."""
         parts = self._waves.plane.comm.gather(owned)
         return np.concatenate(parts, axis=-1) if parts else owned[..., :0]
 
@@ -290,7 +290,7 @@ class SurfaceSnapshots:
         self._record.extend(rows)
 
     def _values(self, owned: Vector) -> Vector:
-        """Return values on the first rank, of those of K fields, shape (K, owned): at the places, or as gathered."""
+        """Return K fields, shape (K, owned), on the first rank: at the positions, or as gathered."""
         if self._points is None:
             return self._gather(owned)
         result = list[Vector]()
@@ -301,7 +301,7 @@ class SurfaceSnapshots:
 
     @property
     def state(self) -> SnapshotPlaces:
-        """The places of the snapshots."""
+        """Positions of the snapshots."""
         return SnapshotPlaces([*map(float, self._reference)])
 
     @state.setter
@@ -315,12 +315,12 @@ class SurfaceSnapshots:
 
 
 class LatticePlaces:
-    """Where the points of a lattice are in the laboratory.
+    """Positions of the points of a lattice in the laboratory.
 
     Attributes
     ----------
     lattice
-        This rank's part of the footprint.
+        Part of the footprint on this rank.
     """
 
     def __init__(self, waves: Waves):
@@ -349,14 +349,14 @@ class LatticePlaces:
 class SurfaceFields:
     """The surface (x, y, eta): ``elevation`` [m], ``surface potential`` [m²/s] and still-water ``depth`` [m].
 
-    In double precision: where there are no other records of the surface, it is measured by these. ``rest position``
+    In double precision, since they may be the only records of the surface. ``rest position``
     [m], (x, y) in the reference tank in single precision, identifies points in snapshots of other numbers of ranks.
 
     Parameters
     ----------
     damping
-        Rate of the sponge at this rank's degrees of freedom [1/s], shape (owned,), written as ``damping rate``; None:
-        there is no sponge.
+        Damping rate of the sponge at this rank's degrees of freedom [1/s], shape (owned,), written as ``damping rate``;
+        None: no sponge.
     """
 
     def __init__(self, waves: Waves, series: VtuSeries, *, schedule: Schedule, damping: Vector | None = None):
@@ -379,7 +379,7 @@ class SurfaceFields:
                 REST_POSITION: lattice.places.astype(np.float32),
             }
             if self._damping is not None:
-                self._rate.set(self._damping)  # a run that goes on may have taken another
+                self._rate.set(self._damping)  # a resumed run may have another rate
                 arrays["damping rate"] = places.at(self._rate)
             points = places.points(arrays["elevation"], displacement(block, number, self._waves.wall, lattice.places))
             self._series.append(t, points, cells=self._cells, arrays=arrays)

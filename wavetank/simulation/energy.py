@@ -1,14 +1,14 @@
-"""The energy budget: energy of the water, work of the paddles, dissipation, and the balance of them.
+"""The energy budget: energy of the water, work of the paddles, dissipation, and their balance.
 
 The power of a paddle is exact for the discrete Hamiltonian: along the flow dH/dt = dH/dt|explicit, so with E = H - W
 
     E(t) - E(0) = int_0^t dH/dt|explicit dt' - [W]_0^t  =  paddle work.
 
-It is integrated over all steps (``supply.py``), also over those that are not recorded. So is the power that a sponge
-dissipates, gamma psi H_psi. Filters between steps count their dissipation themselves. The balance,
+It is integrated over all steps (``supply.py``), also those that are not recorded. The same holds for the power that a
+sponge dissipates, gamma psi H_psi. Filters between steps count their own dissipation. The balance,
 E - E(0) - work + dissipated, is the error of the time integrator. A scheme that reports the mean of two traces
-evaluates these traces: the power is the mean of both, and H of the mean is that of the plus trace with its derivatives
-times the offset (``tank/block.py``); both are accurate to the square of the jump. With a filter between steps the minus
+evaluates these traces. The power is the mean of both. H of the mean is that of the plus trace, with its derivatives
+times the offset (``tank/block.py``). Both are accurate to the square of the jump. With a filter between steps the minus
 trace is that before the filter, and the plus trace that after it.
 """
 
@@ -27,21 +27,21 @@ from wavetank.simulation.supply import Integral
 from wavetank.tank.block import Block
 from wavetank.tank.dissipation import Smoothing
 
-ROUNDING = 1e-12  # of g d² of the whole tank: less energy is round-off
-TRUE = 0.01  # of the energy, with the dissipated and absorbed part: a larger error of the balance is warned of
-GIVEN = 1e-3  # of the energy: a larger gain by a part that should dissipate is warned of
-BLAMED = 0.2  # of the error of the balance: a larger gain by such a part is named as its cause
-LOST = 0.01  # of the energy, twice the relative loss of wave height: a larger loss to numerics is warned of
+ROUNDING = 1e-12  # energy below which values are round-off, relative to g d² of the tank
+BALANCE_LIMIT = 0.01  # error of the balance for a warning, relative to the energy, with dissipated and absorbed parts
+GAIN_LIMIT = 1e-3  # gain by a dissipating part for a warning, relative to the energy
+CAUSE_PART = 0.2  # gain by such a part that counts as a cause, relative to the error of the balance
+LOSS_LIMIT = 0.01  # numerical loss for a warning, relative to the energy; twice the relative loss of height
 
 SPONGE = "the sponge"
-GIVES = (
+GAIN_CAUSES = (
     "possible causes are waves far longer than the sponge, as in front of a group (a longer sponge reduces the gain), "
     "a current, or a sponge that is too strong or begins too abruptly"
 )
 
 
 def _most(before: float, values: Vector) -> float:
-    """Return the largest number so far, without nan."""
+    """Return the running maximum, without nan."""
     return float(np.fmax.reduce(values, initial=before))
 
 
@@ -54,17 +54,17 @@ class EnergyTotals:
     total, wall, mass
         Energy, the wall's term W and mass at the start.
     energy, off, nothing
-        The largest energy so far, the largest error of the balance, and the energy that counts as round-off.
+        Largest energy, largest error of the balance, and the energy below which values are round-off.
     lost
-        The largest change of the mass.
+        Largest change of the mass.
     dissipated, earlier
-        Energy dissipated so far, and the part of it before the numerics changed.
+        Dissipated energy, and the part of it before a change of the numerics.
     balance, jumped
-        The last balance, and the sum of its changes where numerics changed.
+        Last balance, and the sum of its jumps at changes of the numerics.
     most, given
-        By sink: the most energy taken; the most given back of it, and when [s].
+        For each sink: the largest dissipation; the largest gain after it, and its time [s].
     supplied, damped
-        Energy put in by paddles without feedback, and taken by the sponge.
+        Energy supplied by paddles without feedback, and dissipated by the sponge.
     """
 
     total: float = 0.0
@@ -90,9 +90,9 @@ class EnergyBudget:
     Parameters
     ----------
     record
-        Where rows of ``energy_columns`` go.
+        Table of the rows, in the order of ``energy_columns``.
     every
-        Steps between rows; integrals and errors are those of all steps.
+        Number of steps between rows; integrals and errors use all steps.
     sinks
         Filters that dissipate, in the order of ``Block.dissipated``.
     """
@@ -109,7 +109,7 @@ class EnergyBudget:
         self._waves, self._record = waves, record
         self._sinks = {type(sink).__name__: sink for sink in sinks}
         of_sinks = {name: (one.called, one.gives, one.cure) for name, one in self._sinks.items()}
-        self._called = {SPONGE: (SPONGE, GIVES, "")} | of_sinks
+        self._called = {SPONGE: (SPONGE, GAIN_CAUSES, "")} | of_sinks
         self.cause = ""  # cause of an error of the balance, and its remedy, if another part of the run has detected it
         self.state = EnergyTotals()
         self._renewed = False  # whether the numerics have changed since the last block
@@ -126,7 +126,7 @@ class EnergyBudget:
         has_feedback = not np.isnan(put_in[0])
         supplied, by_power = state.supplied.advance(t, block.power)
         damped, by_sponge = state.damped.advance(t, block.damped)
-        by_sinks = zip(self._sinks, block.dissipated.T, strict=False)  # without sinks none is counted
+        by_sinks = zip(self._sinks, block.dissipated.T, strict=False)  # without sinks there is no dissipation
         losses = {SPONGE: by_sponge} | dict(by_sinks)
         total = kinetic + potential
         work = (put_in if has_feedback else by_power) - (wall - state.wall)
@@ -156,46 +156,48 @@ class EnergyBudget:
         self._record.extend(energy_rows(values)[due])
 
     def change_numerics(self, before: EnergyTotals, *, renewed: bool) -> None:
-        """Continue the totals of a run; with ``renewed`` numerics its surface may have another energy."""
+        """Continue the totals of a run; with ``renewed`` numerics the energy of its surface may differ."""
         earlier = before.dissipated - before.damped.value - sum(sink.energy_taken for sink in self._sinks.values())
         self.state, self._renewed = replace(before, earlier=earlier, most={}), renewed
 
     @property
     def mass_error(self) -> float:
-        """The largest relative change of the mass in recorded rows."""
+        """Largest relative change of the mass."""
         return self.state.lost / self.state.mass if self.state.mass else 0.0
 
     @property
     def energy_error(self) -> float:
-        """The largest error of the balance, relative to the largest energy; 0 of still water.
+        """Largest error of the balance, relative to the largest energy; 0 for still water.
 
-        That energy includes the part that was dissipated or absorbed by then, which grows while waves pass the tank.
+        This energy includes the dissipated or absorbed part, which grows while waves pass the tank.
         """
         return self.state.off / self.state.energy if self.state.energy > self.state.nothing else 0.0
 
     def warnings(self) -> list[RunWarning]:
-        """Return warnings of an error of the balance beyond ``TRUE`` of the energy, and of its causes.
+        """Return warnings of an error of the balance beyond ``BALANCE_LIMIT`` of the energy, and of its causes.
 
-        Causes are parts that should dissipate and have given more than ``GIVEN``, and numerics that have dissipated
-        more than ``LOST``. The warning of the balance is the first, unless it refers to a cause before it.
+        Causes are dissipating parts that have gained more than ``GAIN_LIMIT``, and numerics that have dissipated
+        more than ``LOSS_LIMIT``. The warning of the balance is the first, unless it refers to a cause before it.
         """
         state, result, most, giver = self.state, list[RunWarning](), 0.0, ""
         for name, (part, meaning, cure) in self._called.items():
             given, t = state.given.get(name, (0.0, 0.0))
-            if given > max(GIVEN * state.energy, state.nothing):
+            if given > max(GAIN_LIMIT * state.energy, state.nothing):
                 details = {"part": part, "meaning": meaning}
-                result.append(RunWarning("energy-gained", "", given / state.energy, GIVEN, t, details=details))
+                result.append(RunWarning("energy-gained", "", given / state.energy, GAIN_LIMIT, t, details=details))
                 most, giver = max((most, giver), (given, part))
-            if cure and (loss := state.most.get(name, 0.0)) > max(LOST * state.energy, state.nothing):
+            if cure and (loss := state.most.get(name, 0.0)) > max(LOSS_LIMIT * state.energy, state.nothing):
                 details = {"part": part, "cure": cure}
-                result.append(RunWarning("energy-lost", value=loss / state.energy, limit=LOST, details=details))
-        if state.off > (least := max(TRUE * state.energy, state.nothing)):
+                result.append(RunWarning("energy-lost", value=loss / state.energy, limit=LOSS_LIMIT, details=details))
+        if state.off > (least := max(BALANCE_LIMIT * state.energy, state.nothing)):
             reason, number = self.cause or "a shorter step or a tighter tolerance is needed", 0
             if state.off - state.jumped <= least:
-                reason = "with the numerics of the resumed run its surface had another energy"
-            elif most > BLAMED * state.off:
-                reason, number = f"see first to what {giver} has given", len(result)
-            off = RunWarning("energy-balance", value=state.off / state.energy, limit=TRUE, details={"reason": reason})
+                reason = "the change of numerics of the resumed run changed the energy of its surface"
+            elif most > CAUSE_PART * state.off:
+                reason, number = f"remove first the gain by {giver}", len(result)
+            off = RunWarning(
+                "energy-balance", value=state.off / state.energy, limit=BALANCE_LIMIT, details={"reason": reason}
+            )
             result.insert(number, off)
         return result
 
@@ -203,7 +205,7 @@ class EnergyBudget:
 def _largest_losses(
     state: EnergyTotals, t: Vector, of_all: Mapping[str, Vector]
 ) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
-    """Return the largest loss by each sink, and the most given back of it, with its time [s]."""
+    """Return the largest loss by each sink, and the largest gain after it, with its time [s]."""
     most, given = {**state.most}, {**state.given}
     for name, loss in of_all.items():
         highest = np.fmax(np.fmax.accumulate(loss), most.get(name, loss[0]))

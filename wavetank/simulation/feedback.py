@@ -17,7 +17,7 @@ from wavetank.tank.absorption import FaceElevation, Measurement, PaddleControlle
 
 
 def build_controllers(case: Case, waves: AnyWaves) -> list[PaddleController]:
-    """Return the controllers of the paddles of a case that absorb; collective."""
+    """Return the controllers of the absorbing paddles of a case; collective."""
     result = list[PaddleController]()
     for number in case.absorbing:
         end = case.paddles[number]
@@ -38,7 +38,7 @@ def build_paddle_work(case: Case, waves: AnyWaves) -> PaddleWork | None:
 
 
 def restore_paddles(case: Case, motions: Iterable[Any], parts: StateTree) -> None:
-    """Restore the motions of paddles with feedback, among those of all paddles, from the parts of a run."""
+    """Restore the feedback motions, among those of all paddles, from the parts of a run."""
     paddles = [*motions]
     for n, number in enumerate(case.absorbing):
         state = typed(FeedbackState, parts[f"paddle {n}"]["motion"], f"paddle {n}.motion")
@@ -46,7 +46,7 @@ def restore_paddles(case: Case, motions: Iterable[Any], parts: StateTree) -> Non
 
 
 def build_filter(case: Case, number: int, waves: AnyWaves) -> tuple[StateSpaceFilter, Measurement]:
-    """Return the filter of a paddle with feedback, by its number, and its measurement of the water; collective."""
+    """Return the filter of a paddle with feedback, given its number, and its measurement of the water; collective."""
     end, tank, comm = case.paddles[number], case.tank, waves.plane.comm
     wall: Any = end.wall
     paddle: Any = waves.wall.paddles[number]

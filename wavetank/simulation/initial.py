@@ -1,4 +1,4 @@
-"""Initial surface of a case: a formula, a file, or the state of another run."""
+"""Initial surface of a case: from a formula, a file, or the state of another run."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -31,28 +31,28 @@ from wavetank.simulation.construction import AnyWaves, build_footprint
 from wavetank.simulation.feedback import restore_paddles
 from wavetank.simulation.walls import build_wall, motion_of
 
-TRIALS = 6  # each ten times as near: the slopes of surface and paddle are a few tenths at most
+TRIALS = 6  # fixed-point iterations, each ten times as exact: slopes of surface and paddle are a few tenths
 
 
 class StoredSurface(NamedTuple):
-    """The surface of a run as its checkpoint stores it.
+    """The surface of a run in a checkpoint.
 
     Attributes
     ----------
     case
-        What was computed, with its numerics.
+        Case of the run, with its numerics.
     t
-        The time [s].
+        Time [s].
     mass
-        Of the water [m³, m²].
+        Mass of the water [m³, m²].
     values
-        Elevation [m] and surface potential [m²/s], shape (N,) each; used of the first rank alone.
+        Elevation [m] and surface potential [m²/s], shape (N,) each; used on the first rank only.
     places
-        Of the degrees of freedom in its mesh [m], shape (N, 3); used of the first rank alone.
+        Positions of the degrees of freedom in its mesh [m], shape (N, 3); used on the first rank only.
     parts
-        State of the parts of the run, paddles with feedback among them.
+        State of the parts of the run, including paddles with feedback.
     step
-        The number of steps that it took.
+        Number of steps of the run.
     """
 
     case: Case
@@ -65,7 +65,7 @@ class StoredSurface(NamedTuple):
 
     @classmethod
     def of(cls, case: Case, about: dict[str, Any], parts: StateTree, checkpoint: Checkpoint | None) -> Self:
-        """Return the surface of a checkpoint by its description; only the first rank has the checkpoint itself."""
+        """Return the surface of a checkpoint, given its description; only the first rank has the checkpoint."""
         values: tuple[Vector, Vector] = np.zeros(0), np.zeros(0)
         places: Vector = np.zeros((0, 3))
         if checkpoint is not None:
@@ -76,7 +76,7 @@ class StoredSurface(NamedTuple):
     def on(self, waves: AnyWaves) -> tuple[Vector, Vector]:
         """Return elevation and potential at the degrees of freedom of waves, shape (owned,); collective.
 
-        The wall of the waves has its initial position. On another mesh the values are interpolated.
+        The wall of the waves must be at its initial position. On another mesh the values are interpolated.
         """
         if has_places(waves.plane, self.places):
             elevation, potential = at_dofs(waves.plane, self.values, self.places)
@@ -90,14 +90,14 @@ class StoredSurface(NamedTuple):
         fields = [plane.function("stored") for _ in self.values]
         for field, values in zip(fields, at_dofs(plane, self.values, self.places), strict=True):
             field.set(values)
-        reference = np.concatenate(comm.allgather(waves.plane.places))  # of all ranks
+        reference = np.concatenate(comm.allgather(waves.plane.places))  # positions of all ranks
 
         def coordinates(z: Vector) -> Vector:
             return plane.chart.place(wall.to_reference(waves.wall.to_physical(reference, z), z))
 
         z: Vector = np.zeros(len(reference))
         points = Points(plane, coordinates(z))
-        for _ in range(TRIALS if wall.leans or waves.wall.leans else 1):  # where the surface is depends on its height
+        for _ in range(TRIALS if wall.leans or waves.wall.leans else 1):  # positions depend on the elevation
             points.move(coordinates(z))
             z = points.evaluate(fields[0])
         begin = sum(comm.allgather(waves.plane.owned)[: comm.rank])
@@ -105,9 +105,9 @@ class StoredSurface(NamedTuple):
         return z[mine], points.evaluate(fields[1])[mine]
 
 
-MEAN_TOLERANCE = 0.01  # of its rms: the largest mean elevation without a message
-TOLERANCE = 1e-3  # of the depth: the largest difference of wall positions
-MESHED = {"cells", "geometry", "sponge_length", "factor", "refine", "file"}  # of a layout: its mesh, not its walls
+MEAN_TOLERANCE = 0.01  # mean elevation above which a message is printed, relative to the rms
+TOLERANCE = 1e-3  # largest difference of wall positions, relative to the depth
+MESHED = {"cells", "geometry", "sponge_length", "factor", "refine", "file"}  # mesh of a layout
 
 
 def initial_surface(case: Case, waves: AnyWaves) -> tuple[Vector, Vector]:
@@ -123,7 +123,7 @@ def initial_surface(case: Case, waves: AnyWaves) -> tuple[Vector, Vector]:
 
 
 def stored_surface(case: Case, initial: RunState, waves: AnyWaves) -> StoredSurface:
-    """Return the surface of a checkpoint, values on the first rank alone; collective. Raises ``InputError``."""
+    """Return the surface of a checkpoint, with values on the first rank only; collective. Raises ``InputError``."""
     comm = waves.plane.comm
     result: list[Checkpoint] = []
 
@@ -145,7 +145,7 @@ def stored_surface(case: Case, initial: RunState, waves: AnyWaves) -> StoredSurf
 
 
 def with_its_numerics(case: Case, initial: RunState) -> Case:
-    """Return the case with the numerics of a run, except those it names; raises ``InputError`` if they do not fit."""
+    """Return the case with the numerics of a run, except its own keys; raises ``InputError`` if they do not fit."""
     before = _its_case(initial, _chosen(initial)[1])
     numerics = case.numerics.over(before.numerics, named=case.numerics.model_fields_set)
     result = case.model_copy(update={"numerics": numerics})
@@ -155,7 +155,7 @@ def with_its_numerics(case: Case, initial: RunState) -> Case:
 
 
 def start_message(case: Case, waves: AnyWaves, q: Vector) -> str:
-    """Return the change of mass by a start from a run, or the mean of a given surface; empty otherwise; collective."""
+    """Return the change of mass by a start from a run, or the mean of a given surface; otherwise empty; collective."""
     initial = case.initial
     if isinstance(initial, FileSurface | FormulaSurface):
         return _mean_message(waves, q)
@@ -163,16 +163,16 @@ def start_message(case: Case, waves: AnyWaves, q: Vector) -> str:
         return ""
     about = from_first(waves.plane.comm, lambda: _chosen(initial)[1])
     mass = waves.total_mass(q) / about["mass"] - 1.0
-    return f"begins with {initial.directory} at t = {about['t']:.6g} s; the mass changes by {mass:.1g} of it"
+    return f"initial surface: {initial.directory} at t = {about['t']:.6g} s; relative change of mass {mass:.1g}"
 
 
 def _mean_message(waves: AnyWaves, q: Vector) -> str:
-    """Return the mean elevation of an initial surface, unless it is that of still water; collective."""
+    """Return a sentence on the mean elevation of an initial surface, unless it is still water; collective."""
     still, higher = (waves.total_mass(waves.state(np.full_like(q, eta), 0 * q)[0]) for eta in (0.0, waves.depth))
     mean = (waves.total_mass(q) - still) / (higher - still) * waves.depth
     if abs(mean) < MEAN_TOLERANCE * waves.plane.rms(waves.elevation(q, 0 * q, 0.0)):
         return ""
-    return f"the initial surface has a mean of {mean:+.3g} m: at rest the water would stand there, not at z = 0"
+    return f"the initial surface has a mean of {mean:+.3g} m: this is the level of the water at rest, not z = 0"
 
 
 def _chosen(initial: RunState) -> tuple[Path, dict[str, Any]]:
@@ -180,7 +180,7 @@ def _chosen(initial: RunState) -> tuple[Path, dict[str, Any]]:
     directory = RunDirectory(initial.directory)
     result = list(readable_checkpoints(directory.path))
     if not result:
-        raise InputError(f"directory = {initial.directory}: holds no checkpoint to begin with.")
+        raise InputError(f"directory = {initial.directory}: must contain a checkpoint.")
     if initial.t is None:
         return result[0]
     at = initial.t
@@ -188,22 +188,22 @@ def _chosen(initial: RunState) -> tuple[Path, dict[str, Any]]:
         if is_at(description, at):
             return path, description
     times = " and ".join(f"{about['t']:.6g} s" for _, about in result)
-    raise InputError(f"t = {at:g}: must be a time that is kept, which are {times}; a run keeps its end.")
+    raise InputError(f"t = {at:g}: must be the time of a checkpoint: {times}.")
 
 
 def _its_case(initial: RunState, about: dict[str, Any]) -> Case:
     try:
         return Case.model_validate(about["chosen"])
     except (KeyError, ValidationError):
-        raise InputError(f"directory = {initial.directory}: was written by another version of this program.") from None
+        raise InputError(f"directory = {initial.directory}: must be a run of this version of the program.") from None
 
 
 def _check(case: Case, before: Case, t: float, parts: StateTree) -> None:
-    """Raise ``InputError`` unless the tanks are equal, and the walls have the same position."""
+    """Raise ``InputError`` if the tanks differ, or the positions of the walls."""
     for path, its, mine in differences(before.tank.model_dump(mode="json"), case.tank.model_dump(mode="json")):
         if path[0] != "layout" or path[-1] not in MESHED:
             key = ".".join(path)
-            raise InputError(f"tank.{key} = {mine!r}: must be {its!r}, as in the run to begin with.")
+            raise InputError(f"tank.{key} = {mine!r}: must be {its!r}, as in the run that provides the surface.")
     previous, present = _motions(before, parts), _motions(case)
     for name, was, now in zip(("wall", "far wall"), before.ends, case.ends, strict=True):
         places = [y for y in (one.wall.places(one.tank) for one in (was, now)) if y is not None]
@@ -213,14 +213,14 @@ def _check(case: Case, before: Case, t: float, parts: StateTree) -> None:
         if np.abs(difference).max() > TOLERANCE * case.tank.depth:
             most = int(np.abs(difference).argmax())
             there, here = (np.broadcast_to(one, difference.shape).flat[most] + 0.0 for one in (at_end, at_start))
-            where = f"the {name} stood at {there:.4g} m when t = {t:.6g} s, and begins at {here:.4g} m"
+            where = f"the {name} was at {there:.4g} m at t = {t:.6g} s, and begins at {here:.4g} m"
             raise InputError(
-                f"{where}: must be as near as {TOLERANCE:g} of the depth; it may wait until it is at rest."
+                f"{where}: the difference must be at most {TOLERANCE:g} of the depth, as with a wall at rest."
             )
 
 
 def differences(before: Any, now: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any, Any]]:
-    """Yield where the tables of two cases differ, and what they have there."""
+    """Yield the path and both values of each key in which two cases differ."""
     if isinstance(before, dict) and isinstance(now, dict):
         for key in dict.fromkeys([*before, *now]):
             yield from differences(before.get(key), now.get(key), (*path, key))
@@ -239,5 +239,5 @@ def _motions(case: Case, parts: StateTree | None = None) -> dict[str, Motion]:
 
 
 def _position(motion: Motion | None, t: float, y: Vector | None) -> Vector:
-    """Return the position of a motion [m] at places y along the wall, or of a wall that moves as one; 0 if None."""
+    """Return the position of a motion [m] at positions y along the wall, or of a uniform wall; 0 for None."""
     return np.zeros(1) if motion is None else np.atleast_1d(motion.position(t, y)).ravel()

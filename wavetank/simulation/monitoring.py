@@ -1,4 +1,4 @@
-"""Message of the first breaking wave; interruption, progress and checkpoints after each block of a run."""
+"""Observers of a running computation after each block: first breaking wave, signals, progress, checkpoints."""
 
 import signal
 import time
@@ -21,20 +21,20 @@ from wavetank.tank.block import Block
 from wavetank.tank.breaking import BreakingDissipation
 from wavetank.tank.potential import SolveCounters
 
-USUALLY, SOON = 60.0, 1.0  # s of computing between two of them, and between the first ones
-COST = 0.005  # of the time of computing, at most
-FIRST, FIRST_COST = 5.0, 0.1  # s of computing without one but of the start; of that, at most, for the first
+USUALLY, SOON = 60.0, 1.0  # computing time between two checkpoints, and between the first ones [s]
+COST = 0.005  # largest part of the computing time for checkpoints
+FIRST, FIRST_COST = 5.0, 0.1  # time to the first checkpoint after the start [s]; its largest part of this time
 
 
 class BreakingNews:
-    """Reports when and where the first wave breaks.
+    """Message with time and position of the first breaking wave.
 
     Parameters
     ----------
     breaking
-        The filter that dissipates it.
+        Filter that dissipates it.
     say
-        Receives the sentence.
+        Function that receives the sentence.
     """
 
     def __init__(self, breaking: BreakingDissipation, say: Callable[[str], None]):
@@ -42,14 +42,14 @@ class BreakingNews:
         self._breaking, self._say = breaking, say
 
     def record(self, block: Block) -> None:
-        """Report the first alarm where it begins."""
+        """Report the first breaking wave."""
         watch = self._breaking.watch
         if watch.alarms and block.t[0] <= watch.alarms[0].t <= block.t[-1]:
-            self._say(f"{watch.first}: a wave breaks; an eddy viscosity acts on it until it is gentle")
+            self._say(f"{watch.first}: a wave breaks; an eddy viscosity acts on it until its slope is small")
 
 
 class Interruption:
-    """Ends the run on all ranks after a signal on any of them; a context manager, in the main thread.
+    """End of the run on all ranks after a signal on any of them; a context manager, in the main thread.
 
     After SIGUSR1, a warning of batch systems, the run continues.
 
@@ -96,18 +96,18 @@ class Progress:
     end
         Simulated time of the run [s].
     counters
-        Interior solves and their iterations so far.
+        Counters of interior solves and their iterations.
     log
-        The log, whose console shows the progress.
+        Log, whose console shows the progress.
     writer
-        Writer of the manifest, whose ``progress`` has t [s] and step, the times [s] at which the run began, or was
+        Writer of the manifest. Its ``progress`` has t [s] and step, the times [s] at which the run began, or was
         resumed, and will end, and the wall time since then [s].
     begin
         Step and time [s] at which the run begins or is resumed.
     """
 
-    plain_lines = 20  # at most
-    bar_every, manifest_every = 0.1, 5.0  # s of wall time
+    plain_lines = 20  # largest number
+    bar_every, manifest_every = 0.1, 5.0  # wall time [s]
 
     def __init__(
         self, end: float, counters: SolveCounters, *, log: RunLog, writer: RunWriter, begin: tuple[int, float]
@@ -125,7 +125,7 @@ class Progress:
             disable=not log.console.is_terminal,
         )
         self._task = self._bar.add_task("", total=end)
-        self._shown = self._written = -inf  # when the bar and the manifest were
+        self._shown = self._written = -inf  # times of the last updates of bar and manifest [s]
 
     def __enter__(self) -> Self:
         self._bar.start()
@@ -135,7 +135,7 @@ class Progress:
         self._bar.stop()
 
     def record(self, block: Block) -> None:
-        """Show and note the last step of the block."""
+        """Display and record the last step of the block."""
         now, step, t = time.monotonic(), int(block.step[-1]), float(block.t[-1])
         if not self._bar.disable and (now > self._shown + self.bar_every or t >= self._end):
             self._shown = now
@@ -153,11 +153,11 @@ class Progress:
     def _per_step(self, step: int) -> str:
         now, before, steps = self._counters, self._set_up, max(1, step - self._step)
         solves, iterations = (now.solves - before.solves) / steps, (now.iterations - before.iterations) / steps
-        return f"{solves:.1f} solves, {iterations:.1f} iterations a step"
+        return f"{solves:.1f} solves, {iterations:.1f} iterations per step"
 
 
 class Checkpoints:
-    """Schedule of checkpoints by computing time: one of the start, further ones after an interval.
+    """Schedule of checkpoints by computing time: at the start, then at intervals.
 
     Parameters
     ----------
@@ -167,8 +167,8 @@ class Checkpoints:
         Stores the end of a block, from which a failing run writes its checkpoint; collective.
     every
         Computing time between checkpoints [s]. If None: a minute, shorter at the beginning (it doubles each time), and
-        longer where checkpoints would cost more than ``COST``. The first is due after ``FIRST``, or where it costs
-        ``FIRST_COST``.
+        longer if checkpoints would cost more than ``COST``. The first one after the start is due after ``FIRST`` at the
+        latest, or later if it would cost more than ``FIRST_COST``.
     """
 
     def __init__(
@@ -179,7 +179,7 @@ class Checkpoints:
         self._cost, self._first = 0.0, True
 
     def record(self, block: Block) -> None:
-        """Write a checkpoint if it is due on the first rank, otherwise note the state; collective."""
+        """Write a checkpoint if it is due on the first rank, otherwise store the state; collective."""
         now, start = time.monotonic(), int(block.step[-1]) == 0
         due = now - self._last > self._age
         if start or (due if self._comm.size == 1 else self._comm.bcast(due)):
@@ -191,7 +191,7 @@ class Checkpoints:
 
     @property
     def _age(self) -> float:
-        """The largest allowed age of the last checkpoint [s]."""
+        """Largest allowed age of the last checkpoint [s]."""
         if self._every is not None:
             return self._every
         usual = max(min(USUALLY, max(SOON, self._last - self._start_time)), self._cost / COST)

@@ -1,4 +1,4 @@
-"""Integrators and observers of users, which are checked against their contracts before a run begins."""
+"""Users' integrators and observers, checked for the required attributes before a run begins."""
 
 from collections.abc import Callable, Sequence
 from functools import cached_property, partial
@@ -23,12 +23,12 @@ def own_scheme(given: Any) -> Integrator[Any]:
     """Return the integrator of a user; raises ``InputError`` for any other object."""
     if isinstance(given, str):
         raise InputError(
-            f"integrator = {given!r}: a name received; needed is a scheme of your own ({PAGE}): "
-            "numerics.integrator of the case takes the names of those that are there."
+            f"integrator = {given!r}: a name received; must be an integrator object ({PAGE}): "
+            "the case key numerics.integrator selects an integrator by name."
         )
     if isinstance(given, type):
         name = given.__name__
-        raise InputError(f"integrator = {name}: a class received; needed is one of its objects, such as {name}().")
+        raise InputError(f"integrator = {name}: a class received; must be an object, such as {name}().")
     _check_attributes(given, SCHEME, "integrator", type(given).__name__)
     scheme: Integrator[Any] = given
     return scheme
@@ -40,7 +40,7 @@ def check_states(run: Run) -> None:
 
 
 class ObserverWaves:
-    """The waves for observers of a user: evaluations use a separate history of solves, so that the run is unchanged."""
+    """The waves for users' observers: evaluations use a separate history of solves, so that the run is unchanged."""
 
     def __init__(self, waves: AnyWaves):
         self._waves = waves
@@ -60,7 +60,7 @@ def own_observers(given: Observers, waves: AnyWaves) -> list[Diagnostic]:
         raise InputError(f"observers = {called(given)}: must be a list of functions of the waves, such as classes.")
     for n, one in enumerate(given):
         if not callable(one):
-            what = f"a {type(one).__name__} received; needed is a function of the waves that returns one, or its class"
+            what = f"a {type(one).__name__} received; must be a function of the waves or a class"
             raise InputError(f"observers[{n}]: {what} ({PAGE}).")
     own, result = ObserverWaves(waves), list[Any]()
     for n, one in enumerate(given):
@@ -80,5 +80,5 @@ def _check_attributes(given: Any, needed: Sequence[str], where: str, what: str) 
 
 
 def called(given: Any) -> str:
-    """Return the name of a user's function or class, or that of an object's class."""
+    """Return the name of a user's function or class, or of the class of an object."""
     return str(getattr(given, "__name__", type(given).__name__))

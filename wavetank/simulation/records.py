@@ -26,7 +26,7 @@ class Memory:
         self.rows: list[list[float]] = []
 
     def extend(self, rows: Rows) -> None:
-        """Append rows, nan at None."""
+        """Append rows, with nan for None."""
         self.rows += [[nan if value is None else float(value) for value in row] for row in rows]
 
     def array(self) -> Vector:
@@ -35,12 +35,12 @@ class Memory:
 
 
 class FirstRankRecord:
-    """A record that the first rank writes for all ranks, which raise its errors.
+    """A record that the first rank writes for all ranks; all ranks raise its errors.
 
     Parameters
     ----------
     append
-        Appends rows, or the time [s] and arrays of a snapshot; the first rank alone calls it.
+        Function that appends rows, or the time [s] and arrays of a snapshot; called on the first rank only.
     """
 
     def __init__(self, comm: MPI.Comm, append: Any):
@@ -68,15 +68,15 @@ class Records(NamedTuple):
     gauges, energy
         Tables.
     surface
-        Of snapshots along a slice or ring, whose rows the first rank has; None where there are none.
+        Snapshots along a slice or ring, as rows on the first rank; None without snapshots.
     probes, loads
-        Tables; None where there are none.
+        Tables; None without probes or loads.
     paddles
-        A table for each wall that moves, as ``Case.paddles``.
+        A table for each moving wall, in the order of ``Case.paddles``.
     windows
-        Of each window.
+        A table for each window.
     fields
-        Gives the series of snapshots of a name, "surface" or "velocity"; without it none are written.
+        Function that returns the series of snapshots of a name, "surface" or "velocity"; None: not written.
     """
 
     gauges: Record
@@ -90,7 +90,7 @@ class Records(NamedTuple):
 
 
 def records_of(case: Case, plane: Plane, writer: RunWriter | None) -> Records:
-    """Return the records of a case, opened when the run begins; without a writer those of the other ranks."""
+    """Return the records of a case, opened at the beginning of the run; without a writer those of the other ranks."""
     dimensions: int = plane.mesh.topology.dim
 
     def record(opened: Callable[[RunWriter], Callable[..., None]]) -> FirstRankRecord:

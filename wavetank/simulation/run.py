@@ -24,10 +24,10 @@ from wavetank.tank.breaking import BasinBreakingWatch
 from wavetank.tank.dissipation import Smoothing
 from wavetank.tank.waves import Solves
 
-LONGEST, FEW, NUMBERS = 256, 16, 5e4  # steps of a block; unknowns of all of them, which caches hold
-SECONDS = 0.5  # of computing, of a block
-SURVIVING = (  # parts whose states survive a change of numerics, or a failed step, which alters the history of solves
-    "paddle",  # with feedback, and the work of these
+LONGEST, FEW, NUMBERS = 256, 16, 5e4  # largest and smallest number of steps of a block; its values that fit into caches
+SECONDS = 0.5  # computing time of a block
+SURVIVING = (  # parts whose states survive a change of numerics, or a failed step, which changes the history of solves
+    "paddle",  # with feedback, also in "paddle work"
     "Breaking",
     "EnergyBudget",
     "HighestCrest",
@@ -40,20 +40,20 @@ MAY_BE_NEW = ("Probes", "water")  # in a resumed run: probes and other diagnosti
 
 
 class Rows:
-    """The block that is being computed: a row for each reported state.
+    """The current block: a row for each reported state.
 
     Parameters
     ----------
     system
-        The system of the states; for waves the rows have energies, elevation and kinematics, too.
+        System of the states; for waves the rows contain also energies, elevation and kinematics.
     size
-        Degrees of freedom of this rank.
+        Number of degrees of freedom of this rank.
     most
-        Rows at most.
+        Largest number of rows.
     sinks
         Filters that dissipate.
     work
-        Counts the work of paddles with feedback.
+        Work of paddles with feedback.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class Rows:
         self._count += 1
 
     def take(self, state: Any, dt: float) -> Block | None:
-        """Return the block of the rows so far, with the state of the last, and begin another; None without rows.
+        """Return the block of all rows, with the state of the last row, and begin a new one; None without rows.
 
         Collective.
         """
@@ -96,12 +96,12 @@ class Rows:
 
 
 class Pace:
-    """Chooses the number of steps of the next block, by the time of the last; the same on all ranks.
+    """The number of steps of the next block, from the time of the last one; the same on all ranks.
 
     Parameters
     ----------
     most
-        Steps at most.
+        Largest number of steps.
     """
 
     def __init__(self, comm: MPI.Comm, most: int):
@@ -109,7 +109,7 @@ class Pace:
         self._steps, self._start_time = 0, time.monotonic()
 
     def next(self) -> int:
-        """Return as many as take ``SECONDS``, twice as many as the last block at most; collective."""
+        """Return the number of steps that take ``SECONDS``, at most twice that of the last block; collective."""
         now = time.monotonic()
         enough = SECONDS * self._steps / max(now - self._start_time, 1e-9)
         steps = max(1, min(self._most, 2 * self._steps, int(enough)))
@@ -125,20 +125,20 @@ class Run:
     clock
         Times of the steps.
     start
-        Coordinates and momenta when the clock begins.
+        Coordinates and momenta at the beginning.
     filters
-        What acts on the state between steps.
+        Filters of the state between steps.
 
     Attributes
     ----------
     longest_block
-        Steps of a block, at most.
+        Largest number of steps of a block.
     controls
-        Called with each block that all diagnostics have recorded: may write a checkpoint or end the run.
+        Called with each block that all diagnostics have recorded; they may write a checkpoint or end the run.
     paddle_work
-        Counts the work of paddles with feedback, if there are any.
+        Work of paddles with feedback, or None.
     recorded
-        Whether all diagnostics have recorded the present step, and no control has failed there.
+        Whether all diagnostics have recorded the current step, and no control has failed there.
     """
 
     def __init__(
@@ -164,23 +164,23 @@ class Run:
 
     @property
     def t(self) -> float:
-        """The time reached [s]."""
+        """Current time [s]."""
         return self.clock.time(self.step)
 
     @property
     def filters(self) -> Sequence[Filter]:
-        """What acts on the state between steps."""
+        """Filters of the state between steps."""
         return self._stepper.filters
 
     @property
     def sinks(self) -> list[Smoothing]:
-        """The filters that dissipate energy, and count it."""
+        """Filters that dissipate energy and record it."""
         return [one for one in self.filters if isinstance(one, Smoothing)]
 
     def execute(self) -> None:
-        """Step to the end; collective.
+        """Advance to the end; collective.
 
-        Raises ``RunError`` where the run breaks down; all steps before are recorded.
+        Raises ``RunError`` if the run breaks down; all previous steps are recorded.
         """
         plane = getattr(self.system, "plane", None)
         comm = MPI.COMM_SELF if plane is None else plane.comm
@@ -208,9 +208,9 @@ class Run:
             self._end_block()
 
     def _tabulate(self, window: int) -> None:
-        """Evaluate the motions of paddles at all times of a window of ``LONGEST`` steps, by its number.
+        """Evaluate the motions of paddles at all times of a window of ``LONGEST`` steps, given its number.
 
-        Windows are the same wherever a run is resumed, and so are the bits.
+        Windows do not depend on the step at which a run is resumed, so that results are equal bit for bit.
         """
         tabulate, clock = getattr(self.system, "tabulate", None), self.clock
         if tabulate is not None:
@@ -227,7 +227,7 @@ class Run:
             self.recorded = True
 
     def advance(self, t: float, after: float) -> None:
-        """Take one step more, from t to ``after`` [s]; collective."""
+        """Take one step, from t to ``after`` [s]; collective."""
         self.state = self._stepper.step(self.system, self.state, t, self.clock.dt)
         self.step += 1
         self.recorded = False
@@ -235,7 +235,7 @@ class Run:
             self._rows.write(self.state, self.step, after)
 
     def flush(self) -> Block | None:
-        """Let diagnostics record the block so far, and return it; raises the first error in time; collective."""
+        """Pass the current block to the diagnostics, and return it; raises the first error in time; collective."""
         block = self._rows.take(self.state, self.clock.dt) if self._rows else None
         if block is None:
             return None
@@ -252,7 +252,7 @@ class Run:
                 locate(error, f"the observer {type(diagnostic).__name__}")
                 raise
         if failure is not None:
-            if block.step[-1] < self.step:  # the run has ended there
+            if block.step[-1] < self.step:  # the run has ended before the current step
                 self.step, self.state = int(block.step[-1]), self.integrator.start(block.q[-1], block.psi[-1])
             raise failure
         self.recorded = True
@@ -260,9 +260,9 @@ class Run:
 
     @property
     def parts(self) -> dict[str, Any]:
-        """Objects whose state belongs to the run, by name, in the order in which it is restored.
+        """Objects whose state belongs to the run, by name, in the order of their restoration.
 
-        Paddles with feedback are the first: the water is restored where they stand.
+        Paddles with feedback are first: the state of the water depends on their positions.
         """
         schemes: list[Any] = [self.integrator]
         while (inner := getattr(schemes[-1], "scheme", None)) is not None:
@@ -282,15 +282,16 @@ class Run:
     def tree(self, *, with_solves: bool = True) -> StateTree:
         """Return the state of the run as a plain tree; collective.
 
-        Without solves it has only what survives a change of numerics. Raises ``TypeError`` for a state of the scheme
-        that is not a dataclass.
+        Without solves the tree has only states that survive a change of numerics. Raises ``TypeError`` for a state of
+        the
+        scheme that is not a dataclass.
         """
         return self.snapshot(with_solves=with_solves)()
 
     def snapshot(self, *, with_solves: bool = False) -> Callable[[], StateTree]:
-        """Return a function that returns the present state as such a tree, also later; collective.
+        """Return a function that returns the current state as such a tree, also later; collective.
 
-        States are values, so nothing is converted before.
+        States are values, so that the conversion can wait.
         """
         parts = {name: part for name, part in self.parts.items() if with_solves or survives(name)}
         now = {"step": self.step, "begun": self._start_recorded, "state": self.state}
@@ -300,7 +301,7 @@ class Run:
     def resume(self, tree: StateTree, *, with_solves: bool = True) -> None:
         """Continue, at the next ``execute``, an equal run from its state; collective.
 
-        Raises ``ValueError`` for a tree that is none, and ``InputError`` for one of other diagnostics.
+        Raises ``ValueError`` for an invalid tree, and ``InputError`` for a tree of other diagnostics.
         """
         self.step, self._start_recorded = typed(int, tree["step"], "step"), typed(bool, tree["begun"], "begun")
         self.state = _scheme_state(self.state, tree["state"], self.system.evaluation_type)
@@ -310,15 +311,15 @@ class Run:
             restore_surviving(self.parts, tree["parts"])
 
     def change_numerics(self, tree: StateTree) -> None:
-        """Continue, at the next ``execute``, from the start, the end of a run with other numerics; collective."""
+        """Continue, at the next ``execute``, from the end of a run with other numerics, as the start; collective."""
         self._start_recorded = True
         restore_surviving(self.parts, tree["parts"], renewed=True)
 
 
 def _scheme_state(example: State, tree: StateTree, kind: type[Any]) -> State:
-    """Return a state like an example from its tree; raises ``ValueError`` for other types or shapes.
+    """Return a state of the type of an example from its tree; raises ``ValueError`` for other types or shapes.
 
-    Fields of any type have None or an evaluation, of that ``kind``.
+    Fields of type ``Any`` are None or an evaluation of the class ``kind``.
     """
     hints = {name: kind | None if hint is Any else hint for name, hint in hints_of(type(example)).items()}
     values = {name: typed(hint, tree[name], f"state.{name}") for name, hint in hints.items()}
@@ -340,9 +341,10 @@ def survives(name: str) -> bool:
 def restore_surviving(parts: Mapping[str, Any], trees: Mapping[str, Any], *, renewed: bool = False) -> None:
     """Restore the states that survive; collective.
 
-    A stability watch keeps since when the run is inaccurate. An energy budget keeps its totals, with the energy that
-    earlier filters and sponges dissipated. A search for breaking crests in a basin drops the surface of another mesh,
-    and paddles with feedback drop the times of the preconditioner.
+    A stability watch retains the time since which the run is inaccurate. An energy budget retains its totals, with the
+    energy that earlier filters and sponges dissipated. A search for breaking crests in a basin drops the surface of
+    another
+    mesh, and paddles with feedback drop the times of the preconditioner.
 
     Parameters
     ----------

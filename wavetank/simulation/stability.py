@@ -1,19 +1,20 @@
-"""High-frequency monitor: a warning when short waves grow that the scheme, the step or the mesh makes.
+"""High-frequency monitor: a warning of growing short waves that the scheme, the step or the mesh produces.
 
-Such waves alternate from step to step; those of the water do not. The m-th difference in time of a wave of phase angle
-theta per step, divided by 2^m, is sin(theta/2)^m times the wave; of an alternating wave it is the wave itself. The
-monitor uses the quantity in which the waves of the water are smallest (table in docs/extremes.md):
+Such waves alternate from step to step; physical waves do not. The m-th difference in time of a wave of phase angle
+theta per step, divided by 2^m, is sin(theta/2)^m times the wave; for an alternating wave it is the wave itself. The
+monitor uses the quantity with the smallest part of physical waves (table in docs/extremes.md):
 
-- the **jump of the elevation** at the ends of steps, where the scheme has one: of smooth waves it is theta³/24 of the
+- the **jump of the elevation** at the ends of steps, if the scheme has one: for smooth waves it is theta³/24 of the
   elevation, and its third difference less than theta⁶/192. Alternating waves appear there before the elevation;
-- otherwise the sixth difference of the **elevation**: 2e-5 of waves of 24 steps a period, 1.6 % of waves of six.
+- otherwise the sixth difference of the **elevation**: 2e-5 of waves of 24 steps per period, 1.6 % of waves of six.
 
-A difference two orders higher excludes waves of few steps a period: it is sin(theta/2)^2 times the first, at most half
-of it for waves of four steps a period or more. The noise of a measured paddle makes short waves, too, most of them in
-the first seconds. They belong to the water; alternating displacements of the paddle in a step measure them.
+A difference two orders higher excludes waves of few steps per period: it is sin(theta/2)^2 times the first, at most
+half
+of it for waves of four steps per period or more. The noise of a measured paddle also produces short waves, most of them
+in the first seconds. These are physical; the alternating displacements of the paddle in a step measure them.
 
-A dt omega_max under the crests beyond the limit of the scheme alone is no reason to warn: waves that grow under a crest
-remain behind it, and the gradient-jump penalty removes them. The warning names it as the remedy.
+A value of dt omega_max under the crests beyond the limit of the scheme is no reason for a warning by itself. Waves that
+grow under a crest remain behind it, and the gradient-jump penalty removes them. The warning names it as the remedy.
 """
 
 from collections.abc import Callable
@@ -31,10 +32,10 @@ from wavetank.tank.breakdown import FARTHEST, ShortWaves
 from wavetank.tank.surface_flow import SurfaceVelocity
 from wavetank.tank.waves import NonlinearWaves
 
-SHORT = 0.5  # the higher difference over the lower: more of what has fewer than four steps a period
-IN_A_ROW = 10  # steps in a row: one jolt is in several differences
-OFTEN = 256  # steps between evaluations of the largest frequency
-CALM = 1e-6  # of the depth: lower waves are ignored
+SHORT = 0.5  # ratio of the higher and the lower difference, above which a period has less than four steps
+IN_A_ROW = 10  # consecutive steps with noise: one jolt is in several differences
+OFTEN = 256  # number of steps between evaluations of the largest frequency
+CALM = 1e-6  # height below which waves are ignored, relative to the depth
 
 
 @dataclass(frozen=True)
@@ -44,13 +45,13 @@ class Alternating:
     Attributes
     ----------
     quantity, scale
-        The column of a ``Block``, and the factor from its differences to the elevation of alternating waves.
+        Column of a ``Block``, and the factor from its differences to the elevation of alternating waves.
     order
-        Order of the difference in time; a difference two orders higher excludes waves of few steps a period.
+        Order of the difference in time; a difference two orders higher excludes waves of few steps per period.
     noise
-        The limit of alternating waves, relative to the highest elevation so far.
+        Limit of alternating waves, relative to the highest elevation.
     driven
-        The highest waves by noise of a paddle, relative to its alternating displacement in a step.
+        Highest waves by noise of a paddle, relative to its alternating displacement in a step.
     """
 
     quantity: str
@@ -61,15 +62,15 @@ class Alternating:
 
     @property
     def before(self) -> int:
-        """The number of earlier steps that the differences need."""
+        """Number of previous steps that the differences need."""
         return self.order + 2
 
     def lower(self, rows: Vector) -> Vector:
-        """Return the largest of each difference of rows, at the middles of the higher ones."""
+        """Return the largest magnitude of each difference of rows, at the middles of the higher ones."""
         return largest_differences(rows, self.order)[1:-1]
 
     def higher(self, rows: Vector) -> Vector:
-        """Return the largest of each difference two orders higher."""
+        """Return the largest magnitude of each difference two orders higher."""
         return largest_differences(rows, self.order + 2)
 
 
@@ -80,13 +81,13 @@ IN_JUMP = Alternating("rise", 2.0, order=3, noise=1e-2, driven=16.0)
 def largest_differences(rows: Vector, order: int) -> Vector:
     """Return the largest magnitude of each difference between K rows, over 2^order, shape (K - order,).
 
-    It is 0 without columns, and nan where a value is not a number.
+    It is 0 without columns, and nan if a value is nan.
     """
     return np.asarray(np.abs(np.diff(rows, order, axis=0)).max(axis=1, initial=0.0) / 2**order)
 
 
 def _so_far(before: float, values: Vector) -> Vector:
-    """Return the running maximum of values, beginning with the one before, shape (K + 1,)."""
+    """Return the running maximum of values, beginning with a previous one, shape (K + 1,)."""
     return np.maximum.accumulate(np.append(before, values))
 
 
@@ -97,21 +98,21 @@ class StabilityState:
     Attributes
     ----------
     rows
-        The quantity at the last steps, shape (K, owned).
+        Quantity at the last steps, shape (K, owned).
     wall
-        Velocity of the wall there [m/s], shape (K, owned); one number a step where it moves as one.
+        Velocity of the wall there [m/s], shape (K, owned); shape (K, 1) for a uniform motion.
     highest
-        The highest elevation so far [m].
+        Highest elevation [m].
     frequency
-        The largest frequency of the moving surface so far [rad/s].
+        Largest frequency of the moving surface [rad/s].
     driven
-        The highest alternating waves that a paddle makes so far [m].
+        Highest alternating waves that a paddle makes [m].
     steps
-        Steps in a row with noise.
+        Number of consecutive steps with noise.
     noise
-        The largest part of what alternates so far, of the highest elevation [-].
+        Largest alternating part, relative to the highest elevation [-].
     since
-        From when on the run is not to be trusted [s]; None: no warning so far.
+        Time since which the run is inaccurate [s]; None: no warning.
     """
 
     rows: Vector
@@ -129,22 +130,22 @@ class StabilityState:
 
 
 class StabilityWatch:
-    """Warns, once, when short waves grow that alternate from step to step.
+    """A single warning when short waves grow that alternate from step to step.
 
     Parameters
     ----------
     alternating
-        The quantity that it examines: the jump of a scheme that has one.
+        Examined quantity: the jump for a scheme that has one.
     waves
         The water.
     flow
-        Its surface.
+        Flow at its surface.
     dt
-        Step [s].
+        Time step [s].
     limit
         Stability limit of the scheme, of omega dt.
     warn
-        Receives the warning.
+        Function that receives the warning.
     """
 
     def __init__(
@@ -182,25 +183,25 @@ class StabilityWatch:
             higher = largest(comm, watched.higher(rows))
             noise[first:] = np.where(higher > SHORT * lower, noise[first:], 0.0)
         last = last[:, 0].tolist() if isinstance(state.wall, list) else last.copy()
-        frequency = self._largest_frequency(block) if block.step[-1] % OFTEN == 0 else 0.0  # where blocks end
+        frequency = self._largest_frequency(block) if block.step[-1] % OFTEN == 0 else 0.0  # at the ends of blocks
         rows_after, crest, noise_of_paddle = rows[-watched.before :].copy(), float(highest[-1]), float(driven[-1])
         self.state = replace(state, rows=rows_after, wall=last, highest=crest, driven=noise_of_paddle)
         for n, one in enumerate([0.0] if noise.max() <= watched.noise else noise.tolist()):
             if self._warns(float(block.t[n]), one):
                 heights = np.abs(np.diff(rows[n - first :][1 : watched.order + 2], watched.order, axis=0)[0])
                 self._warn(self._warning(float(block.t[n]), one, *self._place(block, n, heights)))
-        if noise[-1] < calm:  # elsewhere the motion is not that of the water
+        if noise[-1] < calm:  # with noise the frequency is not that of physical waves
             self.state = replace(self.state, frequency=max(state.frequency, frequency))
 
     def _largest_frequency(self, block: Block) -> float:
         """Return the largest frequency on the surface at the last step of a block [rad/s]; collective."""
         t = float(block.t[-1])
         self._flow.update_from(block.state, t)
-        self._waves.set_time(t)  # other diagnostics move the wall
+        self._waves.set_time(t)  # other diagnostics change the time of the wall
         return self._short.largest_frequency(self._flow, least=self.state.frequency)
 
     def _warns(self, t: float, noise: float) -> bool:
-        """Return whether to warn of the noise at a step."""
+        """Return whether the noise at a step requires a warning."""
         before, limit = self.state, self._alternating.noise
         steps = before.steps + 1 if noise > limit else 0
         warns = steps == IN_A_ROW and before.noise <= limit
@@ -211,13 +212,13 @@ class StabilityWatch:
 
     @property
     def longest(self) -> float | None:
-        """The longest step [s] without growth of short waves; None: they have not grown, or the step is no cause."""
+        """Longest step [s] without growth of short waves; None if they have not grown, or not by the step."""
         if self.state.since is None or self._dt * self.state.frequency <= self._limit:
             return None
         return FARTHEST * self._limit / self.state.frequency
 
     def _place(self, block: Block, number: int, heights: Vector) -> tuple[float, float | None]:
-        """Return x and, in basins, y [m] of the largest of the heights at a step of a block; collective."""
+        """Return x and, in basins, y [m] of the largest magnitude at a step of a block; collective."""
         places, wall = self._waves.plane.places, self._waves.wall
         places = wall.to_physical(places, block.eta[number], displacement(block, number, wall, places))
         own = max(
@@ -227,7 +228,7 @@ class StabilityWatch:
         return x, y if self._waves.plane.mesh.topology.dim == 2 else None
 
     def _warning(self, t: float, noise: float, x: float, y: float | None) -> RunWarning:
-        """Return the warning at a time [s] and place [m], with a stable step if there is one."""
+        """Return the warning at a time [s] and position [m], with a stable step if there is one."""
         code, details = "short-waves", dict[str, float | str]()
         if self.longest is not None:
             code, product = "unstable-step", self._dt * self.state.frequency

@@ -31,16 +31,16 @@ Figures = dict[str, Any]
 
 
 class Parts:
-    """Parts of a run, each from its start or a resumption; the last one is in progress.
+    """Parts of a run, each from its start or a resumption; the last part is in progress.
 
     Parameters
     ----------
     run, waves
         The run and its waves, before the first step of this part.
     start_time
-        When the preparation of this part began, ``time.monotonic`` [s].
+        Start of the preparation of this part, ``time.monotonic`` [s].
     earlier
-        The parts before, up to the checkpoint.
+        The earlier parts, up to the checkpoint.
     counters_continue
         Whether the counters of solves continue from those of the earlier parts.
     """
@@ -121,20 +121,20 @@ def _counters(waves: AnyWaves) -> dict[str, int]:
     }
 
 
-ANEW = "anew from the start, as the case has to be another"
+ANEW = "a new run from the start: the case must be changed"
 
 
 class RunOutcome(NamedTuple):
-    """Highest crest and errors of a run that has ended.
+    """Highest crest and errors of a finished run.
 
     Attributes
     ----------
     crest
-        The highest.
+        The highest crest.
     mass, energy
         Relative errors of mass and energy balance [-].
     untrue
-        Since when the run is inaccurate, by the high-frequency monitor [s]; None: it is not.
+        Time since which the run is inaccurate, by the high-frequency monitor [s], or None.
     follows
         Whether the mass changes with the displacement of paddles, as in linear theory.
     """
@@ -157,7 +157,7 @@ class RunOutcome(NamedTuple):
 
     @property
     def figures(self) -> dict[str, Any]:
-        """The outcome for the manifest; empty without a recorded step, or if a figure is not finite."""
+        """Figures for the manifest; empty without a recorded step, or if a figure is not finite."""
         if not all(map(isfinite, (*astuple(self.crest), self.mass, self.energy))):
             return {}
         return {"highest_crest": asdict(self.crest), "errors": {"mass": self.mass, "energy_balance": self.energy}}
@@ -179,26 +179,26 @@ def closing(
     outcome
         Highest crest and errors.
     spent
-        Scene, ranks, time, steps, solves and costs as in the manifest; cause and checkpoints of a run that failed.
+        Case, ranks, time, steps, solves and costs as in the manifest; cause and checkpoints of a failed run.
     warnings
-        The worst first.
+        Warnings, the most severe first.
     path
-        The run directory.
+        Run directory.
     flat
         Whether the tank is a slice or a ring.
     drawn
-        Whether pictures are drawn.
+        Whether figures are drawn.
     """
     crest, timings, steps = outcome.crest, spent["timings"], spent["numerics"]["steps_taken"]
-    x, y = (f"{round(one, 6) + 0.0:.4g} m" for one in (crest.x, crest.y))  # nobody asks for less than a micrometre
+    x, y = (f"{round(one, 6) + 0.0:.4g} m" for one in (crest.x, crest.y))  # rounded to micrometres
     place = f"x = {x}" if flat else f"x = {x}, y = {y}"
     simulated = spent["t"]
-    follows = " (linear theory: what paddles displace)" if outcome.follows else ""
+    follows = " (linear theory: displacement of the paddles)" if outcome.follows else ""
     costs = [
         f"{timings['stepping_cpu_s']:.3g} CPU s on {_ranks(spent)}",
         f"{steps} steps",
-        f"{spent['counters']['interior_solves'] / max(steps, 1):.1f} interior solves a step",
-        f"{timings['stepping_s'] / simulated if simulated else 0.0:.2g} s for a second of waves",
+        f"{spent['counters']['interior_solves'] / max(steps, 1):.1f} interior solves per step",
+        f"{timings['stepping_s'] / simulated if simulated else 0.0:.2g} s per simulated second",
     ]
     directory, warned = shlex.quote(str(path)), summarise_warnings(warnings)
     broken = _of_breakdown(spent, path, untrue=outcome.untrue, drawn=drawn)
@@ -212,13 +212,13 @@ def closing(
 
 
 def _next(spent: dict[str, Any], directory: str) -> list[str]:
-    """Return the next commands: to resume a run that was stopped, unless another case is needed."""
+    """Return the next commands; for a stopped run the command that resumes it, unless another case is needed."""
     if spent.get("anew"):
         return [ANEW]
     if spent["t"] < (1 - 1e-9) * spent["case"]["run"]["duration"]:
-        once = ", once it can be written there again" if spent.get("unwritten") else ""
+        once = ", once the directory can be written" if spent.get("unwritten") else ""
         if not spent["checkpoints"]:
-            return [f"anew from the start{once}: there is no checkpoint"]
+            return [f"a new run from the start{once}: there is no checkpoint"]
         return [f"wavetank resume {directory}{once}"]
     return [f"wavetank view {directory}", f"wavetank compare {directory} --with DATA"]
 
@@ -233,17 +233,17 @@ def _of_breakdown(spent: dict[str, Any], path: Path, *, untrue: float | None, dr
     half = "" if breaks else f"numerics.dt={0.5 * spent['numerics']['dt']:.3g}"
     other = " --set ".join(filter(None, ["run.on_breaking=dissipate" if breaks else "", spent.get("cure") or half]))
     files = ", ".join(str(path / file) for file in (BROKEN, *([BROKEN_PICTURE] if drawn else [])))
-    lines = [f"the surface it broke down from, t = {spent['t']:.6g} s: {files}"]
+    lines = [f"last surface before the breakdown, t = {spent['t']:.6g} s: {files}"]
     sound = [t for t in checkpoints if untrue is None or t < untrue]
     good = "good " if checkpoints[:1] == sound[:1] else ""
     if checkpoints:
-        before = "".join(f"; the one before, t = {t:.6g} s: --at {t:.6g}" for t in checkpoints[1:])
+        before = "".join(f"; the previous one, t = {t:.6g} s: --at {t:.6g}" for t in checkpoints[1:])
         lines.append(f"the last {good}checkpoint, t = {checkpoints[0]:.6g} s: {path / CHECKPOINT}{before}")
     if spent.get("anew"):
         return [*lines, f"next: {ANEW}"]
     if not sound:
-        none = "no checkpoint is older than the warning" if checkpoints else "there is no checkpoint"
-        return [*lines, f"next: anew from the start with --set {other}: {none}"]
+        none = "no checkpoint precedes the warning" if checkpoints else "there is no checkpoint"
+        return [*lines, f"next: a new run from the start with --set {other}: {none}"]
     at = "" if good else f" --at {sound[0]:.6g}"
     return [*lines, f"next: wavetank resume {shlex.quote(str(path))}{at} --set {other}"]
 
@@ -263,10 +263,10 @@ class BrokenSurface(NamedTuple):
     Attributes
     ----------
     t
-        The time [s].
+        Time [s].
     columns
-        Places and values by their names with units, shape (N,) each: along a slice or ring at the nodes and between
-        them; in a basin highest elevation, largest slope and velocity of each cell, at its middle.
+        Positions and values by their names with units, shape (N,) each: along a slice or ring at the nodes and between
+        them; in a basin highest elevation, largest slope and velocity of each cell, at its centre.
     crests
         The steep crests, if the run searches for breaking.
     """
@@ -304,7 +304,7 @@ class BrokenSurface(NamedTuple):
 
 
 def _by_cell(waves: NonlinearWaves) -> dict[str, Vector]:
-    """Return the columns of a basin, a row for each cell, ordered by places; collective."""
+    """Return the columns of a basin, a row for each cell, ordered by position; collective."""
     plane, flow = waves.plane, waves.surface
     dofs = plane.V.dofmap.list[: flow.speeds.size]
     eta = plane.function("elevation")

@@ -1,14 +1,14 @@
-"""What paddles put into the water, integrated over all steps by what is known at their ends.
+"""Work of the paddles, integrated over all steps from values at their ends.
 
-Of paddles that move smoothly that is their power, by Adams-Moulton's rule of order 4. One that answers the water is
-told anew how it goes on at each step, and goes unevenly within it. What it does by u, its velocity or what absorbing
-adds to that, is by parts
+For smooth motions it is the integral of their power, by Adams-Moulton's rule of order 4. A feedback motion is extended
+at each step, and is not smooth within it. Its work by u, its velocity or the part of it that absorption adds, is by
+parts
 
     int dH/dX u + dH/dX' u' dt = [(K - c u / 2) u] + int (dH/dX - K') u dt,     K = dH/dX' + c u,
 
-c the added mass of a sudden motion: dH/dX' falls by c u, and K knows nothing of it. So dH/dX and K are smooth, and go
-through steps as the cubics through their last four values; u is taken as it is, by Simpson's rule, which is exact of
-what a ``FeedbackMotion`` motion adds.
+with c the added mass of a sudden motion: dH/dX' decreases by c u, and K is independent of u. So dH/dX and K are smooth;
+cubics through their last four values approximate them in a step. u is integrated by Simpson's rule, which is exact for
+the part that a ``FeedbackMotion`` adds.
 """
 
 from collections.abc import Sequence
@@ -22,38 +22,38 @@ from wavetank.base.arrays import Vector
 from wavetank.base.state import Replicated, ascends
 from wavetank.integrators.contract import State
 
-CUBIC_POINTS = 4  # values that a cubic goes through
-SAME_STEP = 1e-6  # largest relative difference of two steps of one length
-RATE_WEIGHTS = np.array(  # of the rates at the newest, second newest, ... time, by how many there are
+CUBIC_POINTS = 4  # number of values that define a cubic
+SAME_STEP = 1e-6  # largest relative difference of steps of equal length
+RATE_WEIGHTS = np.array(  # weights of the rates, the newest first, by their number
     [
         (0.0, 0.0, 0.0, 0.0),
         (1.0 / 2, 1.0 / 2, 0.0, 0.0),
-        (2.0 / 6, 5.0 / 6, -1.0 / 6, 0.0),  # with the step before: Simpson's rule
+        (2.0 / 6, 5.0 / 6, -1.0 / 6, 0.0),  # with the previous step: Simpson's rule
         (9.0 / 24, 19.0 / 24, -5.0 / 24, 1.0 / 24),
     ]
 )
 
-NODES = np.array([0.0, 0.5, 1.0])  # of Simpson's rule, of a step
+NODES = np.array([0.0, 0.5, 1.0])  # nodes of Simpson's rule in a step
 SIMPSON = np.array([1.0, 4.0, 1.0]).reshape(-1, 1, 1) / 6
-EQUAL = 6  # digits: the same
+EQUAL = 6  # digits to which times are compared
 
 
 @dataclass(frozen=True)
 class Integral:
-    """The integral of a rate known at the ends of steps, by the Adams-Moulton rule of order 4.
+    """The integral of a rate, given at the ends of steps, by the Adams-Moulton rule of order 4.
 
-    The order falls to 2 where the length of steps changes. Of the first two steps of one length it is Simpson's rule.
+    The order is 2 where the length of steps changes. Simpson's rule integrates the first two steps of equal length.
 
     Attributes
     ----------
     value
-        The integral up to the last step.
+        Integral up to the last step.
     t, dt
-        Its time and length [s].
+        Time and length of the last step [s].
     count
-        Rates that the rule takes.
+        Number of rates that the rule uses.
     rates
-        The last of them, the newest first.
+        The last rates, the newest first.
     """
 
     value: float = 0.0
@@ -64,7 +64,7 @@ class Integral:
 
     def __post_init__(self) -> None:
         if self.count > CUBIC_POINTS:
-            raise ValueError(f"{self.count} rates of {CUBIC_POINTS}")
+            raise ValueError(f"{self.count} rates: must be from 0 to {CUBIC_POINTS}")
 
     def advance(self, times: Vector, rates: Vector) -> tuple["Integral", Vector]:
         """Return the integral up to the last of K times, for the rates there, and its values, shape (K,)."""
@@ -88,11 +88,11 @@ class PaddleWorkState:
     Attributes
     ----------
     times
-        Of the last steps [s].
+        Times of the last steps [s].
     slopes
-        dH/dX, dH/dX' and both velocities u then, shape (K, 4, paddles).
+        dH/dX, dH/dX' and both velocities u at these times, shape (K, 4, paddles).
     done
-        The work by both u so far, shape (2,).
+        Work by both u, shape (2,).
     """
 
     times: list[float]
@@ -105,12 +105,12 @@ class PaddleWorkState:
 
 
 class PaddleWork:
-    """Of paddles of which some answer the water, by the slopes of H.
+    """Work of all paddles, of which some have feedback, from the derivatives of H.
 
     Parameters
     ----------
     motions
-        Of all paddles.
+        Motions of all paddles.
     masses
         c of each [m²], shape (paddles,).
     """
@@ -120,9 +120,9 @@ class PaddleWork:
         self.state = PaddleWorkState([], np.zeros((0, 4, len(motions))), np.zeros(2))
 
     def advance(self, state: State, t: float) -> tuple[float, float]:
-        """Return the energy put in up to a state at t [s], and what was absorbed of it, less its part of W.
+        """Return the supplied energy up to a state at t [s], and the absorbed part of it, without its part of W.
 
-        The first call is for the start. States are evaluated, with the slopes of H.
+        The first call is for the start. States are evaluated, with the derivatives of H.
         """
         slopes = np.array([at.slopes for at in state.evaluations], dtype=np.float64).swapaxes(1, 2)
         before = self.state
@@ -146,14 +146,14 @@ class PaddleWork:
         return work
 
     def _speeds(self, t: float) -> Vector:
-        """Return velocities, and what absorbing adds to them, at t [m/s], shape (2, paddles)."""
+        """Return velocities, and the parts of them that absorption adds, at t [m/s], shape (2, paddles)."""
         rates = [(motion.velocity(t), motion.added(t, 1)) for motion in self._motions]
         return np.array(rates, dtype=np.float64).T
 
 
 @lru_cache(maxsize=16)
 def _through(times: tuple[float, ...]) -> tuple[Vector, Vector]:
-    """Return by what values at some times give those of the polynomial through them, and its rates, at ``NODES``."""
+    """Return the matrices from values at some times to the polynomial through them, and to its rates, at ``NODES``."""
     powers, inverse = np.arange(len(times)), np.linalg.inv(np.vander(np.array(times), increasing=True))
     values = np.vander(NODES, len(times), increasing=True)
     rates = powers * values[:, np.maximum(powers - 1, 0)]

@@ -1,1 +1,1 @@
-"""The water: the tank's geometry, the discrete energy, the interior potential and the Hamiltonian system they make."""
+"""The water: the geometry of the tank, the discrete energy, the interior potential and the Hamiltonian system."""

@@ -1,4 +1,4 @@
-"""Controllers of paddles: what they measure of the water, and the motion they make of it (docs/absorption.md)."""
+"""Controllers of paddles: their measurements of the water, and the resulting motion (docs/absorption.md)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,8 +11,8 @@ from wavetank.base.errors import PaddleError
 from wavetank.motion.feedback import FeedbackState, FilterState, StateSpaceFilter
 from wavetank.tank.evaluation import Water
 
-BRIEF = 1e-4  # (d / g)^(1/2), before t = 0: still water at the face rises as fast as it begins to
-GENTLY = 2.0  # (d / g)^(1/2) from t = 0 on: a surface that is displaced at the paddle moves it gradually
+INITIAL_TIME = 1e-4  # time before t = 0 within which still water at the face rises at its initial rate [(d / g)^(1/2)]
+START_TIME = 2.0  # time from t = 0 over which feedback starts gradually [(d / g)^(1/2)]
 
 
 Measurement = Callable[[Vector, Vector, float], Vector]
@@ -28,20 +28,20 @@ class PaddleState:
 
 
 class PaddleController:
-    """Controller of a paddle: its motion follows a filter of what is measured of the water.
+    """Controller of a paddle, whose motion follows from a filter of measurements of the water.
 
     Parameters
     ----------
     paddle
         A ``Paddle`` or ``LinearPaddle`` with a ``FeedbackMotion``.
     response
-        The filter of its feedback motion.
+        Filter of its feedback motion.
     measure
-        Returns what is measured of a state.
+        Function that measures a state.
     mode_shape
         f at the heights of the paddle, shape (N,).
     key
-        What it is called in a case.
+        Name of the paddle in a case.
     """
 
     def __init__(self, paddle: Any, response: StateSpaceFilter, measure: Measurement, *, mode_shape: Vector, key: str):
@@ -51,30 +51,30 @@ class PaddleController:
 
     @property
     def begins(self) -> bool:
-        """Whether it has yet to begin."""
+        """Whether the control has not yet begun."""
         return self._filter_state.x is None
 
     def begin(self, q: Vector, p: Vector, t: float) -> None:
-        """Measure the water at t, a little before the first step; collective."""
+        """Measure the water at t, shortly before the first step; collective."""
         self._filter_state = FilterState(None, (t,), (self._measure(q, p, t),))
 
     def go_on(self, q: Vector, p: Vector, t: float, dt: float) -> None:
         """Measure the water at t, and extend the motion to t + dt; collective.
 
-        Raises ``PaddleError`` where the paddle goes so far into the water that the mapping folds.
+        Raises ``PaddleError`` if the paddle moves so far into the water that the mapping folds.
         """
         self._filter_state = self._filter.update(self._filter_state, t, self._measure(q, p, t))
         self._motion.go_on(t, dt, *self._filter.output(self._filter_state, dt))
         where, most = self._motion.position(t + dt), self._paddle.largest_stroke
         farthest = max(f * where for f in self._mode_shape)
         if farthest >= most:
-            what = f"absorbing takes the paddle of {self._key} {farthest:.4g} m into the water"
-            fold = f"its mapping folds at {most:.4g} m, 3/4 of what {self._key}.reach is on this mesh"
-            raise PaddleError(f"t = {t:.6g} s: {what}; {fold}: it must be longer")
+            what = f"absorption moves the paddle of {self._key} {farthest:.4g} m into the water"
+            fold = f"its mapping folds at {most:.4g} m, 3/4 of {self._key}.reach on this mesh"
+            raise PaddleError(f"t = {t:.6g} s: {what}; {fold}: the reach must be longer")
 
     @property
     def state(self) -> PaddleState:
-        """The state of its motion and of its filter."""
+        """State of the motion and of the filter."""
         return PaddleState(self._motion.state, self._filter_state)
 
     @state.setter
@@ -83,14 +83,14 @@ class PaddleController:
 
 
 class PaddleSlopes:
-    """Measures the load of the water on a paddle with a spring: J = dH/dX' + c X', and dH/dX.
+    """Measurement of the load of the water on a paddle with a spring: J = dH/dX' + c X', and dH/dX.
 
     Parameters
     ----------
     number
-        Which of the paddles it is.
+        Number of the paddle.
     paddle
-        The same.
+        The paddle.
     mass
         c, its added mass of a sudden motion [m²].
     """
@@ -107,17 +107,17 @@ class PaddleSlopes:
 
 
 class FaceElevation:
-    """Measures the mean elevation at a paddle's face, less the target there.
+    """Measurement of the mean elevation at a paddle's face, relative to the target there.
 
     Parameters
     ----------
     target
-        The elevation that the paddle makes [m] of t [s].
+        Target elevation at the face [m], a function of t [s].
 
     Attributes
     ----------
     rise
-        By how much water at the face rises where the paddle goes on by a metre at once.
+        Rise of the water at the face per displacement in a sudden motion [-].
     """
 
     def __init__(self, waves: Water, paddle: Any, target: Callable[[float], float]):
@@ -127,9 +127,9 @@ class FaceElevation:
         self.rise = self._rise_rate()
 
     def _rise_rate(self) -> float:
-        """Return ``rise``: the rate of still water's elevation at the face for 1 m/s more of the paddle; collective."""
+        """Return ``rise``: the rate of still water's elevation at the face for a unit paddle velocity; collective."""
         waves, motion, speed = self._waves, self._motion, float(np.sqrt(self._waves.gravity * self._waves.depth))
-        brief = BRIEF * speed / waves.gravity
+        brief = INITIAL_TIME * speed / waves.gravity
         rates, speeds = list[float](), list[float]()
         for t, added in ((-brief, 0.0), (-3.0 * brief, speed)):
             motion.forget()
@@ -137,14 +137,14 @@ class FaceElevation:
             q, p = waves.state(np.zeros(waves.plane.owned), np.zeros(waves.plane.owned), t)
             before = waves.elevation(q - brief * waves.evaluate(q, p, t).dq, p, t - brief)
             rates.append(-self._mean(before) / brief)
-            speeds.append(motion.velocity(t))  # asked before it is forgotten, which times that are kept are not
+            speeds.append(motion.velocity(t))  # evaluated before the motion drops this time
         motion.forget()
         return float((rates[1] - rates[0]) / (speeds[1] - speeds[0]))
 
     def __call__(self, q: Vector, p: Vector, t: float) -> Vector:
         """See ``Measurement``; shape (1,), in m."""
         eta = self._mean(self._waves.elevation(q, p, t)) - self._target(t)
-        s = min(t / (GENTLY * np.sqrt(self._waves.depth / self._waves.gravity)), 1.0)
+        s = min(t / (START_TIME * np.sqrt(self._waves.depth / self._waves.gravity)), 1.0)
         return np.array([s**3 * (10 - 15 * s + 6 * s**2) * eta - self.rise * self._motion.added(t, 0)])
 
     def _mean(self, values: Vector) -> float:

@@ -1,4 +1,4 @@
-"""The bed: the still-water depth d at the degrees of freedom, and its rate where a wall moves.
+"""The bed: the still-water depth d at the degrees of freedom, and its rate of change beside a moving wall.
 
 The bed is fixed in the laboratory. In the reference tank, which a moving wall stretches, the depth at a fixed point
 changes with the velocity of the mapping, d_t = velocity . grad d.
@@ -20,35 +20,35 @@ from wavetank.base.mpi import raise_on_all_ranks
 from wavetank.fem.forms import ScalarForm
 from wavetank.fem.plane import Plane
 
-Depth = Callable[[Vector, Vector], Vector]  # d [m] at places x, y [m], all of shape (N,)
-MARGIN, SAMPLES = 0.1, 2001  # of the displaced length; points over both, at which a bed must be level to be flat there
-INSTANT = 1e-4  # s; for the rate of the depth by central differences, exact to 1e-8 for walls of metres a second
+Depth = Callable[[Vector, Vector], Vector]  # d [m] at positions x, y [m], all of shape (N,)
+MARGIN, SAMPLES = 0.1, 2001  # margin relative to the displaced length; number of points of equal depth on a flat bed
+INSTANT = 1e-4  # step of the central differences of the depth [s]; error 1e-8 for walls at metres per second
 
 
 class FlatBed:
-    """The same depth everywhere: a constant, whose gradient vanishes before compilation.
+    """A bed of uniform depth: a constant, whose gradient vanishes before compilation.
 
     Parameters
     ----------
     depth
-        [m].
+        Depth [m].
 
     Attributes
     ----------
     description
-        The bed's part in the energy, in words.
+        Description of the bed in the energy.
     d
         Still-water depth [m], in UFL.
     rate
         Its rate of change at a fixed point of the reference tank [m/s], in UFL.
     depth
-        The mean depth [m].
+        Mean depth [m].
     still
         d at the owned degrees of freedom [m], shape (owned,).
     varies
-        Whether d depends on the place.
+        Whether d depends on the position.
     sinking
-        Its rate of change there [m/s], shape (owned,) or a number: like ``still`` another object after a change.
+        Rate of change of ``still`` [m/s], shape (owned,) or a number. Like ``still``, a new object after a change.
     """
 
     description = "∇d = 0: the bed is flat"
@@ -60,7 +60,7 @@ class FlatBed:
         self.sinking = 0.0
 
     def at(self, places: Vector) -> Vector:
-        """Return the depth at physical places (x, y) [m], shape (N,)."""
+        """Return the depth at physical positions (x, y) [m], shape (N,)."""
         return np.full(len(places), self.depth)
 
     def follow(self, wall: Any) -> None:
@@ -70,22 +70,22 @@ class FlatBed:
         """Update the rate of the depth for the mesh velocities of a ``Wall``; collective."""
 
     def levelled(self) -> AbstractContextManager[None]:
-        """Lie flat at the mean depth within a context; collective."""
+        """Have the mean depth everywhere within a context; collective."""
         return nullcontext()
 
 
 class VaryingBed:
-    """A depth d(x, y), interpolated at the degrees of freedom; its slope is that of the interpolation.
+    """A bed of depth d(x, y), interpolated at the degrees of freedom; its slope is that of the interpolation.
 
     Parameters
     ----------
     depth
         d(x, y).
 
-    Raises ``InputError`` where the depth is not positive.
+    Raises ``InputError`` if the depth is not positive.
     """
 
-    description = "d = d(x, y), of the places where the water stands: the bed varies"
+    description = "d = d(x, y) at the physical positions: the bed varies"
     varies = True
 
     def __init__(self, depth: Depth, *, plane: Plane):
@@ -101,10 +101,10 @@ class VaryingBed:
             for part in (self.d, fem.Constant(plane.mesh, 1.0))
         )
         self.depth = float(volume / area)
-        self._flat: float | None = None  # how far beside the displaced places the depth is constant [m]; < 0: it varies
+        self._flat: float | None = None  # flat distance beside the displaced points [m]; < 0: the depth varies
 
     def _is_flat(self, wall: Any) -> bool:
-        """Return whether all that a wall has displaced so far is over a flat part of the bed."""
+        """Return whether the bed is flat wherever a wall has displaced points."""
         if self._flat is None:
             self._flat = self._flat_margin(self._plane.places[wall.displaced_dofs])
         if wall.displaced > self._flat:
@@ -112,7 +112,7 @@ class VaryingBed:
         return self._flat >= 0.0
 
     def _flat_margin(self, places: Vector) -> float:
-        """Return how far to either side of places on a slice, all on this rank, the depth is the same [m], else -1."""
+        """Return the distance [m] beside positions on a slice, all on this rank, over which the bed is flat, or -1."""
         if self._plane.comm.size > 1 or self._plane.mesh.topology.dim > 1 or not len(places):
             return -1.0
         low, high = places.min(axis=0), places.max(axis=0)
@@ -124,7 +124,7 @@ class VaryingBed:
         return margin if result.min() == result.max() else -1.0
 
     def at(self, places: Vector) -> Vector:
-        """Return the depth at physical places (x, y) [m], shape (N,); collective."""
+        """Return the depth at physical positions (x, y) [m], shape (N,); collective."""
         depth = raise_on_all_ranks(self._plane.comm, lambda: self._depth(places[:, 0], places[:, 1]))
         return np.asarray(depth, dtype=np.float64)
 
@@ -134,10 +134,10 @@ class VaryingBed:
             self._set(wall.to_physical(self._plane.places[wall.displaced_dofs]), wall.displaced_dofs)
 
     def _set(self, places: Vector, which: NDArray[np.intp]) -> None:
-        """Find the depth at the places of some degrees of freedom; collective."""
+        """Set the depth at the positions of some degrees of freedom; collective."""
         result = self.at(places)
         if not largest(self._plane.comm, -float(result.min(initial=np.inf))) < 0.0:
-            self._refuse(result, places)
+            self._raise_dry(result, places)
         still = self.still.copy()
         still[which] = result
         self.still = still
@@ -145,20 +145,20 @@ class VaryingBed:
 
     @contextmanager
     def levelled(self) -> Iterator[None]:
-        """Lie flat at the mean depth within a context; collective."""
+        """Have the mean depth everywhere within a context; collective."""
         self._field.set(np.full_like(self.still, self.depth))
         yield
         self._field.set(self.still)
 
-    def _refuse(self, depths: Vector, places: Vector) -> None:
-        """Raise what says where the bed is highest; collective."""
+    def _raise_dry(self, depths: Vector, places: Vector) -> None:
+        """Raise the error for a bed above still water, with the position of its highest point; collective."""
         shallow = int(np.argmin(depths)) if len(places) else 0
         mine = (
             (float(depths[shallow]), *map(float, np.round(places[shallow], 6))) if len(places) else (np.inf, 0.0, 0.0)
         )
         least, x, y = self._plane.comm.allreduce(mine, op=MPI.MIN)
         where = f"x = {x:.4g} m, y = {y:.4g} m"
-        allowed = "it must be positive, which tank.bed.minimum_depth sees to"
+        allowed = "must be positive, which tank.bed.minimum_depth ensures"
         raise InputError(f"the bed: the still-water depth is {least:.4g} m at {where}; {allowed}.")
 
     def follow_on(self, wall: Any) -> None:
@@ -178,7 +178,7 @@ Bed = FlatBed | VaryingBed
 
 
 def bed_of(depth: float | Depth, plane: Plane) -> Bed:
-    """Return the bed of a depth that is the same everywhere, or a function of (x, y)."""
+    """Return the bed of a uniform depth, or of a function of (x, y)."""
     if callable(depth):
         return VaryingBed(depth, plane=plane)
     return FlatBed(depth, plane=plane)

@@ -1,7 +1,7 @@
 """Energies, elevation and paddle kinematics of reported states, by first-order expansion about the nearest evaluation.
 
 A scheme that reports the mean of two traces evaluates these traces, not their mean: the expansion is about the later
-trace. Of any other scheme the reported state is evaluated itself. States of consecutive steps are rows of a ``Block``.
+trace. Any other scheme evaluates the reported state. States of consecutive steps are rows of a ``Block``.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 
 from wavetank.base.arrays import Vector, summed
 
-NUMBERS = KINETIC, POTENTIAL, WALL, MASS, POWER, DAMPED, HIGHEST, LARGEST = range(8)  # in a row
+NUMBERS = KINETIC, POTENTIAL, WALL, MASS, POWER, DAMPED, HIGHEST, LARGEST = range(8)  # columns of a row
 
 
 @dataclass(eq=False)
 class Block:
     """Reported states of K consecutive steps as arrays over time, for diagnostics.
 
-    The arrays are views of memory that the next block overwrites: copy what is needed later.
+    The arrays are views of memory that the next block overwrites: copy values for later use.
 
     Attributes
     ----------
@@ -35,21 +35,21 @@ class Block:
         Surface elevation at the owned degrees of freedom [m], shape (K, owned); next to a leaning paddle it is accurate
         to second order in the jump.
     rise
-        Elevation behind the jump of the state, less that of the mean of both sides [m], shape (K, owned).
+        Elevation after the jump of the state, relative to the mean of both sides [m], shape (K, owned).
     numbers
-        The columns that ``kinetic`` to ``largest`` name, shape (K, 8).
+        The columns ``kinetic`` to ``largest``, shape (K, 8).
     rates
-        X_p, X_p' and X_p'' of each paddle; nan for one that does not move as one [m, m/s, m/s²], shape (K, paddles, 3).
+        X_p, X_p' and X_p'' of each paddle; nan if they vary along the paddle [m, m/s, m/s²], shape (K, paddles, 3).
     velocities
         Horizontal velocity of the wall [m/s], shape (K, owned) or (K, 1).
     dissipated
-        Energy that each filter has taken by then, shape (K, filters that dissipate).
+        Energy that each filter has dissipated, shape (K, filters that dissipate).
     work
-        Energy that paddles with feedback have put in, and what they have absorbed of it, shape (K, 2); nan without.
+        Energy that paddles with feedback have supplied, and have absorbed of it, shape (K, 2); nan without.
     dt
         Time step [s].
     state
-        State of the integrator at the last step computed.
+        State of the integrator at the last computed step.
     """
 
     step: NDArray[np.int64]
@@ -68,7 +68,7 @@ class Block:
 
     @classmethod
     def empty(cls, most: int, *, owned: int, paddles: int = 0, velocities: int = 1, sinks: int = 0) -> Self:
-        """Return memory for a block of so many steps."""
+        """Return the storage of a block for a number of steps."""
         numbers = np.full((most, len(NUMBERS)), np.nan)
         numbers[:, DAMPED] = 0.0
         return cls(
@@ -97,7 +97,7 @@ class Block:
         return {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
 
     def read_only(self, count: int, *, dt: float, state: Any) -> Self:
-        """Return the first steps for reading: whoever writes into their arrays meets a ``ValueError``."""
+        """Return the first steps for reading: writing into the arrays raises ``ValueError``."""
         result = replace(self.at(slice(count)), dt=dt, state=state)
         for array in result.arrays().values():
             array.flags.writeable = False
@@ -118,7 +118,7 @@ class Block:
     wall_energy = property(lambda self: self.numbers[:, WALL], doc="The wall's term W of the Hamiltonian.")
     mass = property(lambda self: self.numbers[:, MASS], doc="Volume of the water [m³], in a slice per width [m²].")
     power = property(lambda self: self.numbers[:, POWER], doc="Power dH/dt at fixed (Q, psi), of the paddles.")
-    damped = property(lambda self: self.numbers[:, DAMPED], doc="Power that the sponge takes.")
+    damped = property(lambda self: self.numbers[:, DAMPED], doc="Power that the sponge dissipates.")
     highest = property(lambda self: self.numbers[:, HIGHEST], doc="Highest elevation on this rank [m].")
     largest = property(lambda self: self.numbers[:, LARGEST], doc="Largest magnitude of the elevation there [m].")
 
@@ -136,4 +136,4 @@ def write_sums(comm: MPI.Comm, block: Block, parts: Sequence[Parts]) -> None:
     numbers[:, POTENTIAL] += lift
     numbers[:, MASS], numbers[:, DAMPED], numbers[:, HIGHEST] = mass, damped, highest
     lowest = block.eta.min(axis=1, initial=np.inf)
-    numbers[:, LARGEST] = np.maximum(highest, -lowest) if block.eta.size else 0.0  # nan where any is
+    numbers[:, LARGEST] = np.maximum(highest, -lowest) if block.eta.size else 0.0  # nan if any value is nan

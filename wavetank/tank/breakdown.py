@@ -1,10 +1,10 @@
-"""Causes of a breakdown: steep waves, short waves, steps and paddles near their limits.
+"""Causes of a breakdown: steep waves, short waves, time step and paddles near their limits.
 
-The shortest waves that the cells carry, and how fast they oscillate where the surface moves.
+It uses the shortest waves on the cells, and their frequency on a moving surface.
 
-A current u shifts the frequency of a wave of wave number k by u k at most: under a steep crest the shortest waves of
-the cells there oscillate faster than on still water, and it is there that a step gets too long for them. So they do
-where a paddle has narrowed cells, or leans.
+A current u shifts the frequency of a wave of wave number k by at most u k. Under a steep crest the shortest waves of
+the cells oscillate faster than on still water; there a step first becomes too long for them. The same
+holds where a paddle has narrowed cells, or leans.
 """
 
 from math import atan, degrees, inf, isfinite
@@ -18,16 +18,16 @@ from wavetank.motion.motion import frequency_shift
 from wavetank.tank.surface_flow import SurfaceFlow, SurfaceVelocity
 from wavetank.tank.waves import NonlinearWaves
 
-FARTHEST = 0.8  # of the stability limit: a stable step at the largest displacement of a paddle, or under crests
-ALIKE = 1e-9  # relative: so much do wave numbers differ of cells that are as wide as each other
-LITTLE = 0.02  # of a lean's tangent, or of the reach: negligible
-HEIGHTS = np.linspace(-1.0, 0.0, 101, dtype=np.float64)  # depths, at which the position of a paddle is evaluated
+FARTHEST = 0.8  # stable step at the largest displacement of a paddle, or under crests, relative to the stability limit
+SAME_WIDTH = 1e-9  # relative difference of the wave numbers of cells of equal width
+NEGLIGIBLE = 0.02  # negligible tangent of a lean, or displacement relative to the reach
+HEIGHTS = np.linspace(-1.0, 0.0, 101, dtype=np.float64)  # heights at which a paddle is evaluated [depths]
 
 
 class ShortWaves:
-    """The shortest waves of each cell: k = pi p / l of its narrowest extent l, and the frequency of still water.
+    """The shortest waves of each cell: k = pi p / l of its narrowest extent l, and the frequency on still water.
 
-    The latter is the largest of the mesh for the narrowest of all cells, and falls as k^(1/2).
+    The frequency is the largest of the mesh for the narrowest cell, and varies as k^(1/2).
     """
 
     def __init__(self, waves: NonlinearWaves):
@@ -35,17 +35,17 @@ class ShortWaves:
         self._comm, self._frequency_shift = plane.comm, FrequencyShift(waves)
         self._k = np.pi * plane.order / _widths(waves)
         highest = largest(self._comm, float(self._k.max(initial=0.0)))
-        self._alike = largest(self._comm, float((highest - self._k).max(initial=0.0))) <= ALIKE * highest
+        self._alike = largest(self._comm, float((highest - self._k).max(initial=0.0))) <= SAME_WIDTH * highest
         self._still = waves.largest_frequency * np.sqrt(self._k / highest)
         self._highest = waves.largest_frequency, highest
 
     @property
     def frequency_shift(self) -> float:
-        """Ratio of their frequencies to those with paddles at rest, for the positions of paddles now; collective."""
+        """Ratio of the frequencies for the current positions of the paddles to those at rest; collective."""
         return self._frequency_shift.by()
 
     def largest_frequency(self, flow: SurfaceVelocity, *, least: float = 0.0) -> float:
-        """Return the largest frequency [rad/s] on the surface as it moves, ``least`` if that is more; collective."""
+        """Return the largest frequency [rad/s] on the moving surface, at least ``least``; collective."""
         (still, k), faster = self._highest, self.frequency_shift
         most = faster * (still + k * flow.largest_velocity)
         if most <= least or self._alike:
@@ -55,17 +55,15 @@ class ShortWaves:
 
 
 class FrequencyShift:
-    """The largest frequency ratio of the mesh's shortest waves by the displacement of paddles.
+    """The largest ratio of frequencies of the shortest waves by the displacement of paddles.
 
-    As ``MovingWallModel.frequency_shift`` of a case.
+    It corresponds to ``MovingWallModel.frequency_shift`` of a case.
     """
 
     def __init__(self, waves: NonlinearWaves):
         plane, depth = waves.plane, waves.depth
         self._wall, self._comm, self._paddles = waves.wall, plane.comm, list[tuple[float, tuple[float, float], float]]()
-        self._places = (
-            plane.places[:1] if plane.mesh.topology.dim == 1 else plane.places
-        )  # at all of a slice it is the same
+        self._places = plane.places[:1] if plane.mesh.topology.dim == 1 else plane.places  # uniform along a slice
         paddles: Any = waves.wall.paddles
         for paddle in paddles:
             mode_shape = paddle.shape.at(depth * HEIGHTS)
@@ -73,20 +71,20 @@ class FrequencyShift:
             self._paddles.append((slope, (float(mode_shape.min()), float(mode_shape.max())), paddle.reach))
 
     def by(self) -> float:
-        """Return the factor, for the present positions of paddles; collective."""
+        """Return the factor for the current positions of the paddles; collective."""
         faster = 1.0
         each = zip(self._paddles, self._wall.paddle_displacements(self._places), strict=True)
         for (slope, mode_shape, reach), x in each:
             ends = [sign * largest(self._comm, float((sign * x).max(initial=-np.inf))) for sign in (1.0, -1.0)]
             into = max(0.0, *(f * end for f in mode_shape for end in ends))
             lean = slope * max(map(abs, ends))
-            if max(lean, into / reach) > LITTLE:
+            if max(lean, into / reach) > NEGLIGIBLE:
                 faster = max(faster, frequency_shift(lean, into / reach))
         return faster
 
 
 def _widths(waves: NonlinearWaves) -> Vector:
-    """Return the narrowest extent of each cell of this rank [m], shape (cells,): of a square one its side."""
+    """Return the narrowest extent of each cell of this rank [m], shape (cells,); for a square cell, its side."""
     horizontal = waves.plane.mesh
     dim = horizontal.topology.dim
     horizontal.topology.create_connectivity(dim, dim)
@@ -106,15 +104,15 @@ def _areas(corners: Vector) -> Vector:
     return np.asarray(0.5 * np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]))
 
 
-NEARLY_STEEPEST = 0.5  # slope; the steepest progressive wave has 0.58
-GENTLE = 0.3  # slope, of waves that break nowhere by themselves
-FLAT = 0.05  # slope, of waves that no theory calls steep
-LEANING = 40.0  # degrees; beside paddles that lean more the surface may fold (docs/waves.md)
-LOOSEST = 1e-4  # tolerance that a case may have
-NARROW = 0.75  # of a cell's width: what a mapping leaves less of is said
-SQUEEZED = 0.5  # of the stability limit: above it a paddle may be to blame for what is steep in its reach
-FOLD_DISTANCE = 2.0  # depths
-STEP = 1e-3  # of the depth, over which the lean of a paddle is a difference
+NEARLY_STEEPEST = 0.5  # slope near that of the steepest progressive wave, 0.58
+GENTLE = 0.3  # slope below which waves do not break
+FLAT = 0.05  # slope below which waves are not steep
+LEANING = 40.0  # lean of a paddle beyond which the surface may fold [degrees] (docs/waves.md)
+LARGEST_TOLERANCE = 1e-4  # largest tolerance of a case
+NARROW = 0.75  # relative width of a cell below which the message mentions the mapping
+SQUEEZED = 0.5  # fraction of the stability limit above which a paddle may cause steep waves in its reach
+FOLD_DISTANCE = 2.0  # distance from a paddle within which the surface folds [depths]
+STEP = 1e-3  # step of the difference for the lean of a paddle [depths]
 
 
 class _PaddlePose(NamedTuple):
@@ -123,17 +121,17 @@ class _PaddlePose(NamedTuple):
     Attributes
     ----------
     called, key
-        "paddle" or "far paddle", and its table of a case.
+        "paddle" or "far paddle", and its table in a case.
     place
-        Where it is at still water, x [m].
+        Position at still water, x [m].
     lean
-        Its angle from upright there, positive into the water [degrees].
+        Angle from the vertical there, positive into the water [degrees].
     into
-        How far it has gone into the water where it has gone farthest [m].
+        Largest displacement into the water [m].
     reach
-        That of its mapping [m].
+        Reach of its mapping [m].
     width
-        What that has left of the narrowest cell's width [-].
+        Width of the narrowest cell, relative to its width at rest [-].
     """
 
     called: str
@@ -146,21 +144,20 @@ class _PaddlePose(NamedTuple):
 
     @property
     def squeezes(self) -> str:
-        """What it does to the cells, in words."""
-        extent = f"the {self.called} stands {self.into:.3g} m in the water"
-        return f"{extent}, and its mapping over {self.reach:.3g} m leaves cells {self.width:.2g} of their width"
+        """Description of its effect on the cells."""
+        extent = f"the {self.called} is {self.into:.3g} m inside the water"
+        return f"{extent}, and its mapping over {self.reach:.3g} m reduces cells to {self.width:.2g} of their width"
 
 
 class Cause(NamedTuple):
-    """Why a step failed.
+    """The cause of a failed step.
 
     Attributes
     ----------
     words
-        What was so, and what may do.
+        The cause and a possible remedy.
     cure
-        The setting of the numerics that may help, ``KEY=VALUE``; empty if there is none. It has the
-        only step that the words name.
+        Setting of the numerics that may help, ``KEY=VALUE``, or empty. Its time step equals that in ``words``.
     """
 
     words: str
@@ -168,7 +165,7 @@ class Cause(NamedTuple):
 
 
 def _poses(waves: NonlinearWaves) -> list[_PaddlePose]:
-    """Return position and lean of the paddles of a slice now."""
+    """Return the current position and lean of the paddles of a slice."""
     result, d, wall = list[_PaddlePose](), waves.depth, waves.wall
     if not isinstance(waves.surface, SurfaceFlow):
         return result
@@ -184,9 +181,9 @@ def _poses(waves: NonlinearWaves) -> list[_PaddlePose]:
 
 
 def folds(waves: NonlinearWaves, q: Vector, p: Vector, t: float) -> str:
-    """Return in words that the surface of a slice folds beside a paddle that leans far; empty if not; collective.
+    """Return a sentence if the surface of a slice folds beside a paddle with a large lean; otherwise empty; collective.
 
-    Or that nothing else can be to blame than that it does: no wave is steep.
+    Also if no wave is steep, so that no other cause remains.
     """
     flow, far = waves.surface, [one for one in _poses(waves) if abs(one.lean) > LEANING]
     if not isinstance(flow, SurfaceFlow) or not far or not _are_numbers(waves, q, p):
@@ -201,17 +198,17 @@ def folds(waves: NonlinearWaves, q: Vector, p: Vector, t: float) -> str:
             folded = f"no wave is steep (largest slope {flow.largest_slope:.2g})"
         else:
             continue
-        return f"{leans}, and {folded}: it must lean less, or go more gently"
+        return f"{leans}, and {folded}: its lean or its velocity must be smaller"
     return ""
 
 
 def _are_numbers(waves: NonlinearWaves, q: Vector, p: Vector) -> bool:
-    """Return whether a state has nothing in it that is no number; collective."""
+    """Return whether all values of a state are finite; collective."""
     return isfinite(waves.plane.sum(q) + waves.plane.sum(p))
 
 
 def _steepest_place(surface: SurfaceFlow) -> float:
-    """Return where the surface of a slice is steepest, x [m]."""
+    """Return the position of the largest slope of the surface of a slice, x [m]."""
     x, _, slope, _ = surface.profile
     return float(x[np.argmax(np.abs(slope))])
 
@@ -233,26 +230,25 @@ def cause(
     frequency_shift: float = 1.0,
     warned: float | None = None,
 ) -> Cause:
-    """Return why a step dt [s] from a state failed; collective.
+    """Return the cause of the failure of a step dt [s] from a state; collective.
 
     Parameters
     ----------
     waves, q, p, t
-        The water, and the state that the step began with.
+        The water, and the state at the beginning of the step.
     dt, limit
-        The step [s], and the scheme's limit of omega dt.
+        The step [s], and the stability limit of omega dt of the scheme.
     tolerance
-        Of the step's solves, relative.
+        Relative tolerance of the solves in the step.
     frequency_shift
-        The frequency ratio of the shortest waves of still water at the largest displacement of paddles, which the step
-        named allows for.
+        Ratio of the frequencies of the shortest waves at the largest displacement of paddles, for the proposed step.
     warned
-        The step that the watch on it has named [s]: none is named that is longer.
+        Step proposed by the stability watch [s], an upper bound of the proposed step.
     """
     if not _are_numbers(waves, q, p):
         return Cause(
-            "the state that the step began with holds what is no number, such as an observer, a filter or a motion of "
-            "one's own can make of it, or the step before, where it was too long or the waves too steep for the mesh"
+            "the state at the beginning of the step is not finite, because of a user's observer, filter or "
+            "motion, or of the previous step, if it was too long or the waves were too steep for the mesh"
         )
     flow: Any = waves.surface
     flow.update(q, p, t)
@@ -260,28 +256,28 @@ def cause(
     short, still = ShortWaves(waves), waves.largest_frequency
     frequency, squeezed = short.largest_frequency(flow), still * short.frequency_shift
     squeezes = "".join(f", and {one.squeezes}" for one in narrow)
-    longer = "".join(f", or more of {one.key}.reach" for one in narrow)
-    moves = f"{dt * frequency:.3g} where the surface moves, at up to {flow.largest_velocity:.3g} m/s"
+    longer = "".join(f", or a larger {one.key}.reach" for one in narrow)
+    moves = f"{dt * frequency:.3g} on the moving surface, with velocities up to {flow.largest_velocity:.3g} m/s"
     stable_step = min(FARTHEST * limit / (still * frequency_shift), inf if warned is None else warned)
     if flow.largest_slope < GENTLE and dt * frequency <= limit:
         what = (
-            f"neither is the step long (dt omega_max = {dt * frequency:.3g}) nor are the waves steep (largest slope "
+            f"the step is not long (dt omega_max = {dt * frequency:.3g}), the waves are not steep (largest slope "
             f"{flow.largest_slope:.2g})"
         )
         if flow.largest_slope < FLAT and not narrow:
             return Cause(
-                f"{what}: the solves do not get as exact as asked in water {waves.depth:.3g} m deep on "
-                f"cells of {waves.plane.cell_size:.3g} m; a larger numerics.tolerance, or other cells, may do",
-                f"numerics.tolerance={min(10 * tolerance, LOOSEST):g}",
+                f"{what}: the solves do not reach the tolerance in water {waves.depth:.3g} m deep on "
+                f"cells of {waves.plane.cell_size:.3g} m; a larger numerics.tolerance, or other cells, may help",
+                f"numerics.tolerance={min(10 * tolerance, LARGEST_TOLERANCE):g}",
             )
         step = _two_digits(min(stable_step, 0.5 * dt))
-        grown = f"short waves that the mesh carries have grown; a step of {step} s, or finer cells{longer}, may do"
+        grown = f"short waves of the mesh have grown; a step of {step} s, or finer cells{longer}, may help"
         return Cause(f"{what}{squeezes}: {grown}", f"numerics.dt={step}")
     step = _two_digits(min(stable_step, FARTHEST * limit / frequency))
     within_reach = narrow and any(abs(_steepest_place(flow) - one.place) < one.reach for one in narrow)
     if narrow and dt * squeezed > (SQUEEZED if within_reach else FARTHEST) * limit:
         shortest = f"dt omega_max = {dt * still:.3g} on still water with the paddle at rest, {dt * squeezed:.3g} there"
-        long = f"the step is too long for waves as short as these: {shortest}, {moves}"
+        long = f"the step is too long for the short waves there: {shortest}, {moves}"
         return Cause(f"{squeezes.removeprefix(', and ')}: {long}; try {step} s{longer}", f"numerics.dt={step}")
     steep = f"the waves are too steep for the mesh, or break (largest slope of the surface {flow.largest_slope:.2g})"
     if not dt * frequency > limit:

@@ -1,32 +1,35 @@
 """Wave breaking: the criterion of Barthelemy et al. along a slice and along sections of a basin; stop and dissipation.
 
-B = (u - U) / (c - U) is the ratio of the fastest water in a crest's upper half to the speed of the crest, both relative
-to the current around (tank/crests.py). The two criteria:
+B = (u - U) / (c - U) is the ratio of the largest water velocity in a crest's upper half to the speed of the crest, both
+relative to the current around it (tank/crests.py). The two criteria:
 
 - Alarm: B > 0.85 (X. Barthelemy, M. L. Banner, W. L. Peirson, F. Fedele, M. Allis, F. Dias, J. Fluid Mech. 841, 2018).
   It lasts until B < 0.5. An alarm is recorded. It never stops a run: some crests recover.
 - Overturning: during its alarm the water outruns the crest (B > 1) for more than an eighth of a period, or in more than
-  a fifth of the width of its upper half. The period is that of a deep-water wave as fast, 2 pi (c - U) / g. On coarse
-  cells the part of the width stays small, as the edge penalty takes the energy of the tip.
+  a fifth of the width of its upper half. The period is that of a deep-water wave of the same speed, 2 pi (c - U) / g.
+  On
+  coarse cells the part of the width stays small, since the edge penalty dissipates the energy of the tip.
 
-Both count only if the front is steep and the crest travels with little change of form (``coherence``): the speed of a
+Both require a steep front and a crest that travels with little change of form (``coherence``): the speed of a
 crest that forms, vanishes, stands or meets another has no meaning. docs/breaking.md has the measurements.
 
-``run.on_breaking`` selects the filter that acts after each step: ``BreakingAlarm`` records, and also ends the run at an
-overturning crest if it is to stop, ``BreakingDissipation`` applies an eddy viscosity around each crest during its
+``run.on_breaking`` selects the filter that acts after each step: ``BreakingAlarm`` records, and optionally ends the run
+at
+an overturning crest; ``BreakingDissipation`` applies an eddy viscosity around each crest during its
 alarm, as Z. Tian, M. Perlin, W. Choi (Phys. Fluids 22, 2010):
 
     (M + dt N) v' = M v,     N = int nu du/dx dv/dx dx,     nu = alpha e c H cos²(pi (x - x_c) / (2 R)),  |x - x_c| < R
 
-for eta and psi, with the crest's place x_c, speed c and height H, R a few H, and e = (B - 0.6) / (0.85 - 0.6), at least
-0 and at most 1: nu varies continuously with the wave, so that the energy taken does not depend on the step in which an
-alarm ends. It conserves mass to round-off, and the energy it takes is counted.
+for eta and psi, with position x_c, speed c and height H of the crest, R a few H, and e = (B - 0.6) / (0.85 - 0.6),
+limited
+to 0 and 1: nu varies continuously with the wave, so that the dissipated energy does not depend on the step in which an
+alarm ends. The filter conserves mass to round-off, and counts the energy it dissipates.
 
 Wave breaking in basins: the criteria of slices on lines in the direction of propagation.
 
-Where the surface is steep, a vertical section is taken through the steepest point of the crest, in the direction of the
+Where the surface is steep, a vertical section passes through the steepest point of the crest, in the direction of the
 gradient of the elevation there. Elevation and surface potential on this line, at two times, are a profile as along a
-slice; ``crests.py`` judges its crests. Sections are taken until every steep cell is within ``SPACING`` cells of one.
+slice; ``crests.py`` examines its crests. Sections are added until every steep cell is within ``SPACING`` cells of one.
 Slope and velocity along a line are central differences between points half a node's distance apart, which smooths
 the jumps of derivatives between cells.
 """
@@ -60,22 +63,22 @@ FASTER, RESTS = 1.15, 2  # increase of the velocity where all B are below 0.5, a
 
 
 class Alarm(NamedTuple):
-    """A crest that passed the threshold of breaking.
+    """A crest that exceeded the threshold of breaking.
 
     Attributes
     ----------
     t, x
-        When and where [s, m].
+        Time [s] and position [m] of the onset.
     height
-        Of the crest above its higher trough, then [m].
+        Height of the crest above its higher trough at the onset [m].
     onset, largest
-        B then, and the largest until the end of the alarm [-].
+        B at the onset, and its largest value until the end of the alarm [-].
     end
-        When B was above 0.5 last [s].
+        Last time with B above 0.5 [s].
     y
-        In a basin, where [m].
+        Position across a basin [m].
     outrun
-        For how many periods of the crest B was above 1 [-].
+        Number of periods of the crest with B above 1 [-].
     """
 
     t: float
@@ -89,7 +92,7 @@ class Alarm(NamedTuple):
 
 
 class Surface(NamedTuple):
-    """The surface of a basin: physical places (x, y) [m], elevation [m] and potential [m²/s], shape (owned,) each."""
+    """The surface of a basin: physical positions (x, y), elevation [m], potential [m²/s], shape (owned,) each."""
 
     x: Vector
     y: Vector
@@ -104,14 +107,15 @@ class WatchState:
     Attributes
     ----------
     t, surface
-        Time [s] and surface of the last search, where the next one compares with it.
+        Time [s] and surface of the last search, for comparison by the next search.
     rests, fast
-        Steps to come without a search, and the velocity of the surface that ends them [m/s].
+        Number of next steps without a search, and the velocity of the surface that ends them [m/s].
     alarms
-        All so far, by time.
+        All alarms, by time.
     active
-        Indices of those that last, and their crests when examined last: one that is missed is awaited for an eighth of
-        a period.
+        Indices of the active alarms, and their crests at the last search; an alarm without a crest remains active for
+        an
+        eighth of a period.
     """
 
     t: float = 0.0
@@ -123,32 +127,32 @@ class WatchState:
 
     def __post_init__(self) -> None:
         if self.surface is not None and len({len(values) for values in self.surface}) > 1:
-            raise ValueError("a surface with values of other numbers of points")
+            raise ValueError("a surface with arrays of different lengths")
         if any(not index < len(self.alarms) for index, _ in self.active):
-            raise ValueError(f"an active alarm that is none of {len(self.alarms)}")
+            raise ValueError(f"an active alarm that is not among the {len(self.alarms)} alarms")
 
 
 class BreakingWatch:
-    """Examines the crests of the surface after each step, and keeps the alarms.
+    """Search for breaking crests of the surface after each step, with their alarms.
 
-    Within a depth of a wall crests form and vanish: they are not examined. Without an alarm, and where all B are below
-    0.5, some steps pass without a search: from 0.6 to 0.85 B takes an eighth of a period, or more.
+    Within a depth of a wall crests form and vanish: they are not examined. Without an alarm, and while all B are below
+    0.5, some steps have no search: from 0.6 to 0.85 B takes an eighth of a period, or more.
 
     Parameters
     ----------
     waves
         The water.
     flow
-        Its surface, updated here.
+        Flow at its surface, updated here.
     length
-        That of a ring [m]; None in a tank with walls.
+        Length of a ring [m]; None in a tank with walls.
 
     Attributes
     ----------
     state
-        Its state.
+        State of the search.
     crests
-        The steep ones of the last search, coherent or not.
+        The steep crests of the last search, coherent or not.
     """
 
     def __init__(self, waves: NonlinearWaves, flow: SurfaceVelocity, *, length: float | None):
@@ -159,11 +163,11 @@ class BreakingWatch:
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
-        """All alarms so far, by time."""
+        """All alarms, by time."""
         return self.state.alarms
 
     def search(self, state: State, t: float) -> list[SteepCrest]:
-        """Return the crests during their alarms where the step to a state has ended; collective. The first is none."""
+        """Return the crests with active alarms at the end of the step to a state, at first none; collective."""
         flow, before = self._flow, self.state
         front = GENTLE if before.active else STEEP
         flow.update_from(state, t)
@@ -185,7 +189,7 @@ class BreakingWatch:
         return self.follow(coherent, t)
 
     def follow(self, crests: Sequence[SteepCrest], t: float) -> list[SteepCrest]:
-        """Return which of the coherent crests at t are in alarm: those it begins for, and those not recovered yet."""
+        """Return the coherent crests at t with active alarms: those that begin, and those that have not recovered."""
         alarms, active, matched = list(self.alarms), list[tuple[int, SteepCrest]](), set[int]()
         for crest in crests:
             B = crest.overtaking
@@ -209,24 +213,24 @@ class BreakingWatch:
         return [crest for _, crest in active]
 
     def _period(self, crest: SteepCrest) -> float:
-        """Return the period of a wave in deep water as fast as a crest [s]."""
+        """Return the period of a deep-water wave with the speed of a crest [s]."""
         return 2 * np.pi * abs(crest.speed - crest.current) / self._waves.gravity
 
     def distances(self, places: Vector, crest: SteepCrest) -> Vector:
-        """Return how far places (x, y) [m], shape (N, 2), are from a crest, in R, shape (N,)."""
+        """Return the distances of positions (x, y) [m], shape (N, 2), from a crest, in R, shape (N,)."""
         return np.asarray(self._waves.plane.chart.distance(places[:, 0], crest.x) / (REACH * crest.height))
 
     def combined(self, viscosities: Vector) -> Vector:
-        """Return the viscosity of all crests [m²/s], shape (owned,), of that of each, (crests, owned)."""
+        """Return the viscosity of all crests [m²/s], shape (owned,), from that of each, shape (crests, owned)."""
         return np.asarray(viscosities.sum(axis=0))
 
     def place(self, one: "SteepCrest | Alarm") -> str:
-        """Return where a crest or an alarm is, in words."""
+        """Return the position of a crest or an alarm for messages."""
         return f"x = {one.x:.4g} m"
 
     @property
     def story(self) -> str:
-        """The alarms so far as a sentence; empty if there are none."""
+        """Sentence on the alarms; empty if there are none."""
         if not self.alarms:
             return ""
         largest, count = max(one.largest for one in self.alarms), len(self.alarms)
@@ -236,13 +240,13 @@ class BreakingWatch:
 
     @property
     def first(self) -> str:
-        """When and where the first alarm began, in words."""
+        """Time and position of the first alarm for messages."""
         return f"t = {self.alarms[0].t:.6g} s, {self.place(self.alarms[0])}"
 
     @property
     def cause(self) -> str:
-        """Why energy is missing after an alarm, and what helps."""
-        return f'a wave breaks at {self.first}: run.on_breaking = "dissipate" takes energy out there'
+        """Why energy is missing after an alarm, and the remedy."""
+        return f'a wave breaks at {self.first}: run.on_breaking = "dissipate" dissipates energy there'
 
     @property
     def columns(self) -> dict[str, Vector]:
@@ -256,11 +260,11 @@ class BreakingWatch:
         return {"alarms": [alarm._asdict() for alarm in self.alarms]}
 
     def _surface(self) -> Any:
-        """Return the surface that the next search compares with; collective."""
+        """Return the surface for comparison by the next search; collective."""
         return self._flow.profile
 
     def _steep(self, last: tuple[float, Any], now: tuple[float, Any], front: float) -> list[SteepCrest]:
-        """Return the crests between the walls that have a steeper front, of the surfaces at two times."""
+        """Return the crests with a steep front between the walls, from the surfaces at two times."""
         (before_t, before), (t, profile) = last, now
         first, end = profile.x[0] + self._waves.depth, profile.x[-1] - self._waves.depth
         if self._length is not None:
@@ -278,14 +282,14 @@ def breaks(crest: SteepCrest) -> bool:
 
 @dataclass(frozen=True)
 class BreakingState:
-    """State of a filter of breaking: of its search, and the energy taken."""
+    """State of a breaking filter: of its search, and the dissipated energy."""
 
     watch: WatchState
     energy: SmoothingState
 
 
 class BreakingFilter:
-    """A filter with a search for breaking crests; its state is that of the search, and the energy taken.
+    """A filter with a search for breaking crests; its state contains that of the search, and the dissipated energy.
 
     Attributes
     ----------
@@ -293,13 +297,13 @@ class BreakingFilter:
         The search.
     """
 
-    state_name = "Breaking"  # whichever filter of breaking a resumed run has
+    state_name = "Breaking"  # the same for all breaking filters: a resumed run may have another
     watch: BreakingWatch
     _energy: SmoothingState
 
     @property
     def state(self) -> BreakingState:
-        """State of the search, and the energy taken."""
+        """State of the search, and the dissipated energy."""
         return BreakingState(self.watch.state, self._energy)
 
     @state.setter
@@ -313,19 +317,19 @@ class BreakingFilter:
 
 
 class BreakingAlarm(BreakingFilter):
-    """Records crests that pass the threshold of breaking, among filters, and changes nothing.
+    """A filter that records crests beyond the threshold of breaking, and changes nothing.
 
     Parameters
     ----------
     stop
-        Whether it ends a run in the step in which a crest overturns.
+        Whether it ends the run at the step in which a crest overturns.
     """
 
     def __init__(self, watch: BreakingWatch, *, stop: bool = False):
         self.watch, self._energy, self._stop = watch, SmoothingState(), stop
 
     def needed(self, state: State, t: float) -> bool:
-        """Search where a step has ended, and return False; raises ``RunError`` to stop; collective."""
+        """Search at the end of a step, and return False; raises ``RunError`` to stop; collective."""
         self.watch.search(state, t)
         for index, crest in self.watch.state.active if self._stop else ():
             periods = self.watch.alarms[index].outrun
@@ -340,7 +344,7 @@ class BreakingAlarm(BreakingFilter):
         return False
 
     def passed(self, pairs: Vector) -> Vector:
-        """Return the points as they are."""
+        """Return the points unchanged."""
         return pairs
 
     def account(self, loss: float, *, of: float) -> None:
@@ -348,7 +352,7 @@ class BreakingAlarm(BreakingFilter):
 
 
 class BreakingDissipation(BreakingFilter, Smoothing):
-    """Takes energy out of breaking crests.
+    """A filter that dissipates energy of breaking crests.
 
     Parameters
     ----------
@@ -357,7 +361,7 @@ class BreakingDissipation(BreakingFilter, Smoothing):
     watch
         The search for breaking crests.
     dt
-        Step [s].
+        Time step [s].
     """
 
     called = "the eddy viscosity of breaking waves"
@@ -374,7 +378,7 @@ class BreakingDissipation(BreakingFilter, Smoothing):
         super().__init__(waves, viscous)
 
     def needed(self, state: State, t: float) -> bool:
-        """Return whether a crest breaks, and put the viscosity there; collective."""
+        """Return whether a crest breaks, and set the viscosity around it; collective."""
         breaking = self.watch.search(state, t)
         if breaking:
             self.place(breaking)
@@ -382,17 +386,17 @@ class BreakingDissipation(BreakingFilter, Smoothing):
 
     @property
     def figures(self) -> dict[str, Any]:
-        """The alarms, their number, and what was taken of the energy there was."""
+        """The alarms, their number, and the dissipated part of the energy."""
         taken = {"energy_taken": self.energy_taken, "part_taken": self.dissipated_part}
         return self.watch.figures | {"waves": len(self.watch.alarms)} | taken
 
     @property
     def dissipated_part(self) -> float:
-        """What has been taken so far, of the energy there was [-]."""
+        """Dissipated part of the energy [-]."""
         return self.energy_taken / self._energy.largest if self._energy.largest else 0.0
 
     def place(self, breaking: Sequence[SteepCrest]) -> None:
-        """Put the viscosity of breaking crests where they are; collective."""
+        """Set the viscosity around breaking crests; collective."""
         places, nu = self._waves.wall.to_physical(self._waves.plane.places), list[Vector]()
         for crest in breaking:
             excess = min(1.0, max(0.0, crest.overtaking - RECOVERED) / (ONSET - RECOVERED))
@@ -402,20 +406,20 @@ class BreakingDissipation(BreakingFilter, Smoothing):
         self.update()
 
 
-SPACING = 2.0  # between sections, in cells
-HALF = 15.0, 3.0  # of the length of a section: the larger of so many cells and depths
-POINTS = 2  # of a section in a node's distance
-MOST = 200  # sections
-DIGITS = 3  # of slopes that are compared: equal ones of a long crest differ by round-off
+SPACING = 2.0  # distance between sections [cells]
+HALF = 15.0, 3.0  # half the length of a section [cells, depths]: the larger of both
+POINTS = 2  # number of points of a section per distance of nodes
+MOST = 200  # largest number of sections
+DIGITS = 3  # digits to which slopes are compared: equal ones of a long crest differ by round-off
 
 
 class InsidePoints(Points):
-    """Points of which some may be outside the mesh: there fields are 0.
+    """Points of which some may be outside the mesh; fields are 0 there.
 
     Attributes
     ----------
     inside
-        Which of them are in the mesh, shape (N,), the same on every rank.
+        Whether each point is in the mesh, shape (N,), the same on every rank.
     """
 
     inside: NDArray[np.bool_]
@@ -431,14 +435,14 @@ class InsidePoints(Points):
 
 
 class BasinBreakingWatch(BreakingWatch):
-    """Examines the crests of a basin; see ``BreakingWatch``.
+    """Search for breaking crests of a basin; see ``BreakingWatch``.
 
     Parameters
     ----------
     waves
         The water.
     flow
-        Its surface, updated here.
+        Flow at its surface, updated here.
     """
 
     def __init__(self, waves: NonlinearWaves, flow: SurfaceVelocity):
@@ -460,7 +464,7 @@ class BasinBreakingWatch(BreakingWatch):
         return Surface(x, y, eta.owned.copy(), psi.owned.copy())
 
     def _steep(self, last: tuple[float, Any], now: tuple[float, Any], front: float) -> list[SteepCrest]:
-        """Return the crests that have a steeper front, of two surfaces, each once; collective."""
+        """Return the crests with a steep front, from two surfaces, each once; collective."""
         (before_t, before), (t, surface) = last, now
         seeds, directions = self._seeds(front)
         if not len(seeds):
@@ -500,7 +504,7 @@ class BasinBreakingWatch(BreakingWatch):
     def _on_line(
         self, section: Vector, inside: NDArray[np.bool_], direction: Vector, *, time: float, front: float
     ) -> SteepCrest | None:
-        """Return the crest next to the middle of a section, of both surfaces there, shape (8, N); None without any."""
+        """Return the crest nearest to the middle of a section, from both surfaces there, shape (8, N), or None."""
         middle, outside = len(inside) // 2, np.flatnonzero(~inside)
         first = int(outside[outside < middle].max(initial=-1)) + 1
         end = int(outside[outside > middle].min(initial=len(inside)))
@@ -527,7 +531,7 @@ class BasinBreakingWatch(BreakingWatch):
         return np.asarray(np.hypot(*(places - [crest.x, crest.y]).T) / (REACH * crest.height))
 
     def combined(self, viscosities: Vector) -> Vector:
-        """See ``BreakingWatch``; several sections cut a long crest, so the largest one acts."""
+        """See ``BreakingWatch``; several sections cut a long crest, so the largest viscosity acts."""
         return np.asarray(viscosities.max(axis=0))
 
     def place(self, one: SteepCrest | Alarm) -> str:
@@ -547,6 +551,6 @@ class BasinBreakingWatch(BreakingWatch):
 
 
 def _profile(section: Vector, direction: Vector) -> Profile:
-    """Return the profile in a direction of x, y, elevation and potential at points of a line, shape (4, N)."""
+    """Return the profile along a direction, from x, y, elevation and potential at points of a line, shape (4, N)."""
     s = direction @ section[:2]
     return Profile(s, section[2], np.gradient(section[2], s), np.gradient(section[3], s))

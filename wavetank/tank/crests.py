@@ -1,18 +1,19 @@
-"""Steep crests: their speeds, and the velocity of their water, relative to the current around.
+"""Steep crests: their speeds, and the velocity of their water, relative to the surrounding current.
 
-A crest's speed is that of its upper half between two times: the c that fits
+A crest's speed is that of its upper half between two times, the best fit c of
 
     d eta/dt + c d eta/dx = 0
 
-best there, c = - int eta_t eta_x dx / int eta_x² dx: no crest is followed, none can be taken for another, and no second
-derivative of elements is needed. Its water's velocity u is the largest there, of the side that is ahead: in
-deep water that of the crest itself, where waves plunge that of the front. By the kinematic condition
+there, c = - int eta_t eta_x dx / int eta_x² dx. No crest is tracked, so that none is mistaken for another, and no
+second
+derivative of elements is needed. The velocity u of its water is the largest there, on the front side: in
+deep water that of the crest itself, for plunging waves that of the front. By the kinematic condition
 
     u = (psi_x - eta_t eta_x) / (1 + eta_x²).
 
-The current U is what the water between the troughs on both sides says: their own
-velocities and the mean over all between bound it, and of what lies within these bounds the nearest to rest is taken. So
-it is none under a periodic wave (whose mean is none), none under a solitary one (in still water), and that of
+The current U follows from the water between the troughs on both sides. The velocities in
+the troughs and the mean between them are bounds; U is the value nearest to zero within these bounds. So
+it is zero under a periodic wave (whose mean is zero), zero under a solitary one (in still water), and that of
 the plateau for a ripple on it.
 """
 
@@ -22,19 +23,19 @@ import numpy as np
 
 from wavetank.base.state import Replicated
 
-LEAST = 0.05  # of all that lies between the lowest and the highest surface: less is a ripple, neither crest nor trough
-SAME = 1e-9  # of that: so little apart is one height, computed twice, where cells meet
+LEAST = 0.05  # height below which a crest is a ripple, relative to the range of the surface
+SAME = 1e-9  # relative tolerance of equal heights and positions at a boundary of cells
 
 
 class Profile(NamedTuple):
-    """A surface along its tank, in the order of x, between the nodes too, each of shape (N,).
+    """A surface along its tank, in the order of x, also between nodes, each of shape (N,).
 
     Attributes
     ----------
     x, height, slope
         Distance along the tank and elevation [m], slope [-].
     velocity
-        d psi / dx [m/s]: where the surface is level, the water's horizontal velocity.
+        d psi / dx [m/s]: the horizontal velocity of the water where the surface is level.
     """
 
     x: Replicated
@@ -43,7 +44,7 @@ class Profile(NamedTuple):
     velocity: Replicated
 
     def continuous(self) -> "Profile":
-        """Return the surface with one slope and velocity, the mean of both sides, where two cells meet.
+        """Return the surface with one slope and velocity, the mean of both sides, at each boundary between cells.
 
         The derivatives of elements jump there, and are least accurate.
         """
@@ -54,7 +55,7 @@ class Profile(NamedTuple):
         return Profile(self.x, self.height, slope, velocity)
 
     def unrolled(self, length: float) -> "Profile":
-        """Return a ring's surface with half of it once more at either end."""
+        """Return a ring's surface, extended periodically by half its length at both ends."""
         half = len(self.x) // 2
         parts = (np.concatenate([values[half:], values, values[:half]]) for values in self)
         x, *rest = parts
@@ -64,25 +65,26 @@ class Profile(NamedTuple):
 
 
 class SteepCrest(NamedTuple):
-    """A crest.
+    """A crest with a steep front.
 
     Attributes
     ----------
     x
         Distance along the tank [m].
     height
-        Above the higher of its two troughs [m].
+        Height above the higher of its two troughs [m].
     velocity, current, speed
-        The fastest water's in the crest's upper half, that of the water around, and the crest's [m/s].
+        Largest water velocity in the crest's upper half, velocity of the surrounding current, and speed of the crest
+        [m/s].
     front
-        The steepest slope of the side it travels to [-].
+        Largest slope on the side to which it travels [-].
     coherence
-        The part of the upper half's mean square of eta_t that travelling at ``speed`` explains [-]: 1 of a crest of
-        constant form, 0 of a standing wave. The speed of a crest of low coherence has no meaning.
+        Part of the upper half's mean square of eta_t that a translation with ``speed`` explains [-]: 1 for a crest of
+        constant form, 0 for a standing wave. The speed of a crest of low coherence has no meaning.
     outrun
-        The part of the upper half's width in which the water moves faster than the crest [-].
+        Part of the upper half's width in which the water moves faster than the crest [-].
     y
-        In a basin, where it is [m], and x likewise.
+        In a basin, its position [m]; x likewise.
     """
 
     x: float
@@ -97,20 +99,20 @@ class SteepCrest(NamedTuple):
 
     @property
     def overtaking(self) -> float:
-        """B = (u - U) / (c - U), the water's velocity over the crest's."""
+        """B = (u - U) / (c - U), the ratio of the velocities of water and crest."""
         return (self.velocity - self.current) / (self.speed - self.current)
 
 
 def steep_crests(before: Profile, after: Profile, *, time: float, front: float, cell: float) -> list[SteepCrest]:
-    """Return the crests of the later of two profiles, ``time`` [s] apart, that have a steeper ``front``, by x.
+    """Return the crests of the later of two profiles, ``time`` [s] apart, whose front exceeds ``front``, by x.
 
-    What is narrower than a ``cell`` [m] in its upper half is the mesh's, not the water's.
+    A crest whose upper half is narrower than a ``cell`` [m] is an artefact of the mesh, and omitted.
     """
     if not np.abs(after.slope).max(initial=0.0) > front:
         return []
     height, ripple = after.height, LEAST * float(np.ptp(after.height))
     differ = np.abs(np.diff(height)) > SAME * ripple
-    places = np.concatenate([[0], 1 + np.flatnonzero(differ)])  # one of each two where cells meet
+    places = np.concatenate([[0], 1 + np.flatnonzero(differ)])  # one of each pair at a boundary of cells
     rises = np.sign(np.diff(height[places]))
     turns = places[np.concatenate([[0], 1 + np.flatnonzero(rises[:-1] != rises[1:]), [len(places) - 1]])]
     extrema = list(zip(turns.tolist(), height[turns].tolist(), strict=True))
@@ -141,7 +143,7 @@ def _trough(peak: float, extrema: list[tuple[int, float]], ripple: float) -> int
 def _crest(
     before: Profile, after: Profile, time: float, at: tuple[int, int, int], ripple: float, cell: float
 ) -> SteepCrest | None:
-    """Return the crest at a peak between troughs, ``at`` these places; None of a ripple, and of a narrow one."""
+    """Return the crest at a peak between troughs, given their indices; None for a ripple, and for a narrow crest."""
     start, peak, end = at
     x, height, slope, _ = after
     foot = max(float(height[start]), float(height[end]))
@@ -175,7 +177,7 @@ def _crest(
 
 
 def _current(surface: Profile, start: int, end: int) -> float:
-    """Return the current from trough to trough: within the velocities of both and the mean, the nearest to rest."""
+    """Return the current between troughs: the value nearest to zero between their velocities and the mean."""
     between = slice(start, end + 1)
     velocity, x = surface.velocity[between], surface.x[between]
     bounds = velocity[0], velocity[-1], np.trapezoid(velocity, x) / (x[-1] - x[0])

@@ -19,50 +19,50 @@ from wavetank.tank.evaluation import Water
 from wavetank.tank.surface_flow import SurfaceVelocity, surface_of
 from wavetank.tank.walls import Wall
 
-SHALLOW = 0.1  # of the mean depth: where a surface meets the bed there, the bed is the cause
+SHALLOW = 0.1  # still-water depth below which the bed is the cause of a dry column, relative to the mean depth
 
 
 class DiscreteEnergy(Water):
-    """The energy of nonlinear water with its fields and matrices: what is solved for is in ``NonlinearWaves``.
+    """The energy of nonlinear water with its fields and matrices, without solvers (``NonlinearWaves`` has them).
 
     Parameters
     ----------
     plane
-        The horizontal space.
+        Horizontal space.
     depth
-        Still-water depth d [m], a number or a function of places (x, y) [m].
+        Still-water depth d [m], a number or a function of positions (x, y) [m].
     gravity
-        [m/s²].
+        g [m/s²].
     wall
-        The wall that can move.
+        Wall that can move.
     vertical_order
         n.
 
     Attributes
     ----------
     depth
-        The mean depth [m].
+        Mean depth [m].
     speed
-        The speed of long waves [m/s], by which surface potentials are scaled.
+        Speed of long waves [m/s], the scale of surface potentials.
     bed
         The bed, with the depth at the degrees of freedom.
     h, phi
-        Water column [m] and potential [m²/s] of the state evaluated last.
+        Water column [m] and potential [m²/s] of the last evaluated state.
     densities
-        Of energy and velocity, in UFL.
+        Densities of energy and velocity, in UFL.
     hamiltonian
         H as the sum of its parts, in UFL.
     columns
-        Water columns from masses, and back, for the wall at its present position.
+        Maps from masses to water columns, and back, for the current position of the wall.
     potential_energy
-        Integrates the potential energy.
+        Integral of the potential energy.
     wall_terms
         W and its derivatives.
     unit
-        The translation unit of all compiled functions.
+        Translation unit of all compiled functions.
     """
 
-    parts = (KINETIC, POTENTIAL)  # and the wall's
+    parts = (KINETIC, POTENTIAL)  # without that of the wall
 
     def __init__(self, plane: Plane, *, depth: float | Depth, wall: Wall, vertical_order: int, gravity: float):
         self.plane, self.wall, self.gravity = plane, wall, gravity
@@ -85,7 +85,7 @@ class DiscreteEnergy(Water):
 
     @cached_property
     def hamiltonian(self) -> dict[Part, ufl.Form]:
-        """H as the sum of its parts, in UFL; a run does not need it."""
+        """H as the sum of its parts, in UFL; a run does not use it."""
         energy, dx = self.densities, self.plane.dx
         return {
             KINETIC: energy.kinetic(self.phi.function, self.vertical) * dx,
@@ -95,23 +95,23 @@ class DiscreteEnergy(Water):
 
     @cached_property
     def surface(self) -> SurfaceVelocity:
-        """How the surface moves, found once for all who ask of the same moment; collective."""
+        """Flow at the surface, shared by all users and computed once for each time; collective."""
         return surface_of(self)
 
-    def refuse_column(self, t: float) -> None:
-        """Raise what says where the column is lowest, which is not positive; collective."""
-        column = np.concatenate([self.h.owned, [np.inf]])  # a rank may own nothing
-        column[np.isnan(column)] = -np.inf  # which is less than all numbers on other ranks
+    def check_column(self, t: float) -> None:
+        """Raise the error for a water column that is not positive, with its position; collective."""
+        column = np.concatenate([self.h.owned, [np.inf]])  # a rank may own no degrees of freedom
+        column[np.isnan(column)] = -np.inf  # less than all values on other ranks
         least = int(np.argmin(column))
         place = (*map(float, self.plane.places[least]),) if least < self.plane.owned else (0.0, 0.0)
         still = float(np.append(self.bed.still, 0.0)[least])
         lowest, x, y, still = self.plane.comm.allreduce((float(column[least]), *place, still), op=MPI.MIN)
         if not lowest > 0.0:
             what = f"the surface reaches the bed (lowest water column {lowest:.3g} m)"
-            what = what if np.isfinite(lowest) else "the surface is no longer a number"
+            what = what if np.isfinite(lowest) else "the surface is not finite"
             where = f"x = {x:.4g} m" if self.plane.mesh.topology.dim == 1 else f"x = {x:.4g} m, y = {y:.4g} m"
             what = f"t = {t:.6g} s, {where}: {what}"
             if still < SHALLOW * self.depth:
-                shallow = f"still water is only {still:.3g} m deep there, and troughs must not fall dry"
-                raise RunError(f"{what}: {shallow}; tank.bed.minimum_depth keeps a bed below them")
+                shallow = f"still water is only {still:.3g} m deep there, and troughs must not be dry"
+                raise RunError(f"{what}: {shallow}; tank.bed.minimum_depth limits the bed")
             raise BreakdownError(what)

@@ -1,14 +1,14 @@
-"""The energy of the water, written once; everything else is a derivative of it.
+"""The energy of the water, stated once; everything else is a derivative of it.
 
-In the reference tank z = zeta h - d with zeta in [0, 1], so a horizontal layer with potential u = phi and vertical
+In the reference tank z = zeta h - d with zeta in [0, 1]. A horizontal layer with potential u = phi and vertical
 derivative w = d phi / d zeta has, per unit of zeta (the kinetic energy of Miles' principle as in Gagarina et al.,
-J. Comput. Phys. 275 (2014), mapped, which is ours: docs/method.md, section 1)
+J. Comput. Phys. 275 (2014), with our mapping: docs/method.md, section 1)
 
     e(u, w; zeta) = 1/2 J { h |v|^2 + w^2 / h },     v of grad u - (zeta grad h - grad d) w / h
 
-v being the velocity in physical space that the mapping makes of the gradient in the reference tank. The kinetic energy
-is its integral over zeta and the mesh, the potential energy of vertical walls 1/2 g int J eta^2 dX. What the wall adds
-is its own (``tank/walls/``).
+where v is the velocity in physical space, which the mapping determines from the gradient in the reference tank. The
+kinetic energy is its integral over zeta and the mesh, the potential energy beside vertical walls 1/2 g int J eta^2 dX.
+The walls add their own terms (``tank/walls/``).
 """
 
 from dataclasses import dataclass
@@ -20,16 +20,16 @@ from wavetank.fem.vertical import VerticalBasis, gauss_legendre
 
 
 class Part(NamedTuple):
-    """A part of the Hamiltonian, in words.
+    """Description of a part of the Hamiltonian.
 
     Attributes
     ----------
     name
-        As among ``Energies``.
+        Name of the part in ``Energies``.
     formula
-        In a line; empty where it vanishes.
+        Formula in one line; empty if the part vanishes.
     vanishes
-        Why it does.
+        Reason why it vanishes.
     """
 
     name: str
@@ -37,7 +37,7 @@ class Part(NamedTuple):
     vanishes: str = ""
 
     def __str__(self) -> str:
-        """Return the part in a line."""
+        """Return the description in one line."""
         return f"{self.name} = {self.formula}" if self.formula else f"{self.name}: none, {self.vanishes}"
 
 
@@ -46,9 +46,9 @@ POTENTIAL = Part("potential", "½ g ∫ J η² dX,  η = h - d")
 
 
 class Energies(NamedTuple):
-    """The parts of the Hamiltonian at one state, per unit of density [m^5/s²], of a slice per width [m^4/s²].
+    """The parts of the Hamiltonian at one state, per unit of density [m^5/s²], in a slice per width [m^4/s²].
 
-    That of the wall is not energy.
+    The part of the wall is no energy.
     """
 
     kinetic: float
@@ -57,27 +57,27 @@ class Energies(NamedTuple):
 
     @property
     def total(self) -> float:
-        """Kinetic and potential energy together."""
+        """Sum of kinetic and potential energy."""
         return self.kinetic + self.potential
 
 
 class Mapping(Protocol):
-    """What the energy must know of the mapping to the reference tank, in UFL.
+    """The mapping to the reference tank, as the energy uses it, in UFL.
 
-    Heights z [m] count from still water; a mapping that is the same at all of them takes no notice.
+    Heights z [m] are relative to still water; a mapping that is uniform in z ignores them.
     """
 
     def J(self, z: Any) -> Any:
-        """Return how much wider an element of volume is than in the reference tank."""
+        """Return the ratio of volume elements in physical space and in the reference tank."""
 
     def flow(self, slope: Any, rise: Any, *, h: Any, z: Any) -> tuple[Any, Any]:
-        """Return the velocity at z of a potential with that slope in the reference tank; the vertical one times h."""
+        """Return the velocity at z for a gradient in the reference tank; the vertical component is multiplied by h."""
 
     def gradient(self, f: Any, z: Any) -> Any:
-        """Return the horizontal gradient in physical space of a field on the surface, which is at z."""
+        """Return the horizontal gradient in physical space of a field on the surface at z."""
 
     def moment(self, eta: Any, d: Any) -> Any:
-        """Return int J z dz over the column from the bed to the surface, less what still water has."""
+        """Return int J z dz over the column from the bed to the surface, minus that of still water."""
 
 
 @dataclass(frozen=True)
@@ -91,9 +91,9 @@ class WaterEnergy:
     d
         Still-water depth [m]: a constant for a flat bed, whose gradient vanishes symbolically.
     gravity
-        [m/s²].
+        g [m/s²].
     mapping
-        To the reference tank.
+        Mapping to the reference tank.
     """
 
     h: Any
@@ -103,11 +103,11 @@ class WaterEnergy:
 
     @property
     def eta(self) -> Any:
-        """The elevation h - d [m]."""
+        """Elevation h - d [m]."""
         return self.h - self.d
 
     def velocity(self, u: Any, w: Any, zeta: Any) -> tuple[Any, Any]:
-        """Return the water's velocity at height zeta, the horizontal vector and the vertical component [m/s]."""
+        """Return the velocity at height zeta, the horizontal vector and the vertical component [m/s]."""
         along, rise = self._flow(u, w, zeta)
         return along, rise / self.h
 
@@ -123,7 +123,7 @@ class WaterEnergy:
         return 0.5 * self.mapping.J(zeta * self.h - self.d) * (self.h * ufl.inner(along, along) + rise**2 / self.h)
 
     def column(self, u: Any, w: Any, zeta: Any) -> Any:
-        """Return e with the potential energy, which all heights have the same share of."""
+        """Return e plus the potential energy, distributed equally over zeta."""
         return self.layer(u, w, zeta) + self.potential()
 
     def kinetic(self, phi: Any, vertical: VerticalBasis) -> Any:
@@ -153,5 +153,5 @@ class WaterEnergy:
 
 
 def combine(weights: Any, phi: Any) -> Any:
-    """Return sum_j weights_j phi_j, without the terms that are zero."""
+    """Return sum_j weights_j phi_j, without vanishing terms."""
     return sum((float(weight) * phi[j] for j, weight in enumerate(weights) if weight), ufl.as_ufl(0))

@@ -1,4 +1,4 @@
-"""The tank at a state: one interior solve, and the derivatives and energies that follow from it."""
+"""The evaluation of the tank at a state: one interior solve, with the derivatives and energies that follow from it."""
 
 from abc import abstractmethod
 from dataclasses import dataclass
@@ -20,21 +20,22 @@ from wavetank.tank.energy import Energies
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WaterEvaluation(Evaluation):
-    """The tank at (q, p, t): column masses and surface potential [m²/s].
+    """The evaluation of the tank at (q, p, t): column masses and surface potential [m²/s].
 
     Attributes
     ----------
     eta
-        The elevation at the degrees of freedom of this rank [m], shape (owned,).
+        Elevation at the degrees of freedom of this rank [m], shape (owned,).
     kinetic, potential, wall
-        The parts of H, per unit of density [m^5/s²], of a slice per width [m^4/s²].
+        Parts of H, per unit of density [m^5/s²], in a slice per width [m^4/s²].
     power
         dH/dt at fixed (q, p): the power of moving walls.
     slopes
-        dH/dX_p [m^4/s²] and dH/dX_p' [m^4/s] of each paddle at fixed (q, p); None unless asked for.
+        dH/dX_p [m^4/s²] and dH/dX_p' [m^4/s] of each paddle at fixed (q, p); None unless requested.
     interior
-        The potential at the degrees of freedom of this rank, less the mean at the surface [m²/s], shape (owned, n+1);
-        None unless asked for.
+        Potential at the degrees of freedom of this rank, relative to the mean at the surface [m²/s], shape (owned,
+        n+1);
+        None unless requested.
     """
 
     eta: Vector
@@ -56,15 +57,15 @@ class Water(StagedSystem):
     bed, depth, gravity
         The bed, its mean depth [m], and g [m/s²].
     wall
-        The wall that can move: a ``Wall``.
+        Wall that can move: a ``Wall``.
     mass
         M_J.
     layer, still
         The layer averaged over the depth, and its averages for the mean depth.
     damping
-        The rate at which momenta are damped [1/s], shape (owned,); None where they are not.
+        Damping rate of the momenta [1/s], shape (owned,); None without damping.
     t
-        The time of the position of the wall [s].
+        Time of the current position of the wall [s].
     """
 
     plane: Plane
@@ -94,31 +95,31 @@ class Water(StagedSystem):
 
     @abstractmethod
     def elevation_change(self, at: WaterEvaluation, dq: Vector) -> Vector:
-        """Return by how much eta changes with the masses at an evaluation, to first order [m], shape (owned,)."""
+        """Return the change of eta for a change of the masses at an evaluation, to first order [m], shape (owned,)."""
 
     @abstractmethod
     def set_time(self, t: float) -> None:
-        """Move the wall to its position at t [s], and with it the mass matrix and the bed."""
+        """Move the wall to its position at t [s], and update the mass matrix and the bed."""
 
     @abstractmethod
     def new_history(self, owner: str) -> Any:
-        """Return a history of solves without any; the owner gives it to evaluations."""
+        """Return an empty history of solves for a caller of evaluations."""
 
     def tabulate(self, times: Vector) -> None:
-        """Evaluate the motions of paddles at times of steps to come [s], shape (T,)."""
+        """Evaluate the motions of paddles at times of the next steps [s], shape (T,)."""
         for paddle in self.wall.paddles:
             paddle.kinematics.tabulate(times)
 
     @cached_property
     def aside(self) -> Any:
-        """The history of the solves for all the methods below, which leave steps as they are."""
+        """The history of solves for all methods below, which do not affect the steps."""
         return self.new_history("aside")
 
     def write_row(self, state: State, t: float, into: Block, row: int) -> Parts:
         """Write a reported state at t [s] into a row of a block; return this rank's parts of its sums; collective.
 
         Elevation and energies are first-order expansions about the last evaluation of the state. Power, and the power
-        of damping, are the means of those at the first and the last.
+        of damping, are the means of the values at the first and the last evaluation.
         """
         if state.evaluation is None:
             state = state.evaluated(self, t)
@@ -141,11 +142,11 @@ class Water(StagedSystem):
         return energy, self.gravity * float(after.eta @ dq), damped
 
     def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
-        """Return dH/dq, shape (owned,), to be read."""
+        """Return dH/dq, shape (owned,), read-only."""
         return read_only(-self.evaluate(q, p, t, history=self.aside).dp)
 
     def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
-        """Return dH/dp, shape (owned,), to be read."""
+        """Return dH/dp, shape (owned,), read-only."""
         return read_only(self.evaluate(q, p, t, history=self.aside).dq)
 
     def energies(self, q: Vector, p: Vector, t: float) -> Energies:
@@ -154,7 +155,7 @@ class Water(StagedSystem):
         return Energies(at.kinetic, at.potential, at.wall)
 
     def energy(self, q: Vector, p: Vector, t: float) -> float:
-        """Return H(q, p, t), the wall's terms included."""
+        """Return H(q, p, t), including the wall's terms."""
         return self.evaluate(q, p, t, history=self.aside).energy
 
     def inner(self, a: Vector, b: Vector) -> float:
@@ -162,11 +163,11 @@ class Water(StagedSystem):
         return summed(self.plane.comm, float(a @ b))
 
     def total_mass(self, q: Vector) -> float:
-        """Return the water's volume, of linear waves beyond the paddle's rest position [m³, m²]."""
+        """Return the volume of the water, for linear waves beyond the paddle's rest position [m³, m²]."""
         return self.plane.sum(q)
 
     def damp(self, rate: Vector) -> None:
-        """Set the rate at which momenta are damped [1/s], shape (owned,), of which ``write_row`` reports the power."""
+        """Set the damping rate of the momenta [1/s], shape (owned,), whose power ``write_row`` reports."""
         self.damping = rate
 
 

@@ -1,6 +1,6 @@
 """Footprints of the reference tank: the horizontal domain of the water, a slice, a ring or a basin.
 
-Each has a mesh and a chart, which maps places of the tank to the mesh.
+Each footprint has a mesh and a chart, which maps positions in the tank to the mesh.
 """
 
 import basix.ufl
@@ -14,11 +14,11 @@ from wavetank.fem.layout_mesh import LayoutMesh, cell_partitioner
 from wavetank.fem.plane import usual_size
 from wavetank.tank.walls import Side
 
-ALONG = 1e-6  # of a facet's length: a wall runs along the motion if it turns away by no more
+ALONG = 1e-6  # deviation of a wall that is parallel to the motion, relative to the length of a facet
 
 
 class Slice:
-    """A straight tank of one horizontal dimension, x in [0, length], of equal cells.
+    """A straight tank of one horizontal dimension, x in [0, length], with equal cells.
 
     Parameters
     ----------
@@ -35,11 +35,11 @@ class Slice:
 
     @property
     def cell_size(self) -> float:
-        """The size of a cell [m]."""
+        """Size of a cell [m]."""
         return self.length / self.cells
 
     def free_reach(self, side: Side) -> float:
-        """Return how far from the paddle all walls run along its motion [m]: up to the far end."""
+        """Return the distance from the paddle over which all walls are parallel to its motion [m]: the length."""
         return self.length
 
     def side(self, name: str = "paddle") -> Side:
@@ -49,16 +49,17 @@ class Slice:
         return Side(self.facets_of(name), point=point, normal=np.array(normal))
 
     def facets_of(self, name: str) -> mesh.MeshTags:
-        """Return tags with 1 at a wall, ``paddle``, which may be fixed, or ``far wall``; collective."""
+        """Return tags with 1 at a wall: ``paddle``, fixed or moving, or ``far wall``; collective."""
         dim, x = self.mesh.topology.dim - 1, {"paddle": 0.0, "far wall": self.length}[name]
         facets = mesh.locate_entities_boundary(self.mesh, dim, lambda at: np.isclose(at[0], x, atol=1e-9 * self.length))
         return mesh.meshtags(self.mesh, dim, facets, np.ones(facets.size, dtype=np.int32))
 
 
 class Ring:
-    """A periodic tank of one horizontal dimension: equal edges closed to a polygon, x in [0, length) along them.
+    """A periodic tank of one horizontal dimension: equal edges that form a polygon, x in [0, length) along them.
 
-    The mesh has one dimension in a plane of two; its derivatives are those along the edges, so it is exactly flat.
+    The mesh has one dimension in a plane of two; derivatives are those along the edges, so that the ring is exactly
+    flat.
 
     Parameters
     ----------
@@ -75,22 +76,22 @@ class Ring:
         edges = np.column_stack([corner, (corner + 1) % cells])
         edge = basix.ufl.element("Lagrange", "interval", 1, shape=(2,))
         corners = self.chart.corners()[corner]
-        self.mesh = mesh.create_mesh(comm, edges, x=corners, e=edge, partitioner=cell_partitioner())  # as of a slice
+        self.mesh = mesh.create_mesh(comm, edges, x=corners, e=edge, partitioner=cell_partitioner())  # as in a slice
 
     def facets_of(self, name: str) -> mesh.MeshTags:
-        """Raise ``InputError``: it has no walls."""
+        """Raise ``InputError``: a ring has no walls."""
         raise InputError(f"a ring has no wall {name!r}.")
 
 
 class Basin:
-    """A tank of two horizontal dimensions, as drawn or read.
+    """A tank of two horizontal dimensions, from a recipe or a mesh file.
 
     Parameters
     ----------
     layout
         The mesh with its groups.
     far
-        x of the far wall, all along which it is straight [m]; None where there is no such.
+        x of the straight far wall [m]; None if there is none.
     """
 
     def __init__(self, layout: LayoutMesh, *, far: float | None = None):
@@ -99,7 +100,7 @@ class Basin:
     def side(self, name: str = "paddle") -> Side:
         """Return the wall of the group ``paddle``, or the ``far wall``; collective.
 
-        Raises ``InputError`` if it is none, or not straight.
+        Raises ``InputError`` if there is no such wall, or if it is not straight.
         """
         if name == "far wall" and self._far is not None:
             return Side(self.facets_of(name), point=np.array([self._far, 0.0]), normal=np.array([-1.0, 0.0]))
@@ -107,7 +108,7 @@ class Basin:
         return Side(self.layout.facets_of("paddle"), point=point, normal=normal)
 
     def facets_of(self, name: str) -> mesh.MeshTags:
-        """Return tags with 1 at a group of walls, or the ``far wall``; raises ``InputError`` if there is none."""
+        """Return tags with 1 at a group of walls, or the ``far wall``; raises ``InputError`` for an unknown group."""
         if name != "far wall" or (far := self._far) is None:
             return self.layout.facets_of(name)
         tolerance = ALONG * usual_size(self.mesh)
@@ -115,9 +116,9 @@ class Basin:
         return mesh.meshtags(self.mesh, 1, facets, np.ones(facets.size, dtype=np.int32))
 
     def free_reach(self, side: Side) -> float:
-        """Return how far from the paddle all walls run along its motion [m]: others must not move with it; collective.
+        """Return the distance from the paddle over which all walls are parallel to its motion [m]; collective.
 
-        That is up to the nearest node of a wall across the motion, a round one, or a cylinder.
+        It ends at the nearest node of a wall across the motion, a round wall, or a cylinder: these must not move.
         """
         walls = mesh.exterior_facet_indices(self.mesh.topology)
         nodes = mesh.entities_to_geometry(self.mesh, 1, walls) if walls.size else np.zeros((0, 2), dtype=np.int32)

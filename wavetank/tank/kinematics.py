@@ -1,24 +1,24 @@
 """Kinematics of the water: velocity, acceleration and pressure at points, from the interior potential.
 
-Derivatives of finite elements jump from cell to cell: at a degree of freedom that several cells share, the velocity is
-the mean of theirs, whichever ranks own them.
+Derivatives of finite elements jump between cells: at a degree of freedom that several cells share, the velocity is
+the mean over these cells, on all ranks.
 
 The potential phi below a surface makes K + W stationary: A phi + w = 0 in the interior columns, with the operator A
-and the wall's vector w of ``waves.py``. That holds at all times, so the rate of phi at fixed places (X, zeta) of the
-reference tank solves the same problem once more (docs/method.md, section 8),
+and the wall's vector w of ``waves.py``. This holds at all times, so the rate of phi at fixed positions (X, zeta) of the
+reference tank solves the same problem with another right-hand side (docs/method.md, section 8),
 
     A phi' = -(A' phi + w'),   phi' = psi' at the surface,   psi' = -H_Q,  Q' = H_psi.
 
 A' phi + w' is the rate of the residual at fixed phi along the motion of the state: a central difference of fourth order
 of products of the operator, exact to 1e-11 and the same for any wall and bed.
 
-Velocity, acceleration and pressure are gradients of potentials, and Bernoulli's sum. Density divided out, with phi_t
+Velocity, acceleration and pressure are gradients of potentials, and Bernoulli's sum. Divided by density, with phi_t
 the rate of the potential at fixed points in space,
 
     velocity = grad phi,   local acceleration = grad phi_t,   pressure = -(B + g z),   B = phi_t + 1/2 |grad phi|^2,
 
-and the acceleration of a particle is grad B, for the flow has no vorticity. Of the rate phi' at places of the reference
-tank, which move with the velocity c,
+and the acceleration of a particle is grad B, since the flow is irrotational. With the rate phi' at positions of the
+reference tank, which move with the velocity c,
 
     phi_t = phi' - c . grad phi.
 """
@@ -52,7 +52,7 @@ from wavetank.tank.waves import HistoryState, NonlinearWaves
 
 
 class Velocity:
-    """Velocity and potential at heights zeta of the state that the waves evaluated last.
+    """Velocity and potential at heights zeta for the last evaluated state of the waves.
 
     With u = sum_j P_j(zeta) phi_j and w = sum_j P_j'(zeta) phi_j the velocity is (docs/method.md, section 1)
 
@@ -63,9 +63,9 @@ class Velocity:
     Parameters
     ----------
     potential
-        In place of phi: another whose gradient is asked for.
+        Another potential to differentiate in place of phi.
     cells
-        This rank's cells in which it is; default: all that it owns.
+        Cells of this rank on which it is evaluated; default: all owned ones.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class Velocity:
         self.restrict(np.arange(owned, dtype=np.int32) if cells is None else cells)
 
     def restrict(self, cells: NDArray[np.int32]) -> None:
-        """Take derivatives in these of the rank's own cells only; collective."""
+        """Differentiate on these of the rank's own cells only; collective."""
         self._cells = cells
         own = self._waves.plane.V.dofmap.list[cells].ravel()
         shape = (len(self._field.rows), own.size)
@@ -107,7 +107,8 @@ class Velocity:
     def at(self, zeta: float) -> Vector:
         """Return (u, v, w) along, across and upwards [m/s] at zeta in [0, 1]; collective.
 
-        Of all degrees of freedom this rank sees, shape (owned + ghosts, 3). The next call reuses the array.
+        At all degrees of freedom of this rank and its ghosts, shape (owned + ghosts, 3). The next call reuses the
+        array.
         """
         self._zeta.value = zeta
         heights = np.array([zeta])
@@ -117,35 +118,35 @@ class Velocity:
         return self._field.rows
 
     def potential(self, zeta: float) -> Vector:
-        """Return phi [m²/s] at zeta in [0, 1], of all degrees of freedom this rank sees, shape (owned + ghosts,)."""
+        """Return phi [m²/s] at zeta in [0, 1], at the degrees of freedom of this rank and its ghosts, shape (rows,)."""
         return np.asarray(self._waves.phi.rows @ self._vertical.at(np.array([zeta]))[0] + self._waves.level)
 
 
-PART = 2e-3  # of the water column, or of the depth a paddle moves: the change of a state over a step for its rates
-STENCIL = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}  # steps, and weights of a derivative of fourth order
+PART = 2e-3  # largest change of a state in a difference step, relative to water column and depth
+STENCIL = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}  # weights of steps for a derivative of fourth order
 
 
 class MovingWater(ABC):
-    """The potential of a state of waves, and its rate; collective throughout.
+    """The potential of a state of waves, and its rate; all methods are collective.
 
     Attributes
     ----------
     waves
         The waves, with their horizontal and vertical space and the wall that can move.
     densities
-        Of the velocity, in UFL.
+        Densities of energy and velocity, in UFL.
     h
-        The column [m].
+        Column [m].
     nodes, node_velocities
-        Places of the Gauss nodes zeta of the columns in the laboratory, along x, y and z [m], and their velocities
-        [m/s], at all degrees of freedom that this rank sees, shape (levels, rows, 3).
+        Positions of the Gauss nodes zeta of the columns in the laboratory, along x, y and z [m], and their velocities
+        [m/s], at all degrees of freedom of this rank and its ghosts, shape (levels, rows, 3).
     phi, phi_rate
-        The potential [m²/s] and its rate [m²/s²] at fixed places (X, zeta), less their levels.
+        Potential [m²/s] and its rate [m²/s²] at fixed positions (X, zeta), relative to their levels.
     level, level_rate
-        The means of potential and rate at the surface.
+        Means of potential and rate at the surface.
     """
 
-    head_factor: float  # of velocities squared in Bernoulli's sum
+    head_factor: float  # factor of squared velocities in Bernoulli's sum
     nodes: Vector
     node_velocities: Vector
 
@@ -163,12 +164,12 @@ class MovingWater(ABC):
         """Set potential and rate to those of a state."""
 
     def head(self, velocity: Vector) -> Vector:
-        """Return the part of velocities, shape (..., 3), in Bernoulli's sum [m²/s²], shape (...)."""
+        """Return the contribution of velocities, shape (..., 3), to Bernoulli's sum [m²/s²], shape (...)."""
         return np.asarray(self.head_factor * (velocity**2).sum(axis=-1))
 
     def _nodes_at(self, heights: Vector) -> Vector:
         """Return ``nodes`` for heights [m], shape (levels, rows)."""
-        levels = heights if self.wall.leans else heights[:1]  # an upright wall moves all of a column alike
+        levels = heights if self.wall.leans else heights[:1]  # an upright wall moves a column uniformly
         along = np.array([self.wall.to_physical(self._places, z) for z in levels])
         return np.concatenate([np.broadcast_to(along, (*heights.shape, 2)), heights[..., None]], axis=-1)
 
@@ -176,7 +177,7 @@ class MovingWater(ABC):
 class NonlinearRates(MovingWater):
     """The potential of nonlinear waves, and its rate.
 
-    The waves are evaluated with a separate history of solves, so that stepped waves stay equal bit for bit.
+    The waves are evaluated with a separate history of solves, so that the steps of the run are unchanged bit for bit.
     """
 
     head_factor = 0.5
@@ -189,7 +190,7 @@ class NonlinearRates(MovingWater):
             tangent = Tangent(paddle.motion)
             along = PaddleKinematics(tangent, paddle.side.along(self.plane.places))
             self._tangents.append((paddle.mesh_motion, tangent, along))
-        self._at: tuple[WaterEvaluation, Vector] | None = None  # of the fields: with the column [m]
+        self._at: tuple[WaterEvaluation, Vector] | None = None  # evaluation and column [m] of the current fields
         self._rates_at: WaterEvaluation | None = None
         self._d = self.plane.function("depth")
         self.nodes = self.node_velocities = np.zeros((self.vertical.n + 1, len(self._places), 3))
@@ -204,7 +205,7 @@ class NonlinearRates(MovingWater):
         return self._set_fields()
 
     def _set_fields(self) -> WaterEvaluation:
-        """Set wall, column and potential to those of the last evaluation, which is returned: others change them."""
+        """Set wall, column and potential to those of the last evaluation, and return it: others change them."""
         assert self._at is not None
         at, column = self._at
         assert at.interior is not None
@@ -250,7 +251,7 @@ class NonlinearRates(MovingWater):
             motion.kinematics = former
 
     def _nodes(self) -> Vector:
-        """Return the places of the Gauss nodes of the columns in the laboratory [m], as ``nodes``."""
+        """Return the positions of the Gauss nodes of the columns in the laboratory [m], as ``nodes``."""
         self._d.set(self.waves.bed.still)
         return self._nodes_at(self.vertical.zeta[:, None] * self.h.rows[:, 0] - self._d.rows[:, 0])
 
@@ -263,7 +264,7 @@ class NonlinearRates(MovingWater):
 
     @property
     def state(self) -> HistoryState:
-        """The history of the solves."""
+        """History of the solves."""
         return self.history.state
 
     @state.setter
@@ -273,10 +274,11 @@ class NonlinearRates(MovingWater):
 
 
 class LinearRates(MovingWater):
-    """The potential of linear waves, and its rate; the water reaches up to z = 0.
+    """The potential of linear waves, and its rate; the water extends up to z = 0.
 
-    Potential and rate are two solves of one problem: for psi and X_p', and for psi' = -g eta and X_p''. Heads are of
-    second order: none.
+    Potential and rate are two solves of one problem: for psi and X_p', and for psi' = -g eta and X_p''. Velocity heads
+    are
+    of second order and vanish.
     """
 
     head_factor = 0.0
@@ -302,7 +304,7 @@ class LinearRates(MovingWater):
         self.level_rate = self._solve(self.phi_rate, p_rate, [acceleration for _, _, acceleration in rates])
 
     def _solve(self, field: LayeredField, surface: Vector, speeds: Sequence[float]) -> float:
-        """Set a field to the potential below a surface's, less its mean there, which is returned; collective."""
+        """Set a field to the potential below a surface potential, relative to its mean; return the mean; collective."""
         level = self.plane.sum(surface) / self.plane.size
         field.owned[:] = 0.0
         field.owned[:, -1] = surface - level
@@ -318,7 +320,7 @@ class Layers(NamedTuple):
     Attributes
     ----------
     velocity
-        Along, across and upwards [m/s], shape (levels, rows, 3).
+        Velocity along, across and upwards [m/s], shape (levels, rows, 3).
     rate, head
         phi_t and B [m²/s²], shape (levels, rows).
     """
@@ -334,7 +336,7 @@ class Kinematics:
     Parameters
     ----------
     cells
-        This rank's cells, all that lie around those where it is asked for; two rings for accelerations.
+        Cells of this rank around those of the requested positions; for accelerations two rings of cells.
     """
 
     def __init__(self, water: MovingWater, cells: NDArray[np.int32]):
@@ -351,11 +353,11 @@ class Kinematics:
             one.restrict(cells)
 
     def weights(self, zeta: Vector) -> Vector:
-        """Return what values at the levels count at heights zeta, shape (N, levels)."""
+        """Return the weights of values at the levels for interpolation at heights zeta, shape (N, levels)."""
         return self.water.vertical.at(zeta) @ self._to_modes
 
     def layers(self) -> Layers:
-        """Return the parts of the pressure, which ``accelerations`` takes, too; collective."""
+        """Return the parts of the pressure, from which ``accelerations`` follow; collective."""
         water, velocity = self.water, self._at_levels(self._velocity)
         phi_rate = water.vertical.at(self.levels) @ water.phi_rate.rows.T + water.level_rate
         rate = phi_rate - (water.node_velocities * velocity).sum(axis=-1)
@@ -365,7 +367,7 @@ class Kinematics:
         return layers
 
     def accelerations(self) -> tuple[Vector, Vector]:
-        """Return the local acceleration and the particles' [m/s²], each as the velocity; collective."""
+        """Return the local acceleration and that of the particles [m/s²], in the shape of the velocity; collective."""
         local, total = map(self._at_levels, self._gradients)
         return local, total
 
@@ -373,22 +375,23 @@ class Kinematics:
         return np.array([gradient.at(zeta).copy() for zeta in self.levels])
 
 
-RINGS = 2  # of cells around a point's: accelerations are gradients of what means of gradients make
-AT = 1e-9  # of the water column: points beyond bed or surface by less are in the water
+RINGS = 2  # rings of cells around a point: accelerations are gradients of averaged gradients
+AT = 1e-9  # tolerance for points at bed or surface, relative to the water column
 
 
 class PointValues(NamedTuple):
-    """Velocity, acceleration and pressure at N points; meaningless where they are dry.
+    """Velocity, acceleration and pressure at N points; meaningless at dry points.
 
     Attributes
     ----------
     velocity, local, acceleration
-        Of the water, along x, y and z [m/s, m/s²], shape (N, 3): its velocity, its rate at the point, and that of the
-        water that passes.
+        Along x, y and z [m/s, m/s²], shape (N, 3): velocity of the water, its rate at the point, and the acceleration
+        of
+        the water particle there.
     pressure
-        Above that of the air [Pa], shape (N,).
+        Pressure relative to the atmosphere [Pa], shape (N,).
     dry
-        Where there is no water, shape (N,).
+        Whether each point is out of the water, shape (N,).
     """
 
     velocity: Vector
@@ -406,14 +409,14 @@ class PointKinematics:
     points
         (x, y, z) [m], shape (N, 3); z from still water.
     density
-        Of the water [kg/m³].
+        Density of the water [kg/m³].
 
     Attributes
     ----------
     points
-        The points of the last evaluation.
+        Points of the last evaluation.
 
-    Raises ``InputError`` for a point outside the mesh; collective throughout.
+    Raises ``InputError`` for a point outside the mesh; all methods are collective.
     """
 
     def __init__(self, water: MovingWater, points: Vector, *, density: float):
@@ -424,13 +427,13 @@ class PointKinematics:
         self._depth = water.plane.function("depth")
 
     def _coordinates(self) -> Vector:
-        """Return where the points are in the mesh, shape (N, 3)."""
+        """Return the mesh coordinates of the points, shape (N, 3)."""
         return self._water.plane.chart.place(self._water.wall.to_reference(self.points[:, :2], self.points[:, 2]))
 
     def evaluate(self, points: Vector | None = None) -> PointValues:
-        """Return the values for the state of the last ``find_rates``, there or at the same number of other points.
+        """Return the values for the state of the last ``find_rates``, at these or the same number of other points.
 
-        Raises ``InputError`` for one that is outside the mesh, as behind a paddle.
+        Raises ``InputError`` for a point outside the mesh, such as behind a paddle.
         """
         self.points = self.points if points is None else points
         self._located.move(self._coordinates())
@@ -443,7 +446,7 @@ class PointKinematics:
         weights = self._kinematics.weights(zeta)
 
         def at(values: Vector) -> Vector:
-            """Return values at the points of values at the levels, shape (levels, rows, ...); collective."""
+            """Return values at the points from values at the levels, shape (levels, rows, ...); collective."""
             return np.asarray(np.einsum("nl,nl...->n...", weights, self._located.of(np.moveaxis(values, 0, 1))))
 
         velocity, rate = at(layers.velocity), at(layers.rate)

@@ -1,20 +1,21 @@
 """Linear water waves in a tank: the Hamiltonian of ``waves.py`` to second order about still water.
 
-    H = K(phi) + V(h) + X_p' F(phi),     F = d int phi dzeta at the paddle (of two paddles the sum of both)
+    H = K(phi) + V(h) + X_p' F(phi),     F = d int phi dzeta at the paddle (for two paddles the sum of both)
 
-with the water's energy at h = d, so that nothing of it is written twice and no term with a slope is left. What remains
-couples the vertical modes no more: with the interior potential phi_I of least K + X_p' F,
+with the energy of the water at h = d, which is not stated again, without terms that have a slope. In this
+limit the vertical modes decouple: with the interior potential phi_I of least K + X_p' F,
 
     H_psi = G psi + X_p' w,   H_Q = g eta,   H = 1/2 psi G psi + X_p' w psi - 1/2 c X_p'^2 + V
     G = A_nn - A_nI A_II^-1 A_In,   w = w_n - A_nI A_II^-1 w_I,   c = w_I A_II^-1 w_I
 
-where A is the operator of K on still water and (w_I, w_n) = dF/dphi; of two paddles c is a matrix. On the flat bed of a
-slice A_II is factored once for the whole run; H separates, so the stages of Störmer-Verlet are explicit, and the
+where A is the operator of K on still water and (w_I, w_n) = dF/dphi; for two paddles c is a matrix. On the flat bed of
+a
+slice A_II is factorised once for the complete run; H separates, so the stages of Störmer-Verlet are explicit, and the
 coupled stage of (23) is one direct solve. In a basin, or on a bed that varies, A_II is assembled once and solved by
 conjugate gradients.
 
-The wall stays at x = 0 and lets water through: in linear theory the volume of water grows by d X_p(t), which is what
-the paddle takes of the tank beyond. Apart from that flux mass is conserved to round-off.
+The wall stays at x = 0 and is permeable: in linear theory the volume of water increases by d X_p(t), the
+volume that the paddle displaces beyond the tank. Apart from that flux, mass is conserved to round-off.
 """
 
 from collections.abc import Callable, Sequence
@@ -46,7 +47,7 @@ from wavetank.tank.potential import InteriorPotential, InteriorState, SolveCount
 from wavetank.tank.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.tank.walls import Wall
 
-COUPLED_TOLERANCE = 1e-12  # of stages that are solved together; all others are solved exactly
+COUPLED_TOLERANCE = 1e-12  # tolerance of coupled stages; all others are solved exactly
 
 
 class LinearWaves(Water):
@@ -55,20 +56,20 @@ class LinearWaves(Water):
     Parameters
     ----------
     plane
-        The horizontal space.
+        Horizontal space.
     depth
-        Still-water depth d [m], a number or a function of places (x, y) [m].
+        Still-water depth d [m], a number or a function of positions (x, y) [m].
     wall
-        The wall at x = 0.
+        Wall at x = 0.
     vertical_order
         n.
     gravity
-        [m/s²].
+        g [m/s²].
     tolerance
-        Relative tolerance of what is solved iteratively.
+        Relative tolerance of iterative solves.
     """
 
-    parts = (  # and the wall's
+    parts = (  # without that of the wall
         Part("kinetic", "½ ∫∫ d |v|² dζ dX,  v = (∇φ + (1 - ζ)∇d φ_ζ/d, φ_ζ/d)"),
         POTENTIAL,
     )
@@ -92,7 +93,7 @@ class LinearWaves(Water):
         self.unit = Unit(plane.comm)
         self.mass = mass_matrix(plane, wall.mapping.J(0.0), self.unit)
         self.layer, self._make_potential, operator = self._interior(still, 0.1 * tolerance)
-        self.history = self.new_history("steps")  # before anything that is compiled with it is called
+        self.history = self.new_history("steps")  # before the first call of its compiled functions
         with self.bed.levelled():
             self.still = self.layer.assemble()
         if operator is not None:
@@ -102,29 +103,29 @@ class LinearWaves(Water):
 
     @property
     def potential(self) -> "IterativePotential | DirectPotential":
-        """The interior solver of the steps."""
+        """Interior solver of the steps."""
         return self.history.interior  # type: ignore[no-any-return]
 
     @property
     def stages(self) -> StageHistories:
-        """The history of the stages of the steps."""
+        """History of the stages of the steps."""
         stages: StageHistories = self.history.stages
         return stages
 
     @property
     def _is_direct(self) -> bool:
-        """Whether the interior and stages of pairs are solved at once, exactly."""
+        """Whether the interior and stages of pairs are solved directly."""
         return self.plane.mesh.topology.dim == 1 and isinstance(self.bed, FlatBed)
 
     def new_history(self, owner: str) -> "LinearHistory":
-        """Return a history of solves without any; collective."""
+        """Return an empty history of solves; collective."""
         nothing = np.full(self.plane.owned, np.nan)
         return LinearHistory(self._make_potential(), nothing, nothing)
 
     def _interior(
         self, still: WaterEnergy, tolerance: float
     ) -> tuple[Any, Callable[[], "IterativePotential | DirectPotential"], LayerOperator | SliceOperator | None]:
-        """Return the layer over the depth, what makes a solver for the interior, and its operator if it has one."""
+        """Return the layer over the depth, the factory of solvers for the interior, and its operator or None."""
         plane, vertical = self.plane, self.vertical
         if self._is_direct:
             matrices = LayerMatrices(still.layer, plane)
@@ -146,7 +147,7 @@ class LinearWaves(Water):
         return VectorForm(ufl.derivative(through, phi)).assemble().reshape(-1, components).copy()
 
     def _responses(self, fluxes: Sequence[Vector]) -> tuple[Vector, Vector]:
-        """Return w, shape (paddles, owned), and c, shape (paddles, paddles), for the dF/dphi of each; collective."""
+        """Return w, shape (paddles, owned), and c, shape (paddles, paddles), for dF/dphi of each paddle; collective."""
         inflow, recoil = np.zeros((len(fluxes), self.plane.owned)), np.zeros((len(fluxes), len(fluxes)))
         for n, flux in enumerate(fluxes):
             inflow[n], recoil[n, n] = self.potential.response(flux)
@@ -156,12 +157,12 @@ class LinearWaves(Water):
         return inflow, recoil
 
     def _rates(self, t: float, order: int) -> Vector:
-        """Return a derivative of the paddles' motions, shape (paddles,)."""
+        """Return a time derivative of the paddles' motions, shape (paddles,)."""
         return np.array([paddle.kinematics.at(t)[order] for paddle in self.wall.paddles], dtype=np.float64)
 
     # ------------------------------------------------------------------------------------------ evaluations
     def set_time(self, t: float) -> None:
-        """Do nothing: no wall moves."""
+        """Do nothing: linear walls do not move."""
 
     def evaluate(
         self,
@@ -191,7 +192,7 @@ class LinearWaves(Water):
         )
 
     def _G_psi(self, p: Vector, history: "LinearHistory") -> Vector:
-        """Return G psi, computed once for the last psi of the history; collective."""
+        """Return G psi, cached for the last psi of the history; collective."""
         same = np.array_equal(p, history.psi)
         if summed(self.plane.comm, float(not same)) > 0.0:
             history.psi, history.G_psi = p.copy(), history.interior.dirichlet_neumann(p)
@@ -207,12 +208,12 @@ class LinearWaves(Water):
         return np.asarray(self.mass.solve(q) - self.bed.still)
 
     def elevation_change(self, at: WaterEvaluation, dq: Vector) -> Vector:
-        """Return by how much eta changes with the masses [m]; collective."""
+        """Return the change of eta for a change of the masses [m]; collective."""
         return self.mass.solve(dq)
 
     @cached_property
     def largest_frequency(self) -> float:
-        """The largest angular frequency the mesh carries [rad/s], by Lanczos iteration; collective."""
+        """Largest angular frequency of the mesh [rad/s], by Lanczos iteration; collective."""
         return largest_frequency(self)
 
     def restore(self, history: "LinearHistory", state: "LinearState") -> None:
@@ -242,7 +243,7 @@ class LinearWaves(Water):
         *,
         history: "LinearHistory | None" = None,
     ) -> Vector:
-        """Return z = c + a f(z, t), shape (2, owned), of one evaluation if it is explicit or direct; collective."""
+        """Return z = c + a f(z, t), shape (2, owned), by one evaluation if it is explicit or direct; collective."""
         history = history or self.history
         if not isinstance(a, tuple) and not self._is_direct:
             return super().solve_stage(name, c, a, t, guess, history=history)
@@ -286,12 +287,12 @@ class LinearState:
 
 @dataclass(eq=False)
 class LinearHistory:
-    """Earlier solves of linear waves; see ``SolverHistory``.
+    """History of the solves of linear waves; see ``SolverHistory``.
 
     Attributes
     ----------
     psi, G_psi
-        The last surface potential and G psi, shape (owned,).
+        Last surface potential and G psi, shape (owned,).
     """
 
     interior: "IterativePotential | DirectPotential"
@@ -306,7 +307,7 @@ class LinearHistory:
 
 
 class IterativePotential(InteriorPotential):
-    """The interior potential by conjugate gradients: in basins, and where the bed's slope couples the modes."""
+    """The interior potential by conjugate gradients, in basins or on beds whose slope couples the modes."""
 
     def __init__(self, minimum: Any, *, plane: Plane, components: int):
         phi = plane.layered_function(components, "potential")
@@ -323,7 +324,7 @@ class IterativePotential(InteriorPotential):
         return self._surface_flow(psi, np.zeros((1, self._phi.owned.shape[1])), psi)
 
     def response(self, flux: Vector) -> tuple[Vector, float]:
-        """Return w, shape (owned,), and c of the module's formulae for dF/dphi, shape (owned, n+1); collective."""
+        """Return w, shape (owned,), and c for dF/dphi, shape (owned, n+1); see the module; collective."""
         through = self._surface_flow(np.zeros(self._plane.owned), flux, None)
         return flux[:, -1] + through, -self._plane.sum(flux[:, :-1] * self._phi.owned[:, :-1])
 
@@ -331,7 +332,7 @@ class IterativePotential(InteriorPotential):
 class DirectPotential:
     """The interior potential by a direct solve, in the basis of vertical modes of ``fem/vertical.py``.
 
-    There A_In = b (x) S_u and A_nn = S_u with the horizontal stiffness S_u and b_i = int P_i dzeta, so that
+    In this basis A_In = b (x) S_u and A_nn = S_u with the horizontal stiffness S_u and b_i = int P_i dzeta, so that
 
         (S_u + Lambda_i S_w) phi_i = -b_i S_u psi - w_i,     (A phi)_n = S_u (psi + sum_i b_i phi_i).
     """
@@ -367,13 +368,13 @@ class DirectPotential:
         return self._stiffness(psi - interior @ self._b)
 
     def response(self, flux: Vector) -> tuple[Vector, float]:
-        """Return w, shape (owned,), and c of the module's formulae for dF/dphi, shape (owned, n+1); collective."""
+        """Return w, shape (owned,), and c for dF/dphi, shape (owned, n+1); see the module; collective."""
         interior = self._interior(np.ascontiguousarray(flux[:, :-1]))
         return flux[:, -1] - self._stiffness(interior @ self._b), self._plane.sum(flux[:, :-1] * interior)
 
     @property
     def state(self) -> SolveCounters:
-        """The cost of the solves."""
+        """Counters of the solves."""
         return replace(self.counters)
 
     @state.setter

@@ -1,9 +1,10 @@
 """The interior potential: phi minimises the kinetic energy (and the wall's term) for a given surface potential.
 
-    A_II(h) phi_I = -A_In psi - w_I     (the variation of Miles' principle by phi below the surface; no number's)
+    A_II(h) phi_I = -A_In psi - w_I     (the variation of Miles' principle by phi below the surface; without a number
+    there)
 
-by conjugate gradients, preconditioned by the vertical modes: only terms with the slope of the surface are left out of
-the preconditioner, so a few iterations suffice (docs/solver.md).
+by conjugate gradients, preconditioned by the vertical modes. The preconditioner omits only terms with the slope of the
+surface, so a few iterations suffice (docs/solver.md).
 """
 
 from collections.abc import Callable
@@ -27,7 +28,7 @@ from wavetank.fem.vertical import VerticalBasis
 
 @dataclass
 class SolveCounters:
-    """What the interior solves cost."""
+    """Counters of the interior solves."""
 
     solves: int = 0
     iterations: int = 0
@@ -36,7 +37,7 @@ class SolveCounters:
 
 @dataclass(frozen=True, eq=False)
 class InteriorState:
-    """State of an interior solver: earlier solutions, the patience with its preconditioner, and the counters."""
+    """State of an interior solver: previous solutions, patience with the preconditioner, and counters."""
 
     recall: GuessState
     patience: int | None
@@ -44,23 +45,23 @@ class InteriorState:
 
 
 class InteriorPotential:
-    """Solves for the interior potential phi_I in the modal basis.
+    """Solver for the interior potential phi_I in the modal basis.
 
     Parameters
     ----------
     minimiser
-        Of the energy.
+        Minimiser of the energy.
     phi
-        The layered field that holds the solution, the surface potential in its last column.
+        Layered field that contains the solution, with the surface potential in its last column.
     inputs
-        How many numbers at each degree of freedom a solution depends on.
+        Number of values at each degree of freedom on which a solution depends.
 
     Attributes
     ----------
     recall
-        Earlier solutions, of which start values are made.
+        Previous solutions, from which start values are extrapolated.
     patience
-        Iterations of a solve above which the preconditioner is renewed for the next one; None: it is to be renewed.
+        Number of iterations above which the preconditioner is renewed before the next solve; None: to be renewed.
     """
 
     def __init__(self, minimiser: "Minimum | Krylov", phi: LayeredField, *, inputs: int, plane: Plane, unit: Unit):
@@ -72,10 +73,11 @@ class InteriorPotential:
         self.patience: int | None = None
 
     def solve(self, wall: Vector, inputs: Vector | None) -> Vector:
-        """Set phi_I for the surface potential in phi, the operator as it is and the wall's vector; collective.
+        """Set phi_I for the surface potential in phi, the current operator and the wall's vector; collective.
 
-        ``wall`` is dW/dphi, shape (owned, n+1), ``inputs`` is all that the solution depends on, scaled alike, by which
-        a start value is made of earlier solves; None of a solution like no other. Returns (A phi)_n, shape
+        ``wall`` is dW/dphi, shape (owned, n+1). ``inputs`` contains all quantities on which the solution depends, with
+        the same
+        scale, for a start value from previous solves; None for an unrelated solution. Returns (A phi)_n, shape
         (owned,). Raises ``ConvergenceError``.
         """
         if inputs is None or not self.recall.guess(inputs, self._phi.owned):
@@ -94,11 +96,11 @@ class InteriorPotential:
         if inputs is not None:
             self.recall.record(self._phi.owned)
         flow = self.minimiser.flow
-        return flow - self._plane.sum(flow) / self._plane.size  # moves no mass, where single precision has a share, too
+        return flow - self._plane.sum(flow) / self._plane.size  # conserves mass, also in single precision
 
     @property
     def state(self) -> InteriorState:
-        """Earlier solutions, the patience with the preconditioner, and the counters."""
+        """Previous solutions, patience with the preconditioner, and counters."""
         return InteriorState(self.recall.state, self.patience, replace(self.counters))
 
     @state.setter
@@ -111,34 +113,34 @@ class InteriorPotential:
 
 
 class Krylov:
-    """The minimum by conjugate gradients, preconditioned by the decoupled modes; on any mesh and number of ranks.
+    """The minimiser by conjugate gradients, preconditioned by the decoupled modes; on any mesh and number of ranks.
 
     ``Minimum`` is the same along a slice on one rank.
 
     Parameters
     ----------
     operator, single
-        A(h), and the same in single precision.
+        A(h) in double and in single precision.
     layer
-        What the preconditioner is made of.
+        Layer from which the preconditioner is made.
     tolerance
-        Of the error's energy, relative to that of the potential; its square root.
+        Square root of the energy of the error, relative to that of the potential.
 
     Attributes
     ----------
     single
-        The operator in single precision.
+        Operator in single precision.
     steps
-        Lengths of the steps of the last solve, and parts of each direction in the next.
+        Step lengths of the last solve, and coefficients of the conjugate directions.
     flow
-        The last column of A phi, of the potential found last, shape (owned,).
+        Last column of A phi for the last solution, shape (owned,).
     kinetic
-        phi A phi of that, twice its energy.
+        phi A phi of the last solution, twice its energy.
     patience
-        Iterations above those of a fresh preconditioner before it is renewed: the cost of that.
+        Number of iterations, above that with a new preconditioner, before it is renewed: the cost of renewal.
     """
 
-    most = 200  # iterations
+    most = 200  # largest number of iterations
     patience = 2
 
     def __init__(
@@ -160,24 +162,24 @@ class Krylov:
         self.kinetic = 0.0
 
     def factor(self) -> None:
-        """Make a preconditioner of the operator as it is; collective."""
+        """Make a preconditioner of the current operator; collective."""
         averages: Any = self._layer.assemble()
         self._modes.take(averages)
 
     def _precondition(self, residual: Array) -> Array:
-        """Return what the modes make of the interior's residual, and zero for the surface's."""
+        """Return the preconditioned residual of the interior, and zero at the surface."""
         self._preconditioned[:, :-1] = self._modes.solve(residual[:, :-1])
         return self._preconditioned
 
     def find(self, phi: Vector, wall: Vector) -> int:
-        """Set the interior columns of phi's owned rows, shape (owned, n+1), from what they are; return the iterations.
+        """Set the interior columns of phi's owned rows, (owned, n+1), from their start value; return the iterations.
 
         ``wall`` is dW/dphi, broadcastable to that shape. Collective; raises ``ConvergenceError``.
         """
         kinetic = np.nan
 
         def residual_of() -> Vector:
-            """Return the residual of the equation for the interior; the flow is that of the present phi."""
+            """Return the residual of the equation for the interior; also sets the flow of the current phi."""
             nonlocal kinetic
             image = self._operator.apply(phi)
             kinetic = summed(self._plane.comm, dot(phi, image) if self._operator.least > 0.0 else np.nan)
@@ -186,7 +188,7 @@ class Krylov:
             self.flow = image[:, -1].copy()
             np.negative(image, out=image)
             image[:, :-1] -= wall[:, :-1]
-            image[:, -1] = 0.0  # it has no share in any energy, and follows what corrections change of A phi
+            image[:, -1] = 0.0  # not part of an energy; updated with the corrections of A phi
             return image
 
         self.single.update()
@@ -210,7 +212,7 @@ class Krylov:
 
 
 class Interior(NamedTuple):
-    """The operator of a layer's energy, the layer averaged, and what makes a solver for its minimum."""
+    """The operator of a layer's energy, the averaged layer, and the factory of solvers for its minimum."""
 
     operator: LayerOperator
     layer: SliceOperator | LayerMatrices | LayerMeans
@@ -226,7 +228,7 @@ def interior_of(
     tolerance: float,
     unit: Unit | None = None,
 ) -> Interior:
-    """Return what a layer's energy makes, with functions of a unit; on slices of one rank compiled as a whole."""
+    """Return the interior of a layer's energy, with functions of a unit; compiled completely on slices on one rank."""
     unit = unit or Unit(plane.comm)
     if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
         along = SliceOperator(energy, plane, vertical, column=column, unit=unit)

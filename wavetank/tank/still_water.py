@@ -1,6 +1,6 @@
-"""Linear waves on still water: their implicit stage in one direct solve, and the largest frequency that a mesh carries.
+"""Linear waves on still water: their implicit stage in one direct solve, and the largest frequency of a mesh.
 
-Both serve every kind of waves: nonlinear ones as preconditioner and estimate, linear ones exactly.
+Nonlinear waves use both as preconditioner and estimate, linear waves as exact results.
 """
 
 from typing import Any
@@ -10,24 +10,25 @@ import numpy as np
 from wavetank.base.arrays import Vector
 from wavetank.tank.evaluation import Water
 
-ROUGHLY = 1e-3  # of what mass matrices are inverted for
-STEPS = 40  # of Lanczos' iteration
-CYCLES = 2  # of multigrid: the second is cheap against the evaluations of an implicit stage that it saves
+APPROXIMATE = 1e-3  # tolerance of approximate solves with mass matrices
+STEPS = 40  # number of Lanczos iterations
+CYCLES = 2  # multigrid cycles: the second one saves evaluations of an implicit stage
 
 
 class StillWaterWaves:
     """Approximate inverse of the coupled implicit stage (Q, psi) = c + a (H_psi, -H_Q): linear waves on still water.
 
-    Eliminating Q leaves (G + M / (a² g)) psi = M r_psi / (a² g) - r_Q / a with the Dirichlet-Neumann operator G; with
-    the interior kept, it decouples into n+1 vertical modes of a Robin problem: one direct solve.
+    Elimination of Q leaves (G + M / (a² g)) psi = M r_psi / (a² g) - r_Q / a with the Dirichlet-Neumann operator G.
+    With
+    the interior as unknown, it decouples into n+1 vertical modes of a Robin problem: one direct solve.
 
     Attributes
     ----------
     uniform, of_metre
-        The masses of a metre everywhere, shape (owned,), and their sum.
+        Column masses of an elevation of one metre, shape (owned,), and their sum.
     mass
-        Where a wall moves, the mass matrix as it was when this was made, with the wall where ``waves.still`` has it: a
-        mapping that stretched M_J but not G would make G + M_J / (a² g) that of another surface.
+        Beside a moving wall, the mass matrix at construction, with the wall at the position of ``waves.still``: with a
+        mapping that stretched M_J but not G, G + M_J / (a² g) would belong to another surface.
     """
 
     def __init__(self, waves: Water):
@@ -49,29 +50,29 @@ class StillWaterWaves:
         return self._solvers[key]
 
     def __call__(self, weight: float, residual: Vector) -> Vector:
-        """Return the preconditioned residual of a stage of that weight [s], shape (2, owned); collective."""
+        """Return the preconditioned residual of a stage of a weight [s], shape (2, owned); collective."""
         r_q, r_psi = residual
         eta, psi = self.surface(weight, r_q, r_psi)
-        return np.array([self.keeping(r_q, self._waves.mass.apply(eta)), psi])
+        return np.array([self.with_mass_of(r_q, self._waves.mass.apply(eta)), psi])
 
     def surface(self, weight: float, r_q: Vector, r_psi: Vector) -> tuple[Vector, Vector]:
-        """Return the same as elevation and potential, shape (owned,) each, but for the elevation's mean; collective."""
+        """Return elevation, without its mean, and potential of the result, shape (owned,) each; collective."""
         a, g = weight, self._waves.gravity
         solver, surface = self.solver(a)
         if self.mass is None:
             right = self._waves.mass.apply(r_psi) / (a**2 * g) - r_q / a
         else:
-            right = self.mass.apply(r_psi / (a**2 * g) - self._waves.mass.solve(r_q, within=ROUGHLY) / a)
+            right = self.mass.apply(r_psi / (a**2 * g) - self._waves.mass.solve(r_q, within=APPROXIMATE) / a)
         psi = solver.respond(surface, right, cycles=CYCLES)
         return np.asarray((r_psi - psi) / (a * g)), psi
 
-    def keeping(self, r_q: Vector, q: Vector) -> Vector:
-        """Return q with the mass of r_q: over a bed, or beside a wall, none is made; collective."""
+    def with_mass_of(self, r_q: Vector, q: Vector) -> Vector:
+        """Return q, shifted to the mass of r_q: a bed or a wall must not create mass; collective."""
         return q + self.uniform * (self._waves.plane.sum(r_q - q) / self.of_metre)
 
 
 def scales(waves: Water) -> tuple[Vector, Vector]:
-    """Return the sizes of Q and psi, shape (owned,) each, that belong to a metre of elevation; collective."""
+    """Return the scales of Q and psi, shape (owned,) each, for an elevation of one metre; collective."""
     diagonal = waves.mass.diagonal()
     area = waves.plane.sum(waves.mass.apply(np.ones(waves.plane.owned)))
     column = np.asarray(diagonal * (area / waves.plane.sum(diagonal)), dtype=np.float64)
@@ -79,7 +80,7 @@ def scales(waves: Water) -> tuple[Vector, Vector]:
 
 
 def largest_frequency(waves: Water, t: float = 0.0) -> float:
-    """Return the largest angular frequency the mesh carries [rad/s], its walls as at t [s]; collective.
+    """Return the largest angular frequency of the mesh [rad/s], with the walls as at t [s]; collective.
 
     By Lanczos' iteration for M^-1 G, in a basis that is orthonormal in M.
     """

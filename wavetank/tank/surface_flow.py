@@ -1,6 +1,6 @@
 """Velocity and slope of the surface between the degrees of freedom.
 
-Where the surface is level, the surface potential's derivative is the water's horizontal velocity: psi_x = u + w eta_x.
+Where the surface is level, the derivative of the surface potential is the horizontal velocity: psi_x = u + w eta_x.
 """
 
 from functools import cached_property
@@ -23,11 +23,11 @@ from wavetank.integrators.contract import State
 from wavetank.tank.crests import Profile
 from wavetank.tank.evaluation import WaterEvaluation
 
-POINTS = {1: 2, 2: 1}  # intervals between points over intervals between nodes, by dimension
+POINTS = {1: 2, 2: 1}  # ratio of point and node intervals, by dimension
 
 
 def largest_function(waves: Any, eta: Field, psi: Field, result: Vector) -> Function:
-    """Return the compiled function that sets the largest velocity and slope of a surface, in the unit of the waves."""
+    """Return the compiled function for the largest velocity and slope of a surface, in the unit of the waves."""
     plane, mapping = waves.plane, waves.wall.mapping
     by_slope, by_velocity = (fem.Constant(plane.mesh, 0.0) for _ in range(2))
     slope, velocity = (mapping.gradient(field.function, eta.function) for field in (eta, psi))
@@ -59,7 +59,7 @@ def _squares(e: Any) -> Statements:
 
 
 class SurfaceVelocity:
-    """How fast the surface of any tank moves; collective throughout.
+    """Velocity of the surface of any tank; all methods are collective.
 
     Parameters
     ----------
@@ -69,11 +69,11 @@ class SurfaceVelocity:
     Attributes
     ----------
     plane
-        The horizontal space.
+        Horizontal space.
     largest_velocity, largest_slope
-        The largest horizontal velocity of the surface [m/s], and its largest slope [-].
+        Largest horizontal velocity of the surface [m/s], and its largest slope [-].
     t
-        When that is [s]; NaN before any has been taken.
+        Time of the surface [s]; NaN before the first update.
     """
 
     def __init__(self, waves: Any):
@@ -91,11 +91,11 @@ class SurfaceVelocity:
         self.largest_velocity = self.largest_slope = 0.0
 
     def update(self, q: Vector, p: Vector, t: float) -> None:
-        """Take the surface of a point at t [s]."""
+        """Set the surface to that of a point at t [s]."""
         self._take(self._waves.elevation(q, p, t), p, t)
 
     def update_from(self, state: State, t: float) -> None:
-        """Take the surface where the step to a state has ended, at t [s]; nothing to do for the one last taken."""
+        """Set the surface to that at the end of the step to a state, at t [s], unless it is already set."""
         at = state.end or state.evaluation
         if at is None:
             self.update(state.q, state.p, t)
@@ -104,7 +104,7 @@ class SurfaceVelocity:
         self.evaluation = at
 
     def _take(self, eta: Vector, psi: Vector, t: float) -> None:
-        """Take elevation and surface potential at t [s]."""
+        """Set elevation and surface potential at t [s]."""
         self.evaluation, self.t = None, t
         vars(self).pop("_largest_by_cell", None)
         if t != self._waves.t:
@@ -120,14 +120,14 @@ class SurfaceVelocity:
         return self._eta, self._psi
 
     def _evaluated(self, expression: fem.Expression, cells: NDArray[np.int32]) -> Vector:
-        """Return an expression in the points of cells, shape (cells, points, components)."""
+        """Return the values of an expression at points of cells, shape (cells, points, components)."""
         if not np.isnan(self.t):
             self._waves.set_time(self.t)
         values = np.asarray(expression.eval(self.plane.mesh, cells))
-        return values.reshape(len(cells), len(self._points), expression.value_size)  # a rank may have no cell
+        return values.reshape(len(cells), len(self._points), expression.value_size)  # a rank may have no cells
 
     def gradients(self, cells: NDArray[np.int32]) -> Vector:
-        """Return x, y [m] in the reference tank and the elevation's gradient in points of cells, (cells, points, 4)."""
+        """Return reference positions x, y [m] and the elevation gradient at points of cells, (cells, points, 4)."""
         return self._evaluated(self._gradients, cells)
 
     @cached_property
@@ -146,27 +146,27 @@ class SurfaceVelocity:
 
     @cached_property
     def _largest_by_cell(self) -> Vector:
-        """The largest velocity and slope in each of the cells of this rank, shape (2, cells)."""
+        """Largest velocity and slope in each cell of this rank, shape (2, cells)."""
         return np.asarray(self._evaluated(self._speed_and_slope, self._cells).max(axis=1, initial=0.0).T)
 
     @property
     def speeds(self) -> Vector:
-        """The largest horizontal velocity of the surface in each of the cells of this rank [m/s], shape (cells,)."""
+        """Largest horizontal velocity of the surface in each cell of this rank [m/s], shape (cells,)."""
         return np.asarray(self._largest_by_cell[0])
 
     @property
     def slopes(self) -> Vector:
-        """The largest slope of the surface in each of the cells of this rank [-], shape (cells,)."""
+        """Largest slope of the surface in each cell of this rank [-], shape (cells,)."""
         return np.asarray(self._largest_by_cell[1])
 
 
 class SurfaceFlow(SurfaceVelocity):
-    """Slopes and velocities of the surface of a tank of one horizontal dimension; collective throughout.
+    """Slopes and velocities of the surface of a tank of one horizontal dimension; all methods are collective.
 
     Attributes
     ----------
     cell
-        The size of the largest cell [m].
+        Size of the largest cell [m].
     """
 
     def __init__(self, waves: Any):
@@ -176,19 +176,19 @@ class SurfaceFlow(SurfaceVelocity):
         coordinates = corners[:, :1] + self._points[None] * (corners[:, 1:] - corners[:, :1])
         x = plane.chart.places(coordinates.reshape(-1, 3))[:, 0].reshape(-1, count)
         x = plane.chart.continued(x)
-        self._ordered = np.argsort(x.mean(axis=1))  # this rank's cells
+        self._ordered = np.argsort(x.mean(axis=1))  # order of this rank's cells
         self._backwards = (x[self._ordered, 0] > x[self._ordered, -1])[:, None]
         self._x = self._along(x)
-        self._order = np.argsort(np.concatenate(self._comm.allgather(self._x.mean(axis=1))))  # all ranks' cells
+        self._order = np.argsort(np.concatenate(self._comm.allgather(self._x.mean(axis=1))))  # order of all cells
         self.cell = float(self._comm.allreduce(float(np.ptp(x, axis=1).max(initial=0.0)), op=MPI.MAX))
 
     def _along(self, values: Vector) -> Vector:
-        """Return values in points of cells, (cells, points), in the order of x."""
+        """Return values at points of cells, (cells, points), in the order of x."""
         return np.where(self._backwards, values[self._ordered, ::-1], values[self._ordered])
 
     @cached_property
     def _surface(self) -> fem.Expression:
-        """Height, slope and d psi / dx."""
+        """Elevation, slope and d psi / dx."""
         mesh, eta, psi = self.plane.mesh, self._eta.function, self._psi.function
         along = self.plane.chart.direction(mesh)
         slopes = (ufl.inner(self._waves.wall.mapping.gradient(field, eta), along) for field in (eta, psi))
@@ -196,7 +196,7 @@ class SurfaceFlow(SurfaceVelocity):
 
     @property
     def profile(self) -> Profile:
-        """The surface last taken, the same on all ranks."""
+        """Profile of the last surface, the same on all ranks."""
         values = self._evaluated(self._surface, self._cells)
         height, slope, psi_x = (self._along(values[..., k]) for k in range(3))
         places = np.column_stack([self._x.ravel(), np.zeros(self._x.size)])
@@ -208,5 +208,5 @@ class SurfaceFlow(SurfaceVelocity):
 
 
 def surface_of(waves: Any) -> SurfaceVelocity:
-    """Return the surface of waves, with its crests where the tank has one horizontal dimension; collective."""
+    """Return the flow at the surface of waves, with a profile if the tank has one horizontal dimension; collective."""
     return SurfaceFlow(waves) if waves.plane.mesh.topology.dim == 1 else SurfaceVelocity(waves)

@@ -1,7 +1,7 @@
-"""The elevation over fixed places of the laboratory, which a moving wall displaces in the reference tank.
+"""The elevation at fixed positions of the laboratory, whose images in the reference tank a moving wall displaces.
 
-Beside a wall that leans, the elevation over a place depends on the height of the surface there,
-x = X + s(X) f(eta) X_p: a fixed-point iteration finds it.
+Beside a leaning wall, the image of a position depends on the height of the surface there,
+x = X + s(X) f(eta) X_p, which a fixed-point iteration solves.
 """
 
 import numpy as np
@@ -13,12 +13,12 @@ from wavetank.fem.plane import Field, Plane
 from wavetank.fem.points import Points
 from wavetank.tank.walls.wall import Heights, Wall
 
-MOST = 50  # iterations
-TOLERANCE = 1e-8  # of a cell: the next iteration would be a hundred times as exact
+MOST = 50  # largest number of iterations
+TOLERANCE = 1e-8  # relative to a cell: the next iteration reduces the error by a hundred
 
 
 class SurfaceOverPlaces:
-    """The elevation over fixed places of the laboratory.
+    """The elevation at fixed positions of the laboratory.
 
     Parameters
     ----------
@@ -28,11 +28,11 @@ class SurfaceOverPlaces:
     Attributes
     ----------
     places
-        Those.
+        The positions.
     points
-        Where they are in the mesh.
+        Their images in the mesh.
 
-    Raises ``InputError`` for one that is outside the mesh; collective throughout.
+    Raises ``InputError`` for a position outside the mesh; all methods are collective.
     """
 
     def __init__(self, plane: Plane, wall: Wall, places: Vector):
@@ -40,14 +40,15 @@ class SurfaceOverPlaces:
         self.points = Points(plane, plane.chart.place(wall.to_reference(places)))
 
     def elevations(self, field: Field) -> Vector:
-        """Return the elevation over the places [m], shape (N,), of its field, for the present position of the wall."""
+        """Return the elevation at the positions [m], shape (N,), from its field and the current wall position."""
         (eta,) = self.each(field.rows[None, :, 0], self._wall.paddle_displacements(self.places)[:, None])
         return np.asarray(eta)
 
     def each(self, eta: Vector, displacements: Vector) -> Vector:
-        """Return the elevation over the places [m], shape (K, N), at K times, each as at that time alone.
+        """Return the elevations at the positions [m], shape (K, N), at K times, each as if evaluated alone.
 
-        Of ``eta`` [m] at all degrees of freedom of this rank, shape (K, rows), and displacements of paddles [m], shape
+        ``eta`` [m] is given at all degrees of freedom of this rank, shape (K, rows), and displacements of paddles [m],
+        shape
         (paddles, K, N).
         """
 
@@ -64,4 +65,4 @@ class SurfaceOverPlaces:
             now = np.where(active[:, None], coordinates(result.reshape(len(eta), -1)), last)
             active &= np.abs(now - last).max(axis=1, initial=0.0) > TOLERANCE * self._plane.cell_size
             last = now
-        raise ConvergenceError("the elevation over a place beside the paddle could not be computed")
+        raise ConvergenceError("the elevation at a position beside the paddle could not be computed")

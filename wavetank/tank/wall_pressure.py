@@ -1,10 +1,11 @@
-"""What the water's pressure does on walls: forces, their moments, and what a paddle does against it.
+"""Pressure of the water on walls: forces, their moments, and the force and power of a paddle.
 
     force = int p n dS,   n dS = J F^-T N dzeta h dX
 
 on the wall, with N out of the water in the reference tank and the matrix F of the mapping (Nanson's formula). The
-pressure is that of ``kinematics.py``, whose velocity across a wall is the wall's to the order p of the elements; what
-that misses enters the pressure squared.
+pressure is that of ``kinematics.py``. The velocity across a wall equals that of the wall to the order p of the
+elements;
+the square of its error enters the pressure.
 """
 
 from collections.abc import Sequence
@@ -22,18 +23,18 @@ from wavetank.fem.points import Cells
 from wavetank.tank.kinematics import Kinematics, MovingWater
 from wavetank.tank.walls import LinearPaddle, Paddle, Polynomial
 
-RINGS = 1  # of cells, about those at a wall
+RINGS = 1  # rings of cells around those at a wall
 
 
 class Load(NamedTuple):
-    """What the water does on a wall, in a slice per width.
+    """The load of the water on a wall, in a slice per width.
 
     Attributes
     ----------
     force
-        Along x, y and z [N, N/m], shape (3,).
+        Force along x, y and z [N, N/m], shape (3,).
     moment
-        About the lines along x, y and z through a point [N m, N], shape (3,).
+        Moment about the axes along x, y and z through a point [N m, N], shape (3,).
     """
 
     force: Vector
@@ -46,14 +47,14 @@ class WallPressure:
     Parameters
     ----------
     walls
-        Facet tags of each, with 1 where it is.
+        Facet tags of each wall, with 1 at the wall.
     density
-        Of the water [kg/m³].
+        Density of the water [kg/m³].
 
     Attributes
     ----------
     plane
-        The horizontal space.
+        Horizontal space.
     """
 
     def __init__(self, water: MovingWater, walls: Sequence[mesh.MeshTags], *, density: float):
@@ -65,7 +66,7 @@ class WallPressure:
         self._pressure: Vector = np.zeros(0)
 
     def _forms(self, facets: mesh.MeshTags) -> list[ScalarForm | None]:
-        """Return the forces along x, y and z; None where there is none."""
+        """Return the forms of the forces along x, y and z; None for a vanishing force."""
         water, plane = self._water, self._water.plane
         (h, d, mapping), out = (
             (water.h.function, water.waves.bed.d, water.densities.mapping),
@@ -78,18 +79,18 @@ class WallPressure:
             part = float(weight) * mapping.J(z) * self._spread.function[k]
             for axis in range(plane.mesh.geometry.dim):
                 forces[axis] += part * h * along[axis]
-            forces[2] += part * rise  # which is times h already
+            forces[2] += part * rise  # contains the factor h
         on_it = ufl.ds(domain=plane.mesh, subdomain_data=facets)(1)
         return [None if isinstance(force, Zero) else ScalarForm(force * on_it, plane.comm) for force in forces]
 
     def find(self, q: Vector, p: Vector, t: float) -> None:
-        """Find the pressure of a state; collective."""
+        """Compute the pressure of a state; collective."""
         water = self._water
         water.find_rates(q, p, t)
         self._pressure = -self._density * (self._kinematics.layers().head + water.waves.gravity * water.nodes[..., 2])
 
     def load(self, wall: int, about: Vector) -> Load:
-        """Return what the pressure does on one of the walls, moments about a point (x, y, z) [m]; collective."""
+        """Return the load of the pressure on one of the walls, with moments about a point (x, y, z) [m]; collective."""
         force, arms = self._force(wall, self._pressure), np.moveaxis(self._water.nodes - about, -1, 0)
         (_, x_y, x_z), (y_x, _, y_z), (z_x, z_y, _) = (self._force(wall, self._pressure * arm) for arm in arms)
         return Load(force, np.array([y_z - z_y, z_x - x_z, x_y - y_x]))
@@ -100,9 +101,9 @@ class WallPressure:
         return np.array([0.0 if form is None else form.assemble() for form in self._forces[wall]])
 
     def beyond_still_water(self, wall: int, shape: Polynomial, weights: Vector | float) -> Vector:
-        """Return the force of the pressure times f(z) and weights, shape (rows,), less that of still water; collective.
+        """Return the force of the pressure times f(z) and weights, shape (rows,), beyond the static force; collective.
 
-        What that presses with, int -rho g z f dz from the bed to z = 0, is taken off in equal parts from the bed to the
+        The still-water part, int -rho g z f dz from the bed to z = 0, is subtracted uniformly from the bed to the
         surface.
         """
         zeta, z, vertical = self._kinematics.levels[:, None], self._water.nodes[..., 2], self._water.vertical
@@ -114,17 +115,17 @@ class WallPressure:
 
 
 class PaddlePush:
-    """What a paddle does against the water beyond what it does against still water, as the energy budget counts.
+    """Force and power of a paddle on the water, relative to still water, as in the energy budget.
 
     Parameters
     ----------
     wall
-        Which of the walls it is, by number.
+        Number of the wall.
 
     Attributes
     ----------
     y
-        Places along the paddle of all degrees of freedom that this rank sees [m], shape (rows,).
+        Positions along the paddle of all degrees of freedom of this rank and its ghosts [m], shape (rows,).
     """
 
     def __init__(self, pressure: WallPressure, wall: int, paddle: Paddle | LinearPaddle):
@@ -134,7 +135,7 @@ class PaddlePush:
         self._normal = np.append(paddle.side.normal, 0.0)
 
     def against(self, velocity: Vector | float) -> float:
-        """Return the power [W] of a velocity X_p' [m/s] at ``y``; of 1 m/s the force that goes with X_p [N].
+        """Return the power [W] of a velocity X_p' [m/s] at ``y``; for 1 m/s the force conjugate to X_p [N].
 
         In a slice per width. Collective.
         """
@@ -147,7 +148,7 @@ class PaddlePush:
 
 
 def _cells_at(plane: Plane, walls: Sequence[mesh.MeshTags]) -> Cells:
-    """Return this rank's cells at some walls."""
+    """Return the cells of this rank at some walls."""
     topology = plane.mesh.topology
     topology.create_connectivity(topology.dim - 1, topology.dim)
     behind = topology.connectivity(topology.dim - 1, topology.dim)

@@ -2,7 +2,7 @@
 
     L = int psi d_t Q dX - H(Q, psi, t)     (Miles' principle, of the form (1) of Gagarina et al. 2016)
 
-with the column mass Q = M_J h as coordinate, which is ours, and the surface potential psi as momentum, so that
+with our coordinate, the column mass Q = M_J h, and the surface potential psi as momentum, so that
 Hamilton's equations (4) are dQ/dt = H_psi and dpsi/dt = -M_J^-1 H_h. At the interior potential of a state every
 derivative is a partial derivative of the one discrete functional K(phi, h) + V(h) + W(phi, h; t), because phi makes it
 stationary.
@@ -43,9 +43,9 @@ class Tolerances:
     Attributes
     ----------
     stage
-        Of an implicit stage: root mean square error relative to that of the waves, elevation and potential.
+        Implicit stages: root mean square error relative to the size of the waves, in elevation and potential.
     interior
-        Of an interior potential: residual in the energy norm, relative to the right-hand side.
+        Interior potential: residual in the energy norm, relative to the right-hand side.
     petsc
         Whether PETSc's SNES solves the stages.
     """
@@ -66,14 +66,14 @@ class HistoryState:
 
 
 class Solves:
-    """The history of some solves of water, as a part of a run whose state can be replaced."""
+    """The history of some solves of water, as a part of a run with a replaceable state."""
 
     def __init__(self, waves: Any, history: Any):
         self._waves, self._history = waves, history
 
     @property
     def state(self) -> Any:
-        """The state of the history; None of a system without any."""
+        """State of the history; None for a system without one."""
         return getattr(self._history, "state", None)
 
     @state.setter
@@ -83,20 +83,20 @@ class Solves:
 
 @dataclass(eq=False)
 class SolverHistory:
-    """Earlier solves of one caller: of a run, or of probes.
+    """Previous solves of one caller: of a run, or of probes.
 
     Attributes
     ----------
     owner
-        By what name motions know who may ask again for the time of a preconditioner.
+        Name under which motions retain the time of the preconditioner.
     interior
-        The interior solver: earlier solutions, and the preconditioner.
+        Interior solver: previous solutions, and the preconditioner.
     stages
-        Earlier solutions of implicit stages.
+        Previous solutions of implicit stages.
     preconditioner_t, preconditioner_column
-        When the wall stood as the preconditioner has it [s], and the water column there [m], shape (owned,).
+        Time of the wall's position in the preconditioner [s], and the water column there [m], shape (owned,).
     compiled
-        The interior solver as one compiled call, along a slice on one rank.
+        Interior solver as one compiled call, along a slice on one rank.
     """
 
     owner: str
@@ -119,23 +119,23 @@ class NonlinearWaves(DiscreteEnergy):
     Parameters
     ----------
     plane
-        The horizontal space.
+        Horizontal space.
     depth
-        Still-water depth d [m], a number or a function of places (x, y) [m].
+        Still-water depth d [m], a number or a function of positions (x, y) [m].
     gravity
-        [m/s²].
+        g [m/s²].
     wall
-        The wall that can move.
+        Wall that can move.
     vertical_order
         n.
     tolerances
-        Of the solves.
+        Tolerances of the solves.
 
     Attributes
     ----------
     level
-        The mean of the surface potential of the state evaluated last [m²/s]. The potential omits it: it drifts without
-        end (Bernoulli), and would take the accuracy of the solves with it.
+        Mean of the surface potential of the last evaluated state [m²/s]. The potential omits it: it drifts without
+        bound (Bernoulli), and would reduce the accuracy of the solves.
     """
 
     def __init__(
@@ -158,11 +158,11 @@ class NonlinearWaves(DiscreteEnergy):
             tolerance=self._tolerances.interior,
             unit=self.unit,
         )
-        self._inputs = np.zeros((3 if wall.moves else 2, plane.owned))  # what a potential depends on [m]
+        self._inputs = np.zeros((3 if wall.moves else 2, plane.owned))  # inputs of the potential [m]
         self.level = 0.0
         self._paddles: Sequence[Any] = wall.paddles
         self._has_feedback = any(isinstance(one.motion, FeedbackMotion) for one in self._paddles)
-        self.history: SolverHistory = self.new_history("steps")  # before anything that is compiled with it is called
+        self.history: SolverHistory = self.new_history("steps")  # before the first call of its compiled functions
         with self.bed.levelled():
             self.still = self.layer.assemble()
         self._move(0.0)
@@ -172,17 +172,17 @@ class NonlinearWaves(DiscreteEnergy):
 
     @property
     def slice_solver(self) -> SliceSolver | None:
-        """The compiled solver of steps, of a slice on one rank; None elsewhere."""
+        """Compiled solver of steps, along a slice on one rank; None elsewhere."""
         return self.history.compiled
 
     @property
     def potential(self) -> InteriorPotential:
-        """The interior solver of the steps."""
+        """Interior solver of the steps."""
         return self.history.interior
 
     @property
     def stages(self) -> StageHistories:
-        """The history of the stages of the steps."""
+        """History of the stages of the steps."""
         return self.history.stages
 
     # ------------------------------------------------------------------------------------------ evaluations
@@ -199,8 +199,9 @@ class NonlinearWaves(DiscreteEnergy):
     ) -> WaterEvaluation:
         """Return the evaluation at (q, p, t); collective.
 
-        It comes with the slopes of H beside a feedback paddle, and with the potential below the surface if asked for.
-        Raises ``BreakdownError`` and ``ConvergenceError``.
+        It has the derivatives of H by paddle motions if a paddle has feedback or on request, and the interior potential
+        on
+        request. Raises ``BreakdownError`` and ``ConvergenceError``.
         """
         history = history or self.history
         if t != self.t:
@@ -227,17 +228,17 @@ class NonlinearWaves(DiscreteEnergy):
         )
 
     def residual(self) -> Vector:
-        """Return A phi + dW/dphi for column, potential and wall as they are, shape (owned, n+1); collective."""
+        """Return A phi + dW/dphi for the current column, potential and wall, shape (owned, n+1); collective."""
         return self.operator.apply(self.phi.rows) + self.wall_terms.vector()
 
     def _begin_at(self, guess: WaterEvaluation | None) -> None:
-        """Set the column that Newton's method beside a paddle that leans begins at; collective."""
+        """Set the column at which Newton's method begins beside a leaning paddle; collective."""
         if self.wall.leans:
             self.h.set(self.bed.still if guess is None else self.bed.still + guess.eta)
             self.mass.update()
 
     def _solve(self, q: Vector, p: Vector, t: float, history: SolverHistory) -> Solution:
-        """Return the solution at (q, p), the wall as it is at t; column and potential are set; collective."""
+        """Return the solution at (q, p), with the wall at its position at t; sets column and potential; collective."""
         self._set_surface(q, p, t)
         if history.interior.patience is None:
             history.preconditioner_t, history.preconditioner_column = self.t, self.h.owned.copy()
@@ -249,7 +250,7 @@ class NonlinearWaves(DiscreteEnergy):
         except ConvergenceError as error:
             raise ConvergenceError(f"t = {t:.6g} s: {error}") from None
         dq = flow + by_wall[:, -1]
-        derivative = self.operator.derivative(self.phi.rows)  # the operator has all but the wall's
+        derivative = self.operator.derivative(self.phi.rows)  # without the part of the wall
         by_q = self.mass.solve(derivative + self.wall_terms.by_column())
         square = summed(self.plane.comm, float(np.vdot(self._inputs[:2], self._inputs[:2])))
         rows = np.stack([dq, -by_q, by_q, q, p, self._inputs[0]])
@@ -261,10 +262,10 @@ class NonlinearWaves(DiscreteEnergy):
         if self.wall.leans:
             self.mass.update()
         if summed(self.plane.comm, float(not np.minimum.reduce(self.h.owned, initial=np.inf) > 0.0)) > 0.0:
-            self.refuse_column(t)
+            self.check_column(t)
         self.level = self.plane.sum(p) / self.plane.size
         if not np.isfinite(self.level):
-            raise BreakdownError(f"t = {t:.6g} s: the surface's potential is no longer a number")
+            raise BreakdownError(f"t = {t:.6g} s: the surface potential is not finite")
         self.phi.owned[:, -1] = p - self.level
         self.phi.fetch()
         self.operator.update()
@@ -272,7 +273,7 @@ class NonlinearWaves(DiscreteEnergy):
         np.divide(self.phi.owned[:, -1], self.speed, out=self._inputs[1])
 
     def set_time(self, t: float) -> None:
-        """Move the wall to where it stands at t [s], and with it the mass matrix and the bed; collective."""
+        """Move the wall to its position at t [s], and update the mass matrix and the bed; collective."""
         if t != self.t:
             self._move(t)
 
@@ -295,7 +296,7 @@ class NonlinearWaves(DiscreteEnergy):
         np.multiply(self.depth / self.speed, self.wall.velocities, out=self._inputs[2])
 
     def new_history(self, owner: str) -> SolverHistory:
-        """Return a history of solves without any; collective."""
+        """Return an empty history of solves; collective."""
         minimum, walls = self._minimum(), self.wall_terms.along
         interior = InteriorPotential(minimum, self.phi, inputs=len(self._inputs), plane=self.plane, unit=self.unit)
         surface_points(self.plane, self.wall, self.unit)  # adds their functions to the unit
@@ -337,7 +338,7 @@ class NonlinearWaves(DiscreteEnergy):
         return np.asarray(self.columns.solve(q) - self.bed.still)
 
     def elevation_change(self, at: WaterEvaluation, dq: Vector) -> Vector:
-        """Return by how much eta changes with the masses at an evaluation, to first order [m]; collective."""
+        """Return the change of eta for a change of the masses at an evaluation, to first order [m]; collective."""
         if at.t != self.t:
             self._move(at.t)
         if self.history.compiled is not None:
@@ -370,7 +371,7 @@ class NonlinearWaves(DiscreteEnergy):
         *,
         history: SolverHistory | None = None,
     ) -> Vector:
-        """See ``StagedSystem``; of a slice on one rank by one compiled call, unless that does not converge."""
+        """See ``StagedSystem``; along a slice on one rank one compiled call, unless it does not converge."""
         history = history or self.history
         compiled, solver, stages, begin = history.compiled, self.stage_solver, history.stages, None
         if compiled is not None and guess is not None and not isinstance(a, tuple) and not solver.petsc:
@@ -408,5 +409,5 @@ class NonlinearWaves(DiscreteEnergy):
 
     @cached_property
     def largest_frequency(self) -> float:
-        """The largest angular frequency the mesh carries on still water [rad/s], by Lanczos iteration; collective."""
+        """Largest angular frequency of the mesh on still water [rad/s], by Lanczos iteration; collective."""
         return largest_frequency(self)

@@ -1,4 +1,4 @@
-"""The walls of a tank: their mapping, their part of the Hamiltonian, their places."""
+"""The walls of a tank: their mappings, their part of the Hamiltonian, their positions."""
 
 from wavetank.tank.walls.paddle import LinearPaddle, Paddle
 from wavetank.tank.walls.shape import Polynomial

@@ -2,9 +2,9 @@
 
     x = X + a f(z) s(X) X_p(y, t),   J = 1 + f a . grad(s X_p),   mesh velocity = a f s X_p'
 
-with a unit vector a across the paddle, X_p counted along it, its shape f (``shape.py``; of a vertical wall f = 1), s
-falling smoothly from 1 at the paddle's rest position to 0 at the mapping's reach (motion/motion.py), and y along the
-paddle. Of two paddles at opposite ends f s X_p is the sum of both, one of which is zero everywhere. At a height z its
+with a unit vector a normal to the paddle, X_p along it, the shape f (``shape.py``; for a vertical wall f = 1), s
+decreasing smoothly from 1 at the paddle's rest position to 0 at the mapping's reach (motion/motion.py), and y along the
+paddle. For two paddles at opposite ends f s X_p is the sum of both, one of which is zero everywhere. At a height z the
 matrix is F = 1 + f a (x) grad(s X_p), so that a potential u has in physical space the gradient
 
     F^-T grad u = grad u - f grad(s X_p) (a . grad u) / J,     u_z - f' s X_p (a . grad u) / J  upwards.
@@ -35,7 +35,7 @@ class Shift:
     parts: Sequence[tuple[Any, Polynomial]] = ()
 
     def stretching(self, factor: Callable[[Polynomial], Any]) -> Any:
-        """Return a . grad(f s X_p), the relative widening of elements, for a factor f of each shape."""
+        """Return a . grad(f s X_p), the relative stretching of elements, with a given factor for each f."""
         return sum(factor(shape) * ufl.inner(self.axis, ufl.grad(length)) for length, shape in self.parts)
 
     def J(self, z: Any) -> Any:
@@ -43,7 +43,7 @@ class Shift:
         return ufl.as_ufl(1 + self.stretching(lambda shape: shape.value(z)))
 
     def flow(self, slope: Any, rise: Any, *, h: Any, z: Any) -> tuple[Any, Any]:
-        """Return F^-T slope, and the rise less what points at other heights are displaced."""
+        """Return F^-T slope, and the rise minus the part from the displacement at other heights."""
         if not self.parts:
             return slope, rise
         along = ufl.inner(self.axis, slope) / self.J(z)
@@ -52,14 +52,14 @@ class Shift:
         return self._physical(slope, gradient, self.J(z)), rise - aside
 
     def gradient(self, f: Any, z: Any) -> Any:
-        """Return the gradient along the surface; in one dimension that is f_X / x_X."""
+        """Return the gradient along the surface; in one dimension f_X / x_X."""
         if not self.parts:
             return ufl.grad(f)
         gradient = sum(ufl.grad(shape.value(z) * length) for length, shape in self.parts)
         return self._physical(ufl.grad(f), gradient, 1 + ufl.inner(self.axis, gradient))
 
     def moment(self, eta: Any, d: Any) -> Any:
-        """Return 1/2 eta^2, wider by the mean of f."""
+        """Return 1/2 eta^2, stretched by the mean of f."""
         return 0.5 * (1 + self.stretching(lambda shape: shape.mean(eta))) * eta**2
 
     def _physical(self, slope: Any, gradient: Any, J: Any) -> Any:

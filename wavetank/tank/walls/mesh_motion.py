@@ -15,14 +15,14 @@ from wavetank.tank.walls.side import Side
 class MeshMotion:
     """s X_p, s X_p' and s X_p'' in the horizontal space [m, m/s, m/s²], so that uniform flow is exact on any mesh.
 
-    They count along x, whichever way the paddle faces; X_p alone is positive into the water.
+    Their sign is that of x, for both directions of a paddle; X_p alone is positive into the water.
 
     Parameters
     ----------
     motion
-        X_p(y, t) with its exact derivatives; of a rigid paddle the same at all y.
+        X_p(y, t) with its exact derivatives; for a rigid paddle the same at all y.
     s
-        A field of the horizontal space.
+        Field of the horizontal space.
 
     Attributes
     ----------
@@ -31,12 +31,12 @@ class MeshMotion:
     position, speed, acceleration, blending
         s X_p, s X_p', s X_p'' and s.
     t
-        The time [s] of the values.
+        Time of the values [s].
     velocities
-        X_p' at the y of the owned degrees of freedom [m/s], shape (owned,), in one array for good; of a rigid paddle
+        X_p' at the y of the owned degrees of freedom [m/s], shape (owned,), in a permanent array; for a rigid paddle
         ().
     rates
-        X_p, X_p' and X_p'' of a rigid paddle [m, m/s, m/s²], shape (3,), for good; nan of any other.
+        X_p, X_p' and X_p'' of a rigid paddle [m, m/s, m/s²], shape (3,), in a permanent array; otherwise nan.
     """
 
     def __init__(self, motion: Motion, *, plane: Plane, side: Side, s: Field):
@@ -52,7 +52,7 @@ class MeshMotion:
 
     @property
     def displaced(self) -> float:
-        """How far from rest the paddle is at most [m]."""
+        """Largest displacement of the paddle from rest [m]."""
         positions = self._rates[0]
         return float(np.abs(positions).max(initial=0.0)) if np.ndim(positions) else abs(float(positions))
 
@@ -65,7 +65,7 @@ class MeshMotion:
         return rates
 
     def set_time(self, t: float) -> bool:
-        """Move to where the paddle is at t [s]; return whether its position has changed; collective."""
+        """Move to the position at t [s]; return whether the position has changed; collective."""
         if t == self.t:
             return False
         before = self._rates[0].copy()
@@ -76,7 +76,7 @@ class MeshMotion:
 
     @contextmanager
     def at_speed(self, speed: float) -> Iterator[None]:
-        """Have another speed [m/s], positive into the water, within a context; collective."""
+        """Set another velocity [m/s], positive into the water, within a context; collective."""
         velocities, self.velocities = self.velocities, np.array(speed)
         self._set(self.speed, self.velocities)
         yield
@@ -84,7 +84,7 @@ class MeshMotion:
         self._set(self.speed, velocities)
 
     def accelerate(self, acceleration: float | None) -> None:
-        """Set the acceleration [m/s²], positive into the water, or that of the motion; collective."""
+        """Set the acceleration [m/s²], positive into the water, by default that of the motion; collective."""
         self._set(self.acceleration, self._rates[2] if acceleration is None else acceleration)
 
     def _set(self, field: Field, values: Vector | float) -> None:
@@ -93,9 +93,9 @@ class MeshMotion:
             field.fetch()
 
     def positions(self, t: float, y: Vector) -> Vector:
-        """Return X_p at t [s] and places y along the paddle [m], shape (N,)."""
+        """Return X_p at t [s] and positions y along the paddle [m], shape (N,)."""
         return np.full(y.shape, self.kinematics.motion.position(t, y))
 
     def speeds(self, y: Vector) -> Vector:
-        """Return X_p' at places y along the paddle [m/s], shape (N,)."""
+        """Return X_p' at positions y along the paddle [m/s], shape (N,)."""
         return np.full(y.shape, self.kinematics.motion.velocity(self.t, y) if self.velocities.ndim else self.velocities)

@@ -1,6 +1,6 @@
-"""A wall that moves: mode shape f(z), motion X_p(t) and side.
+"""A moving wall: mode shape f(z), motion X_p(t) and side.
 
-Its mapping is x = X + s(X) f(z) X_p (``mapping.py``), and what it adds to the Hamiltonian is in ``terms.py``.
+Its mapping is x = X + s(X) f(z) X_p (``mapping.py``); ``terms.py`` has its part of the Hamiltonian.
 """
 
 from typing import Any
@@ -21,11 +21,11 @@ from wavetank.tank.walls.mesh_motion import MeshMotion
 from wavetank.tank.walls.shape import UPRIGHT, Polynomial
 from wavetank.tank.walls.side import Side
 
-DESCRIPTIONS = {  # the part of the Hamiltonian, and the mapping, in words
+DESCRIPTIONS = {  # description of the part of the Hamiltonian, and of the mapping
     "fixed": (Part("wall", "", "nothing moves there"), "x = X, F = J = 1: no wall moves"),
     "linear": (
         Part("wall", "Ẋ_p d ∫ f φ dζ at the paddle"),
-        "x = X, F = J = 1: linear waves leave the wall where it is",
+        "x = X, F = J = 1: the wall of linear waves does not move",
     ),
     "upright": (
         Part("wall", "∫ ψ ∇·(ẋ h) dX + Ẋ_p ∫ h φ dζ at the paddle,  ẋ = s Ẋ_p"),
@@ -39,16 +39,16 @@ DESCRIPTIONS = {  # the part of the Hamiltonian, and the mapping, in words
 
 
 class LinearPaddle:
-    """A paddle of linear waves: it stays at its rest position, and what it displaces flows through it.
+    """A paddle of linear waves: a permeable wall at its rest position, with a flux equal to the displaced volume.
 
     Parameters
     ----------
     motion
         X_p(t) with its exact derivatives.
     side
-        Where the wall is.
+        Side of the wall.
     shape
-        f(z); by default it is vertical.
+        f(z); default: vertical.
     """
 
     moves = leans = False
@@ -60,19 +60,20 @@ class LinearPaddle:
 
 
 class Paddle:
-    """A paddle of nonlinear waves; the mapping has its displacement. Over the reach of one that leans the bed is flat.
+    """A paddle of nonlinear waves, with a mapping. Within the reach of a leaning paddle the bed is flat.
 
     Parameters
     ----------
     motion
         X_p(t), or X_p(y, t), with its exact derivatives.
     reach
-        Where the mapping has died out [m]; of the vertices up to there the farthest is taken, so that s is
-        smooth within cells on meshes with a row of vertices there.
+        Distance at which the mapping becomes the identity [m]. The largest distance of a vertex up to it is used, so
+        that
+        s is smooth within cells on meshes with a row of vertices there.
     side
-        Where the wall is.
+        Side of the wall.
     shape
-        f(z); by default it is vertical.
+        f(z); default: vertical.
 
     Attributes
     ----------
@@ -81,13 +82,13 @@ class Paddle:
     mesh_motion
         s X_p, s X_p', s X_p''.
     axis
-        The unit vector along x across the paddle, in UFL.
+        Unit vector normal to the paddle, in the direction of x, in UFL.
     cells, displaced_dofs
-        This rank's cells, ghosts among them, and owned degrees of freedom that are displaced.
+        Displaced cells of this rank, including ghosts, and displaced owned degrees of freedom.
     displaced_measure
-        The measure over these cells.
+        Measure over these cells.
     mapping
-        To the reference tank.
+        Mapping to the reference tank.
     """
 
     moves = True
@@ -108,7 +109,7 @@ class Paddle:
         self.mesh_motion.set_time(0.0)
 
     def _last(self, distances: Vector, reach: float) -> float:
-        """Return the largest of the distances up to a reach, or the smallest there is beyond it; collective."""
+        """Return the largest distance within a reach, or else the smallest distance beyond it; collective."""
         tolerance = 1e-6 * self.plane.cell_size
         within = float(distances[distances < reach + tolerance].max(initial=0.0))
         beyond = float(distances[distances >= reach + tolerance].min(initial=np.inf))
@@ -116,17 +117,17 @@ class Paddle:
         return within if within > tolerance else float(self.plane.comm.allreduce(beyond, op=MPI.MIN))
 
     def blending(self, places: Vector) -> Vector:
-        """Return s at reference places [m], shape (N,)."""
+        """Return s at reference positions [m], shape (N,)."""
         return blending(np.asarray(self.side.distances(places) / self.reach))
 
     @property
     def node(self) -> int:
-        """Where it is: the degree of freedom, along a slice on one rank."""
+        """Degree of freedom at the paddle, along a slice on one rank."""
         return int(self.plane.at(self.side.facets)[0])
 
     @property
     def largest_stroke(self) -> float:
-        """How far it can go into the water before the mapping folds [m]."""
+        """Largest displacement into the water before the mapping folds [m]."""
         return largest_stroke(self.reach)
 
     @property
@@ -135,7 +136,7 @@ class Paddle:
         return self.mesh_motion.kinematics
 
     def at_surface(self, eta: Vector, still: Vector | float) -> Vector:
-        """Return what ``Wall.at_surface`` sums."""
+        """Return the contributions to ``Wall.at_surface``."""
         far, fast = self.mesh_motion.position.owned, self.mesh_motion.speed.owned
         f, slope, mean = self.shape.at_still_water
         f_surface = f + slope * eta
@@ -143,15 +144,15 @@ class Paddle:
         return np.array([far * f_surface, fast * f_surface, fast * flux, far * slope])
 
     def after(self, dt: Any) -> Shift:
-        """Return the mapping when the paddle has moved on for dt [s] at its velocity; dt in UFL."""
+        """Return the mapping after a motion for dt [s] at the current velocity; dt in UFL."""
         position, speed = self.mesh_motion.position.function, self.mesh_motion.speed.function
         return Shift(self.axis, [(position + dt * speed, self.shape)])
 
     def stretching(self, energy: WaterEnergy, mu: Any) -> Any:
-        """Return the density of dH/dt at fixed (Q, psi) by columns, which the wall stretches; mu = M_J^-1 H_h."""
+        """Return the density of dH/dt at fixed (Q, psi) by the stretching of columns; mu = M_J^-1 H_h."""
         moved = Shift(self.axis, [(self.mesh_motion.speed.function, self.shape)])
         return -moved.stretching(lambda shape: shape.column(energy.h, energy.d)) * mu
 
     def flux(self, psi: Any, energy: WaterEnergy) -> Any:
-        """Return the density of F over the cells for s v = 1 m/s, in UFL: of W in the water beside the paddle."""
+        """Return the density of F over the cells for s v = 1 m/s, in UFL: the part of W beside the paddle."""
         return -self.shape.column(energy.h, energy.d) * ufl.inner(self.axis, ufl.grad(psi))

@@ -1,11 +1,13 @@
-"""The mode shape f(z) of a paddle at x = f(z) X_p: of its mapping, and of columns beside it.
+"""The mode shape f(z) of a paddle at x = f(z) X_p, for its mapping and for columns beside it.
 
 A vertical wall has f = 1. All others are polynomials in z, so that all integrals have closed forms,
-and compiled code is the same for all of one degree. A shape with a kink, as of a flap hinged above the bed, gets the
-polynomial of degree 16 that is nearest to it, from the bed to half a depth above still water, among those with its
-value and slope at still water and its moments with all polynomials of degree up to 8 below: of what linear theory knows
-of a paddle, int f cosh k(z + d) dz, it then misses 1e-6 for k d up to 10. The water's potential, itself a polynomial
-over the column, could tell no more.
+and compiled code depends on the degree only. A shape with a kink, such as a flap hinged above the bed, is approximated
+by a polynomial of degree 16. It is the nearest one, from the bed to half a depth above still water, among those with
+the
+shape's value and slope at still water and its moments with all polynomials of degree up to 8 below. Linear theory
+depends
+on int f cosh k(z + d) dz, whose error is 1e-6 for k d up to 10. The potential, itself a polynomial
+over the column, cannot resolve more.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,22 +25,22 @@ from wavetank.base.arrays import Vector
 from wavetank.motion.motion import TOP
 
 DEGREES, HIGHEST, MOMENTS = (0, 1, 2, 4, 8), 16, 9
-EXACT = 1e-11  # of the largest value
-POINTS = 40  # of Gauss' rule between two kinks
+EXACT = 1e-11  # error of an exact fit, relative to the largest value
+POINTS = 40  # number of Gauss points between two kinks
 
 
 @dataclass(frozen=True)
 class Polynomial:
-    """f = sum_k c_k tau^k, tau = -z / unit: 0 at still water, and 1 a unit below.
+    """f = sum_k c_k tau^k, tau = -z / unit: 0 at still water, and 1 one unit below.
 
-    (Counted upwards compiled code takes twice as much: what two of its parts have in common differs by signs then.)
+    (In powers of +z compiled code is twice as large: common terms of its parts differ by signs then.)
 
     Attributes
     ----------
     coefficients
         c_k, constants of a mesh or numbers.
     unit
-        [m], in the same way.
+        Unit [m], a constant or a number.
     """
 
     coefficients: Sequence[Any]
@@ -46,7 +48,7 @@ class Polynomial:
 
     @property
     def degree(self) -> int:
-        """Of the polynomial."""
+        """Degree of the polynomial."""
         return len(self.coefficients) - 1
 
     @property
@@ -57,7 +59,7 @@ class Polynomial:
 
     @cached_property
     def at_still_water(self) -> tuple[float, float, float]:
-        """Value and slope f' [1/m] at still water, and the mean of f down to a unit below it, where the bed is."""
+        """Value and slope f' [1/m] at still water, and the mean of f down to one unit below it, the bed."""
         c, unit = self.powers
         mean = sum(one / (k + 1) for k, one in enumerate(c))
         return c[0], -(c[1] if len(c) > 1 else 0.0) / unit, mean
@@ -89,7 +91,7 @@ class Polynomial:
         return (h - d) * horner(integral, (d - h) / self.unit) + d * horner(integral, d / self.unit)
 
     def at(self, z: Vector) -> Vector:
-        """Return f at heights [m], numbers of any shape."""
+        """Return f at heights [m], numbers in an array of any shape."""
         c, unit = self.powers
         return np.asarray(horner([*c], -z / unit) + 0.0 * z)
 
@@ -110,7 +112,7 @@ UPRIGHT = Upright((1,), 1)
 
 
 def horner(coefficients: Sequence[Any], x: Any) -> Any:
-    """Return sum_k c_k x^k; 0 of none."""
+    """Return sum_k c_k x^k; 0 without coefficients."""
     if not coefficients:
         return 0 * x
     *rest, value = coefficients
@@ -122,7 +124,7 @@ def horner(coefficients: Sequence[Any], x: Any) -> Any:
 def fitted(f: Callable[[Vector], Vector], depth: float, *, kinks: Sequence[float] = ()) -> Vector:
     """Return the coefficients of (z / depth)^k, shape (degree + 1,), of the polynomial for a shape f(z).
 
-    It is the shape itself where that is a polynomial of one of the ``DEGREES``.
+    It is the shape itself if that is a polynomial of one of the ``DEGREES``.
     """
     top = TOP * depth
     below, above = ([-depth, *(z for z in sorted(kinks) if -depth < z < 0.0), 0.0], [0.0, top])
@@ -153,7 +155,7 @@ def _powers(coefficients: Vector) -> Vector:
 
 
 def _gauss(ends: Sequence[float]) -> tuple[Vector, Vector]:
-    """Return places and weights of Gauss' rule between each two ends [m]."""
+    """Return points and weights of Gauss' rule between consecutive ends [m]."""
     x, w = legendre.leggauss(POINTS)
     edges = np.asarray(ends)
     middle, half = 0.5 * (edges[1:] + edges[:-1])[:, None], 0.5 * np.diff(edges)[:, None]
@@ -161,6 +163,6 @@ def _gauss(ends: Sequence[float]) -> tuple[Vector, Vector]:
 
 
 def _nearest(A: Vector, b: Vector, C: Vector, c: Vector) -> Vector:
-    """Return x of least 1/2 x A x - b x with C x = c."""
+    """Return the minimiser x of 1/2 x A x - b x under C x = c."""
     system = np.block([[A, C.T], [C, np.zeros((len(c), len(c)))]])
     return np.asarray(np.linalg.lstsq(system, np.concatenate([b, c]), rcond=1e-13)[0][: len(b)])

@@ -1,17 +1,19 @@
-"""What paddles add to the Hamiltonian.
+"""The part of the Hamiltonian that paddles add.
 
     W = F(X_p'),     F(v) = - int s v R a . grad psi dX + int v h f (phi - psi) dzeta at the paddle
 
-with the shape f(z) of the paddle and R = int f dz over the column, of a vertical wall f = 1 and R = h. By parts this is
-int psi a . grad(s v R) dX + int v h f phi dzeta, written so that psi = phi = 1 gives zero whatever the quadrature.
-H(Q, psi, t) depends on time through X_p, X_p' and the depth under points that the wall moves, so at fixed (Q, psi)
+with the shape f(z) of the paddle and R = int f dz over the column, for a vertical wall f = 1 and R = h. By parts this
+is
+int psi a . grad(s v R) dX + int v h f phi dzeta; in the form above psi = phi = 1 gives zero for any quadrature.
+H(Q, psi, t) depends on time through X_p, X_p' and the depth under displaced points, so at fixed (Q, psi)
 
     dH/dt = d/dt (K + V)  -  int a . grad(s X_p') R mu dX  +  F(X_p''),     mu = M_J^-1 H_h     (ours)
 
-the first with X_p and d going on as they move now, the second because h moves at fixed Q = h + a . grad(s X_p) R.
+The first term is the rate with X_p and d at their current velocities. The second follows from the change of h at fixed
+Q = h + a . grad(s X_p) R.
 
 On any mesh and number of ranks derivatives of W and the power are assembled forms. Along a slice on one rank they are C
-code, made of the same densities (``fem/kernels/layers.c``).
+code, generated from the same densities (``fem/kernels/layers.c``).
 """
 
 from collections.abc import Callable, Sequence
@@ -41,14 +43,14 @@ class WallTerms:
     Parameters
     ----------
     wall, paddles
-        The walls, and the paddles that move.
+        The walls, and the moving paddles.
     water
         The ``DiscreteEnergy`` with densities, potential, bed, vertical space and translation unit, here and below.
 
     Attributes
     ----------
     hamiltonian
-        W in UFL under its name; empty where there is none.
+        W in UFL under its name; empty without paddles.
     along
         W of each paddle as compiled code, along a slice on one rank; None elsewhere.
     """
@@ -99,13 +101,13 @@ class WallTerms:
         return result
 
     def explicit_rate(self, mu: Callable[[], Vector]) -> float:
-        """Return dH/dt at fixed (Q, psi); ``mu`` evaluates that point and gives M_J^-1 H_h there; collective."""
+        """Return dH/dt at fixed (Q, psi); ``mu`` evaluates that point and returns M_J^-1 H_h; collective."""
         by_column = mu()
         self._follow()
         return sum(terms.power(by_column) for terms in self._each)
 
     def _follow(self) -> None:
-        """Update the rate of the bed's depth as the wall moves; collective."""
+        """Update the rate of the bed's depth for the motion of the wall; collective."""
         if self._paddles and self._t != self._paddles[0].mesh_motion.t:
             self._t = self._paddles[0].mesh_motion.t
             self._bed.follow_on(self._wall)
@@ -114,19 +116,19 @@ class WallTerms:
 def flux_form(
     paddle: Paddle, energy: WaterEnergy, phi: LayeredField, vertical: VerticalBasis
 ) -> Callable[[Any], ufl.Form]:
-    """Return F of s v [m/s] along the axis, a form of that field; at the paddle s = 1."""
+    """Return the form of F for a field s v [m/s] along the axis; at the paddle s = 1."""
     plane, shape = paddle.plane, paddle.shape
     in_water = paddle.flux(phi.function[vertical.n], energy)
     at_wall = energy.wall_flux(phi.function, vertical, shape.value, degree=shape.degree)
     into = -ufl.inner(ufl.FacetNormal(plane.mesh), paddle.axis)
     surface = paddle.side.surface(plane.mesh)
-    if paddle.leans:  # its powers would ask for far more points than the water's quadrature has
+    if paddle.leans:  # its degree would require far more points than the quadrature of the water
         surface = surface(metadata=plane.dx.metadata())
     return lambda speed: speed * in_water * paddle.displaced_measure + into * speed * at_wall * surface
 
 
 def later(paddle: Paddle, water: Any, dt: Any) -> WaterEnergy:
-    """Return the energy when the wall has moved on at its velocity for dt [s], in UFL."""
+    """Return the energy after a motion of the wall for dt [s] at its current velocity, in UFL."""
     energy: WaterEnergy = water.densities
     return replace(energy, mapping=paddle.after(dt), d=water.bed.d + dt * water.bed.rate)
 
@@ -166,12 +168,12 @@ class AssembledTerms:
 
 
 class CompiledTerms:
-    """The same along a slice on one rank: a ``WallStruct``.
+    """W, its derivatives and the power of a paddle along a slice on one rank: a ``WallStruct``.
 
     Parameters
     ----------
     follow
-        Updates the rate of the bed's depth.
+        Function that updates the rate of the bed's depth.
     """
 
     def __init__(self, paddle: Paddle, water: Any, *, follow: Callable[[], None]):

@@ -1,10 +1,10 @@
-"""The walls of a tank that can move: none, one, or two at opposite ends, each displacing the water of its own reach.
+"""The walls of a tank that can move: none, one, or two at opposite ends, with separate reaches.
 
-The reference tank is at rest; the mapping says where its places are in the laboratory, and what that makes of gradients
-and volumes. As no place is displaced by two paddles, what they displace, their terms of the Hamiltonian and their power
-add up. Where nothing moves all of that vanishes before compilation.
+The reference tank is at rest; the mapping determines the positions of its points in the laboratory, gradients and
+volumes. No point is displaced by two paddles, so that displacements, terms of the Hamiltonian and power of both
+add up. Without motion all of them vanish before compilation.
 
-Beside a paddle whose position depends on the height a column of water h has the mass
+Beside a leaning paddle a column of water h has the mass
 
     Q = int v (h + a . grad(s X_p) R(h)) dX = M_J h with the mean of J over the column,     R = int f dz over it,
     dQ/dh = M_J with J at the surface.
@@ -27,31 +27,31 @@ from wavetank.tank.walls.paddle import Paddle
 from wavetank.tank.walls.shape import UPRIGHT, Polynomial
 from wavetank.tank.walls.terms import WallTerms
 
-Heights = Vector | float  # of places, shape (N,) or at K times (K, N), or all alike [m]
-MOST = 30  # iterations
-ROUND_OFF = 1e-15  # of the columns
+Heights = Vector | float  # heights of positions [m], shape (N,), at K times (K, N), or one number
+MOST = 30  # largest number of iterations
+ROUND_OFF = 1e-15  # round-off relative to the columns
 
 
 class Wall:
-    """The walls of a tank: fixed ones, or one with a paddle; of linear waves two paddles, too.
+    """The walls of a tank: fixed, or with one paddle; in linear waves also with two.
 
     Attributes
     ----------
     paddles
-        The paddles, in nonlinear waves ``Paddle``, in linear ones ``LinearPaddle``.
+        The paddles, in nonlinear waves ``Paddle``, in linear waves ``LinearPaddle``.
     moves, leans
         Whether the mapping can change; whether it depends on the height.
     mapping
-        From the reference tank to the laboratory.
+        Mapping from the reference tank to the laboratory.
     shifts
-        s X_p along x at the degrees of freedom of this rank [m], shape (dofs,), in one array for good, and f, of
-        paddles that move.
+        s X_p along x at the degrees of freedom of this rank [m], shape (dofs,), in a permanent array, and f, for each
+        moving paddle.
     displaced_dofs
-        The owned degrees of freedom that the mapping displaces.
+        Owned degrees of freedom that the mapping displaces.
     velocities
-        Velocities that distinguish its motion at one time from that at another [m/s], shape (owned,) or ().
+        Velocities that identify the motion at a time [m/s], shape (owned,) or ().
     rates
-        X_p, X_p' and X_p'' of its paddles now [m, m/s, m/s²], shape (paddles, 3); nan if not the same at all y.
+        Current X_p, X_p' and X_p'' of the paddles [m, m/s, m/s²], shape (paddles, 3); nan if they vary with y.
     """
 
     velocities: Vector = np.zeros(())
@@ -74,32 +74,34 @@ class Wall:
 
     @property
     def displaced(self) -> float:
-        """How far the paddles are from rest at most [m]."""
+        """Largest displacement of the paddles from rest [m]."""
         return max((paddle.mesh_motion.displaced for paddle in self._moving), default=0.0)
 
     @property
     def nearest(self) -> Vector:
-        """1 at the owned degrees of freedom that are nearest to each of the paddles, else 0, shape (paddles, owned)."""
+        """1 at the owned degrees of freedom nearest to each paddle, else 0, shape (paddles, owned)."""
         if len(self._moving) < 2:
             return np.ones((len(self._moving), self._moving[0].plane.owned if self._moving else 0))
         first, second = (paddle.side.distances(paddle.plane.places) for paddle in self._moving)
         return np.array([first < second, first >= second], dtype=np.float64)
 
     def distances(self, plane: Plane) -> Vector:
-        """Return how far the degrees of freedom are from the first paddle at rest, or x [m], shape (owned,)."""
+        """Return the distances of the degrees of freedom from the first paddle at rest, or x [m], shape (owned,)."""
         return self.paddles[0].side.distances(plane.places) if self.paddles else plane.x
 
     def reaches(self, places: Vector) -> NDArray[np.bool_]:
-        """Return whether paddles can displace what is at places [m], physical or reference, shape (N,)."""
+        """Return whether paddles can displace positions [m], physical or reference ones, shape (N,)."""
         reached = [paddle.side.distances(places) < paddle.reach for paddle in self._moving]
         return np.any(reached, axis=0) if reached else np.zeros(len(places), dtype=bool)
 
     def at_surface(self, eta: Vector, still: Vector | float) -> Vector:
-        """Return how the mapping moves places at the surface, shape (4, owned), for an elevation and depth [m].
+        """Return the effect of the mapping at the surface, shape (4, owned), for an elevation and depth [m].
 
-        Along its axis: how far, s f X_p [m]; how fast at one height, s f X_p' [m/s]; the flux of what is so displaced,
-        s R X_p' [m²/s]; and the slope upwards of the first. A shape is taken as straight near still water, for what
-        needs some digits only. Of walls that are fixed of shape (0, owned).
+        Along its axis: the displacement s f X_p [m]; the velocity at fixed height, s f X_p' [m/s]; the flux of
+        displaced water,
+        s R X_p' [m²/s]; and the vertical derivative of the displacement. The shape is linearised about still water,
+        which is
+        accurate to some digits. For fixed walls the shape is (0, owned).
         """
         each = [paddle.at_surface(eta, still) for paddle in self._moving]
         return reduce(np.add, each) if each else np.zeros((0, len(eta)))
@@ -109,10 +111,11 @@ class Wall:
         return any([paddle.mesh_motion.set_time(t) for paddle in self._moving])
 
     def paddle_displacements(self, places: Vector, t: float | None = None, positions: Vector | None = None) -> Vector:
-        """Return the displacements X_p of the paddles at the y of places [m], shape (paddles, N).
+        """Return the displacements X_p of the paddles at the y of positions [m], shape (paddles, N).
 
-        Places are physical or reference ones. They are those of now, or at t [s], with the positions [m] of rigid
-        paddles then, nan of any other, shape (paddles,).
+        Positions are physical or reference ones. Displacements are the current ones, or those at t [s], given the
+        positions [m]
+        of rigid paddles at t, nan for others, shape (paddles,).
         """
         result = np.zeros((len(self._moving), len(places)))
         each = self.rates[:, 0] if positions is None else positions
@@ -129,17 +132,17 @@ class Wall:
         return np.stack([self.paddle_displacements(places, t, x) for t, x in each], axis=1)
 
     def to_reference(self, places: Vector, z: Heights = 0.0, displacements: Vector | None = None) -> Vector:
-        """Return the reference places of physical ones, (x, y) [m], shape (N, 2), at heights z [m].
+        """Return the reference positions of physical ones, (x, y) [m], shape (N, 2), at heights z [m].
 
-        Displacements are by default those of now. With those of K times, see ``displacements_at``, places are of
-        shape (K, N, 2), or (N, 2) where nothing moves.
+        Displacements are by default the current ones. With those of K times, see ``displacements_at``, the result has
+        shape (K, N, 2), or (N, 2) without moving walls.
         """
         for paddle, displacement in self._displacements(places, z, displacements):
             places = paddle.side.to_reference(places, displacement, paddle.reach)
         return places
 
     def to_physical(self, places: Vector, z: Heights = 0.0, displacements: Vector | None = None) -> Vector:
-        """Return the physical places of reference ones, in the same way."""
+        """Return the physical positions of reference ones, with the same arguments."""
         for paddle, displacement in self._displacements(places, z, displacements):
             places = paddle.side.to_physical(places, displacement, paddle.reach)
         return places
@@ -147,13 +150,13 @@ class Wall:
     def _displacements(
         self, places: Vector, z: Heights, displacements: Vector | None
     ) -> Iterator[tuple[Paddle, Vector]]:
-        """Return the paddles that move with f X_p at the y of places [m]."""
+        """Return the moving paddles with f X_p at the y of positions [m]."""
         each = self.paddle_displacements(places) if displacements is None else displacements
         for paddle, displacement in zip(self._moving, each, strict=False):
             yield paddle, paddle.shape.at(np.asarray(z)) * displacement if paddle.leans else displacement
 
     def mesh_velocities(self, places: Vector) -> Vector:
-        """Return the mesh velocities at reference places [m/s], shape (N, 2)."""
+        """Return the mesh velocities at reference positions [m/s], shape (N, 2)."""
         result = np.zeros_like(places)
         for paddle in self._moving:
             speeds = paddle.blending(places) * paddle.mesh_motion.speeds(paddle.side.along(places))
@@ -161,11 +164,11 @@ class Wall:
         return result
 
     def columns(self, water: Any) -> "MassMatrix | LeaningColumns":
-        """Return what finds columns from masses: M_J, or beside a paddle that leans Newton's method."""
+        """Return the map from masses to columns: M_J, or beside a leaning paddle Newton's method."""
         return LeaningColumns(self.mapping, water) if self.leans else water.mass
 
     def terms(self, water: Any) -> WallTerms:
-        """Return what the walls add to the Hamiltonian of a ``DiscreteEnergy``."""
+        """Return the part of the Hamiltonian of a ``DiscreteEnergy`` that the walls add."""
         return WallTerms(self, self._moving, water)
 
 
@@ -195,7 +198,7 @@ class BothEnds(Wall):
 
     @property
     def velocities(self) -> Vector:  # type: ignore[override]
-        """See ``Wall``: of the paddle that is nearer."""
+        """See ``Wall``: velocities of the nearer paddle."""
         first, second = (paddle.mesh_motion.velocities for paddle in self._moving)
         return np.where(self._nearest[0], first, second)
 
@@ -206,16 +209,16 @@ class BothEnds(Wall):
 
 
 class LeaningColumns:
-    """Columns beside paddles of any shape; at the owned degrees of freedom.
+    """Columns beside paddles of any shape, at the owned degrees of freedom.
 
-    They and the mass matrix have the methods ``solve`` and ``apply``.
+    Mass matrix and columns have the same methods, ``solve`` and ``apply``.
 
-    Newton's method takes M_J of its last update, which is close enough to converge by a factor of a hundred a step.
+    Newton's method uses M_J of its last update; each iteration reduces the error by about a hundred.
 
     Attributes
     ----------
     mean, column, trials, round_off
-        As ``fem/slice.py`` has them.
+        As in ``fem/slice.py``.
     """
 
     trials, round_off = MOST, ROUND_OFF
@@ -245,10 +248,10 @@ class LeaningColumns:
             change = self._mass.solve(q - self.apply(h))
             h += change
             square = self._square(change)
-            if square <= bound or square**2 <= bound * last:  # the next change, if they go on falling as they do
+            if square <= bound or square**2 <= bound * last:  # predicted next change
                 return h
             last = square
-        raise ConvergenceError(f"the columns of water beside the paddle did not converge in {MOST} iterations")
+        raise ConvergenceError(f"the water columns beside the paddle did not converge in {MOST} iterations")
 
     def _square(self, values: Vector) -> float:
         return summed(self._plane.comm, float(values @ values))
