@@ -76,7 +76,12 @@ def parse_position_label(label: str) -> tuple[str, float, float, float]:
     return name, at["x"], at.get("y", 0.0), at.get("z", 0.0)
 
 
-ENERGY = ("t", "kinetic", "potential", "total", "paddle_work", "dissipated", "balance", "mass", "absorbed")
+ENERGY = {  # unit of each column; of energies and mass by the dimensions of the tank
+    "t": "s",
+    **dict.fromkeys(("kinetic", "potential", "total", "paddle_work", "dissipated", "balance"), "m^{energy}/s^2"),
+    "mass": "m^{mass}",
+    "absorbed": "m^{energy}/s^2",  # only if paddles absorb
+}
 
 
 def energy_columns(dimensions: int, *, absorbed: bool = False) -> tuple[str, ...]:
@@ -84,9 +89,9 @@ def energy_columns(dimensions: int, *, absorbed: bool = False) -> tuple[str, ...
 
     Energies are per unit of density, and of width where the tank has none. ``absorbed`` is a column if paddles absorb.
     """
-    units = {"t": "s", "mass": f"m^{1 + dimensions}"}
-    names = ENERGY if absorbed else ENERGY[:-1]
-    return tuple(f"{name} [{units.get(name, f'm^{3 + dimensions}/s^2')}]" for name in names)
+    powers = {"mass": 1 + dimensions, "energy": 3 + dimensions}
+    units = {name: unit for name, unit in ENERGY.items() if absorbed or name != "absorbed"}
+    return tuple(f"{name} [{unit.format(**powers)}]" for name, unit in units.items())
 
 
 def energy_rows(values: Mapping[str, Vector]) -> Vector:
@@ -94,7 +99,7 @@ def energy_rows(values: Mapping[str, Vector]) -> Vector:
 
     Raises ``ValueError`` for a name that is not there.
     """
-    if unknown := values.keys() - set(ENERGY):
+    if unknown := values.keys() - ENERGY.keys():
         raise ValueError(f"{', '.join(unknown)}: not in ENERGY of wavetank/output/columns.py")
     return np.column_stack([values[name] for name in ENERGY if name in values])
 

@@ -25,6 +25,7 @@ from wavetank.output.directory import (
     SERIES,
     SURFACE,
     SURFACE_INDEX,
+    TABLES,
     RunDirectory,
     derived_files,
     record_files,
@@ -158,7 +159,12 @@ class RunWriter:
         return self.table(GAUGES, gauge_columns(gauges))
 
     def table(self, file: str, columns: Sequence[str]) -> TableWriter:
-        """Return a new table with these columns, time first, units in their names."""
+        """Return a new table with these columns, time first, units in their names.
+
+        Raises ``ValueError`` for a file that is not in ``TABLES``.
+        """
+        if file not in TABLES:
+            raise ValueError(f"{file}: missing in TABLES of wavetank/output/directory.py")
         return self._add_record(TableWriter(self.path / file, columns))
 
     def window(
@@ -167,7 +173,7 @@ class RunWriter:
         """Return the function that appends to a window's record, ``form`` netcdf or csv; see ``WindowObserver``."""
         path = self.path / window_file(name, form)
         if form == "csv":
-            table = self.table(path.name, window_columns(dimensions))
+            table = self._add_record(TableWriter(path, window_columns(dimensions)))
             return lambda *state: table.extend(window_rows(*state, places=places, dimensions=dimensions))
         layout = partial(window_record, places=places, levels=levels, dimensions=dimensions)
         record = self._add_record(AppendNetCDF(path, conventions(self._manifest), layout))
