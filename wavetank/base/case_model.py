@@ -69,8 +69,7 @@ def about(*key: str | int, received: Any = None) -> Iterator[None]:
     except CaseError:
         raise
     except InputError as error:
-        allowed = str(error).removeprefix(f"{received}: ").removesuffix(".")  # a path that is the value
-        raise CaseError([Problem(key, received, allowed)]) from error
+        raise CaseError([Problem(key, received, str(error).removesuffix("."))]) from error
 
 
 @contextmanager
