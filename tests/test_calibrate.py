@@ -294,16 +294,16 @@ def test_run_that_fails_ends_the_calibration(tiny, monkeypatch):
 @pytest.mark.parametrize(
     ("case", "changes", "sentence"),
     [
-        ("standing-wave", [], 'wall.type = "fixed": must be a paddle in one piece: its'),
-        ("directional-focus", [], 'tank.type = "basin": must be a slice: the target is at one place along it'),
+        ("standing-wave", [], 'wall.type = "fixed": must be a paddle without segments'),
+        ("directional-focus", [], 'tank.type = "basin": must be a slice: the target is a position along it'),
         ("wavemaker", [], "target: is missing: only a focused crest"),
         ("wavemaker", ["target={type='crest', height=0.1, x=2.0, time=9.0}"], 'wall.motion.type = "sinusoid": must'),
         ("focusing", ["target={type='crest', height=0.1, x=30.0, time=9.0}"], "target.x = 30.0: must be inside"),
         ("focusing", ["target={type='crest', height=0.1, x=3.0, time=24.5}"], "target.time = 24.5: must be before"),
         ("focusing", ["target={type='crest', height=0.6, x=3.0, time=9.0}"], "target.height = 0.6: must be at most"),
         ("focusing", ["target={type='record', file='none.txt', x=3.0}"], "none.txt: cannot be read"),
-        ("focusing", ["target={type='record', file='ETA', x=3.0, start=30.0}"], "has 0 rows that count"),
-        ("focusing", ["target={type='record', file='ETA', x=23.0}"], "when none of them can be there"),
+        ("focusing", ["target={type='record', file='ETA', x=3.0, start=30.0}"], "has 0 rows between start and end"),
+        ("focusing", ["target={type='record', file='ETA', x=23.0}"], "before any can arrive"),
         ("irregular", ["target={type='components', x=12.0}"], ": 17 % (rms) of the target cannot arrive in time"),
         ("irregular", ["target={type='components', x=4.0}"], "waves of 1.09 Hz from a paddle that starts"),
         ("irregular", ["target={type='record', file='ETA', x=4.0}"], ": 99 % (rms) of the target cannot arrive"),
@@ -323,7 +323,7 @@ def test_far_wall_is_not_calibrated():
     far = "far_wall={type='piston', motion={type='regular', height=0.02, period=1.6}}"
     at_rest, target = "wall.motion={type='at-rest'}", "target={type='crest', height=0.1, x=3.0, time=9.0}"
     for changes in ([at_rest], [at_rest, target]):
-        with pytest.raises(InputError, match="wall.motion alone, far_wall.motion stays as it is"):
+        with pytest.raises(InputError, match="wall.motion only, not far_wall.motion"):
             aim_of(read_case(FOCUSING, [*changes, far, "sponge={type='formula', gamma='0'}"]))
     assert aim_of(read_case(FOCUSING, [target, far, "sponge={type='formula', gamma='0'}"])).x == 3.0
 

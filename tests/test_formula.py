@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wavetank.base.errors import InputError
-from wavetank.base.formula import DEEPEST, FUNCTIONS, LONGEST, Formula
+from wavetank.base.formula import FUNCTIONS, MAX_DEPTH, MAX_LENGTH, Formula
 
 X, Y = np.meshgrid(np.linspace(-3.0, 7.0, 9), np.linspace(-2.0, 2.0, 5))
 
@@ -164,10 +164,10 @@ NOT_ALLOWED = "allowed are numbers, names, + - * / **, comparisons < <= > >= == 
         ("x # d", "formula, column 3: '#' received; must be ASCII, no comments."),
         ("2·x", "formula, column 2: '·' received; must be ASCII, no comments."),
         ("x\0", "formula, column 2: '\\x00' received; must be ASCII, no comments."),
-        ("+".join("x" * (DEEPEST + 1)), "is nested too deeply; at most 100 levels, or terms of a sum, are allowed."),
+        ("+".join("x" * (MAX_DEPTH + 1)), "is nested too deeply; at most 100 levels, or terms of a sum, are allowed."),
         ("-" * 3000 + "x", "is nested too deeply; at most 100 levels"),
         ("(" * 1000 + "x" + ")" * 1000, "formula, column 201: too many nested parentheses in "),
-        ("x" * (LONGEST + 1), "formula: has 4001 characters; at most 4000 are allowed."),
+        ("x" * (MAX_LENGTH + 1), "formula: has 4001 characters; at most 4000 are allowed."),
     ],
 )
 def test_formula_is_refused_with_its_column(text, sentence):

@@ -15,7 +15,7 @@ from xarray import Dataset
 
 from wavetank.case.reading import read_case
 from wavetank.studies import responses
-from wavetank.studies.drawing import WARNED, draw_ensembles, draw_responses, draw_trade, pareto_front
+from wavetank.studies.drawing import WARNING_LABEL, draw_ensembles, draw_responses, draw_trade, pareto_front
 from wavetank.studies.measures import GAUGE_ERROR, PHASE_ERROR, SURFACE_ERROR
 from wavetank.studies.responses import CREST, CREST_PLACE, QUANTITIES, TROUGH
 from wavetank.studies.sweep import Axis, combinations, marked_combination, parse_axes
@@ -153,7 +153,7 @@ def test_ensembles_are_drawn(drawn, tmp_path, settings):
     draw_ensembles(table, ensembles(table), tmp_path / "study.png")
     (figure,) = drawn
     assert [height for _, height in opened(figure.axes[1])] == [0.4]
-    assert figure.legends[0].get_texts()[-1].get_text() == WARNED
+    assert figure.legends[0].get_texts()[-1].get_text() == WARNING_LABEL
     assert not faults(figure) and {panel.get_ylabel() for panel in figure.axes} == {"hm0 [m]", "crest [m]"}
 
 
@@ -205,7 +205,7 @@ def test_trade_labels_the_pareto_front_and_opens_marks_of_warnings(drawn, tmp_pa
     (figure,) = drawn
     assert not faults(figure)
     point = [rows[1].costs["CPU [s]"], rows[1].errors[SURFACE_ERROR]]
-    assert opened(figure.axes[0]) == [point] and {WARNED, "broke down: 1 of 7 runs"} <= legend(figure)
+    assert opened(figure.axes[0]) == [point] and {WARNING_LABEL, "broke down: 1 of 7 runs"} <= legend(figure)
     for panel in figure.axes:
         assert len(panel.texts) > 2
         assert {text.get_text() for text in panel.texts} <= {f"{float(step):.3g}" for step in steps}
@@ -236,7 +236,7 @@ def test_study_of_a_physical_key_draws_responses_over_it(drawn, tmp_path):
     for panel in panels:
         assert {place for line in panel.lines if line.get_marker() == "x" for place in line.get_xdata()} == {0.08}
         assert panel.get_xlim()[1] > 0.08 and panel.get_xlabel() == "initial.wave_amplitude [m]"
-    of_runs = {WARNED, "broke down: 2 of 9 runs", "waves broke and were damped: 1 of 9 runs"}
+    of_runs = {WARNING_LABEL, "broke down: 2 of 9 runs", "waves broke and were damped: 1 of 9 runs"}
     assert legend(figure) == {"n = 4", "n = 6", "plan: initial.wave_amplitude 0.01, n 6", *of_runs}
     np.testing.assert_allclose(figure.axes[0].lines[0].get_xydata(), [(a, 1.2 * a) for a in (0.01, 0.02, 0.04)])
 
@@ -250,6 +250,6 @@ def test_study_of_a_physical_key_without_numbers_names_its_values(drawn, tmp_pat
     draw_responses(table, tmp_path / "study.png")
     (figure,) = drawn
     assert not faults(figure)
-    assert not opened(figure.axes[0]) and WARNED not in legend(figure)
+    assert not opened(figure.axes[0]) and WARNING_LABEL not in legend(figure)
     assert len([panel for panel in figure.axes if panel.lines]) == 3  # without a sweep of numerics no errors
     assert [label.get_text() for label in figure.axes[0].get_xticklabels()] == ["linear", "nonlinear"]

@@ -133,7 +133,7 @@ def test_crest_is_light_trough_dark_and_still_water_has_the_colour_of_the_bar(tm
     picture.close()
 
 
-@pytest.mark.parametrize("count", [3, view.NAMED + 1])
+@pytest.mark.parametrize("count", [3, view.MAX_LABELS + 1])
 def test_gauges_are_rods_with_names_unless_there_are_many(tmp_path, count):
     gauges = np.linspace(1.0, 7.0, count)
     picture = view.View(record(tmp_path / "run", gauges=gauges), size=SMALL)

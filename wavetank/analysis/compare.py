@@ -1,27 +1,28 @@
 """Comparison of gauges and wave heights with measurements, or with another computation.
 
-Per gauge, over the times both have, with the reference's times as the base and a cubic spline through the computed:
+For each gauge, over the common times, a cubic spline through the computed record is evaluated at the times of the
+reference:
 
     nrms        rms(computed - reference) / rms(reference)
-    nrms_fitted the same for gain * computed(t - shift), the gain and the shift fitted by least squares
+    nrms_fitted the same for gain * computed(t - shift), with gain and shift by least squares
     correlation of computed and reference, without shift
-    crests      the largest elevation of either's spline, at the same times; troughs the lowest
-    crest error the computed crest over the reference's, less 1; of the troughs alike
-    arrival     delay of the time at which the elevation first is a tenth of the reference's largest; not a number where
+    crests      largest elevation of the spline of each record, at the same times; troughs: lowest
+    crest error computed crest over that of the reference, less 1; troughs alike
+    arrival     delay of the time at which the elevation first is a tenth of the reference's largest; not a number if
                 these are different waves
-    similarity  the surface similarity parameter: 0 alike, 1 opposite (``analysis/signals.py``)
+    similarity  surface similarity parameter: 0 for equal, 1 for opposite records (``analysis/signals.py``)
 
-Where the reference's clock is another's, one offset for all gauges is fitted first (``synchronised``).
+If the reference has another clock, one offset for all gauges is fitted first (``synchronised``).
 
-The heights computed at gauges along a section are joined by a cubic spline and read at the measured places. With r the
+The computed heights at gauges along a section are interpolated by a cubic spline at the measured positions. With r the
 ratio H / H0, the wave height over the incident one, per section and origin of the measurements:
 
-    nrms          rms(computed r - measured r) / rms(measured r), H0 the experiment's
+    nrms          rms(computed r - measured r) / rms(measured r), H0 of the experiment
     bias          mean(computed r - measured r) / mean(measured r), the same H0
-    nrms_incident as nrms, but with the computation's own incident wave height
+    nrms_incident as nrms, with the incident wave height of the computation
 
-Gauges are ``DataArray`` of elevation [m] over gauge and time [s], as ``RunDirectory.gauges`` and ``data.gauge_records``
-return them; the record of one gauge is one over time, without times at which it has no value.
+Gauges are ``DataArray`` of elevation [m] over gauge and time [s], as returned by ``RunDirectory.gauges`` and
+``data.gauge_records``. The record of one gauge is over time, without times of missing values.
 """
 
 from collections.abc import Callable, Sequence
@@ -53,10 +54,10 @@ MIN_RANGE = 1e-4  # least range of a record over that of the other one with a wa
 
 
 def matched(computed: DataArray, reference: DataArray) -> list[tuple[DataArray, DataArray]]:
-    """Return the records (computed, reference) of each gauge that both have, in the reference's order.
+    """Return the records (computed, reference) of each common gauge, in the order of the reference.
 
-    Partners are within 1 mm of each other; of several there, it is the one of the same name, else the nearest. Where
-    one of them has no place, partners have the same name. Raises ``InputError`` if there is none.
+    Gauges are common within 1 mm; of several, that of the same name, else the nearest. If one has no position, they
+    have the same name. Raises ``InputError`` if there is none.
     """
     pairs = []
     for other in reference:
@@ -84,11 +85,11 @@ def _partner(gauge: DataArray, candidates: DataArray) -> int | None:
 
 
 def synchronised(computed: DataArray, reference: DataArray) -> tuple[DataArray, float]:
-    """Return a reference on the clock of computed records, and what has been added to its times [s].
+    """Return a reference on the clock of computed records, and the offset added to its times [s].
 
-    That is one offset for all gauges, within the bounds of its attribute ``clock_offset``, at which the mean square of
-    their ``nrms`` is least; at least half of the shorter records must remain. Raises ``InputError`` where there is
-    none.
+    The offset is the same for all gauges. It minimises the mean square of their ``nrms``, within the bounds of the
+    attribute ``clock_offset``; at least half of the shorter records must remain. Raises ``InputError`` if there is no
+    such offset.
     """
     pairs = matched(computed, reference)
     first, last = reference.attrs.get("clock_offset", (0.0, 0.0))
@@ -109,7 +110,7 @@ def _bounds(pairs: Sequence[tuple[DataArray, DataArray]], first: float, last: fl
 
 
 def _offset(pairs: Sequence[tuple[DataArray, DataArray]], first: float, last: float) -> float:
-    """Return the offset [s] of least misfit between two bounds: a scan of a mean period in twelve, refined."""
+    """Return the offset [s] of least misfit between two bounds, refined from a scan of 12 steps per mean period."""
     splines = [(_spline(one), other.time.values, other.values) for one, other in pairs]
 
     def misfit(offset: float) -> float:
@@ -126,9 +127,9 @@ def _offset(pairs: Sequence[tuple[DataArray, DataArray]], first: float, last: fl
 
 
 def _least(misfit: Callable[[float], float], first: float, last: float, steps: int) -> float:
-    """Return where a misfit with many minima, one a wave period, is least between two bounds.
+    """Return the argument of the least of many minima of a misfit, one per wave period, between two bounds.
 
-    The lowest minima of a scan in so many steps are refined.
+    The lowest minima of a scan with a number of steps are refined.
     """
     scan, step = np.linspace(first, last, steps + 1, retstep=True)
     misfits = np.array([misfit(one) for one in scan])
@@ -147,10 +148,10 @@ def _spline(record: DataArray) -> CubicSpline:
 
 
 def compare(computed: DataArray, reference: DataArray, *, clock_offset: float = 0.0) -> Dataset:
-    """Return the quantities of ``compare.csv`` over the gauges that both have, in the reference's order.
+    """Return the quantities of ``compare.csv`` over the common gauges, in the order of the reference.
 
-    ``clock_offset`` is what has been added to the reference's times [s]. Raises ``InputError`` if they have no gauge in
-    common, or as ``compare_gauge`` does.
+    ``clock_offset`` is the offset added to the times of the reference [s]. Raises ``InputError`` if there is no common
+    gauge, and as ``compare_gauge``.
     """
     pairs = matched(computed, reference)
     rows = [compare_gauge(*pair, clock_offset=clock_offset) for pair in pairs]
@@ -161,8 +162,8 @@ def compare(computed: DataArray, reference: DataArray, *, clock_offset: float = 
 def compare_gauge(computed: DataArray, reference: DataArray, *, clock_offset: float = 0.0) -> dict[str, float]:
     """Return the quantities of ``compare.csv`` at one gauge.
 
-    Without a wave in the computed record (``MIN_RANGE``) the gain is 0, no shift is fitted. Raises ``InputError`` if
-    the records share fewer than 4 of the reference's times, or if the reference has no wave.
+    Without a wave in the computed record (``MIN_RANGE``) the gain is 0 and no shift is fitted. Raises ``InputError`` if
+    the records have fewer than 4 times of the reference in common, or if the reference has no wave.
     """
     name, times = computed.gauge.item(), computed.time.values
     if times.size < 4:
@@ -175,7 +176,7 @@ def compare_gauge(computed: DataArray, reference: DataArray, *, clock_offset: fl
         raise InputError(f"gauge {name}: the reference has no wave, it varies by {np.ptp(eta):.2g} m.")
     spline = _spline(computed)
     shift, nrms_fitted, gain = _fit(spline, t, eta) if np.ptp(spline(t)) > MIN_RANGE * np.ptp(eta) else (0.0, 1.0, 0.0)
-    fine = np.interp(np.arange(8 * t.size - 7) / 8, np.arange(t.size), t)  # the samples among them
+    fine = np.interp(np.arange(8 * t.size - 7) / 8, np.arange(t.size), t)  # eight times finer, including the samples
     values, curve, expected = spline(t), spline(fine), _spline(reference)(fine)
     crest, peak, level = int(np.argmax(curve)), int(np.argmax(expected)), ARRIVAL_LEVEL * float(np.abs(expected).max())
     return {
@@ -200,14 +201,15 @@ def compare_gauge(computed: DataArray, reference: DataArray, *, clock_offset: fl
 
 
 def _relative_error(size: float, expected: float) -> float:
-    """Return a size over the one that is expected, less 1; not a number where none is expected."""
+    """Return a value over the expected one, less 1; not a number if the expected one is zero."""
     return float(size / expected - 1) if expected > 0 else nan
 
 
 def _delay(spline: CubicSpline, t: Array, eta: Array, late: float) -> float:
-    """Return a delay of arrival [s]; not a number where it pairs different waves.
+    """Return a delay of arrival [s]; not a number if it is between different waves.
 
-    The same wave crosses the level within one flank. A longer delay is accepted where a shift by it reduces the misfit.
+    The same wave crosses the level within the rise time. A longer delay is accepted if a shift by it reduces the
+    misfit.
     """
     period = 2 * np.pi * rms(eta) / max(rms(np.gradient(eta, t)), TINY)
     if isnan(late) or abs(late) <= RISE_TIME * period:
@@ -218,16 +220,16 @@ def _delay(spline: CubicSpline, t: Array, eta: Array, late: float) -> float:
 
 
 def _arrival(t: Array, eta: Array, level: float) -> float:
-    """Return when [s] a record is first as far from still water as a level [m]; not a number if never, or always."""
+    """Return the time [s] at which |eta| first reaches a level [m]; not a number if it always or never does."""
     size = np.abs(eta)
     first = int(np.argmax(size >= level))
     return float(np.interp(level, size[first - 1 : first + 1], t[first - 1 : first + 1])) if first else nan
 
 
 def _fit(spline: CubicSpline, t: Array, eta: Array) -> tuple[float, float, float]:
-    """Return the shift [s] and the gain of the best gain * computed(t - shift), between them its misfit: nrms.
+    """Return shift [s], misfit nrms and gain of the best gain * computed(t - shift).
 
-    Each shift is compared over the times that the shifted record has.
+    Each shift is compared over the times of the shifted record.
     """
 
     def fit(shift: float) -> tuple[float, float]:
@@ -236,18 +238,18 @@ def _fit(spline: CubicSpline, t: Array, eta: Array) -> tuple[float, float, float
         gain = max(0.0, float(shifted @ expected / max(shifted @ shifted, TINY)))  # no inverted waves
         return rms(gain * shifted - expected) / max(rms(expected), TINY), gain
 
-    reach = min(MAX_TIME_SHIFT, 0.25 * (t[-1] - t[0]))  # of a short record, most must remain
+    reach = min(MAX_TIME_SHIFT, 0.25 * (t[-1] - t[0]))  # most of a short record must remain
     shift = _least(lambda one: fit(one)[0], -reach, reach, 200)
     return shift, *fit(shift)
 
 
 def rms(values: Array) -> float:
-    """Return the root of the mean square."""
+    """Return the root mean square."""
     return float(np.sqrt(np.mean(values**2)))
 
 
 def _correlation(one: Array, other: Array) -> float:
-    """Return the correlation coefficient; 0 where one does not vary."""
+    """Return the correlation coefficient; 0 if one record is constant."""
     one, other = one - one.mean(), other - other.mean()
     return float(one @ other / max(np.linalg.norm(one) * np.linalg.norm(other), TINY))
 
@@ -260,11 +262,11 @@ MIN_HARMONIC = 0.01  # least harmonic of the reference, relative to the first, t
 def compare_harmonics(
     computed: DataArray, reference: DataArray, *, period: float, start: float | None = None
 ) -> Dataset:
-    """Return the first three harmonics of a period [s] over gauge and harmonic, over the times that both have.
+    """Return the first three harmonics of a period [s] over gauge and harmonic, over the common times.
 
     Amplitudes ``computed`` and ``reference`` [m], the relative ``error``, and ``ahead``, the phase by which the
-    computed wave leads, in (-pi, pi]. From ``start`` [s] on, if given: before, waves may not be established. Raises
-    ``InputError`` as ``harmonics`` does, and where there are no gauges or times in common.
+    computed wave leads, in (-pi, pi]. ``start`` [s] excludes times before the waves are established. Raises
+    ``InputError`` as ``harmonics`` does, and if there are no common gauges or times.
     """
     pairs = matched(computed, reference)
     both = [common_clock(pair).sel(time=slice(start, None)) for pair in pairs]
@@ -280,12 +282,12 @@ def compare_harmonics(
 
 
 # ---------------------------------------------------------------- wave heights along sections
-FEWEST = 4  # gauges along a section: a cubic's
+FEWEST = 4  # least number of gauges along a section, for a cubic
 ALL = "all"  # name of the row over all sections
 
 
 class ComputedHeights(NamedTuple):
-    """A run's wave heights [m] over ``place`` [m], ascending, along each section that has gauges.
+    """Wave heights [m] of a run over ``place`` [m], ascending, along each section that has gauges.
 
     ``incident`` is the mean height of its incident wave [m], nan if unknown.
     """
@@ -297,7 +299,7 @@ class ComputedHeights(NamedTuple):
 def profile(gauges: DataArray, section: Section, *, start: float) -> DataArray | None:
     """Return the mean wave heights [m] after ``start`` [s] over ``place`` [m] along a section.
 
-    None with fewer than four gauges there. Raises ``InputError`` if a record is too short for wave heights.
+    None for fewer than four gauges. Raises ``InputError`` if a record is too short for wave heights.
     """
     at = {"x": gauges.x.values, "y": gauges.y.values}
     place, (first, last) = at[section.along], section.reach
@@ -308,7 +310,7 @@ def profile(gauges: DataArray, section: Section, *, start: float) -> DataArray |
     )
     _, numbers = np.unique(
         np.round(place[on] / GAUGE_TOLERANCE), return_index=True
-    )  # several are at one place where lines cross
+    )  # several are at one position where lines cross
     numbers = np.flatnonzero(on)[numbers]
     if numbers.size < FEWEST:
         return None
@@ -317,12 +319,12 @@ def profile(gauges: DataArray, section: Section, *, start: float) -> DataArray |
 
 
 def interpolated(heights: DataArray, places: ArrayLike) -> Array:
-    """Return wave heights [m] at other places [m] of their section, by a cubic spline."""
+    """Return wave heights [m] at other positions [m] of their section, by a cubic spline."""
     return np.asarray(CubicSpline(heights.place, heights)(places))
 
 
 def computed_heights(gauges: DataArray, measured: WaveHeights) -> ComputedHeights:
-    """Return the wave heights at the gauges along the sections of measured ones.
+    """Return the wave heights at the gauges along the measured sections.
 
     Raises ``InputError`` if no section has gauges, or if a record is too short for wave heights.
     """
@@ -337,18 +339,18 @@ def computed_heights(gauges: DataArray, measured: WaveHeights) -> ComputedHeight
 
 
 def line(section: Section) -> str:
-    """Return where a section is, e.g. ``x = 5 m``."""
+    """Return the line of a section, e.g. ``x = 5 m``."""
     return f"{section.across} = {section.at:g} m"
 
 
 def compare_heights(
     computed: ComputedHeights, measured: Sequence[HeightSeries], *, incident: float
 ) -> list[dict[str, Any]]:
-    """Return a row for each measured section that has gauges, and for each origin one of all its sections.
+    """Return a row for each measured section that has gauges, and for each origin a row over all its sections.
 
-    Rows have the keys of ``compare.csv``: ``section``, its ``line``, the origin ``measured``, how many ``points``, the
-    misfits ``nrms``, ``bias``, ``nrms_incident`` (nan without a computed incident height), and the largest ratios
-    H / H0 ``largest_computed`` and ``largest_measured``. ``incident`` is the experiment's incident height H0 [m].
+    Rows have the keys of ``compare.csv``: ``section``, its ``line``, the origin ``measured``, the number of ``points``,
+    the misfits ``nrms``, ``bias``, ``nrms_incident`` (nan without a computed incident height), and the largest ratios H
+    / H0 ``largest_computed`` and ``largest_measured``. ``incident`` is the incident height H0 [m] of the experiment.
     """
     profiles, rows = {section.name: heights for section, heights in computed.profiles}, []
     for source in dict.fromkeys(series.source for series in measured):

@@ -1,4 +1,4 @@
-"""Records to be analysed: gauges of a run, its surface along the tank, or a table of the user's, with the depth."""
+"""Records for analysis: gauges of a run, its surface along the tank, or a user's table, with the depth."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -31,23 +31,23 @@ class WaveRecord:
     Attributes
     ----------
     eta
-        The elevation [m] over gauge and time.
+        Elevation [m] over gauge and time.
     title
-        The title of the run, or the name of the data.
+        Title of the run, or name of the data.
     given_period
-        The period of the waves [s], if it is given.
+        Period of the waves [s], if given.
     given_depth
-        The still-water depth: a number [m], a function d(x, y), or None if it is unknown.
+        Still-water depth: a number [m], a function d(x, y), or None if unknown.
     gravity
         g [m/s²].
     far_end
-        x of the far wall [m], if it alone makes the waves, which propagate to -x.
+        x of the far wall [m] if it is the only wavemaker, so that waves propagate to -x.
     from_wavemaker
-        Whether x is the distance from the wall that makes the waves over one depth, as in a run over a flat bed.
+        Whether x is the distance from the wavemaker over constant depth, as in a run over a flat bed.
     before
-        The elevation from the record's first time on, where the analysis starts later.
+        Elevation from the first time of the record, if the analysis starts later.
     cause, warnings
-        Why a run has not finished, if it has not, and its warnings, the worst first.
+        Cause of the end of an unfinished run, and warnings of the run, most severe first.
     """
 
     eta: DataArray
@@ -63,25 +63,25 @@ class WaveRecord:
 
     @property
     def forward(self) -> DataArray:
-        """The elevation over x [m] in the direction in which the waves propagate."""
+        """The elevation over x [m] in the direction of wave propagation."""
         return self.eta if self.far_end is None else self.eta.assign_coords(x=self.far_end - self.eta.x)
 
     @cached_property
     def harmonics(self) -> Dataset:
-        """The harmonics of the waves that the steps resolve, over gauges at x [m] in that direction.
+        """The harmonics of the waves that the time steps resolve, over gauges at x [m] in the direction of propagation.
 
-        All are fitted: over a part of a period others would count as the first.
+        All are fitted together: over a part of a period, omitted ones would distort the first.
         """
         return harmonics(self.forward, self.frequency, number=resolved(self.eta, self.frequency))
 
     @property
     def direction_note(self) -> str:
-        """A note on that direction if it is -x."""
+        """A note on the direction of propagation if it is -x."""
         return "" if self.far_end is None else "x is that from the far wall, which makes the waves"
 
     @cached_property
     def frequency(self) -> float:
-        """The waves' frequency [Hz]: the given one, or that of the harmonics that leave the smallest residual."""
+        """The frequency of the waves [Hz]: the given one, or that of the harmonics with the smallest residual."""
         return 1 / self.given_period if self.given_period else fundamental(self.eta)
 
     @property
@@ -91,11 +91,11 @@ class WaveRecord:
 
     @property
     def optional_depth(self) -> float | None:
-        """The depth [m] at the gauges; None if it is unknown, or differs between them."""
+        """The depth [m] at the gauges; None if it is unknown or differs between them."""
         return self._one_depth(self.eta.x.values, self.eta.y.values)
 
     def _one_depth(self, x: Array, y: Array) -> float | None:
-        """Return the depth [m] at places x and y [m] of shape (N,); None if it is unknown, or not one."""
+        """Return the common depth [m] at x and y [m], shape (N,); None if it is unknown or not constant."""
         if not callable(self.given_depth):
             return self.given_depth
         depths = self.given_depth(x, y)
@@ -103,7 +103,7 @@ class WaveRecord:
 
     @cached_property
     def depth(self) -> float:
-        """The depth [m] from gauge to gauge; raises ``InputError`` if it is unknown, or differs between them."""
+        """The depth [m] between the gauges; raises ``InputError`` if it is unknown or differs between them."""
         gauges = np.arange(self.eta.sizes["gauge"])
         path = np.linspace(0, gauges[-1], 1 + BED_POINTS * gauges[-1])
         x, y = (np.interp(path, gauges, at.values) for at in (self.eta.x, self.eta.y))
@@ -131,11 +131,11 @@ def read_record(
     source
         A run directory, a CSV file, a folder with a ``dataset.toml``, or the name of a data set.
     start, end
-        First and last time [s]; default: all that all gauges have.
+        First and last time [s]; default: all common times of the gauges.
     gauges
         Names; default: all.
     along
-        First and last place x [m] and their number, where a slice's surface is read instead of gauges.
+        First and last position x [m] and the number of positions, if the surface of a slice replaces gauges.
     depth, period
         Still-water depth [m] and period of the waves [s]; default: those of the run.
 
@@ -167,7 +167,7 @@ def _run_elevation(run: RunDirectory, along: tuple[float, float, int] | None) ->
 
 
 def _run_parameters(run: RunDirectory) -> dict[str, Any]:
-    """Return the attributes of a record that a run's manifest has."""
+    """Return the attributes of a record from a run's manifest."""
     case = run.manifest.get("case", {})
     tank, bed = case.get("tank", {}), still_water(run)
     motions = {key: (case.get(key) or {}).get("motion") for key in ("wall", "far_wall")}
@@ -185,7 +185,7 @@ def _run_parameters(run: RunDirectory) -> dict[str, Any]:
 
 
 def _period(motion: dict[str, Any]) -> float | None:
-    """Return the period [s] of a paddle's motion; None where it has none."""
+    """Return the period [s] of a paddle's motion; None if it has none."""
     if motion.get("frequency"):
         return 1 / float(motion["frequency"])
     return motion.get("period")

@@ -1,11 +1,11 @@
 """Least-squares separation of waves along x: incident and reflected waves; bound and free second harmonics.
 
-At each frequency the complex amplitudes at the gauges are A(x) = Σ a_j e^(i k_j x), of waves a cos(k x - ω t + ε);
-k < 0 of waves in the direction of -x. Incident and reflected waves have the wave numbers +-k of the dispersion relation
-of linear waves over one depth. Two gauges: Y. Goda and Y. Suzuki, Proc. 15th Int. Conf. Coastal Eng., 1976; three:
-E. P. D. Mansard and E. R. Funke, Proc. 17th, 1980; n: J. A. Zelt and J. E. Skjelbreia, Proc. 23rd, 1992. Of regular
-waves the wave number may be fitted, too. A bound second harmonic has twice the wave number of the first, a free one
-that of its frequency by the dispersion relation.
+At each frequency the complex amplitudes at the gauges are A(x) = Σ a_j e^(i k_j x), for waves a cos(k x - ω t + ε),
+with k < 0 for waves towards -x. Incident and reflected waves have the wave numbers +-k of the dispersion relation of
+linear waves over constant depth. Two gauges: Y. Goda and Y. Suzuki, Proc. 15th Int. Conf. Coastal Eng., 1976; three: E.
+P. D. Mansard and E. R. Funke, Proc. 17th, 1980; n: J. A. Zelt and J. E. Skjelbreia, Proc. 23rd, 1992. For regular waves
+the wave number may also be fitted. A bound second harmonic has twice the wave number of the first; a free one has that
+of its frequency by the dispersion relation.
 """
 
 from typing import NamedTuple
@@ -33,11 +33,11 @@ class WaveFit(NamedTuple):
     wave_numbers
         k_j [rad/m], shape (waves,).
     amplitudes
-        a_j, shape (waves,), as those of A.
+        a_j, shape (waves,), in the unit of A.
     rest
         Root mean square of the residual of A.
     condition
-        Amplification of an error of A in the amplitudes: the condition number of the least squares.
+        Amplification of errors of A in the amplitudes: condition number of the least squares problem.
     """
 
     wave_numbers: Array
@@ -47,13 +47,13 @@ class WaveFit(NamedTuple):
 
     @property
     def reflection(self) -> float:
-        """Second over first amplitude: reflected over incident."""
+        """Ratio of the second and the first amplitude: reflected over incident."""
         incident, back = np.abs(self.amplitudes)
         return float(back / max(incident, np.finfo(float).tiny))
 
 
 def fit_waves(components: ArrayLike, x: ArrayLike, wave_numbers: ArrayLike) -> WaveFit:
-    """Return the waves of some wave numbers [rad/m] in components A of shape (gauges,) at x [m] of that shape."""
+    """Return the waves of given wave numbers [rad/m] in components A at x [m], both of shape (gauges,)."""
     A, k = np.asarray(components, dtype=complex), np.asarray(wave_numbers, dtype=float)
     waves = np.exp(1j * np.outer(np.asarray(x, float), k))
     amplitudes = np.linalg.lstsq(waves, A, rcond=None)[0]
@@ -65,11 +65,12 @@ def fit_waves(components: ArrayLike, x: ArrayLike, wave_numbers: ArrayLike) -> W
 def bound_and_free(
     component: DataArray, frequency: float, *, depth: float, gravity: float = 9.81, returning: bool = False
 ) -> WaveFit:
-    """Return the bound and the free wave of the second harmonic, and, if ``returning``, the free one to -x.
+    """Return the bound and the free wave of the second harmonic and, if ``returning``, the free wave towards -x.
 
-    ``component`` are complex amplitudes [m] of that harmonic over gauge, as ``harmonics`` returns them, of two gauges
-    at least, or three; the frequency [Hz] is the first harmonic's, the depth [m] that of the still water at all gauges,
-    gravity in m/s². Amplitudes [m] are those at x = 0, complex. Raises ``InputError`` for too few gauges.
+    ``component`` are complex amplitudes [m] of that harmonic over gauge, as returned by ``harmonics``, for at least two
+    gauges, or three if ``returning``. The frequency [Hz] is that of the first harmonic, the depth [m] that at all
+    gauges, gravity in m/s². The returned complex amplitudes [m] are those at x = 0. Raises ``InputError`` for too few
+    gauges.
     """
     x, omega = places(component), 2 * np.pi * frequency
     k, free = wave_number([omega, 2 * omega], depth, gravity)
@@ -81,24 +82,24 @@ def bound_and_free(
 
 
 def beat_length(frequency: float, *, depth: float, gravity: float = 9.81) -> float:
-    """Return the length [m] over which bound and free waves of the second harmonic come in and out of phase."""
+    """Return the beat length [m] of bound and free waves of the second harmonic."""
     k, free = wave_number([2 * np.pi * frequency, 4 * np.pi * frequency], depth, gravity)
     return float(2 * np.pi / (free - 2 * k))
 
 
 # ---------------------------------------------------------------- incident and reflected waves
-MAX_CONDITION = 6.3  # that of Goda and Suzuki's two gauges at the limits of 0.05 and 0.45 wave lengths
+MAX_CONDITION = 6.3  # condition of Goda and Suzuki's two gauges at the limits of 0.05 and 0.45 wave lengths
 MIN_DENSITY = 0.02  # least spectral density, relative to the largest, of frequencies that have a reflection
 BOUND_FROM = 1.5  # frequency over the peak frequency above which waves are bound
 STEADY = 0.7, 1.4  # range of Hm0 in Hann windows over that of a steady record: 0.74 to 1.26 in seas of 18 periods
-MIN_PERIODS = 10  # least peak periods in a part of a sea: with less the coefficient differs by a factor of two
+MIN_PERIODS = 10  # least peak periods in a segment of a sea; with fewer the coefficient varies by a factor of two
 
 
 def reflected(components: ArrayLike, x: ArrayLike, k: float, *, within: float = 0.0) -> WaveFit:
     """Return incident and reflected wave of one frequency in complex amplitudes at x [m], both of shape (gauges,).
 
-    The wave number is k [rad/m], or the one of least residual ``within`` this part of it: steep waves are longer. This
-    nonlinear least squares needs three gauges.
+    The wave number is k [rad/m], or that of the least residual in the relative range ``within``: steep waves are
+    longer. This nonlinear least squares problem needs three gauges.
     """
     if within:
         bounds = ((1 - within) * k, (1 + within) * k)
@@ -113,10 +114,10 @@ def reflected(components: ArrayLike, x: ArrayLike, k: float, *, within: float = 
 def regular_reflection(
     component: DataArray, frequency: float, *, depth: float, gravity: float = 9.81, within: float = 0.0
 ) -> WaveFit:
-    """Return the incident and reflected wave of a harmonic, as ``harmonics`` returns it, of this frequency [Hz].
+    """Return the incident and reflected wave of a harmonic of a frequency [Hz], as returned by ``harmonics``.
 
-    The depth is in m; ``within`` as in ``reflected``. Raises ``InputError`` for fewer than two gauges, or three where
-    the wave number is fitted.
+    The depth is in m; ``within`` as in ``reflected``. Raises ``InputError`` for fewer than two gauges, or three if the
+    wave number is fitted.
     """
     x = places(component)
     _check(x.size, 3 if within else 2)
@@ -126,18 +127,18 @@ def regular_reflection(
 def reflected_spectra(eta: DataArray, *, depth: float, gravity: float = 9.81, segment: float | None = None) -> Dataset:
     """Return the spectra ``incident`` and ``reflected`` [m²/Hz] of a sea or a group over frequency [Hz].
 
-    By the gauges' cross spectra. A group whose waves are low at both ends of the record is one segment without a
-    window. Else they are Welch's, in the segments of ``spectrum``, in Hann windows that move with the incident waves at
-    the group velocity of the peak: waves that pass one gauge within a window and the next one outside it would count as
-    reflected. The sum of the densities is that of ``spectrum``, whatever the windows. Not numbers where the gauges
-    cannot resolve both waves (``condition`` above 6.3).
+    They follow from the cross spectra of the gauges. A group with low waves at both ends of the record is one segment
+    without a window. Other spectra are Welch's, in the segments of ``spectrum``, in Hann windows that move with the
+    incident waves at the group velocity of the peak: with fixed windows, waves that pass one gauge inside a window and
+    the next one outside would appear as reflection. The sum of the densities is that of ``spectrum`` for all windows.
+    Values are not numbers if the gauges cannot resolve both waves (``condition`` above 6.3).
 
-    ``counted`` are energetic frequencies that the gauges resolve, up to 1.5 times the peak's: harmonics above are bound
-    to the waves, and linear theory attributes a part of them to reflection. The attributes: ``coefficient``, of the
-    counted frequencies, ``told_apart``, their part of the variance, ``hm0_incident`` and ``hm0_reflected`` [m], of all
-    frequencies in the ratio of the coefficient, ``highest_frequency`` [Hz], the limit, and ``one_window``, whether the
-    record is one Hann window. Raises ``InputError`` for fewer than two gauges, where they resolve no frequency of the
-    waves, and for waves that pass for a part of the record and are cut at its ends.
+    ``counted`` are energetic frequencies that the gauges resolve, up to 1.5 times the peak frequency: higher harmonics
+    are bound, and linear theory attributes a part of them to reflection. Attributes: ``coefficient`` of the counted
+    frequencies, ``told_apart``, their part of the variance, ``hm0_incident`` and ``hm0_reflected`` [m] of all
+    frequencies in the ratio of the coefficient, the limit ``highest_frequency`` [Hz], and ``one_window``, whether the
+    record is one Hann window. Raises ``InputError`` for fewer than two gauges, if they resolve no frequency of the
+    waves, and for transient waves that are truncated at the ends of the record.
     """
     x, dt = places(eta), time_step(eta)
     _check(x.size, 2)
@@ -201,7 +202,7 @@ class _CrossSpectra(NamedTuple):
 
 
 def _cross_spectra(eta: DataArray, delays: NDArray[np.intp], size: int, window: str) -> _CrossSpectra:
-    """Return the cross spectra of records that begin so many steps later at each gauge, in segments of a size."""
+    """Return the cross spectra of records, delayed by numbers of steps at the gauges, in segments of a size."""
     dt, length = time_step(eta), eta.time.size - int(delays.max())
     rows = zip(delays, eta.transpose("gauge", "time").values, strict=True)
     values = np.array([row[delay : delay + length] for delay, row in rows])
@@ -214,7 +215,7 @@ def _cross_spectra(eta: DataArray, delays: NDArray[np.intp], size: int, window: 
 def _delays(
     x: NDArray[np.float64], dt: float, peak: float, *, depth: float, gravity: float, most: int
 ) -> NDArray[np.intp]:
-    """Return how many steps after the first gauge along x waves of the peak frequency [Hz] come to each, at most."""
+    """Return the delays in steps, limited, of waves of the peak frequency [Hz] at the gauges after the first one."""
     speed = float(group_velocity(float(wave_number(2 * np.pi * peak, depth, gravity)), depth, gravity))
     return np.asarray(np.minimum(np.rint((x - x.min()) / (speed * dt)).astype(int), most), dtype=np.intp)
 

@@ -1,4 +1,4 @@
-"""The analyses of ``wavetank analyse``: of a record a table, notes, and the arguments of its figure."""
+"""The analyses of ``wavetank analyse``: table, notes, and arguments of the figure for a record."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -34,7 +34,7 @@ BADLY = "gauges stand badly"
 
 
 class Result(NamedTuple):
-    """A table, its columns of one length by their names with units, notes below it, and its figure's arguments."""
+    """A table, i.e. columns of equal length by names with units, notes, and the arguments of the figure."""
 
     columns: Mapping[str, ArrayLike]
     notes: list[str]
@@ -54,7 +54,7 @@ def _gauges(record: WaveRecord) -> dict[str, ArrayLike]:
 
 # ---------------------------------------------------------------- seas and groups
 def spectra(record: WaveRecord) -> Result:
-    """Spectra, with Hm0 and the periods that follow from their moments."""
+    """Spectra, with Hm0 and the periods by their moments."""
     S = signals.spectrum(record.eta)
     state = signals.sea_state(S)
     names = {"Hm0 [m]": "hm0", "Tp [s]": "tp", "Tm01 [s]": "tm01", "Tm02 [s]": "tm02", "Tm-10 [s]": "tm_10"}
@@ -66,7 +66,7 @@ def spectra(record: WaveRecord) -> Result:
 
 
 def heights(record: WaveRecord) -> Result:
-    """Waves by zero up-crossings, and the exceedance of their heights, compared with Rayleigh and Forristall."""
+    """Zero up-crossing waves, and the exceedance of their heights compared with Rayleigh and Forristall."""
     waves = [(one, zero_crossing_waves(one)) for one in record.eta]
     statistics = [height_statistics(result) for _, result in waves]
     states = signals.sea_state(signals.spectrum(record.eta))
@@ -87,7 +87,7 @@ def heights(record: WaveRecord) -> Result:
 
 
 def groups(record: WaveRecord) -> Result:
-    """The waves' envelope, and how much it varies."""
+    """The envelope of the waves, and its variation."""
     around, factor = signals.envelope(record.eta), signals.groupiness(record.eta)
     largest, mean = around.max("time"), around.mean("time")
     columns = {"largest envelope [m]": largest, "mean envelope [m]": mean, "groupiness [-]": factor}
@@ -98,7 +98,7 @@ def groups(record: WaveRecord) -> Result:
 
 # ---------------------------------------------------------------- harmonics
 def harmonic(record: WaveRecord) -> Result:
-    """Amplitudes and phases of the waves' harmonics."""
+    """Amplitudes and phases of the harmonics of the waves."""
     result = record.harmonics.assign_coords(x=record.eta.x)
     A, numbers = result.component.values, result.harmonic.values
     columns = {f"a{n} [m]": a for n, a in zip(numbers, np.abs(A).T, strict=True)}
@@ -114,7 +114,7 @@ def harmonic(record: WaveRecord) -> Result:
 
 
 def bound_free(record: WaveRecord) -> Result:
-    """The second harmonic along the tank: bound to the first, free, and free in the opposite direction."""
+    """The second harmonic along the tank: bound, free, and free in the opposite direction."""
     f = record.frequency
     names = ["bound", "free", "free, going back"][: 3 if record.eta.sizes["gauge"] > 3 else 2]
 
@@ -156,10 +156,10 @@ def bound_free(record: WaveRecord) -> Result:
 def _unsteady_note(
     record: WaveRecord, amplitudes: Callable[[WaveRecord], Array], least: Callable[[Array], Array], names: ArrayLike
 ) -> str:
-    """Return a note on the named amplitude [m] that changes most over the record, if by more than ``least`` of it.
+    """Return a note on the named amplitude [m] with the largest relative change over the record, if above ``least``.
 
-    Between the first and the last full periods of the record, as many as a half has, if more than one: over a part of a
-    period, waves above the highest harmonic would count as lower ones.
+    The first and the last full periods of the record are compared, as many as are in a half: over a part of a period,
+    waves above the highest harmonic would distort lower ones.
     """
     step, period = signals.time_step(record.eta), 1 / record.frequency
     periods = int((record.eta.time.size - 1) * step / period / 2)
@@ -179,17 +179,17 @@ def _not_steady(what: str, early: str, late: str) -> str:
 
 
 def _ends(record: WaveRecord, times: int) -> list[WaveRecord]:
-    """Return the first and the last so many times of a record, with its period."""
+    """Return the first and the last part of a record, of a number of times each, with its period."""
     parts = (slice(times), slice(-times, None))
     return [replace(record, eta=record.eta.isel(time=part), given_period=1 / record.frequency) for part in parts]
 
 
 def _free_waves_note(record: WaveRecord, bound: float, free: float) -> str:
-    """Return a note on the time from which free second harmonics are at all gauges, if the record begins earlier.
+    """Return a note on the time at which free second harmonics have reached all gauges, if the record begins earlier.
 
-    Their wave number is ``free`` [rad/m], that of the bound ones ``bound``, twice the first harmonic's. They leave the
-    wall with that, or, if no wall is known, or a bed may make them, the first gauge at the latest. The beginning is
-    sought before the start of the record, too.
+    The wave number ``free`` [rad/m] is theirs, ``bound`` that of the bound ones, twice that of the first harmonic. They
+    start with the waves at the wavemaker or, if it is unknown or a bed may generate them, at the first gauge at the
+    latest. The beginning of the waves may be before the start of the record.
     """
     eta, period = record.eta if record.before is None else record.before, 1 / record.frequency
     if (begin := signals.waves_begin(eta, period)) is None:
@@ -206,12 +206,12 @@ def _free_waves_note(record: WaveRecord, bound: float, free: float) -> str:
 
 
 def _residual_note(component: DataArray, fit: reflection.WaveFit) -> str:
-    """Return the residual of waves fitted to complex amplitudes over gauge, which of two gauges is nothing."""
+    """Return the residual of waves fitted to complex amplitudes over gauge; empty for two gauges, which have none."""
     return f"rest {fit.rest:.3g} m (rms)" if component.sizes["gauge"] > 2 else ""
 
 
 def _percent(part: float, digits: int) -> str:
-    """Return a part in so many digits, and never with an exponent."""
+    """Return a fraction as a percentage with a number of digits, never with an exponent."""
     return f"{float(f'{100 * part:.{digits}g}'):g} %"
 
 
@@ -220,12 +220,12 @@ def _period_note(record: WaveRecord) -> str:
 
 
 def _other_variance_ratio(record: WaveRecord) -> float:
-    """Return the part of the variance that is neither at the waves' frequency nor at its harmonics."""
+    """Return the part of the variance outside the harmonics of the waves."""
     return float((record.harmonics.rest**2).sum() / record.eta.var("time").sum())
 
 
 def _other_waves_note(record: WaveRecord) -> str:
-    """Return a note on that part of the variance, if it is large."""
+    """Return a note on the part of the variance outside the harmonics, if it is large."""
     fraction = _other_variance_ratio(record)
     if fraction <= OTHER_PERIODS:
         return ""
@@ -233,7 +233,7 @@ def _other_waves_note(record: WaveRecord) -> str:
 
 
 def _beginning_note(record: WaveRecord, period: float) -> str:
-    """Return how to leave out the beginning of the waves, examined over a period [s], if the record has it."""
+    """Return how to exclude the beginning of the waves, over periods [s], if the record contains it."""
     start = signals.waves_begin(record.eta, period)
     return "" if start is None else f"its waves begin in this record: --start {start:.4g} leaves that out"
 
@@ -247,7 +247,7 @@ def reflected_waves(record: WaveRecord) -> Result:
 def reflection_coefficient(record: WaveRecord) -> float:
     """Return reflected over incident amplitude: of regular waves if a period is given, else of a sea.
 
-    Raises ``InputError`` where the gauges cannot separate them.
+    Raises ``InputError`` if the gauges cannot separate them.
     """
     signals.waving(record.eta)
     if not record.given_period:
@@ -292,10 +292,10 @@ def _regular_reflection(record: WaveRecord) -> Result:
 
 
 def _uncertainty_note(record: WaveRecord, result: reflection.WaveFit) -> str:
-    """Return why a reflection of regular waves is uncertain, and what helps; empty if it is not.
+    """Return the reason for an uncertain reflection of regular waves, and a remedy; empty if it is certain.
 
-    It changes, or it is not larger than what linear theory omits of the first harmonic: the residual of three gauges;
-    two leave none, and the steepness of the second harmonic is taken for it.
+    It is uncertain if it varies, or does not exceed the part of the first harmonic that linear theory omits: the
+    residual of three gauges; for two, which have none, the steepness of the second harmonic.
     """
     doubtful = max(RELATIVELY_UNCERTAIN * result.reflection, UNCERTAIN)
     halves = _ends(record, record.eta.time.size // 2)
@@ -339,12 +339,12 @@ def _sea_reflection(record: WaveRecord) -> Result:
 
 # ---------------------------------------------------------------- speed
 def speed(record: WaveRecord) -> Result:
-    """Speed of waves from gauge to gauge: of regular ones by their phase, of others by cross-correlation, too."""
+    """Speed of waves between gauges: of regular waves by their phase, of others also by cross-correlation."""
     return _regular_wave_speed(record) if _is_regular(record) else _sea_speed(record)
 
 
 def _is_regular(record: WaveRecord) -> bool:
-    """Return whether a period is given, or the fitted one has nearly all of the variance."""
+    """Return whether a period is given, or the fitted one contains nearly all of the variance."""
     if record.given_period:
         return True
     if not record.eta.var("time").max() > signals.MIN_HEIGHT**2:
@@ -402,7 +402,7 @@ def _sea_speed(record: WaveRecord) -> Result:
 
 
 def _uncertain_note(result: Dataset, why: str) -> str:
-    """Return a note on pairs of gauges between which the number of periods is ambiguous."""
+    """Return a note on pairs of gauges with an ambiguous number of periods."""
     pairs = result.pair.values[~result.certain.values]
     some = ", ".join(map(str, pairs[:MAX_NAMED_PAIRS])) + (
         f" and {pairs.size - MAX_NAMED_PAIRS} more" if pairs.size > MAX_NAMED_PAIRS else ""
@@ -411,7 +411,7 @@ def _uncertain_note(result: Dataset, why: str) -> str:
 
 
 def analysed(kind: str, record: WaveRecord) -> Result:
-    """Return the result of an analysis of one of ``KINDS``; raises ``InputError`` for a gauge without waves, too."""
+    """Return the result of an analysis of one of ``KINDS``; raises ``InputError`` also for a gauge without waves."""
     signals.waving(record.eta)
     result = KINDS[kind](record)
     return result._replace(arguments=result.arguments | {"title": record.title})

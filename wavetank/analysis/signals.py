@@ -2,7 +2,7 @@
 
 Spectral moments are m_n = ∫ f^n S df (L. H. Holthuijsen, *Waves in Oceanic and Coastal Waters*, 2007, chapters 3 to 5
 and appendix C). Harmonics are eta(t) = mean + Σ Re(A_n e^(-i n ω t)) + rest, by least squares. The phase between gauges
-is ambiguous by whole turns; the wave number nearest to that of linear waves is taken.
+is ambiguous by multiples of 2π; the wave number nearest to that of linear waves is selected.
 """
 
 from collections.abc import Hashable, Iterable, Sequence
@@ -21,10 +21,10 @@ from wavetank.base.errors import InputError
 from wavetank.output.columns import gauge_array
 from wavetank.waves.airy import Array, wave_number
 
-UNITS = {  # of quantities by their names
+UNITS = {  # units of quantities by name
     **dict.fromkeys(("height", "crest", "trough", "hm0", "component", "level", "rest", "distance", "x"), "m"),
     **dict.fromkeys(("begin", "period", "tp", "tm01", "tm02", "tm_10", "delay"), "s"),
-    **dict.fromkeys(("computed", "reference", "crest_computed", "crest_reference"), "m"),  # of a comparison
+    **dict.fromkeys(("computed", "reference", "crest_computed", "crest_reference"), "m"),  # units of a comparison
     **dict.fromkeys(("trough_computed", "trough_reference"), "m"),
     **dict.fromkeys(("shift", "t_crest_computed", "t_crest_reference", "clock_offset", "arrival_error"), "s"),
     **dict.fromkeys(("density", "incident", "reflected"), "m2 Hz-1"),
@@ -48,11 +48,11 @@ EVEN = 1e-3  # relative deviation of intervals below which times are equally spa
 
 
 def common_clock(records: Iterable[DataArray]) -> DataArray:
-    """Return records at gauges over gauge and equally spaced times [s], those that all of them have.
+    """Return records over gauge and equally spaced common times [s].
 
-    Each is the elevation [m] over time at one gauge, of which times without a value are left out. Records on one clock
-    of equal steps are taken as they are; others are read by cubic splines at the finest of their mean steps. Raises
-    ``InputError`` where there is no gauge, or too few times in common.
+    Each record is the elevation [m] over time at one gauge; times without a value are omitted. Records with equal,
+    equally spaced times are unchanged; others are interpolated by cubic splines at the finest of their mean steps.
+    Raises ``InputError`` if there is no gauge, or too few common times.
     """
     each = [one.dropna("time") for one in records]
     if not each:
@@ -62,7 +62,7 @@ def common_clock(records: Iterable[DataArray]) -> DataArray:
         f"at least {MIN_SAMPLES} are needed."
     )
     clocks = [one.time.values for one in each]
-    if min(t.size for t in clocks) < 2:  # as of a run that was killed at its start
+    if min(t.size for t in clocks) < 2:  # such as a run that was killed at its start
         raise few
     first, last = max(t[0] for t in clocks), min(t[-1] for t in clocks)
     dt = min((last - first) / max(np.count_nonzero((t >= first) & (t <= last)) - 1, 1) for t in clocks)
@@ -75,7 +75,7 @@ def common_clock(records: Iterable[DataArray]) -> DataArray:
 
 
 def _read_at(record: DataArray, t: Array) -> Array:
-    """Return a record at other times, unchanged where these are its own."""
+    """Return a record interpolated at other times, unchanged at its own times."""
     own, margin = record.time.values, EVEN * (t[1] - t[0])
     inside = (own >= t[0] - margin) & (own <= t[-1] + margin)
     if np.count_nonzero(inside) == t.size and np.abs(own[inside] - t).max() < margin:
@@ -84,10 +84,10 @@ def _read_at(record: DataArray, t: Array) -> Array:
 
 
 def along(surface: Dataset, places: Array) -> DataArray:
-    """Return the elevation [m] of a slice's snapshots at places x [m], as gauges there would read it.
+    """Return the elevation [m] of the snapshots of a slice at fixed positions x [m], like gauges.
 
-    ``surface`` is ``RunDirectory.snapshots()``. Gauges are called after their places. Raises ``InputError`` for fewer
-    than eight snapshots, and for places that are not between the ends of the surface at all times.
+    ``surface`` is ``RunDirectory.snapshots()``. Gauges are named by their positions. Raises ``InputError`` for fewer
+    than eight snapshots, and for positions that are not between the ends of the surface at all times.
     """
     if surface.time.size < MIN_SAMPLES:
         raise InputError(f"{surface.time.size} snapshots of the surface; at least {MIN_SAMPLES} are needed.")
@@ -100,9 +100,9 @@ def along(surface: Dataset, places: Array) -> DataArray:
 
 
 def between(eta: DataArray, start: float | None = None, end: float | None = None) -> DataArray:
-    """Return the part of a record from one time to another [s], default: from the first to the last.
+    """Return the part of a record between two times [s], default: its first and last.
 
-    Raises ``InputError`` where fewer than eight times remain.
+    Raises ``InputError`` if fewer than eight times remain.
     """
     part = eta.sel(time=slice(start, end))
     if part.time.size < MIN_SAMPLES:
@@ -113,7 +113,7 @@ def between(eta: DataArray, start: float | None = None, end: float | None = None
 
 
 def chosen(eta: DataArray, names: Sequence[str]) -> DataArray:
-    """Return the record at gauges of these names, in this order; raise ``InputError`` for one that is not there."""
+    """Return the record at gauges of these names, in this order; raise ``InputError`` for a missing one."""
     have = [str(name) for name in eta.gauge.values]
     if missing := [name for name in names if name not in have]:
         raise InputError(f"gauge {missing[0]!r} received; there are {', '.join(have)}.")
@@ -121,7 +121,7 @@ def chosen(eta: DataArray, names: Sequence[str]) -> DataArray:
 
 
 def time_step(eta: DataArray) -> float:
-    """Return the step [s] of a record's times; raise ``InputError`` where they are not equally spaced."""
+    """Return the step [s] of the times of a record; raise ``InputError`` if they are not equally spaced."""
     steps = np.diff(eta.time.values)
     if steps.size < MIN_SAMPLES - 1 or np.ptp(steps) > 2 * EVEN * steps.mean():
         raise InputError(f"{steps.size + 1} times: at least {MIN_SAMPLES} are needed, equally spaced.")
@@ -139,9 +139,9 @@ def waving(eta: DataArray) -> DataArray:
 
 
 def waves_begin(eta: DataArray, period: float) -> float | None:
-    """Return the time [s] from which a record has its waves at every gauge; None if it has from its first time on.
+    """Return the time [s] at which waves are established at all gauges; None if they are from the first time on.
 
-    None, too, if they do not stay, as those of a group. Their height is the root mean square over one period [s].
+    None also for transient waves, such as a group. The height of the waves is the root mean square over one period [s].
     """
     steps = round(period / time_step(eta))
     if not 1 < steps < eta.time.size / 4:
@@ -156,9 +156,9 @@ def waves_begin(eta: DataArray, period: float) -> float | None:
 
 
 def places(eta: DataArray) -> Array:
-    """Return the gauges' places x [m].
+    """Return the positions x [m] of the gauges.
 
-    Raises ``InputError`` where one is not known, where two are equal, and for gauges at several y.
+    Raises ``InputError`` for unknown or equal ones, and for gauges at several y.
     """
     x = np.asarray(eta.x.values, dtype=float)
     if np.ptp(eta.y.values):
@@ -178,14 +178,14 @@ PEAK_POWER = 4  # power of S in the weighted peak frequency: I. R. Young, Ocean 
 
 
 def mean_period(eta: DataArray) -> float:
-    """Return the mean time [s] between zero up-crossings of the mean level, of all gauges together."""
+    """Return the mean time [s] between zero up-crossings of the mean level, over all gauges."""
     values = (eta - eta.mean("time")).values
     ups = np.count_nonzero((values[..., :-1] < 0) & (values[..., 1:] >= 0), axis=-1)
     return float((eta.time[-1] - eta.time[0]) / max(np.mean(ups), 1))
 
 
 def samples(eta: DataArray, segment: float | None = None) -> int:
-    """Return how many samples a segment [s] has, by default one of 32 mean periods; all where there are not two."""
+    """Return the number of samples in a segment [s], default: 32 mean periods; all if there is only one segment."""
     wanted = (SEGMENT_PERIODS * mean_period(eta) if segment is None else segment) / time_step(eta)
     return max(round(wanted), 4) if 2 * wanted <= eta.time.size else int(eta.time.size)
 
@@ -193,9 +193,10 @@ def samples(eta: DataArray, segment: float | None = None) -> int:
 def spectrum(eta: DataArray, *, segment: float | None = None) -> DataArray:
     """Return the variance density S [m²/Hz] over gauge and frequency f [Hz].
 
-    Welch's method: segments of so many seconds (default: 32 mean periods) that overlap by half, each without its mean
-    and in a Hann window. A record of less than two is one segment without a window, so that the sum of S times the step
-    of f is its variance exactly. The attribute ``segments`` is their number; n of them give S within about 1.2 / √n.
+    Welch's method: segments of a duration [s] (default: 32 mean periods) that overlap by half, each without its mean
+    and in a Hann window. A record shorter than two segments is one segment without a window, so that the sum of S times
+    the step of f is exactly its variance. The attribute ``segments`` is their number n; the relative error of S is
+    about 1.2 / √n.
     """
     rate, size = 1 / time_step(eta), samples(eta, segment)
     window = "boxcar" if size == eta.time.size else "hann"
@@ -215,7 +216,7 @@ def _stations(eta: DataArray) -> dict[Hashable, DataArray]:
 
 
 def ends_low(values: Array, period: int) -> bool:
-    """Return whether the first and last waves of records, in that many samples, are low compared with the highest."""
+    """Return whether the first and last waves of records, of a number of samples, are low relative to the highest."""
     high = np.abs(values - values.mean(axis=1, keepdims=True))
     return bool(max(high[:, :period].max(), high[:, -period:].max()) < LOW_ENDS * high.max())
 
@@ -228,7 +229,7 @@ def moment(S: DataArray, n: int) -> DataArray:
 
 
 def peak_frequency(S: DataArray) -> DataArray:
-    """Return the frequency [Hz] of a spectrum's peak, ∫ f S⁴ df / ∫ S⁴ df (Young 1995), which noise does not move."""
+    """Return the peak frequency [Hz] of a spectrum, ∫ f S⁴ df / ∫ S⁴ df (Young 1995), which is robust to noise."""
     peaked = (S / S.max("frequency")) ** PEAK_POWER
     result: DataArray = (peaked * S.frequency).sum("frequency") / peaked.sum("frequency")
     return result
@@ -250,19 +251,19 @@ FREQUENCY_RANGE = 0.1  # relative range around the peak frequency in which the f
 
 
 def harmonics(eta: DataArray, frequency: float, *, number: int = MAX_HARMONICS) -> Dataset:
-    """Return the harmonics 1 ... ``number`` of a frequency [Hz] in a record over at least a period.
+    """Return the harmonics 1 ... ``number`` of a frequency [Hz] in a record of at least one period.
 
     Returns
     -------
     ``component``
         A_n [m] over gauge and ``harmonic``, complex: of a wave a cos(k x - ω t + ε) it is a e^(i (k x + ε)).
     ``level``
-        The mean level [m] over gauge.
+        Mean level [m] over gauge.
     ``rest``
         Root mean square [m] of the residual, over gauge.
 
-    The record need not be whole periods. Raises ``InputError`` for one shorter than a period, or whose steps are too
-    long for the highest harmonic.
+    The record need not contain an integer number of periods. Raises ``InputError`` for a record shorter than a period,
+    or with steps too long for the highest harmonic.
     """
     t = eta.time.values
     if not frequency > 0 or (t[-1] - t[0]) * frequency < 1:
@@ -284,7 +285,7 @@ def harmonics(eta: DataArray, frequency: float, *, number: int = MAX_HARMONICS) 
 
 
 def resolved(eta: DataArray, frequency: float) -> int:
-    """Return how many harmonics of a frequency [Hz] a record's steps resolve: one at least, and four at most."""
+    """Return the number of harmonics of a frequency [Hz] that the steps of a record resolve, from one to four."""
     step = float(eta.time[-1] - eta.time[0]) / (eta.time.size - 1)
     return max(1, min(MAX_HARMONICS, int(0.49 / (frequency * step))))
 
@@ -296,7 +297,7 @@ def _columns(t: Array, frequency: float, number: int) -> Array:
 
 
 def fundamental(eta: DataArray) -> float:
-    """Return the frequency [Hz], around the spectrum's peak, whose harmonics leave the least residual of all gauges."""
+    """Return the frequency [Hz] near the peak of the spectrum whose harmonics have the least residual at all gauges."""
     S = spectrum(eta, segment=ENTIRE)
     S = S.mean([dim for dim in S.dims if dim != "frequency"])
     peak, length = float(peak_frequency(S)), float(eta.time[-1] - eta.time[0])
@@ -319,9 +320,9 @@ def fundamental(eta: DataArray) -> float:
 
 # ---------------------------------------------------------------- groups
 def envelope(eta: DataArray) -> DataArray:
-    """Return the envelope [m] of a record about its mean: the size of its analytic signal (Hilbert's transform).
+    """Return the envelope [m] of a record about its mean: the modulus of its analytic signal (Hilbert transform).
 
-    It is that of a periodic signal: of other records it is inaccurate within a few periods of the ends.
+    It assumes a periodic signal: for other records it is inaccurate within a few periods of the ends.
     """
     values = np.abs(hilbert((eta - eta.mean("time")).values, axis=eta.dims.index("time")))
     return eta.copy(data=values).rename("envelope").assign_attrs(long_name="envelope of the elevation", units="m")
@@ -330,8 +331,8 @@ def envelope(eta: DataArray) -> DataArray:
 def groupiness(eta: DataArray) -> DataArray:
     """Return the groupiness factor over gauge: the standard deviation of the squared envelope over its mean.
 
-    0 of regular waves, 1 / √2 of two frequencies of one height, 1 of a linear sea of random phases. Source: R. T.
-    Hudspeth and J. R. Medina, Proc. 21st Int. Conf. Coastal Eng., 1988.
+    It is 0 for regular waves, 1 / √2 for two components of equal height, 1 for a linear sea of random phases. Source:
+    R. T. Hudspeth and J. R. Medina, Proc. 21st Int. Conf. Coastal Eng., 1988.
     """
     squared = envelope(eta) ** 2
     factor: DataArray = squared.std("time") / squared.mean("time")
@@ -340,11 +341,11 @@ def groupiness(eta: DataArray) -> DataArray:
 
 # ---------------------------------------------------------------- similarity
 def surface_similarity(one: ArrayLike, other: ArrayLike) -> float:
-    """Return the surface similarity parameter of two records at the same times, of one shape: 0 alike, 1 opposite.
+    """Return the surface similarity parameter of two records at the same times: 0 for equal, 1 for opposite records.
 
-    The norm of the difference of their spectra over the sum of their norms, which by Parseval's theorem is that of the
-    records themselves; 0 where both are zero. Source: M. Perlin and M. D. Bustamante, "A robust quantitative
-    comparison criterion of two signals based on the Sobolev norm of their difference", J. Eng. Math. 101, 2016.
+    It is the norm of the difference of their spectra over the sum of their norms; by Parseval's theorem these are the
+    norms of the records. 0 if both are zero. Source: M. Perlin and M. D. Bustamante, "A robust quantitative comparison
+    criterion of two signals based on the Sobolev norm of their difference", J. Eng. Math. 101, 2016.
     """
     a, b = np.asarray(one, dtype=float), np.asarray(other, dtype=float)
     size = np.linalg.norm(a) + np.linalg.norm(b)
@@ -360,15 +361,15 @@ OPPOSITE = 0.5  # increase of the mean cosine of phases by which waves towards -
 DELAYS = 32  # delays in a mean period at which the mean cosine is evaluated
 SPEED_ERROR = 0.02  # relative error of the speed by the dispersion relation
 MAX_INCREASE = 0.2  # largest relative increase of the speed by steepness
-PHASE_ERROR = 0.2  # error of the phase between two gauges [rad], that of a reflection of a tenth
+PHASE_ERROR = 0.2  # error of the phase between two gauges [rad] by a reflection of 0.1
 
 
 def delay(one: DataArray, other: DataArray) -> float:
-    """Return the delay [s] of a second record of equal length: where their cross-correlation is largest.
+    """Return the delay [s] of a second record of equal length, by the largest cross-correlation.
 
-    From the maximum over the entire records it climbs to the next maximum of the coefficient over their overlap, which
-    a cubic spline interpolates between samples. Regular waves without a front are as similar a period later: of their
-    delays it is the one of the largest overlap.
+    The search begins at the maximum over the complete records and ends at the next maximum of the correlation
+    coefficient over their overlap, interpolated by a cubic spline between samples. Regular waves without a front are
+    equally similar one period later: their delay is that of the largest overlap.
     """
     a, b = ((record - record.mean("time")).values for record in (one, other))
     furthest, best = a.size - MIN_SAMPLES, int(np.argmax(signal.correlate(b, a, method="fft"))) - (a.size - 1)
@@ -385,7 +386,7 @@ def delay(one: DataArray, other: DataArray) -> float:
 
 
 def is_unambiguous(one: DataArray, other: DataArray, late: float) -> bool:
-    """Return whether a delay [s] fits two records better than any a mean period earlier or later."""
+    """Return whether a delay [s] fits two records better than those a mean period earlier or later."""
     a, b = (record.values for record in (one, other))
     best, period = round(late / time_step(one)), mean_period(one) / time_step(one)
     shifts = np.rint(period * np.linspace(0.5, 1.5, DELAYS + 1)).astype(int)
@@ -394,16 +395,16 @@ def is_unambiguous(one: DataArray, other: DataArray, late: float) -> bool:
 
 
 def _correlation(a: Array, b: Array, lag: int) -> float:
-    """Return the correlation coefficient of b with a as many samples earlier, over those that both have."""
+    """Return the correlation coefficient of b with a shifted by a number of samples, over their overlap."""
     earlier, later = (a[: a.size - lag], b[lag:]) if lag >= 0 else (a[-lag:], b[: b.size + lag])
     earlier, later = earlier - earlier.mean(), later - later.mean()
     return float(earlier @ later / max(np.linalg.norm(earlier) * np.linalg.norm(later), np.finfo(float).tiny))
 
 
 def travel(eta: DataArray) -> Dataset:
-    """Return ``distance`` [m], ``delay`` [s] and ``speed`` [m/s] from each gauge to the next along x, over ``pair``.
+    """Return ``distance`` [m], ``delay`` [s] and ``speed`` [m/s] between adjacent gauges along x, over ``pair``.
 
-    ``certain`` is true of delays that fit better than those a mean period earlier or later. Without a delay the speed
+    ``certain`` is true for delays that fit better than those a mean period earlier or later. Without a delay the speed
     is not a number. Raises ``InputError`` for fewer than two gauges.
     """
     ordered, pairs = _adjacent(eta)
@@ -416,10 +417,10 @@ def travel(eta: DataArray) -> Dataset:
 def regular_speed(component: DataArray, frequency: float, *, depth: float, gravity: float = 9.81) -> Dataset:
     """Return ``distance`` [m], ``delay`` [s] and phase ``speed`` [m/s] of regular waves, over ``pair`` as ``travel``.
 
-    ``component`` is the first harmonic over gauge, as ``harmonics`` returns it, of this frequency [Hz]; the depth is in
-    m. Waves go to -x, at a negative speed, where linear ones that do fit the phases clearly better. The number of
-    periods of a delay follows from the dispersion relation, Stokes' increase of speed included, and from pairs that are
-    closer. ``certain`` is true of phases within a quarter of a turn of those expected, known to a quarter of a turn.
+    ``component`` is the first harmonic over gauge, as returned by ``harmonics``, of a frequency [Hz]; the depth is in
+    m. Waves travel towards -x, at a negative speed, if linear waves in that direction fit the phases clearly better.
+    The number of periods of a delay follows from the dispersion relation, with Stokes' increase of speed, and from
+    closer pairs. ``certain`` is true for phases within π/2 of the expected ones, with an uncertainty below π/2.
     """
     ordered, pairs = _adjacent(component)
     omega, distance = 2 * np.pi * frequency, pairs.distance.values
@@ -440,7 +441,7 @@ def regular_speed(component: DataArray, frequency: float, *, depth: float, gravi
 
 
 def _adjacent(eta: DataArray) -> tuple[DataArray, Dataset]:
-    """Return the gauges in the order of x, and the ``distance`` [m] of each to the next, over ``pair``.
+    """Return the gauges in the order of x, and the ``distance`` [m] between adjacent ones, over ``pair``.
 
     Raises ``InputError`` for fewer than two gauges.
     """
@@ -458,18 +459,18 @@ def _with_speed(pairs: Dataset, delays: Array, certain: ArrayLike) -> Dataset:
 
 
 def _nearest_phase(phase: Any, linear: Any) -> Any:
-    """Return phases [rad] with the multiples of 2π that bring them nearest to those of linear waves."""
+    """Return phases [rad] with the multiples of 2π for which they are nearest to those of linear waves."""
     return phase + 2 * np.pi * np.round((linear - phase) / (2 * np.pi))
 
 
 def phase_speed(eta: DataArray, *, depth: float, gravity: float = 9.81, segment: float | None = None) -> Dataset:
-    """Return the ``speed`` [m/s] of each frequency [Hz] from each gauge to the next along x, over ``pair`` and f.
+    """Return the ``speed`` [m/s] of each frequency [Hz] between adjacent gauges along x, over ``pair`` and f.
 
-    By the phase of their cross spectrum (Welch's, segments of ``spectrum`` in Hann windows; a single segment has none
-    where its waves are low at either end), with the multiple of 2π that brings the wave number nearest to that of the
-    dispersion relation in that depth [m]. Further variables are the ``coherence`` of the two gauges (1 of a single
-    segment), the ``density`` [m²/Hz] of the cross spectrum, and ``own``, whether that is a local maximum: smaller
-    values may be leakage from there, with its phase, but not in a single segment without a window.
+    It follows from the phase of their cross spectrum (Welch's, segments of ``spectrum`` in Hann windows; a single
+    segment with low waves at both ends has no window), with the multiple of 2π for which the wave number is nearest to
+    that of the dispersion relation in that depth [m]. Further variables are the ``coherence`` of the two gauges (1 for
+    a single segment), the ``density`` [m²/Hz] of the cross spectrum, and ``own``, whether this is a local maximum:
+    smaller values may be leakage of the maximum with its phase, except in a single segment without a window.
     """
     ordered, pairs = _adjacent(eta)
     values, size = ordered.transpose("gauge", "time").values, samples(eta, segment)

@@ -14,14 +14,14 @@ from wavetank.base.errors import InputError
 from wavetank.waves.airy import Array, wave_number
 
 # ---------------------------------------------------------------- zero up-crossing waves
-MIN_WAVES = 3  # waves that a mean height needs
+MIN_WAVES = 3  # least number of waves of a mean height
 
 
 def zero_crossing_waves(eta: DataArray) -> Dataset:
     """Return ``period`` [s], ``crest``, ``trough``, ``height`` [m] of each complete wave at one gauge, over ``begin``.
 
-    A wave is from one up-crossing of the mean level [s] to the next; crossings, crests and troughs are those of a cubic
-    spline. Crests and troughs are above the mean level; a trough is negative.
+    A wave begins at an up-crossing of the mean level [s] and ends at the next. Crossings, crests and troughs are those
+    of a cubic spline. Crests and troughs are relative to the mean level; a trough is negative.
     """
     t, values = eta.time.values, eta.values
     ups: Array = np.zeros(0)
@@ -40,7 +40,7 @@ def zero_crossing_waves(eta: DataArray) -> Dataset:
 
 
 def height_statistics(waves: Dataset) -> dict[str, float]:
-    """Return statistics of a record's waves: their number ``waves``, and by name heights [m] and periods [s].
+    """Return statistics of the waves of a record: their number ``waves``, and heights [m] and periods [s] by name.
 
     ``h_mean``, ``h_1_3`` and ``h_1_10`` (means of the highest third and tenth), ``h_max``, ``crest``, ``trough``,
     ``t_mean``, ``t_1_3`` (of the highest third). Raises ``InputError`` for fewer than three waves.
@@ -65,9 +65,9 @@ def height_statistics(waves: Dataset) -> dict[str, float]:
 
 
 def mean_wave_height(eta: DataArray, *, start: float) -> float:
-    """Return the mean height [m] of the whole waves after ``start`` [s] at one gauge.
+    """Return the mean height [m] of the complete waves after ``start`` [s] at one gauge.
 
-    Raises ``InputError`` if there are fewer than three.
+    Raises ``InputError`` for fewer than three waves.
     """
     heights = zero_crossing_waves(eta.sel(time=slice(start, None))).height
     if heights.size < MIN_WAVES:
@@ -80,42 +80,42 @@ def mean_wave_height(eta: DataArray, *, start: float) -> float:
 
 
 # ---------------------------------------------------------------- distributions
-CRESTS = {  # of long-crested and of short-crested seas: coefficients of alpha and beta, and the power of Ur in beta
+CRESTS = {  # coefficients of alpha and beta, power of Ur in beta, of long-crested and short-crested seas
     "long": ((0.3536, 0.2892, 0.1060), (2.0, -2.1597, 0.0, 0.0968)),
     "short": ((0.3536, 0.2568, 0.0800), (2.0, -1.7912, -0.5302, 0.2824)),
 }
 
 
 def exceedance(values: ArrayLike) -> DataArray:
-    """Return how often each of N values is exceeded, i / (N + 1) of the i-th largest, over ``value``, descending."""
+    """Return the exceedance probability of N values, i / (N + 1) for the i-th largest, over ``value``, descending."""
     ordered = np.sort(np.asarray(values, dtype=float))[::-1]
     fraction = (1 + np.arange(ordered.size)) / (ordered.size + 1)
     return DataArray(fraction, {"value": ordered}, ("value",), name="exceedance", attrs={"units": "1"})
 
 
 def rayleigh_heights(height: ArrayLike, hm0: float) -> Array:
-    """Return P(H > height) of a narrow linear spectrum of Hm0 [m]: exp(-2 (H/Hm0)²)."""
+    """Return P(H > height) for a narrow linear spectrum of Hm0 [m]: exp(-2 (H/Hm0)²)."""
     return np.asarray(np.exp(-2 * np.square(np.divide(height, hm0))))
 
 
 def rayleigh_crests(crest: ArrayLike, hm0: float) -> Array:
-    """Return P(crest > c) of a narrow linear spectrum of Hm0 [m]: exp(-8 (c/Hm0)²)."""
+    """Return P(crest > c) for a narrow linear spectrum of Hm0 [m]: exp(-8 (c/Hm0)²)."""
     return np.asarray(np.exp(-8 * np.square(np.divide(crest, hm0))))
 
 
 def forristall_heights(height: ArrayLike, hm0: float) -> Array:
-    """Return P(H > height) as measured in storms, whose spectra are not narrow: exp(-(4 H/Hm0)^2.126 / 8.42)."""
+    """Return P(H > height) from storm measurements, with broad spectra: exp(-(4 H/Hm0)^2.126 / 8.42)."""
     return np.asarray(np.exp(-(np.multiply(height, 4 / hm0) ** 2.126) / 8.42))
 
 
 def forristall_crests(
     crest: ArrayLike, hm0: float, *, tm01: float, depth: float, gravity: float = 9.81, crested: str = "long"
 ) -> Array:
-    """Return P(crest > c) of simulated seas of second order: exp(-(c / (α Hm0))^β).
+    """Return P(crest > c) of simulated second-order seas: exp(-(c / (α Hm0))^β).
 
-    α and β follow from the steepness S1 = 2π Hm0 / (g Tm01²) and Ursell's number Ur = Hm0 / (k1² d³), k1 that of Tm01;
-    where both vanish it is Rayleigh's. Lengths are in m, the period in s; seas are ``"long"``- or ``"short"``-crested.
-    Raises ``InputError`` for seas so steep that β is not positive.
+    α and β follow from the steepness S1 = 2π Hm0 / (g Tm01²) and Ursell's number Ur = Hm0 / (k1² d³), with k1 of Tm01;
+    if both vanish, the distribution is Rayleigh's. Lengths are in m, the period in s; seas are ``"long"``- or
+    ``"short"``-crested. Raises ``InputError`` for seas so steep that β is not positive.
     """
     alphas, betas = CRESTS[crested]
     S = 2 * np.pi * hm0 / (gravity * tm01**2)

@@ -1,4 +1,4 @@
-"""The bed and the sponge of a run, from its case; a bed by code from its record; the surface of a ring closed."""
+"""Bed and sponge of a run, from its case; a bed by code from its record; the closed surface of a ring."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -16,9 +16,9 @@ from wavetank.output.directory import BED, RunDirectory
 
 
 def still_water(run: RunDirectory) -> Depth | None:
-    """Return d(x, y) [m] of a run; None where the bed is flat, or the manifest does not say.
+    """Return d(x, y) [m] of a run; None for a flat bed, or if the manifest has no bed.
 
-    Raises ``InputError`` if the bed is in a file that cannot be had or used.
+    Raises ``InputError`` if the file of the bed is missing or cannot be used.
     """
     try:
         tank: AnyTank = TypeAdapter(Tank).validate_python(run.manifest["case"]["tank"])
@@ -30,7 +30,7 @@ def still_water(run: RunDirectory) -> Depth | None:
 
 
 def _recorded(run: RunDirectory) -> Depth:
-    """Return the linear interpolation of the recorded depths [m]; outside of the water the nearest of them."""
+    """Return the linear interpolation of the recorded depths [m]; outside of the water the nearest one."""
     columns = run.bed()
     if set(columns) - {"y"} != {"x", "depth"} or not columns.sizes["point"]:
         names = ", ".join(map(str, columns))
@@ -49,9 +49,9 @@ def _recorded(run: RunDirectory) -> Depth:
 
 
 def sponge_rate(case: Mapping[str, Any], x: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """Return the damping rate of a slice's sponge at x [m] up to a factor, shape (N,); None without a sponge.
+    """Return the damping rate of the sponge of a slice at x [m] up to a factor, shape (N,); None without a sponge.
 
-    ``case`` is that of a manifest; x goes to the end of the tank.
+    ``case`` is that of a manifest; x ends at the far end of the tank.
     """
     match case.get("sponge"):
         case {"type": "end", "length": length}:
@@ -62,7 +62,7 @@ def sponge_rate(case: Mapping[str, Any], x: NDArray[np.float64]) -> NDArray[np.f
 
 
 def closed(surface: Dataset, length: float) -> Dataset:
-    """Return the snapshots of a ring of a length [m] with the first point of each once more at the end."""
+    """Return the snapshots of a ring of a length [m] with the first point repeated at the end."""
     first = surface.isel(point=[0])
     both = [surface[["elevation"]], first[["elevation"]].assign_coords(x=first.x + length)]
     return concat(both, "point", data_vars="minimal", coords="minimal", compat="override")

@@ -1,4 +1,4 @@
-"""Vectors: numpy arrays of the values that this rank owns, and their reductions over ranks."""
+"""Vectors: numpy arrays of the values that this rank owns, and reductions over ranks."""
 
 from typing import TYPE_CHECKING, TypeVar
 

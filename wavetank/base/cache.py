@@ -18,7 +18,7 @@ GROUP_OR_ALL_WRITE = 0o022
 
 def usual(part: str = "") -> Path:
     """Return the folder of a part of the user's cache; it may be missing."""
-    import pooch  # loads long
+    import pooch  # slow import
 
     return Path(pooch.os_cache("wavetank")) / part
 
@@ -26,16 +26,16 @@ def usual(part: str = "") -> Path:
 def places(part: str = "", *, private: bool = False) -> list[Path]:
     """Return the folders that are searched for a part of the cache; they may be missing.
 
-    ``private`` ones, which contain code, exist, and only this user and root can write to them.
+    ``private`` folders, which contain code, exist, and only this user and root can write to them.
     """
     usual_part = [] if private and not _is_private(usual(), part) else [usual(part)]
     return [*usual_part, *([_temporary() / part] if _is_private(_temporary(), part if private else "") else [])]
 
 
 def writable(part: str = "", *, private: bool = False) -> Path:
-    """Return a writable folder for a part of the cache: the usual one, or, with a warning, a temporary one.
+    """Return a writable folder for a part of the cache: that of the user or, with a warning, a temporary one.
 
-    Raises ``InputError`` that names the variable to set if there is neither.
+    Raises ``InputError`` that names the environment variable to set if there is neither.
     """
     try:
         return _usable(usual(), part, private=private)
@@ -56,7 +56,7 @@ def writable(part: str = "", *, private: bool = False) -> Path:
 
 
 def _usable(cache: Path, part: str, *, private: bool) -> Path:
-    """Return a part of a cache, made if missing; raise ``OSError`` unless files in it can be written and locked.
+    """Return a part of a cache, created if missing; raise ``OSError`` unless files in it can be written and locked.
 
     A ``private`` one is made writable for this user only, or refused.
     """
@@ -89,7 +89,7 @@ def _is_private(cache: Path, part: str) -> bool:
 
 
 def is_ours(folder: Path, *, any_mode: bool = False) -> bool:
-    """Return whether a folder exists, is no link, belongs to this user, and only this user can write to it."""
+    """Return whether a folder exists, is no link, belongs to this user, and is writable for this user only."""
     try:
         state = folder.lstat()
     except OSError:

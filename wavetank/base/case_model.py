@@ -1,4 +1,4 @@
-"""The base class of case models, frozen and validated data, and the problems that they report."""
+"""The base class of case models, i.e. frozen and validated data, and the problems that they report."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,14 +17,14 @@ Key = tuple[str | int, ...]
 
 
 class Problem(NamedTuple):
-    """An inconsistency of a case whose single values are allowed.
+    """An inconsistency of a case whose single values are valid.
 
     Attributes
     ----------
     key
-        Its key in the case, e.g. ``("gauges", 0, "x")``.
+        Key in the case, e.g. ``("gauges", 0, "x")``.
     received, allowed
-        The value there, and what it may be.
+        Received value, and what is allowed.
     """
 
     key: Key
@@ -32,11 +32,11 @@ class Problem(NamedTuple):
     allowed: str
 
     def at(self, key: str, name: str) -> "Problem":
-        """Return the same with a first key renamed."""
+        """Return the same problem with another first key."""
         return self._replace(key=(name, *self.key[1:])) if self.key[:1] == (key,) else self
 
     def __str__(self) -> str:
-        """Return the sentence, e.g. ``tank.depth = -1: must be greater than 0``; a value of None was not given."""
+        """Return the sentence, e.g. ``tank.depth = -1: must be greater than 0``; None is a missing value."""
         shown = "" if self.received is None else f" = {_shown(self.received)}"
         key = printable(".".join(map(str, self.key))[:KEY_SHOWN]).replace("\n", "\\n")
         return f"{key}{shown}: {self.allowed}"
@@ -46,7 +46,7 @@ def _shown(received: Any) -> str:
     """Return the beginning of a value in JSON."""
     try:
         return json.dumps(received, default=str)[:80]
-    except (ValueError, RecursionError):  # a number of too many digits, lists in lists in lists
+    except (ValueError, RecursionError):  # a number of too many digits, deeply nested lists
         return f"{type(received).__name__} of no sensible size"
 
 
@@ -63,7 +63,7 @@ class CaseError(InputError):
 
 @contextmanager
 def about(*key: str | int, received: Any = None) -> Iterator[None]:
-    """Raise an ``InputError`` of the block as a ``CaseError`` that names a key and the value received there."""
+    """Raise an ``InputError`` of the block as a ``CaseError`` with a key and the value received there."""
     try:
         yield
     except CaseError:
@@ -82,21 +82,21 @@ def renamed(key: str, name: str) -> Iterator[None]:
 
 
 Checked = str | tuple[Key, Any]  # a field, or key and value elsewhere
-Check = tuple[Checked, bool, str] | tuple[Checked, bool, str, bool]  # whether it fits, what is allowed, if decisive
+Check = tuple[Checked, bool, str] | tuple[Checked, bool, str, bool]  # satisfied, allowed, decisive
 
 
 class CaseModel(BaseModel):
-    """A part of the case: frozen, unknown keys refused, numbers finite."""
+    """A part of the case: frozen, without unknown keys, with finite numbers."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
     @property
     def reads_file(self) -> bool:
-        """Whether it is checked against the rest of the case when its file is read, and not before."""
+        """Whether the model is checked against the rest of the case only when its file is read."""
         return False
 
     def named_files(self, *key: str) -> Iterator[tuple[str, str]]:
-        """Yield dotted key and path of each file that the model, at a key, and those in it name."""
+        """Yield dotted key and path of each file in the model, at a key, and in its parts."""
         for name, value in self:
             if isinstance(value, Located):
                 yield ".".join((*key, name)), value
@@ -104,10 +104,10 @@ class CaseModel(BaseModel):
                 yield from value.named_files(*key, name)
 
     def checks(self, end: Any) -> Iterator[Check]:
-        """Yield what must fit the rest of the case, given as an ``EndWall``.
+        """Yield the conditions on the rest of the case, which is given as an ``EndWall``.
 
         The first problem of each key is reported. A failed check of ``type``, or one whose fourth entry is true, ends
-        the iteration: later checks, and those of the models inside, may rely on it.
+        the iteration: later checks, and those of the models inside, may depend on it.
         """
         yield from ()
 
@@ -134,7 +134,7 @@ class CaseModel(BaseModel):
 
 
 def entry(table: Mapping[type[CaseModel], T], model: CaseModel, name: str) -> T:
-    """Return the entry of a table for a model's class or its nearest base; raises ``TypeError`` if there is none.
+    """Return the entry of a table for the class of a model or its nearest base; raises ``TypeError`` if there is none.
 
     ``name`` is the name of the table and its file.
     """
@@ -145,7 +145,7 @@ def entry(table: Mapping[type[CaseModel], T], model: CaseModel, name: str) -> T:
 
 
 def one_of(*keys: str, needed: bool = True) -> Any:
-    """Return a validator of a model: exactly one of these keys is given, or at most one if none is ``needed``."""
+    """Return a validator of a model: exactly one of these keys is set, or at most one unless ``needed``."""
 
     def check(model: CaseModel) -> CaseModel:
         given = sum(getattr(model, key) is not None for key in keys)
@@ -158,11 +158,11 @@ def one_of(*keys: str, needed: bool = True) -> Any:
 
 
 class Located(str):
-    """A path that a model names, absolute, or data:NAME/FILE."""
+    """A path in a model: absolute, or data:NAME/FILE."""
 
 
 def _located(reference: str, info: ValidationInfo) -> Located:
-    """Return a path made absolute from the case file's folder; data:NAME/FILE stays, it is resolved when read."""
+    """Return a path made absolute from the folder of the case file; data:NAME/FILE is resolved when it is read."""
     folder = (info.context or {}).get("folder", Path())
     return Located(reference if reference.startswith("data:") else (folder / reference).resolve())
 
@@ -194,12 +194,12 @@ TimeHelpers = Annotated[dict[str, Helper], _parsed_with("t")]
 
 
 class FormulaModel(CaseModel):
-    """A model whose ``FormulaText`` fields share named parts, defined first, as fields are checked with them."""
+    """A model whose ``FormulaText`` fields have common helpers, which are validated before them."""
 
     where: Annotated[dict[str, Helper], _parsed_with("x", "y")] = Field(
         default={}, description="parts of the formula by name, numbers or formulae; default: none"
     )
 
     def formula(self, text: str) -> Formula:
-        """Return a field's formula of x and y [m]."""
+        """Return the formula of x and y [m] in a field."""
         return Formula(text, where=self.where)

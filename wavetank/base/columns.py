@@ -14,18 +14,18 @@ from wavetank.base.errors import InputError
 from wavetank.base.files import TEXT, regular
 
 Array = NDArray[np.float64]
-CELL = re.compile(r"[-+]?\d*(,\d+)?([eE][-+]?\d+)?")  # a number with a decimal comma, or a whole number
+CELL = re.compile(r"[-+]?\d*(,\d+)?([eE][-+]?\d+)?")  # a number with a decimal comma, or an integer
 
 
 class ColumnTable(NamedTuple):
-    """What a file holds.
+    """The content of a file of columns.
 
     Attributes
     ----------
     names
-        Of the columns, from a first line that is no numbers; empty without one.
+        Names of the columns, from a first line of text; empty without one.
     values
-        Shape (rows, columns).
+        Values, shape (rows, columns).
     lines
         Line number of each row.
     """
@@ -38,11 +38,10 @@ class ColumnTable(NamedTuple):
 def read_columns(
     path: Path, *, columns: int = 0, allowed: str = "allowed are finite numbers, as many in each row"
 ) -> ColumnTable:
-    """Return the numbers in a file, which may be packed (``.gz``).
+    """Return the numbers in a file, which may be compressed (``.gz``).
 
-    Raises ``InputError`` naming the file and the line if it cannot be read, or if a row is not finite numbers, as many
-    as there are ``columns``; where no number is given, it is that of the first line, which may be names.
-    ``allowed`` ends the sentence.
+    Raises ``InputError`` with the file and the line if it cannot be read, or if a row is not ``columns`` finite
+    numbers; default: the number of columns of the first line, which may be names. ``allowed`` ends the sentence.
     """
     names, rows, numbers = tuple[str, ...](), list[list[float]](), list[int]()
     for number, line in _lines(path):
@@ -74,7 +73,7 @@ def _has_decimal_commas(line: str) -> bool:
 def check_ascending(
     path: Path, lines: Sequence[int], values: Array, *, what: tuple[str, str] = ("time", "times")
 ) -> None:
-    """Raise ``InputError``, which names the line, for values that do not ascend, of which there are one or many."""
+    """Raise ``InputError`` with the line for one or many columns of values that do not ascend."""
     for before, value, number in zip(values, values[1:], lines[1:], strict=False):
         if not value > before:
             received = f"{what[0]} {value:g} received after {before:g}"
@@ -87,21 +86,21 @@ def first_line(path: Path) -> str:
 
 
 def _names(line: str) -> tuple[str, ...]:
-    """Return the columns' names in a header."""
+    """Return the names of the columns in a header."""
     if mark := next((mark for mark in ",;" if mark in line), None):
         return tuple(name.strip() for name in next(csv.reader([line], delimiter=mark, skipinitialspace=True)))
     return tuple(re.findall(r"\S+(?:\s+\[[^]]*\])?", line))
 
 
 def _lines(path: Path) -> list[tuple[int, str]]:
-    """Return the lines that are no comment, with their numbers."""
+    """Return the lines except comments, with their numbers."""
     numbered = enumerate(_text(path).splitlines(), start=1)
     lines = ((number, line.partition("#")[0].strip()) for number, line in numbered)
     return [(number, line) for number, line in lines if line]
 
 
 def _text(path: Path) -> str:
-    """Return the text of a file, of a compressed one at most ``TEXT`` bytes; raises ``InputError``."""
+    """Return the text of a file, at most ``TEXT`` bytes if it is compressed; raises ``InputError``."""
     try:
         with (gzip.open if path.suffix == ".gz" else open)(regular(path), "rb") as file:
             return file.read(TEXT).decode("utf-8-sig")

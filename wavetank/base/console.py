@@ -27,7 +27,7 @@ class SafeConsole(Console):
 def console(*, least: int = 0) -> Console:
     """Return a console on the standard output of rank 0, at least ``least`` columns wide, without markup.
 
-    Under Open MPI it is no terminal: mpirun forwards complete lines only, so that a progress bar would be invisible.
+    Under Open MPI it is no terminal: mpirun forwards complete lines only, and a progress bar would be invisible.
     """
     force_terminal = False if "OMPI_COMM_WORLD_SIZE" in os.environ else None
     quiet = MPI.COMM_WORLD.rank != 0
@@ -68,7 +68,7 @@ class _OutputStream(TextIOBase):
         return self._descriptor
 
     def write(self, text: str) -> int:
-        """Write a text at once."""
+        """Write a text without buffering."""
         rest = text.encode(self.encoding, errors="replace")
         with suppress(OSError):
             while rest:

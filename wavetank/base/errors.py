@@ -1,7 +1,7 @@
 """Errors for users, each with the exit code of the command line.
 
-An ``InputError`` (exit code 2) names the key or file, what was received and what is allowed. A ``RunError`` (exit
-code 1) names the time, the place and what happened.
+An ``InputError`` (exit code 2) has the key or file, the received value and what is allowed. A ``RunError`` (exit code
+1) has the time, the position and the cause.
 """
 
 from collections.abc import Iterator, Sequence
@@ -11,7 +11,7 @@ from math import inf
 
 
 def printable(text: str) -> str:
-    """Return a text for a terminal: control characters are escaped as in Python."""
+    """Return a text for a terminal, with control characters escaped as in Python."""
     return "".join(one if one == "\n" or one.isprintable() else ascii(one)[1:-1] for one in text)
 
 
@@ -33,7 +33,7 @@ class OutsideError(InputError):
     Attributes
     ----------
     index
-        The number of the point among those requested.
+        Index of the point among those requested.
     """
 
     def __init__(self, message: str, index: int = 0):
@@ -45,16 +45,16 @@ class OutsideError(InputError):
 
 
 class RunError(WavetankError):
-    """The end of a run before its duration; everything up to then is recorded.
+    """The end of a run before its duration; everything before is recorded.
 
     Attributes
     ----------
     status
-        The status in the manifest.
+        Status in the manifest.
     anew
         Whether another case is needed, run from its start.
     t
-        The time of the error [s]; infinite if unknown.
+        Time of the error [s]; infinite if unknown.
     """
 
     status, anew = "broke down", False
@@ -71,7 +71,7 @@ class StoppedError(RunError):
 
 
 class PaddleError(RunError):
-    """A paddle beyond its reach, or at a gauge or probe, whatever the numerics."""
+    """A paddle beyond its reach, or at a gauge or probe, for any numerics."""
 
     anew = True
 
@@ -88,7 +88,7 @@ class BreakdownError(RunError):
     Attributes
     ----------
     cure
-        A setting that avoids it, ``KEY=VALUE``; empty if none is known.
+        Setting that avoids it, ``KEY=VALUE``; empty if none is known.
     """
 
     cure = ""
@@ -100,7 +100,7 @@ class ConvergenceError(BreakdownError):
 
 @contextmanager
 def write_errors(path: object, error: type[WavetankError] = InputError) -> Iterator[None]:
-    """Raise an error that says that the path cannot be written, and why, for an ``OSError`` of the block."""
+    """Raise an error with the path and the cause for an ``OSError`` of the block."""
     try:
         yield
     except OSError as cause:
@@ -113,13 +113,13 @@ def worded(error: BaseException) -> str:
 
 
 def locate(error: Exception, where: str) -> None:
-    """Add the origin to an error that is no ``WavetankError``, such as one of a user's code, unless it has a note."""
+    """Add the origin to an error other than ``WavetankError``, such as one of a user's code, unless it has a note."""
     if not isinstance(error, WavetankError) and not hasattr(error, "__notes__"):
         error.add_note(f"{type(error).__name__} in {where}")
 
 
 def choice(received: str, allowed: Sequence[str]) -> str:
-    """Return the end of a sentence that suggests the most similar of the allowed values, and lists all."""
+    """Return the end of a sentence with the most similar allowed value, and all allowed values."""
     same_beginning = [one for one in allowed if len(received) > 2 and one.startswith(received)]
     close = get_close_matches(received, allowed, n=1) or same_beginning
     guess = f"; did you mean {close[0]!r}?" if close else ";"

@@ -4,13 +4,13 @@ import errno
 from pathlib import Path
 from stat import S_ISDIR, S_ISREG
 
-TEXT = 10**8  # bytes of a text file: a day at 50 rows a second has 10^8
+TEXT = 10**8  # largest text file [bytes]; a day at 50 rows per second has 10^8
 
 
 def regular(path: Path, *, largest: float = TEXT) -> Path:
     """Return a path; raise ``OSError`` for a device, a pipe or a socket, which may be endless.
 
-    Files of more than ``largest`` bytes raise it, too.
+    It is also raised for files of more than ``largest`` bytes.
     """
     state = path.stat()
     if not (S_ISREG(state.st_mode) or S_ISDIR(state.st_mode)):  # a folder: reading it raises an error

@@ -1,7 +1,7 @@
 """Formulae in a case file: arithmetic of x and y, parsed safely and evaluated by numpy.
 
-Python's grammar parses the text; the tables of this file translate its tree into functions of numpy, and what is not in
-them is refused. A formula thus reaches nothing but arithmetic, and always in float64.
+Python's grammar parses the text. The tables of this file translate its tree into functions of numpy and refuse
+everything else. A formula is thus restricted to arithmetic, always in float64.
 """
 
 import ast
@@ -19,13 +19,13 @@ from wavetank.base.errors import InputError, choice
 from wavetank.base.jet import Jet
 
 Array = NDArray[np.float64]
-Helper = float | str  # a number, or a formula of its own
+Helper = float | str  # a number or a formula
 Kind = Literal["number", "condition"]
-LONGEST = 4000  # characters of one formula
-DEEPEST = 100  # levels of its tree, terms of a sum among them: well inside Python's own limit
+MAX_LENGTH = 4000  # largest number of characters of a formula
+MAX_DEPTH = 100  # largest depth of its tree, which grows with the terms of a sum; far below Python's limit
 
 CONSTANTS = {"pi": np.pi}
-OPERATORS: dict[type[ast.AST], tuple[np.ufunc, Kind, Kind]] = {  # operator -> function, what it takes, what it gives
+OPERATORS: dict[type[ast.AST], tuple[np.ufunc, Kind, Kind]] = {  # operator -> function, kinds of argument and value
     ast.USub: (np.negative, "number", "number"),
     ast.UAdd: (np.positive, "number", "number"),
     ast.Add: (np.add, "number", "number"),
@@ -65,19 +65,19 @@ Values = dict[str, Any]
 class Formula:
     """An expression of coordinates, such as ``0.45 - where(xr < -5.82, 0, (5.82 + xr)/50)``.
 
-    Allowed are numbers, ``pi``, ``+ - * / **``, comparisons, conditions joined by ``and``, ``or``, ``not`` (or
-    ``& | ~`` between parentheses), and the functions of ``FUNCTIONS``, with numpy's names and meaning.
+    Allowed are numbers, ``pi``, ``+ - * / **``, comparisons, conditions joined by ``and``, ``or``, ``not`` (or ``& |
+    ~`` between parentheses), and the functions of ``FUNCTIONS``, with numpy's names and meaning.
 
     Parameters
     ----------
     text
         The expression.
     where
-        Named parts of it, which may name one another: ``{"xr": "x*cos(a) - y*sin(a)", "a": 0.349}``.
+        Named helpers, which may depend on each other: ``{"xr": "x*cos(a) - y*sin(a)", "a": 0.349}``.
     variables
-        What the formula is a function of.
+        Variables of the formula.
 
-    Raises ``InputError`` that names the offending part, its column and what is allowed.
+    Raises ``InputError`` with the invalid part, its column and what is allowed.
     """
 
     def __init__(self, text: str, *, where: Mapping[str, Helper] | None = None, variables: Sequence[str] = ("x", "y")):
@@ -95,7 +95,7 @@ class Formula:
         self._part = source.part(_parsed(self.text, "formula"), "number")
 
     def __call__(self, *coordinates: ArrayLike) -> Array:
-        """Return the values, float64 of the coordinates' common shape; raise ``InputError`` where one is not finite."""
+        """Return the values, float64 in the shape of the coordinates; raise ``InputError`` unless they are finite."""
         arrays = np.broadcast_arrays(*(np.asarray(one, dtype=np.float64) for one in coordinates))
         places = dict(zip(self._variables, arrays, strict=True))
         return self._checked(self._evaluate(places), places)
@@ -103,7 +103,7 @@ class Formula:
     def derivatives(self, coordinate: ArrayLike) -> Array:
         """Return value, slope and curvature of a formula of one variable, exact; raise as a call does.
 
-        Shape (3, ...), for coordinates of shape (...).
+        The result has shape (3, ...) for coordinates of shape (...).
         """
         array = np.asarray(coordinate, dtype=np.float64)
         (variable,) = self._variables
@@ -124,9 +124,9 @@ class Formula:
 
 
 def finite(values: Array, places: Mapping[str, Array], *, source: str) -> Array:
-    """Return values if all are finite; raise ``InputError`` that names the first place where one is not.
+    """Return values if all are finite; raise ``InputError`` with the first position of a value that is not.
 
-    Values and the places' coordinates have one shape; the source is named first.
+    Values and coordinates have one shape; the message begins with the source.
     """
     right = np.isfinite(values)
     if not right.all():
@@ -137,7 +137,7 @@ def finite(values: Array, places: Mapping[str, Array], *, source: str) -> Array:
 
 
 class _Part(NamedTuple):
-    """A part of a formula: how it follows from the values of the names, and whether it is a number or a condition."""
+    """A part of a formula: its function of the values of names, and its kind, number or condition."""
 
     value: Callable[[Values], Any]
     kind: Kind
@@ -153,25 +153,25 @@ def _check_names(helpers: Mapping[str, str], reserved: Mapping[str, Kind]) -> No
 
 
 def _flat(text: str) -> str:
-    """Return the text on one line, which columns count in; Python's grammar would end it at the first break."""
+    """Return the text on one line, to which columns refer; Python's grammar would end at the first line break."""
     return re.sub(r"\s", " ", text).strip()
 
 
 def _parsed(text: str, label: str) -> ast.expr:
-    if len(text) > LONGEST:
-        raise InputError(f"{label}: has {len(text)} characters; at most {LONGEST} are allowed.")
-    if other := re.search("[^ -~]|#", text):  # a comment would silently end the formula
+    if len(text) > MAX_LENGTH:
+        raise InputError(f"{label}: has {len(text)} characters; at most {MAX_LENGTH} are allowed.")
+    if other := re.search("[^ -~]|#", text):  # a comment would end the formula
         raise InputError(f"{label}, column {other.start() + 1}: {other[0]!r} received; must be ASCII, no comments.")
     try:
         return ast.parse(text, mode="eval").body
     except SyntaxError as error:
         raise InputError(f"{label}, column {max(1, error.offset or 1)}: {error.msg} in {text[:60]!r}.") from None
     except (MemoryError, RecursionError):
-        raise InputError(f"{label}: is nested too deeply; at most {DEEPEST} levels are allowed.") from None
+        raise InputError(f"{label}: is nested too deeply; at most {MAX_DEPTH} levels are allowed.") from None
 
 
 def _in_order(trees: Mapping[str, ast.expr]) -> list[str]:
-    """Return the helpers' names, each after those that it names."""
+    """Return the names of the helpers, each after those on which it depends."""
     names = {
         name: {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} & set(trees)
         for name, tree in trees.items()
@@ -190,13 +190,13 @@ class _Source(NamedTuple):
     Attributes
     ----------
     label
-        What the text is, for errors.
+        Name of the text in errors.
     text
-        What the tree was parsed from.
+        The parsed text.
     kinds
-        The allowed names and their values.
+        Allowed names and the kinds of their values.
     helped
-        Whether others may be given in ``where``.
+        Whether further names may be defined in ``where``.
     """
 
     label: str
@@ -205,19 +205,19 @@ class _Source(NamedTuple):
     helped: bool
 
     def refuse(self, node: ast.AST, what: str) -> NoReturn:
-        """Raise the ``InputError`` on a node."""
+        """Raise the ``InputError`` for a node."""
         received = ast.get_source_segment(self.text, node) or self.text
         raise InputError(f"{self.label}, column {getattr(node, 'col_offset', 0) + 1}: {received[:60]!r} {what}.")
 
     def part(self, node: ast.AST, needed: Kind | None = None, depth: int = 1) -> _Part:
-        """Return the part that a node is, of a kind if one is needed; refuse what is not in the tables."""
-        if depth > DEEPEST:
-            self.refuse(node, f"is nested too deeply; at most {DEEPEST} levels, or terms of a sum, are allowed")
+        """Return the part of a node, of a required kind, if any; refuse nodes that are not in the tables."""
+        if depth > MAX_DEPTH:
+            self.refuse(node, f"is nested too deeply; at most {MAX_DEPTH} levels, or terms of a sum, are allowed")
         match node:
             case ast.Constant(value=value):
                 if not isinstance(value, int | float) or isinstance(value, bool) or abs(value) > sys.float_info.max:
                     self.refuse(node, "is not a finite real number")
-                number = np.float64(value)  # whatever its spelling
+                number = np.float64(value)  # any spelling
                 result = _Part(lambda values: number, "number")
             case ast.Name(id=name):
                 result = _Part(lambda values: values[name], self._kind(node, name))
@@ -230,7 +230,7 @@ class _Source(NamedTuple):
         return result
 
     def _kind(self, node: ast.AST, name: str) -> Kind:
-        """Return what the value of a name is."""
+        """Return the kind of the value of a name."""
         if name in FUNCTIONS:
             self.refuse(node, f"is a function and needs its arguments, {name}(...)")
         if name not in self.kinds:
@@ -239,7 +239,7 @@ class _Source(NamedTuple):
         return self.kinds[name]
 
     def _operation(self, node: ast.AST) -> tuple[Callable[..., Any], Sequence[Kind], Kind, Sequence[ast.AST]]:
-        """Return the function of a node, the kinds that it takes and gives, and the nodes of its arguments."""
+        """Return the function of a node, the kinds of its arguments and of its value, and the nodes of arguments."""
         match node:
             case ast.UnaryOp(op=op, operand=operand):
                 nodes = [operand]

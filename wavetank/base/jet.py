@@ -1,6 +1,6 @@
-"""Values with their first two derivatives in a variable: numpy's functions of them follow the chain rule.
+"""Values with their first two derivatives with respect to a variable; numpy's functions apply the chain rule.
 
-``np.sin(Jet(t, 1, 0))`` is sin t with cos t and -sin t. Comparisons and conditions are those of the values.
+``np.sin(Jet(t, 1, 0))`` is sin t with cos t and -sin t. Comparisons and conditions use the values.
 """
 
 from collections.abc import Callable
@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-ONE_OF: dict[Any, Callable[[Any, Any], tuple[Any, Any]]] = {  # function -> slope and curvature, of u and the value f
+ONE_OF: dict[Any, Callable[[Any, Any], tuple[Any, Any]]] = {  # function -> slope and curvature, of u and f
     np.positive: lambda u, f: (1.0, 0.0),
     np.negative: lambda u, f: (-1.0, 0.0),
     np.absolute: lambda u, f: (np.sign(u), 0.0 * u),
@@ -31,7 +31,7 @@ ONE_OF: dict[Any, Callable[[Any, Any], tuple[Any, Any]]] = {  # function -> slop
 
 
 def _times(value: Any, factor: Any) -> Any:
-    """Return a product that is zero where the factor is, whatever the value."""
+    """Return a product that is zero if the factor is, for any value."""
     return np.where(factor == 0.0, 0.0, value * factor)
 
 

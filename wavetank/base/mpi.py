@@ -14,7 +14,7 @@ T = TypeVar("T")
 
 
 class OneRank:
-    """The communicator of one process, as far as commands without a solver use it."""
+    """The communicator of one process, with the methods that commands without a solver use."""
 
     rank, size = 0, 1
 
@@ -40,11 +40,11 @@ else:
         MPI = SimpleNamespace(COMM_WORLD=OneRank(), Comm=OneRank)
 
 SPIN = 0.002  # time for which a rank polls the others without a pause [s]
-PAUSE = 0.001  # time between later polls [s]: MPI's wait would occupy a processor
+PAUSE = 0.001  # time between later polls [s]; MPI's wait would occupy a processor
 
 
 def raise_on_all_ranks(comm: MPI.Comm, evaluate: Callable[[], T]) -> T:
-    """Return what ``evaluate`` returns on this rank; raise the first ``WavetankError`` on all ranks; collective."""
+    """Return the result of ``evaluate`` on this rank; raise the first ``WavetankError`` on all ranks; collective."""
     if comm.size == 1:
         return evaluate()
     result: list[T] = []
@@ -61,12 +61,12 @@ def raise_on_all_ranks(comm: MPI.Comm, evaluate: Callable[[], T]) -> T:
 
 
 def on_first(comm: MPI.Comm, action: Callable[[], T]) -> T | None:
-    """Return what ``action`` returns on the first rank, None on the others; raise its error on all; collective."""
+    """Return the result of ``action`` on the first rank, None on the others; raise its error on all; collective."""
     return raise_on_all_ranks(comm, lambda: action() if comm.rank == 0 else None)
 
 
 def from_first(comm: MPI.Comm, action: Callable[[], T]) -> T:
-    """Return on all ranks what ``action`` returns on the first one; raise its error on all; collective."""
+    """Return the result of ``action`` on the first rank on all ranks; raise its error on all; collective."""
     if comm.size == 1:
         return action()  # the same object, with its caches
     result: T = comm.bcast(on_first(comm, action))
@@ -74,7 +74,7 @@ def from_first(comm: MPI.Comm, action: Callable[[], T]) -> T:
 
 
 def all_ranks_arrive(comm: MPI.Comm, timeout: float = inf) -> bool:
-    """Return True as soon as all ranks have called this, or False after the timeout [s]; collective."""
+    """Return True when all ranks have called this, or False after the timeout [s]; collective."""
     barrier, start = comm.Ibarrier(), time.monotonic()
     while not barrier.Test():
         waited = time.monotonic() - start
@@ -87,7 +87,7 @@ def all_ranks_arrive(comm: MPI.Comm, timeout: float = inf) -> bool:
 
 @contextmanager
 def abort_unless_all_fail(comm: MPI.Comm, timeout: float) -> Iterator[None]:
-    """Abort all ranks if the block fails on some, and the others do not arrive within the timeout [s]."""
+    """Abort all ranks if the block fails on some and the others do not arrive within the timeout [s]."""
     try:
         yield
     except (Exception, SystemExit) as error:

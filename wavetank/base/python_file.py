@@ -1,4 +1,4 @@
-"""A function in a Python file, which is executed only where the user trusts it."""
+"""A function in a Python file, which is executed only if the user trusts it."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -17,7 +17,7 @@ Say = Callable[[str], object]
 
 
 class UntrustedError(InputError):
-    """A Python file would be executed that the user does not trust."""
+    """A Python file that the user does not trust would be executed."""
 
 
 _say = ContextVar[Say | None]("say", default=None)
@@ -26,9 +26,9 @@ _trusted = set[Path]()
 
 @contextmanager
 def trusting(granted: bool = True, say: Say = lambda sentence: None) -> Iterator[None]:
-    """Allow a block to execute the Python files of a case; each stays trusted until the process ends.
+    """Allow the block to execute the Python files of a case; a file remains trusted until the process ends.
 
-    ``say`` receives a sentence that names each file when it is first executed.
+    ``say`` receives a sentence with the name of each file when it is first executed.
     """
     token = _say.set(say if granted else _say.get())
     try:
@@ -38,7 +38,7 @@ def trusting(granted: bool = True, say: Say = lambda sentence: None) -> Iterator
 
 
 def is_trusting() -> bool:
-    """Return whether all Python files may be executed here."""
+    """Return whether all Python files may be executed."""
     return _say.get() is not None
 
 
@@ -53,14 +53,14 @@ def _check_trusted(path: Path) -> None:
 
 
 class PythonFunction:
-    """A user's function, checked at each evaluation; sent to another rank, it is read there again.
+    """A user's function, checked at each evaluation; another rank that receives it reads the file again.
 
     Parameters
     ----------
     function
-        Arrays of one shape, and whatever else it takes, to values of that shape.
+        Function of arrays of one shape, and further arguments, that returns values of that shape.
     file, name
-        Where it is from.
+        Its file and name.
     """
 
     def __init__(self, function: Callable[..., Any], *, file: Path, name: str):
@@ -71,14 +71,14 @@ class PythonFunction:
         return load, (self._file, self._name)
 
     def at(self, places: Mapping[str, Array], *more: Any) -> Array:
-        """Return the values at places or times, arrays of one shape by their names; shape of these.
+        """Return the values at positions or times, given as arrays of one shape by name; the values have this shape.
 
-        Raises ``InputError`` if the function raises anything, or returns another shape or what is not finite.
+        Raises ``InputError`` if the function raises an error, or returns another shape or values that are not finite.
         """
         (shape,) = {place.shape for place in places.values()}
         try:
             values = np.asarray(self._function(*(place.copy() for place in places.values()), *more), dtype=np.float64)
-        except (Exception, SystemExit) as error:  # whatever a user's function may do
+        except (Exception, SystemExit) as error:  # any error of a user's function
             raise InputError(f"{self._source}{_line(error, self._file)}: {_shown(error)}.") from error
         if values.shape != shape:
             names = " and ".join(places)
@@ -97,7 +97,7 @@ def load(path: Path, name: str) -> PythonFunction:
         raise InputError(f"{path}: cannot be read ({error.strerror}); a Python file is needed.") from None
     except UntrustedError:
         raise
-    except (Exception, SystemExit) as error:  # whatever a user's file may do
+    except (Exception, SystemExit) as error:  # any error of a user's file
         raise InputError(f"{path}{_line(error, path)}: {_shown(error)}.") from error
     function = members.get(name)
     if not callable(function):
@@ -111,7 +111,7 @@ def _shown(error: BaseException) -> str:
 
 
 def _line(error: BaseException, path: Path) -> str:
-    """Return where in the file an error arose: its innermost line there, or where the grammar breaks."""
+    """Return the line of an error in the file: the innermost line there, or that of a syntax error."""
     lines = [frame.lineno for frame in extract_tb(error.__traceback__) if frame.filename == str(path)]
     if isinstance(error, SyntaxError):
         lines.append(error.lineno)

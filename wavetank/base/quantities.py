@@ -24,29 +24,29 @@ def _zero_or_long_enough(time: float) -> float:
 
 
 def metres(length: float) -> str:
-    """Return a length [m] with all its digits, so that a slightly larger one differs."""
+    """Return a length [m] with all its digits, so that a slightly larger one is different."""
     return f"{float(length)!r}".removesuffix(".0")
 
 
-SHORTEST = 1e-6  # s
+SHORTEST = 1e-6  # least period or duration [s]
 
-Label = Annotated[str, AfterValidator(_one_line)]  # a title or name in tables, pictures and messages
+Label = Annotated[str, AfterValidator(_one_line)]  # title or name in tables, pictures and messages
 
-Length = Annotated[float, Field(ge=1e-6, le=1e6)]  # m: tanks, walls, cells
-Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]  # m
-Height = Annotated[float, Field(ge=1e-12, le=1e6)]  # m: waves and strokes, also very small ones for linear theory
-Duration = Annotated[float, Field(ge=SHORTEST, le=1e9)]  # s: runs, periods, steps
-Ramp = Annotated[float, Field(ge=0, le=1e9), AfterValidator(_zero_or_long_enough)]  # s
-Frequency = Annotated[float, Field(ge=1e-6, le=1e6)]  # Hz
-Time = Annotated[float, Field(ge=-1e9, le=1e9)]  # s: times of a clock
-Rate = Annotated[float, Field(ge=1e-9, le=1e6)]  # 1/s
-Speed = Annotated[float, Field(ge=1e-12, le=1e6)]  # m/s
-Acceleration = Annotated[float, Field(ge=1e-12, le=1e6)]  # m/s^2
-Density = Annotated[float, Field(ge=1e-3, le=1e5)]  # kg/m^3
-PerWidth = Annotated[float, Field(ge=0, le=1e9)]  # mass kg/m, stiffness N/m², damping N s/m² of a metre's width
-Gravity = Annotated[float, Field(ge=1e-3, le=1e3)]  # m/s^2
+Length = Annotated[float, Field(ge=1e-6, le=1e6)]  # size of tanks, walls, cells [m]
+Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]  # coordinate [m]
+Height = Annotated[float, Field(ge=1e-12, le=1e6)]  # height of waves, stroke [m]; very small ones for linear theory
+Duration = Annotated[float, Field(ge=SHORTEST, le=1e9)]  # duration, period, step [s]
+Ramp = Annotated[float, Field(ge=0, le=1e9), AfterValidator(_zero_or_long_enough)]  # length of a ramp [s]
+Frequency = Annotated[float, Field(ge=1e-6, le=1e6)]  # frequency [Hz]
+Time = Annotated[float, Field(ge=-1e9, le=1e9)]  # time [s]
+Rate = Annotated[float, Field(ge=1e-9, le=1e6)]  # rate [1/s]
+Speed = Annotated[float, Field(ge=1e-12, le=1e6)]  # speed [m/s]
+Acceleration = Annotated[float, Field(ge=1e-12, le=1e6)]  # acceleration [m/s²]
+Density = Annotated[float, Field(ge=1e-3, le=1e5)]  # density [kg/m³]
+PerWidth = Annotated[float, Field(ge=0, le=1e9)]  # mass [kg/m], stiffness [N/m²] or damping [N s/m²] per width
+Gravity = Annotated[float, Field(ge=1e-3, le=1e3)]  # gravity [m/s²]
 Count = Annotated[int, Field(ge=1, le=10**9)]
-Fraction = Annotated[float, Field(ge=1e-9, lt=1)]  # part of one
+Fraction = Annotated[float, Field(ge=1e-9, lt=1)]  # fraction of one
 
-Triple = Annotated[tuple[Coordinate, Coordinate, Coordinate], Strict(False)]  # x, y and z [m]; a list of three
-Pair = Annotated[tuple[Coordinate, Coordinate], Strict(False)]  # x and y, or from where to where [m]; a list of two
+Triple = Annotated[tuple[Coordinate, Coordinate, Coordinate], Strict(False)]  # x, y and z [m], a list of three
+Pair = Annotated[tuple[Coordinate, Coordinate], Strict(False)]  # x and y, or start and end [m], a list of two

@@ -1,8 +1,8 @@
 """Warnings of a run: records with a code and figures, and the sentence of each code.
 
 A producer yields ``RunWarning("second-order-limit", key="wall.motion.generation", value=0.1, limit=0.05)``. The
-template of the code in ``MESSAGES`` names fields of the record and of its details. A sentence with other names has a
-code of its own. The manifest, checkpoints and the Python API contain the records. Code selects and compares records by
+template of the code in ``MESSAGES`` contains fields of the record and of its details. A sentence with other fields has
+another code. The manifest, checkpoints and the Python API contain the records. Code selects and compares records by
 their fields, never by their text, which ``str`` returns.
 """
 
@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
-TEXT = "text"  # the code of a warning that is a sentence only: of a user's observer, or of an older manifest
+TEXT = "text"  # code of a warning that is only a sentence: of a user's observer, or of an older manifest
 MESSAGES = {
     TEXT: "{text}",
     "missing-observers": (
@@ -105,17 +105,17 @@ class RunWarning:
     Attributes
     ----------
     code
-        What is warned of: a key of ``MESSAGES``.
+        Kind of the warning, a key of ``MESSAGES``.
     key
-        The key of the case, or the file, that the warning refers to.
+        Key of the case, or file, to which the warning refers.
     value, limit
-        The figure that exceeds its limit, and that limit, in the units of the sentence.
+        Value that exceeds its limit, and the limit, in the units of the sentence.
     t
-        The time [s].
+        Time [s].
     x, y
-        The place [m]; y in basins only.
+        Position [m]; y in basins only.
     until
-        The time up to which the warning holds [s], where the run was resumed with other numerics.
+        Time [s] up to which the warning applies, if the run was resumed with other numerics.
     details
         Further figures and words of the sentence, by their names in the template.
     """
@@ -144,9 +144,9 @@ class RunWarning:
 
 
 def run_warning(stored: "RunWarning | str | Mapping[str, Any]") -> RunWarning:
-    """Return the warning of a sentence, or of an entry of a manifest: a record, or a sentence in older ones.
+    """Return the warning for a sentence, or for an entry of a manifest: a record or, in older ones, a sentence.
 
-    A record that this version has no template for, or another one, has its stored sentence as text.
+    A record whose template is missing or different in this version has its stored sentence as text.
     """
     if isinstance(stored, RunWarning):
         return stored
@@ -163,7 +163,7 @@ def run_warning(stored: "RunWarning | str | Mapping[str, Any]") -> RunWarning:
 
 
 def summarise_warnings(warnings: Sequence[RunWarning]) -> str:
-    """Return the number of a run's warnings and the first of them, which is the worst."""
+    """Return the number of warnings of a run and the first of them, which is the most severe."""
     if not warnings:
         return "no warnings"
     return f"a warning: {warnings[0]}" if len(warnings) == 1 else f"{len(warnings)} warnings, the worst: {warnings[0]}"

@@ -1,4 +1,4 @@
-"""Integrators that a case can name: the one place where an integrator is registered."""
+"""The registry of the integrators that a case can select."""
 
 SCHEMES = {  # name in a case: module of wavetank/integrators, class
     "simpson-4": ("simpson", "Simpson4"),

@@ -1,9 +1,9 @@
-"""State of a run as a tree of plain data, written as JSON and arrays, and read back.
+"""State of a run as a tree of plain data, written as JSON and arrays, and read again.
 
 A tree consists of dataclasses, named tuples, dictionaries, lists, numbers, strings, None and arrays. The last axis of
 an array runs over the degrees of freedom of this rank, so that a checkpoint orders its values by location.
-``Replicated`` arrays are the same on all ranks, and lists in JSON. An object whose state belongs to the run has one
-dataclass ``state``, which is replaced on resume: the resumed run equals the uninterrupted one bit for bit.
+``Replicated`` arrays are equal on all ranks, and lists in JSON. An object with state of the run has one dataclass
+``state``, which is replaced on resume: the resumed run equals the uninterrupted one bit for bit.
 """
 
 import itertools
@@ -22,12 +22,12 @@ from wavetank.base.arrays import Vector
 from wavetank.base.errors import InputError
 
 Replicated = Annotated[Vector, "the same on all ranks"]
-LARGEST = 1e30  # of all numbers
-StateTree = dict[str, Any]  # a tree without dataclasses
+MAX_NUMBER = 1e30  # of all numbers
+StateTree = dict[str, Any]  # tree without dataclasses
 
 
 def has_state(part: object) -> bool:
-    """Return whether an object has state that belongs to the run."""
+    """Return whether an object has state of the run."""
     return is_dataclass(getattr(part, "state", None))
 
 
@@ -41,8 +41,8 @@ def restore(part: Any, tree: Any, where: str) -> None:
 def check_like(example: Any, value: Any, where: str, *, exact: bool = False) -> None:
     """Raise ``ValueError`` for a value whose types or shapes of arrays differ from those of an example.
 
-    An axis without entries in the example may have any number of them. Unless ``exact``, None has any type, and
-    integers may be floats.
+    An axis without entries in the example may have any length. Unless ``exact``, None has any type, and integers may be
+    floats.
     """
     if example is None or value is None and not exact:
         return
@@ -64,7 +64,7 @@ def check_like(example: Any, value: Any, where: str, *, exact: bool = False) -> 
 
 
 def _fields_of(value: Any) -> Mapping[str, Any] | None:
-    """Return the fields of a dataclass, named tuple or dictionary; None of anything else."""
+    """Return the fields of a dataclass, named tuple or dictionary; None for other objects."""
     kind: Any = type(value)
     if _has_fields(kind):
         return {name: getattr(value, name) for name in hints_of(kind)}
@@ -74,7 +74,7 @@ def _fields_of(value: Any) -> Mapping[str, Any] | None:
 def named(parts: Iterable[object]) -> dict[str, Any]:
     """Return objects with state by the names of their classes, the second of a class as "Class 2".
 
-    Classes that replace each other in a resumed run have one ``state_name``.
+    Classes that may replace each other in a resumed run have one ``state_name``.
     """
     result: dict[str, Any] = {}
     for part in parts:
@@ -88,7 +88,7 @@ def named(parts: Iterable[object]) -> dict[str, Any]:
 def restore_all(parts: Mapping[str, Any], trees: Mapping[str, Any], *, may_be_new: Sequence[str] = ()) -> None:
     """Replace the states of objects; collective.
 
-    Raises ``InputError`` unless the trees have the same names; those that ``may_be_new`` keep their states where they
+    Raises ``InputError`` unless the trees have the same names; objects that ``may_be_new`` keep their states if they
     have no tree.
     """
     mine = {name: part for name, part in parts.items() if name in trees or name.partition(" ")[0] not in may_be_new}
@@ -100,7 +100,7 @@ def restore_all(parts: Mapping[str, Any], trees: Mapping[str, Any], *, may_be_ne
 
 
 def count(value: object) -> int:
-    """Return a count, by which compiled code addresses arrays; raises ``ValueError`` for anything else."""
+    """Return a count, an index of arrays in compiled code; raises ``ValueError`` for other values."""
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 2**31:
         raise ValueError(f"{value!r} is no count")
     return value
@@ -136,9 +136,9 @@ def plain(tree: Any, kind: Any = Any) -> Any:
 
 
 def typed(kind: Any, tree: Any, where: str) -> Any:
-    """Return the value of a type that ``plain`` has made a tree.
+    """Return the value of a type for a tree of ``plain``.
 
-    Raises ``ValueError`` for a tree of another type, which names its path ``where``.
+    Raises ``ValueError`` with the path ``where`` for a tree of another type.
     """
     origin, arguments = get_origin(kind), get_args(kind)
     if kind is Any:
@@ -162,25 +162,25 @@ def typed(kind: Any, tree: Any, where: str) -> Any:
     if origin in (dict, Mapping) and isinstance(tree, dict):
         return {name: typed(arguments[1], one, f"{where}.{name}") for name, one in tree.items()}
     if kind is float and isinstance(tree, int | float) and not isinstance(tree, bool):
-        if LARGEST <= abs(tree) < inf:
-            raise ValueError(f"{where}: must be less than {LARGEST:g}")
+        if MAX_NUMBER <= abs(tree) < inf:
+            raise ValueError(f"{where}: must be less than {MAX_NUMBER:g}")
         return float(tree)
-    if kind is int and type(tree) is int and not 0 <= tree < LARGEST:
-        raise ValueError(f"{where}: must be from 0 to {LARGEST:g}")
+    if kind is int and type(tree) is int and not 0 <= tree < MAX_NUMBER:
+        raise ValueError(f"{where}: must be from 0 to {MAX_NUMBER:g}")
     if isinstance(kind, type) and not _has_fields(kind) and type(tree) is kind:
         return tree
     raise _type_error(kind, tree, where)
 
 
 def _type_error(kind: Any, value: Any, where: str) -> ValueError:
-    """Return the error for a value that is not of a type; values of several parts are named by what they are."""
+    """Return the error for a value of a wrong type; values of several parts are described by their kind."""
     kinds = {np.ndarray: "an array", dict: "a table", list: "a list"}
     shown = kinds.get(type(value)) or json.dumps(value, default=str)[:60]
     return ValueError(f"{where} = {shown}: must be of type {getattr(kind, '__name__', kind)}")
 
 
 def check_fields(kind: Any, tree: dict[str, Any], where: str) -> None:
-    """Raise ``ValueError`` unless values have the types of a dataclass's fields; those with defaults may be missing."""
+    """Raise ``ValueError`` unless values have the types of the fields of a dataclass; defaults may be missing."""
     for one in fields(kind):
         if one.name in tree:
             typed(hints_of(kind)[one.name], tree[one.name], f"{where}.{one.name}")
@@ -189,7 +189,7 @@ def check_fields(kind: Any, tree: dict[str, Any], where: str) -> None:
 
 
 def serialize(tree: Any) -> tuple[str, list[Vector]]:
-    """Return a tree as JSON, {"array": n} in the place of its n-th array, and the arrays."""
+    """Return a tree as JSON, with {"array": n} for its n-th array, and the arrays."""
     arrays: list[Vector] = []
 
     def number(value: object) -> dict[str, int]:
@@ -202,7 +202,7 @@ def serialize(tree: Any) -> tuple[str, list[Vector]]:
 
 
 def deserialize(text: str, arrays: Sequence[Vector]) -> StateTree:
-    """Return the plain tree from its JSON text and arrays, the inverse of ``serialize``; raises ``ValueError``."""
+    """Return the plain tree of a JSON text and arrays, the inverse of ``serialize``; raises ``ValueError``."""
 
     def value(table: dict[str, Any]) -> Any:
         if table.keys() != {"array"}:

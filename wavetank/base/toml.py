@@ -1,4 +1,4 @@
-"""Tables as TOML, which Python reads but does not write."""
+"""Tables as TOML, which Python can read but not write."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -6,12 +6,12 @@ from typing import Any
 
 
 def toml(content: Mapping[str, Any]) -> str:
-    """Return tables of numbers, texts, truth values, lists and tables as TOML; what is None is left out."""
+    """Return tables of numbers, texts, truth values, lists and tables as TOML, without None."""
     return "\n".join(_lines(content, ())) + "\n"
 
 
 def _lines(table: Mapping[str, Any], key: tuple[str, ...]) -> Iterator[str]:
-    """Yield the lines of a table: first what is no table, then the tables in it."""
+    """Yield the lines of a table: first all other values, then the tables in it."""
     for name, value in table.items():
         if value is not None and not isinstance(value, Mapping):
             yield f"{_name(name)} = {_value(value)}"

@@ -1,4 +1,4 @@
-"""Settings of libraries in the current directory, which are refused."""
+"""Refusal of settings files of libraries in the current directory."""
 
 import os
 from pathlib import Path
@@ -9,10 +9,10 @@ SETTINGS = ".petscrc", "petscrc", "petsc.cfg", "ucx.conf", "dolfinx_jit_options.
 
 
 def check_working_directory() -> None:
-    """Raise ``InputError`` for a settings file of a library in the current directory, unless that is the user's home.
+    """Raise ``InputError`` for a settings file of a library in the current directory, except in the home of the user.
 
-    PETSc loads the libraries that its file names, UCX (of Open MPI) writes the log that its file names, FFCx changes
-    its quadrature.
+    PETSc loads libraries named in its file, UCX (of Open MPI) writes a log file named in its file, FFCx changes its
+    quadrature.
     """
     here, home = Path.cwd(), Path("~").expanduser()
     settings = [name for name in SETTINGS if os.path.lexists(name)]

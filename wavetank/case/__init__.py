@@ -1,7 +1,7 @@
-"""The case: an experiment and its numerics as frozen and validated data.
+"""The case: an experiment and its numerics as frozen, validated data.
 
-A case file (TOML) holds these models; a ``Case`` can also be built in Python from the same classes, which then raise
-pydantic's own ``ValidationError``. Lengths are in metres, times in seconds. The package imports no finite elements.
+A case file (TOML) contains these models. A ``Case`` can also be built in Python from the same classes, which then raise
+pydantic's ``ValidationError``. Lengths are in metres, times in seconds. The package imports no finite elements.
 """
 
 from typing import TYPE_CHECKING, Any

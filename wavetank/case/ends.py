@@ -18,12 +18,12 @@ from wavetank.motion.motion import STEEPEST, Extent, batches, extent, frequency_
 
 SAMPLING = 0.05  # interval of samples over (d / g)^(1/2): the largest value has an error of 0.1 % at k d = 4
 WINDOW = 36.0  # least analysed duration of a motion over (d / g)^(1/2): a part of a period has too short waves
-TIMES_AFTER = 4001  # times after the end of a short run at which a motion is evaluated
-CHECK_TIMES = 50  # times at which derivatives of a user's function are compared
+TIMES_AFTER = 4001  # number of times after the end of a short run at which a motion is evaluated
+CHECK_TIMES = 50  # number of times at which derivatives of a user's function are checked
 
 
 class MeasuringPoint(NamedTuple):
-    """A place that is recorded, such as a gauge: its key, x and y [m], heights z [m], first and last time [s]."""
+    """A recorded position, such as a gauge: key, x and y [m], heights z [m], first and last time [s]."""
 
     key: Key
     x: float
@@ -36,7 +36,7 @@ class MeasuringPoint(NamedTuple):
 class EndWall(Context):
     """A wall at an end of the tank: the mode shape and motion of its table, and its side.
 
-    Distances count from its rest position into the water.
+    Distances are from its rest position into the water.
     """
 
     wall: AnyWall
@@ -44,18 +44,19 @@ class EndWall(Context):
 
     @property
     def side(self) -> str:
-        """The side of the footprint, by its name in loads."""
+        """The side of the footprint, as named in loads."""
         return FAR if self.far else PADDLE
 
     def distance(self, x: Any) -> Any:
-        """Return the distance of places x [m] from the wall at rest [m]."""
+        """Return the distance of positions x [m] from the wall at rest [m]."""
         return self.case.x_min + self.tank.length - x if self.far else x - self.case.x_min
 
     # ---------------------------------------------------------------- its motion
     def motion(self) -> Motion:
         """Return the motion, checked against the run and the tank; its file is read once.
 
-        Raises ``CaseError`` if its file cannot be read, ends before the run, or leaves the mapping's reach.
+        Raises ``CaseError`` if its file cannot be read or ends before the run, or if the motion exceeds the reach of
+        the mapping.
         """
         return self._checked
 
@@ -85,7 +86,7 @@ class EndWall(Context):
         return self.wall.motion.generation_in(self.tank, self.physics)
 
     def with_motion_of(self, other: "EndWall") -> None:
-        """Keep the motion of an equal wall, whose file is then not read again."""
+        """Reuse the motion of an equal wall, so that its file is not read again."""
         names = ("_unchecked", "_checked")
         self.__dict__.update({name: other.__dict__[name] for name in names if name in other.__dict__})
 
@@ -100,7 +101,7 @@ class EndWall(Context):
 
     @property
     def period(self) -> float | None:
-        """The period [s] that halves the power of the velocity; None if the wall does not move.
+        """The period [s] that halves the power of the velocity; None for a fixed wall.
 
         A record is analysed completely, a formula or a function over ``analysed_duration``.
         """
@@ -110,9 +111,9 @@ class EndWall(Context):
 
     @cached_property
     def analysed_duration(self) -> float:
-        """The duration of the motion whose spectrum is analysed [s]: longer than a short run, if the motion is defined.
+        """The duration of the analysed motion [s]: longer than a short run, if the motion is defined.
 
-        A user's motion need not be finite after the run, which is checked first.
+        A user's motion may be infinite after the run: it is evaluated there first.
         """
         until = min(WINDOW * (self.tank.depth / self.tank.gravity) ** 0.5, self.motion().duration)
         if until > self.duration:
@@ -124,12 +125,12 @@ class EndWall(Context):
 
     @cached_property
     def max_displacement(self) -> float:
-        """The largest distance from rest in the run [m]."""
+        """The largest distance from rest during the run [m]."""
         return max(float(np.abs(self._unchecked.position(t, self.places)).max()) for t in batches(self._times))
 
     @property
     def extent(self) -> Extent:
-        """Stroke, largest speed and acceleration in the run."""
+        """Stroke, largest speed and largest acceleration during the run."""
         return extent(self._unchecked.rates(self._times, self.places))
 
     @property
@@ -141,14 +142,14 @@ class EndWall(Context):
     # ---------------------------------------------------------------- its mapping
     @property
     def reach(self) -> float:
-        """Distance at which the mapping has died out [m], by default ten depths; ``inf`` for a fixed wall."""
+        """Distance at which the mapping has decayed to zero [m], default: ten depths; ``inf`` for a fixed wall."""
         if not self.wall.moves:
             return np.inf
         return self.wall.reach or min(self.available_reach, 10 * self.tank.depth)
 
     @property
     def available_reach(self) -> float:
-        """Largest reach of the mapping [m]: up to that of a moving opposite wall, by default half the length."""
+        """Largest possible reach of the mapping [m]: to that of a moving opposite wall, default: half the length."""
         length, own, other = self.tank.length, self.wall.reach, self.opposite.reach
         if not self.opposite.moves:
             return length
@@ -156,7 +157,7 @@ class EndWall(Context):
 
     @property
     def frequency_shift(self) -> float:
-        """Largest factor on the frequency of the mesh's shortest waves in the run, of the wall's lean and mapping."""
+        """Largest factor on the frequency of the mesh's shortest waves during the run, by inclination and mapping."""
         if self.physics == "linear" or not self.wall.moves:
             return 1.0
         self.motion()
@@ -179,11 +180,11 @@ class EndWall(Context):
 
     @cached_property
     def farthest(self) -> float:
-        """The largest distance of any part of the wall from rest in the run [m]."""
+        """The largest distance of any part of the wall from rest during the run [m]."""
         return self.wall.max_mode_shape(self.tank) * self.max_displacement
 
     def _reach_problems(self) -> Iterator[Problem]:
-        """Yield a displacement that exceeds what the mapping's reach allows."""
+        """Yield a problem for a displacement beyond the reach of the mapping."""
         needed, reach = STEEPEST * self.farthest, self.reach
         if needed < reach:
             return

@@ -1,4 +1,4 @@
-"""The state at t = 0."""
+"""The initial state."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -27,15 +27,15 @@ from wavetank.waves.spectra import uniform
 from wavetank.waves.stream_function import maximum_height, stream_function_wave
 
 # ---------------------------------------------------------------- a surface from a file
-LARGEST_GAP_RATIO = 2.0  # times what is most between two points may be from the last round to the first
-MIN_POINTS = 4  # points: of a cubic spline, or of triangles
+LARGEST_GAP_RATIO = 2.0  # largest gap between last and first point around a ring, over that of other points
+MIN_POINTS = 4  # least number of points: of a cubic spline, or of triangles
 
 
 class FileSurface(CaseModel):
-    """Elevation and potential of a file: columns x, eta and psi of a slice or ring, x, y, eta and psi of a basin.
+    """Elevation and potential from a file: columns x, eta and psi of a slice or ring, x, y, eta and psi of a basin.
 
-    The water is at rest if psi is left out. Points are interpolated by a cubic spline along a slice, a periodic one
-    around a ring, and in basins by a surface on triangles with continuous slopes.
+    The water is at rest without psi. Points are interpolated by a cubic spline along a slice, by a periodic one around
+    a ring, and in basins by a surface on triangles with continuous slopes.
     """
 
     type: Literal["file"] = "file"
@@ -44,9 +44,9 @@ class FileSurface(CaseModel):
     )
 
     def surface(self, tank: AnyTank, x: motions.Array, y: motions.Array) -> tuple[motions.Array, motions.Array]:
-        """Return eta [m] and psi [m²/s] at places x, y [m], each of shape (N,).
+        """Return eta [m] and psi [m²/s] at x, y [m], shape (N,) each.
 
-        Raises ``InputError`` for a file that cannot be read, or that does not reach there.
+        Raises ``InputError`` for a file that cannot be read, or that does not cover the tank.
         """
         path = data.resolve(self.file)
         axes = ["x", "y"] if isinstance(tank, BasinTank) else ["x"]
@@ -90,7 +90,7 @@ def _along(path: Path, at: motions.Array, values: motions.Array, *, around: floa
 
 
 def _over(path: Path, at: motions.Array, values: motions.Array) -> Any:
-    """Return the interpolation of values over (x, y) on triangles; nan outside of them."""
+    """Return the interpolation of values over (x, y) on triangles; nan outside."""
     from scipy.interpolate import CloughTocher2DInterpolator
     from scipy.spatial import QhullError
 
@@ -102,14 +102,14 @@ def _over(path: Path, at: motions.Array, values: motions.Array) -> Any:
 
 # ---------------------------------------------------------------- a surface by formulae
 class FormulaSurface(FormulaModel):
-    """eta(x, y) and psi(x, y) as given; released from rest without psi."""
+    """eta(x, y) and psi(x, y) by formulae; at rest without psi."""
 
     type: Literal["formula"] = "formula"
     eta: FormulaText = Field(description="elevation eta(x, y) [m]")
     psi: FormulaText = Field(default="0", description="surface potential psi(x, y) [m^2/s]")
 
     def surface(self, tank: AnyTank, x: Array, y: Array) -> tuple[Array, Array]:
-        """Return eta [m] and psi [m²/s] at places x, y [m], each of shape (N,); raises ``InputError`` if not finite."""
+        """Return eta [m] and psi [m²/s] at x, y [m], shape (N,) each; raises ``InputError`` if not finite."""
         return self.formula(self.eta)(x, y), self.formula(self.psi)(x, y)
 
 
@@ -117,13 +117,13 @@ class FormulaSurface(FormulaModel):
 class RunState(CaseModel):
     """The surface of another run of the same tank, from its checkpoint, also on other cells.
 
-    This run's time begins at 0. Numerics that are not named are those of that run.
+    Time begins at 0. Default numerics are those of the other run.
     """
 
     type: Literal["run"] = "run"
-    directory: FilePath = Field(description="run directory of that run")
+    directory: FilePath = Field(description="directory of that run")
     t: float | None = Field(
-        default=None, ge=0.0, le=1e9, description="time of one of its two checkpoints [s]; default: its last"
+        default=None, ge=0.0, le=1e9, description="time of one of its two checkpoints [s]; default: the last one"
     )
 
 
@@ -133,10 +133,10 @@ Shape = Annotated[
     Field(discriminator="type", description="shape S(f)"),
 ]
 HIGHEST_OF_PEAK = 3.0
-MAX_WAVES = 10_000  # waves
-MIN_WAVES = 1.5  # waves, as many as would share the spectrum equally: (sum S df)² / sum (S df)²
+MAX_WAVES = 10_000  # largest number of waves
+MIN_WAVES = 1.5  # effective number of waves, (sum S df)² / sum (S df)²
 REFLECTED = "needs a ring (tank.type): walls reflect such waves"
-STEEPEST = 0.14  # height over length of the highest waves, in depth times tanh k d (Miche)
+STEEPEST = 0.14  # height over length of the highest waves, times tanh k d (Miche)
 
 
 class SpectralSurface(CaseModel):
@@ -146,7 +146,7 @@ class SpectralSurface(CaseModel):
     highest_frequency: Frequency | None = Field(default=None, description="last component [Hz]; default 3 fp")
 
     def surface(self, tank: AnyTank, x: motions.Array, y: motions.Array) -> tuple[motions.Array, motions.Array]:
-        """Return eta [m], and psi [m²/s] of linear waves, at still water, at places x, y [m], each of shape (N,)."""
+        """Return eta [m], and psi [m²/s] of linear waves at still water, at x, y [m], shape (N,) each."""
         waves = self.waves(tank)
         return waves.elevation(x), waves.potential(x)
 
@@ -173,7 +173,7 @@ class SpectralSurface(CaseModel):
         return PlaneWaves(amplitudes=amplitudes, k_x=k, k_y=0 * k, omega=omega, depth=tank.depth, gravity=tank.gravity)
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that the tank is a slice or ring, which several modes of the spectrum fit, but not too many."""
+        """Yield that the tank is a slice or ring, which several but not too many modes of the spectrum fit."""
         tank = end.tank
         along = "needs a slice or ring (tank.type): waves go along it"
         yield "type", not isinstance(tank, BasinTank), along
@@ -190,7 +190,7 @@ class SpectralSurface(CaseModel):
 
 
 class IrregularSurface(SpectralSurface):
-    """An irregular sea all along the tank, of linear waves that go to +x: the same of a seed on any machine."""
+    """An irregular sea along the complete tank, of linear waves to +x; a seed gives the same sea on all machines."""
 
     type: Literal["irregular"] = "irregular"
     significant_height: Height = Field(description="significant wave height Hm0 = 4 m0^(1/2) [m]")
@@ -203,7 +203,7 @@ class IrregularSurface(SpectralSurface):
         return self._waves(tank, k, amplitudes * np.exp(2j * np.pi * uniform(self.seed, k.size)))
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that no walls reflect the waves, those of any spectrum, and that the sea is not too high."""
+        """Yield that no walls reflect the waves, the conditions of a spectrum, and a limit of the height."""
         yield "type", isinstance(end.tank, RingTank), REFLECTED
         yield from super().checks(end)
         highest = min(STEEPEST * end.tank.length, end.tank.depth)
@@ -212,7 +212,7 @@ class IrregularSurface(SpectralSurface):
 
 
 class FocusedSurface(SpectralSurface):
-    """Waves of a spectrum that go to +x and meet in a crest at t = 0, or a trough: a sea's most probable (NewWave)."""
+    """A focused group to +x with its crest, or trough, at t = 0: the most probable extreme of a sea (NewWave)."""
 
     type: Literal["focused"] = "focused"
     linear_crest: float = Field(
@@ -221,7 +221,7 @@ class FocusedSurface(SpectralSurface):
     x: Coordinate = Field(description="x of the focus [m]")
 
     def waves(self, tank: AnyTank) -> PlaneWaves:
-        """Return the group: amplitudes go with S(f) df."""
+        """Return the group: amplitudes are proportional to S(f) df."""
         k, variances = self._along(tank)
         return self._waves(tank, k, self.linear_crest * variances / variances.sum() * np.exp(-1j * k * self.x))
 
@@ -232,7 +232,7 @@ class FocusedSurface(SpectralSurface):
         return np.asarray(np.abs(phases @ variances) / variances.sum())
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield those of any spectrum, and that the focus is inside the tank, and no trough below the bed."""
+        """Yield the conditions of a spectrum, a focus inside the tank, and a trough above the bed."""
         yield from super().checks(end)
         yield from inside(end.tank, (self.x, 0.0), "x", "x")
         allowed = f"must be less than the still-water depth, {end.tank.depth:g} m, either way"
@@ -244,7 +244,7 @@ BREAKING = 0.109 * 2 * np.pi  # k a / tanh(k d) of the highest standing wave, H 
 
 
 def _box(tank: AnyTank) -> tuple[float, float, float, float]:
-    """Return (x_min, y_min, x_max, y_max) [m]; a slice is of width 1."""
+    """Return (x_min, y_min, x_max, y_max) [m]; the width of a slice is 1."""
     if isinstance(tank, BasinTank) and tank.layout.box is not None:
         return tank.layout.box
     return 0.0, 0.0, tank.length, 1.0
@@ -281,14 +281,14 @@ class StandingWave(CaseModel):
     mode_across: int = Field(default=0, ge=0, le=10**9, description="number n of half waves across a basin")
 
     def surface(self, tank: AnyTank, x: motions.Array, y: motions.Array) -> tuple[motions.Array, motions.Array]:
-        """Return eta [m] and psi [m²/s] at places x, y [m], each of shape (N,)."""
+        """Return eta [m] and psi [m²/s] at x, y [m], shape (N,) each."""
         x_min, y_min, x_max, y_max = _box(tank)
         along, across = (x - x_min) / (x_max - x_min), (y - y_min) / (y_max - y_min)
         eta = self.wave_amplitude * np.cos(np.pi * self.mode * along) * np.cos(np.pi * self.mode_across * across)
         return eta, np.zeros_like(eta)
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that the tank has such a mode, and that its wave neither breaks nor lays the bed dry."""
+        """Yield that the tank has the mode, and that its wave neither breaks nor dries the bed."""
         tank, depth = end.tank, end.tank.depth
         rectangular = not isinstance(tank, BasinTank) or isinstance(tank.layout, Rectangle)
         yield "type", rectangular, "needs a rectangle (tank.layout.type)"
@@ -305,7 +305,7 @@ class StandingWave(CaseModel):
 
 
 class StreamFunctionWave(TheoreticalWave):
-    """Waves of permanent form in a ring, travelling to +x, a crest at x = 0: exact, without mean Eulerian current."""
+    """Waves of permanent form in a ring, to +x, with a crest at x = 0: exact, without mean Eulerian current."""
 
     type: Literal["stream-function"] = "stream-function"
     height: Height | None = Field(default=None, description="height, crest above trough [m]; default: by steepness")
@@ -324,7 +324,7 @@ class StreamFunctionWave(TheoreticalWave):
             return stream_function_wave(height, length, depth=tank.depth, gravity=tank.gravity)
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that the tank is a ring, and that there is a wave as high."""
+        """Yield that the tank is a ring, and that a wave of this height exists."""
         yield "type", isinstance(end.tank, RingTank), REFLECTED
         highest = maximum_height(end.tank.length / self.waves, end.tank.depth)
         exists = self.height is None or self.height < highest
@@ -332,14 +332,14 @@ class StreamFunctionWave(TheoreticalWave):
 
 
 class SolitaryWave(TheoreticalWave):
-    """The solitary wave, travelling to +x; exact if both ends of the tank are far away."""
+    """The solitary wave, to +x; exact if both ends of the tank are far from it."""
 
     type: Literal["solitary-wave"] = "solitary-wave"
     height: Height = Field(description="height of the crest above still water [m]")
-    x: Coordinate = Field(description="where the crest is [m]")
+    x: Coordinate = Field(description="x of the crest [m]")
 
     def wave(self, tank: AnyTank) -> SteadyWave:
-        """Return the wave, its crest where it is."""
+        """Return the wave with its crest at its position."""
         return replace(solitary_wave(self.height, depth=tank.depth, gravity=tank.gravity), crest=self.x)
 
     def at_ends(self, tank: SliceTank) -> motions.Array:
@@ -347,7 +347,7 @@ class SolitaryWave(TheoreticalWave):
         return np.asarray(self.wave(tank).elevation(np.array([0.0, tank.length])) / self.height, dtype=np.float64)
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that the tank has ends, with the crest between them, and that there is such a wave."""
+        """Yield that the tank has ends, with the crest between them, and that the wave exists."""
         yield "type", not isinstance(end.tank, RingTank), "needs a slice (tank.type): its potential is not periodic"
         between = isinstance(end.tank, BasinTank) or 0 <= self.x <= end.tank.length
         yield "x", between, f"must be inside the tank, 0 to {metres(end.tank.length)} m"
@@ -365,5 +365,5 @@ Initial = Annotated[
     | FormulaSurface
     | FileSurface
     | RunState,
-    Field(discriminator="type", description="the state at t = 0"),
+    Field(discriminator="type", description="initial state"),
 ]

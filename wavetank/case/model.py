@@ -1,4 +1,4 @@
-"""The case: all tables of an experiment, and how they must fit each other."""
+"""The case: all tables of an experiment, and their consistency."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -19,14 +19,14 @@ from wavetank.case.output import Gauge, GaugeLine, Output, Probe, Target, WallLo
 from wavetank.case.tank import BasinTank, Depth, Sponge, Tank
 from wavetank.case.wall import FarWall, FixedWall, Wall
 
-CACHED = {"ends", "_depths"}  # attributes that are computed once
+CACHED = {"ends", "_depths"}  # names of attributes that are computed once
 SENSORS = {"gauges": "gauge", "gauge_lines": "row", "probes": "probe", "windows": "window", "loads": "load"}
-HEIGHTS = 21  # heights of a column that the paddle is compared with
-DEEPEST = 50  # lengths of a tank; measured, the interior potential of twice as deep ones no longer converges
+HEIGHTS = 21  # number of heights of a column at which it is compared with the paddle
+MAX_DEPTH_RATIO = 50  # largest depth over the length of a tank; at twice this depth the interior solve diverged
 
 
 class NonlinearWater(CaseModel):
-    """Waves of any steepness short of breaking."""
+    """Waves of any steepness below breaking."""
 
     type: Literal["nonlinear"] = "nonlinear"
 
@@ -37,12 +37,12 @@ class LinearWater(CaseModel):
     type: Literal["linear"] = "linear"
 
 
-Water = Annotated[NonlinearWater | LinearWater, Field(discriminator="type", description="the theory of the waves")]
+Water = Annotated[NonlinearWater | LinearWater, Field(discriminator="type", description="wave theory")]
 Physics = Literal["nonlinear", "linear"]
 
 
 class Case(CaseModel):
-    """The experiment in the laboratory, and what is to be computed of it.
+    """The experiment in the laboratory, and its computation.
 
     ``Case.model_validate(case.model_dump(mode="json"))`` is the same case.
     """
@@ -51,9 +51,9 @@ class Case(CaseModel):
     tank: Tank
     wall: Wall = FixedWall()
     far_wall: FarWall = FixedWall()
-    water: Water | None = Field(default=None, description="the waves' theory; default: nonlinear, or by accuracy")
+    water: Water | None = Field(default=None, description="wave theory; default: nonlinear, or by accuracy")
     initial: Initial = StillWater()
-    sponge: Sponge | None = Field(default=None, description="the absorbing layer; default: nowhere")
+    sponge: Sponge | None = Field(default=None, description="absorbing layer; default: none")
     gauges: Annotated[tuple[Gauge, ...], BeforeValidator(named)] = Field(default=(), description="the gauges")
     gauge_lines: Annotated[tuple[GaugeLine, ...], Strict(False)] = Field(default=(), description="rows of gauges")
     probes: Annotated[tuple[Probe, ...], BeforeValidator(named)] = Field(
@@ -66,9 +66,9 @@ class Case(CaseModel):
     windows: Annotated[tuple[Window, ...], Strict(False)] = Field(
         default=(), description="columns of water recorded for other programs"
     )
-    run: RunControl = Field(description="how long is computed")
-    numerics: Numerics = Field(default=Numerics(), description="how it is computed")
-    output: Output = Field(default=Output(), description="what is recorded, and how often")
+    run: RunControl = Field(description="duration of the run")
+    numerics: Numerics = Field(default=Numerics(), description="numerics")
+    output: Output = Field(default=Output(), description="records and their intervals")
 
     @property
     def physics(self) -> Physics:
@@ -84,7 +84,7 @@ class Case(CaseModel):
 
     @property
     def cell_size(self) -> float:
-        """The size of a cell [m], default resolved; in a basin, that to aim at."""
+        """The size of a cell [m], default resolved; in a basin the approximate size."""
         if isinstance(self.tank, BasinTank):
             return self.numerics.cell_size_in(self.tank)
         return self.tank.length / self.cells
@@ -103,12 +103,12 @@ class Case(CaseModel):
 
     @property
     def absorbing(self) -> list[int]:
-        """Indices of the absorbing ones of ``paddles``."""
+        """Indices of the absorbing walls in ``paddles``."""
         return [n for n, paddle in enumerate(self.paddles) if paddle.wall.absorb is not None]
 
     @property
     def paddle_periods(self) -> tuple[float, ...]:
-        """The periods [s] of those of ``paddles`` that are driven; none of one that only absorbs."""
+        """The periods [s] of the driven walls in ``paddles``; those that only absorb have none."""
         return tuple(period for paddle in self.paddles if (period := paddle.period) is not None)
 
     def motion(self) -> motions.Motion:
@@ -123,31 +123,31 @@ class Case(CaseModel):
 
     @property
     def motions_end(self) -> float:
-        """When the first motion ends [s]; ``inf`` if none does."""
+        """The end of the first motion that ends [s]; ``inf`` if none does."""
         return min((paddle.motion().duration for paddle in self.paddles), default=np.inf)
 
     @property
     def frequency_shift(self) -> float:
-        """Largest factor by which paddles raise the frequency of the mesh's shortest waves in the run."""
+        """Largest factor by which paddles raise the frequency of the mesh's shortest waves during the run."""
         return max(end.frequency_shift for end in self.ends)
 
     @property
     def x_min(self) -> float:
-        """Smallest x of the tank [m]; 0 for a basin whose extent only its mesh file has."""
+        """Smallest x of the tank [m]; 0 for a basin whose extent is in its mesh file only."""
         return self.tank.box[0] if self.tank.box else 0.0
 
     @property
     def surface_every(self) -> float:
-        """Time between snapshots of the surface [s]; by default short against a wave period, 200 to 1000 of them."""
+        """Time between snapshots of the surface [s]; default: short compared with a wave period, 200 to 1000 in all."""
         if self.output.surface_every is not None:
             return self.output.surface_every
         short = 0.5 * (self.tank.depth / self.tank.gravity) ** 0.5
         return float(np.clip(short, self.run.duration / 1000, self.run.duration / 200))
 
     def depths(self) -> float | Depth:
-        """Return the still water's depth [m], or d(x, y) over a bed, whose file is read once.
+        """Return the still-water depth [m], or d(x, y) over a bed, whose file is read once.
 
-        Raises ``CaseError`` if that cannot be had or read.
+        Raises ``CaseError`` if it is missing or cannot be read.
         """
         return self._depths
 
@@ -196,9 +196,9 @@ class Case(CaseModel):
         return self
 
     def _own_problems(self) -> Iterator[Problem]:
-        """Yield a tank too deep, and names that two sensors of a kind have."""
-        if self.tank.depth > DEEPEST * self.tank.length:
-            allowed = f"must be at most {DEEPEST} lengths of the tank: two lengths are as deep for any of its waves"
+        """Yield a tank that is too deep, and names of several sensors of a kind."""
+        if self.tank.depth > MAX_DEPTH_RATIO * self.tank.length:
+            allowed = f"must be at most {MAX_DEPTH_RATIO} lengths of the tank: two lengths are deep water for its waves"
             yield Problem(("tank", "depth"), self.tank.depth, allowed)
         gauges = Counter(gauge.name for gauge in self.all_gauges)
         for table, kind in SENSORS.items():
@@ -210,7 +210,7 @@ class Case(CaseModel):
 
     @property
     def all_gauges(self) -> tuple[Gauge, ...]:
-        """The gauges, and those of the rows of gauges."""
+        """The gauges, including those of the rows of gauges."""
         rows = (Gauge(name=name, x=x, y=y) for line in self.gauge_lines for name, x, y in line.gauges())
         return (*self.gauges, *rows)
 
@@ -224,7 +224,7 @@ class Case(CaseModel):
 
 
 def _names(sensor: Gauge | GaugeLine | Window | WallLoad) -> list[str]:
-    """Return the names of a sensor's records."""
+    """Return the names of the records of a sensor."""
     if isinstance(sensor, GaugeLine):
         return [name for name, _, _ in sensor.gauges()]
     return [sensor.called if isinstance(sensor, WallLoad) else sensor.name]

@@ -1,4 +1,4 @@
-"""Cases in the checkout and the current directory, and new ones from templates."""
+"""Cases in the checkout and the current directory, and new cases from templates."""
 
 import json
 import os
@@ -11,12 +11,12 @@ from wavetank.base.files import regular
 
 # ---------------------------------------------------------------- existing cases
 CHECKOUT = Path(__file__).resolve().parents[2]
-SCHEMA = Path(__file__).with_name("schema.json")  # this version's schema, named in the first line of cases
-NEEDED = {"tank", "run"}  # tables that every case has
+SCHEMA = Path(__file__).with_name("schema.json")  # schema of this version, named in the first line of cases
+REQUIRED_TABLES = {"tank", "run"}  # tables that every case has
 
 
 def cases_at_hand() -> Iterator[tuple[Path, str]]:
-    """Yield path and title of each case in the checkout's cases/, in ./cases and in the present folder, once."""
+    """Yield path and title of each case in cases/ of the checkout, in ./cases and in the current directory, once."""
     listed = set[Path]()
     for folder in (CHECKOUT / "cases", Path("cases"), Path()):
         for path in sorted(folder.glob("*.toml")):
@@ -28,12 +28,12 @@ def cases_at_hand() -> Iterator[tuple[Path, str]]:
 
 
 def _title(path: Path) -> str | None:
-    """Return a case's title; None of a file that is no case."""
+    """Return the title of a case; None for a file that is not a case."""
     try:
         content = tomllib.loads(regular(path).read_text(encoding="utf-8-sig"))
     except (OSError, ValueError, RecursionError):
         return None
-    return str(content.get("title", "")) if content.keys() >= NEEDED else None
+    return str(content.get("title", "")) if content.keys() >= REQUIRED_TABLES else None
 
 
 # ---------------------------------------------------------------- new cases
@@ -42,12 +42,12 @@ KINDS = ("slice", "basin", "ring", "focus")
 
 
 def write_case(name: str, kind: str) -> Path:
-    """Write ``NAME.toml`` and return its path; raises ``InputError`` where it is there already, or cannot be written.
+    """Write ``NAME.toml`` and return its path; raises ``InputError`` if it exists or cannot be written.
 
     Parameters
     ----------
     name
-        Path of the case, with or without its ending.
+        Path of the case, with or without its suffix.
     kind
         One of ``KINDS``.
     """

@@ -1,4 +1,4 @@
-"""How it is computed, for how long, and what is recorded."""
+"""Numerics and duration of a run."""
 
 from collections.abc import Iterator, Set
 from typing import TYPE_CHECKING, Any, Literal
@@ -12,17 +12,17 @@ from wavetank.case.tank import AnyTank, BasinTank, Context, RingTank, SliceTank
 
 
 class RunControl(CaseModel):
-    """How long is computed."""
+    """Duration of the run."""
 
     duration: Duration = Field(description="simulated time [s]")
     on_breaking: Literal["stop", "warn", "dissipate", "ignore"] = Field(
         default="stop",
-        description="what to do when a wave breaks; stop: end the run where a wave overturns; warn: record; "
+        description="action when a wave breaks; stop: end the run when a wave overturns; warn: record; "
         "dissipate: an eddy viscosity; ignore: no detection",
     )
     checkpoint_every: Duration | None = Field(
         default=None,
-        description="time of computing between checkpoints, from which a run goes on [s]; default: 60, less at first",
+        description="wall time between checkpoints for resuming the run [s]; default: 60, less at first",
     )
 
 
@@ -34,23 +34,23 @@ else:
     IntegratorName = Literal[tuple(SCHEMES)]
 
 
-STEPPING = frozenset(
+STEP_KEYS = frozenset(
     {"cells", "cell_size", "order", "vertical_order", "integrator"}
 )  # keys on which the time step depends
-CHOSEN = STEPPING | {"dt"}  # by a plan
+PLANNED_KEYS = STEP_KEYS | {"dt"}  # keys that a plan determines
 
 
 class Numerics(CaseModel):
-    """How it is computed.
+    """The numerics.
 
-    Where an accuracy is asked for, or nothing is set, what is not set is planned; over beds, in basins and for starts
-    by formula, of which no plan is made, the shortest wave known of the case decides on cells and vertical order. The
-    order is then 4 along a slice over a bed if no cells are named, otherwise 3.
+    With an accuracy, or if no key is set, keys that are not set are planned. Over beds, in basins and for initial
+    states by formula, which cannot be planned, the shortest known wave of the case determines cells and vertical order.
+    The order is then 4 along a slice over a bed if cells are not set, otherwise 3.
     """
 
     accuracy: Fraction | None = Field(
         default=None,
-        description="relative error of the elevation to plan for; default: 0.01 if nothing is set and a plan is made",
+        description="planned relative error of the elevation; default: 0.01 if nothing is set and a plan is made",
     )
     cells: Count | None = Field(default=None, description="number of cells along the tank; default: by cell_size")
     cell_size: Length | None = Field(
@@ -72,39 +72,39 @@ class Numerics(CaseModel):
         description="solver of implicit stages: Anderson mixing of the program, or of PETSc's SNES",
     )
     edge_penalty: float = Field(
-        default=0.25, ge=0, le=10, description="strength of the penalty on kinks under steep crests [-]; 0 is none"
+        default=0.25, ge=0, le=10, description="strength of the penalty on kinks under steep crests [-]; 0: none"
     )
 
     _one_size = one_of("cells", "cell_size", needed=False)
 
     @property
     def open(self) -> bool:
-        """Whether numerics are planned: an accuracy is given, or no key that a plan chooses."""
-        return self.accuracy is not None or not self.model_fields_set & CHOSEN
+        """Whether numerics are planned: an accuracy is set, or no key that a plan determines."""
+        return self.accuracy is not None or not self.model_fields_set & PLANNED_KEYS
 
     def over(self, base: "Numerics", *, named: Set[str]) -> "Numerics":
-        """Return ``base`` with the named keys of this; its time step stays unless a key that it depends on is named."""
+        """Return ``base`` with the keys that are set here; without a key on which it depends, its time step stays."""
         changes: dict[str, Any] = {key: getattr(self, key) for key in named}
         for one, other in (("cells", "cell_size"), ("cell_size", "cells")):
             if changes.get(one) is not None:
                 changes[other] = None
-        if named & STEPPING:
+        if named & STEP_KEYS:
             changes = {"dt": None} | changes
         return base.model_copy(update=changes)
 
     def without_integrator(self) -> "Numerics":
-        """Return the same with the default integrator."""
+        """Return the same numerics with the default integrator."""
         return Numerics(**{key: getattr(self, key) for key in self.model_fields_set - {"integrator"}})
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that a number of cells is one of a tank of cells along x, and enough."""
+        """Yield that a number of cells belongs to a tank of cells along x, and is large enough."""
         if self.cells is not None:
             along, fewest = not isinstance(end.tank, BasinTank), end.tank.fewest_cells
             yield "cells", along, "must be left out: numerics.cell_size is a basin's key"
             yield "cells", self.cells >= fewest, f"must be at least {fewest} in a {end.tank.type}"
 
     def cell_size_in(self, tank: AnyTank) -> float:
-        """Return the size of a cell to aim at [m]; where none is given, a part of the depth."""
+        """Return the approximate size of a cell [m], default: a part of the depth."""
         return tank.usual_cell * tank.depth if self.cell_size is None else self.cell_size
 
     def cells_in(self, tank: SliceTank | RingTank) -> int:

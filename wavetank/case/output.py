@@ -1,4 +1,4 @@
-"""What is recorded: gauges, probes, loads, windows, and the target of a calibration."""
+"""The records: gauges, probes, loads, windows, and the target of a calibration."""
 
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Literal
@@ -34,16 +34,16 @@ class Gauge(CaseModel):
     """A position at which the elevation is recorded."""
 
     name: Label = Field(min_length=1, description="name of the gauge")
-    x: Coordinate = Field(description="distance from the paddle at rest, or along the ring; in a basin its x [m]")
-    y: Coordinate = Field(default=0.0, description="in a basin its y [m]")
+    x: Coordinate = Field(description="distance from the paddle at rest, or along the ring; in a basin x [m]")
+    y: Coordinate = Field(default=0.0, description="y in a basin [m]")
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that it is inside the tank."""
+        """Yield that the gauge is inside the tank."""
         yield from inside(end.tank, (self.x, self.y), "x", "y")
 
 
 def named(gauges: Any) -> Any:
-    """Return gauges given as numbers or without a name as tables with the names 1, 2, ...; the rest as it is."""
+    """Return gauges that are numbers or have no name as tables with the names 1, 2, ...; other values unchanged."""
     if not isinstance(gauges, Sequence) or isinstance(gauges, str):
         return gauges
     tables = (gauge if isinstance(gauge, dict | Gauge) else {"x": gauge} for gauge in gauges)
@@ -61,7 +61,7 @@ class GaugeLine(CaseModel):
     count: int = Field(ge=2, le=10_000, description="number of gauges")
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that it is inside the tank."""
+        """Yield that the line is inside the tank."""
         yield from inside(end.tank, self.start, "start", "start")
         yield from inside(end.tank, self.end, "end", "end")
 
@@ -72,12 +72,12 @@ class GaugeLine(CaseModel):
 
 
 class Probe(Gauge):
-    """A point at which velocity, acceleration and pressure are recorded while there is water."""
+    """A point at which velocity, acceleration and pressure are recorded while it is in water."""
 
     z: Coordinate = Field(description="height above still water, negative below [m]")
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that it is inside the tank, and above a flat bed."""
+        """Yield that the probe is inside the tank, and above a flat bed."""
         yield from super().checks(end)
         above = end.tank.bed is not None or self.z >= -end.tank.depth
         yield "z", above, f"must be in the water, above the bed at {metres(-end.tank.depth)} m"
@@ -89,24 +89,24 @@ ENDS = PADDLE, FAR  # the walls of a slice
 
 
 class WallLoad(CaseModel):
-    """A wall on which force and moment of the water's pressure are recorded, still water's included."""
+    """A wall on which force and moment of the pressure are recorded, including that of still water."""
 
     on: Label = Field(
         min_length=1,
         description="the wall: 'paddle', 'far wall' of a slice or a rectangle, or a group of walls of a basin's mesh",
     )
-    name: Label | None = Field(default=None, min_length=1, description="name of the load; default: the wall's")
+    name: Label | None = Field(default=None, min_length=1, description="name of the load; default: that of the wall")
     about: Triple | None = Field(
         default=None, description="reference point of moments, x, y, z [m]; default: on the bed at x = y = 0"
     )
 
     @property
     def called(self) -> str:
-        """Its name, default resolved."""
+        """The name, default resolved."""
         return self.on if self.name is None else self.name
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that the tank has such a wall."""
+        """Yield that the tank has the wall."""
         yield "on", end.tank.type != "ring", "must be left out: a ring has no walls"
         exists = isinstance(end.tank, BasinTank) or self.on in ENDS
         yield "on", exists, f"must be {' or '.join(map(repr, ENDS))} in a slice"
@@ -124,23 +124,23 @@ class Window(CaseModel):
         min_length=1,
         pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$",
         max_length=60,
-        description="name, by which its file is called: letters, digits, - and _",
+        description="name, also of its file: letters, digits, - and _",
     )
     start: Pair = Field(description="x and y of the first column [m]")
-    end: Pair | None = Field(default=None, description="x and y of the last column [m]; default: there is one")
+    end: Pair | None = Field(default=None, description="x and y of the last column [m]; default: one column")
     columns: int = Field(default=1, ge=1, le=10_000, description="number of columns")
-    levels: int = Field(default=11, ge=2, le=1000, description="points in each, from the bed to the surface")
-    begin: Ramp = Field(default=0.0, description="from when on [s]: the first row is at or before it")
+    levels: int = Field(default=11, ge=2, le=1000, description="points in each column, from the bed to the surface")
+    begin: Ramp = Field(default=0.0, description="start [s]: the first row is at or before it")
     until: Duration | None = Field(
-        default=None, description="until when [s]: the last row is at or after it; default: the end of the run"
+        default=None, description="end [s]: the last row is at or after it; default: the end of the run"
     )
-    every: Duration = Field(description="largest time between two rows [s]: as many steps as fit, at least one")
+    every: Duration = Field(description="largest time between two rows [s], rounded down to steps, at least one")
     format: Literal["netcdf", "csv"] = Field(
         default="netcdf", description="CF-NetCDF, or a table with a row for each point at each time"
     )
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that it is inside the tank, a point or a line, and recorded within the run."""
+        """Yield that the window is inside the tank, a point or a line, and recorded during the run."""
         yield from inside(end.tank, self.start, "start", "start")
         if self.end is not None:
             yield from inside(end.tank, self.end, "end", "end")
@@ -153,7 +153,7 @@ class Window(CaseModel):
 
     @property
     def places(self) -> list[tuple[float, float]]:
-        """Where the columns are, (x, y) [m]."""
+        """Positions of the columns, (x, y) [m]."""
         ends = (self.start, self.start if self.end is None else self.end)
         return [(float(x), float(y)) for x, y in np.linspace(*ends, self.columns)]
 
@@ -163,12 +163,12 @@ TARGET_KEY = "target"
 
 
 class _Placed(CaseModel):
-    """A target at a place."""
+    """A target at a position."""
 
-    x: Length = Field(description="where [m]")
+    x: Length = Field(description="position x [m]")
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that the place is inside the tank."""
+        """Yield that the position is inside the tank."""
         yield in_tank(end.tank, self.x)
 
 
@@ -177,14 +177,14 @@ class CrestTarget(_Placed):
 
     type: Literal["crest"] = "crest"
     height: Height = Field(description="height above still water [m]")
-    time: Duration = Field(description="when [s]")
+    time: Duration = Field(description="time of the crest [s]")
     tolerance: Fraction = Field(
         default=0.01,
-        description="of the height; of a wave length the place may miss twice as much, of a period the time",
+        description="relative error of the height; twice that, in wave lengths and periods, of position and time",
     )
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that place and time are inside the tank and the run."""
+        """Yield that position and time are inside the tank and the run."""
         yield from super().checks(end)
         yield "time", self.time < end.duration, f"must be before the run ends, below {end.duration:g} s"
 
@@ -193,7 +193,7 @@ class ComponentsTarget(_Placed):
     """The components of `wall.motion` at a position: amplitudes and phases of the linear part of the waves."""
 
     type: Literal["components"] = "components"
-    tolerance: Fraction = Field(default=0.02, description="of their elevation's root mean square")
+    tolerance: Fraction = Field(default=0.02, description="relative rms error of their elevation")
 
 
 class RecordTarget(_Placed):
@@ -201,22 +201,20 @@ class RecordTarget(_Placed):
 
     type: Literal["record"] = "record"
     file: FilePath = Field(description="file of t [s] and eta [m]; with a gauge a CSV file or data set, as in compare")
-    gauge: Label | None = Field(default=None, description="name of the gauge in it; default: there is one record alone")
-    delay: Time = Field(default=0.0, description="added to the file's times [s]")
-    start: Time | None = Field(default=None, description="from when the record counts [s]; default: its beginning")
-    end: Time | None = Field(default=None, description="till when it counts [s]; default: its end, or the run's")
+    gauge: Label | None = Field(default=None, description="name of the gauge in the file; default: its only record")
+    delay: Time = Field(default=0.0, description="added to the times of the file [s]")
+    start: Time | None = Field(default=None, description="start of the target [s]; default: that of the record")
+    end: Time | None = Field(default=None, description="end of the target [s]; default: that of the record or run")
     lowest_frequency: Frequency | None = Field(
-        default=None, description="of waves that are made [Hz]; default a quarter of their mean"
+        default=None, description="lowest generated frequency [Hz]; default a quarter of the mean"
     )
     highest_frequency: Frequency | None = Field(
-        default=None, description="of waves that are made [Hz]; default four times their mean"
+        default=None, description="highest generated frequency [Hz]; default four times the mean"
     )
-    tolerance: Fraction = Field(
-        default=0.02, description="of the record's root mean square, both without other frequencies"
-    )
+    tolerance: Fraction = Field(default=0.02, description="relative rms error of the record, at these frequencies only")
 
     def record(self) -> tuple[motions.Array, motions.Array]:
-        """Return times [s], delayed, and elevations [m], shapes (N,); raises ``CaseError`` if they cannot be read."""
+        """Return delayed times [s] and elevations [m], shape (N,) each; raises ``CaseError`` if they cannot be read."""
         if self.gauge is None:
             t, eta = read_file(self.file, lambda path: read_record(path, column="elevation [m]"), TARGET_KEY, "file")
             return t + self.delay, eta
@@ -231,17 +229,17 @@ class RecordTarget(_Placed):
 
 Target = Annotated[
     CrestTarget | ComponentsTarget | RecordTarget,
-    Field(discriminator="type", description="what `wavetank calibrate` looks for a motion for"),
+    Field(discriminator="type", description="target of `wavetank calibrate`"),
 ]
 
 
 # ---------------------------------------------------------------- intervals
 class Output(CaseModel):
-    """What is recorded, and how often."""
+    """Records of the run and their intervals."""
 
     energy_every: Count = Field(default=1, description="steps between rows of the energy budget")
-    gauges_every: Count = Field(default=1, description="steps between rows of the gauges' record")
-    probes_every: Count = Field(default=1, description="steps between rows of the probes' and loads' records")
+    gauges_every: Count = Field(default=1, description="steps between rows of gauges")
+    probes_every: Count = Field(default=1, description="steps between rows of probes and loads")
     surface_every: Duration | None = Field(
         default=None, description="time between snapshots of the surface [s]; default: 200 to 1000 snapshots"
     )

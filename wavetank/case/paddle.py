@@ -1,6 +1,6 @@
-"""Motions of paddles, of one that moves as a whole, or of segments that make waves at an angle.
+"""Motions of paddles without segments, and of segments that generate oblique waves.
 
-Angles are in degrees from the wall's normal into the water, positive towards y, at either end of a basin.
+Angles are in degrees from the normal of the wall into the water, positive towards y, at either end of a basin.
 """
 
 from collections.abc import Iterator, Sequence
@@ -55,9 +55,9 @@ class MotionModel(CaseModel):
     Attributes
     ----------
     value_keys
-        Keys that errors of its values name, of a motion by a user's function; None of others.
+        Keys that errors of the values name, for a motion by a user's function; None for others.
     units_note
-        The units of its file, at the end of problems of its size or period; empty of motions without units.
+        The units of its file, at the end of problems of its size or period; empty for motions without units.
     """
 
     value_keys: ClassVar[tuple[str, ...] | None] = None
@@ -65,7 +65,7 @@ class MotionModel(CaseModel):
 
     @property
     def reads_file(self) -> bool:
-        """Whether it is checked when its file is read, and not before: if it has one."""
+        """Whether it is checked only when its file is read: true if it has a file."""
         return any(self.named_files())
 
     def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
@@ -89,7 +89,7 @@ class MotionModel(CaseModel):
 
 
 class GeneratingMotion(MotionModel):
-    """A motion that follows from the waves to be generated, by linear theory, with a ramp."""
+    """A motion that follows, by linear theory, from the generated waves, with a ramp."""
 
     if TYPE_CHECKING:
         ramp: Ramp | None  # each type has its default
@@ -104,7 +104,7 @@ class GeneratingMotion(MotionModel):
         return 4.0 * np.pi / float(waves.omega[np.abs(waves.amplitudes).argmax()])
 
     def along(self, tank: AnyTank, f: ArrayLike, amplitudes: ArrayLike, phases: ArrayLike, **more: Any) -> PlaneWaves:
-        """Return plane waves in a tank, at (x, y) if the motion names these; see ``waves_along``."""
+        """Return plane waves in a tank, with phases at (x, y) if the motion sets these; see ``waves_along``."""
         place = {key: getattr(self, key, 0.0) for key in ("x", "y")}
         return waves_along(f, amplitudes, phases, depth=tank.depth, gravity=tank.gravity, **place, **more)
 
@@ -118,7 +118,7 @@ Gamma = Annotated[float, Field(ge=1, le=100)]
 
 
 class _Peaked(CaseModel):
-    """A spectrum whose peak is given."""
+    """A spectrum with a given peak."""
 
     peak_frequency: Frequency | None = Field(default=None, description="peak frequency fp [Hz]; default: by period")
     peak_period: Duration | None = Field(default=None, description="peak period Tp [s]; default: by frequency")
@@ -127,11 +127,11 @@ class _Peaked(CaseModel):
 
     @property
     def peak(self) -> float:
-        """Fp [Hz]."""
+        """The peak frequency [Hz]."""
         return 1.0 / self.peak_period if self.peak_frequency is None else self.peak_frequency  # type: ignore[operator]
 
     def build(self, tank: AnyTank) -> spectra.Spectrum:
-        """Return the shape S(f); by default JONSWAP's, which without ``gamma`` is Pierson's and Moskowitz's."""
+        """Return the shape S(f), JONSWAP's or, without ``gamma``, Pierson's and Moskowitz's."""
         return spectra.jonswap(self.peak, getattr(self, "gamma", 1.0))
 
 
@@ -149,7 +149,7 @@ class PiersonMoskowitzSpectrum(_Peaked):
 
 
 class TmaSpectrum(_Peaked):
-    """The TMA spectrum's shape: JONSWAP's in the tank's depth."""
+    """The TMA spectrum's shape: JONSWAP's in the depth of the tank."""
 
     type: Literal["tma"] = "tma"
     gamma: Gamma = Field(default=3.3, description="peak enhancement gamma [-]")
@@ -171,7 +171,7 @@ class GaussianSpectrum(_Peaked):
 
 
 class TableSpectrum(CaseModel):
-    """A spectrum's shape from a file, straight between its rows."""
+    """A spectrum's shape from a file, interpolated linearly between its rows."""
 
     type: Literal["table"] = "table"
     file: FilePath = Field(description="file of frequencies f [Hz], ascending, and densities S, up to a factor")
@@ -188,14 +188,14 @@ Spectrum = Annotated[
 
 
 # ---------------------------------------------------------------- waves of a spectrum
-MAX_COMPONENTS = 10_000  # components
+MAX_COMPONENTS = 10_000  # largest number of components
 MIN_DENSITY = 1e-6  # spectral density over the peak below which there are no waves
 
 
 class SpectralWaves(GeneratingMotion):
     """Waves of equally spaced frequencies."""
 
-    highest_of_peak: ClassVar[float] = 2.0  # fp, by default
+    highest_of_peak: ClassVar[float] = 2.0  # default highest frequency over fp
     spectrum: Spectrum
     lowest_frequency: Frequency | None = Field(default=None, description="first component [Hz]; default fp / 2")
     highest_frequency: Frequency | None = Field(default=None, description="last component [Hz]; default 2 fp")
@@ -249,11 +249,13 @@ class FocusingWaves(SpectralWaves):
 
     linear_crest: Height = Field(description="height of the crest at the focus above still water, by linear theory [m]")
     focus_x: Length = Field(description="x of the focus [m]")
-    focus_time: Duration = Field(description="when the crests meet [s]")
-    phase: float = Field(default=0.0, ge=-360, le=360, description="at the focus [deg]: 0 of a crest, 180 of a trough")
+    focus_time: Duration = Field(description="time of the focus [s]")
+    phase: float = Field(
+        default=0.0, ge=-360, le=360, description="phase at the focus [deg]: 0 for a crest, 180 for a trough"
+    )
 
     def group(self, tank: AnyTank) -> FocusedGroup:
-        """Return the group, as in a sea without side walls."""
+        """Return the group without side walls."""
         return FocusedGroup(
             amplitude=self.linear_crest,
             spectrum=self.spectrum.build(tank),
@@ -273,7 +275,7 @@ class FocusingWaves(SpectralWaves):
         return Fan()
 
     def focused(self, tank: AnyTank) -> FocusedGroup | ReflectedGroup:
-        """Return the group as it is to be generated."""
+        """Return the group that is generated."""
         return self.group(tank)
 
     def target(self, tank: AnyTank) -> PlaneWaves:
@@ -281,7 +283,7 @@ class FocusingWaves(SpectralWaves):
         return self.focused(tank).target
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that the focus is inside the tank, as any waves of a spectrum, and that they are there in time."""
+        """Yield the conditions of a spectrum, a focus inside the tank, and the arrival of the waves in time."""
         yield in_tank(end.tank, self.focus_x, key="focus_x")
         yield from super().checks(end)
         earliest = self.focused(end.tank).earliest_focus(self.ramp_in(end.tank))
@@ -294,21 +296,23 @@ Column = Literal["frequency", "omega", "amplitude", "phase", "lag", "direction",
 
 
 class ComponentFile(GeneratingMotion):
-    """Components eta = scale sum a cos(omega (t - time) + phase) at a place, by linear theory."""
+    """Components eta = scale sum a cos(omega (t - time) + phase) at a position, by linear theory."""
 
     file: FilePath = Field(description="file with a row for each component")
     columns: Annotated[tuple[Column, ...], Strict(False)] = Field(
         default=("frequency", "amplitude", "phase"),
         min_length=3,
         max_length=20,
-        description="what its columns are: frequency in Hz or omega in rad/s, amplitude in m, phase in rad or lag, its "
-        "opposite; of paddles in segments direction in degrees from the wall's normal, positive towards y; other",
+        description="meaning of columns: frequency in Hz or omega in rad/s, amplitude in m, phase in rad or lag, its "
+        "negative; for segmented paddles direction in degrees from the wall's normal, positive towards y; other",
     )
     x: Coordinate = Field(default=0.0, description="x to which the phases refer [m]")
-    time: Time = Field(default=0.0, description="time to which they refer [s]")
+    time: Time = Field(default=0.0, description="time to which the phases refer [s]")
     scale: float = Field(default=1.0, ge=1e-12, le=1e12, description="factor of the amplitudes [-]")
-    phase: float = Field(default=0.0, ge=-360, le=360, description="added to all phases [deg]: 180 turns crests over")
-    ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two periods of the highest")
+    phase: float = Field(default=0.0, ge=-360, le=360, description="added to all phases [deg]: 180 inverts the waves")
+    ramp: Ramp | None = Field(
+        default=None, description="length of the ramp [s]; default two periods of the highest wave"
+    )
 
     @model_validator(mode="after")
     def _enough_columns(self) -> "ComponentFile":
@@ -321,38 +325,38 @@ class ComponentFile(GeneratingMotion):
         return self
 
     def target(self, tank: AnyTank) -> PlaneWaves:
-        """Return the waves, whose phases hold at (x, y); raises ``CaseError`` if the file cannot be read."""
+        """Return the waves with phases at (x, y); raises ``CaseError`` if the file cannot be read."""
         f, a, phase, angles = read_file(self.file, lambda path: read_components(path, self.columns), *FILE_KEY)
         return self.along(tank, f, self.scale * a, phase + np.radians(self.phase), angles=angles, time=self.time)
 
 
 class SurfaceFile(GeneratingMotion):
-    """Waves with a given elevation at a place, from a file."""
+    """Waves with a given elevation at a position, from a file."""
 
     file: FilePath = Field(description="file of t [s] and eta [m]")
     x: Length = Field(description="x of the elevation [m]")
-    delay: Time = Field(default=0.0, description="added to the file's times [s]")
+    delay: Time = Field(default=0.0, description="added to the times of the file [s]")
     lowest_frequency: Frequency | None = Field(
-        default=None, description="of waves that are made [Hz]; default a quarter of their mean"
+        default=None, description="lowest generated frequency [Hz]; default a quarter of the mean"
     )
     highest_frequency: Frequency | None = Field(
-        default=None, description="of waves that are made [Hz]; default four times their mean"
+        default=None, description="highest generated frequency [Hz]; default four times the mean"
     )
-    ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two of the mean periods")
+    ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two mean periods")
 
     def wished(self) -> TargetElevation:
-        """Return the surface; raises ``CaseError`` if the file cannot be read, or has no such waves."""
+        """Return the elevation; raises ``CaseError`` if the file cannot be read, or has no such waves."""
         t, eta = read_file(self.file, lambda path: read_record(path, column="elevation [m]"), *FILE_KEY)
         with about(*FILE_KEY, received=self.file):
             return target_elevation(t + self.delay, eta, band=(self.lowest_frequency, self.highest_frequency))
 
     @property
     def direction(self) -> float:
-        """The direction of the waves from the wall's normal [rad]."""
+        """The direction of the waves from the normal of the wall [rad]."""
         return float(np.radians(getattr(self, "angle", 0.0)))
 
     def target(self, tank: AnyTank) -> PlaneWaves:
-        """Return the waves, all at one angle, of the elevation at (x, y)."""
+        """Return the waves of one direction with the elevation at (x, y)."""
         surface = self.wished()
         waves = surface.frequencies, surface.amplitudes, surface.phases
         return self.along(tank, *waves, angles=self.direction, time=surface.begin)
@@ -362,7 +366,7 @@ class SurfaceFile(GeneratingMotion):
         return 2.0 / self.wished().mean_frequency
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that the place is in the tank, and that the waves can come there in time, and once."""
+        """Yield that the position is in the tank, and that the waves arrive in time, and once."""
         yield in_tank(end.tank, self.x)
         surface, ramp = self.wished(), self.ramp_in(end.tank)
         k = airy.wave_number(2.0 * np.pi * surface.mean_frequency, end.tank.depth, end.tank.gravity)
@@ -381,11 +385,11 @@ class SurfaceFile(GeneratingMotion):
 
 # ---------------------------------------------------------------- motions by the waves that they make
 MAX_SECOND_HARMONIC = 0.25  # second over first harmonic above which a trough has a second crest; H L² / d³ = 26
-SHALLOWEST = 0.02  # k d: in less water bound and free waves go at one speed to second order
-LOWEST_SOLITARY = 1e-4  # depths
-MOST_PAIRS = 2000  # components: of so many there are 4 million pairs
-MOST_UNEVEN = 200  # components of uneven frequencies: their pairs cost 1.4 CPU s
-UNEVEN = 1e-6  # deviation of the spacing of frequencies, over the mean, above which it is uneven
+MIN_KD = 0.02  # least k d; in shallower water bound and free waves have equal speeds to second order
+MIN_SOLITARY_HEIGHT = 1e-4  # least height of a solitary wave over the depth
+MAX_PAIRED = 2000  # largest number of components; it has 4 million pairs
+MAX_UNEVEN = 200  # largest number of components of uneven frequencies; its pairs cost 1.4 CPU s
+SPACING_TOLERANCE = 1e-6  # deviation of the spacing of frequencies, over the mean, above which it is uneven
 
 Heights = Annotated[tuple[Height, Height], Strict(False)]
 Periods = Annotated[tuple[Duration, Duration], Strict(False)]
@@ -393,7 +397,7 @@ Frequencies = Annotated[tuple[Frequency, Frequency], Strict(False)]
 
 
 class MadeWaves(GeneratingMotion):
-    """Waves that a paddle generates by its transfer function, all along x."""
+    """Waves along x that a paddle generates by its transfer function."""
 
     generation: Literal["linear", "second-order"] | None = Field(
         default=None,
@@ -402,7 +406,7 @@ class MadeWaves(GeneratingMotion):
     )
 
     def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
-        """Return the ramped motion, of many components from a table."""
+        """Return the ramped motion; that of many components from a table."""
         second_order = self.generation_in(tank, physics)[0] == "second-order"
         generate = motions.second_order_motion if second_order else motions.first_order_motion
         return motions.ramped(generate(self.target(tank), wavemaker).tabulated(), self.ramp_in(tank))
@@ -415,18 +419,19 @@ class MadeWaves(GeneratingMotion):
         return "linear" if physics == "linear" or reason else "second-order", reason
 
     def linear_reason(self, target: PlaneWaves) -> str:
-        """Return why second-order generation is not the default: it does not hold or costs too much; else empty."""
+        """Return why second-order generation is invalid or too expensive, and not the default; else empty."""
         count, second = target.omega.size, bound_harmonic(target)
         if reason := _no_second_order(target):
             return reason
-        if count > MOST_UNEVEN and np.ptp(np.diff(np.sort(target.omega))) > UNEVEN * np.ptp(target.omega) / count:
-            return f"{count} components of uneven frequencies are more than {MOST_UNEVEN}"
+        spacing = np.diff(np.sort(target.omega))
+        if count > MAX_UNEVEN and np.ptp(spacing) > SPACING_TOLERANCE * np.ptp(target.omega) / count:
+            return f"{count} components of uneven frequencies are more than {MAX_UNEVEN}"
         theory = f"{MAX_SECOND_HARMONIC:g} is the limit of the theory"
         limit = f"the bound second harmonic is {second:.2g} of the wave, and {theory}"
         return limit if second > MAX_SECOND_HARMONIC else ""
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that second-order generation has a meaning for the waves."""
+        """Yield that second-order generation is possible for the waves."""
         if self.generation == "second-order":
             target = self.target(end.tank)
             reason, second = _no_second_order(target), bound_harmonic(target)
@@ -443,16 +448,16 @@ class MadeWaves(GeneratingMotion):
 
 
 def _no_second_order(waves: PlaneWaves) -> str:
-    """Return why there is no motion to second order for waves; empty if there is one."""
+    """Return why second-order generation is impossible; empty if it is possible."""
     count, shallowest = waves.omega.size, float(waves.k_x.min() * waves.depth)
-    if count > MOST_PAIRS:
-        return f"{count} components are more than {MOST_PAIRS}"
-    shallow = f"k d = {shallowest:.2g} of the longest wave is below {SHALLOWEST:g}"
-    return shallow if shallowest < SHALLOWEST else ""
+    if count > MAX_PAIRED:
+        return f"{count} components are more than {MAX_PAIRED}"
+    shallow = f"k d = {shallowest:.2g} of the longest wave is below {MIN_KD:g}"
+    return shallow if shallowest < MIN_KD else ""
 
 
 def bound_harmonic(waves: PlaneWaves) -> float:
-    """Return Stokes' second harmonic over the first of a regular wave as high as these, at their mean wave number.
+    """Return Stokes' second harmonic over the first of a regular wave of the same height, at the mean wave number.
 
     It is k a (3 - sigma²) / (4 sigma³), sigma = tanh(k d), and a = (2 m0)^(1/2): in shallow water 3 / 32 pi² of
     Ursell's H L² / d³.
@@ -464,7 +469,7 @@ def bound_harmonic(waves: PlaneWaves) -> float:
 
 
 def _below_highest(key: str | tuple[Key, float], height: float, frequency: float, tank: AnyTank) -> Check:
-    """Return the check that there is a wave of a height [m] and a frequency [Hz]."""
+    """Return the check that a wave of a height [m] and a frequency [Hz] exists."""
     length = 2.0 * np.pi / float(airy.wave_number(2.0 * np.pi * frequency, tank.depth, tank.gravity))
     highest = maximum_height(length, tank.depth)
     allowed = f"must be below that of the highest wave, {highest:.4g} m at a length of {length:.4g} m"
@@ -486,7 +491,7 @@ class RegularMotion(MadeWaves):
     _one_period = one_of("period", "frequency", "wave_length")
 
     def frequency_in(self, tank: AnyTank) -> float:
-        """Return f [Hz]."""
+        """Return the frequency [Hz]."""
         if self.wave_length is not None:
             k = 2.0 * np.pi / self.wave_length
             return float(airy.angular_frequency(k, tank.depth, tank.gravity)) / (2.0 * np.pi)
@@ -497,7 +502,7 @@ class RegularMotion(MadeWaves):
         return self.along(tank, [self.frequency_in(tank)], [self.height / 2.0], [0.0])
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that there is such a wave, and what second-order generation can do."""
+        """Yield that the wave exists, and the conditions of second-order generation."""
         yield _below_highest("height", self.height, self.frequency_in(end.tank), end.tank)
         yield from super().checks(end)
 
@@ -507,9 +512,11 @@ class BichromaticMotion(MadeWaves):
 
     type: Literal["bichromatic"] = "bichromatic"
     heights: Heights = Field(description="heights of both waves, crest above trough [m]")
-    periods: Periods | None = Field(default=None, description="their periods [s]; default: by frequencies")
-    frequencies: Frequencies | None = Field(default=None, description="their frequencies [Hz]; default: by periods")
-    ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two of the longer periods")
+    periods: Periods | None = Field(default=None, description="periods of both waves [s]; default: by frequencies")
+    frequencies: Frequencies | None = Field(
+        default=None, description="frequencies of both waves [Hz]; default: by periods"
+    )
+    ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default twice the longer period")
 
     _one_pair = one_of("periods", "frequencies")
 
@@ -536,18 +543,18 @@ class BichromaticMotion(MadeWaves):
         return 2.0 / min(self.pair)
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that there are such waves, and what second-order generation can do."""
+        """Yield that the waves exist, and the conditions of second-order generation."""
         for n, (height, f) in enumerate(zip(self.heights, self.pair, strict=True)):
             yield _below_highest(((end.key, "motion", "heights", n), height), height, f, end.tank)
         yield from super().checks(end)
 
 
 class IrregularMotion(IrregularWaves, MadeWaves):
-    """An irregular sea: the same waves of a seed on any machine, and on any number of ranks."""
+    """An irregular sea; a seed gives the same waves on all machines and numbers of ranks."""
 
     type: Literal["irregular"] = "irregular"
     random_amplitudes: bool = Field(
-        default=False, description="amplitudes are random, too: Hm0 is then that of many seeds' mean"
+        default=False, description="random amplitudes: Hm0 is then the mean over many seeds"
     )
 
     def target(self, tank: AnyTank) -> PlaneWaves:
@@ -563,7 +570,7 @@ class IrregularMotion(IrregularWaves, MadeWaves):
         return self.along(tank, frequencies, amplitudes, phases)
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield as any waves of a spectrum, and that the sea is not too high."""
+        """Yield the conditions of a spectrum, and a limit of the height."""
         yield from super().checks(end)
         peak = self.spectrum.build(end.tank).peak_frequency
         yield _below_highest("significant_height", self.significant_height, peak, end.tank)
@@ -581,7 +588,7 @@ class ComponentsMotion(ComponentFile, MadeWaves):
     type: Literal["components"] = "components"
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that the waves have no directions, and what second-order generation can do."""
+        """Yield that the waves have no directions, and the conditions of second-order generation."""
         allowed = "must have no direction, unless wall.type is of segments: all waves go along x"
         yield "columns", "direction" not in self.columns, allowed
         yield from super().checks(end)
@@ -598,15 +605,15 @@ class SurfaceMotion(SurfaceFile, MadeWaves):
 
 
 class SolitaryWaveMotion(MotionModel):
-    """A solitary wave: the paddle moves as the water does in the mean over the depth."""
+    """A solitary wave: the paddle moves with the depth-averaged velocity of the water."""
 
     type: Literal["solitary-wave"] = "solitary-wave"
     height: Height = Field(description="height H of the crest above still water [m]")
     generation: Literal["exact", "goring"] = Field(
-        default="exact", description="for the exact wave of permanent form, or for Boussinesq's, as Goring's paddle"
+        default="exact", description="for the exact wave of permanent form, or by Goring for that of Boussinesq"
     )
     crest_time: Duration | None = Field(
-        default=None, description="when the crest would be at x = 0, as if from afar [s]; default: as early as can be"
+        default=None, description="time of the crest at x = 0, extrapolated [s]; default: the earliest possible"
     )
 
     def push(self, tank: AnyTank) -> motions.SolitaryPush:
@@ -615,7 +622,7 @@ class SolitaryWaveMotion(MotionModel):
         return make(self.height, depth=tank.depth, gravity=tank.gravity)
 
     def crest_time_in(self, tank: AnyTank) -> float:
-        """Return when the crest would be at x = 0 [s], default resolved."""
+        """Return the time [s] of the crest at x = 0, extrapolated, default resolved."""
         return self.push(tank).lead if self.crest_time is None else self.crest_time
 
     def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
@@ -624,11 +631,11 @@ class SolitaryWaveMotion(MotionModel):
         return push.motion(begin=self.crest_time_in(tank) - push.lead, factor=factor)
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that there is such a wave, and that the paddle begins to move in time."""
+        """Yield that the wave exists, and that the paddle begins to move in time."""
         highest = HIGHEST_SOLITARY * end.tank.depth
         yield "height", self.height <= highest, f"must be at most {HIGHEST_SOLITARY:g} depths, {highest:.4g} m"
-        allowed = f"must be at least {LOWEST_SOLITARY:g} depths: the wave is hundreds of depths long"
-        yield "height", self.height >= LOWEST_SOLITARY * end.tank.depth, allowed
+        allowed = f"must be at least {MIN_SOLITARY_HEIGHT:g} depths: the wave is hundreds of depths long"
+        yield "height", self.height >= MIN_SOLITARY_HEIGHT * end.tank.depth, allowed
         if self.crest_time is not None:
             lead = self.push(end.tank).lead
             allowed = f"must be at least {lead:.4g} s: the paddle begins to move as long before"
@@ -661,9 +668,10 @@ class SinusoidMotion(MotionModel):
 
 
 class RecordedMotion(MotionModel):
-    """A measured motion from a file: one spline through its positions or its velocities.
+    """A measured motion from a file: a spline through its positions or its velocities.
 
-    A file of `wavetank motion`, or a run's `paddle.csv`, which has both and accelerations, gives the same run again.
+    A file of `wavetank motion`, or `paddle.csv` of a run, which also has velocities and accelerations, reproduces the
+    run.
     """
 
     type: Literal["recorded"] = "recorded"
@@ -675,18 +683,18 @@ class RecordedMotion(MotionModel):
     column: str | None = Field(
         default=None,
         min_length=1,
-        description="name of its column, of a file whose first column is the time; default: as above",
+        description="name of its column, in a file whose first column is the time; default: as above",
     )
     gain: Coordinate = Field(default=1.0, description="calibration factor of its values")
     highest_frequency: Frequency | None = Field(
-        default=None, description="low-pass limit, for example against sensor noise [Hz]; default: nothing"
+        default=None, description="low-pass limit, for example against sensor noise [Hz]; default: none"
     )
-    ramp: Ramp = Field(default=0.0, description="length of a ramp from the record's start [s]; 0 is none")
+    ramp: Ramp = Field(default=0.0, description="length of a ramp from the start of the record [s]; 0: none")
 
     _one_file = one_of("position", "velocity")
 
     def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
-        """Return the spline's motion; raises ``CaseError`` if the file cannot be read."""
+        """Return the motion by the spline; raises ``CaseError`` if the file cannot be read."""
         key, column, through = "position", "position [m]", motions.positions_motion
         if self.position is None:
             key, column, through = "velocity", "velocity [m/s]", motions.velocities_motion
@@ -710,11 +718,13 @@ class RecordedMotion(MotionModel):
 
 
 class FormulaMotion(MotionModel):
-    """X(t) as given, with its derivatives by the chain rule."""
+    """X(t) by a formula, with exact derivatives."""
 
     type: Literal["formula"] = "formula"
     value_keys: ClassVar[tuple[str, ...]] = ("position",)
-    where: TimeHelpers = Field(default={}, description="parts of it by name, numbers or formulae; default: none")
+    where: TimeHelpers = Field(
+        default={}, description="helpers of the formula by name, numbers or formulae; default: none"
+    )
     position: TimeFormulaText = Field(description="position X(t) [m], positive into the water")
     ramp: Ramp = Field(default=0.0, description="length of the ramp [s]; 0 is none")
 
@@ -731,7 +741,9 @@ class PythonMotion(MotionModel):
     value_keys: ClassVar[tuple[str, ...]] = ()
     file: FilePath = Field(description="Python file")
     function: str = Field(
-        default="motion", min_length=1, description="name of a function of t [s] and the derivative's order, 0 to 2"
+        default="motion",
+        min_length=1,
+        description="name of a function of t [s] and the order of the derivative, 0 to 2",
     )
     ramp: Ramp = Field(default=0.0, description="length of the ramp [s]; 0 is none")
 
@@ -761,21 +773,21 @@ PaddleMotion = Annotated[
 # ---------------------------------------------------------------- segmented paddles
 Spreading = Annotated[float, Field(ge=0, le=1000)]
 Deviation = Annotated[float, Field(ge=0.1, le=90)]
-PLACES = 101  # samples of a paddle without segments
-UNRESOLVED = 1e-3  # part of the energy of a file's waves for which segments may be too wide
+SAMPLES = 101  # samples of a paddle without segments
+MAX_UNRESOLVED_ENERGY = 1e-3  # part of the energy of a file's waves for which segments may be too wide
 MAX_TERMS = 20_000_000  # terms of the sum over components, directions and places: 320 MB
 
 
 def span(tank: AnyTank) -> tuple[float, float]:
-    """Return the lowest and the highest y [m] of the paddle; infinite if only a mesh file has them."""
+    """Return the lowest and the highest y [m] of the paddle; infinite if they are in a mesh file only."""
     if not isinstance(tank, BasinTank) or isinstance(tank.layout, MeshFile):
         return -np.inf, np.inf
-    y_min = tank.layout.box[1]  # every recipe's paddle begins there
+    y_min = tank.layout.box[1]  # y at which the paddle of each layout begins
     return y_min, y_min + tank.layout.width
 
 
 class SegmentedWaves(GeneratingMotion):
-    """Waves that a segmented paddle generates, in any directions."""
+    """Waves in any directions that a segmented paddle generates."""
 
     def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
         """Return the ramped motion; raises ``CaseError`` if a file cannot be read."""
@@ -783,7 +795,7 @@ class SegmentedWaves(GeneratingMotion):
         return motions.ramped(motion, self.ramp_in(tank))
 
     def power_period(self, tank: AnyTank, wavemaker: Wavemaker) -> float | None:
-        """Return the period that halves the power of the paddle's velocity [s]; None: the sum of all waves decides."""
+        """Return the period [s] that halves the power of the paddle's velocity; None: by the sum of all waves."""
         return None
 
     def generation_in(self, tank: AnyTank, physics: str) -> tuple[None, str]:
@@ -791,11 +803,11 @@ class SegmentedWaves(GeneratingMotion):
         return None, "second-order generation is for paddles that move as a whole"
 
     def terms_per_component(self, end: Context) -> int:
-        """Return the number of places of the paddle at which the motion is summed."""
+        """Return the number of positions along the paddle at which the motion is summed."""
         return int(end.wall.places(end.tank).size)
 
     def few_enough(self, end: Context, key: str, waves: int) -> Check:
-        """Return the check that waves can be summed up at all places of the paddle."""
+        """Return the check that the waves can be summed at all positions along the paddle."""
         terms = waves * self.terms_per_component(end)
         allowed = f"must be fewer: at all places of the paddle there are {terms:.2g} waves, {MAX_TERMS:.2g} allowed"
         return key, terms <= MAX_TERMS, allowed, True
@@ -811,12 +823,12 @@ class SegmentedWaves(GeneratingMotion):
         yield from super().checks(end)
 
     def widest_segment(self, tank: AnyTank) -> float:
-        """Return the width [m] beyond which segments make spurious waves, of all but a thousandth of the energy."""
+        """Return the width [m] above which segments generate spurious waves, for all but 0.001 of the energy."""
         waves = self.target(tank)
         widest = widest_segment(np.hypot(waves.k_x, waves.k_y), np.arctan2(waves.k_y, waves.k_x))
         narrow_first = np.argsort(widest)
         energy = np.cumsum(np.abs(waves.amplitudes[narrow_first]) ** 2)
-        return float(widest[narrow_first][np.searchsorted(energy, UNRESOLVED * energy[-1])])
+        return float(widest[narrow_first][np.searchsorted(energy, MAX_UNRESOLVED_ENERGY * energy[-1])])
 
 
 class ObliqueWaveMotion(SegmentedWaves):
@@ -833,7 +845,7 @@ class ObliqueWaveMotion(SegmentedWaves):
         return self.along(tank, [1.0 / self.period], [self.wave_amplitude], [0.0], angles=np.radians(self.angle))
 
 
-class _FanOfWaves(FocusingWaves, SegmentedWaves):
+class _DirectionalFocus(FocusingWaves, SegmentedWaves):
     """Waves from many directions that meet, by linear theory, in one crest at (focus_x, focus_y, focus_time)."""
 
     focus_y: Coordinate = Field(default=0.0, description="y of the focus [m]")
@@ -853,25 +865,25 @@ class _FanOfWaves(FocusingWaves, SegmentedWaves):
         return motions.first_order_motion(replace(self.group(tank), fan=Fan()).target, wavemaker).power_period
 
     def widest_segment(self, tank: AnyTank) -> float:
-        """Return the width [m] beyond which segments make spurious waves: the shortest and most oblique are first."""
+        """Return the width [m] above which segments generate spurious waves, first the shortest and most oblique."""
         group = self.group(tank)
         return float(widest_segment(group.k[-1], group.fan.angles[-1]))
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that the waves are few enough, those of any focus, and a focus before the paddle."""
+        """Yield a limit of the number of waves, the conditions of a focus, and a focus in front of the paddle."""
         low, high = span(end.tank)
         yield self.few_enough(end, "components", self.components * self.directions)
         yield from super().checks(end)
         yield "focus_y", low <= self.focus_y <= high, f"must be before the paddle, {low:g} to {high:g} m", True
 
 
-class DirectionalFocusMotion(_FanOfWaves):
-    """The paddle sends each wave straight to the focus, as in a sea without side walls."""
+class DirectionalFocusMotion(_DirectionalFocus):
+    """The waves travel directly to the focus, as in a sea without side walls."""
 
     type: Literal["directional-focus"] = "directional-focus"
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield those of any focus, and that all directions come from the paddle."""
+        """Yield the conditions of a focus, and that all directions begin at the paddle."""
         yield from super().checks(end)
         low, high = span(end.tank)
         first, last = self.group(end.tank).sources
@@ -881,13 +893,13 @@ class DirectionalFocusMotion(_FanOfWaves):
         yield "largest_angle", low <= first and last <= high, allowed
 
 
-class ReflectedFocusMotion(_FanOfWaves):
-    """The paddle makes use of the side walls, which must go from its ends to the focus along x."""
+class ReflectedFocusMotion(_DirectionalFocus):
+    """The side walls reflect the waves; they must extend from the ends of the paddle to the focus along x."""
 
     type: Literal["reflected-focus"] = "reflected-focus"
 
     def terms_per_component(self, end: Context) -> int:
-        """Return at how many places, or in how many of the basin's own waves, its motion is summed up."""
+        """Return the number of positions, or of modes of the basin, over which the motion is summed."""
         low, high = span(end.tank)
         modes = (high - low) / np.pi * float(self.group(end.tank).k[-1])
         return max(super().terms_per_component(end), int(min(modes, MAX_TERMS)))
@@ -899,14 +911,14 @@ class ReflectedFocusMotion(_FanOfWaves):
 
 
 class DirectionalIrregularMotion(IrregularWaves, SegmentedWaves):
-    """An irregular sea of many directions, one of each component; the same of a seed anywhere. Side walls reflect."""
+    """An irregular sea of many directions, one for each component, by a seed. Side walls reflect it."""
 
     type: Literal["directional-irregular"] = "directional-irregular"
     spreading: Spreading | None = Field(
-        default=None, description="exponent s of the directions' density cos^2s(theta/2); default: by deviation"
+        default=None, description="exponent s of the density of directions, cos^2s(theta/2); default: by deviation"
     )
     deviation: Deviation | None = Field(
-        default=None, description="standard deviation of directions, of a normal density [deg]; default: by spreading"
+        default=None, description="standard deviation of directions, for a normal density [deg]; default: by spreading"
     )
     largest_angle: float = Field(default=60.0, ge=0.1, lt=90, description="angle of the outermost directions [deg]")
 
@@ -927,23 +939,23 @@ class DirectionalIrregularMotion(IrregularWaves, SegmentedWaves):
         return np.asarray(np.exp(-0.5 * (np.degrees(angle) / self.deviation) ** 2))
 
     def widest_segment(self, tank: AnyTank) -> float:
-        """Return the width [m] beyond which segments make spurious waves: the shortest and most oblique are first."""
+        """Return the width [m] above which segments generate spurious waves, first the shortest and most oblique."""
         k = airy.wave_number(2.0 * np.pi * self.band(tank)[1], tank.depth, tank.gravity)
         return float(widest_segment(k, np.radians(self.largest_angle)))
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that the waves are few enough, and those of any spectrum."""
+        """Yield a limit of the number of waves, and the conditions of a spectrum."""
         yield self.few_enough(end, "components", self.components)
         yield from super().checks(end)
 
 
 class _WavesOfFile(SegmentedWaves):
-    """Plane waves of a file, each in its own direction; side walls reflect them."""
+    """Plane waves from a file, each in its direction; side walls reflect them."""
 
     y: Coordinate = Field(default=0.0, description="y to which the phases refer [m]")
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that the waves are few enough, and the segments narrow."""
+        """Yield a limit of the number of waves, and of the width of segments."""
         yield self.few_enough(end, "file", self.target(end.tank).omega.size)
         yield from super().checks(end)
 

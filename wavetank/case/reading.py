@@ -1,4 +1,4 @@
-"""Reads a case file into a ``Case``; errors are listed in a line each."""
+"""Reads a case file into a ``Case``; errors are listed, one per line."""
 
 import hashlib
 import re
@@ -25,15 +25,15 @@ from wavetank.case.new import cases_at_hand
 from wavetank.case.schema import models, tag
 
 Key = tuple[str | int, ...]
-LONGEST_INDEX = 9  # digits
-SHOWN = 20  # mistakes; more are counted
+LONGEST_INDEX = 9  # digits of an index
+MAX_LISTED = 20  # largest number of listed errors; others are counted
 
 
 def read_case(path: Path | str, overrides: Sequence[str] = (), *, trust: bool = False) -> Case:
     """Return the case of a file, with ``KEY=VALUE`` overrides such as ``"numerics.dt=0.01"``.
 
-    ``trust`` allows the Python files that the case names to be executed. Raises ``InputError`` that lists everything
-    that is wrong, one line each: the file, the line, the key, the value received and what is allowed.
+    ``trust`` allows the execution of Python files of the case. Raises ``InputError`` that lists all errors, one per
+    line: the file, the line, the key, the received value and what is allowed.
     """
     path = Path(path)
     text = _read(path)
@@ -64,7 +64,7 @@ def _validated(path: Path, text: str, content: dict[str, Any], overrides: Sequen
 
 @contextmanager
 def located(path: Path, overrides: Sequence[str] = ()) -> Iterator[None]:
-    """Add file and line to errors of a case that are raised after it was read."""
+    """Add file and line to errors of a case that are raised after reading."""
     try:
         yield
     except CaseError as error:
@@ -73,8 +73,8 @@ def located(path: Path, overrides: Sequence[str] = ()) -> Iterator[None]:
 
 
 def _sentences(path: Path, text: str, problems: Sequence[Problem], overridden: Sequence[Key]) -> str:
-    """Return a line for each problem, the first ones of many."""
-    lines = [f"{path}{_where(text, problem.key, overridden)}: {problem}." for problem in problems[:SHOWN]]
+    """Return a line for each problem, the first ones if there are many."""
+    lines = [f"{path}{_where(text, problem.key, overridden)}: {problem}." for problem in problems[:MAX_LISTED]]
     if more := len(problems) - len(lines):
         lines.append(f"{path}: and {more} more mistakes.")
     return "\n".join(lines)
@@ -102,7 +102,7 @@ def _parse(path: Path, text: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except RecursionError:
         raise InputError(f"{path}: not valid TOML: nested too deeply.") from None
-    except ValueError as error:  # TOML's own, or a number of too many digits
+    except ValueError as error:  # an error of TOML, or a number of too many digits
         if twice := re.match(r"Cannot declare \((.*?),?\) twice \(at line (\d+)", str(error)):
             table = ".".join(re.findall(r"'([^']*)'", twice[1]))
             raise InputError(f"{path}, line {twice[2]}: [{table}] received twice; allowed is one such table.") from None
@@ -111,7 +111,7 @@ def _parse(path: Path, text: str) -> dict[str, Any]:
 
 # ---------------------------------------------------------------- overrides
 def set_key(content: dict[str, Any], override: str) -> Key:
-    """Set one ``KEY=VALUE`` in the content and return its key; tables on the way are made where missing."""
+    """Set one ``KEY=VALUE`` in the content and return its key; missing tables are created."""
     dotted, equals, text = override.partition("=")
     if not (dotted.strip() and equals):
         raise InputError(f"override {override!r} received; allowed is KEY=VALUE, such as numerics.dt=0.01.")
@@ -121,7 +121,7 @@ def set_key(content: dict[str, Any], override: str) -> Key:
         for part in key[:-1]:
             place = place.setdefault(part, {}) if isinstance(place, dict) else place[part]
         if not isinstance(place, dict):
-            place[key[-1]]  # it must be there
+            place[key[-1]]  # it must exist
         place[key[-1]] = value
     except (IndexError, TypeError):
         raise InputError(f"override {override!r} received; there is no table or list to set it in.") from None
@@ -129,7 +129,7 @@ def set_key(content: dict[str, Any], override: str) -> Key:
 
 
 def _value(text: str) -> Any:
-    """Return a TOML value, or the bare text where it is none; raise ``InputError`` for more than a value."""
+    """Return a TOML value, or the text if it is not one; raise ``InputError`` for more than a value."""
     try:
         value, *more = tomllib.loads(f"value = {text}").items()
     except RecursionError:
@@ -148,7 +148,7 @@ def _split(dotted: str) -> Key:
 
 # ---------------------------------------------------------------- lines of keys
 def _where(text: str, key: Key, overridden: Iterable[Key]) -> str:
-    """Return where a key comes from: the command line if that set it or all there is of it, else its line."""
+    """Return the origin of a key: the command line if it sets the complete key, else the line in the file."""
     line = _line(text, key)
     if any(key[: len(other)] == other or (not line and other[: len(key)] == key) for other in overridden):
         return ", overridden"
@@ -156,7 +156,7 @@ def _where(text: str, key: Key, overridden: Iterable[Key]) -> str:
 
 
 def _line(text: str, key: Key) -> int:
-    """Return the line that sets a key, or the nearest one that holds it, or 0."""
+    """Return the line that sets a key, or the nearest one that contains it, or 0."""
     lines = _lines(text)
     return next((lines[key[:n]] for n in range(len(key), 0, -1) if key[:n] in lines), 0)
 
@@ -171,7 +171,7 @@ def _lines(text: str) -> dict[Key, int]:
 
 
 def _entries(text: str) -> Iterator[tuple[int, Key]]:
-    """Yield line and key of every table and entry that begins a line, which is how case files are written."""
+    """Yield line and key of each table and entry that begins a line, as usual in case files."""
     table: Key = ()
     count: Counter[Key] = Counter()
     for number, line in enumerate(text.splitlines(), start=1):
@@ -187,7 +187,7 @@ def _entries(text: str) -> Iterator[tuple[int, Key]]:
 
 # ---------------------------------------------------------------- what is wrong
 class _Place(NamedTuple):
-    """A place in the case: its key, the tables allowed there, and its description."""
+    """A position in the case: its key, the tables allowed there, and its description."""
 
     key: Key
     models: list[type[BaseModel]]
@@ -203,7 +203,7 @@ class _Place(NamedTuple):
 
 
 def _place(location: Key) -> _Place:
-    """Return the place of pydantic's location, which names the type of each union it passes as well."""
+    """Return the position of a location of pydantic, which includes the type of each union."""
     place = _Place((), [Case], "")
     for part in location:
         fields = [model.model_fields[part] for model in place.models if part in model.model_fields]
@@ -217,7 +217,7 @@ def _place(location: Key) -> _Place:
 
 
 def _problems(details: ErrorDetails) -> Iterator[Problem]:
-    """Yield the problems of one of pydantic's errors: key, value received, what is allowed."""
+    """Yield the problems of an error of pydantic: key, received value, what is allowed."""
     context = details.get("ctx", {})
     place, received = _place(details["loc"]), details["input"]
     match details["type"]:
@@ -244,7 +244,7 @@ def _problems(details: ErrorDetails) -> Iterator[Problem]:
 
 
 def _in_words(message: str, meaning: str) -> str:
-    """Return pydantic's message as the end of a sentence."""
+    """Return the message of pydantic as the end of a sentence."""
     message = re.sub(r"0\.000\d+", lambda small: f"{float(small[0]):g}", message)
     words = (
         re.sub(r"^(Input|String|Value) should", "must", message)

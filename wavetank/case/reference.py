@@ -1,4 +1,4 @@
-"""The reference of case files: every table, key, unit, range and default, as a page."""
+"""The reference of case files: all tables, keys, units, ranges and defaults, as a page."""
 
 import json
 import re
@@ -40,7 +40,7 @@ def _sections(table: Table, document: dict[str, Any]) -> Iterator[str]:
 
 
 def _title(model: type[BaseModel]) -> str:
-    """Return the heading of a type, where there are several."""
+    """Return the heading of a type, if there are several."""
     return f'### `type = "{tag(model)}"`\n\n' if tag(model) else ""
 
 
@@ -74,7 +74,7 @@ def _toml(value: Any) -> str:
 
 
 def _allowed(what: dict[str, Any]) -> str:
-    """Return in words what a value may be."""
+    """Return the allowed values in words."""
     if "anyOf" in what:
         return " or ".join(_allowed(one) for one in what["anyOf"])
     if "enum" in what:

@@ -21,7 +21,7 @@ class Table(NamedTuple):
     path
         Its key; empty for the keys before all tables.
     models
-        One for each type.
+        One model for each type.
     listed
         Whether it is an array of tables.
     """
@@ -38,7 +38,7 @@ class Table(NamedTuple):
 
 
 def models(annotation: Any) -> Iterator[type[BaseModel]]:
-    """Yield the models that an annotation allows."""
+    """Yield the models of an annotation."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for argument in get_args(annotation):
@@ -46,13 +46,13 @@ def models(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def tag(model: type[BaseModel]) -> str:
-    """Return the type by which a case names a table's class; empty where there is only one."""
+    """Return the type that selects the class of a table in a case; empty if there is only one."""
     return str(model.model_fields["type"].default) if "type" in model.model_fields else ""
 
 
 @cache
 def tables() -> tuple[Table, ...]:
-    """Return all tables of a case, a table before those in it."""
+    """Return all tables of a case, each before the tables in it."""
     return tuple(_tables(Table((), (Case,))))
 
 
@@ -98,7 +98,7 @@ def schema() -> dict[str, Any]:
 
 
 def _plain(part: Any) -> Any:
-    """Return a part of the schema without class names, tags, and defaults that TOML does not have.
+    """Return a part of the schema without class names, tags, and defaults that TOML cannot represent.
 
     A key of a case with such a name has a table as its value.
     """

@@ -1,10 +1,11 @@
 """The tank: its layout, depth, bed and sponge.
 
-The default strength of a sponge is that of the least reflection of one wave, found by measurement (docs/absorption.md):
+The default strength of a sponge has the least reflection of one wave (measured, docs/absorption.md):
 
     gamma_0 = 15 c_g / (L lambda)^(1/2)
 
-with the sponge's length L and the wave's group velocity c_g and length lambda. At L = lambda it reflects 0.2 to 2.3 %.
+with the length L of the sponge and the group velocity c_g and length lambda of the wave. The reflection at L = lambda
+is 0.2 to 2.3 %.
 """
 
 from collections.abc import Callable, Iterator
@@ -30,28 +31,28 @@ T = TypeVar("T")
 
 
 def read_file(reference: str, read: Callable[[Path], T], *key: str) -> T:
-    """Return what is read from a file that a case names at a key; raises ``CaseError`` if it cannot be read."""
+    """Return the result of reading a file at a key of a case; raises ``CaseError`` if it cannot be read."""
     with about(*key, received=reference):
         return read(data.resolve(reference))
 
 
 # ---------------------------------------------------------------- the bed
 Slope = Annotated[float, Field(ge=1e-6, le=10)]
-Depth = Callable[[Array, Array], Array]  # places x, y [m], each of shape (N,), to d [m], shape (N,)
+Depth = Callable[[Array, Array], Array]  # function of x, y [m], shape (N,) each, that returns d [m], shape (N,)
 BED_FILE = ("tank", "bed", "file")
 
 
 class VaryingBedModel(CaseModel):
-    """What all beds that vary have."""
+    """A bed of variable depth."""
 
     minimum_depth: Length | None = Field(
-        default=None, description="minimum depth: a bed that is shallower or dry is lowered to it [m]; default: nowhere"
+        default=None, description="minimum depth: a shallower or dry bed is lowered to it [m]; default: none"
     )
 
     def build(self, tank_depth: float) -> Depth:
-        """Return d(x, y), nowhere below the minimum, in a tank of some depth [m].
+        """Return d(x, y), at least the minimum, in a tank of some depth [m].
 
-        Raises ``CaseError`` if a file it needs cannot be used.
+        Raises ``CaseError`` if its file cannot be used.
         """
         depth, minimum = self.as_given(tank_depth), self.minimum_depth
         return depth if minimum is None else lambda x, y: np.maximum(depth(x, y), minimum)
@@ -62,7 +63,7 @@ class VaryingBedModel(CaseModel):
 
 
 class BeachBed(VaryingBedModel):
-    """A beach: flat at the tank's depth up to x = start, from there on a slope, up to the minimum depth."""
+    """A beach: flat at the depth of the tank up to x = start, then a slope up to the minimum depth."""
 
     type: Literal["beach"] = "beach"
     start: Coordinate = Field(description="x at which the slope begins [m]")
@@ -73,7 +74,7 @@ class BeachBed(VaryingBedModel):
         return lambda x, y: tank_depth - self.slope * np.maximum(x - self.start, 0.0)
 
     def checks(self, end: Any) -> Iterator[Check]:
-        """Yield that the slope begins in the tank, and leaves it wet."""
+        """Yield that the slope begins in the tank, and does not dry it."""
         length, depth = end.tank.length, end.tank.depth
         yield "start", self.start < length, f"must be below the tank's length, {metres(length)} m", True
         wet = depth / (length - self.start)
@@ -83,7 +84,7 @@ class BeachBed(VaryingBedModel):
 
 
 class FormulaBed(VaryingBedModel, FormulaModel):
-    """d(x, y) as given."""
+    """d(x, y) by a formula."""
 
     type: Literal["formula"] = "formula"
     depth: FormulaText = Field(description="still-water depth d(x, y) [m]")
@@ -107,12 +108,12 @@ class PythonBed(VaryingBedModel):
 
 
 class GriddedBed(VaryingBedModel):
-    """d interpolated in data along x, or over x and y, on a grid or not; these must reach wherever there is water."""
+    """d interpolated in data along x, or over x and y, on a grid or scattered, which must cover the water."""
 
     type: Literal["gridded"] = "gridded"
     file: FilePath = Field(description="NetCDF (.nc), CSV (.csv) or XYZ (.xyz) of x, or x and y, and depths [m]")
     variable: str | None = Field(
-        default=None, min_length=1, description="the depths' name; default: the only one there is"
+        default=None, min_length=1, description="name of the depths; default: the only variable"
     )
     interpolation: beds.Interpolation = Field(default="cubic", description="cubic has continuous slopes")
     positive: beds.Positive | None = Field(
@@ -132,17 +133,17 @@ Bed = Annotated[BeachBed | FormulaBed | PythonBed | GriddedBed, Field(discrimina
 
 
 # ---------------------------------------------------------------- the tank
-class _Filled(CaseModel):
-    """Water of some depth: over a bed, that at the paddle, by which waves are made."""
+class _WaterBody(CaseModel):
+    """Water of a depth; over a bed, that at the paddle, for the generation of waves."""
 
     fewest_cells: ClassVar[int] = 1
     usual_cell: ClassVar[float] = 0.2  # default size of a cell in depths
     depth: Length = Field(description="still-water depth d [m]; over a bed, that at the paddle, to 1 %")
     gravity: Gravity = Field(default=9.81, description="gravity g [m/s^2]")
-    density: Density = Field(default=1000.0, description="density of the water [kg/m^3], of pressures and forces")
+    density: Density = Field(default=1000.0, description="density of the water [kg/m^3], for pressures and forces")
 
 
-class _Channel(_Filled):
+class _Channel(_WaterBody):
     """A tank of one horizontal dimension."""
 
     length: Length
@@ -164,13 +165,13 @@ class SliceTank(_Channel):
 class RingTank(_Channel):
     """A periodic tank of one horizontal dimension: x = length is identified with x = 0; it has no walls."""
 
-    fewest_cells: ClassVar[int] = 3  # a polygon's
+    fewest_cells: ClassVar[int] = 3  # least number of cells, as of a polygon
     type: Literal["ring"] = "ring"
     length: Length = Field(description="length along the ring [m]")
     bed: None = Field(default=None, description="a ring's bed is flat")
 
 
-class BasinTank(_Filled):
+class BasinTank(_WaterBody):
     """A tank of two horizontal dimensions, of any layout."""
 
     usual_cell: ClassVar[float] = 0.5
@@ -180,12 +181,12 @@ class BasinTank(_Filled):
 
     @property
     def box(self) -> Box | None:
-        """The smallest box around the tank, (x_min, y_min, x_max, y_max) [m]; None if only a mesh file has it."""
+        """The smallest box around the tank, (x_min, y_min, x_max, y_max) [m]; None if it is in a mesh file only."""
         return self.layout.box
 
     @property
     def length(self) -> float:
-        """Distance from the paddle to the far end [m]; ``inf`` if only a mesh file has it."""
+        """Distance from the paddle to the far end [m]; ``inf`` if it is in a mesh file only."""
         return np.inf if self.box is None else self.box[2] - self.box[0]
 
 
@@ -198,12 +199,12 @@ Tank = Annotated[AnyTank, Field(discriminator="type", description="the tank"), B
 
 
 def in_tank(tank: AnyTank, x: float, *, key: str = "x") -> Check:
-    """Return the check that a place x [m] from the paddle is before the far end."""
+    """Return the check that a distance x [m] from the paddle is less than the length of the tank."""
     return key, x < tank.length, f"must be inside the tank, below {metres(tank.length)} m"
 
 
 def inside(tank: AnyTank, place: tuple[float, float], *keys: str) -> Iterator[Check]:
-    """Yield that a place (x, y) [m] is inside the tank; keys are those of x and y."""
+    """Yield that a position (x, y) [m] is inside the tank; keys are those of x and y."""
     width = isinstance(tank, BasinTank) or not place[1]
     yield keys[-1], width, f"must be left out: a {tank.type} has no width"
     x_min, y_min, x_max, y_max = tank.box or (-np.inf, -np.inf, np.inf, np.inf)
@@ -214,24 +215,24 @@ def inside(tank: AnyTank, place: tuple[float, float], *keys: str) -> Iterator[Ch
 # ---------------------------------------------------------------- what parts of a case are checked against
 @dataclass(frozen=True)
 class Context:
-    """A wall at an end of the tank, with tank, water and run: what the parts of a case are checked against.
+    """A wall at an end of the tank, with tank, water and run, for the checks of parts of a case.
 
     Two are equal if the motions of their walls are.
 
     Attributes
     ----------
     key
-        The key of the wall in the case.
+        Key of the wall in the case.
     wall, opposite
-        The tables of the wall and of that at the other end.
+        Tables of the wall and of that at the other end.
     tank
         The tank.
     physics
-        The type of the water, default resolved.
+        Type of the water, default resolved.
     duration
-        Of the run [s].
+        Duration of the run [s].
     case
-        The ``Case`` that it is a wall of.
+        The ``Case`` of the wall.
     """
 
     key: Literal["wall", "far_wall"]
@@ -250,20 +251,20 @@ class Context:
 
 # ---------------------------------------------------------------- sponges
 ABSORPTION = 15.0  # gamma_0 L / c_g of a sponge of one wave length
-ALIASED = 0.1  # largest aliased part of the power beyond the fraction
-MAX_TIMES = 2**18  # times; of a longer motion the first part
-TIME_OFFSET, FINEST = 1e-3, 1e-3  # interval for an acceleration over the step; least step over the first one
-GOLDEN = (5**0.5 - 1) / 2  # multiples, modulo 1, are evenly distributed
+MAX_ALIASED_POWER = 0.1  # largest aliased part of the power beyond the fraction
+MAX_TIMES = 2**18  # largest number of times; longer motions are truncated
+TIME_OFFSET, MIN_STEP_RATIO = 1e-3, 1e-3  # interval for an acceleration over the step; least step over the first one
+GOLDEN_RATIO = (5**0.5 - 1) / 2  # multiples, modulo 1, are evenly distributed
 STEP = 0.1  # interval of samples of a motion over (d / g)^(1/2): shorter than the waves of paddles
 RING = "must be left out: a ring has no end for waves to be absorbed at"
 
 
-class _Profiled(CaseModel):
-    """A sponge whose damping grows with the distance from its inner edge, up to a strength."""
+class _SpongeProfile(CaseModel):
+    """A sponge whose damping rate increases with the distance from its inner edge, up to a strength."""
 
     type: str
     strength: Rate | None = Field(
-        default=None, description="largest damping rate gamma_0 [1/s]; default: of least reflection of the period"
+        default=None, description="largest damping rate gamma_0 [1/s]; default: that of least reflection at the period"
     )
     period: Duration | None = Field(
         default=None,
@@ -276,11 +277,11 @@ class _Profiled(CaseModel):
         Parameters
         ----------
         width
-            Of the sponge from its inner edge [m].
+            Width of the sponge from its inner edge [m].
         tank
-            For its depth.
+            The tank.
         paddle
-            The period that the paddle moves at [s], if it moves (``paddle_period``).
+            Period of the paddle motion [s], if it moves (``paddle_period``).
         """
         if self.strength is not None:
             return self.strength
@@ -292,31 +293,31 @@ class _Profiled(CaseModel):
         return float(ABSORPTION * speed / np.sqrt(width * length))
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that there is an end to absorb at, and that no period is without use."""
+        """Yield that the tank has an absorbing end, and that a period is not unused."""
         yield "type", not isinstance(end.tank, RingTank), RING
         given = self.strength is not None and self.period is not None
         yield "period", not given, "must be left out: sponge.strength is given"
 
 
-class EndSponge(_Profiled):
+class EndSponge(_SpongeProfile):
     """The last ``length`` metres before the far wall."""
 
     type: Literal["end"] = "end"
     length: Length = Field(description="length of the sponge, along x [m]: one wave length or more")
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield those of any sponge, and that it is shorter than the tank."""
+        """Yield the conditions of any sponge, and that it is shorter than the tank."""
         yield from super().checks(end)
         yield "length", self.length < end.tank.length, f"must be below the tank's length, {end.tank.length:g} m"
 
 
-class GroupSponge(_Profiled):
-    """The cells of the mesh's group ``sponge``; it is as wide as its innermost point is far from its inner edge."""
+class GroupSponge(_SpongeProfile):
+    """The cells of the mesh's group ``sponge``; its width is the largest distance of a point from its inner edge."""
 
     type: Literal["group"] = "group"
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield those of any sponge, and that cells have groups."""
+        """Yield the conditions of any sponge, and that cells have groups."""
         yield from super().checks(end)
         yield "type", isinstance(end.tank, BasinTank), "needs a basin (tank.type), whose mesh has groups of cells"
 
@@ -332,26 +333,26 @@ class FormulaSponge(FormulaModel):
         return self.formula(self.gamma)
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that there is an end to absorb at."""
+        """Yield that the tank has an absorbing end."""
         yield "type", not isinstance(end.tank, RingTank), RING
 
 
 def paddle_period(
     velocity: Callable[[Array], Array], *, duration: float, tank: AnyTank, fraction: float = 0.5
 ) -> float | None:
-    """Return the period [s] beyond which a fraction of the power of a paddle's velocity lies; None if it does not move.
+    """Return the period [s] above which a fraction of the power of a paddle's velocity lies; None for no motion.
 
     Frequencies above the Nyquist frequency are aliased. The sampling is therefore refined while the acceleration shows
-    that they may hold part of the power beyond the fraction (``ALIASED``).
+    that these may have part of the power beyond the fraction (``MAX_ALIASED_POWER``).
 
     Parameters
     ----------
     velocity
-        At times [s], shape (T,), in m/s, shape (T,), or (T, N) for places along the paddle.
+        Velocity [m/s] at times [s], shape (T,): shape (T,), or (T, N) for positions along the paddle.
     duration
-        Of the run [s].
+        Duration of the run [s].
     tank
-        For its depth.
+        The tank.
     fraction
         0.5: the period that halves the power.
     """
@@ -367,12 +368,12 @@ def paddle_period(
         if not power[-1] > 0.0:
             return None
         soon = TIME_OFFSET * part / count
-        between = np.minimum(t + part / count * np.modf(GOLDEN * times)[0], part - soon)
+        between = np.minimum(t + part / count * np.modf(GOLDEN_RATIO * times)[0], part - soon)
         change = (velocity(between + soon) - velocity(between)).reshape(count, -1) / soon
         power_of_rates = (part / (2 * np.pi)) ** 2 * count / 2 * float((change**2).sum())  # squared line numbers
         aliased = (power_of_rates - float(number**2 @ lines)) / lines.size**2
-        if aliased < ALIASED * (1 - fraction) * power[-1] or step < FINEST * longest:
-            return float(part / np.interp(fraction * power[-1], power, number + 0.5))  # the lines' upper edges
+        if aliased < MAX_ALIASED_POWER * (1 - fraction) * power[-1] or step < MIN_STEP_RATIO * longest:
+            return float(part / np.interp(fraction * power[-1], power, number + 0.5))  # upper edges of the lines
         step /= 2
 
 

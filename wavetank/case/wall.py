@@ -20,47 +20,47 @@ from wavetank.waves.airy import angular_frequency
 from wavetank.waves.wavemaker import PISTON, Flap, ProfileShape, Wavemaker
 
 # ---------------------------------------------------------------- absorption
-BAND = (0.5, 3.0)  # k d of the longest and the shortest waves, by default
-POSSIBLE = (0.02, 10.0)  # the same, at most
-NARROWEST = 1.05  # the longest period over the shortest
+BAND = (0.5, 3.0)  # default k d of the longest and the shortest waves
+POSSIBLE_BAND = (0.02, 10.0)  # possible k d of the longest and the shortest waves
+MIN_BAND_RATIO = 1.05  # least ratio of the longest and the shortest period
 
 
 def _periods(tank: AnyTank, band: tuple[float, float]) -> tuple[float, float]:
-    """Return the shortest and the longest period [s] of a band of k d from the least on."""
+    """Return the shortest and the longest period [s] of a band of k d, given the lowest first."""
     low, high = (float(2 * np.pi / angular_frequency(kd / tank.depth, tank.depth, tank.gravity)) for kd in band)
     return high, low
 
 
 def _is_possible(key: str, period: float | None, tank: AnyTank) -> Check:
-    """Return the check that a period [s] is one of waves that the tank can have."""
-    least, most = _periods(tank, POSSIBLE)
-    allowed = f"must be from {least:.4g} to {most:.4g} s, k d = {POSSIBLE[1]:g} to {POSSIBLE[0]:g}"
+    """Return the check that waves of a period [s] are possible in the tank."""
+    least, most = _periods(tank, POSSIBLE_BAND)
+    allowed = f"must be from {least:.4g} to {most:.4g} s, k d = {POSSIBLE_BAND[1]:g} to {POSSIBLE_BAND[0]:g}"
     return key, period is None or least <= period <= most, allowed
 
 
 class ActiveAbsorption(CaseModel):
-    """The paddle generates and absorbs at the same time, by the elevation at its face."""
+    """The paddle generates and absorbs simultaneously, by the elevation at its face."""
 
     type: Literal["active"] = "active"
     shortest: Duration | None = Field(
         default=None,
-        description="shortest period that it is made for [s], half the waves' behind a bar; "
-        "default: that of k d = 3, or a paddle's",
+        description="shortest period of the filter [s], half that of the waves behind a bar; "
+        "default: that of k d = 3, or of a paddle",
     )
     longest: Duration | None = Field(
-        default=None, description="longest period that it is made for [s]; default: that of k d = 1/2, or a paddle's"
+        default=None, description="longest period of the filter [s]; default: that of k d = 1/2, or of a paddle"
     )
 
     def band(self, end: Context) -> tuple[float, float]:
         """Return shortest and longest period [s], defaults resolved."""
-        paddles = np.clip(end.case.paddle_periods, *_periods(end.tank, POSSIBLE))
+        paddles = np.clip(end.case.paddle_periods, *_periods(end.tank, POSSIBLE_BAND))
         periods = [*_periods(end.tank, BAND), *map(float, paddles)]
         shortest, longest = min(periods), max(periods)
-        shortest = self.shortest or min(shortest, (self.longest or longest) / NARROWEST)
-        return shortest, self.longest or max(longest, shortest * NARROWEST)
+        shortest = self.shortest or min(shortest, (self.longest or longest) / MIN_BAND_RATIO)
+        return shortest, self.longest or max(longest, shortest * MIN_BAND_RATIO)
 
     def build(self, end: Context) -> PassiveFilter:
-        """Return the filter by which the paddle absorbs."""
+        """Return the filter of the absorbing paddle."""
         shortest, longest = self.band(end)
         return PassiveFilter.fitted(
             end.wall.wavemaker, depth=end.tank.depth, gravity=end.tank.gravity, shortest=shortest, longest=longest
@@ -79,38 +79,39 @@ class ActiveAbsorption(CaseModel):
         return f"it absorbs what comes to it, all but {100 * most:.2g} % of {band} at short steps"
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that the band is one."""
+        """Yield that the periods are a band."""
         yield _is_possible("shortest", self.shortest, end.tank)
         yield _is_possible("longest", self.longest, end.tank)
-        least = NARROWEST * (self.shortest or 0.0)
-        allowed = f"must be at least {least:.4g} s, {NARROWEST:g} times the shortest"
+        least = MIN_BAND_RATIO * (self.shortest or 0.0)
+        allowed = f"must be at least {least:.4g} s, {MIN_BAND_RATIO:g} times the shortest"
         yield "longest", self.longest is None or self.longest >= least, allowed
 
 
 class SpringDamper(CaseModel):
-    """The paddle, which is not driven, is a mass on a spring and a damper (of a flap: at its stroke height)."""
+    """A paddle without a drive, as a mass on a spring and a damper (for a flap, at its stroke height)."""
 
     type: Literal["spring-damper"] = "spring-damper"
     period: Duration | None = Field(
-        default=None, description="period that it is tuned to [s]; default: that of the paddle opposite, or of k d = 1"
+        default=None, description="period of the tuning [s]; default: that of the opposite paddle, or of k d = 1"
     )
-    mass: PerWidth = Field(default=0.0, description="mass [kg/m], for a metre's width")
+    mass: PerWidth = Field(default=0.0, description="mass [kg/m], per metre of width")
     stiffness: PerWidth | None = Field(
-        default=None, description="of the spring [N/m²], for a metre's width; default: none of the period comes back"
+        default=None,
+        description="stiffness of the spring [N/m²], per metre of width; default: no reflection at the period",
     )
     damping: PerWidth | None = Field(
-        default=None, description="of the damper [N s/m²], for a metre's width; default: none of the period comes back"
+        default=None, description="damping [N s/m²], per metre of width; default: no reflection at the period"
     )
 
     @property
     def _given(self) -> bool:
-        """Whether nothing follows from the period."""
+        """Whether no default depends on the period."""
         return self.stiffness is not None and self.damping is not None
 
     def tuned(self, end: Context) -> float:
-        """Return the period that it is tuned to [s], default resolved."""
+        """Return the period [s] of the tuning, default resolved."""
         usual = next(iter(end.case.paddle_periods), _periods(end.tank, (1.0, 1.0))[0])
-        return self.period or float(np.clip(usual, *_periods(end.tank, POSSIBLE)))
+        return self.period or float(np.clip(usual, *_periods(end.tank, POSSIBLE_BAND)))
 
     def resolved(self, end: Context) -> tuple[float, float, float]:
         """Return mass [m²], stiffness [m²/s²] and damping [m²/s] over the density, defaults resolved."""
@@ -134,14 +135,14 @@ class SpringDamper(CaseModel):
         return f"it absorbs{'' if self._given else f', tuned to {self.tuned(end):.3g} s'}, a mass of {parts}"
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that the period is one of the tank's waves, and that something follows from it."""
+        """Yield that waves of the period are possible, and that a default depends on it."""
         yield _is_possible("period", self.period, end.tank)
         yield "period", not (self.period and self._given), "must be left out: stiffness and damping are given"
 
 
 Absorption = Annotated[
     ActiveAbsorption | SpringDamper,
-    Field(discriminator="type", description="how a paddle absorbs the waves that come back to it"),
+    Field(discriminator="type", description="absorption of waves that return to a paddle"),
 ]
 
 
@@ -162,7 +163,7 @@ class Limits(CaseModel):
 
 
 class BaseWall(CaseModel):
-    """A wall at an end of the tank: by itself a vertical one."""
+    """A wall at an end of the tank, by default vertical."""
 
     moves: ClassVar[bool] = False
 
@@ -189,11 +190,11 @@ class BaseWall(CaseModel):
 
 
 class MovingWallModel(BaseWall):
-    """A wall that moves, vertical or of another shape."""
+    """A moving wall, vertical or of another shape."""
 
     if TYPE_CHECKING:
         type: str
-        motion: paddles.MotionModel  # the types depend on the wall
+        motion: paddles.MotionModel  # its types depend on the wall
 
     moves: ClassVar[bool] = True
     reach: Length | None = Field(
@@ -202,14 +203,14 @@ class MovingWallModel(BaseWall):
         "(half of it, or the remainder, if both walls move), at most ten depths",
     )
 
-    limits: Limits | None = Field(default=None, description="limits of the paddle's drive; default: all")
+    limits: Limits | None = Field(default=None, description="limits of the paddle's drive; default: none")
 
     def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
-        """Return the paddle's motion in the water; raises ``CaseError`` if its file cannot be read."""
+        """Return the motion of the paddle in the water; raises ``CaseError`` if its file cannot be read."""
         return self.motion.build(tank, self.wavemaker, physics)
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that a wall of the tank can move there, within the tank, and clear of a wall opposite that moves."""
+        """Yield that the wall can move, inside the tank and without collision with a moving opposite wall."""
         tank, length = end.tank, end.tank.length
         if end.far:
             can_move = isinstance(tank, SliceTank) or (isinstance(tank, BasinTank) and tank.layout.type == "rectangle")
@@ -234,7 +235,7 @@ class MovingWallModel(BaseWall):
 
 
 class ShapedWall(MovingWallModel):
-    """A wall that moves at some heights farther than at others."""
+    """A wall whose displacement depends on height."""
 
     shaped_by: ClassVar[str] = "type"  # the key of its shape
 
@@ -250,11 +251,11 @@ class HingedWall(ShapedWall):
 
     @property
     def wavemaker(self) -> Flap:
-        """Its shape, by which it makes waves."""
+        """The mode shape that generates waves."""
         return Flap(self.hinge, self.stroke_height)
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that still water and stroke height are above the hinge, and those of any paddle."""
+        """Yield that still water and stroke height are above the hinge, and the conditions of any paddle."""
         depth, height = end.tank.depth, self.stroke_height
         yield "hinge", self.hinge < depth, f"must be below still water, less than {metres(depth)} m"
         above = f"must be above the hinge, more than {metres(self.hinge)} m"
@@ -276,17 +277,17 @@ class SegmentedWall(MovingWallModel):
     )
 
     def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
-        """Return the motion of the paddle's segments, hinged to each other."""
+        """Return the motion of the segments of the paddle, hinged to each other."""
         motion = super().paddle(tank, physics)
         return motion if self.segment is None else motions.hinged(motion, self.places(tank))
 
     def places(self, tank: AnyTank) -> motions.Array:
         """Return positions y along the paddle [m], shape (N,), at which its motion is sampled: its joints, if any."""
         low, high = paddles.span(tank)
-        return joints(low, high, segment=(high - low) / (paddles.PLACES - 1) if self.segment is None else self.segment)
+        return joints(low, high, segment=(high - low) / (paddles.SAMPLES - 1) if self.segment is None else self.segment)
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that the paddle has a width, in nonlinear water, those of any paddle, and a number of segments."""
+        """Yield a width of the paddle, nonlinear water, the conditions of any paddle, and the number of segments."""
         low, high = paddles.span(end.tank)
         recipe = "needs a basin (tank.type) whose layout says how wide it is: a recipe, not a file"
         yield "type", bool(np.isfinite(low)), recipe
@@ -325,15 +326,15 @@ class FixedWall(BaseWall):
 
 
 class PaddleWall(MovingWallModel):
-    """A wall that moves as a whole."""
+    """A moving wall without segments."""
 
     motion: paddles.PaddleMotion
     absorb: Absorption | None = Field(
-        default=None, description="how it absorbs the waves that come back to it, in a slice; default: not at all"
+        default=None, description="absorption of waves that return to the paddle, in a slice; default: none"
     )
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield those of any moving wall, and that it can absorb."""
+        """Yield the conditions of any moving wall, and that it can absorb."""
         yield from super().checks(end)
         can_absorb = self.absorb is None or isinstance(end.tank, SliceTank)
         yield "absorb", can_absorb, f"must be left out: in a {end.tank.type} no paddle absorbs"
@@ -354,20 +355,20 @@ class FlapWall(HingedWall, PaddleWall):
     type: Literal["flap"] = "flap"
     motion_as: Literal["stroke", "angle"] = Field(
         default="stroke",
-        description="what the numbers of a sinusoid, a formula, a function or a record are: the horizontal position at "
-        "stroke_height in metres, or the angle from upright in radians, positive into the water; a record whose "
-        "columns are named as in paddle.csv is of positions either way",
+        description="meaning of values of a sinusoid, a formula, a function or a record: the horizontal position at "
+        "stroke_height in metres, or the angle from the vertical in radians, positive into the water; a record with "
+        "the column names of paddle.csv has positions in both cases",
     )
 
     def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
-        """Return the motion at the stroke's height; raises ``CaseError`` if its file cannot be read."""
+        """Return the motion at the stroke height; raises ``CaseError`` if its file cannot be read."""
         motion = super().paddle(tank, physics)
         if self.motion_as == "stroke" or (isinstance(self.motion, paddles.RecordedMotion) and self.motion.in_metres):
             return motion
         return motions.flap_motion(motion, self.wavemaker.arm(tank.depth))
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield those of any hinged wall, and that an angle is given for a motion that can have one."""
+        """Yield the conditions of a hinged wall, and that an angle is given only for motions that allow it."""
         yield from super().checks(end)
         allowed = f"must be left out: a motion of type {self.motion.type} follows from its waves"
         generates = isinstance(self.motion, paddles.GeneratingMotion | paddles.SolitaryWaveMotion)
@@ -379,17 +380,19 @@ class ProfileWall(ShapedWall, PaddleWall):
 
     shaped_by: ClassVar[str] = "shape"
     type: Literal["profile"] = "profile"
-    where: HeightHelpers = Field(default={}, description="parts of it by name, numbers or formulae; default: none")
+    where: HeightHelpers = Field(
+        default={}, description="helpers of the formula by name, numbers or formulae; default: none"
+    )
     shape: HeightFormulaText = Field(description="f(z), z the height above still water [m]")
 
     @property
     def wavemaker(self) -> ProfileShape:
-        """Its shape, by which it makes waves."""
+        """The mode shape that generates waves."""
         formula = Formula(self.shape, where=self.where, variables=("z",))
         return ProfileShape(formula, lambda z: formula.derivatives(z)[1])
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that the shape is finite, and displaces water, and those of any paddle."""
+        """Yield that the shape is finite and displaces water, and the conditions of any paddle."""
         try:
             largest, error = self.max_mode_shape(end.tank), ""
         except InputError as refused:
@@ -404,8 +407,7 @@ FarWall = Annotated[
     AnyWall,
     Field(
         discriminator="type",
-        description="the wall at x = length, of a slice or a rectangle; its motion is positive into the water, all "
-        "x of its waves count from it, into the water, and angles are from its normal into the water, positive "
-        "towards y",
+        description="the wall at x = length, of a slice or a rectangle; its motion and the x of its waves are positive "
+        "from the wall into the water, angles are from its normal into the water, positive towards y",
     ),
 ]

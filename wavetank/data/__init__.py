@@ -1,7 +1,7 @@
 """Measured and published data: descriptions, folders and records.
 
-A set of data is a folder with a ``dataset.toml`` (``description.py``) that says what its files hold. Those of a few
-benchmarks come with this package (``known/``): facts, addresses and checksums, for the data are not part of it.
+A data set is a folder with a ``dataset.toml`` (``description.py``), which describes its files. The descriptions of a
+few benchmarks are in this package (``known/``): facts, addresses and checksums, without the data.
 """
 
 from wavetank.data.description import DATASET, DataFile, Dataset, Section, WaveHeights

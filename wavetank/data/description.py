@@ -1,4 +1,4 @@
-"""What a ``dataset.toml`` can say of the files beside it."""
+"""The content of a ``dataset.toml``: a description of the files in its folder."""
 
 import tomllib
 from collections import Counter
@@ -29,7 +29,7 @@ def _column(received: Any) -> Any:
 
 
 def _clock(received: Any) -> Any:
-    """Return the smallest and the largest offset [s] that is meant."""
+    """Return the least and the largest offset [s]."""
     if received == "free":
         return FREE
     bounds = received if isinstance(received, list | tuple) else [received, received]
@@ -61,12 +61,12 @@ class DataFile(CaseModel):
 
     @property
     def derived(self) -> bool:
-        """Whether the file is made from the source's instead of being it."""
+        """Whether the file is made from that of the source."""
         return self.every > 1
 
 
 class GaugePosition(CaseModel):
-    """A place with a record of the elevation."""
+    """A position with a record of the elevation."""
 
     name: Label = Field(description="what it is called")
     x: Coordinate | None = Field(default=None, description="distance from the paddle's rest position [m]")
@@ -74,7 +74,7 @@ class GaugePosition(CaseModel):
 
 
 class Units(CaseModel):
-    """What the numbers in a file are."""
+    """Units of the numbers in a file."""
 
     time: Literal["s", "ms", "min"] = "s"
     elevation: Literal["m", "cm", "mm"] = "m"
@@ -111,11 +111,11 @@ class Section(CaseModel):
 
     @property
     def across(self) -> str:
-        """The axis of the coordinate that is the same all along it."""
+        """The axis of the constant coordinate."""
         return next(axis for axis in AXES if axis != self.along)
 
     def coordinates(self, x: float, y: float) -> tuple[float, float]:
-        """Return how far along its axis a place (x, y) is, and how far beside the line [m]."""
+        """Return the coordinate of (x, y) along the line, and the distance from the line [m]."""
         place = (x, y)
         return place[AXES[self.along]], place[AXES[self.across]] - self.at
 
@@ -185,16 +185,16 @@ class Dataset(CaseModel):
         return self
 
     def parts(self) -> list[str]:
-        """Return the names of all files that are read of it, in the order of their mention."""
+        """Return the names of all files that are read, in the order of their mention."""
         heights = self.heights.records if self.heights else ()
         read = [file for one in self.records for file in one.files]
         return list(dict.fromkeys([*read, *(column.file for one in heights for column in one.columns)]))
 
 
 def read_dataset(folder: Path) -> Dataset:
-    """Return what a folder's ``dataset.toml`` says.
+    """Return the description of a folder by its ``dataset.toml``.
 
-    Raises ``InputError``, a line for each mistake: the file, the key, what was received, what is allowed.
+    Raises ``InputError`` with a line for each error: the file, the key, the received value, what is allowed.
     """
     path = folder / DATASET
     try:
@@ -209,12 +209,12 @@ def read_dataset(folder: Path) -> Dataset:
 
 
 def refused(path: Path, error: ValidationError) -> InputError:
-    """Return what is wrong with a description or a table, a line for each mistake."""
+    """Return the errors of a description or a table, one line each."""
     return InputError("\n".join(f"{path}: {_sentence(one)}." for one in error.errors(include_url=False)))
 
 
 def _sentence(details: ErrorDetails) -> str:
-    """Return what one of pydantic's errors means."""
+    """Return the meaning of an error of pydantic."""
     if not details["loc"]:
         return str(details["ctx"]["error"])
     if details["type"] == "missing":

@@ -1,4 +1,4 @@
-"""Downloads data sets, each file with its checksum, into the user's cache."""
+"""Download of data sets into the user's cache, with a checksum for each file."""
 
 import hashlib
 from collections.abc import Callable
@@ -13,10 +13,9 @@ from wavetank.data.places import PART, dataset
 
 
 def fetch(name: str) -> Path:
-    """Download a data set to the user's cache, where not there already, and return its folder.
+    """Download a data set to the user's cache, unless it is there, and return its folder.
 
-    Raises ``InputError`` for an unknown name, ``WavetankError`` if a file cannot be had with the right checksum from
-    any of its addresses.
+    Raises ``InputError`` for an unknown name, ``WavetankError`` if no address provides a file with the right checksum.
     """
     data = dataset(name)
     folder = writable(PART) / name
@@ -25,7 +24,7 @@ def fetch(name: str) -> Path:
 
 
 def download(data: Dataset, folder: Path) -> None:
-    """Download a data set's files to ``folder``, each checked; raise ``WavetankError`` where that fails."""
+    """Download the files of a data set to ``folder``, and verify them; raise ``WavetankError`` after a failure."""
     for file in data.files:
         if not _intact(folder / file.name, file.sha256):
             _download(file, data.urls, folder)
@@ -39,7 +38,7 @@ def _intact(path: Path, sha256: str) -> bool:
 
 
 def _download(file: DataFile, urls: tuple[str, ...], folder: Path) -> None:
-    import pooch  # loads long
+    import pooch  # slow import
 
     failures = []
     for address in (url + quote(file.source or file.name) for url in urls):
@@ -52,13 +51,13 @@ def _download(file: DataFile, urls: tuple[str, ...], folder: Path) -> None:
                 processor=_thinned(file, folder) if file.derived else None,
             )
             return
-        except Exception as error:  # the network has many ways to fail; the next address may do
+        except Exception as error:  # any failure of the network; the next address may succeed
             failures.append(f"{address} ({error})")
     raise WavetankError(f"{file.name} could not be downloaded from any of: {'; '.join(failures)}.")
 
 
 def _thinned(file: DataFile, folder: Path) -> Callable[[str, str, object], str]:
-    """Return what pooch calls after a download: keep each ``every``-th row as ``file.name``, drop the source."""
+    """Return pooch's processor of a download: write each ``every``-th row to ``file.name``, delete the source."""
 
     def thin(downloaded: str, action: str, pup: object) -> str:
         try:

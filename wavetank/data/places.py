@@ -1,4 +1,4 @@
-"""Folders of data sets: ``$WAVETANK_DATA/NAME``, ``../shared/data/NAME`` by the checkout, and the cache."""
+"""Folders of data sets: ``$WAVETANK_DATA/NAME``, ``../shared/data/NAME`` next to the checkout, and the cache."""
 
 import os
 from pathlib import Path
@@ -11,10 +11,10 @@ from wavetank.base.errors import InputError
 from wavetank.data.description import DATASET, Dataset, GaugePosition, RecordFiles, read_dataset, refused
 from wavetank.output.columns import parse_position_label
 
-PART = "data"  # folder in the cache
+PART = "data"  # name of the folder in the cache
 HERE = Path(__file__).resolve().parent
 BUILT_IN = HERE / "known"
-UNITS = ("", "s", "m")  # units of a table without a description
+UNITS = ("", "s", "m")  # assumed units of a table without a description
 
 
 def folders() -> list[Path]:
@@ -25,7 +25,7 @@ def folders() -> list[Path]:
 
 
 def names() -> list[str]:
-    """Return the names of the data sets that are described, here or in this package."""
+    """Return the names of the described data sets, in the folders or in this package."""
     return sorted({path.parent.name for folder in (*folders(), BUILT_IN) for path in folder.glob(f"*/{DATASET}")})
 
 
@@ -40,7 +40,7 @@ def dataset(name: str) -> Dataset:
 def opened(reference: str) -> Dataset:
     """Return a data set by its name, its folder with a ``dataset.toml``, or a plain CSV file.
 
-    ``NAME:SOURCE`` selects the records of one source. Raises ``InputError`` for anything else.
+    ``NAME:SOURCE`` selects the records of one source. Raises ``InputError`` for other texts.
     """
     path, (name, colon, source) = Path(reference), reference.rpartition(":")
     if colon and not path.exists():
@@ -65,8 +65,8 @@ def opened(reference: str) -> Dataset:
 def plain(path: Path) -> Dataset:
     """Return a table as a data set: the first column is the time [s], the header names the gauges [m] of the others.
 
-    A name may tell its place, ``5@x=50`` or ``5@x=50;y=2``, as in a run's own ``gauges.csv``. Raises ``InputError`` for
-    a file without a header, for other units, and for gauges of one name.
+    A name may contain the position, ``5@x=50`` or ``5@x=50;y=2``, as in ``gauges.csv`` of a run. Raises ``InputError``
+    for a file without a header, for other units, and for gauges of equal names.
     """
     columns = read_columns(path).names
     if len(columns) < 2:
@@ -83,9 +83,9 @@ def plain(path: Path) -> Dataset:
 
 
 def units_note(reference: str) -> str:
-    """Return the assumed units of a table whose first line names none; empty if it names them.
+    """Return the assumed units of a table whose first line has none; empty if it has units.
 
-    A place in a name, as a run's own table has, says metres. Raises ``InputError`` as ``opened``.
+    A position in a name, as in the table of a run, implies metres. Raises ``InputError`` as ``opened``.
     """
     path = Path(reference)
     if reference in names() or path.name == DATASET or not path.is_file():
@@ -114,24 +114,24 @@ def _gauge(column: str) -> GaugePosition:
 
 
 def _first(paths: list[Path]) -> Path | None:
-    """Return the first that is a file; ``Path.is_file`` fails where a folder cannot be entered."""
+    """Return the first path that is a file; ``Path.is_file`` fails if a folder cannot be entered."""
     return next((path for path in paths if os.path.isfile(path)), None)
 
 
 def present(data: Dataset, file: str) -> Path | None:
-    """Return the path of a data set's file: next to its description, or in a folder of data sets; None if nowhere."""
+    """Return the path of a file of a data set, next to its description or in a folder of data sets; None if missing."""
     return _first([data.folder / file, *(folder / data.name / file for folder in folders())])
 
 
 def located(data: Dataset, file: str) -> Path:
-    """Return the same path; of a missing file of a folder of one's own where it would be, else raise ``InputError``."""
+    """Return the same path; for a missing file in a user's folder the expected one, otherwise raise ``InputError``."""
     if path := present(data, file):
         return path
     return find(data.name, file) if data.folder.parent in (*folders(), BUILT_IN) else data.folder / file
 
 
 def find(name: str, file: str) -> Path:
-    """Return the path of a data set's file; raise ``InputError`` with the searched folders."""
+    """Return the path of a file of a data set; raise ``InputError`` with the searched folders."""
     searched = [folder / name / file for folder in folders()]
     if path := _first(searched):
         return path
@@ -145,7 +145,7 @@ def find(name: str, file: str) -> Path:
 
 
 def summary(name: str) -> str:
-    """Return title, folders, citation and licence of a data set, a line each."""
+    """Return title, folders, citation and licence of a data set, one line each."""
     try:
         data = dataset(name)
     except InputError as error:
@@ -160,9 +160,9 @@ def summary(name: str) -> str:
 
 
 def resolve(reference: str, folder: Path = Path()) -> Path:
-    """Return the path that a case file in ``folder`` means: ``data:NAME/FILE``, or an ordinary path relative to it.
+    """Return the path of a file that a case file in ``folder`` names: ``data:NAME/FILE``, or a path relative to it.
 
-    Raises ``InputError`` if the reference is not of that form or the data are not there.
+    Raises ``InputError`` for another form of reference, and for missing data.
     """
     scheme, colon, where = reference.partition(":")
     if not (colon and scheme == "data"):

@@ -24,11 +24,11 @@ from wavetank.output.columns import gauge_array
 if TYPE_CHECKING:
     from xarray import DataArray
 
-SECOND = 2  # column, from 1
+SECOND = 2  # number of the column, from 1
 
 
 class HeightSeries(NamedTuple):
-    """Wave heights along a section, read: places along its axis [m], ascending, and H / H0, both of shape (N,)."""
+    """Wave heights along a section: positions along its axis [m], ascending, and H / H0, both of shape (N,)."""
 
     section: Section
     places: NDArray[np.float64]
@@ -37,12 +37,12 @@ class HeightSeries(NamedTuple):
 
 
 def gauge_records(data: Dataset) -> "list[DataArray]":
-    """Return a data set's records at its gauges: first those that others are compared with, then published ones.
+    """Return the records of a data set at its gauges: first the reference of comparisons, then published computations.
 
-    Each is the elevation [m] over gauge and time [s], with the gauges' places x and y [m]: not a number at times of
-    other gauges alone, and x not a number where it is not given. Its attributes are ``source``, and ``clock_offset``,
-    the bounds [s] of what is to be added to its times. A published computation whose files are missing is left out.
-    Raises ``InputError`` where there are no records, for missing files of the first, and for unreadable files.
+    Each is the elevation [m] over gauge and time [s], with the positions x and y [m] of the gauges: not a number at
+    times of other gauges, and x not a number if it is unknown. Attributes are ``source`` and ``clock_offset``, the
+    bounds [s] of the offset that is added to its times. A published computation with missing files is omitted. Raises
+    ``InputError`` if there are no records, for missing files of the reference, and for unreadable files.
     """
     if not data.records:
         files = ", ".join(file.name for file in data.files) or "nothing"
@@ -92,9 +92,9 @@ def _column(path: Path, table: ColumnTable, column: Column) -> NDArray[np.float6
 
 
 def height_series(data: Dataset) -> list[HeightSeries]:
-    """Return a data set's wave heights along sections, one origin after the other; none where it has none.
+    """Return the wave heights of a data set along sections, ordered by origin; empty if it has none.
 
-    Raises ``InputError`` for files that are not there or cannot be read, and for sections that are not described.
+    Raises ``InputError`` for files that are missing or cannot be read, and for sections without a description.
     """
     if data.heights is None:
         return []

@@ -1,6 +1,7 @@
-"""Layouts of basins, which gmsh draws or a file holds, and bathymetry: still-water depth d(x, y) from measured data.
+"""Layouts of basins, drawn by gmsh or read from a file, and bathymetry: still-water depth d(x, y) from measured data.
 
-A bathymetry is a callable: places x, y [m], each of shape (N,), to d [m], shape (N,). A ``Formula`` is one as it is.
+A bathymetry is a function of positions x, y [m], shape (N,) each, that returns d [m], shape (N,), such as a
+``Formula``.
 """
 
 from typing import Annotated

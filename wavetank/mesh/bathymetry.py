@@ -1,10 +1,10 @@
-"""Measured bathymetry, on a grid or at survey points, and its files: NetCDF by CF's conventions, CSV and XYZ.
+"""Measured bathymetry, on a grid or at survey points, and its files: NetCDF by the CF conventions, CSV and XYZ.
 
 On a grid, cubic splines through the data, not-a-knot at the ends (de Boor, A Practical Guide to Splines, 1978), have
-continuous slopes; the error of a smooth bed is of order 4 in the spacing, that of its slope of order 3.
+continuous slopes. For a smooth bed their error is of order 4 in the spacing, that of the slope of order 3.
 
-Between scattered survey points, Clough and Tocher's cubics on Delaunay's triangles have continuous slopes, estimated so
-that the bed bends least (Nielson, Math. Comp. 40, 1983; SciPy's ``CloughTocher2DInterpolator``).
+Between scattered survey points, Clough and Tocher's cubics on Delaunay triangles have continuous slopes, estimated with
+the least bending of the bed (Nielson, Math. Comp. 40, 1983; SciPy's ``CloughTocher2DInterpolator``).
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -18,13 +18,13 @@ from wavetank.base.errors import InputError
 from wavetank.base.files import regular
 from wavetank.base.formula import Array, finite
 
-if TYPE_CHECKING:  # half a second to import, which few cases need
+if TYPE_CHECKING:  # imports in half a second; few cases need it
     from pandas import DataFrame
 
 
 Interpolation = Literal["cubic", "linear"]
 DEGREE: dict[Interpolation, int] = {"cubic": 3, "linear": 1}
-ROUND_OFF = 1e-9  # distance outside the range, over the range, at which a place is on its end
+ROUND_OFF = 1e-9  # distance outside of the range, over the range, within which a position is moved to its end
 
 
 class Gridded:
@@ -35,14 +35,14 @@ class Gridded:
     axes
         Coordinates of the grid [m], ascending, by name: x, shape (A,), or x and y, shapes (A,) and (B,).
     d
-        Depths [m], shape (A,) or (A, B); those along x alone hold for every y. They may be missing, NaN, where nobody
-        asks for one: gaps are extrapolated linearly from the depths around them.
+        Depths [m], shape (A,) or (A, B); depths along x alone are valid for all y. They may be missing, NaN, if they
+        are not needed: gaps are extrapolated linearly from the surrounding depths.
     interpolation
         ``"cubic"`` has continuous slopes; ``"linear"`` never overshoots.
     source
         Source of the data, for error messages.
 
-    Raises ``InputError`` where the data are too few, all missing, or their coordinates do not ascend.
+    Raises ``InputError`` if the data are too few or all missing, or if their coordinates do not ascend.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class Gridded:
         self._spline = _spline(axes.values(), d, degree)
 
     def __call__(self, x: Array, y: Array) -> Array:
-        """Return d [m] at places x, y [m], each of shape (N,); raise ``InputError`` where there are no data."""
+        """Return d [m] at positions x, y [m], shape (N,) each; raise ``InputError`` where there are no data."""
         places = {"x": x, "y": y}
         inside = [self._inside(name, places[name]) for name in self._axes]
         if self._gap is not None:
@@ -86,7 +86,7 @@ class Gridded:
 
 
 def _extrapolated(d: Array, missing: Array) -> Array:
-    """Return depths; missing ones follow from the nearest given one k and its mirror image m: 2 d_k - d_m, or d_k."""
+    """Return depths; a missing one is 2 d_k - d_m or d_k, with the nearest given one k and its mirror image m."""
     nearest_indices = scipy.ndimage.distance_transform_edt(missing, return_distances=False, return_indices=True)
     mirror = 2 * nearest_indices - np.indices(d.shape)
     beyond = [(place < 0) | (place >= count) for place, count in zip(mirror, d.shape, strict=True)]
@@ -95,30 +95,30 @@ def _extrapolated(d: Array, missing: Array) -> Array:
 
 
 def _spline(axes: Iterable[Array], d: Array, degree: int) -> Any:
-    """Return the spline of data on one or two axes, a function of places on these."""
+    """Return the spline of data on one or two axes, a function of positions."""
     if d.ndim == 1:
         return scipy.interpolate.make_interp_spline(*axes, d, k=degree)
     return scipy.interpolate.RectBivariateSpline(*axes, d, kx=degree, ky=degree, s=0).ev
 
 
-INWARD = 1e-9  # distance from the survey's edge into its triangles, over that to the middle
+INWARD = 1e-9  # distance from the hull into its triangles, over that to the centre
 
 
 class Survey:
-    """Still-water depth interpolated between points; beyond their edge it is constant over one spacing of the points.
+    """Still-water depth interpolated between points; outside of their hull it is constant over one spacing.
 
     Parameters
     ----------
     x, y
-        Where the points are [m], each of shape (N,), N >= 3.
+        Positions of the points [m], shape (N,) each, N >= 3.
     d
-        Depths [m], shape (N,); points without one, NaN, are left out, and the mean is taken of those at one place.
+        Depths [m], shape (N,); points without one, NaN, are omitted, and depths at equal positions are averaged.
     interpolation
         ``"cubic"`` has continuous slopes; ``"linear"`` never overshoots.
     source
         Source of the data, for error messages.
 
-    Raises ``InputError`` where the points span no triangle or lie at no place.
+    Raises ``InputError`` if the points span no triangle or have no position.
     """
 
     def __init__(self, x: Array, y: Array, d: Array, *, interpolation: Interpolation = "cubic", source: str = "bed"):
@@ -126,7 +126,7 @@ class Survey:
         points, where = np.unique(np.column_stack([x, y])[measured], axis=0, return_inverse=True)
         if not np.isfinite(points).all():
             raise InputError(f"{source}: values of x and y must be finite.")
-        self._origin = points.mean(axis=0) if len(points) else np.zeros(2)  # triangles want no offset of kilometres
+        self._origin = points.mean(axis=0) if len(points) else np.zeros(2)  # against round-off
         try:
             self._triangles = scipy.spatial.Delaunay(points - self._origin)
         except (scipy.spatial.QhullError, ValueError):
@@ -141,7 +141,7 @@ class Survey:
         self._spacing = np.sqrt(area / len(points))
 
     def __call__(self, x: Array, y: Array) -> Array:
-        """Return d [m] at places x, y [m], each of shape (N,); raise ``InputError`` far outside the points."""
+        """Return d [m] at positions x, y [m], shape (N,) each; raise ``InputError`` far outside the points."""
         places = np.column_stack([x, y]) - self._origin
         d = np.asarray(self._depth(places), dtype=np.float64)
         outside = np.isnan(d)
@@ -149,7 +149,7 @@ class Survey:
         return finite(d, {"x": x, "y": y}, source=self._source)
 
     def _at_the_edge(self, places: Array) -> Array:
-        """Return the nearest places on the edge, shape (N, 2), a little inwards."""
+        """Return the nearest positions on the hull, shape (N, 2), slightly inwards."""
         nearest, distance = np.zeros_like(places), np.full(len(places), np.inf)
         for start, end in self._triangles.points[self._triangles.convex_hull]:
             along = np.clip((places - start) @ (end - start) / ((end - start) @ (end - start)), 0.0, 1.0)
@@ -169,12 +169,12 @@ SIGN: dict[str, float] = {"down": 1.0, "up": -1.0}  # sign of depths
 OPPOSITE = {"down": "up", "up": "down"}
 METRES = ("m", "metre", "metres", "meter", "meters")
 XYZ = ["x", "y", "depth"]
-MAX_FILE_SIZE = 2e9  # bytes of a file
-MIN_FILL = 0.5  # least part of a grid's points that has rows; otherwise rows are survey points
+MAX_FILE_SIZE = 2e9  # largest size of a file [bytes]
+MIN_FILL = 0.5  # least part of the points of a grid with rows; otherwise rows are survey points
 
 
 class Measured(NamedTuple):
-    """Data of a file: coordinates by name, values there, and whether down is positive."""
+    """Data of a file: coordinates by name, values, and whether down is positive."""
 
     places: dict[str, Array]
     values: Array
@@ -194,18 +194,18 @@ def read_bed(
     Parameters
     ----------
     path
-        NetCDF (``.nc``) with coordinates x, or x and y, in any order; CSV (``.csv``) that opens with a line of names:
-        x, or x and y, and the depths' own; or XYZ (``.xyz``): x, y and depth in each row, and nothing else. Rows come
-        in any order. Those that do not fill half of a grid are survey points, which are triangulated.
+        NetCDF (``.nc``) with coordinates x, or x and y, in any order; CSV (``.csv``) with a first line of names: x, or
+        x and y, and the name of the depths; or XYZ (``.xyz``): only x, y and depth in each row. Rows may be in any
+        order. Rows that fill less than half of a grid are survey points, which are triangulated.
     variable
-        The depths' name; needed where a file has several variables.
+        Name of the depths; required if a file has several variables.
     interpolation
         That of ``Gridded`` or ``Survey``.
     positive
-        ``"down"`` if these are depths, ``"up"`` if they are elevations of the bed above still water; by default what
-        the variable's attribute ``positive`` says, or ``"down"``.
+        ``"down"`` for depths, ``"up"`` for elevations of the bed above still water; default: the attribute ``positive``
+        of the variable, or ``"down"``.
 
-    Raises ``InputError`` that names the file if it cannot be used.
+    Raises ``InputError`` with the name of the file if it cannot be used.
     """
     if path.suffix not in READERS:
         raise InputError(
@@ -267,7 +267,7 @@ def _xyz(path: Path, variable: str | None) -> Measured:
 
 
 def _table(table: "DataFrame", variable: str | None, path: Path) -> Measured:
-    """Return the data of columns; values are missing where a grid has no row for them."""
+    """Return the data of columns; values are missing if a grid has no row for them."""
     names = [name for name in ("x", "y") if name in table]
     if "x" not in names:
         named = "its first line must name its columns, e.g. x,y,depth"
@@ -288,7 +288,7 @@ READERS = {".nc": _netcdf, ".csv": _csv, ".xyz": _xyz}
 
 
 def _select_variable(names: list[str], variable: str | None, path: Path) -> str:
-    """Return the name of the depths' variable; raise ``InputError`` if it is absent or ambiguous."""
+    """Return the name of the variable of depths; raise ``InputError`` if it is absent or ambiguous."""
     wanted = names if variable is None else [variable]
     if len(wanted) != 1:
         raise InputError(f"{path}: one variable must be named, of: {', '.join(names) or 'none'}.")

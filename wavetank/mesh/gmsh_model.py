@@ -1,8 +1,8 @@
-"""gmsh's model of a layout: created empty, filled by a drawing or from a mesh file, checked, its groups numbered.
+"""The model of a layout in gmsh: created, filled by a drawing or from a mesh file, checked, with numbered groups.
 
-Mesh files are in gmsh's own format, or in any other that meshio reads. There groups are meshio's cell sets; or integer
-arrays on the cells that are called as in ``NAMES`` and are not 0 in the group; or numbers on the cells, where the
-format has a table of their names as gmsh's and MED have.
+Mesh files have gmsh's format, or one that meshio reads. Their groups are cell sets of meshio; or integer arrays on the
+cells with a name of ``NAMES``, not 0 in the group; or numbers on the cells, if the format has a table of their names,
+such as those of gmsh and MED.
 """
 
 from collections import defaultdict
@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from wavetank.base.errors import InputError
 
-CURVE, SURFACE, VOLUME = 1, 2, 3  # gmsh's dimensions
-SIDES = {2: 1, 3: 1, 9: 8, 10: 8}  # gmsh's numbers of triangles and quadrilaterals, order 1 and 2, with their sides'
-FLAT = 1e-9  # largest distance of points from the plane z = 0, or from a straight line, over the mesh's size
-TINY = 1e-9  # Jacobian over the median one below which a cell is degenerate
+CURVE, SURFACE, VOLUME = 1, 2, 3  # dimensions of entities in gmsh
+SIDES = {2: 1, 3: 1, 9: 8, 10: 8}  # numbers in gmsh of triangles and quadrilaterals, order 1 and 2, and of their sides
+FLAT = 1e-9  # largest distance of points from the plane z = 0, or from a line, over the size of the mesh
+MIN_JACOBIAN = 1e-9  # Jacobian, relative to the median one, below which a cell is degenerate
 
 Groups = dict[tuple[int, str], list[int]]
 Array = NDArray[np.float64]
@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 @contextmanager
 def empty_model() -> Iterator[Any]:
-    """Give the module gmsh with an empty, silent model."""
+    """Yield the module gmsh with an empty, silent model."""
     import gmsh  # only basins need it
 
     gmsh.initialize(readConfigFiles=False, interruptible=False)
@@ -43,9 +43,9 @@ def empty_model() -> Iterator[Any]:
 
 
 def prepare_model(gmsh: Any, fill: Callable[[Any], None], source: str) -> Groups:
-    """Fill gmsh's model and return its groups by dimension and name; raises ``InputError`` if it cannot be used.
+    """Fill the model of gmsh and return its groups by dimension and name; raises ``InputError`` if it cannot be used.
 
-    ``source`` is what messages call the mesh.
+    ``source`` is the name of the mesh in messages.
     """
     try:
         fill(gmsh)
@@ -58,14 +58,14 @@ def prepare_model(gmsh: Any, fill: Callable[[Any], None], source: str) -> Groups
 
 
 def check(gmsh: Any, source: str) -> None:
-    """Raise ``InputError`` unless the model has one kind of sound cells, in the plane z = 0.
+    """Raise ``InputError`` unless the model has one kind of valid cells, in the plane z = 0.
 
     Parameters
     ----------
     gmsh
         The module.
     source
-        What messages call the mesh.
+        Name of the mesh in messages.
     """
     get = gmsh.model.mesh
     if get.getElements(VOLUME)[0].size:
@@ -88,7 +88,7 @@ def check(gmsh: Any, source: str) -> None:
 
 
 def _check_cells(gmsh: Any, kind: int, source: str) -> None:
-    """Raise ``InputError`` for cells that are folded, degenerate, or turned against the others of their surface."""
+    """Raise ``InputError`` for cells that are folded, degenerate, or oriented against others of their surface."""
     get = gmsh.model.mesh
     tags, coordinates, _ = get.getNodes()
     points = np.zeros((int(tags.max()) + 1, 2))
@@ -97,8 +97,8 @@ def _check_cells(gmsh: Any, kind: int, source: str) -> None:
     for _, surface in gmsh.model.getEntities(SURFACE):
         nodes = points[get.getElementsByType(kind, surface)[1]].reshape(-1, len(gradients), 2)
         determinants = np.linalg.det(np.einsum("cnx,pnd->cpxd", nodes, gradients))
-        usual = np.median(determinants) if determinants.size else 0.0  # of both signs
-        bad += list(nodes[(np.sign(usual) * determinants).min(axis=1) < TINY * abs(usual)].mean(axis=1))
+        usual = np.median(determinants) if determinants.size else 0.0  # both signs
+        bad += list(nodes[(np.sign(usual) * determinants).min(axis=1) < MIN_JACOBIAN * abs(usual)].mean(axis=1))
     if bad:
         count = "1 cell is" if len(bad) == 1 else f"{len(bad)} cells are"
         where = f"x = {bad[0][0]:.4g}, y = {bad[0][1]:.4g}"
@@ -114,9 +114,9 @@ def _gradients(gmsh: Any, kind: int) -> Array:
 
 
 def regroup(gmsh: Any) -> Groups:
-    """Number each set of groups that a curve or surface is in anew, and return the numbers of each named group.
+    """Give each set of groups of a curve or surface a new number, and return the numbers of each named group.
 
-    Afterwards nothing is in two groups, and every surface is in one, as dolfinx needs it; nodes are numbered in a row.
+    Then no entity is in two groups, and every surface is in one, as dolfinx requires; nodes are numbered consecutively.
     """
     groups, members = Groups(), defaultdict[tuple[int, tuple[str, ...]], list[int]](list)
     for dim in (CURVE, SURFACE):
@@ -134,9 +134,9 @@ def regroup(gmsh: Any) -> Groups:
     return groups
 
 
-FORMAT = b"$MeshFormat"  # the first line of a file of gmsh's
+FORMAT = b"$MeshFormat"  # first line of a file in gmsh's format
 NAMES = ("paddle", "wall", "sponge", "water")
-KINDS = {  # meshio's names of cells, gmsh's numbers
+KINDS = {  # names of cells in meshio, numbers in gmsh
     "line": 1,
     "triangle": 2,
     "quad": 3,
@@ -152,7 +152,7 @@ Members = list[NDArray[np.bool_]]  # for each block of cells, whether a cell bel
 
 
 def open_mesh(gmsh: Any, path: Path) -> None:
-    """Read a file into gmsh's current model; raises ``InputError`` if it cannot be read."""
+    """Read a file into the current model of gmsh; raises ``InputError`` if it cannot be read."""
     if not path.is_file():
         raise InputError(f"{path}: is no file; a mesh is needed.")
     if path.suffix == ".msh":
@@ -162,9 +162,9 @@ def open_mesh(gmsh: Any, path: Path) -> None:
 
 
 def _open_msh(gmsh: Any, path: Path) -> None:
-    """Open a private copy of a file of gmsh's.
+    """Open a private copy of a file in gmsh's format.
 
-    gmsh executes the commands of FILE.opt, and of any file that does not begin with its format's name.
+    gmsh executes the commands of FILE.opt, and of any file that does not begin with the name of its format.
     """
     with TemporaryDirectory() as folder:
         copy = Path(folder) / "mesh.msh"
@@ -193,7 +193,7 @@ def _read_by_meshio(path: Path) -> Any:
 
 
 def _add_mesh(gmsh: Any, read: Any, path: Path) -> None:
-    """Put the points, cells and groups of a mesh of meshio's into gmsh's current model."""
+    """Add the points, cells and groups of a mesh of meshio to the current model of gmsh."""
     points = np.column_stack([read.points, np.zeros((len(read.points), 3 - read.points.shape[1]))])
     owner = gmsh.model.addDiscreteEntity(SURFACE)
     gmsh.model.mesh.addNodes(SURFACE, owner, np.arange(1, len(points) + 1), points.ravel())
@@ -203,7 +203,7 @@ def _add_mesh(gmsh: Any, read: Any, path: Path) -> None:
             continue
         if cells.type not in KINDS:
             raise InputError(f"{path}: has cells of the kind {cells.type}; allowed: {', '.join(KINDS)}.")
-        parts = np.zeros(len(cells.data), dtype=np.int64)  # a bit for each group
+        parts = np.zeros(len(cells.data), dtype=np.int64)  # one bit per group
         for bit, members in enumerate(groups.values()):
             parts |= members[block].astype(np.int64) << bit
         for part in np.unique(parts):
@@ -218,9 +218,9 @@ def _add_mesh(gmsh: Any, read: Any, path: Path) -> None:
 
 
 def _groups(read: Any) -> Iterator[tuple[str, Members]]:
-    """Yield the names and members of a mesh's groups."""
+    """Yield the names and members of the groups of a mesh."""
     for name, chosen in read.cell_sets.items():
-        if not name.startswith("gmsh:"):  # gmsh's own bookkeeping
+        if not name.startswith("gmsh:"):  # internal data of gmsh
             blocks = zip(read.cells, chosen, strict=True)
             yield name, [np.isin(np.arange(len(cells.data)), members) for cells, members in blocks]
     for name in NAMES:
@@ -229,7 +229,7 @@ def _groups(read: Any) -> Iterator[tuple[str, Members]]:
     for name, (number, dim) in read.field_data.items():
         blocks = zip(read.cell_data.get("gmsh:physical", []), read.cells, strict=False)
         yield name, [(np.ravel(block) == number) & (cells.dim == dim) for block, cells in blocks]
-    families: dict[int, list[str]] = getattr(read, "cell_tags", {})  # MED's: cells of the same groups have a number
+    families: dict[int, list[str]] = getattr(read, "cell_tags", {})  # MED: cells of the same groups have one number
     for name in sorted({name for names in families.values() for name in names}):
         numbers = [number for number, names in families.items() if name in names]
         yield name, [np.isin(np.ravel(block), numbers) for block in read.cell_data["cell_tags"]]

@@ -1,7 +1,7 @@
 """Layouts of basins: parametric ones that gmsh draws with named groups, or a mesh file.
 
-Curves belong to the groups ``paddle`` and ``wall``, a cylinder's to ``cylinder``, too; surfaces to ``water`` and
-``sponge``. Layouts consist of four-sided blocks that share their sides: rows of cells run through all of them.
+Curves belong to the groups ``paddle`` and ``wall``, that of a cylinder also to ``cylinder``; surfaces to ``water`` and
+``sponge``. Layouts consist of four-sided blocks with common sides: rows of cells run through all of them.
 """
 
 from abc import abstractmethod
@@ -17,13 +17,13 @@ from wavetank.base.case_model import CaseModel, FilePath
 from wavetank.base.quantities import Length, Pair
 from wavetank.mesh.gmsh_model import CURVE, SURFACE
 
-DIGITS = 12  # decimals of coordinates [m], to which equal points agree
+DIGITS = 12  # decimals of coordinates [m] to which points are compared
 
 Point = tuple[float, float]  # x, y [m]
 
 
 class Interval(NamedTuple):
-    """A part of an axis, with a number of equal cells on it.
+    """A part of an axis with equal cells.
 
     Attributes
     ----------
@@ -44,14 +44,14 @@ class Interval(NamedTuple):
 
 
 class Blocks:
-    """Draws blocks with gmsh's own geometry, and their groups at the end.
+    """Draws blocks with the geometry of gmsh, and their groups at the end.
 
     Parameters
     ----------
     gmsh
         The module.
     quadrilaterals
-        Whether triangles are joined to quadrilaterals.
+        Whether triangles are combined into quadrilaterals.
     """
 
     def __init__(self, gmsh: Any, *, quadrilaterals: bool):
@@ -92,13 +92,13 @@ class Blocks:
         Parameters
         ----------
         corners
-            Four places, anticlockwise; the first side runs from the first to the second.
+            Four positions, anticlockwise; the first side is from the first to the second.
         cells
-            Along the first side, and along the second.
+            Numbers of cells along the first and along the second side.
         group
             ``water`` or ``sponge``.
         centres
-            Of the sides, by number from 0, that are arcs of a circle.
+            Centres of sides that are arcs of a circle, by the number of the side from 0.
         """
         places = [_rounded(corner) for corner in corners]
         arcs = {side: _rounded(centre) for side, centre in (centres or {}).items()}
@@ -118,13 +118,13 @@ class Blocks:
         group: str = "water",
         but: Collection[tuple[Interval, Interval]] = (),
     ) -> None:
-        """Add a rectangle for each column along x and row along y, ``but`` some."""
+        """Add a rectangle for each column along x and row along y, except those in ``but``."""
         for column, row in ((column, row) for column in columns for row in rows if (column, row) not in but):
             (x_min, x_max, along), (y_min, y_max, across) = column, row
             self.add([(x_min, y_min), (x_max, y_min), (x_max, y_max), (x_min, y_max)], (along, across), group=group)
 
     def finish(self, *, paddle: float, arcs: str = "") -> None:
-        """Name the groups; the paddle is the wall on the line x = ``paddle`` [m], and round walls may have a name."""
+        """Name the groups; the paddle is the wall on the line x = ``paddle`` [m]; round walls may have a name."""
         self._geo.synchronize()
         at = round(paddle, DIGITS)
         walls = {ends: line for ends, line in self._sides.items() if self._uses[line] == 1}
@@ -175,18 +175,18 @@ class DrawnLayout(CaseModel):
 
     @abstractmethod
     def outline(self, geometry: Any, cell_size: float) -> None:
-        """Draw the layout, its groups and the sizes of its cells into gmsh's current model.
+        """Draw the layout, its groups and the sizes of its cells into the current model of gmsh.
 
         Parameters
         ----------
         geometry
             The module ``gmsh``.
         cell_size
-            To aim at [m].
+            Approximate size of cells [m].
         """
 
     def draw(self, cell_size: float) -> None:
-        """Draw and mesh the layout into gmsh's current model, cells of about ``cell_size`` [m]."""
+        """Draw and mesh the layout into the current model of gmsh, with cells of about ``cell_size`` [m]."""
         import gmsh  # a case can be validated without it
 
         self.outline(gmsh, cell_size)
@@ -199,8 +199,8 @@ class DrawnLayout(CaseModel):
 class RectangularLayout(DrawnLayout):
     """A layout between four walls along the axes."""
 
-    length: Length = Field(description="along x [m]")
-    width: Length = Field(description="along y [m]")
+    length: Length = Field(description="length along x [m]")
+    width: Length = Field(description="width along y [m]")
     origin: Pair = Field(default=(0.0, 0.0), description="the corner of smallest x and y [m]")
 
     @property
@@ -213,16 +213,16 @@ class RectangularLayout(DrawnLayout):
 class Refinement(CaseModel):
     """Refinement of columns of cells, of rows, or of both, from wall to wall."""
 
-    x: Pair | None = Field(default=None, description="interval in x [m]; default: nowhere")
-    y: Pair | None = Field(default=None, description="interval in y [m]; default: nowhere")
-    factor: float = Field(ge=1e-3, lt=1, description="width of the cells there, over that elsewhere [-]")
+    x: Pair | None = Field(default=None, description="interval in x [m]; default: none")
+    y: Pair | None = Field(default=None, description="interval in y [m]; default: none")
+    factor: float = Field(ge=1e-3, lt=1, description="width of these cells over that of others [-]")
 
 
 class Rectangle(RectangularLayout):
     """A rectangle; the paddle is its side at the smallest x."""
 
     type: Literal["rectangle"] = "rectangle"
-    refine: Refinement | None = Field(default=None, description="where cells are narrower; default: nowhere")
+    refine: Refinement | None = Field(default=None, description="intervals of narrower cells; default: none")
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
@@ -264,34 +264,35 @@ def _check_between(axis: str, fine: Pair | None, start: float, end: float) -> No
 
 
 def _refined_parts(ends: list[float], fine: Pair | None, cell_size: float, *, factor: float) -> list[Interval]:
-    """Return the parts between all ends, with cells smaller by a factor in the fine one."""
+    """Return the parts between all ends, with cells that are smaller by a factor in the refined one."""
     start, end = fine or (0.0, 0.0)
     parts = pairwise(sorted({*ends, *(fine or ())}))
     return [Interval.of(a, b, cell_size * (factor if start <= a and b <= end else 1.0)) for a, b in parts]
 
 
-MIN_GAP = 0.3  # radii between the cylinder and walls or sponge
-MIN_CELLS = 4, 2  # cells along a side of the box, and outwards: with less, curved cells beside coarse ones fold
+MIN_GAP = 0.3  # least distance between the cylinder and walls or sponge, in radii
+MIN_CELLS = 4, 2  # least number of cells along a side of the box, and outwards; with fewer, curved cells fold
 
 
 class Cylinder(RectangularLayout):
     """A rectangle without a circle, which may be centred on a side wall; the paddle is its side at the smallest x.
 
-    Cells narrow from the sides of a box around the cylinder towards it; rows of cells run on from the box to the walls.
+    Cells become smaller from the sides of a box around the cylinder towards it; rows of cells continue from the box to
+    the walls.
     """
 
     type: Literal["cylinder"] = "cylinder"
     centre: Pair = Field(description="x and y of the cylinder's axis [m]")
     radius: Length = Field(description="radius of the cylinder [m]")
     factor: float = Field(
-        default=0.5, ge=1e-3, le=0.6, description="width of the cells at the cylinder, over that elsewhere [-]"
+        default=0.5, ge=1e-3, le=0.6, description="width of the cells at the cylinder over that of others [-]"
     )
     geometry: int = Field(default=2, ge=1, le=2, description="order of the cells' geometry: 1 straight, 2 curved")
 
     @model_validator(mode="after")
     def _cylinder_inside(self) -> Self:
         to_paddle, down, to_sponge, up = self._gaps()
-        gap = min(to_paddle, to_sponge, *(across for across in (down, up) if across != 0))  # half a cylinder is as good
+        gap = min(to_paddle, to_sponge, *(across for across in (down, up) if across != 0))  # or half a cylinder
         if gap < (1 + MIN_GAP) * self.radius:
             raise ValueError(
                 f"must have the cylinder at least {MIN_GAP:g} radii, {MIN_GAP * self.radius:g} m, from walls and "
@@ -311,7 +312,7 @@ class Cylinder(RectangularLayout):
         return x - x_min, y - y_min, x_max - self.sponge_length - x, y_max - y
 
     def _box_around(self, cell_size: float) -> Box:
-        """Return the box on whose sides cells have a given size, those at the cylinder smaller by the factor."""
+        """Return the box on whose sides cells have a given size; those at the cylinder are smaller by the factor."""
         (x, y), half = self.centre, 0.25 * np.pi * self.radius / self.factor
         to_x_min, down, to_x_max, up = (half if gap > half + 0.5 * cell_size else gap for gap in self._gaps())
         return x - to_x_min, y - down, x + to_x_max, y + up
@@ -344,14 +345,14 @@ class Cylinder(RectangularLayout):
             blocks.add(corners, (outwards, tangential), centres={3: self.centre})
 
     def _on_cylinder(self, corner: Point) -> Point:
-        """Return the point of the cylinder's wall on the diagonal, or the wall, towards a corner of the box."""
+        """Return the point of the cylinder, or of the side wall, on the diagonal towards a corner of the box."""
         radius = np.sign(np.subtract(corner, self.centre))
         radius *= self.radius / np.linalg.norm(radius)
         return self.centre[0] + float(radius[0]), self.centre[1] + float(radius[1])
 
 
 def _parts_around_box(ends: set[float], start: float, end: float, cell_size: float) -> tuple[list[Interval], Interval]:
-    """Return the parts of an axis between its ends and those of the box, and the box's own."""
+    """Return the parts of an axis between its ends and those of the box, and the part of the box."""
     parts = [Interval.of(a, b, cell_size) for a, b in pairwise(sorted({*ends, start, end}))]
     n = next(n for n, part in enumerate(parts) if part.start == start)
     parts[n] = Interval(start, end, max(MIN_CELLS[0], parts[n].cells))
@@ -365,8 +366,8 @@ class Bend(DrawnLayout):
     width: Length = Field(description="width of the channel [m]")
     first: Length = Field(description="length of the leg along x [m]")
     second: Length = Field(description="length of the leg behind the bend [m]")
-    angle: float = Field(ge=0.1, le=150, description="by which the channel turns, towards +y [deg]")
-    radius: Length = Field(description="of the bend's centre line [m]")
+    angle: float = Field(ge=0.1, le=150, description="angle of the bend, towards +y [deg]")
+    radius: Length = Field(description="radius of the centre line of the bend [m]")
     geometry: int = Field(default=2, ge=1, le=2, description="order of the cells' geometry: 1 straight, 2 curved")
 
     @model_validator(mode="after")
@@ -378,7 +379,7 @@ class Bend(DrawnLayout):
         return self
 
     def _section(self, heading: float, beyond: float = 0.0) -> tuple[Point, Point]:
-        """Return the points of the outer and inner bank at a heading [rad], ``beyond`` [m] further straight ahead."""
+        """Return the points of the outer and inner bank at a heading [rad], extended by ``beyond`` [m] ahead."""
         centre = np.array([self.first, self.width / 2 + self.radius])
         out, ahead = np.array([np.sin(heading), -np.cos(heading)]), np.array([np.cos(heading), np.sin(heading)])
         outer, inner = (centre + (self.radius + side * self.width / 2) * out + beyond * ahead for side in (1.0, -1.0))
@@ -395,7 +396,7 @@ class Bend(DrawnLayout):
 
     @property
     def area(self) -> float:
-        """Area of legs and arc [m²]."""
+        """Area of straight parts and arc [m²]."""
         return self.width * (self.first + self.second + self.radius * float(np.radians(self.angle)))
 
     def outline(self, geometry: Any, cell_size: float) -> None:
@@ -411,7 +412,7 @@ class Bend(DrawnLayout):
             blocks.add([start[0], stop[0], stop[1], start[1]], cells, **options)
 
         add(entrance, begin, self.first)
-        middle = self._section(angle / 2)  # two arcs, each of less than half a circle
+        middle = self._section(angle / 2)  # two arcs, each less than half a circle
         for start, stop in ((begin, middle), (middle, end)):
             add(start, stop, self.radius * angle / 2, centres={0: centre, 2: centre})
         add(end, last, self.second - self.sponge_length)
@@ -444,7 +445,7 @@ class Harbour(DrawnLayout):
 
     @property
     def area(self) -> float:
-        """Of fairway and arm [m²]."""
+        """Area of fairway and arm [m²]."""
         return self.length * self.width + self.arm_length * self.arm_width
 
     def outline(self, geometry: Any, cell_size: float) -> None:

@@ -1,1 +1,1 @@
-"""A run directory: its records written and read, its lock, its log, and where it stands."""
+"""A run directory: writing and reading of records, lock, log, and status."""

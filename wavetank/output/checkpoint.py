@@ -1,19 +1,19 @@
-"""Checkpoints: files with the state of a run at the end of a step, from which it is resumed.
+"""Checkpoints: files with the state of a run at the end of a step, for resuming the run.
 
     checkpoint.zip          the last one
     checkpoint-before.zip   the one before
 
-Each is a zip archive of files that are not compressed, every one with its checksum (CRC-32):
+Each is a zip archive of uncompressed files with checksums (CRC-32):
 
     about.json    the run's id and the program's revision, as in its manifest; its case and parts, time and step, the
                   extents of its records; ``whole``: whether the state has the history of the solvers
-    held.json     the surface, and the state of the run (``wavetank/base/state.py``), {"array": n} in the place of its
-                  n-th array
-    places.npy    coordinates in the mesh of all degrees of freedom [m], shape (N, 3), in the order of ...
-    0.npy ...     ... the last axis of each array: so values belong to places, whatever ranks had them
+    held.json     the surface, and the state of the run (``wavetank/base/state.py``), with {"array": n} for the n-th
+                  array
+    places.npy    mesh coordinates of all degrees of freedom [m], shape (N, 3), in the order of ...
+    0.npy ...     ... the last axis of each array, so that values do not depend on the ranks
 
-It is written to a temporary file, flushed to the disk, and renamed: a kill leaves a complete one. The checkpoint of a
-failed run has the surface and the sums of what was computed, without the history of the solvers.
+It is written to a temporary file, flushed to the disk, and renamed, so that it is complete even after a kill. The
+checkpoint of a failed run has the surface and the accumulated sums, without the history of the solvers.
 """
 
 import errno
@@ -49,12 +49,12 @@ UNREADABLE = (
     RecursionError,
 )  # errors of zip files
 FORMAT = 4  # version of checkpoints; a change of ``Description`` or of the state of all runs increases it
-FULL = errno.ENOSPC, errno.EDQUOT
+DISK_FULL = errno.ENOSPC, errno.EDQUOT
 
 
 @dataclass(frozen=True)
 class StepClock:
-    """Time step [s], and time [s] and number of the first step, of a run that is resumed with others."""
+    """Time step [s], and time [s] and number of the first step, of a resumed run with another step."""
 
     dt: float
     begin: float
@@ -63,7 +63,7 @@ class StepClock:
 
 @dataclass(frozen=True)
 class PartCosts:
-    """Costs of a part of a run, as ``parts`` of the manifest has them."""
+    """Costs of a part of a run, as in ``parts`` of the manifest."""
 
     steps: int
     ranks: int
@@ -80,11 +80,11 @@ class Description:
     Attributes
     ----------
     format
-        The version of the format.
+        Version of the format.
     id, git
-        The id of the run, and the program's revision.
+        Id of the run, and revision of the program.
     t, step, clock, mass
-        Time [s], number of the step, the clock of the run, the water's volume.
+        Time [s], number of the step, clock of the run, volume of water.
     whole
         Whether the state has the history of the solvers.
     case, chosen, files, observers
@@ -92,7 +92,7 @@ class Description:
     parts, warnings
         Parts of the run, and its warnings.
     records, fields
-        The extents of tables and of fields.
+        Extents of tables and of fields.
     """
 
     format: int
@@ -115,7 +115,7 @@ class Description:
 
 @dataclass(frozen=True)
 class RunTree:
-    """State of a run: steps, whether its start is recorded, state of the scheme and of all parts by name."""
+    """State of a run: steps, whether its initial state is recorded, state of the scheme and of all parts by name."""
 
     step: int
     begun: bool
@@ -142,7 +142,7 @@ class CheckpointTree:
 
 
 def checked_tree(about: dict[str, Any], tree_json: str, arrays: Sequence[Vector]) -> dict[str, Any]:
-    """Return the tree of a checkpoint; raises ``ValueError`` for values of other types in it or its description."""
+    """Return the tree of a checkpoint; raises ``ValueError`` for values of other types in it or in its description."""
     json.dumps(about, allow_nan=False)
     description = typed(Description, about, "about")
     if not description.parts:
@@ -162,13 +162,13 @@ class Checkpoint(NamedTuple):
     Attributes
     ----------
     about
-        As JSON has it.
+        Description, in plain JSON types.
     tree_json
-        State of the run in JSON, with numbers in the places of arrays.
+        State of the run in JSON, with numbers that replace the arrays.
     arrays
-        Of shape (..., N).
+        Arrays of shape (..., N).
     places
-        Shape (N, 3) [m].
+        Coordinates [m], shape (N, 3).
     """
 
     about: dict[str, Any]
@@ -180,17 +180,17 @@ class Checkpoint(NamedTuple):
 def write_checkpoint(run: Path, checkpoint: Checkpoint, *, own: bool = False, at_any_price: bool = False) -> int:
     """Write a checkpoint to a run directory and return its size in bytes; raises ``OSError``.
 
-    The last one becomes the one before, if it can be read and is not of a failed run: that may be too late, and the one
-    before stays.
+    The last checkpoint becomes the one before, unless it is unreadable or that of a failed run, which may be too late
+    for resuming.
 
     Parameters
     ----------
     run, checkpoint
-        The directory, and what is written.
+        The directory, and the content.
     own
-        Whether this process has written the last one, which is not checked then.
+        Whether this process has written the last checkpoint, which is then not checked.
     at_any_price
-        Whether the one before is deleted if the disk is full; the last never is.
+        Whether the one before is deleted if the disk is full; the last one is never deleted.
     """
     path, before = run / CHECKPOINT, run / CHECKPOINT_BEFORE
     serves = _may_replace_previous(path, own=own)
@@ -203,17 +203,17 @@ def write_checkpoint(run: Path, checkpoint: Checkpoint, *, own: bool = False, at
                     for name, values in (("places", checkpoint.places), *enumerate(checkpoint.arrays)):
                         content = BytesIO()
                         np.save(content, values)
-                        archive.writestr(f"{name}.npy", content.getvalue())  # a view would outlive a full disk's error
+                        archive.writestr(f"{name}.npy", content.getvalue())  # a view would persist after an error
                 return file.tell()
         except OSError as error:
-            if last_try or error.errno not in FULL:
+            if last_try or error.errno not in DISK_FULL:
                 raise
             before.unlink(missing_ok=True)
     raise AssertionError("the last try returns or raises")
 
 
 def _may_replace_previous(path: Path, *, own: bool) -> bool:
-    """Return whether a checkpoint may take the place of the one before."""
+    """Return whether a checkpoint may replace the one before."""
     try:
         with _archive(path) as archive:
             about: dict[str, Any] = json.loads(archive.read("about.json"))
@@ -225,7 +225,7 @@ def _may_replace_previous(path: Path, *, own: bool) -> bool:
 def read_checkpoint(
     run: Path, why_not: Callable[[dict[str, Any]], str] = lambda about: "", *, at: float | None = None
 ) -> tuple[Checkpoint, list[str]]:
-    """Return the newest checkpoint of a run directory that can be used, and a sentence for each that cannot.
+    """Return the newest usable checkpoint of a run directory, and a sentence for each unusable one.
 
     Raises ``InputError`` if there is none.
 
@@ -234,9 +234,9 @@ def read_checkpoint(
     run
         The directory.
     why_not
-        Returns why a checkpoint of this description cannot be used; empty if it can.
+        Returns why a checkpoint of this description is unusable; empty if it is usable.
     at
-        The requested time [s]; default: any.
+        Requested time [s]; default: any.
     """
     useless, times = list[str](), list[str]()
     for name in CHECKPOINT_FILES:
@@ -259,12 +259,12 @@ def read_checkpoint(
 
 
 def is_at(about: dict[str, Any], t: float) -> bool:
-    """Return whether a description is of a checkpoint at a time [s], to half a step."""
+    """Return whether the description of a checkpoint has a time [s], to half a step."""
     return bool(abs(about["t"] - t) <= 0.5 * about["clock"]["dt"])
 
 
 def read_checkpoint_file(path: Path) -> Checkpoint:
-    """Return the checkpoint in a file, every checksum right; raises one of ``UNREADABLE``."""
+    """Return the checkpoint in a file, with verified checksums; raises one of ``UNREADABLE``."""
     with _archive(path) as archive:
         about, tree_json = _metadata(archive, path.parent), archive.read("held.json").decode()
 
@@ -276,7 +276,7 @@ def read_checkpoint_file(path: Path) -> Checkpoint:
 
 
 def last_checkpoint(run: Path) -> float | None:
-    """Return the time of the newest checkpoint that can be opened [s], if there is one."""
+    """Return the time [s] of the newest checkpoint that can be opened; None if there is none."""
     return next((float(about["t"]) for _, about in readable_checkpoints(run)), None)
 
 
@@ -289,9 +289,9 @@ def readable_checkpoints(run: Path) -> Iterator[tuple[Path, dict[str, Any]]]:
 
 @contextmanager
 def _archive(path: Path) -> Iterator[ZipFile]:
-    """Yield the archive of a checkpoint; raises ``OSError``, ``BadZipFile``, ``ValueError`` if it cannot be one.
+    """Yield the archive of a checkpoint; raises ``OSError``, ``BadZipFile``, ``ValueError`` if it is invalid.
 
-    Its files are not compressed and do not overlap: together they are no larger than the archive.
+    Its files are uncompressed and do not overlap: together they are no larger than the archive.
     """
     with open_regular(path) as file, ZipFile(file) as archive:
         parts = archive.infolist()

@@ -24,7 +24,7 @@ ELEVATION = {
     "long_name": "elevation of the surface above still water",
     "units": "m",
 }
-TIME = {"long_name": "time since the start", "units": "s", "axis": "T"}  # no date to count from: not CF's ``time``
+TIME = {"long_name": "time since the start", "units": "s", "axis": "T"}  # times without a date: not CF's ``time``
 ALONG = {"long_name": "distance along the tank from the paddle at rest", "units": "m", "axis": "X"}
 ACROSS = {"long_name": "distance across the tank", "units": "m", "axis": "Y"}
 UPWARDS = {"long_name": "height above still water", "units": "m", "axis": "Z", "positive": "up"}
@@ -58,15 +58,15 @@ class Variable(NamedTuple):
 
 # ---------------------------------------------------------------- names
 def position_label(name: str, x: float, y: float = 0.0, z: float | None = None) -> str:
-    """Return a name with its position [m], as ``5@x=50;y=2``: without a table's comma, and without y = 0."""
+    """Return a name with its position [m], as ``5@x=50;y=2``: with semicolons, and without y = 0."""
     axes = {"x": x} | ({"y": y} if y else {}) | ({} if z is None else {"z": z})
     return f"{name}@" + ";".join(f"{axis}={np.format_float_positional(at, trim='-')}" for axis, at in axes.items())
 
 
 def parse_position_label(label: str) -> tuple[str, float, float, float]:
-    """Return name, x, y and z [m] of a label by ``position_label``, also with commas; y and z are 0 where it has none.
+    """Return name, x, y and z [m] of a label by ``position_label``, also with commas; absent y and z are 0.
 
-    Raises ``ValueError`` for anything else.
+    Raises ``ValueError`` for other texts.
     """
     name, separator, position = label.rpartition("@x=")
     if not separator:
@@ -87,7 +87,7 @@ ENERGY = {  # unit of each column; of energies and mass by the dimensions of the
 def energy_columns(dimensions: int, *, absorbed: bool = False) -> tuple[str, ...]:
     """Return the columns of the energy budget with their units, for a tank of one or two horizontal dimensions.
 
-    Energies are per unit of density, and of width where the tank has none. ``absorbed`` is a column if paddles absorb.
+    Energies are per unit of density, and of width in one dimension. ``absorbed`` is a column if paddles absorb.
     """
     powers = {"mass": 1 + dimensions, "energy": 3 + dimensions}
     units = {name: unit for name, unit in ENERGY.items() if absorbed or name != "absorbed"}
@@ -97,7 +97,7 @@ def energy_columns(dimensions: int, *, absorbed: bool = False) -> tuple[str, ...
 def energy_rows(values: Mapping[str, Vector]) -> Vector:
     """Return rows of the energy budget, shape (K, columns), of values by the names of ``ENERGY``, shape (K,) each.
 
-    Raises ``ValueError`` for a name that is not there.
+    Raises ``ValueError`` for an unknown name.
     """
     if unknown := values.keys() - ENERGY.keys():
         raise ValueError(f"{', '.join(unknown)}: not in ENERGY of wavetank/output/columns.py")
@@ -107,7 +107,7 @@ def energy_rows(values: Mapping[str, Vector]) -> Vector:
 def load_columns(walls: Sequence[str], dimensions: int) -> list[str]:
     """Return the columns of loads: all quantities of the first wall, then of the next.
 
-    In a tank of one horizontal dimension they are per width.
+    In a tank of one horizontal dimension they are per unit of width.
     """
     units = dict.fromkeys(FORCES, "N") | dict.fromkeys(MOMENTS, "N m")
     if dimensions == 1:
@@ -116,15 +116,15 @@ def load_columns(walls: Sequence[str], dimensions: int) -> list[str]:
 
 
 def paddle_columns(places: Vector | None) -> list[str]:
-    """Return the columns of a paddle, of one in segments for each place y along it [m]."""
+    """Return the columns of a paddle; for a segmented one, of each position y along it [m]."""
     at = [""] if places is None else [f"@y={y:.6g}" for y in places]
     return ["t [s]", *(f"{name}{place} [{unit}]" for name, unit in RATES.items() for place in at)]
 
 
 def probe_quantities(dimensions: int) -> dict[str, tuple[str, str]]:
-    """Return units and meaning of each quantity of a probe by its name; vectors by their components.
+    """Return unit and meaning of each quantity of a probe by its name, vectors by their components.
 
-    There is no component along y in a tank of one horizontal dimension.
+    A tank of one horizontal dimension has no component along y.
     """
     axes = "xyz" if dimensions == 2 else "xz"
     each = ((axis, name, units, text) for name, (units, text) in VECTORS.items() for axis in axes)
@@ -133,7 +133,7 @@ def probe_quantities(dimensions: int) -> dict[str, tuple[str, str]]:
 
 
 def gauge_columns(gauges: Sequence[tuple[str, float] | tuple[str, float, float]]) -> list[str]:
-    """Return the columns of gauges, given name, x and, unless 0, y [m]."""
+    """Return the columns of gauges, given name, x and (if not 0) y [m]."""
     return ["t [s]", *(position_label(*gauge) for gauge in gauges)]
 
 
@@ -168,14 +168,14 @@ def quantity_attributes(name: str) -> dict[str, str]:
 
 
 def station_variables(dimension: str, header: Sequence[str], rows: Vector) -> dict[str, Variable]:
-    """Return time, stations with their positions, and each quantity over station and time; NaN where it is missing.
+    """Return time, stations with their positions, and each quantity over station and time; NaN if it is missing.
 
     Parameters
     ----------
     dimension
-        What the stations are: ``"gauge"``, ``"probe"`` or ``"wall"``.
+        Kind of the stations: ``"gauge"``, ``"probe"`` or ``"wall"``.
     header
-        The columns, time first. Raises ``ValueError`` or ``KeyError`` for one of another table.
+        The columns, time first. Raises ``ValueError`` or ``KeyError`` for those of another table.
     rows
         Their values, shape (times, columns).
     """
@@ -198,7 +198,7 @@ def station_variables(dimension: str, header: Sequence[str], rows: Vector) -> di
 
 
 def _parsed(dimension: str, column: str) -> tuple[str, str, tuple[float, ...], Mapping[str, str]]:
-    """Return quantity, station, its position [m] and the quantity's attributes."""
+    """Return quantity, station, its position [m] and the attributes of the quantity."""
     if dimension == "gauge":
         name, x, y, _ = parse_position_label(column)
         return "elevation", name, (x, y), ELEVATION
@@ -212,7 +212,7 @@ def _parsed(dimension: str, column: str) -> tuple[str, str, tuple[float, ...], M
 
 
 def time_variables(header: Sequence[str], rows: Vector) -> dict[str, Variable]:
-    """Return the columns of a table over time by their names, those at several places y [m] over these, too."""
+    """Return the columns of a table over time by name; those at several positions y [m] also over y."""
     columns: dict[tuple[str, str], dict[str, Vector]] = {}
     for column, values in zip(header[1:], rows.T[1:], strict=True):
         label, _, units = column.removesuffix("]").partition(" [")
@@ -230,14 +230,14 @@ def time_variables(header: Sequence[str], rows: Vector) -> dict[str, Variable]:
 
 
 def point_variables(header: Sequence[str], rows: Vector) -> dict[str, Variable]:
-    """Return the columns of a table without times over point, by their names, with their units."""
+    """Return the columns of a table without times over point, by name, with their units."""
     heads = [head.removesuffix("]").partition(" [") for head in header]
     columns = zip(heads, rows.T, strict=True)
     return {name: Variable(("point",), column, {"units": units}) for (name, _, units), column in columns}
 
 
 def window_variables(header: Sequence[str], rows: Vector) -> dict[str, Variable]:
-    """Return the variables of a window's table, of the times of which all rows are there."""
+    """Return the variables of the table of a window at complete times."""
     names = [one.partition(" [")[0] for one in header]
     at = [n for n, name in enumerate(names) if name in ("x", "y")]
     time, counts = np.unique(rows[:, 0], return_counts=True)

@@ -1,30 +1,31 @@
-"""The run directory: the files of a run, written while it is computed, so that a killed run has records.
+"""The run directory: the files of a run, written during the computation, so that a killed run has records.
 
     manifest.json   the evaluated case, versions, host, command, git revision, timings, counters, status
-    gauges.csv      t [s], then one column a gauge, elevation [m]; the header names each by its place, "5@x=50" or
-                    "5@x=50;y=2" beside the line y = 0
-    gauges.nc       the same as CF-NetCDF, when the run has ended
+    gauges.csv      t [s], then one column per gauge, elevation [m]; the header has names and positions, "5@x=50" or
+                    "5@x=50;y=2" if y is not 0
+    gauges.nc       the same as CF-NetCDF, after the end of the run
     energy.csv      the energy budget, units in the header
-    paddle.csv      position [m], velocity [m/s], acceleration [m/s^2] of a wall that moves, when the gauges are read;
-                    of one in segments at places along it, "position@y=2 [m]"; of a far wall in far-paddle.csv
+    paddle.csv      position [m], velocity [m/s], acceleration [m/s^2] of a moving wall at the times of the gauges;
+                    for a segmented one at positions along it, "position@y=2 [m]"; for a far wall in far-paddle.csv
     probes.csv      velocity [m/s], accelerations [m/s^2] and pressure [Pa] of each probe, empty while it is dry:
                     "velocity_x A@x=2;z=-0.1 [m/s]"
-    probes.nc       the same as CF-NetCDF, when the run has ended
+    probes.nc       the same as CF-NetCDF, after the end of the run
     loads.csv       force and moment on walls, "force_x paddle [N/m]", of a slice per width
     window-NAME.nc  kinematics of columns of water, for other programs (``fields.py``), or window-NAME.csv
     surface.nc      of a slice or ring, snapshots of x [m], elevation [m], surface potential [m²/s], as CF-NetCDF
-    surface.xdmf    opens them in ParaView
+    surface.xdmf    index of surface.nc for ParaView
     surface.pvd, velocity.pvd, fields/     snapshots for ParaView, written by all ranks (``fields.py``)
     checkpoint.zip  the state of the run for a restart, at intervals; ``checkpoint-before.zip`` is the one before
     bed.csv         of a bed by a Python function, its depth [m] at the degrees of freedom
-    broken.csv      of a run that broke down, its last surface; drawn in broken.png
-    breaking.csv    crests that passed the threshold of breaking, when the run has ended; none without such crests
-    run.log         the messages of the run: its summary, progress, warnings, and why it ended
-    .lock           while it is computed (``files.py``)
+    broken.csv      the last surface of a run that broke down; drawn in broken.png
+    breaking.csv    crests above the threshold of breaking, after the end of the run; absent without such crests
+    run.log         the messages of the run: its summary, progress, warnings, and the cause of its end
+    .lock           during the computation (``files.py``)
 
-The first rank writes (``writer.py``), except for the fields. Snapshots are passed to the operating system at once, rows
-of tables in blocks of about a second. A killed run loses the rows of that block, and so does one that ends by a mistake
-on some of its ranks; a resumed run computes them again. Incomplete records are not read. Every number is finite.
+The first rank writes all files (``writer.py``) except the fields. Snapshots are passed to the operating system at once,
+rows of tables in blocks of about a second. A run that is killed, or that ends by an error on some of its ranks, loses
+the rows of the last block; a resumed run computes them again. Readers ignore incomplete records. All numbers are
+finite.
 """
 
 import os
@@ -54,35 +55,35 @@ SURFACE, SURFACE_INDEX = "surface.nc", "surface.xdmf"
 TABLES = GAUGES, ENERGY, PADDLE, FAR_PADDLE, PROBES, LOADS = (
     *("gauges.csv", "energy.csv", "paddle.csv", "far-paddle.csv", "probes.csv", "loads.csv"),
 )
-PADDLES = {"wall": PADDLE, "far_wall": FAR_PADDLE}  # by the key of the wall
+PADDLES = {"wall": PADDLE, "far_wall": FAR_PADDLE}  # file names by the key of the wall
 STATIONS = {GAUGES: "gauge", PROBES: "probe", LOADS: "wall"}  # dimensions of the tables of stations
 NAMES = {GAUGES: "NAME@x=METRES, NAME@x=METRES;y=METRES", PROBES: "QUANTITY NAME@x=METRES;z=METRES [UNITS]"}
-COPIES = {GAUGES: "gauges.nc", PROBES: "probes.nc"}  # as CF-NetCDF, when the run has ended
+COPIES = {GAUGES: "gauges.nc", PROBES: "probes.nc"}  # copies as CF-NetCDF, after the end of the run
 DERIVED = COPIES | {SURFACE: SURFACE_INDEX}
 CHECKPOINT, CHECKPOINT_BEFORE = "checkpoint.zip", "checkpoint-before.zip"
 BED = "bed.csv"
 BROKEN, BROKEN_PICTURE = BROKENS = "broken.csv", "broken.png"
 BREAKING = "breaking.csv"
 POINT_TABLES = BROKEN, BED  # tables without times
-PLACES = ["x", "y", "z", "zeta"]  # coordinates
-CHECKPOINTS = CHECKPOINT, CHECKPOINT_BEFORE, f".{CHECKPOINT}"  # the last while it is written
+PLACES = ["x", "y", "z", "zeta"]  # names of coordinates
+CHECKPOINTS = CHECKPOINT, CHECKPOINT_BEFORE, f".{CHECKPOINT}"  # the last one: temporary file
 SERIES, LOG = ("surface", "velocity"), "run.log"
 REST_POSITION = "rest position"  # (x, y) [m] in the reference tank, of the points of a surface
 VIEWS = "view.png", "view.mp4", "view.gif"
 PICTURES = "surface.png", "gauges.png", "energy.png", "probes.png", "loads.png", *VIEWS
 ANALYSES = "compare.png", "compare.csv", "compare-harmonics.*", "analysis-*.png", "analysis-*.csv"
-LINES = 2**12  # bytes, more than a row of energies has
-FINAL_MANIFEST_SIZE = 2**14  # bytes kept for the manifest's last word on a full disk, beside what it has already
+LINES = 2**12  # bytes, more than a row of energies
+FINAL_MANIFEST_SIZE = 2**14  # bytes reserved for the final manifest on a full disk, in addition to its present content
 
 
 def derived_files(run: Path) -> Iterator[Path]:
-    """Yield what has been written and drawn of the records in a run directory once a run had ended."""
+    """Yield the files and pictures in a run directory that are made from its records after the run."""
     for pattern in (*BROKENS, BREAKING, *COPIES.values(), *PICTURES, *ANALYSES):
         yield from run.glob(pattern)
 
 
 def record_files(run: Path) -> Iterator[Path]:
-    """Yield the records in a run directory, and what has been made of them."""
+    """Yield the records in a run directory, and the files made from them."""
     yield from derived_files(run)
     files = (*TABLES, BED, SURFACE, SURFACE_INDEX, LOG, *CHECKPOINTS)
     indices = (*(f"{name}.pvd" for name in SERIES), "window-*.nc", "window-*.csv")
@@ -92,7 +93,7 @@ def record_files(run: Path) -> Iterator[Path]:
 
 
 class RunDirectory:
-    """A reader of a run directory, also of a run that is being computed or was killed.
+    """A reader of a run directory, also during the run and after a kill.
 
     Raises ``InputError`` if there is none at ``path``, or if a requested file is missing or damaged.
     """
@@ -109,8 +110,8 @@ class RunDirectory:
     def status(self) -> str:
         """The status of the run.
 
-        ``"running"``, ``"finished"``, ``"stopped"`` by a signal, ``"broke down"`` as the water could not be computed,
-        ``"failed"`` for another reason, ``"killed"``: no process writes it; or ``"unknown"``: on another host.
+        ``"running"``, ``"finished"``, ``"stopped"`` by a signal, ``"broke down"`` if the water could not be computed,
+        ``"failed"`` for another reason, ``"killed"`` if no process writes it, or ``"unknown"`` on another host.
         """
         status = str(self.manifest.get("status", ""))
         if status != "running":
@@ -124,7 +125,7 @@ class RunDirectory:
 
     @property
     def reached(self) -> float | None:
-        """The time [s] of the last complete row of its energies, which may be later than its manifest; None without."""
+        """The time [s] of the last complete row of energies, which may exceed that of the manifest; None without."""
         with suppress(OSError, ValueError), open_regular(self.path / ENERGY) as file:
             file.seek(max(0, file.seek(0, os.SEEK_END) - LINES))
             *_, last, _ = file.read().split(b"\n")  # without an incomplete line
@@ -133,37 +134,37 @@ class RunDirectory:
 
     @property
     def warnings(self) -> list[RunWarning]:
-        """The warnings of the run, the worst first."""
+        """The warnings of the run, most severe first."""
         return [run_warning(one) for one in self.manifest.get("warnings", [])]
 
     @property
     def title(self) -> str:
-        """The case's title."""
+        """The title of the case."""
         return str(self.manifest.get("case", {}).get("title", ""))
 
     # ------------------------------------------------------------ as xarray, which takes a second to load
     @property
     def gauges(self) -> "xarray.DataArray":
-        """The elevation [m] over gauge and time [s]; gauges by their names, with their places x and y [m]."""
+        """The elevation [m] over gauge and time [s]; gauges have names and positions x and y [m]."""
         elevation: xarray.DataArray = self._dataset(GAUGES).elevation
         return elevation.assign_attrs(source="computed")
 
     @property
     def energy(self) -> "xarray.Dataset":
-        """The energy budget over time [s], each column by its name, with its units."""
+        """The energy budget over time [s], each column by name, with units."""
         return self._dataset(ENERGY)
 
     @property
     def paddle(self) -> "xarray.Dataset":
-        """Position [m], velocity [m/s] and acceleration [m/s^2] over time [s], and along a paddle in segments y [m].
+        """Position [m], velocity [m/s] and acceleration [m/s^2] over time [s], and along a segmented paddle over y [m].
 
-        Raises ``InputError`` for a wall that cannot move.
+        Raises ``InputError`` for a fixed wall.
         """
         return self._motion("wall")
 
     @property
     def far_paddle(self) -> "xarray.Dataset":
-        """The same of the far wall, positive into the water, against x."""
+        """The same for the far wall, positive into the water, towards -x."""
         return self._motion("far_wall")
 
     def _motion(self, wall: str) -> "xarray.Dataset":
@@ -175,26 +176,26 @@ class RunDirectory:
 
     @property
     def probes(self) -> "xarray.Dataset":
-        """Quantities at probes over probe and time [s], by their names with units; NaN: dry.
+        """Quantities at probes over probe and time [s], by name, with units; NaN: dry.
 
-        Probes by their names, with their places x, y and z [m]. Raises ``InputError`` where there are none.
+        Probes have names and positions x, y and z [m]. Raises ``InputError`` without probes.
         """
         return self._dataset(PROBES)
 
     @property
     def loads(self) -> "xarray.Dataset":
-        """Forces and moments over wall and time [s], each by its name with its units, of a slice per width.
+        """Forces and moments over wall and time [s], by name, with units, of a slice per width.
 
-        Walls by their loads' names. Raises ``InputError`` where there are none.
+        Walls are named as in loads. Raises ``InputError`` without loads.
         """
         return self._dataset(LOADS)
 
     @property
     def surface(self) -> "xarray.Dataset":
-        """``elevation`` [m] and ``surface_potential`` [m²/s] of a slice or ring over time [s] and place.
+        """``elevation`` [m] and ``surface_potential`` [m²/s] of a slice or ring over time [s] and position.
 
-        Where nothing moves the mesh the places are x [m]; else points, whose x [m] is given for each time. Raises
-        ``InputError`` for a basin, whose surface is in ``surface.pvd``.
+        With a fixed mesh the positions are x [m]; otherwise points, with x [m] at each time. Raises ``InputError`` for
+        a basin, whose surface is in ``surface.pvd``.
         """
         data = self.snapshots()
         if not data.time.size:
@@ -204,16 +205,17 @@ class RunDirectory:
         return data
 
     def snapshots(self) -> "xarray.Dataset":
-        """Return the same, always over time and point, also without any snapshot, as of a run killed before the first.
+        """Return ``surface`` over time and point, also without snapshots, as in a run killed before the first one.
 
-        ``x`` [m] of each point depends on time, because the paddle moves the mesh; at point 0 it is the paddle's.
+        ``x`` [m] of each point depends on time, because the paddle moves the mesh; at point 0 it is the position of the
+        paddle.
         """
         if index_file(self.path, "surface").exists():
             raise InputError(f"{self.path}: its surface is a basin's, in surface.pvd, which pyvista and ParaView open.")
         return read_snapshots(self._complete_netcdf(SURFACE), self.path / SURFACE)
 
     def window(self, name: str) -> "xarray.Dataset":
-        """Return the kinematics of a window over time [s], column and level; of a table those that it has.
+        """Return the kinematics of a window over time [s], column and level; for a table, those in it.
 
         Raises ``InputError`` if there is no such window, or no row of it.
         """
@@ -235,28 +237,28 @@ class RunDirectory:
     def broken(self) -> "xarray.Dataset":
         """Return the last surface of a run that broke down, over point.
 
-        x, y (of a basin) [m], elevation [m], slope [-], velocity [m/s]. Raises ``InputError`` where there is none.
+        x, y (of a basin) [m], elevation [m], slope [-], velocity [m/s]. Raises ``InputError`` without this record.
         """
         return self._dataset(BROKEN)
 
     def bed(self) -> "xarray.Dataset":
         """Return the depth of a bed by a Python function over point: x, y (of a basin) and depth [m].
 
-        Raises ``InputError`` where the run has no such record.
+        Raises ``InputError`` without this record.
         """
         return self._dataset(BED)
 
     # ------------------------------------------------------------ as files
     def write_netcdf(self, table: str, file: BinaryIO) -> None:
-        """Write one of ``COPIES`` as CF-NetCDF of time series at stations (CF 1.8, section H.2), times as records.
+        """Write one of ``COPIES`` as CF-NetCDF of time series at stations (CF 1.8, section H.2), with times as records.
 
-        The memory needed does not depend on the number of rows. Raises ``InputError`` where there is none.
+        The memory does not depend on the number of rows. Raises ``InputError`` without this record.
         """
 
         def described(variables: dict[str, Variable]) -> dict[str, Variable]:
             details: dict[str, str | np.float64] = {
                 "coordinates": " ".join(name for name in PLACES if name in variables),
-                "_FillValue": np.float64(np.nan),  # before a gauge was there, while a probe is dry
+                "_FillValue": np.float64(np.nan),  # before a gauge existed, or while a probe is dry
             }
             return {
                 name: Variable(one.dimensions[::-1], one.values.T, {**one.attributes, **details})
@@ -277,7 +279,7 @@ class RunDirectory:
             return read_index(self.path, name)
 
     def _complete_netcdf(self, file: str) -> bytes:
-        """Return a NetCDF file that grows with all its complete records."""
+        """Return the complete records of a NetCDF file that is being written."""
         with self._reading(file), open_regular(self.path / file) as content:
             try:
                 return complete_records(content.read())
@@ -293,7 +295,7 @@ class RunDirectory:
         return Dataset(variables).set_coords(coordinates)
 
     def _variables(self, file: str, header: Sequence[str], rows: NDArray[np.float64]) -> dict[str, Variable]:
-        """Return columns of a table as variables: over stations, over points, over time, or those of a window."""
+        """Return columns of a table as variables over stations, points or time, or those of a window."""
         if file in POINT_TABLES:
             return point_variables(header, rows)
         if file not in STATIONS:
@@ -316,7 +318,7 @@ class RunDirectory:
 
     @contextmanager
     def _reading(self, file: str) -> Iterator[None]:
-        """Raise ``InputError`` that names the file for an ``OSError`` of the block."""
+        """Raise ``InputError`` with the name of the file for an ``OSError`` of the block."""
         try:
             yield
         except OSError as error:
@@ -324,5 +326,5 @@ class RunDirectory:
 
 
 def open_run(path: Path | str) -> RunDirectory:
-    """Return what reads a run directory; raises ``InputError`` if there is none."""
+    """Return the reader of a run directory; raises ``InputError`` if there is none."""
     return RunDirectory(path)

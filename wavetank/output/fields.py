@@ -1,17 +1,17 @@
 """Fields of a run directory for other programs: snapshots of the surface, windows, and series of meshes.
 
 surface.nc        of a slice or ring: x [m], elevation [m] and surface potential [m²/s] over time and point (CF)
-surface.xdmf      opens ``surface.nc`` in ParaView and pyvista as a line that moves: by offsets; written with each
+surface.xdmf      index of ``surface.nc`` for ParaView and pyvista, which draw a moving line; written with each
                   checkpoint and at the end
 window-NAME.nc    over time [s], column and level: z [m], elevation [m], velocity [m/s], accelerations [m/s²] and
-                  pressure [Pa]; columns at x and y [m], levels by their height zeta over the column's, 0 to 1
+                  pressure [Pa]; columns at x and y [m], levels by zeta, their height over that of the column, 0 to 1
 window-NAME.csv   t, x, y (of a basin), z, elevation, velocity, pressure
 surface.pvd       times and files of all snapshots of a mesh
 fields/surface_000012.pvtu        the pieces of one snapshot
 fields/surface_000012_0003.vtu    that of rank 3 in VTK's XML format, arrays appended as compressed binary
 
-The .pvd is replaced once all ranks have written a snapshot, so that a killed run can be read up to then. Nothing
-is gathered, and nothing but the present snapshot is held.
+The .pvd is replaced when all ranks have written a snapshot, so that a killed run can be read up to it. Nothing is
+gathered, and only the present snapshot is in memory.
 """
 
 import os
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 POTENTIAL = {"long_name": "velocity potential at the surface", "units": "m2 s-1", "coordinates": "x y"}
-TABLED = "velocity", "pressure"  # quantities of a window's table
+QUANTITIES = "velocity", "pressure"  # quantities of a window's table
 
 
 # ---------------------------------------------------------------- the surface of a slice or ring
@@ -67,9 +67,9 @@ def surface_variables(row: Array) -> dict[str, Variable]:
 
 
 def read_snapshots(content: bytes, path: Path) -> "xarray.Dataset":
-    """Return the snapshots in a file's content: x [m], elevation [m] and surface potential [m²/s] over time and point.
+    """Return the snapshots in the content of a file: x [m], elevation [m], surface potential [m²/s], time and point.
 
-    None in an empty one; raises ``InputError`` that names ``path`` where it is no record of a surface.
+    None for an empty file; raises ``InputError`` that names ``path`` if it is no record of a surface.
     """
     from xarray import Dataset, load_dataset
 
@@ -84,7 +84,7 @@ def read_snapshots(content: bytes, path: Path) -> "xarray.Dataset":
 
 
 def surface_index(path: Path, extent: Extent) -> bytes:
-    """Return the XDMF file of a record of the surface: times of its snapshots and offsets of the arrays in it.
+    """Return the XDMF file of a record of the surface: times of its snapshots and offsets of their arrays.
 
     Raises ``InputError`` if the record is shorter than its extent.
     """
@@ -120,7 +120,7 @@ def window_file(name: str, form: str) -> str:
 
 
 def window_record(row: Array, *, places: Array, levels: int, dimensions: int) -> dict[str, Variable]:
-    """Return the variables of a record of a window, of the numbers of ``window_row``.
+    """Return the variables of a record of a window, from the numbers of ``window_row``.
 
     Parameters
     ----------
@@ -129,9 +129,9 @@ def window_record(row: Array, *, places: Array, levels: int, dimensions: int) ->
     places
         (x, y) of each column [m], shape (columns, 2).
     levels
-        Points in each.
+        Number of points in each column.
     dimensions
-        Of the tank, horizontally.
+        Horizontal dimensions of the tank.
     """
     each, (eta, rest) = ("time", "column", "level"), np.split(row[1:], [len(places)])
     z, *kinematics = rest.reshape(-1, 1, len(places), levels)
@@ -151,22 +151,22 @@ def window_record(row: Array, *, places: Array, levels: int, dimensions: int) ->
 
 
 def window_row(t: float, z: Array, eta: Array, kinematics: Array) -> Array:
-    """Return the numbers of a record: t, elevation, z and kinematics, shapes as of ``WindowObserver``."""
+    """Return the numbers of a record: t, elevation, z and kinematics, shapes as in ``WindowObserver``."""
     return np.concatenate([[t], eta, z.ravel(), kinematics.ravel()])
 
 
 def window_columns(dimensions: int) -> list[str]:
     """Return the columns of a window's table."""
     shown = [
-        f"{name} [{units}]" for name, (units, _) in probe_quantities(dimensions).items() if name.startswith(TABLED)
+        f"{name} [{unit}]" for name, (unit, _) in probe_quantities(dimensions).items() if name.startswith(QUANTITIES)
     ]
     return ["t [s]", *["x [m]", "y [m]"][:dimensions], "z [m]", "elevation [m]", *shown]
 
 
 def window_rows(t: float, z: Array, eta: Array, kinematics: Array, *, places: Array, dimensions: int) -> Array:
-    """Return rows of a window's table: columns one after another, each from the bed to the surface."""
+    """Return rows of the table of a window: one column after the other, each from the bed to the surface."""
     levels = z.shape[1]
-    tabled = [n for n, name in enumerate(probe_quantities(dimensions)) if name.startswith(TABLED)]
+    tabled = [n for n, name in enumerate(probe_quantities(dimensions)) if name.startswith(QUANTITIES)]
     of_columns = np.column_stack([np.full(len(eta), t), places[:, :dimensions], eta]).repeat(levels, axis=0)
     at, elevation = of_columns[:, :-1], of_columns[:, -1]
     return np.column_stack([at, z.ravel(), elevation, *kinematics[tabled].reshape(len(tabled), -1)])
@@ -177,7 +177,7 @@ Arrays = Mapping[str, NDArray[Any]]
 
 TYPES = {"<f8": "Float64", "<f4": "Float32", "<i4": "Int32", "|u1": "UInt8"}
 FLAT = {2: 3, 3: 5, 4: 9}  # VTK's line, triangle and quadrilateral, by their corners
-LAYERED = {  # cells between two levels, with the order of the lower, then the upper corners
+LAYERED = {  # cells between two levels, and order of the lower, then the upper corners
     2: (9, [0, 1, 3, 2]),
     3: (13, [0, 1, 2, 3, 4, 5]),
     4: (12, [0, 1, 2, 3, 4, 5, 6, 7]),
@@ -196,19 +196,19 @@ def encoded(name: str, values: NDArray[Any]) -> EncodedArray:
     values = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<"))
     components = values.shape[1] if values.ndim > 1 else 1
     raw = values.tobytes()
-    packed = zlib.compress(raw, level=1)  # half the size; higher levels take three times as long for 3 % of it
+    packed = zlib.compress(raw, level=1)  # half the size; higher levels need three times the time for 3 %
     header = [1, len(raw), 0, len(packed)] if raw else [0, 0, 0]  # blocks, size, size of a last one, compressed
     attributes = {"type": TYPES[values.dtype.str], "Name": name, "NumberOfComponents": str(components)}
     return EncodedArray(attributes, np.array(header, "<u8").tobytes() + packed * bool(raw))
 
 
 class VtkCells(NamedTuple):
-    """Linear cells of one kind; encoded once, however often they are written.
+    """Linear cells of one kind, encoded once.
 
     Attributes
     ----------
     number
-        Of cells.
+        Number of cells.
     blocks
         Connectivity, offsets and types.
     """
@@ -218,7 +218,7 @@ class VtkCells(NamedTuple):
 
     @classmethod
     def flat(cls, pieces: NDArray[np.int32], kind: int | None = None) -> "VtkCells":
-        """Return cells of corners among the points, shape (N, corners); default: lines, triangles or quadrilaterals."""
+        """Return cells by corners among the points, shape (N, corners); default: lines, triangles or quadrilaterals."""
         number, corners = pieces.shape
         blocks = [
             encoded("connectivity", pieces.ravel()),
@@ -231,7 +231,7 @@ class VtkCells(NamedTuple):
     def layered(cls, pieces: NDArray[np.int32], *, points: int, levels: int) -> "VtkCells":
         """Return quadrilaterals, wedges or hexahedra over pieces of a footprint, shape (N, corners), upwards.
 
-        Points are numbered level by level, ``points`` in each.
+        Points are numbered by levels, ``points`` in each.
         """
         kind, order = LAYERED[pieces.shape[1]]
         lowest = np.hstack([pieces, pieces + points])[:, order]
@@ -247,7 +247,7 @@ def index_file(run: Path, name: str) -> Path:
 def read_index(run: Path, name: str) -> list[tuple[float, Path]]:
     """Return time [s] and file of each snapshot of a series.
 
-    Raises ``OSError`` where there is no index file, ``InputError`` for another content, or files of another folder.
+    Raises ``OSError`` without an index file, ``InputError`` for another content, or for files in another folder.
     """
     with open_regular(index_file(run, name)) as file:
         content = file.read()
@@ -269,23 +269,23 @@ class VtuSeries:
     Parameters
     ----------
     run
-        The run directory, which exists when the first snapshot is written.
+        Run directory; it exists when the first snapshot is written.
     name
-        Of the series, one of ``wavetank.output.directory.SERIES``.
+        Name of the series, one of ``wavetank.output.directory.SERIES``.
     """
 
     def __init__(self, run: Path, name: str, *, comm: "MPI.Comm"):
         self._run, self._name, self._comm = run, name, comm
         self._times: list[float] = []
-        self._folder: os.stat_result | None = None  # once a snapshot has been written to it
-        self._new: list[Path] = []  # files of this rank that a power cut may still take
+        self._folder: os.stat_result | None = None  # set when a snapshot has been written to it
+        self._new: list[Path] = []  # files of this rank that are not yet flushed to the disk
 
     def extent(self) -> Extent:
         """Return the number of snapshots, for a checkpoint."""
         return {"snapshots": len(self._times)}
 
     def resume_at(self, extent: Extent) -> None:
-        """Continue after those snapshots."""
+        """Continue after a number of snapshots."""
         snapshots = read_index(self._run, self._name) if extent["snapshots"] else []
         self._times = [t for t, _ in snapshots[: extent["snapshots"]]]
 
@@ -296,10 +296,10 @@ class VtuSeries:
         self._new.clear()
 
     def append(self, t: float, points: NDArray[Any], *, cells: VtkCells, arrays: Arrays) -> None:
-        """Write a snapshot at t [s]: this rank's points (x, y, z) [m], shape (N, 3), its cells and arrays; collective.
+        """Write a snapshot at t [s]: points (x, y, z) [m] of this rank, shape (N, 3), cells and arrays; collective.
 
-        Arrays have shape (N,) or (N, components), by their names; each is written in the precision it has.
-        Raises ``RunError`` on all ranks for a number that is not finite or a file that cannot be written on one.
+        Arrays have shape (N,) or (N, components), by name; each is written in its precision. Raises ``RunError`` on all
+        ranks for a number that is not finite or a file that cannot be written on one.
         """
         from wavetank.base.mpi import on_first, raise_on_all_ranks  # initialises MPI
 
@@ -332,7 +332,7 @@ class VtuSeries:
         self._new.append(path)
 
     def _check_folder(self) -> None:
-        """Raise ``RecordError`` where the directory is another than that of the first snapshot."""
+        """Raise ``RecordError`` if the directory differs from that of the first snapshot."""
         there = self._run.stat() if self._run.exists() else None
         self._folder = self._folder or there
         if there is None or self._folder is None or not os.path.samestat(self._folder, there):
@@ -345,7 +345,7 @@ def _snapshot_stem(name: str, number: int) -> str:
 
 
 def missing_file(run: Path, name: str, extent: Extent) -> str:
-    """Return the first file of a series that is missing or damaged, compared with a checkpoint; else nothing."""
+    """Return the first missing or damaged file of a series, compared with a checkpoint; empty if there is none."""
     count = extent["snapshots"]
     try:
         if count and len(read_index(run, name)) < count:
@@ -364,9 +364,9 @@ def missing_file(run: Path, name: str, extent: Extent) -> str:
 
 
 def piece_files(snapshot: Path) -> list[Path]:
-    """Return the files that a snapshot's .pvtu file names, one of each rank.
+    """Return the files named by the .pvtu file of a snapshot, one of each rank.
 
-    Raises ``InputError`` where it cannot be read, or names a file of another folder.
+    Raises ``InputError`` if it cannot be read, or names a file in another folder.
     """
     try:
         with open_regular(snapshot) as file:
@@ -379,7 +379,7 @@ def piece_files(snapshot: Path) -> list[Path]:
 
 
 def _document(kind: str) -> tuple[ElementTree.Element, ElementTree.Element]:
-    """Return a VTK document and the element in it that is called as its kind."""
+    """Return a VTK document and its element named by its kind."""
     attributes = {"byte_order": "LittleEndian", "header_type": "UInt64", "compressor": "vtkZLibDataCompressor"}
     document = ElementTree.Element("VTKFile", attributes, type=kind, version="1.0")
     return document, ElementTree.SubElement(document, kind)
@@ -403,7 +403,7 @@ def _vtu(points: int, described: list[EncodedArray], cells: VtkCells) -> list[by
 
 
 def _pvtu(stem: str, described: list[EncodedArray], ranks: int) -> bytes:
-    """Return a .pvtu file, which tells the pieces of a snapshot."""
+    """Return a .pvtu file, an index of the pieces of a snapshot."""
     document, grid = _document("PUnstructuredGrid")
     for section, blocks in {"PPoints": described[:1], "PPointData": described[1:]}.items():
         parent = ElementTree.SubElement(grid, section)
@@ -415,7 +415,7 @@ def _pvtu(stem: str, described: list[EncodedArray], ranks: int) -> bytes:
 
 
 def _pvd(name: str, times: Sequence[float]) -> bytes:
-    """Return a .pvd file, which tells times [s] and files of snapshots."""
+    """Return a .pvd file, an index of times [s] and files of snapshots."""
     document, collection = _document("Collection")
     for number, t in enumerate(times):
         file = f"{_snapshot_stem(name, number)}.pvtu"

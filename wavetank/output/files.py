@@ -1,7 +1,7 @@
 """Files of a run directory: regular files, atomic writes, the lock, the path of a new directory, and the log.
 
-The lock is the system's (flock) on the file ``.lock``, whose content names the process that has it. On a file system
-without such locks that process decides: on this host it is identified by its number and start time.
+The lock is the system's (flock) on the file ``.lock``, whose content names the process that holds it. On a file system
+without locks, the existence of that process decides: on this host it is identified by its number and start time.
 """
 
 import errno
@@ -28,7 +28,7 @@ FIELDS = "fields"  # the folder of a run directory
 def open_regular(path: Path, mode: str = "rb", **options: Any) -> Any:
     """Return a file opened as by ``open``; raise ``OSError`` for a link, a pipe or a device.
 
-    A file to be written must have one name: a hard link may be a file of another folder.
+    A file that is opened for writing must have one name: a hard link may be a file in another folder.
     """
     return open(path, mode, opener=open_descriptor, **options)
 
@@ -60,7 +60,7 @@ def open_descriptor(path: str | Path, flags: int) -> int:
 def check_entries(run: Path, *, written: bool = False) -> None:
     """Raise ``InputError`` for a link, pipe or device in a run directory or in its folder of fields.
 
-    In a directory that will be ``written``, also for a file with several names.
+    If the directory will be ``written``, also for a file with several names.
     """
     for folder in (run, run / FIELDS):
         with suppress(FileNotFoundError, NotADirectoryError), os.scandir(folder) as entries:
@@ -73,9 +73,9 @@ def check_entries(run: Path, *, written: bool = False) -> None:
 
 
 def write_atomically(path: Path, *content: bytes | memoryview, durable: bool = False) -> None:
-    """Replace a file atomically: a reader or a kill finds the old content or the new one, never a part.
+    """Replace a file atomically: after a kill it has the old or the new content, never a part.
 
-    A ``durable`` file is flushed to the disk and survives a power cut. Raises ``OSError``.
+    A ``durable`` file is flushed to the disk and survives a power failure. Raises ``OSError``.
     """
     with atomic_file(path, durable=durable) as file:
         file.writelines(content)
@@ -83,10 +83,10 @@ def write_atomically(path: Path, *content: bytes | memoryview, durable: bool = F
 
 @contextmanager
 def atomic_file(path: Path, *, durable: bool = False, former: Path | None = None) -> Iterator[BinaryIO]:
-    """Yield a temporary file that replaces the file at ``path`` at the end of the block, and is deleted on any error.
+    """Yield a temporary file that replaces the file at ``path`` at the end of the block, and is deleted after an error.
 
-    The block may also write the temporary file by its ``name``. The replaced file is renamed to ``former``, if that is
-    given. Raises ``OSError``.
+    The block may also write the temporary file by its ``name``. The replaced file is renamed to ``former``, if given.
+    Raises ``OSError``.
     """
     temporary = temporary_path(path)
     try:
@@ -113,7 +113,7 @@ def temporary_path(path: Path) -> Path:
 
 
 def flush_to_disk(path: Path) -> None:
-    """Flush a file, or the names in a folder, to the disk, where the file system supports it."""
+    """Flush a file, or the names in a folder, to the disk, if the file system supports it."""
     with suppress(OSError):
         number = os.open(path, os.O_RDONLY)
         try:
@@ -123,11 +123,11 @@ def flush_to_disk(path: Path) -> None:
 
 
 LOCK = ".lock"
-TIMEOUT, PAUSE = 0.5, 0.05  # time for a reader that tests the lock to release it, and between attempts [s]
+TIMEOUT, PAUSE = 0.5, 0.05  # time for which a reader that tests the lock may hold it, and between attempts [s]
 
 
 class Holder(NamedTuple):
-    """A process: its host, its number there, and its start time in clock ticks of the system."""
+    """A process: its host, its number, and its start time in clock ticks of the system."""
 
     host: str
     pid: int
@@ -135,14 +135,14 @@ class Holder(NamedTuple):
 
     @property
     def has_ended(self) -> bool | None:
-        """Whether the process has ended; None for a process of another host, where that is unknown."""
+        """Whether the process has ended; None for a process of another host, where this is unknown."""
         return None if self.host != socket.gethostname() else _start_time(self.pid) != self.started
 
 
 class RunLock:
     """An exclusive lock of a run directory, until ``release`` or the end of the process.
 
-    Raises ``InputError`` if another process holds the directory's lock, ``OSError`` if the file cannot be written.
+    Raises ``InputError`` if another process has locked the directory, ``OSError`` if the file cannot be written.
     """
 
     def __init__(self, directory: Path):
@@ -153,9 +153,9 @@ class RunLock:
         self.reserve(0)
 
     def reserve(self, size: int) -> None:
-        """Reserve ``size`` bytes of the disk in place of those reserved before, so that a final manifest fits.
+        """Reserve ``size`` bytes of the disk for the final manifest; they replace those reserved before.
 
-        Raises ``OSError`` on a full disk; the earlier reservation stays.
+        Raises ``OSError`` on a full disk; then the earlier reservation remains.
         """
         number, content = self._file.fileno(), self._content + b" " * size
         if os.pwrite(number, content, 0) < len(content):
@@ -164,7 +164,7 @@ class RunLock:
 
     @property
     def holds(self) -> bool:
-        """Whether the directory still contains this lock's file; it may have been deleted, or replaced by another."""
+        """Whether the directory still contains the file of this lock; it may have been deleted or replaced."""
         return not self._file.closed and _has_path(self._file, self._path)
 
     def release(self) -> None:
@@ -181,7 +181,7 @@ class RunLock:
         while True:
             file = os.fdopen(
                 open_descriptor(self._path, os.O_RDWR | os.O_CREAT), "r+b"
-            )  # not truncated: it may be of another process
+            )  # not truncated: it may belong to another process
             if _try_lock(file, fcntl.LOCK_EX) and _has_path(file, self._path):
                 return file
             holder = _holder(file)
@@ -224,7 +224,7 @@ def _holder(file: IO[bytes]) -> Holder | None:
 
 
 def _has_path(file: IO[bytes], path: Path) -> bool:
-    """Return whether the file is still at the path; the former holder of the lock may have deleted it."""
+    """Return whether the file still has the path; the former owner of the lock may have deleted it."""
     try:
         return os.path.samestat(os.fstat(file.fileno()), path.stat())
     except OSError:
@@ -232,15 +232,15 @@ def _has_path(file: IO[bytes], path: Path) -> bool:
 
 
 def _start_time(pid: int) -> str:
-    """Return when a process of this host started, in clock ticks of the system; empty if it has ended.
+    """Return the start time of a process of this host, in clock ticks of the system; empty if it has ended.
 
-    Without ``/proc`` it is empty for all processes, so that none counts as ended.
+    Without ``/proc`` it is empty for all processes, and none is considered ended.
     """
     try:
         state, *fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
     except OSError:
         return ""
-    return "" if state in "ZX" else fields[18]  # field 22 of proc(5), of which the state is field 3
+    return "" if state in "ZX" else fields[18]  # field 22 of proc(5); the list begins with field 3, the state
 
 
 @dataclass(frozen=True)
@@ -263,12 +263,12 @@ class OutputPath:
 
     @classmethod
     def of(cls, out: Path | None, default: Path, *, overwrite: bool) -> "OutputPath":
-        """Return the requested path, or a default, numbered unless it may be overwritten."""
+        """Return the requested path, or a default path, numbered unless it may be overwritten."""
         return cls(out or default, numbered=out is None and not overwrite, overwrite=overwrite)
 
     @property
     def candidates(self) -> Iterator[Path]:
-        """The path, and if it is numbered all that follow."""
+        """The path and, if numbered, its successors."""
         yield self.path
         if self.numbered:
             yield from (self.path.with_name(f"{self.path.name}-{n}") for n in count(2))

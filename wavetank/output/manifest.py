@@ -1,7 +1,7 @@
-"""The schema of a manifest: types of the keys that are read of it; further keys are allowed.
+"""The schema of a manifest: types of the keys that are read; further keys are allowed.
 
-A case is validated as a case where a run is resumed (``case/``). Here are the keys of it that figures, comparisons and
-analyses use, also of a run of another version of this program.
+A case is validated as such when a run is resumed (``case/``). The schema has the keys of a case that figures,
+comparisons and analyses use, also for runs of other versions of this program.
 """
 
 import json
@@ -22,11 +22,11 @@ from wavetank.base.errors import InputError, printable
 from wavetank.output.files import open_regular
 
 MANIFEST = "manifest.json"
-LARGEST = 10**8  # bytes; a larger one is not read
+MAX_SIZE = 10**8  # largest size of a manifest that is read [bytes]
 
 
 def _object(*required: str, **types: Any) -> Any:
-    """Return the model of a JSON object with values of these types; keys may be missing but for the required ones.
+    """Return the model of a JSON object with values of these types; keys except the required ones may be missing.
 
     Further keys are allowed, numbers are finite, and no type is converted.
     """
@@ -87,10 +87,10 @@ MANIFEST_CONTENT = _object(
 
 
 def read_manifest(run: Path) -> dict[str, Any]:
-    """Return the manifest of a run directory; raise ``InputError`` where there is none, or a value of a wrong type."""
+    """Return the manifest of a run directory; raise ``InputError`` if it is missing or has a value of a wrong type."""
     try:
         with open_regular(run / MANIFEST) as file:
-            if os.fstat(file.fileno()).st_size > LARGEST:
+            if os.fstat(file.fileno()).st_size > MAX_SIZE:
                 raise _missing(run)
             content = file.read()
         manifest: dict[str, Any] = json.loads(content)
@@ -111,7 +111,7 @@ def _missing(run: Path) -> InputError:
 
 
 def environment() -> dict[str, Any]:
-    """Return what identifies the program of a run: versions, host, command and git revision."""
+    """Return the program of a run: versions, host, command and git revision."""
     return {
         "versions": {"python": platform.python_version(), **_versions()},
         "host": platform.node(),
@@ -132,7 +132,7 @@ def _versions() -> dict[str, str]:
 
 
 def _revision() -> str | None:
-    """Return the checkout's revision, marked if it is changed; None outside a checkout."""
+    """Return the revision of the checkout, marked if it is modified; None outside a checkout."""
     folder = Path(__file__).resolve().parent
     command = ["git", "-c", "safe.directory=*", "describe", "--always", "--dirty", "--abbrev=12"]
     try:

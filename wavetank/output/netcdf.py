@@ -1,9 +1,9 @@
-"""NetCDF in the classic 64-bit format, which every NetCDF library reads, by the CF conventions 1.8.
+"""NetCDF in the classic 64-bit format, which all NetCDF libraries read, by the CF conventions 1.8.
 
 Records can be appended to a file. The number of records is in four bytes of the header, which are rewritten after each;
-incomplete records are not counted. The netCDF library itself cannot truncate a file to the records of a checkpoint, nor
-remove a record that a full disk has cut. Files that it writes can end in bytes without meaning (4096 in place of
-1064), after which no record can be appended.
+incomplete records are not counted. The netCDF library itself can neither truncate a file to the records of a checkpoint
+nor remove a record that a full disk has truncated. Its files can end in padding (4096 bytes instead of 1064), after
+which no record can be appended.
 """
 
 import shlex
@@ -38,8 +38,8 @@ def conventions(manifest: Mapping[str, Any]) -> dict[str, str]:
 def netcdf(variables: Mapping[str, Variable], attributes: Mapping[str, str], *, unlimited: str = "") -> bytes:
     """Return a file of variables; records can be appended in the ``unlimited`` dimension.
 
-    Text is characters in UTF-8, along a dimension of its own. Raises ``ValueError`` for a length of zero: the format
-    takes that for unlimited.
+    Text is characters in UTF-8, along a separate dimension. Raises ``ValueError`` for a length of zero, which means
+    unlimited in this format.
     """
     from scipy.io import netcdf_file
 
@@ -64,17 +64,17 @@ def netcdf(variables: Mapping[str, Variable], attributes: Mapping[str, str], *, 
 
 
 def write_records(file: BinaryIO, blocks: Iterable[Mapping[str, Variable]], attributes: Mapping[str, str]) -> int:
-    """Write a file of variables whose times come in blocks; return their number. It needs the memory of one block.
+    """Write a file of variables with times in blocks; return the number of times. The memory is that of one block.
 
     Parameters
     ----------
     file
-        Where it is written, from the first byte.
+        Output file, written from the first byte.
     blocks
-        Each with all variables. Those over ``time``, which is their first and an unlimited dimension, have
-        rows that follow those of the block before; the others are those of the first block.
+        Blocks with all variables. Variables over ``time``, their first and an unlimited dimension, have the rows that
+        follow those of the block before; the others are those of the first block.
     attributes
-        Of the file.
+        Attributes of the file.
     """
     count = 0
     for block in blocks:
@@ -95,12 +95,12 @@ def write_records(file: BinaryIO, blocks: Iterable[Mapping[str, Variable]], attr
 
 
 def _set_attributes(named: Any, attributes: Mapping[str, str | np.float64]) -> None:
-    """Give a file, or a variable of one, its attributes."""
+    """Set the attributes of a file or variable."""
     for name, value in attributes.items():
         setattr(named, name, value.encode() if isinstance(value, str) else value)
 
 
-MAGIC = b"CDF\x02"  # the first bytes of the header
+MAGIC = b"CDF\x02"  # first bytes of the header
 
 
 class AppendNetCDF(AppendFile):
@@ -133,7 +133,7 @@ class AppendNetCDF(AppendFile):
         return super().extent() | {"_records": self._records, "_begin": self._begin}
 
     def resume_at(self, extent: Extent) -> None:
-        """Truncate the file to that size when it is opened, and append there."""
+        """Truncate the file to a size when it is opened, and append there."""
         super().resume_at(extent)
         self._records, self._begin = extent["_records"], extent["_begin"]
 
@@ -156,9 +156,9 @@ class AppendNetCDF(AppendFile):
 
 
 def complete_records(content: bytes) -> bytes:
-    """Return the file with as many records as are complete in it; empty where there are none.
+    """Return the file with its complete records; empty if there are none.
 
-    Raises ``ValueError`` for what is no NetCDF of this format.
+    Raises ``ValueError`` for a content that is not NetCDF of this format.
     """
     if content[: len(MAGIC)] != MAGIC[: len(content)]:
         raise ValueError("is no NetCDF in the classic 64-bit format")
@@ -170,14 +170,14 @@ def complete_records(content: bytes) -> bytes:
 
 
 def _with_count(content: bytes, number: int) -> bytes:
-    """Return a file whose header tells this number of records."""
+    """Return a file whose header has this number of records."""
     return content[: COUNT.start] + number.to_bytes(4, "big") + content[COUNT.stop :]
 
 
 def _complete(content: bytes) -> bool:
-    """Return whether a file holds all that its header tells."""
+    """Return whether a file has all the data that its header declares."""
     from scipy.io import netcdf_file
 
-    with suppress(Exception), netcdf_file(BytesIO(content), mmap=False) as file:  # a header that is cut says anything
+    with suppress(Exception), netcdf_file(BytesIO(content), mmap=False) as file:  # a truncated header is arbitrary
         return all(np.size(variable.data) for variable in file.variables.values())
     return False

@@ -1,4 +1,4 @@
-"""``wavetank status``: the status of runs, from their directories alone."""
+"""``wavetank status``: the status of runs, from their directories only."""
 
 import os
 from collections.abc import Iterator, Sequence
@@ -25,7 +25,7 @@ def status_line(path: Path) -> str:
     manifest, state = run.manifest, run.status
     progress, checkpoint = manifest.get("progress", {}), last_checkpoint(path)
     times = [one for one in (progress.get("t"), checkpoint, run.reached) if one is not None]
-    t, end = max(times, default=None), progress.get("end")  # the latest: each is written at other times
+    t, end = max(times, default=None), progress.get("end")  # the latest of them, which are written at different times
     computed = progress.get("t", 0.0) - progress.get("begin", 0.0)
     parts = [state]
     if t is not None:
@@ -35,7 +35,7 @@ def status_line(path: Path) -> str:
         parts.append(f"speed {speed:.2g} s a second")
         if state == "running" and t is not None and end is not None:
             parts.append(f"left {format_duration(max(0.0, end - t) / speed)}")
-    if written := manifest.get("written"):  # not later than now, whatever the clocks show
+    if written := manifest.get("written"):  # not in the future, if clocks differ
         age = max(0.0, (current_time() - datetime.fromisoformat(written)).total_seconds())
         parts.append(f"written {format_duration(age)} ago")
     if checkpoint is not None:
@@ -47,7 +47,7 @@ def status_line(path: Path) -> str:
 
 
 def runs(paths: Sequence[Path]) -> Iterator[Path]:
-    """Yield the run directories that are given, or in folders that are; raise ``InputError`` where there is none."""
+    """Yield run directories that are given, or are in given folders; raise ``InputError`` if there is none."""
     result = False
     for path in paths:
         if not path.exists():
@@ -72,7 +72,7 @@ def status(
 ) -> None:
     """Print the status of runs: progress, speed, cause of failure.
 
-    It is read from their directories, while they are computed, afterwards, and on other machines.
+    It is read from their directories, during and after the runs, also on other machines.
     """
     terminal = console()
     for path in runs(paths or [Path("runs")]):

@@ -27,7 +27,7 @@ def csv_table(columns: Mapping[str, NDArray[np.float64]]) -> bytes:
     return _csv_line(columns) + csv_lines(np.array([*columns.values()], dtype=np.float64).T)
 
 
-BLOCK = 2**16  # bytes of a table that are read together
+BLOCK = 2**16  # block of a table that is read at once [bytes]
 Extent = dict[str, Any]  # extent of a record in a checkpoint, as a JSON object
 Rows = NDArray[np.float64] | Sequence[NDArray[np.float64] | Sequence[float | None]]
 
@@ -39,9 +39,9 @@ def _csv_line(cells: Iterable[str]) -> bytes:
 
 
 def csv_lines(rows: NDArray[Any]) -> bytes:
-    """Return lines of numbers, each with the digits that an exact round trip needs, and empty cells at None.
+    """Return lines of numbers, each with the digits of an exact round trip, and empty cells for None.
 
-    Seven times as fast as by ``repr``.
+    It is seven times as fast as ``repr``.
     """
     from pydantic_core import to_json
 
@@ -54,17 +54,17 @@ def _identity(file: os.stat_result) -> tuple[int, int]:
 
 
 def read_blocks(file: BinaryIO, path: Path, *, ascending: bool) -> Iterator[tuple[list[str], NDArray[np.float64]]]:
-    """Yield column names and complete rows of a table in blocks, shape (rows, columns); NaN where a cell is empty.
+    """Yield column names and complete rows of a table in blocks, shape (rows, columns); NaN for empty cells.
 
-    The first block has no row. Raises ``InputError`` that names ``path`` for a cell that is no number, for rows of
-    another length, and for times that do not ascend, if they have to.
+    The first block has no row. Raises ``InputError`` that names ``path`` for a cell that is not a number, for rows of
+    another length, and for times that do not ascend, if required.
     """
     line = file.readline()
     header = next(csv.reader([line.decode(errors="replace")] if line.endswith(b"\n") else []), ["t"])
     yield header, np.empty((0, len(header)))
     number, last = 2, -np.inf  # number of the next line, and the previous time
     while lines := file.readlines(BLOCK):
-        if not lines[-1].endswith(b"\n"):  # cut by a kill
+        if not lines[-1].endswith(b"\n"):  # truncated by a kill
             lines.pop()
         try:
             cells = csv.reader([line.decode(errors="replace") for line in lines])
@@ -83,7 +83,7 @@ def read_blocks(file: BinaryIO, path: Path, *, ascending: bool) -> Iterator[tupl
 def unusable(path: Path, extent: Extent, t: float) -> str:
     """Return why a record cannot be continued from its extent in the checkpoint at t [s]; empty if it can.
 
-    Rows of a table may have gained columns, but must not have been added, removed or edited. Raises ``OSError``.
+    Columns may have been added to a table; rows must not have been added, removed or edited. Raises ``OSError``.
     """
     missing = f"it counts on more than there is in {path.name}"
     if not path.exists():
@@ -121,7 +121,7 @@ class AppendFile(ABC):
 
     def __init__(self, path: Path):
         self._path = path
-        self._initial_size = self._size = 0  # bytes when it is opened, and now
+        self._initial_size = self._size = 0  # size when it is opened, and now [bytes]
 
     @property
     def name(self) -> str:
@@ -140,7 +140,7 @@ class AppendFile(ABC):
         return {"size": self._size}
 
     def resume_at(self, extent: Extent) -> None:
-        """Truncate the file to that size when it is opened, and append there."""
+        """Truncate the file to a size when it is opened, and append there."""
         self._initial_size = self._size = extent["size"]
 
     def sync(self) -> None:
@@ -152,10 +152,10 @@ class AppendFile(ABC):
         self.extend([row])
 
     def extend(self, rows: Rows) -> None:
-        """Append rows, time [s] first, a value for each column or None, which leaves it empty.
+        """Append rows, time [s] first, with a value or None (an empty cell) for each column.
 
         Raises ``RunError`` for a number that is not finite, after the rows before it are written; ``RecordError`` for a
-        file that cannot be written, after as many rows as there is room for; ``ValueError`` for a row of another
+        file that cannot be written, after the rows for which there is space; ``ValueError`` for a row of another
         length.
         """
         values: NDArray[Any] = np.asarray(rows, dtype=np.float64)  # nan at None
@@ -177,12 +177,12 @@ class AppendFile(ABC):
 
     @abstractmethod
     def _write_rows(self, rows: NDArray[Any]) -> None:
-        """Write rows, all or none; raises ``RecordError``."""
+        """Write all rows or none; raises ``RecordError``."""
 
     def write(self, content: bytes | memoryview, *, at: int | None = None) -> None:
         """Append bytes, or write them ``at`` an offset, and pass them to the operating system at once.
 
-        That takes microseconds, and a kill loses nothing. Appended bytes are written completely or, if that fails, not
+        This takes microseconds, and a kill loses nothing. Appended bytes are written completely or, after an error, not
         at all. Raises ``RecordError``.
         """
         try:
@@ -207,9 +207,9 @@ class AppendFile(ABC):
 
 
 class TableWriter(AppendFile):
-    """A CSV table to which rows of finite numbers are appended, with the digits that an exact round trip needs.
+    """A CSV table to which rows of finite numbers are appended, with the digits of an exact round trip.
 
-    A continued table may have more columns than before: they are empty in its earlier rows.
+    A continued table may have new columns: they are empty in earlier rows.
     """
 
     def __init__(self, path: Path, columns: Sequence[str]):
@@ -228,7 +228,7 @@ class TableWriter(AppendFile):
             self.write(_csv_line(self._columns))
 
     def _widen(self) -> None:
-        """Rewrite a file that has other columns; cells keep their column by name."""
+        """Rewrite a file that has other columns; cells belong to columns by name."""
         with open_regular(self._path, "r", newline="", encoding="utf-8", errors="replace") as file:
             rows = csv.reader(islice(file, 1 + self._rows))
             header = next(rows)
@@ -246,7 +246,7 @@ class TableWriter(AppendFile):
         return {"rows": self._rows, "columns": self._columns, "checksum": self._checksum}
 
     def resume_at(self, extent: Extent) -> None:
-        """Truncate the table to these rows when it is opened, and append there."""
+        """Truncate the table to a number of rows when it is opened, and append there."""
         end, _ = _scan(self._path, extent["rows"], self._columns)
         self._rows, self._initial_size = extent["rows"], end or 0
 

@@ -1,4 +1,4 @@
-"""Writes the run directory: tables and snapshots as the run goes on, the manifest at its start and end."""
+"""Writes the run directory: tables and snapshots during the run, the manifest at its start and end."""
 
 import json
 import os
@@ -61,7 +61,7 @@ class RunWriter:
     """A writer of a run directory, on rank 0 only.
 
     The constructor locks the directory and changes no file in it; ``begin`` does. As a context manager it begins the
-    run, closes the files at the end, and records an error that leaves the block as the cause of a failed run.
+    run, closes the files at the end, and records an error of the block as the cause of a failed run.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class RunWriter:
         The directory; created if missing. Raises ``InputError`` if it contains anything but a run that may be
         overwritten, if another process writes to it, or if it cannot be written.
     manifest
-        The first content of the manifest; ``status`` is added.
+        Initial content of the manifest; ``status`` is added.
     resume
         Whether an existing run is continued: nothing of it is replaced. Raises ``InputError`` if there is none.
     """
@@ -77,7 +77,7 @@ class RunWriter:
     def __init__(self, path: OutputPath | Path, manifest: dict[str, Any], *, resume: bool = False):
         self._records: list[AppendFile] = []
         self._started = self._discard_newest = self._wrote_checkpoint = False
-        self._reserved = 0  # bytes kept for the manifest's last word
+        self._reserved = 0  # bytes reserved for the final manifest
         output = path if isinstance(path, OutputPath) else OutputPath(path)
         self._resume = resume
         identity: str | None = uuid4().hex
@@ -91,9 +91,9 @@ class RunWriter:
     def begin(self, more: dict[str, Any] | None = None) -> Self:
         """Write the manifest with further figures, delete the files of an earlier run and open the records.
 
-        Of a resumed run only files derived from its records are deleted. Raises ``InputError`` or ``RecordError`` if
-        a file cannot be written, ``RunError`` for a figure that is not finite, ``RecordError`` if the directory has
-        been replaced.
+        In a resumed run only files derived from its records are deleted. Raises ``InputError`` or ``RecordError`` if a
+        file cannot be written, ``RunError`` for a figure that is not finite, ``RecordError`` if the directory has been
+        replaced.
         """
         self._check_owned()
         self._manifest |= more or {}
@@ -155,11 +155,11 @@ class RunWriter:
                 self._write_manifest(self._manifest)
 
     def gauges(self, gauges: Sequence[tuple[str, float] | tuple[str, float, float]]) -> TableWriter:
-        """Return the gauges' table, rows (t [s], eta_1 [m], ..., eta_N [m]), given name, x and, unless 0, y [m]."""
+        """Return the table of gauges, rows (t [s], eta_1 [m], ..., eta_N [m]), given name, x and (if not 0) y [m]."""
         return self.table(GAUGES, gauge_columns(gauges))
 
     def table(self, file: str, columns: Sequence[str]) -> TableWriter:
-        """Return a new table with these columns, time first, units in their names.
+        """Return a new table with these columns, time first, with units in their names.
 
         Raises ``ValueError`` for a file that is not in ``TABLES``.
         """
@@ -170,7 +170,7 @@ class RunWriter:
     def window(
         self, name: str, *, form: str, places: Vector, levels: int, dimensions: int
     ) -> Callable[[float, Vector, Vector, Vector], None]:
-        """Return the function that appends to a window's record, ``form`` netcdf or csv; see ``WindowObserver``."""
+        """Return the function that appends to the record of a window, netcdf or csv; see ``WindowObserver``."""
         path = self.path / window_file(name, form)
         if form == "csv":
             table = self._add_record(TableWriter(path, window_columns(dimensions)))
@@ -184,20 +184,20 @@ class RunWriter:
         return self._add_record(AppendNetCDF(self.path / SURFACE, conventions(self._manifest), surface_variables))
 
     def _add_record(self, record: R) -> R:
-        """Add a record, which is open from the beginning of the run to its end, and return it."""
+        """Add a record, which is open during the run, and return it."""
         self._records.append(record)
         if self._started:
             record.open()
         return record
 
     def extents(self) -> dict[str, Extent]:
-        """Return the extent of each record by the name of its file, for a checkpoint."""
+        """Return the extent of each record by its file name, for a checkpoint."""
         return {record.name: record.extent() for record in self._records}
 
     def resume_at(self, extents: Mapping[str, Extent]) -> None:
         """Continue the records from these extents when the run begins; others are new.
 
-        Raises ``InputError`` for an extent of no record.
+        Raises ``InputError`` for an extent of an unknown record.
         """
         names = {record.name for record in self._records}
         if not extents.keys() <= names:
@@ -216,7 +216,7 @@ class RunWriter:
         checkpoint
             The state of the run.
         last_size
-            Bytes to reserve for the last checkpoint until there are two, the older of which it may replace.
+            Bytes to reserve for the last checkpoint until there are two; then it may replace the older one.
         at_any_price
             Whether this is the last one; see ``write_checkpoint``.
         """
@@ -238,7 +238,7 @@ class RunWriter:
         return size
 
     def last_checkpoint(self, at: float | None = None) -> tuple[Checkpoint, list[str]]:
-        """Return the newest usable checkpoint, or that of a time [s], and a sentence for each unusable one.
+        """Return the newest usable checkpoint, or that at a time [s], and a sentence for each unusable one.
 
         Raises ``InputError`` if there is none.
         """
@@ -266,16 +266,16 @@ class RunWriter:
             return "it is of another version of this program"
 
     def write_table(self, file: str, columns: Mapping[str, Vector]) -> None:
-        """Write a complete table, such as that of breaking crests; on a full disk it is left out."""
+        """Write a complete table, such as that of breaking crests; on a full disk it is omitted."""
         with suppress(OSError):
             write_atomically(self.path / file, csv_table(columns))
 
     def note(self, figures: dict[str, Any]) -> None:
-        """Add figures to the manifest, which is written at the latest when the run ends."""
+        """Add figures to the manifest, which is written at the end of the run at the latest."""
         self._manifest |= figures
 
     def finish(self, status: str, figures: dict[str, Any]) -> None:
-        """Close all files, copy gauges and probes to CF-NetCDF, write the surface's index and the final manifest.
+        """Close all files, copy gauges and probes to CF-NetCDF, write the index of the surface and the final manifest.
 
         A copy that cannot be written is a warning in the manifest. Raises ``RunError`` if the manifest cannot be
         written and for a figure that is not finite, ``RecordError`` if the directory has been replaced.
@@ -295,9 +295,9 @@ class RunWriter:
             self._write_manifest(last, durable=True)
 
     def _write_derived(self, name: str) -> None:
-        """Write the copy of a table as CF-NetCDF, or the XDMF file of the surface's snapshots so far.
+        """Write the copy of a table as CF-NetCDF, or the XDMF file of the present snapshots of the surface.
 
-        Nothing is written of a record without values. Raises ``OSError`` and ``InputError``.
+        A record without values has no copy. Raises ``OSError`` and ``InputError``.
         """
         extent = self.extents().get(name, {})
         if name in COPIES and len(extent["columns"]) > 1:
@@ -337,7 +337,7 @@ def _locked_directory(output: OutputPath) -> tuple[Path, RunLock, list[Path]]:
             busy = is_locked(path) and not output.numbered  # RunLock then names the process
             _check_free(path, overwrite=output.overwrite or busy)
             lock = RunLock(path)
-            _check_free(path, overwrite=output.overwrite)  # another run may have ended before the lock
+            _check_free(path, overwrite=output.overwrite)  # another run may have ended before the lock was acquired
             return path, lock, created
         except (InputError, FileExistsError):
             if not output.numbered:

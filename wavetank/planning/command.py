@@ -1,4 +1,4 @@
-"""``wavetank plan`` and ``wavetank motion``, light to import: the commands import what they need."""
+"""``wavetank plan`` and ``wavetank motion``. Imports are inside the commands, so that this module loads fast."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -27,9 +27,9 @@ def plan(
 ) -> None:
     """Print what a case requires, and the cheapest numerics for it.
 
-    Numerics that a case names beside numerics.accuracy are not replaced; without numerics.accuracy the case's own
-    numerics are compared with the proposed ones. A case that names none is run with the plan. For basins, tanks over a
-    bed and starts by formula no plan is made: some steps are run, also under mpirun, and timed.
+    Numerics that a case sets together with numerics.accuracy are not replaced. Without numerics.accuracy, the numerics
+    of the case are compared with the proposed ones. A case that sets no numerics runs with the plan. For basins, tanks
+    over a bed and initial states by formula there is no plan: some steps are run, also under mpirun, and timed.
     """
     from wavetank.planning.report import report
 
@@ -57,8 +57,8 @@ def motion(
 ) -> None:
     """Write the paddle motion as a file for a wave board.
 
-    A motion of type "recorded" reads the file as its position, and the run is the same. For a flap the CSV file also
-    has its angle, and the height above the bed at which the position is.
+    A motion of type "recorded" reads the file as its position and gives the same run. The CSV file of a flap also has
+    its angle and the height above the bed of the position.
     """
     from wavetank.planning.motion_file import write_motion
 

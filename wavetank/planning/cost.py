@@ -1,30 +1,30 @@
 """Cost of a run: CPU time and memory from constants measured on one machine.
 
-**A step** costs (a + b S + c E) + (a' + b' S + c' E) dt omega_max seconds, S = p cells + 1 surface values and
-E = S (n+1) (p+2) entries of the operator; longer steps need more iterations. The constants of each kind of waves
-(linear; nonlinear; nonlinear and driven by a piston) and scheme are fitted to timed runs of waves of k a = 0.1 with all
-records (``benchmarks/costs.py``), with five cells in a wave as in plans: with more, the same dt omega_max is a smaller
-part of the period, predictors are better, and Gauss-Legendre's stages need half of the solves. Steeper waves need more
-solves a step, by the factor 1 + ``STEEPER`` (s² - 0.01) with s = k times the crest's height: measured, to 25 %, of
-standing waves up to k a = 0.3, at the tolerance of plans for a percent.
+**A step** costs (a + b S + c E) + (a' + b' S + c' E) dt omega_max seconds, S = p cells + 1 surface values and E = S
+(n+1) (p+2) entries of the operator; longer steps need more iterations. The constants of each kind of waves (linear;
+nonlinear; nonlinear and driven by a piston) and scheme are fitted to timed runs of waves of k a = 0.1 with all records
+(``benchmarks/costs.py``), with five cells per wave as in plans. With more cells, the same dt omega_max is a smaller
+part of the period, predictors are better, and the stages of Gauss-Legendre need half of the solves. Steeper waves need
+more solves per step, by the factor 1 + ``STEEPNESS_FACTOR`` (s² - 0.01), with s = k times the crest height. It is
+measured to 25 % for standing waves up to k a = 0.3, at the tolerance of plans for an error of 1 %.
 
-The schemes contain the constants of one machine (``costs``; a scheme without has those of the default scheme): the
-choice of a plan needs ratios only, and is the same everywhere. They are measured by
-``python -m benchmarks --only costs``.
+The schemes contain the constants of one machine (``costs``; default: those of the default scheme). The choice of a plan
+depends on ratios only and is the same on all machines. The constants are measured by ``python -m benchmarks --only
+costs``.
 
-**Records below the surface** need one more interior solve and products, with a separate history of solves
-(``tank/kinematics.py``), once for all that are due at a step; then points are evaluated and written. They need 0.4 of
-the memory of the run more (``BELOW``), measured in a basin of 43 621 nodes. Measured times (``ROW``,
-``POINT``): in slices of 49 to 1801 nodes 2.4 to 7.5 ms a row, beside steps of the default scheme of 1.8 to 6.4 ms; in
-basins of 1027 and 3775 nodes 0.6 and 0.5 of a step.
+**Records below the surface** need one more interior solve and products for each step with records, with a separate
+history of solves (``tank/kinematics.py``). Then points are evaluated and written. They increase the memory by a factor
+of 1.4 (``RECORD_MEMORY``), measured in a basin of 43 621 nodes. Measured times (``ROW``, ``POINT``): in slices of 49 to
+1801 nodes 2.4 to 7.5 ms per row, with steps of the default scheme of 1.8 to 6.4 ms; in basins of 1027 and 3775 nodes
+0.6 and 0.5 of a step.
 
-**A paddle that absorbs** evaluates before each step the elevation at its face, or the load on it, and the budget its
-power. Measured (``ABSORPTION``) in slices of 73, 361 and 1441 nodes, n = 8, p = 3: of an active piston 0.59, 0.64 and
-0.97 ms a step, of two 0.76, 0.95 and 1.5, of one on a spring 0.75, 1.2 and 2.2.
+**An absorbing paddle** evaluates the elevation at its face, or the load on it, before each step; the energy budget
+needs its power. Measured times (``ABSORPTION``) in slices of 73, 361 and 1441 nodes, n = 8, p = 3: 0.59, 0.64 and 0.97
+ms per step for an active piston, 0.76, 0.95 and 1.5 ms for two, 0.75, 1.2 and 2.2 ms for one on a spring.
 
-**The limit before a run** is rough, within a factor of 3 where it was compared. Slices cost what the plan's model
-predicts; a basin's step 1.2e-6 s an unknown and a hundredth of a second, between measurements of 65 610 to 1 674 440
-unknowns (docs/peers.md), and 900 bytes a degree of freedom of the surface, 130 more for each mode (docs/scaling.md).
+**The estimate that is checked before a run** agreed with measurements within a factor of 3. The cost of slices is that
+of the plan. A step of a basin takes 0.01 s and 1.2e-6 s per unknown, measured for 65 610 to 1 674 440 unknowns
+(docs/peers.md). The memory is 900 bytes per degree of freedom of the surface, and 130 for each mode (docs/scaling.md).
 """
 
 from math import inf
@@ -50,27 +50,28 @@ from wavetank.simulation.build import build_clock
 from wavetank.simulation.clock import Clock, EveryTimeBetween
 from wavetank.simulation.memory import available_memory
 
-FITTED, STEEPER = 0.1, 3.0  # steepness at which constants are fitted, and factor of steeper waves
+FIT_STEEPNESS, STEEPNESS_FACTOR = 0.1, 3.0  # steepness at which constants are fitted, and factor of steeper waves
 KINDS = {"linear": ("linear", False), "nonlinear": ("nonlinear", False), "driven": ("nonlinear", True)}
 BASE = 185e6  # bytes: Python with dolfinx and PETSc, and a tank of ten cells; largest resident size, x86-64
 PER_ENTRY = {"linear": 130.0, "nonlinear": 185.0}  # bytes per E, from (p, n) = (3, 8) and (5, 5)
-A_DAY = 86_400.0  # wall time [s], if each rank has a core
+DAY = 86_400.0  # wall time [s], if each rank has a core
 STEP, PER_UNKNOWN = 0.01, 1.2e-6  # time of a step of a basin [s], and for each unknown
 PER_NODE, PER_MODE = 900.0, 130.0  # bytes for each degree of freedom of a basin's surface, and each of its modes
-RELEVANT = 0.2  # part of the CPU time above which a cost is reported
+MIN_REPORTED_PART = 0.2  # part of the CPU time above which a cost is reported
 PER_CELL = 60.0  # least size of a mesh file for each cell [bytes]
 
 
 def step_costs(name: str) -> StepCosts:
-    """Return the measured costs of an integrator; of one without any those of the default scheme."""
+    """Return the measured cost constants of an integrator; default: those of the default scheme."""
     costs: StepCosts = getattr(INTEGRATORS[name], "costs", Simpson4.costs)
     return costs
 
 
-LEANING, BENT, BOTH_BENT = 1.3, 1.5, 2.1  # cost of flaps hinged at the bed or below, and of other shapes, over pistons
+FLAP_COST = 1.3  # cost of flaps hinged at the bed or below, over pistons
+BENT_COST, BOTH_BENT_COST = 1.5, 2.1  # cost of other shapes, of one wall and of both, over pistons
 ROW = 2.5e-3, 5e-8  # time of a row below the surface [s], and for each entry of a slice's operator
 ROW_OF_STEP = 0.55  # time of such a row over that of a basin's step
-BELOW = 0.4  # relative increase of memory by records below the surface
+RECORD_MEMORY = 0.4  # relative increase of memory by records below the surface
 ABSORPTION: dict[type, tuple[float, float]] = {  # time of a step for each paddle [s], and for each entry
     ActiveAbsorption: (0.45e-3, 7e-9),
     SpringDamper: (0.7e-3, 2.3e-8),
@@ -82,36 +83,36 @@ CONSTANTS: dict[str, tuple[float, ...]] = {  # (a, b, c, a', b', c') [s] by kind
 
 
 class OutputCost(NamedTuple):
-    """Rows of records below the surface in a run, the points that are written, and CPU time [s] of writing these."""
+    """Number of rows of records below the surface, number of written points, and CPU time [s] to write them."""
 
     rows: float
     points: float
     writing: float
 
     def cpu(self, row: float) -> float:
-        """Return the CPU time [s] where a row takes ``row`` [s]."""
+        """Return the CPU time [s] for a time ``row`` [s] per row."""
         return self.rows * row + self.writing
 
     def message(self, part: float) -> str:
-        """Return the number of rows below the surface and their part of CPU time as text; empty without any."""
+        """Return the number of rows below the surface and their part of CPU time as text; empty if there are none."""
         points = f", {self.points:.0f} points are written" if self.points else ""
         what = "probes, loads, windows and velocity fields"
         return f"{what} are evaluated {self.rows:.0f} times{points}: {part:.0%} of the time" if self.rows else ""
 
 
 class Cost(NamedTuple):
-    """What a run needs.
+    """The cost of a run.
 
     Attributes
     ----------
     unknowns, steps
-        Their numbers.
+        Number of unknowns and of steps.
     cpu, memory
         CPU time [s] and memory [bytes] of all ranks.
     output, absorption
-        The parts of the CPU time for records below the surface and for absorbing paddles [s].
+        CPU times of records below the surface and of absorbing paddles [s], parts of ``cpu``.
     records
-        The records below the surface as text; empty without any.
+        Description of the records below the surface; empty if there are none.
     """
 
     unknowns: float
@@ -124,12 +125,12 @@ class Cost(NamedTuple):
 
 
 def paddle_factor(case: Case) -> float:
-    """Return the cost of a step with the case's paddles over that with a piston; a second one counts if both bend."""
+    """Return the cost of a step with the case's paddles relative to one piston; a second one counts if both deform."""
     factors = [1.0]
     for wall in (end.wall for end in case.paddles):
         if isinstance(wall, ShapedWall):
-            factors.append(LEANING if isinstance(wall, HingedWall) and wall.hinge <= 0.0 else BENT)
-    return BOTH_BENT if factors.count(BENT) == 2 else max(factors)
+            factors.append(FLAP_COST if isinstance(wall, HingedWall) and wall.hinge <= 0.0 else BENT_COST)
+    return BOTH_BENT_COST if factors.count(BENT_COST) == 2 else max(factors)
 
 
 def entries_of(order: int, cells: int, vertical_order: int) -> int:
@@ -138,12 +139,12 @@ def entries_of(order: int, cells: int, vertical_order: int) -> int:
 
 
 def row_cost(entries: float) -> float:
-    """Return the CPU time [s] of a row below the surface of a slice whose operator has so many entries."""
+    """Return the CPU time [s] of a row below the surface in a slice, by the number of entries of the operator."""
     return ROW[0] + ROW[1] * entries
 
 
 def output_cost(case: Case, dt: float) -> OutputCost:
-    """Return the output cost of a case with time steps of dt [s]."""
+    """Return the cost of the output of a case with time steps of dt [s]."""
     output, steps = case.output, case.run.duration / dt
     every = [output.probes_every] if case.probes or case.loads else []
     if any(load.on == PADDLE for load in case.loads):
@@ -161,23 +162,23 @@ def output_cost(case: Case, dt: float) -> OutputCost:
 
 
 def features(order: int, cells: int, vertical_order: int, dt_omega_max: float) -> Vector:
-    """Return the factors of the constants in the cost of a step, shape (6,)."""
+    """Return the factors of the cost constants, shape (6,)."""
     sizes = [1.0, order * cells + 1, entries_of(order, cells, vertical_order)]
     return np.asarray(np.outer([1.0, dt_omega_max], sizes).ravel(), dtype=np.float64)
 
 
-def step_cost(kind: str, settings: Settings, dt_omega_max: float, *, steepness: float = FITTED) -> float:
-    """Return the CPU seconds of a step in waves of a kind and of a steepness k times the crest's height."""
-    steeper = 1.0 if kind == "linear" else 1.0 + STEEPER * (steepness**2 - FITTED**2)
+def step_cost(kind: str, settings: Settings, dt_omega_max: float, *, steepness: float = FIT_STEEPNESS) -> float:
+    """Return the CPU time [s] of a step by kind of waves and steepness, k times the crest height."""
+    steeper = 1.0 if kind == "linear" else 1.0 + STEEPNESS_FACTOR * (steepness**2 - FIT_STEEPNESS**2)
     sizes = features(settings.order, settings.cells, settings.vertical_order, dt_omega_max)
     constants = np.array(CONSTANTS[f"{kind} {settings.integrator}"])
     return steeper * float(sizes @ constants)
 
 
 def slice_cost(
-    case: Case, settings: Settings, physics: Physics, *, dt_omega_max: float, steepness: float = FITTED
+    case: Case, settings: Settings, physics: Physics, *, dt_omega_max: float, steepness: float = FIT_STEEPNESS
 ) -> Cost:
-    """Return the cost of a run in a slice or ring, its output included, on one core."""
+    """Return the cost of a run in a slice or ring on one core, output included."""
     steps = Clock.covering(case.run.duration, settings.dt).steps
     entries = entries_of(settings.order, settings.cells, settings.vertical_order)
     walls: list[Any] = [case.paddles[number].wall for number in case.absorbing]
@@ -188,13 +189,13 @@ def slice_cost(
     kind, factor = ("driven", paddle_factor(case)) if physics == "nonlinear" and case.paddles else (physics, 1.0)
     step = factor * step_cost(kind, settings, dt_omega_max, steepness=steepness)
     cpu = steps * step + output + absorption
-    memory = BASE + (1.0 + BELOW * bool(records.rows)) * PER_ENTRY[physics] * entries
+    memory = BASE + (1.0 + RECORD_MEMORY * bool(records.rows)) * PER_ENTRY[physics] * entries
     unknowns = (settings.order * settings.cells + 1) * (settings.vertical_order + 2.0)
     return Cost(unknowns, steps, cpu, memory, output, absorption, records.message(output / cpu))
 
 
 def needs_of(case: Case, ranks: int = 1) -> Cost:
-    """Return the needs of a case with all numerics."""
+    """Return the cost of a case with complete numerics."""
     chosen, tank, integrator = case.numerics, case.tank, INTEGRATORS[case.numerics.integrator]()
     cells, smallest = _cells_of_basin(case, tank) if isinstance(tank, BasinTank) else (0.0, case.cell_size)
     largest = still_mesh(case, smallest).largest_frequency
@@ -207,7 +208,7 @@ def needs_of(case: Case, ranks: int = 1) -> Cost:
         return cost._replace(memory=cost.memory + (ranks - 1) * BASE)
     steps, records, nodes = case.run.duration / dt, output_cost(case, dt), chosen.order**2 * cells
     unknowns = nodes * (chosen.vertical_order + 2.0)
-    per_node = (PER_NODE + PER_MODE * chosen.vertical_order) * (1.0 + BELOW * bool(records.rows))
+    per_node = (PER_NODE + PER_MODE * chosen.vertical_order) * (1.0 + RECORD_MEMORY * bool(records.rows))
     step = ranks * STEP + PER_UNKNOWN * unknowns
     output = records.cpu(ROW_OF_STEP * step)
     return Cost(unknowns, steps, steps * step + output, ranks * BASE + nodes * per_node, output)
@@ -221,8 +222,8 @@ def _cells_of_basin(case: Case, tank: BasinTank) -> tuple[float, float]:
     return (file.stat().st_size / PER_CELL if file.exists() else 0.0), case.cell_size
 
 
-def check_affordable(case: Case, comm: MPI.Comm, *, longest: float = A_DAY) -> None:
-    """Raise ``CaseError`` for a case with all numerics that needs longer [s], or too much memory; collective."""
+def check_affordable(case: Case, comm: MPI.Comm, *, longest: float = DAY) -> None:
+    """Raise ``CaseError`` if a case with complete numerics exceeds a time [s] or the memory; collective."""
     available = available_memory(comm)
     on_first(comm, lambda: _check_affordable(needs_of(case, comm.size), available, ranks=comm.size, longest=longest))
 
@@ -231,7 +232,7 @@ def _check_affordable(needs: Cost, available: float, *, ranks: int, longest: flo
     if needs.cpu / ranks <= longest and needs.memory <= available:
         return
     records = ""
-    if needs.output >= RELEVANT * needs.cpu:
+    if needs.output >= MIN_REPORTED_PART * needs.cpu:
         time = format_duration(needs.output / ranks)
         records = f"; {time} of it are for records below the surface, of which fewer rows need less"
     allowed = (

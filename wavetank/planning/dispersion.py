@@ -1,19 +1,19 @@
 """The fully discrete linear dispersion relation of cells, orders and step, for omega² = g k tanh(k d).
 
-**Space.** On equal cells the discrete waves are Bloch waves, u(x + dx) = u(x) exp(i k dx), of the element matrices of
-order p: p unknowns a cell. Its operator on still water is a sum of products of horizontal and vertical matrices, so the
-eigenproblem of p (n+1) unknowns splits. With mu_j of the horizontal one, S v = mu M v, and the vertical modes
+**Space.** On equal cells of order p the discrete waves are Bloch waves, u(x + dx) = u(x) exp(i k dx), with p unknowns
+per cell. The operator on still water is a sum of products of horizontal and vertical matrices, so the eigenproblem of p
+(n+1) unknowns splits. With the eigenvalues mu_j of the horizontal problem, S v = mu M v, and the vertical modes
 (Lambda_i; b_i = int P_i dzeta) of ``fem/vertical.py``,
 
     omega_j² = g d mu_j (1 - sum_i b_i² mu_j / (mu_j + Lambda_i / d²)),     j = 0 ... p-1,
 
 exactly: the bracket is the rational approximation of order n of tanh(kappa d) / (kappa d), kappa² = mu. Branch j
-belongs to wave numbers between j pi / dx and (j+1) pi / dx, at the ends, where two branches face each other, to the
-lower; there a wave is half of the one and half of the other. A tank between walls has the frequencies of those k that
-are multiples of pi / length.
+belongs to wave numbers between j pi / dx and (j+1) pi / dx. At an end of this interval two branches meet: the wave
+number belongs to the lower one, and the wave consists of both in equal parts. A tank between walls has the frequencies
+of the k that are multiples of pi / length.
 
-**Time.** A scheme maps the state of an oscillator by a matrix of omega dt, found by stepping unit vectors. The argument
-of its principal eigenvalue, (25)-(31) of Gagarina et al. 2016, is omega_num dt; that of Störmer-Verlet is
+**Time.** A step maps the state of an oscillator by a matrix that depends on omega dt; steps of unit vectors give it.
+The argument of its principal eigenvalue, (25)-(31) of Gagarina et al. 2016, is omega_num dt; that of Störmer-Verlet is
 2 asin(omega dt / 2).
 """
 
@@ -31,7 +31,7 @@ from wavetank.integrators.contract import Integrator, like, rows
 from wavetank.integrators.oscillators import Oscillators
 from wavetank.waves import airy
 
-XI, WEIGHTS = legendre.leggauss(64)  # Gauss' rule over a cell: exact for waves of a tenth of it, and longer
+XI, WEIGHTS = legendre.leggauss(64)  # Gauss points of a cell: exact for waves longer than a tenth of it
 
 
 # ---------------------------------------------------------------------------------------------------- space
@@ -47,17 +47,18 @@ def elements(order: int) -> tuple[Vector, Vector, Vector]:
 
 
 class BlochWaves(NamedTuple):
-    """Discrete waves, per wave number.
+    """Discrete waves by wave number.
 
     Attributes
     ----------
     mu
-        The eigenvalue [1/m²], k² in the limit: the mean of its branch and of the branch that faces it at the next end,
-        weighted with their parts of exp(i k x). There it has no jump, and elsewhere it is that of its branch.
+        Eigenvalue [1/m²], k² in the limit: the mean of its branch and of the branch that it meets at the next end,
+        weighted with their parts of exp(i k x). The mean is continuous at the end; elsewhere it is the eigenvalue of
+        the branch.
     profile_error
-        How far nodal values of exp(i k x) are from the discrete wave, relative, in the norm of M. The rest belongs
-        to other branches: a bounded error, while that in the frequency grows with time. Of a branch of nearly the same
-        frequency, as two have that face each other, it is as small as they differ.
+        Relative difference of nodal values of exp(i k x) and the discrete wave, in the norm of M. It belongs to other
+        branches: this error is bounded, while the phase error by the frequency grows with time. Where two branches meet
+        and have nearly equal frequencies, it decreases with their difference.
     """
 
     mu: Vector
@@ -66,7 +67,7 @@ class BlochWaves(NamedTuple):
 
 @dataclass(frozen=True)
 class UniformCells:
-    """Equal cells of order p along x, of a size [m], and their Bloch waves."""
+    """Equal cells of order p and of a size [m] along x, and their Bloch waves."""
 
     order: int
     size: float
@@ -89,7 +90,7 @@ class UniformCells:
         """Return the discrete waves of wave numbers k [rad/m], positive, any shape; ``nan`` beyond p pi / dx."""
         k = np.asarray(k, dtype=float)
         position = k * self.size / np.pi * (1 - 1e-14)
-        branch, nearest = np.floor(position)[..., None], np.round(position)[..., None]  # the end next to it
+        branch, nearest = np.floor(position)[..., None], np.round(position)[..., None]  # the nearest end of a branch
         last, numbers = self.order - 1, np.arange(self.order)
         own, facing = np.minimum(branch, last), np.clip(2 * nearest - 1 - branch, 0, last)
         mu, parts = self.branches(k)
@@ -101,10 +102,10 @@ class UniformCells:
         return BlochWaves(np.where(resolved, mean, np.nan), np.where(resolved, profile, 1.0))
 
     def truncation_error(self, k: ArrayLike) -> Vector:
-        """Return what no polynomial of degree p in each cell holds of exp(i k x), relative, in the mean square.
+        """Return the relative root mean square error of exp(i k x) in its best approximation by degree p in each cell.
 
-        exp(i kappa xi) = sum_l (2 l + 1) i^l j_l(kappa) P_l(xi) with kappa = k dx / 2, so it is
-        sum_(l > p) (2 l + 1) j_l(kappa)² (Abramowitz and Stegun 1964, 10.1.47), 2 |j_l| = |int exp(i kappa x) P_l dx|.
+        exp(i kappa xi) = sum_l (2 l + 1) i^l j_l(kappa) P_l(xi) with kappa = k dx / 2. The squared error is sum_(l > p)
+        (2 l + 1) j_l(kappa)² (Abramowitz and Stegun 1964, 10.1.47), with 2 |j_l| = |int exp(i kappa x) P_l dx|.
         """
         kappa = np.asarray(k, dtype=float) * self.size / 2
         degrees = np.arange(self.order + 1, self.order + 13)
@@ -114,13 +115,13 @@ class UniformCells:
 
     @property
     def largest(self) -> float:
-        """The largest mu of all branches and k [1/m²]."""
+        """The largest mu over all branches and k [1/m²]."""
         return _largest(self.order) / self.size**2
 
 
 @cache
 def _largest(order: int) -> float:
-    """Return the largest mu of all branches and k for cells of size 1; it is at an end of a branch."""
+    """Return the largest mu over branches and k for cells of size 1; it is at an end of a branch."""
     return float(UniformCells(order, 1.0).branches(np.array([0.0, np.pi]))[0].max())
 
 
@@ -156,7 +157,7 @@ class Mesh:
 
 
 def relative_frequency_error(kd: float, vertical_order: int) -> float:
-    """Return the error of the frequency that the vertical order alone makes of a wave of k d."""
+    """Return the relative frequency error of a wave of k d by the vertical order alone."""
     mesh = Mesh(cells=UniformCells(1, 1.0), vertical_order=vertical_order, depth=1.0)
     return float(mesh.frequency(kd**2) / airy.angular_frequency(kd, 1.0, mesh.gravity) - 1.0)
 
@@ -171,7 +172,7 @@ def _vertical_modes(n: int) -> tuple[Vector, Vector]:
 # ---------------------------------------------------------------------------------------------------- time
 @dataclass(frozen=True)
 class _Harmonics(Oscillators):
-    """H = sum x (p² + q²) / 2: oscillators of the frequencies x, stepped at once."""
+    """Oscillators of frequencies x, H = sum x (p² + q²) / 2, that are stepped together."""
 
     x: Vector
 
@@ -186,23 +187,23 @@ class _Harmonics(Oscillators):
 
 
 def amplification(scheme: Integrator[Any], x: Vector) -> Vector:
-    """Return the matrices by which a step maps the state of an oscillator with omega dt = x, shape (N, m, m)."""
+    """Return the matrices by which a step maps the states of oscillators with omega dt = x, shape (N, m, m)."""
     start = scheme.start(np.zeros_like(x), np.zeros_like(x))
     size = len(rows(start))
-    units = like(start, np.repeat(np.eye(size), x.size, axis=1))  # one after the other, each of all oscillators
+    units = like(start, np.repeat(np.eye(size), x.size, axis=1))  # unit vectors in turn, each for all oscillators
     columns = rows(scheme.step(_Harmonics(np.tile(x, size)), units, 0.0, 1.0))
     return columns.reshape(size, size, x.size).transpose(2, 0, 1)
 
 
 class StepErrors(NamedTuple):
-    """What a scheme does to a wave exp(-i omega t), per value of omega dt.
+    """Errors of a scheme for a wave exp(-i omega t), by omega dt.
 
     Attributes
     ----------
     frequency
-        omega_num / omega - 1: grows into a phase error; ``nan`` where the scheme is unstable.
+        omega_num / omega - 1: its phase error grows with time; ``nan`` where the scheme is unstable.
     shape
-        What a start without jumps puts into other modes, and the error of the amplitude: bounded.
+        Amplitude error and part of the initial state in other modes of the scheme: bounded.
     """
 
     frequency: Vector
@@ -219,7 +220,7 @@ def step_errors(scheme: Integrator[Any], x: ArrayLike) -> StepErrors:
     stable = (np.abs(factors).max(axis=1) < 1 + 1e-7) & (flat < np.pi)  # double roots at x -> 0 split by round-off
     start = rows(scheme.start(one, zero)) - 1j * rows(scheme.start(zero, one))  # exp(-i omega t): q = 1, p = -i
     amplitudes = np.linalg.solve(modes, np.broadcast_to(start, (flat.size, *start.shape)))[..., 0]
-    reported = like(scheme.start(zero, zero), modes.transpose(1, 0, 2)).q  # of each mode, shape (N, m)
+    reported = like(scheme.start(zero, zero), modes.transpose(1, 0, 2)).q  # part of each mode, shape (N, m)
     results = reported * amplitudes
     main = results[each, principal]
     shape = np.abs(main - 1.0) + np.abs(results).sum(axis=1) - np.abs(main)

@@ -1,4 +1,4 @@
-"""Files of a paddle motion for the controllers of wave boards."""
+"""Motion files for the controllers of wave boards."""
 
 from functools import partial
 from pathlib import Path
@@ -17,8 +17,8 @@ from wavetank.motion.motion import Array, Extent, extent, times
 from wavetank.output.columns import paddle_columns
 
 MAX_ROWS = 10**7
-ROWS, MIN_WAVE = 20, 0.1  # rows in the shortest period; least wave that counts, over the stroke
-REST = 1e-3  # speed over the largest one at which a signal ends at rest
+ROWS, MIN_WAVE = 20, 0.1  # least rows in the shortest period; least wave that counts, relative to the stroke
+REST = 1e-3  # final speed, relative to the largest, below which a signal ends at rest
 
 
 def write_motion(
@@ -48,8 +48,8 @@ def write_motion(
 def _signal(end: EndWall, rate: float, *, ramp_down: bool) -> tuple[Array, float]:
     """Return position, velocity and acceleration at equal steps, and the time of the last one before a ramp-down.
 
-    They have shape (3, T), or (3, T, P) of a paddle in segments, as far as the motion is defined. Raises ``InputError``
-    for too many rows, or a ramp-down beyond the limits of the paddle.
+    Shape (3, T), or (3, T, P) for a paddle of segments, up to the end of the definition of the motion. Raises
+    ``InputError`` for too many rows, or a ramp-down beyond the limits of the paddle.
     """
     rows = int(np.ceil(end.duration * rate * (1 - 1e-12))) + 1
     if rows > MAX_ROWS:
@@ -67,9 +67,9 @@ def _signal(end: EndWall, rate: float, *, ramp_down: bool) -> tuple[Array, float
 
 
 def _ramp_down(signal: Array, rate: float) -> Array:
-    """Return the continuation of a signal to rest at X = 0: a quintic from its last values.
+    """Return the continuation of a signal to rest at X = 0, a quintic from its last values.
 
-    The quintic's length is that for which its largest values are least, relative to those of the signal.
+    The length of the quintic minimises its largest values relative to those of the signal.
     """
     last, largest = signal[:, -1], np.abs(signal).reshape(3, -1).max(axis=1)
 
@@ -83,7 +83,7 @@ def _ramp_down(signal: Array, rate: float) -> Array:
 
 
 def _largest(end: EndWall, signal: Array) -> str:
-    """Return the signal's largest values as text, each with its limit if there is one."""
+    """Return the signal's largest values and their limits as text."""
     limits, parts = end.wall.limits, []
     both = zip(Extent._fields, ("m", "m/s", "m/s^2"), extent(signal), end.extent, strict=True)
     for name, unit, *pair in both:
@@ -93,7 +93,7 @@ def _largest(end: EndWall, signal: Array) -> str:
 
 
 def _heights(end: EndWall) -> tuple[float, float] | None:
-    """Return the heights of a flap's position above the bed and above its hinge [m]; None of other paddles."""
+    """Return the heights of the position of a flap above the bed and above its hinge [m]; None for other paddles."""
     wall = end.wall
     if not isinstance(wall, HingedWall):
         return None
@@ -102,9 +102,9 @@ def _heights(end: EndWall) -> tuple[float, float] | None:
 
 
 def _rate_warning(end: EndWall, rate: float) -> list[str]:
-    """Return a warning for a rate that gives the shortest period of the motion few rows.
+    """Return a warning if the rate gives too few rows in the shortest period of the motion.
 
-    Half a period is the time between two reversals more than a tenth of the stroke from each other.
+    Half a period is the time between two reversals of the motion that differ by more than a tenth of the stroke.
     """
     t = times(min(end.duration, end.motion().duration), 0.01)
     X, v = (one.reshape(t.size, -1)[:, 0] for one in end.rates(t)[:2])
@@ -118,7 +118,7 @@ def _rate_warning(end: EndWall, rate: float) -> list[str]:
 
 
 def _write(path: Path, end: EndWall, t: Array, signal: Array, form: str, needs: str) -> None:
-    """Write a signal; raises ``InputError`` where there is a file, or none can be."""
+    """Write a signal; raises ``InputError`` if the file exists or cannot be written."""
     places, columns, header = end.wall.places(end.tank), [signal[0]], f"# t [s], position [m]; {needs}"
     if form == "csv":
         columns, names = [*signal], paddle_columns(places)

@@ -1,10 +1,10 @@
 """The waves of a paddle, by linear wavemaker theory.
 
-Their spectral lines are a_j = c(k_j) |X_j|, X_j being Fourier coefficients of its motion over the run, or longer than
-a short one (``EndWall.analysed_duration``), and c the transfer function (``waves/wavemaker.py``). Groups of lines are
-components. Each is followed from the paddle to the farthest gauge that it reaches within the run, with all later
-passages after reflections at both ends (``travel.py``); if there is no gauge, or most of the energy has not arrived, to
-the far wall. The energy that a gauge records weights its error.
+Their spectral lines are a_j = c(k_j) |X_j|, with the Fourier coefficients X_j of the motion over the run (longer for a
+short run: ``EndWall.analysed_duration``) and the transfer function c of the paddle (``waves/wavemaker.py``). Groups of
+lines are components. Each component travels from the paddle to the farthest gauge that it reaches within the run, with
+all later passages after reflections at both ends (``travel.py``). If there is no gauge, or most of the energy has not
+arrived, it travels to the far wall. The energy that a gauge records is the weight of its error.
 """
 
 from typing import NamedTuple
@@ -18,23 +18,23 @@ from wavetank.planning import travel
 from wavetank.waves import airy
 from wavetank.waves.second_order import Strokes, second_order
 
-REMAINING = 0.05  # part of the free second harmonic that second-order generation leaves in steep waves
+FREE_PART = 0.05  # part of the free second harmonic that remains in steep waves with second-order generation
 MAX_COMPONENTS = 40
 MAX_SAMPLES = 2**16  # samples of a motion: an hour in a tank of 0.5 m depth
 MAX_KD = 40.0  # k d of the highest frequency of a motion
 TAPER = 0.25  # fraction of a motion that is tapered at its end: a truncated motion has the spectrum of a jump
 NOISE = 1 / 30  # amplitude over the largest component of a measured motion below which short waves are noise
-NEGLECTED = 0.05  # relative energy neglected at each end of the spectrum, over the accuracy squared
+NEGLECTED_ENERGY = 0.05  # relative energy neglected at each end of the spectrum, over the accuracy squared
 MIN_REFLECTED = 0.1  # least reflected part of the recorded energy with which crests of both directions add up
 MIN_ARRIVED = 0.9  # part of the energy that arrives at a gauge below which all waves in the tank count
-PLACES = 33  # positions at which the highest crest is searched
+CREST_POSITIONS = 33  # positions at which the highest crest is searched
 ENVELOPE_LINES = 4  # groups of spectral lines on each side that form the envelope; fewer do not resolve it in time
 TIMES = 512  # samples of an envelope
 TINY = 1e-300
 
 
 class WaveComponents(NamedTuple):
-    """Linear waves, shape (N,) each.
+    """Linear waves; arrays have shape (N,).
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class WaveComponents(NamedTuple):
     amplitude
         Amplitudes of the elevation [m].
     age
-        For how long each is followed [s].
+        Travel times [s].
     """
 
     k: Vector
@@ -53,7 +53,7 @@ class WaveComponents(NamedTuple):
 
 
 class RunUp(NamedTuple):
-    """The run-up of a solitary wave at a wall: its peak's elevation R and length l, and the depth [m]."""
+    """The run-up of a solitary wave at a wall: elevation R and length l of its peak, and the depth [m]."""
 
     elevation: float
     length: float
@@ -61,18 +61,18 @@ class RunUp(NamedTuple):
 
 
 class Form(NamedTuple):
-    """A wave of permanent form, or a standing one; or the bound harmonics of any other.
+    """A wave of permanent form or a standing wave; of other waves the bound harmonics.
 
     Attributes
     ----------
     harmonics
-        Amplitudes of its harmonics relative to the first, shape (M,).
+        Amplitudes of the harmonics relative to the first, shape (M,).
     excess
-        Its frequency over that of linear theory, less 1.
+        Frequency relative to linear theory, less 1.
     velocity
-        The largest of the water at the surface [m/s].
+        Largest velocity of the water at the surface [m/s].
     crest
-        The highest it gets [m].
+        Largest elevation [m].
     """
 
     harmonics: Vector
@@ -82,22 +82,22 @@ class Form(NamedTuple):
 
 
 class CaseWaves(NamedTuple):
-    """The waves of a start or a paddle, or of all of a case.
+    """The waves of an initial state or a paddle, or of a complete case.
 
     Attributes
     ----------
     components
-        Those that a gauge records, without ``free``.
+        Components that a gauge records, without ``free``.
     crest, progressive
-        The highest crest of their sum by linear theory, and that of the waves of one direction [m].
+        Highest crest of their sum by linear theory, and of the waves of one direction [m].
     steep_time
-        The time for which they are about as high [s].
+        Time for which this sum is about as high [s].
     free
-        The free second harmonics of paddles, in nonlinear water.
+        Free second harmonics of paddles, in nonlinear water.
     form
-        The exact wave if they are one.
+        The exact wave if the waves are one.
     run_up
-        The run-up of a solitary wave at a wall.
+        Run-up of a solitary wave at a wall.
     """
 
     components: WaveComponents
@@ -110,22 +110,22 @@ class CaseWaves(NamedTuple):
 
 
 class _Lines(NamedTuple):
-    """Spectral lines, shape (N,) each: omega [rad/s], k [rad/m], and the elevation at the paddle [m], complex."""
+    """Spectral lines: omega [rad/s], k [rad/m], complex elevation at the paddle [m], shape (N,) each."""
 
     omega: Vector
     k: Vector
     elevation: NDArray[np.complex128]
 
     def squared_envelope(self, first: int, last: int) -> Vector:
-        """Return the squared envelope [m²] of lines from the first to before the last, at ``TIMES`` equal steps."""
+        """Return the squared envelope [m²] of lines from ``first`` to before ``last``, at ``TIMES`` equal steps."""
         step = -(-(last - first) // TIMES)  # of more lines than times, by means over so many
         envelope = np.fft.ifft(self.elevation[first:last], TIMES * step, norm="forward")
         return np.asarray(np.mean(np.abs(envelope.reshape(TIMES, step)) ** 2, axis=1))
 
     def grouped(self, highest: float, neglected: float) -> tuple[NDArray[np.int_], Vector, Vector]:
-        """Return the first lines of few groups and the end of the last, shape (N + 1,), frequencies and amplitudes.
+        """Return the first lines of few groups and the end of the last one, shape (N + 1,), frequencies and amplitudes.
 
-        Lines above the highest frequency [rad/s], and ends of a fraction of the energy, are neglected.
+        Lines above the highest frequency [rad/s], and ends with a small fraction of the energy, are neglected.
         """
         energy = np.abs(self.elevation[self.omega <= highest]) ** 2
         below = np.append(0.0, np.cumsum(energy) / np.sum(energy))
@@ -144,17 +144,17 @@ def tapered(part: Vector) -> Vector:
 
 
 def highest_frequency(end: EndWall, accuracy: float) -> float:
-    """Return the frequency [rad/s] above which a measured motion is noise; ``inf`` of any other."""
+    """Return the frequency [rad/s] above which a measured motion is noise; ``inf`` for other motions."""
     if end.motion().interval is None:
         return np.inf
-    _, omega, amplitude = _lines(end).grouped(np.inf, NEGLECTED * accuracy**2)
+    _, omega, amplitude = _lines(end).grouped(np.inf, NEGLECTED_ENERGY * accuracy**2)
     return float(omega[amplitude > NOISE * amplitude.max()].max())
 
 
 def paddle_waves(end: EndWall, accuracy: float) -> CaseWaves:
-    """Return the waves of a paddle that moves, for a relative error of the elevation."""
+    """Return the waves of a moving paddle for a relative error of the elevation."""
     tank, lines = end.tank, _lines(end)
-    edges, omega, amplitude = lines.grouped(highest_frequency(end, accuracy), NEGLECTED * accuracy**2)
+    edges, omega, amplitude = lines.grouped(highest_frequency(end, accuracy), NEGLECTED_ENERGY * accuracy**2)
     k, energy = airy.wave_number(omega, tank.depth, tank.gravity), amplitude**2
     count = omega.size
     squares = [
@@ -172,15 +172,15 @@ def paddle_waves(end: EndWall, accuracy: float) -> CaseWaves:
         for one in (slice(count), slice(count, None))
     )
     crest, mean_square = _crest(end, lines, returning)
-    progressive = max(crest / 2, _crest(end, lines, False)[0])  # at a wall that reflects both directions add up
+    progressive = max(crest / 2, _crest(end, lines, False)[0])  # at a reflecting wall both directions add up
     steep_time = 4 * 2 * np.pi / float(lines.omega[0]) * mean_square / max(crest, TINY) ** 2
     return CaseWaves(several, crest, progressive, steep_time, free)
 
 
 def _lines(end: EndWall) -> _Lines:
-    """Return the spectral lines of the paddle's waves, from 1 / duration to the k d of ``MAX_KD``.
+    """Return the spectral lines of the waves of a paddle, from 1 / duration to the k d of ``MAX_KD``.
 
-    Of a motion of more than ``MAX_SAMPLES``, those of its first part.
+    A motion of more than ``MAX_SAMPLES`` samples is truncated.
     """
     tank = end.tank
     highest = np.sqrt(MAX_KD * tank.gravity / tank.depth) / (2 * np.pi)
@@ -195,10 +195,10 @@ def _lines(end: EndWall) -> _Lines:
 
 
 def _free_harmonic(end: EndWall, k: float, squares: Vector) -> tuple[Vector, Vector, Vector]:
-    """Return wave number and frequency of the free second harmonic, and its amplitude over that of the waves.
+    """Return wave number, frequency and relative amplitude of the free second harmonic, shape (1,) each.
 
-    Shape (1,) each. The amplitude is that of a regular wave of k [rad/m] as high (``waves/second_order.py``), at most
-    the wave's. It grows with the square of the envelope, ``squares`` [m²].
+    The amplitude is that of a regular wave of k [rad/m] and the same height (``waves/second_order.py``), at most the
+    amplitude of the waves. It grows with the square of the envelope, ``squares`` [m²].
     """
     depth, g, wavemaker = end.tank.depth, end.tank.gravity, end.wall.wavemaker
     size = float(np.sqrt(np.sum(squares**2) / max(np.sum(squares), TINY)))
@@ -207,37 +207,37 @@ def _free_harmonic(end: EndWall, k: float, squares: Vector) -> tuple[Vector, Vec
     stroke = Strokes(omega / 2, np.array([size / complex(wavemaker.transfer(k, depth))]))
     motion = second_order(stroke, wavemaker, depth=depth, gravity=g).b[:1]
     ratio = np.minimum(1.0, np.abs(motion) * wavemaker.transfer(free, depth) / max(size, TINY))
-    return free, omega, (REMAINING if end.generation[0] == "second-order" else 1.0) * ratio
+    return free, omega, (FREE_PART if end.generation[0] == "second-order" else 1.0) * ratio
 
 
 def _crest(end: EndWall, lines: _Lines, returning: bool) -> tuple[float, float]:
     """Return the largest elevation [m] between the paddle and the farthest gauge, and the mean square [m²] there.
 
-    Where waves return to the gauges, that is along the tank, with all reflections.
+    If waves return to the gauges, the range is the tank, with all reflections.
     """
     tank = end.tank
-    spectra = np.zeros((PLACES, lines.omega.size + 2), dtype=complex)
+    spectra = np.zeros((CREST_POSITIONS, lines.omega.size + 2), dtype=complex)
     count = 2 * (lines.omega.size + 1)
     if returning:
         x, speed = (
-            np.linspace(0.0, tank.length, PLACES, dtype=np.float64),
+            np.linspace(0.0, tank.length, CREST_POSITIONS, dtype=np.float64),
             airy.group_velocity(lines.k, tank.depth, tank.gravity),
         )
         at = travel.reflections(end, lines.omega)
         at_x = travel.response(x, lines.k, speed, length=tank.length, reflected=at, duration=end.duration)
     else:
         farthest = max((float(end.distance(gauge.x)) for gauge in end.case.all_gauges), default=tank.length)
-        at_x = np.exp(-1j * np.outer(np.linspace(0.0, farthest, PLACES), lines.k))
+        at_x = np.exp(-1j * np.outer(np.linspace(0.0, farthest, CREST_POSITIONS), lines.k))
     spectra[:, 1:-1] = lines.elevation * at_x * (count / 2)
     elevation = np.fft.irfft(spectra, count)
     return float(np.abs(elevation).max()), float(np.mean(elevation**2))
 
 
 def _travel(end: EndWall, k: Vector, omega: Vector, energy: Vector, rates: Vector) -> travel.Propagation:
-    """Return the travel of components to the farthest gauge they reach, of energies generated at rates, shape (N, M).
+    """Return the travel of components to the farthest gauge that they reach, for energies generated at rates, (N, M).
 
-    The fraction is 0 of those that reach none; where gauges are reached by less than ``MIN_ARRIVED`` of the energy, the
-    rest being on its way to them, all travel along the tank.
+    The fraction is 0 for components that reach no gauge. If less than ``MIN_ARRIVED`` of the energy reaches gauges and
+    the rest is on its way to them, all components travel along the tank.
     """
     length, duration = end.tank.length, end.duration
     speed = airy.group_velocity(k, end.tank.depth, end.tank.gravity)

@@ -1,14 +1,15 @@
-"""The plan of a case: the cheapest of all discretisations that are accurate enough, with the reasons.
+"""The plan of a case: the cheapest discretisation that reaches the accuracy, with the reasons.
 
-Searched are p in {2, 3, 4, 5}, n from 2 to 16, cells on a geometric grid, and for each of these meshes the largest
-step of the default scheme that accuracy and stability allow: other schemes cost as much or more, and are less accurate
-(docs/plan.md). Errors of space and time add up (``prediction.py``), so the step follows from what the mesh leaves of
-the accuracy. It must resolve a measured motion, too (``MOTION_ERROR``): the search includes steps of half and
-a quarter of a row of its record, which resolve noise. Numerics that a case names with an accuracy are not searched.
+The search covers p in {2, 3, 4, 5}, n from 2 to 16, and cells on a geometric grid. For each mesh the step of the
+default scheme is the largest that accuracy and stability allow. Other schemes cost as much or more and are less
+accurate (docs/plan.md). Errors of space and time add up (``prediction.py``): the step follows from the part of the
+accuracy that the mesh leaves. The step must also resolve a measured motion (``MOTION_ERROR``): the search includes
+steps of half and a quarter of a row of its record, which resolve noise. Numerics that a case sets with an accuracy are
+not varied.
 
 The stability limit is that of the largest frequency on still water, shifted by the current u under the highest crest,
-dt (omega_max + u k_grid) < limit with k_grid = p pi / dx. Implicit stages of nonlinear waves, solved with the still
-water's inverse, converge to larger or smaller steps: ``solvable`` of the integrator.
+dt (omega_max + u k_grid) < limit with k_grid = p pi / dx. Implicit stages of nonlinear waves, solved with the inverse
+of the operator on still water, converge up to a step ``solvable`` of the integrator.
 """
 
 from bisect import bisect_left
@@ -42,17 +43,17 @@ from wavetank.tank.dissipation import NEEDED
 
 ORDERS = (2, 3, 4, 5)
 VERTICAL_ORDERS = tuple(range(2, 17))
-LEAST_ABSORBING = 4  # n before paddles that absorb by the elevation at their face, evanescent modes included
+MIN_ABSORBING_ORDER = 4  # n before paddles that absorb by the elevation at their face, evanescent modes included
 SCHEME = "simpson-4"
-PER_WAVE = np.geomspace(0.7, 40.0, 30)  # cells in a wave length
-PER_PEAK = np.geomspace(0.5, 4.0, 16)  # cells in the length of a run-up peak
+CELLS_PER_WAVE = np.geomspace(0.7, 40.0, 30)  # cells in a wave length
+CELLS_PER_PEAK = np.geomspace(0.5, 4.0, 16)  # cells in the length of a run-up peak
 STEP_RATIO = 1.08  # ratio of successive time steps
 MARGIN = 0.9  # largest time step over the stability limit
 AIM = 1 / 3  # predicted error over the accuracy: the error of the cheapest settings is up to 3 times the prediction
-LOWER_ACCURACIES = (0.03, 0.1)  # tried if the default accuracy cannot be reached
+LOWER_ACCURACIES = (0.03, 0.1)  # further accuracies if the default one cannot be reached
 MOTION_ERROR = 1 / 3  # largest error of the displacement of a measured motion, over the accuracy
 NOISE_STEP = np.pi / 2  # time step in rows of a record, not an integer, whose error reveals noise
-RECORD_STEPS = (0.5, 0.25)  # time steps in rows of a record that resolve noise which alternates from row to row
+RECORD_STEPS = (0.5, 0.25)  # time steps in rows of a record that resolve noise alternating from row to row
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,13 +69,13 @@ class Plan:
     accuracy, error
         Relative error of the elevation: required, and predicted.
     cost
-        Predicted.
+        Predicted cost.
     cell_size
         dx [m].
     dt_omega_max
         dt times the largest frequency of the mesh on still water.
     reasons
-        The required objects and why, a sentence each.
+        Required parts of the model and the reasons, one sentence each.
     """
 
     physics: Physics
@@ -87,7 +88,7 @@ class Plan:
     reasons: tuple[str, ...]
 
     def applied_to(self, case: Case) -> Case:
-        """Return the case with the plan's water and numerics, all of them named."""
+        """Return the case with all of the plan's water and numerics."""
         changes: dict[str, Any] = {"accuracy": None, "cell_size": None, **asdict(self.settings)}
         changes |= solved_to(self.accuracy, case)
         water = LinearWater() if self.physics == "linear" else NonlinearWater()
@@ -95,11 +96,11 @@ class Plan:
 
 
 class UnreachableError(InputError):
-    """No discretisation searched is as accurate as required."""
+    """No discretisation of the search reaches the required accuracy."""
 
 
 def named_numerics(case: Case) -> dict[str, Any]:
-    """Return the numerics that a case names with an accuracy, by their names in ``Settings``."""
+    """Return the numerics that a case sets together with an accuracy, by their names in ``Settings``."""
     numerics, names = case.numerics, case.numerics.model_fields_set
     if numerics.accuracy is None:
         return {}
@@ -109,10 +110,10 @@ def named_numerics(case: Case) -> dict[str, Any]:
 
 
 def make_plan(case: Case, accuracy: float) -> Plan:
-    """Return the cheapest plan for a relative error of at most ``accuracy``: ``AIM`` of it is predicted at most.
+    """Return the cheapest plan for a relative error ``accuracy``; its predicted error is at most ``AIM`` of it.
 
-    Raises ``InputError`` for an accuracy that is not between 0 and 1 and a case that cannot be planned,
-    ``UnreachableError`` if no discretisation searched is as accurate.
+    Raises ``InputError`` for an accuracy that is not between 0 and 1 and for a case that cannot be planned,
+    ``UnreachableError`` if no discretisation of the search reaches it.
     """
     if not 0.0 < accuracy < 1.0:
         raise InputError(f"accuracy = {accuracy:g}: must be between 0 and 1.")
@@ -121,7 +122,7 @@ def make_plan(case: Case, accuracy: float) -> Plan:
     searched = {
         "order": ORDERS,
         "cells": _numbers_of_cells(required),
-        "vertical_order": [n for n in VERTICAL_ORDERS if not case.absorbing or n >= LEAST_ABSORBING],
+        "vertical_order": [n for n in VERTICAL_ORDERS if not case.absorbing or n >= MIN_ABSORBING_ORDER],
     } | {name: [value] for name, value in named.items()}
     steps = _Steps(errors, required, named)
     result = list[tuple[float, Settings]]()
@@ -144,7 +145,7 @@ def make_plan(case: Case, accuracy: float) -> Plan:
 
 
 def own_plan(case: Case, accuracy: float) -> Plan:
-    """Return the prediction of a case's own water and numerics; raises ``InputError`` as a run does."""
+    """Return the prediction for the water and numerics of a case; raises ``InputError`` as a run does."""
     case = case.model_copy(update={"water": case.water or NonlinearWater()})
     required, numerics = requirements(case, accuracy), case.numerics
     errors, chosen = ErrorModel(required), {"order": numerics.order, "vertical_order": numerics.vertical_order}
@@ -167,7 +168,7 @@ def _frequency_under_crests(required: Requirements, mesh: Mesh) -> float:
 
 
 class PlannedCase(NamedTuple):
-    """A case whose numerics are planned or resolved, and warnings of the plan."""
+    """A case with planned or resolved numerics, and warnings of the plan."""
 
     case: Case
     warnings: tuple[RunWarning, ...] = ()
@@ -176,8 +177,8 @@ class PlannedCase(NamedTuple):
 def planned(case: Case, comm: MPI.Comm) -> PlannedCase:
     """Return the case with the water and numerics that its accuracy, or the default one, requires.
 
-    If no plan can be made, or some numerics are named, the rest follows its shortest wave. Made on the first
-    rank; collective. Raises ``InputError`` on all ranks if an accuracy is named that cannot be planned for.
+    Without a plan, or if the case sets some numerics, the others follow from its shortest wave. The plan is made on the
+    first rank; collective. Raises ``InputError`` on all ranks if the case sets an accuracy that cannot be planned.
     """
     return from_first(comm, lambda: _planned(case))
 
@@ -203,17 +204,17 @@ def _planned(case: Case) -> PlannedCase:
 
 
 def check_resolvable(case: Case) -> None:
-    """Raise ``CaseError`` if no numerics resolve a paddle's waves."""
+    """Raise ``CaseError`` if no numerics resolve the waves of a paddle."""
     named = "; cells that the case names are not replaced"
     if problems := [one._replace(allowed=one.allowed + named) for one in too_short(case)]:
         raise CaseError(problems)
 
 
 def default_plan(case: Case) -> Plan | None:
-    """Return the plan of a case for its accuracy or, if it names no numerics, for the best of the usual ones.
+    """Return the plan for the accuracy of a case or, if it sets no numerics, for the best of the default accuracies.
 
-    None of a case that names some numerics and no accuracy, or for which no plan is made. Raises ``InputError`` for an
-    accuracy that cannot be planned for, ``UnreachableError`` if none of the usual ones can be reached.
+    Returns None for a case that sets some numerics and no accuracy, or that cannot be planned. Raises ``InputError``
+    for an accuracy that cannot be planned, ``UnreachableError`` if no default accuracy is reached.
     """
     if case.numerics.accuracy is not None:
         return make_plan(case, case.numerics.accuracy)
@@ -224,13 +225,13 @@ def default_plan(case: Case) -> Plan | None:
             return make_plan(case, accuracy)
         except UnreachableError as error:
             least = error
-        except InputError:  # nothing moves, or nothing that a plan knows
+        except InputError:  # nothing moves, or the case cannot be planned
             return None
     raise UnreachableError(f"the case names no accuracy, and none that is tried then can be had: {least}")
 
 
 def rule_summary(requested: Case) -> str:
-    """Return why no accuracy is predicted of a case that names no numerics, with its shortest wave; else nothing."""
+    """Return why a case without numerics has no predicted accuracy, and its shortest wave; empty for other cases."""
     ruled = requested.numerics.open and not isinstance(requested.initial, RunState)
     why = unplanned(requested) if ruled else None
     if why is None:
@@ -245,11 +246,11 @@ def current_parameter(required: Requirements, mesh: Mesh) -> float:
 
 
 def _numbers_of_cells(required: Requirements) -> list[int]:
-    """Return the numbers of cells that are searched."""
+    """Return the numbers of cells of the search."""
     tank = required.case.tank
-    counts = tank.length * required.k / (2 * np.pi) * PER_WAVE
+    counts = tank.length * required.k / (2 * np.pi) * CELLS_PER_WAVE
     if required.run_up is not None:
-        finer = tank.length / required.run_up.length * PER_PEAK
+        finer = tank.length / required.run_up.length * CELLS_PER_PEAK
         counts = np.concatenate([counts, finer[finer > counts[-1]]])
     return sorted({max(tank.fewest_cells, ceil(one)) for one in counts})
 
@@ -284,7 +285,7 @@ def _predicted(errors: ErrorModel, required: Requirements, settings: Settings) -
 
 
 class _Steps:
-    """Steps that divide the duration, or some rows of a record, from coarse to fine; or the one that is named."""
+    """Steps that divide the duration, or multiples of a row of a record, descending; or the step of the case."""
 
     def __init__(self, errors: ErrorModel, required: Requirements, named: dict[str, Any]):
         case, duration = required.case, required.case.run.duration
@@ -303,7 +304,7 @@ class _Steps:
         self._dt = [named["dt"]] if "dt" in named else sorted((dt for dt in steps if dt <= longest), reverse=True)
 
     def largest(self, mesh: Mesh) -> float | None:
-        """Return the largest stable step [s] that is accurate and resolves the motion; None if none is."""
+        """Return the largest stable step [s] that is accurate and resolves the motion; None if there is none."""
         limit = self._stable(mesh)
         steps = [dt for dt in self._dt if dt <= limit]
         first = bisect_left(steps, True, key=lambda dt: self._is_accurate(dt, mesh))
@@ -313,7 +314,7 @@ class _Steps:
         return self._errors.total(mesh, self._errors.time(self.scheme, dt)) <= AIM * self._required.accuracy
 
     def _stable(self, mesh: Mesh) -> float:
-        """Return the longest step [s] that is stable, and whose stages converge."""
+        """Return the longest step [s] that is stable and whose stages converge."""
         stable, required = float(self._integrator.stability_limit), self._required
         limit = MARGIN * min(stable, ANSWERED if required.case.absorbing else np.inf)
         if required.physics == "linear":
@@ -323,7 +324,7 @@ class _Steps:
         return min(limit / shifted, solvable / mesh.largest_frequency)
 
     def _motion_missed(self, dt: float) -> float:
-        """Return the largest error of a measured motion's displacement; 0 for a named step, of which the run warns."""
+        """Return the largest displacement error of a measured motion; 0 for a step of the case, which has a warning."""
         steps, nodes = max(1, int(self._required.case.run.duration / dt)), self._integrator.nodes
         return max((stroke_missed(end, dt=dt, steps=steps, nodes=nodes) for end in self._measured), default=0.0)
 

@@ -1,4 +1,4 @@
-"""The report of ``wavetank plan``: a table of numerics, or the cost of some steps; energy, sponge and warnings."""
+"""The report of ``wavetank plan``: a table of numerics, or the measured cost of steps; energy, sponge and warnings."""
 
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -29,20 +29,20 @@ from wavetank.simulation.records import Memory, Records
 from wavetank.simulation.run import Run
 from wavetank.waves import airy
 
-MAX_STEEPNESS = 0.2  # k a, and a over the depth, above which waves may break
+MAX_STEEPNESS = 0.2  # largest k a, and a over the depth: higher waves may break
 TIMES = 1001  # samples of the paddle motion in the second half of the run
 WARM_UP, STEPS = 5, 8  # steps that provide initial guesses of solves, and timed steps
 
 
 def report(path: Path, accuracy: float | None, overrides: Sequence[str]) -> None:
-    """Print the plan of a case, or, where none can be made, the cost of some steps; collective.
+    """Print the plan of a case, or the cost of some steps if it cannot be planned; collective.
 
     Parameters
     ----------
     path, overrides
         The case file, and ``KEY=VALUE`` changes.
     accuracy
-        Relative error of the elevation; default: the case's, or ``DEFAULT``.
+        Relative error of the elevation; default: that of the case, or ``DEFAULT``.
     """
     case, terminal = read_case(path, overrides), console()
     why = unplanned(case)
@@ -61,9 +61,9 @@ def _print(terminal: Console, lines: Iterable[str], warnings: Iterable[RunWarnin
 
 
 def _report_trial(given: Case, why: str, terminal: Console) -> None:
-    """Print the measured cost of some steps of the case, with its waves in the tank; collective.
+    """Print the measured cost of some steps of the case with its waves in the tank; collective.
 
-    The timed steps have no records below the surface; the cost of these is estimated.
+    The timed steps have no records below the surface; their cost is estimated.
     """
     comm = MPI.COMM_WORLD
     _print(terminal, [f"{why}; timing some steps of this one, with its waves in the tank"])
@@ -78,7 +78,7 @@ def _report_trial(given: Case, why: str, terminal: Console) -> None:
     step, output = comm.allreduce(spent, op=MPI.MAX), output_cost(case, clock.dt)
     entries = entries_of(waves.plane.order, waves.plane.cells, waves.vertical.n)
     below = output.cpu(ROW_OF_STEP * step if isinstance(case.tank, BasinTank) else row_cost(entries))
-    duration = clock.steps * step + below  # on each rank, if all its steps cost the same
+    duration = clock.steps * step + below  # estimate for each rank, with equal cost of all steps
     lines = (
         str(shortest_wave(given)),
         "predicted error: none, as errors are predicted for slices and rings with a flat bed; `wavetank study` with "
@@ -97,13 +97,13 @@ def _report_trial(given: Case, why: str, terminal: Console) -> None:
 
 
 def step_time(run: Run, steps: int = WARM_UP + STEPS, count: Callable[[], int] = lambda: 0) -> tuple[float, float]:
-    """Return this rank's CPU time [s] and increment of a count, a step, after ``WARM_UP`` of so many; collective."""
+    """Return this rank's CPU time [s] and increment of a counter per step, after ``WARM_UP`` steps; collective."""
     warm_up = min(WARM_UP, steps - 1)
     timed = steps - warm_up
     run.clock = replace(run.clock, steps=warm_up)
     run.execute()
     start = time.process_time(), count()
-    for n in range(1, timed + 1):  # in one block, as most steps of a run; motions are tabulated already
+    for n in range(1, timed + 1):  # one block, as for most steps of a run; motions are already tabulated
         run.advance(run.t, run.t + run.clock.dt)
         if n == timed or n % run.longest_block == 0:
             run.flush()
@@ -112,9 +112,10 @@ def step_time(run: Run, steps: int = WARM_UP + STEPS, count: Callable[[], int] =
 
 
 def _fill(run: Run, case: Case, waves: AnyWaves, steps: int) -> None:
-    """Start some steps with regular waves of the paddle's period at a time at which it moves fast; collective.
+    """Start some steps with regular waves of the paddle's period at a time of fast paddle motion; collective.
 
-    They are linear, on the mean depth, of steepness ``MAX_STEEPNESS`` at most. The start stays if no paddle moves.
+    The waves are linear, on the mean depth, of a steepness of at most ``MAX_STEEPNESS``. The initial state stays if no
+    paddle moves.
     """
     end = next((paddle for paddle in case.paddles if paddle.motion().moves), case.ends[0])
     period = end.period
@@ -133,13 +134,13 @@ def _fill(run: Run, case: Case, waves: AnyWaves, steps: int) -> None:
 
 
 def _energy(case: Case) -> list[str]:
-    """Return the parts of the energy, a line each."""
+    """Return descriptions of the parts of the energy."""
     parts = (f"  {line}" for line in describe_energy(case))
     return ["energy: the sum of its parts, of which all else is a derivative", *parts]
 
 
 def _report_plan(given: Case, name: str, accuracy: float | None, terminal: Console) -> None:
-    """Print the plan for the accuracy, beside the case's own numerics if it names some."""
+    """Print the plan for the accuracy, and the numerics of the case if it sets some."""
     comm = MPI.COMM_WORLD
     if comm.size > 1:
         raise InputError(f"{comm.size} ranks received; a plan is made without mpirun.")
@@ -168,7 +169,7 @@ def _report_plan(given: Case, name: str, accuracy: float | None, terminal: Conso
 
 
 def _table(plans: dict[str, Plan]) -> Table:
-    """Return a table of plans, a column each."""
+    """Return a table of plans, one column each."""
     table = Table("", *plans)
     rows: dict[str, Callable[[Plan], object]] = {
         "water": lambda plan: plan.physics,

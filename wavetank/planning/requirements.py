@@ -1,26 +1,27 @@
 """Requirements of a case: its waves, how long they travel, their steepness, run-up and absorption.
 
-**The waves of a paddle** are those of linear wavemaker theory (``paddle_waves.py``). A standing wave is followed for
-the complete run.
+**The waves of a paddle** are those of linear wavemaker theory (``paddle_waves.py``). The age of a standing wave is the
+duration of the run.
 
-**Steepness** counts in Stokes' expansion at k of the highest crest of the waves of one direction, s = k a,
-sigma = tanh(k d):
+**Steepness** is that of the highest crest a of the waves of one direction, in Stokes' expansion with s = k a and sigma
+= tanh(k d):
 
     a_2 / a_1 = s (3 - sigma²) / (4 sigma³),     a_3 / a_1 = s² (27 - 9 sigma² + 9 sigma⁴ - 3 sigma⁶) / (64 sigma⁶),
     omega / omega_linear - 1 = s² (9 - 10 sigma² + 9 sigma⁴) / (16 sigma⁴).
 
 Waves of permanent form are exact: their harmonics, speed and velocity are those of the wave itself. A solitary wave is
-one whose period is a window around its crest. Standing waves have the crest, harmonics and frequency of their own
-expansion (``standing_harmonics``). They start without bound harmonics, and the free ones that compensate for these
-at the start beat: with k a = 0.3, k d = pi / 2 the crest reaches 1.45 a, that of a travelling wave 1.15 a.
+treated as periodic in a window around its crest. Standing waves have the crest, harmonics and frequency of their own
+expansion (``standing_harmonics``). Their initial state has no bound harmonics; the free harmonics that compensate for
+these cause a beat: with k a = 0.3, k d = pi / 2 the crest reaches 1.45 a, that of a travelling wave 1.15 a.
 
-**The run-up of a solitary wave** at a vertical wall has a peak narrower than the wave. With R the run-up, d the depth
-and h = H / d the relative wave height, its curvature at the wall is -R / l², and
+**The run-up of a solitary wave** at a vertical wall has a peak narrower than the wave. With run-up R, depth d and
+relative wave height h = H / d, its curvature at the wall is -R / l², and
 
     l / d = (2 / (3 h))^(1/2) (1 - (3 h / 2)²),     R / d = 2 h + h² / 2 + 3 h³ / 4.
 
-The first factor of l is the sech² profile's. The second is fitted to converged runs of h = 0.05 to 0.6 (within 2 %, at
-0.6 6 %); it vanishes at h = 2/3, where the run-up ends in a thin jet. Its error is predicted in ``prediction.py``.
+The first factor of l is that of the sech² profile. The second is fitted to converged runs of h = 0.05 to 0.6 (within 2
+%, at 0.6 6 %); it vanishes at h = 2/3, where the run-up ends in a thin jet. Its error is predicted in
+``prediction.py``.
 
 Sources: G. B. Whitham, Linear and Nonlinear Waves, 1974, section 13.13; R. G. Dean and R. A. Dalrymple 1991, chapter
 11; I. Tadjbakhsh and J. B. Keller, J. Fluid Mech. 8, 1960 (standing waves); R by C. H. Su and R. M. Mirie, "On head-on
@@ -44,25 +45,25 @@ from wavetank.waves import airy
 from wavetank.waves.conformal import SteadyWave
 from wavetank.waves.solitary_wave import solitary_wave
 
-STARTS = (
+PLANNED_STARTS = (
     starts.SolitaryWave,
     starts.StandingWave,
     starts.StillWater,
     starts.StreamFunctionWave,
 )  # initial states of cases that can be planned
-RESOLVED = 0.6  # H / d of the highest run-up that was computed with two meshes within 0.02 %
-ABSORPTION = 2.5  # measured 1.6 to 3.5: pistons at k d = 0.7, 1.5, 2.5, flaps at 0.7, 1.5, 28 and 40 steps a period
+MAX_RUN_UP_HEIGHT = 0.6  # H / d of the highest run-up that was computed with two meshes within 0.02 %
+ABSORPTION = 2.5  # C; measured 1.6 to 3.5: pistons at k d = 0.7, 1.5, 2.5, flaps at 0.7, 1.5, 28 and 40 steps a period
 POINTS = 1024  # points of a wave of permanent form
-TAIL, MAX_TAIL = 1e-3, 60.0  # elevation over the height at which a solitary wave ends, and largest distance in depths
+TAIL, MAX_TAIL = 1e-3, 60.0  # end of the window of a solitary wave: elevation over the height, distance in depths
 FURTHER_HARMONICS = 4  # harmonics of a standing wave beyond those of its expansion
 DECAY = 1.85  # r_(m+1) / r_m of these over r_3 / r_2; 1.83 to 1.95 in runs of k a = 0.15 to 0.3 (docs/plan.md)
-NEGLIGIBLE = 1e-5  # amplitude over that of the first harmonic
+MIN_HARMONIC = 1e-5  # amplitude over that of the first harmonic
 
 
 def stokes_harmonics(steepness: float, kd: float) -> tuple[Vector, float]:
     """Return Stokes' harmonics of a wave of steepness k a in depth k d, and the relative change of its frequency.
 
-    These are the first four amplitudes relative to the first, at most 1, shape (4,); a_4 = a_3² / a_2.
+    The harmonics are the first four amplitudes relative to the first, at most 1, shape (4,); a_4 = a_3² / a_2.
     """
     s, sigma = steepness, np.tanh(kd)
     second = s * (3 - sigma**2) / (4 * sigma**3)
@@ -73,7 +74,7 @@ def stokes_harmonics(steepness: float, kd: float) -> tuple[Vector, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class Requirements:
-    """What a case requires, for an accuracy.
+    """Requirements of a case for an accuracy.
 
     Attributes
     ----------
@@ -82,17 +83,17 @@ class Requirements:
     waves
         The components.
     k, crest
-        Wave number of the mean energy [rad/m], and the highest crest of the components by linear theory [m].
+        Wave number of the mean energy [rad/m], and highest crest of the components by linear theory [m].
     form
-        The form of the waves; in linear water the first harmonic without current.
+        Form of the waves; in linear water the first harmonic without current.
     steep_time
-        The time for which the waves are about as high [s].
+        Time for which the waves are about as high [s].
     run_up
-        The highest run-up of a solitary wave at a wall; None where there is none.
+        Highest run-up of a solitary wave at a wall; None if there is none.
     physics
         "linear" or "nonlinear".
     reasons
-        Which objects are needed and why, a sentence each.
+        Required parts of the model and the reasons, one sentence each.
     """
 
     case: Case
@@ -108,22 +109,22 @@ class Requirements:
 
 
 def unplanned(case: Case) -> str | None:
-    """Return why no plan can be made of a case's tank and start, or None where one can."""
+    """Return why a case's tank or initial state cannot be planned, or None."""
     tank, allowed = case.tank, "slices and rings with a flat bed"
     if tank.bed is not None:
         return f'tank.bed.type = "{tank.bed.type}": plans are made for {allowed}'
     if isinstance(tank, BasinTank):
         return f'tank.type = "{tank.type}": plans are made for {allowed}'
-    if type(case.initial) not in STARTS:
-        allowed = ", ".join(kind.model_fields["type"].default for kind in STARTS)
+    if type(case.initial) not in PLANNED_STARTS:
+        allowed = ", ".join(kind.model_fields["type"].default for kind in PLANNED_STARTS)
         return f'initial.type = "{case.initial.type}": plans are made for {allowed}'
     return None
 
 
 def requirements(case: Case, accuracy: float) -> Requirements:
-    """Return what a case requires for a relative error of the elevation of ``accuracy``; its water stays if it is set.
+    """Return the requirements of a case for a relative error ``accuracy`` of the elevation; water that is set stays.
 
-    Raises ``InputError`` for a case in which nothing moves, or whose tank or initial state is not planned for.
+    Raises ``InputError`` for a case in which nothing moves, or whose tank or initial state cannot be planned.
     """
     if why := unplanned(case):
         allowed = f"must be left out, then cells and vertical order follow a rule: {why}"
@@ -170,9 +171,9 @@ def requirements(case: Case, accuracy: float) -> Requirements:
 
 
 def absorption_error(case: Case, k: Vector) -> Vector:
-    """Return the error of waves of wave numbers k [rad/m] over (omega dt)^(7/2), shape (N,).
+    """Return the reflection error of waves of wave numbers k [rad/m] over (omega dt)^(7/2), shape (N,).
 
-    It counts from the time at which waves have returned to the farthest gauge. Of several paddles the largest counts.
+    It is zero before waves have returned to the farthest gauge. Of several paddles the largest error counts.
     """
     if not case.absorbing:
         return np.zeros_like(k)
@@ -207,7 +208,7 @@ def _paddle_reason(end: EndWall) -> str:
 
 
 def _wall_reasons(case: Case, waves: WaveComponents) -> tuple[str, str]:
-    """Return the reasons of the wall at x = 0 and of the far end."""
+    """Return the reasons for the wall at x = 0 and for the far end."""
     if isinstance(case.tank, RingTank):
         return "wall at x = 0: none in a ring.", "far end: none, a ring needs no sponge."
     first, far = (_paddle_reason(end) if end.wall.moves else "" for end in case.ends)
@@ -260,9 +261,9 @@ def _initial_waves(case: Case) -> Iterator[CaseWaves]:
 
 def _standing_wave(wave: starts.StandingWave, case: Case) -> CaseWaves:
     tank, a = case.tank, wave.wave_amplitude
-    k = wave.mode * np.pi / tank.length * np.arange(1, 3)  # of the second harmonic, that which is free
+    k = wave.mode * np.pi / tank.length * np.arange(1, 3)  # the free part of the second harmonic
     in_space, excess = standing_harmonics(float(k[0]) * a, float(k[0]) * tank.depth)
-    sizes = np.linalg.norm(in_space * [1.0, *3 * [np.sqrt(0.5)]], axis=1)  # for means over a period
+    sizes = np.linalg.norm(in_space * [1.0, *3 * [np.sqrt(0.5)]], axis=1)  # times for means over a period
     ratios = np.minimum(sizes / sizes[0], 1.0)
     beyond = np.minimum(DECAY * ratios[-1] / ratios[-2], 1.0) ** np.arange(1, FURTHER_HARMONICS + 1)
     ratios = np.append(ratios, ratios[-1] * beyond)
@@ -286,14 +287,14 @@ def standing_harmonics(steepness: float, kd: float) -> tuple[Vector, float]:
 
 
 def _solitary_wave(exact: SteadyWave, height: float, case: Case, arrival: float, wall: object) -> CaseWaves:
-    """Return a solitary wave of a height [m] whose crest arrives at a wall at a time [s]."""
+    """Return a solitary wave of a height [m] whose crest reaches a wall at a time [s]."""
     depth = case.tank.depth
     x = depth * np.linspace(0.0, MAX_TAIL, POINTS)
     half = float(x[np.flatnonzero(exact.elevation(exact.crest + x) > TAIL * height)[-1]])
     waves = _steady_waves(exact, 2 * half, case)
     if case.sponge is not None or getattr(wall, "absorb", None) is not None or arrival >= case.run.duration:
         return waves
-    h = min(height / depth, RESOLVED)
+    h = min(height / depth, MAX_RUN_UP_HEIGHT)
     length = depth * float(np.sqrt(2 / (3 * h))) * (1 - (1.5 * h) ** 2)
     return waves._replace(run_up=RunUp(depth * (2 * h + h**2 / 2 + 0.75 * h**3), length, depth))
 
@@ -304,7 +305,7 @@ def _steady_waves(exact: SteadyWave, length: float, case: Case) -> CaseWaves:
     x = length / POINTS * np.arange(POINTS)
     eta, psi = exact.surface(exact.crest + np.where(x > length / 2, x - length, x))
     amplitudes = 2 / POINTS * np.abs(np.fft.rfft(eta))[1:]
-    selected = 1 + int(np.flatnonzero(amplitudes > NEGLIGIBLE * amplitudes[0])[-1])
+    selected = 1 + int(np.flatnonzero(amplitudes > MIN_HARMONIC * amplitudes[0])[-1])
     velocity = float(psi[1] * POINTS / length)  # the surface is level at the crest, and psi is odd
     excess = exact.speed * float(k[0] / airy.angular_frequency(k, tank.depth, tank.gravity)[0]) - 1.0
     components = WaveComponents(k, exact.speed * k, amplitudes[:1], np.array([case.run.duration]))

@@ -1,15 +1,15 @@
-"""The rule for cells and vertical order of a case that does not name them, if no plan can be made.
+"""The rule for cells and vertical order of a case that sets neither and cannot be planned.
 
-They follow its shortest wave: the wave number (of a motion, the frequency) below which nearly all of the power of the
-paddle's motion, the initial surface and the bed lies; of a measured motion only what exceeds its noise counts. Over a
-bed waves are shortest at the smallest depth, and the vertical order is determined at the largest.
+They follow from its shortest wave: the wave number (for a motion, the frequency) below which nearly all of the power of
+the paddle motion, the initial surface and the bed lies. Noise of a measured motion is excluded. Over a bed, waves are
+shortest at the smallest depth; the largest depth determines the vertical order.
 
-A steep initial surface generates bound harmonics that its spectrum lacks. Each of Stokes' harmonics above ``DEFAULT``
-of the first makes the shortest wave shorter. On meshes of the first harmonic alone the edge penalty took 4.5 to 22 % of
-the energy of modulated wave trains.
+A steep initial surface generates bound harmonics that are not in its spectrum. The shortest wave is the highest of
+Stokes' harmonics above ``DEFAULT`` of the first. On meshes for the first harmonic alone the edge penalty dissipated 4.5
+to 22 % of the energy of modulated wave trains.
 
-Along a slice over a bed the order is 4 and cells are ``BED_CELLS`` than those of order 3, as accurate for linear waves.
-Over submerged bars this has an error of about 1 % in 0.85 of the time of order 3, which has 0.9 to 2.3 %
+Along a slice over a bed the order is 4, with cells that are as accurate for linear waves as those of order 3
+(``BED_CELLS``). Over submerged bars the error is about 1 % in 0.85 of the time of order 3, with errors of 0.9 to 2.3 %
 (docs/plan.md). In basins order 3 costs as little.
 """
 
@@ -38,23 +38,21 @@ from wavetank.simulation.build import build_clock
 from wavetank.waves import airy
 
 DEFAULT = 1e-2  # relative error of the elevation of a case that names none
-POWER = 0.99  # fraction of the power that counts
-PER_WAVE = {1: 60.0, 2: 7.0}  # cells in the shortest wave, by order: the frequency error is 2e-4
-PER_WAVE_OF_HIGHER_ORDER = 3.0  # cells in the shortest wave of order 3 and higher
+POWER = 0.99  # fraction of the power that is resolved
+CELLS_PER_WAVE = {1: 60.0, 2: 7.0}  # cells in the shortest wave, by order: the frequency error is 2e-4
+CELLS_PER_WAVE_OF_HIGHER_ORDER = 3.0  # cells in the shortest wave of order 3 and higher
 BED_ORDER, BED_CELLS = 4, 5 / 3  # order of a slice over a bed, and size of its cells over that of order 3
 MIN_BED_VARIATION = 0.01  # least variation of a bed that is resolved, over the depth
 VERTICAL_ERROR = 1e-4  # largest relative error of the frequency by the vertical order
 TOLERANCE, MAX_TOLERANCE = 1e-3, 1e-5  # tolerance of solves over the accuracy, and the largest tolerance
-LEAST = 1e-9  # wave number [rad/m] and frequency [rad/s] of a case without waves
+NO_WAVE = 1e-9  # wave number [rad/m] and frequency [rad/s] of a case without waves
 POINTS, LINES = 8192, 5  # points of a line, and lines, along which surface and bed are sampled
 MAX_ERROR = 0.01  # largest relative error of the speed of waves and of a paddle's displacement
-CERTAINLY_UNSTABLE = (
-    1.1  # step over the limit: the largest frequency of a tank is up to 1 % below that of uniform cells
-)
+UNSTABLE_STEP = 1.1  # step over the limit: the largest frequency of a tank is up to 1 % below that of uniform cells
 
 
 class BedShape(NamedTuple):
-    """The bed: its shortest wave [rad/m], and the smallest depth, but for a few places, and the largest [m]."""
+    """The bed: its shortest wave [rad/m], the smallest depth except at a few points, and the largest depth [m]."""
 
     k: float
     shallow: float
@@ -67,9 +65,9 @@ class ShortestWave(NamedTuple):
     Attributes
     ----------
     k, source
-        Its wave number [rad/m] and its source, empty if there is none.
+        Its wave number [rad/m] and its source; empty if there are no waves.
     kd
-        k d of the shortest free wave where it is deep.
+        k d of the shortest free wave at the largest depth.
     """
 
     k: float
@@ -82,7 +80,7 @@ class ShortestWave(NamedTuple):
 
 # ---------------------------------------------------------------- the rule
 def resolved(case: Case) -> Case:
-    """Return the case with cells and vertical order that its shortest wave requires, where the case names none."""
+    """Return the case with cells and vertical order for its shortest wave, unless the case sets them."""
     numerics, tank, shortest = case.numerics, case.tank, shortest_wave(case)
     named, changes = numerics.model_fields_set, dict[str, float | int](order=numerics.order)
     size, usual = cell_size_for(shortest.k, numerics.order), numerics.cell_size_in(tank)
@@ -98,21 +96,21 @@ def resolved(case: Case) -> Case:
 
 
 def by_rule(case: Case) -> Case:
-    """Return the case with the cells and vertical order that it would get if it named its order alone of the three."""
+    """Return the case with the cells and vertical order of the rule for its order."""
     keys = case.numerics.model_fields_set - {"cells", "cell_size", "vertical_order"} | {"order"}
     numerics = Numerics(**{key: getattr(case.numerics, key) for key in keys})
     return resolved(case.model_copy(update={"numerics": numerics}))
 
 
 def solved_to(accuracy: float, case: Case) -> dict[str, float]:
-    """Return the tolerance of a step's solves for an accuracy, by its key; nothing if the case names one."""
+    """Return the tolerance of the solves for an accuracy, by its key; empty if the case sets one."""
     named = "tolerance" in case.numerics.model_fields_set
     return {} if named else {"tolerance": min(TOLERANCE * accuracy, MAX_TOLERANCE)}
 
 
 def cell_size_for(k: float, order: int) -> float:
     """Return the size [m] of cells of an order that resolve waves of k [rad/m]."""
-    return 2 * np.pi / k / PER_WAVE.get(order, PER_WAVE_OF_HIGHER_ORDER)
+    return 2 * np.pi / k / CELLS_PER_WAVE.get(order, CELLS_PER_WAVE_OF_HIGHER_ORDER)
 
 
 def vertical_order_for(kd: float) -> int:
@@ -123,7 +121,7 @@ def vertical_order_for(kd: float) -> int:
 
 # ---------------------------------------------------------------- the shortest wave
 def shortest_wave(case: Case) -> ShortestWave:
-    """Return the shortest wave of a case, of wave number ``LEAST`` if there is none."""
+    """Return the shortest wave of a case; its wave number is ``NO_WAVE`` if there are no waves."""
     bed, g = bed_shape(case), case.tank.gravity
     free, bound = start_spectrum(case)
     started = float(airy.angular_frequency(free, bed.deep, g))
@@ -131,19 +129,19 @@ def shortest_wave(case: Case) -> ShortestWave:
     motion, initial = (
         float(airy.wave_number(omega, bed.shallow, g)) if omega > 0.0 else 0.0 for omega in (driven, started)
     )
-    sources = {"": LEAST, "the bed": bed.k, "the paddle's motion": motion, "the initial surface": max(initial, bound)}
+    sources = {"": NO_WAVE, "the bed": bed.k, "the paddle's motion": motion, "the initial surface": max(initial, bound)}
     source = max(sources, key=lambda one: sources[one])
-    kd = float(airy.wave_number(max(driven, started, LEAST), bed.deep, g)) * bed.deep
+    kd = float(airy.wave_number(max(driven, started, NO_WAVE), bed.deep, g)) * bed.deep
     return ShortestWave(sources[source], source, kd)
 
 
 def frequency_below(end: EndWall, fraction: float) -> float:
-    """Return the frequency below which a fraction of the power of a paddle's motion lies [rad/s]; 0 at rest."""
+    """Return the frequency [rad/s] below which a fraction of the power of a paddle motion lies; 0 at rest."""
     if not end.motion().moves:
         return 0.0
     duration = end.analysed_duration
 
-    def ending(t: Vector) -> Vector:  # a motion that is cut has all frequencies
+    def ending(t: Vector) -> Vector:  # a truncated motion has all frequencies
         return np.asarray((end.rates(t)[1].T * tapered(np.asarray(t / duration))).T)
 
     period = paddle_period(ending, duration=duration, tank=end.tank, fraction=fraction)
@@ -151,13 +149,13 @@ def frequency_below(end: EndWall, fraction: float) -> float:
 
 
 def start_spectrum(case: Case) -> tuple[float, float]:
-    """Return wave numbers [rad/m] of the initial surface: of its shortest free wave and shortest bound harmonic.
+    """Return wave numbers [rad/m] of the shortest free wave and of the shortest bound harmonic of the initial surface.
 
-    They are 0 if it is still, or that of another run. The power of a wave is |eta|² + |omega psi / g|²; waves beyond
-    ``POWER`` of the power do not count.
+    They are 0 for still water and for the state of another run. The power of a wave is |eta|² + |omega psi / g|²; waves
+    beyond ``POWER`` of the power are neglected.
     """
     initial, tank = case.initial, case.tank
-    if isinstance(initial, StillWater | RunState):  # the latter has that run's numerics
+    if isinstance(initial, StillWater | RunState):  # the latter uses the numerics of that run
         return 0.0, 0.0
     free, bound = [0.0], [0.0]
     for x, surface in _profiles(case, lambda x, y: np.array(initial.surface(tank, x, y))):
@@ -174,7 +172,7 @@ def start_spectrum(case: Case) -> tuple[float, float]:
 
 
 def bed_shape(case: Case) -> BedShape:
-    """Return the shape of the bed; a flat one is as deep everywhere."""
+    """Return the shape of the bed; of a flat bed both depths are equal."""
     depth, tank = case.depths(), case.tank
     if not callable(depth):
         return BedShape(0.0, depth, depth)
@@ -189,7 +187,7 @@ def bed_shape(case: Case) -> BedShape:
 
 
 def _profiles(case: Case, function: Callable[[Vector, Vector], Vector]) -> Iterator[tuple[Vector, Vector]]:
-    """Yield places [m] along lines through the tank, and a function at them, of lines on which it is defined."""
+    """Yield positions [m] along lines through the tank, and a function at them, for lines on which it is defined."""
     if (box := case.tank.box) is None:
         return
     x_min, y_min, x_max, y_max = box
@@ -200,7 +198,7 @@ def _profiles(case: Case, function: Callable[[Vector, Vector], Vector]) -> Itera
         lines = [(x, x, np.full(POINTS, at)) for at in y_min + parts * (y_max - y_min)]
         lines += [(y, np.full(POINTS, at), y) for at in x_min + parts * (x_max - x_min)]
     for along, x, y in lines:
-        with suppress(InputError):  # it may be undefined beyond the walls of a basin
+        with suppress(InputError):  # the bed may be undefined outside the walls of a basin
             values = np.asarray(function(x, y), dtype=np.float64)
             if np.isfinite(values).all():
                 yield along, values
@@ -209,7 +207,7 @@ def _profiles(case: Case, function: Callable[[Vector, Vector], Vector]) -> Itera
 def _spectrum(values: Vector, x: Vector, *, periodic: bool = False) -> tuple[Vector, NDArray[np.complex128]]:
     """Return wave numbers [rad/m], shape (K,), and Fourier coefficients of values at equidistant x [m], (..., K).
 
-    Values have shape (..., N); between walls they are mirrored. A variation at the level of round-off counts as zero.
+    Values have shape (..., N); between walls they are mirrored. A variation at round-off level is zero.
     """
     extended = values[..., :-1] if periodic else np.concatenate([values, values[..., -2:0:-1]], axis=-1)
     coefficients = np.fft.rfft(extended)[..., 1:]
@@ -220,7 +218,7 @@ def _spectrum(values: Vector, x: Vector, *, periodic: bool = False) -> tuple[Vec
 
 
 def _shortest(k: Vector, power: Vector, *, neglected: float) -> float:
-    """Return the wave number of k [rad/m] beyond which a fraction of the power lies; 0 without power."""
+    """Return the wave number k [rad/m] below which a fraction of the power lies; 0 without power."""
     if neglected >= 1.0 or not power.sum() > 0.0:
         return 0.0
     return float(k[np.searchsorted(np.cumsum(power), (1 - neglected) * power.sum())])
@@ -249,9 +247,9 @@ def still_mesh(case: Case, cell_size: float) -> Mesh:
 
 
 def check_stable(case: Case, integrator: Integrator[Any], comm: MPI.Comm) -> None:
-    """Raise ``CaseError`` for a step that is surely unstable, after waves that no numerics hold; collective.
+    """Raise ``CaseError`` for a step above the largest possible limit, and for unresolvable waves; collective.
 
-    It is checked in a slice or ring with a flat bed, without a mesh; the clock of a run checks all others.
+    In a slice or ring with a flat bed no mesh is needed; the clock of a run checks other cases.
     """
     dt = case.numerics.dt
     if dt is not None and not isinstance(case.tank, BasinTank) and case.tank.bed is None:
@@ -260,7 +258,7 @@ def check_stable(case: Case, integrator: Integrator[Any], comm: MPI.Comm) -> Non
 
 def _check_stable(case: Case, integrator: Integrator[Any], dt: float) -> None:
     largest = still_mesh(case, case.cell_size).largest_frequency
-    if dt * largest <= CERTAINLY_UNSTABLE * integrator.stability_limit:
+    if dt * largest <= UNSTABLE_STEP * integrator.stability_limit:
         return
     try:
         build_clock(case, largest, integrator)

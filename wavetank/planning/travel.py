@@ -1,9 +1,9 @@
-"""How long the waves of a paddle travel until a gauge records them, with reflections at both ends of the tank.
+"""Travel times of the waves of a paddle to a gauge, with reflections at both ends of the tank.
 
-A wave group passes a gauge at a distance x from the paddle after the path lengths x + 2 n L and 2 L - x + 2 n L, n = 0,
-1 ..., L the length of the tank. Each reflection multiplies its energy by R². A passage after the time a = path / c_g
-records what the paddle has generated up to a before the end of the run. The age of a component is the root mean square
-of a over all passages, weighted with the recorded energy: the phase error of each grows with a.
+In a tank of length L a wave group passes a gauge at a distance x from the paddle after the path lengths x + 2 n L and 2
+L - x + 2 n L, n = 0, 1 ... Each reflection multiplies its energy by R². A passage after the travel time a = path / c_g
+records waves generated until the time a before the end of the run. The age of a component is the root mean square of a
+over all passages, weighted with the recorded energy, since the phase error of each passage grows with a.
 """
 
 from typing import NamedTuple
@@ -14,21 +14,21 @@ from numpy.typing import NDArray
 from wavetank.base.arrays import Vector
 from wavetank.case import EndWall
 
-TRIPS = 20_000  # samples of the round trips; later ones represent several, or a long run would fill the memory
-NOT_RESONANT = 1 - 1e-9  # factor of a geometric series' ratio: it has no pole at resonance
+TRIPS = 20_000  # samples of the round trips; each later one represents several, which limits the memory of long runs
+RESONANCE_FACTOR = 1 - 1e-9  # factor of the ratio of a geometric series, so that it has no pole at resonance
 
 
 class Propagation(NamedTuple):
-    """The travel of components to a gauge, shape (N,) each.
+    """The travel of components to a gauge; arrays have shape (N,).
 
     Attributes
     ----------
     age
-        The age [s].
+        Age [s].
     fraction
-        The recorded energy over the energy that is generated in the run.
+        Recorded energy over the energy that is generated in the run.
     reflected
-        The part of it that the opposite end has reflected.
+        Part of the recorded energy that the opposite end has reflected.
     """
 
     age: Vector
@@ -39,7 +39,7 @@ class Propagation(NamedTuple):
 def reflections(end: EndWall, omega: Vector) -> Vector:
     """Return amplitude reflection coefficients of frequencies [rad/s] at a wall and at the opposite end, shape (2, N).
 
-    A sponge reflects nothing.
+    That of a sponge is 0.
     """
     result = np.full((2, omega.size), 1.0 if end.case.sponge is None else 0.0)
     for one in end.case.ends:
@@ -60,11 +60,11 @@ def travel(
     rates
         Generation of energy at equal steps, in any unit, shape (N, M).
     sampled
-        The time of all of these [s], at least the duration.
+        Total time of these steps [s], at least the duration.
     length, duration
-        Of the tank [m] and of the run [s].
+        Length of the tank [m] and duration of the run [s].
     reflected
-        Reflection coefficients at the paddle and opposite, shape (2, N).
+        Reflection coefficients at the paddle and at the opposite end, shape (2, N).
     """
     most = 1 + int(duration * speed.max() / (2 * length))
     trips = np.unique(np.geomspace(1, most, TRIPS).astype(int)) - 1.0
@@ -86,9 +86,9 @@ def response(
 ) -> NDArray[np.complex128]:
     """Return the elevation at distances x [m], shape (P,), over that at the paddle, with all reflections, shape (P, N).
 
-    Of a path only waves count that travel it within the run; the other parameters are those of ``travel``.
+    Only waves that travel a path within the run contribute; the other parameters are those of ``travel``.
     """
-    ratio = NOT_RESONANT * reflected[0] * reflected[1] * np.exp(-2j * k * length)
+    ratio = RESONANCE_FACTOR * reflected[0] * reflected[1] * np.exp(-2j * k * length)
     there = x[:, None]
     result = np.zeros((x.size, k.size), dtype=complex)
     for first, factor in ((there, 1.0), (2 * length - there, reflected[1])):

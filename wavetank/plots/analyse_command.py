@@ -1,4 +1,4 @@
-"""``wavetank analyse RUN|DATA KIND``: light to import; what it needs is loaded when it is called."""
+"""``wavetank analyse RUN|DATA KIND``. Imports are inside the command, so that this module loads fast."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -14,10 +14,10 @@ from wavetank.output.files import check_new
 from wavetank.output.manifest import MANIFEST
 
 KINDS = ("spectrum", "heights", "harmonics", "bound-free", "groups", "reflection", "speed")
-WIDTH = 120  # characters that a table may need, on any terminal
+WIDTH = 120  # least width of a table in characters
 MOST = 24  # rows of a table on the terminal
-REFLECTION = "reflection"  # of regular waves, or of a sea
-REGULAR = ("harmonics", "bound-free", REFLECTION, "speed")  # that take a period
+REFLECTION = "reflection"  # kinds for regular waves, or for a sea
+REGULAR = ("harmonics", "bound-free", REFLECTION, "speed")  # kinds with a period
 
 
 def analyse(
@@ -44,8 +44,8 @@ def analyse(
 ) -> None:
     """Analyse gauges: spectra, heights, harmonics, reflection.
 
-    For each kind a table and a picture: spectra with Hm0, Tp, Tm02; heights of waves one after the other; harmonics of
-    regular waves; second harmonics bound and free; groups; incident and reflected waves; speed between gauges.
+    Each kind has a table and a picture: spectra with Hm0, Tp, Tm02; heights of individual waves; harmonics of regular
+    waves; bound and free second harmonics; groups; incident and reflected waves; speed between gauges.
     """
     chosen = list(dict.fromkeys(kinds or KINDS[:1]))
     for kind in chosen:
@@ -103,7 +103,7 @@ def analyse(
 
 
 def own_folder(source: str) -> Path:
-    """Return the folder for results of a run, which is its own, or of a table or data set, one below ``runs``."""
+    """Return the folder for results: of a run its directory, of a table or data set a folder in ``runs``."""
     path = Path(source)
     if (path / MANIFEST).is_file():
         return path
@@ -114,7 +114,7 @@ def own_folder(source: str) -> Path:
 
 
 def _places(text: str | None) -> tuple[float, float, int] | None:
-    """Return first and last place [m] and how many of ``X,X,NUMBER``; raise ``InputError`` for anything else."""
+    """Return first and last position [m] and the number of ``X,X,NUMBER``; raise ``InputError`` for other texts."""
     if text is None:
         return None
     try:

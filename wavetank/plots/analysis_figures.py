@@ -17,29 +17,29 @@ from wavetank.waves.airy import Array, wave_number
 FEW = (style.BLUE, style.VERMILION, style.GREEN, style.ORANGE, style.PURPLE, style.INK)
 ONE = (9, 5.4)  # size of a picture of one panel [inch]
 MARGIN = 0.1  # relative extension of the frequency range of linear waves
-MAX_GAUGES = 12  # largest number of gauges in a panel; further ones are omitted evenly
+MAX_GAUGES = 12  # largest number of gauges in a panel; of more gauges, evenly distributed ones
 DRAWN = 0.99  # part of the variance within the frequency range of a spectrum
 
 
 def _colours(number: int) -> list[tuple[float, ...] | str]:
-    """Return a colour for each of so many lines that are drawn one over the other."""
+    """Return colours for a number of overlapping lines."""
     return list(FEW[:number]) if number <= len(FEW) else [*colormaps["viridis"](np.linspace(0, 0.93, number))]
 
 
 def _chosen(number: int, most: int = MAX_GAUGES) -> dict[int, Any]:
-    """Return which of so many gauges are drawn, with their colours."""
+    """Return which gauges are drawn, with their colours, by their number."""
     shown = sorted({round(n) for n in np.linspace(0, number - 1, min(number, most))})
     return dict(zip(shown, _colours(len(shown)), strict=True))
 
 
 def _label(eta: DataArray) -> str:
-    """Return a gauge's label in a legend."""
+    """Return the label of a gauge in a legend."""
     name, x = str(eta.gauge.values), float(eta.x)
     return f"gauge {name}" if np.isnan(x) or name == f"{x:g}" else f"gauge {name}, x = {x:g} m"
 
 
 def _highest(S: DataArray) -> float:
-    """Return the frequency [Hz] below which nearly all of the variance is."""
+    """Return the frequency [Hz] below which nearly all of the variance lies."""
     total = S.sum([dim for dim in S.dims if dim != "frequency"]).cumsum("frequency")
     return 1.5 * float(S.frequency[int(np.argmax(total.values > DRAWN * float(total[-1])))])
 
@@ -61,7 +61,7 @@ def heights_figure(
     *,
     title: str,
 ) -> Path:
-    """Draw the exceedance of heights and crests over Hm0 with Rayleigh's and Forristall's; return ``path``.
+    """Draw the exceedance of heights and crests over Hm0 with those of Rayleigh and Forristall; return ``path``.
 
     ``waves`` are gauges with their waves, ``states`` their sea states, ``second`` is Forristall's exceedance of crests
     over Hm0, if the depth is known.
@@ -89,7 +89,7 @@ def heights_figure(
 
 
 def harmonics_figure(result: Dataset, path: Path, *, title: str) -> Path:
-    """Draw the amplitudes of harmonics along x, or of two gauges and fewer over their number; return ``path``."""
+    """Draw the amplitudes of harmonics along x, or over their number for at most two gauges; return ``path``."""
     along = result.sizes["gauge"] > 2 and not np.isnan(result.x.values).any()
     result = result.sortby("x") if along else result
     component, numbers = style.CM * np.abs(result.component), result.harmonic.values
@@ -110,9 +110,9 @@ def harmonics_figure(result: Dataset, path: Path, *, title: str) -> Path:
 def along_figure(
     component: DataArray, names: Sequence[str], fit: WaveFit, path: Path, *, kind: str, title: str
 ) -> Path:
-    """Draw a harmonic's amplitude along x with the waves that are fitted to it; return ``path``.
+    """Draw the amplitude of a harmonic along x with the fitted waves; return ``path``.
 
-    ``component`` [m] is over gauge; names are those of the waves of the fit.
+    ``component`` [m] is over gauge; names are those of the fitted waves.
     """
     x = np.asarray(component.x.values, dtype=float)
     fine = np.linspace(x.min(), x.max(), 1000)
@@ -128,7 +128,7 @@ def along_figure(
 
 
 def groups_figure(eta: DataArray, envelope: DataArray, groupiness: DataArray, path: Path, *, title: str) -> Path:
-    """Draw records with their envelopes, a panel a gauge; return ``path``."""
+    """Draw records with their envelopes, one panel per gauge; return ``path``."""
     shown, number = _chosen(eta.sizes["gauge"], 8), eta.sizes["gauge"]
     some = f", {len(shown)} of {number} gauges (--gauges)" * (len(shown) < number)
     title, rows = style.titled(title, f"elevation η and its groups{some}"), len(shown)
@@ -145,7 +145,7 @@ def groups_figure(eta: DataArray, envelope: DataArray, groupiness: DataArray, pa
 
 
 def reflection_figure(result: Dataset, path: Path, *, title: str) -> Path:
-    """Draw incident and reflected spectra, and the ratio of their amplitudes where it counts; return ``path``."""
+    """Draw incident and reflected spectra, and their amplitude ratio at counted frequencies; return ``path``."""
     density = result.incident.fillna(0.0) + result.reflected.fillna(0.0)
     ratio = np.sqrt(result.reflected / result.incident.where(result.incident > 0)).where(result.counted)
     title = style.titled(title, f"reflection {result.attrs['coefficient']:.3g}")
@@ -162,9 +162,9 @@ def reflection_figure(result: Dataset, path: Path, *, title: str) -> Path:
 def speed_figure(
     speed: Array, pairs: Sequence[str], frequencies: Array, path: Path, *, title: str, depth: float, gravity: float
 ) -> Path:
-    """Draw phase speeds [m/s] between gauges over frequency [Hz] with the dispersion relation's; return ``path``.
+    """Draw phase speeds [m/s] between gauges over frequency [Hz] with the dispersion relation; return ``path``.
 
-    They are of shape (pairs, frequencies), not numbers where the records have none.
+    They have shape (pairs, frequencies), not numbers where undefined.
     """
     drawn = frequencies[np.isfinite(speed).any(axis=0)]
     f = np.linspace((1 - MARGIN) * drawn.min(), (1 + MARGIN) * drawn.max(), 200)

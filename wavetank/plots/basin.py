@@ -18,7 +18,7 @@ from wavetank.plots.surfaces import Array, Extremes, Indices, TankSurface, basin
 LEVELS = 64  # number of colours
 WIDTH, WIDE = 5.2, 9.5  # width of maps [inch] in a row, and in a column
 ELONGATED = 0.4  # width over length of a basin up to which maps are in a column
-PERIODS, SNAPSHOTS = 3, 6  # wave heights are those of the last periods, if there are so many snapshots in each
+PERIODS, SNAPSHOTS = 3, 6  # number of last periods for wave heights, and least number of snapshots in each
 RIM = "#444444"
 
 
@@ -28,15 +28,15 @@ class Map(NamedTuple):
     Attributes
     ----------
     title, label
-        Its title, and that of its colours.
+        Title, and label of the colour bar.
     points
-        Places of the values, (x, y, ...) [m], shape (N, 3).
+        Positions of the values, (x, y, ...) [m], shape (N, 3).
     values
-        Shape (N,) [m].
+        Values [m], shape (N,).
     limits
-        The values at which the colours end [m].
+        Limits of the colours [m].
     colours, ink
-        The name of matplotlib's colour map, and the colour of marks upon it.
+        Name of matplotlib's colour map, and colour of marks on it.
     """
 
     title: str
@@ -51,8 +51,8 @@ class Map(NamedTuple):
 def basin_figure(run: RunDirectory, path: Path) -> Path:
     """Draw the elevation at the time of the highest crest, the highest elevation, and the height of regular waves.
 
-    Over contours of the bed, with paddle and gauges; heights are crest minus trough over the last periods of a paddle
-    that has one. Returns ``path``; raises ``InputError`` for less than two snapshots.
+    Maps have contours of the bed, paddle and gauges. Heights are crest minus trough over the last periods of a periodic
+    paddle. Returns ``path``; raises ``InputError`` for fewer than two snapshots.
     """
     surface = basin_surface(run)
     if surface.times.size < 2:
@@ -79,23 +79,23 @@ def basin_figure(run: RunDirectory, path: Path) -> Path:
             paddles = one.points[surface.rim[surface.moving(past.displacement)], :2]
             axes.add_collection(LineCollection([*paddles], colors=style.PADDLE, linewidths=3.5))
             style.mark_places(axes, gauges, rows=rows, ink=one.ink)
-        style.lay_out(figure)  # the places of names are final only now
+        style.lay_out(figure)  # now the positions of labels are final
         for axes in panels:
             style.remove_overlaps(axes)
     return path
 
 
 def _limits(values: Array) -> tuple[float, float]:
-    """Return the values [m] at which colours begin and end, single sharp crests left out."""
+    """Return the limits of the colours [m], without single sharp crests."""
     low, high = np.quantile(values, [1 - style.SATURATED, style.SATURATED])
     return float(low), max(float(high), float(low) + style.FLAT / style.CM)
 
 
 def _wave_heights(run: RunDirectory, surface: TankSurface) -> list[Map]:
-    """Return the map of crest minus trough over the last periods; none without a period, or of too few snapshots."""
+    """Return the map of crest minus trough over the last periods; None without a period or enough snapshots."""
     motion = run.manifest.get("case", {}).get("wall", {}).get("motion") or {}
     period, end = motion.get("period"), surface.times[-1]
-    if period is None or end - surface.times[0] < 2 * PERIODS * period:  # the waves have not come yet
+    if period is None or end - surface.times[0] < 2 * PERIODS * period:  # the waves have not arrived
         return []
     last = np.flatnonzero(surface.times >= end - PERIODS * period)
     if last.size < PERIODS * SNAPSHOTS:
@@ -109,7 +109,7 @@ def _wave_heights(run: RunDirectory, surface: TankSurface) -> list[Map]:
 
 
 def _draw_map(figure: Figure, axes: Axes, surface: TankSurface, one: Map, bar: Any) -> None:
-    """Draw a map with the side of its colour bar, lines of the bed, sponge and rim."""
+    """Draw a map with the side of its colour bar, contours of the bed, sponge and rim."""
     plan = Triangulation(one.points[:, 0], one.points[:, 1], _triangles(surface.pieces))
     levels = style.CM * np.linspace(*one.limits, LEVELS)
     filled = axes.tricontourf(plan, style.CM * one.values, levels, cmap=one.colours, extend="both")
@@ -131,6 +131,6 @@ def _draw_map(figure: Figure, axes: Axes, surface: TankSurface, one: Map, bar: A
 
 
 def _triangles(pieces: Indices) -> Indices:
-    """Return triangles instead of triangles or quadrilaterals, shape (F, 3)."""
+    """Return triangles, shape (F, 3), of triangles or quadrilaterals."""
     fans = [pieces[:, [0, corner, corner + 1]] for corner in range(1, pieces.shape[1] - 1)]
     return np.concatenate(fans)

@@ -1,4 +1,4 @@
-"""``wavetank compare RUN --with DATA|RUN``: a table and a figure of what the reference holds."""
+"""``wavetank compare RUN --with DATA|RUN``: tables and figures of the quantities in the reference."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -58,7 +58,7 @@ def compare(
 
 
 def _clock(text: str) -> tuple[float, float]:
-    """Return the bounds [s] of the offset added to a reference's times, given as in a ``dataset.toml``."""
+    """Return the bounds [s] of the offset added to the times of a reference, in the format of a ``dataset.toml``."""
     from pydantic import TypeAdapter
 
     from wavetank.data.description import Clock
@@ -73,7 +73,7 @@ def _clock(text: str) -> tuple[float, float]:
 
 
 def _computed(source: str) -> "DataArray":
-    """Return the records of a run, or of data that are compared with others as a run is."""
+    """Return the records of a run, or of data that are compared like a run."""
     from wavetank.data.description import DATASET, MEASURED
 
     if (Path(source) / MANIFEST).exists() or Path(source).is_dir() and not (Path(source) / DATASET).exists():
@@ -85,7 +85,7 @@ def _computed(source: str) -> "DataArray":
 def _compare_gauges(
     computed: "DataArray", references: "list[DataArray]", folder: Path, *, period: float | None, start: float | None
 ) -> list[Table | str]:
-    """Compare with the first of the references, and draw them all; return tables, and a line on the clocks."""
+    """Compare with the first reference, and draw all; return tables, and a line on the clocks."""
     from wavetank.analysis.compare import MIN_RANGE, compare_harmonics, synchronised
     from wavetank.analysis.compare import compare as compare_gauges
     from wavetank.plots import tables

@@ -18,7 +18,7 @@ from wavetank.plots.style import BLUE, COMPUTED, GREEN, VERMILION, common_legend
 
 # ---------------------------------------------------------------- harmonics
 def harmonics_figure(path: Path, compared: Dataset) -> None:
-    """Draw the amplitudes along the tank, or gauge by gauge where not all places are given."""
+    """Draw the amplitudes along the tank, or by gauge if positions are missing."""
     placed = bool(np.isfinite(compared.x).all())
     ordered = compared.sortby("x") if placed else compared
     x = ordered.x.values if placed else np.arange(ordered.gauge.size)
@@ -33,17 +33,17 @@ def harmonics_figure(path: Path, compared: Dataset) -> None:
 
 
 # ---------------------------------------------------------------- wave heights along sections
-MARKS = (("o", "#222222"), ("^", "#d55e00"), ("s", "#009e73"))  # one an origin of measurements
+MARKS = (("o", "#222222"), ("^", "#d55e00"), ("s", "#009e73"))  # one for each origin of measurements
 ROW = 3  # panels
 HEADROOM = 1.06
 CONTOURS = 14
-POINTS = 241  # points of a bed in each direction
+POINTS = 241  # number of points of a bed in each direction
 
 
 def bathymetry(run: RunDirectory, gauges: DataArray) -> DataArray | None:
-    """Return the still-water depth [m] over y and x [m] between the outermost gauges of a run; None of a flat bed.
+    """Return the still-water depth [m] over y and x [m] between the outermost gauges of a run; None for a flat bed.
 
-    Raises ``InputError`` if the bed is in a file that cannot be read.
+    Raises ``InputError`` if the file of the bed cannot be read.
     """
     depth = still_water(run)
     if depth is None:
@@ -65,7 +65,7 @@ def sections_figure(
 ) -> Path:
     """Draw H / H0 along each section, and the sections over the bed, if one is given; return ``path``.
 
-    The panels' titles have the misfits of the rows ``compared``; ``incident`` is H0 [m].
+    The titles of panels contain the misfits of the rows ``compared``; ``incident`` is H0 [m].
     """
     panels = len(computed.profiles) + (bed is not None)
     rows, columns = -(-panels // ROW), min(ROW, panels)
@@ -98,7 +98,7 @@ def _draw_section(axes: Axes, section: Section, computed: DataArray, measured: S
 
 
 def _draw_layout(figure: Figure, axes: Axes, computed: ComputedHeights, bed: DataArray) -> None:
-    """Draw the bed's contours and the sections on it."""
+    """Draw the contours of the bed and the sections on it."""
     filled = axes.contourf(bed.x, bed.y, bed, CONTOURS, cmap="Blues")
     axes.contour(bed.x, bed.y, bed, filled.levels, colors="#0b2d5c", linewidths=0.4)
     figure.colorbar(filled, ax=axes, shrink=0.7, label="still-water depth d [m]")

@@ -41,10 +41,10 @@ def surface_figure(
 ) -> Path:
     """Draw the highest crest, with the wave just before and after it, above all snapshots in the (x, t) plane.
 
-    ``surface`` is ``RunDirectory.snapshots()``, of two snapshots or more. Where a wall moves, its position is drawn at
-    that side of the (x, t) plane. No water is drawn below the depth [m]; where that is a function d(x, y) the bed is
-    drawn between the two panels. ``gauges`` are lines in the (x, t) plane; what a ``sponge`` damps, from and to x [m],
-    is hatched. ``origin`` says what x is the distance from, or along. Returns ``path``.
+    ``surface`` is ``RunDirectory.snapshots()`` with at least two snapshots. The position of a moving wall is drawn at
+    its side of the (x, t) plane. No water is drawn below the depth [m]; the bed of a function d(x, y) is drawn between
+    the two panels. ``gauges`` are lines in the (x, t) plane; the range x [m] of a ``sponge`` is hatched. ``origin`` is
+    the label of the x axis. Returns ``path``.
     """
     t, x, eta = surface.time.values, surface.x.values, surface.elevation.values
     walls = {name: end for name, end in (("paddle", 0), ("far wall", -1)) if np.ptp(x[:, end])}
@@ -77,7 +77,7 @@ def surface_figure(
         for name in columns[1:]:
             axes[name].tick_params(labelleft=False)
         axes[columns[0]].set_ylabel("time [s]")
-        style.lay_out(figure)  # the panel's size, its exaggeration, and the places of names are final only now
+        style.lay_out(figure)  # now the size and exaggeration of the panel and the positions of labels are final
         style.remove_overlaps(diagram)
         box, (first, last), (low, high) = profile.get_window_extent(), profile.get_xlim(), profile.get_ylim()
         times = style.CM * (box.height / (high - low)) / (box.width / (last - first))
@@ -86,7 +86,7 @@ def surface_figure(
 
 
 def _draw_profile(axes: Axes, t: Array, x: Array, eta: Array, depth: float) -> None:
-    """Draw the highest crest over the water, and the surface half a period before and after it."""
+    """Draw the water with the highest crest, and the surface half a period before and after."""
     crest, top = (int(n) for n in np.unravel_index(np.argmax(eta), eta.shape))
     place, height = float(x[crest, top]), style.CM * float(eta[crest, top])
     largest = style.CM * float(np.abs(eta[crest]).max())
@@ -94,7 +94,7 @@ def _draw_profile(axes: Axes, t: Array, x: Array, eta: Array, depth: float) -> N
     axes.set_facecolor(SKY)
     _fill_water(axes, x[crest], style.CM * eta[crest], limits)
     below = np.flatnonzero(eta[crest:, top] < 0)
-    step = max(1, 2 * int(below[0]) - 1) if below.size else 1  # half a period: twice the time that it takes to sink
+    step = max(1, 2 * int(below[0]) - 1) if below.size else 1  # half a period: twice the time in which the crest sinks
     for snapshot, colour, note in (
         (crest - step, BEFORE, ""),
         (crest, CREST, ", the highest crest of the snapshots"),
@@ -114,7 +114,7 @@ def _draw_profile(axes: Axes, t: Array, x: Array, eta: Array, depth: float) -> N
         arrowprops={"arrowstyle": "-", "color": CREST, "lw": 0.8, "shrinkB": 3},
     )
     axes.set(ylim=limits, ylabel="elevation [cm]")
-    axes.yaxis.label.set_in_layout(False)  # it hangs over the empty corner, and must not part paddle and diagram
+    axes.yaxis.label.set_in_layout(False)  # the label is over the empty corner, not between paddle and diagram
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, borderaxespad=0.2)
 
 
@@ -128,7 +128,7 @@ def _fill_water(axes: Axes, x: Array, eta: Array, limits: tuple[float, float]) -
 
 
 def _draw_bed(axes: Axes, x: Array, depth: Array) -> None:
-    """Draw still water over its bed, depth [m] at x [m]."""
+    """Draw still water over the bed, depth [m] at x [m]."""
     lowest = 1.1 * float(depth.max())
     axes.fill_between(x, 0.0, -depth, color=STILL, lw=0)
     axes.fill_between(x, -depth, -lowest, color=SAND, lw=0)
@@ -139,7 +139,7 @@ def _draw_bed(axes: Axes, x: Array, depth: Array) -> None:
 def _draw_diagram(figure: Figure, axes: Axes, t: Array, x: Array, eta: Array) -> None:
     """Draw the elevation over x and t as colours, with the highest crest marked.
 
-    The elevation is interpolated to about the picture's pixels, not the colour: halfway between red and blue there is
+    The elevation is interpolated to about the pixels of the picture, not the colour: the colour between red and blue is
     white, not purple.
     """
     columns, times = np.linspace(x.min(), x.max(), PIXELS[0]), np.linspace(t[0], t[-1], PIXELS[1])
@@ -158,14 +158,14 @@ def _draw_diagram(figure: Figure, axes: Axes, t: Array, x: Array, eta: Array) ->
 
 
 def _draw_wall(axes: Axes, diagram: Axes, t: Array, x: Array, name: str) -> None:
-    """Draw the position x [m] of a moving wall where it is in the diagram, and enlarged in a panel of its own."""
+    """Draw the position x [m] of a moving wall in the diagram, and enlarged in a separate panel."""
     far = name != "paddle"
     diagram.plot(x, t, color=style.PADDLE, lw=1.5)
     diagram.fill_betweenx(t, x.max() if far else x.min(), x, color="#dddddd", lw=0)
     displacement = style.CM * (x - x[0] if far else x)
     axes.plot(displacement, t, color=style.PADDLE)
     reach = float(np.abs(displacement).max())
-    tick = float(f"{reach:.0e}")  # one digit: the panel is narrow
+    tick = float(f"{reach:.0e}")  # one digit, since the panel is narrow
     axes.set_xticks([-tick, 0.0, tick], [Formatter.fix_minus(f"{-tick:g}"), "0", f"{tick:g}"])
     axes.set(xlim=(-1.4 * reach, 1.4 * reach), xlabel=f"{name}\n[cm]")
 
@@ -177,9 +177,10 @@ FOCUS = 4.0  # time shown before and after the largest crest [s]
 
 
 def gauges_overview(gauges: DataArray, path: Path, *, title: str = "") -> Path:
-    """Draw the gauges' records, all on one scale, from the paddle outwards; return ``path``.
+    """Draw the records of gauges to the same scale, ordered by distance from the paddle; return ``path``.
 
-    Of more than ``MAX_PANELS`` gauges every second, third ... is drawn. Raises ``InputError`` if there is no gauge.
+    If there are more than ``MAX_PANELS`` gauges, every second, third ... is drawn. Raises ``InputError`` if there is
+    none.
     """
     if not gauges.sizes["gauge"]:
         raise InputError(f"{path}: there is no gauge to draw.")
@@ -195,16 +196,16 @@ def gauges_overview(gauges: DataArray, path: Path, *, title: str = "") -> Path:
             panel.set_title(f"gauge {gauge.gauge.item()}, x = {float(gauge.x):g} m{across}", pad=2, parse_math=False)
         for panel in order[len(shown) :]:
             panel.set_axis_off()
-        if style.CM * float(np.abs(shown).max()) < style.FLAT:  # smaller waves are drawn as still water
+        if style.CM * float(np.abs(shown).max()) < style.FLAT:  # lower waves are drawn as still water
             axes[0, 0].set_ylim(-style.FLAT, style.FLAT)
         axes[0, 0].figure.supylabel("elevation [cm]", fontsize=10)
     return path
 
 
 def gauges_figure(measured: DataArray, computed: DataArray, published: Sequence[DataArray], path: Path) -> Path:
-    """Draw measured, computed and published records of the same gauges, in full and around each largest crest.
+    """Draw measured, computed and published records of the same gauges, complete and around each largest crest.
 
-    Every panel names gauge, place and the normalised rms misfit of each computation. Returns ``path``; raises
+    Panels are labelled with gauge, position and the normalised rms misfit of each computation. Returns ``path``; raises
     ``InputError`` as ``compare`` does.
     """
     pairs = matched(computed, measured)
@@ -222,7 +223,7 @@ def gauges_figure(measured: DataArray, computed: DataArray, published: Sequence[
 
 
 def _draw_gauge(full: Axes, zoom: Axes, reference: DataArray, computations: Sequence[DataArray]) -> None:
-    """Draw one gauge's records over the time of the last computation, which is this run's."""
+    """Draw the records of one gauge over the time of the last computation, which is this run's."""
     run = computations[-1]
     shared = reference.sel(time=slice(run.time[0], run.time[-1]))
     misfits = ", ".join(f"{one.source} {compare_gauge(one, shared)['nrms']:.3f}" for one in reversed(computations))
@@ -249,10 +250,10 @@ MIN_DISSIPATION = 1e-3  # least dissipation that is drawn, over the largest ener
 
 
 def energy_figure(energy: Dataset, path: Path, *, title: str = "") -> Path:
-    """Draw the energy budget and, on an axis of its own, the error of the energy balance; return ``path``.
+    """Draw the energy budget and, on a separate axis, the error of the energy balance; return ``path``.
 
-    The error is that over the largest sum of energy, dissipation and absorption. ``energy`` is ``RunDirectory.energy``;
-    raises ``InputError`` if a quantity is missing or has no value.
+    The error is relative to the largest sum of energy, dissipation and absorption. ``energy`` is
+    ``RunDirectory.energy``; raises ``InputError`` if a quantity is missing or has no value.
     """
     needed = ("kinetic", "potential", "total", "paddle_work", "balance")
     if missing := [name for name in needed if name not in energy or not energy.time.size]:
@@ -282,15 +283,15 @@ def energy_figure(energy: Dataset, path: Path, *, title: str = "") -> Path:
 
 # ---------------------------------------------------------------- breakdown
 LABELS = {"elevation": "elevation [cm]", "slope": "slope [-]", "velocity": "velocity u [m/s]"}
-ENLARGED, AROUND = 20.0, 0.1  # wave heights, at most, and parts of the tank shown enlarged on either side of a place
+ENLARGED, AROUND = 20.0, 0.1  # half width of an enlargement: largest number of wave heights, and part of the tank
 PANEL = 3e4  # points² that cells of a basin fill
 
 
 def broken_figure(run: RunDirectory) -> Path:
-    """Draw the surface of a run that broke down, ``broken.png``; return its path.
+    """Draw the last surface of a run that broke down, ``broken.png``; return its path.
 
-    In full and around its steepest place, of a basin in plan view; of a slice with u/c at the steep crests. Raises
-    ``InputError`` where none was recorded.
+    The complete surface and an enlargement around its steepest point, in plan view for a basin; for a slice with u/c at
+    the steep crests. Raises ``InputError`` without a record.
     """
     surface, breakdown = run.broken(), run.manifest["broke_down"]
     path, steepest, basin = run.path / BROKEN_PICTURE, breakdown["steepest"], "y" in surface
@@ -337,12 +338,12 @@ def broken_figure(run: RunDirectory) -> Path:
 
 # ---------------------------------------------------------------- loads and probes
 COLOURS = {"x": style.BLUE, "y": style.GREEN, "z": style.VERMILION}
-MAX_PROBES = 8  # probes; of more every second, third ... is drawn
+MAX_PROBES = 8  # largest number of probes; of more, every second, third ... is drawn
 KILO = 1e3  # Pa, N, N m
 
 
 def probes_figure(run: RunDirectory, path: Path) -> Path:
-    """Draw a run's probes, gaps where they are dry; return ``path``. Raises ``InputError`` where there are none."""
+    """Draw the probes of a run, with gaps while they are dry; return ``path``. Raises ``InputError`` without probes."""
     probes = run.probes
     shown = probes.isel(probe=slice(None, None, -(-probes.sizes["probe"] // MAX_PROBES)))
     rows, tank = shown.sizes["probe"], run.manifest.get("case", {}).get("tank", {})
@@ -365,9 +366,9 @@ def probes_figure(run: RunDirectory, path: Path) -> Path:
 
 
 def loads_figure(run: RunDirectory, path: Path) -> Path:
-    """Draw forces and moments on a run's walls, less those at its start; return ``path``.
+    """Draw the changes of forces and moments on the walls of a run since its start; return ``path``.
 
-    Raises ``InputError`` where there are none.
+    Raises ``InputError`` without loads.
     """
     loads = run.loads
     rows, beyond = loads.sizes["wall"], loads - loads.isel(time=0)
@@ -385,7 +386,7 @@ def loads_figure(run: RunDirectory, path: Path) -> Path:
 
 
 def _scale(values: DataArray) -> tuple[float, str]:
-    """Return the divisor of values that are shown, and the prefix of their unit."""
+    """Return the divisor of plotted values, and the prefix of their unit."""
     return (KILO, "k") if float(np.abs(values).max()) > KILO else (1.0, "")
 
 
@@ -399,9 +400,9 @@ def _draw_vector(panel: Axes, data: Dataset, name: str) -> None:
 
 # ---------------------------------------------------------------- all figures of a run
 def draw_run(run: RunDirectory) -> list[Path]:
-    """Draw the standard pictures of a run into its directory; return the paths of those drawn.
+    """Draw the standard pictures of a run into its directory; return their paths.
 
-    Those without records, as of a run that was killed early, are left out, and so are a basin's maps where pyvista,
+    Pictures without records, as in a run that was killed early, are omitted, as are the maps of a basin if pyvista,
     which reads its surface, is not installed. Raises ``InputError`` for missing files.
     """
     gauges, energy = run.gauges, run.energy
@@ -419,7 +420,7 @@ def draw_run(run: RunDirectory) -> list[Path]:
 
 
 def _snapshots(run: RunDirectory) -> int:
-    """Return how many snapshots of the surface can be drawn."""
+    """Return the number of snapshots of the surface that can be drawn."""
     if (run.path / SURFACE).exists():
         return int(run.snapshots().time.size)
     return len(run.fields("surface")) if index_file(run.path, "surface").exists() and find_spec("pyvista") else 0
@@ -430,9 +431,9 @@ ORIGINS = {"ring": "along the ring", "fixed": "from the wall"}  # of others ``X_
 
 
 def draw_surface(run: RunDirectory) -> Path:
-    """Draw the surface of a run, ``surface.png``: of a basin maps, else a diagram over x and t.
+    """Draw the surface of a run, ``surface.png``: maps for a basin, else a diagram over x and t.
 
-    Return the picture's path; raises ``InputError`` for less than two snapshots.
+    Returns the path of the picture; raises ``InputError`` for fewer than two snapshots.
     """
     case, path = run.manifest.get("case", {}), run.path / "surface.png"
     tank, wall = case.get("tank", {}), case.get("wall", {})
@@ -457,7 +458,7 @@ def draw_surface(run: RunDirectory) -> Path:
 
 
 def _sponge(case: dict[str, Any], x: Array) -> tuple[float, float] | None:
-    """Return from where to where [m] a slice's sponge damps, x [m] the surface's points; None where there is none."""
+    """Return the range x [m] of the sponge of a slice, given the points x [m] of the surface; None without a sponge."""
     if (rate := sponge_rate(case, x)) is None:
         return None
     inside = x[rate > style.DAMPED * rate.max(initial=0.0)]

@@ -1,4 +1,4 @@
-"""Style of all figures: colours, sizes, axes, legends, and marks of gauges."""
+"""Style of all figures: colours, sizes, axes, legends, and labels of gauges."""
 
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
@@ -20,7 +20,7 @@ from xarray import DataArray
 
 from wavetank.output.files import atomic_file
 
-# colours that colour-blind eyes tell apart (Okabe and Ito), and greys
+# colours for colour-blind readers (Okabe and Ito), and greys
 BLUE, VERMILION, GREEN, ORANGE, PURPLE, LIGHT_BLUE = "#0072b2", "#d55e00", "#009e73", "#e69f00", "#cc79a7", "#56b4e9"
 INK, GREY, PALE_GREY = "#222222", "#555555", "#9a9a9a"
 MEASURED, COMPUTED, PUBLISHED, PADDLE = PALE_GREY, BLUE, VERMILION, INK
@@ -32,9 +32,9 @@ DAMPED = 1e-3  # damping rate over the largest one at which a sponge begins
 SATURATED = 0.995  # quantile of the elevation at which colours end, so that one sharp crest does not hide other waves
 
 LEGEND_COLUMNS = 5  # largest number of columns
-COMPRESSION = 3  # level of zlib: files are a tenth larger than at the default 6 and are written in half the time
+COMPRESSION = 3  # level of zlib: files are 10 % larger than at the default 6 and are written in half the time
 
-STYLE: Any = {  # matplotlib 3.11 names every key in a type, earlier ones take any
+STYLE: Any = {  # matplotlib 3.11 has a type for the keys, earlier versions accept any
     "font.size": 10,
     "axes.grid": True,
     "grid.alpha": 0.25,
@@ -53,7 +53,7 @@ STYLE: Any = {  # matplotlib 3.11 names every key in a type, earlier ones take a
 
 @contextmanager
 def picture(path: Path, width: float, height: float, *, title: str = "") -> Iterator[Figure]:
-    """Give an empty figure of that size [inch] with a title, saved to ``path`` at the end; needs no display."""
+    """Yield an empty figure of a size [inch] with a title, saved to ``path`` at the end; needs no display."""
     with rc_context(STYLE):
         figure = Figure(figsize=(width, height), layout="constrained")
         if title:
@@ -61,17 +61,17 @@ def picture(path: Path, width: float, height: float, *, title: str = "") -> Iter
         yield figure
         lay_out(figure)
         fast: dict[str, Any] = {"pil_kwargs": {"compress_level": COMPRESSION}} if path.suffix == ".png" else {}
-        with atomic_file(path) as file:  # not through a link that is there
+        with atomic_file(path) as file:  # not through an existing link
             figure.savefig(file, format=path.suffix.removeprefix("."), **fast)
 
 
 def titled(run_title: str, kind: str) -> str:
-    """Return a figure's title: that of the run or the data, if it has one, and what the figure shows."""
+    """Return the title of a figure: that of the run or the data, if any, and the subject of the figure."""
     return f"{run_title}: {kind}" if run_title else kind.capitalize()
 
 
 def draw_series(axes: Axes, t: Any, values: Any, **properties: Any) -> None:
-    """Draw values over times from end to end, over a thin line at 0."""
+    """Draw values over their times, with a thin line at 0."""
     axes.axhline(0.0, color="#888888", lw=0.6, zorder=0)
     axes.plot(t, values, **properties)
     axes.margins(x=0)
@@ -89,7 +89,7 @@ def panels(
     legend: str = "outside lower center",
     **layout: Any,
 ) -> Iterator[NDArray[Any]]:
-    """Give the axes, shape (rows, columns), of a picture of that size [inch] over one x, with one legend for all.
+    """Yield the axes, shape (rows, columns), of a picture of a size [inch] with a common x axis and one legend.
 
     ``layout`` are options of matplotlib's ``subplots``, such as ``height_ratios``.
     """
@@ -102,7 +102,7 @@ def panels(
 
 
 def common_legend(figure: Figure, loc: Any = "outside lower center", handles: Sequence[Line2D] = ()) -> None:
-    """Draw one legend below or above all panels: each label once, in as many columns as fit, at most five.
+    """Draw one legend below or above all panels, with each label once, in at most five columns.
 
     Its entries are handles, by default all labelled curves.
     """
@@ -117,22 +117,22 @@ def common_legend(figure: Figure, loc: Any = "outside lower center", handles: Se
 
 
 def lay_out(figure: Figure) -> None:
-    """Place axes and texts once and for all: neither drawing nor saving the figure does it again, which costs most."""
+    """Compute the layout of axes and texts once; drawing and saving do not repeat it, which would be slow."""
     if layout := figure.get_layout_engine():
         layout.execute(figure)
         figure.set_layout_engine(None)
 
 
 def entry(label: str, **properties: Any) -> Line2D:
-    """Return a legend entry of a line's properties: a colour, a marker (with ``ls=""``) or a dash; grey by default."""
+    """Return a legend entry for properties of a line: colour, marker (with ``ls=""``) or dash; grey by default."""
     return Line2D([], [], label=label, **{"color": GREY, **properties})
 
 
-FEW_DECADES = 1e3  # an axis of fewer has numbers at 1, 2 and 5
+FEW_DECADES = 1e3  # an axis of fewer decades has labels at 1, 2 and 5
 
 
 def number_logarithms(axis: Axis) -> None:
-    """Number a logarithmic axis at powers of ten, one of few decades at 1, 2 and 5, too, once its limits are final."""
+    """Label a logarithmic axis with final limits at powers of ten; over few decades also at 2 and 5."""
     low, high = sorted(axis.get_view_interval())
     if high < FEW_DECADES * low:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -141,16 +141,16 @@ def number_logarithms(axis: Axis) -> None:
 
 
 # ---------------------------------------------------------------- marks of gauges
-NAMED = 12  # gauges at most that have their names written, apart from rows of them, each of which has one
-GAUGE, DEPTH = "gauge", "depth"  # identifiers of the texts that are gauges' names, and depths of contours
-AROUND = 3.0  # pixels around a gauge that no name is to cover
+NAMED = 12  # largest number of labelled gauges; each row of gauges has one label
+GAUGE, DEPTH = "gauge", "depth"  # identifiers of texts: labels of gauges, depths of contours
+AROUND = 3.0  # pixels around a gauge without labels
 SINGLE, IN_ROW = 7.0, 4.0  # sizes of their crosses
 DARK, LIGHT = "#3a2c0a", "#ffffff"
 LABEL: Any = {"fontsize": 8, "color": DARK, "bbox": {"facecolor": LIGHT, "alpha": 0.7, "lw": 0, "pad": 0.5}}
 
 
 def mark_places(axes: Axes, gauges: DataArray, *, rows: Collection[str] = (), ink: str = DARK) -> None:
-    """Draw gauges at their places (x, y), in plan view; a row of gauges has one name, at its first."""
+    """Draw gauges at their positions (x, y), in plan view; a row of gauges has one label, at its first gauge."""
     names, x, y = gauges.gauge.values.astype(str), gauges.x.values, gauges.y.values
     row_of = np.array([name.rpartition("/")[0] for name in names], dtype=str)
     in_row = np.isin(row_of, list(rows))
@@ -163,7 +163,7 @@ def mark_places(axes: Axes, gauges: DataArray, *, rows: Collection[str] = (), in
 
 
 def mark_along(axes: Axes, gauges: DataArray, *, top: float) -> None:
-    """Draw gauges as lines at their x over a diagram that ends at ``top``, with their names there."""
+    """Draw gauges as lines at their x over a diagram that ends at ``top``, with labels there."""
     for x in gauges.x.values:
         axes.axvline(x, color=DARK, lw=0.7, ls=(0, (1, 3)))
     for name, x in zip(gauges.gauge.values, gauges.x.values, strict=True) if gauges.x.size <= NAMED else ():
@@ -171,19 +171,19 @@ def mark_along(axes: Axes, gauges: DataArray, *, top: float) -> None:
 
 
 def name_point(axes: Axes, name: str, place: tuple[float, float], offset: tuple[int, int], **properties: Any) -> None:
-    """Write a name at an offset [points of print] from a place, where ``remove_overlaps`` may remove it."""
+    """Write a label at an offset [points of print] from a position; ``remove_overlaps`` may remove it."""
     axes.annotate(name, place, xytext=offset, textcoords="offset points", gid=GAUGE, **LABEL, **properties)
 
 
 def mark_sponge(axes: Axes, place: tuple[float, float], **position: Any) -> None:
-    """Write "sponge" at a place."""
+    """Write "sponge" at a position."""
     axes.annotate("sponge", place, ha="center", **position, **LABEL)
 
 
 def remove_overlaps(axes: Axes) -> None:
-    """Remove names of points that overlap an earlier one or another point, and depths that overlap any of these.
+    """Remove labels of points that overlap an earlier one or another point, and depths that overlap any of these.
 
-    Their places must be final.
+    Their positions must be final.
     """
     axes.apply_aspect()
     marks, drawn = dict[Text, Bbox](), list[Bbox]()

@@ -1,4 +1,4 @@
-"""The surface of a run as polygons that move, over its still-water depth, and the sizes of its waves."""
+"""The surface of a run as moving polygons over the still-water depth, and the sizes of its waves."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,13 +24,13 @@ Indices = NDArray[np.int64]
 
 POINT_TOLERANCE = 1e-9  # distance over the basin's size below which points of two ranks are the same
 REST_TOLERANCE = 1e-6  # the same for rest positions, which are in single precision
-INTERPOLATED = 4  # snapshots from which the surface between two of them is interpolated
+INTERPOLATED = 4  # number of snapshots of an interpolation
 CACHED = 8  # snapshots in memory
 MIN_BED_VARIATION = 1e-3  # least variation of the depth, relative to it, of a bed that is drawn as varying
 MIN_DISPLACEMENT = 1e-7  # least displacement of a paddle that is drawn, over the tank's length
 DAMPING = "damping rate"  # name of the sponge's damping rate in the point data of a snapshot
 CORNERS = {pv.CellType.TRIANGLE: 3, pv.CellType.QUAD: 4}
-FINE, WIDTH = 800, 0.22  # points along a slice or ring, and the width it is drawn with, over its length
+FINE, WIDTH = 800, 0.22  # number of points along a slice or ring, and its drawn width over its length
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,18 +40,18 @@ class TankSurface:
     Attributes
     ----------
     times
-        Of the snapshots [s], shape (M,), increasing.
+        Times of the snapshots [s], shape (M,), increasing.
     snapshot
         Returns the points (x, y, eta) [m] of a snapshot by its number, shape (N, 3); raises ``InputError`` if it is
         damaged.
     depth
         Still-water depth d at the points [m], shape (N,).
     damping
-        Damping rate of the sponge at the points [1/s], shape (N,); None where there is none.
+        Damping rate of the sponge at the points [1/s], shape (N,); None if there is none.
     pieces
         Corners of the triangles or quadrilaterals between the points, anticlockwise, shape (F, 3) or (F, 4).
     basin
-        Whether it is a basin's.
+        Whether the tank is a basin.
     """
 
     times: Array
@@ -67,7 +67,7 @@ class TankSurface:
         return self.snapshot(0)
 
     def at(self, t: float) -> Array:
-        """Return the points (x, y, eta) [m] at t [s], shape (N, 3), interpolated between the snapshots around."""
+        """Return the points (x, y, eta) [m] at t [s], shape (N, 3), interpolated between snapshots."""
         if self.times.size == 1:
             return self.first
         begin = int(np.searchsorted(self.times, t)) - INTERPOLATED // 2
@@ -78,7 +78,7 @@ class TankSurface:
 
     @property
     def contours(self) -> Array:
-        """The still-water depths [m] that lines of the bed are drawn at; none over a flat bed."""
+        """The still-water depths [m] of contours of the bed; empty for a flat bed."""
         low, high = float(self.depth.min()), float(self.depth.max())
         least = MIN_BED_VARIATION * high
         levels = np.array(MaxNLocator(8, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high))
@@ -86,20 +86,20 @@ class TankSurface:
 
     @cached_property
     def edges(self) -> Indices:
-        """Start and end of each piece's sides among the points, shape (E, 2)."""
+        """Start and end points of the sides of the pieces, shape (E, 2)."""
         return np.stack([self.pieces, np.roll(self.pieces, -1, axis=1)], axis=-1).reshape(-1, 2)
 
     @cached_property
     def rim(self) -> Indices:
-        """Start and end of the sides that belong to one piece only, the water on their left, shape (R, 2)."""
+        """Start and end points of sides that belong to one piece only, with the water on their left, shape (R, 2)."""
         _, first, count = np.unique(np.sort(self.edges, axis=1), axis=0, return_index=True, return_counts=True)
         return np.asarray(self.edges[first[count == 1]])
 
     def moving(self, displacement: Array) -> NDArray[np.bool_]:
-        """Return which sides of the rim are on walls that move across themselves, shape (R,).
+        """Return which sides of the rim are on walls that move in their normal direction, shape (R,).
 
-        ``displacement`` [m], shape (N, 2), is the largest horizontal one of each point. The mapping moves points of the
-        side walls, too, but along these walls.
+        ``displacement`` [m], shape (N, 2), is the largest horizontal displacement of each point. The mapping also moves
+        points of the side walls, but along these walls.
         """
         along = np.diff(self.first[self.rim, :2], axis=1)[:, 0]
         outward = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
@@ -112,7 +112,7 @@ class TankSurface:
 def tank_surface(run: RunDirectory) -> TankSurface:
     """Return the surface of a run.
 
-    Raises ``InputError`` if its tank is of no type that can be viewed, and if it has no snapshot, or damaged ones.
+    Raises ``InputError`` for a type of tank that cannot be viewed, and for no snapshots or damaged ones.
     """
     kinds = {"slice": flume_surface, "ring": flume_surface, "basin": basin_surface}
     kind = run.manifest.get("case", {}).get("tank", {}).get("type")
@@ -122,7 +122,7 @@ def tank_surface(run: RunDirectory) -> TankSurface:
 
 
 def flume_surface(run: RunDirectory) -> TankSurface:
-    """Return the surface of a slice or a ring, the latter unrolled, with a width."""
+    """Return the surface of a slice or an unrolled ring, with a width."""
     case = run.manifest.get("case", {})
     tank, surface = case.get("tank", {}), run.snapshots()
     if missing := [key for key in ("length", "depth") if tank.get(key) is None]:
@@ -152,8 +152,8 @@ def flume_surface(run: RunDirectory) -> TankSurface:
 def basin_surface(run: RunDirectory) -> TankSurface:
     """Return the surface of a run in a basin: the pieces of all ranks as one mesh.
 
-    Points have the numbers of the first snapshot. The number of ranks may change where a run was resumed; points of
-    later snapshots are then identified by their positions at rest.
+    Points have the numbers of the first snapshot. A resumed run may have another number of ranks; points of later
+    snapshots are then identified by their rest positions.
     """
     if not (snapshots := run.fields("surface")):
         raise InputError(f"{run.path}: has no snapshot of the surface; at least 1 is needed to view it.")
@@ -197,7 +197,7 @@ def basin_surface(run: RunDirectory) -> TankSurface:
 
 
 def _rest_positions(parts: pv.UnstructuredGrid) -> Array:
-    """Return (x, y) [m] at rest of a snapshot's points, shape (N, 2); shape (0, 2) if it does not contain them."""
+    """Return the rest positions (x, y) [m] of a snapshot's points, shape (N, 2); shape (0, 2) if it has none."""
     return np.asarray(parts.point_data.get(REST_POSITION, np.zeros((0, 2))), float)
 
 
@@ -213,15 +213,15 @@ Snapshot = tuple[float, Array]
 
 
 class Extremes:
-    """The highest and the lowest elevation at each point, between snapshots too.
+    """The highest and the lowest elevation at each point, also between snapshots.
 
-    Where a snapshot is higher than those before and after it, the crest is that of the parabola through the three: of
-    a cosine at nine snapshots a period it misses 0.5 % where the highest snapshot may miss 6 %.
+    If a snapshot is higher than those before and after it, the crest is that of the parabola through the three. Its
+    error for a cosine at nine snapshots per period is 0.5 %, that of the highest snapshot up to 6 %.
 
     Attributes
     ----------
     high, low
-        The extremes so far [m], shape (N,).
+        Extremes so far [m], shape (N,).
     """
 
     def __init__(self, points: int):
@@ -229,7 +229,7 @@ class Extremes:
         self._before: list[Snapshot] = []
 
     def add(self, t: float, eta: Array) -> None:
-        """Include the elevation [m] at t [s], shape (N,), later than those before."""
+        """Include the elevation [m] at t [s], shape (N,), later than the earlier ones."""
         three = [*self._before, (t, eta)]
         self.high, self.low = np.maximum(self.high, eta), np.minimum(self.low, eta)
         if len(three) == 3:
@@ -239,7 +239,7 @@ class Extremes:
 
 
 def _crest(first: Snapshot, second: Snapshot, third: Snapshot) -> Array:
-    """Return the tops of the parabolas through three snapshots where the second is highest; elsewhere the second."""
+    """Return the maxima of the parabolas through three snapshots if the second is highest; else the second."""
     (t, a), (u, b), (v, c) = first, second, third
     rise, fall = (b - a) / (u - t), (c - b) / (v - u)
     bend = (fall - rise) / (v - t)
@@ -254,13 +254,13 @@ class WaveHistory(NamedTuple):
     Attributes
     ----------
     low, high
-        The extreme elevations at each point [m], shape (N,).
+        Extreme elevations at each point [m], shape (N,).
     usual, slope
-        The largest elevation [m] and slope [-], single sharp crests left out.
+        Largest elevation [m] and slope [-], without single sharp crests.
     crest_time, crest
-        Time of the highest crest [s], and the points (x, y, eta) [m] then, shape (N, 3).
+        Time of the highest crest [s], and the points (x, y, eta) [m] at that time, shape (N, 3).
     displacement
-        The largest horizontal displacement (x, y) of each point [m], shape (N, 2).
+        Largest horizontal displacement (x, y) of each point [m], shape (N, 2).
     """
 
     low: Array

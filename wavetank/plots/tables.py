@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Column(NamedTuple):
-    """A column of a terminal table: its name in a data frame, its head, and the format of its values."""
+    """A column of a terminal table: name in a data frame, heading, and format of the values."""
 
     name: str
     head: str
@@ -68,19 +68,19 @@ HEIGHTS = [
 
 
 def data_frame(columns: Mapping[str, ArrayLike]) -> "DataFrame":
-    """Return columns of one length as pandas' DataFrame."""
+    """Return columns of equal length as pandas' DataFrame."""
     return Dataset({name: ("row", np.asarray(values)) for name, values in columns.items()}).to_dataframe()
 
 
 def write_frame(path: Path, frame: "DataFrame", *, digits: int = 6, error: type[WavetankError] = InputError) -> None:
-    """Write a data frame as CSV, complete or not at all, of numbers so many digits; raises ``error`` if it cannot."""
+    """Write a data frame as CSV, atomically, with a number of digits; raises ``error`` if it cannot be written."""
     text = frame.to_csv(index=False, float_format=f"%.{digits}g", lineterminator="\r\n")
     with write_errors(path, error):
         write_atomically(path, text.encode())
 
 
 def write_dataset(path: Path, data: Dataset, names: Sequence[str] = ()) -> None:
-    """Write a data set as CSV, all quantities or those named: a row for each combination of its dimensions."""
+    """Write a data set as CSV, all or named quantities: a row for each combination of its dimensions."""
     frame = data.to_dataframe().reset_index()
     frame = frame[[*names]] if names else frame
     units = {name: data[name].attrs.get("units") for name in frame}
@@ -88,13 +88,13 @@ def write_dataset(path: Path, data: Dataset, names: Sequence[str] = ()) -> None:
 
 
 def plain_columns(frame: "DataFrame", digits: int) -> list[Column]:
-    """Return all columns of a data frame by their names, numbers with so many digits."""
+    """Return the columns of a data frame by name, numbers with a number of digits."""
     numbers = {*frame.select_dtypes("number")}
     return [Column(name, name, f"{{:.{digits}g}}" if name in numbers else "{}") for name in frame]
 
 
 def terminal_table(frame: "DataFrame", columns: Iterable[Column], *, caption: str | None = None) -> Table:
-    """Return columns of a data frame for the terminal: nan is empty, and columns of nothing else are omitted."""
+    """Return columns of a data frame for the terminal: nan is empty, and empty columns are omitted."""
     shown = [column for column in columns if frame[column.name].notna().any()]
     table = Table(*(column.head for column in shown), box=SIMPLE, padding=0, caption=caption)
     cells = [["" if one != one else column.format.format(one) for one in frame[column.name]] for column in shown]

@@ -1,7 +1,7 @@
 """Pictures of a run in three dimensions: stills and films, drawn by VTK, with or without a display.
 
-The elevation is exaggerated; the factor is chosen from the waves and written on the picture. Without a display VTK
-draws by EGL or OSMesa, in software where there is no graphics card.
+The elevation is exaggerated by a factor that follows from the waves and is written on the picture. Without a display
+VTK uses EGL or OSMesa, in software if there is no graphics card.
 """
 
 import os
@@ -44,14 +44,14 @@ SURFACE = LinearSegmentedColormap.from_list(
 ELEVATION, HEIGHT = "elevation [cm]", "z [m]"  # names of point data
 SKY, HORIZON, INK = "#d5e3ef", "#ffffff", "#1c2b3a"
 FONT = findfont("DejaVu Sans")  # a "t" of VTK's own font looks like a dagger
-NAMED = 24  # gauges at most that have their names written
-SHARP = 2.0  # times the usual largest elevation, at which colours end: one sharp crest must not bleach all other waves
-SLAB, RAISED = 0.1, 0.01  # thickness of the bed over the depth; contours above the surface over the waves' height
-SPONGE_COLOUR, OPACITY = (126, 87, 160), 150  # over the water where the sponge is strongest; of 255
-EYES = {True: (28.0, 36.0), False: (24.0, 27.0)}  # degrees to the right of the y axis and upwards: of a basin, a flume
-VIEW_ANGLE = 16.0  # degrees, from low to high
+MAX_LABELS = 24  # largest number of labelled gauges
+COLOUR_RANGE = 2.0  # end of the colours over the usual largest elevation, against single sharp crests
+SLAB, CONTOUR_HEIGHT = 0.1, 0.01  # thickness of the bed over the depth, contours over the wave height
+SPONGE_COLOUR, OPACITY = (126, 87, 160), 150  # opacity of the strongest sponge, of 255
+CAMERA_ANGLES = {True: (28.0, 36.0), False: (24.0, 27.0)}  # azimuth from the y axis, elevation [deg]: basin, flume
+VIEW_ANGLE = 16.0  # vertical view angle [deg]
 TANK_SIZE = (0.88, 0.70)  # largest width and height of the tank over those of the picture
-HIGHEST, DEEPEST, STEEPEST = 0.12, 0.22, 2.0  # waves' height and depth as drawn over the extent, and slope, at most
+HIGHEST, DEEPEST, STEEPEST = 0.12, 0.22, 2.0  # largest drawn wave height and depth over the extent, and largest slope
 LOWEST, LOW, MOST = 0.008, 0.03, 1e6  # waves' height over the extent: raised below it, to it, at most so many times
 # A low warm light from behind the paddle, and cool ones in front and above: still water keeps the colour of the bar.
 LIGHTS = (((-0.75, 0.2, 0.45), 0.7, "#fff8ec"), ((0.6, -0.7, 0.45), 0.6, "#e2f1ff"), ((0.0, 0.0, 1.0), 0.38, "#ffffff"))
@@ -61,9 +61,9 @@ WATER_SURFACE: dict[str, Any] = {"smooth_shading": True, "ambient": 0.38, "diffu
 
 # ---------------------------------------------------------------- files
 def still(run: RunDirectory, path: Path, *, t: float | None = None, size: Size = STILL) -> Path:
-    """Draw a run at t [s], by default when its highest crest is there, as a PNG of ``size`` pixels; return ``path``.
+    """Draw a run at t [s], by default the time of its highest crest, as a PNG of ``size`` pixels; return ``path``.
 
-    Raises ``InputError`` for a time outside the run, a size or a file that is refused, and as ``tank_surface`` does.
+    Raises ``InputError`` for a time outside the run, an invalid size or file, and as ``tank_surface`` does.
     """
     if path.suffix.lower() != ".png":
         raise InputError(f"{path}: a still is written as .png alone.")
@@ -79,7 +79,7 @@ def still(run: RunDirectory, path: Path, *, t: float | None = None, size: Size =
 def film(run: RunDirectory, path: Path, *, size: Size | None = None, console: Console | None = None) -> Path:
     """Draw a run as a film, MP4 or GIF by the suffix of ``path``; return ``path``. Progress is shown on ``console``.
 
-    Raises ``InputError`` for another suffix, a run of a single snapshot, a size or a file that is refused, and as
+    Raises ``InputError`` for another suffix, a run of a single snapshot, an invalid size or file, and as
     ``tank_surface`` does.
     """
     if (suffix := path.suffix.lower()) not in FILMS:
@@ -107,9 +107,9 @@ def film(run: RunDirectory, path: Path, *, size: Size | None = None, console: Co
 
 
 def diagram(run: RunDirectory) -> Path:
-    """Draw the space-time diagram, or a basin's maps, into the run directory; return its path.
+    """Draw the space-time diagram, or the maps of a basin, into the run directory; return its path.
 
-    Raises ``InputError`` for a run of less than two snapshots, and for a file that cannot be written.
+    Raises ``InputError`` for a run of fewer than two snapshots, and for a file that cannot be written.
     """
     with write_errors(run.path / "surface.png"):
         return draw_surface(run)
@@ -117,7 +117,7 @@ def diagram(run: RunDirectory) -> Path:
 
 @contextmanager
 def writing(path: Path) -> Iterator[BinaryIO]:
-    """Give a file that replaces the one at a path when it is complete; raise ``InputError`` if it cannot be written."""
+    """Yield a file that replaces the one at a path when complete; raise ``InputError`` if it cannot be written."""
     with write_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         with atomic_file(path) as file:
@@ -135,9 +135,9 @@ class View:
     plotter
         The picture.
     exaggeration
-        How many times the depth is drawn as high as it is.
+        Vertical exaggeration of the depth.
     of_elevation
-        The same of the elevation, larger of low waves.
+        Vertical exaggeration of the elevation; larger for low waves.
     """
 
     def __init__(self, run: RunDirectory, *, size: Size):
@@ -155,7 +155,7 @@ class View:
         displays = sys.platform != "linux" or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
         if not (displays or find_library("EGL") or find_library("OSMesa")):  # VTK would crash
             raise InputError("to draw without a display EGL or OSMesa is needed (Debian: package libegl1).")
-        vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)  # that VTK finds no display and goes on is no warning
+        vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)  # no warning if VTK finds no display and continues
         self.plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none")
         self.plotter.enable_anti_aliasing("ssaa")
         self.plotter.set_background(HORIZON, top=SKY)
@@ -171,7 +171,7 @@ class View:
         self.write_note()
         self.draw(float(surface.times[0]))
         self._add_axes(depth)
-        self._aim(EYES[surface.basin])
+        self._place_camera(CAMERA_ANGLES[surface.basin])
 
     def draw(self, t: float) -> None:
         """Show the tank at t [s]."""
@@ -187,7 +187,7 @@ class View:
         if len(self._moving):
             top = np.full(len(points), self._top)
             self._add("paddle", curtain(points, self._moving, -surface.depth, top), color="#d9762b", **DRY)
-        above = (0.0, 0.0, RAISED * self._waves_height)
+        above = (0.0, 0.0, CONTOUR_HEIGHT * self._waves_height)
         if surface.contours.size:
             water["depth"] = surface.depth
             lines = water.contour(surface.contours, scalars="depth")
@@ -209,7 +209,7 @@ class View:
         return np.asarray(self.plotter.screenshot(None, return_img=True), np.uint8)
 
     def write_note(self, pace: float = 1.0) -> None:
-        """Write the exaggeration, depths of contours, and how many times faster than in the tank time passes."""
+        """Write the exaggeration, depths of contours, and the time-lapse factor."""
         notes = [f"vertical exaggeration {self.exaggeration:g}"]
         if self.of_elevation > self.exaggeration:
             notes.append(f"of the elevation {self.of_elevation:g}")
@@ -222,17 +222,17 @@ class View:
         self._write("note", ", ".join(notes), "lower_left", 9)
 
     def close(self) -> None:
-        """Give the memory back."""
+        """Release the memory."""
         self.plotter.close()
 
     # ------------------------------------------------------------ how it is built
     def _drawn(self, z: Any) -> Any:
-        """Return the height at which z [m] is drawn: the elevation may be exaggerated more than the depth."""
+        """Return the drawn height of z [m]: the exaggeration of the elevation may exceed that of the depth."""
         low = min(float(self.history.low.min()), 0.0)
         return self.exaggeration * np.minimum(z - low, 0.0) + self.of_elevation * np.maximum(z, low)
 
     def _add(self, name: str, mesh: Any, **properties: Any) -> None:
-        """Draw a mesh [m] in place of the one of that name, exaggerated."""
+        """Draw a mesh [m], exaggerated; it replaces the mesh of that name."""
         drawn = mesh.copy()
         drawn.points[:, 2] = self._drawn(mesh.points[:, 2])
         self.plotter.add_mesh(drawn, name=name, reset_camera=False, render=False, **properties)
@@ -242,7 +242,7 @@ class View:
         self.plotter.add_text(text, position=corner, font_size=size, font_file=FONT, color=INK, name=name, render=False)
 
     def _add_fixed(self, depth: float) -> None:
-        """Draw the slab of the bed, and the walls that do not move."""
+        """Draw the slab of the bed, and the fixed walls."""
         surface, rest = self.surface, self.surface.first
         low, top = np.full(len(rest), -(1 + SLAB) * depth), np.full(len(rest), self._top)
         bed = pv.PolyData.from_regular_faces(rest * (1, 1, 0) - np.outer(surface.depth, (0, 0, 1)), surface.pieces)
@@ -252,11 +252,11 @@ class View:
         self._add("walls", walls, color="#c3ccd2", culling="front", **DRY)
 
     def _add_gauges(self, run: RunDirectory) -> None:
-        """Draw each gauge as a rod in the water, a few with their names."""
+        """Draw each gauge as a rod in the water, and a few labels."""
         if not (run.path / GAUGES).exists() or not run.gauges.sizes["gauge"]:
             return
         places = np.column_stack([run.gauges.x, run.gauges.y, 0.0 * run.gauges.x])
-        few = len(places) <= NAMED
+        few = len(places) <= MAX_LABELS
         foot, head = (0.0, 0.0, float(self.history.low.min())), (0.0, 0.0, self._high + 0.4 * few * self._waves_height)
         rods = pv.line_segments_from_points(np.stack([places + foot, places + head], axis=1).reshape(-1, 3))
         width = (2.6 if few else 1.0) * self._text_scale
@@ -268,7 +268,7 @@ class View:
             self.plotter.add_point_labels(heads, list(run.gauges.gauge.values), reset_camera=False, **style)
 
     def _add_colours(self) -> None:
-        """Draw the bar of colours with its title above it and numbers below it, in any size of the picture."""
+        """Draw the colour bar with its title above and numbers below, for any size of the picture."""
         scale, limit = self._text_scale, self._limit
         names = {"title": "", "n_labels": 0, "width": 0.25, "height": 0.05, "position_x": 0.03, "position_y": 0.11}
         table = pv.LookupTable(SURFACE, scalar_range=(-limit, limit))
@@ -307,8 +307,8 @@ class View:
             render=False,
         )
 
-    def _aim(self, angles: tuple[float, float]) -> None:
-        """Put the camera where the tank just fits into the picture."""
+    def _place_camera(self, angles: tuple[float, float]) -> None:
+        """Place the camera so that the tank fits into the picture."""
         azimuth, altitude, half = np.radians([*angles, VIEW_ANGLE / 2])
         ahead = np.array([-np.sin(azimuth) * np.cos(altitude), np.cos(azimuth) * np.cos(altitude), -np.sin(altitude)])
         width, height = self.plotter.window_size
@@ -329,9 +329,9 @@ def curtain(points: Array, edges: Indices, low: Array, high: Array) -> pv.PolyDa
 
 
 def fitted(points: Array, ahead: Array, *, tangents: tuple[float, float]) -> tuple[Array, Array]:
-    """Return the eye that looks along ``ahead`` and just sees all points, shape (N, 3), and the middle of its view.
+    """Return the camera position for a direction ``ahead`` at which all points, shape (N, 3), fit, and its focal point.
 
-    ``tangents`` are those of half the view's angles, across and up, of which the points fill ``TANK_SIZE``.
+    ``tangents`` are those of half the view angles, horizontal and vertical; the points fill ``TANK_SIZE`` of the view.
     """
     across = np.cross(ahead, (0.0, 0.0, 1.0))
     across /= np.linalg.norm(across)
@@ -346,10 +346,10 @@ def fitted(points: Array, ahead: Array, *, tangents: tuple[float, float]) -> tup
 
 
 def exaggeration(history: Any, *, extent: float, depth: float) -> float:
-    """Return how many times the elevation is drawn as high as it is, to one digit; never less than 1.
+    """Return the vertical exaggeration, one digit, at least 1.
 
-    Waves are to be seen, but neither as spikes nor on a block of water higher than it is long; ``extent`` [m] is the
-    larger horizontal size of the water.
+    Waves are visible, but not spikes, and the water is not drawn higher than it is long; ``extent`` [m] is the larger
+    horizontal size of the water.
     """
     tiny = np.finfo(float).tiny
     highest = HIGHEST * extent / max(float(np.max(history.high) - np.min(history.low)), tiny)
@@ -366,6 +366,6 @@ def of_elevation(history: Any, usual: float, *, extent: float) -> float:
 
 
 def colour_limit(history: Any) -> float:
-    """Return the elevation [cm] at which colours end, to two digits: the largest, or twice the usual one if lower."""
+    """Return the elevation [cm] at the ends of the colours, two digits: the largest, at most twice the usual one."""
     largest = max(float(np.max(history.high)), -float(np.min(history.low)), history.usual)
-    return float(f"{CM * min(largest, SHARP * history.usual):.2g}")
+    return float(f"{CM * min(largest, COLOUR_RANGE * history.usual):.2g}")

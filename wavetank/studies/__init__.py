@@ -1,5 +1,5 @@
-"""Studies: every combination of some settings of a case as a run, errors against cost, and calibration of the paddle.
+"""Studies: runs of all combinations of settings of a case, errors against cost, and calibration of the paddle motion.
 
 ``sweep.py`` makes combinations, ``runs.py`` runs them, ``measures.py`` and ``responses.py`` evaluate runs, ``table.py``
-and ``drawing.py`` write the results, ``study.py`` joins them, ``command.py`` is the command line.
+and ``drawing.py`` write the results, ``study.py`` calls them, ``command.py`` is the command line.
 """

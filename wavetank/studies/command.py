@@ -1,4 +1,4 @@
-"""``wavetank study`` and ``wavetank calibrate``, light to import: the commands import what they need."""
+"""``wavetank study`` and ``wavetank calibrate``. Imports are inside the commands, so that this module loads fast."""
 
 from pathlib import Path
 from typing import Annotated
@@ -41,10 +41,10 @@ def study(
 ) -> None:
     """Run all combinations of some settings: error against cost.
 
-    Each is a run in its own process, as many at a time as there are cores. Where a key changes what is modelled, such
-    as a wave height: highest crest and deepest trough over that key, or each --response; of seeds
-    (wall.motion.seed=1..20) means, their confidence, and quantiles. What has finished is not run again, and
-    no run of another case is replaced. Keys are those of the case, or short: dt, dx, cells, n, p, order, integrator,
+    Each combination is a run in its own process, as many at a time as there are cores. If a key changes the physical
+    case, such as a wave height, the results are the highest crest and deepest trough over that key, or each --response;
+    for seeds (wall.motion.seed=1..20) means, their confidence, and quantiles. Finished runs are not repeated, and no
+    run of another case is replaced. Keys are those of the case, or short: dt, dx, cells, n, p, order, integrator,
     tolerance.
     """
     from mpi4py import MPI
@@ -83,9 +83,9 @@ def calibrate(
 ) -> None:
     """Find the paddle motion that generates a target wave, by runs.
 
-    The target is the case's [target]: a crest, components at a place, or a record there; without one the crest of
-    focused waves, or the record of a surface, of its motion by linear theory. Each run is corrected by the results of
-    those before; none is deleted: the same command continues.
+    The target is the case's [target]: a crest, components at a position, or a record there. Without it the target is
+    the crest of focused waves, or the record of a surface, of the motion by linear theory. Each run is corrected by the
+    results of earlier ones. No run is deleted: the same command continues.
     """
     from mpi4py import MPI
 

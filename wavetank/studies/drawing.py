@@ -1,7 +1,7 @@
 """Figures of a study: error against cost, responses over a key, and ensembles.
 
-Integrators are colours, another key is the marker, one key runs along lines; with one integrator the other key is also
-the colour. Marks of runs that have warnings are open.
+Colours are integrators, markers another key, and lines connect the values of one key. With one integrator the other key
+also has colours. Open markers are runs with warnings.
 """
 
 import re
@@ -44,14 +44,14 @@ if TYPE_CHECKING:
 COLOURS, MARKERS = (BLUE, VERMILION, GREEN, PURPLE), "osD^v<>Pph"
 INTEGRATOR = "integrator"
 STAR: dict[str, Any] = {"marker": "*", "color": ORANGE, "ms": 15, "mec": INK, "ls": "", "zorder": 6}  # marked runs
-OPEN: dict[str, Any] = {"ls": "", "mfc": "white"}  # a run that has warnings
-CROSS: dict[str, Any] = {"marker": "x", "color": INK, "ms": 7, "mew": 1.5, "ls": ""}  # a run that has not finished
+OPEN_MARKER: dict[str, Any] = {"ls": "", "mfc": "white"}  # marker of a run with warnings
+CROSS: dict[str, Any] = {"marker": "x", "color": INK, "ms": 7, "mew": 1.5, "ls": ""}  # marker of an unfinished run
 FRONT: dict[str, Any] = {"color": INK, "ls": (0, (5, 3)), "lw": 1.4}
 RUN, MEAN, QUANTILE = PALE_GREY, BLUE, VERMILION  # colours of an ensemble
-WARNED = "open: the run has warnings (study.csv)"
+WARNING_LABEL = "open: the run has warnings (study.csv)"
 PANEL_COLUMNS = 3  # largest number of columns
-TICKS = 5  # about the largest number of ticks of an axis
-MARGIN = 0.25  # part of the width left of the marks, and of the height below them, for texts
+TICKS = 5  # approximate largest number of ticks of an axis
+MARGIN = 0.25  # margins for texts: part of the width on the left, part of the height at the bottom
 
 
 class LineStyles:
@@ -60,9 +60,9 @@ class LineStyles:
     Parameters
     ----------
     axes
-        All swept keys. Except ``along``, the integrator is the colour and the first other one the marker.
+        All swept keys. Except ``along``, the integrator has colours and the first other key markers.
     along
-        The one that varies along a line; None if only the integrator is swept.
+        The key that varies along a line; None if only the integrator is swept.
     """
 
     def __init__(self, axes: Sequence[Axis], along: Axis | None):
@@ -84,10 +84,10 @@ class LineStyles:
                 style = {"color": colour, "marker": self.markers[settings[self.marked.name]] if self.marked else "o"}
             panel.plot(line["x"], line["y"], **style)
             warned = line[line["warnings"] != ""]
-            panel.plot(warned["x"], warned["y"], **style | OPEN)
+            panel.plot(warned["x"], warned["y"], **style | OPEN_MARKER)
 
     def settings(self, run: "Series") -> str:
-        """Return the settings of a run except its integrator, numbers to three digits."""
+        """Return the settings of a run except its integrator, numbers with three digits."""
         values = [run[axis.name] for axis in self.axes if axis.name != INTEGRATOR]
         return ", ".join(f"{float(value):.3g}" if is_number(value) else value for value in values)
 
@@ -107,9 +107,9 @@ class LineStyles:
 
 
 def _status_entries(table: StudyTable, **cross: Any) -> list[Line2D]:
-    """Return legend entries of warnings, unfinished runs (with the style of their marks, if any) and breaking."""
+    """Return legend entries of warnings, unfinished runs (with the style of their markers, if any) and breaking."""
     warned = any(row.warnings and (row.errors or row.responses) for row in table.rows)
-    entries = [entry(WARNED, marker="o", **OPEN)] if warned else []
+    entries = [entry(WARNING_LABEL, marker="o", **OPEN_MARKER)] if warned else []
     return entries + [
         entry(text, **{"ls": "", **style}) for text, style in ((table.unfinished, cross), (table.damped, {})) if text
     ]
@@ -124,7 +124,7 @@ def _draw_panels(
     title: str,
     size: tuple[float, float] = (4.2, 3.8),
 ) -> Path:
-    """Draw a panel of a size [inch] for each name in rows of at most three, and a legend below; return ``path``."""
+    """Draw a panel of a size [inch] for each name, at most three in a row, and a legend below; return ``path``."""
     across, down = min(len(names), PANEL_COLUMNS), -(-len(names) // PANEL_COLUMNS)
     with picture(path, 1.0 + size[0] * across, 0.8 + size[1] * down, title=title) as figure:
         panels = figure.subplots(down, across, squeeze=False).flat
@@ -134,7 +134,7 @@ def _draw_panels(
         for empty in list(panels):
             empty.set_axis_off()
         common_legend(figure, handles=handles)
-        lay_out(figure)  # the places of names are final only now
+        lay_out(figure)  # now the positions of labels are final
         for panel in figure.axes:
             remove_overlaps(panel)
     return path
@@ -148,10 +148,10 @@ def pareto_front(runs: "DataFrame") -> "DataFrame":
 
 
 def draw_trade(table: StudyTable, path: Path) -> Path:
-    """Draw surface, gauge and phase errors against CPU time, a panel each, and return ``path``.
+    """Draw surface, gauge and phase errors against CPU time, one panel each; return ``path``.
 
-    The first axis that is no integrator varies along a line. Points of the Pareto front have their settings beside
-    them. The crest's error is in the table only: it changes sign, so a small value may be chance.
+    The first key except the integrator varies along a line. Points of the Pareto front are labelled with their
+    settings. The crest error is in the table only: it changes sign, so that a small value may be accidental.
     """
     styles = LineStyles(table.swept, next((axis for axis in table.swept if axis.name != INTEGRATOR), None))
 
@@ -181,11 +181,11 @@ def draw_trade(table: StudyTable, path: Path) -> Path:
 
 # ---------------------------------------------------------------- responses and ensembles
 def draw_responses(table: StudyTable, path: Path) -> Path:
-    """Draw each response but the crest's time over the first physical axis, a panel each, and return ``path``.
+    """Draw each response except the time of the crest over the first physical key, one panel each; return ``path``.
 
-    Where numerics are swept, too, errors are drawn as well; the other axes are colours and markers. Values that are no
-    numbers are equally spaced; a cross on the axis marks a run that has not finished. Raises ``StopIteration`` if no
-    axis is physical.
+    If numerics are swept, too, errors are also drawn; the other keys are colours and markers. Values that are not
+    numbers are equally spaced; a cross on the axis marks an unfinished run. Raises ``StopIteration`` if no key is
+    physical.
     """
     along = next(axis for axis in table.swept if axis.physical)
     styles, errors, runs = LineStyles(table.swept, along), table.errors, table.runs
@@ -208,7 +208,7 @@ def draw_responses(table: StudyTable, path: Path) -> Path:
 
 
 def draw_ensembles(table: StudyTable, statistics: "DataFrame", path: Path) -> Path:
-    """Draw each response over the first physical key that is no seed, or over the runs, and return ``path``.
+    """Draw each response over the first physical key except seeds, or over the runs; return ``path``.
 
     Settings of further such keys are points at the same position.
     """
@@ -220,7 +220,7 @@ def draw_ensembles(table: StudyTable, statistics: "DataFrame", path: Path) -> Pa
         x = _positions(along, runs)[values.index] if along else 1.0 + np.arange(len(values))
         warned = runs["warnings"][values.index] != ""
         panel.plot(x[~warned], values[~warned], ".", color=RUN, zorder=1)
-        panel.plot(x[warned], values[warned], "o", color=RUN, ms=4, zorder=1, **OPEN)
+        panel.plot(x[warned], values[warned], "o", color=RUN, ms=4, zorder=1, **OPEN_MARKER)
         of_name = statistics[statistics["response"] == name]
         if along:
             of_name = of_name.assign(x=_positions(along, of_name)).sort_values("x")
@@ -248,7 +248,7 @@ def draw_ensembles(table: StudyTable, statistics: "DataFrame", path: Path) -> Pa
 
 
 def _positions(axis: Axis, runs: "DataFrame") -> "Series":
-    """Return the position of each run: its value, or the value's index if not all are numbers; nan of other values."""
+    """Return the position of each run: its value, or its index if not all values are numbers; nan for other values."""
     positions = {value: float(value) if axis.numeric else float(n) for n, value in enumerate(axis.values)}
     return runs[axis.name].map(positions)
 

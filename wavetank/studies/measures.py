@@ -1,9 +1,9 @@
 """Errors of a run against an exact solution or another run.
 
     surface error   rms(eta - eta_ref) over x and all snapshots, over the amplitude (exact) or over rms(eta_ref)
-    gauge error     rms(eta - eta_ref) over time and all gauges in common, over rms(eta_ref), or below a frequency alone
-    phase error     angle by which the wave is ahead of the exact one in the last snapshot
-    crest error     relative error of the crest's height in the last snapshot
+    gauge error     rms(eta - eta_ref) over time and all common gauges, over rms(eta_ref); also below a frequency only
+    phase error     angle by which the wave leads the exact one in the last snapshot
+    crest error     relative error of the crest height in the last snapshot
 
 Snapshots are interpolated in x, and those of a reference run also in t, by splines of degree 5. A basin has the gauge
 error only. Exact solutions are waves of permanent form and linear standing waves; the phase of a snapshot is that of a
@@ -26,15 +26,15 @@ from wavetank.waves.airy import Array, angular_frequency
 
 SURFACE_ERROR, GAUGE_ERROR = "surface error [-]", "gauge error [-]"
 PHASE_ERROR, CREST_ERROR = "phase error [rad]", "crest error [-]"
-LINEAR = 1e-4  # k a coth^3(k d) up to which a wave counts as linear: about its second harmonic, relative
-FINER = 4  # places at which snapshots are compared, by their points
+MAX_LINEAR_HARMONIC = 1e-4  # k a coth^3(k d) up to which a wave is linear: about its relative second harmonic
+POSITIONS_PER_POINT = 4  # compared positions per point of a snapshot
 
-Reference = Callable[[RunDirectory], dict[str, float]]  # errors of a run by their names
+Reference = Callable[[RunDirectory], dict[str, float]]  # names of the errors of a run
 
 
 # ---------------------------------------------------------------- snapshots
 class Snapshot(NamedTuple):
-    """The surface at a time [s], at midpoints x [m] of equal parts: eta [m] and psi [m²/s]; and eta(x) as a spline."""
+    """The surface at a time [s]: eta [m] and psi [m²/s] at midpoints x [m] of equal parts, and eta(x) as a spline."""
 
     t: float
     x: Array
@@ -50,19 +50,19 @@ def _ring_length(run: RunDirectory) -> float | None:
 
 
 def _snapshots(run: RunDirectory) -> Iterator[Snapshot]:
-    """Yield the snapshots at equally spaced places; in a ring, all around."""
+    """Yield the snapshots at equally spaced positions; in a ring along the circumference."""
     surface, period = run.snapshots(), _ring_length(run)
     each = (surface[name].values for name in ("time", "x", "elevation", "surface_potential"))
     for t, x, eta, psi in zip(*each, strict=True):
         shape = _spline(x, np.column_stack([eta, psi]), period=period)
         length = x[-1] - x[0] if period is None else period
-        places = x[0] + length * (np.arange(FINER * x.size) + 0.5) / (FINER * x.size)
+        places = x[0] + length * (np.arange(POSITIONS_PER_POINT * x.size) + 0.5) / (POSITIONS_PER_POINT * x.size)
         eta, psi = shape(places).T
         yield Snapshot(float(t), places, eta, psi, shape)
 
 
 def _spline(at: Array, values: Array, *, period: float | None = None) -> BSpline:
-    """Return the spline of degree 5, or less through few points, of values of shape (N, ...)."""
+    """Return the spline of degree 5, lower for few points, of values of shape (N, ...)."""
     if period is not None:
         at, values = np.append(at, at[0] + period), np.concatenate([values, values[:1]])
     degree = max(k for k in (1, 3, 5) if k < at.size)
@@ -79,9 +79,9 @@ def _highest(one: Snapshot) -> float:
 
 # ---------------------------------------------------------------- exact solutions
 class ExactSolution(NamedTuple):
-    """An exact wave: eta(x, t), its amplitude [m], and the complex amplitude of eta and psi at x with its frequency.
+    """An exact wave: eta(x, t), its amplitude [m], the complex amplitude of eta and psi at x, and its frequency.
 
-    A wave of permanent form has a crest [m]; a standing wave's comes and goes, so that its error is the carrier's.
+    A wave of permanent form has a crest [m]; that of a standing wave varies, so that its error is the amplitude's.
     """
 
     elevation: Callable[[Array, float], Array]
@@ -109,7 +109,7 @@ def exact_solution(case: Case) -> ExactSolution:
         allowed = "standing-wave, low or in linear water, and stream-function in nonlinear water"
         raise InputError(f"reference exact: initial.type = {initial.type!r} received; exact are {allowed}.")
     k = np.pi * initial.mode / tank.length
-    highest = LINEAR / k * np.tanh(k * tank.depth) ** 3
+    highest = MAX_LINEAR_HARMONIC / k * np.tanh(k * tank.depth) ** 3
     if initial.wave_amplitude > highest and not isinstance(case.water, LinearWater):
         raise InputError(
             f"reference exact: initial.wave_amplitude = {initial.wave_amplitude:g} received; it must be at most "
@@ -127,9 +127,9 @@ def exact_solution(case: Case) -> ExactSolution:
 
 
 def exact_reference(case: Case) -> Reference:
-    """Return surface, phase and crest error against the exact solution of a case; raises ``InputError`` without one.
+    """Return surface, phase and crest error against the exact solution; raise ``InputError`` if the case has none.
 
-    The phase is followed from snapshot to snapshot, beyond pi, too.
+    The phase is continuous over the snapshots and may exceed pi.
     """
     exact = exact_solution(case)
 
@@ -151,9 +151,9 @@ def exact_reference(case: Case) -> Reference:
 
 # ---------------------------------------------------------------- another run
 def run_reference(reference: RunDirectory, *, below: float | None = None) -> Reference:
-    """Return surface error and, where gauges are in common, gauge error against another run, at times that both have.
+    """Return the surface error and, with common gauges, the gauge error against another run, at common times.
 
-    Of gauges below a frequency [Hz] if one is given. Raises ``InputError`` if the reference has no snapshots; of a
+    The gauge error may be that below a frequency [Hz]. Raises ``InputError`` if the reference has no snapshots; in a
     basin, if it has no gauges.
     """
     basin = reference.manifest["case"]["tank"]["type"] == "basin"
@@ -173,7 +173,7 @@ def run_reference(reference: RunDirectory, *, below: float | None = None) -> Ref
                     x, eta = in_time(min(now.t, end)).T
                     pairs.append((now.eta, _spline(x, eta, period=period)(now.x)))
             result[SURFACE_ERROR] = _relative_error(pairs)
-        with suppress(InputError):  # no gauge in common, then
+        with suppress(InputError):  # no common gauge
             pairs = []
             for one, other in matched(run.gauges, gauges):
                 both = one.sel(time=slice(None, other.time[-1]))
@@ -188,14 +188,14 @@ def run_reference(reference: RunDirectory, *, below: float | None = None) -> Ref
 
 
 def _relative_error(pairs: Sequence[tuple[Array, Array]]) -> float:
-    """Return the root mean square of the differences of pairs (eta, eta_ref), over that of eta_ref."""
+    """Return the rms of the differences of pairs (eta, eta_ref), over that of eta_ref."""
     error = np.mean([np.mean((eta - reference) ** 2) for eta, reference in pairs])
     size = np.mean([np.mean(reference**2) for _, reference in pairs])
     return float(np.sqrt(error / max(size, np.finfo(float).tiny)))
 
 
 def _low_pass(frequency: float, t: Array, records: Array) -> Array:
-    """Return what records, shape (M, N), have below a frequency [Hz]."""
+    """Return the part of records, shape (M, N), below a frequency [Hz]."""
     spectra = np.fft.rfft(records)
     spectra[:, np.fft.rfftfreq(t.size, (t[-1] - t[0]) / (t.size - 1)) >= frequency] = 0.0
     return np.fft.irfft(spectra, t.size)

@@ -1,4 +1,4 @@
-"""Responses: scalar results of a run, and formulae of them, such as ``hm0@5 / hm0@1``."""
+"""Responses: scalar results of a run, and formulae of these, such as ``hm0@5 / hm0@1``."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -19,14 +19,14 @@ from wavetank.output.directory import SURFACE, RunDirectory
 
 CREST, CREST_PLACE, CREST_TIME = "highest crest [m]", "crest's place x [m]", "crest's time [s]"
 TROUGH = "deepest trough [m]"
-USUAL = {CREST: "crest", CREST_PLACE: "crest_x", CREST_TIME: "crest_t", TROUGH: "trough"}
-NAMED = re.compile(r"\s*([^=<>!@]+?)\s*=(?!=)(.+)")
+DEFAULT_RESPONSES = {CREST: "crest", CREST_PLACE: "crest_x", CREST_TIME: "crest_t", TROUGH: "trough"}
+NAMED_EXPRESSION = re.compile(r"\s*([^=<>!@]+?)\s*=(?!=)(.+)")
 REFERENCE = re.compile(r"(?<![\w.@'])([a-zA-Z][a-zA-Z0-9_]*)(?:@(?:'([^']+)'|([\w.]+)))?(?![\w(])")
 
 
 # ---------------------------------------------------------------- quantities
 class RunResults:
-    """Results of a run from a time [s] on, each computed when it is first needed."""
+    """Results of a run from a time [s] on, each computed at its first use."""
 
     def __init__(self, run: RunDirectory, *, start: float | None = None):
         self._run, self._start = run, start
@@ -40,11 +40,11 @@ class RunResults:
 
     @cached_property
     def surface(self) -> Dataset:
-        """The snapshots of a slice or ring; raises ``InputError`` where none is late enough."""
+        """The snapshots of a slice or ring; raises ``InputError`` if none is after the start."""
         return self._late(self._run.snapshots(), "snapshot of the surface")
 
     def _late(self, data: Dataset, kind: str) -> Dataset:
-        """Return records from the start on; raises ``InputError`` where there are none."""
+        """Return records from the start on; raises ``InputError`` if there are none."""
         late = data.sel(time=slice(self._start, None))
         if not late.time.size:
             start = -np.inf if self._start is None else self._start
@@ -53,9 +53,9 @@ class RunResults:
 
     @property
     def highest(self) -> dict[str, float]:
-        """The ``height`` [m] of the highest elevation, its ``x`` [m] and ``t`` [s]: of all snapshots, or steps.
+        """The ``height`` [m] of the highest elevation, its ``x`` [m] and ``t`` [s], of all snapshots.
 
-        Of a basin, whose snapshots are in other files, of all steps.
+        In a basin, whose snapshots are in other files, of all steps.
         """
         crest: dict[str, float] = self._run.manifest.get("highest_crest", {})
         if crest and self._start is None and not (self._run.path / SURFACE).exists():
@@ -68,7 +68,7 @@ class RunResults:
         return waving(chosen(self.record.eta, [name])[0])
 
     def largest_change(self, name: str, wall: str) -> float:
-        """Return the largest change of a force or moment on a wall since the start [N or N m, a metre]."""
+        """Return the largest change of a force or moment on a wall since the start [N or N m, per metre]."""
         loads = self._run.loads
         if wall not in loads.wall.values:
             walls = ", ".join(map(str, loads.wall.values))
@@ -84,7 +84,7 @@ class RunResults:
 
 
 class Quantity(NamedTuple):
-    """The unit of a scalar result, and its value for a run's results and the name of the gauge or load, if any."""
+    """A scalar result: its unit, and its value for the results of a run and the name of a gauge or load, if any."""
 
     unit: str
     of: Callable[[RunResults, str], float]
@@ -148,9 +148,10 @@ class Response(NamedTuple):
 def parse_response(text: str, label: str = "") -> Response:
     """Return the response of ``[NAME=]EXPRESSION``, an expression of quantities such as ``hm0@5 / hm0@1``.
 
-    A name of a gauge that is not letters, digits, points and _ is quoted. Raises ``InputError`` for anything else.
+    A gauge name with other characters than letters, digits, points and _ is quoted. Raises ``InputError`` for other
+    texts.
     """
-    named = NAMED.fullmatch(text)
+    named = NAMED_EXPRESSION.fullmatch(text)
     expression = (named[2] if named else text).strip()
     quantities = list[tuple[str, str]]()
 
@@ -178,15 +179,15 @@ def parse_response(text: str, label: str = "") -> Response:
 
 
 def usual_responses(case: Case) -> list[Response]:
-    """Return the highest elevation of all snapshots with its place and time, and but for a basin the lowest."""
-    labels = [label for label in USUAL if label != TROUGH or case.tank.type != "basin"]
-    return [parse_response(USUAL[label], label) for label in labels]
+    """Return the highest elevation of all snapshots with its position and time and, except in a basin, the lowest."""
+    labels = [label for label in DEFAULT_RESPONSES if label != TROUGH or case.tank.type != "basin"]
+    return [parse_response(DEFAULT_RESPONSES[label], label) for label in labels]
 
 
 def evaluate_responses(
     run: RunDirectory, requested: Sequence[Response], *, start: float | None = None
 ) -> tuple[dict[str, float], list[str]]:
-    """Return a run's responses from a time [s] on by their labels, and why some are not a number, a sentence each."""
+    """Return the responses of a run from a time [s] on by labels, and the reasons for those that are not a number."""
     results, values, causes = RunResults(run, start=start), dict[str, float](), list[str]()
     for one in requested:
         try:

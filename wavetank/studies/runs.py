@@ -1,7 +1,7 @@
-"""Runs of combinations, each in a process of its own, several at a time.
+"""Runs of combinations, each in a separate process, several at a time.
 
-A run is the command ``run CASE ...`` of ``wavetank.__main__.report``, which prints its exit code and cause as JSON.
-A crash ends one run only.
+A run is the command ``run CASE ...`` of ``wavetank.__main__.report``, which prints its exit code and cause as JSON. A
+crash ends one run only.
 """
 
 import ctypes
@@ -26,23 +26,23 @@ from wavetank.output.files import OutputPath
 from wavetank.output.manifest import MANIFEST
 from wavetank.studies.sweep import Combination
 
-RESUMABLE = ("killed", "stopped", "failed", "unknown")  # a run that broke down would do so again
+RESUMABLE = ("killed", "stopped", "failed", "unknown")  # a run that broke down would break down again
 PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of Linux's prctl
 LIBC = ctypes.CDLL(None)
 
 
 class Outcome(NamedTuple):
-    """How a run ended.
+    """The end of a run.
 
     Attributes
     ----------
     status
         ``"finished"``; ``"refused"``: it did not begin, e.g. because dt is unstable; else the status in its directory,
-        e.g. ``"broke down"``, or ``"failed"`` if there is none.
+        e.g. ``"broke down"``, or ``"failed"`` without one.
     cause
         Message of the run if it is not finished.
     again
-        Whether it was run now; False if it had been finished before.
+        Whether it was executed now; False if it was already finished.
     """
 
     status: str
@@ -56,7 +56,7 @@ def cores() -> int:
 
 
 def status_of(directory: Path, combination: Combination) -> str | None:
-    """Return the status of the run in a directory, or None if it is not one of that combination."""
+    """Return the status of the run in a directory, or None if it is not a run of that combination."""
     try:
         run = RunDirectory(directory)
     except InputError:
@@ -72,9 +72,9 @@ class Runner:
     Parameters
     ----------
     at_once
-        Number of runs at a time, each on one core.
+        Number of simultaneous runs, each on one core.
     yes
-        Whether runs that need days, or more memory than is free, are run, too.
+        Whether runs of days, or of more memory than is free, are allowed.
     """
 
     def __init__(self, case_file: Path, out: Path, *, at_once: int, yes: bool = False):
@@ -85,7 +85,7 @@ class Runner:
         self._processes = set[subprocess.Popen[str]]()
 
     def directory(self, combination: Combination) -> Path:
-        """Return the run directory: of the combination's name, numbered if that contains a run of another case."""
+        """Return the run directory: the name of the combination, numbered if that is a run of another case."""
         if (name := combination.name) not in self._directories:
             numbered = OutputPath(self._out / name, numbered=True).candidates
             fitting = (path for path in numbered if not (path / MANIFEST).exists() or status_of(path, combination))
@@ -93,7 +93,7 @@ class Runner:
         return self._directories[name]
 
     def run(self, combinations: Sequence[Combination]) -> Iterator[tuple[Combination, Outcome]]:
-        """Yield each combination as soon as it has ended, those that had been finished before first.
+        """Yield each combination when it has ended, finished ones first.
 
         Raises ``RunError`` after Ctrl-C or SIGTERM, which end the runs between two steps.
         """
@@ -113,13 +113,13 @@ class Runner:
                 raise
 
     def _run(self, combination: Combination) -> Outcome:
-        """Run a combination, resumed if it can be; return its outcome with the status of its directory."""
+        """Run or resume a combination; return its outcome with the status of its directory."""
         out = self.directory(combination)
         options = [*(word for change in combination.overrides for word in ("--set", change)), "--out", str(out)]
         before, outcome = status_of(out, combination), None
         if before in RESUMABLE and last_checkpoint(out) is not None:
             outcome = self._execute([*options, "--resume"])
-        if outcome is None or outcome.status == "refused":  # its checkpoint is of another version, for example
+        if outcome is None or outcome.status == "refused":  # for example a checkpoint of another version
             outcome = self._execute([*options, *(["--overwrite"] if (out / MANIFEST).exists() else [])])
         status = status_of(out, combination) if outcome.status == "failed" else None
         return outcome if status in (None, "finished") else outcome._replace(status=status)
@@ -132,7 +132,7 @@ class Runner:
             self._processes.discard(process)
         try:
             code, cause = json.loads(printed)
-        except ValueError:  # it was killed, or ended by an error of another library
+        except ValueError:  # killed, or ended by an error of another library
             lines = [line for line in errors.splitlines() if line.strip()]
             code, cause = process.returncode, lines[-1] if lines else ""
         if code == 0:
@@ -142,7 +142,7 @@ class Runner:
 
 
 def start_command(words: Sequence[str]) -> subprocess.Popen[str]:
-    """Return a new process of a command of ``wavetank``; on Linux it gets SIGTERM when this process dies."""
+    """Return a new process of a command of ``wavetank``; on Linux it gets SIGTERM when this process ends."""
     return subprocess.Popen(
         [
             sys.executable,
@@ -156,14 +156,14 @@ def start_command(words: Sequence[str]) -> subprocess.Popen[str]:
         stderr=subprocess.PIPE,
         text=True,
         errors="replace",
-        env={**os.environ, "OMP_NUM_THREADS": "1"},  # without what MPI has set for this process alone
+        env={**os.environ, "OMP_NUM_THREADS": "1"},  # without MPI's variables of this process
         preexec_fn=partial(LIBC.prctl, PARENT_DEATH_SIGNAL, signal.SIGTERM) if sys.platform == "linux" else None,
     )
 
 
 @contextmanager
 def _sigterm_as_interrupt() -> Iterator[None]:
-    """Let SIGTERM raise ``KeyboardInterrupt``, so that all runs are ended."""
+    """Raise ``KeyboardInterrupt`` at SIGTERM, so that all runs are ended."""
     former = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         yield

@@ -1,6 +1,6 @@
 """A study: all combinations are run, compared with a reference, and written as a table and a figure.
 
-The figure shows error against cost, or, where a swept key changes what is modelled, responses over that key.
+The figure shows error against cost or, if a swept key changes the physical case, responses over that key.
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ from wavetank.studies.table import CPU, Row, StudyTable, costs, ensembles
 
 TABLE, PICTURE, ENSEMBLES = "study.csv", "study.png", "ensemble.csv"
 FINE, EXACT, NONE = "fine", "exact", "none"
-WIDTH = 120  # characters the table needs, on whatever terminal
+WIDTH = 120  # least width of the table in characters
 
 Group = Sequence[sweep.Combination]
 
@@ -43,7 +43,7 @@ def run_study(
     yes: bool = False,
     console: Console,
 ) -> StudyTable:
-    """Run what is missing of a study, write ``study.csv`` and ``study.png``, and return the results.
+    """Execute the missing runs of a study, write ``study.csv`` and ``study.png``, and return the results.
 
     Parameters
     ----------
@@ -56,27 +56,28 @@ def run_study(
     overrides
         ``KEY=VALUE`` changes of the case for all runs.
     marked
-        ``KEY=VALUE`` settings, short names allowed, of one more combination that is drawn as a star: a plan's choice.
+        ``KEY=VALUE`` settings, short names allowed, of a further combination that is drawn as a star: the choice of a
+        plan.
     reference
-        ``"fine"``: the finest combination refined once more, one for each group of cases that differ in nothing but
-        numerics; ``"exact"``: the case's exact solution; ``"none"``: nothing, if a key is swept that changes what is
-        modelled, which is the default where nothing else is swept; or the path of a run directory.
+        ``"fine"``: the finest combination, refined once more, for each group of cases that differ in numerics only;
+        ``"exact"``: the exact solution of the case; ``"none"``: no reference, if a swept key changes the physical case
+        (the default if only such keys are swept); or the path of a run directory.
     below
-        Frequency [Hz] below which errors of gauges are counted; default: all.
+        Frequency [Hz] below which gauge errors are computed; default: all.
     requested
-        Responses to tabulate, ``[NAME=]EXPRESSION`` each; default: of sweeps of what is modelled crest and trough.
+        Responses of the table, ``[NAME=]EXPRESSION`` each; default: crest and trough if the physical case is swept.
     start
         Time [s] from which responses are evaluated.
     at_once
-        Runs at a time, each on one core; default: as many as there are cores.
+        Number of simultaneous runs, each on one core; default: number of cores.
     yes
-        Whether runs that need days, or more memory than is free, are run, too.
+        Whether runs of days, or of more memory than is free, are allowed.
     console
-        Where progress, the table and warnings are printed.
+        Console for progress, the table and warnings.
 
-    Raises ``InputError`` before anything runs if nothing can be run or compared, or the folder cannot be made;
-    ``RunError`` if interrupted, and, after the table is written, if nothing could be measured. Values that are refused
-    alone are rows.
+    Raises ``InputError`` before any run if nothing can be run or compared, or the folder cannot be made; ``RunError``
+    if interrupted, and, after the table is written, if nothing could be measured. Single refused values are rows of the
+    table.
     """
     axes = sweep.parse_axes(sweeps, overrides)
     swept, refused = sweep.combinations(case_file, axes, overrides)
@@ -90,7 +91,7 @@ def run_study(
             response.check(group[0].case)
     reference = reference or (NONE if all(axis.physical for axis in axes) else FINE)
     if reference == NONE and not physical:
-        raise InputError(f"reference {NONE!r} received; without one there must be a sweep of what is modelled.")
+        raise InputError(f"reference {NONE!r} received; without one, a key of the physical case must be swept.")
     if below is not None and reference in (NONE, EXACT):
         raise InputError(f"below = {below:g} received, reference {reference!r}: only a run has gauges to compare.")
     references = [_reference(reference, group[0].case, below) for group in groups]
@@ -122,7 +123,7 @@ def _print(console: Console, line: str) -> None:
 
 
 def _reference(reference: str, case: Case, below: float | None) -> Reference | None:
-    """Return a reference for a case, None if there is none or it is still to be computed."""
+    """Return a reference for a case; None if there is none or its run is missing."""
     if isinstance(case.tank, BasinTank) and reference != NONE:
         if reference == EXACT:
             raise InputError(f"reference {EXACT!r} received; of a basin it must be {FINE}, {NONE} or a run directory.")
@@ -136,12 +137,12 @@ def _reference(reference: str, case: Case, below: float | None) -> Reference | N
         raise InputError(f"reference {reference!r} received; allowed are {FINE}, {EXACT}, {NONE} and a run directory.")
     run = RunDirectory(Path(reference))
     if run.manifest["case"]["tank"] != case.model_dump(mode="json")["tank"]:
-        raise InputError(f"reference {run.path}: is a run in another tank; the tank must be the case's.")
+        raise InputError(f"reference {run.path}: is a run in another tank; it must be in the tank of the case.")
     return run_reference(run, below=below)
 
 
 def _run(runner: Runner, combinations: Group, console: Console) -> dict[str, Outcome]:
-    """Run combinations, and print how each has ended; return the outcomes by their names."""
+    """Run combinations, and print the end of each; return the outcomes by names."""
     outcomes: dict[str, Outcome] = {}
     for one, outcome in runner.run(combinations):
         outcomes[one.name] = outcome
@@ -161,7 +162,7 @@ def _refined_references(
     below: float | None,
     console: Console,
 ) -> list[Reference | None]:
-    """Run a refined reference for each group; None for those whose finest run or reference has not finished."""
+    """Return a refined reference for each group; None if its finest run or its reference is unfinished."""
     needed: dict[int, sweep.Combination] = {}
     for n, group in enumerate(groups):
         coarse = sweep.finest([one for one in group if not one.mark] or group)
@@ -185,7 +186,7 @@ def _row(
     columns: Sequence[Response],
     start: float | None,
 ) -> tuple[Row, list[str]]:
-    """Return the row of a run, and why some of its responses are not a number."""
+    """Return the row of a run, and the reasons for responses that are not a number."""
     row = Row(one.values, outcome.status, outcome.cause, mark=one.mark)
     if outcome.status == "refused" or not (directory / MANIFEST).exists():
         return row, []
@@ -201,7 +202,7 @@ def _row(
 
 
 def _write(out: Path, table: StudyTable, missing: Sequence[str], console: Console) -> None:
-    """Write and print the tables and the figure; ``missing``: why some responses are not a number."""
+    """Write and print the tables and the figure; ``missing``: reasons for responses that are not a number."""
     table.write(out / TABLE)
     wide = Console(file=console.file, width=max(console.width, WIDTH), soft_wrap=True, markup=False)
     wide.print(table.terminal())

@@ -1,7 +1,7 @@
 """Combinations of settings of a case, and the refined run that is their reference.
 
-The reference is the finest combination refined once more: dt/2, twice the cells (order p + 1 on a mesh file), n + 2, a
-tenth of the tolerance; it records its gauges at every step and snapshots at the steps of the finest combination.
+The reference is the finest combination, refined once more: dt/2, twice the cells (order p + 1 on a mesh file), n + 2, a
+tenth of the tolerance. It records its gauges at every step and snapshots at the steps of the finest combination.
 """
 
 import re
@@ -32,9 +32,9 @@ SHORT_NAMES = {
     "tolerance": "numerics.tolerance",
 }
 UNITS = {"dt": "s", "dx": "m"}
-NUMERICAL = ("numerics", "output")  # tables of the case that do not change the water
+NUMERICAL = ("numerics", "output")  # tables of the case that do not change the physical case
 MOST = 1000  # values of FIRST..LAST
-UNESCAPED = "=,.+-"  # characters of a folder's name besides letters and digits
+UNESCAPED = "=,.+-"  # characters of the name of a folder besides letters and digits
 TIGHTEST = 1e-12  # tolerance
 MOST_SNAPSHOTS = 2000
 
@@ -79,7 +79,7 @@ class Axis:
 
     @property
     def physical(self) -> bool:
-        """Whether it changes what is modelled, not how it is computed."""
+        """Whether the key changes the physical case, not only its computation."""
         return self.key.partition(".")[0] not in NUMERICAL
 
     @property
@@ -89,7 +89,7 @@ class Axis:
 
     @property
     def seeds(self) -> bool:
-        """Whether its values are seeds of random phases."""
+        """Whether the values are seeds of random phases."""
         return self.key.rpartition(".")[2] == "seed"
 
 
@@ -100,11 +100,11 @@ class Combination:
     Attributes
     ----------
     name
-        Of its run directory.
+        Name of its run directory.
     values
-        By the names of the axes, as given.
+        Values by the names of the axes, as given.
     overrides
-        All changes of the case, ``KEY=VALUE``; of two for one key the later one holds.
+        All changes of the case, ``KEY=VALUE``; of two for one key the later one applies.
     case
         The case.
     mark
@@ -119,7 +119,7 @@ class Combination:
 
 
 class Refused(NamedTuple):
-    """A combination that cannot be run, and why; see ``Combination``."""
+    """A combination that cannot be run, and the reason; see ``Combination``."""
 
     name: str
     values: dict[str, str]
@@ -127,7 +127,7 @@ class Refused(NamedTuple):
 
 
 def parse_axis(text: str) -> Axis:
-    """Return the axis of ``KEY=VALUE,VALUE,...``; KEY is dotted or short, ``1..20`` all from 1 to 20.
+    """Return the axis of ``KEY=VALUE,VALUE,...``; KEY is dotted or short, ``1..20`` are the integers from 1 to 20.
 
     Raises ``InputError``.
     """
@@ -144,7 +144,7 @@ def parse_axis(text: str) -> Axis:
 
 
 def _values_of(value: str) -> list[str]:
-    """Return all integers of ``FIRST..LAST``, or the value as it is."""
+    """Return all integers of ``FIRST..LAST``, or the value unchanged."""
     if (ends := re.fullmatch(r"(\d{1,9})\.\.(\d{1,9})", value)) is None:
         return [value]
     first, last = int(ends[1]), int(ends[2])
@@ -154,7 +154,7 @@ def _values_of(value: str) -> list[str]:
 
 
 def parse_axes(texts: Sequence[str], overrides: Sequence[str] = ()) -> list[Axis]:
-    """Return the axes of a study; raises ``InputError`` if there is none, or for a key that is given twice."""
+    """Return the axes of a study; raise ``InputError`` if there is none, or for a repeated key."""
     if not texts:
         names = ", ".join(SHORT_NAMES)
         raise InputError(f"no sweep received; give one or more KEY=VALUE,VALUE,...; short names are {names}.")
@@ -169,7 +169,7 @@ def parse_axes(texts: Sequence[str], overrides: Sequence[str] = ()) -> list[Axis
 def combinations(
     case_file: Path, axes: Sequence[Axis], overrides: Sequence[str] = ()
 ) -> tuple[list[Combination], list[Refused]]:
-    """Return every combination, the last axis varying fastest, and those that are refused.
+    """Return all combinations, the last axis varying fastest, and the refused ones.
 
     Raises ``InputError`` if all are refused, and for two combinations that are the same run.
     """
@@ -212,7 +212,7 @@ def marked_combination(case_file: Path, settings: Sequence[str], overrides: Sequ
 
 
 def same_but_numerics(combinations: Iterable[Combination]) -> list[list[Combination]]:
-    """Return combinations in groups of cases that differ in numerics only: a group has one reference."""
+    """Return combinations in groups of cases that differ in numerics only; a group has one reference."""
     groups: dict[str, list[Combination]] = {}
     for one in combinations:
         groups.setdefault(one.case.model_dump_json(exclude={"numerics", "output"}), []).append(one)
@@ -231,7 +231,7 @@ def finest(group: Iterable[Combination]) -> Combination:
 
 
 def refined(case_file: Path, coarse: Combination, *, dt: float, name: str) -> Combination:
-    """Return a combination refined once more, given its step [s], which the case may not name."""
+    """Return a combination refined once more, given its step [s], which the case may omit."""
     case, numerics = coarse.case, coarse.case.numerics
     if isinstance(case.tank, BasinTank) and isinstance(case.tank.layout, MeshFile):
         cells = f"order={min(numerics.order + 1, HIGHEST_ORDER)}"

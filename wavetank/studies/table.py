@@ -1,4 +1,4 @@
-"""The results of a study, a row for each run, and statistics of ensembles of seeds, as CSV and for the terminal."""
+"""The results of a study as CSV and for the terminal: a row for each run, and statistics of ensembles of seeds."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -37,7 +37,7 @@ SHOWN = {
     "interior solves": 6,
     "iterations": 6,
     "memory [MiB]": 6,
-}  # columns of the terminal: digits
+}  # digits of the columns on the terminal
 CONFIDENCE = 0.95  # level of the confidence interval of a mean
 TEXTS = ("mark", "status", "cause", "warnings")  # columns
 QUANTILES = {"5 %": 0.05, "50 %": 0.5, "95 %": 0.95}
@@ -49,17 +49,17 @@ class Row(NamedTuple):
     Attributes
     ----------
     values
-        Its settings by the names of the axes.
+        Settings by the names of the axes.
     status, cause
-        How the run ended, and why it has not finished.
+        Status of the run, and the cause if it is unfinished.
     errors, responses, costs
-        By column; empty if the run has not finished, errors also if its reference has not.
+        Results by column; empty if the run is unfinished, errors also if its reference is.
     mark
         ``"plan"`` for a marked combination, else empty.
     warnings
-        Of the run's manifest, as text.
+        Warnings of the run's manifest, as text.
     broke
-        Number of waves that broke and were damped; not a number if the run does not dissipate breaking waves.
+        Number of waves that broke and were damped; not a number without breaking dissipation.
     """
 
     values: Mapping[str, str]
@@ -82,7 +82,7 @@ class StudyTable:
     rows
         A row for each run.
     axes
-        The swept keys, then those that only a marked combination sets, without values.
+        The swept keys, then keys that only a marked combination sets, without values.
     case
         The case of one of the runs.
     """
@@ -98,12 +98,12 @@ class StudyTable:
 
     @property
     def responses(self) -> list[str]:
-        """The responses that any run has."""
+        """The responses of all runs."""
         return [name for name in _names(row.responses for row in self.rows) if self.runs[name].notna().any()]
 
     @property
     def errors(self) -> list[str]:
-        """The errors that any run has."""
+        """The errors of all runs."""
         return _names(row.errors for row in self.rows)
 
     @property
@@ -114,7 +114,7 @@ class StudyTable:
 
     @cached_property
     def runs(self) -> "DataFrame":
-        """The rows as pandas' DataFrame; numbers that a run does not have are not a number, texts are empty."""
+        """The rows as pandas' DataFrame; missing numbers are not a number, missing texts are empty."""
         columns: dict[str, ArrayLike] = {
             axis.name: [row.values.get(axis.name, "") for row in self.rows] for axis in self.axes
         }
@@ -126,17 +126,17 @@ class StudyTable:
 
     @property
     def unfinished(self) -> str:
-        """How many runs have ended otherwise, such as ``broke down: 2 of 6 runs``; "" if none has."""
+        """Numbers of runs with another status, such as ``broke down: 2 of 6 runs``; "" if there are none."""
         statuses = Counter(row.status for row in self.rows if row.status != "finished")
         return ", ".join(self.counted(status, count) for status, count in statuses.items())
 
     @property
     def damped(self) -> str:
-        """In how many runs waves broke and were damped; "" if in none."""
+        """Number of runs in which waves broke and were damped, as text; "" if there are none."""
         return self.counted("waves broke and were damped", int((self.runs[BROKE] > 0).sum()))
 
     def counted(self, what: str, count: int) -> str:
-        """Return what is true of so many runs, such as ``refused: 2 of 6 runs``; "" of none."""
+        """Return a statement on a number of runs, such as ``refused: 2 of 6 runs``; "" if it is 0."""
         return f"{what}: {count} of {len(self.rows)} runs" if count else ""
 
     def write(self, path: Path) -> None:

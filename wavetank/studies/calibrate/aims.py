@@ -1,24 +1,23 @@
-"""The aims of a calibration: what a case's target demands of runs, and the next waves after attempts.
+"""The aims of a calibration: misfit between runs and the target of a case, and the next waves.
 
-A setting is an array of numbers that determine the waves to generate: the mean of two settings is a setting, too.
+A setting is an array of numbers that determine the generated waves; the mean of two settings is a setting.
 
-Calibration of a crest: amplitude, place and time of the waves are corrected until the highest crest is as wanted.
-Unknowns and results are three numbers each: ln of the height, place over wave length, time over period. Broyden's
+Calibration of a crest corrects amplitude, position and time of the waves until the highest crest is the target.
+Unknowns and results are three numbers each: ln of the height, position over wave length, time over period. Broyden's
 method starts from the Jacobian of waves that do not interact, the identity.
 
-Calibration of a record: amplitude and phase of each component are corrected until the tank's record is as wanted.
-Linear theory predicts the record u(t) of the generated waves at the place; the tank's is m(t), the target w(t). In
-bands of frequency the tank's transfer function is G = <M U*> / <U U*>, with its phase, and the coherence is
-c = |<M U*>|² / (<M M*> <U U*>). The correction is c / G times the difference W - M: bound harmonics, which the tank
-generates by itself and the record contains, are not generated again. G is that of the odd part of two runs, one with
-all phases changed by 180 degrees, which excludes second harmonics and whatever else is even. Where the components alone
-are the target, so is m.
+Calibration of a record corrects amplitude and phase of each component until the record of the tank, m(t), is the target
+w(t). Linear theory predicts the record u(t) of the generated waves at the target's position. In bands of frequency the
+transfer function of the tank is G = <M U*> / <U U*>, and the coherence is c = |<M U*>|² / (<M M*> <U U*>). The
+correction is c / G times the difference W - M: bound harmonics, which the record contains, are not generated again by
+the paddle. G is computed from the odd part of two runs with opposite phases, which excludes second harmonics and all
+other even orders. If the target is a set of components, m is reduced to these.
 
 Sources: C. G. Broyden, "A class of methods for solving nonlinear simultaneous equations", Math. Comp. 19, 1965; J. R.
 Chaplin, "On frequency-focusing unidirectional waves", Int. J. Offshore and Polar Eng. 6, 1996; S. Schmittner, S.
 Kosleck, J. Hennig, "A phase-amplitude iteration scheme for the optimization of deterministic wave sequences", OMAE
 2009; E. Buldakov, D. Stagonas, R. Simons, "Extreme wave groups in a wave flume: controlled generation and breaking
-onset", Coastal Eng. 128, 2017, for runs with opposite phases.
+onset", Coastal Eng. 128, 2017 (runs with opposite phases).
 """
 
 from collections.abc import Sequence
@@ -50,7 +49,7 @@ Setting = NDArray[Any]
 
 
 class CrestPosition(NamedTuple):
-    """A crest at its highest: height [m], place [m], time [s]."""
+    """The maximum of a crest: height [m], position [m], time [s]."""
 
     height: float
     x: float
@@ -59,20 +58,20 @@ class CrestPosition(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class AttemptResult:
-    """The result of an attempt's runs.
+    """The result of the runs of an attempt.
 
     Attributes
     ----------
     crest
-        Highest elevation of the crest or record that is calibrated, with its place and time.
+        Highest elevation of the calibrated crest or record, with its position and time.
     misfit
-        Misfit over the tolerance: at 1 or less the target is reached.
+        Misfit over the tolerance; the target is reached at 1 or less.
     record
         Elevation [m] over time [s] at the target.
     nrms
-        Root mean square of the difference from a target record over that of the record; nan of a crest.
+        Root mean square difference from a target record over that of the record; nan for a crest.
     odd
-        Odd part of the record, from two runs with opposite phases; None of one run.
+        Odd part of the record, from two runs with opposite phases; None for one run.
     """
 
     crest: CrestPosition
@@ -97,21 +96,21 @@ class Attempt:
     Attributes
     ----------
     number, runs
-        Number of the attempt, and number of runs up to and with it.
+        Number of the attempt, and number of runs including its own.
     numerics
         ``"cheap"`` or ``"the case's"``.
     setting
         Setting of the waves.
     run
-        Its run directory; of several runs the first.
+        Run directory; of several runs the first.
     cpu
         CPU time of all its runs [s].
     broke
-        Number of waves that broke in them and were damped.
+        Number of waves in them that broke and were damped.
     result
-        ``NO_RESULT`` if a run has not finished.
+        ``NO_RESULT`` if a run is not complete.
     cause
-        Why a run has not finished; empty if all have.
+        Cause of an incomplete run; empty if all are complete.
     """
 
     number: int
@@ -145,19 +144,19 @@ def gauge_at(run: RunDirectory, x: float) -> DataArray:
     return gauges[int(np.abs(gauges.x.values - x).argmin())].dropna("time")
 
 
-SEARCH = 1.5  # wave lengths and periods around the target within which the highest crest is searched
+SEARCH_RANGE = 1.5  # wave lengths and periods around the target within which the highest crest is searched
 POINTS_PER_WAVE = 60  # points in a wave length
 FIT_RANGE = 1 / 3  # wave lengths on each side of a crest over which it is fitted
 SAME_CREST = 0.6  # periods around the path of a crest within which there is no other crest
 MIN_FIT_POINTS = 6  # least number of points of a fit
-SNAPSHOT_REFINEMENT = 4  # times at which a crest is searched in an interval of snapshots
-MAX_FITS, CONVERGED = 20, 1e-5  # number of fits, and change of position in wave lengths at which they end
+SNAPSHOT_REFINEMENT = 4  # refinement of the times of snapshots for the search of a crest
+MAX_FITS, MAX_SHIFT = 20, 1e-5  # number of fits, and change of position in wave lengths at which they end
 MAX_STEPS = np.array([0.3, 0.5, 0.5])  # largest changes of the setting
-LOWER_CREST = np.array([-0.2, 0.0, 0.0])
+CREST_REDUCTION = np.array([-0.2, 0.0, 0.0])  # change of the setting of a crest for lower waves
 
 
 class CrestAim:
-    """The aim of a crest of given height, place and time.
+    """The aim of a crest of given height, position and time.
 
     Parameters
     ----------
@@ -172,21 +171,21 @@ class CrestAim:
         self._target, self._waves, self._scale = target, waves, scale(waves)
 
     def waves(self, setting: Setting) -> PlaneWaves:
-        """Return the waves of a setting: their amplitudes times a factor, shifted downstream and later."""
+        """Return the waves of a setting: amplitudes times a factor, shifted downstream and in time."""
         log_factor, downstream, later = setting
         dx, dt = downstream * self._scale.length, later * self._scale.period
         factor = np.exp(log_factor - 1j * (self._waves.k_x * dx - self._waves.omega * dt))
         return replace(self._waves, amplitudes=factor * self._waves.amplitudes)
 
     def phases(self, attempts: Sequence[Attempt]) -> tuple[float, ...]:
-        """Return the phases [deg] to add to all waves, one run for each."""
+        """Return the phases [deg] that are added to all waves, one for each run."""
         return (0.0,)
 
     def evaluate(self, runs: Sequence[RunDirectory]) -> AttemptResult:
-        """Return the highest crest around the target; of two within the tolerance the nearest."""
+        """Return the highest crest around the target; of equal crests, within the tolerance, the nearest."""
         (run,) = runs
-        surface, target, reach = run.snapshots(), self._target, SEARCH * self._scale.length
-        around = np.abs(surface.time.values - target.time) < SEARCH * self._scale.period
+        surface, target, reach = run.snapshots(), self._target, SEARCH_RANGE * self._scale.length
+        around = np.abs(surface.time.values - target.time) < SEARCH_RANGE * self._scale.period
         if np.count_nonzero(around) > 3:
             surface = surface.isel(time=around)
         tops = crests(surface, target.x - reach, target.x + reach, sizes=self._scale)
@@ -201,7 +200,7 @@ class CrestAim:
         return np.array([np.log(crest.height / target.height), dx, dt])
 
     def next_setting(self, attempts: Sequence[Attempt]) -> Setting:
-        """Return Broyden's next setting, a step from the best attempt with the newest one's numerics."""
+        """Return Broyden's next setting, a step from the best attempt with the numerics of the newest."""
         best, slopes = attempts[0], np.eye(3)
         for one in attempts:
             if one is not best and one.numerics == best.numerics:
@@ -214,16 +213,16 @@ class CrestAim:
         return np.asarray(best.setting + step / max(1.0, np.abs(step / MAX_STEPS).max()))
 
     def lowered(self, setting: Setting) -> Setting:
-        """Return the setting of waves a fifth lower."""
-        return np.asarray(setting + LOWER_CREST)
+        """Return the setting of waves that are a fifth lower."""
+        return np.asarray(setting + CREST_REDUCTION)
 
 
 def crests(surface: Dataset, first: float, last: float, *, sizes: Scale) -> list[CrestPosition]:
-    """Return the highest crest between two places [m], and the highest of the others.
+    """Return the highest crest between two positions [m], and the highest of the others.
 
-    Along its path, a third of a wave length to either side, the height of a crest is fitted by exp(-x²), again around
-    each fit until the place no longer changes: on coarse cells there are ripples as long as a cell, whose highest
-    sample changes from one to another.
+    The height of a crest along its path, a third of a wave length to either side, is fitted by exp(-x²). The fit is
+    repeated around its maximum until the position converges: on coarse cells ripples of the cell length disturb the
+    highest sample.
     """
     t = surface.time.values
     first, last = max(first, float(surface.x[:, 0].max())), min(last, float(surface.x[:, -1].min()))
@@ -235,7 +234,7 @@ def crests(surface: Dataset, first: float, last: float, *, sizes: Scale) -> list
         guess = top = CrestPosition(float(eta[row, column]), float(places[column]), float(t[row]))
         for _ in range(MAX_FITS):
             before, top = top, _fitted(surface, top, first, last, sizes=sizes)
-            if abs(top.x - before.x) < CONVERGED * sizes.length:
+            if abs(top.x - before.x) < MAX_SHIFT * sizes.length:
                 break
         result.append(top)
         arrival = guess.t + (places - guess.x) * sizes.period / sizes.length
@@ -244,7 +243,7 @@ def crests(surface: Dataset, first: float, last: float, *, sizes: Scale) -> list
 
 
 def _fitted(surface: Dataset, top: CrestPosition, first: float, last: float, *, sizes: Scale) -> CrestPosition:
-    """Return the top of a crest, fitted to its path around a guess; the guess if no fit has a maximum."""
+    """Return the maximum of a crest by a fit to its path around a guess; the guess if no fit has a maximum."""
     _, x, t = top
     part = surface.isel(time=np.abs(surface.time.values - t) < SAME_CREST * sizes.period)
     path = np.linspace(-FIT_RANGE, FIT_RANGE, 2 * int(FIT_RANGE * POINTS_PER_WAVE) + 1)
@@ -264,7 +263,7 @@ def _fitted(surface: Dataset, top: CrestPosition, first: float, last: float, *, 
 
 
 def _elevation(surface: Dataset, places: Array) -> Array:
-    """Return elevations [m] at places [m], of shape (snapshots, places), by splines in x."""
+    """Return elevations [m] at positions [m], shape (snapshots, positions), by splines in x."""
     return np.array(
         [CubicSpline(x, one)(places) for x, one in zip(surface.x.values, surface.elevation.values, strict=True)]
     )
@@ -284,22 +283,22 @@ def _highest(t: Array, eta: Array) -> tuple[Array, Array]:
 BAND = 0.08  # standard deviation of a band over the mean frequency, at least the resolution of the record
 MIN_BAND_ENERGY = 1e-4  # energy over that of the largest band below which the transfer function is uncertain
 MIN_TRANSFER = 0.5  # transfer function below which corrections are reduced
-LOWER = 0.8
-RECORD_REFINEMENT = 8  # times at which a crest is searched in an interval of the record
+REDUCTION = 0.8  # factor of the setting of a record for lower waves
+RECORD_REFINEMENT = 8  # refinement of the times of a record for the search of a crest
 PAIRS = 2  # attempts with two runs of opposite phases
-CREST, TROUGH = 0.0, 180.0  # deg
-EASED = 2.0  # mean periods at either end of a record
-BLOCK = 1000  # times at once
+CREST, TROUGH = 0.0, 180.0  # phases of the two runs [deg]
+TAPER = 2.0  # taper at either end of a record, in mean periods
+BLOCK = 1000  # times that are evaluated together
 PADDING = 4
 
 Complex = NDArray[np.complex128]
 
 
 class Lines:
-    """Fourier amplitudes of a record at given frequencies, and the record of these.
+    """Fourier amplitudes of a record at given frequencies, and the record with these amplitudes.
 
-    A_j = 2 w_j int r eta exp(i omega_j t) dt, with a window r. For frequencies closer than the resolution 1 / L of a
-    record of length L the weight w_j is their distance, for others 1 / L.
+    A_j = 2 w_j int r eta exp(i omega_j t) dt, with a window r. The weight w_j is the distance of the frequencies, at
+    most the resolution 1 / L of a record of length L.
 
     Parameters
     ----------
@@ -330,14 +329,14 @@ class Lines:
 
 
 class RecordAim:
-    """The aim of an elevation over time at a place.
+    """The aim of an elevation over time at a position.
 
     Parameters
     ----------
     x
-        The place [m].
+        The position [m].
     wanted
-        The record, at equally spaced times.
+        The target record, at equally spaced times.
     waves
         The first waves to generate; a setting is their amplitudes.
     tolerance
@@ -370,7 +369,7 @@ class RecordAim:
         return replace(self._waves, amplitudes=setting)
 
     def late(self) -> tuple[float, float]:
-        """Return what cannot arrive from a paddle that starts at t = 0, by linear theory.
+        """Return the part of the target that cannot arrive from a paddle that starts at t = 0, by linear theory.
 
         Its rms over that of the target, and its mean frequency [Hz].
         """
@@ -379,11 +378,11 @@ class RecordAim:
         return self._misfit(missing), float(energy @ self._judged.omega / energy.sum() / (2 * np.pi))
 
     def _misfit(self, missing: Array) -> float:
-        """Return the rms of missing elevations [m] over that of the target, both at the frequencies of the misfit."""
+        """Return the rms difference [m] from the target over its rms, at the frequencies of the misfit."""
         return rms(self._judged.part(missing)) / rms(self._judged.part(self._eta))
 
     def phases(self, attempts: Sequence[Attempt]) -> tuple[float, ...]:
-        """Return the phases [deg] to add to all waves, one run for each: two while the transfer function is needed."""
+        """Return the phases [deg] that are added to all waves, one for each run; two for the transfer function."""
         return (CREST, TROUGH) if self._linear or len(attempts) < PAIRS else (CREST,)
 
     def evaluate(self, runs: Sequence[RunDirectory]) -> AttemptResult:
@@ -399,14 +398,14 @@ class RecordAim:
         return AttemptResult(highest, nrms / self._tolerance, record_of(self._t, eta), nrms=nrms, odd=odd)
 
     def next_setting(self, attempts: Sequence[Attempt]) -> Setting:
-        """Return the newest setting with its correction, mixed with those before."""
+        """Return the newest setting with its correction, mixed with earlier ones."""
         inverse = self._inverse(attempts) * np.exp(-1j * self._waves.k_x * self.x)
         same = [one for one in attempts if one.numerics == attempts[-1].numerics]
         missing = [inverse * self._lines.of(self._eta - one.result.record.values) for one in same]
         return mixed(np.array([one.setting for one in same]), np.array(missing))
 
     def _inverse(self, attempts: Sequence[Attempt]) -> Complex:
-        """Return coherence over transfer function, in bands, from the settings and from their changes."""
+        """Return coherence over transfer function, in bands, from the settings and their changes."""
         odd = [(one, one.result.odd) for one in attempts if one.result.odd is not None]
         linear = [self._lines.of(self.waves(one.setting).elevation(self.x, self._t)) for one, _ in odd]
         measured = [self._lines.of(eta) for _, eta in odd]
@@ -418,14 +417,14 @@ class RecordAim:
         return np.asarray(MU.conj() / (MM + little) * np.minimum(1.0, transfer / MIN_TRANSFER) ** 2)
 
     def _band(self, linear: Complex) -> Array:
-        """Return the weight of each frequency in the band of each other, shape (M, M)."""
+        """Return the weights of frequencies in the bands around frequencies, shape (M, M)."""
         omega, energy = self._waves.omega, np.abs(linear) ** 2
         width = max(BAND * float(energy @ omega / energy.sum()), 2 * np.pi / float(np.ptp(self._t)))
         return np.asarray(np.exp(-0.5 * (np.subtract.outer(omega, omega) / width) ** 2))
 
     def lowered(self, setting: Setting) -> Setting:
-        """Return the setting of waves a fifth lower."""
-        return np.asarray(LOWER * setting)
+        """Return the setting of waves that are a fifth lower."""
+        return np.asarray(REDUCTION * setting)
 
 
 def mixed(settings: Complex, missing: Complex) -> Complex:
@@ -441,15 +440,15 @@ def mixed(settings: Complex, missing: Complex) -> Complex:
 
 
 def started(waves: PlaneWaves, x: float, t: Array) -> Array:
-    """Return the elevation [m] at x [m] of waves that a paddle at x = 0 starts at t = 0, by linear theory.
+    """Return the elevation [m] at x [m] of waves that a paddle at x = 0 generates from t = 0, by linear theory.
 
-    The times t [s], shape (N,), are equally spaced, >= 0, and so many in a period that the paddle's waves are resolved.
+    The times t [s], shape (N,), are equally spaced, >= 0, and resolve the waves.
     """
     dt = (t[-1] - t[0]) / (t.size - 1)
     times = np.append(t[0] - dt * np.arange(int(t[0] / dt), 0, -1), t)
     parts = np.array_split(times, 1 + times.size // BLOCK)
     at_paddle = np.concatenate([waves.elevation(0.0, part) for part in parts])
-    padded = PADDING * times.size  # the slowest waves must not come round again
+    padded = PADDING * times.size  # without periodic copies of the slowest waves
     omega = 2 * np.pi * np.fft.rfftfreq(padded, dt)
     phase_factors = np.exp(-1j * x * np.append(0.0, wave_number(omega[1:], waves.depth, waves.gravity)))
     eta = np.fft.irfft(phase_factors * np.fft.rfft(at_paddle, padded), padded)
@@ -457,27 +456,27 @@ def started(waves: PlaneWaves, x: float, t: Array) -> Array:
 
 
 def eased(t: Array, period: float) -> Array:
-    """Return a window that eases both ends of a record at times t [s] of waves of a mean period [s]."""
-    return np.asarray(tukey(t.size, min(0.5, 2 * EASED * period / float(np.ptp(t)))))
+    """Return a window that tapers both ends of a record at times t [s] of waves of a mean period [s]."""
+    return np.asarray(tukey(t.size, min(0.5, 2 * TAPER * period / float(np.ptp(t)))))
 
 
 Aim = CrestAim | RecordAim
 
-PADDLE = "must be a paddle in one piece: its motion is calibrated, not a far wall's"
-OWN = "must make the waves: calibration changes wall.motion alone, far_wall.motion stays as it is"
-SLICE = "must be a slice: the target is at one place along it"
+PADDLE = "must be a paddle without segments: calibration changes its motion, not that of a far wall"
+OWN = "must generate the waves: calibration changes wall.motion only, not far_wall.motion"
+SLICE = "must be a slice: the target is a position along it"
 MADE = "regular, bichromatic, irregular, focused, components or surface"
 MIN_ROWS = 16  # least number of rows of a record
 PER_PERIOD = 8  # samples in the shortest period
-MAX_MATRIX = 10**7  # largest number of times by frequencies; twice as many if the shortest period needs more
+MAX_MATRIX = 10**7  # largest number of times by frequencies; twice that if the shortest period requires it
 MAX_FREQUENCIES = 4000
-MAX_UNREACHED = 0.15  # rms of waves that cannot arrive over that of a record; 0.02 to 0.09 if a paddle can make it
+MAX_UNREACHED = 0.15  # rms of waves that cannot arrive over that of a record; 0.02 to 0.09 in generated records
 
 
 def aim_of(case: Case) -> Aim:
-    """Return the aim of a case: its ``target``, or else the waves of its motion by linear theory.
+    """Return the aim of a case: its ``target``, default: the waves of its motion by linear theory.
 
-    Raises ``CaseError`` if it has neither, or no waves for it.
+    Raises ``CaseError`` if it has neither, or if its waves cannot reach the target.
     """
     if case.tank.type != "slice":
         raise CaseError([Problem(("tank", "type"), case.tank.type, SLICE)])
@@ -495,7 +494,7 @@ def aim_of(case: Case) -> Aim:
 
 
 def implied_target(case: Case) -> Target:
-    """Return the target of a case that names none: the crest of focused waves or the record of a surface."""
+    """Return the target of a case without one: the crest of focused waves or the record of a surface."""
     motion = case.wall.motion
     if isinstance(motion, FocusedMotion) and motion.phase == 0.0:
         return CrestTarget(height=motion.linear_crest, x=motion.focus_x, time=motion.focus_time)
@@ -514,11 +513,11 @@ def _generated(case: Case) -> PlaneWaves:
 
 
 def _crest(target: CrestTarget, case: Case) -> Aim:
-    """Return the aim of a crest; raise ``CaseError`` for one as high as the highest waves from their troughs."""
+    """Return the aim of a crest; raise ``CaseError`` above the height of the highest waves."""
     waves = _generated(case)
     length, depth = scale(waves).length, case.tank.depth
     highest = STEEPEST * length * float(np.tanh(2 * np.pi * depth / length))
-    free = not isinstance(case.water, LinearWater) and target.x + length < case.tank.length  # of the wall
+    free = not isinstance(case.water, LinearWater) and target.x + length < case.tank.length  # no reflection at the wall
     if free and target.height > highest:
         of = f"the height from trough to crest of the highest waves {length:.3g} m long, here (Miche)"
         raise CaseError([Problem(("target", "height"), target.height, f"must be at most {highest:.3g} m, {of}")])
@@ -529,19 +528,20 @@ def _components(target: ComponentsTarget, case: Case) -> Aim:
     waves = _generated(case)
     t = _times(0.0, case.run.duration, waves.omega)
     wanted = record_of(t, waves.elevation(target.x, t))
-    return _in_time(RecordAim(target.x, wanted, waves, tolerance=target.tolerance, linear=True), case, target.tolerance)
+    aim = RecordAim(target.x, wanted, waves, tolerance=target.tolerance, linear=True)
+    return _checked_arrival(aim, case, target.tolerance)
 
 
 def _record(target: RecordTarget, case: Case) -> Aim:
     """Return the aim of a record; its first waves are those of linear theory that can arrive in time."""
-    t, eta = _counting(target, case)
+    t, eta = _target_window(target, case)
     with about("target", "file"):
-        result = _waves_in(t, eta, band=(target.lowest_frequency, target.highest_frequency))
+        result = _record_waves(t, eta, band=(target.lowest_frequency, target.highest_frequency))
     tank, where = case.tank, {"x": target.x, "time": result.begin}
     k = airy.wave_number(2 * np.pi * result.frequencies, tank.depth, tank.gravity)
-    arrived = target.x / airy.group_velocity(k, tank.depth, tank.gravity) < (middle := _middle(t, eta))
+    arrived = target.x / airy.group_velocity(k, tank.depth, tank.gravity) < (middle := _median_time(t, eta))
     if not arrived.any():
-        allowed = f"has its waves at {middle:.4g} s, when none of them can be there; target.delay moves them"
+        allowed = f"has its waves at {middle:.4g} s, before any can arrive; target.delay shifts them"
         raise CaseError([Problem(("target", "file"), target.file, allowed)])
     of = (values[arrived] for values in (result.frequencies, result.amplitudes, result.phases))
     waves = waves_along(*of, depth=tank.depth, gravity=tank.gravity, **where)
@@ -550,10 +550,10 @@ def _record(target: RecordTarget, case: Case) -> Aim:
     times = _times(t[0], t[-1], judged, fewest=fewest)
     wanted = record_of(times, CubicSpline(t, eta)(times))
     aim = RecordAim(target.x, wanted, waves, tolerance=target.tolerance, linear=False, judged=judged)
-    return _in_time(aim, case, max(target.tolerance, MAX_UNREACHED))
+    return _checked_arrival(aim, case, max(target.tolerance, MAX_UNREACHED))
 
 
-def _in_time(aim: RecordAim, case: Case, most: float) -> Aim:
+def _checked_arrival(aim: RecordAim, case: Case, most: float) -> Aim:
     """Return an aim; raise ``CaseError`` if more than a part ``most`` of its rms cannot arrive in time."""
     part, frequency = aim.late()
     if part > most:
@@ -565,26 +565,26 @@ def _in_time(aim: RecordAim, case: Case, most: float) -> Aim:
     return aim
 
 
-def _counting(target: RecordTarget, case: Case) -> tuple[Array, Array]:
-    """Return the times [s] and elevations [m] of a record between its start and end."""
+def _target_window(target: RecordTarget, case: Case) -> tuple[Array, Array]:
+    """Return the times [s] and elevations [m] of a record from its start to its end."""
     t, eta = target.record()
     start, end = (default if text is None else text for text, default in ((target.start, 0.0), (target.end, np.inf)))
     inside = (t >= max(start, 0.0)) & (t <= min(end, case.run.duration))
     if np.count_nonzero(inside) < MIN_ROWS:
-        received = f"{np.count_nonzero(inside)} rows that count, from {t[0]:g} to {t[-1]:g} s"
+        received = f"{np.count_nonzero(inside)} rows between start and end, from {t[0]:g} to {t[-1]:g} s"
         raise CaseError([Problem(("target", "file"), target.file, f"has {received}; at least {MIN_ROWS} are needed")])
     return t[inside], eta[inside]
 
 
-def _waves_in(t: Array, eta: Array, *, band: tuple[float | None, float | None]) -> TargetElevation:
-    """Return the waves in a record; before it the water is still from t = 0, so that no periodic copy precedes it."""
+def _record_waves(t: Array, eta: Array, *, band: tuple[float | None, float | None]) -> TargetElevation:
+    """Return the waves of a record with still water from t = 0 on before it, so that no periodic copy precedes it."""
     lull = np.arange(0.0, t[0], float(np.diff(t).mean()))[:-1]
     period = 1 / target_elevation(t, eta, band=band).mean_frequency
     waving = (eta - eta.mean()) * eased(t, period)
     return target_elevation(np.append(lull, t), np.append(0 * lull, waving), band=band)
 
 
-def _middle(t: Array, eta: Array) -> float:
+def _median_time(t: Array, eta: Array) -> float:
     """Return the time [s] at which half of a record's energy has arrived."""
     energy = np.cumsum((eta - eta.mean()) ** 2)
     return float(t[np.searchsorted(energy, energy[-1] / 2)])

@@ -1,4 +1,4 @@
-"""The loop of a calibration: attempts one after the other, each corrected by the results of those before.
+"""The loop of a calibration: successive attempts, each corrected by the results of the earlier ones.
 
 All state is in the run directories: the same command continues a calibration.
 """
@@ -35,7 +35,7 @@ from wavetank.studies.runs import Runner, cores, status_of
 from wavetank.studies.sweep import Combination
 from wavetank.waves.plane_waves import PlaneWaves
 
-COARSE_ACCURACY = 0.1  # relative error of the elevation for which coarse numerics are planned; a third is expected
+COARSE_ACCURACY = 0.1  # planned relative error of coarse numerics; a third of it is expected
 MAX_COARSE_COST = 0.45  # largest CPU time of coarse numerics over that of the case's numerics
 MIN_COARSE_MISFIT = 4.0  # misfit over tolerance below which the error of coarse numerics matters
 MIN_REDUCTION = 0.8  # misfit over the least one before, above which coarse numerics end
@@ -47,24 +47,24 @@ COLUMNS = (
     *("waves that broke", "CPU [s]", "cause"),
 )
 CHEAP, OWN = "cheap", "the case's"
-FAILURES = 3  # attempts that do not finish
+FAILURES = 3  # attempts with incomplete runs
 TABLE, PICTURE, CASE, WAVES, RUNS = "calibration.csv", "calibration.png", "case.toml", "components.csv", "runs"
 ATTEMPTS = "attempt-[0-9]*.*"
 
 
 def cheaper(case: Case) -> Case | None:
-    """Return the case with cheap numerics and the water of its own numerics; None if they do not save enough."""
+    """Return the case with cheap numerics and its own water; None if they do not save enough."""
     try:
         own = default_plan(case) or own_plan(resolved(case), DEFAULT)
         water = LinearWater() if own.physics == "linear" else NonlinearWater()
         rough = make_plan(case.model_copy(update={"water": water}), COARSE_ACCURACY)
-    except InputError:  # no plan is made of such cases
+    except InputError:  # such cases cannot be planned
         return None
     return rough.applied_to(case) if rough.cost.cpu < MAX_COARSE_COST * own.cost.cpu else None
 
 
 def exhausted(misfits: Sequence[float]) -> bool:
-    """Return whether the case's own numerics must continue after attempts of such misfits with cheap numerics."""
+    """Return whether the case's own numerics must continue, by the misfits of attempts with cheap numerics."""
     *before, last = misfits
     return last <= MIN_COARSE_MISFIT or last > MIN_REDUCTION * min(before, default=float("inf"))
 
@@ -72,7 +72,7 @@ def exhausted(misfits: Sequence[float]) -> bool:
 def with_waves(case: Case, aim: Aim, file: str, *, recorded: bool) -> bytes:
     """Return the case file of a case whose paddle generates the waves in a file.
 
-    ``recorded``: whether its records are those that a calibration needs, all defaults written, or the user's own.
+    If ``recorded``, it has the records that a calibration needs, and all defaults; otherwise the user's records.
     """
     first = scale(aim.waves(aim.start))
     motion = case.wall.motion
@@ -89,7 +89,7 @@ def with_waves(case: Case, aim: Aim, file: str, *, recorded: bool) -> bytes:
 
 
 def _gauges(case: Case, x: float) -> tuple[Gauge, ...]:
-    """Return the case's gauges, and one at x [m] if there is none at that place."""
+    """Return the case's gauges, and one at x [m] unless it exists."""
     if any(abs(one.x - x) < GAUGE_TOLERANCE and not one.y for one in case.all_gauges):
         return case.gauges
     existing = {one.name for one in case.all_gauges}
@@ -98,7 +98,7 @@ def _gauges(case: Case, x: float) -> tuple[Gauge, ...]:
 
 
 def components_table(waves: PlaneWaves) -> bytes:
-    """Return the file of a motion of type components: frequency [Hz], amplitude [m] and phase [rad] in each row."""
+    """Return the file of a motion of type components: a row of frequency [Hz], amplitude [m] and phase [rad] each."""
     rows = zip(waves.omega / (2 * np.pi), np.abs(waves.amplitudes), -np.angle(waves.amplitudes), strict=True)
     lines = (f"{f:.12g},{a:.9g},{phase:.9g}" for f, a, phase in rows)
     return "\n".join(["# frequency [Hz], amplitude [m], phase at the paddle at t = 0 [rad]", *lines, ""]).encode()
@@ -125,7 +125,7 @@ def attempt_runs(case_file: Path, number: int, phases: Sequence[float]) -> list[
 
 
 def rounded(misfit: float) -> str:
-    """Return a misfit to two figures, from 10 on to its whole part."""
+    """Return a misfit with two digits, from 10 on as an integer."""
     return f"{misfit:.2g}" if misfit < 10 else f"{misfit:.0f}"
 
 
@@ -167,11 +167,11 @@ class Calibration:
     overrides
         ``KEY=VALUE`` changes of the case.
     yes
-        Whether runs that need days, or more memory than is free, are run, too.
+        Whether runs of days, or of more memory than is free, are allowed.
     overwrite
         Whether a calibration of another case or target may be replaced; its runs are not deleted.
 
-    Raises ``InputError`` for what cannot be calibrated.
+    Raises ``InputError`` for a case that cannot be calibrated.
     """
 
     def __init__(
@@ -204,9 +204,10 @@ class Calibration:
             raise InputError(f"{out}: {existing}; give another folder (--out), or --overwrite.")
 
     def execute(self, most: int) -> None:
-        """Run attempts of at most so many runs until the target is reached, and write the case that reaches it.
+        """Run attempts, of a limited number of runs, until the target is reached, and write the case that reaches it.
 
-        Raises ``RunError`` if interrupted, and, after the case of the best attempt is written, if it is not reached.
+        Raises ``RunError`` if interrupted, and, after the case of the best attempt is written, if the target is not
+        reached.
         """
         with write_errors(f"--out {self._out}"):
             self._out.mkdir(parents=True, exist_ok=True)
@@ -241,7 +242,7 @@ class Calibration:
         self._console.print(line, markup=False, highlight=False)
 
     def _run(self, setting: Setting) -> Attempt:
-        """Return the attempt at a setting, from the run directories as far as they exist."""
+        """Return the attempt at a setting, from existing run directories if they are complete."""
         number, (numerics, case) = len(self._attempts) + 1, self._stages[0]
         case_file = self._out / f"attempt-{number}.toml"
         try:
@@ -269,14 +270,14 @@ class Calibration:
         )
 
     def _report(self, attempt: Attempt) -> None:
-        """Print, tabulate and draw the last attempt."""
+        """Print the last attempt, write the table and draw the figure."""
         self._print(f"attempt {attempt.number}: {describe(attempt)}")
         write_table(self._out / TABLE, self._attempts)
         for name in (f"attempt-{attempt.number}.png", PICTURE):
             draw(self._attempts, self._aim, self._out / name, shown=attempt, title=self._case.title)
 
     def _lower(self, failed: Attempt) -> Setting:
-        """Return a setting halfway from one that broke down to the last that did not."""
+        """Return the mean of a setting that broke down and the last one that did not."""
         finished = self._finished
         if len(self._attempts) - len(finished) == FAILURES:
             highest = max((one.result.crest.height for one in finished), default=0.0)
@@ -298,7 +299,7 @@ class Calibration:
         self._print(f"wrote {', '.join(str(self._out / name) for name in (CASE, WAVES, PADDLE, TABLE, PICTURE))}")
 
     def _write_result(self, attempt: Attempt) -> None:
-        """Write the case of an attempt, its waves, and the paddle's motion."""
+        """Write the case of an attempt, its waves, and the paddle motion."""
         write_atomically(self._out / WAVES, components_table(self._aim.waves(attempt.setting)))
         write_atomically(self._out / CASE, with_waves(self._case, self._aim, WAVES, recorded=False))
         shutil.copyfile(attempt.run / PADDLE, self._out / PADDLE)
@@ -316,9 +317,9 @@ class Calibration:
 
 
 def _breakdown(runner: Runner, runs: Sequence[Combination]) -> str:
-    """Run what has not ended; return why the water broke down in one of the runs, or "".
+    """Execute the incomplete runs; return the cause if one of them broke down, or "".
 
-    Raises ``RunError`` if a run has not finished for another reason.
+    Raises ``RunError`` if a run is incomplete for another reason.
     """
 
     def broke_down(one: Combination) -> bool:

@@ -11,13 +11,13 @@ from matplotlib.axes import Axes
 from wavetank.plots.style import BLUE, CM, GREY, INK, ORANGE, PALE_GREY, VERMILION, number_logarithms, panels, titled
 from wavetank.studies.calibrate.aims import Aim, Attempt, scale
 
-PERIODS = 6.0  # shown on either side of a crest
+PERIODS = 6.0  # range drawn on either side of a crest
 LINE = 70  # characters
 LAYOUT: Any = {"width_ratios": (2.2, 1.2, 1.0), "sharex": False}
 
 
 def draw(attempts: Sequence[Attempt], aim: Aim, path: Path, *, shown: Attempt, title: str) -> None:
-    """Draw one of the attempts and the misfits of all."""
+    """Draw one attempt and the misfits of all."""
     title, waves = titled(title, f"attempt {shown.number}"), {"at first": aim.start, "now": shown.setting}
     with panels(path, 1, 3, size=(13.0, 4.2), title=title, **LAYOUT) as ((records, spectrum, misfits),):
         _draw_records(records, shown, aim)
@@ -50,7 +50,7 @@ def _draw_records(panel: Axes, one: Attempt, aim: Aim) -> None:
 
 
 def _draw_misfits(panel: Axes, attempts: Sequence[Attempt]) -> None:
-    """Draw the misfits; the target is reached at the line."""
+    """Draw the misfits, and a line at which the target is reached."""
     numbers, misfits = [one.number for one in attempts], np.array([one.result.misfit for one in attempts])
     misfits[np.isinf(misfits)] = np.nan
     panel.plot(numbers, misfits, "-", color=BLUE)
