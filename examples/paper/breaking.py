@@ -1,4 +1,4 @@
-"""Test scenes of the breaking criteria: waves that must not be detected, and breaking waves that must be detected.
+"""Test cases of the breaking criteria: waves that must not be detected, and breaking waves that must be detected.
 
 Each case is as a user would write it.
 """
@@ -214,7 +214,7 @@ def cases(folder: Path) -> Iterator[BreakingCase]:
     yield BreakingCase("bar-steep", True, bar(height=0.16, period=2.02, duration=16.0))
 
 
-def _scene(**parts: Any) -> Case:
+def _case(**parts: Any) -> Case:
     numerics = {"vertical_order": 5, **parts.pop("numerics", {})}
     return Case.model_validate({**parts, "numerics": numerics})
 
@@ -232,7 +232,7 @@ def steady(kd: float, steepness: float) -> Case:
 def run_up(height: float) -> Case:
     """Return a solitary wave that runs up a wall and comes back."""
     initial = {"type": "solitary-wave", "height": height, "x": 10.0}
-    return _scene(tank={"length": 20.0, "depth": 1.0}, initial=initial, run={"duration": 6.0})
+    return _case(tank={"length": 20.0, "depth": 1.0}, initial=initial, run={"duration": 6.0})
 
 
 def bore(jump: float, *, duration: float) -> Case:
@@ -246,7 +246,7 @@ def bore(jump: float, *, duration: float) -> Case:
         "eta": f"{jump / 2:.16g} * (1 - tanh(z))",
         "psi": f"{speed / 2:.16g} * 5 * (z - log(cosh(z)))",
     }
-    return _scene(tank={"length": 80.0, "depth": 1.0}, initial=initial, run={"duration": duration})
+    return _case(tank={"length": 80.0, "depth": 1.0}, initial=initial, run={"duration": duration})
 
 
 def surge(jump: float, *, duration: float) -> Case:
@@ -259,7 +259,7 @@ def surge(jump: float, *, duration: float) -> Case:
         "eta": f"{jump / 2:.16g} * (tanh(a) - tanh(b))",
         "psi": f"{speed / 2:.16g} * 5 * (log(cosh(a)) - log(cosh(b)))",
     }
-    return _scene(
+    return _case(
         tank={"length": 80.0, "depth": 1.0}, initial=initial, run={"duration": duration}, numerics={"dt": 0.0125}
     )
 
@@ -271,7 +271,7 @@ def bar(*, height: float, period: float, duration: float) -> Case:
     transfer = 2 * np.sinh(kd) ** 2 / (np.sinh(kd) * np.cosh(kd) + kd)  # H / stroke
     motion = {"type": "sinusoid", "paddle_amplitude": height / transfer / 2, "period": period}
     bed = {"type": "formula", "depth": "0.4 - 0.3 * clip((x - 6) / 6, 0, 1) + 0.3 * clip((x - 14) / 3, 0, 1)"}
-    return _scene(
+    return _case(
         tank={"length": 25.0, "depth": 0.4, "bed": bed},
         wall={"type": "piston", "motion": motion},
         sponge={"type": "end", "length": 5.0},
@@ -329,7 +329,7 @@ def piston_solitary(height: float, folder: Path) -> Case:
     found = solve_ivp(speed, (0.0, 12.0), [0.0], t_eval=t, rtol=1e-10, atol=1e-12)
     path = folder / f"piston-{height:g}.txt"
     np.savetxt(path, np.column_stack([t, found.y[0]]))
-    return _scene(
+    return _case(
         tank={"length": 30.0, "depth": 1.0},
         wall={"type": "piston", "motion": {"type": "recorded", "position": str(path)}},
         run={"duration": 9.0},
@@ -347,7 +347,7 @@ def current(speed: float, *, steepness: float) -> Case:
         "eta": f"{a:.16g} * {envelope} * cos({k} * x)",
         "psi": f"{plateau} + {a * 9.81 / omega:.16g} * {envelope} * sin({k} * x)",
     }
-    return _scene(
+    return _case(
         tank={"length": 40.0, "depth": 1.0}, initial=initial, run={"duration": 6.0}, numerics={"cell_size": 0.15}
     )
 
@@ -355,7 +355,7 @@ def current(speed: float, *, steepness: float) -> Case:
 def standing(steepness: float) -> Case:
     """Return a steep standing wave with a crest in the middle of its tank."""
     initial = {"type": "standing-wave", "wave_amplitude": steepness / np.pi, "mode": 4}
-    return _scene(tank={"length": 4.0, "depth": 1.0}, initial=initial, run={"duration": 4.0})
+    return _case(tank={"length": 4.0, "depth": 1.0}, initial=initial, run={"duration": 4.0})
 
 
 def collision(height: float) -> Case:
@@ -365,13 +365,13 @@ def collision(height: float) -> Case:
     eta = f"{height} * (1 / cosh({k} * (x - 10))**2 + 1 / cosh({k} * (x - 20))**2)"
     psi = f"{wave.speed * height / k / (1 + height / 2):.16g} * (tanh({k} * (x - 10)) - tanh({k} * (x - 20)))"
     initial = {"type": "formula", "eta": eta, "psi": psi}
-    return _scene(tank={"length": 30.0, "depth": 1.0}, initial=initial, run={"duration": 4.0})
+    return _case(tank={"length": 30.0, "depth": 1.0}, initial=initial, run={"duration": 4.0})
 
 
 def coarse() -> Case:
     """Return regular waves over cells of a quarter of a wave."""
     wall = {"type": "piston", "motion": {"type": "sinusoid", "paddle_amplitude": 0.0242, "period": 1.0, "ramp": 4.0}}
-    return _scene(
+    return _case(
         tank={"length": 10.0, "depth": 0.45},
         wall=wall,
         sponge={"type": "end", "length": 3.5},
@@ -391,7 +391,7 @@ def group(linear_crest: float) -> Case:
         "highest_frequency": 1.3,
         "spectrum": {"type": "jonswap", "peak_frequency": 0.65, "gamma": 3.3},
     }
-    return _scene(
+    return _case(
         tank={"length": 24.0, "depth": 1.0},
         wall={"type": "piston", "motion": motion},
         run={"duration": 22.0},
@@ -401,7 +401,7 @@ def group(linear_crest: float) -> Case:
 
 def piston_regular(amplitude: float) -> Case:
     """Return regular waves of 1.3 s in 0.6 m of water by a piston of an amplitude [m]; from 0.075 m on they break."""
-    return _scene(
+    return _case(
         tank={"length": 10.0, "depth": 0.6},
         wall={"type": "piston", "motion": {"type": "sinusoid", "paddle_amplitude": amplitude, "period": 1.3}},
         sponge={"type": "end", "length": 4.0},
@@ -413,7 +413,7 @@ def piston_regular(amplitude: float) -> Case:
 def beach(height: float, *, duration: float) -> Case:
     """Return a solitary wave on a beach of 1:15, up to a shelf, until it meets the wall."""
     bed = {"type": "formula", "depth": "1 - clip((x - 14) / 15, 0, 0.88)"}
-    return _scene(
+    return _case(
         tank={"length": 32.0, "depth": 1.0, "bed": bed},
         initial={"type": "solitary-wave", "height": height, "x": 8.0},
         run={"duration": duration},
@@ -430,7 +430,7 @@ def over_steep(steepness: float) -> Case:
         "eta": f"{a:.16g} * cos(pi * x)",
         "psi": f"{a * 9.81 / omega:.16g} * sin(pi * x)",
     }
-    return _scene(
+    return _case(
         tank={"type": "ring", "length": 2.0, "depth": 1.0},
         initial=initial,
         run={"duration": 3.0},

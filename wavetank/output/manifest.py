@@ -40,7 +40,7 @@ WALL = _object(type=TEXT, motion=_object(type=TEXT, period=NUMBER, frequency=NUM
 TANK = _object(
     type=TEXT, depth=NUMBER, length=NUMBER, gravity=float, density=float, layout=_object(length=NUMBER) | None
 )
-SCENE = _object(
+CASE = _object(
     title=str,
     tank=TANK,
     wall=WALL,
@@ -73,7 +73,7 @@ MANIFEST_CONTENT = _object(
     warnings=GenericAlias(list, (WARNING | str,)),  # sentences in older manifests
     versions=dict[str, str],
     files=dict[str, str],
-    case=SCENE,
+    case=CASE,
     planned=_object(numerics=NUMERICS) | None,
     progress=_object(t=float, begin=float, end=NUMBER, wall_s=float),
     numerics=NUMERICS,
