@@ -1,10 +1,9 @@
 """Interior potentials of a slice or ring on one rank: conjugate gradients with a banded matrix for each vertical mode.
 
 The preconditioner omits the coupling of vertical modes, which is due to the slope of the surface (docs/method.md,
-section 4).
-Residuals are in double precision. One compiled function (``modes.c``) computes a correction in single precision, which
-reduces
-the error by up to five digits. Residual and correction alternate until the tolerance is reached.
+section 4). Residuals are in double precision. One compiled function (``modes.c``) computes a correction in single
+precision, which reduces the error by up to five digits. Residual and correction alternate until the tolerance is
+reached.
 """
 
 from math import isfinite

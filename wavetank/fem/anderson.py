@@ -53,10 +53,8 @@ class AndersonMixing:
     """Points z with images g, combined so that the image is closest to a target.
 
     If g is affine in z, a combination of points has the same combination of images as image, for any sequence of
-    points. Weights are
-    regularised by the uncertainty of images: the minimised sum is the squared residual plus the squared weights times
-    the squared
-    uncertainty.
+    points. Weights are regularised by the uncertainty of images: the minimised sum is the squared residual plus the
+    squared weights times the squared uncertainty.
 
     Parameters
     ----------

@@ -1,11 +1,9 @@
 """Translation units of C, compiled at first use and cached, and their functions with checked arrays.
 
 The C code in ``fem/kernels/`` consists of templates, whose sizes and precision are macros. A component (a mass matrix,
-an
-operator ...) adds an instance of a template to a unit: constants, densities, and a prefix for all names that the
-template defines.
-A unit is one shared object. Functions of one instance call those of another directly, and the compiler checks their
-types.
+an operator ...) adds an instance of a template to a unit: constants, densities, and a prefix for all names that the
+template defines. A unit is one shared object. Functions of one instance call those of another directly, and the
+compiler checks their types.
 
 Declarations for Python follow from the C code: definitions of exported functions, and the structs that they use.
 """
@@ -171,8 +169,7 @@ class Function:
     ----------
     arguments
         Structs, arrays and numbers are fixed. A ``Buffer``, ``int`` or ``float`` is an open argument: each call gives
-        an array of this
-        size and type, or a number. Raises ``TypeError`` for another array.
+        an array of this size and type, or a number. Raises ``TypeError`` for another array.
     """
 
     def __init__(self, unit: "Unit", name: str, arguments: Sequence[Any]):
@@ -243,8 +240,7 @@ class Unit:
         """Return an instance of a template with macros ``sizes``.
 
         An equal instance with the same prefix is returned again. If the prefix has another instance, or if the unit is
-        compiled, the instance
-        gets a separate unit.
+        compiled, the instance gets a separate unit.
         """
         code = "".join(f"#define {key} {value}\n" for key, value in {"REAL": real, **(sizes or {})}.items()) + template
         signature = "" if density is None else density.signature()

@@ -36,8 +36,7 @@ def compiled(comm: MPI.Comm, what: str, *, build: Callable[[Path], object]) -> P
     """Return the folder of a piece of code; ``build`` compiles it into the folder that it gets, if it is not cached.
 
     ``what`` identifies the code and the compiler's flags. The first rank compiles. Other ranks use its folder, or
-    compile if they
-    do not see it. Collective; raises ``WavetankError`` on all ranks.
+    compile if they do not see it. Collective; raises ``WavetankError`` on all ranks.
     """
     name = hashlib.sha256("\n".join([what, processor(), *_python()]).encode()).hexdigest()[:24]
     first = raise_on_all_ranks(comm, lambda: _cached(name, build) if comm.rank == 0 else None)

@@ -91,8 +91,7 @@ def corrected(
     """Improve a solution by corrections from conjugate gradients in single precision; collective.
 
     A correction reduces the error by up to five digits; then the residual is computed again. Returns the number of
-    steps,
-    and the last correction's residual.
+    steps, and the last correction's residual.
 
     Parameters
     ----------

@@ -1,14 +1,11 @@
 """Decoupled horizontal problems of the vertical modes: (S_u + Lambda_j S_w) a_j = r_j, j = 1 ... m.
 
 S_u and S_w are the second derivatives of the layer's energy with respect to u and w, averaged over the depth. Terms
-that couple
-u and w by the slopes of surface and bed are omitted. They vanish for still water over a flat bed.
+that couple u and w by the slopes of surface and bed are omitted. They vanish for still water over a flat bed.
 
 On slices, and on elements of order 1, the problems are interlaced in one sparse matrix. On a slice a banded LU solves
-them
-without fill between the modes. In a basin it is LU (few unknowns, one rank) or a cycle of BoomerAMG. In basins of
-higher order
-multigrid in the order solves them (``order_multigrid.py``).
+them without fill between the modes. In a basin it is LU (few unknowns, one rank) or a cycle of BoomerAMG. In basins of
+higher order multigrid in the order solves them (``order_multigrid.py``).
 """
 
 from abc import ABC, abstractmethod

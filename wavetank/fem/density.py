@@ -95,8 +95,7 @@ class Density:
         """Return C code in which lines that are keys of ``made`` are replaced by statements for this density.
 
         The code must define the vectors ``v f[field][value, slopes ...]`` in one array, the constants ``REAL
-        constants[]``, and ``nothing``,
-        whether some vectors are zero. ``real`` is the type REAL.
+        constants[]``, and ``nothing``, whether some vectors are zero. ``real`` is the type REAL.
         """
         from wavetank.fem.pointwise import branches, symbols  # SymPy takes half a second to load
 

@@ -1,8 +1,7 @@
 """Compiled forms. Each is compiled once, with the fastest flags, and assembled into its own storage.
 
 On forms with many vertical components GCC's -O2 takes a minute, -O3 seconds. -ffast-math halves the time of the kernels
-and
-changes results by round-off.
+and changes results by round-off.
 """
 
 import os

@@ -1,8 +1,7 @@
 """The gradient-jump penalty of a slice on one rank: N = strength sum of [[du/dx]] [[dv/dx]] over facets.
 
 N couples degrees of freedom of adjacent cells, so that M_J + N has twice the bandwidth of M_J. Its factors are stored
-like those of
-M_J (``matrices.c``).
+like those of M_J (``matrices.c``).
 """
 
 from typing import Any
@@ -28,8 +27,7 @@ class GradientJumpPenalty(BandedMass):
         Factor of the penalty.
     shift
         Displacement of the degrees of freedom by the wall [m], shape (dofs,): derivatives are with respect to x = X +
-        shift; None
-        for fixed walls.
+        shift; None for fixed walls.
     """
 
     functions = *BandedMass.functions, "apply_penalty"

@@ -1,10 +1,8 @@
 """Exchange of values at the degrees of freedom that rows of a matrix reach: owned ones and those of other ranks.
 
 A vertex owned by one rank can have a cell of another rank that has no facet in common with the first rank. Rows of the
-matrix
-reach into this cell; the ghosts of the finite element space do not, but the column numbering of the matrix does. The
-cells of a
-rank reach fewer degrees of freedom than this numbering has ghosts. Only these are exchanged.
+matrix reach into this cell; the ghosts of the finite element space do not, but the column numbering of the matrix does.
+The cells of a rank reach fewer degrees of freedom than this numbering has ghosts. Only these are exchanged.
 """
 
 from typing import Any, NamedTuple

@@ -1,10 +1,8 @@
 """Initial guesses for a sequence of similar problems y(x), by projection onto earlier inputs.
 
 Weights c minimise |x - x_0 - sum c_j d_j|, with the last input x_0 and the differences d_j of successive earlier
-inputs. The guess is
-y_0 + sum c_j e_j, with the differences e_j of the solutions. It is exact for affine y(x), and of second order in the
-distance
-otherwise. It does not depend on the times of the problems.
+inputs. The guess is y_0 + sum c_j e_j, with the differences e_j of the solutions. It is exact for affine y(x), and of
+second order in the distance otherwise. It does not depend on the times of the problems.
 """
 
 from dataclasses import dataclass

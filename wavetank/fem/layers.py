@@ -1,14 +1,11 @@
 """The matrix-free interior operator, from the energy of a horizontal layer.
 
 A layer at height zeta with potential u and vertical derivative w has an energy e(grad u, w; zeta). It is quadratic in
-(grad u, w). It depends in any way on zeta and on fields: the water column, the bed, the wall's mapping. With
-phi = sum_j phi_j(X) P_j(zeta), A is the second derivative of int e dzeta dX. A product with A interpolates phi to the
-quadrature
-points, contracts it with the vertical functions at levels zeta_q, multiplies by the second derivatives of e there, and
-applies the
-transposes (``layers.c``). No matrix is assembled. Each product evaluates the second derivatives from the fields, unless
-they are
-``stored``: this is faster for many products with the same fields.
+(grad u, w). It depends in any way on zeta and on fields: the water column, the bed, the wall's mapping. With phi =
+sum_j phi_j(X) P_j(zeta), A is the second derivative of int e dzeta dX. A product with A interpolates phi to the
+quadrature points, contracts it with the vertical functions at levels zeta_q, multiplies by the second derivatives of e
+there, and applies the transposes (``layers.c``). No matrix is assembled. Each product evaluates the second derivatives
+from the fields, unless they are ``stored``: this is faster for many products with the same fields.
 """
 
 from collections.abc import Callable

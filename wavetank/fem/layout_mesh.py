@@ -70,8 +70,7 @@ class LayoutMesh(NamedTuple):
 
         The point is the one closest to the mesh's origin, so that positions along the paddle are those of the mesh.
 
-        Raises
-        ``InputError`` if there is no group ``paddle``, or if it is not one straight wall.
+        Raises ``InputError`` if there is no group ``paddle``, or if it is not one straight wall.
         """
         facets = self.facets_of("paddle").indices
         ends, behind = self._nodes(CURVE, facets), self._nodes(SURFACE, self._cells_at(facets))

@@ -1,8 +1,7 @@
 """Matrices of the horizontal space and their inverses, in particular the mass matrix M_J.
 
 M_J is matrix-free: a product evaluates the integrand at quadrature points (``matrices.c``). In a basin of order 4 this
-takes a tenth
-of the time and of the memory of a sparse matrix. On a slice on one rank the banded factors are stored.
+takes a tenth of the time and of the memory of a sparse matrix. On a slice on one rank the banded factors are stored.
 """
 
 from collections.abc import Callable, Sequence
@@ -35,8 +34,7 @@ class PenalisedMass:
     """M_J + N, assembled, with its inverse: factors on a slice on one rank, otherwise conjugate gradients; collective.
 
     The largest eigenvalues of N relative to M_J are some tens, so that three iterations with the diagonal as
-    preconditioner
-    reduce the error by a factor of ten.
+    preconditioner reduce the error by a factor of ten.
 
     Parameters
     ----------
@@ -107,10 +105,8 @@ class MassMatrix:
         sum over cells of  W_c M_c^-1 W_c,     W_c = diag(M_c) / diag(M_J),
 
     where M_c are the matrices of the cells with mean values of J and of the Jacobian. The condition number is 1.5 at p
-    = 2 and decreases
-    with p; with the diagonal only it is 4.5 to 6. With Cholesky factors F'F of diag(M_c) M_c^-1 diag(M_c) of the
-    reference cell, the sum
-    is a product like that with M_J, with F instead of the basis at the points.
+    = 2 and decreases with p; with the diagonal only it is 4.5 to 6. With Cholesky factors F'F of diag(M_c) M_c^-1
+    diag(M_c) of the reference cell, the sum is a product like that with M_J, with F instead of the basis at the points.
 
     Parameters
     ----------

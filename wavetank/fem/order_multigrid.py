@@ -1,10 +1,8 @@
 """A multigrid cycle in the order p for the decoupled modes of a basin (``decoupled.py``).
 
 Chebyshev-Jacobi smoothing at order p is matrix-free (``modes.c``). The coarse problem has elements of order 1; a cycle
-of algebraic
-multigrid solves it. The cycle is a preconditioner of conjugate gradients. Therefore it is in single precision, and its
-quadrature
-is exact only for coefficients that are constant in each cell.
+of algebraic multigrid solves it. The cycle is a preconditioner of conjugate gradients. Therefore it is in single
+precision, and its quadrature is exact only for coefficients that are constant in each cell.
 """
 
 from collections.abc import Iterator

@@ -41,8 +41,7 @@ class Plane:
         The dolfinx mesh and function space.
     degree
         Degree up to which quadrature is exact. The polynomial part of the energy has degree 3p; the error by 2.5p is
-        far
-        below that of the elements (docs/scaling.md).
+        far below that of the elements (docs/scaling.md).
     dx
         The measure of that degree over the mesh.
     owned

@@ -96,8 +96,7 @@ def branches(
     """Return C statements that set results of a density, with a branch without constants if these have no effect.
 
     The constants that vanish with a field, its value and its slopes, belong to a paddle's shape. Far from the paddle
-    its displacement is
-    zero in all lanes of a vector, and the density is that of water in a fixed tank.
+    its displacement is zero in all lanes of a vector, and the density is that of water in a fixed tank.
     """
     freeing = [n for n, field in enumerate(fields) if _frees(density, field, constants)]
     everywhere = statements(makes(density))
@@ -119,8 +118,7 @@ def statements(outputs: Mapping[str, Any]) -> str:
     """Return C statements that set ``outputs`` to SymPy expressions.
 
     ``zero`` is added to them, so that constants have the same type. Reciprocals of divisors are separate statements,
-    which compilers
-    move out of loops.
+    which compilers move out of loops.
     """
     values, inverses = [sympy.sympify(value) for value in outputs.values()], dict[Any, Any]()
 

@@ -48,12 +48,9 @@ class SurfacePoints:
         """Set the velocity from elevation [m], potential [m²/s] and M_J^-1 dQ/dt [m/s], (owned,) each.
 
         For a moving wall it also depends on the displacement of surface points along the axis [m], its rate [m/s], the
-        flux of
-        displaced water [m²/s], and the decrease of the displacement with depth. The velocity in the reference tank is
-        limited to ``most``
-        [m/s] along each axis. Returns the integral of the vertical velocity times J and each test function, shape
-        (owned,), and the largest
-        component of the horizontal velocity.
+        flux of displaced water [m²/s], and the decrease of the displacement with depth. The velocity in the reference
+        tank is limited to ``most`` [m/s] along each axis. Returns the integral of the vertical velocity times J and
+        each test function, shape (owned,), and the largest component of the horizontal velocity.
         """
         y = np.zeros((self._halo.size, 1))
         fastest: float = self._move(most, self._of_surface.fetch(np.stack(surface, axis=1)), y)

@@ -1,8 +1,7 @@
 """The vertical direction: one polynomial of order n on zeta in [0, 1], from the bed to the surface.
 
 The basis on n+1 Gauss-Lobatto-Legendre nodes solves the vertical problem of still water. P_n = 1 belongs to the surface
-potential,
-and P_0 ... P_{n-1} vanish at the surface, with
+potential, and P_0 ... P_{n-1} vanish at the surface, with
 
     int P_i P_j dzeta = delta_ij,    int P_i' P_j' dzeta = Lambda_i delta_ij,    int P_i' P_n' dzeta = 0.
 

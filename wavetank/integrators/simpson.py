@@ -115,8 +115,7 @@ class Simpson4:
     """Scheme (23) reported at the mean of its traces, with damped parasitic modes; fourth order.
 
     Reversible up to the damping of jumps, stable for omega dt < 1.693004, where a parasitic root leaves the unit
-    circle. Cost
-    of a step: one implicit stage and two further evaluations of the derivatives.
+    circle. Cost of a step: one implicit stage and two further evaluations of the derivatives.
     """
 
     name: ClassVar[str] = "simpson-4"

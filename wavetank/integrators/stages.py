@@ -1,10 +1,10 @@
 """Implicit stages by accelerated fixed-point iteration, with Newton-Krylov as the fallback.
 
 A stage is z = g(z) with g(z) = c + a f(z); its residual is r(z) = z - g(z). With a preconditioner P of the system (the
-identity, or the still-water wave operator for stages of both coordinates and momenta) the equation is
-P^-1 r(z) = 0. The unknowns are scaled to metres, so that the norm of the residual is close to the error of the surface
-elevation. The tolerance is relative to the size of the waves, not to the depth: stages of small and of large waves have
-the same relative accuracy.
+identity, or the still-water wave operator for stages of both coordinates and momenta) the equation is P^-1 r(z) = 0.
+The unknowns are scaled to metres, so that the norm of the residual is close to the error of the surface elevation. The
+tolerance is relative to the size of the waves, not to the depth: stages of small and of large waves have the same
+relative accuracy.
 
 Anderson mixing needs one evaluation of f per iteration, with an elliptic solve on the tank. An iteration reduces the
 error by a factor that changes little from one step to the next. If this contraction is known, the first iterate with a

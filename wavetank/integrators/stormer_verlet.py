@@ -6,9 +6,9 @@
     p' = p  - dt/2 [ H_q(p, q½; t) + H_q(p', q½; t + dt) ]     implicit
     q' = q½ + dt/2 H_p(p', q½; t + dt)
 
-The adjoint exchanges p and q; with forcing it is (57). The jumps of q and p in the discontinuous schemes
-do not appear: see ``DiscontinuousVerlet`` in examples. H is evaluated at t and t + dt, the times t* and t** of (56)
-that belong to the values of the trapezoidal rule.
+The adjoint exchanges p and q; with forcing it is (57). The jumps of q and p in the discontinuous schemes do not appear:
+see ``DiscontinuousVerlet`` in examples. H is evaluated at t and t + dt, the times t* and t** of (56) that belong to the
+values of the trapezoidal rule.
 """
 
 from dataclasses import dataclass

@@ -3,20 +3,14 @@
     x' = A x + B u(t),     X = C x,     V = C x'
 
 The input u is measured at the beginning of each step. Up to that time x is integrated with the parabola through the
-last three
-inputs, to third order. During the step u is not known. There the velocity follows this parabola, and the position the
-mean of
-the parabola and the straight line through the last two inputs. For a wave of frequency w this mean has the right phase,
-and an
-amplitude that is too large by (w dt)²/2. The line has a lag and the parabola a lead of order (w dt)³, and neither is
-passive. The
-equation is integrated exactly, so that it is never stiff.
+last three inputs, to third order. During the step u is not known. There the velocity follows this parabola, and the
+position the mean of the parabola and the straight line through the last two inputs. For a wave of frequency w this mean
+has the right phase, and an amplitude that is too large by (w dt)²/2. The line has a lag and the parabola a lead of
+order (w dt)³, and neither is passive. The equation is integrated exactly, so that it is never stiff.
 
 ``elevation_at_face`` is the elevation that a paddle's own motion causes at its face, by linear theory: a convolution
-with its
-velocity, also with that shortly afterwards, since waves of k d > 100 are omitted. Times and order of summation do not
-depend on
-the duration of the run, so that an extended run is identical bit for bit.
+with its velocity, also with that shortly afterwards, since waves of k d > 100 are omitted. Times and order of summation
+do not depend on the duration of the run, so that an extended run is identical bit for bit.
 """
 
 from bisect import bisect_left, bisect_right
@@ -86,8 +80,7 @@ class StateSpaceFilter:
             X' = (P + J) / mass,   P' = -stiffness X - damping X' - dH/dX
 
         The mass [m²] includes the added mass. Mass, stiffness [m²/s²] and damping [m²/s] are over the density, per
-        metre of width
-        (docs/absorption.md).
+        metre of width (docs/absorption.md).
         """
         A = np.array([[0.0, 1.0 / mass], [-stiffness, -damping / mass]])
         B = np.array([[1.0 / mass, 0.0], [-damping / mass, -1.0]])
@@ -187,14 +180,10 @@ class FeedbackMotion(Motion):
     """A motion plus a feedback part: a spline of degree 7 through position, velocity and acceleration at knots.
 
     Position, velocity and acceleration are continuous. The acceleration at a knot is that of the cubic through the last
-    four
-    velocities, or through fewer at the beginning. The velocity in the middle of an interval is such that Simpson's rule
-    integrates the
-    velocity exactly to the change of position. Position and velocity of knots may be inconsistent. The error is then
-    the same for
-    integrators and for the work, which both use these three times. Old knots are removed. Outside the knots the
-    feedback part is
-    constant.
+    four velocities, or through fewer at the beginning. The velocity in the middle of an interval is such that Simpson's
+    rule integrates the velocity exactly to the change of position. Position and velocity of knots may be inconsistent.
+    The error is then the same for integrators and for the work, which both use these three times. Old knots are
+    removed. Outside the knots the feedback part is constant.
 
     Attributes
     ----------

@@ -5,18 +5,14 @@ For waves eta = Re sum A_j exp(i (k_x x + k_y y - omega_j t)) a paddle of mode s
     X = Re sum i A_j k_x / (k c(k)) exp(i (k_y y - omega_j t)),
 
 where c(k) is its transfer function, wave height over stroke (``wavetank.waves.wavemaker``). A uniform paddle makes
-waves along x,
-k_y = 0. A segmented paddle makes oblique waves by the snake principle: each segment follows its neighbour with a delay.
-The factor
-k_x / k = cos(theta) is the component of the velocity normal to the paddle. Second-order generation adds the motion that
-suppresses
-free waves at sums and differences of frequencies (``wavetank.waves.second_order``).
+waves along x, k_y = 0. A segmented paddle makes oblique waves by the snake principle: each segment follows its
+neighbour with a delay. The factor k_x / k = cos(theta) is the component of the velocity normal to the paddle.
+Second-order generation adds the motion that suppresses free waves at sums and differences of frequencies
+(``wavetank.waves.second_order``).
 
 A sum of N sines is expensive at every stage of every step. ``HarmonicSum.tabulated`` evaluates it, in blocks of time,
-by
-polynomials of degree 5 through position, velocity and acceleration at both ends of intervals h. With the sixth
-derivative X^(6),
-their errors are at most
+by polynomials of degree 5 through position, velocity and acceleration at both ends of intervals h. With the sixth
+derivative X^(6), their errors are at most
 
     h^6 / 46080 in X,    5^(1/2) h^5 / 30000 in X',    h^4 / 1920 in X''.
 
@@ -168,8 +164,7 @@ def snake_motion(waves: PlaneWaves, wavemaker: Wavemaker, power_period: float | 
     """Return the motion of a segmented paddle for plane waves of any directions, without a ramp or side walls.
 
     It is evaluated from a table for few positions, and summed otherwise. The period that halves the power of its
-    velocity [s] is by
-    default that of all waves added incoherently.
+    velocity [s] is by default that of all waves added incoherently.
     """
 
     @lru_cache(MAX_CACHED_SETS)

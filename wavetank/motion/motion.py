@@ -1,17 +1,16 @@
 """Motions of paddles, X(t) or X(t, y): elementary motions, ramps, segments, and the mapping of the water.
 
 A motion is a value: a function of time that returns position, velocity and acceleration, with properties that are known
-in
-advance. A ramped motion is X = r(t) S(t, y) with r = 35 s^4 - 84 s^5 + 70 s^6 - 20 s^7, s = (t - start) / ramp. Three
-derivatives of r are continuous and zero at both ends, so that X, its velocity and its acceleration start from zero.
+in advance. A ramped motion is X = r(t) S(t, y) with r = 35 s^4 - 84 s^5 + 70 s^6 - 20 s^7, s = (t - start) / ramp.
+Three derivatives of r are continuous and zero at both ends, so that X, its velocity and its acceleration start from
+zero.
 
 The displacement of a paddle decays in the water by the mapping x = X + s(X) X_p of docs/method.md:
 
     s(r) = (1 - r)² (1 + r)  for r = xi / reach in [0, 1],  0 beyond
 
 with the distance xi from the paddle's rest position. s has no kink at its end. Of all cubics with this property and
-s(0) = 1
-it has the least |s'|, at most 4/3. The slope at the wall is arbitrary, since no water is behind it.
+s(0) = 1 it has the least |s'|, at most 4/3. The slope at the wall is arbitrary, since no water is behind it.
 """
 
 from collections.abc import Callable, Sequence
@@ -48,8 +47,7 @@ class Motion:
     ----------
     function
         Function of times [s], shape (T,), and positions y [m], shape (N,), that returns X, dX/dt and d²X/dt² [m, m/s,
-        m/s²], shape
-        (T,) each, or (T, N) for a segmented paddle. A uniform paddle ignores the positions.
+        m/s²], shape (T,) each, or (T, N) for a segmented paddle. A uniform paddle ignores the positions.
     start
         Time before which the paddle is at rest [s].
     duration
@@ -243,10 +241,9 @@ def frequency_shift(slope: float, displacement: float) -> float:
     """Return the largest factor by which a mapping raises the frequency of the mesh's shortest waves.
 
     It is the largest 1 / (J cos(theta)) with J = 1 + s' X_p and the angle theta of the mapped verticals. For waves too
-    short for the
-    vertical order the kinetic energy is that of the velocity along x, k² |P|² / J for a potential psi P(zeta), with a
-    part tan²(theta)
-    upwards, and the potential energy is g J eta². For resolved waves the factor is 1 / J^(1/2).
+    short for the vertical order the kinetic energy is that of the velocity along x, k² |P|² / J for a potential psi
+    P(zeta), with a part tan²(theta) upwards, and the potential energy is g J eta². For resolved waves the factor is 1 /
+    J^(1/2).
 
     Parameters
     ----------
@@ -279,10 +276,8 @@ def hinged(motion: Motion, joints: Array) -> Motion:
 
     X is linear in y between two joints, and constant beyond the outer ones. Only the motion of the joints is computed,
     so that many positions cost little. Segments wider than L / (1 + sin theta), with the wave length L, make spurious
-    waves
-    that leave the paddle at another angle (``widest_segment``). Narrower segments of width w reduce the wave height by
-    the factor
-    (sin b / b)^2, b = k w sin(theta) / 2.
+    waves that leave the paddle at another angle (``widest_segment``). Narrower segments of width w reduce the wave
+    height by the factor (sin b / b)^2, b = k w sin(theta) / 2.
     """
 
     def rates(t: Array, y: Array) -> Array:
@@ -305,10 +300,8 @@ def widest_segment(k: Any, angle: Any) -> Any:
     """Return L / (1 + sin |theta|) [m], the width beyond which segments make spurious waves.
 
     Segments of width w alias the wave number k sin(theta) along the paddle to k sin(theta) - 2 pi / w. This is a
-    progressive wave unless
-    its modulus exceeds k. Source: S. E. Sand and A. E. Mynett, "Directional wave generation and analysis", Proc. IAHR
-    Seminar on Wave
-    Analysis and Generation in Laboratory Basins, Lausanne 1987.
+    progressive wave unless its modulus exceeds k. Source: S. E. Sand and A. E. Mynett, "Directional wave generation and
+    analysis", Proc. IAHR Seminar on Wave Analysis and Generation in Laboratory Basins, Lausanne 1987.
 
     Parameters
     ----------

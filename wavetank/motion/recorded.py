@@ -80,8 +80,7 @@ def check_gaps(path: Path, lines: Sequence[int], t: Array, values: Array) -> Non
 
     Intervals up to ten median intervals are allowed, and up to a quarter of the motion's period: over that a cubic
     through values and slopes at both ends has an error of 2 % of a sine's amplitude. The period is that of the sine
-    with the
-    range and the largest rate of the values at times t [s], shape (N,).
+    with the range and the largest rate of the values at times t [s], shape (N,).
     """
     intervals = np.diff(t)
     widest, usual = int(intervals.argmax()), float(np.median(intervals))
@@ -129,8 +128,7 @@ def spline_motion(spline: "scipy.interpolate.PPoly", *, measured: bool = True) -
     """Return X(t) [m] of piecewise polynomials whose breakpoints are the times of a record.
 
     ``measured`` states that the record has noise. Before the record the paddle is at rest at its first position. Times
-    beyond the record
-    raise ``InputError``.
+    beyond the record raise ``InputError``.
     """
     start, end = (float(time) for time in spline.x[[0, -1]])
 

@@ -56,8 +56,7 @@ def record_run(
     """Run a case and record it in a directory; collective. ``resume`` leaves a finished run of the case unchanged.
 
     Raises ``InputError`` before any change of the directory, and ``RunError`` if the run breaks down; the directory
-    then
-    has all records up to the breakdown, and its manifest the cause.
+    then has all records up to the breakdown, and its manifest the cause.
 
     Parameters
     ----------

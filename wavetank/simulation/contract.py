@@ -23,8 +23,7 @@ class Diagnostic(Protocol):
         """Record the due steps of a block, at least one; collective.
 
         The record of a step must not depend on other steps of its block. Raises ``RunError`` with the time of the step
-        at
-        which the run ends: other diagnostics then record the steps up to that one.
+        at which the run ends: other diagnostics then record the steps up to that one.
         """
 
 

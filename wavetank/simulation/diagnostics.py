@@ -349,8 +349,8 @@ class LatticePlaces:
 class SurfaceFields:
     """The surface (x, y, eta): ``elevation`` [m], ``surface potential`` [m²/s] and still-water ``depth`` [m].
 
-    In double precision, since they may be the only records of the surface. ``rest position``
-    [m], (x, y) in the reference tank in single precision, identifies points in snapshots of other numbers of ranks.
+    In double precision, since they may be the only records of the surface. ``rest position`` [m], (x, y) in the
+    reference tank in single precision, identifies points in snapshots of other numbers of ranks.
 
     Parameters
     ----------

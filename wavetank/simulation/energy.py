@@ -5,11 +5,11 @@ The power of a paddle is exact for the discrete Hamiltonian: along the flow dH/d
     E(t) - E(0) = int_0^t dH/dt|explicit dt' - [W]_0^t  =  paddle work.
 
 It is integrated over all steps (``supply.py``), also those that are not recorded. The same holds for the power that a
-sponge dissipates, gamma psi H_psi. Filters between steps count their own dissipation. The balance,
-E - E(0) - work + dissipated, is the error of the time integrator. A scheme that reports the mean of two traces
-evaluates these traces. The power is the mean of both. H of the mean is that of the plus trace, with its derivatives
-times the offset (``tank/block.py``). Both are accurate to the square of the jump. With a filter between steps the minus
-trace is that before the filter, and the plus trace that after it.
+sponge dissipates, gamma psi H_psi. Filters between steps count their own dissipation. The balance, E - E(0) - work +
+dissipated, is the error of the time integrator. A scheme that reports the mean of two traces evaluates these traces.
+The power is the mean of both. H of the mean is that of the plus trace, with its derivatives times the offset
+(``tank/block.py``). Both are accurate to the square of the jump. With a filter between steps the minus trace is that
+before the filter, and the plus trace that after it.
 """
 
 from collections.abc import Mapping, Sequence

@@ -283,8 +283,7 @@ class Run:
         """Return the state of the run as a plain tree; collective.
 
         Without solves the tree has only states that survive a change of numerics. Raises ``TypeError`` for a state of
-        the
-        scheme that is not a dataclass.
+        the scheme that is not a dataclass.
         """
         return self.snapshot(with_solves=with_solves)()
 
@@ -343,8 +342,7 @@ def restore_surviving(parts: Mapping[str, Any], trees: Mapping[str, Any], *, ren
 
     A stability watch retains the time since which the run is inaccurate. An energy budget retains its totals, with the
     energy that earlier filters and sponges dissipated. A search for breaking crests in a basin drops the surface of
-    another
-    mesh, and paddles with feedback drop the times of the preconditioner.
+    another mesh, and paddles with feedback drop the times of the preconditioner.
 
     Parameters
     ----------

@@ -9,9 +9,8 @@ monitor uses the quantity with the smallest part of physical waves (table in doc
 - otherwise the sixth difference of the **elevation**: 2e-5 of waves of 24 steps per period, 1.6 % of waves of six.
 
 A difference two orders higher excludes waves of few steps per period: it is sin(theta/2)^2 times the first, at most
-half
-of it for waves of four steps per period or more. The noise of a measured paddle also produces short waves, most of them
-in the first seconds. These are physical; the alternating displacements of the paddle in a step measure them.
+half of it for waves of four steps per period or more. The noise of a measured paddle also produces short waves, most of
+them in the first seconds. These are physical; the alternating displacements of the paddle in a step measure them.
 
 A value of dt omega_max under the crests beyond the limit of the scheme is no reason for a warning by itself. Waves that
 grow under a crest remain behind it, and the gradient-jump penalty removes them. The warning names it as the remedy.

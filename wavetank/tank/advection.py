@@ -10,11 +10,10 @@ is nearly that of linear waves on still water times 1 + a V . grad, whose approx
 
 Beside a moving wall, x = X + xi at the surface, the velocity relative to the reference tank is c = F^-1 (V - x_t) with
 F = dx/dX, and d Q'/dt = |F| G chi - div(c Q'), d chi/dt = .. - c . grad chi for disturbances Q' = J eta at fixed X. The
-rise of the surface at a fixed x, times |F|, is dQ/dt - div(s X_p' R): the compression of columns is no rise
-of the surface. Beside a leaning wall, where xi depends on eta, B increases by V d(xi)/dz. All of this requires a few
-digits only, so the inverse of mass matrices is approximate. Along a slice on one rank the preconditioner is one
-compiled
-call (``slice.c``).
+rise of the surface at a fixed x, times |F|, is dQ/dt - div(s X_p' R): the compression of columns is no rise of the
+surface. Beside a leaning wall, where xi depends on eta, B increases by V d(xi)/dz. All of this requires a few digits
+only, so the inverse of mass matrices is approximate. Along a slice on one rank the preconditioner is one compiled call
+(``slice.c``).
 """
 
 from typing import Any, NamedTuple

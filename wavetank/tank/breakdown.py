@@ -3,8 +3,8 @@
 It uses the shortest waves on the cells, and their frequency on a moving surface.
 
 A current u shifts the frequency of a wave of wave number k by at most u k. Under a steep crest the shortest waves of
-the cells oscillate faster than on still water; there a step first becomes too long for them. The same
-holds where a paddle has narrowed cells, or leans.
+the cells oscillate faster than on still water; there a step first becomes too long for them. The same holds where a
+paddle has narrowed cells, or leans.
 """
 
 from math import atan, degrees, inf, isfinite

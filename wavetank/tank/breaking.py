@@ -7,23 +7,20 @@ relative to the current around it (tank/crests.py). The two criteria:
   It lasts until B < 0.5. An alarm is recorded. It never stops a run: some crests recover.
 - Overturning: during its alarm the water outruns the crest (B > 1) for more than an eighth of a period, or in more than
   a fifth of the width of its upper half. The period is that of a deep-water wave of the same speed, 2 pi (c - U) / g.
-  On
-  coarse cells the part of the width stays small, since the edge penalty dissipates the energy of the tip.
+  On coarse cells the part of the width stays small, since the edge penalty dissipates the energy of the tip.
 
 Both require a steep front and a crest that travels with little change of form (``coherence``): the speed of a
 crest that forms, vanishes, stands or meets another has no meaning. docs/breaking.md has the measurements.
 
 ``run.on_breaking`` selects the filter that acts after each step: ``BreakingAlarm`` records, and optionally ends the run
-at
-an overturning crest; ``BreakingDissipation`` applies an eddy viscosity around each crest during its
-alarm, as Z. Tian, M. Perlin, W. Choi (Phys. Fluids 22, 2010):
+at an overturning crest; ``BreakingDissipation`` applies an eddy viscosity around each crest during its alarm, as Z.
+Tian, M. Perlin, W. Choi (Phys. Fluids 22, 2010):
 
     (M + dt N) v' = M v,     N = int nu du/dx dv/dx dx,     nu = alpha e c H cos²(pi (x - x_c) / (2 R)),  |x - x_c| < R
 
 for eta and psi, with position x_c, speed c and height H of the crest, R a few H, and e = (B - 0.6) / (0.85 - 0.6),
-limited
-to 0 and 1: nu varies continuously with the wave, so that the dissipated energy does not depend on the step in which an
-alarm ends. The filter conserves mass to round-off, and counts the energy it dissipates.
+limited to 0 and 1: nu varies continuously with the wave, so that the dissipated energy does not depend on the step in
+which an alarm ends. The filter conserves mass to round-off, and counts the energy it dissipates.
 
 Wave breaking in basins: the criteria of slices on lines in the direction of propagation.
 
@@ -114,8 +111,7 @@ class WatchState:
         All alarms, by time.
     active
         Indices of the active alarms, and their crests at the last search; an alarm without a crest remains active for
-        an
-        eighth of a period.
+        an eighth of a period.
     """
 
     t: float = 0.0

@@ -5,16 +5,14 @@ A crest's speed is that of its upper half between two times, the best fit c of
     d eta/dt + c d eta/dx = 0
 
 there, c = - int eta_t eta_x dx / int eta_x² dx. No crest is tracked, so that none is mistaken for another, and no
-second
-derivative of elements is needed. The velocity u of its water is the largest there, on the front side: in
-deep water that of the crest itself, for plunging waves that of the front. By the kinematic condition
+second derivative of elements is needed. The velocity u of its water is the largest there, on the front side: in deep
+water that of the crest itself, for plunging waves that of the front. By the kinematic condition
 
     u = (psi_x - eta_t eta_x) / (1 + eta_x²).
 
-The current U follows from the water between the troughs on both sides. The velocities in
-the troughs and the mean between them are bounds; U is the value nearest to zero within these bounds. So
-it is zero under a periodic wave (whose mean is zero), zero under a solitary one (in still water), and that of
-the plateau for a ripple on it.
+The current U follows from the water between the troughs on both sides. The velocities in the troughs and the mean
+between them are bounds; U is the value nearest to zero within these bounds. So it is zero under a periodic wave (whose
+mean is zero), zero under a solitary one (in still water), and that of the plateau for a ripple on it.
 """
 
 from typing import NamedTuple

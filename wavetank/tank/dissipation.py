@@ -5,11 +5,9 @@ The sponge: the damping of the surface potential as a function of position.
     d psi/dt = -H_h - gamma psi     ([G16] (38)-(45) with gamma = gamma(x, y); the factor itself: integrators/)
 
 gamma increases from zero, gamma = gamma_0 (distance / width)², with the distance from the sponge's inner edge: a kink
-or
-step would reflect. For linear waves and uniform gamma the amplitude decays at the rate gamma / 2, for any depth; a
+or step would reflect. For linear waves and uniform gamma the amplitude decays at the rate gamma / 2, for any depth; a
 wave that crosses the sponge twice retains e^(-gamma_0 width / (3 c_g)) of it, c_g the group velocity.
-docs/absorption.md
-has measurements of suitable gamma_0.
+docs/absorption.md has measurements of suitable gamma_0.
 
 Continuous interior penalty: removes the kinks between cells from eta and psi where they would grow.
 
@@ -118,8 +116,7 @@ class Smoothing:
     ----------
     called, gives, cure
         Texts for warnings: name of the filter, causes of a gain of energy, remedy for an unwanted numerical loss; empty
-        for
-        other filters.
+        for other filters.
     """
 
     called, cure = "smoothing", ""

@@ -277,8 +277,7 @@ class LinearRates(MovingWater):
     """The potential of linear waves, and its rate; the water extends up to z = 0.
 
     Potential and rate are two solves of one problem: for psi and X_p', and for psi' = -g eta and X_p''. Velocity heads
-    are
-    of second order and vanish.
+    are of second order and vanish.
     """
 
     head_factor = 0.0
@@ -386,8 +385,7 @@ class PointValues(NamedTuple):
     ----------
     velocity, local, acceleration
         Along x, y and z [m/s, m/s²], shape (N, 3): velocity of the water, its rate at the point, and the acceleration
-        of
-        the water particle there.
+        of the water particle there.
     pressure
         Pressure relative to the atmosphere [Pa], shape (N,).
     dry

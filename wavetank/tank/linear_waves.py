@@ -9,8 +9,7 @@ limit the vertical modes decouple: with the interior potential phi_I of least K 
     G = A_nn - A_nI A_II^-1 A_In,   w = w_n - A_nI A_II^-1 w_I,   c = w_I A_II^-1 w_I
 
 where A is the operator of K on still water and (w_I, w_n) = dF/dphi; for two paddles c is a matrix. On the flat bed of
-a
-slice A_II is factorised once for the complete run; H separates, so the stages of Störmer-Verlet are explicit, and the
+a slice A_II is factorised once for the complete run; H separates, so the stages of Störmer-Verlet are explicit, and the
 coupled stage of (23) is one direct solve. In a basin, or on a bed that varies, A_II is assembled once and solved by
 conjugate gradients.
 

@@ -76,8 +76,7 @@ class InteriorPotential:
         """Set phi_I for the surface potential in phi, the current operator and the wall's vector; collective.
 
         ``wall`` is dW/dphi, shape (owned, n+1). ``inputs`` contains all quantities on which the solution depends, with
-        the same
-        scale, for a start value from previous solves; None for an unrelated solution. Returns (A phi)_n, shape
+        the same scale, for a start value from previous solves; None for an unrelated solution. Returns (A phi)_n, shape
         (owned,). Raises ``ConvergenceError``.
         """
         if inputs is None or not self.recall.guess(inputs, self._phi.owned):

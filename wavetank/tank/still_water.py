@@ -19,8 +19,7 @@ class StillWaterWaves:
     """Approximate inverse of the coupled implicit stage (Q, psi) = c + a (H_psi, -H_Q): linear waves on still water.
 
     Elimination of Q leaves (G + M / (a² g)) psi = M r_psi / (a² g) - r_Q / a with the Dirichlet-Neumann operator G.
-    With
-    the interior as unknown, it decouples into n+1 vertical modes of a Robin problem: one direct solve.
+    With the interior as unknown, it decouples into n+1 vertical modes of a Robin problem: one direct solve.
 
     Attributes
     ----------

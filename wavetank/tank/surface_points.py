@@ -1,7 +1,7 @@
 """The elevation at fixed positions of the laboratory, whose images in the reference tank a moving wall displaces.
 
-Beside a leaning wall, the image of a position depends on the height of the surface there,
-x = X + s(X) f(eta) X_p, which a fixed-point iteration solves.
+Beside a leaning wall, the image of a position depends on the height of the surface there, x = X + s(X) f(eta) X_p,
+which a fixed-point iteration solves.
 """
 
 import numpy as np
@@ -48,8 +48,7 @@ class SurfaceOverPlaces:
         """Return the elevations at the positions [m], shape (K, N), at K times, each as if evaluated alone.
 
         ``eta`` [m] is given at all degrees of freedom of this rank, shape (K, rows), and displacements of paddles [m],
-        shape
-        (paddles, K, N).
+        shape (paddles, K, N).
         """
 
         def coordinates(z: Heights) -> Vector:

@@ -200,8 +200,7 @@ class NonlinearWaves(DiscreteEnergy):
         """Return the evaluation at (q, p, t); collective.
 
         It has the derivatives of H by paddle motions if a paddle has feedback or on request, and the interior potential
-        on
-        request. Raises ``BreakdownError`` and ``ConvergenceError``.
+        on request. Raises ``BreakdownError`` and ``ConvergenceError``.
         """
         history = history or self.history
         if t != self.t:

@@ -19,8 +19,8 @@ The fixed wall reflects a. The additional motion radiates Re Z U. Their sum over
 
 (Without that wave, e = 2a, the coefficient would be 1 - 2 F Re Z.) R = 0 for F = 1 / Z*. That filter is not causal; a
 causal one approximates it in a band. |R| <= 1 at all frequencies if and only if Re F >= 0. Then the paddle adds no
-energy to the waves of any tank, whatever the tank reflects. A paddle on a spring and a damper has
-R = (b - r + i X) / (b + r + i X), X = omega (M + mu) - k / omega, M, b and k over the density.
+energy to the waves of any tank, whatever the tank reflects. A paddle on a spring and a damper has R = (b - r + i X) /
+(b + r + i X), X = omega (M + mu) - k / omega, M, b and k over the density.
 
 Sources: H. A. Schaffer and K. P. Jakobsen, "Non-linear wave generation and active absorption in wave flumes", Proc.
 Long Waves Symposium, Thessaloniki, 2003, who fit F likewise; J. Falnes, "Ocean Waves and Oscillating Systems", 2002,

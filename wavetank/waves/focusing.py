@@ -15,8 +15,8 @@ Side walls at y_0 and y_1 can also be used (``ReflectedGroup``). Across the basi
 
 Expanded in the modes of the basin, lambda_n = n pi / (y_1 - y_0),
 
-    T_j = sum C_jn cos(lambda_n (y - y_0)),
-    eta = Re sum C_jn exp(i kappa_jn (x - x_f)) cos(lambda_n (y - y_0)) exp(-i omega_j (t - t_f)),
+    T_j = sum C_jn cos(lambda_n (y - y_0)), eta = Re sum C_jn exp(i kappa_jn (x - x_f)) cos(lambda_n (y - y_0)) exp(-i
+    omega_j (t - t_f)),
 
 with kappa_jn = (k_j^2 - lambda_n^2)^(1/2) for progressive modes n; evanescent modes are omitted. This is exact in
 linear theory for walls from the paddle to x_f, at any angle: the walls reflect the waves of the images.

@@ -33,8 +33,7 @@ FEWEST, MOST = 1024, 16384  # least and largest number of intervals of half the 
 def solitary_wave(height: float, *, depth: float, gravity: float = 9.81) -> SteadyWave:
     """Return the solitary wave of a height above still water [m], in a depth [m]; gravity in m/s².
 
-    The potential is odd in x. Raises ``InputError`` for a height that is
-    not below ``HIGHEST_SOLITARY`` depths.
+    The potential is odd in x. Raises ``InputError`` for a height that is not below ``HIGHEST_SOLITARY`` depths.
     """
     if not 0.0 < height <= HIGHEST_SOLITARY * depth:
         allowed = f"must be above 0 and at most {HIGHEST_SOLITARY:g} depths, {HIGHEST_SOLITARY * depth:.4g} m"

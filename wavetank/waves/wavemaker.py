@@ -1,7 +1,7 @@
 """Linear wavemaker theory: the transfer function from paddle motion to wave height.
 
-The position of a paddle is x = f(z) X(t), with f = 1 at the height to which its motion X refers. For
-X = Re(b exp(-i omega t)) the expansion of the potential in eigenfunctions is
+The position of a paddle is x = f(z) X(t), with f = 1 at the height to which its motion X refers. For X = Re(b exp(-i
+omega t)) the expansion of the potential in eigenfunctions is
 
     phi = Re sum_j P_j cosh k_j (z + d) / cosh k_j d exp(i (k_j x - omega t)),     P_j = -omega b m(k_j) / (k_j N(k_j)),
     m(k) = int f cosh k (z + d) / cosh k d dz,     N(k) = int (cosh k (z + d) / cosh k d)^2 dz,

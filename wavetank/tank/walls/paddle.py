@@ -68,8 +68,7 @@ class Paddle:
         X_p(t), or X_p(y, t), with its exact derivatives.
     reach
         Distance at which the mapping becomes the identity [m]. The largest distance of a vertex up to it is used, so
-        that
-        s is smooth within cells on meshes with a row of vertices there.
+        that s is smooth within cells on meshes with a row of vertices there.
     side
         Side of the wall.
     shape

@@ -1,13 +1,11 @@
 """The mode shape f(z) of a paddle at x = f(z) X_p, for its mapping and for columns beside it.
 
-A vertical wall has f = 1. All others are polynomials in z, so that all integrals have closed forms,
-and compiled code depends on the degree only. A shape with a kink, such as a flap hinged above the bed, is approximated
-by a polynomial of degree 16. It is the nearest one, from the bed to half a depth above still water, among those with
-the
-shape's value and slope at still water and its moments with all polynomials of degree up to 8 below. Linear theory
-depends
-on int f cosh k(z + d) dz, whose error is 1e-6 for k d up to 10. The potential, itself a polynomial
-over the column, cannot resolve more.
+A vertical wall has f = 1. All others are polynomials in z, so that all integrals have closed forms, and compiled code
+depends on the degree only. A shape with a kink, such as a flap hinged above the bed, is approximated by a polynomial of
+degree 16. It is the nearest one, from the bed to half a depth above still water, among those with the shape's value and
+slope at still water and its moments with all polynomials of degree up to 8 below. Linear theory depends on int f cosh
+k(z + d) dz, whose error is 1e-6 for k d up to 10. The potential, itself a polynomial over the column, cannot resolve
+more.
 """
 
 from collections.abc import Callable, Sequence

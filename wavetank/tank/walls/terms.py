@@ -3,9 +3,8 @@
     W = F(X_p'),     F(v) = - int s v R a . grad psi dX + int v h f (phi - psi) dzeta at the paddle
 
 with the shape f(z) of the paddle and R = int f dz over the column, for a vertical wall f = 1 and R = h. By parts this
-is
-int psi a . grad(s v R) dX + int v h f phi dzeta; in the form above psi = phi = 1 gives zero for any quadrature.
-H(Q, psi, t) depends on time through X_p, X_p' and the depth under displaced points, so at fixed (Q, psi)
+is int psi a . grad(s v R) dX + int v h f phi dzeta; in the form above psi = phi = 1 gives zero for any quadrature. H(Q,
+psi, t) depends on time through X_p, X_p' and the depth under displaced points, so at fixed (Q, psi)
 
     dH/dt = d/dt (K + V)  -  int a . grad(s X_p') R mu dX  +  F(X_p''),     mu = M_J^-1 H_h     (ours)
 

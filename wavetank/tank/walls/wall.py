@@ -98,10 +98,8 @@ class Wall:
         """Return the effect of the mapping at the surface, shape (4, owned), for an elevation and depth [m].
 
         Along its axis: the displacement s f X_p [m]; the velocity at fixed height, s f X_p' [m/s]; the flux of
-        displaced water,
-        s R X_p' [m²/s]; and the vertical derivative of the displacement. The shape is linearised about still water,
-        which is
-        accurate to some digits. For fixed walls the shape is (0, owned).
+        displaced water, s R X_p' [m²/s]; and the vertical derivative of the displacement. The shape is linearised about
+        still water, which is accurate to some digits. For fixed walls the shape is (0, owned).
         """
         each = [paddle.at_surface(eta, still) for paddle in self._moving]
         return reduce(np.add, each) if each else np.zeros((0, len(eta)))
@@ -114,8 +112,7 @@ class Wall:
         """Return the displacements X_p of the paddles at the y of positions [m], shape (paddles, N).
 
         Positions are physical or reference ones. Displacements are the current ones, or those at t [s], given the
-        positions [m]
-        of rigid paddles at t, nan for others, shape (paddles,).
+        positions [m] of rigid paddles at t, nan for others, shape (paddles,).
         """
         result = np.zeros((len(self._moving), len(places)))
         each = self.rates[:, 0] if positions is None else positions
