@@ -52,8 +52,8 @@ class LayerDensity(Density):
     def second(self, e: Any) -> Statements:
         """Return the second derivatives with respect to grad u and w."""
         u, w = [named("u", i) for i in self._axes], named("w")
-        second = {f"uu[{i}][{j}]": e.diff(u[i], u[j]) for i in self._axes for j in self._axes}
-        return second | {f"uw[{i}]": e.diff(u[i], w) for i in self._axes} | {"ww": e.diff(w, w)}
+        second = {f"uu[{i}][{j}]": e.diff(u[i]).diff(u[j]) for i in self._axes for j in self._axes}
+        return second | {f"uw[{i}]": e.diff(u[i]).diff(w) for i in self._axes} | {"ww": e.diff(w).diff(w)}
 
     def first(self, e: Any) -> Statements:
         """Return the derivatives with respect to the column and its slope, for grad u in an array."""

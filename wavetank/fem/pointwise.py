@@ -129,7 +129,7 @@ def statements(outputs: Mapping[str, Any]) -> str:
         return bool(e.is_Pow and e.exp.is_Integer and e.exp < 0)
 
     values = [value.replace(divides, lambda e: times_inverse(*e.args)) for value in values]
-    shared, values = sympy.cse(values, symbols=sympy.numbered_symbols("t_"), optimizations="basic")
+    shared, values = sympy.cse(values, symbols=sympy.numbered_symbols("t_"))
     lines = [f"const __auto_type {name} = 1.0 / ({_code(base)});" for base, name in inverses.items()]
     lines += [f"const __auto_type {name} = {_code(value)};" for name, value in shared]
     lines += [f"{name} = {_code(value)} + zero;" for name, value in zip(outputs, values, strict=True)]

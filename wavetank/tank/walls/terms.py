@@ -256,7 +256,7 @@ class CompiledTerms:
 
 
 def _rate(e: Any) -> Statements:
-    return {"value": e.diff(named("rate"), named("dt")).subs(named("dt"), 0)}
+    return {"value": e.diff(named("rate")).diff(named("dt")).subs(named("dt"), 0)}
 
 
 def _flux(e: Any) -> Statements:
