@@ -50,6 +50,12 @@ def test_gauges_have_names_places_and_units(run):
     assert run.gauges.sizes == {"gauge": 2, "time": 6}
 
 
+def test_the_energy_budget_of_a_slice_has_these_columns(run):
+    energies = "kinetic", "potential", "total", "paddle_work", "dissipated", "balance"
+    expected = ["t [s]", *(f"{name} [m^4/s^2]" for name in energies), "mass [m^2]"]
+    assert (run.path / "energy.csv").read_text().splitlines()[0].split(",") == expected
+
+
 def test_the_paddle_is_as_its_motion_says(run):
     """Its record has the motion's own values at the gauges' times; the surface begins where it is."""
     motion, paddle = read_case("cases/wavemaker.toml", list(CHANGES)).motion(), run.paddle
