@@ -34,7 +34,7 @@ TYPES: dict[str, np.dtype[Any]] = {
     "double": np.dtype(np.float64),
     "float": np.dtype(np.float32),
 }
-FAST_COMPILATION = '#pragma GCC optimize ("O1")\n'  # of what follows the kernels: Python's wrappers, a tenth of the time
+WRAPPERS = '#pragma GCC optimize ("O1")\n'  # Python's wrappers follow the kernels: a tenth less compile time
 HISTORY = "project", "guess", "record", "add", "aim", "combine"  # exported functions of projection.c
 STRUCT = re.compile(r"typedef struct \{(.*?)\} (\w+);", re.DOTALL)
 DEFINED = re.compile(
@@ -288,7 +288,7 @@ class Unit:
             if re.search(rf"\b{struct[2]}\b", needed):
                 needed += struct[0]
                 kept.append(struct[0])
-        return "\n".join([*reversed(kept), prototypes]), "\n".join([*texts, FAST_COMPILATION])
+        return "\n".join([*reversed(kept), prototypes]), "\n".join([*texts, WRAPPERS])
 
     @cached_property
     def lib(self) -> Any:
