@@ -106,7 +106,7 @@ def uneven(x, y):
 # ---------------------------------------------------------------- the same when turned
 def test_a_turned_basin_is_itself():
     """The energies of a basin with segments, slope and all; its bed turned with it."""
-    angle = 0.7
+    angle = 0.3
     c, s = np.cos(angle), np.sin(angle)
     straight = basin(2.0, 0.6, (6, 2), motion=bowed(), depth=uneven)
     depth = lambda x, y: uneven(c * x + s * y, c * y - s * x)  # noqa: E731
@@ -163,7 +163,7 @@ def test_a_nonlinear_standing_wave_is_stokes_to_third_order():
     amplitudes, errors = (0.03, 0.06), []
     for amplitude in amplitudes:
         exact = ThirdOrderStandingWave(amplitude=amplitude, length=1.0, width=1.0, depth=0.5, modes=(1, 1))
-        waves = basin(1.0, 1.0, (3, 3), order=5, n=6, tolerances=Tolerances(stage=1e-8, interior=1e-9))
+        waves = basin(1.0, 1.0, (6, 6), tolerances=Tolerances(stage=1e-8, interior=1e-9))
         period, places = 2 * np.pi / exact.frequency, waves.plane.places
         start = waves.state(*exact.surface(places[:, 0], y=places[:, 1]))
         state = advanced(waves, GaussLegendre4(), start, steps=10, dt=period / 20)
@@ -176,14 +176,13 @@ def test_a_nonlinear_standing_wave_is_stokes_to_third_order():
 # ---------------------------------------------------------------- linear water
 def test_linear_waves_are_the_limit_of_nonlinear_ones_over_a_bed():
     """The difference falls with the square of the paddle's amplitude."""
-    differences, amplitudes = [], (0.004, 0.016)
+    differences, amplitudes = [], (0.001, 0.004)
     for amplitude in amplitudes:
         motion = ramped(sinusoid(amplitude, 1.2), 0.5)
-        nonlinear = basin(2.0, 0.6, (6, 2), motion=motion, depth=uneven, n=3)
+        nonlinear = basin(2.0, 0.6, (6, 2), motion=motion, depth=uneven)
         footprint, side = rectangle(2.0, 0.6, (6, 2))
-        plane = Plane(footprint, 3)
-        piston = Wall(LinearPaddle(motion, side=side))
-        linear = LinearWaves(plane, depth=uneven, wall=piston, vertical_order=3)
+        wall, plane = Wall(LinearPaddle(motion, side=side)), Plane(footprint, 3)
+        linear = LinearWaves(plane, depth=uneven, wall=wall, vertical_order=4)
         (a, _), (b, rows) = (run(waves, steps=12, dt=0.05) for waves in (nonlinear, linear))
         eta = [waves.elevation(state.q, state.p, 0.6) for waves, state in ((nonlinear, a), (linear, b))]
         far = nonlinear.plane.x > 0.5  # near the wall, one has it at X_p, the other at 0

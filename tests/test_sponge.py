@@ -250,8 +250,9 @@ def test_a_sponge_of_one_wave_length_reflects_less_than_2_percent(kd, most):
 
 def test_a_beach_beneath_a_short_sponge_reflects_less():
     """Half a wave long, of half the default strength: as the page on sponges has it."""
-    flat, beach = (Operators(Beach(1.0, 0.5, cells=8, **more)).reflection(1.0) for more in ({}, SLOPE))
-    assert flat == pytest.approx(0.182, abs=0.01) and beach == pytest.approx(0.107, abs=0.01)
+    flat, beach = (Beach(1.0, 0.5, cells=8, **more) for more in ({}, SLOPE))
+    beach.vertical_order = 4
+    assert [Operators(one).reflection(1.0) for one in (flat, beach)] == pytest.approx([0.182, 0.107], abs=0.01)
 
 
 def test_the_reflection_in_time_is_that_of_the_frequency_domain():
@@ -281,10 +282,10 @@ def test_nonlinear_waves_are_reflected_as_linear_ones(steepness):
 
 
 # ---------------------------------------------------------------- footprints
-def basin_of(kind="quadrilaterals", angle=0.0):
+def basin_of(kind="quadrilaterals", angle=0.0, order=2):
     """Return a basin of 4 m by 1 m, and the side of its paddle."""
     footprint, side = rectangle(4.0, 1.0, (8, 2), kind=kind, angle=angle)
-    return Plane(footprint, 2), side
+    return Plane(footprint, order), side
 
 
 def cells_beyond(plane, x):
@@ -332,16 +333,15 @@ def test_end_sponge_is_measured_from_the_paddle_of_a_turned_basin(piston):
 
 def test_a_basin_with_a_sponge_is_the_slice_with_it():
     """Waves uniform in y, linear: the same elevations to the basin's iterative tolerance."""
-    (basin, _), x = basin_of(), np.linspace(0.0, 4.0, 17)
-    footprint = Slice(4.0, 8, comm=MPI.COMM_SELF)
+    (basin, _), footprint = basin_of(order=3), Slice(4.0, 8, comm=MPI.COMM_SELF)
     surfaces = []
-    for plane in (basin, Plane(footprint.mesh, 2, footprint.chart)):
-        waves = LinearWaves(plane, depth=1.0, wall=Wall(), vertical_order=2)
+    for plane in (basin, Plane(footprint.mesh, 3, footprint.chart)):
+        waves = LinearWaves(plane, depth=1.0, wall=Wall(), vertical_order=10)
         start = waves.state(0.1 * np.cos(np.pi * plane.x / 4), 0 * plane.x)
         scheme = sponged(StormerVerlet(), profile(plane.x - 2.0, width=2.0, strength=2.0))
         state = advanced(waves, scheme, start, steps=20, dt=0.03)
         eta = waves.elevation(state.q, state.p, 0.6)
-        surfaces.append([eta[np.argmin(np.abs(plane.x - one))] for one in x])
+        surfaces.append([eta[np.argmin(np.abs(plane.x - one))] for one in np.unique(basin.x.round(9))])
     assert np.abs(np.subtract(*surfaces)).max() < 1e-9
 
 
