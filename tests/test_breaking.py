@@ -14,6 +14,7 @@ import pytest
 import ufl
 from dolfinx import mesh
 from mpi4py import MPI
+from records import with_numerics
 from rich.console import Console
 from scipy.signal import find_peaks
 from tanks import CREST, case_of, executed
@@ -284,7 +285,7 @@ def test_only_travelling_crests_are_coherent(moving, seen):
 # ---------------------------------------------------------------- the gate
 def test_bore_raises_no_alarm():
     """The water of its plateau moves; it stopped after 0.95 s."""
-    assert executed(bore(0.1, duration=1.2))[0].t >= 1.2
+    assert executed(with_numerics(bore(0.1, duration=1.2), vertical_order=4))[0].t >= 1.2
 
 
 def with_breaking(case, on_breaking="warn", **run):
@@ -294,9 +295,9 @@ def with_breaking(case, on_breaking="warn", **run):
 def test_every_mode_records_the_same_alarm_and_a_stopped_run_resumes_with_dissipation(tmp_path):
     """The alarm alone stops nothing; the run that stops keeps the step before, and its alarms."""
     quiet = {"comm": MPI.COMM_SELF, "console": Console(quiet=True)}
-    alarms = []
+    alarms, steep = [], with_numerics(over_steep(0.6), vertical_order=4)
     for mode in ("warn", "dissipate", "stop"):
-        case, out = with_breaking(over_steep(0.6), mode, duration=0.34 if mode != "stop" else 0.6), tmp_path / mode
+        case, out = with_breaking(steep, mode, duration=0.34 if mode != "stop" else 0.6), tmp_path / mode
         with pytest.raises(RunError, match="a wave breaks: the water outruns") if mode == "stop" else nullcontext():
             record_run(case, out, **quiet)
         alarms.append(RunDirectory(out).manifest["breaking"]["alarms"][0])
@@ -349,7 +350,7 @@ def test_run_reports_breaking_dissipation_and_the_breakdown_that_they_cause(tmp_
         return smoothed(self, pairs)
 
     monkeypatch.setattr(BreakingDissipation, "passed", passed)
-    case = with_breaking(over_steep(0.6), "dissipate", duration=0.8)
+    case = with_breaking(with_numerics(over_steep(0.6), vertical_order=4), "dissipate", duration=0.8)
     with pytest.raises(RunError, match=r"a solve did not end: .*; 1 crest passed .* was insufficient"):
         record_run(case, tmp_path / "run", comm=MPI.COMM_SELF, console=Console(file=said, width=200))
     (begins,) = re.findall(r"(t = \S+ s, x = \S+ m): a wave breaks; an eddy viscosity acts on it", said.getvalue())

@@ -31,7 +31,7 @@ def piston():
 
 def test_preconditioner_of_a_stage_contains_the_current(make_tank):
     """Short waves on water of 0.3 m/s: linear waves on still water alone take twice the evaluations, 16 of 8."""
-    tank, a = make_tank(length=2.0, cells=24, n=5, tolerance=1e-5), 0.01
+    tank, a = make_tank(length=2.0, cells=24, n=8, tolerance=1e-5), 0.01
     x = np.pi * tank.plane.x
     known = np.array(tank.state(0.05 * np.cos(3 * x), 0.05 * np.cos(2.5 * x) - 0.6 / np.pi * np.cos(x / 2)))
     guess, still, costs = tank.evaluate(*known, 0.0), StillWaterWaves(tank), []
@@ -60,7 +60,7 @@ def test_preconditioner_of_a_stage_contains_the_mapping_of_the_paddle(make_tank,
     Still water alone leaves 0.02 of it and more; with squeezed columns taken for rising water 0.11 were left, and far
     in, with the mapping in the mass alone, 7.
     """
-    tank, a = make_tank(length=4.0, cells=30, n=5, motion=sinusoid(0.8, 10.0), reach=2.0, hinge=hinge), 0.01
+    tank, a = make_tank(length=4.0, cells=30, n=8, motion=sinusoid(0.8, 10.0), reach=2.0, hinge=hinge), 0.01
     x, still = tank.plane.x, StillWaterWaves(tank)
     z = np.array(tank.state(0.05 * np.cos(2 * x), 0.5 * x * (1 - x / 8), t))
 
