@@ -94,7 +94,7 @@ def leaning(plane):
 
 @pytest.mark.parametrize(
     ("more", "slope"),
-    [({}, 4.5), pytest.param({"shape": leaning}, 1.5, marks=pytest.mark.slow)],
+    [({}, 4.5), pytest.param({"shape": leaning, "n": 8}, 1.5, marks=pytest.mark.slow)],
 )
 def test_a_paddle_puts_in_what_its_force_does(more, slope):
     """Oracle: the rate at which the discrete energy changes along the discrete flow, which the budget integrates.
