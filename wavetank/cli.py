@@ -121,6 +121,9 @@ def run(
     resume: Annotated[
         bool, typer.Option("--resume", help="resume the run in the directory from its last checkpoint")
     ] = False,
+    certify: Annotated[
+        bool, typer.Option("--certify", help="estimate the numerical uncertainty; same as numerics.certify=true")
+    ] = False,
 ) -> None:
     """Run a case; also under mpirun."""
     if case_file is None:
@@ -130,11 +133,12 @@ def run(
         raise InputError("--resume and --overwrite exclude each other: a run is resumed or replaced.")
     from wavetank.case.reading import located, read_case
 
-    case = read_case(case_file, overrides or [])
+    overrides = [*(overrides or []), *(["numerics.certify=true"] if certify else [])]
+    case = read_case(case_file, overrides)
     place = OutputPath.of(out, Path("runs") / case_file.stem, overwrite=overwrite or resume)
     from wavetank.recording import record_run
 
-    with located(case_file, overrides or []):
+    with located(case_file, overrides):
         draw = _draw if plots else None
         record_run(case, place, comm=MPI.COMM_WORLD, console=console(), draw=draw, accept_cost=yes, resume=resume)
 
@@ -214,6 +218,7 @@ VERIFICATIONS = {  # module of ``examples.paper`` that writes tables and figures
     "focused_group": "Compare a focused group with third-order theory.",
     "cylinder": "Compare run-up on a cylinder with McCamy and Fuchs.",
     "directional_focus": "Compare directional waves with linear theory.",
+    "certificate": "Compare numerical uncertainties with errors; minutes.",
     "layouts": "Draw the layouts of basins; seconds.",
 }
 
@@ -226,6 +231,7 @@ def _add_verification(name: str, meaning: str) -> None:
             Path | None, typer.Option(help=f"output folder; default runs/{shown}, with a number if it exists")
         ] = None,
         overwrite: Annotated[bool, typer.Option("--overwrite", help=OVERWRITE)] = False,
+        seed: Annotated[int, typer.Option(help="seed of the first random case, of a certificate only", min=0)] = 0,
     ) -> None:
         if not (CHECKOUT / "examples" / "paper").is_dir():
             raise InputError("verify needs a checkout of the project: examples/paper is not installed.")
@@ -233,7 +239,7 @@ def _add_verification(name: str, meaning: str) -> None:
         module: Any = import_module(f"examples.paper.{name}")
         report: Any = import_module("examples.paper.report")
         place = OutputPath.of(out, Path("runs") / shown, overwrite=overwrite)
-        on_first(MPI.COMM_WORLD, lambda: report.write(module, place.folder(), console()))
+        on_first(MPI.COMM_WORLD, lambda: report.write(module, place.folder(), console(), seed))
 
     verify_app.command(shown, help=meaning, epilog=example(f"verify {shown} --out runs/{shown}"))(verify)
 

@@ -25,10 +25,13 @@ class Report:
         The folder.
     console
         Prints the name of each written file.
+    seed
+        Seed of random cases.
     """
 
     folder: Path
     console: Console
+    seed: int = 0
 
     def table(self, name: str, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
         """Write ``name.csv``; numbers to ten digits."""
@@ -62,9 +65,9 @@ class Part(Protocol):
         """Write them."""
 
 
-def write(part: Part, folder: Path, console: Console) -> None:
+def write(part: Part, folder: Path, console: Console, seed: int = 0) -> None:
     """Write a part to a folder; raises ``InputError`` if it cannot be written."""
     try:
-        part.write(Report(folder, console))
+        part.write(Report(folder, console, seed))
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror}).") from None

@@ -75,6 +75,10 @@ class Numerics(CaseModel):
         default=0.25, ge=0, le=10, description="strength of the penalty on kinks under steep crests [-]; 0: none"
     )
 
+    certify: bool = Field(
+        default=False, description="whether a companion run on coarser numerics estimates the numerical uncertainty"
+    )
+
     _one_size = one_of("cells", "cell_size", needed=False)
 
     @property

@@ -8,7 +8,7 @@ A column is named ``QUANTITY STATION@x=X;y=Y;z=Z [UNITS]``, without the parts th
     over time      total [m^4/s^2]     position@y=2 [m]
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -28,6 +28,7 @@ TIME = {"long_name": "time since the start", "units": "s", "axis": "T"}  # times
 ALONG = {"long_name": "distance along the tank from the paddle at rest", "units": "m", "axis": "X"}
 ACROSS = {"long_name": "distance across the tank", "units": "m", "axis": "Y"}
 UPWARDS = {"long_name": "height above still water", "units": "m", "axis": "Z", "positive": "up"}
+STANDARD_ERROR = "elevation_standard_error"
 AXES = {"x": ALONG, "y": ACROSS, "z": UPWARDS}
 ZETA = {"long_name": "height above the bed over that of the surface", "units": "1"}
 STANDARD_NAMES = {  # names of the CF conventions
@@ -195,6 +196,24 @@ def station_variables(dimension: str, header: Sequence[str], rows: Vector) -> di
     for (name, station, position, _), values in zip(columns, rows.T[1:], strict=True):
         result[name].values[stations.index((station, position))] = values
     return result
+
+
+def with_standard_error(
+    blocks: Iterable[dict[str, Variable]], errors: NDArray[np.float64]
+) -> Iterator[dict[str, Variable]]:
+    """Yield blocks of variables of gauges with the standard error of the elevation [m], shape (gauges, times).
+
+    The error is an ancillary variable of the elevation (CF 1.8, section 3.4).
+    """
+    begin = 0
+    for block in blocks:
+        elevation = block["elevation"]
+        part = errors[:, begin : begin + elevation.values.shape[1]]
+        begin += elevation.values.shape[1]
+        name = f"{elevation.attributes['standard_name']} standard_error"
+        error = Variable(elevation.dimensions, part, {"units": "m", "standard_name": name})
+        attributes = {**elevation.attributes, "ancillary_variables": STANDARD_ERROR}
+        yield {**block, "elevation": elevation._replace(attributes=attributes), STANDARD_ERROR: error}
 
 
 def _parsed(dimension: str, column: str) -> tuple[str, str, tuple[float, ...], Mapping[str, str]]:

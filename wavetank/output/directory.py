@@ -3,7 +3,8 @@
     manifest.json   the evaluated case, versions, host, command, git revision, timings, counters, status
     gauges.csv      t [s], then one column per gauge, elevation [m]; the header has names and positions, "5@x=50" or
                     "5@x=50;y=2" if y is not 0
-    gauges.nc       the same as CF-NetCDF, after the end of the run
+    gauges.nc       the same as CF-NetCDF, after the end of the run, with the standard error if there is a certificate
+    certificate.nc  the numerical uncertainty of the records (``recording/certify.py``), after the end of the run
     energy.csv      the energy budget, units in the header
     paddle.csv      position [m], velocity [m/s], acceleration [m/s^2] of a moving wall at the times of the gauges;
                     for a segmented one at positions along it, "position@y=2 [m]"; for a far wall in far-paddle.csv
@@ -41,7 +42,14 @@ from numpy.typing import NDArray
 
 from wavetank.base.errors import InputError
 from wavetank.base.run_warning import RunWarning, run_warning
-from wavetank.output.columns import Variable, point_variables, station_variables, time_variables, window_variables
+from wavetank.output.columns import (
+    Variable,
+    point_variables,
+    station_variables,
+    time_variables,
+    window_variables,
+    with_standard_error,
+)
 from wavetank.output.fields import index_file, read_index, read_snapshots, window_file
 from wavetank.output.files import FIELDS, check_entries, is_locked, open_regular
 from wavetank.output.manifest import read_manifest
@@ -61,6 +69,7 @@ NAMES = {GAUGES: "NAME@x=METRES, NAME@x=METRES;y=METRES", PROBES: "QUANTITY NAME
 COPIES = {GAUGES: "gauges.nc", PROBES: "probes.nc"}  # copies as CF-NetCDF, after the end of the run
 DERIVED = COPIES | {SURFACE: SURFACE_INDEX}
 CHECKPOINT, CHECKPOINT_BEFORE = "checkpoint.zip", "checkpoint-before.zip"
+CERTIFICATE = "certificate.nc"
 BED = "bed.csv"
 BROKEN, BROKEN_PICTURE = BROKENS = "broken.csv", "broken.png"
 BREAKING = "breaking.csv"
@@ -78,7 +87,7 @@ FINAL_MANIFEST_SIZE = 2**14  # bytes reserved for the final manifest on a full d
 
 def derived_files(run: Path) -> Iterator[Path]:
     """Yield the files and pictures in a run directory that are made from its records after the run."""
-    for pattern in (*BROKENS, BREAKING, *COPIES.values(), *PICTURES, *ANALYSES):
+    for pattern in (*BROKENS, BREAKING, CERTIFICATE, *COPIES.values(), *PICTURES, *ANALYSES):
         yield from run.glob(pattern)
 
 
@@ -191,6 +200,17 @@ class RunDirectory:
         return self._dataset(LOADS)
 
     @property
+    def certificate(self) -> "xarray.Dataset":
+        """The numerical uncertainty of the records at a confidence of 95 %; see ``recording/certify.py``.
+
+        Raises ``InputError`` without certificate.
+        """
+        from xarray import load_dataset
+
+        with self._reading(CERTIFICATE), open_regular(self.path / CERTIFICATE) as file:
+            return load_dataset(BytesIO(file.read()), engine="scipy")
+
+    @property
     def surface(self) -> "xarray.Dataset":
         """``elevation`` [m] and ``surface_potential`` [m²/s] of a slice or ring over time [s] and position.
 
@@ -267,8 +287,12 @@ class RunDirectory:
                 for name, one in variables.items()
             }
 
-        blocks = (described(self._variables(table, *block)) for block in self._blocks(table) if block[1].size)
-        if not write_records(file, blocks, conventions(self.manifest) | {"featureType": "timeSeries"}):
+        blocks: Iterator[dict[str, Variable]] = (
+            self._variables(table, *block) for block in self._blocks(table) if block[1].size
+        )
+        if table == GAUGES and (self.path / CERTIFICATE).exists():
+            blocks = with_standard_error(blocks, self.certificate.elevation_uncertainty.values / 2)
+        if not write_records(file, map(described, blocks), conventions(self.manifest) | {"featureType": "timeSeries"}):
             raise InputError(f"{table} has no row")
 
     def fields(self, name: str) -> list[tuple[float, Path]]:

@@ -7,7 +7,7 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 from uuid import uuid4
 
 from wavetank.base.arrays import Vector
@@ -16,6 +16,7 @@ from wavetank.base.run_warning import RunWarning
 from wavetank.output.checkpoint import Checkpoint, read_checkpoint, readable_checkpoints, write_checkpoint
 from wavetank.output.columns import gauge_columns
 from wavetank.output.directory import (
+    CERTIFICATE,
     CHECKPOINT,
     CHECKPOINT_BEFORE,
     COPIES,
@@ -53,6 +54,9 @@ from wavetank.output.files import (
 from wavetank.output.manifest import MANIFEST, now
 from wavetank.output.netcdf import AppendNetCDF, conventions
 from wavetank.output.tables import AppendFile, Extent, TableWriter, csv_table, unusable
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 R = TypeVar("R", bound=AppendFile)
 
@@ -269,6 +273,11 @@ class RunWriter:
         """Write a complete table, such as that of breaking crests; on a full disk it is omitted."""
         with suppress(OSError):
             write_atomically(self.path / file, csv_table(columns))
+
+    def certify(self, certificate: "Dataset") -> None:
+        """Write the certificate of the run; on a full disk it is omitted."""
+        with suppress(OSError):
+            write_atomically(self.path / CERTIFICATE, bytes(certificate.to_netcdf(engine="scipy")))
 
     def note(self, figures: dict[str, Any]) -> None:
         """Add figures to the manifest, which is written at the end of the run at the latest."""

@@ -17,7 +17,17 @@ from wavetank.analysis.compare import GAUGE_TOLERANCE, compare_gauge, matched
 from wavetank.analysis.still_water import closed, sponge_rate, still_water
 from wavetank.base.errors import InputError
 from wavetank.case.tank import Depth
-from wavetank.output.directory import BROKEN, BROKEN_PICTURE, ENERGY, GAUGES, LOADS, PROBES, SURFACE, RunDirectory
+from wavetank.output.directory import (
+    BROKEN,
+    BROKEN_PICTURE,
+    CERTIFICATE,
+    ENERGY,
+    GAUGES,
+    LOADS,
+    PROBES,
+    SURFACE,
+    RunDirectory,
+)
 from wavetank.output.fields import index_file
 from wavetank.plots import style
 
@@ -171,13 +181,17 @@ def _draw_wall(axes: Axes, diagram: Axes, t: Array, x: Array, name: str) -> None
 
 
 # ---------------------------------------------------------------- gauges
+VISIBLE = 0.03  # height of the band of an uncertainty over that of the record
+MAGNIFICATIONS = 1, 2, 5, 10, 20, 50, 100
 MAX_PANELS = 24  # largest number of gauges in a picture
 COLUMN = 8  # largest number of panels in one column
 FOCUS = 4.0  # time shown before and after the largest crest [s]
 
 
-def gauges_overview(gauges: DataArray, path: Path, *, title: str = "") -> Path:
+def gauges_overview(gauges: DataArray, path: Path, *, title: str = "", uncertainty: DataArray | None = None) -> Path:
     """Draw the records of gauges to the same scale, ordered by distance from the paddle; return ``path``.
+
+    Their ``uncertainty`` is a band. It is magnified if it is invisible, as the title of the gauge says.
 
     If there are more than ``MAX_PANELS`` gauges, every second, third ... is drawn. Raises ``InputError`` if there is
     none.
@@ -193,13 +207,27 @@ def gauges_overview(gauges: DataArray, path: Path, *, title: str = "") -> Path:
         for gauge, panel in zip(shown, order, strict=False):
             across = f", y = {float(gauge.y):g} m" if gauges.y.any() else ""
             style.draw_series(panel, gauge.time, style.CM * gauge, color=style.COMPUTED)
-            panel.set_title(f"gauge {gauge.gauge.item()}, x = {float(gauge.x):g} m{across}", pad=2, parse_math=False)
+            name = f"gauge {gauge.gauge.item()}, x = {float(gauge.x):g} m{across}"
+            if uncertainty is not None:
+                name += _draw_band(panel, gauge, uncertainty.sel(gauge=gauge.gauge))
+            panel.set_title(name, pad=2, parse_math=False)
         for panel in order[len(shown) :]:
             panel.set_axis_off()
         if style.CM * float(np.abs(shown).max()) < style.FLAT:  # lower waves are drawn as still water
             axes[0, 0].set_ylim(-style.FLAT, style.FLAT)
         axes[0, 0].figure.supylabel("elevation [cm]", fontsize=10)
     return path
+
+
+def _draw_band(panel: Axes, gauge: DataArray, uncertainty: DataArray) -> str:
+    """Draw a record plus and minus its uncertainty, magnified to be visible; return a description."""
+    largest = float(uncertainty.max())
+    wanted = VISIBLE * float(np.ptp(gauge.values)) / max(largest, 1e-300)
+    factor = next((one for one in MAGNIFICATIONS if one >= wanted), MAGNIFICATIONS[-1])
+    low, high = (style.CM * (gauge + sign * factor * uncertainty) for sign in (-1, 1))
+    panel.fill_between(gauge.time.values, low.values, high.values, color=style.COMPUTED, alpha=0.25, lw=0)
+    magnified = f", band {factor} times" if factor > 1 else ""
+    return f", numerical uncertainty up to {1e3 * largest:.2g} mm (95 %){magnified}"
 
 
 def gauges_figure(measured: DataArray, computed: DataArray, published: Sequence[DataArray], path: Path) -> Path:
@@ -410,7 +438,8 @@ def draw_run(run: RunDirectory) -> list[Path]:
     if _snapshots(run) > 1:
         pictures.append(draw_surface(run))
     if gauges.sizes["gauge"] and gauges.time.size > 1:
-        pictures.append(gauges_overview(gauges, run.path / "gauges.png", title=run.title))
+        band = run.certificate.elevation_uncertainty if (run.path / CERTIFICATE).exists() else None
+        pictures.append(gauges_overview(gauges, run.path / "gauges.png", title=run.title, uncertainty=band))
     for file, draw in ((PROBES, probes_figure), (LOADS, loads_figure)):
         if (run.path / file).exists() and getattr(run, Path(file).stem).sizes["time"] > 1:
             pictures.append(draw(run, run.path / Path(file).with_suffix(".png").name))

@@ -125,6 +125,13 @@ def record_run(
                 controls = checkpointer.control(case.run.checkpoint_every), progress, interruption
                 recorded.run.controls += [control.record for control in controls if control is not None]
                 execute_run(recorded, checkpointer, drawn=draw is not None)
+                if case.numerics.certify:
+                    from wavetank.recording.certify import certify  # imports xarray, which is slow
+
+                    with console.status("companion run"):
+                        lines = certify(recorded, path, interruption.record)
+                    for line in lines:
+                        log.say(line)
                 if writer is not None:
                     writer.finish("finished", {})
 

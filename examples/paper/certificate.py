@@ -1,0 +1,110 @@
+"""Coverage of the numerical uncertainty: how many actual errors it exceeds, in random cases (``examples/scenes.py``).
+
+Each case runs with default numerics, with its companion and with refined numerics. The difference of the first and the
+last is the actual error.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from mpi4py import MPI
+
+from examples.paper.report import Report
+from examples.scenes import CLASSES, Recorded, executed, refined, scene
+from wavetank.base.errors import WavetankError
+from wavetank.planning.companion import RATIOS, companion
+from wavetank.planning.plan import planned
+from wavetank.planning.uncertainty import SAFETIES, Estimate, at_times, crests, crests_about, too_coarse
+
+PER_CLASS = 8  # cases of each class
+
+
+class Row(NamedTuple):
+    """A gauge of a case.
+
+    Attributes
+    ----------
+    error, uncertainty
+        Root mean squares over that of the elevation [-].
+    samples, heights, times
+        Parts of samples, crest heights and crest times whose error is at most the uncertainty.
+    cost
+        CPU time of the companion over that of the run.
+    """
+
+    kind: str
+    seed: int
+    gauge: int
+    error: float
+    uncertainty: float
+    samples: float
+    heights: float
+    times: float
+    cost: float
+
+
+def rows(kind: str, seed: int) -> Iterator[Row]:
+    """Yield a row for each gauge of a case; none if the uncertainty is not resolved."""
+    case = planned(scene(kind, seed), MPI.COMM_SELF).case
+    run = executed(case)
+    exact = executed(refined(case, run.dt))
+    for ratio, safety in zip(RATIOS, SAFETIES, strict=True):
+        coarse = companion(case, run.dt, run.limit, ratio)
+        try:
+            other = executed(coarse)
+        except WavetankError:
+            return
+        t, *values = run.gauges[run.gauges[:, 0] <= min(one.gauges[-1, 0] for one in (run, other, exact)) + 1e-9].T
+        theirs, true = (_at(t, one) for one in (other, exact))
+        if not too_coarse(values, [that - one for one, that in zip(values, theirs, strict=True)]):
+            estimate = Estimate.of(case, coarse, run.dt, safety=safety)
+            break
+    else:
+        return
+    for number, (one, that, actual) in enumerate(zip(values, theirs, true, strict=True)):
+        uncertainty, error, size = estimate.series(t, one, that - one), np.abs(one - actual), np.std(actual)
+        peaks = crests(t, one, that, estimate.grid, uncertainty)
+        time, height = crests_about(t, actual, peaks.time)
+        yield Row(
+            kind,
+            seed,
+            number,
+            float(np.sqrt(np.mean(error**2)) / size),
+            float(np.sqrt(np.mean(uncertainty.total**2)) / size),
+            float(np.mean(error <= uncertainty.total)),
+            float(np.mean(np.abs(height - peaks.height) <= peaks.height_uncertainty)) if time.size else np.nan,
+            float(np.mean(np.abs(time - peaks.time) <= peaks.time_uncertainty)) if time.size else np.nan,
+            other.cpu / run.cpu,
+        )
+
+
+def _at(t: np.ndarray, run: Recorded) -> list[np.ndarray]:
+    return [at_times(t, run.gauges[:, 0], one) for one in run.gauges.T[1:]]
+
+
+def write(report: Report) -> None:
+    """Write all rows, the coverage by class, and a picture of uncertainty and error."""
+    every = [row for n in range(PER_CLASS) for kind in CLASSES for row in rows(kind, report.seed + n)]
+    report.table("gauges", Row._fields, every)
+    groups = {kind: [row for row in every if row.kind == kind] for kind in CLASSES} | {"all": every}
+    columns = "class", "cases", "gauges", "samples", "crest heights", "crest times", "uncertainty / error", "cost"
+    report.table("coverage", columns, [_coverage(kind, group) for kind, group in groups.items() if group])
+    with report.figure("coverage", 7, 6) as figure:
+        axes = figure.subplots()
+        for kind, marker in zip(CLASSES, "osD^vP*X", strict=True):
+            points = np.array([(row.error, row.uncertainty) for row in groups[kind]]).reshape(-1, 2)
+            axes.loglog(*points.T, marker, label=kind, ms=5)
+        ends = np.array([min(row.error for row in every), max(row.error for row in every)])
+        axes.plot(ends, ends, color="black", lw=0.8, label="uncertainty = error")
+        axes.set(xlabel="actual error, rms over rms of the elevation [-]", ylabel="uncertainty (95 %) [-]")
+        axes.legend()
+
+
+def _coverage(kind: str, group: list[Row]) -> tuple[object, ...]:
+    mean = [float(np.nanmean([getattr(row, name) for row in group])) for name in ("samples", "heights", "times")]
+    cases = len({(row.kind, row.seed) for row in group})
+    ratio, cost = (
+        float(np.median(one)) for one in ([row.uncertainty / row.error for row in group], [row.cost for row in group])
+    )
+    return kind, cases, len(group), *mean, ratio, cost

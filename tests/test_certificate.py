@@ -1,0 +1,181 @@
+"""The numerical uncertainty of a run covers its error; runs whose uncertainty is unknown say so."""
+
+import signal
+from importlib import import_module
+
+import numpy as np
+import pytest
+import xarray
+from case_builders import build_case, piston
+from conftest import fitted_slope, recorded
+from tanks import written
+
+from examples.paper.certificate import rows
+from examples.scenes import CLASSES, executed
+from wavetank.case.reading import read_case
+from wavetank.output.directory import RunDirectory
+from wavetank.planning.companion import companion
+from wavetank.planning.uncertainty import Estimate, at_times, crests
+
+NUMERICS = {"order": 3, "vertical_order": 8, "tolerance": 1e-8}
+
+
+def steady(steps, **numerics):
+    """Return a wave of k d = 2 and 40 % of the maximum height in a ring, for two periods, and its exact surface."""
+    tank = {"type": "ring", "length": np.pi, "depth": 1.0}
+    parts = {"initial": {"type": "stream-function", "steepness": 0.4}, "gauges": [0.0]}
+    one = build_case(tank, **parts)
+    wave = one.initial.wave(one.tank)
+    duration = 2 * np.pi / wave.speed
+    chosen = NUMERICS | {"dt": duration / steps} | numerics
+    return build_case(tank, duration=duration, numerics=chosen, **parts), wave
+
+
+def uncertainty(case):
+    """Return times, elevation, uncertainty of a run's gauge and its crests, by its companion."""
+    run = executed(case)
+    coarse = companion(case, run.dt, run.limit)
+    t, eta = run.gauges.T
+    other = at_times(t, *executed(coarse).gauges.T)
+    estimate = Estimate.of(case, coarse, run.dt)
+    parts = estimate.series(t, eta, other - eta)
+    return t, eta, parts, crests(t, eta, other, estimate.grid, parts)
+
+
+def test_uncertainty_covers_errors_of_a_steady_wave_and_decreases_with_fourth_order():
+    """Oracle: the exact wave of permanent form, its crest at x = 0 after each period."""
+    sizes, largest = [], []
+    for cells in (8, 12, 16):
+        case, wave = steady(12 * cells, cells=cells)
+        t, eta, parts, peaks = uncertainty(case)
+        error = np.abs(eta - wave.elevation(wave.crest - wave.speed * t))
+        assert np.mean(error <= parts.total) > 0.95
+        assert np.sqrt(np.mean(parts.total**2)) < 20 * np.sqrt(np.mean(error**2))
+        exact = np.pi / wave.speed
+        assert np.abs(peaks.time - exact) <= peaks.time_uncertainty
+        assert np.abs(peaks.height - wave.elevation(wave.crest)) <= peaks.height_uncertainty
+        sizes.append(1 / cells)
+        largest.append(parts.total.max())
+    assert 3.5 < fitted_slope(sizes, largest) < 6
+
+
+@pytest.mark.parametrize(
+    ("part", "numerics"),
+    [("time_step", {"integrator": "stormer-verlet", "cells": 24}), ("parameters", {"vertical_order": 1, "cells": 24})],
+)
+def test_each_part_covers_its_error(part, numerics):
+    """Where the time step or the vertical order causes nearly all of the error. Oracle: the exact wave."""
+    case, wave = steady(480, **numerics)
+    t, eta, parts, _ = uncertainty(case)
+    error = np.abs(eta - wave.elevation(wave.crest - wave.speed * t))
+    assert np.sqrt(np.mean(getattr(parts, part) ** 2)) > 0.5 * np.sqrt(np.mean(error**2))
+    assert np.mean(error <= parts.total) > 0.95
+
+
+def test_iteration_part_covers_the_error_of_the_solves():
+    """Oracle: the same run with a tolerance of 1e-11."""
+    loose, tight = (executed(steady(100, cells=12, tolerance=one)[0]).gauges.T[1] for one in (1e-4, 1e-11))
+    case, _ = steady(100, cells=12, tolerance=1e-4)
+    parts = uncertainty(case)[2]
+    assert np.mean(np.abs(loose - tight) <= parts.iteration) > 0.95
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", CLASSES)
+def test_uncertainty_covers_nine_of_ten_errors_of_each_class(kind):
+    """Against runs with refined numerics (``wavetank verify certificate``)."""
+    found = [row for seed in range(2000, 2004) for row in rows(kind, seed)]
+    assert len(found) >= 6
+    assert np.mean([row.samples for row in found]) > 0.9
+
+
+WALL = piston(1.5, 0.02, ramp=1.5)
+TANK = {"length": 6.0, "depth": 1.0}
+QUICK = {"order": 3, "vertical_order": 4, "cells": 15, "dt": 0.05, "certify": True}
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    """The case of a piston that is certified."""
+    case = build_case(TANK, duration=4.0, wall=WALL, gauges=[1.0, 3.0], numerics=QUICK)
+    return written(tmp_path_factory.mktemp("certified") / "case.toml", case)
+
+
+def test_a_certified_run_states_its_uncertainty(path, tmp_path, wavetank):
+    """In its last lines, its manifest, and as CF's ancillary variable, half of the expanded uncertainty."""
+    out = tmp_path / "run"
+    said = wavetank("run", str(path), "--out", str(out))
+    assert said.returncode == 0
+    assert "numerical uncertainty (95 %): " in said.stdout and "highest crest at a gauge: " in said.stdout
+    run = RunDirectory(out)
+    assert run.manifest["certificate"]["resolved"]
+    data, copy = run.certificate, xarray.open_dataset(out / "gauges.nc")
+    assert data.elevation_uncertainty.shape == run.gauges.shape
+    assert copy.elevation.attrs["ancillary_variables"] == "elevation_standard_error"
+    np.testing.assert_allclose(copy.elevation_standard_error.T, data.elevation_uncertainty / 2, rtol=1e-14)
+    total = np.sqrt((data.part_rms**2).sum("part"))
+    np.testing.assert_allclose(total, np.sqrt((data.elevation_uncertainty**2).mean("time")), rtol=1e-12)
+
+
+def test_uncertainty_of_forces_and_energies_covers_their_errors(tmp_path):
+    """Of a standing wave in a tank with a load on its end. Oracle: the same run on twice as many cells of order 5."""
+    initial = {"type": "standing-wave", "wave_amplitude": 0.05}
+    numerics = NUMERICS | {"cells": 4, "dt": 0.03, "vertical_order": 4, "certify": True}
+    more = {"loads": [{"on": "far wall"}], "gauges": [0.0], "initial": initial}
+    case = build_case({"length": 2.0, "depth": 1.0}, duration=6.0, numerics=numerics, **more)
+    path = written(tmp_path / "case.toml", case)
+    recorded(path, (), tmp_path / "run")
+    fine = "numerics={cells=8, order=5, dt=0.01, vertical_order=7, tolerance=1e-10}"
+    recorded(path, (fine,), tmp_path / "fine")
+    run, exact = RunDirectory(tmp_path / "run"), RunDirectory(tmp_path / "fine")
+    quantities = {"force_x": run.loads, "moment_y": run.loads, "kinetic": run.energy, "potential": run.energy}
+    for name, table in quantities.items():
+        other = (exact.loads if name in table and "wall" in table.dims else exact.energy)[name]
+        error = np.abs(table[name] - other.interp(time=table.time, method="cubic"))
+        assert float(np.mean(error.values <= run.certificate[f"{name}_uncertainty"].values)) > 0.9
+
+
+def test_option_certifies_a_case_that_does_not_ask_for_it(path, tmp_path, wavetank):
+    said = wavetank("run", str(path), "--set", "numerics.certify=false", "--certify", "--out", str(tmp_path / "run"))
+    assert said.returncode == 0 and (tmp_path / "run" / "certificate.nc").exists()
+
+
+def test_certificate_is_that_of_one_rank_on_several(path, recorded_on_ranks):
+    alone, together = (run.certificate for run in recorded_on_ranks(path))
+    np.testing.assert_allclose(alone.elevation_uncertainty, together.elevation_uncertainty, rtol=0.05, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ("gauges=[]", "it needs a gauge with 16 times"),
+        ("numerics.cells=2", "the cells or the time step are too coarse"),
+    ],
+)
+def test_unresolved_uncertainty_is_stated_with_its_reason(path, tmp_path, change, reason):
+    recorded(path, (change,), tmp_path / "run")
+    run = RunDirectory(tmp_path / "run")
+    assert run.status == "finished" and reason in run.manifest["certificate"]["reason"]
+    assert reason in (run.path / "run.log").read_text() and not (run.path / "certificate.nc").exists()
+
+
+def test_companion_has_half_the_cells_and_no_records_but_gauges_and_loads(path):
+    more = ["windows=[{name='w', start=[1, 0], every=1}]", "probes=[{x=1.0, z=-0.5}]", "loads=[{on='far wall'}]"]
+    case = read_case(path, more)
+    coarse = companion(case, 0.05, 0.1)
+    assert coarse.cells == 8 and coarse.loads and coarse.all_gauges and not coarse.probes and not coarse.windows
+    assert 0.05 < coarse.numerics.dt <= 0.1
+
+
+def test_signal_during_the_companion_ends_it_and_keeps_the_finished_run(path, tmp_path, monkeypatch):
+    certifying = import_module("wavetank.recording.certify")
+    original = certifying.companion
+
+    def then_stopped(*arguments):
+        signal.raise_signal(signal.SIGTERM)
+        return original(*arguments)
+
+    monkeypatch.setattr(certifying, "companion", then_stopped)
+    recorded(path, (), tmp_path / "run")
+    run = RunDirectory(tmp_path / "run")
+    assert run.status == "finished" and "interrupted by SIGTERM" in run.manifest["certificate"]["reason"]
