@@ -167,6 +167,18 @@ def test_companion_has_half_the_cells_and_no_records_but_gauges_and_loads(path):
     assert 0.05 < coarse.numerics.dt <= 0.1
 
 
+def test_resumed_run_has_a_certificate_of_all_times_unless_its_numerics_have_changed(path, tmp_path, wavetank):
+    out = tmp_path / "run"
+    recorded(path, ("run.duration=2",), out)
+    assert wavetank("resume", str(out), "--extend", "1").returncode == 0
+    run = RunDirectory(out)
+    assert run.certificate.time.values[-1] == run.gauges.time.values[-1] >= 3.0
+    assert wavetank("resume", str(out), "--extend", "1", "--set", "numerics.dt=0.02").returncode == 0
+    run = RunDirectory(out)
+    assert "parts with different numerics" in run.manifest["certificate"]["reason"]
+    assert not (out / "certificate.nc").exists()
+
+
 def test_signal_during_the_companion_ends_it_and_keeps_the_finished_run(path, tmp_path, monkeypatch):
     certifying = import_module("wavetank.recording.certify")
     original = certifying.companion

@@ -72,6 +72,9 @@ def _certified(recorded: RecordedRun, path: Path, stop: Callable[[Block], None])
         raise NotResolvedError("a wave breaks")
     if recorded.run.integrator.name not in INTEGRATORS:
         raise NotResolvedError(f"the integrator {recorded.run.integrator.name} is the user's")
+    first, *others = (part["numerics"] for part in recorded.parts.so_far())
+    if any(one != first for one in others):
+        raise NotResolvedError("the run has parts with different numerics")
     cpu = 0.0
     for ratio, safety in zip(RATIOS, SAFETIES, strict=True):
         other = _run_companion(recorded, stop, ratio=ratio, safety=safety)
@@ -129,7 +132,7 @@ def certificate(path: Path, other: Companion) -> Dataset:
     rms = [[np.sqrt(np.mean(part**2)) for part in one] for one in several]
     result["part_rms"] = DataArray(np.transpose(rms), {"part": list(PARTS)}, ("part", "gauge"), attrs={"units": "m"})
     peaks = [crests(t, *pair, estimate.grid, u) for pair, u in zip(pairs, several, strict=True)]
-    most = max(one.time.size for one in peaks)
+    most = max(1, *(one.time.size for one in peaks))  # NetCDF has no dimension of size 0
     for name, units in (("time", "s"), ("height", "m"), ("time_uncertainty", "s"), ("height_uncertainty", "m")):
         rows = [np.pad(getattr(one, name), (0, most - one.time.size), constant_values=np.nan) for one in peaks]
         result[f"crest_{name}"] = DataArray(rows, dims=("gauge", "crest"), attrs={"units": units})
