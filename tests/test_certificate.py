@@ -13,6 +13,7 @@ from tanks import written
 from examples.paper.certificate import rows
 from examples.scenes import CLASSES, executed
 from wavetank.case.reading import read_case
+from wavetank.output.columns import STANDARD_ERROR, Variable, with_standard_error
 from wavetank.output.directory import RunDirectory
 from wavetank.planning.companion import companion
 from wavetank.planning.uncertainty import Estimate, at_times, crests
@@ -118,9 +119,9 @@ def test_a_certified_run_states_its_uncertainty(path, tmp_path, wavetank):
 
 
 def test_uncertainty_of_forces_and_energies_covers_their_errors(tmp_path):
-    """Of a standing wave in a tank with a load on its end. Oracle: the same run on twice as many cells of order 5."""
+    """Of a standing wave, with a scheme of second order. Oracle: a run of order 5 with simpson-4 and a small step."""
     initial = {"type": "standing-wave", "wave_amplitude": 0.05}
-    numerics = NUMERICS | {"cells": 4, "dt": 0.03, "vertical_order": 4, "certify": True}
+    numerics = NUMERICS | {"cells": 4, "dt": 0.03, "vertical_order": 4, "certify": True, "integrator": "stormer-verlet"}
     more = {"loads": [{"on": "far wall"}], "gauges": [0.0], "initial": initial}
     case = build_case({"length": 2.0, "depth": 1.0}, duration=6.0, numerics=numerics, **more)
     path = written(tmp_path / "case.toml", case)
@@ -164,7 +165,24 @@ def test_companion_has_half_the_cells_and_no_records_but_gauges_and_loads(path):
     case = read_case(path, more)
     coarse = companion(case, 0.05, 0.1)
     assert coarse.cells == 8 and coarse.loads and coarse.all_gauges and not coarse.probes and not coarse.windows
-    assert 0.05 < coarse.numerics.dt <= 0.1
+    assert coarse.numerics.dt == 0.1
+
+
+def test_companion_step_is_nine_tenths_of_its_own_stability_limit_if_twice_the_step_is_longer():
+    case, _ = steady(56, cells=16)
+    run = executed(case)
+    coarse = executed(companion(case, run.dt, run.limit))
+    assert run.dt < coarse.dt < 2 * run.dt
+    assert coarse.dt == pytest.approx(0.9 * coarse.limit, rel=0.05)
+
+
+def test_standard_errors_of_successive_blocks_are_those_of_their_times():
+    def block(first, last):
+        return {"elevation": Variable(("gauge", "time"), np.zeros((2, last - first)), {"standard_name": "elevation"})}
+
+    errors = np.arange(14.0).reshape(2, 7)
+    parts = [one[STANDARD_ERROR].values for one in with_standard_error([block(0, 3), block(3, 7)], errors)]
+    np.testing.assert_array_equal(np.hstack(parts), errors)
 
 
 def test_resumed_run_has_a_certificate_of_all_times_unless_its_numerics_have_changed(path, tmp_path, wavetank):

@@ -93,23 +93,29 @@ class Estimate(NamedTuple):
             gravity=tank.gravity,
         )
 
-    def series(self, t: Vector, values: Vector, difference: Vector, *, waves: bool = True) -> Uncertainty:
+    def series(
+        self, t: Vector, values: Vector, difference: Vector, errors: tuple[float, float] | None = None
+    ) -> Uncertainty:
         """Return the uncertainty of values at equidistant times t [s], shape (T,) each.
 
-        ``difference`` is that of the companion's values. ``waves``: whether the values oscillate with the waves.
+        ``difference`` is that of the companion's values, ``errors`` those of the frequency of the waves, default: of
+        the waves in the values.
         """
         variation = values - values.mean()
         width = mean_period(t, variation) / (t[1] - t[0])
-        grid = self.grid * _around(difference, width)
-        iteration = np.full(t.size, ITERATION * self.tolerance * np.sqrt(np.mean(variation**2)))
-        if not waves or not variation.any():
-            return Uncertainty(grid, 0 * grid, 0 * grid, iteration)
         rate = t * _around(np.gradient(values, t), width)
-        scheme, vertical = self.frequency_errors(t, variation)
-        return Uncertainty(grid, scheme * rate, vertical * rate, iteration)
+        if errors is None:
+            errors = self.frequency_errors(t, variation)
+        iteration = np.full(t.size, ITERATION * self.tolerance * np.sqrt(np.mean(variation**2)))
+        return Uncertainty(self.grid * _around(difference, width), errors[0] * rate, errors[1] * rate, iteration)
 
     def frequency_errors(self, t: Vector, variation: Vector) -> tuple[float, float]:
-        """Return the relative frequency errors of the scheme and of the vertical order for the waves of a record."""
+        """Return the relative frequency errors of the scheme and of the vertical order for the waves of a record.
+
+        They are zero for a record at rest.
+        """
+        if not variation.any():
+            return 0.0, 0.0
         energy = np.abs(np.fft.rfft(variation * np.hanning(t.size), 4 * t.size)) ** 2
         omega = 2 * np.pi * np.fft.rfftfreq(4 * t.size, t[1] - t[0])
         mean = float(omega @ energy / energy.sum())

@@ -126,7 +126,9 @@ def certificate(path: Path, other: Companion) -> Dataset:
     pairs = list(zip(gauges.values, _at(t, other.gauges.elevation), strict=True))
     if too_coarse([*gauges.values], [that - one for one, that in pairs]):
         raise TooCoarseError("the companion run differs too much: the cells or the time step are too coarse")
-    several = [estimate.series(t, one, that - one) for one, that in pairs]
+    errors = [estimate.frequency_errors(t, one - one.mean()) for one in gauges.values]
+    several = [estimate.series(t, one, that - one, error) for (one, that), error in zip(pairs, errors, strict=True)]
+    largest = max(first for first, _ in errors), max(second for _, second in errors)
     total = gauges.copy(data=[one.total for one in several])
     result["elevation_uncertainty"] = total.assign_attrs(units="m", long_name=CONFIDENCE)
     rms = [[np.sqrt(np.mean(part**2)) for part in one] for one in several]
@@ -136,19 +138,22 @@ def certificate(path: Path, other: Companion) -> Dataset:
     for name, units in (("time", "s"), ("height", "m"), ("time_uncertainty", "s"), ("height_uncertainty", "m")):
         rows = [np.pad(getattr(one, name), (0, most - one.time.size), constant_values=np.nan) for one in peaks]
         result[f"crest_{name}"] = DataArray(rows, dims=("gauge", "crest"), attrs={"units": units})
-    result = result.assign(dict(_of_table(run.energy, other.energy, "energy", estimate)))
-    return result.assign(dict(_of_table(run.loads, other.loads, "load", estimate))) if other.loads else result
+    result = result.assign(dict(_of_table(run.energy, other.energy, "energy", estimate, largest)))
+    return result.assign(dict(_of_table(run.loads, other.loads, "load", estimate, largest))) if other.loads else result
 
 
-def _of_table(data: Dataset, other: Dataset, table: str, estimate: Estimate) -> Iterator[tuple[str, DataArray]]:
-    """Yield the uncertainty of each quantity of a table, over ``TABLE_time``: ``NAME_uncertainty``."""
+def _of_table(
+    data: Dataset, other: Dataset, table: str, estimate: Estimate, errors: tuple[float, float]
+) -> Iterator[tuple[str, DataArray]]:
+    """Yield the uncertainty of each quantity of a table, over ``TABLE_time``: ``NAME_uncertainty``.
+
+    ``errors`` are those of the frequency of the waves.
+    """
     t = data.time.values
     for name, one in data.items() if min(t.size, other.sizes["time"]) >= FEWEST else ():
         values = np.atleast_2d(one.values)
         differences = np.atleast_2d(_at(t, other[name])) - values
-        rows = [
-            estimate.series(t, *pair, waves=table == "load").total for pair in zip(values, differences, strict=True)
-        ]
+        rows = [estimate.series(t, *pair, errors).total for pair in zip(values, differences, strict=True)]
         total = one.copy(data=np.reshape(rows, one.shape)).assign_attrs(long_name=CONFIDENCE)
         yield f"{name}_uncertainty", total.rename(time=f"{table}_time")
 
