@@ -12,6 +12,7 @@ from tanks import written
 
 from examples.paper.certificate import rows
 from examples.scenes import CLASSES, executed
+from wavetank.base.errors import InputError
 from wavetank.case.reading import read_case
 from wavetank.output.columns import STANDARD_ERROR, Variable, with_standard_error
 from wavetank.output.directory import RunDirectory
@@ -174,6 +175,19 @@ def test_companion_step_is_nine_tenths_of_its_own_stability_limit_if_twice_the_s
     coarse = executed(companion(case, run.dt, run.limit))
     assert run.dt < coarse.dt < 2 * run.dt
     assert coarse.dt == pytest.approx(0.9 * coarse.limit, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    "tank", [{"type": "basin", "depth": 0.5, "layout": {"type": "file", "file": "layout.msh"}}, "ring"]
+)
+def test_companion_of_a_mesh_that_cannot_be_coarser_has_an_order_less(tank):
+    case = steady(20, cells=3)[0] if tank == "ring" else build_case(tank, numerics={"order": 3, "dt": 0.02})
+    coarse = companion(case, 0.02, 1.0)
+    assert coarse.numerics.order == 2 and coarse.cell_size == case.cell_size
+    assert Estimate.of(case, coarse, 0.02).grid == pytest.approx(0.5)
+    lowest = case.model_copy(update={"numerics": case.numerics.model_copy(update={"order": 1})})
+    with pytest.raises(InputError, match="the mesh cannot be coarser, and the order is 1"):
+        companion(lowest, 0.02, 1.0)
 
 
 def test_standard_errors_of_successive_blocks_are_those_of_their_times():
