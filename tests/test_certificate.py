@@ -16,7 +16,7 @@ from wavetank.base.errors import InputError
 from wavetank.case.reading import read_case
 from wavetank.output.columns import STANDARD_ERROR, Variable, with_standard_error
 from wavetank.output.directory import RunDirectory
-from wavetank.planning.companion import companion
+from wavetank.planning.companion import companion, needs_vertical_companion, vertical_companion
 from wavetank.planning.uncertainty import Estimate, at_times, crests
 
 NUMERICS = {"order": 3, "vertical_order": 8, "tolerance": 1e-8}
@@ -72,6 +72,29 @@ def test_each_part_covers_its_error(part, numerics):
     error = np.abs(eta - wave.elevation(wave.crest - wave.speed * t))
     assert np.sqrt(np.mean(getattr(parts, part) ** 2)) > 0.5 * np.sqrt(np.mean(error**2))
     assert np.mean(error <= parts.total) > 0.95
+
+
+def test_crest_height_of_a_low_vertical_order_is_covered():
+    """Its error is in the form of the wave, not in its phase. Oracle: the exact wave."""
+    case, wave = steady(240, cells=16, vertical_order=2)
+    run = executed(case)
+    coarse = companion(case, run.dt, run.limit)
+    t, eta = run.gauges.T
+    other, lower = (at_times(t, *executed(one).gauges.T) for one in (coarse, vertical_companion(coarse)))
+    estimate = Estimate.of(case, coarse, run.dt)
+    parts = estimate.series(t, eta, other - eta, vertical=lower - other)
+    peaks = crests(t, eta, other, estimate.grid, parts)
+    error = np.abs(peaks.height - wave.elevation(wave.crest))
+    assert needs_vertical_companion(case)
+    assert (10 * estimate.grid * np.abs(other - eta).max() < error).all() and (error <= peaks.height_uncertainty).all()
+
+
+def test_shapes_with_kinks_and_low_orders_need_a_vertical_companion():
+    flap = {"type": "flap", "hinge": 0.5, "motion": WALL["motion"]}
+    orders = {"fine": (WALL, 8, False), "low": (WALL, 2, True), "hinged": (flap, 8, True)}
+    for name, (wall, n, needed) in orders.items():
+        case = build_case(TANK, duration=4.0, wall=wall, numerics=QUICK | {"vertical_order": n})
+        assert needs_vertical_companion(case) is needed, name
 
 
 def test_iteration_part_covers_the_error_of_the_solves():
@@ -150,7 +173,8 @@ def test_certificate_is_that_of_one_rank_on_several(path, recorded_on_ranks):
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        ("gauges=[]", "it needs a gauge with 16 times"),
+        ("gauges=[]", "the case has no gauge"),
+        ("run.duration=0.5", "the gauges have 11 rows: at least 16 are needed"),
         ("numerics.cells=2", "the cells or the time step are too coarse"),
     ],
 )
@@ -209,6 +233,31 @@ def test_resumed_run_has_a_certificate_of_all_times_unless_its_numerics_have_cha
     run = RunDirectory(out)
     assert "parts with different numerics" in run.manifest["certificate"]["reason"]
     assert not (out / "certificate.nc").exists()
+
+
+def test_companion_of_a_resumed_run_starts_as_the_run_did(tmp_path, wavetank):
+    case, _ = steady(60, cells=10, certify=True)
+    path = written(tmp_path / "case.toml", case)
+    recorded(path, (), tmp_path / "complete")
+    recorded(path, (f"run.duration={case.run.duration / 2}",), tmp_path / "run")
+    assert wavetank("resume", str(tmp_path / "run"), "--extend", str(case.run.duration / 2)).returncode == 0
+    expected, found = (RunDirectory(tmp_path / name).certificate for name in ("complete", "run"))
+    np.testing.assert_allclose(found.elevation_uncertainty, expected.elevation_uncertainty, rtol=1e-3)
+
+
+def test_gauge_that_is_added_on_resume_has_an_uncertainty_from_then_on(path, tmp_path, wavetank):
+    out = tmp_path / "run"
+    recorded(path, ("run.duration=2",), out)
+    added = "gauges=[1.0, 3.0, 4.0]"
+    assert wavetank("resume", str(out), "--extend", "2", "--set", added).returncode == 0
+    data = RunDirectory(out).certificate.elevation_uncertainty
+    assert data.isel(gauge=2).isnull().values.tolist() == (data.time < 2.0 + 1e-9).values.tolist()
+
+
+def test_crests_of_coarse_samples_are_left_out(path, tmp_path):
+    recorded(path, ("output.gauges_every=4",), tmp_path / "run")
+    data = RunDirectory(tmp_path / "run").certificate
+    assert data.elevation_uncertainty.notnull().all() and not data.crest_height.notnull().any()
 
 
 def test_signal_during_the_companion_ends_it_and_keeps_the_finished_run(path, tmp_path, monkeypatch):

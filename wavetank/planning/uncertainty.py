@@ -34,26 +34,38 @@ SAFETIES = 1.5, 3.0  # k of the first companion, and of the second
 ORDER = 4  # largest order of the grid error
 LOWER_ORDER = 1 / 3  # grid error over the difference of a companion with an order less
 ITERATION = 10.0  # error of the solves over their tolerance
+VERTICAL = 1.5  # uncertainty over the difference of a companion with a vertical order less
 BAND = 0.3, 1.6  # frequencies of free waves over the mean frequency
 PARTS = "grid", "time step", "parameters", "iteration"
 LARGE = 0.3  # rms difference of both records, over the rms, above which grids are too coarse to estimate an error
 TIMES = 1.7  # further factor of the uncertainty of a crest's time
 SHORT = 3.0  # frequency of iteration errors over that of the waves
+AT_REST = 1e-10  # elevation [m]
+FEWEST_SAMPLES = 16  # samples in a period, of which crests are interpolated
 SMOOTH = 5  # degree of the splines between samples
 
 
 class Uncertainty(NamedTuple):
-    """The uncertainty of a record, in its units, shape (T,) each."""
+    """The uncertainty of a record, in its units, shape (T,) each.
+
+    ``height`` is that of crests by the vertical order.
+    """
 
     grid: Vector
     time_step: Vector
     parameters: Vector
     iteration: Vector
+    height: Vector
+
+    @property
+    def parts(self) -> tuple[Vector, Vector, Vector, Vector]:
+        """The parts of U, in the order of ``PARTS``."""
+        return self[:4]
 
     @property
     def total(self) -> Vector:
         """U of all parts."""
-        return np.asarray(np.sqrt(np.sum(np.square(self), axis=0)))
+        return np.asarray(np.sqrt(np.sum(np.square(self.parts), axis=0)))
 
 
 class Estimate(NamedTuple):
@@ -94,12 +106,17 @@ class Estimate(NamedTuple):
         )
 
     def series(
-        self, t: Vector, values: Vector, difference: Vector, errors: tuple[float, float] | None = None
+        self,
+        t: Vector,
+        values: Vector,
+        difference: Vector,
+        errors: tuple[float, float] | None = None,
+        vertical: Vector | None = None,
     ) -> Uncertainty:
         """Return the uncertainty of values at equidistant times t [s], shape (T,) each.
 
         ``difference`` is that of the companion's values, ``errors`` those of the frequency of the waves, default: of
-        the waves in the values.
+        the waves in the values. ``vertical`` is the difference of a companion with a vertical order less.
         """
         variation = values - values.mean()
         width = mean_period(t, variation) / (t[1] - t[0])
@@ -107,7 +124,11 @@ class Estimate(NamedTuple):
         if errors is None:
             errors = self.frequency_errors(t, variation)
         iteration = np.full(t.size, ITERATION * self.tolerance * np.sqrt(np.mean(variation**2)))
-        return Uncertainty(self.grid * _around(difference, width), errors[0] * rate, errors[1] * rate, iteration)
+        grid, time_step, parameters = self.grid * _around(difference, width), errors[0] * rate, errors[1] * rate
+        if vertical is None:
+            return Uncertainty(grid, time_step, parameters, iteration, 0 * grid)
+        lower = VERTICAL * _around(vertical, width)
+        return Uncertainty(grid, time_step, np.maximum(parameters, lower), iteration, lower)
 
     def frequency_errors(self, t: Vector, variation: Vector) -> tuple[float, float]:
         """Return the relative frequency errors of the scheme and of the vertical order for the waves of a record.
@@ -139,7 +160,7 @@ class Crests(NamedTuple):
 
 
 def crests(t: Vector, values: Vector, other: Vector, grid: float, uncertainty: Uncertainty) -> Crests:
-    """Return the largest crest between two zero up-crossings, each, and its uncertainty.
+    """Return the largest crest between two zero up-crossings, each, and its uncertainty; none of coarse samples.
 
     A difference d of the record changes the height of a crest by d and its time by the slope of d over the curvature.
     ``other`` are the companion's values at the same times, ``grid`` is that of ``Estimate``.
@@ -147,8 +168,9 @@ def crests(t: Vector, values: Vector, other: Vector, grid: float, uncertainty: U
     variation = values - values.mean()
     ups = np.flatnonzero((variation[:-1] < 0) & (variation[1:] >= 0))
     pairs = zip(ups[:-1], ups[1:], strict=True)
-    highest = np.array([first + np.argmax(values[first:last]) for first, last in pairs], dtype=int)
     period, dt = mean_period(t, variation), t[1] - t[0]
+    resolved = period >= FEWEST_SAMPLES * dt
+    highest = np.array([first + np.argmax(values[first:last]) for first, last in pairs if resolved], dtype=int)
     spline = make_interp_spline(t, values, SMOOTH)
     time, height = _maxima(spline, t[highest], dt)
 
@@ -163,7 +185,7 @@ def crests(t: Vector, values: Vector, other: Vector, grid: float, uncertainty: U
         time,
         height,
         np.sqrt(late**2 + (phase**2 + (SHORT * noise) ** 2) / np.maximum(rate, 1e-300) ** 2),
-        np.hypot(there(_around(difference, 0.5 * period / dt)), noise),
+        np.sqrt(there(_around(difference, 0.5 * period / dt)) ** 2 + noise**2 + there(uncertainty.height) ** 2),
     )
 
 
@@ -187,9 +209,12 @@ def mean_period(t: Vector, variation: Vector) -> float:
 
 
 def too_coarse(values: Sequence[Vector], differences: Sequence[Vector]) -> bool:
-    """Return whether the largest rms difference exceeds ``LARGE`` of the largest rms."""
+    """Return whether the largest rms difference, or uncertainty, exceeds ``LARGE`` of the largest rms.
+
+    Elevations below ``AT_REST`` are rounding errors.
+    """
     size, off = (max(float(np.sqrt(np.mean(one**2))) for one in several) for several in (values, differences))
-    return off > LARGE * size
+    return off > max(LARGE * size, AT_REST)
 
 
 def _around(values: Vector, width: float) -> Vector:
