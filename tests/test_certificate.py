@@ -160,6 +160,15 @@ def test_uncertainty_of_forces_and_energies_covers_their_errors(tmp_path):
         assert float(np.mean(error.values <= run.certificate[f"{name}_uncertainty"].values)) > 0.9
 
 
+def test_damaged_certificate_is_an_error_with_its_name(path, tmp_path):
+    recorded(path, (), tmp_path / "run")
+    file = tmp_path / "run" / "certificate.nc"
+    for content in (b"", b"text", file.read_bytes()[:200]):
+        file.write_bytes(content)
+        with pytest.raises(InputError, match="certificate.nc: is damaged"):
+            _ = RunDirectory(tmp_path / "run").certificate
+
+
 def test_option_certifies_a_case_that_does_not_ask_for_it(path, tmp_path, wavetank):
     said = wavetank("run", str(path), "--set", "numerics.certify=false", "--certify", "--out", str(tmp_path / "run"))
     assert said.returncode == 0 and (tmp_path / "run" / "certificate.nc").exists()
@@ -176,10 +185,11 @@ def test_certificate_is_that_of_one_rank_on_several(path, recorded_on_ranks):
         ("gauges=[]", "the case has no gauge"),
         ("run.duration=0.5", "the gauges have 11 rows: at least 16 are needed"),
         ("numerics.cells=2", "the cells or the time step are too coarse"),
+        ("numerics.cells=5 numerics.order=2", "the uncertainty exceeds 30% of the waves"),
     ],
 )
 def test_unresolved_uncertainty_is_stated_with_its_reason(path, tmp_path, change, reason):
-    recorded(path, (change,), tmp_path / "run")
+    recorded(path, tuple(change.split()), tmp_path / "run")
     run = RunDirectory(tmp_path / "run")
     assert run.status == "finished" and reason in run.manifest["certificate"]["reason"]
     assert reason in (run.path / "run.log").read_text() and not (run.path / "certificate.nc").exists()
@@ -235,6 +245,15 @@ def test_resumed_run_has_a_certificate_of_all_times_unless_its_numerics_have_cha
     assert not (out / "certificate.nc").exists()
 
 
+def test_run_that_is_certified_on_resume_equals_the_uninterrupted_one_bit_for_bit(path, tmp_path, wavetank):
+    recorded(path, ("run.duration=3",), tmp_path / "complete")
+    recorded(path, ("run.duration=2", "numerics.certify=false"), tmp_path / "run")
+    more = "--extend", "1", "--set", "numerics.certify=true"
+    assert wavetank("resume", str(tmp_path / "run"), *more).returncode == 0
+    complete, resumed = (tmp_path / name / "gauges.csv" for name in ("complete", "run"))
+    assert resumed.read_bytes() == complete.read_bytes() and (tmp_path / "run" / "certificate.nc").exists()
+
+
 def test_companion_of_a_resumed_run_starts_as_the_run_did(tmp_path, wavetank):
     case, _ = steady(60, cells=10, certify=True)
     path = written(tmp_path / "case.toml", case)
@@ -252,6 +271,11 @@ def test_gauge_that_is_added_on_resume_has_an_uncertainty_from_then_on(path, tmp
     assert wavetank("resume", str(out), "--extend", "2", "--set", added).returncode == 0
     data = RunDirectory(out).certificate.elevation_uncertainty
     assert data.isel(gauge=2).isnull().values.tolist() == (data.time < 2.0 + 1e-9).values.tolist()
+
+
+def test_rounding_errors_of_still_water_are_no_difference(path, tmp_path):
+    recorded(path, ("wall.motion={type='at-rest'}",), tmp_path / "run")
+    assert float(RunDirectory(tmp_path / "run").certificate.elevation_uncertainty.max()) < 1e-12
 
 
 def test_crests_of_coarse_samples_are_left_out(path, tmp_path):

@@ -5,6 +5,7 @@ last is the actual error.
 """
 
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,15 @@ from examples.scenes import CLASSES, Recorded, executed, refined, scene
 from wavetank.base.errors import WavetankError
 from wavetank.planning.companion import RATIOS, companion, needs_vertical_companion, vertical_companion
 from wavetank.planning.plan import planned
-from wavetank.planning.uncertainty import SAFETIES, Estimate, at_times, crests, crests_about, too_coarse
+from wavetank.planning.uncertainty import (
+    SAFETIES,
+    Estimate,
+    TooCoarseError,
+    at_times,
+    crests,
+    crests_about,
+    gauge_uncertainties,
+)
 
 PER_CLASS = 8  # cases of each class
 
@@ -53,19 +62,18 @@ def rows(kind: str, seed: int) -> Iterator[Row]:
         coarse = companion(case, run.dt, run.limit, ratio)
         try:
             other = executed(coarse)
+            lower = executed(vertical_companion(coarse)) if needs_vertical_companion(case) else None
         except WavetankError:
             return
         t, *values = run.gauges[run.gauges[:, 0] <= min(one.gauges[-1, 0] for one in (run, other, exact)) + 1e-9].T
-        theirs, true = (_at(t, one) for one in (other, exact))
-        if not too_coarse(values, [that - one for one, that in zip(values, theirs, strict=True)]):
-            estimate = Estimate.of(case, coarse, run.dt, safety=safety)
-            lower = executed(vertical_companion(coarse)) if needs_vertical_companion(case) else None
+        theirs, estimate = _at(t, other), Estimate.of(case, coarse, run.dt, safety=safety)
+        with suppress(TooCoarseError):
+            several = gauge_uncertainties(t, np.array(values), theirs, lower and _at(t, lower), estimate)
             break
     else:
         return
-    vertical = [None] * len(values) if lower is None else [a - b for a, b in zip(_at(t, lower), theirs, strict=True)]
-    for number, (one, that, actual, order) in enumerate(zip(values, theirs, true, vertical, strict=True)):
-        uncertainty = estimate.series(t, one, that - one, vertical=order)
+    for number, row in enumerate(zip(values, theirs, _at(t, exact), several, strict=True)):
+        one, that, actual, uncertainty = row
         error, size = np.abs(one - actual), np.std(actual)
         peaks = crests(t, one, that, estimate.grid, uncertainty)
         time, height = crests_about(t, actual, peaks.time)
@@ -82,8 +90,8 @@ def rows(kind: str, seed: int) -> Iterator[Row]:
         )
 
 
-def _at(t: np.ndarray, run: Recorded) -> list[np.ndarray]:
-    return [at_times(t, run.gauges[:, 0], one) for one in run.gauges.T[1:]]
+def _at(t: np.ndarray, run: Recorded) -> np.ndarray:
+    return at_times(t, run.gauges[:, 0], run.gauges[:, 1:]).T
 
 
 def write(report: Report) -> None:

@@ -179,9 +179,14 @@ PEAK_POWER = 4  # power of S in the weighted peak frequency: I. R. Young, Ocean 
 
 def mean_period(eta: DataArray) -> float:
     """Return the mean time [s] between zero up-crossings of the mean level, over all gauges."""
-    values = (eta - eta.mean("time")).values
-    ups = np.count_nonzero((values[..., :-1] < 0) & (values[..., 1:] >= 0), axis=-1)
-    return float((eta.time[-1] - eta.time[0]) / max(np.mean(ups), 1))
+    return crossing_period(eta.time.values, eta.transpose(..., "time").values)
+
+
+def crossing_period(t: Array, values: Array) -> float:
+    """Return the mean time between zero up-crossings of values, shape (..., T), at times t [s]; at most all of it."""
+    variation = values - values.mean(axis=-1, keepdims=True)
+    ups = np.count_nonzero((variation[..., :-1] < 0) & (variation[..., 1:] >= 0), axis=-1)
+    return float((t[-1] - t[0]) / max(np.mean(ups), 1))
 
 
 def samples(eta: DataArray, segment: float | None = None) -> int:

@@ -203,12 +203,16 @@ class RunDirectory:
     def certificate(self) -> "xarray.Dataset":
         """The numerical uncertainty of the records at a confidence of 95 %; see ``recording/certify.py``.
 
-        Raises ``InputError`` without certificate.
+        Raises ``InputError`` without certificate, and for a damaged one.
         """
         from xarray import load_dataset
 
         with self._reading(CERTIFICATE), open_regular(self.path / CERTIFICATE) as file:
-            return load_dataset(BytesIO(file.read()), engine="scipy")
+            content = BytesIO(file.read())
+        try:
+            return load_dataset(content, engine="scipy")
+        except (TypeError, ValueError, KeyError, OSError, IndexError) as error:
+            raise InputError(f"{self.path / CERTIFICATE}: is damaged ({error}).") from None
 
     @property
     def surface(self) -> "xarray.Dataset":

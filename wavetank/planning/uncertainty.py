@@ -2,15 +2,15 @@
 
 The parts are those of ITTC 7.5-03-01-01, U² = U_I² + U_G² + U_T² + U_P², each at a confidence of 95 %:
 
-    grid        U_G = k max |S_c - S| / (r^q - 1)     r: size of the companion's cells over that of the run's
+    grid        U_G = k max |S_c - S| / (r^q - 1)      r: size of the companion's cells over that of the run's
     time step   U_T = t max |dS/dt| e_T                e_T: relative frequency error of the scheme
     parameters  U_P = t max |dS/dt| e_P                e_P: that of the vertical order
     iteration   U_I = 10 tolerance S_rms
 
 max is the largest value within half a period on both sides. The order q of the grid error is p, at most 4. Products of
 waves are represented with order p + 1, but harmonics resonate with branches of the mesh: the observed order of p = 3
-varies between 2 and 4, that of p = 4 and 5 is about 4 (docs/accuracy.md).
-The companion's time step is longer, so that S_c - S contains fifteen times the error of the time step, which U_T
+varies between 2 and 6, that of p = 4 and 5 is about 4 (docs/accuracy.md).
+The companion's time step is longer, so that S_c - S contains up to fifteen times the error of the time step, which U_T
 estimates by linear theory: no wave in a record is older than the run. Frequency errors are means over the waves around
 the mean frequency, weighted with the energy of dS/dt. With a companion of a vertical order less, S_v, U_P is at least
 1.5 max |S_v - S_c|: the order changes forms and amplitudes, too.
@@ -18,14 +18,15 @@ the mean frequency, weighted with the energy of dS/dt. With a companion of a ver
 k = 1.5 was chosen so that the uncertainty exceeds 95 % of the errors in 70 random cases; 3 for the second companion.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
 from scipy.ndimage import maximum_filter1d
 
+from wavetank.analysis.signals import crossing_period
 from wavetank.base.arrays import Vector
+from wavetank.base.errors import WavetankError
 from wavetank.case import Case
 from wavetank.integrators import INTEGRATORS
 from wavetank.planning.dispersion import Mesh, UniformCells, step_errors
@@ -38,12 +39,20 @@ ITERATION = 10.0  # error of the solves over their tolerance
 VERTICAL = 1.5  # uncertainty over the difference of a companion with a vertical order less
 BAND = 0.3, 1.6  # frequencies of free waves over the mean frequency
 PARTS = "grid", "time step", "parameters", "iteration"
-LARGE = 0.3  # rms difference of both records, over the rms, above which grids are too coarse to estimate an error
+LARGE = 0.3  # largest rms of a difference or an uncertainty over that of the elevation
 TIMES = 1.7  # further factor of the uncertainty of a crest's time
 SHORT = 3.0  # frequency of iteration errors over that of the waves
 AT_REST = 1e-10  # elevation [m]
 FEWEST_SAMPLES = 16  # samples in a period, of which crests are interpolated
 SMOOTH = 5  # degree of the splines between samples
+
+
+class NotResolvedError(WavetankError):
+    """The uncertainty of a run is unknown."""
+
+
+class TooCoarseError(NotResolvedError):
+    """The difference from the companion, or the uncertainty, is too large."""
 
 
 class Uncertainty(NamedTuple):
@@ -120,7 +129,7 @@ class Estimate(NamedTuple):
         the waves in the values. ``vertical`` is the difference of a companion with a vertical order less.
         """
         variation = values - values.mean()
-        width = mean_period(t, variation) / (t[1] - t[0])
+        width = crossing_period(t, values) / (t[1] - t[0])
         rate = t * _around(np.gradient(values, t), width)
         if errors is None:
             errors = self.frequency_errors(t, variation)
@@ -130,6 +139,19 @@ class Estimate(NamedTuple):
             return Uncertainty(grid, time_step, parameters, iteration, 0 * grid)
         lower = VERTICAL * _around(vertical, width)
         return Uncertainty(grid, time_step, np.maximum(parameters, lower), iteration, lower)
+
+    def several(
+        self,
+        t: Vector,
+        values: Vector,
+        coarse: Vector,
+        lower: Vector | None,
+        errors: tuple[float, float] | None = None,
+    ) -> list[Uncertainty]:
+        """Return the uncertainty of several records at times t [s]; see ``series`` and ``gauge_uncertainties``."""
+        vertical = [None] * len(values) if lower is None else lower - coarse
+        records = zip(values, coarse - values, vertical, strict=True)
+        return [self.series(t, own, difference, errors, order) for own, difference, order in records]
 
     def frequency_errors(self, t: Vector, variation: Vector) -> tuple[float, float]:
         """Return the relative frequency errors of the scheme and of the vertical order for the waves of a record.
@@ -169,7 +191,7 @@ def crests(t: Vector, values: Vector, other: Vector, grid: float, uncertainty: U
     variation = values - values.mean()
     ups = np.flatnonzero((variation[:-1] < 0) & (variation[1:] >= 0))
     pairs = zip(ups[:-1], ups[1:], strict=True)
-    period, dt = mean_period(t, variation), t[1] - t[0]
+    period, dt = crossing_period(t, values), t[1] - t[0]
     resolved = period >= FEWEST_SAMPLES * dt
     highest = np.array([first + np.argmax(values[first:last]) for first, last in pairs if resolved], dtype=int)
     spline = make_interp_spline(t, values, SMOOTH)
@@ -192,7 +214,7 @@ def crests(t: Vector, values: Vector, other: Vector, grid: float, uncertainty: U
 
 def crests_about(t: Vector, values: Vector, about: Vector) -> tuple[Vector, Vector]:
     """Return times and heights of the crests of a record within a quarter of a period of given times, shape (N,)."""
-    spline, period = make_interp_spline(t, values, SMOOTH), mean_period(t, values - values.mean())
+    spline, period = make_interp_spline(t, values, SMOOTH), crossing_period(t, values)
     within = np.clip(np.linspace(-0.25, 0.25, 101) * period + about[:, None], t[0], t[-1])
     start = within[np.arange(about.size), np.argmax(spline(within), axis=1)]
     return _maxima(spline, start, 0.005 * period)
@@ -203,18 +225,31 @@ def at_times(t: Vector, other_t: Vector, other: Vector) -> Vector:
     return np.asarray(make_interp_spline(other_t, other, SMOOTH)(t))
 
 
-def mean_period(t: Vector, variation: Vector) -> float:
-    """Return the mean time [s] between zero up-crossings; the duration if there is at most one."""
-    ups = np.count_nonzero((variation[:-1] < 0) & (variation[1:] >= 0))
-    return float((t[-1] - t[0]) / max(ups, 1))
+def gauge_uncertainties(
+    t: Vector, values: Vector, coarse: Vector, lower: Vector | None, estimate: Estimate
+) -> list[Uncertainty]:
+    """Return the uncertainty of each gauge; raises ``TooCoarseError`` if it is unknown.
 
-
-def too_coarse(values: Sequence[Vector], differences: Sequence[Vector]) -> bool:
-    """Return whether the largest rms difference, or uncertainty, exceeds ``LARGE`` of the largest rms.
-
-    Elevations below ``AT_REST`` are rounding errors.
+    Parameters
+    ----------
+    t, values
+        Times [s], shape (T,), and elevations of the gauges [m], shape (N, T).
+    coarse, lower
+        Elevations of the companion, and of that with a vertical order less or None, at the same times.
+    estimate
+        The estimate.
     """
-    size, off = (max(float(np.sqrt(np.mean(one**2))) for one in several) for several in (values, differences))
+    if _too_large(values, coarse - values):
+        raise TooCoarseError("the companion run differs too much: the cells or the time step are too coarse")
+    result = estimate.several(t, values, coarse, lower)
+    if _too_large(values, np.array([one.total for one in result])):
+        raise TooCoarseError(f"the uncertainty exceeds {LARGE:.0%} of the waves")
+    return result
+
+
+def _too_large(values: Vector, others: Vector) -> bool:
+    """Return whether the largest rms of others exceeds ``LARGE`` of that of elevations, and rounding errors."""
+    size, off = (float(np.sqrt(np.mean(several**2, axis=1)).max()) for several in (values, others))
     return off > max(LARGE * size, AT_REST)
 
 

@@ -19,7 +19,16 @@ from wavetank.integrators import INTEGRATORS
 from wavetank.output.columns import energy_columns, gauge_columns, load_columns, station_variables, time_variables
 from wavetank.output.directory import RunDirectory
 from wavetank.planning.companion import RATIOS, companion, needs_vertical_companion, vertical_companion
-from wavetank.planning.uncertainty import LARGE, PARTS, SAFETIES, Estimate, at_times, crests, too_coarse
+from wavetank.planning.uncertainty import (
+    PARTS,
+    SAFETIES,
+    Estimate,
+    NotResolvedError,
+    TooCoarseError,
+    at_times,
+    crests,
+    gauge_uncertainties,
+)
 from wavetank.recording.log import RecordedRun
 from wavetank.simulation.build import ANSWERED, build_run
 from wavetank.simulation.case_diagnostics import build_observers
@@ -56,14 +65,6 @@ class Companions(NamedTuple):
     lower: RunRecords | None
     estimate: Estimate
     cpu: float
-
-
-class NotResolvedError(WavetankError):
-    """The uncertainty of a run is unknown."""
-
-
-class TooCoarseError(NotResolvedError):
-    """The difference from the companion is too large to estimate an error."""
 
 
 def certify(recorded: RecordedRun, path: Path, stop: Callable[[Block], None]) -> list[str]:
@@ -155,26 +156,17 @@ def certificate(path: Path, others: Companions) -> Dataset:
     t = gauges.time.values
     if min(t.size, coarse.gauges.sizes["time"]) < FEWEST:
         raise NotResolvedError(f"the gauges have {t.size} rows: at least {FEWEST} are needed")
-    theirs = _at(t, coarse.gauges.elevation)
-    pairs = list(zip(gauges.values, theirs, strict=True))
-    if too_coarse([*gauges.values], [that - one for one, that in pairs]):
-        raise TooCoarseError("the companion run differs too much: the cells or the time step are too coarse")
-    errors = [estimate.frequency_errors(t, one - one.mean()) for one in gauges.values]
-    vertical = [None] * len(pairs) if lower is None else [*(_at(t, lower.gauges.elevation) - theirs)]
-    several = [
-        estimate.series(t, one, that - one, error, order)
-        for (one, that), error, order in zip(pairs, errors, vertical, strict=True)
-    ]
-    if too_coarse([*gauges.values], [one.total for one in several]):
-        raise TooCoarseError(f"the uncertainty exceeds {LARGE:.0%} of the waves")
-    largest = max(first for first, _ in errors), max(second for _, second in errors)
+    own, theirs = gauges.values, _at(t, coarse.gauges.elevation)
+    of_lower = None if lower is None else _at(t, lower.gauges.elevation)
+    several = gauge_uncertainties(t, own, theirs, of_lower, estimate)
+    scheme, vertical = np.max([estimate.frequency_errors(t, one - one.mean()) for one in own], axis=0)
     total = gauges.copy(data=[one.total for one in several])
     total = total.reindex(time=run.gauges.time).assign_attrs(units="m", long_name=CONFIDENCE)
     result["elevation_uncertainty"] = total
     result["elevation_rms"] = (gauges**2).mean("time") ** 0.5
     rms = [[np.sqrt(np.mean(part**2)) for part in one.parts] for one in several]
     result["part_rms"] = DataArray(np.transpose(rms), {"part": list(PARTS)}, ("part", "gauge"), attrs={"units": "m"})
-    peaks = [crests(t, *pair, estimate.grid, u) for pair, u in zip(pairs, several, strict=True)]
+    peaks = [crests(t, one, other, estimate.grid, u) for one, other, u in zip(own, theirs, several, strict=True)]
     most = max(1, *(one.time.size for one in peaks))  # NetCDF has no dimension of size 0
     for name, units in (("time", "s"), ("height", "m"), ("time_uncertainty", "s"), ("height_uncertainty", "m")):
         rows = [np.pad(getattr(one, name), (0, most - one.time.size), constant_values=np.nan) for one in peaks]
@@ -182,7 +174,7 @@ def certificate(path: Path, others: Companions) -> Dataset:
     tables = {"energy": run.energy} | ({"loads": run.loads} if coarse.loads else {})
     for name, data in tables.items():
         pair = getattr(coarse, name), lower and getattr(lower, name)
-        result = result.assign(dict(_of_table(data, *pair, name.removesuffix("s"), estimate, largest)))
+        result = result.assign(dict(_of_table(data, *pair, name.removesuffix("s"), estimate, (scheme, vertical))))
     return result
 
 
@@ -201,10 +193,9 @@ def _of_table(
     data = data.dropna("time")
     t = data.time.values
     for name, one in data.items() if min(t.size, coarse.sizes["time"]) >= FEWEST else ():
-        values, theirs = np.atleast_2d(one.values), np.atleast_2d(_at(t, coarse[name]))
-        vertical = [None] * len(values) if lower is None else [*(np.atleast_2d(_at(t, lower[name])) - theirs)]
-        pairs = zip(values, theirs - values, vertical, strict=True)
-        rows = [estimate.series(t, own, other, errors, order).total for own, other, order in pairs]
+        several = None if lower is None else np.atleast_2d(_at(t, lower[name]))
+        values, theirs = np.atleast_2d(one.values, _at(t, coarse[name]))
+        rows = [u.total for u in estimate.several(t, values, theirs, several, errors)]
         total = one.copy(data=np.reshape(rows, one.shape)).assign_attrs(long_name=CONFIDENCE)
         yield f"{name}_uncertainty", total.rename(time=f"{table}_time")
 

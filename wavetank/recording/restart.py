@@ -30,6 +30,7 @@ from wavetank.simulation.construction import AnyWaves
 from wavetank.simulation.initial import StoredSurface, differences
 from wavetank.simulation.run import Run
 
+UNCHANGING = {"certify"}  # keys of the numerics that do not change the run
 FREE = {("title",), ("run", "duration"), ("run", "checkpoint_every"), ("run", "on_breaking")}
 ALL_OF = {"gauges": "all_gauges", "probes": "probes", "loads": "loads", "windows": "windows"}  # may be extended
 CHANGED = {*Numerics.model_fields, "on_breaking"}
@@ -109,7 +110,7 @@ class Restart:
             output = output.model_copy(update={"surface_every": self._chosen.surface_every})
         case = requested.model_copy(update={"water": water, "output": output})
         mine, its = requested.numerics, self._before.numerics
-        same = mine.model_dump() == its.model_dump()
+        same = mine.model_dump(exclude=UNCHANGING) == its.model_dump(exclude=UNCHANGING)
         self.anew = not same or requested.run.on_breaking != self._before.run.on_breaking
         if self.anew and requested.run.duration <= self.about["t"] * (1 + 1e-9):
             allowed = f"must be more than {self.about['t']:g} s, the time of the run; --extend SECONDS adds to it"
