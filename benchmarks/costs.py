@@ -15,8 +15,8 @@ from wavetank.base.arrays import Vector
 from wavetank.case import Case
 from wavetank.integrators import INTEGRATORS
 from wavetank.planning.cost import CONSTANTS, KINDS, features, step_costs
-from wavetank.planning.report import STEPS, WARM_UP, step_time
 from wavetank.planning.resolution import MAX_TOLERANCE
+from wavetank.planning.timing import STEPS, WARM_UP, step_time
 from wavetank.simulation.build import initial_state
 from wavetank.simulation.case_diagnostics import build_observers
 from wavetank.simulation.clock import Clock

@@ -124,6 +124,9 @@ def run(
     certify: Annotated[
         bool, typer.Option("--certify", help="estimate the numerical uncertainty; same as numerics.certify=true")
     ] = False,
+    budget: Annotated[
+        float | None, typer.Option(metavar="SECONDS", help="largest CPU time, of all runs for an accuracy", min=0.1)
+    ] = None,
 ) -> None:
     """Run a case; also under mpirun."""
     if case_file is None:
@@ -136,11 +139,12 @@ def run(
     overrides = [*(overrides or []), *(["numerics.certify=true"] if certify else [])]
     case = read_case(case_file, overrides)
     place = OutputPath.of(out, Path("runs") / case_file.stem, overwrite=overwrite or resume)
-    from wavetank.recording import record_run
+    from wavetank.recording.accuracy import record_to_accuracy
 
     with located(case_file, overrides):
-        draw = _draw if plots else None
-        record_run(case, place, comm=MPI.COMM_WORLD, console=console(), draw=draw, accept_cost=yes, resume=resume)
+        draw, terminal = _draw if plots else None, console()
+        options = {"draw": draw, "accept_cost": yes}
+        record_to_accuracy(case, place, comm=MPI.COMM_WORLD, console=terminal, budget=budget, resume=resume, **options)
 
 
 @may_execute

@@ -13,11 +13,12 @@ from mpi4py import MPI
 
 from examples.paper.report import Report
 from examples.scenes import CLASSES, Recorded, executed, refined, scene
+from wavetank.base.arrays import Vector
 from wavetank.base.errors import WavetankError
-from wavetank.planning.companion import RATIOS, companion, needs_vertical_companion, vertical_companion
+from wavetank.planning.companion import companion_cases
 from wavetank.planning.plan import planned
 from wavetank.planning.uncertainty import (
-    SAFETIES,
+    CompanionValues,
     Estimate,
     TooCoarseError,
     at_times,
@@ -27,6 +28,7 @@ from wavetank.planning.uncertainty import (
 )
 
 PER_CLASS = 8  # cases of each class
+COVERED = "samples", "heights", "times", "harmonics"
 
 
 class Row(NamedTuple):
@@ -36,8 +38,8 @@ class Row(NamedTuple):
     ----------
     error, uncertainty
         Root mean squares over that of the elevation [-].
-    samples, heights, times
-        Parts of samples, crest heights and crest times whose error is at most the uncertainty.
+    samples, heights, times, harmonics
+        Parts of samples, crest heights, crest times and harmonic amplitudes whose error is at most the uncertainty.
     cost
         CPU time of the companions over that of the run.
     """
@@ -50,33 +52,37 @@ class Row(NamedTuple):
     samples: float
     heights: float
     times: float
+    harmonics: float
     cost: float
 
 
 def rows(kind: str, seed: int) -> Iterator[Row]:
-    """Yield a row for each gauge of a case; none if the uncertainty is not resolved."""
+    """Yield a row for each gauge of a case; none if a wave breaks or the uncertainty is not resolved."""
     case = planned(scene(kind, seed), MPI.COMM_SELF).case
-    run = executed(case)
-    exact = executed(refined(case, run.dt))
-    for ratio, safety in zip(RATIOS, SAFETIES, strict=True):
-        coarse = companion(case, run.dt, run.limit, ratio)
+    try:
+        run = executed(case)
+        exact = executed(refined(case, run.dt))
+    except WavetankError:  # a wave breaks
+        return
+    for cases in companion_cases(case, run.dt, run.limit):
         try:
-            other = executed(coarse)
-            lower = executed(vertical_companion(coarse)) if needs_vertical_companion(case) else None
+            runs = [one and executed(one) for one in cases[:3]]
         except WavetankError:
             return
-        t, *values = run.gauges[run.gauges[:, 0] <= min(one.gauges[-1, 0] for one in (run, other, exact)) + 1e-9].T
-        theirs, estimate = _at(t, other), Estimate.of(case, coarse, run.dt, safety=safety)
+        used = [one for one in runs if one]
+        t, *values = run.gauges[run.gauges[:, 0] <= min(one.gauges[-1, 0] for one in (run, exact, *used)) + 1e-9].T
+        companions, estimate = CompanionValues(*(one and _at(t, one) for one in runs)), Estimate.of(case, cases, run.dt)
         with suppress(TooCoarseError):
-            several = gauge_uncertainties(t, np.array(values), theirs, lower and _at(t, lower), estimate)
+            several = gauge_uncertainties(t, np.array(values), companions, estimate)
             break
     else:
         return
-    for number, row in enumerate(zip(values, theirs, _at(t, exact), several, strict=True)):
-        one, that, actual, uncertainty = row
+    for number, row in enumerate(zip(values, companions.each(), _at(t, exact), several, strict=True)):
+        one, theirs, actual, uncertainty = row
         error, size = np.abs(one - actual), np.std(actual)
-        peaks = crests(t, one, that, estimate.grid, uncertainty)
+        peaks = crests(t, one, uncertainty)
         time, height = crests_about(t, actual, peaks.time)
+        waves = _harmonics(t, one, actual, theirs, estimate, case.regular_period)
         yield Row(
             kind,
             seed,
@@ -86,11 +92,22 @@ def rows(kind: str, seed: int) -> Iterator[Row]:
             float(np.mean(error <= uncertainty.total)),
             float(np.mean(np.abs(height - peaks.height) <= peaks.height_uncertainty)) if time.size else np.nan,
             float(np.mean(np.abs(time - peaks.time) <= peaks.time_uncertainty)) if time.size else np.nan,
-            (other.cpu + (lower.cpu if lower else 0.0)) / run.cpu,
+            waves,
+            sum(one.cpu for one in used) / run.cpu,
         )
 
 
-def _at(t: np.ndarray, run: Recorded) -> np.ndarray:
+def _harmonics(
+    t: Vector, one: Vector, actual: Vector, companions: CompanionValues, estimate: Estimate, period: float | None
+) -> float:
+    """Return the part of harmonic amplitudes that are covered; nan without regular waves."""
+    if period is None or period > t[-1] - t[0]:
+        return np.nan
+    own, exact = (estimate.harmonics(t, record, companions, period) for record in (one, actual))
+    return float(np.mean(np.abs(own.amplitude - exact.amplitude) <= own.amplitude_uncertainty))
+
+
+def _at(t: Vector, run: Recorded) -> Vector:
     return at_times(t, run.gauges[:, 0], run.gauges[:, 1:]).T
 
 
@@ -99,7 +116,17 @@ def write(report: Report) -> None:
     every = [row for n in range(PER_CLASS) for kind in CLASSES for row in rows(kind, report.seed + n)]
     report.table("gauges", Row._fields, every)
     groups = {kind: [row for row in every if row.kind == kind] for kind in CLASSES} | {"all": every}
-    columns = "class", "cases", "gauges", "samples", "crest heights", "crest times", "uncertainty / error", "cost"
+    columns = (
+        "class",
+        "cases",
+        "gauges",
+        "samples",
+        "crest heights",
+        "crest times",
+        "harmonics",
+        "uncertainty / error",
+        "cost",
+    )
     report.table("coverage", columns, [_coverage(kind, group) for kind, group in groups.items() if group])
     with report.figure("coverage", 7, 6) as figure:
         axes = figure.subplots()
@@ -113,7 +140,8 @@ def write(report: Report) -> None:
 
 
 def _coverage(kind: str, group: list[Row]) -> tuple[object, ...]:
-    mean = [float(np.nanmean([getattr(row, name) for row in group])) for name in ("samples", "heights", "times")]
+    parts = ([getattr(row, name) for row in group] for name in COVERED)
+    mean = [np.nan if np.isnan(part).all() else float(np.nanmean(part)) for part in parts]
     cases = len({(row.kind, row.seed) for row in group})
     ratio, cost = (
         float(np.median(one)) for one in ([row.uncertainty / row.error for row in group], [row.cost for row in group])

@@ -111,6 +111,12 @@ class Case(CaseModel):
         """The periods [s] of the driven walls in ``paddles``; those that only absorb have none."""
         return tuple(period for paddle in self.paddles if (period := paddle.period) is not None)
 
+    @property
+    def regular_period(self) -> float | None:
+        """The period [s] of all paddle motions; None if there is no motion, or none of one period."""
+        periods = {paddle.wall.motion.regular_period(self.tank) for paddle in self.paddles if paddle.motion().moves}
+        return periods.pop() if len(periods) == 1 else None
+
     def motion(self) -> motions.Motion:
         """Return the checked motion of the wall at x = 0; raises ``CaseError`` as ``EndWall.motion``."""
         return self.ends[0].motion()

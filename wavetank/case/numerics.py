@@ -34,6 +34,7 @@ else:
     IntegratorName = Literal[tuple(SCHEMES)]
 
 
+Quantity = Literal["gauges", "crest", "surface", "harmonics", "loads"]
 STEP_KEYS = frozenset(
     {"cells", "cell_size", "order", "vertical_order", "integrator"}
 )  # keys on which the time step depends
@@ -78,8 +79,18 @@ class Numerics(CaseModel):
     certify: bool = Field(
         default=False, description="whether a companion run on coarser numerics estimates the numerical uncertainty"
     )
+    accuracy_of: Quantity | None = Field(
+        default=None,
+        description="quantity whose numerical uncertainty must not exceed the accuracy; a run above it is repeated "
+        "with finer numerics; default: the run is not repeated",
+    )
 
     _one_size = one_of("cells", "cell_size", needed=False)
+
+    @property
+    def certified(self) -> bool:
+        """Whether the numerical uncertainty of the run is estimated."""
+        return self.certify or self.accuracy_of is not None
 
     @property
     def open(self) -> bool:
@@ -96,16 +107,24 @@ class Numerics(CaseModel):
             changes = {"dt": None} | changes
         return base.model_copy(update=changes)
 
-    def without_integrator(self) -> "Numerics":
-        """Return the same numerics with the default integrator."""
-        return Numerics(**{key: getattr(self, key) for key in self.model_fields_set - {"integrator"}})
+    def without(self, key: str) -> "Numerics":
+        """Return the same numerics with the default of a key."""
+        return Numerics(**{name: getattr(self, name) for name in self.model_fields_set - {key}})
 
     def checks(self, end: Context) -> Iterator[Check]:
-        """Yield that a number of cells belongs to a tank of cells along x, and is large enough."""
+        """Yield the conditions of the number of cells and of the quantity with an accuracy."""
         if self.cells is not None:
             along, fewest = not isinstance(end.tank, BasinTank), end.tank.fewest_cells
             yield "cells", along, "must be left out: numerics.cell_size is a basin's key"
             yield "cells", self.cells >= fewest, f"must be at least {fewest} in a {end.tank.type}"
+        if self.accuracy_of is not None:
+            yield "accuracy_of", bool(end.case.all_gauges), "needs a gauge"
+            missing = {
+                "surface": "needs a slice or a ring" if isinstance(end.tank, BasinTank) else "",
+                "harmonics": "" if end.case.regular_period else "needs a paddle motion of one period",
+                "loads": "" if end.case.loads else "needs a table [[loads]]",
+            }.get(self.accuracy_of, "")
+            yield "accuracy_of", not missing, missing
 
     def cell_size_in(self, tank: AnyTank) -> float:
         """Return the approximate size of a cell [m], default: a part of the depth."""

@@ -76,6 +76,10 @@ class MotionModel(CaseModel):
         """Return the order of generation, default resolved, and why it is linear by default in nonlinear water."""
         return None, ""
 
+    def regular_period(self, tank: AnyTank) -> float | None:
+        """Return the period [s] of a motion of one period; None for others."""
+        return None
+
     def problem(self, wall: str, keys: Sequence[str], allowed: str) -> Problem:
         """Return a problem of the motion of a wall at the first of some keys, or of its values, that is set."""
         key = next(key for key in (*keys, *VALUES, "type") if getattr(self, key, None) is not None)
@@ -490,6 +494,10 @@ class RegularMotion(MadeWaves):
 
     _one_period = one_of("period", "frequency", "wave_length")
 
+    def regular_period(self, tank: AnyTank) -> float:
+        """Return the period [s]."""
+        return 1.0 / self.frequency_in(tank)
+
     def frequency_in(self, tank: AnyTank) -> float:
         """Return the frequency [Hz]."""
         if self.wave_length is not None:
@@ -660,6 +668,10 @@ class SinusoidMotion(MotionModel):
     paddle_amplitude: Height = Field(description="amplitude a of the paddle, half its stroke [m]")
     period: Duration = Field(description="period T [s]")
     ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two periods")
+
+    def regular_period(self, tank: AnyTank) -> float:
+        """Return the period [s]."""
+        return self.period
 
     def build(self, tank: AnyTank, wavemaker: Wavemaker, physics: str) -> motions.Motion:
         """Return the ramped sinusoid."""
@@ -839,6 +851,10 @@ class ObliqueWaveMotion(SegmentedWaves):
     period: Duration = Field(description="period T [s]")
     angle: float = Field(gt=-90, lt=90, description="direction theta from the wall's normal [deg], positive towards y")
     ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two periods")
+
+    def regular_period(self, tank: AnyTank) -> float:
+        """Return the period [s]."""
+        return self.period
 
     def target(self, tank: AnyTank) -> PlaneWaves:
         """Return the wave, with a crest at (0, 0) at t = 0."""

@@ -192,8 +192,10 @@ def _planned(case: Case) -> PlannedCase:
         check_resolvable(case)
     try:
         plan = default_plan(case)
-    except UnreachableError:
-        if numerics.accuracy is not None:
+    except InputError as error:
+        if numerics.accuracy is not None and numerics.accuracy_of is not None:  # finer numerics follow from its run
+            return _planned(case.model_copy(update={"numerics": numerics.without("accuracy")}))
+        if numerics.accuracy is not None or not isinstance(error, UnreachableError):
             raise
         plan = None
     if plan is None:

@@ -1,12 +1,9 @@
 """The report of ``wavetank plan``: a table of numerics, or the measured cost of steps; energy, sponge and warnings."""
 
-import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
 from math import inf
 from pathlib import Path
 
-import numpy as np
 from mpi4py import MPI
 from rich.console import Console
 from rich.table import Table
@@ -14,24 +11,17 @@ from rich.table import Table
 from wavetank.base.console import console, format_duration
 from wavetank.base.errors import InputError
 from wavetank.base.run_warning import RunWarning
-from wavetank.case import BasinTank, Case
+from wavetank.case import Case
 from wavetank.case.reading import located, read_case
 from wavetank.planning.checks import run_warnings
-from wavetank.planning.cost import ROW_OF_STEP, check_affordable, entries_of, output_cost, ranks_text, row_cost
+from wavetank.planning.cost import check_affordable, output_cost, ranks_text
 from wavetank.planning.plan import Plan, check_resolvable, default_plan, make_plan, own_plan, planned
 from wavetank.planning.requirements import absorption, unplanned
 from wavetank.planning.resolution import DEFAULT, resolved, shortest_wave
+from wavetank.planning.timing import time_steps
 from wavetank.simulation.build import build_run, summary
-from wavetank.simulation.case_diagnostics import build_observers
-from wavetank.simulation.construction import AnyWaves, describe_energy, sponge_message
+from wavetank.simulation.construction import describe_energy, sponge_message
 from wavetank.simulation.memory import peak_memory
-from wavetank.simulation.records import Memory, Records
-from wavetank.simulation.run import Run
-from wavetank.waves import airy
-
-MAX_STEEPNESS = 0.2  # largest k a, and a over the depth: higher waves may break
-TIMES = 1001  # samples of the paddle motion in the second half of the run
-WARM_UP, STEPS = 5, 8  # steps that provide initial guesses of solves, and timed steps
 
 
 def report(path: Path, accuracy: float | None, overrides: Sequence[str]) -> None:
@@ -69,22 +59,14 @@ def _report_trial(given: Case, why: str, terminal: Console) -> None:
     _print(terminal, [f"{why}; timing some steps of this one, with its waves in the tank"])
     case, warnings = planned(given, comm)
     check_affordable(case, comm, longest=inf)
-    continuing = case.model_copy(update={"run": case.run.model_copy(update={"on_breaking": "dissipate"})})
-    run, waves = build_run(continuing, comm)
-    clock, line, steps = run.clock, summary(case, run, waves), min(run.clock.steps, WARM_UP + STEPS)
-    run.diagnostics += build_observers(case, waves, Records(Memory(), Memory(), None), sinks=run.sinks)
-    _fill(run, case, waves, steps)
-    spent, solves = step_time(run, steps, lambda: waves.potential.counters.solves)
-    step, output = comm.allreduce(spent, op=MPI.MAX), output_cost(case, clock.dt)
-    entries = entries_of(waves.plane.order, waves.plane.cells, waves.vertical.n)
-    below = output.cpu(ROW_OF_STEP * step if isinstance(case.tank, BasinTank) else row_cost(entries))
+    run, waves, clock, step, solves, below = time_steps(case, comm)
     duration = clock.steps * step + below  # estimate for each rank, with equal cost of all steps
     lines = (
         str(shortest_wave(given)),
         "predicted error: none, as errors are predicted for slices and rings with a flat bed; `wavetank study` with "
         "--sweep of cell_size and dt measures it",
         f"a step: {step:.2g} CPU s on {ranks_text(comm.size)}, {solves:.1f} interior solves",
-        output.message(below / duration),
+        output_cost(case, clock.dt).message(below / duration),
         f"the run: {format_duration(duration)}, on as many free cores",
         f"memory: {comm.allreduce(peak_memory()) / 1e6:.0f} MB",
         *(f"paddle of {view.key}: {absorbs}" for view in case.paddles if (absorbs := absorption(view))),
@@ -93,44 +75,7 @@ def _report_trial(given: Case, why: str, terminal: Console) -> None:
         *_energy(case),
     )
     warnings = *warnings, *run_warnings(case, clock, waves, accuracy=given.numerics.accuracy)
-    _print(terminal, [line, *(f"  {line}" for line in lines if line)], warnings)
-
-
-def step_time(run: Run, steps: int = WARM_UP + STEPS, count: Callable[[], int] = lambda: 0) -> tuple[float, float]:
-    """Return this rank's CPU time [s] and increment of a counter per step, after ``WARM_UP`` steps; collective."""
-    warm_up = min(WARM_UP, steps - 1)
-    timed = steps - warm_up
-    run.clock = replace(run.clock, steps=warm_up)
-    run.execute()
-    start = time.process_time(), count()
-    for n in range(1, timed + 1):  # one block, as for most steps of a run; motions are already tabulated
-        run.advance(run.t, run.t + run.clock.dt)
-        if n == timed or n % run.longest_block == 0:
-            run.flush()
-    end = time.process_time(), count()
-    return (end[0] - start[0]) / timed, (end[1] - start[1]) / timed
-
-
-def _fill(run: Run, case: Case, waves: AnyWaves, steps: int) -> None:
-    """Start some steps with regular waves of the paddle's period at a time of fast paddle motion; collective.
-
-    The waves are linear, on the mean depth, of a steepness of at most ``MAX_STEEPNESS``. The initial state stays if no
-    paddle moves.
-    """
-    end = next((paddle for paddle in case.paddles if paddle.motion().moves), case.ends[0])
-    period = end.period
-    if period is None:
-        return
-    t = np.linspace(0.5, 1.0, TIMES, dtype=np.float64) * (case.run.duration - steps * run.clock.dt)
-    velocity = end.rates(t)[1].reshape(TIMES, -1)
-    omega, g = 2 * np.pi / period, case.tank.gravity
-    k = float(airy.wave_number(omega, waves.depth, g))
-    amplitude = float(end.wall.wavemaker.transfer(k, waves.depth)) * np.sqrt(2 * np.mean(velocity**2)) / omega
-    amplitude = min(amplitude, MAX_STEEPNESS / k, MAX_STEEPNESS * waves.depth)
-    phase = k * waves.plane.x
-    run.clock = replace(run.clock, begin=float(t[np.argmax(velocity.mean(axis=1))]))
-    start = waves.state(amplitude * np.cos(phase), g * amplitude / omega * np.sin(phase), run.clock.begin)
-    run.state = run.integrator.start(*start)
+    _print(terminal, [summary(case, run, waves), *(f"  {line}" for line in lines if line)], warnings)
 
 
 def _energy(case: Case) -> list[str]:

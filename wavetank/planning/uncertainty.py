@@ -2,39 +2,43 @@
 
 The parts are those of ITTC 7.5-03-01-01, U² = U_I² + U_G² + U_T² + U_P², each at a confidence of 95 %:
 
-    grid        U_G = k max |S_c - S| / (r^q - 1)      r: size of the companion's cells over that of the run's
+    grid        U_G = k max |S_2 - S| / (r^q - 1)      r: size of the companion's cells over that of the run's
     time step   U_T = t max |dS/dt| e_T                e_T: relative frequency error of the scheme
     parameters  U_P = t max |dS/dt| e_P                e_P: that of the vertical order
     iteration   U_I = 10 tolerance S_rms
 
-max is the largest value within half a period on both sides. The order q of the grid error is p, at most 4. Products of
-waves are represented with order p + 1, but harmonics resonate with branches of the mesh: the observed order of p = 3
-varies between 2 and 6, that of p = 4 and 5 is about 4 (docs/accuracy.md).
-The companion's time step is longer, so that S_c - S contains up to fifteen times the error of the time step, which U_T
+max is the largest value within half a period on both sides. The order q is that of the differences of three runs,
+q = log(|S_4 - S_2| / |S_2 - S|) / log 2 by root mean squares over the record, at least 1 and at most p or 4. Products
+of waves are represented with order p + 1, but harmonics resonate with branches of the mesh: the order of p = 3 between
+fine meshes varies from 2 to 6, that of p = 4 and 5 is about 4 (docs/accuracy.md).
+The companion's time step is longer, so that S_2 - S contains up to fifteen times the error of the time step, which U_T
 estimates by linear theory: no wave in a record is older than the run. Frequency errors are means over the waves around
 the mean frequency, weighted with the energy of dS/dt. With a companion of a vertical order less, S_v, U_P is at least
-1.5 max |S_v - S_c|: the order changes forms and amplitudes, too.
+1.5 max |S_v - S_2|: the order changes forms and amplitudes, too.
 
-k = 1.5 was chosen so that the uncertainty exceeds 95 % of the errors in 70 random cases; 3 for the second companion.
+k is 1.25, Roache's factor for three grids; 1.5 if the order is not observed, 3 if that of theory is contradicted
+(``companion.py``).
 """
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 from scipy.ndimage import maximum_filter1d
+from xarray import DataArray
 
-from wavetank.analysis.signals import crossing_period
+from wavetank.analysis.signals import crossing_period, harmonics
 from wavetank.base.arrays import Vector
 from wavetank.base.errors import WavetankError
 from wavetank.case import Case
 from wavetank.integrators import INTEGRATORS
+from wavetank.planning.companion import ORDERS, CompanionCases
 from wavetank.planning.dispersion import Mesh, UniformCells, step_errors
 from wavetank.waves import airy
 
-SAFETIES = 1.5, 3.0  # k of the first companion, and of the second
-ORDER = 4  # largest order of the grid error
-LOWER_ORDER = 1 / 3  # grid error over the difference of a companion with an order less
+LOWER_ORDER = 2.0, 2  # ratio and order that give the grid error of a companion with an order less
 ITERATION = 10.0  # error of the solves over their tolerance
 VERTICAL = 1.5  # uncertainty over the difference of a companion with a vertical order less
 BAND = 0.3, 1.6  # frequencies of free waves over the mean frequency
@@ -44,6 +48,7 @@ TIMES = 1.7  # further factor of the uncertainty of a crest's time
 SHORT = 3.0  # frequency of iteration errors over that of the waves
 AT_REST = 1e-10  # elevation [m]
 FEWEST_SAMPLES = 16  # samples in a period, of which crests are interpolated
+HARMONICS, LAST = 3, 0.25  # number of harmonics; part of a record from which they are computed
 SMOOTH = 5  # degree of the splines between samples
 
 
@@ -58,7 +63,7 @@ class TooCoarseError(NotResolvedError):
 class Uncertainty(NamedTuple):
     """The uncertainty of a record, in its units, shape (T,) each.
 
-    ``height`` is that of crests by the vertical order.
+    ``height`` is that of crests by the vertical order, ``difference`` the grid part before its maximum is taken.
     """
 
     grid: Vector
@@ -66,6 +71,7 @@ class Uncertainty(NamedTuple):
     parameters: Vector
     iteration: Vector
     height: Vector
+    difference: Vector
 
     @property
     def parts(self) -> tuple[Vector, Vector, Vector, Vector]:
@@ -78,20 +84,51 @@ class Uncertainty(NamedTuple):
         return np.asarray(np.sqrt(np.sum(np.square(self.parts), axis=0)))
 
 
+class Harmonics(NamedTuple):
+    """Amplitudes of the first harmonics of a record [m] with their uncertainties, and those of the phases [rad].
+
+    Shape (``HARMONICS``,) each.
+    """
+
+    amplitude: Vector
+    amplitude_uncertainty: Vector
+    phase_uncertainty: Vector
+
+
+class CompanionValues(NamedTuple):
+    """Values of the companions at the times of the run, shape (T,) or (N, T), as the cases of ``CompanionCases``."""
+
+    coarse: Vector
+    coarser: Vector | None = None
+    lower: Vector | None = None
+
+    def each(self) -> "Iterator[CompanionValues]":
+        """Yield those of each of N records."""
+        for n, one in enumerate(self.coarse):
+            yield CompanionValues(one, *(None if values is None else values[n] for values in self[1:]))
+
+
 class Estimate(NamedTuple):
     """How uncertainties follow from differences.
 
     Attributes
     ----------
-    grid
-        Uncertainty over the difference of both records.
+    safety
+        k.
+    ratio, coarser_ratio
+        Size of the cells of the first companion over that of the run, and of the second over that of the first.
+    order
+        Largest q.
     dt, vertical_order, scheme, tolerance
         Those of the run.
     depth, gravity
         Those of the tank [m, m/s²].
     """
 
-    grid: float
+    safety: float
+    ratio: float
+    coarser_ratio: float
+    order: int
     dt: float
     vertical_order: int
     scheme: str
@@ -100,13 +137,17 @@ class Estimate(NamedTuple):
     gravity: float
 
     @classmethod
-    def of(cls, case: Case, coarse: Case, dt: float, *, safety: float = SAFETIES[0]) -> "Estimate":
-        """Return the estimate for a case, its companion, the time step of the run [s] and a safety factor."""
-        numerics, tank = case.numerics, case.tank
-        ratio, order = coarse.cell_size / case.cell_size, min(numerics.order, ORDER)
-        part = LOWER_ORDER if coarse.numerics.order < numerics.order else 1.0 / (ratio**order - 1.0)
+    def of(cls, case: Case, companions: CompanionCases, dt: float) -> "Estimate":
+        """Return the estimate for a case, its companions and the time step of the run [s]."""
+        numerics, tank, coarse = case.numerics, case.tank, companions.coarse
+        ratio, order = coarse.cell_size / case.cell_size, min(numerics.order, ORDERS[1])
+        if coarse.numerics.order < numerics.order:
+            ratio, order = LOWER_ORDER
         return cls(
-            grid=safety * part,
+            safety=companions.safety,
+            ratio=ratio,
+            coarser_ratio=(companions.coarser or coarse).cell_size / coarse.cell_size,
+            order=order,
             dt=dt,
             vertical_order=numerics.vertical_order,
             scheme=numerics.integrator,
@@ -115,18 +156,23 @@ class Estimate(NamedTuple):
             gravity=tank.gravity,
         )
 
+    def grid(self, values: Vector, companions: CompanionValues) -> float:
+        """Return U_G of a record over its difference from the first companion."""
+        order = float(self.order)
+        if companions.coarser is not None:
+            first, second = (
+                float(np.std(one)) for one in (companions.coarse - values, companions.coarser - companions.coarse)
+            )
+            observed = np.log(max(second, AT_REST) / max(first, AT_REST)) / np.log(self.coarser_ratio)
+            order = float(np.clip(observed, ORDERS[0], order))
+        return float(self.safety / (self.ratio**order - 1.0))
+
     def series(
-        self,
-        t: Vector,
-        values: Vector,
-        difference: Vector,
-        errors: tuple[float, float] | None = None,
-        vertical: Vector | None = None,
+        self, t: Vector, values: Vector, companions: CompanionValues, errors: tuple[float, float] | None = None
     ) -> Uncertainty:
         """Return the uncertainty of values at equidistant times t [s], shape (T,) each.
 
-        ``difference`` is that of the companion's values, ``errors`` those of the frequency of the waves, default: of
-        the waves in the values. ``vertical`` is the difference of a companion with a vertical order less.
+        ``errors`` are those of the frequency of the waves, default: of the waves in the values.
         """
         variation = values - values.mean()
         width = crossing_period(t, values) / (t[1] - t[0])
@@ -134,24 +180,38 @@ class Estimate(NamedTuple):
         if errors is None:
             errors = self.frequency_errors(t, variation)
         iteration = np.full(t.size, ITERATION * self.tolerance * np.sqrt(np.mean(variation**2)))
-        grid, time_step, parameters = self.grid * _around(difference, width), errors[0] * rate, errors[1] * rate
-        if vertical is None:
-            return Uncertainty(grid, time_step, parameters, iteration, 0 * grid)
-        lower = VERTICAL * _around(vertical, width)
-        return Uncertainty(grid, time_step, np.maximum(parameters, lower), iteration, lower)
+        difference = self.grid(values, companions) * (companions.coarse - values)
+        grid, time_step, parameters = _around(difference, width), errors[0] * rate, errors[1] * rate
+        lower = 0 * grid
+        if companions.lower is not None:
+            lower = VERTICAL * _around(companions.lower - companions.coarse, width)
+        return Uncertainty(grid, time_step, np.maximum(parameters, lower), iteration, lower, difference)
 
     def several(
-        self,
-        t: Vector,
-        values: Vector,
-        coarse: Vector,
-        lower: Vector | None,
-        errors: tuple[float, float] | None = None,
+        self, t: Vector, values: Vector, companions: CompanionValues, errors: tuple[float, float] | None = None
     ) -> list[Uncertainty]:
-        """Return the uncertainty of several records at times t [s]; see ``series`` and ``gauge_uncertainties``."""
-        vertical = [None] * len(values) if lower is None else lower - coarse
-        records = zip(values, coarse - values, vertical, strict=True)
-        return [self.series(t, own, difference, errors, order) for own, difference, order in records]
+        """Return the uncertainty of N records, shape (N, T), at times t [s]; see ``series``."""
+        return [self.series(t, *pair, errors) for pair in zip(values, companions.each(), strict=True)]
+
+    def harmonics(self, t: Vector, values: Vector, companions: CompanionValues, period: float) -> Harmonics:
+        """Return the harmonics of regular waves of a period [s] in the last periods of a record.
+
+        Errors of frequency change the phases only. Raises ``InputError`` for a record shorter than a period, or with
+        too few samples.
+        """
+        start = t[-1] - max(1, int(LAST * (t[-1] - t[0]) / period)) * period - (t[1] - t[0])
+
+        def of(record: Vector) -> NDArray[np.complex128]:
+            last = DataArray(record, {"time": t}, ("time",)).sel(time=slice(start, None))
+            return np.asarray(harmonics(last, 1 / period, number=HARMONICS).component.values)
+
+        own, theirs = of(values), of(companions.coarse)
+        off = self.grid(values, companions) * np.abs(theirs - own)
+        if companions.lower is not None:
+            off = np.hypot(off, VERTICAL * np.abs(of(companions.lower) - theirs))
+        rate = np.arange(1, HARMONICS + 1) * 2 * np.pi / period
+        late = np.hypot(*self.frequency_errors(t, values - values.mean())) * rate * t[-1]
+        return Harmonics(np.abs(own), off, np.hypot(late, off / np.maximum(np.abs(own), AT_REST)))
 
     def frequency_errors(self, t: Vector, variation: Vector) -> tuple[float, float]:
         """Return the relative frequency errors of the scheme and of the vertical order for the waves of a record.
@@ -182,11 +242,11 @@ class Crests(NamedTuple):
     height_uncertainty: Vector
 
 
-def crests(t: Vector, values: Vector, other: Vector, grid: float, uncertainty: Uncertainty) -> Crests:
+def crests(t: Vector, values: Vector, uncertainty: Uncertainty) -> Crests:
     """Return the largest crest between two zero up-crossings, each, and its uncertainty; none of coarse samples.
 
-    A difference d of the record changes the height of a crest by d and its time by the slope of d over the curvature.
-    ``other`` are the companion's values at the same times, ``grid`` is that of ``Estimate``.
+    A record without two zero up-crossings has at most one crest: its maximum, unless that is at an end. A difference d
+    of the record changes the height of a crest by d and its time by the slope of d over the curvature.
     """
     variation = values - values.mean()
     ups = np.flatnonzero((variation[:-1] < 0) & (variation[1:] >= 0))
@@ -194,13 +254,16 @@ def crests(t: Vector, values: Vector, other: Vector, grid: float, uncertainty: U
     period, dt = crossing_period(t, values), t[1] - t[0]
     resolved = period >= FEWEST_SAMPLES * dt
     highest = np.array([first + np.argmax(values[first:last]) for first, last in pairs if resolved], dtype=int)
+    wide = np.count_nonzero(variation > 0.5 * variation.max()) >= FEWEST_SAMPLES / 3
+    if ups.size < 2 and wide and 0 < (peak := int(np.argmax(values))) < t.size - 1:
+        highest = np.array([peak])
     spline = make_interp_spline(t, values, SMOOTH)
     time, height = _maxima(spline, t[highest], dt)
 
     def there(quantity: Vector) -> Vector:
         return np.asarray(np.interp(time, t, quantity))
 
-    difference = grid * (other - values)
+    difference = uncertainty.difference
     slope, rate = (there(_around(np.gradient(one, t), period / dt)) for one in (difference, values))
     noise, phase = there(uncertainty.iteration), there(np.hypot(uncertainty.time_step, uncertainty.parameters))
     late = TIMES * slope / np.abs(spline.derivative(2)(time))
@@ -226,7 +289,7 @@ def at_times(t: Vector, other_t: Vector, other: Vector) -> Vector:
 
 
 def gauge_uncertainties(
-    t: Vector, values: Vector, coarse: Vector, lower: Vector | None, estimate: Estimate
+    t: Vector, values: Vector, companions: CompanionValues, estimate: Estimate
 ) -> list[Uncertainty]:
     """Return the uncertainty of each gauge; raises ``TooCoarseError`` if it is unknown.
 
@@ -234,22 +297,20 @@ def gauge_uncertainties(
     ----------
     t, values
         Times [s], shape (T,), and elevations of the gauges [m], shape (N, T).
-    coarse, lower
-        Elevations of the companion, and of that with a vertical order less or None, at the same times.
-    estimate
-        The estimate.
+    companions, estimate
+        Elevations of the companions, and the estimate.
     """
-    if _too_large(values, coarse - values):
+    if _too_large(values, companions.coarse - values):
         raise TooCoarseError("the companion run differs too much: the cells or the time step are too coarse")
-    result = estimate.several(t, values, coarse, lower)
+    result = estimate.several(t, values, companions)
     if _too_large(values, np.array([one.total for one in result])):
         raise TooCoarseError(f"the uncertainty exceeds {LARGE:.0%} of the waves")
     return result
 
 
-def _too_large(values: Vector, others: Vector) -> bool:
-    """Return whether the largest rms of others exceeds ``LARGE`` of that of elevations, and rounding errors."""
-    size, off = (float(np.sqrt(np.mean(several**2, axis=1)).max()) for several in (values, others))
+def _too_large(values: Vector, companions: Vector) -> bool:
+    """Return whether the largest rms of companions exceeds ``LARGE`` of that of elevations, and rounding errors."""
+    size, off = (float(np.sqrt(np.mean(several**2, axis=1)).max()) for several in (values, companions))
     return off > max(LARGE * size, AT_REST)
 
 

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 from rich.console import Console
@@ -37,6 +37,9 @@ from wavetank.recording.restart import Restart, stored_case
 from wavetank.simulation.monitoring import Interruption
 from wavetank.simulation.own import Observers
 
+if TYPE_CHECKING:
+    from wavetank.recording.certify import Certificate
+
 DRAWING_TIME = 60.0  # time for drawing figures after an error [s]
 
 
@@ -52,8 +55,10 @@ def record_run(
     integrator: Integrator[Any] | None = None,
     resume: bool = False,
     at: float | None = None,
-) -> None:
-    """Run a case and record it in a directory; collective. ``resume`` leaves a finished run of the case unchanged.
+) -> "tuple[Path, Certificate | None]":
+    """Run a case, record it, and return its directory and the certificate that the case may request; collective.
+
+    ``resume`` leaves a finished run of the case unchanged.
 
     Raises ``InputError`` before any change of the directory, and ``RunError`` if the run breaks down; the directory
     then has all records up to the breakdown, and its manifest the cause.
@@ -82,15 +87,15 @@ def record_run(
     at
         Time of the checkpoint [s]; default: the last.
     """
-    start, log = time.monotonic(), RunLog(console)
+    start, log, certificate = time.monotonic(), RunLog(console), None
     warnings = Warnings(log)
     if integrator is not None:
-        case = case.model_copy(update={"numerics": case.numerics.without_integrator()})
+        case = case.model_copy(update={"numerics": case.numerics.without("integrator")})
     content = {"case": case_content(case, integrator), "files": contents(case), "ranks": comm.size, **environment()}
     path = place.path if isinstance(place, OutputPath) else place
     if resume and at is None and from_first(comm, lambda: _has_finished(path, content["case"])):
         console.print(f"{path} has finished; --extend SECONDS continues it", markup=False, highlight=False)
-        return
+        return path, None
     content["warnings"] = warnings.records  # extended by warnings during the run
     writer = on_first(comm, lambda: RunWriter(place, content, resume=resume))
     with abort_unless_all_fail(comm, DRAWING_TIME), ExitStack() as at_the_end:
@@ -125,15 +130,14 @@ def record_run(
                 controls = checkpointer.control(case.run.checkpoint_every), progress, interruption
                 recorded.run.controls += [control.record for control in controls if control is not None]
                 execute_run(recorded, checkpointer, drawn=draw is not None)
-                if case.numerics.certify:
+                if case.numerics.certified:
                     from wavetank.recording.certify import certify  # imports xarray, which is slow
 
                     with console.status("companion run"):
-                        lines = certify(recorded, path, interruption.record)
-                    for line in lines:
-                        log.say(line)
+                        certificate = certify(recorded, interruption.record)
                 if writer is not None:
                     writer.finish("finished", {})
+    return recorded.directory, certificate
 
 
 def _has_finished(path: Path, case: dict[str, Any]) -> bool:

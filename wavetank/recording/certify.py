@@ -1,7 +1,7 @@
 """The certificate of a run: the numerical uncertainty of its records, by a companion run that is not recorded."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from math import inf
 from pathlib import Path
@@ -12,16 +12,16 @@ from mpi4py import MPI
 from xarray import DataArray, Dataset
 
 from wavetank.base.arrays import Vector
-from wavetank.base.errors import WavetankError
+from wavetank.base.errors import BreakdownError, InputError, WavetankError
 from wavetank.base.mpi import from_first
 from wavetank.case import Case
 from wavetank.integrators import INTEGRATORS
 from wavetank.output.columns import energy_columns, gauge_columns, load_columns, station_variables, time_variables
 from wavetank.output.directory import RunDirectory
-from wavetank.planning.companion import RATIOS, companion, needs_vertical_companion, vertical_companion
+from wavetank.planning.companion import UNKNOWN, companion_cases
 from wavetank.planning.uncertainty import (
     PARTS,
-    SAFETIES,
+    CompanionValues,
     Estimate,
     NotResolvedError,
     TooCoarseError,
@@ -31,64 +31,125 @@ from wavetank.planning.uncertainty import (
 )
 from wavetank.recording.log import RecordedRun
 from wavetank.simulation.build import ANSWERED, build_run
-from wavetank.simulation.case_diagnostics import build_observers
+from wavetank.simulation.case_diagnostics import build_observers, surface_points
 from wavetank.simulation.records import Memory, Records
 from wavetank.tank.block import Block
 from wavetank.tank.breaking import BreakingFilter
 
+LOW_WAVES = 0.1  # rms of a record, over the largest one, below which its relative uncertainty does not count
 FEWEST = 16  # times of a record that has an uncertainty
+UNITS = {"time": "s", "height": "m", "amplitude": "m", "phase": "rad"}
 CONFIDENCE = "expanded uncertainty at a confidence of 95 %, ITTC 7.5-03-01-01"
 
 
 class RunRecords(NamedTuple):
-    """Records of a run in memory, as those of ``RunDirectory``."""
+    """Records of a run in memory, as those of ``RunDirectory``; rows of t [s] and elevations [m] of the surface."""
 
     gauges: Dataset
     energy: Dataset
     loads: Dataset
+    surface: Vector
 
 
-class Companions(NamedTuple):
-    """Records of companion runs.
+class OwnRecords(NamedTuple):
+    """Records of a run that are not in its directory: rows of the surface; the period of its paddle [s], or None."""
+
+    surface: Vector
+    period: float | None
+
+
+class CompanionRecords(NamedTuple):
+    """Records of the companion runs, as the cases of ``CompanionCases``, and the estimate."""
+
+    coarse: RunRecords
+    coarser: RunRecords | None
+    lower: RunRecords | None
+    estimate: Estimate
+
+    def values(self, of: Callable[[RunRecords], Vector]) -> CompanionValues:
+        """Return values of the records of each run."""
+        return CompanionValues(
+            of(self.coarse), *(None if one is None else of(one) for one in (self.coarser, self.lower))
+        )
+
+
+class Certificate(NamedTuple):
+    """Numerical uncertainty of a run.
 
     Attributes
     ----------
+    path, case, dt
+        Run directory, case with planned numerics, and time step [s].
+    relative
+        Relative uncertainty by quantity, see ``_relative``; empty if it is not resolved.
+    parts
+        Its parts at the gauge of the largest one, each over the total.
+    cpu
+        CPU time of the steps of the run and of its companions [s].
+    reason
+        Why it is not resolved, or empty.
     coarse
-        Those of larger cells.
-    lower
-        Those with a vertical order less, too; None if linear theory is sufficient.
-    estimate, cpu
-        The estimate, and the CPU time of the runs [s].
+        Whether finer numerics may resolve it.
     """
 
-    coarse: RunRecords
-    lower: RunRecords | None
-    estimate: Estimate
+    path: Path
+    case: Case
+    dt: float
+    relative: dict[str, float]
+    parts: dict[str, float]
     cpu: float
+    reason: str = ""
+    coarse: bool = False
 
 
-def certify(recorded: RecordedRun, path: Path, stop: Callable[[Block], None]) -> list[str]:
-    """Run the companion, write the certificate of a run in a directory, and return the lines for its log; collective.
+def certify(recorded: RecordedRun, stop: Callable[[Block], None]) -> Certificate:
+    """Run the companion, write and log the certificate of a recorded run, and return it; collective.
 
     ``stop`` is called after each block of the companion; it raises a ``RunError`` to end it.
     """
-    writer = recorded.writer
+    writer, comm = recorded.writer, recorded.waves.plane.comm
+    before, start = recorded.parts.so_far()[-1]["timings"]["stepping_cpu_s"], time.process_time()
+    why: WavetankError | None = None
+    data, figures, lines = Dataset(), dict[str, Any](), list[str]()
     try:
-        data, cpu = _certified(recorded, path, stop)
+        data = _certified(recorded, stop)
     except WavetankError as error:
-        figures: dict[str, Any] = {"resolved": False, "reason": str(error)}
-        lines = [f"numerical uncertainty: not resolved, as {error}"]
-    else:
-        figures, lines = {"resolved": True, "cpu_s": cpu}, [*summary(data), f"companion runs: {cpu:.2g} CPU s"]
+        why = error
+        figures, lines = {"resolved": False, "reason": str(why)}, [f"numerical uncertainty: not resolved, as {why}"]
+    spent = comm.allreduce(time.process_time() - start)
+    relative, parts = ({}, {}) if why else (_by_name(data.relative_uncertainty, "quantity"), _worst(data))
+    if why is None:
+        figures = {"resolved": True, "cpu_s": spent, "relative": relative}
+        lines = [*summary(data), f"companion runs: {spent:.2g} CPU s"]
         if writer is not None:
             writer.certify(data)
     if writer is not None:
         writer.note({"certificate": figures})
-    return lines
+    for line in lines:
+        recorded.log.say(line)
+    coarse = isinstance(why, TooCoarseError)
+    dt = recorded.run.clock.dt
+    return Certificate(recorded.directory, recorded.case, dt, relative, parts, before + spent, str(why or ""), coarse)
 
 
-def _certified(recorded: RecordedRun, path: Path, stop: Callable[[Block], None]) -> tuple[Dataset, float]:
-    """Return the certificate of a run, and the CPU time of companions [s]; collective. Raises ``NotResolvedError``."""
+def _by_name(values: DataArray, dimension: str) -> dict[str, float]:
+    return {str(name): float(values.sel({dimension: name})) for name in values[dimension].values}
+
+
+def _worst(data: Dataset) -> dict[str, float]:
+    """Return the parts of the uncertainty at the gauge of the largest relative one, each over the total."""
+    parts = data.part_rms.isel(gauge=_worst_gauge(data))
+    return _by_name(parts / np.sqrt((parts**2).sum("part")), "part")
+
+
+def _worst_gauge(data: Dataset) -> int:
+    """Return the index of the gauge of the largest relative uncertainty; gauges of low waves do not count."""
+    total, size = np.sqrt((data.part_rms**2).sum("part")), data.elevation_rms
+    return int((total / size.where(size >= LOW_WAVES * size.max())).fillna(0.0).argmax("gauge"))
+
+
+def _certified(recorded: RecordedRun, stop: Callable[[Block], None]) -> Dataset:
+    """Return the certificate of a run; collective. Raises ``NotResolvedError``."""
     if any(isinstance(one, BreakingFilter) and one.watch.alarms for one in recorded.run.filters):
         raise NotResolvedError("a wave breaks")
     if recorded.run.integrator.name not in INTEGRATORS:
@@ -96,39 +157,41 @@ def _certified(recorded: RecordedRun, path: Path, stop: Callable[[Block], None])
     first, *later = (part["numerics"] for part in recorded.parts.so_far())
     if any(one != first for one in later):
         raise NotResolvedError("the run has parts with different numerics")
-    cpu = 0.0
-    for ratio, safety in zip(RATIOS, SAFETIES, strict=True):
-        others = _run_companions(recorded, stop, ratio=ratio, safety=safety)
-        cpu += others.cpu
-        try:
-            return from_first(recorded.waves.plane.comm, partial(certificate, path, others)), cpu
-        except TooCoarseError as error:
-            why = error
-    raise why
-
-
-def _run_companions(recorded: RecordedRun, stop: Callable[[Block], None], *, ratio: float, safety: float) -> Companions:
-    """Return companion runs; collective. Raises ``NotResolvedError`` if they cannot be computed."""
-    run, start = recorded.run, time.process_time()
+    run, comm = recorded.run, recorded.waves.plane.comm
+    own = OwnRecords(recorded.surface.array(), recorded.case.regular_period)
     case = recorded.case.model_copy(update={"initial": recorded.requested.initial})  # not that of a resumed run
     limit = min(run.integrator.stability_limit, ANSWERED if case.absorbing else inf) / recorded.waves.largest_frequency
+    why = NotResolvedError()
     try:
-        coarse = companion(case, run.clock.dt, limit, ratio)
-        lower = vertical_companion(coarse) if needs_vertical_companion(case) else None
-        comm, estimate = recorded.waves.plane.comm, Estimate.of(case, coarse, run.clock.dt, safety=safety)
-        first = _records(coarse, comm, stop)
-        second = None if lower is None else _records(lower, comm, stop)
+        for cases in companion_cases(case, run.clock.dt, limit):
+            coarse, coarser, lower = _records(cases.coarse, comm, stop), None, None
+            if cases.lower is not None:
+                lower = _records(cases.lower, comm, stop)
+            estimate = Estimate.of(case, cases, run.clock.dt)
+            if cases.coarser is not None:
+                try:
+                    coarser = _records(cases.coarser, comm, stop)
+                except (BreakdownError, InputError):  # cells on which it cannot be computed show no order
+                    estimate = estimate._replace(safety=UNKNOWN)
+            companions = CompanionRecords(coarse, coarser, lower, estimate)
+            try:
+                return from_first(comm, partial(certificate, recorded.directory, companions, own))
+            except TooCoarseError as error:
+                why = error
+    except NotResolvedError:
+        raise
     except WavetankError as error:
         raise NotResolvedError(f"the companion run fails: {error}") from None
-    return Companions(first, second, estimate, time.process_time() - start)
+    raise why
 
 
 def _records(case: Case, comm: MPI.Comm, stop: Callable[[Block], None]) -> RunRecords:
     """Return the records of a run of a case; collective."""
-    gauges, energy, loads = Memory(), Memory(), Memory()
+    gauges, energy, loads, surface = Memory(), Memory(), Memory(), Memory()
     run, waves = build_run(case, comm)
     records = Records(gauges, energy, None, loads=loads if case.loads else None)
     run.diagnostics += build_observers(case, waves, records, sinks=run.sinks)
+    run.diagnostics += surface_points(case, waves, surface)
     run.controls.append(stop)
     run.execute()
     dimensions = waves.plane.mesh.topology.dim
@@ -138,66 +201,115 @@ def _records(case: Case, comm: MPI.Comm, stop: Callable[[Block], None]) -> RunRe
         Dataset(station_variables("gauge", gauge_columns(places), gauges.array())) if places else Dataset(),
         Dataset(time_variables(energy_columns(dimensions, absorbed=bool(case.absorbing)), energy.array())),
         Dataset(station_variables("wall", walls, loads.array())) if case.loads else Dataset(),
+        surface.array(),
     )
 
 
-def certificate(path: Path, others: Companions) -> Dataset:
+def certificate(path: Path, companions: CompanionRecords, own: OwnRecords) -> Dataset:
     """Return the uncertainties of the records of a run in a directory.
 
     ``elevation_uncertainty`` [m] over gauge and time; ``part_rms`` [m] of its parts over part and gauge; ``crest_time``
-    [s], ``crest_height`` [m] and their uncertainties over gauge and crest; ``NAME_uncertainty`` of loads over wall and
-    ``load_time``, of energies over ``energy_time``. Raises ``TooCoarseError``, ``NotResolvedError``.
+    [s], ``crest_height`` [m] and their uncertainties over gauge and crest; ``harmonic_amplitude`` [m], its uncertainty
+    and that of the phase [rad] over gauge and harmonic, of regular waves; ``NAME_uncertainty`` of loads over wall and
+    ``load_time``, of energies over ``energy_time``; ``relative_uncertainty`` over ``quantity``, see ``_relative``.
+    Raises ``TooCoarseError``, ``NotResolvedError``.
     """
-    run, (coarse, lower, estimate, _) = RunDirectory(path), others
+    run, estimate = RunDirectory(path), companions.estimate
     result = Dataset(attrs={"comment": CONFIDENCE})
     if not run.gauges.sizes["gauge"]:
         raise NotResolvedError("the case has no gauge")
     gauges = run.gauges.dropna("time")  # from the time on at which all gauges exist
     t = gauges.time.values
-    if min(t.size, coarse.gauges.sizes["time"]) < FEWEST:
+    if min(t.size, companions.coarse.gauges.sizes["time"]) < FEWEST:
         raise NotResolvedError(f"the gauges have {t.size} rows: at least {FEWEST} are needed")
-    own, theirs = gauges.values, _at(t, coarse.gauges.elevation)
-    of_lower = None if lower is None else _at(t, lower.gauges.elevation)
-    several = gauge_uncertainties(t, own, theirs, of_lower, estimate)
-    scheme, vertical = np.max([estimate.frequency_errors(t, one - one.mean()) for one in own], axis=0)
+    elevations, theirs = gauges.values, companions.values(lambda records: _at(t, records.gauges.elevation))
+    several = gauge_uncertainties(t, elevations, theirs, estimate)
+    errors = np.max([estimate.frequency_errors(t, one - one.mean()) for one in elevations], axis=0)
     total = gauges.copy(data=[one.total for one in several])
     total = total.reindex(time=run.gauges.time).assign_attrs(units="m", long_name=CONFIDENCE)
     result["elevation_uncertainty"] = total
     result["elevation_rms"] = (gauges**2).mean("time") ** 0.5
     rms = [[np.sqrt(np.mean(part**2)) for part in one.parts] for one in several]
     result["part_rms"] = DataArray(np.transpose(rms), {"part": list(PARTS)}, ("part", "gauge"), attrs={"units": "m"})
-    peaks = [crests(t, one, other, estimate.grid, u) for one, other, u in zip(own, theirs, several, strict=True)]
-    most = max(1, *(one.time.size for one in peaks))  # NetCDF has no dimension of size 0
-    for name, units in (("time", "s"), ("height", "m"), ("time_uncertainty", "s"), ("height_uncertainty", "m")):
-        rows = [np.pad(getattr(one, name), (0, most - one.time.size), constant_values=np.nan) for one in peaks]
-        result[f"crest_{name}"] = DataArray(rows, dims=("gauge", "crest"), attrs={"units": units})
-    tables = {"energy": run.energy} | ({"loads": run.loads} if coarse.loads else {})
-    for name, data in tables.items():
-        pair = getattr(coarse, name), lower and getattr(lower, name)
-        result = result.assign(dict(_of_table(data, *pair, name.removesuffix("s"), estimate, (scheme, vertical))))
+    pairs = zip(elevations, several, strict=True)
+    result = _padded(result, "crest", [crests(t, one, u) for one, u in pairs])
+    if own.period is not None and own.period <= t[-1] - t[0]:
+        records = zip(elevations, theirs.each(), strict=True)
+        result = _padded(result, "harmonic", [estimate.harmonics(t, *each, own.period) for each in records])
+    loads = run.loads if companions.coarse.loads else None
+    result = result.assign(dict(_of_table(run.energy, companions, "energy", errors)))
+    if loads is not None:
+        result = result.assign(dict(_of_table(loads, companions, "loads", errors)))
+    relative = dict(_relative(result, loads))
+    if own.surface.size:
+        relative["surface"] = _of_surface(own.surface, companions)
+    result["relative_uncertainty"] = DataArray([*relative.values()], {"quantity": [*relative]}, ("quantity",))
     return result
 
 
+def _padded(data: Dataset, kind: str, of_gauges: Sequence[NamedTuple]) -> Dataset:
+    """Return the data with quantities of each gauge over gauge and ``kind``, nan for missing ones."""
+    most = max(1, *(len(one[0]) for one in of_gauges))  # NetCDF has no dimension of size 0
+    for n, name in enumerate(of_gauges[0]._fields):
+        rows = [np.pad(one[n], (0, most - len(one[n])), constant_values=np.nan) for one in of_gauges]
+        units = UNITS[name.removesuffix("_uncertainty")]
+        data[f"{kind}_{name}"] = DataArray(rows, dims=("gauge", kind), attrs={"units": units})
+    return data
+
+
+def _relative(data: Dataset, loads: Dataset | None) -> Iterator[tuple[str, float]]:
+    """Yield the relative uncertainty of each quantity of a certificate: the largest of all gauges or walls.
+
+    ``gauges``: root mean square over that of the elevation. ``crest``: of the height of the highest crest.
+    ``harmonics``: of amplitudes, over that of the first. ``loads``: root mean square of the force over its variation.
+    """
+    worst = data.isel(gauge=_worst_gauge(data))
+    yield "gauges", float(np.sqrt((worst.part_rms**2).sum() / worst.elevation_rms**2))
+    heights = data.crest_height.fillna(-np.inf)
+    highest = data.isel(crest=heights.argmax("crest"))
+    if np.isfinite(height := highest.crest_height).any():
+        yield "crest", float((highest.crest_height_uncertainty / height).max())
+    if "harmonic_amplitude" in data:
+        relative = data.harmonic_amplitude_uncertainty / data.harmonic_amplitude.isel(harmonic=0)
+        yield "harmonics", float(relative.max())
+    if loads is not None:
+        forces = [str(name) for name in loads if str(name).startswith("force")]
+        off = np.sum([(data[f"{name}_uncertainty"] ** 2).mean("load_time") for name in forces], axis=0)
+        yield "loads", float(np.sqrt(off / np.sum([loads[name].var("time") for name in forces], axis=0)).max())
+
+
+def _of_surface(own: Vector, companions: CompanionRecords) -> float:
+    """Return the relative uncertainty of the surface: root mean square over positions and times, rows of t and eta."""
+    t, *values = own.T
+
+    def of(records: RunRecords) -> Vector:
+        times, *theirs = records.surface.T
+        return at_times(np.minimum(t, times[-1]), times, np.transpose(theirs)).T
+
+    several = companions.estimate.several(t, np.array(values), companions.values(of))
+    return float(np.sqrt(np.mean([one.total**2 for one in several]) / np.mean(np.square(values))))
+
+
 def _of_table(
-    data: Dataset,
-    coarse: Dataset,
-    lower: Dataset | None,
-    table: str,
-    estimate: Estimate,
-    errors: tuple[float, float],
+    data: Dataset, companions: CompanionRecords, table: str, errors: tuple[float, float]
 ) -> Iterator[tuple[str, DataArray]]:
-    """Yield the uncertainty of each quantity of a table, over ``TABLE_time``: ``NAME_uncertainty``.
+    """Yield the uncertainty of each quantity of a table, a field of ``RunRecords``: ``NAME_uncertainty``.
 
     ``errors`` are those of the frequency of the waves.
     """
     data = data.dropna("time")
     t = data.time.values
-    for name, one in data.items() if min(t.size, coarse.sizes["time"]) >= FEWEST else ():
-        several = None if lower is None else np.atleast_2d(_at(t, lower[name]))
-        values, theirs = np.atleast_2d(one.values, _at(t, coarse[name]))
-        rows = [u.total for u in estimate.several(t, values, theirs, several, errors)]
+    few = min(t.size, getattr(companions.coarse, table).sizes["time"]) < FEWEST
+    for name, one in () if few else data.items():
+
+        def of(records: RunRecords, name: Any = name) -> Vector:
+            return np.atleast_2d(_at(t, getattr(records, table)[name]))
+
+        rows = [
+            u.total for u in companions.estimate.several(t, np.atleast_2d(one.values), companions.values(of), errors)
+        ]
         total = one.copy(data=np.reshape(rows, one.shape)).assign_attrs(long_name=CONFIDENCE)
-        yield f"{name}_uncertainty", total.rename(time=f"{table}_time")
+        yield f"{name}_uncertainty", total.rename(time=f"{table.removesuffix('s')}_time")
 
 
 def _at(t: Vector, record: DataArray) -> Vector:
@@ -208,12 +320,11 @@ def _at(t: Vector, record: DataArray) -> Vector:
 
 def summary(data: Dataset) -> Iterator[str]:
     """Yield the lines of a certificate for the log."""
-    total = np.sqrt((data.part_rms**2).sum("part"))
-    worst = data.isel(gauge=int(np.argmax(total.values)))
+    worst = data.isel(gauge=_worst_gauge(data))
     which = ", ".join(f"{part.part.item()} {float(part):.1g} m" for part in worst.part_rms)
-    relative = float(total.max() / worst.elevation_rms)
-    largest = f"{float(total.max()):.2g} m rms at gauge {worst.gauge.item()}, {relative:.2%} of its elevation"
-    yield f"numerical uncertainty (95 %): {largest}: {which}"
+    relative = float(data.relative_uncertainty.sel(quantity="gauges"))
+    largest = f"{relative * float(worst.elevation_rms):.2g} m rms at gauge {worst.gauge.item()}"
+    yield f"numerical uncertainty (95 %): {largest}, {100 * relative:.2g} % of its elevation: {which}"
     heights = data.crest_height
     if heights.size and heights.notnull().any():
         gauge, crest = np.unravel_index(np.nanargmax(heights.values), heights.shape)

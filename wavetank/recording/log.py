@@ -21,6 +21,7 @@ from wavetank.simulation.case_diagnostics import window_messages
 from wavetank.simulation.construction import AnyWaves, bed_by_code, bed_message, sponge_message
 from wavetank.simulation.initial import start_message
 from wavetank.simulation.monitoring import Progress
+from wavetank.simulation.records import Memory
 from wavetank.simulation.run import Run
 from wavetank.simulation.summary import Parts
 
@@ -91,6 +92,10 @@ class RecordedRun:
         Content of the manifest that is known before the first step.
     observers
         Names of the user's observers.
+    surface
+        Elevations along the tank, if their accuracy is requested.
+    directory
+        Run directory, on all ranks.
     """
 
     requested: Case
@@ -104,6 +109,8 @@ class RecordedRun:
     warnings: Warnings
     content: dict[str, Any]
     observers: Sequence[str]
+    surface: Memory
+    directory: Path
 
 
 def begin_directory(recorded: RecordedRun, *, resumed: bool) -> None:

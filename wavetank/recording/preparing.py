@@ -17,10 +17,10 @@ from wavetank.planning.resolution import check_stable
 from wavetank.recording.log import RecordedRun, Warnings, case_content
 from wavetank.recording.restart import Restart
 from wavetank.simulation.build import build_run
-from wavetank.simulation.case_diagnostics import build_observers, build_watch
+from wavetank.simulation.case_diagnostics import build_observers, build_watch, surface_points
 from wavetank.simulation.monitoring import BreakingNews
 from wavetank.simulation.own import Observers, called, own_observers
-from wavetank.simulation.records import records_of
+from wavetank.simulation.records import Memory, records_of
 from wavetank.simulation.summary import Parts
 from wavetank.tank.breaking import BreakingDissipation
 
@@ -79,6 +79,8 @@ def prepare(
 
     records = records_of(case, waves.plane, writer)._replace(fields=fields)
     run.diagnostics += build_observers(case, waves, records, sinks=run.sinks)
+    surface = Memory()
+    run.diagnostics += surface_points(case, waves, surface)
     run.diagnostics += build_watch(run, waves, warnings.at_once)
     run.diagnostics += [BreakingNews(one, log.say) for one in run.filters if isinstance(one, BreakingDissipation)]
     of_user = own_observers(observers, waves)
@@ -91,4 +93,4 @@ def prepare(
         restart.warn_of_missing_observers(names)
     earlier, counters_continue = (restart.about["parts"], restart.counters_continue) if restart else ([], False)
     parts = Parts(run, waves, start_time=start_time, earlier=earlier, counters_continue=counters_continue)
-    return RecordedRun(requested, case, run, waves, parts, series, writer, log, warnings, content, names)
+    return RecordedRun(requested, case, run, waves, parts, series, writer, log, warnings, content, names, surface, out)

@@ -14,7 +14,8 @@ from wavetank.case import Case
 from wavetank.integrators.contract import Integrator
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath
-from wavetank.recording import record_run, resume_run
+from wavetank.recording import resume_run
+from wavetank.recording.accuracy import record_to_accuracy
 from wavetank.simulation.own import Observers
 
 
@@ -28,7 +29,7 @@ def run(
     resume: bool = False,
     quiet: bool = False,
 ) -> RunDirectory:
-    """Run a case and return its run directory; collective under mpirun.
+    """Run a case and return its run directory, of several runs for an accuracy the last; collective under mpirun.
 
     Raises ``InputError`` for a case that cannot be run, before any file is changed, and ``RunError`` if the run breaks
     down; the directory then contains all records up to the breakdown.
@@ -53,17 +54,11 @@ def run(
     if not isinstance(case, Case):
         raise InputError(f"case = {case!r}: a {type(case).__name__} received; must be a result of wt.read_case.")
     place = OutputPath(Path(out), overwrite=overwrite)
-    record_run(
-        case,
-        place,
-        comm=MPI.COMM_WORLD,
-        console=Console(quiet=True) if quiet else console(),
-        observers=observers,
-        integrator=integrator,
-        resume=resume,
-    )
-    MPI.COMM_WORLD.Barrier()
-    return RunDirectory(out)
+    comm, terminal = MPI.COMM_WORLD, Console(quiet=True) if quiet else console()
+    own: dict[str, Any] = {"observers": observers, "integrator": integrator}
+    last = record_to_accuracy(case, place, comm=comm, console=terminal, resume=resume, **own)
+    comm.Barrier()
+    return RunDirectory(last)
 
 
 def resume(

@@ -9,7 +9,7 @@ from dolfinx.mesh import MeshTags
 from wavetank.base.case_model import CaseError, Problem, about
 from wavetank.base.errors import OutsideError
 from wavetank.base.run_warning import RunWarning
-from wavetank.case import Case
+from wavetank.case import BasinTank, Case
 from wavetank.case.output import Window
 from wavetank.simulation.below_surface import BelowSurface, Loads, Probes, VelocityFields, WindowObserver
 from wavetank.simulation.clock import Clock, EverySteps, EveryTime, EveryTimeBetween
@@ -22,6 +22,7 @@ from wavetank.simulation.diagnostics import (
     PaddleMotion,
     PaddleRates,
     PlaceNames,
+    ReferencePoints,
     SurfaceFields,
     SurfaceSnapshots,
 )
@@ -34,6 +35,8 @@ from wavetank.tank.kinematics import MovingWater, NonlinearRates, PointKinematic
 from wavetank.tank.linear_waves import LinearWaves
 from wavetank.tank.wall_pressure import PaddlePush, WallPressure
 from wavetank.tank.waves import NonlinearWaves
+
+SURFACE_POINTS = 64  # positions along a tank at which the error of the surface is estimated
 
 
 def build_watch(run: Run, waves: AnyWaves, warn: Callable[[RunWarning], None]) -> list[Diagnostic]:
@@ -69,6 +72,15 @@ def build_observers(
         if number < len(records.paddles) and view.side not in loaded:  # calibration runs have no records of paddles
             diagnostics.append(_paddle(case, waves, number, records.paddles[number]))
     return diagnostics
+
+
+def surface_points(case: Case, waves: AnyWaves, record: Record) -> list[Diagnostic]:
+    """Return the diagnostic of the elevation along the tank if its accuracy is requested; collective."""
+    if case.numerics.accuracy_of != "surface" or isinstance(case.tank, BasinTank):
+        return []
+    x = case.tank.length * (np.arange(SURFACE_POINTS) + 0.5) / SURFACE_POINTS
+    places, schedule = np.column_stack([x, np.zeros_like(x)]), EverySteps(case.output.gauges_every)
+    return [ReferencePoints(waves, places, record=record, schedule=schedule)]
 
 
 def _gauges(case: Case, waves: AnyWaves, record: Record) -> Gauges:

@@ -91,6 +91,23 @@ class HighestCrest:
         self.state = max(comm.allgather(own), key=lambda crest: crest.height)
 
 
+class SurfaceRows:
+    """The function that returns elevations at the degrees of freedom of this rank and its ghosts; collective."""
+
+    def __init__(self, waves: Waves):
+        self._elevation, self._alone = waves.plane.function("elevation"), waves.plane.comm.size == 1
+
+    def __call__(self, block: Block) -> Vector:
+        """Return the elevations [m] of a block of K steps, shape (K, rows)."""
+        if self._alone:
+            return block.eta
+        rows = list[Vector]()
+        for eta in block.eta:
+            self._elevation.set(eta)
+            rows.append(self._elevation.rows[:, 0].copy())
+        return np.array(rows)
+
+
 class Gauges:
     """Elevations [m] at positions in the tank.
 
@@ -115,7 +132,7 @@ class Gauges:
     ):
         places = np.asarray(places, dtype=np.float64)
         self._waves, self._record, self.schedule = waves, record, schedule
-        self._elevation = waves.plane.function("elevation")
+        self._rows = SurfaceRows(waves)
         wall = waves.wall
         self._points = Points(waves.plane, waves.plane.chart.place(wall.to_reference(places)))  # identity beyond reach
         reached = wall.reaches(places)
@@ -147,15 +164,25 @@ class Gauges:
         except ConvergenceError as error:
             raise ConvergenceError(f"t = {block.t[0]:.6g} s: {error}", t=float(block.t[0])) from None
 
-    def _rows(self, block: Block) -> Vector:
-        """Return elevations at the degrees of freedom of this rank and its ghosts, shape (K, rows); collective."""
-        if self._waves.plane.comm.size == 1:
-            return block.eta
-        rows = list[Vector]()
-        for eta in block.eta:
-            self._elevation.set(eta)
-            rows.append(self._elevation.rows[:, 0].copy())
-        return np.array(rows)
+
+class ReferencePoints:
+    """Elevations [m] at positions in the reference tank, which move with the mesh.
+
+    Parameters
+    ----------
+    places
+        (x, y) [m], shape (N, 2).
+    record
+        Table of the rows (t, eta_1, ..., eta_N).
+    """
+
+    def __init__(self, waves: Waves, places: Vector, *, record: Record, schedule: Schedule):
+        self._rows, self._record, self.schedule = SurfaceRows(waves), record, schedule
+        self._points = Points(waves.plane, waves.plane.chart.place(places))
+
+    def record(self, block: Block) -> None:
+        """Append a row for each step; collective."""
+        self._record.extend(np.column_stack([block.t, self._points.of(self._rows(block).T).T]))
 
 
 PaddleRates = Callable[[Block], Vector]

@@ -1,0 +1,149 @@
+"""Runs that reach a requested accuracy: planned, certified, and repeated with finer numerics.
+
+A run whose numerical uncertainty exceeds the accuracy is followed by one whose numerics follow from the parts of the
+uncertainty (``planning/refinement.py``), at most ``MAX_RUNS`` in all. Each has its run directory. A limit of the CPU
+time makes the first run coarser, by the measured time of some steps, and ends the sequence before a run that would
+exceed it.
+"""
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from mpi4py import MPI
+from rich.console import Console
+
+from wavetank.base.errors import InputError
+from wavetank.case import Case, Numerics
+from wavetank.output.files import OutputPath
+from wavetank.planning.companion import companion
+from wavetank.planning.cost import needs_of
+from wavetank.planning.plan import planned
+from wavetank.planning.refinement import finer, refined_grid
+from wavetank.planning.resolution import DEFAULT
+from wavetank.planning.timing import time_steps
+from wavetank.recording import record_run
+
+if TYPE_CHECKING:
+    from wavetank.recording.certify import Certificate  # imports xarray, which is slow
+
+MAX_RUNS = 3
+COARSE = 2.0  # ratio of cells after a run whose uncertainty is not resolved
+COMPANION = 1.45  # CPU time of a run with its companion over that of its steps
+RATIOS = np.geomspace(1.1, 4.0, 16)  # sizes of cells over those of the plan within a budget
+
+
+def record_to_accuracy(
+    case: Case,
+    place: OutputPath,
+    *,
+    comm: MPI.Comm,
+    console: Console,
+    budget: float | None = None,
+    resume: bool = False,
+    **options: Any,
+) -> Path:
+    """Run a case, until its accuracy is reached if it requests that of a quantity; return the last run's directory.
+
+    Collective. A resumed run is not repeated. Raises the errors of ``record_run``, which takes the other options, and
+    ``InputError`` if no run is possible within the budget. A failure of a later run leaves the earlier ones.
+
+    Parameters
+    ----------
+    case, place
+        The case, and the run directory of the first run; later ones have numbers.
+    comm, console, resume, options
+        As in ``record_run``.
+    budget
+        Largest CPU time of all runs [s].
+    """
+    options |= {"comm": comm, "console": console, "resume": resume}
+    if resume or case.numerics.accuracy_of is None and budget is None:
+        return record_run(case, place, **options)[0]
+    accuracy, quantity = case.numerics.accuracy or DEFAULT, case.numerics.accuracy_of or "gauges"
+    start, results = time.process_time(), list["Certificate"]()
+    attempt = case.model_copy(update={"numerics": case.numerics.model_copy(update={"accuracy_of": quantity})})
+    if budget is not None:
+        attempt = _within(attempt, comm, budget)
+    spent = comm.allreduce(time.process_time() - start)
+    while True:
+        _, result = record_run(attempt, place, **options)
+        assert result is not None
+        results.append(result)
+        spent += result.cpu
+        try:
+            numerics = _next_numerics(results, accuracy, quantity, case.numerics)
+        except InputError as error:
+            outcome = str(error)
+            break
+        attempt = result.case.model_copy(update={"numerics": numerics})
+        cost = result.cpu * _relative_cost(result.case, attempt)
+        if budget is not None and spent + cost > budget:
+            outcome = f"not reached: a finer run needs about {cost:.2g} CPU s more, the budget is {budget:g} CPU s"
+            break
+        changes = (
+            f"{_stated(result, quantity)} exceeds {100 * accuracy:.3g} %: running with {_changes(result, numerics)}"
+        )
+        console.print(changes, highlight=False)
+        place = OutputPath(results[0].path, numbered=True)
+    console.print(f"accuracy of {quantity}, {100 * accuracy:.3g} % requested: {outcome}", highlight=False)
+    console.print(f"{_stated(result, quantity)}: {result.path}; {spent:.3g} CPU s in all", highlight=False)
+    return result.path
+
+
+def _next_numerics(results: "Sequence[Certificate]", accuracy: float, quantity: str, requested: Numerics) -> Numerics:
+    """Return the numerics of a further run; raises ``InputError`` with the outcome if there is none."""
+    last = results[-1]
+    if last.reason and not last.coarse:
+        raise InputError(f"not resolved, as {last.reason}")
+    value = last.relative.get(quantity)
+    if not last.coarse and value is None:
+        raise InputError(f"not resolved: the records have no {quantity}")
+    if value is not None and value <= accuracy:
+        raise InputError("reached")
+    if len(results) == MAX_RUNS:
+        raise InputError(f"not reached in {MAX_RUNS} runs")
+    if value is None:
+        if named := [key for key in ("cells", "cell_size") if key in requested.model_fields_set]:
+            raise InputError(f"not resolved, as {last.reason}; numerics.{named[0]} must be left out")
+        numerics = refined_grid(last.case, last.dt, COARSE)
+    else:
+        parts = {name: value * part for name, part in last.parts.items()}
+        numerics = finer(last.case, last.dt, parts, accuracy, requested)
+    return numerics.model_copy(update={"accuracy": None})
+
+
+def _stated(result: "Certificate", quantity: str) -> str:
+    value = result.relative.get(quantity)
+    return "an uncertainty that is not resolved" if value is None else f"an uncertainty of {100 * value:.2g} % (95 %)"
+
+
+def _changes(result: "Certificate", numerics: Numerics) -> str:
+    """Return the changed numerics."""
+    before = result.case.numerics.model_copy(update={"dt": result.dt})
+    keys = ("cells", "cell_size", "order", "vertical_order", "dt", "tolerance")
+    changed = {key: getattr(numerics, key) for key in keys if getattr(numerics, key) != getattr(before, key)}
+    return ", ".join(f"{key} = {value:.4g}" for key, value in changed.items() if value is not None)
+
+
+def _relative_cost(case: Case, other: Case) -> float:
+    """Return the cost of a run over that of another one, by the table of costs."""
+    one, two = needs_of(case, 1), needs_of(other, 1)
+    return two.cpu / one.cpu
+
+
+def _within(case: Case, comm: MPI.Comm, budget: float) -> Case:
+    """Return a case whose run and companion need at most a CPU time [s], by the time of its first steps; collective."""
+    chosen = planned(case, comm).case
+    run, waves, clock, step, _, below = time_steps(chosen, comm)
+    limit = run.integrator.stability_limit / waves.largest_frequency
+    needed = COMPANION * (clock.steps * step + below) * comm.size
+    if needed <= budget:
+        return case
+    for ratio in RATIOS:
+        coarse = chosen.model_copy(update={"numerics": companion(chosen, clock.dt, limit, ratio).numerics})
+        if needed * _relative_cost(chosen, coarse) <= budget:
+            return coarse
+    raise InputError(f"--budget {budget:g}: the run needs about {needed:.2g} CPU s, with its companion")
