@@ -1,7 +1,7 @@
 """A requested accuracy is reached by finer runs, or the outcome says why it is not."""
 
-import io
 import re
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from rich.console import Console
 from tanks import written
 
 import wavetank
-from wavetank.base.errors import InputError
+from wavetank.base.errors import BreakdownError, InputError
 from wavetank.case import Numerics
 from wavetank.output.directory import RunDirectory
 from wavetank.output.files import OutputPath
@@ -41,10 +41,10 @@ def delivered(tmp_path):
     """Return a function that records a case to its accuracy: the last run directory, and the printed text."""
 
     def run(case, **options):
-        said = io.StringIO()
-        terminal, place = Console(width=300, file=said), OutputPath(tmp_path / "run")
-        last = record_to_accuracy(case, place, comm=MPI.COMM_SELF, console=terminal, **options)
-        return RunDirectory(last), said.getvalue()
+        with open(tmp_path / "said", "w") as file:
+            terminal, place = Console(width=300, file=file), OutputPath(tmp_path / "run")
+            last = record_to_accuracy(case, place, comm=MPI.COMM_SELF, console=terminal, **options)
+        return RunDirectory(last), (tmp_path / "said").read_text()
 
     return run
 
@@ -169,6 +169,32 @@ def test_budget_of_no_run_is_refused_before_anything_is_written(tmp_path, waveta
     out = tmp_path / "run"
     said = wavetank("run", str(path), "--budget", "0.1", "--out", str(out))
     assert said.returncode == 2 and "--budget 0.1: the run needs about" in said.stderr and not out.exists()
+
+
+def test_budget_does_not_change_keys_of_the_case(tmp_path, wavetank):
+    case = build_case(TANK, duration=600.0, wall=piston(1.5), gauges=GAUGES, numerics=NUMERICS)
+    path = written(tmp_path / "case.toml", case)
+    said = wavetank("run", str(path), "--budget", "0.1", "--out", str(tmp_path / "run"))
+    assert said.returncode == 2 and "CPU s with numerics.cells and numerics.dt" in said.stderr
+    said = wavetank("run", str(path), "--budget", "10", "--resume", "--out", str(tmp_path / "run"))
+    assert said.returncode == 2 and "--resume and --budget exclude each other" in said.stderr
+
+
+def test_breakdown_of_a_finer_run_names_the_earlier_one(delivered, monkeypatch, tmp_path):
+    accuracy = import_module("wavetank.recording.accuracy")
+    original, runs = accuracy.record_run, []
+
+    def second_breaks(*arguments, **options):
+        runs.append(arguments)
+        if len(runs) == 2:
+            raise BreakdownError("t = 1 s: a wave breaks.")
+        return original(*arguments, **options)
+
+    monkeypatch.setattr(accuracy, "record_run", second_breaks)
+    case, _ = steady(accuracy=2e-4, accuracy_of="gauges", order=3, vertical_order=9)
+    with pytest.raises(BreakdownError):
+        delivered(case)
+    assert re.search(r"an uncertainty of 0\.0\d+ % .*run, the last run before", (tmp_path / "said").read_text())
 
 
 def test_several_ranks_deliver_the_same(tmp_path, wavetank):

@@ -8,6 +8,8 @@ import pytest
 import xarray
 from case_builders import build_case, piston
 from conftest import fitted_slope, recorded
+from mpi4py import MPI
+from rich.console import Console
 from tanks import written
 
 from examples.paper.certificate import rows
@@ -16,8 +18,10 @@ from wavetank.base.errors import BreakdownError, InputError
 from wavetank.case.reading import read_case
 from wavetank.output.columns import STANDARD_ERROR, Variable, with_standard_error
 from wavetank.output.directory import RunDirectory
+from wavetank.output.files import OutputPath
 from wavetank.planning.companion import companion, companion_cases, needs_vertical_companion
 from wavetank.planning.uncertainty import CompanionValues, Estimate, at_times, crests
+from wavetank.recording import record_run
 
 NUMERICS = {"order": 3, "vertical_order": 8, "tolerance": 1e-8}
 
@@ -185,6 +189,15 @@ def test_uncertainty_of_forces_and_energies_covers_their_errors(tmp_path):
         other = (exact.loads if name in table and "wall" in table.dims else exact.energy)[name]
         error = np.abs(table[name] - other.interp(time=table.time, method="cubic"))
         assert float(np.mean(error.values <= run.certificate[f"{name}_uncertainty"].values)) > 0.9
+
+
+def test_certificate_is_that_of_the_numbered_directory(path, tmp_path):
+    """Of a default path that exists, a number is added."""
+    for change in ("run.duration=3", "run.duration=4"):
+        case, place = read_case(path, [change]), OutputPath(tmp_path / "run", numbered=True)
+        record_run(case, place, comm=MPI.COMM_SELF, console=Console(quiet=True))
+    second = RunDirectory(tmp_path / "run-2")
+    np.testing.assert_array_equal(second.certificate.time, second.gauges.time)
 
 
 def test_damaged_certificate_is_an_error_with_its_name(path, tmp_path):

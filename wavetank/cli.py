@@ -134,6 +134,8 @@ def run(
         raise typer.Exit(2)  # no run
     if resume and overwrite:
         raise InputError("--resume and --overwrite exclude each other: a run is resumed or replaced.")
+    if resume and budget is not None:
+        raise InputError("--resume and --budget exclude each other: a resumed run keeps its numerics.")
     from wavetank.case.reading import located, read_case
 
     overrides = [*(overrides or []), *(["numerics.certify=true"] if certify else [])]
@@ -223,6 +225,7 @@ VERIFICATIONS = {  # module of ``examples.paper`` that writes tables and figures
     "cylinder": "Compare run-up on a cylinder with McCamy and Fuchs.",
     "directional_focus": "Compare directional waves with linear theory.",
     "certificate": "Compare numerical uncertainties with errors; minutes.",
+    "delivery": "Compare requested accuracies with errors; minutes.",
     "layouts": "Draw the layouts of basins; seconds.",
 }
 

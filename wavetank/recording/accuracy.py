@@ -15,7 +15,7 @@ import numpy as np
 from mpi4py import MPI
 from rich.console import Console
 
-from wavetank.base.errors import InputError
+from wavetank.base.errors import InputError, RunError
 from wavetank.case import Case, Numerics
 from wavetank.output.files import OutputPath
 from wavetank.planning.companion import companion
@@ -69,7 +69,14 @@ def record_to_accuracy(
         attempt = _within(attempt, comm, budget)
     spent = comm.allreduce(time.process_time() - start)
     while True:
-        _, result = record_run(attempt, place, **options)
+        try:
+            _, result = record_run(attempt, place, **options)
+        except RunError:
+            if results:
+                console.print(
+                    f"{_stated(results[-1], quantity)}: {results[-1].path}, the last run before", highlight=False
+                )
+            raise
         assert result is not None
         results.append(result)
         spent += result.cpu
@@ -142,6 +149,8 @@ def _within(case: Case, comm: MPI.Comm, budget: float) -> Case:
     needed = COMPANION * (clock.steps * step + below) * comm.size
     if needed <= budget:
         return case
+    if named := [f"numerics.{key}" for key in ("cells", "cell_size", "dt") if key in case.numerics.model_fields_set]:
+        raise InputError(f"--budget {budget:g}: the run needs about {needed:.2g} CPU s with {' and '.join(named)}")
     for ratio in RATIOS:
         coarse = chosen.model_copy(update={"numerics": companion(chosen, clock.dt, limit, ratio).numerics})
         if needed * _relative_cost(chosen, coarse) <= budget:
