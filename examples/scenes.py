@@ -18,6 +18,7 @@ from wavetank.simulation.records import Memory, Records
 from wavetank.waves import airy
 
 HIGHEST_VERTICAL_ORDER, GRAVITY = 16, 9.81
+FAR_WALL = [{"on": "far wall"}]
 
 
 class Waves(NamedTuple):
@@ -57,7 +58,7 @@ def sloshing(rng: np.random.Generator) -> Case:
     length = mode * w.length / 2
     gauges = [0.0, float(rng.uniform(0.1, 0.9)) * length]
     tank, duration = {"length": length, "depth": w.d}, w.T * float(rng.uniform(4, 12))
-    return _case(tank, duration, initial=initial | {"mode": mode}, gauges=gauges)
+    return _case(tank, duration, initial=initial | {"mode": mode}, gauges=gauges, loads=FAR_WALL)
 
 
 def _paddle(rng: np.random.Generator, kind: str, w: Waves, **wall: Any) -> Case:
@@ -109,7 +110,8 @@ def solitary(rng: np.random.Generator) -> Case:
     way = length - 24 if rng.uniform() < 0.5 else length - 4
     duration = way * np.sqrt(d / (GRAVITY * (1 + height)))
     initial = {"type": "solitary-wave", "height": height * d, "x": 12 * d}
-    return _case({"length": length * d, "depth": d}, duration, initial=initial, gauges=[0.5 * length * d, length * d])
+    tank, gauges = {"length": length * d, "depth": d}, [0.5 * length * d, length * d]
+    return _case(tank, duration, initial=initial, gauges=gauges, loads=FAR_WALL)
 
 
 def group(rng: np.random.Generator) -> Case:
@@ -166,9 +168,15 @@ def refined(case: Case, dt: float) -> Case:
 
 
 class Recorded(NamedTuple):
-    """A run in memory: rows of gauges (t [s], elevations [m]), time step and its stability limit [s], CPU time [s]."""
+    """A run in memory: rows of tables, time step and its stability limit [s], CPU time [s].
+
+    ``gauges`` have t [s] and elevations [m], ``energy`` kinetic and potential energy after t, ``loads`` the components
+    of a wall.
+    """
 
     gauges: Vector
+    energy: Vector
+    loads: Vector
     dt: float
     limit: float
     cpu: float
@@ -176,10 +184,12 @@ class Recorded(NamedTuple):
 
 def executed(case: Case) -> Recorded:
     """Return the records of a planned case; raises ``RunError`` if it breaks down."""
-    gauges = Memory()
+    gauges, energy, loads = Memory(), Memory(), Memory()
     run, waves = build_run(case, MPI.COMM_SELF)
-    run.diagnostics += build_observers(case, waves, Records(gauges, Memory(), None), sinks=run.sinks)
+    records = Records(gauges, energy, None, loads=loads if case.loads else None)
+    run.diagnostics += build_observers(case, waves, records, sinks=run.sinks)
     start = time.process_time()
     run.execute()
     limit = run.integrator.stability_limit / waves.largest_frequency
-    return Recorded(gauges.array(), run.clock.dt, limit, time.process_time() - start)
+    tables = gauges.array(), energy.array(), loads.array()
+    return Recorded(*tables, run.clock.dt, limit, time.process_time() - start)

@@ -4,7 +4,7 @@ Each case runs with default numerics, with its companion and with refined numeri
 last is the actual error.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -28,7 +28,7 @@ from wavetank.planning.uncertainty import (
 )
 
 PER_CLASS = 8  # cases of each class
-COVERED = "samples", "heights", "times", "harmonics"
+COVERED = "samples", "heights", "times", "harmonics", "energies", "forces"
 
 
 class Row(NamedTuple):
@@ -38,8 +38,9 @@ class Row(NamedTuple):
     ----------
     error, uncertainty
         Root mean squares over that of the elevation [-].
-    samples, heights, times, harmonics
-        Parts of samples, crest heights, crest times and harmonic amplitudes whose error is at most the uncertainty.
+    samples, heights, times, harmonics, energies, forces
+        Parts of samples, crest heights, crest times, harmonic amplitudes, energies and horizontal forces of the case
+        whose error is at most the uncertainty.
     cost
         CPU time of the companions over that of the run.
     """
@@ -53,6 +54,8 @@ class Row(NamedTuple):
     heights: float
     times: float
     harmonics: float
+    energies: float
+    forces: float
     cost: float
 
 
@@ -77,6 +80,11 @@ def rows(kind: str, seed: int) -> Iterator[Row]:
             break
     else:
         return
+    errors = estimate.frequency_errors(t, values[0] - values[0].mean())
+    tables = [
+        _covered(run, exact, runs, estimate, errors, table, columns)
+        for table, columns in (("energy", (1, 2)), ("loads", (1,)))
+    ]
     for number, row in enumerate(zip(values, companions.each(), _at(t, exact), several, strict=True)):
         one, theirs, actual, uncertainty = row
         error, size = np.abs(one - actual), np.std(actual)
@@ -93,6 +101,7 @@ def rows(kind: str, seed: int) -> Iterator[Row]:
             float(np.mean(np.abs(height - peaks.height) <= peaks.height_uncertainty)) if time.size else np.nan,
             float(np.mean(np.abs(time - peaks.time) <= peaks.time_uncertainty)) if time.size else np.nan,
             waves,
+            *tables,
             sum(one.cpu for one in used) / run.cpu,
         )
 
@@ -105,6 +114,33 @@ def _harmonics(
         return np.nan
     own, exact = (estimate.harmonics(t, record, companions, period) for record in (one, actual))
     return float(np.mean(np.abs(own.amplitude - exact.amplitude) <= own.amplitude_uncertainty))
+
+
+def _covered(
+    run: Recorded,
+    exact: Recorded,
+    companions: Sequence[Recorded | None],
+    estimate: Estimate,
+    errors: tuple[float, float],
+    table: str,
+    columns: Sequence[int],
+) -> float:
+    """Return the part of values in columns of a table that are covered; nan without the table."""
+    rows = getattr(run, table)
+    if not rows.size:
+        return np.nan
+    t = rows[:, 0]
+
+    def of(other: Recorded, column: int) -> Vector:
+        theirs = getattr(other, table)
+        return at_times(np.minimum(t, theirs[-1, 0]), theirs[:, 0], theirs[:, column])
+
+    parts = list[np.bool_]()
+    for column in columns:
+        values = CompanionValues(*(one and of(one, column) for one in companions))
+        total = estimate.series(t, rows[:, column], values, errors).total
+        parts += [*(np.abs(rows[:, column] - of(exact, column)) <= total)]
+    return float(np.mean(parts))
 
 
 def _at(t: Vector, run: Recorded) -> Vector:
