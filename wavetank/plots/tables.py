@@ -29,11 +29,17 @@ COMPARISON = [
     Column("gauge", "gauge"),
     Column("x", "x [m]", "{:g}"),
     Column("nrms", "nrms", "{:.3f}"),
+    Column("correlation", "correlation", "{:.3f}"),
+    Column("similarity", "similarity", "{:.3f}"),
+]
+FITTED = [
+    Column("gauge", "gauge"),
+    Column("x", "x [m]", "{:g}"),
+    Column("nrms", "nrms", "{:.3f}"),
     Column("nrms_fitted", "fitted", "{:.3f}"),
     Column("gain", "gain", "{:.3f}"),
     Column("shift", "shift [s]", "{:.3f}"),
-    Column("correlation", "correlation", "{:.3f}"),
-    Column("similarity", "similarity", "{:.3f}"),
+    Column("clock_offset", "clock [s]", "{:+.4g}"),
 ]
 EXTREMES = [
     Column("gauge", "gauge"),

@@ -35,6 +35,9 @@ def compare(
         float | None, typer.Option(help="of regular waves [s]: their harmonics are compared, too", min=1e-6)
     ] = None,
     start: Annotated[float | None, typer.Option(help="when regular waves are established [s] (--period)")] = None,
+    fit: Annotated[
+        bool, typer.Option("--fit", help="show the best gain and shift of each gauge, and its misfit")
+    ] = False,
 ) -> None:
     """Compare a run with measurements, or another run, at the gauges."""
     folder = own_folder(run) if out is None else out
@@ -50,7 +53,7 @@ def compare(
         records = data.gauge_records(given) if given else itself
         if clock is not None:
             records[0] = records[0].assign_attrs(clock_offset=_clock(clock))
-        results = _compare_gauges(_computed(run), records, folder, period=period, start=start)
+        results = _compare_gauges(_computed(run), records, folder, fit=fit, period=period, start=start)
     terminal = console()
     for one in (*results, *filter(None, map(data.units_note, (run, reference)))):
         terminal.print(one, highlight=False)
@@ -83,7 +86,13 @@ def _computed(source: str) -> "DataArray":
 
 
 def _compare_gauges(
-    computed: "DataArray", references: "list[DataArray]", folder: Path, *, period: float | None, start: float | None
+    computed: "DataArray",
+    references: "list[DataArray]",
+    folder: Path,
+    *,
+    fit: bool,
+    period: float | None,
+    start: float | None,
 ) -> list[Table | str]:
     """Compare with the first reference, and draw all; return tables, and a line on the clocks."""
     from wavetank.analysis.compare import MIN_RANGE, compare_harmonics, synchronised
@@ -97,8 +106,8 @@ def _compare_gauges(
     harmonic = compare_harmonics(computed, measured, period=period, start=start) if period else None
     folder.mkdir(parents=True, exist_ok=True)
     tables.write_dataset(folder / "compare.csv", compared)
-    frame = compared.to_dataframe().reset_index()
-    result: list[Table | str] = [tables.terminal_table(frame, one) for one in (tables.COMPARISON, tables.EXTREMES)]
+    frame, shown = compared.to_dataframe().reset_index(), [tables.COMPARISON, *[tables.FITTED] * fit, tables.EXTREMES]
+    result: list[Table | str] = [tables.terminal_table(frame, one) for one in shown]
     if harmonic is not None:
         names = [column.name for column in tables.HARMONICS]
         tables.write_dataset(folder / "compare-harmonics.csv", harmonic, names)
