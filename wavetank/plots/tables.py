@@ -41,6 +41,25 @@ FITTED = [
     Column("shift", "shift [s]", "{:.3f}"),
     Column("clock_offset", "clock [s]", "{:+.4g}"),
 ]
+VALIDATION = [
+    Column("gauge", "gauge"),
+    Column("nrms", "E", "{:.1%}"),
+    Column("U_SN", "U_SN", "{:.2%}"),
+    Column("U_D", "U_D", "{:.2%}"),
+    Column("U_D_contents", "of"),
+    Column("u_input", "u_input", "{:.2%}"),
+    Column("U_V", "U_V", "{:.2%}"),
+    Column("validation", "record"),
+]
+CREST_VALIDATION = [
+    Column("gauge", "gauge"),
+    Column("crest_E", "E", "{:+.1%}"),
+    Column("crest_U_SN", "U_SN", "{:.2%}"),
+    Column("crest_U_D", "U_D", "{:.2%}"),
+    Column("crest_u_input", "u_input", "{:.2%}"),
+    Column("crest_U_V", "U_V", "{:.2%}"),
+    Column("crest_validation", "highest crest"),
+]
 EXTREMES = [
     Column("gauge", "gauge"),
     Column("crest_computed", "crest [m]", "{:.4g}"),

@@ -116,14 +116,14 @@ def _run_companions(recorded: RecordedRun, stop: Callable[[Block], None], *, rat
         coarse = companion(case, run.clock.dt, limit, ratio)
         lower = vertical_companion(coarse) if needs_vertical_companion(case) else None
         comm, estimate = recorded.waves.plane.comm, Estimate.of(case, coarse, run.clock.dt, safety=safety)
-        first = _records(coarse, comm, stop)
-        second = None if lower is None else _records(lower, comm, stop)
+        first = records_in_memory(coarse, comm, stop)
+        second = None if lower is None else records_in_memory(lower, comm, stop)
     except WavetankError as error:
         raise NotResolvedError(f"the companion run fails: {error}") from None
     return Companions(first, second, estimate, time.process_time() - start)
 
 
-def _records(case: Case, comm: MPI.Comm, stop: Callable[[Block], None]) -> RunRecords:
+def records_in_memory(case: Case, comm: MPI.Comm, stop: Callable[[Block], None]) -> RunRecords:
     """Return the records of a run of a case; collective."""
     gauges, energy, loads = Memory(), Memory(), Memory()
     run, waves = build_run(case, comm)
