@@ -13,7 +13,7 @@ from xarray import Dataset
 
 from wavetank import data
 from wavetank.analysis.compare import rms
-from wavetank.analysis.validation import Validation, record_uncertainty, slopes
+from wavetank.analysis.validation import Validation, agreeing, record_uncertainty, regular_waves, slopes
 from wavetank.base.errors import InputError
 from wavetank.case import Case
 from wavetank.case.paddle import RecordedMotion
@@ -343,3 +343,43 @@ def test_figure_has_a_band_around_the_measured_record(tmp_path, drawn):
         vertices = band.get_paths()[0].vertices
         at_crest = vertices[np.abs(vertices[:, 0] - line.get_xdata()[5]) < 1e-6]
         assert np.ptp(at_crest[:, 1]) == pytest.approx(2.0)  # cm
+
+
+# ---------------------------------------------------------------- regular waves of model tests
+def regular(heights, periods):
+    """Return regular waves at several gauges."""
+    records = zip(heights, periods, strict=True)
+    return [gauge(str(n), n, T, 0.5 * H * np.sin(2 * np.pi * T / period)) for n, (H, period) in enumerate(records, 1)]
+
+
+def test_gauges_are_uniform_within_5_percent_of_their_mean_height_and_period():
+    """Oracle: heights and periods as planted; IMO MSC.1/Circ.1200, 4.4.4."""
+    found = regular_waves(regular([0.1, 0.103, 0.1, 0.089], [1.5, 1.5, 1.6, 1.5]))
+    assert found.height.values == pytest.approx([0.1, 0.103, 0.1, 0.089], rel=1e-3)
+    assert found.height_deviation.values == pytest.approx(np.array([0.1, 0.103, 0.1, 0.089]) / 0.098 - 1, abs=1e-3)
+    assert found.period.values == pytest.approx([1.5, 1.5, 1.6, 1.5], rel=1e-4)
+    assert found.uniform.values.tolist() == [True, False, True, False]
+    with pytest.raises(InputError, match="gauge 1: 2 complete waves; at least 3"):
+        regular_waves([one.sel(time=slice(0, 3.5)) for one in regular([0.1], [1.5])])
+
+
+def test_computed_regular_waves_agree_with_measured_ones_within_5_percent():
+    computed, reference = (
+        regular_waves(regular(*rows)) for rows in (([1, 1, 1], [2, 2, 2]), ([1.04, 1.07, 1], [2, 2, 2.2]))
+    )
+    assert agreeing(computed, reference).values.tolist() == [True, False, False]
+
+
+def test_compare_prints_the_criterion_for_three_gauges(tmp_path):
+    """The first two waves are four times as high."""
+    computed, reference = regular([0.1, 0.1, 0.12], [1.5] * 3), regular([0.1] * 3, [1.5] * 3)
+    for number in (2, 3):
+        run = write_run(tmp_path / f"run{number}", gauges=gauges(*computed[:number]) * (1 + 3 * (T < 3))).path
+        header = ",".join(["t", *(f"{n}@x={n}" for n in range(1, number + 1))])
+        rows = np.column_stack([T, *reference[:number]])
+        np.savetxt(tmp_path / "own.csv", rows, delimiter=",", header=header, comments="")
+        words = ("compare", str(run), "--with", str(tmp_path / "own.csv"), "--period", "1.5", "--start", "3")
+        said = " ".join(commanded(*words).stdout.split())
+        assert ("Circ.1200" in said) == (number == 3)
+    assert "4.4.4): computed at 0 of 3 gauges; reference at 3 of 3 gauges" in said
+    assert "within 5 % of the reference: at 2 of 3 gauges, not at 3" in said

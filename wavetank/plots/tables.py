@@ -60,6 +60,14 @@ CREST_VALIDATION = [
     Column("crest_U_V", "U_V", "{:.2%}"),
     Column("crest_validation", "highest crest"),
 ]
+REGULAR = [
+    Column("gauge", "gauge"),
+    Column("record", "record"),
+    Column("height", "H [m]", "{:.4g}"),
+    Column("height_deviation", "of mean", "{:+.1%}"),
+    Column("period", "T [s]", "{:.4g}"),
+    Column("period_deviation", "of mean", "{:+.1%}"),
+]
 EXTREMES = [
     Column("gauge", "gauge"),
     Column("crest_computed", "crest [m]", "{:.4g}"),

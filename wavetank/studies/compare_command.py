@@ -107,16 +107,16 @@ def _compare_gauges(
     start: float | None,
 ) -> list[Table | str]:
     """Compare with the first reference, of the given data, and draw all; return tables and lines."""
-    from wavetank.analysis.compare import compare as compare_gauges
-    from wavetank.analysis.compare import compare_harmonics, matched, synchronised
+    from wavetank.analysis import compare as analysis
     from wavetank.plots import tables
     from wavetank.plots.compare_figures import harmonics_figure
     from wavetank.plots.figures import gauges_figure
+    from wavetank.studies.model_tests import regular_waves_of
 
     computed = _computed(source)
-    (measured, offset), *rest = (synchronised(computed, one) for one in references)
-    compared, pairs = compare_gauges(computed, measured, clock_offset=offset), matched(computed, measured)
-    harmonic = compare_harmonics(computed, measured, period=period, start=start) if period else None
+    (measured, offset), *rest = (analysis.synchronised(computed, one) for one in references)
+    compared, pairs = analysis.compare(computed, measured, clock_offset=offset), analysis.matched(computed, measured)
+    harmonic = analysis.compare_harmonics(computed, measured, period=period, start=start) if period else None
     compared, validated, bands = _validate(source, given, pairs, compared)
     folder.mkdir(parents=True, exist_ok=True)
     tables.write_dataset(folder / "compare.csv", compared)
@@ -127,6 +127,7 @@ def _compare_gauges(
         tables.write_dataset(folder / "compare-harmonics.csv", harmonic, names)
         harmonics_figure(folder / "compare-harmonics.png", harmonic)
         result.append(tables.terminal_table(harmonic.to_dataframe().reset_index(), tables.HARMONICS))
+        result += regular_waves_of(pairs, start)
     gauges_figure(measured, computed, [one for one, _ in rest], folder / "compare.png", bands)
     result += _without_waves(compared)
     if offset:
