@@ -1,6 +1,7 @@
 """Planted errors within their uncertainties are covered, larger ones detected; u_input is that of direct runs."""
 
 import hashlib
+import re
 import sys
 
 import numpy as np
@@ -381,5 +382,7 @@ def test_compare_prints_the_criterion_for_three_gauges(tmp_path):
         words = ("compare", str(run), "--with", str(tmp_path / "own.csv"), "--period", "1.5", "--start", "3")
         said = " ".join(commanded(*words).stdout.split())
         assert ("Circ.1200" in said) == (number == 3)
+    rows = re.findall(r"(\d) (computed|reference) 0\.1", said)
+    assert rows == [(str(n), kind) for n in (1, 2, 3) for kind in ("computed", "reference")]
     assert "4.4.4): computed at 0 of 3 gauges; reference at 3 of 3 gauges" in said
     assert "within 5 % of the reference: at 2 of 3 gauges, not at 3" in said
