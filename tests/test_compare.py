@@ -16,7 +16,7 @@ from wavetank.analysis.compare import compare, compare_harmonics, matched
 from wavetank.analysis.signals import surface_similarity
 from wavetank.base.errors import InputError
 from wavetank.output.directory import RunDirectory
-from wavetank.plots.tables import COMPARISON, EXTREMES, HARMONICS, terminal_table
+from wavetank.plots.tables import COMPARISON, EXTREMES, FITTED, HARMONICS, terminal_table
 
 T = np.arange(0.0, 40.0, 0.02)
 
@@ -151,7 +151,7 @@ def test_records_that_cannot_be_compared_are_bad_input(tmp_path):
 
 
 def test_the_tables_show_units_and_the_digits_of_small_crests_in_a_narrow_terminal():
-    shown = printed(compare(record(waves(T)), record(1.1 * waves(T - 0.2))), COMPARISON, EXTREMES)
+    shown = printed(compare(record(waves(T)), record(1.1 * waves(T - 0.2))), COMPARISON, FITTED, EXTREMES)
     assert all(word in shown for word in ("x [m]", "shift [s]", "correlation", "similarity", "1.100", "0.200"))
     assert all(word in shown for word in ("crest [m]", "trough [m]", "arrival [s]", "-9.1%"))
     small = record(1e-4 * waves(T))
@@ -212,6 +212,9 @@ def test_compare_finds_a_clock_offset_and_harmonics(tmp_path):
     assert float(row["clock_offset [s]"]) == pytest.approx(-1.7, abs=1e-4) and float(row["nrms"]) < 1e-3
     assert len(harmonic) == 3 and abs(float(harmonic[0]["error"])) < 1e-3
     assert (run / "compare-harmonics.png").stat().st_size > 10_000
+    fitted = commanded(*words, "--clock", "-5,0", "--fit").stdout
+    for word in ("fitted", "shift [s]", "clock [s]"):
+        assert word not in done.stdout and word in fitted
     for clock in ("soon", "3,1", "1,2,3", ""):
         assert f"--clock {clock!r} received; allowed is 'free'" in refusal(*words, "--clock", clock)
 

@@ -324,6 +324,20 @@ def test_the_worked_example_is_as_its_page_says(tmp_path):
     assert list(mine.gauge.values) == ["1", "5"] and mine.time[-1] == 0.06
 
 
+def test_uncertainties_of_a_gauge_replace_those_of_all_gauges(tmp_path):
+    (tmp_path / DATASET).write_text(
+        'gauges = [{ name = "1" }, { name = "2", uncertainty = { place = 0.05, clock = 0.0 } }]\n'
+        "uncertainty = { gain = 0.02, place = 0.01 }\n"
+        'paddle = [{ file = "paddle.csv", noise = 1e-4 }]\n'
+    )
+    found = read_dataset(tmp_path)
+    assert found.uncertainties() == {
+        "1": {"gain": 0.02, "place": 0.01},
+        "2": {"gain": 0.02, "place": 0.05, "clock": 0.0},
+    }
+    assert [(one.file, one.stated) for one in found.paddle] == [("paddle.csv", {"noise": 1e-4})]
+
+
 CLOCK = "records.0.clock_offset = [0, -5.0]: must be 'free', a number of seconds, or"
 
 
@@ -342,6 +356,9 @@ CLOCK = "records.0.clock_offset = [0, -5.0]: must be 'free', a number of seconds
         ("x = ", "y = 9.0, x = ", "no gauge in common: the run has '1' at x = 2 m, '5' at x = 7.5 m; the"),
         ("focus", "upstream", "gauges: 'upstream' is the name of several; each must have its own"),
         ("gauges = [", "gauges = [[", "not valid TOML"),
+        ("\n[[", "\nuncertainty = { gain = -0.1 }\n[[", "uncertainty.gain = -0.1: must be greater than or equal to 0"),
+        ("\n[[", "\nuncertainty = { speed = 1 }\n[[", "uncertainty.speed = 1: is no key of a data set"),
+        ("\n[[", '\npaddle = [{ file = "p", place = 1.0 }]\n[[', "paddle.0.place = 1.0: is no key of a data set"),
     ],
 )
 def test_inconsistent_description_is_refused(run, folder, tmp_path, old, new, said):

@@ -49,6 +49,7 @@ Column = Annotated[int | str, BeforeValidator(_column)]
 Bound = Annotated[float, Field(allow_inf_nan=True)]
 Clock = Annotated[tuple[Bound, Bound], Strict(False), BeforeValidator(_clock)]
 FileName = Annotated[str, BeforeValidator(_file)]
+Expanded = Annotated[float, Field(ge=0, le=1e6)]  # expanded uncertainty at a confidence of 95 %
 
 
 class DataFile(CaseModel):
@@ -65,12 +66,40 @@ class DataFile(CaseModel):
         return self.every > 1
 
 
+class RecordUncertainty(CaseModel):
+    """Expanded uncertainties of a measured record at a confidence of 95 %."""
+
+    gain: Expanded | None = Field(default=None, description="relative uncertainty of its values")
+    clock: Expanded | None = Field(default=None, description="of its times [s]")
+    noise: Expanded | None = Field(default=None, description="of each value, independent of the others [its unit]")
+
+    @property
+    def stated(self) -> dict[str, float]:
+        """The stated parts by name."""
+        return self.model_dump(include={"gain", "clock", "place", "noise"}, exclude_none=True)
+
+
+class GaugeUncertainty(RecordUncertainty):
+    """Expanded uncertainties of the record of a gauge at a confidence of 95 %."""
+
+    place: Expanded | None = Field(default=None, description="of its distance from the paddle [m]")
+
+
+class PaddleUncertainty(RecordUncertainty):
+    """Expanded uncertainties of a record that drives the paddle at a confidence of 95 %."""
+
+    file: FileName = Field(description="the record")
+
+
 class GaugePosition(CaseModel):
     """A position with a record of the elevation."""
 
     name: Label = Field(description="what it is called")
     x: Coordinate | None = Field(default=None, description="distance from the paddle's rest position [m]")
     y: Coordinate = Field(default=0.0, description="distance across the tank [m]")
+    uncertainty: GaugeUncertainty = Field(
+        default=GaugeUncertainty(), description="of its record; replaces those of all gauges"
+    )
 
 
 class Units(CaseModel):
@@ -160,6 +189,12 @@ class Dataset(CaseModel):
     )
     gauges: Annotated[tuple[GaugePosition, ...], Strict(False)] = ()
     records: Annotated[tuple[RecordFiles, ...], Strict(False)] = ()
+    uncertainty: GaugeUncertainty = Field(
+        default=GaugeUncertainty(), description="of the records of all gauges, expanded, at a confidence of 95 %"
+    )
+    paddle: Annotated[tuple[PaddleUncertainty, ...], Strict(False)] = Field(
+        default=(), description="records that drive the paddle, with their uncertainties"
+    )
     heights: WaveHeights | None = None
     files: Annotated[tuple[DataFile, ...], Strict(False)] = Field(default=(), description="what can be downloaded")
     folder: Path = Field(default=Path(), description="where its description was read")
@@ -183,6 +218,10 @@ class Dataset(CaseModel):
                 if section not in described:
                     raise ValueError(f"heights: section {section!r} has heights, and is not one of the sections")
         return self
+
+    def uncertainties(self) -> dict[str, dict[str, float]]:
+        """Return the stated expanded uncertainties of the record of each gauge, by its name and that of the part."""
+        return {gauge.name: self.uncertainty.stated | gauge.uncertainty.stated for gauge in self.gauges}
 
     def parts(self) -> list[str]:
         """Return the names of all files that are read, in the order of their mention."""

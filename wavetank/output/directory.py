@@ -70,6 +70,7 @@ COPIES = {GAUGES: "gauges.nc", PROBES: "probes.nc"}  # copies as CF-NetCDF, afte
 DERIVED = COPIES | {SURFACE: SURFACE_INDEX}
 CHECKPOINT, CHECKPOINT_BEFORE = "checkpoint.zip", "checkpoint-before.zip"
 CERTIFICATE = "certificate.nc"
+CERTIFIED = ["elevation_uncertainty", "crest_time", "crest_height_uncertainty"]  # quantities that are read
 BED = "bed.csv"
 BROKEN, BROKEN_PICTURE = BROKENS = "broken.csv", "broken.png"
 BREAKING = "breaking.csv"
@@ -210,7 +211,9 @@ class RunDirectory:
         with self._reading(CERTIFICATE), open_regular(self.path / CERTIFICATE) as file:
             content = BytesIO(file.read())
         try:
-            return load_dataset(content, engine="scipy")
+            result = load_dataset(content, engine="scipy")
+            _ = result[CERTIFIED]
+            return result
         except (TypeError, ValueError, KeyError, OSError, IndexError) as error:
             raise InputError(f"{self.path / CERTIFICATE}: is damaged ({error}).") from None
 

@@ -83,6 +83,7 @@ MANIFEST_CONTENT = _object(
     highest_crest=_object("height", "x", "t", height=float, x=float, t=float) | None,
     broke_down=BREAKDOWN | None,
     breaking=_object(waves=int),
+    certificate=_object(resolved=bool, reason=str),
 )
 
 

@@ -1,8 +1,9 @@
 """Figures of a run: surface, gauges, energy, breakdown, loads and probes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -230,24 +231,52 @@ def _draw_band(panel: Axes, gauge: DataArray, uncertainty: DataArray) -> str:
     return f", numerical uncertainty up to {1e3 * largest:.2g} mm (95 %){magnified}"
 
 
-def gauges_figure(measured: DataArray, computed: DataArray, published: Sequence[DataArray], path: Path) -> Path:
+def gauges_figure(
+    measured: DataArray,
+    computed: DataArray,
+    published: Sequence[DataArray],
+    path: Path,
+    bands: Mapping[str, DataArray] = MappingProxyType({}),
+) -> Path:
     """Draw measured, computed and published records of the same gauges, complete and around each largest crest.
 
-    Panels are labelled with gauge, position and the normalised rms misfit of each computation. Returns ``path``; raises
+    Panels are labelled with gauge, position and the normalised rms misfit of each computation. ``bands`` are the
+    uncertainties U_V [m] over time, by gauge; with them a third panel has the error. Returns ``path``; raises
     ``InputError`` as ``compare`` does.
     """
     pairs = matched(computed, measured)
     computations = [one for records in published for one in records]
-    layout: dict[str, Any] = {"width_ratios": (2, 1), "sharex": False, "sharey": "row"}
-    size = (14, 1.1 + 1.6 * len(pairs))
-    with style.panels(path, len(pairs), 2, size=size, legend="outside upper center", **layout) as axes:
-        for (one, reference), (full, zoom) in zip(pairs, axes, strict=True):
+    ratios = (2, 1, 1) if bands else (2, 1)
+    layout: dict[str, Any] = {"width_ratios": ratios, "sharex": False}
+    size = (4.7 * sum(ratios), 1.1 + 1.6 * len(pairs))
+    with style.panels(path, len(pairs), len(ratios), size=size, legend="outside upper center", **layout) as axes:
+        for (one, reference), (full, zoom, *errors) in zip(pairs, axes, strict=True):
+            zoom.sharey(full)
+            zoom.tick_params(labelleft=False)
             same_place = [
                 other.dropna("time") for other in computations if abs(other.x - reference.x) < GAUGE_TOLERANCE
             ]
             _draw_gauge(full, zoom, reference, [*same_place, one])
+            for panel in errors:
+                _draw_error(panel, (full, zoom), one, reference, bands[reference.gauge.item()])
         axes[0, 0].figure.supylabel("elevation [cm]", fontsize=10)
     return path
+
+
+def _draw_error(
+    panel: Axes, records: Sequence[Axes], computed: DataArray, measured: DataArray, uncertainty: DataArray
+) -> None:
+    """Draw U_V [m] as a band around a measured record in its panels, and around 0 with the error in another one."""
+    shared, (first, last) = measured.sel(time=uncertainty.time), records[-1].get_xlim()
+    part = shared.sel(time=slice(first, last))
+    error = part - CubicSpline(computed.time.values, computed.values)(part.time.values)
+    panel.plot(part.time, style.CM * error, color=style.INK, lw=1.0, label="measured \N{MINUS SIGN} computed")
+    panel.set_title("measured \N{MINUS SIGN} computed", pad=3)
+    panel.set_xlim(first, last)
+    band: dict[str, Any] = {"color": style.ORANGE, "alpha": 0.35, "lw": 0, "zorder": 0}
+    for axes, middle in (*((axes, shared) for axes in records), (panel, 0 * part)):
+        low, high = (style.CM * (middle + sign * uncertainty.sel(time=middle.time)).values for sign in (-1, 1))
+        axes.fill_between(middle.time.values, low, high, label="\N{PLUS-MINUS SIGN} U_V (95 %)", **band)
 
 
 def _draw_gauge(full: Axes, zoom: Axes, reference: DataArray, computations: Sequence[DataArray]) -> None:

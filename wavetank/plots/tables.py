@@ -29,11 +29,44 @@ COMPARISON = [
     Column("gauge", "gauge"),
     Column("x", "x [m]", "{:g}"),
     Column("nrms", "nrms", "{:.3f}"),
+    Column("correlation", "correlation", "{:.3f}"),
+    Column("similarity", "similarity", "{:.3f}"),
+]
+FITTED = [
+    Column("gauge", "gauge"),
+    Column("x", "x [m]", "{:g}"),
+    Column("nrms", "nrms", "{:.3f}"),
     Column("nrms_fitted", "fitted", "{:.3f}"),
     Column("gain", "gain", "{:.3f}"),
     Column("shift", "shift [s]", "{:.3f}"),
-    Column("correlation", "correlation", "{:.3f}"),
-    Column("similarity", "similarity", "{:.3f}"),
+    Column("clock_offset", "clock [s]", "{:+.4g}"),
+]
+VALIDATION = [
+    Column("gauge", "gauge"),
+    Column("nrms", "E", "{:.1%}"),
+    Column("U_SN", "U_SN", "{:.2%}"),
+    Column("U_D", "U_D", "{:.2%}"),
+    Column("U_D_contents", "of"),
+    Column("u_input", "u_input", "{:.2%}"),
+    Column("U_V", "U_V", "{:.2%}"),
+    Column("validation", "record"),
+]
+CREST_VALIDATION = [
+    Column("gauge", "gauge"),
+    Column("crest_E", "E", "{:+.1%}"),
+    Column("crest_U_SN", "U_SN", "{:.2%}"),
+    Column("crest_U_D", "U_D", "{:.2%}"),
+    Column("crest_u_input", "u_input", "{:.2%}"),
+    Column("crest_U_V", "U_V", "{:.2%}"),
+    Column("crest_validation", "highest crest"),
+]
+REGULAR = [
+    Column("gauge", "gauge"),
+    Column("record", "record"),
+    Column("height", "H [m]", "{:.4g}"),
+    Column("height_deviation", "of mean", "{:+.1%}"),
+    Column("period", "T [s]", "{:.4g}"),
+    Column("period_deviation", "of mean", "{:+.1%}"),
 ]
 EXTREMES = [
     Column("gauge", "gauge"),

@@ -164,13 +164,13 @@ def _certified(recorded: RecordedRun, stop: Callable[[Block], None]) -> Dataset:
     why = NotResolvedError()
     try:
         for cases in companion_cases(case, run.clock.dt, limit):
-            coarse, coarser, lower = _records(cases.coarse, comm, stop), None, None
+            coarse, coarser, lower = records_in_memory(cases.coarse, comm, stop), None, None
             if cases.lower is not None:
-                lower = _records(cases.lower, comm, stop)
+                lower = records_in_memory(cases.lower, comm, stop)
             estimate = Estimate.of(case, cases, run.clock.dt)
             if cases.coarser is not None:
                 try:
-                    coarser = _records(cases.coarser, comm, stop)
+                    coarser = records_in_memory(cases.coarser, comm, stop)
                 except (BreakdownError, InputError):  # cells on which it cannot be computed show no order
                     estimate = estimate._replace(safety=UNKNOWN)
             companions = CompanionRecords(coarse, coarser, lower, estimate)
@@ -185,7 +185,7 @@ def _certified(recorded: RecordedRun, stop: Callable[[Block], None]) -> Dataset:
     raise why
 
 
-def _records(case: Case, comm: MPI.Comm, stop: Callable[[Block], None]) -> RunRecords:
+def records_in_memory(case: Case, comm: MPI.Comm, stop: Callable[[Block], None]) -> RunRecords:
     """Return the records of a run of a case; collective."""
     gauges, energy, loads, surface = Memory(), Memory(), Memory(), Memory()
     run, waves = build_run(case, comm)

@@ -1,5 +1,6 @@
-"""Studies: runs of all combinations of settings of a case, errors against cost, and calibration of the paddle motion.
+"""Studies: runs of all combinations of settings of a case, calibration of the paddle motion, and validation of runs.
 
 ``sweep.py`` makes combinations, ``runs.py`` runs them, ``measures.py`` and ``responses.py`` evaluate runs, ``table.py``
 and ``drawing.py`` write the results, ``study.py`` calls them, ``command.py`` is the command line.
+``compare_command.py`` compares runs with measurements, ``validate.py`` gives the uncertainties.
 """

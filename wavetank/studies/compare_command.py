@@ -1,7 +1,8 @@
 """``wavetank compare RUN --with DATA|RUN``: tables and figures of the quantities in the reference."""
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 from rich.table import Table
@@ -15,7 +16,17 @@ from wavetank.output.manifest import MANIFEST
 from wavetank.plots.analyse_command import own_folder
 
 if TYPE_CHECKING:
-    from xarray import DataArray
+    from xarray import DataArray, Dataset
+
+    Pairs = list[tuple[DataArray, DataArray]]  # computed and measured records of each common gauge
+
+
+class _Validated(NamedTuple):
+    """A comparison with its validation, tables and lines of it, and U_V [m] over time by gauge."""
+
+    compared: "Dataset"
+    lines: list[Table | str]
+    bands: "Mapping[str, DataArray]"
 
 
 def compare(
@@ -35,6 +46,9 @@ def compare(
         float | None, typer.Option(help="of regular waves [s]: their harmonics are compared, too", min=1e-6)
     ] = None,
     start: Annotated[float | None, typer.Option(help="when regular waves are established [s] (--period)")] = None,
+    fit: Annotated[
+        bool, typer.Option("--fit", help="show the best gain and shift of each gauge, and its misfit")
+    ] = False,
 ) -> None:
     """Compare a run with measurements, or another run, at the gauges."""
     folder = own_folder(run) if out is None else out
@@ -50,7 +64,7 @@ def compare(
         records = data.gauge_records(given) if given else itself
         if clock is not None:
             records[0] = records[0].assign_attrs(clock_offset=_clock(clock))
-        results = _compare_gauges(_computed(run), records, folder, period=period, start=start)
+        results = _compare_gauges(run, records, folder, given, fit=fit, period=period, start=start)
     terminal = console()
     for one in (*results, *filter(None, map(data.units_note, (run, reference)))):
         terminal.print(one, highlight=False)
@@ -83,38 +97,77 @@ def _computed(source: str) -> "DataArray":
 
 
 def _compare_gauges(
-    computed: "DataArray", references: "list[DataArray]", folder: Path, *, period: float | None, start: float | None
+    source: str,
+    references: "list[DataArray]",
+    folder: Path,
+    given: data.Dataset | None,
+    *,
+    fit: bool,
+    period: float | None,
+    start: float | None,
 ) -> list[Table | str]:
-    """Compare with the first reference, and draw all; return tables, and a line on the clocks."""
-    from wavetank.analysis.compare import MIN_RANGE, compare_harmonics, synchronised
-    from wavetank.analysis.compare import compare as compare_gauges
+    """Compare with the first reference, of the given data, and draw all; return tables and lines."""
+    from wavetank.analysis import compare as analysis
     from wavetank.plots import tables
     from wavetank.plots.compare_figures import harmonics_figure
     from wavetank.plots.figures import gauges_figure
+    from wavetank.studies.model_tests import regular_waves_of
 
-    (measured, offset), *rest = (synchronised(computed, one) for one in references)
-    compared = compare_gauges(computed, measured, clock_offset=offset)
-    harmonic = compare_harmonics(computed, measured, period=period, start=start) if period else None
+    computed = _computed(source)
+    (measured, offset), *rest = (analysis.synchronised(computed, one) for one in references)
+    compared, pairs = analysis.compare(computed, measured, clock_offset=offset), analysis.matched(computed, measured)
+    harmonic = analysis.compare_harmonics(computed, measured, period=period, start=start) if period else None
+    compared, validated, bands = _validate(source, given, pairs, compared)
     folder.mkdir(parents=True, exist_ok=True)
     tables.write_dataset(folder / "compare.csv", compared)
-    frame = compared.to_dataframe().reset_index()
-    result: list[Table | str] = [tables.terminal_table(frame, one) for one in (tables.COMPARISON, tables.EXTREMES)]
+    frame, shown = compared.to_dataframe().reset_index(), [tables.COMPARISON, *[tables.FITTED] * fit, tables.EXTREMES]
+    result: list[Table | str] = [*(tables.terminal_table(frame, one) for one in shown), *validated]
     if harmonic is not None:
         names = [column.name for column in tables.HARMONICS]
         tables.write_dataset(folder / "compare-harmonics.csv", harmonic, names)
         harmonics_figure(folder / "compare-harmonics.png", harmonic)
         result.append(tables.terminal_table(harmonic.to_dataframe().reset_index(), tables.HARMONICS))
-    gauges_figure(measured, computed, [one for one, _ in rest], folder / "compare.png")
+        result += regular_waves_of(pairs, start)
+    gauges_figure(measured, computed, [one for one, _ in rest], folder / "compare.png", bands)
+    result += _without_waves(compared)
+    if offset:
+        result.append(f"clock: {offset:+.4g} s added to the reference's times; shifts and arrivals are relative to it")
+    return result
+
+
+def _validate(source: str, given: data.Dataset | None, pairs: "Pairs", compared: "Dataset") -> "_Validated":
+    """Return a comparison with the columns of its validation, tables and lines of these, and U_V by gauge.
+
+    There are none with another run, or without any stated uncertainty.
+    """
+    from wavetank.plots.tables import CREST_VALIDATION, VALIDATION, terminal_table
+    from wavetank.studies.validate import columns, uncertainties, validate
+
+    if given is None:
+        return _Validated(compared, [], {})
+    sources = uncertainties(source, given, [measured.gauge.item() for _, measured in pairs])
+    each = [*validate(sources, pairs, compared)]
+    if not any(one.parts for one in each):
+        return _Validated(compared, [f"not validated: {'; '.join(sources.notes)}"], {})
+    compared = compared.assign({name: ("gauge", values) for name, values in columns(each).items()})
+    frame = compared.to_dataframe().reset_index()
+    shown = (terminal_table(frame, one) for one in (VALIDATION, CREST_VALIDATION))
+    return _Validated(compared, [*shown, *sources.notes], {one.gauge: one.U_V for one in each})
+
+
+def _without_waves(compared: "Dataset") -> list[str]:
+    """Return a line for each kind of record that has gauges without a wave."""
+    from wavetank.analysis.compare import MIN_RANGE
+
     names, (own, other) = (
         compared.gauge.values,
         ((compared[f"crest_{one}"] - compared[f"trough_{one}"]).values for one in ("computed", "reference")),
     )
-    for kind, still in (("computed", own < MIN_RANGE * other), ("reference", other < MIN_RANGE * own)):
-        if still.any():
-            result.append(f"no wave in the {kind} record of {', '.join(names[still])}: its figures are without meaning")
-    if offset:
-        result.append(f"clock: {offset:+.4g} s added to the reference's times; shifts and arrivals are relative to it")
-    return result
+    return [
+        f"no wave in the {kind} record of {', '.join(names[still])}: its figures are without meaning"
+        for kind, still in (("computed", own < MIN_RANGE * other), ("reference", other < MIN_RANGE * own))
+        if still.any()
+    ]
 
 
 def _compare_heights(run: RunDirectory, reference: data.Dataset, folder: Path) -> Table:
